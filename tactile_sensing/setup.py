@@ -1,0 +1,30 @@
+"""Installation of the package."""
+from glob import glob
+
+from setuptools import find_packages, setup
+
+PACKAGE = 'tactile_sensing'
+
+setup(
+    name=PACKAGE,
+    version='0.1.0',
+    packages=find_packages(exclude=['test']),
+    data_files=[
+        ('share/ament_index/resource_index/packages', [f'resource/{PACKAGE}']),
+        (f'share/{PACKAGE}', ['package.xml']),
+        (f'share/{PACKAGE}/config', glob('config/*.yaml')),
+    ],
+    install_requires=['setuptools'],
+    zip_safe=True,
+    maintainer='Tactile stack maintainers',
+    maintainer_email='maintainers@tactile.invalid',
+    description='Drivers, calibration, contact estimation and a synthetic tactile array.',
+    license='Apache-2.0',
+    entry_points={
+        'console_scripts': [
+            f'driver = {PACKAGE}.nodes.driver:main',
+            f'mock_sensor = {PACKAGE}.nodes.mock_sensor:main',
+            f'contact_estimator = {PACKAGE}.nodes.contact_estimator:main',
+        ],
+    },
+)

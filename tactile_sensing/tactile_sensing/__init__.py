@@ -1,0 +1,1 @@
+"""Tactile arrays: device protocols, calibration, synthetic sensor and contact estimation."""

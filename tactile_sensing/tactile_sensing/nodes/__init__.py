@@ -1,0 +1,1 @@
+"""ROS nodes of the tactile sensor: thin shells around the core modules."""

@@ -1,0 +1,125 @@
+"""Start, spin and stop one node, or several in one process, with clean exits."""
+from contextlib import contextmanager
+import re
+import signal
+import sys
+import threading
+import traceback
+
+import rclpy
+from rclpy.exceptions import NameValidationException, ParameterException
+from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
+from rclpy.logging import get_logger
+from rclpy.signals import SignalHandlerOptions
+try:
+    from rclpy.experimental import EventsExecutor
+except ImportError:
+    EventsExecutor = None
+
+# Longest wait for work before `until` and the signals are looked at again [s].
+_TICK = 0.05
+
+
+def make_executor(context=None):
+    """
+    Return the cheapest executor that this rclpy offers, to be driven by `spin`.
+
+    Parameters
+    ----------
+    context : rclpy.context.Context, optional
+        Context of the nodes that will be added; the default context if missing.
+    """
+    if EventsExecutor is not None:
+        return EventsExecutor(context=context)
+    return SingleThreadedExecutor(context=context)
+
+
+def spin(executor, context=None, until=None):
+    """
+    Work off callbacks until the context is shut down or `until()` holds.
+
+    `EventsExecutor.spin` burns a whole core in some builds, hence a loop of `spin_once`.
+
+    Parameters
+    ----------
+    executor : rclpy.executors.Executor
+        Executor made by `make_executor`.
+    context : rclpy.context.Context, optional
+        Its context; the default one if missing.
+    until : callable, optional
+        Takes nothing and returns whether to stop; asked after every callback and at least
+        every 0.05 s.
+    """
+    context = context or rclpy.get_default_context()
+    try:
+        while context.ok() and not (until and until()):
+            executor.spin_once(timeout_sec=_TICK)
+    except ExternalShutdownException:
+        pass
+
+
+@contextmanager
+def stop_on_signals():
+    """
+    Give an event that SIGINT and SIGTERM set, in place of every other effect of theirs.
+
+    rclpy's own handlers shut the context down at once, so that nodes can neither publish a last
+    word nor be destroyed undisturbed. Use it with `SignalHandlerOptions.NO`, in the main thread.
+    """
+    stop = threading.Event()
+    previous = {
+        number: signal.signal(number, lambda *_: stop.set())
+        for number in (signal.SIGINT, signal.SIGTERM)
+    }
+    try:
+        yield stop
+    finally:
+        for number, handler in previous.items():
+            signal.signal(number, handler)
+
+
+def run(node_class, args=None) -> int:
+    """
+    Run one node until SIGINT, SIGTERM or the shutdown of its context.
+
+    Parameters
+    ----------
+    node_class : callable
+        Makes the node; called with `context` alone. A `ValueError`, of which every
+        configuration error is one, means that a parameter is wrong.
+    args : list of str, optional
+        Command line with ROS arguments; that of the process if missing.
+
+    Returns
+    -------
+    int
+        Exit status: 0 after a clean stop, 1 if the node could not start.
+    """
+    context = rclpy.Context()
+    with stop_on_signals() as stop:
+        try:
+            rclpy.init(args=args, context=context, signal_handler_options=SignalHandlerOptions.NO)
+        except RuntimeError as error:  # a ROS argument or a parameter file that rcl cannot read
+            return _refuse(node_class, error)
+        try:
+            node = node_class(context=context)
+        except (ValueError, NameValidationException, ParameterException) as error:
+            context.try_shutdown()
+            return _refuse(node_class, error)
+        executor = make_executor(context)
+        try:
+            executor.add_node(node)
+            spin(executor, context, stop.is_set)
+        finally:
+            node.destroy_node()
+            executor.shutdown()
+            context.try_shutdown()
+    return 0
+
+
+def _refuse(node_class, error):
+    """Print why a node cannot start, in one line; the traceback shows with log level debug."""
+    name = re.sub('(?<!^)(?=[A-Z])', '_', node_class.__name__.removesuffix('Node')).lower()
+    get_logger(name).debug(''.join(traceback.format_exception(error)))
+    print(f'{name}: {" ".join(str(error).split())}', file=sys.stderr)
+    return 1
