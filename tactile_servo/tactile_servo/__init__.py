@@ -1,0 +1,1 @@
+"""Robot model, limits, tactile servo and mock robot."""

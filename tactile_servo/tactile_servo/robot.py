@@ -1,0 +1,382 @@
+"""A robot arm from a URDF: forward kinematics, Jacobian, inverse, damped least squares."""
+
+from pathlib import Path
+from xml.etree import ElementTree
+
+import numpy as np
+import pinocchio
+from scipy.linalg import lapack
+
+from tactile_servo.errors import ConfigurationError, TactileServoError, UnreachableError
+
+_MOVING = ('revolute', 'prismatic', 'continuous')
+_UNBOUNDED = 1e6  # rad; stands for "no limit" where the parser wants a number
+
+
+def damped_least_squares(jacobian, twist, *, damping=0.01, rotation_length=0.04):
+    """
+    Joint velocities for a twist; exact away from singularities, bounded at them.
+
+    With ``W = diag(1, 1, 1, l, l, l)`` (l = `rotation_length`) and the singular values s of
+    ``W J``, this is ``dq = (W J)^T U diag(1 / max(s^2, damping^2)) U^T W twist``: the damping
+    factor ``lambda^2 = damping^2 (1 - (s / damping)^2)`` of Chiaverini, Siciliano and Egeland
+    (IEEE T-CST 2(2), 1994, eq. 16) with the size of the singular region equal to the damping,
+    applied to each singular direction of its own (their numerical filtering). Directions with
+    ``s >= damping`` therefore carry no velocity error, and ``|dq| <= |W twist| / damping``
+    always. A small rotation_length lets orientation give way before position does.
+
+    Parameters
+    ----------
+    jacobian : ndarray (6, n)
+        Rows linear [m/rad], then angular [rad/rad].
+    twist : array_like (6,)
+        Linear [m/s], then angular [rad/s] velocity in the Jacobian's frame.
+    damping : float
+        Smallest singular value [m/rad] of the weighted Jacobian that is inverted in full.
+    rotation_length : float
+        Weight of rotation against translation [m/rad].
+
+    Returns
+    -------
+    dq : ndarray (n,)
+        Joint velocities [rad/s or m/s].
+    smallest : float
+        Smallest singular value of the weighted Jacobian [m/rad].
+
+    """
+    weighted = np.array(jacobian, dtype=float)
+    weighted[3:] *= rotation_length
+    weighted_twist = np.array(twist, dtype=float)
+    weighted_twist[3:] *= rotation_length
+    # Squared singular values and left singular vectors: a third of the time of an SVD.
+    squared, left, info = lapack.dsyev(weighted @ weighted.T)
+    if info:
+        raise TactileServoError(f'eigenvalues of the Jacobian: LAPACK dsyev returned {info}')
+    smallest = max(squared[max(0, 6 - weighted.shape[1])], 0.0) ** 0.5
+    gains = 1.0 / np.maximum(squared, damping * damping)
+    return weighted.T @ (left @ (gains * (left.T @ weighted_twist))), smallest
+
+
+class RobotModel:
+    """
+    Kinematics of the serial chain from a URDF's root link to a tip frame (pinocchio).
+
+    Continuous joints count as revolute joints without position limits, so that a joint has
+    one coordinate whatever its type.
+
+    Attributes
+    ----------
+    joint_names : tuple of str
+        Order of every joint vector.
+    lower, upper : ndarray (n,)
+        Position limits [rad or m]; infinite for continuous joints.
+    velocity_limit : ndarray (n,)
+        [rad/s or m/s].
+    tip_frame, root_frame : str
+
+    """
+
+    def __init__(self, xml, tip_frame, joint_names=None):
+        robot = _parse(xml)
+        chain, self.root_frame = _chain(robot, tip_frame)
+        moving = [joint for joint in chain if joint.get('type') in _MOVING]
+        if not moving:
+            raise ConfigurationError(
+                f'tip_frame {tip_frame!r}: no moving joint between it and the root link '
+                f'{self.root_frame!r}')
+        names = [joint.get('name') for joint in moving]
+        self.tip_frame = tip_frame
+        self.joint_names = _ordered_names(names, joint_names, tip_frame)
+        limits = {joint.get('name'): _limits(joint) for joint in moving}
+        lower, upper, velocity = np.array([limits[n] for n in self.joint_names]).T
+        self.lower, self.upper, self.velocity_limit = (
+            np.ascontiguousarray(a) for a in (lower, upper, velocity))
+        types = {joint.get('name'): joint.get('type') for joint in moving}
+        self._turns = np.array([types[n] != 'prismatic' for n in self.joint_names])
+        self._model = _pinocchio_model(robot, chain, self.root_frame)
+        self._data = self._model.createData()
+        self._frame = self._model.getFrameId(tip_frame)
+        order = [self.joint_names.index(n) for n in self._model.names[1:]]
+        self._order = None if order == sorted(order) else np.array(order)
+        self._inverse_order = None if self._order is None else np.argsort(order)
+
+    @classmethod
+    def from_urdf(cls, urdf, tip_frame, joint_names=None):
+        """
+        Read a URDF.
+
+        Parameters
+        ----------
+        urdf : str or Path
+            Path of a file, or the XML itself.
+        tip_frame : str
+            Link whose frame is moved.
+        joint_names : sequence of str, optional
+            Order of the joint vectors; default from root to tip.
+
+        Raises
+        ------
+        ConfigurationError
+            Missing file, malformed XML, unknown tip frame, a joint that is not revolute,
+            continuous or prismatic, a mimic joint, missing limits, wrong joint names.
+
+        """
+        text = str(urdf)
+        if '<' not in text:
+            if not text.strip():
+                raise ConfigurationError('robot description: is empty')
+            try:
+                text = Path(text).read_text(encoding='utf-8')
+            except (OSError, UnicodeDecodeError) as error:
+                reason = getattr(error, 'strerror', None) or 'not a text file'
+                raise ConfigurationError(f'robot description {text!r}: {reason}') from None
+        return cls(text, tip_frame, joint_names)
+
+    def pose(self, q):
+        """
+        Homogeneous transform (4, 4) from the tip frame to the root frame [m].
+
+        Parameters
+        ----------
+        q : ndarray (n,)
+            Joint positions [rad or m].
+
+        """
+        q = np.asarray(q, dtype=float)
+        if self._order is not None:
+            q = q[self._order]
+        pinocchio.framesForwardKinematics(self._model, self._data, q)
+        return self._data.oMf[self._frame].homogeneous
+
+    def jacobian(self, q):
+        """
+        Jacobian (6, n) of the tip frame, expressed in the tip frame, rows linear then angular.
+
+        Parameters
+        ----------
+        q : ndarray (n,)
+            Joint positions [rad or m].
+
+        """
+        q = np.asarray(q, dtype=float)
+        if self._order is not None:
+            q = q[self._order]
+        jacobian = pinocchio.computeFrameJacobian(
+            self._model, self._data, q, self._frame, pinocchio.LOCAL)
+        return jacobian if self._order is None else jacobian[:, self._inverse_order]
+
+    def within_limits(self, q):
+        """Whether every joint position of q (n,) lies within its limits."""
+        return bool(np.all(q >= self.lower) and np.all(q <= self.upper))
+
+    def inverse(self, pose, seed=None, *, position_tolerance=1e-8, rotation_tolerance=1e-7,
+                restarts=40, iterations=100):
+        """
+        Joint positions (n,) within the limits that bring the tip frame to a pose.
+
+        Levenberg-Marquardt steps with Sugihara's damping (IEEE T-RO 27(5), 2011, eq. 20),
+        clipped to the limits; from the seed first, then from random configurations (the same
+        ones at every call). Without a seed, of all solutions that the random configurations
+        lead to, the one farthest from singularities and limits.
+
+        Parameters
+        ----------
+        pose : array_like (4, 4)
+            Transform from the tip frame to the root frame [m].
+        seed : array_like (n,), optional
+            Where to start; it chooses among several solutions [rad or m].
+        position_tolerance, rotation_tolerance : float
+            Residual that counts as reached [m], [rad].
+        restarts, iterations : int
+            Number of random starts, and of steps from each start.
+
+        Raises
+        ------
+        UnreachableError
+            With the smallest residual found.
+        ConfigurationError
+            The pose is no rigid transform, or the seed has the wrong length.
+
+        """
+        target = _checked_pose(pose)
+        tolerance = (position_tolerance, rotation_tolerance)
+        best = np.inf, np.inf
+        if seed is not None:
+            q = np.array(seed, dtype=float)
+            if q.shape != self.lower.shape or not np.all(np.isfinite(q)):
+                raise ConfigurationError(
+                    f'seed: {len(self.joint_names)} finite joint positions are needed, got {q}')
+            q, residual = self._descend(target, q, tolerance, iterations)
+            if residual[0] <= position_tolerance and residual[1] <= rotation_tolerance:
+                return q
+            best = min(best, residual)
+        solutions = []
+        for start in self._random_configurations(restarts, seed):
+            q, residual = self._descend(target, start, tolerance, iterations)
+            if residual[0] > position_tolerance or residual[1] > rotation_tolerance:
+                best = min(best, residual)
+            elif seed is not None:
+                return q
+            else:
+                solutions.append(self._unwound(q))
+        if solutions:
+            clearances = [self._clearance(q) for q in solutions]
+            clear = [q for q, c in zip(solutions, clearances) if c >= 0.98 * max(clearances)]
+            return min(clear, key=np.linalg.norm)
+        raise UnreachableError(
+            f'{self.tip_frame}: no joint positions within the limits reach '
+            f'({", ".join(f"{v:.4f}" for v in target.translation)}) m in the wanted orientation; '
+            f'closest {best[0] * 1e3:.3g} mm, {np.degrees(best[1]):.3g} deg')
+
+    def _descend(self, target, q, tolerance, iterations, rotation_length=0.04):
+        weight = np.repeat([1.0, rotation_length], 3)
+        q = np.clip(q, self.lower, self.upper)
+        for step in range(iterations + 1):
+            here = pinocchio.SE3(self.pose(q))
+            twist = pinocchio.log6(here.actInv(target)).vector
+            residual = (float(np.linalg.norm(here.translation - target.translation)),
+                        float(np.linalg.norm(twist[3:])))
+            if step == iterations or (residual[0] <= tolerance[0] and residual[1] <= tolerance[1]):
+                return q, residual
+            weighted = weight[:, None] * self.jacobian(q)
+            error = weight * twist
+            damping = 0.5 * (error @ error) + 1e-9
+            normal = weighted.T @ weighted
+            normal.flat[::len(q) + 1] += damping
+            q = np.clip(q + np.linalg.solve(normal, weighted.T @ error), self.lower, self.upper)
+
+    def _random_configurations(self, count, seed):
+        rng = np.random.default_rng(0)
+        centre = np.zeros_like(self.lower) if seed is None else np.asarray(seed, dtype=float)
+        bounded = np.isfinite(self.lower) & np.isfinite(self.upper)
+        low = np.where(bounded, self.lower, centre - np.pi)
+        high = np.where(bounded, self.upper, centre + np.pi)
+        for _ in range(count):
+            yield rng.uniform(low, high)
+
+    def _unwound(self, q):
+        """Return q without the full turns that the limits let it do without."""
+        near_zero = np.where(self._turns, q - 2 * np.pi * np.round(q / (2 * np.pi)), q)
+        return np.where((near_zero >= self.lower) & (near_zero <= self.upper), near_zero, q)
+
+    def _clearance(self, q):
+        """Smallest weighted singular value [m/rad], less within 30 degrees of a limit."""
+        _, smallest = damped_least_squares(self.jacobian(q), np.zeros(6))
+        margin = np.minimum(q - self.lower, self.upper - q).min()
+        return smallest * min(1.0, margin / np.radians(30.0))
+
+
+def _parse(xml):
+    try:
+        robot = ElementTree.fromstring(xml)
+    except ElementTree.ParseError as error:
+        raise ConfigurationError(f'robot description: malformed XML, {error}') from None
+    if robot.tag != 'robot':
+        raise ConfigurationError(
+            f'robot description: the outermost element must be <robot>, not <{robot.tag}>')
+    return robot
+
+
+def _chain(robot, tip_frame):
+    """Joint elements from the root link to the tip frame, and the root link's name."""
+    links = [link.get('name') for link in robot.findall('link')]
+    if tip_frame not in links:
+        raise ConfigurationError(
+            f'tip_frame {tip_frame!r}: the robot has no such frame; it has {", ".join(links)}')
+    parents = {}
+    for joint in robot.findall('joint'):
+        ends = [joint.find(end) for end in ('parent', 'child')]
+        if any(end is None or end.get('link') not in links for end in ends):
+            raise ConfigurationError(
+                f'joint {joint.get("name")!r}: needs a parent and a child link of the robot')
+        parents[ends[1].get('link')] = joint
+    chain, link = [], tip_frame
+    while link in parents:
+        joint = parents[link]
+        if joint in chain:
+            raise ConfigurationError(f'joint {joint.get("name")!r}: the links form a loop')
+        kind = joint.get('type')
+        if kind != 'fixed' and kind not in _MOVING:
+            raise ConfigurationError(
+                f'joint {joint.get("name")!r}: type {kind!r} is not supported, only '
+                f'{", ".join(_MOVING)} and fixed')
+        if joint.find('mimic') is not None:
+            raise ConfigurationError(
+                f'joint {joint.get("name")!r}: mimic joints are not supported')
+        chain.insert(0, joint)
+        link = joint.find('parent').get('link')
+    return chain, link
+
+
+def _ordered_names(names, wanted, tip_frame):
+    if not wanted:
+        return tuple(names)
+    for name in wanted:
+        if name not in names:
+            raise ConfigurationError(
+                f'joint_names: {name!r} does not move {tip_frame!r}; '
+                f'these do: {", ".join(names)}')
+    if sorted(wanted) != sorted(names):
+        raise ConfigurationError(
+            f'joint_names: every joint that moves {tip_frame!r} is needed once: '
+            f'{", ".join(names)}; got {", ".join(wanted)}')
+    return tuple(wanted)
+
+
+def _limits(joint):
+    """Lower, upper and velocity limit of a moving joint's element."""
+    name, limit = joint.get('name'), joint.find('limit')
+    needed = ['velocity'] if joint.get('type') == 'continuous' else ['lower', 'upper', 'velocity']
+    values = {}
+    for key in needed:
+        text = None if limit is None else limit.get(key)
+        try:
+            values[key] = float('nan' if text is None else text)
+        except ValueError:
+            values[key] = np.nan
+        if not np.isfinite(values[key]):
+            raise ConfigurationError(
+                f'joint {name!r}: limit {key} must be a number, '
+                f'{"is missing" if text is None else f"is {text!r}"}')
+    lower, upper = values.get('lower', -np.inf), values.get('upper', np.inf)
+    if lower >= upper:
+        raise ConfigurationError(
+            f'joint {name!r}: limit lower {lower} must be below upper {upper}')
+    if values['velocity'] <= 0.0:
+        raise ConfigurationError(
+            f'joint {name!r}: limit velocity {values["velocity"]} must be above 0')
+    return lower, upper, values['velocity']
+
+
+def _pinocchio_model(robot, chain, root):
+    """Build the chain alone: no side branches, no inertias, no meshes to look for."""
+    stripped = ElementTree.Element('robot', name=robot.get('name', 'robot'))
+    for name in [root] + [joint.find('child').get('link') for joint in chain]:
+        ElementTree.SubElement(stripped, 'link', name=name)
+    for joint in chain:
+        kind = joint.get('type')
+        element = ElementTree.SubElement(
+            stripped, 'joint', name=joint.get('name', ''),
+            type='revolute' if kind == 'continuous' else kind)
+        element.extend(joint.findall(part)[0] for part in ('parent', 'child', 'origin', 'axis')
+                       if joint.find(part) is not None)
+        if kind != 'fixed':
+            lower, upper, velocity = np.clip(_limits(joint), -_UNBOUNDED, _UNBOUNDED)
+            ElementTree.SubElement(element, 'limit', lower=repr(float(lower)),
+                                   upper=repr(float(upper)), velocity=repr(float(velocity)),
+                                   effort='0')
+    try:
+        return pinocchio.buildModelFromXML(ElementTree.tostring(stripped, encoding='unicode'))
+    except (ValueError, RuntimeError) as error:
+        reason = ' '.join(str(error).split())
+        raise ConfigurationError(f'robot description: {reason}') from None
+
+
+def _checked_pose(pose):
+    matrix = np.asarray(pose, dtype=float)
+    if matrix.shape != (4, 4) or not np.all(np.isfinite(matrix)):
+        raise ConfigurationError(f'pose: a finite (4, 4) transform is needed, got {matrix.shape}')
+    rotation = matrix[:3, :3]
+    if np.abs(rotation @ rotation.T - np.eye(3)).max() > 1e-6 or np.linalg.det(rotation) < 0:
+        raise ConfigurationError('pose: the rotation part is no rotation matrix')
+    return pinocchio.SE3(rotation, matrix[:3, 3])
