@@ -70,3 +70,28 @@ class TactileImage:
     saturated: int = 0
     frame_id: str = ''
     sensor: str = ''
+
+
+@dataclass(frozen=True, eq=False)
+class SensorInfo:
+    """
+    What a driver knows of its sensor; units and meaning as in SensorInfo.msg.
+
+    `stamp_ns` and `tared_at_ns` are times [ns] (0 = never tared), `layers` hold no stress,
+    `dead_tactels` are row-major indices.
+    """
+
+    stamp_ns: int
+    frame_id: str
+    sensor: str
+    model: str
+    serial_number: str
+    array: TactelArray
+    nominal_rate: float
+    acquisition_delay: float
+    skin_stiffness: float
+    max_load: float
+    layers: tuple
+    dead_tactels: tuple
+    calibration: str
+    tared_at_ns: int
