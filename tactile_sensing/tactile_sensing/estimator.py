@@ -14,6 +14,7 @@ METHODS = ('fit', 'moments')
 MIN_TACTELS = 24  # eight for each parameter of a line
 DETECTION = 5.0  # standard deviations of one tactel, or of the sum of all, that make a contact
 MOMENTS_THRESHOLD = 4.0  # standard deviations; the thesis' threshold (3.5)
+MIN_ELONGATION = 3.0  # of second moments; less is no edge, whatever the closed form says
 LAST_STEP = 0.05  # fraction of the depth; the error left by a Gauss-Newton step is its square
 
 
@@ -90,7 +91,7 @@ class ContactEstimator:
         """
         layer = next((layer for layer in image.layers if layer.component == 'zz'), None)
         if layer is None or layer.stress.shape != image.array.shape or not layer.depth > 0.0:
-            return self._refuse(ContactType.NONE, Reason.BAD_IMAGE)
+            return self.refuse_malformed()
         finite = np.isfinite(layer.stress)
         pressure = np.where(finite, layer.stress, np.nan).astype(np.float64)
         live = int(np.count_nonzero(finite))
@@ -103,7 +104,10 @@ class ContactEstimator:
 
         moments = image_moments(pressure, image.array)
         if not np.isfinite(moments.mxx + moments.myy):
-            return self._refuse(ContactType.NONE, Reason.BAD_IMAGE)
+            return self.refuse_malformed()
+        if layer.unit != 'Pa':  # no force can be told, so nothing is called a contact estimate
+            kind = ContactType.OTHER if moments.m0 > 0.0 else ContactType.NONE
+            return self._refuse(kind, Reason.BAD_IMAGE | left_out, moments)
         noise = self._noise(layer, pressure)
         peak, total = np.nanmax(pressure), np.nansum(pressure)
         if peak < DETECTION * noise and total < DETECTION * noise * np.sqrt(live):
@@ -114,6 +118,10 @@ class ContactEstimator:
             left_out |= Reason.NOT_TARED
         explain = self._fit if self.config.method == 'fit' else self._closed_form
         return explain(pressure, image.array, layer, noise, moments, left_out)
+
+    def refuse_malformed(self):
+        """Return what is said of a picture that could not even be read."""
+        return self._refuse(ContactType.NONE, Reason.BAD_IMAGE)
 
     def _noise(self, layer, pressure):
         noise = self.config.noise_std or layer.noise_std or noise_from_image(pressure)
@@ -140,10 +148,11 @@ class ContactEstimator:
             return self._refuse(ContactType.NONE, Reason.LOW_SNR | left_out, moments, **evidence)
         if fit.chi_square > self.config.max_chi_square * freedom:
             return self._refuse(ContactType.OTHER, Reason.BAD_FIT | left_out, moments, **evidence)
-        if fit.last_step > LAST_STEP * depth:
-            return self._refuse(
-                ContactType.LINE, Reason.NOT_CONVERGED | left_out, moments, **evidence)
         cos, sin = np.cos(fit.yaw), np.sin(fit.yaw)
+        if fit.last_step > LAST_STEP * depth:
+            off_pad = Reason.OFF_PAD if abs(fit.rho) > array.half_width_x * cos else Reason(0)
+            return self._refuse(ContactType.LINE, Reason.NOT_CONVERGED | off_pad | left_out,
+                                moments, **evidence)
         line = Contact(
             ContactType.LINE, True, left_out, self.config.method, 'line/zz',
             a=fit.rho / cos, b=0.0, yaw=fit.yaw, line_force=fit.line_force,
@@ -158,6 +167,8 @@ class ContactEstimator:
         cleaned = image_moments(pressure, array, threshold=MOMENTS_THRESHOLD * noise)
         if not cleaned.m0 > 0.0:
             return self._refuse(ContactType.NONE, Reason.LOW_SNR | left_out, moments)
+        if not cleaned.elongation() >= MIN_ELONGATION:
+            return self._refuse(ContactType.OTHER, Reason.BAD_FIT | left_out, moments)
         closed = line_from_moments(cleaned, array.half_width_y)
         line = Contact(
             ContactType.LINE, True, left_out, self.config.method, 'line/zz',

@@ -1,0 +1,48 @@
+"""Contact estimator node: tactile image in, contact and wrench out."""
+
+from geometry_msgs.msg import WrenchStamped
+from rclpy.node import Node
+from rclpy.qos import qos_profile_sensor_data
+from tactile_msgs.msg import Contact as ContactMsg
+from tactile_msgs.msg import TactileImage as TactileImageMsg
+
+from tactile_sensing.conversions import contact_to_msg, contact_to_wrench, image_from_msg
+from tactile_sensing.errors import TactileSensingError
+from tactile_sensing.estimator import ContactEstimator, EstimatorConfig
+from tactile_sensing.nodes.parameters import declare_from
+from tactile_sensing.nodes.runner import run
+
+
+class ContactEstimatorNode(Node):
+    """
+    Estimate the contact of every tactile image.
+
+    Subscribes to `image`; publishes `contact` and, for a valid estimate, `wrench`: the force
+    of the object on the sensor. Parameters: `EstimatorConfig`.
+    """
+
+    def __init__(self, **kwargs):
+        super().__init__('contact_estimator', **kwargs)
+        self._estimator = ContactEstimator(declare_from(self, EstimatorConfig))
+        self._contact = self.create_publisher(ContactMsg, 'contact', qos_profile_sensor_data)
+        self._wrench = self.create_publisher(WrenchStamped, 'wrench', qos_profile_sensor_data)
+        self.create_subscription(
+            TactileImageMsg, 'image', self._on_image, qos_profile_sensor_data)
+
+    def _on_image(self, msg):
+        try:
+            image = image_from_msg(msg)
+        except TactileSensingError as error:
+            self.get_logger().warning(
+                f'image {msg.sequence} is not usable: {error}', throttle_duration_sec=5.0)
+            contact = self._estimator.refuse_malformed()
+        else:
+            contact = self._estimator.estimate(image)
+        self._contact.publish(contact_to_msg(contact, msg, self.get_clock().now().nanoseconds))
+        if contact.valid:
+            self._wrench.publish(contact_to_wrench(contact, msg))
+
+
+def main(args=None):
+    """Run the contact estimator node."""
+    return run(ContactEstimatorNode, args)

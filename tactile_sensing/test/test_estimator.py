@@ -1,0 +1,209 @@
+"""Estimator: at the noise limit where it answers, honest where it does not."""
+
+import numpy as np
+import pytest
+
+from tactile_sensing import line
+from tactile_sensing.array import TactelArray
+from tactile_sensing.contact import ContactType, Reason
+from tactile_sensing.errors import ConfigurationError
+from tactile_sensing.estimator import ContactEstimator, EstimatorConfig, noise_from_image
+from tactile_sensing.image import Layer, TactileImage
+from tactile_sensing.line_fit import fit_line
+
+DEPTH, FORCE = 0.002, 200.0
+ARRAY = TactelArray(16, 16, 0.0254 / 16, 0.0254 / 16)
+NOISE = 0.01 * line.peak_pressure(FORCE, DEPTH)  # 40 dB
+
+
+def edge(a=0.0, yaw=0.0, force=FORCE, array=ARRAY, depth=DEPTH):
+    return line.pressure(
+        array.x[None, :], array.y[:, None], a * np.cos(yaw), yaw, force, depth)
+
+
+def tactile_image(stress, array=ARRAY, noise=NOISE, saturated=0, tared=True, **layer):
+    layer = {'component': 'zz', 'depth': DEPTH, 'noise_std': noise} | layer
+    return TactileImage(0, 0, (Layer(stress=np.asarray(stress, np.float32), **layer),), array,
+                        tared=tared, saturated=saturated)
+
+
+def estimate(stress, *, method='fit', **kwargs):
+    return ContactEstimator(EstimatorConfig(method=method)).estimate(
+        tactile_image(stress, **kwargs))
+
+
+def noisy(picture, rng, noise=NOISE):
+    return picture + rng.normal(0.0, noise, picture.shape)
+
+
+def test_fit_reaches_the_cramer_rao_bound():
+    rng = np.random.default_rng(1)
+    errors, bounds = [], []
+    for _ in range(2000):
+        a, yaw = rng.uniform(-8e-3, 8e-3), np.radians(rng.uniform(-40, 40))
+        contact = estimate(noisy(edge(a, yaw), rng))
+        assert contact.type == ContactType.LINE and contact.valid
+        rho = a * np.cos(yaw)
+        j = line.pressure_jacobian(
+            ARRAY.x[None, :], ARRAY.y[:, None], rho, yaw, FORCE, DEPTH).reshape(-1, 3)
+        bound = NOISE**2 * np.linalg.inv(j.T @ j)
+        errors.append([contact.a * np.cos(contact.yaw) - rho, contact.yaw - yaw,
+                       contact.line_force - FORCE])
+        bounds.append(np.diag(bound))
+    ratio = np.sqrt(np.mean(np.square(errors), axis=0) / np.mean(bounds, axis=0))
+    assert (ratio < 1.05).all()
+    rms = np.sqrt(np.mean(np.square(errors), axis=0))
+    assert rms[0] < 5e-6 and np.degrees(rms[1]) < 0.03 and rms[2] < 0.0025 * FORCE
+
+
+def test_covariance_is_the_spread_of_the_estimates():
+    rng = np.random.default_rng(2)
+    contacts = [estimate(noisy(edge(0.003, 0.3), rng)) for _ in range(1500)]
+    values = np.array([[c.a, c.yaw, c.normal_force, c.line_force] for c in contacts])
+    rows = [0, 2, 3, 6]
+    claimed = np.sqrt(np.mean([np.diag(c.covariance)[rows] for c in contacts], axis=0))
+    np.testing.assert_allclose(values.std(axis=0), claimed, rtol=0.1)
+
+
+def test_noise_free_fit_is_exact():
+    for a, yaw in ((0.0, 0.0), (0.007, 0.6), (-0.005, -0.6)):
+        contact = estimate(edge(a, yaw), noise=0.0)
+        assert contact.a == pytest.approx(a, abs=1e-7)
+        assert contact.yaw == pytest.approx(yaw, abs=1e-5)
+        assert contact.line_force == pytest.approx(FORCE, rel=1e-4)
+
+
+def test_force_on_the_pad_is_line_force_times_chord():
+    contact = estimate(edge(0.0, 0.4), noise=0.0)
+    assert contact.normal_force == pytest.approx(
+        contact.line_force * 0.0254 / np.cos(0.4), rel=1e-4)
+
+
+@pytest.mark.parametrize('scale', [0.5, 3.0])
+def test_estimate_scales_with_pitch_and_force(scale):
+    wide = TactelArray(16, 16, scale * ARRAY.pitch_x, scale * ARRAY.pitch_y)
+    contact = estimate(
+        edge(0.003 * scale, 0.2, FORCE * scale**2, wide, DEPTH * scale), array=wide,
+        depth=DEPTH * scale, noise=0.0)
+    assert contact.a == pytest.approx(0.003 * scale, rel=1e-4)
+    assert contact.yaw == pytest.approx(0.2, rel=1e-4)
+    assert contact.line_force == pytest.approx(FORCE * scale**2, rel=1e-4)
+
+
+def test_mirrored_picture_gives_the_mirrored_line():
+    rng = np.random.default_rng(3)
+    picture = noisy(edge(0.003, 0.3), rng)
+    one, other = estimate(picture), estimate(picture[:, ::-1])
+    assert (other.a, other.yaw) == pytest.approx((-one.a, -one.yaw))
+
+
+def test_moments_baseline_is_worse_than_the_fit_but_sane():
+    rng = np.random.default_rng(4)
+    picture = noisy(edge(0.002, 0.2), rng)
+    baseline, fit = estimate(picture, method='moments'), estimate(picture)
+    assert baseline.valid and baseline.method == 'moments'
+    assert baseline.a == pytest.approx(0.002, abs=5e-4)
+    assert baseline.yaw == pytest.approx(0.2, abs=0.05)
+    assert abs(fit.a - 0.002) < abs(baseline.a - 0.002)
+
+
+def test_invalid_tactels_cost_accuracy_only():
+    rng = np.random.default_rng(5)
+    picture = noisy(edge(0.003, 0.3), rng)
+    picture[rng.random(picture.shape) < 0.15] = np.nan
+    contact = estimate(picture)
+    assert contact.valid and Reason.DEAD_TACTELS in contact.reasons
+    assert contact.a == pytest.approx(0.003, abs=5e-5)
+
+
+def test_saturated_tactels_are_left_out_and_said_so():
+    picture = edge(0.003, 0.3)
+    saturated = picture > 0.7 * picture.max()
+    contact = estimate(np.where(saturated, np.nan, picture), saturated=int(saturated.sum()))
+    assert contact.valid and Reason.SATURATED in contact.reasons
+    assert Reason.DEAD_TACTELS not in contact.reasons
+    assert contact.line_force == pytest.approx(FORCE, rel=0.01)
+
+
+def test_no_contact_is_refused():
+    rng = np.random.default_rng(6)
+    kinds = [estimate(noisy(np.zeros(ARRAY.shape), rng)) for _ in range(500)]
+    assert all(c.type == ContactType.NONE and not c.valid for c in kinds)
+    assert sum(Reason.NO_CONTACT in c.reasons for c in kinds) >= 495
+
+
+def test_weak_contact_is_seen_but_not_valid():
+    rng = np.random.default_rng(7)
+    contact = estimate(noisy(edge(force=0.04 * FORCE), rng))
+    assert not contact.valid and Reason.LOW_SNR in contact.reasons
+    assert contact.moments.m0 > 0.0 and np.isnan(contact.a)
+
+
+def test_a_flat_and_a_corner_are_no_line():
+    rng = np.random.default_rng(8)
+    flat = np.full(ARRAY.shape, 20e3)
+    corner = edge(0.0, 0.0) * (ARRAY.y[:, None] < 0) + edge(0.0, np.pi / 2 - 1e-9) * (
+        ARRAY.x[None, :] > 0)
+    for picture in (flat, corner):
+        contact = estimate(noisy(picture, rng))
+        assert contact.type == ContactType.OTHER and not contact.valid
+        assert Reason.BAD_FIT in contact.reasons and np.isnan(contact.normal_force)
+        assert contact.moments.m0 == pytest.approx(
+            picture.sum() * ARRAY.pitch_x * ARRAY.pitch_y, rel=0.05)
+
+
+def test_edge_beside_the_pad_is_refused():
+    contact = estimate(edge(0.0133, force=4 * FORCE), noise=NOISE)
+    assert not contact.valid and Reason.OFF_PAD in contact.reasons
+
+
+@pytest.mark.parametrize('change, reason', [
+    ({'component': 'xz'}, Reason.BAD_IMAGE), ({'depth': 0.0}, Reason.BAD_IMAGE),
+    ({'depth': float('nan')}, Reason.BAD_IMAGE), ({'unit': 'counts'}, Reason.BAD_IMAGE)])
+def test_unusable_layers_are_refused(change, reason):
+    contact = estimate(edge(), **change)
+    assert not contact.valid and reason in contact.reasons
+
+
+@pytest.mark.parametrize('stress', [
+    np.full((16, 16), np.nan), np.full((16, 16), np.inf), np.full((16, 16), 3e38),
+    np.full((16, 16), -1e30), np.zeros((16, 16)), np.zeros((4, 4)), np.zeros((0, 0)),
+    np.zeros(256)])
+@pytest.mark.parametrize('method', ['fit', 'moments'])
+def test_garbage_never_makes_a_valid_estimate(stress, method):
+    assert not estimate(stress, method=method).valid
+
+
+def test_a_valid_estimate_has_no_nan():
+    rng = np.random.default_rng(9)
+    for _ in range(300):
+        picture = noisy(edge(rng.uniform(-0.012, 0.012), rng.uniform(-1.5, 1.5),
+                             10 ** rng.uniform(0, 4)), rng)
+        picture[rng.random(picture.shape) < rng.uniform(0, 0.9)] = np.nan
+        contact = estimate(picture)
+        if contact.valid:
+            assert np.isfinite([contact.a, contact.yaw, contact.normal_force, contact.snr,
+                                contact.line_force, contact.residual]).all()
+
+
+def test_unknown_noise_is_read_from_the_picture():
+    rng = np.random.default_rng(10)
+    picture = noisy(edge(0.002, 0.1), rng)
+    assert noise_from_image(picture) == pytest.approx(NOISE, rel=0.3)
+    assert estimate(picture, noise=0.0).valid
+
+
+def test_untared_images_say_so():
+    assert Reason.NOT_TARED in estimate(edge(), tared=False).reasons
+
+
+@pytest.mark.parametrize('change', [
+    {'method': 'magic'}, {'min_snr': -1.0}, {'noise_std': float('nan')}, {'model_error': 2.0}])
+def test_bad_configuration_is_refused_by_name(change):
+    with pytest.raises(ConfigurationError, match=next(iter(change))):
+        EstimatorConfig(**change)
+
+
+def test_normal_form_is_unique():
+    fit = fit_line(edge(0.0, np.pi / 2 - 0.01), ARRAY, DEPTH, NOISE)
+    assert -np.pi / 2 < fit.yaw <= np.pi / 2
