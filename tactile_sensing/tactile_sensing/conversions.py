@@ -1,0 +1,141 @@
+"""Between the core's data and ROS messages; nothing else converts."""
+from array import array
+from functools import lru_cache
+
+from builtin_interfaces.msg import Time
+import numpy as np
+
+from tactile_msgs import msg as tactile_msgs
+from tactile_sensing.array import TactelArray
+from tactile_sensing.errors import TactileSensingError
+from tactile_sensing.image import COMPONENTS, Layer, SensorInfo, TactileImage
+
+_NS = 1_000_000_000
+
+# Pictures of one sensor share their geometry, and with it the computed centres.
+_array = lru_cache(maxsize=16)(TactelArray)
+
+
+# --- time ---------------------------------------------------------------------------------------
+
+def stamp_from_ns(nanoseconds: int) -> Time:
+    """Return the stamp of an instant [ns]."""
+    seconds, rest = divmod(int(nanoseconds), _NS)
+    return Time(sec=seconds, nanosec=rest)
+
+
+def stamp_to_ns(stamp) -> int:
+    """Return a stamp, or a duration, as nanoseconds."""
+    return stamp.sec * _NS + stamp.nanosec
+
+
+def stamp_from_seconds(seconds: float) -> Time:
+    """Return the stamp of an instant [s]."""
+    return stamp_from_ns(round(seconds * _NS))
+
+
+def stamp_to_seconds(stamp) -> float:
+    """Return a stamp, or a duration, as seconds."""
+    return stamp.sec + 1e-9 * stamp.nanosec
+
+
+# --- TactileImage and SensorInfo ----------------------------------------------------------------
+
+def image_to_msg(image: TactileImage):
+    """Return the TactileImage message of a picture; the device's own time stays 0."""
+    message = tactile_msgs.TactileImage(
+        sensor=image.sensor, sequence=image.sequence, tared=image.tared,
+        saturated=image.saturated, layers=[_layer_to_msg(layer) for layer in image.layers])
+    _set_header(message.header, image)
+    _set_array(message, image.array)
+    return message
+
+
+def image_from_msg(message) -> TactileImage:
+    """
+    Return the picture of a TactileImage message; its stress shares the message's memory.
+
+    Raises
+    ------
+    TactileSensingError
+        The geometry is impossible or a layer does not hold `rows * columns` values.
+    """
+    geometry = _array_from_msg(message)
+    return TactileImage(
+        stamp_ns=stamp_to_ns(message.header.stamp), sequence=message.sequence,
+        layers=tuple(_layer_from_msg(layer, geometry.shape) for layer in message.layers),
+        array=geometry, tared=message.tared, saturated=message.saturated,
+        frame_id=message.header.frame_id, sensor=message.sensor)
+
+
+def sensor_info_to_msg(info: SensorInfo):
+    """Return the SensorInfo message of what is known of a sensor."""
+    message = tactile_msgs.SensorInfo(
+        sensor=info.sensor, model=info.model, serial_number=info.serial_number,
+        nominal_rate=float(info.nominal_rate), acquisition_delay=float(info.acquisition_delay),
+        skin_stiffness=float(info.skin_stiffness), max_load=float(info.max_load),
+        layers=[_layer_to_msg(layer) for layer in info.layers],
+        dead_tactels=array('I', info.dead_tactels), calibration=info.calibration,
+        tared_at=stamp_from_ns(info.tared_at_ns))
+    _set_header(message.header, info)
+    _set_array(message, info.array)
+    return message
+
+
+def sensor_info_from_msg(message) -> SensorInfo:
+    """
+    Return what a SensorInfo message says; floats come back in single precision.
+
+    Raises
+    ------
+    TactileSensingError
+        The geometry is impossible.
+    """
+    return SensorInfo(
+        stamp_ns=stamp_to_ns(message.header.stamp), frame_id=message.header.frame_id,
+        sensor=message.sensor, model=message.model, serial_number=message.serial_number,
+        array=_array_from_msg(message), nominal_rate=message.nominal_rate,
+        acquisition_delay=message.acquisition_delay, skin_stiffness=message.skin_stiffness,
+        max_load=message.max_load, dead_tactels=tuple(message.dead_tactels),
+        layers=tuple(_layer_from_msg(layer, (0,)) for layer in message.layers),
+        calibration=message.calibration, tared_at_ns=stamp_to_ns(message.tared_at))
+
+
+def _set_header(header, source):
+    header.stamp = stamp_from_ns(source.stamp_ns)
+    header.frame_id = source.frame_id
+
+
+def _set_array(message, geometry):
+    message.rows = geometry.rows
+    message.columns = geometry.columns
+    message.pitch_x = float(geometry.pitch_x)
+    message.pitch_y = float(geometry.pitch_y)
+
+
+def _array_from_msg(message):
+    return _array(message.rows, message.columns, message.pitch_x, message.pitch_y)
+
+
+def _layer_to_msg(layer):
+    # A list or an ndarray would be copied value by value.
+    stress = array('f')
+    stress.frombytes(np.ascontiguousarray(layer.stress, np.float32).tobytes())
+    return tactile_msgs.TactileLayer(
+        component=COMPONENTS.index(layer.component), depth=float(layer.depth), unit=layer.unit,
+        full_scale=float(layer.full_scale), noise_std=float(layer.noise_std), stress=stress)
+
+
+def _layer_from_msg(layer, shape):
+    if layer.component >= len(COMPONENTS):
+        raise TactileSensingError(
+            f'component is {layer.component}, must be below {len(COMPONENTS)}')
+    stress = np.frombuffer(layer.stress, np.float32) if len(layer.stress) else _EMPTY
+    if stress.size != np.prod(shape):
+        raise TactileSensingError(
+            f'stress has {stress.size} values, must be {" x ".join(map(str, shape))}')
+    return Layer(COMPONENTS[layer.component], layer.depth, stress.reshape(shape),
+                 layer.full_scale, layer.noise_std, layer.unit)
+
+
+_EMPTY = np.empty(0, np.float32)

@@ -1,0 +1,287 @@
+"""Driver of a FlexiTac array on a serial port: bytes in, tactile images out."""
+from collections import deque
+from dataclasses import dataclass, field
+import os
+import threading
+import time
+
+from ament_index_python.packages import get_package_share_directory
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
+from rclpy.node import Node
+from rclpy.qos import DurabilityPolicy, qos_profile_sensor_data, QoSProfile
+from std_srvs.srv import Trigger
+
+from tactile_msgs.msg import SensorInfo as SensorInfoMsg, TactileImage as TactileImageMsg
+from tactile_sensing.calibration import load_calibration, MIN_TARE_FRAMES, TareRefusedError
+from tactile_sensing.conversions import image_to_msg, sensor_info_to_msg
+from tactile_sensing.errors import ConfigurationError
+from tactile_sensing.flexitac import (
+    BAUD_RATE, FlexiTacDecoder, Frame, NEED_DATA, payload_size,
+)
+from tactile_sensing.image import TactileImage
+from tactile_sensing.nodes.parameters import declare_from
+from tactile_sensing.nodes.runner import run
+from tactile_sensing.serial_port import SensorPort
+
+# A stream without a byte or a frame for this long is reported [s].
+_SILENCE = 1.0
+# Bytes kept while they make no frame, to tell how long the frames of another array are.
+_SAMPLE_SIZE = 16384
+_LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+
+
+@dataclass(frozen=True)
+class DriverConfig:
+    """Parameters of the driver node."""
+
+    port: str = field(default='', metadata={
+        'doc': 'Serial port of the sensor, for instance /dev/ttyUSB0; must be given'})
+    baud: int = field(default=BAUD_RATE, metadata={
+        'doc': 'Line speed', 'unit': 'bit/s', 'range': (1200, 12_000_000)})
+    sensor: str = field(default='flexitac', metadata={'doc': 'Name of the sensor'})
+    frame_id: str = field(default='tactile_pad', metadata={'doc': 'Sensor frame'})
+    calibration: str = field(default='', metadata={
+        'doc': 'Calibration file; empty = flexitac_16x16.yaml of this package'})
+    tare_at_start: bool = field(default=True, metadata={
+        'doc': 'Tare as soon as frames without load arrive'})
+    tare_frames: int = field(default=50, metadata={
+        'doc': 'Frames averaged by a tare', 'range': (MIN_TARE_FRAMES, 10000)})
+    reconnect_period: float = field(default=0.1, metadata={
+        'doc': 'Time between attempts to open the port', 'unit': 's', 'range': (0.01, 60.0)})
+
+    def __post_init__(self):
+        if not self.port:
+            raise ConfigurationError("parameter 'port' is empty, must name a serial port")
+
+
+class DriverNode(Node):
+    """
+    Publish the pictures of a FlexiTac array.
+
+    A thread reads the port, decodes, converts and publishes, so that a picture waits for nothing
+    in the executor. The port may come and go; the tare is kept.
+
+    Parameters
+    ----------
+    calibration : Calibration, optional
+        Takes the place of the calibration file.
+    **kwargs
+        Passed to `rclpy.node.Node`.
+
+    Raises
+    ------
+    ConfigurationError
+        A parameter or the calibration is missing or wrong.
+    """
+
+    def __init__(self, calibration=None, **kwargs):
+        super().__init__('driver', **kwargs)
+        self._config = declare_from(self, DriverConfig)
+        self._calibration = calibration or load_calibration(
+            self._config.calibration or os.path.join(
+                get_package_share_directory('tactile_sensing'), 'config', 'flexitac_16x16.yaml'))
+        geometry = self._calibration.array
+        self._decoder = FlexiTacDecoder(geometry.rows, geometry.columns)
+        self._delay_ns = round(self._calibration.acquisition_delay * 1e9)
+        # The executor and the reader both tare: the lock guards these four.
+        self._lock = threading.Lock()
+        self._recent = deque(maxlen=self._config.tare_frames)
+        self._tare = None
+        self._convert = self._calibration.converter()
+        self._frames_to_tare = self._config.tare_frames if self._config.tare_at_start else 0
+        self._tare_refusal = 'not asked to'
+
+        self._fault = f'{self._config.port} is not open yet'
+        self._sample = bytearray()
+        self._last_byte_at = self._last_frame_at = time.monotonic()
+        self._period_ns = round(1e9 / (self._calibration.nominal_rate or 1e9))
+        self._last_stamp_ns = 0
+        self._reported = (time.monotonic(), 0, 0)
+        self._reported_text = ''
+
+        self._images = self.create_publisher(TactileImageMsg, 'image', qos_profile_sensor_data)
+        self._infos = self.create_publisher(SensorInfoMsg, 'sensor_info', _LATCHED)
+        self._diagnostics = self.create_publisher(DiagnosticArray, 'diagnostics', 10)
+        self.create_service(Trigger, '~/tare', self._on_tare)
+        self.create_timer(1.0, self._report)
+        self._publish_info()
+        self._stop = threading.Event()
+        self._thread = threading.Thread(target=self._read_forever, name='tactile driver')
+        self._thread.start()
+
+    def destroy_node(self):
+        """Stop the reader, then destroy the node."""
+        self._stop.set()
+        self._thread.join()
+        super().destroy_node()
+
+    # --- reader thread --------------------------------------------------------------------------
+
+    def _read_forever(self):
+        while not self._stop.is_set() and self.context.ok():
+            try:
+                with SensorPort(self._config.port, self._config.baud) as port:
+                    self._on_connected()
+                    while not self._stop.is_set():
+                        self._on_bytes(port.read())
+            except OSError as error:
+                self._on_disconnected(error)
+                self._stop.wait(self._config.reconnect_period)
+            except RuntimeError:  # of rcl
+                if self.context.ok():
+                    raise
+                # The context was shut down between two pictures: nobody is left to publish to.
+
+    def _on_connected(self):
+        self._decoder.reset()
+        self._sample.clear()
+        self._last_byte_at = self._last_frame_at = time.monotonic()
+        self._fault = ''
+        self.get_logger().info(f'reading {self._config.port}')
+
+    def _on_disconnected(self, error):
+        if not self._fault:
+            self.get_logger().warning(f'{self._config.port} is lost: {error}')
+        self._fault = f'{self._config.port} is not there: {error}'
+        with self._lock:
+            self._recent.clear()
+
+    def _on_bytes(self, data):
+        if not data:
+            return
+        arrival_ns = self.get_clock().now().nanoseconds
+        self._last_byte_at = time.monotonic()
+        self._decoder.receive_data(data)
+        frames = []
+        while (event := self._decoder.next_event()) is not NEED_DATA:
+            if isinstance(event, Frame):
+                frames.append(event)
+        if self._decoder.locked:
+            self._sample.clear()
+        else:
+            self._sample += data
+            del self._sample[:-_SAMPLE_SIZE]
+        if len(frames) == 1:
+            # A long pause says nothing about the period.
+            since_last = (self._last_byte_at - self._last_frame_at) * 1e9
+            self._period_ns += round(0.1 * (min(since_last, 1e9) - self._period_ns))
+        for age, frame in zip(reversed(range(len(frames))), frames):
+            self._last_frame_at = self._last_byte_at
+            self._publish(frame, arrival_ns - age * self._period_ns)
+
+    def _publish(self, frame, arrival_ns):
+        """Publish one picture that arrived, or must have arrived, at a time [ns]."""
+        stamp_ns = max(arrival_ns - self._delay_ns, 0)
+        if 0 <= self._last_stamp_ns - stamp_ns < 1_000_000_000:
+            stamp_ns = self._last_stamp_ns + 1  # a period was overestimated; no time jump
+        self._last_stamp_ns = stamp_ns
+        with self._lock:
+            self._recent.append(frame.counts)
+            convert, tared = self._convert, self._tare is not None
+        layer, saturated = convert(frame.counts)
+        self._images.publish(image_to_msg(TactileImage(
+            stamp_ns, frame.sequence, (layer,), self._calibration.array, tared, saturated,
+            self._config.frame_id, self._config.sensor)))
+        if self._frames_to_tare:
+            self._tare_at_start()
+
+    def _tare_at_start(self):
+        self._frames_to_tare -= 1
+        if self._frames_to_tare == 0:
+            try:
+                self._take_tare()
+            except TareRefusedError:
+                self._frames_to_tare = self._config.tare_frames
+
+    # --- both threads ---------------------------------------------------------------------------
+
+    def _take_tare(self):
+        """Tare with the newest pictures; raises TareRefusedError."""
+        with self._lock:
+            frames = list(self._recent)
+            try:
+                if len(frames) < self._config.tare_frames:
+                    raise TareRefusedError(
+                        f'no frames: {len(frames)} of {self._config.tare_frames} have arrived')
+                if time.monotonic() - self._last_frame_at > _SILENCE:
+                    raise TareRefusedError('no frames: the last one is older than a second')
+                self._tare = self._calibration.make_tare(frames)
+            except TareRefusedError as error:
+                self._tare_refusal = str(error)
+                raise
+            self._convert = self._calibration.converter(self._tare)
+            self._frames_to_tare = 0
+        self._publish_info()
+        self.get_logger().info(f'tared, noise {self._tare.noise_std:.2f} counts')
+
+    def _publish_info(self):
+        now_ns = self.get_clock().now().nanoseconds
+        self._infos.publish(sensor_info_to_msg(self._calibration.sensor_info(
+            self._config.sensor, self._config.frame_id, now_ns, self._tare,
+            now_ns if self._tare else 0)))
+
+    # --- executor -------------------------------------------------------------------------------
+
+    def _on_tare(self, _, response):
+        # Pictures that are already there answer at once: neither blocking nor awaiting new ones
+        # in a callback lets a single-threaded executor serve the rest of the graph meanwhile.
+        try:
+            self._take_tare()
+            response.success = True
+            response.message = f'noise {self._tare.noise_std:.2f} counts'
+        except TareRefusedError as error:
+            response.message = str(error)
+        return response
+
+    def _report(self):
+        now = time.monotonic()
+        before, frames, dropped = self._reported
+        decoder = self._decoder
+        self._reported = (now, decoder.frames, decoder.dropped_bytes)
+        rate = (decoder.frames - frames) / (now - before)
+        level, text = self._state(now, decoder.dropped_bytes - dropped)
+        if text != self._reported_text:
+            self._reported_text = text
+            {DiagnosticStatus.OK: self.get_logger().info,
+             DiagnosticStatus.WARN: self.get_logger().warning,
+             DiagnosticStatus.ERROR: self.get_logger().error}[level](text)
+        values = {
+            'rate': f'{rate:.1f}', 'frames': decoder.frames, 'lost_frames': decoder.lost_frames,
+            'resyncs': decoder.resyncs, 'dropped_bytes': decoder.dropped_bytes,
+            'locked': decoder.locked, 'tared': self._tare is not None,
+        }
+        message = DiagnosticArray(status=[DiagnosticStatus(
+            level=level, name=f'{self.get_fully_qualified_name()}: {self._config.sensor}',
+            message=text, hardware_id=self._config.port,
+            values=[KeyValue(key=key, value=str(value)) for key, value in values.items()])])
+        message.header.stamp = self.get_clock().now().to_msg()
+        self._diagnostics.publish(message)
+
+    def _state(self, now, dropped):
+        """Level and text of the driver's state, the gravest first."""
+        if not self._thread.is_alive():
+            return DiagnosticStatus.ERROR, 'the reader has stopped'
+        if self._fault:
+            return DiagnosticStatus.ERROR, self._fault
+        if now - self._last_byte_at > _SILENCE:
+            return DiagnosticStatus.ERROR, f'{self._config.port} is silent'
+        if now - self._last_frame_at > _SILENCE:
+            return DiagnosticStatus.ERROR, self._no_frames()
+        if self._tare is None:
+            return DiagnosticStatus.WARN, f'not tared: {self._tare_refusal}'
+        if dropped:
+            return DiagnosticStatus.WARN, 'bytes were dropped'
+        return DiagnosticStatus.OK, 'frames arrive'
+
+    def _no_frames(self):
+        rows, columns = self._calibration.array.shape
+        text = f'bytes arrive on {self._config.port}, but no frame of {rows}x{columns}'
+        size = payload_size(self._sample)
+        if size is not None and size != rows * columns:
+            return f'{text} = {rows * columns} bytes: the sensor sends {size} bytes a frame'
+        return f'{text}: wrong sensor, size or baud rate'
+
+
+def main(args=None) -> int:
+    """Run the driver."""
+    return run(DriverNode, args)

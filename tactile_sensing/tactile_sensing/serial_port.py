@@ -1,0 +1,48 @@
+"""Serial port of a sensor: opening it for low latency and reading what is there."""
+import os
+
+import serial
+
+# Longest wait for a byte; bounds how long a reader takes to notice that it should stop [s].
+READ_TIMEOUT = 0.1
+
+
+class SensorPort:
+    """
+    An open serial port, 8N1, to be used as a context manager.
+
+    Parameters
+    ----------
+    path : str
+        Device or a link to one.
+    baud : int
+        Line speed [bit/s].
+
+    Raises
+    ------
+    OSError
+        The port is absent, in use or gone; `read` raises it as well.
+    """
+
+    def __init__(self, path, baud):
+        self._path = path
+        self._device = os.path.realpath(path)
+        self._serial = serial.Serial(path, baud, timeout=READ_TIMEOUT, exclusive=True)
+        try:
+            # USB adapters hold bytes back for up to 16 ms otherwise.
+            self._serial.set_low_latency_mode(True)
+        except (AttributeError, ValueError):  # other systems; pseudo-terminals and other drivers
+            pass
+
+    def __enter__(self):
+        return self
+
+    def __exit__(self, *_):
+        self._serial.close()
+
+    def read(self) -> bytes:
+        """Return what has arrived, waiting up to `READ_TIMEOUT` for a first byte."""
+        data = self._serial.read(self._serial.in_waiting or 1)
+        if not data and os.path.realpath(self._path) != self._device:
+            raise OSError(f'{self._path} is another device now')
+        return data
