@@ -173,7 +173,7 @@ class EdgeServo:
         self._commanded = self._velocities = None
         self._speed = 0.0
         self._anchor = None  # where the current way (approach, retreat, press depth) began
-        self._last_cycle = None
+        self._last_ns = None
 
     # Input -------------------------------------------------------------------------------
 
@@ -271,9 +271,10 @@ class EdgeServo:
             To send to the joint trajectory controller; None while no goal is active.
         """
         period = 1.0 / self.config.rate
-        dt = period if self._last_cycle is None else np.clip(now - self._last_cycle, 0.0,
-                                                             2.0 * period)
-        self._last_cycle = now
+        # By the clock of the stamps: under simulated time the robot moves by that one.
+        dt = period if self._last_ns is None else (now_ns - self._last_ns) * 1e-9
+        dt = min(max(dt, 0.0), 2.0 * period)
+        self._last_ns = now_ns
         self._contact_fresh = self._fresh(self.contact, self.config.stale_image, now, now_ns)
         self._joints_fresh = self._fresh(self.joints, self.config.stale_joints, now, now_ns)
         known = {'contact_fresh': self._contact_fresh, 'joints_fresh': self._joints_fresh,

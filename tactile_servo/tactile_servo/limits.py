@@ -85,7 +85,7 @@ def limit_velocities(limits, positions, previous, wanted, dt):
     horizon = dt + limits.stopping_time
     up = np.clip((limits.upper - positions) / horizon, 0.0, limits.velocity)
     down = np.clip((limits.lower - positions) / horizon, -limits.velocity, 0.0)
-    with np.errstate(divide='ignore', invalid='ignore'):
+    with np.errstate(divide='ignore', invalid='ignore', over='ignore'):
         room = np.where(wanted > 0.0, up, down) / wanted
     room = np.where(np.abs(wanted) > 1e-12, room, np.inf)
     tightest = int(np.argmin(room))

@@ -1,0 +1,227 @@
+"""Edge servo node: contacts and joint states in, joint trajectories out (chapter 5)."""
+
+from dataclasses import dataclass, field
+from time import perf_counter
+
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
+from geometry_msgs.msg import PoseStamped
+import numpy as np
+from rclpy.action import ActionServer, CancelResponse, GoalResponse
+from rclpy.clock import Clock, ClockType
+from rclpy.node import Node
+from rclpy.qos import qos_profile_sensor_data
+from rclpy.task import Future
+from sensor_msgs.msg import JointState
+from std_srvs.srv import SetBool
+from tactile_msgs.action import TrackEdge
+from tactile_msgs.msg import Contact as ContactMsg
+from tactile_msgs.msg import ServoStatus
+from tactile_sensing.conversions import contact_from_msg, stamp_to_ns
+from tactile_sensing.nodes.parameters import declare_from
+from tactile_sensing.nodes.runner import run
+from trajectory_msgs.msg import JointTrajectory
+
+from tactile_servo.conversions import (
+    goal_from_msg, joint_positions, pose_to_msg, result_to_msg, status_to_msg, trajectory_to_msg)
+from tactile_servo.edge_servo import EdgeServo, EdgeServoConfig, State
+from tactile_servo.errors import ConfigurationError
+from tactile_servo.limits import JointLimits, WorkspaceBox
+from tactile_servo.resolved_rate import ResolvedRateConfig
+from tactile_servo.robot import RobotModel
+
+FEEDBACK_PERIOD = 0.05  # s; the status topic has every cycle
+
+
+@dataclass(frozen=True)
+class RobotConfig:
+    """Robot that the servo moves, and the limits it must keep beyond those of its URDF."""
+
+    robot_description: str = field(default='', metadata={
+        'doc': 'URDF of the robot with the sensor: its text, or the path of a file'})
+    base_frame: str = field(default='base_link', metadata={'doc': 'frame of all poses'})
+    tip_frame: str = field(default='tactile_pad', metadata={
+        'doc': 'frame of the sensor: x along columns, y along rows, z out of the skin'})
+    controller: str = field(default='/joint_trajectory_controller', metadata={
+        'doc': 'name of the joint trajectory controller'})
+    velocity_scale: float = field(default=1.0, metadata={
+        'doc': "fraction of the URDF's joint velocities that may be used",
+        'range': (0.01, 1.0)})
+    joint_acceleration: float = field(default=10.0, metadata={
+        'doc': 'largest acceleration of every joint', 'unit': 'rad/s^2', 'range': (0.1, 1e3)})
+    position_margin: float = field(default=0.05, metadata={
+        'doc': "distance kept from the URDF's joint limits", 'unit': 'rad',
+        'range': (0.0, 1.0)})
+    workspace_lower: tuple[float] = field(default=(-10.0, -10.0, -10.0), metadata={
+        'doc': 'corner of the box that the sensor stays in, in the base frame', 'unit': 'm'})
+    workspace_upper: tuple[float] = field(default=(10.0, 10.0, 10.0), metadata={
+        'doc': 'opposite corner', 'unit': 'm'})
+
+
+class EdgeServoNode(Node):
+    """
+    Track an edge by touch.
+
+    Subscribes to `contact` and `/joint_states`; streams windows to the joint trajectory
+    controller while a goal of the action `track_edge` is active; publishes `servo_status` every
+    cycle, `sensor_pose` at every joint state and `diagnostics`; `~/pause` holds and resumes.
+    Parameters: `RobotConfig`, `EdgeServoConfig`, `ResolvedRateConfig`.
+    """
+
+    def __init__(self, **kwargs):
+        super().__init__('edge_servo', **kwargs)
+        robot, config = declare_from(self, RobotConfig), declare_from(self, EdgeServoConfig)
+        gains = declare_from(self, ResolvedRateConfig)
+        if not robot.robot_description:
+            raise ConfigurationError(
+                'robot_description: no URDF given; pass its text or the path of a file')
+        model = RobotModel.from_urdf(robot.robot_description, robot.tip_frame)
+        limits = JointLimits(
+            tuple(model.joint_names), model.lower + robot.position_margin,
+            model.upper - robot.position_margin, model.velocity_limit * robot.velocity_scale,
+            np.full(len(model.joint_names), robot.joint_acceleration))
+        self._model, self._config, self._base_frame = model, config, robot.base_frame
+        self._servo = EdgeServo(
+            model, limits, config, gains,
+            WorkspaceBox(robot.workspace_lower, robot.workspace_upper))
+        self._goal_handle = self._finished = None
+        self._missed, self._longest, self._last_tick = 0, 0.0, None
+        self._reported, self._sensor_frame = None, ''
+        self._period = 1.0 / config.rate
+
+        self._trajectory = self.create_publisher(
+            JointTrajectory, f'{robot.controller}/joint_trajectory', 1)
+        self._status = self.create_publisher(ServoStatus, 'servo_status', 10)
+        self._pose = self.create_publisher(PoseStamped, 'sensor_pose', qos_profile_sensor_data)
+        self._diagnostics = self.create_publisher(DiagnosticArray, 'diagnostics', 10)
+        self.create_subscription(
+            ContactMsg, 'contact', self._on_contact, qos_profile_sensor_data)
+        self.create_subscription(
+            JointState, '/joint_states', self._on_joints, qos_profile_sensor_data)
+        self.create_service(SetBool, '~/pause', self._on_pause)
+        self._action = ActionServer(
+            self, TrackEdge, 'track_edge', self._execute, goal_callback=self._on_goal,
+            cancel_callback=self._on_cancel)
+        # Steady, so that the watchdogs run even where simulated time stands still.
+        steady = Clock(clock_type=ClockType.STEADY_TIME)
+        self.create_timer(self._period, self._on_cycle, clock=steady)
+        self.create_timer(1.0, self._on_diagnose, clock=steady)
+
+    def _on_joints(self, msg):
+        positions = joint_positions(msg, self._model.joint_names)
+        if positions is None:
+            self.get_logger().warning(
+                'joint state without all of ' + ', '.join(self._model.joint_names),
+                throttle_duration_sec=5.0)
+            return
+        try:
+            self._servo.see_joints(positions, stamp_to_ns(msg.header.stamp), perf_counter())
+        except ValueError as error:
+            self.get_logger().warning(str(error), throttle_duration_sec=5.0)
+            return
+        pose = PoseStamped(pose=pose_to_msg(self._model.pose(positions)))
+        pose.header.stamp, pose.header.frame_id = msg.header.stamp, self._base_frame
+        self._pose.publish(pose)
+
+    def _on_contact(self, msg):
+        self._sensor_frame = msg.header.frame_id
+        self._servo.see_contact(
+            contact_from_msg(msg), stamp_to_ns(msg.header.stamp), perf_counter())
+
+    def _on_cycle(self):
+        now = perf_counter()
+        if self._last_tick is not None and now - self._last_tick > 2.0 * self._period:
+            self._missed += 1
+        self._last_tick = now
+        stamp = self.get_clock().now()
+        status, trajectory = self._servo.cycle(now, stamp.nanoseconds)
+        if trajectory is not None:
+            self._trajectory.publish(trajectory_to_msg(trajectory))
+        took = perf_counter() - now
+        self._longest = max(self._longest, took)
+        msg = status_to_msg(status, took, self._missed)
+        msg.header.stamp, msg.header.frame_id = stamp.to_msg(), self._sensor_frame
+        self._status.publish(msg)
+        if self._goal_handle is not None:
+            self._report(status, msg)
+
+    # Action ------------------------------------------------------------------------------
+
+    def _on_goal(self, request):
+        why = self._servo.check(goal_from_msg(request))
+        if request.closed:
+            why = why or 'closed contours are not tracked by the resolved_rate controller'
+        if why:
+            self.get_logger().error(f'track_edge goal rejected: {why}')
+            return GoalResponse.REJECT
+        return GoalResponse.ACCEPT
+
+    def _on_cancel(self, _):
+        self._servo.cancel()
+        return CancelResponse.ACCEPT
+
+    async def _execute(self, goal_handle):
+        started = perf_counter()
+        try:
+            self._servo.start(goal_from_msg(goal_handle.request), started)
+        except ValueError as error:  # two goals accepted at once
+            goal_handle.abort()
+            return TrackEdge.Result(success=False, reason=str(error))
+        self._finished = Future()
+        self._goal_handle = goal_handle
+        await self._finished
+        self._goal_handle = None
+        servo = self._servo
+        result = result_to_msg(servo, perf_counter() - started, self._base_frame)
+        if goal_handle.is_cancel_requested:
+            goal_handle.canceled()
+        elif servo.success:
+            goal_handle.succeed()
+        else:
+            goal_handle.abort()
+        self.get_logger().info(f'track_edge ended: {result.reason}')
+        servo.finish()
+        return result
+
+    def _report(self, status, msg):
+        if status.state == State.DONE:
+            if not self._finished.done():
+                self._finished.set_result(True)
+            return
+        if self._reported is not None and self._last_tick - self._reported < FEEDBACK_PERIOD:
+            return
+        self._reported = self._last_tick
+        self._goal_handle.publish_feedback(TrackEdge.Feedback(
+            state=msg.state, reason=msg.reason, progress=msg.progress,
+            lateral_error=msg.lateral_error, angle_error=msg.angle_error,
+            normal_force=msg.normal_force))
+
+    def _on_pause(self, request, response):
+        response.success = self._servo.pause(request.data, perf_counter())
+        response.message = (
+            ('paused' if request.data else 'resumed') if response.success else 'no active goal')
+        return response
+
+    def _on_diagnose(self):
+        servo = self._servo
+        late = self._longest > self._period
+        status = DiagnosticStatus(
+            name=f'{self.get_fully_qualified_name()}: servo',
+            level=DiagnosticStatus.WARN if late or servo.state == State.HOLD
+            else DiagnosticStatus.OK,
+            message=f'{servo.state.name.lower()}: {servo.reason}',
+            values=[KeyValue(key='missed_cycles', value=str(self._missed)),
+                    KeyValue(key='longest_cycle_s', value=f'{self._longest:.6f}')])
+        self._longest = 0.0
+        msg = DiagnosticArray(status=[status])
+        msg.header.stamp = self.get_clock().now().to_msg()
+        self._diagnostics.publish(msg)
+
+    def destroy_node(self):
+        """Release the action server with the node."""
+        self._action.destroy()
+        super().destroy_node()
+
+
+def main(args=None):
+    """Run the edge servo node."""
+    return run(EdgeServoNode, args)

@@ -1,0 +1,121 @@
+"""No command passes a limit, whatever is asked for."""
+
+from hypothesis import given, settings
+from hypothesis import strategies as st
+import numpy as np
+import pytest
+
+from tactile_servo.errors import ConfigurationError
+from tactile_servo.limits import JointLimits, limit_velocities, WorkspaceBox
+from tactile_servo.window import stopping_window
+
+DT = 0.0025
+LIMITS = JointLimits(
+    ('one', 'two', 'three'), np.array([-1.0, -2.0, -np.inf]), np.array([1.0, 0.5, np.inf]),
+    np.array([2.0, 1.0, 4.0]), np.array([10.0, 8.0, 10.0]))
+
+speeds = st.floats(-50.0, 50.0) | st.sampled_from([0.0, float('nan'), float('inf'), 1e300])
+
+
+def assert_within(positions, velocities, previous):
+    assert (np.abs(velocities) <= LIMITS.velocity + 1e-12).all()
+    assert (np.abs(velocities - previous) <= LIMITS.acceleration * DT + 1e-12).all()
+    assert (positions >= LIMITS.lower - 1e-12).all() and (
+        positions <= LIMITS.upper + 1e-12).all()
+
+
+@settings(max_examples=300, deadline=None)
+@given(start=st.tuples(st.floats(-1.0, 1.0), st.floats(-2.0, 0.5), st.floats(-9, 9)),
+       wanted=st.lists(st.tuples(speeds, speeds, speeds), min_size=1, max_size=20),
+       repeat=st.integers(1, 60))
+def test_any_wish_keeps_position_velocity_and_acceleration(start, wanted, repeat):
+    positions, velocities = np.array(start), np.zeros(3)
+    for wish in wanted:
+        for _ in range(repeat):
+            previous = velocities
+            velocities, scale, _ = limit_velocities(
+                LIMITS, positions, previous, np.array(wish), DT)
+            positions = positions + velocities * DT
+            assert 0.0 <= scale <= 1.0
+            assert_within(positions, velocities, previous)
+            window = stopping_window(LIMITS, positions, velocities, 0.005)
+            assert (window.positions >= LIMITS.lower - 1e-9).all()
+            assert (window.positions <= LIMITS.upper + 1e-9).all()
+
+
+def test_free_motion_is_not_touched():
+    wanted = np.array([0.02, -0.01, 0.0])
+    velocities, scale, limited_by = limit_velocities(LIMITS, np.zeros(3), np.zeros(3), wanted, DT)
+    np.testing.assert_array_equal(velocities, wanted)
+    assert (scale, limited_by) == (1.0, '')
+
+
+def test_velocity_limit_scales_all_joints_alike():
+    wanted = np.array([4.0, 0.5, 1.0])
+    velocities, scale, limited_by = limit_velocities(
+        LIMITS, np.zeros(3), 0.5 * wanted, wanted, 1.0)
+    assert scale == pytest.approx(velocities[0] / wanted[0])
+    np.testing.assert_allclose(velocities / wanted, scale)
+    assert limited_by.endswith('of one')
+
+
+def test_position_limit_is_named():
+    _, _, limited_by = limit_velocities(
+        LIMITS, np.array([0.99, 0.0, 0.0]), np.zeros(3), np.array([0.5, 0.0, 0.0]), DT)
+    assert limited_by == 'position of one'
+
+
+def test_a_wish_that_is_no_number_is_a_stop():
+    velocities, scale, limited_by = limit_velocities(
+        LIMITS, np.zeros(3), np.zeros(3), np.array([np.nan, 1.0, 1.0]), DT)
+    assert not velocities.any() and scale == 0.0 and limited_by == 'velocity not finite'
+
+
+def test_outside_its_limit_a_joint_may_only_come_back():
+    outside = np.array([1.2, 0.0, 0.0])
+    out, _, _ = limit_velocities(LIMITS, outside, np.zeros(3), np.array([1.0, 0, 0]), DT)
+    back, _, _ = limit_velocities(LIMITS, outside, np.zeros(3), np.array([-1.0, 0, 0]), DT)
+    assert out[0] == 0.0 and back[0] < 0.0
+
+
+@settings(max_examples=200, deadline=None)
+@given(velocities=st.tuples(st.floats(-2, 2), st.floats(-1, 1), st.floats(-4, 4)))
+def test_window_brakes_within_the_acceleration_and_ends_at_rest(velocities):
+    velocities = np.array(velocities)
+    window = stopping_window(LIMITS, np.zeros(3), velocities, 0.005)
+    assert (np.diff(window.times) > 0.0).all() and window.times[0] == 0.005
+    assert len(window.times) >= 2 and not window.velocities[-1].any()
+    for k in range(2):  # cubic through positions and velocities: acceleration at both ends
+        span = window.times[k + 1] - window.times[k]
+        way = window.positions[k + 1] - window.positions[k]
+        v0, v1 = window.velocities[k], window.velocities[k + 1]
+        for a in (6 * way / span**2 - (4 * v0 + 2 * v1) / span,
+                  -6 * way / span**2 + (2 * v0 + 4 * v1) / span):
+            assert (np.abs(a) <= LIMITS.acceleration * (1 + 1e-6)).all()
+
+
+def test_workspace_box_stops_at_its_walls_only():
+    box = WorkspaceBox([-1.0, -1.0, 0.0], [1.0, 1.0, 0.5])
+    velocity, clipped = box.limit(np.array([0.0, 0.0, 0.01]), np.array([0.1, 0.2, -0.5]), 0.1)
+    assert clipped
+    np.testing.assert_allclose(velocity, [0.1, 0.2, -0.1])
+    free, clipped = box.limit(np.zeros(3) + 0.2, np.array([0.1, 0.2, -0.5]), 0.1)
+    assert not clipped
+    np.testing.assert_allclose(free, [0.1, 0.2, -0.5])
+
+
+@pytest.mark.parametrize('change, text', [
+    ({'lower': [2.0, -2.0, -1.0]}, 'one'), ({'velocity': [1.0, 0.0, 1.0]}, 'two'),
+    ({'acceleration': [1.0, 1.0, float('inf')]}, 'three'), ({'upper': [1.0]}, 'upper')])
+def test_bad_limits_are_refused_by_name(change, text):
+    values = {name: getattr(LIMITS, name)
+              for name in ('lower', 'upper', 'velocity', 'acceleration')}
+    with pytest.raises(ConfigurationError, match=text):
+        JointLimits(LIMITS.names, **(values | change))
+
+
+@pytest.mark.parametrize('lower, upper', [
+    ([0, 0], [1, 1]), ([0, 0, 2], [1, 1, 1]), ([0, 0, float('nan')], [1, 1, 1])])
+def test_bad_box_is_refused(lower, upper):
+    with pytest.raises(ConfigurationError, match='workspace'):
+        WorkspaceBox(lower, upper)

@@ -1,0 +1,79 @@
+"""The law (5.3): signs, bounds, and what counts as an edge."""
+
+import numpy as np
+import pytest
+from tactile_sensing.contact import Contact, ContactType, Reason
+from tactile_sensing.moments import Moments
+
+from tactile_servo.resolved_rate import (
+    alignment_scale, contact_scale, edge_features, edge_twist, EdgeFeatures, ResolvedRateConfig)
+
+CONFIG = ResolvedRateConfig()
+HALF = 0.0127
+EDGE_MOMENTS = Moments(5.0, 0.005, 0.0, 25e-6, 260e-6, 0.0)
+
+
+def contact(kind=ContactType.LINE, valid=True, moments=EDGE_MOMENTS, **known):
+    return Contact(kind, valid, Reason(0), 'fit', moments=moments, **known)
+
+
+def test_twist_moves_the_pad_onto_the_edge():
+    features = EdgeFeatures(lateral=0.001, yaw=0.1, force=4.0, remaining=0.0)
+    twist = edge_twist(features, 0.03, 5.0, CONFIG)
+    # After dt of this motion the edge, fixed in space, has moved towards the pad's centre.
+    dt = 1e-3
+    assert abs(features.lateral - twist[0] * dt) < abs(features.lateral)
+    assert abs(features.yaw - twist[5] * dt) < abs(features.yaw)
+    assert twist[1] == 0.03 and twist[2] > 0.0 and not twist[3:5].any()
+
+
+def test_error_vanishes_in_one_segment():
+    features = EdgeFeatures(lateral=0.0005, yaw=0.01, force=4.9, remaining=0.0)
+    twist = edge_twist(features, 0.0, 5.0, CONFIG)
+    assert twist[0] * CONFIG.segment_time == pytest.approx(0.0005)
+    assert twist[5] * CONFIG.segment_time == pytest.approx(0.01)
+    assert twist[2] * CONFIG.force_segment_time * CONFIG.stiffness == pytest.approx(0.1)
+
+
+def test_every_rate_is_bounded():
+    wild = EdgeFeatures(lateral=1.0, yaw=-3.0, force=1e6, remaining=0.0)
+    twist = edge_twist(wild, 0.0, 5.0, CONFIG)
+    assert twist[0] == CONFIG.max_lateral_speed
+    assert twist[2] == -CONFIG.max_normal_speed
+    assert twist[5] == -CONFIG.max_turn_rate
+
+
+def test_a_valid_line_is_taken_as_fitted():
+    features, why = edge_features(
+        contact(a=0.002, yaw=0.1, normal_force=5.0), HALF, CONFIG)
+    assert (features.lateral, features.yaw, features.force, why) == (0.002, 0.1, 5.0, '')
+
+
+def test_an_elongated_contact_is_followed_by_its_moments():
+    features, _ = edge_features(contact(ContactType.OTHER, False), HALF, CONFIG)
+    assert features.lateral == pytest.approx(0.001)
+    assert features.force == 5.0 and features.yaw == pytest.approx(0.0)
+
+
+@pytest.mark.parametrize('seen, text', [
+    (contact(ContactType.NONE, False), 'no edge'),
+    (contact(ContactType.LINE, False), 'no edge'),
+    (contact(ContactType.OTHER, False, Moments(5.0, 0, 0, 2e-4, 2e-4, 0)), 'elongation'),
+    (contact(ContactType.OTHER, False, Moments(-5.0, 0, 0, 2e-4, 2e-4, 0)), 'no edge'),
+    (contact(a=0.0, yaw=1.3, normal_force=5.0), 'across the pad'),
+    (contact(a=float('nan'), yaw=0.0, normal_force=5.0), 'not finite')])
+def test_what_is_no_edge_is_refused_with_its_reason(seen, text):
+    features, why = edge_features(seen, HALF, CONFIG)
+    assert features is None and text in why
+
+
+def test_speed_falls_towards_the_border_and_without_force():
+    def at(lateral, force):
+        return EdgeFeatures(lateral, 0.0, force, 0.0)
+    assert alignment_scale(at(0.0, 5.0), HALF) == 1.0
+    assert alignment_scale(at(0.75 * HALF, 5.0), HALF) == pytest.approx(0.5)
+    assert alignment_scale(at(1.1 * HALF, 5.0), HALF) == 0.0
+    assert contact_scale(at(0.0, 5.0), 5.0) == 1.0
+    assert contact_scale(at(0.0, 1.25), 5.0) == pytest.approx(0.5)
+    assert contact_scale(at(0.0, -1.0), 5.0) == 0.0
+    assert not np.isnan(contact_scale(at(0.0, 0.0), 5.0))
