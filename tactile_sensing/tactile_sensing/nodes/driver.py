@@ -75,6 +75,8 @@ class DriverNode(Node):
     """
 
     def __init__(self, calibration=None, **kwargs):
+        self._stop = threading.Event()
+        self._thread = threading.Thread(target=self._read_forever, name='tactile driver')
         super().__init__('driver', **kwargs)
         self._config = declare_from(self, DriverConfig)
         self._calibration = calibration or load_calibration(
@@ -105,14 +107,13 @@ class DriverNode(Node):
         self.create_service(Trigger, '~/tare', self._on_tare)
         self.create_timer(1.0, self._report)
         self._publish_info()
-        self._stop = threading.Event()
-        self._thread = threading.Thread(target=self._read_forever, name='tactile driver')
         self._thread.start()
 
     def destroy_node(self):
         """Stop the reader, then destroy the node."""
         self._stop.set()
-        self._thread.join()
+        if self._thread.ident:  # else the constructor has raised
+            self._thread.join()
         super().destroy_node()
 
     # --- reader thread --------------------------------------------------------------------------

@@ -38,7 +38,9 @@ def declare_from(node, config_class, read_only=True):
     types = typing.get_type_hints(config_class)
     values = {}
     for field in dataclasses.fields(config_class):
-        default = getattr(config_class(), field.name)
+        default = field.default
+        if default is dataclasses.MISSING:
+            default = field.default_factory()
         descriptor = _descriptor(field, types[field.name], read_only)
         try:
             parameter = node.declare_parameter(

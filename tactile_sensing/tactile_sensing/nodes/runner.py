@@ -1,5 +1,5 @@
 """Start, spin and stop one node, or several in one process, with clean exits."""
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 import re
 import signal
 import sys
@@ -104,7 +104,9 @@ def run(node_class, args=None) -> int:
         try:
             node = node_class(context=context)
         except (ValueError, NameValidationException, ParameterException) as error:
-            context.try_shutdown()
+            # The context destroys the half-made node, which may lack what its method needs.
+            with suppress(AttributeError):
+                context.try_shutdown()
             return _refuse(node_class, error)
         executor = make_executor(context)
         try:
