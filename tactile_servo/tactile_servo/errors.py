@@ -9,7 +9,7 @@ class ConfigurationError(TactileServoError, ValueError):
     """A value, file or model that cannot be used; the message is one line."""
 
 
-class UnreachableError(TactileServoError):
+class UnreachableError(TactileServoError, ValueError):
     """No joint configuration within the limits reaches a pose."""
 
 
