@@ -42,8 +42,8 @@ class MockRobotConfig:
         'range': (0.0, 1.0)})
     interpolate_from_desired_state: bool = field(default=True, metadata={
         'doc': 'start a new trajectory from the desired, not from the measured state'})
-    controller: str = field(default='joint_trajectory_controller', metadata={
-        'doc': 'name of the controller, under which it takes joint_trajectory'})
+    controller: str = field(default='/joint_trajectory_controller', metadata={
+        'doc': 'name of the controller; its topic is joint_trajectory below it'})
 
 
 class MockController:

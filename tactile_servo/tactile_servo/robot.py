@@ -100,6 +100,13 @@ class RobotModel:
         self._order = None if order == sorted(order) else np.array(order)
         self._inverse_order = None if self._order is None else np.argsort(order)
 
+    @property
+    def middle(self):
+        """Middle (n,) of the position limits; 0 where a joint has none [rad or m]."""
+        bounded = np.isfinite(self.lower) & np.isfinite(self.upper)
+        return np.where(bounded, 0.5 * (np.where(bounded, self.lower, 0.0)
+                                        + np.where(bounded, self.upper, 0.0)), 0.0)
+
     @classmethod
     def from_urdf(cls, urdf, tip_frame, joint_names=None):
         """

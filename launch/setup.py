@@ -1,0 +1,26 @@
+"""Installation of the package."""
+from glob import glob
+
+from setuptools import setup
+
+PACKAGE = 'edge_tracking'
+FOLDERS = ('launch', 'config', 'scenes', 'urdf', 'rviz')
+
+setup(
+    name=PACKAGE,
+    version='0.1.0',
+    packages=[PACKAGE],
+    data_files=[
+        ('share/ament_index/resource_index/packages', [f'resource/{PACKAGE}']),
+        (f'share/{PACKAGE}', ['package.xml']),
+        *((f'share/{PACKAGE}/{folder}', files)
+          for folder in FOLDERS if (files := glob(f'{folder}/*.*'))),
+    ],
+    install_requires=['setuptools'],
+    zip_safe=True,
+    maintainer='Tactile stack maintainers',
+    maintainer_email='maintainers@tactile.invalid',
+    description='A robot follows an edge by touch: launch files, scenes, robot and demo.',
+    license='Apache-2.0',
+    entry_points={'console_scripts': [f'demo = {PACKAGE}.demo:main']},
+)

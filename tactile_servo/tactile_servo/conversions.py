@@ -1,0 +1,160 @@
+"""Messages of the servo and the robot to and from core types."""
+
+from array import array
+
+from geometry_msgs.msg import Pose
+import numpy as np
+from sensor_msgs.msg import JointState
+from tactile_sensing.conversions import stamp_to_seconds
+from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
+
+from tactile_servo.errors import ConfigurationError, Rejected
+from tactile_servo.trajectory import Trajectory
+
+_FIELDS = ('positions', 'velocities', 'accelerations')
+
+
+def _set_time(stamp, seconds):
+    stamp.sec, stamp.nanosec = divmod(round(seconds * 1e9), 1_000_000_000)
+
+
+def trajectory_to_msg(trajectory):
+    """JointTrajectory message of a Trajectory."""
+    message = JointTrajectory(joint_names=list(trajectory.joint_names))
+    _set_time(message.header.stamp, trajectory.stamp)
+    rows = {name: getattr(trajectory, name) for name in _FIELDS}
+    for k, time in enumerate(trajectory.times):
+        point = JointTrajectoryPoint()
+        _set_time(point.time_from_start, float(time))
+        for name, values in rows.items():
+            if values is not None:
+                setattr(point, name, array('d', values[k].tobytes()))
+        message.points.append(point)
+    return message
+
+
+def trajectory_from_msg(message):
+    """
+    Trajectory of a JointTrajectory message.
+
+    Raises
+    ------
+    Rejected
+        No Trajectory holds it: a field's length is not that of the joint names, positions are
+        missing, there are efforts, or a field is given for some points only (which a
+        joint_trajectory_controller takes, but nobody means).
+
+    """
+    names = tuple(message.joint_names)
+    for k, point in enumerate(message.points):
+        for name in _FIELDS:
+            count = len(getattr(point, name))
+            if count != len(names) and (count or name == 'positions'):
+                raise Rejected(f'point {k} has {count} {name} for {len(names)} joints')
+        if len(point.effort):
+            raise Rejected(f'point {k} has effort, which a position controller does not take')
+    values = {}
+    for name in _FIELDS:
+        rows = [getattr(point, name) for point in message.points]
+        given = [len(row) > 0 for row in rows]
+        if any(given) and not all(given):
+            raise Rejected(f'point {given.index(False)} has no {name}, but others have')
+        values[name] = np.array(rows, dtype=float).reshape(len(rows), len(names)) if (
+            all(given) or name == 'positions') else None
+    return Trajectory(
+        names,
+        np.array([stamp_to_seconds(point.time_from_start) for point in message.points]),
+        stamp=stamp_to_seconds(message.header.stamp), **values)
+
+
+def joint_state_to_msg(stamp, joint_names, positions, velocities):
+    """
+    JointState message.
+
+    Parameters
+    ----------
+    stamp : builtin_interfaces.msg.Time
+    joint_names : sequence of str
+    positions, velocities : ndarray (n,)
+        [rad or m], [rad/s or m/s].
+
+    """
+    message = JointState(name=list(joint_names))
+    message.header.stamp = stamp
+    message.position = array('d', np.asarray(positions, dtype=float).tobytes())
+    message.velocity = array('d', np.asarray(velocities, dtype=float).tobytes())
+    return message
+
+
+def joint_state_from_msg(message, joint_names):
+    """
+    Positions and velocities (n,) of the named joints; velocities NaN where not reported.
+
+    Raises
+    ------
+    ConfigurationError
+        A joint is missing or has no position.
+
+    """
+    index = {name: i for i, name in enumerate(message.name)}
+    missing = [name for name in joint_names
+               if index.get(name, len(message.position)) >= len(message.position)]
+    if missing:
+        raise ConfigurationError(f'joint state: no position of {", ".join(missing)}')
+    order = [index[name] for name in joint_names]
+    positions = np.array(message.position)[order]
+    if len(message.velocity) != len(message.name):
+        return positions, np.full(len(order), np.nan)
+    return positions, np.array(message.velocity)[order]
+
+
+def pose_to_msg(matrix):
+    """Pose message of a homogeneous transform (4, 4) [m]."""
+    pose = Pose()
+    pose.position.x, pose.position.y, pose.position.z = (float(v) for v in matrix[:3, 3])
+    x, y, z, w = _quaternion(matrix[:3, :3])
+    pose.orientation.x, pose.orientation.y, pose.orientation.z, pose.orientation.w = x, y, z, w
+    return pose
+
+
+def pose_from_msg(pose):
+    """
+    Homogeneous transform (4, 4) of a Pose message [m].
+
+    Raises
+    ------
+    ConfigurationError
+        The quaternion's length is not 1 within 1e-3, or a number is not finite.
+
+    """
+    q = pose.orientation
+    x, y, z, w = q.x, q.y, q.z, q.w
+    position = pose.position.x, pose.position.y, pose.position.z
+    square = x * x + y * y + z * z + w * w
+    if not (abs(square - 1.0) < 2e-3 and np.all(np.isfinite(position))):
+        raise ConfigurationError(
+            f'pose: quaternion ({x:.4g}, {y:.4g}, {z:.4g}, {w:.4g}) at {position}, must be '
+            'finite and of length 1')
+    s = 2.0 / square
+    return np.array([
+        [1.0 - s * (y * y + z * z), s * (x * y - w * z), s * (x * z + w * y), position[0]],
+        [s * (x * y + w * z), 1.0 - s * (x * x + z * z), s * (y * z - w * x), position[1]],
+        [s * (x * z - w * y), s * (y * z + w * x), 1.0 - s * (x * x + y * y), position[2]],
+        [0.0, 0.0, 0.0, 1.0]])
+
+
+def _quaternion(rotation):
+    """Quaternion (x, y, z, w) of a rotation matrix (3, 3), by its largest component."""
+    (a, b, c), (d, e, f), (g, h, i) = rotation.tolist()
+    squares = (1.0 + a - e - i, 1.0 - a + e - i, 1.0 - a - e + i, 1.0 + a + e + i)
+    largest = max(range(4), key=squares.__getitem__)
+    r = squares[largest] ** 0.5
+    s = 0.5 / r
+    half = 0.5 * r
+    if largest == 3:
+        return (h - f) * s, (c - g) * s, (d - b) * s, half
+    if largest == 0:
+        return half, (b + d) * s, (c + g) * s, (h - f) * s
+    if largest == 1:
+        return (b + d) * s, half, (f + h) * s, (c - g) * s
+    return (c + g) * s, (f + h) * s, half, (d - b) * s
