@@ -11,7 +11,7 @@ from tactile_sensing.image import COMPONENTS, Layer, SensorInfo
 
 UNITS = ('Pa', 'counts')
 # Fewer frames tell neither the noise nor whether the picture is steady.
-MIN_TARE_FRAMES = 10
+MIN_TARE_FRAMES = 20
 
 
 class TareRefusedError(TactileSensingError):

@@ -12,7 +12,7 @@ were held back meanwhile are genuine and are delivered, late.
 
 A picture that does not change and holds the marker looks the same from two phases. Without lock
 the decoder then waits up to `AMBIGUOUS_PERIODS` for noise to tell them apart before it takes the
-earlier one; a wrong choice ends with the first change of the two tactels that mimic the marker.
+earlier one. A wrong choice ends with the first change of the two tactels that mimic the marker.
 """
 from dataclasses import dataclass
 import enum
@@ -179,36 +179,40 @@ class FlexiTacDecoder:
                 self._drop(max(len(buffer) - 1, 0))
                 return False
             self._checked = start
-            confirmed = self._confirmed(start)
-            if confirmed is None:
+            count, broken = self._run(start)
+            waiting = not broken and count < LOCK_PERIODS
+            if count >= LOCK_PERIODS:
+                rival, rival_broken = self._longest_rival(start)
+                waiting = not (broken or rival_broken) and count < AMBIGUOUS_PERIODS
+                broken = broken and (not rival_broken or rival > count)
+            if broken:
                 self._checked = start + 1
                 continue
             self._drop(start)
-            if confirmed < LOCK_PERIODS or (confirmed < AMBIGUOUS_PERIODS and self._ambiguous()):
+            if waiting:
                 return False
-            self._held = confirmed
+            self._held = count
             self.locked = True
             return True
 
-    def _confirmed(self, start):
-        """Count the periods after `start` that end with a marker; None: one does not."""
+    def _run(self, start):
+        """Count the periods after `start` that end with a marker, and tell whether one fails."""
         count = 0
         position = start + self._period
         while count < AMBIGUOUS_PERIODS and position + len(MARKER) <= len(self._buffer):
             if not self._marker_at(position):
-                return None
+                return count, True
             count += 1
             position += self._period
-        return count
+        return count, False
 
-    def _ambiguous(self):
-        """Whether frames could as well start elsewhere in the first period of the buffer."""
-        other = self._buffer.find(MARKER, 1, self._period)
-        while other >= 0:
-            if self._confirmed(other) is not None:
-                return True
-            other = self._buffer.find(MARKER, other + 1, self._period)
-        return False
+    def _longest_rival(self, start):
+        """Return the longest run, best an unbroken one, from elsewhere in the period."""
+        best = (0, True)
+        other = start
+        while (other := self._buffer.find(MARKER, other + 1, start + self._period)) >= 0:
+            best = max(best, self._run(other), key=lambda run: (not run[1], run[0]))
+        return best
 
     def _marker_at(self, position):
         return self._buffer.startswith(MARKER, position)

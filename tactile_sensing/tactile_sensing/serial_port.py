@@ -1,5 +1,6 @@
 """Serial port of a sensor: opening it for low latency and reading what is there."""
 import os
+import termios
 
 import serial
 
@@ -27,7 +28,10 @@ class SensorPort:
     def __init__(self, path, baud):
         self._path = path
         self._device = os.path.realpath(path)
-        self._serial = serial.Serial(path, baud, timeout=READ_TIMEOUT, exclusive=True)
+        try:
+            self._serial = serial.Serial(path, baud, timeout=READ_TIMEOUT, exclusive=True)
+        except (termios.error, ValueError) as error:  # gone while it was opened; impossible baud
+            raise OSError(f'could not configure port {path}: {error}') from error
         try:
             # USB adapters hold bytes back for up to 16 ms otherwise.
             self._serial.set_low_latency_mode(True)

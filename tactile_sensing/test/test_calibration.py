@@ -1,0 +1,192 @@
+"""Calibration file, tare, invalid tactels."""
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tactile_sensing.array import TactelArray
+from tactile_sensing.calibration import Calibration, load_calibration, TareRefusedError
+from tactile_sensing.errors import ConfigurationError
+
+SHIPPED = Path(__file__).parents[1] / 'config'
+ARRAY = TactelArray(4, 5, 0.001, 0.002)
+RNG_SEED = 3
+
+
+def calibration(**values):
+    return Calibration(ARRAY, **{'gain': 100.0, 'baseline': 10, 'depth': 0.002, **values})
+
+
+def frames(count=50, level=10.0, noise=1.0):
+    rng = np.random.default_rng(RNG_SEED)
+    values = level + noise * rng.standard_normal((count, *ARRAY.shape))
+    return np.clip(np.rint(values), 0, 255).astype(np.uint8)
+
+
+def test_shipped_files():
+    pad = load_calibration(SHIPPED / 'flexitac_16x16.yaml')
+    assert pad.array.shape == (16, 16)
+    assert pad.array.size_x == pytest.approx(0.0254)
+    assert pad.gain[0, 0] * 255 == pytest.approx(160e3, rel=1e-4)
+    assert (pad.unit, pad.depth, pad.skin_stiffness) == ('Pa', 0.002, 2e5)
+    assert pad.acquisition_delay == 0.0025
+    finger = load_calibration(SHIPPED / 'tekscan_finger_28x28.yaml')
+    assert (finger.array.shape, finger.unit, finger.array.pitch_x) == ((28, 28), 'counts', 0.00127)
+
+
+def test_counts_to_pressure_without_and_with_tare():
+    pad = calibration()
+    counts = np.full(ARRAY.shape, 30, np.uint8)
+    layer, saturated = pad.converter()(counts)
+    assert layer.stress.dtype == np.float32
+    np.testing.assert_allclose(layer.stress, 2000.0)
+    assert (layer.component, layer.depth, layer.unit, saturated) == ('zz', 0.002, 'Pa', 0)
+    assert (layer.full_scale, layer.noise_std) == (24500.0, 0.0)
+    tare = pad.make_tare(frames(level=12.0))
+    layer, _ = pad.converter(tare)(counts)
+    np.testing.assert_allclose(layer.stress, 100.0 * (30 - tare.offset), rtol=1e-5)
+    assert layer.noise_std == pytest.approx(100.0, rel=0.1)
+    assert layer.full_scale == pytest.approx(100.0 * (255 - tare.offset.max()))
+
+
+def test_gain_per_tactel():
+    gain = np.arange(1, 21, dtype=float).reshape(ARRAY.shape)
+    layer, _ = calibration(gain=gain.tolist()).converter()(np.full(ARRAY.shape, 11, np.uint8))
+    np.testing.assert_allclose(layer.stress, gain)
+
+
+def test_dead_and_saturated_tactels_are_nan():
+    pad = calibration(dead_tactels=(0, 7), saturation=250)
+    counts = np.full(ARRAY.shape, 20, np.uint8)
+    counts[0, 0] = counts[2, 3] = 250
+    counts[3, 4] = 249
+    layer, saturated = pad.converter()(counts)
+    assert saturated == 1  # a dead one does not count
+    assert np.argwhere(np.isnan(layer.stress)).tolist() == [[0, 0], [1, 2], [2, 3]]
+    # The picture before leaves nothing behind.
+    assert np.isnan(pad.converter()(counts * 0 + 20)[0].stress).sum() == 2
+
+
+def test_tare_is_the_mean_and_the_noise():
+    tare = calibration().make_tare(frames())
+    np.testing.assert_allclose(tare.offset, frames().mean(axis=0), rtol=1e-6)
+    assert tare.noise_std == pytest.approx(np.hypot(1.0, 12 ** -0.5), rel=0.05)
+
+
+@pytest.mark.parametrize('count', [20, 50, 200])
+def test_noise_alone_is_never_refused(count):
+    pad = Calibration.uncalibrated(16, 16, 0.001, baseline=10)
+    rng = np.random.default_rng(RNG_SEED)
+    for _ in range(20):
+        values = np.rint(10 + rng.standard_normal((count, 16, 16)))
+        pad.make_tare(values.astype(np.uint8))
+
+
+def test_tare_refused_under_load():
+    loaded = frames()
+    loaded[:, 1, 2] += 6
+    with pytest.raises(TareRefusedError, match='under load: 1 tactels.*row 1 column 2 by [+]'):
+        calibration().make_tare(loaded)
+    calibration(dead_tactels=(7,)).make_tare(loaded)
+    calibration(tare_tolerance=10).make_tare(loaded)
+
+
+def test_tare_refused_when_saturated():
+    with pytest.raises(TareRefusedError, match='under load: 20 tactels'):
+        calibration().make_tare(frames(level=300.0))
+
+
+def test_tare_refused_when_not_steady():
+    moving = frames()
+    moving[25:, 0, 0] += 4
+    with pytest.raises(TareRefusedError, match='not steady: a tactel changes by [34]'):
+        calibration().make_tare(moving)
+
+
+@pytest.mark.parametrize('bad, reason', [
+    (frames(19), '19 frames, at least 20'),
+    (frames()[:, :3], 'shape'),
+    (frames()[0], 'shape'),
+])
+def test_tare_refused_without_enough_frames(bad, reason):
+    with pytest.raises(TareRefusedError, match=reason):
+        calibration().make_tare(bad)
+
+
+def test_uncalibrated_passes_counts_through():
+    finger = Calibration.uncalibrated(28, 28, 0.00127)
+    counts = np.random.default_rng(RNG_SEED).integers(0, 255, (28, 28), np.uint8)
+    layer, _ = finger.converter()(counts)
+    assert layer.unit == 'counts'
+    np.testing.assert_array_equal(layer.stress, counts)
+    assert Calibration.uncalibrated(2, 3, [0.001, 0.002]).array.pitch_y == 0.002
+
+
+def test_sensor_info():
+    pad = calibration(dead_tactels=(3,), max_load=40.0, source='here')
+    info = pad.sensor_info('pad', 'frame', 5, pad.make_tare(frames()), 4)
+    assert (info.sensor, info.frame_id, info.stamp_ns, info.tared_at_ns) == ('pad', 'frame', 5, 4)
+    assert (info.array, info.dead_tactels, info.max_load) == (ARRAY, (3,), 40.0)
+    assert info.calibration == 'here'
+    assert info.layers[0].noise_std > 0 and info.layers[0].stress.size == 0
+
+
+@pytest.mark.parametrize('values, reason', [
+    ({'gain': 0.0}, 'gain is 0.0'),
+    ({'gain': [[1.0]]}, 'gain must be a number or 4 rows of 5'),
+    ({'gain': 'much'}, 'gain must be a number'),
+    ({'gain': float('nan')}, 'all finite'),
+    ({'unit': 'kPa'}, "unit is 'kPa', must be one of"),
+    ({'component': 'xx'}, "component is 'xx'"),
+    ({'baseline': 255}, 'below saturation = 255'),
+    ({'baseline': -1}, 'at least 0'),
+    ({'saturation': 0}, 'saturation is 0, must be an integer from 1'),
+    ({'saturation': 25.0}, 'saturation is 25.0'),
+    ({'dead_tactels': (20,)}, 'dead_tactels holds 20, must be integers from 0 to 19'),
+    ({'dead_tactels': tuple(range(20))}, 'every tactel'),
+    ({'depth': -0.001}, 'depth is -0.001'),
+    ({'depth': '2 mm'}, "depth is '2 mm'"),
+    ({'tare_tolerance': float('nan')}, 'tare_tolerance is nan'),
+    ({'model': 3}, 'model is 3, must be a text'),
+])
+def test_impossible_values(values, reason):
+    with pytest.raises(ConfigurationError, match=reason):
+        calibration(**values)
+
+
+GOOD = 'rows: 2\ncolumns: 3\npitch: 0.001\ngain: 1.5\n'
+
+
+@pytest.mark.parametrize('text, reason', [
+    ('', 'must be a mapping'),
+    ('- 1', 'must be a mapping'),
+    ('rows: [', 'not YAML'),
+    ('\x00', 'not YAML'),
+    (GOOD + 'colour: red', "unknown key 'colour'"),
+    (GOOD + '1: red', "unknown key '1'"),
+    (GOOD.replace('rows: 2', ''), "key 'rows' is missing"),
+    (GOOD.replace('2', '2.5'), 'rows is 2.5, must be an integer'),
+    (GOOD.replace('0.001', '-1'), 'pitch_x is -1'),
+    (GOOD.replace('0.001', '[1, 2, 3]'), 'pitch is'),
+    (GOOD.replace('0.001', 'wide'), "pitch_x is 'wide'"),
+    (GOOD + 'dead_tactels: [[2, 0]]', 'dead_tactels holds'),
+    (GOOD + 'dead_tactels: 3', 'dead_tactels holds 3'),
+    (GOOD + 'dead_tactels: [3]', 'dead_tactels holds 3'),
+    (GOOD + 'depth: null', 'depth is None'),
+])
+def test_impossible_files(tmp_path, text, reason):
+    path = tmp_path / 'pad.yaml'
+    path.write_text(text)
+    with pytest.raises(ConfigurationError, match=reason) as caught:
+        load_calibration(path)
+    assert str(caught.value).startswith(f'calibration {path}: ')
+    assert '\n' not in str(caught.value)
+
+
+def test_good_file(tmp_path):
+    path = tmp_path / 'pad.yaml'
+    path.write_text(GOOD + 'dead_tactels: [[1, 2], [0, 1]]')
+    pad = load_calibration(path)
+    assert (pad.dead_tactels, pad.source) == ((5, 1), str(path))
+    with pytest.raises(ConfigurationError, match='No such file'):
+        load_calibration(tmp_path / 'none.yaml')

@@ -1,0 +1,101 @@
+"""Core data to ROS messages and back."""
+import numpy as np
+import pytest
+
+pytest.importorskip('tactile_msgs.msg')
+
+from builtin_interfaces.msg import Duration, Time  # noqa: E402
+
+from tactile_sensing.array import TactelArray  # noqa: E402
+from tactile_sensing.calibration import Calibration  # noqa: E402
+from tactile_sensing.conversions import (  # noqa: E402
+    image_from_msg, image_to_msg, sensor_info_from_msg, sensor_info_to_msg, stamp_from_ns,
+    stamp_from_seconds, stamp_to_ns, stamp_to_seconds,
+)
+from tactile_sensing.errors import TactileSensingError  # noqa: E402
+from tactile_sensing.image import Layer, TactileImage  # noqa: E402
+
+ARRAY = TactelArray(3, 4, 0.0015, 0.0025)
+
+
+def image():
+    stress = np.arange(12, dtype=np.float32).reshape(3, 4)
+    stress[1, 2] = np.nan
+    layers = (Layer('zz', 0.002, stress, 160e3, 630.0, 'Pa'),
+              Layer('yz', 0.004, -stress, 0.0, 0.0, 'counts'))
+    return TactileImage(1_700_000_000_123_456_789, 2 ** 40, layers, ARRAY, True, 1, 'pad', 'left')
+
+
+def test_image_round_trip():
+    sent = image()
+    message = image_to_msg(sent)
+    assert (message.rows, message.columns, message.header.stamp.nanosec) == (3, 4, 123_456_789)
+    back = image_from_msg(message)
+    for name in ('stamp_ns', 'sequence', 'tared', 'saturated', 'frame_id', 'sensor'):
+        assert getattr(back, name) == getattr(sent, name)
+    assert back.array.shape == ARRAY.shape
+    assert back.array.pitch_y == pytest.approx(ARRAY.pitch_y, rel=1e-6)
+    for got, want in zip(back.layers, sent.layers, strict=True):
+        np.testing.assert_array_equal(got.stress, want.stress)
+        assert got.stress.dtype == np.float32
+        assert (got.component, got.unit) == (want.component, want.unit)
+        assert got.depth == pytest.approx(want.depth)
+        assert (got.full_scale, got.noise_std) == (want.full_scale, want.noise_std)
+
+
+def test_a_transposed_view_is_sent_row_major():
+    stress = np.arange(12, dtype=np.float64).reshape(4, 3).T
+    message = image_to_msg(TactileImage(0, 0, (Layer('zz', 0.0, stress),), ARRAY))
+    np.testing.assert_array_equal(image_from_msg(message).layers[0].stress, stress)
+
+
+def test_geometry_is_shared_between_pictures():
+    message = image_to_msg(image())
+    assert image_from_msg(message).array is image_from_msg(message).array
+
+
+def test_sensor_info_round_trip():
+    pad = Calibration(ARRAY, 100.0, dead_tactels=(2, 5), depth=0.002, max_load=40.0,
+                      skin_stiffness=2e5, acquisition_delay=0.0025, nominal_rate=200.0,
+                      serial_number='7', source='pad.yaml')
+    sent = pad.sensor_info('left', 'pad', 12, tared_at_ns=11)
+    back = sensor_info_from_msg(sensor_info_to_msg(sent))
+    for name in ('stamp_ns', 'frame_id', 'sensor', 'model', 'serial_number', 'dead_tactels',
+                 'calibration', 'tared_at_ns'):
+        assert getattr(back, name) == getattr(sent, name)
+    for name in ('max_load', 'skin_stiffness', 'acquisition_delay', 'nominal_rate'):
+        assert getattr(back, name) == pytest.approx(getattr(sent, name))
+    assert back.layers[0].full_scale == 25500.0 and back.layers[0].stress.size == 0
+
+
+def change_layer(name, value):
+    def change(message):
+        setattr(message.layers[0], name, value)
+    return change
+
+
+@pytest.mark.parametrize('change, reason', [
+    (change_layer('stress', [1.0, 2.0]), 'stress has 2 values, must be 3 x 4'),
+    (change_layer('stress', []), 'stress has 0 values'),
+    (change_layer('component', 9), 'component is 9'),
+    (lambda message: setattr(message, 'rows', 0), 'rows is 0'),
+    (lambda message: setattr(message, 'pitch_x', float('nan')), 'pitch_x is nan'),
+])
+def test_malformed_messages(change, reason):
+    message = image_to_msg(image())
+    change(message)
+    with pytest.raises(TactileSensingError, match=reason):
+        image_from_msg(message)
+
+
+@pytest.mark.parametrize('nanoseconds', [0, 1, 999_999_999, 1_000_000_000, 1_700_000_000_000_000_1])
+def test_stamps(nanoseconds):
+    stamp = stamp_from_ns(nanoseconds)
+    assert stamp_to_ns(stamp) == nanoseconds
+    assert stamp_to_seconds(stamp) == pytest.approx(nanoseconds * 1e-9)
+    assert abs(stamp_to_ns(stamp_from_seconds(nanoseconds * 1e-9)) - nanoseconds) < 10
+
+
+def test_durations_are_stamps_as_well():
+    assert stamp_to_ns(Duration(sec=-1, nanosec=500_000_000)) == -500_000_000
+    assert stamp_from_ns(-500_000_000) == Time(sec=-1, nanosec=500_000_000)
