@@ -2,12 +2,15 @@
 
 from array import array
 
-from geometry_msgs.msg import Pose
+from geometry_msgs.msg import Pose, PoseStamped
 import numpy as np
 from sensor_msgs.msg import JointState
-from tactile_sensing.conversions import stamp_to_seconds
+from tactile_msgs.action import TrackEdge
+from tactile_msgs.msg import ServoStatus
+from tactile_sensing.conversions import stamp_from_ns, stamp_to_seconds
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
+from tactile_servo.edge_servo import EdgeGoal
 from tactile_servo.errors import ConfigurationError, Rejected
 from tactile_servo.trajectory import Trajectory
 
@@ -86,26 +89,17 @@ def joint_state_to_msg(stamp, joint_names, positions, velocities):
     return message
 
 
-def joint_state_from_msg(message, joint_names):
+def joint_positions(message, joint_names):
     """
-    Positions and velocities (n,) of the named joints; velocities NaN where not reported.
+    Positions (n,) of the named joints [rad or m], None if the message lacks one of them.
 
-    Raises
-    ------
-    ConfigurationError
-        A joint is missing or has no position.
-
+    Other joints may stand in the message, and the joints in any order.
     """
     index = {name: i for i, name in enumerate(message.name)}
-    missing = [name for name in joint_names
-               if index.get(name, len(message.position)) >= len(message.position)]
-    if missing:
-        raise ConfigurationError(f'joint state: no position of {", ".join(missing)}')
-    order = [index[name] for name in joint_names]
-    positions = np.array(message.position)[order]
-    if len(message.velocity) != len(message.name):
-        return positions, np.full(len(order), np.nan)
-    return positions, np.array(message.velocity)[order]
+    order = [index.get(name, len(message.position)) for name in joint_names]
+    if max(order) >= len(message.position):
+        return None
+    return np.array(message.position)[order]
 
 
 def pose_to_msg(matrix):
@@ -158,3 +152,39 @@ def _quaternion(rotation):
     if largest == 1:
         return (b + d) * s, half, (f + h) * s, (c - g) * s
     return (c + g) * s, (f + h) * s, half, (d - b) * s
+
+
+def goal_from_msg(message):
+    """EdgeGoal of a TrackEdge goal message; direction 0 means +1."""
+    return EdgeGoal(message.speed, message.force, message.direction or 1, message.length,
+                    message.retreat)
+
+
+def result_to_msg(servo, duration, base_frame):
+    """TrackEdge result of a servo whose goal has ended after `duration` [s]."""
+    track = servo.statistics
+    message = TrackEdge.Result(
+        success=servo.success, reason=servo.reason, tracked_length=track.length,
+        duration=duration, lateral_rms=track.lateral_rms, lateral_max=track.lateral_max,
+        force_rms_error=track.force_rms_error, force_max=track.force_max)
+    for stamp_ns, pose in track.contour:
+        stamped = PoseStamped(pose=pose_to_msg(pose))
+        stamped.header.stamp, stamped.header.frame_id = stamp_from_ns(stamp_ns), base_frame
+        message.contour.append(stamped)
+    return message
+
+
+def status_to_msg(status, controller, cycle_time, missed_cycles):
+    """ServoStatus message of a Status, its header left empty."""
+    message = ServoStatus(
+        controller=controller, state=int(status.state), reason=status.reason,
+        contact_stamp=stamp_from_ns(status.contact_stamp_ns),
+        contact_fresh=status.contact_fresh, joints_fresh=status.joints_fresh,
+        limited_by=status.limited_by, cycle_time=cycle_time, missed_cycles=missed_cycles,
+        **{name: float(getattr(status, name)) for name in (
+            'lateral_error', 'angle_error', 'normal_force', 'force_target', 'speed', 'progress',
+            'limit_scale', 'manipulability')})
+    twist = message.twist
+    twist.linear.x, twist.linear.y, twist.linear.z = status.twist[:3].tolist()
+    twist.angular.x, twist.angular.y, twist.angular.z = status.twist[3:].tolist()
+    return message

@@ -1,0 +1,118 @@
+"""Messages to core types and back."""
+
+from builtin_interfaces.msg import Time
+from geometry_msgs.msg import Pose
+import numpy as np
+import pytest
+from sensor_msgs.msg import JointState
+from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
+
+from tactile_servo.conversions import (
+    joint_positions, joint_state_to_msg, pose_from_msg, pose_to_msg, trajectory_from_msg,
+    trajectory_to_msg)
+from tactile_servo.errors import ConfigurationError, Rejected
+from tactile_servo.trajectory import Trajectory
+
+RNG = np.random.default_rng(3)
+
+
+@pytest.mark.parametrize('fields', [0, 1, 2])
+def test_trajectory_round_trip(fields):
+    arrays = [RNG.normal(size=(4, 2)) for _ in range(3)]
+    sent = Trajectory(('a', 'b'), np.array([0.0, 0.0025, 0.1, 3.5]), *arrays[:fields + 1],
+                      stamp=12.25)
+    got = trajectory_from_msg(trajectory_to_msg(sent))
+    assert got.joint_names == sent.joint_names
+    assert got.stamp == pytest.approx(sent.stamp, abs=1e-9)
+    np.testing.assert_allclose(got.times, sent.times, atol=1e-9)
+    for name in ('positions', 'velocities', 'accelerations'):
+        expected = getattr(sent, name)
+        if expected is None:
+            assert getattr(got, name) is None
+        else:
+            np.testing.assert_array_equal(getattr(got, name), expected)
+
+
+def test_trajectory_of_transposed_arrays_keeps_its_rows():
+    positions = RNG.normal(size=(2, 3)).T
+    message = trajectory_to_msg(Trajectory(('a', 'b'), np.array([1.0, 2.0, 3.0]), positions))
+    np.testing.assert_array_equal([p.positions for p in message.points], positions)
+
+
+def test_times_are_rounded_to_nanoseconds():
+    message = trajectory_to_msg(
+        Trajectory(('a',), np.array([0.9999999999]), np.zeros((1, 1)), stamp=1.9999999999))
+    assert (message.points[0].time_from_start.sec, message.header.stamp.sec) == (1, 2)
+    assert message.points[0].time_from_start.nanosec == message.header.stamp.nanosec == 0
+
+
+def test_empty_trajectory_is_no_error_of_the_conversion():
+    trajectory = trajectory_from_msg(JointTrajectory())
+    assert trajectory.joint_names == () and trajectory.positions.shape == (0, 0)
+
+
+@pytest.mark.parametrize('point, reason', [
+    ({}, '0 positions for 2 joints'),
+    ({'positions': [1.0]}, '1 positions for 2 joints'),
+    ({'positions': [1.0, 2.0], 'velocities': [0.0]}, '1 velocities'),
+    ({'positions': [1.0, 2.0], 'accelerations': [0.0] * 3}, '3 accelerations'),
+    ({'positions': [1.0, 2.0], 'effort': [0.0, 0.0]}, 'effort'),
+])
+def test_malformed_points_are_rejected(point, reason):
+    message = JointTrajectory(joint_names=['a', 'b'], points=[JointTrajectoryPoint(**point)])
+    with pytest.raises(Rejected, match=reason):
+        trajectory_from_msg(message)
+
+
+def test_velocities_in_some_points_only_are_rejected():
+    message = JointTrajectory(joint_names=['a'], points=[
+        JointTrajectoryPoint(positions=[1.0], velocities=[1.0]),
+        JointTrajectoryPoint(positions=[2.0])])
+    with pytest.raises(Rejected, match='point 1 has no velocities'):
+        trajectory_from_msg(message)
+
+
+def test_joint_state():
+    message = joint_state_to_msg(
+        Time(sec=3, nanosec=5), ('a', 'b', 'c'), np.array([1.0, 2.0, 3.0]), np.arange(3.0))
+    assert (message.header.stamp.sec, message.header.stamp.nanosec) == (3, 5)
+    assert list(message.velocity) == [0.0, 1.0, 2.0] and not message.effort
+    np.testing.assert_array_equal(joint_positions(message, ('c', 'a')), [3.0, 1.0])
+
+
+@pytest.mark.parametrize('message', [
+    JointState(), JointState(name=['a'], position=[1.0]), JointState(name=['a', 'b']),
+    JointState(name=['a', 'b'], position=[1.0])])
+def test_joint_state_without_a_joint(message):
+    assert joint_positions(message, ('a', 'b')) is None
+
+
+def _rotation(axis, angle):
+    x, y, z = axis / np.linalg.norm(axis)
+    cross = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
+    return np.eye(3) + np.sin(angle) * cross + (1.0 - np.cos(angle)) * cross @ cross
+
+
+@pytest.mark.parametrize('angle', [0.0, 1e-9, 0.3, 2.0, np.pi - 1e-6, np.pi, -2.5])
+def test_pose_round_trip(angle):
+    for axis in [*np.eye(3), *RNG.normal(size=(20, 3))]:
+        matrix = np.eye(4)
+        matrix[:3, :3], matrix[:3, 3] = _rotation(axis, angle), RNG.normal(size=3)
+        np.testing.assert_allclose(pose_from_msg(pose_to_msg(matrix)), matrix, atol=1e-14)
+
+
+def test_quarter_turn_about_z_has_the_usual_quaternion():
+    matrix = np.eye(4)
+    matrix[:3, :3] = _rotation(np.array([0.0, 0.0, 1.0]), np.pi / 2)
+    q = pose_to_msg(matrix).orientation
+    np.testing.assert_allclose([q.x, q.y, q.z, q.w], [0, 0, 0.5**0.5, 0.5**0.5], atol=1e-15)
+
+
+def test_pose_without_orientation_is_refused():
+    pose = Pose()
+    pose.orientation.w = 0.0
+    with pytest.raises(ConfigurationError, match='length 1'):
+        pose_from_msg(pose)
+    pose.orientation.w, pose.position.x = 1.0, float('nan')
+    with pytest.raises(ConfigurationError, match='finite'):
+        pose_from_msg(pose)

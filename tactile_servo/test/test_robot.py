@@ -1,0 +1,305 @@
+"""Kinematics against the Denavit-Hartenberg table, finite differences and the closed forms."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tactile_servo.errors import ConfigurationError, UnreachableError
+from tactile_servo.robot import RobotModel, damped_least_squares
+
+PUMA = Path(__file__).resolve().parents[2] / 'launch/urdf/puma260.urdf'
+INCH = 0.0254
+FINGER = 0.1  # m along the tool's z
+TABLE = [(0.0, 90, 13.0), (8.0, 0, -2.5), (0.0, -90, -2.5),
+         (0.0, 90, 8.0), (0.0, -90, 0.0), (0.0, 0, 2.5)]  # a [in], alpha [deg], d [in]
+LIMITS = [(-180, 110), (-75, 240), (-235, 60), (-580, 40), (-120, 110), (-215, 295)]
+DOWN = np.array([[-1.0, 0, 0], [0, 1, 0], [0, 0, -1]])  # pad y = base y, pad z = -base z
+WELL = np.radians([-39.6, 37.0, -170.3, 0.0, -46.8, -39.6])  # far from every singularity
+
+
+@pytest.fixture(scope='module')
+def puma():
+    return RobotModel.from_urdf(PUMA, 'tactile_pad')
+
+
+def forward_by_table(q):
+    """Product of the standard Denavit-Hartenberg matrices, and the finger."""
+    pose = np.eye(4)
+    for (a, alpha, d), theta in zip(TABLE, q):
+        c, s = np.cos(theta), np.sin(theta)
+        ca, sa = np.cos(np.radians(alpha)), np.sin(np.radians(alpha))
+        pose = pose @ np.array([
+            [c, -s * ca, s * sa, a * INCH * c],
+            [s, c * ca, -c * sa, a * INCH * s],
+            [0, sa, ca, d * INCH],
+            [0, 0, 0, 1]])
+    pose[:3, 3] += FINGER * pose[:3, 2]
+    return pose
+
+
+def down_at(x, y, z, yaw=0.0):
+    c, s = np.cos(yaw), np.sin(yaw)
+    pose = np.eye(4)
+    pose[:3, :3] = DOWN @ np.array([[c, -s, 0], [s, c, 0], [0, 0, 1]])
+    pose[:3, 3] = x, y, z
+    return pose
+
+
+def jacobian_by_differences(model, q, step=1e-6):
+    columns = []
+    rotation = model.pose(q)[:3, :3]
+    for i in range(len(q)):
+        d = np.zeros(len(q))
+        d[i] = step
+        change = (model.pose(q + d) - model.pose(q - d)) / (2 * step)
+        spin = rotation.T @ change[:3, :3]
+        columns.append([*(rotation.T @ change[:3, 3]), spin[2, 1], spin[0, 2], spin[1, 0]])
+    return np.array(columns).T
+
+
+def test_forward_kinematics_is_the_table(puma):
+    rng = np.random.default_rng(0)
+    for q in rng.uniform(puma.lower, puma.upper, (100, 6)):
+        np.testing.assert_allclose(puma.pose(q), forward_by_table(q), atol=1e-14)
+
+
+def test_limits_are_the_table(puma):
+    np.testing.assert_allclose(np.degrees([puma.lower, puma.upper]).T, LIMITS, atol=1e-9)
+    assert puma.joint_names == tuple(f'joint_{i}' for i in range(1, 7))
+    assert puma.root_frame == 'base_link' and np.all(puma.velocity_limit > 0)
+    np.testing.assert_allclose(puma.middle, 0.5 * (puma.lower + puma.upper))
+    assert puma.within_limits(puma.middle) and not puma.within_limits(puma.upper + 1e-9)
+
+
+def test_jacobian_is_the_derivative_in_the_tip_frame(puma):
+    rng = np.random.default_rng(1)
+    for q in rng.uniform(puma.lower, puma.upper, (50, 6)):
+        np.testing.assert_allclose(
+            puma.jacobian(q), jacobian_by_differences(puma, q), atol=1e-9)
+
+
+def test_joint_order_can_be_chosen(puma):
+    order = [3, 0, 5, 1, 4, 2]
+    shuffled = RobotModel.from_urdf(
+        PUMA, 'tactile_pad', [puma.joint_names[i] for i in order])
+    q = np.random.default_rng(2).uniform(puma.lower, puma.upper)
+    np.testing.assert_allclose(shuffled.pose(q[order]), puma.pose(q), atol=1e-15)
+    np.testing.assert_allclose(
+        shuffled.jacobian(q[order]), puma.jacobian(q)[:, order], atol=1e-15)
+    np.testing.assert_array_equal(shuffled.lower, puma.lower[order])
+
+
+def test_results_do_not_change_with_the_next_call(puma):
+    pose, jacobian = puma.pose(WELL), puma.jacobian(WELL)
+    kept = pose.copy(), jacobian.copy()
+    puma.pose(np.zeros(6)), puma.jacobian(np.zeros(6))
+    np.testing.assert_array_equal(pose, kept[0])
+    np.testing.assert_array_equal(jacobian, kept[1])
+
+
+def test_xml_text_is_as_good_as_a_path(puma, capfd):
+    model = RobotModel.from_urdf(PUMA.read_text(encoding='utf-8'), 'tool0')
+    lever = model.pose(WELL)
+    lever[:3, 3] += FINGER * lever[:3, 2]
+    np.testing.assert_allclose(lever, puma.pose(WELL), atol=1e-15)
+    assert capfd.readouterr().out == ''
+
+
+# --- inverse kinematics -------------------------------------------------------------------------
+
+def test_inverse_finds_reachable_poses(puma):
+    rng = np.random.default_rng(4)
+    for q in rng.uniform(puma.lower, puma.upper, (20, 6)):
+        pose = puma.pose(q)
+        found = puma.inverse(pose, q + rng.normal(0.0, 0.2, 6))
+        np.testing.assert_allclose(puma.pose(found), pose, atol=2e-7)
+        assert puma.within_limits(found)
+
+
+def test_inverse_stays_in_the_branch_of_the_seed(puma):
+    q = np.array(WELL)
+    for y in np.linspace(-0.1, 0.1, 41):
+        following = puma.inverse(down_at(0.32, y, 0.15), q)
+        assert y == -0.1 or np.abs(following - q).max() < np.radians(5.0)
+        q = following
+
+
+def test_inverse_without_seed_is_clear_of_singularities_and_limits(puma):
+    q = puma.inverse(down_at(0.32, -0.1, 0.15))
+    _, smallest = damped_least_squares(puma.jacobian(q), np.zeros(6))
+    assert smallest > 0.015
+    assert np.minimum(q - puma.lower, puma.upper - q).min() > np.radians(30.0)
+    np.testing.assert_allclose(q, WELL, atol=np.radians(0.1))
+    np.testing.assert_array_equal(q, puma.inverse(down_at(0.32, -0.1, 0.15)))
+
+
+def test_unreachable_pose_says_how_far_it_got(puma):
+    with pytest.raises(UnreachableError, match=r'closest [\d.]+ mm, [\d.]+ deg'):
+        puma.inverse(down_at(0.9, 0.0, 0.1), WELL)
+
+
+@pytest.mark.parametrize('pose, seed, message', [
+    (np.eye(3), WELL, 'pose'),
+    (np.full((4, 4), np.nan), WELL, 'pose'),
+    (np.diag([1.0, 1, -1, 1]), WELL, 'no rotation'),
+    (np.eye(4), np.zeros(5), 'seed: 6 finite'),
+    (np.eye(4), np.full(6, np.nan), 'seed: 6 finite')])
+def test_inverse_refuses_nonsense(puma, pose, seed, message):
+    with pytest.raises(ConfigurationError, match=message):
+        puma.inverse(pose, seed)
+
+
+@pytest.mark.parametrize('x, z', [(0.32, 0.15), (0.36, 0.15), (0.34, 0.12)])
+@pytest.mark.parametrize('yaw', np.radians([-100.0, 0.0, 100.0]))
+def test_pad_looks_down_and_turns_along_an_edge(puma, x, z, yaw):
+    q = WELL
+    for y in np.linspace(-0.1, 0.1, 9):
+        q = puma.inverse(down_at(x, y, z, yaw), q)
+        assert damped_least_squares(puma.jacobian(q), np.zeros(6))[1] > 0.012
+        assert np.minimum(q - puma.lower, puma.upper - q).min() > np.radians(25.0)
+
+
+# --- damped least squares -----------------------------------------------------------------------
+
+def test_well_conditioned_arm_gets_the_exact_twist(puma):
+    rng = np.random.default_rng(5)
+    jacobian = puma.jacobian(WELL)
+    for twist in rng.normal(size=(20, 6)):
+        dq, smallest = damped_least_squares(jacobian, twist)
+        np.testing.assert_allclose(jacobian @ dq, twist, atol=1e-10)
+    weighted = jacobian * np.repeat([1.0, 0.04], 3)[:, None]
+    assert smallest == pytest.approx(np.linalg.svd(weighted, compute_uv=False)[-1], rel=1e-6)
+    assert smallest > 0.01
+
+
+def test_speeds_are_bounded_at_and_near_every_singularity(puma):
+    rng = np.random.default_rng(6)
+    wrist = np.array([0.2, 0.6, -2.9, 0.3, 0.0, 0.1])
+    elbow = np.array([0.2, 0.6, -np.pi / 2, 0.3, 0.5, 0.1])  # arm straight
+    for singular in (wrist, elbow, np.zeros(6)):
+        for distance in (0.0, 1e-9, 1e-4, 1e-2, 0.1):
+            q = singular + distance
+            jacobian = puma.jacobian(q)
+            for twist in rng.normal(size=(10, 6)):
+                dq, smallest = damped_least_squares(jacobian, twist, damping=0.02)
+                bound = np.linalg.norm(twist * np.repeat([1.0, 0.04], 3)) / 0.02
+                assert np.all(np.isfinite(dq)) and np.linalg.norm(dq) <= bound * (1 + 1e-9)
+            if distance == 0.0:
+                assert smallest < 1e-6
+
+
+def test_only_the_singular_direction_gives_way():
+    # A diagonal Jacobian: the fifth direction is short of the damping.
+    jacobian = np.diag([1.0, 0.5, 0.3, 5.0, 0.1, 2.0])
+    dq, smallest = damped_least_squares(jacobian, np.ones(6), damping=0.01, rotation_length=0.04)
+    assert smallest == pytest.approx(0.004)
+    achieved = jacobian @ dq
+    np.testing.assert_allclose(achieved[[0, 1, 2, 3, 5]], 1.0, rtol=1e-12)
+    assert achieved[4] == pytest.approx((0.004 / 0.01)**2)
+
+
+def test_speeds_are_continuous_where_the_damping_sets_in():
+    at = [damped_least_squares(np.diag([1.0, 1, s, 25, 25, 25]), np.ones(6))[0][2]
+          for s in 0.01 * (1.0 + np.array([-1e-7, 0.0, 1e-7]))]
+    np.testing.assert_allclose(at, 100.0, rtol=1e-5)
+
+
+@pytest.mark.parametrize('joints', [1, 3, 5, 7, 9])
+def test_any_number_of_joints(joints):
+    jacobian = np.random.default_rng(7).normal(size=(6, joints))
+    twist = np.ones(6)
+    dq, smallest = damped_least_squares(jacobian, twist, rotation_length=1.0)
+    np.testing.assert_allclose(dq, np.linalg.pinv(jacobian) @ twist, atol=1e-9)
+    assert smallest == pytest.approx(np.linalg.svd(jacobian, compute_uv=False)[-1], rel=1e-6)
+
+
+def test_position_holds_past_a_wrist_singularity(puma):
+    """At 100 mm/s past a wrist singularity missed by 2 mm, within the joints' speeds."""
+    q = np.array([0.0, 0.7, -2.7, 0.0, 0.0, 0.0])
+    pose = puma.pose(q)
+    across = pose[:3, :3] @ np.array([1.0, 0.0, 0.0])
+    aside = pose[:3, :3] @ np.array([0.0, 1.0, 0.0])
+    goal = pose.copy()
+    goal[:3, 3] += 0.002 * aside - 0.03 * across
+    q = puma.inverse(goal, q)
+    period, largest, smallest = 0.0025, 0.0, np.inf
+    for _ in range(240):
+        goal[:3, 3] += 0.1 * period * across
+        here = puma.pose(q)
+        rotation = here[:3, :3].T
+        turn = rotation @ goal[:3, :3]
+        spin = 0.5 * np.array([turn[2, 1] - turn[1, 2], turn[0, 2] - turn[2, 0],
+                               turn[1, 0] - turn[0, 1]])
+        error = np.array([*(rotation @ (goal[:3, 3] - here[:3, 3])), *spin])
+        dq, sigma = damped_least_squares(puma.jacobian(q), error / period * 0.5)
+        q = q + period * np.clip(dq, -puma.velocity_limit, puma.velocity_limit)
+        smallest = min(smallest, sigma)
+        largest = max(largest, np.linalg.norm(goal[:3, 3] - puma.pose(q)[:3, 3]))
+    assert smallest < 0.002
+    assert largest < 0.001  # m; the steady lag of this follower is half of it
+
+
+# --- what is refused ----------------------------------------------------------------------------
+
+def urdf(kind='revolute', limit='<limit lower="-1" upper="1" velocity="2" effort="1"/>', more=''):
+    return f'''<robot name="r"><link name="base"/><link name="tip"/>
+        <joint name="j" type="{kind}"><parent link="base"/><child link="tip"/>
+        <axis xyz="0 0 1"/>{limit}{more}</joint></robot>'''
+
+
+@pytest.mark.parametrize('text, message', [
+    ('<robot', 'malformed XML, .*line 1'),
+    ('<sdf></sdf>', 'must be <robot>, not <sdf>'),
+    ('', 'empty'),
+    ('/nowhere/arm.urdf', 'No such file'),
+    (urdf('floating'), "'j': type 'floating'"),
+    (urdf(more='<mimic joint="k"/>'), 'mimic'),
+    (urdf(limit=''), "'j': limit lower must be a number, is missing"),
+    (urdf(limit='<limit lower="-1" upper="1" effort="1"/>'), 'limit velocity .* is missing'),
+    (urdf(limit='<limit lower="a" upper="1" velocity="1" effort="1"/>'), "lower .* 'a'"),
+    (urdf(limit='<limit lower="1" upper="1" velocity="1" effort="1"/>'), 'below upper 1.0'),
+    (urdf(limit='<limit lower="0" upper="1" velocity="0" effort="1"/>'), 'above 0'),
+    (urdf('fixed', ''), 'no moving joint'),
+    ('<robot name="r"><link name="tip"/><joint name="j" type="fixed"/></robot>', 'parent'),
+])
+def test_bad_urdf_gets_one_line(text, message, capfd):
+    with pytest.raises(ConfigurationError, match=message) as caught:
+        RobotModel.from_urdf(text, 'tip')
+    assert '\n' not in str(caught.value)
+    assert capfd.readouterr().out == ''
+
+
+def test_unknown_tip_frame_lists_the_frames():
+    with pytest.raises(ConfigurationError, match="'pad': .* it has base, tip"):
+        RobotModel.from_urdf(urdf(), 'pad')
+
+
+@pytest.mark.parametrize('names, message', [
+    (['k'], "'k' does not move 'tip'; these do: j"), (['j', 'j'], 'needed once')])
+def test_wrong_joint_names(names, message):
+    with pytest.raises(ConfigurationError, match=message):
+        RobotModel.from_urdf(urdf(), 'tip', names)
+
+
+def test_continuous_and_prismatic_joints_have_one_coordinate_each():
+    text = '''<robot name="r"><link name="a"/><link name="b"/><link name="c"/><link name="d"/>
+        <link name="side"/>
+        <joint name="turn" type="continuous"><parent link="a"/><child link="b"/>
+          <axis xyz="0 0 1"/><limit velocity="3" effort="1"/></joint>
+        <joint name="slide" type="prismatic"><parent link="b"/><child link="c"/>
+          <axis xyz="1 0 0"/><limit lower="0" upper="2" velocity="1" effort="1"/></joint>
+        <joint name="fix" type="fixed"><parent link="c"/><child link="d"/></joint>
+        <joint name="other" type="floating"><parent link="b"/><child link="side"/></joint>
+        </robot>'''
+    model = RobotModel.from_urdf(text, 'd')
+    assert model.joint_names == ('turn', 'slide')
+    np.testing.assert_array_equal(model.lower, [-np.inf, 0.0])
+    np.testing.assert_array_equal(model.middle, [0.0, 1.0])
+    q = np.array([7.0, 1.5])  # more than a full turn
+    np.testing.assert_allclose(
+        model.pose(q)[:3, 3], [1.5 * np.cos(7.0), 1.5 * np.sin(7.0), 0.0], atol=1e-14)
+    np.testing.assert_allclose(
+        model.jacobian(q), jacobian_by_differences(model, q), atol=1e-9)
+    np.testing.assert_allclose(model.pose(model.inverse(model.pose(q))), model.pose(q), atol=1e-7)
+    np.testing.assert_allclose(model.inverse(model.pose(q), [6.8, 1.0]), q, atol=1e-6)
