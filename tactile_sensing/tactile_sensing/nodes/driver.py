@@ -243,9 +243,7 @@ class DriverNode(Node):
         level, text = self._state(now, decoder.dropped_bytes - dropped)
         if text != self._reported_text:
             self._reported_text = text
-            {DiagnosticStatus.OK: self.get_logger().info,
-             DiagnosticStatus.WARN: self.get_logger().warning,
-             DiagnosticStatus.ERROR: self.get_logger().error}[level](text)
+            self._log(level, text)
         values = {
             'rate': f'{rate:.1f}', 'frames': decoder.frames, 'lost_frames': decoder.lost_frames,
             'resyncs': decoder.resyncs, 'dropped_bytes': decoder.dropped_bytes,
@@ -257,6 +255,15 @@ class DriverNode(Node):
             values=[KeyValue(key=key, value=str(value)) for key, value in values.items()])])
         message.header.stamp = self.get_clock().now().to_msg()
         self._diagnostics.publish(message)
+
+    def _log(self, level, text):
+        # The logger refuses a second severity from the same line.
+        if level == DiagnosticStatus.ERROR:
+            self.get_logger().error(text)
+        elif level == DiagnosticStatus.WARN:
+            self.get_logger().warning(text)
+        else:
+            self.get_logger().info(text)
 
     def _state(self, now, dropped):
         """Level and text of the driver's state, the gravest first."""

@@ -1,0 +1,357 @@
+"""The driver node on a pseudo-terminal, in a private context per test."""
+from contextlib import contextmanager
+import os
+from pathlib import Path
+import signal
+import subprocess
+import sys
+import threading
+import time
+import tty
+
+import numpy as np
+import pytest
+
+pytest.importorskip('rclpy')
+pytest.importorskip('tactile_msgs.msg')
+
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus  # noqa: E402
+import rclpy  # noqa: E402
+from rclpy.node import Node  # noqa: E402
+from rclpy.parameter import Parameter  # noqa: E402
+from rclpy.qos import (  # noqa: E402
+    DurabilityPolicy, qos_profile_sensor_data, QoSProfile,
+)
+from std_srvs.srv import Trigger  # noqa: E402
+
+from tactile_msgs.msg import SensorInfo, TactileImage  # noqa: E402
+from tactile_sensing.calibration import Calibration  # noqa: E402
+from tactile_sensing.conversions import image_from_msg, stamp_to_ns  # noqa: E402
+from tactile_sensing.errors import ConfigurationError  # noqa: E402
+from tactile_sensing.flexitac import encode_frame, encode_payload, MARKER  # noqa: E402
+from tactile_sensing.nodes import runner  # noqa: E402
+from tactile_sensing.nodes.driver import DriverNode  # noqa: E402
+
+SHAPE = (4, 5)
+BASELINE = 10
+DEADLINE = 10.0
+CALIBRATION = Calibration.uncalibrated(*SHAPE, 0.001, baseline=BASELINE, acquisition_delay=0.0025)
+
+
+class Device:
+    """A sensor on a pseudo-terminal behind a link, as its driver sees it."""
+
+    def __init__(self, link):
+        self.link = link
+        self.master = None
+        self.plug_in()
+
+    def plug_in(self):
+        self.master, slave = os.openpty()
+        tty.setraw(slave)
+        self.link.unlink(missing_ok=True)
+        self.link.symlink_to(os.ttyname(slave))
+        # The slave stays open on this side until the driver has it, else the master reads EIO.
+        self._slave = slave
+        self.write(MARKER)
+
+    def unplug(self):
+        if self.master is not None:
+            os.close(self._slave)
+            os.close(self.master)
+            self.master = None
+            self.link.unlink()
+
+    def write(self, data):
+        while data:
+            data = data[os.write(self.master, data):]
+
+    def send(self, counts):
+        """Send one picture, and as a free-running device does, the next marker at once."""
+        self.write(encode_payload(counts) + MARKER)
+
+
+def unloaded(value=BASELINE):
+    return np.full(SHAPE, value, np.uint8)
+
+
+class Graph:
+    """A driver, a listener and the executor that both run in."""
+
+    def __init__(self, context, device, **parameters):
+        parameters = {'port': str(device.link), 'tare_at_start': False, 'tare_frames': 20,
+                      'reconnect_period': 0.01, **parameters}
+        self.context = context
+        self.device = device
+        self.driver = DriverNode(
+            calibration=CALIBRATION, context=context, namespace='/tactile',
+            parameter_overrides=[Parameter(k, value=v) for k, v in parameters.items()])
+        self.node = Node('listener', context=context, namespace='/tactile')
+        self.images, self.infos, self.reports = [], [], []
+        self.node.create_subscription(
+            TactileImage, 'image', self.images.append, qos_profile_sensor_data)
+        self.node.create_subscription(
+            SensorInfo, 'sensor_info', self.infos.append,
+            QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL))
+        self.node.create_subscription(DiagnosticArray, 'diagnostics', self._on_report, 10)
+        self.tare_client = self.node.create_client(Trigger, 'driver/tare')
+        self.executor = runner.make_executor(context)
+        for node in (self.driver, self.node):
+            self.executor.add_node(node)
+
+    def _on_report(self, message):
+        status = message.status[0]
+        self.reports.append((status.level, status.message,
+                             {pair.key: pair.value for pair in status.values}))
+
+    def until(self, condition, what):
+        end = time.monotonic() + DEADLINE
+        runner.spin(self.executor, self.context, lambda: condition() or time.monotonic() > end)
+        assert condition(), f'{what} did not come; last reports {self.reports[-2:]}'
+
+    def connect(self):
+        self.until(lambda: self.node.count_publishers('image') == 1
+                   and self.driver.count_subscribers('image') == 1
+                   and self.tare_client.service_is_ready(), 'discovery')
+        # Matched is not yet connected: send until pictures come through in lock.
+        self.stream(unloaded(), lambda: len(self.images) >= 3)
+        self.device.send(unloaded(99))
+        self.until(lambda: self.images[-1].layers[0].stress[0] == 99 - BASELINE, 'the last one')
+        self.images.clear()
+
+    def stream(self, counts, condition):
+        """Send one picture again and again until a condition holds."""
+        end = time.monotonic() + DEADLINE
+        while not condition() and time.monotonic() < end:
+            self.device.send(counts)
+            self.executor.spin_once(timeout_sec=0.002)
+        assert condition(), f'nothing came; last reports {self.reports[-2:]}'
+
+    def tare(self):
+        answer = self.tare_client.call_async(Trigger.Request())
+        self.until(answer.done, 'an answer')
+        return answer.result()
+
+
+@pytest.fixture
+def context():
+    context = rclpy.Context()
+    rclpy.init(context=context, domain_id=os.getpid() % 100 + 1)
+    yield context
+    context.try_shutdown()
+
+
+@pytest.fixture
+def device(tmp_path):
+    device = Device(tmp_path / 'port')
+    yield device
+    device.unplug()
+
+
+@pytest.fixture
+def make_graph(context, device):
+    graphs = []
+
+    def make(**parameters):
+        graphs.append(Graph(context, device, **parameters))
+        return graphs[-1]
+
+    yield make
+    for graph in graphs:
+        graph.node.destroy_node()
+        graph.driver.destroy_node()
+        graph.executor.shutdown()
+    assert not [t for t in threading.enumerate() if t.name == 'tactile driver']
+
+
+def test_pictures_are_published_as_sent(make_graph):
+    graph = make_graph()
+    graph.connect()
+    rng = np.random.default_rng(0)
+    sent = [rng.integers(0, 256, SHAPE, np.uint8) for _ in range(50)]
+    for k, counts in enumerate(sent):
+        before = graph.driver.get_clock().now().nanoseconds
+        graph.device.send(counts)
+        graph.until(lambda k=k: len(graph.images) > k, f'picture {k}')
+        stamp = stamp_to_ns(graph.images[k].header.stamp)
+        assert before - 2_500_000 <= stamp <= graph.driver.get_clock().now().nanoseconds
+    for counts, message in zip(sent, graph.images, strict=True):
+        image = image_from_msg(message)
+        want = np.where(counts == 255, np.nan, counts.astype(np.float32) - BASELINE)
+        np.testing.assert_array_equal(image.layers[0].stress, want)
+        assert image.saturated == np.count_nonzero(counts == 255)
+        assert (image.frame_id, image.sensor, image.tared) == ('tactile_pad', 'flexitac', False)
+    sequences = [message.sequence for message in graph.images]
+    assert sequences == list(range(sequences[0], sequences[0] + len(sent)))
+
+
+def test_pictures_that_arrive_together_get_different_stamps(make_graph):
+    graph = make_graph()
+    graph.connect()
+    graph.device.write(b''.join(encode_payload(unloaded(k)) + MARKER for k in range(5)))
+    graph.until(lambda: len(graph.images) >= 5, 'five pictures')
+    stamps = [stamp_to_ns(message.header.stamp) for message in graph.images]
+    assert stamps == sorted(set(stamps))
+
+
+def test_tare_on_request(make_graph):
+    graph = make_graph()
+    graph.connect()
+    graph.until(lambda: graph.infos, 'sensor_info')
+    assert stamp_to_ns(graph.infos[-1].tared_at) == 0
+    graph.stream(unloaded(12), lambda: len(graph.images) >= 30)
+    answer = graph.tare()
+    assert answer.success, answer.message
+    graph.stream(unloaded(15), lambda: graph.images[-1].tared and graph.images[-1].sequence > 40)
+    np.testing.assert_array_equal(graph.images[-1].layers[0].stress, 3.0)
+    graph.until(lambda: stamp_to_ns(graph.infos[-1].tared_at) > 0, 'sensor_info of the tare')
+
+
+def test_tare_is_refused_under_load_and_without_frames(make_graph):
+    graph = make_graph()
+    graph.connect()
+    load = unloaded()
+    load[1, 2] = 100
+    graph.stream(load, lambda: len(graph.images) >= 30)
+    answer = graph.tare()
+    assert not answer.success
+    assert 'under load: 1 tactels' in answer.message and 'row 1 column 2' in answer.message
+    assert not graph.images[-1].tared
+    graph.device.unplug()
+    graph.until(lambda: graph.reports and graph.reports[-1][0] == DiagnosticStatus.ERROR, 'a loss')
+    answer = graph.tare()
+    assert not answer.success and 'no frames' in answer.message
+
+
+def test_tare_at_start_waits_for_the_load_to_go(make_graph):
+    graph = make_graph(tare_at_start=True)
+    graph.stream(unloaded(200), lambda: len(graph.images) >= 50)
+    assert not any(message.tared for message in graph.images)
+    graph.until(lambda: graph.reports and 'under load' in graph.reports[-1][1], 'a warning')
+    graph.stream(unloaded(), lambda: graph.images[-1].tared)
+    np.testing.assert_array_equal(graph.images[-1].layers[0].stress, 0.0)
+
+
+def test_port_lost_and_back(make_graph):
+    graph = make_graph()
+    graph.connect()
+    graph.stream(unloaded(), lambda: len(graph.images) >= 30)
+    assert graph.tare().success
+    graph.device.unplug()
+    graph.until(lambda: graph.reports and graph.reports[-1][0] == DiagnosticStatus.ERROR
+                and 'is not there' in graph.reports[-1][1], 'a report of the loss')
+    graph.images.clear()
+    graph.device.plug_in()
+    graph.stream(unloaded(20), lambda: len(graph.images) >= 5)
+    assert graph.images[-1].tared
+    np.testing.assert_array_equal(graph.images[-1].layers[0].stress, 10.0)
+    graph.stream(unloaded(), lambda: graph.reports[-1][0] == DiagnosticStatus.OK)
+
+
+def test_port_may_be_absent_at_the_start(make_graph, device):
+    device.unplug()
+    graph = make_graph()
+    graph.until(lambda: graph.reports, 'a report')
+    assert graph.reports[-1][0] == DiagnosticStatus.ERROR
+    device.plug_in()
+    graph.connect()
+
+
+def test_random_bytes_give_no_picture_and_do_not_pile_up(make_graph):
+    graph = make_graph()
+    graph.connect()
+    rng = np.random.default_rng(4)
+    graph.device.write(rng.bytes(100_000))
+    bound = graph.driver._decoder.buffer_bound
+    for _ in range(10):
+        graph.device.write(rng.bytes(20_000))
+        graph.executor.spin_once(timeout_sec=0.0)
+        assert graph.driver._decoder.buffered <= bound + 65536
+    graph.until(lambda: graph.reports and int(graph.reports[-1][2]['dropped_bytes']) > 290_000
+                and graph.reports[-1][0] == DiagnosticStatus.ERROR, 'a report of the garbage')
+    assert graph.images == []
+    assert 'no frame of 4x5' in graph.reports[-1][1]
+    assert len(graph.driver._sample) <= 16384
+    graph.device.write(b'\x00' + encode_frame(unloaded()) * 4 + MARKER)
+    graph.until(lambda: len(graph.images) == 4, 'pictures after the garbage')
+    assert int(graph.reports[-1][2]['resyncs']) == 0
+    graph.until(lambda: int(graph.reports[-1][2]['resyncs']) == 1, 'the resync in a report')
+
+
+def test_lost_bytes_cost_one_picture_and_show(make_graph):
+    graph = make_graph()
+    graph.connect()
+    graph.device.write(encode_payload(unloaded())[3:] + MARKER)
+    for value in (1, 2, 3):
+        graph.device.send(unloaded(value))
+    graph.until(lambda: len(graph.images) == 3, 'the pictures behind the loss')
+    assert [message.layers[0].stress[0] for message in graph.images] == [-9.0, -8.0, -7.0]
+    graph.until(lambda: graph.reports and graph.reports[-1][2]['lost_frames'] == '1', 'a report')
+
+
+def test_wrong_array_size_is_named(make_graph):
+    graph = make_graph()
+    wrong = encode_frame(np.full((16, 16), BASELINE, np.uint8))
+    end = time.monotonic() + DEADLINE
+    while not any('sends 256 bytes a frame' in report[1] for report in graph.reports):
+        assert time.monotonic() < end, graph.reports
+        graph.device.write(wrong)
+        graph.executor.spin_once(timeout_sec=0.005)
+    level, text, _ = graph.reports[-1]
+    assert level == DiagnosticStatus.ERROR
+    assert 'no frame of 4x5 = 20 bytes' in text
+    assert graph.images == []
+
+
+def test_rate_is_reported(make_graph):
+    graph = make_graph()
+    graph.connect()
+    graph.stream(unloaded(), lambda: len(graph.reports) >= 3)
+    assert float(graph.reports[-1][2]['rate']) > 20.0
+    assert graph.reports[-1][0] == DiagnosticStatus.WARN and 'not tared' in graph.reports[-1][1]
+
+
+@pytest.mark.parametrize('parameters, reason', [
+    ({}, "parameter 'port' is empty"),
+    ({'port': 'x', 'baud': 10}, "parameter 'baud'.*1200"),
+    ({'port': 'x', 'tare_frames': 3}, "parameter 'tare_frames'.*20"),
+    ({'port': 'x', 'sensor': 4}, "parameter 'sensor' is 4, must be a text"),
+    ({'port': 'x', 'calibration': '/none.yaml'}, 'calibration /none.yaml: No such file'),
+])
+def test_wrong_parameters(context, parameters, reason):
+    overrides = [Parameter(name, value=value) for name, value in parameters.items()]
+    with pytest.raises(ConfigurationError, match=reason):
+        DriverNode(context=context, parameter_overrides=overrides)
+
+
+COMMAND = [sys.executable, '-c',
+           'import sys; from tactile_sensing.nodes.driver import main; sys.exit(main())']
+CALIBRATION_FILE = Path(__file__).parents[1] / 'config' / 'flexitac_16x16.yaml'
+
+
+@contextmanager
+def process(*arguments):
+    with subprocess.Popen([*COMMAND, '--ros-args', *arguments], stderr=subprocess.PIPE,
+                          stdout=subprocess.PIPE, text=True) as child:
+        try:
+            yield child
+        finally:
+            child.kill()
+
+
+def test_process_without_port_says_so_in_one_line():
+    with process() as child:
+        _, errors = child.communicate(timeout=30)
+    assert child.returncode == 1
+    assert errors == "driver: parameter 'port' is empty, must name a serial port\n"
+
+
+@pytest.mark.parametrize('number', [signal.SIGINT, signal.SIGTERM])
+def test_process_ends_well_on_signals(device, number):
+    with process('-p', f'port:={device.link}', '-p', f'calibration:={CALIBRATION_FILE}') as child:
+        line = child.stderr.readline()
+        assert 'reading' in line
+        child.send_signal(number)
+        child.send_signal(number)
+        assert child.wait(timeout=30) == 0
+        assert 'Traceback' not in child.stderr.read()
