@@ -1,16 +1,13 @@
 """A robot arm from a URDF: forward kinematics, Jacobian, inverse, damped least squares."""
 
 from pathlib import Path
-from xml.etree import ElementTree
 
 import numpy as np
 import pinocchio
 from scipy.linalg import lapack
 
 from tactile_servo.errors import ConfigurationError, TactileServoError, UnreachableError
-
-_MOVING = ('revolute', 'prismatic', 'continuous')
-_UNBOUNDED = 1e6  # rad; stands for "no limit" where the parser wants a number
+from tactile_servo.urdf import chain_to, limits_of, MOVING, parse, pinocchio_model
 
 
 def damped_least_squares(jacobian, twist, *, damping=0.01, rotation_length=0.04):
@@ -20,7 +17,7 @@ def damped_least_squares(jacobian, twist, *, damping=0.01, rotation_length=0.04)
     With ``W = diag(1, 1, 1, l, l, l)`` (l = `rotation_length`) and the singular values s of
     ``W J``, this is ``dq = (W J)^T U diag(1 / max(s^2, damping^2)) U^T W twist``: the damping
     factor ``lambda^2 = damping^2 (1 - (s / damping)^2)`` of Chiaverini, Siciliano and Egeland
-    (IEEE T-CST 2(2), 1994, eq. 16) with the size of the singular region equal to the damping,
+    (IEEE T-CST 2(2), 1994) with the size of the singular region equal to the damping,
     applied to each singular direction of its own (their numerical filtering). Directions with
     ``s >= damping`` therefore carry no velocity error, and ``|dq| <= |W twist| / damping``
     always. A small rotation_length lets orientation give way before position does.
@@ -77,9 +74,9 @@ class RobotModel:
     """
 
     def __init__(self, xml, tip_frame, joint_names=None):
-        robot = _parse(xml)
-        chain, self.root_frame = _chain(robot, tip_frame)
-        moving = [joint for joint in chain if joint.get('type') in _MOVING]
+        robot = parse(xml)
+        chain, self.root_frame = chain_to(robot, tip_frame)
+        moving = [joint for joint in chain if joint.get('type') in MOVING]
         if not moving:
             raise ConfigurationError(
                 f'tip_frame {tip_frame!r}: no moving joint between it and the root link '
@@ -87,13 +84,13 @@ class RobotModel:
         names = [joint.get('name') for joint in moving]
         self.tip_frame = tip_frame
         self.joint_names = _ordered_names(names, joint_names, tip_frame)
-        limits = {joint.get('name'): _limits(joint) for joint in moving}
+        limits = {joint.get('name'): limits_of(joint) for joint in moving}
         lower, upper, velocity = np.array([limits[n] for n in self.joint_names]).T
         self.lower, self.upper, self.velocity_limit = (
             np.ascontiguousarray(a) for a in (lower, upper, velocity))
         types = {joint.get('name'): joint.get('type') for joint in moving}
         self._turns = np.array([types[n] != 'prismatic' for n in self.joint_names])
-        self._model = _pinocchio_model(robot, chain, self.root_frame)
+        self._model = pinocchio_model(robot, chain, self.root_frame)
         self._data = self._model.createData()
         self._frame = self._model.getFrameId(tip_frame)
         order = [self.joint_names.index(n) for n in self._model.names[1:]]
@@ -181,7 +178,7 @@ class RobotModel:
         """
         Joint positions (n,) within the limits that bring the tip frame to a pose.
 
-        Levenberg-Marquardt steps with Sugihara's damping (IEEE T-RO 27(5), 2011, eq. 20),
+        Levenberg-Marquardt steps with Sugihara's damping (IEEE T-RO 27(5), 2011),
         clipped to the limits; from the seed first, then from random configurations (the same
         ones at every call). Without a seed, of all solutions that the random configurations
         lead to, the one farthest from singularities and limits.
@@ -273,48 +270,6 @@ class RobotModel:
         return smallest * min(1.0, margin / np.radians(30.0))
 
 
-def _parse(xml):
-    try:
-        robot = ElementTree.fromstring(xml)
-    except ElementTree.ParseError as error:
-        raise ConfigurationError(f'robot description: malformed XML, {error}') from None
-    if robot.tag != 'robot':
-        raise ConfigurationError(
-            f'robot description: the outermost element must be <robot>, not <{robot.tag}>')
-    return robot
-
-
-def _chain(robot, tip_frame):
-    """Joint elements from the root link to the tip frame, and the root link's name."""
-    links = [link.get('name') for link in robot.findall('link')]
-    if tip_frame not in links:
-        raise ConfigurationError(
-            f'tip_frame {tip_frame!r}: the robot has no such frame; it has {", ".join(links)}')
-    parents = {}
-    for joint in robot.findall('joint'):
-        ends = [joint.find(end) for end in ('parent', 'child')]
-        if any(end is None or end.get('link') not in links for end in ends):
-            raise ConfigurationError(
-                f'joint {joint.get("name")!r}: needs a parent and a child link of the robot')
-        parents[ends[1].get('link')] = joint
-    chain, link = [], tip_frame
-    while link in parents:
-        joint = parents[link]
-        if joint in chain:
-            raise ConfigurationError(f'joint {joint.get("name")!r}: the links form a loop')
-        kind = joint.get('type')
-        if kind != 'fixed' and kind not in _MOVING:
-            raise ConfigurationError(
-                f'joint {joint.get("name")!r}: type {kind!r} is not supported, only '
-                f'{", ".join(_MOVING)} and fixed')
-        if joint.find('mimic') is not None:
-            raise ConfigurationError(
-                f'joint {joint.get("name")!r}: mimic joints are not supported')
-        chain.insert(0, joint)
-        link = joint.find('parent').get('link')
-    return chain, link
-
-
 def _ordered_names(names, wanted, tip_frame):
     if not wanted:
         return tuple(names)
@@ -328,55 +283,6 @@ def _ordered_names(names, wanted, tip_frame):
             f'joint_names: every joint that moves {tip_frame!r} is needed once: '
             f'{", ".join(names)}; got {", ".join(wanted)}')
     return tuple(wanted)
-
-
-def _limits(joint):
-    """Lower, upper and velocity limit of a moving joint's element."""
-    name, limit = joint.get('name'), joint.find('limit')
-    needed = ['velocity'] if joint.get('type') == 'continuous' else ['lower', 'upper', 'velocity']
-    values = {}
-    for key in needed:
-        text = None if limit is None else limit.get(key)
-        try:
-            values[key] = float('nan' if text is None else text)
-        except ValueError:
-            values[key] = np.nan
-        if not np.isfinite(values[key]):
-            raise ConfigurationError(
-                f'joint {name!r}: limit {key} must be a number, '
-                f'{"is missing" if text is None else f"is {text!r}"}')
-    lower, upper = values.get('lower', -np.inf), values.get('upper', np.inf)
-    if lower >= upper:
-        raise ConfigurationError(
-            f'joint {name!r}: limit lower {lower} must be below upper {upper}')
-    if values['velocity'] <= 0.0:
-        raise ConfigurationError(
-            f'joint {name!r}: limit velocity {values["velocity"]} must be above 0')
-    return lower, upper, values['velocity']
-
-
-def _pinocchio_model(robot, chain, root):
-    """Build the chain alone: no side branches, no inertias, no meshes to look for."""
-    stripped = ElementTree.Element('robot', name=robot.get('name', 'robot'))
-    for name in [root] + [joint.find('child').get('link') for joint in chain]:
-        ElementTree.SubElement(stripped, 'link', name=name)
-    for joint in chain:
-        kind = joint.get('type')
-        element = ElementTree.SubElement(
-            stripped, 'joint', name=joint.get('name', ''),
-            type='revolute' if kind == 'continuous' else kind)
-        element.extend(joint.findall(part)[0] for part in ('parent', 'child', 'origin', 'axis')
-                       if joint.find(part) is not None)
-        if kind != 'fixed':
-            lower, upper, velocity = np.clip(_limits(joint), -_UNBOUNDED, _UNBOUNDED)
-            ElementTree.SubElement(element, 'limit', lower=repr(float(lower)),
-                                   upper=repr(float(upper)), velocity=repr(float(velocity)),
-                                   effort='0')
-    try:
-        return pinocchio.buildModelFromXML(ElementTree.tostring(stripped, encoding='unicode'))
-    except (ValueError, RuntimeError) as error:
-        reason = ' '.join(str(error).split())
-        raise ConfigurationError(f'robot description: {reason}') from None
 
 
 def _checked_pose(pose):
