@@ -2,13 +2,16 @@
 from array import array
 from functools import lru_cache
 
-from builtin_interfaces.msg import Time
+from builtin_interfaces.msg import Duration, Time
+from geometry_msgs.msg import WrenchStamped
 import numpy as np
 
 from tactile_msgs import msg as tactile_msgs
 from tactile_sensing.array import TactelArray
+from tactile_sensing.contact import Contact, ContactType, PARAMETERS, Reason
 from tactile_sensing.errors import TactileSensingError
 from tactile_sensing.image import COMPONENTS, Layer, SensorInfo, TactileImage
+from tactile_sensing.moments import Moments
 
 _NS = 1_000_000_000
 
@@ -99,6 +102,68 @@ def sensor_info_from_msg(message) -> SensorInfo:
         max_load=message.max_load, dead_tactels=tuple(message.dead_tactels),
         layers=tuple(_layer_from_msg(layer, (0,)) for layer in message.layers),
         calibration=message.calibration, tared_at_ns=stamp_to_ns(message.tared_at))
+
+
+# --- Contact ------------------------------------------------------------------------------------
+
+_SCALARS = ('a', 'b', 'yaw', 'normal_force', 'shear_force_x', 'shear_force_y', 'line_force',
+            'snr', 'residual', 'force_windowed')
+_MOMENTS = ('m0', 'mx', 'my', 'mxx', 'myy', 'mxy')
+
+
+def contact_to_msg(contact: Contact, image_message, now_ns: int):
+    """
+    Return the Contact message of an estimate.
+
+    Parameters
+    ----------
+    contact : Contact
+    image_message : tactile_msgs.msg.TactileImage
+        The source image; gives header, sensor and sequence.
+    now_ns : int
+        Time of publication [ns].
+    """
+    message = tactile_msgs.Contact(
+        header=image_message.header, sensor=image_message.sensor,
+        sequence=image_message.sequence, type=int(contact.type), valid=bool(contact.valid),
+        reasons=int(contact.reasons), method=contact.method, model=contact.model,
+        iterations=contact.iterations,
+        **{name: float(getattr(contact, name)) for name in _SCALARS})
+    message.covariance = contact.covariance.reshape(-1)
+    message.moments = np.array([getattr(contact.moments, name) for name in _MOMENTS])
+    x, y = contact.moments.centre_of_pressure
+    centre = message.centre_of_pressure
+    centre.x, centre.y, centre.z = float(x), float(y), 0.0 if np.isfinite(x) else float('nan')
+    seconds, rest = divmod(now_ns - stamp_to_ns(image_message.header.stamp), _NS)
+    message.latency = Duration(sec=seconds, nanosec=rest)
+    return message
+
+
+def contact_from_msg(message) -> Contact:
+    """Return the estimate of a Contact message."""
+    return Contact(
+        type=ContactType(message.type), valid=message.valid, reasons=Reason(message.reasons),
+        method=message.method, model=message.model, iterations=message.iterations,
+        covariance=np.array(message.covariance).reshape(len(PARAMETERS), -1),
+        moments=Moments(*map(float, message.moments)),
+        **{name: getattr(message, name) for name in _SCALARS})
+
+
+def contact_to_wrench(contact: Contact, image_message):
+    """
+    Return the force of the object on the sensor, at the origin of the sensor frame.
+
+    z points out of the skin, so that a press has a negative z; shear that the contact's type
+    does not have is 0.
+    """
+    message = WrenchStamped(header=image_message.header)
+    force = np.array([*np.nan_to_num([contact.shear_force_x, contact.shear_force_y]),
+                      -contact.normal_force])
+    torque = np.cross([contact.a, contact.b, 0.0], force)
+    for vector, values in ((message.wrench.force, force), (message.wrench.torque, torque)):
+        vector.x, vector.y, vector.z = values.tolist()
+    return message
+
 
 
 def _set_header(header, source):

@@ -4,6 +4,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from tactile_sensing.array import TactelArray
 from tactile_sensing.contact import Contact, ContactType, no_covariance, Reason
 from tactile_sensing.errors import ConfigurationError
 from tactile_sensing.line import chord_length, peak_pressure
@@ -75,6 +76,8 @@ class ContactEstimator:
 
     def __init__(self, config=None):
         self.config = config or EstimatorConfig()
+        # Loads or compiles the kernel now, not under the first picture.
+        fit_line(np.zeros((8, 8)), TactelArray(8, 8, 1e-3, 1e-3), 1e-3, 1.0)
 
     def estimate(self, image):
         """

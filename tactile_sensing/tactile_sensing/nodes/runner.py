@@ -78,7 +78,7 @@ def stop_on_signals():
             signal.signal(number, handler)
 
 
-def run(node_class, args=None) -> int:
+def run(node_class, args=None, until=None) -> int:
     """
     Run one node until SIGINT, SIGTERM or the shutdown of its context.
 
@@ -89,6 +89,8 @@ def run(node_class, args=None) -> int:
         configuration error is one, means that a parameter is wrong.
     args : list of str, optional
         Command line with ROS arguments; that of the process if missing.
+    until : callable, optional
+        Takes the node and returns whether its work is done.
 
     Returns
     -------
@@ -111,7 +113,8 @@ def run(node_class, args=None) -> int:
         executor = make_executor(context)
         try:
             executor.add_node(node)
-            spin(executor, context, stop.is_set)
+            spin(executor, context,
+                 lambda: stop.is_set() or (until is not None and until(node)))
         finally:
             node.destroy_node()
             executor.shutdown()

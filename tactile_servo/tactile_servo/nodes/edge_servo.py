@@ -29,6 +29,7 @@ from tactile_servo.limits import JointLimits, WorkspaceBox
 from tactile_servo.resolved_rate import ResolvedRateConfig
 from tactile_servo.robot import RobotModel
 
+CONTROLLER = 'resolved_rate'
 FEEDBACK_PERIOD = 0.05  # s; the status topic has every cycle
 
 
@@ -38,7 +39,6 @@ class RobotConfig:
 
     robot_description: str = field(default='', metadata={
         'doc': 'URDF of the robot with the sensor: its text, or the path of a file'})
-    base_frame: str = field(default='base_link', metadata={'doc': 'frame of all poses'})
     tip_frame: str = field(default='tactile_pad', metadata={
         'doc': 'frame of the sensor: x along columns, y along rows, z out of the skin'})
     controller: str = field(default='/joint_trajectory_controller', metadata={
@@ -51,9 +51,9 @@ class RobotConfig:
     position_margin: float = field(default=0.05, metadata={
         'doc': "distance kept from the URDF's joint limits", 'unit': 'rad',
         'range': (0.0, 1.0)})
-    workspace_lower: tuple[float] = field(default=(-10.0, -10.0, -10.0), metadata={
+    workspace_lower: tuple[float, ...] = field(default=(-10.0, -10.0, -10.0), metadata={
         'doc': 'corner of the box that the sensor stays in, in the base frame', 'unit': 'm'})
-    workspace_upper: tuple[float] = field(default=(10.0, 10.0, 10.0), metadata={
+    workspace_upper: tuple[float, ...] = field(default=(10.0, 10.0, 10.0), metadata={
         'doc': 'opposite corner', 'unit': 'm'})
 
 
@@ -79,7 +79,7 @@ class EdgeServoNode(Node):
             tuple(model.joint_names), model.lower + robot.position_margin,
             model.upper - robot.position_margin, model.velocity_limit * robot.velocity_scale,
             np.full(len(model.joint_names), robot.joint_acceleration))
-        self._model, self._config, self._base_frame = model, config, robot.base_frame
+        self._model, self._base_frame = model, model.root_frame
         self._servo = EdgeServo(
             model, limits, config, gains,
             WorkspaceBox(robot.workspace_lower, robot.workspace_upper))
@@ -138,7 +138,7 @@ class EdgeServoNode(Node):
             self._trajectory.publish(trajectory_to_msg(trajectory))
         took = perf_counter() - now
         self._longest = max(self._longest, took)
-        msg = status_to_msg(status, took, self._missed)
+        msg = status_to_msg(status, CONTROLLER, took, self._missed)
         msg.header.stamp, msg.header.frame_id = stamp.to_msg(), self._sensor_frame
         self._status.publish(msg)
         if self._goal_handle is not None:

@@ -1,0 +1,136 @@
+"""
+The whole graph in one process: what the launch file starts, without launch.
+
+Same nodes, names, parameter file and scenes as `edge_tracking.launch.py`.
+"""
+
+import argparse
+from contextlib import contextmanager
+from pathlib import Path
+import sys
+import tempfile
+
+import rclpy
+from rclpy.exceptions import ParameterException
+from rclpy.parameter import Parameter
+from rclpy.signals import SignalHandlerOptions
+from tactile_sensing.nodes.contact_estimator import ContactEstimatorNode
+from tactile_sensing.nodes.driver import DriverNode
+from tactile_sensing.nodes.mock_sensor import MockSensorNode
+from tactile_sensing.nodes.runner import make_executor, spin, stop_on_signals
+from tactile_servo.nodes.edge_servo import EdgeServoNode
+from tactile_servo.nodes.mock_robot import MockRobotNode
+
+from edge_tracking.resources import find_scene, scene_names, share
+
+# Longest time that a thread keeps the interpreter while another waits for it; the default of
+# 5 ms is a whole sensor period.
+SWITCH_INTERVAL = 2e-4
+
+
+class Graph:
+    """
+    Nodes of one process, their context and executor; use it in a `with` statement.
+
+    Parameters
+    ----------
+    parameters : str or Path, optional
+        Parameter file of all nodes; that of the package if missing.
+    namespace : str
+        Namespace of sensor, estimator and servo.
+    """
+
+    def __init__(self, parameters=None, namespace='tactile'):
+        self._arguments = ['--ros-args', '--params-file',
+                           str(parameters or share('config', 'edge_tracking.yaml'))]
+        self.namespace = namespace
+        self.nodes = []
+
+    def __enter__(self):
+        sys.setswitchinterval(SWITCH_INTERVAL)
+        self.context = rclpy.Context()
+        rclpy.init(context=self.context, signal_handler_options=SignalHandlerOptions.NO)
+        self.executor = make_executor(self.context)
+        return self
+
+    def __exit__(self, *_):
+        for node in reversed(self.nodes):
+            node.destroy_node()
+        self.executor.shutdown()
+        self.context.try_shutdown()
+
+    def add(self, node_class, *, namespace=None, own=(), **parameters):
+        """Make a node, with parameters that override those of the file, and return it."""
+        node = node_class(
+            context=self.context, cli_args=self._arguments, **dict(own),
+            namespace=self.namespace if namespace is None else namespace,
+            parameter_overrides=[Parameter(k, value=v) for k, v in parameters.items()])
+        self.nodes.append(node)
+        self.executor.add_node(node)
+        return node
+
+    def spin(self, until=None):
+        """Work off callbacks until the context is shut down or `until()` holds."""
+        spin(self.executor, self.context, until)
+
+
+def add_mocks(graph, port, scene, robot, seed=0):
+    """Add the mock sensor on a pseudo-terminal and the mock robot, both in a scene."""
+    graph.add(MockSensorNode, port=str(port), scene=str(scene), seed=seed)
+    return graph.add(MockRobotNode, namespace='', robot_description=str(robot),
+                     scene=str(scene))
+
+
+def add_stack(graph, port, robot):
+    """Add driver, contact estimator and servo: what runs on a real robot as well."""
+    graph.add(DriverNode, port=str(port))
+    graph.add(ContactEstimatorNode)
+    graph.add(EdgeServoNode, robot_description=str(robot))
+
+
+@contextmanager
+def private_port():
+    """Path for a pseudo-terminal's link, in a folder of its own."""
+    with tempfile.TemporaryDirectory(prefix='tactile_') as folder:
+        yield Path(folder, 'sensor')
+
+
+def parser():
+    """Command line of the composed process."""
+    arguments = argparse.ArgumentParser(
+        prog='composed', formatter_class=argparse.ArgumentDefaultsHelpFormatter,
+        description='Runs sensor, estimator, servo and, with the mock sensor, the mock robot '
+        'in one process. Send goals to the action track_edge, for instance with '
+        '`ros2 run edge_tracking track --ros-args -r __ns:=/tactile`.')
+    arguments.add_argument('--sensor', choices=('mock', 'flexitac'), default='mock',
+                           help='mock: synthetic sensor and robot; flexitac: a real array')
+    arguments.add_argument('--port', default='', help='serial port of a real sensor')
+    arguments.add_argument('--scene', default='straight', help='what the mock sensor touches: '
+                           f'{", ".join(scene_names())}, or the path of a .yaml file')
+    arguments.add_argument('--robot-description', default=str(share('urdf', 'puma260.urdf')),
+                           help='URDF of the robot, with a link tactile_pad')
+    arguments.add_argument('--parameters', default=None, help='parameter file')
+    arguments.add_argument('--namespace', default='tactile',
+                           help='of sensor, estimator and servo')
+    arguments.add_argument('--seed', type=int, default=0, help="of the mock sensor's noise")
+    return arguments
+
+
+def main(args=None):
+    """Run the graph until it is interrupted; exit status 1 if it cannot start."""
+    options = parser().parse_args(args)
+    try:
+        if options.sensor == 'flexitac' and not options.port:
+            raise ValueError('--sensor flexitac needs --port, for instance --port /dev/ttyUSB0')
+        with private_port() as pty, stop_on_signals() as stop, \
+                Graph(options.parameters, options.namespace) as graph:
+            port = options.port or pty
+            if options.sensor == 'mock':
+                add_mocks(graph, port, find_scene(options.scene), options.robot_description,
+                          options.seed)
+            add_stack(graph, port, options.robot_description)
+            graph.spin(stop.is_set)
+    except (ValueError, RuntimeError, ParameterException) as error:
+        print(f'composed: {" ".join(str(error).split())}', file=sys.stderr)
+        return 1
+    return 0

@@ -1,0 +1,38 @@
+"""Files that the package ships: scenes, the robot, parameters."""
+
+from pathlib import Path
+
+from ament_index_python.packages import get_package_share_directory
+from tactile_sensing.errors import ConfigurationError
+
+
+def share(*parts):
+    """Path of a file in the package's share folder."""
+    return Path(get_package_share_directory('edge_tracking'), *parts)
+
+
+def scene_names():
+    """Names of the shipped scenes."""
+    return sorted(path.stem for path in share('scenes').glob('*.yaml'))
+
+
+def find_scene(name):
+    """
+    Path of a scene: a file as it stands, or the name of a shipped one.
+
+    Raises
+    ------
+    ConfigurationError
+        There is neither.
+    """
+    path = Path(name)
+    if path.suffix in ('.yaml', '.yml'):
+        if path.is_file():
+            return path
+        raise ConfigurationError(f'scene {name!r}: no such file')
+    shipped = share('scenes', f'{name}.yaml')
+    if name and '/' not in name and shipped.is_file():
+        return shipped
+    raise ConfigurationError(
+        f'scene {name!r} is unknown; shipped are {", ".join(scene_names())}; '
+        'or give the path of a .yaml file')

@@ -1,0 +1,138 @@
+"""Send one track_edge goal and follow it to its end."""
+
+from dataclasses import dataclass, field
+import sys
+
+from action_msgs.msg import GoalStatus
+from rclpy.action import ActionClient
+from rclpy.clock import Clock, ClockType
+from rclpy.node import Node
+from rclpy.qos import DurabilityPolicy, qos_profile_sensor_data, QoSProfile
+from tactile_msgs.action import TrackEdge
+from tactile_msgs.msg import Contact, SensorInfo
+from tactile_sensing.nodes.parameters import declare_from
+from tactile_sensing.nodes.runner import run
+
+
+@dataclass(frozen=True)
+class TrackConfig:
+    """The goal, and how long to wait for the sensor and the servo."""
+
+    speed: float = field(default=0.03, metadata={'doc': 'along the edge', 'unit': 'm/s'})
+    force: float = field(default=5.0, metadata={'doc': 'normal force on the pad', 'unit': 'N'})
+    direction: int = field(default=1, metadata={
+        'doc': "+1 or -1 along the sensor's y", 'range': (-1, 1)})
+    length: float = field(default=0.0, metadata={
+        'doc': 'way to track; 0 = until the edge ends', 'unit': 'm'})
+    retreat: bool = field(default=True, metadata={'doc': 'lift off at the end'})
+    wait: float = field(default=15.0, metadata={
+        'doc': 'give up when sensor and servo are not ready within this time', 'unit': 's',
+        'range': (0.1, 3600.0)})
+
+
+class TrackNode(Node):
+    """
+    Wait until sensor and servo are ready, send a goal, report its progress.
+
+    Attributes
+    ----------
+    finished : bool
+        The goal has ended, or was never accepted.
+    success : bool
+    reason : str
+    result : TrackEdge.Result or None
+    feedback : TrackEdge.Feedback or None
+        The newest.
+    """
+
+    def __init__(self, on_feedback=None, **kwargs):
+        super().__init__('track', **kwargs)
+        self.config = declare_from(self, TrackConfig)
+        self.finished, self.success, self.reason = False, False, ''
+        self.result = self.feedback = None
+        self._on_feedback = on_feedback or self._log_feedback
+        self._handle = None
+        self._sent = self._tared = self._seen = False
+        self._client = ActionClient(self, TrackEdge, 'track_edge')
+        latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+        self.create_subscription(SensorInfo, 'sensor_info', self._on_info, latched)
+        self._contacts = self.create_subscription(
+            Contact, 'contact', self._on_contact, qos_profile_sensor_data)
+        steady = Clock(clock_type=ClockType.STEADY_TIME)
+        self._ready_timer = self.create_timer(0.05, self._try_to_start, clock=steady)
+        self._deadline = self.create_timer(self.config.wait, self._give_up, clock=steady)
+
+    def _on_info(self, msg):
+        self._tared = msg.tared_at.sec > 0
+
+    def _on_contact(self, _):
+        self._seen = True
+        self.destroy_subscription(self._contacts)
+
+    def _missing(self):
+        waits = ((self._seen, 'no contact estimates arrive: is the sensor connected?'),
+                 (self._tared, 'the sensor is not tared: is the pad free? See its diagnostics'),
+                 (self._client.server_is_ready(), 'no servo offers track_edge'))
+        return next((text for ready, text in waits if not ready), '')
+
+    def _try_to_start(self):
+        if self._sent or self._missing():
+            return
+        self._sent = True
+        self._ready_timer.cancel()
+        self._deadline.cancel()
+        c = self.config
+        goal = TrackEdge.Goal(speed=c.speed, force=c.force, direction=c.direction,
+                              length=c.length, retreat=c.retreat)
+        self._client.send_goal_async(goal, feedback_callback=self._take_feedback) \
+            .add_done_callback(self._on_response)
+
+    def _give_up(self):
+        self._deadline.cancel()
+        self._end(False, f'{self._missing()} (waited {self.config.wait:g} s)')
+
+    def _on_response(self, future):
+        self._handle = future.result()
+        if not self._handle.accepted:
+            self._end(False, 'the servo rejected the goal; its log and /rosout say why')
+            return
+        self._handle.get_result_async().add_done_callback(self._on_result)
+
+    def _on_result(self, future):
+        wrapped = future.result()
+        self.result = wrapped.result
+        self._end(wrapped.status == GoalStatus.STATUS_SUCCEEDED and wrapped.result.success,
+                  wrapped.result.reason)
+
+    def _take_feedback(self, msg):
+        self.feedback = msg.feedback
+        self._on_feedback(msg.feedback)
+
+    def _log_feedback(self, feedback):
+        self.get_logger().info(
+            f'{1e3 * feedback.progress:.0f} mm, lateral error '
+            f'{1e3 * feedback.lateral_error:+.3f} mm, {feedback.normal_force:.2f} N',
+            throttle_duration_sec=1.0)
+
+    def _end(self, success, reason):
+        self.finished, self.success, self.reason = True, success, reason
+
+    def cancel(self):
+        """Ask the servo to stop; returns the future of its answer, None without a goal."""
+        return self._handle.cancel_goal_async() if self._handle is not None else None
+
+
+def main(args=None):
+    """Track once; exit status 0 if the edge was tracked."""
+    outcome = []
+
+    def until(node):
+        outcome[:] = [node.success, node.reason]
+        return node.finished
+
+    status = run(TrackNode, args, until)
+    if status == 0:
+        success, reason = outcome
+        print(f'track: {reason or "interrupted"}', file=sys.stderr)
+        status = 0 if success else 1
+    return status
