@@ -1,0 +1,203 @@
+"""
+The demo: a mock robot follows an edge by touch, recorded and reported.
+
+Sensor bytes run over a pseudo-terminal through driver, estimator and servo to a mock robot;
+everything that is reported is computed from the recorded bag.
+"""
+
+import argparse
+from datetime import datetime
+from pathlib import Path
+import sys
+import time
+
+from rclpy.exceptions import ParameterException
+from rclpy.qos import DurabilityPolicy, qos_profile_sensor_data, QoSProfile
+from tactile_sensing.calibration import Calibration, load_calibration
+from tactile_sensing.errors import TactileSensingError
+from tactile_sensing.nodes.contact_estimator import ContactEstimatorNode
+from tactile_sensing.nodes.driver import DriverNode
+from tactile_sensing.nodes.mock_sensor import MockSensorNode
+from tactile_sensing.nodes.runner import stop_on_signals
+from tactile_sensing.recording import load_recording
+from tactile_sensing.scene import load_scene
+from tactile_servo.edge_servo import State
+
+from edge_tracking.bag import RecorderNode
+from edge_tracking.composed import add_mocks, add_stack, Graph, private_port
+from edge_tracking.progress import Progress
+from edge_tracking.report import make_recording_report, make_report
+from edge_tracking.resources import find_scene, scene_names, share
+from edge_tracking.run_data import read_run
+from edge_tracking.summary import summarise, summarise_recording, to_json
+from edge_tracking.track import TrackNode
+
+SETTLE = 0.3  # s recorded after the end, so that the last messages arrive
+
+
+def parser():
+    """Command line of the demo."""
+    arguments = argparse.ArgumentParser(
+        prog='demo', formatter_class=argparse.ArgumentDefaultsHelpFormatter,
+        description='A robot follows an edge by touch, on the real graph with a mock sensor on '
+        'a pseudo-terminal and a mock robot. Writes a rosbag2 recording (.mcap) and a report '
+        '(report.html). Exit status 0 only if the edge was tracked.',
+        epilog='With --recording FILE.npz the frames of a real array (frames (N, rows, '
+        'columns), rate_hz, optional pitch_m) run through driver and estimator instead.')
+    arguments.add_argument('--scene', default='straight',
+                           help=f'{", ".join(scene_names())}, or the path of a .yaml file')
+    arguments.add_argument('--speed', type=float, default=0.03, help='along the edge [m/s]')
+    arguments.add_argument('--force', type=float, default=5.0, help='on the pad [N]')
+    arguments.add_argument('--seed', type=int, default=0, help="of the sensor's noise")
+    arguments.add_argument('--recording', default=None, metavar='FILE.npz',
+                           help='play a recording instead of a scene')
+    arguments.add_argument('--calibration', default=None, metavar='FILE.yaml',
+                           help='counts -> pressure of the recording; without it, raw counts')
+    arguments.add_argument('--pitch', type=float, default=None,
+                           help='of the recording, where it does not say it itself [m]')
+    arguments.add_argument('--out', default=None, metavar='FOLDER',
+                           help='new folder for recording and report; default runs/NAME-TIME')
+    arguments.add_argument('--json', action='store_true',
+                           help='print the summary as one JSON object, all else to stderr')
+    return arguments
+
+
+def out_folder(wanted, name):
+    """Make the folder of the results."""
+    folder = Path(wanted or f'runs/{name}-{datetime.now():%Y%m%d-%H%M%S}')
+    try:
+        folder.mkdir(parents=True, exist_ok=wanted is None)
+    except OSError as error:
+        raise ValueError(f'--out {folder}: {error.strerror}') from error
+    return folder
+
+
+def topics(graph):
+    """Every topic of the graph, with its type and the quality of service to listen with."""
+    from sensor_msgs.msg import JointState
+    from tactile_msgs.msg import Contact, SensorInfo, ServoStatus, TactileImage
+    from trajectory_msgs.msg import JointTrajectory
+    from geometry_msgs.msg import PoseStamped, WrenchStamped
+    from diagnostic_msgs.msg import DiagnosticArray
+    deep = QoSProfile(depth=100)
+    latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+    sensor = QoSProfile(depth=100, reliability=qos_profile_sensor_data.reliability)
+    own = [('image', TactileImage, sensor), ('sensor_info', SensorInfo, latched),
+           ('contact', Contact, sensor), ('wrench', WrenchStamped, sensor),
+           ('servo_status', ServoStatus, deep), ('sensor_pose', PoseStamped, sensor),
+           ('diagnostics', DiagnosticArray, deep)]
+    return [(f'/{graph.namespace}/{name}', kind, qos) for name, kind, qos in own] + [
+        ('/joint_states', JointState, deep),
+        ('/joint_trajectory_controller/joint_trajectory', JointTrajectory, deep)]
+
+
+def record(graph, folder):
+    """Add a recorder of everything."""
+    return graph.add(RecorderNode, own={'path': folder / 'bag', 'topics': topics(graph)})
+
+
+def linger(graph, stop):
+    """Spin a little longer."""
+    end = time.monotonic() + SETTLE
+    graph.spin(lambda: stop.is_set() or time.monotonic() > end)
+
+
+def track_scene(options, folder, progress):
+    """Run the scene; returns (success, reason)."""
+    path = find_scene(options.scene)
+    edge = load_scene(path)
+    robot = share('urdf', 'puma260.urdf')
+    length = edge.edge.length - edge.start.s
+
+    def show(feedback):
+        progress.show(
+            min(feedback.progress / length, 1.0), State(feedback.state).name.lower(),
+            f'{1e3 * feedback.progress:5.0f} mm  lateral {1e3 * feedback.lateral_error:+.3f} mm'
+            f'  force {feedback.normal_force:.2f} N')
+    with private_port() as port, stop_on_signals() as stop, Graph() as graph:
+        record(graph, folder)
+        add_mocks(graph, port, path, robot, options.seed)
+        add_stack(graph, port, robot)
+        track = graph.add(TrackNode, own={'on_feedback': show}, speed=options.speed,
+                          force=options.force)
+        graph.spin(lambda: stop.is_set() or track.finished)
+        if stop.is_set():
+            track.cancel()
+            stop.clear()
+            end = time.monotonic() + 2.0
+            graph.spin(lambda: track.finished or stop.is_set() or time.monotonic() > end)
+            return False, 'interrupted'
+        linger(graph, stop)
+    return track.success, track.reason
+
+
+def play_recording(options, folder, progress):
+    """Stream a recording through driver and estimator."""
+    recording = load_recording(options.recording)
+    rows, columns = recording.shape
+    if options.calibration:
+        calibration = load_calibration(options.calibration)
+    elif options.pitch or recording.pitch:
+        calibration = Calibration.uncalibrated(
+            rows, columns, options.pitch or recording.pitch, nominal_rate=recording.rate_hz)
+    else:
+        raise ValueError(f'{options.recording}: no pitch_m in the file; give --pitch')
+    if calibration.array.shape != (rows, columns):
+        raise ValueError(f'{options.recording}: frames of {rows}x{columns}, but '
+                         f'{options.calibration} is for {calibration.array.shape}')
+    duration = len(recording.frames) / recording.rate_hz
+    with private_port() as port, stop_on_signals() as stop, Graph() as graph:
+        record(graph, folder)
+        sensor = graph.add(MockSensorNode, port=str(port), recording=str(options.recording))
+        graph.add(DriverNode, own={'calibration': calibration}, port=str(port),
+                  tare_at_start=False)
+        graph.add(ContactEstimatorNode)
+        started = time.monotonic()
+
+        def until():
+            gone = time.monotonic() - started
+            progress.show(min(gone / duration, 1.0), 'playing', f'{gone:.0f} of {duration:.0f} s')
+            return stop.is_set() or sensor.finished.is_set()
+        graph.spin(until)
+        if stop.is_set():
+            return False, 'interrupted'
+        linger(graph, stop)
+    return True, 'recording played'
+
+
+def run(options):
+    """Run the demo; returns the summary and the folder of its results."""
+    name = Path(options.recording or options.scene).stem
+    if not options.recording:
+        scene = load_scene(find_scene(options.scene))  # before a folder is made
+    folder = out_folder(options.out, name)
+    report = folder / 'report.html'
+    with Progress(sys.stderr) as progress:
+        play = play_recording if options.recording else track_scene
+        success, reason = play(options, folder, progress)
+    data = read_run(folder / 'bag')
+    if options.recording:
+        summary = summarise_recording(data)
+        summary |= {'ok': success and summary['ok'], 'reason': reason}
+        make_recording_report(data, summary, report)
+    else:
+        summary = summarise(data, scene, success=success, reason=reason, speed=options.speed,
+                            seed=options.seed)
+        make_report(data, summary, scene, report)
+    return summary, folder
+
+
+def main(args=None):
+    """Run the demo; exit status 0 if the edge was tracked, or the recording played."""
+    options = parser().parse_args(args)
+    try:
+        summary, folder = run(options)
+    except (ValueError, RuntimeError, ParameterException, TactileSensingError) as error:
+        print(f'demo: {" ".join(str(error).split())}', file=sys.stderr)
+        return 1
+    if options.json:
+        print(to_json(summary))
+    else:
+        print(describe(summary))
+    print(f'recording {folder / "bag"}\nreport    {folder / "report.html"}', file=sys.stderr)
+    return 0 if summary['ok'] else 1
