@@ -161,9 +161,9 @@ class FlexiTacDecoder:
         return frame
 
     def _resync(self):
-        lost = round(self._gap / self._period)
-        # A frame that was begun in lock and then broke is lost, however few bytes it had.
-        self.lost_frames += max(lost, 1) if self.frames else lost
+        # Nothing is lost before the first frame; afterwards at least the one that broke the lock.
+        if self.frames:
+            self.lost_frames += max(round(self._gap / self._period), 1)
         self.resyncs += 1
         event = Resync(self._gap)
         self._gap = 0
