@@ -172,7 +172,8 @@ def test_wrong_values_are_named_in_one_line(tmp_path, path, value, words):
 
 
 @pytest.mark.parametrize('text', [
-    '', '[1, 2', 'a: b: c', '- 1', '\t- x', '&a [*a]', 'when: 2024-99-99', 'x: !!python/name:os.x'])
+    '', '[1, 2', 'a: b: c', '- 1', '\t- x', '&a [*a]', 'when: 2024-99-99',
+    'x: !!python/name:os.x'])
 def test_malformed_yaml_is_refused_in_one_line(tmp_path, text):
     with pytest.raises(ConfigurationError) as error:
         load_scene(write(tmp_path, text))

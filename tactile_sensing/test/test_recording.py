@@ -1,0 +1,95 @@
+"""Recordings: round trip, what becomes of them as bytes, and every way to get a file wrong."""
+import os
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tactile_sensing.errors import ConfigurationError
+from tactile_sensing.recording import load_recording, Recording
+
+SHARED = Path(os.environ.get('TACTILE_SHARED_DATA', Path(__file__).parents[3] / 'shared' / 'data'))
+FINGER = SHARED / 'tekscan_finger' / 'iscan_finger.npz'
+FRAMES = np.arange(24, dtype=np.float32).reshape(2, 3, 4)
+
+
+def saved(folder, **arrays):
+    path = folder / 'recording.npz'
+    np.savez_compressed(path, **arrays)
+    return path
+
+
+def test_round_trip(tmp_path):
+    recording = load_recording(saved(tmp_path, frames=FRAMES, rate_hz=10.0, pitch_m=0.00127))
+    np.testing.assert_array_equal(recording.frames, FRAMES)
+    assert recording.shape == (3, 4)
+    assert recording.rate_hz == 10.0
+    assert recording.pitch == 0.00127
+
+
+def test_pitch_is_optional(tmp_path):
+    assert load_recording(saved(tmp_path, frames=FRAMES, rate_hz=10)).pitch is None
+
+
+def test_counts_round_clip_and_say_so():
+    frames = np.array([[[np.nan, -0.4, 0.6], [254.6, 255.4, 256.0], [-3.0, np.inf, -np.inf]]])
+    counts, clipped = Recording(frames, 10.0).counts()
+    assert counts.dtype == np.uint8
+    np.testing.assert_array_equal(counts, [[[0, 0, 1], [255, 255, 255], [0, 255, 0]]])
+    assert clipped == 4
+
+
+@pytest.mark.parametrize('arrays, words', [
+    ({'rate_hz': 10.0}, "array 'frames' is missing"),
+    ({'frames': FRAMES}, "array 'rate_hz' is missing"),
+    ({'frames': FRAMES[0], 'rate_hz': 10.0}, 'frames has shape (3, 4)'),
+    ({'frames': FRAMES[:0], 'rate_hz': 10.0}, 'frames has shape (0, 3, 4)'),
+    ({'frames': FRAMES.astype(str), 'rate_hz': 10.0}, 'must be of real numbers'),
+    ({'frames': FRAMES.astype(complex), 'rate_hz': 10.0}, 'must be of real numbers'),
+    ({'frames': FRAMES.astype(object), 'rate_hz': 10.0}, 'is not an .npz archive of numbers'),
+    ({'frames': FRAMES, 'rate_hz': 0.0}, 'rate_hz is 0.0'),
+    ({'frames': FRAMES, 'rate_hz': np.nan}, 'rate_hz is nan'),
+    ({'frames': FRAMES, 'rate_hz': [1.0, 2.0]}, 'rate_hz is [1.0, 2.0]'),
+    ({'frames': FRAMES, 'rate_hz': 'fast'}, "rate_hz is 'fast'"),
+    ({'frames': FRAMES, 'rate_hz': 1e5}, 'rate_hz is 100000.0'),
+    ({'frames': FRAMES, 'rate_hz': 10.0, 'pitch_m': -1.0}, 'pitch_m is -1.0'),
+    ({'frames': FRAMES, 'rate_hz': 10.0, 'pitch_m': 1.27}, 'pitch_m is 1.27'),
+])
+def test_wrong_arrays_are_named_in_one_line(tmp_path, arrays, words):
+    with pytest.raises(ConfigurationError) as error:
+        load_recording(saved(tmp_path, **arrays))
+    assert words in str(error.value)
+    assert 'recording.npz' in str(error.value)
+    assert '\n' not in str(error.value)
+
+
+def test_files_that_are_no_archives(tmp_path):
+    path = tmp_path / 'recording.npz'
+    with pytest.raises(ConfigurationError, match='No such file'):
+        load_recording(path)
+    with pytest.raises(ConfigurationError, match='Is a directory'):
+        load_recording(tmp_path)
+    whole = saved(tmp_path, frames=FRAMES, rate_hz=10.0).read_bytes()
+    for content in (b'', b'words', whole[:len(whole) // 2], whole[:80] + b'?' * 40 + whole[120:]):
+        path.write_bytes(content)
+        with pytest.raises(ConfigurationError, match='is not an .npz archive'):
+            load_recording(path)
+    with open(path, 'wb') as file:
+        np.save(file, FRAMES)
+    with pytest.raises(ConfigurationError, match='is not an .npz archive'):
+        load_recording(path)
+
+
+@pytest.mark.skipif(not FINGER.exists(), reason=f'no {FINGER.name} in the shared data')
+def test_recorded_finger():
+    recording = load_recording(FINGER)
+    assert recording.frames.shape == (309, 28, 28)
+    assert recording.rate_hz == 10.0
+    assert recording.pitch == pytest.approx(0.00127)
+    counts, clipped = recording.counts()
+    assert clipped == 0
+    loaded = np.zeros(recording.shape, bool)
+    loaded[15:26, 15:26] = True
+    assert counts[:, loaded].max() == 100
+    assert counts[:, ~loaded].max() == 9  # stray cells of the other three pads
+    assert counts[:, loaded].sum() > 0.95 * counts.sum()
