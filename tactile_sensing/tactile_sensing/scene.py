@@ -281,7 +281,7 @@ def _edge(tree):
     start = values['start']
     if not isinstance(start, list) or len(start) != 3:
         raise ConfigurationError(f'edge.start is {start!r}, must be a list [x, y, z] [m]')
-    for axis, value in zip('xyz', start):
+    for axis, value in zip('xyz', start, strict=True):
         _bounded(f'edge.start.{axis}', value, -MAX_LENGTH, MAX_LENGTH, 'm')
     _bounded('edge.heading', values['heading'], -360.0, 360.0, 'degrees')
     path = values['path']

@@ -16,7 +16,11 @@ from tactile_sensing.array import TactelArray
 from tactile_sensing.errors import ConfigurationError
 from tactile_sensing.flexitac import FlexiTacDecoder, MARKER, NEED_DATA
 from tactile_sensing.nodes.mock_sensor import (
-    MockSensorConfig, MockSensorNode, pose_matrix, PseudoTerminal)
+    MockSensorConfig,
+    MockSensorNode,
+    pose_matrix,
+    PseudoTerminal,
+)
 from tactile_sensing.nodes.runner import make_executor
 from tactile_sensing.scene import load_scene
 from tactile_sensing.synthetic import EdgeRenderer
@@ -205,10 +209,12 @@ def test_shutdown_hangs_up_and_removes_the_link(mock, scene, tmp_path):
     node = mock(scene=scene)
     with Listener(tmp_path / 'sensor') as listener:
         listener.read_bytes(600)
-        threading.Thread(target=node.destroy_node).start()
+        stopping = threading.Thread(target=node.destroy_node)
+        stopping.start()
         end = time.monotonic() + DEADLINE
         while listener.read() is not None:
             assert time.monotonic() < end
+        stopping.join(DEADLINE)
     assert not os.path.lexists(tmp_path / 'sensor')
 
 

@@ -182,9 +182,9 @@ class MockSensorNode(Node):
         self._stop.set()
         if self._thread.is_alive():
             self._thread.join()
-        if self._port is not None:
-            self._port.close()
-            self._port = None
+        port, self._port = self._port, None
+        if port is not None:
+            port.close()
         super().destroy_node()
 
     def _open_source(self):
