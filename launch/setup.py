@@ -22,5 +22,6 @@ setup(
     maintainer_email='maintainers@tactile.invalid',
     description='A robot follows an edge by touch: launch files, scenes, robot and demo.',
     license='Apache-2.0',
-    entry_points={'console_scripts': [f'demo = {PACKAGE}.demo:main']},
+    entry_points={'console_scripts': [
+        f'{name} = {PACKAGE}.{name}:main' for name in ('composed', 'demo', 'track')]},
 )

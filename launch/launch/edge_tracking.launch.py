@@ -1,0 +1,119 @@
+"""
+A robot follows an edge by touch.
+
+Without arguments the mock sensor and the mock robot are used, and tracking starts at once.
+With a real array and a real robot, whose joint_trajectory_controller is running:
+
+  ros2 launch edge_tracking edge_tracking.launch.py sensor:=flexitac port:=/dev/ttyUSB0 \
+      robot_description:=/path/to/robot.urdf
+
+There nothing moves before a goal is sent to the action track_edge, or with start:=true.
+"""
+
+from pathlib import Path
+import tempfile
+
+from ament_index_python.packages import get_package_share_directory
+from launch import LaunchDescription
+from launch.actions import DeclareLaunchArgument, EmitEvent, OpaqueFunction, RegisterEventHandler
+from launch.event_handlers import OnProcessExit
+from launch.events import Shutdown
+from launch.substitutions import LaunchConfiguration
+from launch_ros.actions import Node
+
+SHARE = Path(get_package_share_directory('edge_tracking'))
+SCENES = sorted(path.stem for path in (SHARE / 'scenes').glob('*.yaml'))
+
+ARGUMENTS = (
+    ('sensor', 'mock', 'mock: synthetic array on a pseudo-terminal; flexitac: a real array on '
+     'a serial port', ('mock', 'flexitac')),
+    ('port', '', 'serial port of a real array; for the mock, the link to its pseudo-terminal '
+     '(default: one in the folder for temporary files)', None),
+    ('robot', 'auto', 'mock: robot in software; real: a running joint_trajectory_controller; '
+     'auto: mock with the mock sensor, else real', ('auto', 'mock', 'real')),
+    ('scene', 'straight', f'what the mock sensor touches: {", ".join(SCENES)}, or the path of a '
+     '.yaml file', None),
+    ('speed', '0.03', 'along the edge [m/s]', None),
+    ('force', '5.0', 'normal force on the pad [N]', None),
+    ('length', '0.0', 'way to track [m]; 0 = until the edge ends', None),
+    ('start', 'auto', 'send the goal at once; auto: with the mock robot only',
+     ('auto', 'true', 'false')),
+    ('shutdown', 'false', 'end the launch when the goal has ended', ('true', 'false')),
+    ('robot_description', str(SHARE / 'urdf' / 'puma260.urdf'),
+     'URDF of the robot with a link tactile_pad: path of a file, or the text', None),
+    ('parameters', str(SHARE / 'config' / 'edge_tracking.yaml'), 'parameter file of all nodes',
+     None),
+    ('namespace', 'tactile', 'of sensor, estimator and servo', None),
+    ('use_sim_time', 'false', 'take the time from /clock', ('true', 'false')),
+    ('rviz', 'false', 'show the robot in RViz', ('true', 'false')),
+)
+
+
+def find_scene(name):
+    """Path of a scene given by name or path."""
+    path = Path(name) if name.endswith(('.yaml', '.yml')) else SHARE / 'scenes' / f'{name}.yaml'
+    if not path.is_file():
+        raise RuntimeError(f'scene {name!r} is unknown; shipped are {", ".join(SCENES)}; '
+                           'or give the path of a .yaml file')
+    return str(path)
+
+
+def nodes(context):
+    """Nodes for the arguments given."""
+    value = {name: LaunchConfiguration(name).perform(context) for name, *_ in ARGUMENTS}
+    on = {name: value[name] == 'true' for name in ('use_sim_time', 'rviz', 'shutdown')}
+    mock_sensor = value['sensor'] == 'mock'
+    mock_robot = value['robot'] == 'mock' or (value['robot'] == 'auto' and mock_sensor)
+    start = value['start'] == 'true' or (value['start'] == 'auto' and mock_robot)
+    if not mock_sensor and not value['port']:
+        raise RuntimeError('sensor:=flexitac needs its port, for instance port:=/dev/ttyUSB0')
+    scene = find_scene(value['scene']) if mock_sensor or mock_robot else ''
+    port = value['port'] or str(
+        Path(tempfile.gettempdir()) / f'tactile_{value["namespace"].replace("/", "_")}')
+
+    def node(package, executable, namespace=value['namespace'], **parameters):
+        return Node(
+            package=package, executable=executable, name=executable, namespace=namespace,
+            output='screen', parameters=[
+                value['parameters'], {'use_sim_time': on['use_sim_time'], **parameters}])
+
+    robot = {'robot_description': value['robot_description']}
+    actions = [
+        node('tactile_sensing', 'driver', port=port),
+        node('tactile_sensing', 'contact_estimator'),
+        node('tactile_servo', 'edge_servo', **robot)]
+    if mock_sensor:
+        actions.append(node('tactile_sensing', 'mock_sensor', port=port, scene=scene))
+    if mock_robot:
+        actions.append(node('tactile_servo', 'mock_robot', '/', scene=scene, **robot))
+    if start:
+        track = node('edge_tracking', 'track', speed=float(value['speed']),
+                     force=float(value['force']), length=float(value['length']))
+        actions.append(track)
+        if on['shutdown']:
+            actions.append(RegisterEventHandler(OnProcessExit(
+                target_action=track,
+                on_exit=[EmitEvent(event=Shutdown(reason='the goal has ended'))])))
+    if on['rviz']:
+        actions += rviz(value['robot_description'], on['use_sim_time'])
+    return actions
+
+
+def rviz(description, use_sim_time):
+    """Robot state publisher and RViz."""
+    text = description if '<' in description else Path(description).read_text(encoding='utf-8')
+    return [
+        Node(package='robot_state_publisher', executable='robot_state_publisher',
+             parameters=[{'robot_description': text, 'use_sim_time': use_sim_time}]),
+        Node(package='rviz2', executable='rviz2',
+             arguments=['-d', str(SHARE / 'rviz' / 'edge_tracking.rviz')],
+             parameters=[{'use_sim_time': use_sim_time}])]
+
+
+def generate_launch_description():
+    """Declare the arguments; the nodes depend on their values."""
+    declared = [
+        DeclareLaunchArgument(name, default_value=default, description=description,
+                              **({'choices': list(choices)} if choices else {}))
+        for name, default, description, choices in ARGUMENTS]
+    return LaunchDescription([*declared, OpaqueFunction(function=nodes)])
