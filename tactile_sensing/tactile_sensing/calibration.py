@@ -3,11 +3,11 @@ from dataclasses import dataclass, field
 import math
 
 import numpy as np
+import yaml
 
 from tactile_sensing.array import TactelArray
 from tactile_sensing.errors import ConfigurationError, TactileSensingError
 from tactile_sensing.image import COMPONENTS, Layer, SensorInfo
-import yaml
 
 UNITS = ('Pa', 'counts')
 # Fewer frames tell neither the noise nor whether the picture is steady.

@@ -1,19 +1,22 @@
 """Core data to ROS messages and back."""
+from builtin_interfaces.msg import Duration, Time
 import numpy as np
 import pytest
 
-pytest.importorskip('tactile_msgs.msg')
-
-from builtin_interfaces.msg import Duration, Time  # noqa: E402, I100
-
-from tactile_sensing.array import TactelArray  # noqa: E402, I100
-from tactile_sensing.calibration import Calibration  # noqa: E402, I100
-from tactile_sensing.conversions import (  # noqa: E402, I100
-    image_from_msg, image_to_msg, sensor_info_from_msg, sensor_info_to_msg, stamp_from_ns,
-    stamp_from_seconds, stamp_to_ns, stamp_to_seconds,
+from tactile_sensing.array import TactelArray
+from tactile_sensing.calibration import Calibration
+from tactile_sensing.conversions import (
+    image_from_msg,
+    image_to_msg,
+    sensor_info_from_msg,
+    sensor_info_to_msg,
+    stamp_from_ns,
+    stamp_from_seconds,
+    stamp_to_ns,
+    stamp_to_seconds,
 )
-from tactile_sensing.errors import TactileSensingError  # noqa: E402, I100
-from tactile_sensing.image import Layer, TactileImage  # noqa: E402, I100
+from tactile_sensing.errors import TactileSensingError
+from tactile_sensing.image import Layer, TactileImage
 
 ARRAY = TactelArray(3, 4, 0.0015, 0.0025)
 

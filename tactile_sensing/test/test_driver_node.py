@@ -9,28 +9,26 @@ import threading
 import time
 import tty
 
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 import numpy as np
 import pytest
-
-pytest.importorskip('rclpy')
-pytest.importorskip('tactile_msgs.msg')
-
-from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus  # noqa: E402, I100
-import rclpy  # noqa: E402, I100
-from rclpy.node import Node  # noqa: E402, I100
-from rclpy.parameter import Parameter  # noqa: E402, I100
-from rclpy.qos import (  # noqa: E402, I100
-    DurabilityPolicy, qos_profile_sensor_data, QoSProfile,
+import rclpy
+from rclpy.node import Node
+from rclpy.parameter import Parameter
+from rclpy.qos import (
+    DurabilityPolicy,
+    qos_profile_sensor_data,
+    QoSProfile,
 )
-from std_srvs.srv import Trigger  # noqa: E402, I100
+from std_srvs.srv import Trigger
 
-from tactile_msgs.msg import SensorInfo, TactileImage  # noqa: E402, I100
-from tactile_sensing.calibration import Calibration  # noqa: E402, I100
-from tactile_sensing.conversions import image_from_msg, stamp_to_ns  # noqa: E402, I100
-from tactile_sensing.errors import ConfigurationError  # noqa: E402, I100
-from tactile_sensing.flexitac import encode_frame, encode_payload, MARKER  # noqa: E402, I100
-from tactile_sensing.nodes import runner  # noqa: E402, I100
-from tactile_sensing.nodes.driver import DriverNode  # noqa: E402, I100
+from tactile_msgs.msg import SensorInfo, TactileImage
+from tactile_sensing.calibration import Calibration
+from tactile_sensing.conversions import image_from_msg, stamp_to_ns
+from tactile_sensing.errors import ConfigurationError
+from tactile_sensing.flexitac import encode_frame, encode_payload, MARKER
+from tactile_sensing.nodes import runner
+from tactile_sensing.nodes.driver import DriverNode
 
 SHAPE = (4, 5)
 BASELINE = 10

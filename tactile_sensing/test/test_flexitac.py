@@ -1,12 +1,20 @@
 """The FlexiTac codec: every split point, garbage, losses, mimicry, floods."""
-from hypothesis import given, settings, strategies as st
+from hypothesis import given, settings
+from hypothesis import strategies as st
 import numpy as np
 import pytest
 
 from tactile_sensing.errors import ConfigurationError
 from tactile_sensing.flexitac import (
-    AMBIGUOUS_PERIODS, encode_frame, encode_payload, FlexiTacDecoder, Frame, MARKER, NEED_DATA,
-    payload_size, Resync,
+    AMBIGUOUS_PERIODS,
+    encode_frame,
+    encode_payload,
+    FlexiTacDecoder,
+    Frame,
+    MARKER,
+    NEED_DATA,
+    payload_size,
+    Resync,
 )
 
 ROWS, COLUMNS = 3, 4
@@ -191,7 +199,7 @@ def test_any_pictures_come_back_from_any_pieces(data):
     cuts = sorted(data.draw(st.lists(st.integers(0, len(stream)), max_size=8)))
     edges = [0, *cuts, len(stream)]
     decoder, events = decode(
-        [stream[a:b] for a, b in zip(edges, edges[1:])], rows, columns)
+        [stream[a:b] for a, b in zip(edges[:-1], edges[1:], strict=True)], rows, columns)
     got = [event.counts.tobytes() for event in events]
     assert got == [bytes(payload) for payload in payloads]
     assert decoder.dropped_bytes == 0

@@ -11,12 +11,17 @@ from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, qos_profile_sensor_data, QoSProfile
 from std_srvs.srv import Trigger
 
-from tactile_msgs.msg import SensorInfo as SensorInfoMsg, TactileImage as TactileImageMsg
+from tactile_msgs.msg import SensorInfo as SensorInfoMsg
+from tactile_msgs.msg import TactileImage as TactileImageMsg
 from tactile_sensing.calibration import load_calibration, MIN_TARE_FRAMES, TareRefusedError
 from tactile_sensing.conversions import image_to_msg, sensor_info_to_msg
 from tactile_sensing.errors import ConfigurationError
 from tactile_sensing.flexitac import (
-    BAUD_RATE, FlexiTacDecoder, Frame, NEED_DATA, payload_size,
+    BAUD_RATE,
+    FlexiTacDecoder,
+    Frame,
+    NEED_DATA,
+    payload_size,
 )
 from tactile_sensing.image import TactileImage
 from tactile_sensing.nodes.parameters import declare_from
@@ -166,7 +171,7 @@ class DriverNode(Node):
             # A long pause says nothing about the period.
             since_last = (self._last_byte_at - self._last_frame_at) * 1e9
             self._period_ns += round(0.1 * (min(since_last, 1e9) - self._period_ns))
-        for age, frame in zip(reversed(range(len(frames))), frames):
+        for age, frame in zip(reversed(range(len(frames))), frames, strict=True):
             self._last_frame_at = self._last_byte_at
             self._publish(frame, arrival_ns - age * self._period_ns)
 

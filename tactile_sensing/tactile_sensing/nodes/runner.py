@@ -11,6 +11,7 @@ from rclpy.exceptions import NameValidationException, ParameterException
 from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 from rclpy.logging import get_logger
 from rclpy.signals import SignalHandlerOptions
+
 try:
     from rclpy.experimental import EventsExecutor
 except ImportError:
