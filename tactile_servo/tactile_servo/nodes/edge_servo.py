@@ -10,7 +10,6 @@ from rclpy.action import ActionServer, CancelResponse, GoalResponse
 from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
 from rclpy.qos import qos_profile_sensor_data
-from rclpy.task import Future
 from sensor_msgs.msg import JointState
 from std_srvs.srv import SetBool
 from tactile_msgs.action import TrackEdge
@@ -83,7 +82,7 @@ class EdgeServoNode(Node):
         self._servo = EdgeServo(
             model, limits, config, gains,
             WorkspaceBox(robot.workspace_lower, robot.workspace_upper))
-        self._goal_handle = self._finished = None
+        self._goal_handle, self._started = None, 0.0
         self._missed, self._longest, self._last_tick = 0, 0.0, None
         self._reported, self._sensor_frame = None, ''
         self._period = 1.0 / config.rate
@@ -99,8 +98,8 @@ class EdgeServoNode(Node):
             JointState, '/joint_states', self._on_joints, qos_profile_sensor_data)
         self.create_service(SetBool, '~/pause', self._on_pause)
         self._action = ActionServer(
-            self, TrackEdge, 'track_edge', self._execute, goal_callback=self._on_goal,
-            cancel_callback=self._on_cancel)
+            self, TrackEdge, 'track_edge', self._finish, goal_callback=self._on_goal,
+            handle_accepted_callback=self._on_accepted, cancel_callback=self._on_cancel)
         # Steady, so that the watchdogs run even where simulated time stands still.
         steady = Clock(clock_type=ClockType.STEADY_TIME)
         self.create_timer(self._period, self._on_cycle, clock=steady)
@@ -159,19 +158,19 @@ class EdgeServoNode(Node):
         self._servo.cancel()
         return CancelResponse.ACCEPT
 
-    async def _execute(self, goal_handle):
-        started = perf_counter()
-        try:
-            self._servo.start(goal_from_msg(goal_handle.request), started)
-        except ValueError as error:  # two goals accepted at once
-            goal_handle.abort()
-            return TrackEdge.Result(success=False, reason=str(error))
-        self._finished = Future()
-        self._goal_handle = goal_handle
-        await self._finished
-        self._goal_handle = None
+    def _on_accepted(self, goal_handle):
+        """
+        Start a goal; it is executed, in the action server's sense, when it has ended.
+
+        An execute callback would have to block or to await, and rclpy's executors poll a
+        callback that awaits without a pause, at the cost of a whole core.
+        """
+        self._goal_handle, self._started = goal_handle, perf_counter()
+        self._servo.start(goal_from_msg(goal_handle.request), self._started)
+
+    def _finish(self, goal_handle):
         servo = self._servo
-        result = result_to_msg(servo, perf_counter() - started, self._base_frame)
+        result = result_to_msg(servo, perf_counter() - self._started, self._base_frame)
         if goal_handle.is_cancel_requested:
             goal_handle.canceled()
         elif servo.success:
@@ -184,8 +183,8 @@ class EdgeServoNode(Node):
 
     def _report(self, status, msg):
         if status.state == State.DONE:
-            if not self._finished.done():
-                self._finished.set_result(True)
+            goal_handle, self._goal_handle = self._goal_handle, None
+            goal_handle.execute()
             return
         if self._reported is not None and self._last_tick - self._reported < FEEDBACK_PERIOD:
             return
