@@ -98,7 +98,7 @@ class ContactEstimator:
         finite = np.isfinite(layer.stress)
         pressure = np.where(finite, layer.stress, np.nan).astype(np.float64)
         live = int(np.count_nonzero(finite))
-        left_out = Reason(0)
+        left_out = Reason(0) if image.tared else Reason.NOT_TARED
         if live < pressure.size:
             left_out |= Reason.SATURATED if image.saturated else Reason(0)
             left_out |= Reason.DEAD_TACTELS if pressure.size - live > image.saturated else 0
@@ -117,8 +117,6 @@ class ContactEstimator:
             if image.saturated:  # the loaded tactels are the ones that are missing
                 return self._refuse(ContactType.OTHER, Reason.BAD_FIT | left_out, moments)
             return self._refuse(ContactType.NONE, Reason.NO_CONTACT | left_out, moments)
-        if not image.tared:
-            left_out |= Reason.NOT_TARED
         explain = self._fit if self.config.method == 'fit' else self._closed_form
         return explain(pressure, image.array, layer, noise, moments, left_out)
 

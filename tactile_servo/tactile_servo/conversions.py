@@ -10,7 +10,7 @@ from tactile_msgs.msg import ServoStatus
 from tactile_sensing.conversions import stamp_from_ns, stamp_to_seconds
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
-from tactile_servo.edge_servo import EdgeGoal
+from tactile_servo.servo_types import EdgeGoal
 from tactile_servo.errors import ConfigurationError, Rejected
 from tactile_servo.trajectory import Trajectory
 

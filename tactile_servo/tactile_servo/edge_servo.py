@@ -6,135 +6,17 @@ servo reads no clock: stamps and steady times come in with the data.
 """
 
 from collections import namedtuple
-from dataclasses import dataclass, field
-from enum import IntEnum
 
 import numpy as np
+from tactile_sensing.contact import Reason
 
-from tactile_servo.errors import ConfigurationError
 from tactile_servo.limits import limit_velocities
 from tactile_servo.resolved_rate import (
     alignment_scale, contact_scale, edge_features, edge_twist, ResolvedRateConfig)
 from tactile_servo.robot import damped_least_squares
+from tactile_servo.servo_types import EdgeServoConfig, NAN, State, Status
 from tactile_servo.statistics import TrackStatistics
 from tactile_servo.window import stopping_window
-
-NAN = float('nan')
-
-
-class State(IntEnum):
-    """States of a servo; the numbers of ServoStatus.msg."""
-
-    IDLE = 0
-    APPROACH = 1
-    TRACK = 2
-    CORNER = 3
-    SEARCH = 4
-    RETREAT = 5
-    DONE = 6
-    HOLD = 7
-
-
-@dataclass(frozen=True)
-class EdgeServoConfig:
-    """Bounds of the servo, beside the gains of `ResolvedRateConfig`."""
-
-    rate: float = field(default=400.0, metadata={
-        'doc': 'control cycles per second', 'unit': 'Hz', 'range': (10.0, 2000.0)})
-    array_half_width: float = field(default=0.0127, metadata={
-        'doc': 'half the size of the tactel array', 'unit': 'm', 'range': (0.001, 1.0)})
-    max_speed: float = field(default=0.2, metadata={
-        'doc': 'largest speed along the edge that a goal may ask for', 'unit': 'm/s',
-        'range': (0.001, 2.0)})
-    max_force: float = field(default=10.0, metadata={
-        'doc': 'largest force that a goal may ask for', 'unit': 'N', 'range': (0.1, 1e3)})
-    max_load: float = field(default=12.0, metadata={
-        'doc': 'the pad is lifted off above this force', 'unit': 'N', 'range': (0.1, 1e4)})
-    contact_force: float = field(default=0.5, metadata={
-        'doc': 'force that ends the approach', 'unit': 'N', 'range': (0.01, 100.0)})
-    approach_speed: float = field(default=0.01, metadata={
-        'doc': 'speed along the normal towards the object, and away from it', 'unit': 'm/s',
-        'range': (1e-4, 0.1)})
-    approach_distance: float = field(default=0.03, metadata={
-        'doc': 'the approach gives up after this way', 'unit': 'm', 'range': (0.001, 1.0)})
-    retreat_distance: float = field(default=0.01, metadata={
-        'doc': 'how far the pad lifts off at the end', 'unit': 'm', 'range': (0.0, 1.0)})
-    press_depth: float = field(default=0.003, metadata={
-        'doc': 'the force loop may press this much deeper than where it last met half of the '
-               'force',
-        'unit': 'm', 'range': (1e-4, 0.1)})
-    max_acceleration: float = field(default=1.0, metadata={
-        'doc': 'acceleration along the edge', 'unit': 'm/s^2', 'range': (0.01, 100.0)})
-    end_of_edge: float = field(default=0.35, metadata={
-        'doc': 'the edge ends when the centre of pressure falls behind by this fraction of '
-               'half the array', 'range': (0.1, 1.0)})
-    stale_image: float = field(default=0.05, metadata={
-        'doc': 'hold when no image came for this long', 'unit': 's', 'range': (0.002, 10.0)})
-    stale_joints: float = field(default=0.05, metadata={
-        'doc': 'hold when no joint state came for this long', 'unit': 's',
-        'range': (0.002, 10.0)})
-    max_stamp_age: float = field(default=0.1, metadata={
-        'doc': 'hold when the newest stamp is older, or further in the future, than this',
-        'unit': 's', 'range': (0.005, 10.0)})
-    edge_lost: float = field(default=0.05, metadata={
-        'doc': 'hold when the images show no edge for this long', 'unit': 's',
-        'range': (0.002, 10.0)})
-    resume_within: float = field(default=0.5, metadata={
-        'doc': 'a hold whose cause goes away within this time ends by itself; a longer one '
-               'waits for ~/pause false', 'unit': 's', 'range': (0.0, 60.0)})
-    give_up: float = field(default=30.0, metadata={
-        'doc': 'a hold that nobody ended by then aborts the goal', 'unit': 's',
-        'range': (0.1, 3600.0)})
-    following_error: float = field(default=0.15, metadata={
-        'doc': 'hold when a joint is this far from where it was commanded', 'unit': 'rad',
-        'range': (0.001, 3.0)})
-    damping: float = field(default=0.01, metadata={
-        'doc': 'damping of the inverse Jacobian near a singularity', 'range': (1e-6, 1.0)})
-    rotation_length: float = field(default=0.04, metadata={
-        'doc': 'length that weighs rotation against position', 'unit': 'm/rad',
-        'range': (1e-3, 1.0)})
-
-    def __post_init__(self):
-        if not self.max_force < self.max_load:
-            raise ConfigurationError(
-                f'max_force: {self.max_force} N is not below max_load, {self.max_load} N')
-
-
-@dataclass(frozen=True)
-class EdgeGoal:
-    """
-    What to track, as in TrackEdge.action.
-
-    speed [m/s]; force [N]; direction +1 or -1 along the sensor's y; length [m], 0 = until the
-    edge ends; retreat at the end.
-    """
-
-    speed: float
-    force: float
-    direction: int = 1
-    length: float = 0.0
-    retreat: bool = True
-
-
-@dataclass(frozen=True)
-class Status:
-    """One control cycle, as in ServoStatus.msg; SI units, NaN = unknown."""
-
-    state: State
-    reason: str
-    contact_stamp_ns: int = 0
-    contact_fresh: bool = False
-    joints_fresh: bool = False
-    lateral_error: float = NAN
-    angle_error: float = NAN
-    normal_force: float = NAN
-    force_target: float = NAN
-    speed: float = 0.0
-    progress: float = 0.0
-    twist: np.ndarray = field(default_factory=lambda: np.zeros(6))
-    limit_scale: float = 1.0
-    limited_by: str = ''
-    manipulability: float = NAN
 
 
 # Newest datum of a kind: value, its own stamp [ns] and steady time of arrival [s].
@@ -165,7 +47,7 @@ class EdgeServo:
         self.success = False
         self.statistics = None
         self.contact = self.joints = None
-        self._paused = self._cancelled = False
+        self._paused, self._stopping = False, ''
         self._contact_fresh = self._joints_fresh = False
         self._resume_state = State.APPROACH
         self._features, self._edge_reason = None, 'edge lost'
@@ -231,7 +113,7 @@ class EdgeServo:
         if why:
             raise ValueError(why)
         self.goal, self.success = goal, False
-        self._paused = self._cancelled = False
+        self._paused, self._stopping = False, ''
         self.statistics = TrackStatistics(goal.force, goal.direction)
         self._features, self._features_arrival = None, -np.inf
         self._resume_state = State.APPROACH
@@ -240,7 +122,7 @@ class EdgeServo:
 
     def cancel(self):
         """Stop within the robot's limits and end the goal."""
-        self._cancelled = self.goal is not None
+        self._stopping = 'cancelled'
 
     def pause(self, paused, now):
         """Hold (true) or go on (false); returns whether there was a goal to act on."""
@@ -324,8 +206,11 @@ class EdgeServo:
             return 'paused'
         if not self._joints_fresh:
             return 'joint state is stale' if self.joints else 'no joint state'
-        if not self._contact_fresh and self.state != State.RETREAT:
-            return 'tactile image is stale' if self.contact else 'no tactile image'
+        if self.state != State.RETREAT:  # lifting off needs no picture
+            if not self._contact_fresh:
+                return 'tactile image is stale' if self.contact else 'no tactile image'
+            if Reason.NOT_TARED in self.contact.value.reasons:
+                return 'sensor is not tared'
         behind = np.abs(self._commanded - self.joints.value)
         if np.max(behind) > self.config.following_error:
             return f'robot does not follow: {self.limits.names[int(np.argmax(behind))]}'
@@ -333,8 +218,9 @@ class EdgeServo:
 
     def _decide(self, now, pose):
         why = self._standstill_reason()
-        if self._cancelled:
-            self._decide_cancelled(now)
+        if self._stopping:
+            self.state, self.reason = State.HOLD, self._stopping
+            self._done_when_standing()
         elif self.state == State.HOLD:
             self._decide_hold(now, why)
         elif why:
@@ -346,7 +232,7 @@ class EdgeServo:
         elif self.state == State.TRACK:
             self._decide_track(now, pose)
         elif self.state == State.RETREAT and -self._advance() >= self.config.retreat_distance:
-            self._done_when_standing(now)
+            self._done_when_standing()
 
     def _load(self):
         """Normal force of the newest image [N]; the larger of what is fitted and summed."""
@@ -414,23 +300,15 @@ class EdgeServo:
         self._enter(self._resume_state, reason, now)
         self._anchor = anchor  # the way already gone still counts
 
-    def _decide_cancelled(self, now):
-        self.reason = 'cancelled'
-        self.state = State.HOLD
-        self._done_when_standing(now)
-
     def _end(self, now, success, reason, lift=False):
         """End the goal: lift off where that is asked for or needed, else stop."""
         self.success = success
-        can_move = not self._standstill_reason()
-        if (lift or self.goal.retreat) and can_move:
+        if (lift or self.goal.retreat) and not self._standstill_reason():
             self._enter(State.RETREAT, reason, now)
         else:
-            self._cancelled = True
-            self._decide_cancelled(now)
-            self.reason = reason
+            self._stopping = reason
 
-    def _done_when_standing(self, now):
+    def _done_when_standing(self):
         if not np.any(self._velocities):
             self.state = State.DONE
 

@@ -11,10 +11,11 @@ from tactile_sensing.image import TactileImage
 from tactile_sensing.scene import load_scene
 from tactile_sensing.synthetic import EdgeRenderer
 
-from tactile_servo.edge_servo import EdgeServo, EdgeServoConfig
+from tactile_servo.edge_servo import EdgeServo
 from tactile_servo.limits import JointLimits
 from tactile_servo.mock_robot import MockController
 from tactile_servo.robot import RobotModel
+from tactile_servo.servo_types import EdgeServoConfig
 
 ROOT = Path(__file__).resolve().parents[2]
 STEP = 1.25e-3  # s; control at 400 Hz, sensing at 200 Hz

@@ -1,14 +1,17 @@
 """The servo in a closed loop, and where input, robot or scene fail it."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from tactile_sensing.contact import Contact, ContactType, Reason
 from tactile_sensing.moments import Moments
 
 from closed_loop import Loop
-from tactile_servo.edge_servo import EdgeGoal, EdgeServoConfig, State
+
 from tactile_servo.errors import ConfigurationError
 from tactile_servo.limits import WorkspaceBox
+from tactile_servo.servo_types import EdgeGoal, EdgeServoConfig, State
 
 GOAL = EdgeGoal(speed=0.03, force=5.0, length=0.05)
 
@@ -198,6 +201,16 @@ def test_force_that_does_not_rise_is_not_chased_beyond_the_press_depth():
     loop.run(None, 3.0)
     assert not loop.servo.success and 'deeper' in loop.servo.reason
     assert depth - min(row[5][2, 3] for row in loop.log) < 3.5e-3
+
+
+def test_untared_sensor_holds():
+    loop = Loop()
+    tracking(loop)
+    real = loop.estimate
+    loop.estimate = lambda pose: replace(real(pose), reasons=Reason.NOT_TARED)
+    loop.run(None, 0.2)
+    assert loop.servo.state == State.HOLD and loop.servo.reason == 'sensor is not tared'
+    assert moved(loop, 0.5) < 1e-4
 
 
 def test_overload_lifts_off():

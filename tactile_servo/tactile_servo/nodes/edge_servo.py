@@ -22,11 +22,12 @@ from trajectory_msgs.msg import JointTrajectory
 
 from tactile_servo.conversions import (
     goal_from_msg, joint_positions, pose_to_msg, result_to_msg, status_to_msg, trajectory_to_msg)
-from tactile_servo.edge_servo import EdgeServo, EdgeServoConfig, State
+from tactile_servo.edge_servo import EdgeServo
 from tactile_servo.errors import ConfigurationError
 from tactile_servo.limits import JointLimits, WorkspaceBox
 from tactile_servo.resolved_rate import ResolvedRateConfig
 from tactile_servo.robot import RobotModel
+from tactile_servo.servo_types import EdgeServoConfig, State
 
 CONTROLLER = 'resolved_rate'
 FEEDBACK_PERIOD = 0.05  # s; the status topic has every cycle
