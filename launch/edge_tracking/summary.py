@@ -1,0 +1,334 @@
+"""A run in numbers: how well the edge was tracked, or what a recording holds."""
+
+from dataclasses import dataclass
+import json
+import math
+
+import numpy as np
+
+from tactile_sensing.contact import ContactType
+from tactile_sensing.moments import image_moments
+from tactile_sensing.synthetic import EdgeRenderer
+from tactile_servo.servo_types import State
+from tactile_servo.statistics import SETTLING_LENGTH
+
+# The edge counts as tracked if the pad's centre kept this close to it once settled [m].
+LATERAL_BOUND = 3e-3
+# States in which the pad follows the edge.
+ON_EDGE = (State.TRACK, State.CORNER, State.SEARCH)
+# A press begins above the upper and ends below the lower of these fractions of the force's
+# range; apart, so that noise does not split a press.
+PRESS_THRESHOLDS = (0.55, 0.45)
+
+NAN = float('nan')
+
+
+@dataclass(frozen=True, eq=False)
+class Truth:
+    """
+    Where the pad really was, at each recorded pose.
+
+    time_ns, lateral [m], along (arc length of the nearest point of the edge) [m], force [N]:
+    `(N,)`. touching: between first contact and lift-off; settled: the part of it from
+    `SETTLING_LENGTH` after first contact; whole_edge: the edge crosses the whole pad.
+    """
+
+    time_ns: np.ndarray
+    lateral: np.ndarray
+    along: np.ndarray
+    force: np.ndarray
+    touching: np.ndarray
+    settled: np.ndarray
+    whole_edge: np.ndarray
+
+
+def settled_cycles(statuses):
+    """Return which cycles track, and which of these come after the settling length: `(N,)`."""
+    tracking = np.isin(statuses.state, ON_EDGE)
+    settled = np.logical_or.accumulate(tracking & (statuses.progress >= SETTLING_LENGTH))
+    return tracking, tracking & settled
+
+
+def truth(run, scene) -> Truth:
+    """
+    Compare the recorded poses of the pad with the scene.
+
+    Parameters
+    ----------
+    run : RunData
+    scene : Scene
+    """
+    poses, statuses, array = run.poses, run.statuses, _array(run)
+    lateral, along = scene.edge.nearest(poses.position) if len(poses.stamp_ns) else (
+        np.empty(0), np.empty(0))
+    renderer = EdgeRenderer(scene, array) if array else None
+    force = np.array([renderer.force(pose) for pose in poses.matrix]) if renderer else np.full(
+        len(poses.stamp_ns), NAN)
+    # The cycle that was the newest when the pose was taken tells the state.
+    index = np.searchsorted(statuses.stamp_ns, poses.stamp_ns, side='right') - 1
+    known = index >= 0
+    touching = np.zeros(len(index), bool)
+    settled = touching.copy()
+    if known.any():
+        tracking, late = settled_cycles(statuses)
+        touching[known], settled[known] = tracking[index[known]], late[index[known]]
+    reach = array.half_width_y if array else 0.0
+    return Truth(
+        time_ns=poses.stamp_ns, lateral=lateral, along=along, force=force,
+        touching=touching, settled=settled,
+        whole_edge=(along >= reach) & (along <= scene.edge.length - reach))
+
+
+def latencies(run):
+    """
+    Return the time from each picture's last byte to the command that first used it.
+
+    From arrival at the driver, which is the stamp and the acquisition delay, to the end of the
+    first control cycle with that picture; cycles that track only.
+
+    Returns
+    -------
+    time_ns : np.ndarray
+        Stamps of the pictures [ns], shape `(N,)`.
+    latency : np.ndarray
+        Latencies [s], shape `(N,)`.
+    """
+    statuses = run.statuses
+    delay = run.info.acquisition_delay if run.info else 0.0
+    tracking, _ = settled_cycles(statuses)
+    # From all cycles, so that a picture first used before contact is not taken for a late one.
+    stamps, first = np.unique(statuses.contact_stamp_ns, return_index=True)
+    keep = (stamps > 0) & tracking[first]
+    stamps, first = stamps[keep], first[keep]
+    ended = statuses.stamp_ns[first] - stamps
+    return stamps, 1e-9 * ended + statuses.cycle_time[first] - delay
+
+
+def summarise(run, scene, *, success, reason='', speed=None, force=None, seed=None) -> dict:
+    """
+    Return the summary of a run along the edge of a scene, SI units, NaN = unknown.
+
+    Lateral errors and forces are those of the scene at the recorded poses, not the sensor's own.
+
+    Parameters
+    ----------
+    run : RunData
+    scene : Scene
+    success : bool
+        Whether the action succeeded.
+    reason : str
+        Why it ended; that of the last control cycle if empty.
+    speed, force : float, optional
+        What the goal asked for [m/s], [N]; else from the control cycles.
+    seed : int, optional
+        Of the scene's noise.
+
+    Returns
+    -------
+    dict
+        `ok` only if the action succeeded and the pad's centre really was led along the edge.
+    """
+    statuses, real = run.statuses, truth(run, scene)
+    tracking, settled = settled_cycles(statuses)
+    active = np.flatnonzero(statuses.state != State.IDLE)
+    last = active[-1] if active.size else None
+    _, latency = latencies(run)
+    target = float(force) if force is not None else _median(statuses.force_target[tracking])
+    lateral = real.lateral[real.settled]
+    on_target = real.force[real.settled & real.whole_edge] - target
+    summary = {
+        'ok': False,
+        'state': State(int(statuses.state[last])).name.lower() if active.size else 'idle',
+        'reason': reason or (statuses.reason[last] if active.size else 'the servo did not run'),
+        'scene': scene.name,
+        'controller': str(statuses.controller[0]) if len(statuses.controller) else '',
+        'seed': seed,
+        'speed': float(speed) if speed is not None else _median(statuses.speed[settled]),
+        'tracked_length': _tracked_length(real),
+        'lateral_rms': _rms(lateral),
+        'lateral_max': _largest(lateral),
+        'lateral_transient_max': _largest(real.lateral[real.touching & ~real.settled]),
+        'force_target': target,
+        'force_rms_error': _rms(on_target),
+        'force_max': _largest(real.force),
+        'duration': _span(statuses.stamp_ns[active]),
+        'sensor_rate': _rate(_between(run.images.stamp_ns, statuses.stamp_ns[tracking])),
+        'control_rate': _rate(statuses.stamp_ns[tracking]),
+        'missed_cycles': int(statuses.missed_cycles[last] - statuses.missed_cycles[active[0]])
+        if active.size else 0,
+        'latency_p50': _percentile(latency, 50),
+        'latency_p99': _percentile(latency, 99),
+        'cpu_per_cycle': _mean(statuses.cycle_time[tracking]),
+    }
+    claimed = statuses.progress[tracking].max(initial=0.0)
+    summary['ok'] = bool(
+        success and summary['lateral_max'] < LATERAL_BOUND  # NaN, never settled, fails as well
+        and summary['tracked_length'] > max(SETTLING_LENGTH, 0.9 * claimed))
+    if success and not summary['ok']:
+        summary['reason'] += '; but the pad was not led along the edge'
+    return summary
+
+
+@dataclass(frozen=True, eq=False)
+class ForceSeries:
+    """
+    Force over time of a recording.
+
+    time [s] since the first picture, force (zeroth moment) in `unit`, type (numbers of
+    Contact.msg): `(N,)`; centre_of_pressure `(N, 2)` [m].
+    """
+
+    time: np.ndarray
+    force: np.ndarray
+    unit: str
+    type: np.ndarray
+    centre_of_pressure: np.ndarray
+    stamp_ns: np.ndarray
+
+
+def force_series(run) -> ForceSeries:
+    """
+    Return force and centre of pressure over time, by the contact estimator.
+
+    Without any estimate in the recording, moments of the pictures take its place.
+    """
+    unit = {'Pa': 'N', '': 'N'}.get(run.images.unit, f'{run.images.unit} m^2')
+    contacts = run.contacts
+    if np.isfinite(contacts.m0).any():
+        stamps, force, kind = contacts.stamp_ns, contacts.m0, contacts.type
+        centre = contacts.centre_of_pressure
+    else:
+        moments = [image_moments(frame, run.images.array) for frame in run.images.frames]
+        stamps = run.images.stamp_ns
+        force = np.array([each.m0 for each in moments])
+        centre = np.array([each.centre_of_pressure for each in moments]).reshape(-1, 2)
+        kind = np.full(len(stamps), int(ContactType.OTHER))
+    time = 1e-9 * (stamps - stamps[0]) if len(stamps) else np.empty(0)
+    return ForceSeries(time, force, unit, kind, centre, stamps)
+
+
+def presses(force):
+    """
+    Return the presses in a series of forces, by a threshold with hysteresis.
+
+    Parameters
+    ----------
+    force : np.ndarray
+        Forces in any unit, shape `(N,)`; NaN ends no press and starts none.
+
+    Returns
+    -------
+    list of (int, int, int)
+        First index, index of the peak and index after the last, of each press.
+    """
+    finite = force[np.isfinite(force)]
+    if not finite.size or not np.ptp(finite) > 0.0:
+        return []
+    low, high = np.percentile(finite, (1, 99))
+    upper, lower = (low + fraction * (high - low) for fraction in PRESS_THRESHOLDS)
+    found, begin = [], None
+    for index, value in enumerate(force):
+        if begin is None and value > upper:
+            begin = index
+        elif begin is not None and value < lower:
+            found.append((begin, index))
+            begin = None
+    if begin is not None:
+        found.append((begin, len(force)))
+    return [(begin, begin + int(np.nanargmax(force[begin:end])), end) for begin, end in found]
+
+
+def summarise_recording(run) -> dict:
+    """
+    Return the summary of a recording that ran through driver and estimator.
+
+    Forces are in `force_unit`, which is N only for a calibrated sensor; lengths in m.
+    """
+    series, images = force_series(run), run.images
+    found = presses(series.force)
+    period = 1.0 / _rate(images.stamp_ns) if len(images.stamp_ns) > 1 else NAN
+    steps = np.diff(images.sequence)
+    summary = {
+        'ok': bool(len(images.stamp_ns) and len(series.force)),
+        'reason': '' if len(images.stamp_ns) else 'no pictures arrived',
+        'sensor': run.info.sensor if run.info else '',
+        'rows': images.frames.shape[1],
+        'columns': images.frames.shape[2],
+        'force_unit': series.unit,
+        'force_max': _largest(series.force),
+        'presses': len(found),
+        'press_peaks': [float(series.force[peak]) for _, peak, _ in found],
+        'press_times': [float(series.time[peak]) for _, peak, _ in found],
+        'press_durations': [float((end - begin) * period) for begin, _, end in found],
+        'press_centres': [series.centre_of_pressure[peak].tolist() for _, peak, _ in found],
+        'duration': _span(images.stamp_ns),
+        'frames': len(images.stamp_ns),
+        'lost_frames': int((steps[steps > 0] - 1).sum()),
+        'sensor_rate': _rate(images.stamp_ns),
+        'contact_types': {kind.name.lower(): int(np.count_nonzero(series.type == kind))
+                          for kind in ContactType},
+        'latency_p50': _percentile(run.contacts.latency, 50),
+        'latency_p99': _percentile(run.contacts.latency, 99),
+    }
+    return summary
+
+
+def to_json(summary) -> str:
+    """Return a summary as one line of JSON; NaN and infinity become null."""
+    return json.dumps(_jsonable(summary), allow_nan=False)
+
+
+def _jsonable(value):
+    if isinstance(value, dict):
+        return {str(key): _jsonable(item) for key, item in value.items()}
+    if isinstance(value, (list, tuple, np.ndarray)):
+        return [_jsonable(item) for item in value]
+    if isinstance(value, np.generic):
+        value = value.item()
+    return None if isinstance(value, float) and not math.isfinite(value) else value
+
+
+def _array(run):
+    return run.images.array or (run.info.array if run.info else None)
+
+
+def _tracked_length(real):
+    """Way along the true edge between the ends of the tracking [m]."""
+    along = real.along[real.touching]
+    return float(np.ptp(along)) if along.size else 0.0
+
+
+def _between(stamps, others):
+    if not len(others):
+        return stamps[:0]
+    return stamps[(stamps >= others[0]) & (stamps <= others[-1])]
+
+
+def _span(stamps):
+    return 1e-9 * float(stamps[-1] - stamps[0]) if len(stamps) > 1 else NAN
+
+
+def _rate(stamps):
+    span = _span(stamps)
+    return (len(stamps) - 1) / span if span > 0.0 else NAN
+
+
+def _rms(values):
+    return float(np.sqrt(np.mean(np.square(values)))) if len(values) else NAN
+
+
+def _largest(values):
+    values = np.abs(values[np.isfinite(values)])
+    return float(values.max()) if len(values) else NAN
+
+
+def _mean(values):
+    return float(np.mean(values)) if len(values) else NAN
+
+
+def _median(values):
+    return float(np.median(values)) if len(values) else NAN
+
+
+def _percentile(values, percent):
+    return float(np.percentile(values, percent)) if len(values) else NAN
