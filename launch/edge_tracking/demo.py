@@ -11,8 +11,12 @@ from pathlib import Path
 import sys
 import time
 
+from diagnostic_msgs.msg import DiagnosticArray
+from geometry_msgs.msg import PoseStamped, WrenchStamped
 from rclpy.exceptions import ParameterException
 from rclpy.qos import DurabilityPolicy, qos_profile_sensor_data, QoSProfile
+from sensor_msgs.msg import JointState
+from tactile_msgs.msg import Contact, SensorInfo, ServoStatus, TactileImage
 from tactile_sensing.calibration import Calibration, load_calibration
 from tactile_sensing.errors import TactileSensingError
 from tactile_sensing.nodes.contact_estimator import ContactEstimatorNode
@@ -21,7 +25,8 @@ from tactile_sensing.nodes.mock_sensor import MockSensorNode
 from tactile_sensing.nodes.runner import stop_on_signals
 from tactile_sensing.recording import load_recording
 from tactile_sensing.scene import load_scene
-from tactile_servo.edge_servo import State
+from tactile_servo.servo_types import State
+from trajectory_msgs.msg import JointTrajectory
 
 from edge_tracking.bag import RecorderNode
 from edge_tracking.composed import add_mocks, add_stack, Graph, private_port
@@ -74,11 +79,6 @@ def out_folder(wanted, name):
 
 def topics(graph):
     """Every topic of the graph, with its type and the quality of service to listen with."""
-    from sensor_msgs.msg import JointState
-    from tactile_msgs.msg import Contact, SensorInfo, ServoStatus, TactileImage
-    from trajectory_msgs.msg import JointTrajectory
-    from geometry_msgs.msg import PoseStamped, WrenchStamped
-    from diagnostic_msgs.msg import DiagnosticArray
     deep = QoSProfile(depth=100)
     latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
     sensor = QoSProfile(depth=100, reliability=qos_profile_sensor_data.reliability)
@@ -165,6 +165,35 @@ def play_recording(options, folder, progress):
     return True, 'recording played'
 
 
+# Key, name, unit, factor from SI and decimals of what the terminal shows.
+_ROWS = (
+    ('tracked_length', 'tracked length', 'mm', 1e3, 1),
+    ('lateral_rms', 'lateral error, RMS', 'mm', 1e3, 4),
+    ('lateral_max', 'lateral error, largest', 'mm', 1e3, 4),
+    ('force_rms_error', 'force error, RMS', 'N', 1.0, 3),
+    ('force_max', 'force, largest', 'N', 1.0, 2),
+    ('duration', 'duration', 's', 1.0, 1),
+    ('sensor_rate', 'sensor rate', 'Hz', 1.0, 1),
+    ('control_rate', 'control rate', 'Hz', 1.0, 1),
+    ('missed_cycles', 'missed cycles', '', 1.0, 0),
+    ('latency_p50', 'frame to command, p50', 'ms', 1e3, 2),
+    ('latency_p99', 'frame to command, p99', 'ms', 1e3, 2))
+
+
+def describe(summary):
+    """Text of a summary for the terminal."""
+    lines = [f'{"tracked" if summary["ok"] else "NOT TRACKED"}: {summary["reason"]}'
+             if 'lateral_rms' in summary else summary['reason']]
+    for key, name, unit, factor, decimals in _ROWS:
+        value = summary.get(key)
+        if isinstance(value, (int, float)):
+            lines.append(f'  {name:24}{factor * value:10.{decimals}f} {unit}')
+    shown = {key for key, *_ in _ROWS} | {'ok', 'reason'}
+    if 'lateral_rms' not in summary:
+        lines += [f'  {key:24}{value}' for key, value in summary.items() if key not in shown]
+    return '\n'.join(lines)
+
+
 def run(options):
     """Run the demo; returns the summary and the folder of its results."""
     name = Path(options.recording or options.scene).stem
@@ -182,7 +211,7 @@ def run(options):
         make_recording_report(data, summary, report)
     else:
         summary = summarise(data, scene, success=success, reason=reason, speed=options.speed,
-                            seed=options.seed)
+                            force=options.force, seed=options.seed)
         make_report(data, summary, scene, report)
     return summary, folder
 
