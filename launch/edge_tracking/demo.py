@@ -7,6 +7,7 @@ everything that is reported is computed from the recorded bag.
 
 import argparse
 from datetime import datetime
+import math
 from pathlib import Path
 import sys
 import time
@@ -186,7 +187,7 @@ def describe(summary):
              if 'lateral_rms' in summary else summary['reason']]
     for key, name, unit, factor, decimals in _ROWS:
         value = summary.get(key)
-        if isinstance(value, (int, float)):
+        if isinstance(value, (int, float)) and not math.isnan(value):
             lines.append(f'  {name:24}{factor * value:10.{decimals}f} {unit}')
     shown = {key for key, *_ in _ROWS} | {'ok', 'reason'}
     if 'lateral_rms' not in summary:

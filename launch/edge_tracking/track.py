@@ -9,7 +9,7 @@ from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, qos_profile_sensor_data, QoSProfile
 from tactile_msgs.action import TrackEdge
-from tactile_msgs.msg import Contact, SensorInfo
+from tactile_msgs.msg import Contact, SensorInfo, ServoStatus
 from tactile_sensing.nodes.parameters import declare_from
 from tactile_sensing.nodes.runner import run
 
@@ -94,7 +94,9 @@ class TrackNode(Node):
     def _on_response(self, future):
         self._handle = future.result()
         if not self._handle.accepted:
-            self._end(False, 'the servo rejected the goal; its log and /rosout say why')
+            # A rejection carries no reason; the status does.
+            self.create_subscription(
+                ServoStatus, 'servo_status', lambda status: self._end(False, status.reason), 1)
             return
         self._handle.get_result_async().add_done_callback(self._on_result)
 

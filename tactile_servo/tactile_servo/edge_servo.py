@@ -100,6 +100,11 @@ class EdgeServo:
             return f'direction {goal.direction} is neither +1 nor -1'
         return ''
 
+    def note(self, text):
+        """Put a text into the status of an idle servo: a rejected goal has no other answer."""
+        if self.goal is None:
+            self.reason = text
+
     def start(self, goal, now):
         """
         Begin a goal at steady time `now` [s].

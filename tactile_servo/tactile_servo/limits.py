@@ -1,6 +1,7 @@
 """Limits that no command can pass, whatever the servo wants."""
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -43,7 +44,7 @@ class JointLimits:
                 raise ConfigurationError(
                     f'{joint}: velocity {fast} and acceleration {hard} must be above 0')
 
-    @property
+    @cached_property
     def stopping_time(self):
         """Time to stop any joint from its velocity limit [s]."""
         return float(np.max(self.velocity / self.acceleration))
@@ -81,26 +82,34 @@ def limit_velocities(limits, positions, previous, wanted, dt):
         The limit that bound most, for instance 'velocity of joint1'; empty if none did.
     """
     finite = bool(np.isfinite(wanted).all())
-    wanted = wanted if finite else np.zeros_like(previous)
+    if not finite:
+        wanted = np.zeros_like(previous)
     horizon = dt + limits.stopping_time
-    up = np.clip((limits.upper - positions) / horizon, 0.0, limits.velocity)
-    down = np.clip((limits.lower - positions) / horizon, -limits.velocity, 0.0)
-    with np.errstate(divide='ignore', invalid='ignore', over='ignore'):
-        room = np.where(wanted > 0.0, up, down) / wanted
-    room = np.where(np.abs(wanted) > 1e-12, room, np.inf)
-    tightest = int(np.argmin(room))
-    scale = min(float(room[tightest]), 1.0)
+    fastest = limits.velocity
+    up = np.minimum(np.maximum((limits.upper - positions) / horizon, 0.0), fastest)
+    down = np.maximum(np.minimum((limits.lower - positions) / horizon, 0.0), -fastest)
+    room = np.where(wanted > 0.0, up, -down)
+    asked = np.abs(wanted)
+    # A joint that hardly moves needs no room, and may not divide by it.
+    scale_each = np.where(asked > room, room / np.maximum(asked, 1e-12), 1.0)
+    tightest = int(scale_each.argmin())
+    scale = float(scale_each[tightest])
     limited_by = '' if finite else 'velocity not finite'
     if scale < 1.0:
-        at_speed = np.isclose(abs(wanted[tightest]) * scale, limits.velocity[tightest])
-        limited_by = f'{"velocity" if at_speed else "position"} of {limits.names[tightest]}'
+        kind = 'velocity' if room[tightest] == fastest[tightest] else 'position'
+        limited_by = f'{kind} of {limits.names[tightest]}'
+    scaled = scale * wanted
     change = limits.acceleration * dt
-    velocities = np.clip(scale * wanted, previous - change, previous + change)
+    slowest, quickest = previous - change, previous + change
+    velocities = np.minimum(np.maximum(scaled, slowest), quickest)
     # A joint that is too close to its limit brakes as hard as it may, no harder.
-    velocities = np.where(velocities > up, np.maximum(up, previous - change), velocities)
-    velocities = np.where(velocities < down, np.minimum(down, previous + change), velocities)
-    if not limited_by and not np.allclose(velocities, wanted, atol=1e-9):
-        limited_by = f'acceleration of {limits.names[int(np.argmax(abs(velocities - wanted)))]}'
+    velocities = np.where(velocities > up, np.maximum(up, slowest), velocities)
+    velocities = np.where(velocities < down, np.minimum(down, quickest), velocities)
+    if not limited_by:
+        held_back = np.abs(velocities - scaled)
+        worst = int(held_back.argmax())
+        if held_back[worst] > 1e-9:
+            limited_by = f'acceleration of {limits.names[worst]}'
     return velocities, (scale if finite else 0.0), limited_by
 
 

@@ -152,6 +152,7 @@ class EdgeServoNode(Node):
             why = why or 'closed contours are not tracked by the resolved_rate controller'
         if why:
             self.get_logger().error(f'track_edge goal rejected: {why}')
+            self._servo.note(f'goal rejected: {why}')
             return GoalResponse.REJECT
         return GoalResponse.ACCEPT
 
