@@ -373,30 +373,26 @@ prepare() {
 list_executables() {
     say 'executables:'
     for package in $(packages); do
-        for file in "$INSTALL/lib/$(basename "$package")" "$INSTALL/lib/$(package_name "$package")"; do
-            [ -d "$file" ] || continue
-            for executable in "$file"/*; do
-                [ -x "$executable" ] && say "  $(basename "$file") $(basename "$executable")"
-            done
+        name=$(sed -n 's,.*<name>\(.*\)</name>.*,\1,p' "$ROOT/$package/package.xml")
+        for executable in "$INSTALL/lib/$name"/*; do
+            [ ! -x "$executable" ] || say "  $name $(basename "$executable")"
         done
-    done | sort -u
+    done
 }
-package_name() { sed -n 's,.*<name>\(.*\)</name>.*,\1,p' "$ROOT/$1/package.xml" | head -n 1; }
 
 run() {
-    [ $# -ge 2 ] || { list_executables && die 'usage: ./ws run PACKAGE EXECUTABLE [ARGS]'; }
-    package=$1 executable=$2
-    shift 2
-    if [ ! -x "$INSTALL/lib/$package/$executable" ]; then
-        [ "$FLAVOUR" = bare ] || exec ros2 run "$package" "$executable" "$@"
+    if [ $# -lt 2 ]; then
         list_executables
-        die "no executable '$executable' in a package '$package'"
+        die 'usage: ./ws run PACKAGE EXECUTABLE [ARGS]'
     fi
-    if [ "$FLAVOUR" = bare ]; then
-        exec "$INSTALL/lib/$package/$executable" "$@"
-    else
-        exec ros2 run "$package" "$executable" "$@"
+    [ "$FLAVOUR" = bare ] || exec ros2 run "$@"
+    executable=$INSTALL/lib/$1/$2
+    if [ ! -x "$executable" ]; then
+        list_executables
+        die "no executable '$2' in a package '$1'"
     fi
+    shift 2
+    exec "$executable" "$@"
 }
 
 run_tests() {
