@@ -267,8 +267,12 @@ class Bag:
         with _clear_errors(self.path):
             for connection in wanted:
                 self._learn(connection)
+            missing = sum(connection.msgcount for connection in wanted)
             for connection, time, data in self._reader.messages(wanted):
+                missing -= 1
                 yield connection.topic, time, self._deserialise(data, connection.msgtype)
+            if missing > 0:  # the reader skips what it does not understand
+                raise ReaderError(f'{missing} messages in it are lost')
 
     def _deserialise(self, data, name):
         # Not by deserialize_cdr, which refuses what middlewares do with empty sequences of

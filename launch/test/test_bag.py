@@ -1,0 +1,271 @@
+"""Recorder and reader of bags: every message comes back, and other tools can open them."""
+
+import json
+from pathlib import Path
+import time
+
+from ament_index_python.packages import get_package_share_directory
+from geometry_msgs.msg import PoseStamped
+import numpy as np
+import pytest
+import rclpy
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.node import Node
+from rclpy.parameter import Parameter
+from rclpy.qos import QoSProfile
+from recorded_run import JOINTS, LATCHED, pose_at, START, straight_scene, TOPICS, write_bag
+from rosbags.interfaces import QosDurability, QosReliability
+from rosbags.rosbag2 import Reader, StoragePlugin
+from rosbags.typesys import get_types_from_msg, get_typestore, Stores
+from tactile_msgs.msg import SensorInfo
+
+from edge_tracking.bag import describe_type, open_bag, RecorderNode
+from edge_tracking.run_data import read_run
+from tactile_sensing.errors import ConfigurationError
+from tactile_sensing.nodes.runner import make_executor, spin
+
+
+@pytest.fixture
+def context():
+    """Context of the test's own."""
+    context = rclpy.Context()
+    rclpy.init(context=context)
+    yield context
+    context.try_shutdown()
+
+
+@pytest.fixture(scope='module')
+def scene():
+    """Scene of the run."""
+    return straight_scene()
+
+
+@pytest.fixture(scope='module')
+def bag(tmp_path_factory, scene):
+    """Bag of the run."""
+    return write_bag(tmp_path_factory.mktemp('bags') / 'run', scene).path
+
+
+def record(context, path, topics, publish, make=make_executor, **options):
+    """Record what `publish(node)`, a generator, publishes with its topics matched."""
+    executor = make(context=context)
+    recorder = RecorderNode(path, topics, context=context, **options)
+    publisher = Node('publisher', context=context)
+    executor.add_node(recorder)
+    executor.add_node(publisher)
+    count = 0
+    for count, _ in enumerate(publish(publisher), 1):
+        spin(executor, context, lambda: recorder.written + len(recorder._waiting)
+             + recorder.dropped >= count)
+    recorder.close()
+    recorder.destroy_node()
+    publisher.destroy_node()
+    executor.shutdown()
+    return recorder
+
+
+def numbered(count, qos=10):
+    """Publish numbered poses, once the recorder listens."""
+    def publish(node):
+        publisher = node.create_publisher(PoseStamped, '/pose', qos)
+        deadline = time.monotonic() + 10.0
+        while not publisher.get_subscription_count():
+            assert time.monotonic() < deadline
+            time.sleep(0.01)
+        for number in range(count):
+            message = PoseStamped()
+            message.pose.position.x = float(number)
+            publisher.publish(message)
+            yield
+    return publish
+
+
+POSE = [('/pose', PoseStamped, QoSProfile(depth=100))]
+
+
+@pytest.mark.parametrize('make', [make_executor, SingleThreadedExecutor])
+def test_recorder_writes_every_message_in_order(context, tmp_path, make):
+    recorder = record(context, tmp_path / 'bag', POSE, numbered(50), make=make)
+    assert (recorder.written, recorder.dropped) == (50, 0)
+    with open_bag(tmp_path / 'bag') as bag:
+        assert bag.topics == {'/pose': 'geometry_msgs/msg/PoseStamped'}
+        rows = list(bag.messages(['/pose']))
+    assert [message.pose.position.x for _, _, message in rows] == list(range(50))
+    times = [received for _, received, _ in rows]
+    assert times == sorted(times)
+
+
+def test_recorder_bounds_its_memory_and_counts_what_it_drops(context, tmp_path):
+    recorder = record(context, tmp_path / 'bag', POSE, numbered(20), max_waiting=0)
+    assert (recorder.written, recorder.dropped) == (0, 20)
+
+
+def test_recorder_refuses_an_existing_folder(context, tmp_path):
+    with pytest.raises(ConfigurationError, match='exists already'):
+        RecorderNode(tmp_path, POSE, context=context)
+
+
+def test_recorder_says_where_a_folder_cannot_be_made(context, tmp_path):
+    (tmp_path / 'file').touch()
+    with pytest.raises(ConfigurationError, match='cannot be made'):
+        RecorderNode(tmp_path / 'file' / 'bag', POSE, context=context)
+
+
+def test_recorder_takes_parameters_and_can_be_destroyed_twice(context, tmp_path):
+    node = RecorderNode(
+        tmp_path / 'bag', POSE, context=context, namespace='left',
+        parameter_overrides=[Parameter('use_sim_time', value=True)])
+    assert node.get_fully_qualified_name() == '/left/recorder'
+    node.destroy_node()
+    node.destroy_node()
+
+
+def test_metadata_is_what_rosbag2_expects(context, tmp_path):
+    topics = [*TOPICS[1:3], *POSE]
+    record(context, tmp_path / 'bag', topics, numbered(3))
+    with Reader(tmp_path / 'bag') as reader:
+        by_topic = {connection.topic: connection for connection in reader.connections}
+        assert reader.message_count == 3
+    text = (tmp_path / 'bag' / 'metadata.yaml').read_text()
+    assert 'storage_identifier: mcap' in text and 'version: 9' in text
+    info = by_topic['/tactile/sensor_info']
+    offered, = info.ext.offered_qos_profiles
+    assert offered.durability == QosDurability.TRANSIENT_LOCAL
+    assert offered.reliability == QosReliability.RELIABLE
+    offered, = by_topic['/tactile/contact'].ext.offered_qos_profiles
+    assert offered.reliability == QosReliability.BEST_EFFORT
+    assert 'full scale and noise; stress is empty' in info.msgdef.data  # comments are kept
+
+
+def test_latched_messages_of_before_are_recorded(context, tmp_path):
+    def publish(node):
+        node.create_publisher(SensorInfo, '/tactile/sensor_info', LATCHED).publish(
+            SensorInfo(sensor='pad'))
+        yield
+    record(context, tmp_path / 'bag', TOPICS[1:2], publish)
+    with open_bag(tmp_path / 'bag') as bag:
+        (_, _, message), = bag.messages(bag.topics)
+    assert message.sensor == 'pad'
+
+
+@pytest.mark.parametrize('message_class', [row[1] for row in TOPICS])
+def test_definitions_and_hashes_are_those_of_the_installed_types(message_class):
+    name, definition, digest = describe_type(message_class)
+    types = get_typestore(Stores.EMPTY)
+    types.register(get_types_from_msg(definition, name))
+    assert types.hash_rihs01(name) == digest
+    package, folder, stem = name.split('/')
+    path = Path(get_package_share_directory(package), folder, f'{stem}.json')
+    assert digest in json.loads(path.read_text())['type_hashes'][0]['hash_string']
+
+
+def test_types_that_are_not_installed_are_refused():
+    with pytest.raises(ConfigurationError, match='is not installed'):
+        describe_type(type('Missing', (), {'__module__': 'geometry_msgs.msg._missing'}))
+
+
+# --- runs ---------------------------------------------------------------------------------------
+
+def test_run_reads_back_as_written(bag, scene):
+    run = read_run(bag)
+    assert run.namespace == '/tactile' and run.info.sensor == 'pad'
+    assert run.info.acquisition_delay == pytest.approx(0.0025)
+    images = run.images
+    assert images.frames.shape == (len(images.stamp_ns), 16, 16)
+    assert images.unit == 'Pa' and images.skipped == 0 and images.array.pitch_x > 0
+    assert (images.sequence == np.arange(len(images.sequence))).all()
+    assert len(run.contacts.stamp_ns) == len(run.wrenches.stamp_ns) == len(images.stamp_ns)
+    touching = run.contacts.valid
+    np.testing.assert_allclose(
+        -run.wrenches.force[touching, 2], run.contacts.normal_force[touching])
+    assert np.isnan(run.contacts.a[~touching]).all()
+    assert run.poses.matrix.shape == (len(run.statuses.stamp_ns), 4, 4)
+    np.testing.assert_allclose(run.poses.matrix[200], pose_at(scene, 0.5), atol=1e-12)
+    assert run.joints.names == run.commands.names == JOINTS
+    np.testing.assert_allclose(run.commands.horizon, 0.08)
+    assert run.diagnostics.values.tolist() == [{'lost': '3'}]
+    assert run.diagnostics.level.tolist() == [1]
+    assert run.start_ns == START
+    assert run.seconds(START + 1_500_000_000) == pytest.approx(1.5)
+
+
+def test_sqlite3_and_single_files_are_read_as_well(tmp_path, bag, scene):
+    write_bag(tmp_path / 'run', scene, topics=TOPICS[:2], storage=StoragePlugin.SQLITE3)
+    run, (file,) = read_run(tmp_path / 'run'), bag.glob('*.mcap')
+    for other in (read_run(bag), read_run(file)):
+        np.testing.assert_array_equal(run.images.frames, other.images.frames)
+
+
+@pytest.mark.parametrize('kept', range(len(TOPICS)))
+def test_missing_topics_give_empty_arrays(tmp_path, scene, kept):
+    run = read_run(write_bag(tmp_path / 'run', scene, topics=TOPICS[kept:kept + 1]).path)
+    assert (run.info is None) == (kept != 1)
+    assert len(run.images.stamp_ns) == len(run.images.frames) == (
+        len(run.images.sequence) if kept == 0 else 0)
+    assert run.poses.matrix.shape[1:] == (4, 4)
+    assert run.poses.position.shape[1:] == (3,)
+
+
+def test_namespace_is_that_of_the_bag(tmp_path, scene):
+    path = write_bag(tmp_path / 'left', scene, topics=TOPICS[:1],
+                     rename=lambda name: name.replace('tactile', 'left')).path
+    assert read_run(path).namespace == '/left'
+    assert len(read_run(path, 'left').images.stamp_ns)
+    assert not len(read_run(path, 'right').images.stamp_ns)
+
+
+def test_two_sensors_need_a_choice(tmp_path, scene):
+    names = {'/tactile/image': '/left/image', '/tactile/contact': '/right/contact'}
+    path = write_bag(tmp_path / 'two', scene, topics=[TOPICS[0], TOPICS[2]],
+                     rename=names.get).path
+    with pytest.raises(ConfigurationError, match='/left, /right; choose a namespace'):
+        read_run(path)
+    assert len(read_run(path, '/right').contacts.stamp_ns)
+
+
+def damage_missing(path):
+    return path / 'nothing'
+
+
+def damage_metadata(path):
+    (path / 'metadata.yaml').write_text('{ not: [yaml')
+    return path
+
+
+def damage_empty_metadata(path):
+    (path / 'metadata.yaml').write_text('')
+    return path
+
+
+def damage_no_metadata(path):
+    (path / 'metadata.yaml').unlink()
+    return path
+
+
+def damage_text(path):
+    (path / 'notes.txt').write_text('no bag')
+    return path / 'notes.txt'
+
+
+def damage_cut(path):
+    file, = path.glob('*.mcap')
+    file.write_bytes(file.read_bytes()[:5000])
+    return path
+
+
+def damage_middle(path):
+    file, = path.glob('*.mcap')
+    data = bytearray(file.read_bytes())
+    data[2000:40000] = b'\xff' * 38000
+    file.write_bytes(data)
+    return path
+
+
+@pytest.mark.parametrize('damage', [
+    damage_missing, damage_metadata, damage_empty_metadata, damage_no_metadata, damage_text,
+    damage_cut, damage_middle])
+def test_what_is_no_bag_gets_one_clear_line(tmp_path, scene, damage):
+    path = damage(write_bag(tmp_path / 'run', scene, topics=TOPICS[:1]).path)
+    with pytest.raises(ConfigurationError) as caught:
+        read_run(path)
+    assert str(path) in str(caught.value) and '\n' not in str(caught.value)
