@@ -1,0 +1,154 @@
+"""A graph under test: a listener to its topics, waits with a deadline, and its geometry."""
+
+from contextlib import contextmanager
+import time
+
+from edge_tracking.composed import add_mocks, add_stack, Graph, private_port
+from edge_tracking.resources import find_scene, share
+from edge_tracking.track import TrackNode
+from geometry_msgs.msg import PoseStamped
+import numpy as np
+from rcl_interfaces.msg import Log
+from rclpy.node import Node
+from rclpy.qos import DurabilityPolicy, qos_profile_sensor_data, QoSProfile
+from sensor_msgs.msg import JointState
+from std_srvs.srv import SetBool
+from tactile_msgs.msg import Contact, SensorInfo, ServoStatus, TactileImage
+from tactile_sensing.conversions import stamp_to_seconds
+from tactile_sensing.nodes.mock_sensor import pose_matrix
+from tactile_sensing.scene import load_scene
+
+DEADLINE = 20.0  # s, of every wait; generous, since a loaded machine is no fault
+ROBOT = share('urdf', 'puma260.urdf')
+_DEEP = QoSProfile(depth=1000)
+_SENSOR = QoSProfile(depth=1000, reliability=qos_profile_sensor_data.reliability)
+_LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+
+
+class ListenerNode(Node):
+    """
+    Keeps every message of a namespace.
+
+    Attributes
+    ----------
+    statuses, contacts, images, infos, poses, joints, logs : list
+        In the order of arrival.
+    """
+
+    def __init__(self, **kwargs):
+        super().__init__('listener', **kwargs)
+        self.statuses = self._keep(ServoStatus, 'servo_status', _DEEP)
+        self.contacts = self._keep(Contact, 'contact', _SENSOR)
+        self.images = self._keep(TactileImage, 'image', _SENSOR)
+        self.infos = self._keep(SensorInfo, 'sensor_info', _LATCHED)
+        self.poses = self._keep(PoseStamped, 'sensor_pose', _SENSOR)
+        self.joints = self._keep(JointState, '/joint_states', _SENSOR)
+        self.logs = self._keep(Log, '/rosout', _DEEP)
+        self.pause_client = self.create_client(SetBool, 'edge_servo/pause')
+
+    def _keep(self, kind, topic, qos):
+        kept = []
+        self.create_subscription(kind, topic, kept.append, qos)
+        return kept
+
+    @property
+    def tared(self):
+        """Whether the sensor has been tared."""
+        return bool(self.infos) and self.infos[-1].tared_at.sec > 0
+
+    @property
+    def state(self):
+        """The servo's newest state, None before the first."""
+        return self.statuses[-1].state if self.statuses else None
+
+    @property
+    def reason(self):
+        """The servo's newest reason."""
+        return self.statuses[-1].reason if self.statuses else ''
+
+    def said(self, text):
+        """Whether any node has logged a text that contains this one."""
+        return any(text in log.msg for log in self.logs)
+
+
+class Bench:
+    """
+    A graph with a listener.
+
+    Attributes
+    ----------
+    graph : Graph
+    port : Path
+        The sensor's port.
+    scene : Scene
+    robot : MockRobotNode or None
+    listener : ListenerNode
+    """
+
+    def __init__(self, graph, port, scene='straight'):
+        self.graph, self.port = graph, port
+        self.scene_path = find_scene(scene)
+        self.scene = load_scene(self.scene_path)
+        self.robot = None
+        self.listener = graph.add(ListenerNode)
+
+    def add_all(self):
+        """Add mocks, driver, estimator and servo."""
+        self.robot = add_mocks(self.graph, self.port, self.scene_path, ROBOT)
+        add_stack(self.graph, self.port, ROBOT)
+        return self
+
+    def node(self, name):
+        """Return a node of the graph by its name."""
+        return next(node for node in self.graph.nodes if node.get_name() == name)
+
+    def remove(self, name):
+        """Destroy a node."""
+        node = self.node(name)
+        self.graph.nodes.remove(node)
+        self.graph.executor.remove_node(node)
+        node.destroy_node()
+
+    def wait(self, condition, what, seconds=DEADLINE):
+        """Spin until a condition holds; AssertionError if it does not in time."""
+        end = time.monotonic() + seconds
+        self.graph.spin(lambda: condition() or time.monotonic() > end)
+        assert condition(), (
+            f'{what} did not come within {seconds:g} s; servo: {self.listener.state} '
+            f'{self.listener.reason!r}; log: {[log.msg for log in self.listener.logs[-5:]]}')
+
+    def start_tracking(self, **goal):
+        """Send a goal, return its client."""
+        return self.graph.add(TrackNode, **goal)
+
+    def track(self, **goal):
+        """Send a goal, wait for its end and return its client."""
+        client = self.start_tracking(**goal)
+        self.wait(lambda: client.finished, 'the end of the goal')
+        self.remove('track')
+        return client
+
+    def pause(self, paused):
+        """Call ~/pause and return the answer."""
+        self.wait(self.listener.pause_client.service_is_ready, 'the service ~/pause')
+        future = self.listener.pause_client.call_async(SetBool.Request(data=paused))
+        self.wait(future.done, 'the answer of ~/pause')
+        return future.result()
+
+    def path(self):
+        """Return stamps (N,) [s] and sensor poses (N, 4, 4) in the base frame so far."""
+        poses = list(self.listener.poses)
+        return (np.array([stamp_to_seconds(pose.header.stamp) for pose in poses]),
+                np.array([pose_matrix(pose.pose) for pose in poses]).reshape(-1, 4, 4))
+
+
+@contextmanager
+def bench(scene='straight', namespace='tactile', parameters=None):
+    """Give an empty graph with a listener; everything is gone afterwards."""
+    with private_port() as port, Graph(parameters, namespace) as graph:
+        yield Bench(graph, port, scene)
+
+
+def stamp_of(message):
+    """Return a message's stamp [s]."""
+    return stamp_to_seconds(message.header.stamp)

@@ -1,0 +1,174 @@
+"""The whole graph in one process, from sensor bytes to joint trajectories and back."""
+
+from edge_tracking.composed import private_port
+from geometry_msgs.msg import PoseStamped
+import numpy as np
+import pytest
+from rclpy.qos import qos_profile_sensor_data
+from tactile_msgs.msg import Contact, ServoStatus
+from tactile_sensing.array import TactelArray
+from tactile_sensing.nodes.contact_estimator import ContactEstimatorNode
+from tactile_sensing.nodes.driver import DriverNode
+from tactile_sensing.nodes.mock_sensor import MockSensorNode
+from tactile_sensing.scene import load_scene
+from tactile_sensing.synthetic import EdgeRenderer
+from tactile_servo.conversions import pose_to_msg
+from tactile_servo.nodes.edge_servo import EdgeServoNode
+from tactile_servo.nodes.mock_robot import MockRobotNode
+from tactile_tests.graph import bench, ROBOT, stamp_of
+
+LENGTH = 0.03  # m
+SETTLED = 0.01  # m of way after which the bars hold
+FORCE = 5.0  # N
+CONTROL_RATE = 400.0  # Hz
+
+SCENE = """
+name: {name}
+description: The straight edge, met at another place.
+edge: {{start: [0.36, -0.08, 0.15], heading: 90, path: [{{straight: 0.2}}]}}
+skin: {{depth: 0.002, stiffness: 200000.0}}
+sensor: {{noise_std: 630.0, baseline: 10, pa_per_count: 627.45}}
+start: {{s: 0.1, offset: {offset}, height: -0.001, yaw: {yaw}}}
+"""
+
+
+@pytest.fixture(scope='module')
+def tracked():
+    """Track a short way once; the tests look at what happened."""
+    with bench() as it:
+        it.add_all()
+        it.client = it.track(length=LENGTH)
+        yield it
+
+
+def settled(it):
+    """Poses (N, 4, 4) while tracking, after the first 10 mm."""
+    times, poses = it.path()
+    statuses = [status for status in it.listener.statuses
+                if status.state == ServoStatus.TRACK and status.progress >= SETTLED]
+    inside = (times >= stamp_of(statuses[0])) & (times <= stamp_of(statuses[-1]))
+    assert inside.sum() > 100
+    return poses[inside]
+
+
+def test_goal_succeeds(tracked):
+    client = tracked.client
+    assert client.success, client.reason
+    assert client.reason == 'length reached'
+    assert client.result.tracked_length == pytest.approx(LENGTH, abs=1e-3)
+    assert len(client.result.contour) > 10
+    assert client.feedback.progress > 0.5 * LENGTH
+
+
+def test_pad_stays_over_the_true_edge(tracked):
+    lateral, _ = tracked.scene.edge.nearest(settled(tracked)[:, :3, 3])
+    assert np.sqrt(np.mean(lateral**2)) < 5e-5
+    assert np.abs(lateral).max() < 3e-4
+
+
+def test_true_force_is_the_wanted_one(tracked):
+    renderer = EdgeRenderer(tracked.scene, TactelArray(16, 16, 0.0254 / 16, 0.0254 / 16))
+    force = np.array([renderer.force(pose) for pose in settled(tracked)[::5]])
+    assert force.mean() == pytest.approx(FORCE, rel=0.05)
+    assert np.sqrt(np.mean((force - FORCE)**2)) < 0.1 * FORCE
+
+
+def test_robot_takes_every_command_as_it_is(tracked):
+    assert tracked.robot.rejected == 0
+    assert tracked.robot.controller.limit_violations == 0
+
+
+def test_states_follow_in_order(tracked):
+    S = ServoStatus
+    states = [status.state for status in tracked.listener.statuses]
+    states = [state for state in states if state != S.HOLD]  # a loaded machine stalls now and then
+    order = [states[0]] + [b for a, b in zip(states, states[1:], strict=False) if a != b]
+    assert order[:5] == [S.IDLE, S.APPROACH, S.TRACK, S.RETREAT, S.DONE]
+
+
+def test_status_comes_every_cycle(tracked):
+    statuses = tracked.listener.statuses
+    stamps = np.array([stamp_of(status) for status in statuses])
+    assert np.all(np.diff(stamps) > 0)
+    missed = statuses[-1].missed_cycles - statuses[0].missed_cycles
+    cycles = CONTROL_RATE * (stamps[-1] - stamps[0])
+    # A late cycle stands for two or more; on a loaded machine there are some.
+    assert len(stamps) + 2 * missed > 0.9 * cycles
+    assert len(stamps) > 0.5 * cycles
+    active = [s for s in statuses if s.state in (ServoStatus.APPROACH, ServoStatus.TRACK)]
+    assert all(s.controller == 'resolved_rate' and s.reason for s in active)
+    assert all(s.contact_fresh and s.joints_fresh for s in active)
+
+
+def test_speed_beyond_the_limit_is_rejected_and_says_so(tracked):
+    client = tracked.track(speed=0.5)
+    assert client.finished and not client.success
+    assert 'rejected' in client.reason
+    tracked.wait(lambda: tracked.listener.said('speed 0.5 is outside 0..0.2'), 'the reason')
+    assert tracked.listener.state == ServoStatus.IDLE
+
+
+def test_method_is_selected_by_a_parameter():
+    with bench() as it:
+        graph = it.graph
+        graph.add(MockSensorNode, port=str(it.port), scene=str(it.scene_path))
+        it.robot = graph.add(MockRobotNode, namespace='', scene=str(it.scene_path),
+                             robot_description=str(ROBOT))
+        graph.add(DriverNode, port=str(it.port))
+        graph.add(ContactEstimatorNode, method='moments')
+        graph.add(EdgeServoNode, robot_description=str(ROBOT))
+        client = it.track(length=LENGTH)
+        assert client.success, client.reason
+        lines = [c for c in it.listener.contacts if c.type == Contact.TYPE_LINE and c.valid]
+        assert lines and {c.method for c in lines} == {'moments'}
+        lateral, _ = it.scene.edge.nearest(settled(it)[:, :3, 3])
+        assert np.abs(lateral).max() < 1e-3  # the thesis' bar
+        assert it.robot.rejected == 0
+
+
+def edge_seen_from(pose, scene):
+    """Where an edge crosses y = 0 and its yaw, as the sensor sees it: the oracle."""
+    points = (scene.edge.points - pose[:3, 3]) @ pose[:3, :3]
+    (x0, y0, _), (x1, y1, _) = points[0], points[-1]
+    yaw = np.arctan2(x0 - x1, y1 - y0)
+    return x0 - y0 * (x1 - x0) / (y1 - y0), (yaw + np.pi / 2) % np.pi - np.pi / 2
+
+
+def test_two_sensors_side_by_side(tmp_path):
+    """Two sensors, drivers and estimators in their namespaces, each on a scene of its own."""
+    wanted = {'left': (0.003, 10), 'right': (-0.004, -15)}
+    with private_port() as port, bench(namespace='left') as left:
+        listeners = {'left': left.listener,
+                     'right': left.graph.add(type(left.listener), namespace='right')}
+        poses, scenes, publishers = {}, {}, {}
+        for name, (offset, yaw) in wanted.items():
+            path = tmp_path / f'{name}.yaml'
+            path.write_text(SCENE.format(name=name, offset=offset, yaw=yaw))
+            scenes[name] = load_scene(path)
+            poses[name] = scenes[name].start_pose()
+            its_port = port.with_name(name)
+            left.graph.add(MockSensorNode, namespace=name, port=str(its_port), scene=str(path))
+            left.graph.add(DriverNode, namespace=name, port=str(its_port))
+            left.graph.add(ContactEstimatorNode, namespace=name)
+            publishers[name] = left.listener.create_publisher(
+                PoseStamped, f'/{name}/sensor_pose', qos_profile_sensor_data)
+        left.wait(lambda: all(it.tared for it in listeners.values()), 'both tares')
+
+        def press():
+            for name, publisher in publishers.items():
+                publisher.publish(PoseStamped(pose=pose_to_msg(poses[name])))
+
+        left.listener.create_timer(0.02, press)
+        lines = {}
+
+        def both():
+            for name, listener in listeners.items():
+                lines[name] = [c for c in listener.contacts if c.valid and c.type == 2]
+            return all(len(found) >= 20 for found in lines.values())
+
+        left.wait(both, 'lines of both sensors')
+        for name, found in lines.items():
+            a, yaw = edge_seen_from(poses[name], scenes[name])
+            assert np.mean([c.a for c in found]) == pytest.approx(a, abs=1e-4)
+            assert np.mean([c.yaw for c in found]) == pytest.approx(yaw, abs=0.01)
+        assert abs(lines['left'][-1].a - lines['right'][-1].a) > 0.005
