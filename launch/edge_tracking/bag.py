@@ -310,7 +310,7 @@ def _clear_errors(path):
         missing = 'has no metadata.yaml' if Path(path).is_dir() else 'there is no such bag'
         raise ConfigurationError(f'bag {path}: {missing}') from error
     except (OSError, ReaderError, SerdeError, TypesysError, struct.error, LookupError,
-            TypeError, ValueError) as error:
+            TypeError, ValueError, OverflowError) as error:
         text = ' '.join(str(error).split()) or type(error).__name__
         raise ConfigurationError(
             f'bag {path}: is not a rosbag2 recording: {text:.200}') from error

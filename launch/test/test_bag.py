@@ -53,10 +53,11 @@ def record(context, path, topics, publish, make=make_executor, **options):
     publisher = Node('publisher', context=context)
     executor.add_node(recorder)
     executor.add_node(publisher)
-    count = 0
-    for count, _ in enumerate(publish(publisher), 1):
+    published = []
+    for message in publish(publisher):
+        published.append(message)
         spin(executor, context, lambda: recorder.written + len(recorder._waiting)
-             + recorder.dropped >= count)
+             + recorder.dropped >= len(published))
     recorder.close()
     recorder.destroy_node()
     publisher.destroy_node()
@@ -253,17 +254,25 @@ def damage_cut(path):
     return path
 
 
-def damage_middle(path):
+def overwrite(path, value):
     file, = path.glob('*.mcap')
     data = bytearray(file.read_bytes())
-    data[2000:40000] = b'\xff' * 38000
+    data[2000:40000] = bytes([value]) * 38000
     file.write_bytes(data)
     return path
 
 
+def damage_ones(path):
+    return overwrite(path, 0xff)
+
+
+def damage_zeros(path):
+    return overwrite(path, 0)
+
+
 @pytest.mark.parametrize('damage', [
     damage_missing, damage_metadata, damage_empty_metadata, damage_no_metadata, damage_text,
-    damage_cut, damage_middle])
+    damage_cut, damage_ones, damage_zeros])
 def test_what_is_no_bag_gets_one_clear_line(tmp_path, scene, damage):
     path = damage(write_bag(tmp_path / 'run', scene, topics=TOPICS[:1]).path)
     with pytest.raises(ConfigurationError) as caught:
