@@ -61,6 +61,9 @@ def parser():
                            help='counts -> pressure of the recording; without it, raw counts')
     arguments.add_argument('--pitch', type=float, default=None,
                            help='of the recording, where it does not say it itself [m]')
+    arguments.add_argument('--live', default=None, metavar='ROWS,COLUMNS',
+                           help='use these tactels of the recording only, for instance '
+                           '15:26,15:26 (first:end, from 0)')
     arguments.add_argument('--out', default=None, metavar='FOLDER',
                            help='new folder for recording and report; default runs/NAME-TIME')
     arguments.add_argument('--json', action='store_true',
@@ -140,7 +143,8 @@ def play_recording(options, folder, progress):
         calibration = load_calibration(options.calibration)
     elif options.pitch or recording.pitch:
         calibration = Calibration.uncalibrated(
-            rows, columns, options.pitch or recording.pitch, nominal_rate=recording.rate_hz)
+            rows, columns, options.pitch or recording.pitch, nominal_rate=recording.rate_hz,
+            dead_tactels=live_window(options.live, recording.shape) if options.live else ())
     else:
         raise ValueError(f'{options.recording}: no pitch_m in the file; give --pitch')
     if calibration.array.shape != (rows, columns):
@@ -182,17 +186,49 @@ _ROWS = (
 
 
 def describe(summary):
-    """Text of a summary for the terminal."""
-    lines = [f'{"tracked" if summary["ok"] else "NOT TRACKED"}: {summary["reason"]}'
-             if 'lateral_rms' in summary else summary['reason']]
+    """Text of the summary of a scene for the terminal."""
+    verdict = 'tracked' if summary['ok'] else 'NOT TRACKED'
+    lines = [f'{verdict}: {summary["reason"]}']
     for key, name, unit, factor, decimals in _ROWS:
-        value = summary.get(key)
-        if isinstance(value, (int, float)) and not math.isnan(value):
+        value = summary[key]
+        if not math.isnan(value):
             lines.append(f'  {name:24}{factor * value:10.{decimals}f} {unit}')
-    shown = {key for key, *_ in _ROWS} | {'ok', 'reason'}
-    if 'lateral_rms' not in summary:
-        lines += [f'  {key:24}{value}' for key, value in summary.items() if key not in shown]
     return '\n'.join(lines)
+
+
+def describe_recording(summary):
+    """Text of the summary of a recording for the terminal."""
+    lines = [f'{summary["reason"]}: {summary["frames"]} pictures of {summary["rows"]} x '
+             f'{summary["columns"]} at {summary["sensor_rate"]:.1f} Hz, '
+             f'{summary["lost_frames"]} lost, {summary["presses"]} presses']
+    for start, lasted, peak, (x, y) in zip(
+            summary['press_times'], summary['press_durations'], summary['press_peaks'],
+            summary['press_centres'], strict=True):
+        lines.append(f'  peak at {start:6.1f} s, pressed {lasted:4.1f} s, {peak:.4g} '
+                     f'{summary["force_unit"]}, centre ({1e3 * x:+.2f}, {1e3 * y:+.2f}) mm')
+    return '\n'.join(lines)
+
+
+def live_window(text, shape):
+    """
+    Row-major indices of the tactels outside a window 'ROWS,COLUMNS' such as '15:26,15:26'.
+
+    Raises
+    ------
+    ValueError
+        The text is no window within the shape.
+    """
+    try:
+        rows, columns = (range(*map(int, part.split(':'))) for part in text.split(','))
+        inside = (0 <= rows.start < rows.stop <= shape[0]
+                  and 0 <= columns.start < columns.stop <= shape[1])
+    except (TypeError, ValueError):
+        inside = False
+    if not inside:
+        raise ValueError(f'--live {text}: must be ROWS,COLUMNS such as 15:26,15:26 within '
+                         f'{shape[0]} x {shape[1]}')
+    return tuple(r * shape[1] + c for r in range(shape[0]) for c in range(shape[1])
+                 if r not in rows or c not in columns)
 
 
 def run(options):
@@ -228,6 +264,6 @@ def main(args=None):
     if options.json:
         print(to_json(summary))
     else:
-        print(describe(summary))
+        print((describe_recording if options.recording else describe)(summary))
     print(f'recording {folder / "bag"}\nreport    {folder / "report.html"}', file=sys.stderr)
     return 0 if summary['ok'] else 1

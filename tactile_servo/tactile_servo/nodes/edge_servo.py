@@ -68,6 +68,7 @@ class EdgeServoNode(Node):
     """
 
     def __init__(self, **kwargs):
+        self._action = None  # until the parameters have proved right
         super().__init__('edge_servo', **kwargs)
         robot, config = declare_from(self, RobotConfig), declare_from(self, EdgeServoConfig)
         gains = declare_from(self, ResolvedRateConfig)
@@ -219,7 +220,8 @@ class EdgeServoNode(Node):
 
     def destroy_node(self):
         """Release the action server with the node."""
-        self._action.destroy()
+        if self._action is not None:
+            self._action.destroy()
         super().destroy_node()
 
 
