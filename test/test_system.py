@@ -1,10 +1,12 @@
 """The whole graph in one process, from sensor bytes to joint trajectories and back."""
 
-from edge_tracking.composed import private_port
 from geometry_msgs.msg import PoseStamped
 import numpy as np
 import pytest
 from rclpy.qos import qos_profile_sensor_data
+from tactile_tests.graph import bench, ROBOT, stamp_of
+
+from edge_tracking.composed import private_port
 from tactile_msgs.msg import Contact, ServoStatus
 from tactile_sensing.array import TactelArray
 from tactile_sensing.nodes.contact_estimator import ContactEstimatorNode
@@ -15,7 +17,6 @@ from tactile_sensing.synthetic import EdgeRenderer
 from tactile_servo.conversions import pose_to_msg
 from tactile_servo.nodes.edge_servo import EdgeServoNode
 from tactile_servo.nodes.mock_robot import MockRobotNode
-from tactile_tests.graph import bench, ROBOT, stamp_of
 
 LENGTH = 0.03  # m
 SETTLED = 0.01  # m of way after which the bars hold

@@ -3,9 +3,6 @@
 from contextlib import contextmanager
 import time
 
-from edge_tracking.composed import add_mocks, add_stack, Graph, private_port
-from edge_tracking.resources import find_scene, share
-from edge_tracking.track import TrackNode
 from geometry_msgs.msg import PoseStamped
 import numpy as np
 from rcl_interfaces.msg import Log
@@ -13,6 +10,10 @@ from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, qos_profile_sensor_data, QoSProfile
 from sensor_msgs.msg import JointState
 from std_srvs.srv import SetBool
+
+from edge_tracking.composed import add_mocks, add_stack, Graph, private_port
+from edge_tracking.resources import find_scene, share
+from edge_tracking.track import TrackNode
 from tactile_msgs.msg import Contact, SensorInfo, ServoStatus, TactileImage
 from tactile_sensing.conversions import stamp_to_seconds
 from tactile_sensing.nodes.mock_sensor import pose_matrix
