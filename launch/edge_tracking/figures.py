@@ -1,0 +1,410 @@
+"""Pictures of a run; every axis has a unit, and what can be labelled directly is."""
+
+from io import BytesIO
+
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+from matplotlib.patches import Polygon
+import numpy as np
+
+from edge_tracking.summary import latencies, presses, settled_cycles
+from tactile_servo.servo_types import State
+
+BLUE, ORANGE, GREY, INK = '#1f5fa8', '#d4691e', '#7a808a', '#22262b'
+EDGE_COLOUR = '#c9cdd4'
+_SHADES = {
+    State.APPROACH: ('#eaf0f8', 'approach'), State.CORNER: ('#fff4d6', 'corner'),
+    State.SEARCH: ('#fdebd3', 'search'), State.RETREAT: ('#eaf0f8', 'lift off'),
+    State.HOLD: ('#fadcd9', 'hold'), State.TRACK: (None, 'track'),
+}
+# Of the run, shown enlarged [mm].
+DETAIL_LENGTH = 30.0
+
+
+def png(figure) -> bytes:
+    """Return a figure as PNG."""
+    buffer = BytesIO()
+    figure.savefig(buffer, format='png', facecolor='white')
+    return buffer.getvalue()
+
+
+def _figure(width, height):
+    figure = Figure(figsize=(width, height), dpi=160, layout='constrained')
+    FigureCanvasAgg(figure)
+    return figure
+
+
+def _axes(axes, xlabel='', ylabel='', title=''):
+    axes.set_xlabel(xlabel, fontsize=10, color=INK)
+    axes.set_ylabel(ylabel, fontsize=10, color=INK)
+    axes.tick_params(labelsize=9, colors='#4b5058')
+    axes.set_title(title, fontsize=11, loc='left', color=INK)
+    axes.spines[['top', 'right']].set_visible(False)
+    axes.spines[['left', 'bottom']].set_color('#b8bcc4')
+    axes.grid(color='#e6e8ec', linewidth=0.7)
+    axes.set_axisbelow(True)
+
+
+def _note(axes, x, y, text, colour=INK, **options):
+    options = {'ha': 'left', 'va': 'center', **options}
+    axes.annotate(text, (x, y), fontsize=9.5, color=colour, bbox={
+        'facecolor': 'white', 'edgecolor': 'none', 'pad': 1.0, 'alpha': 0.8}, **options)
+
+
+# --- run along an edge --------------------------------------------------------------------------
+
+def trajectory(run, scene, real):
+    """Path of the pad over the true edge, seen from above, and its first part enlarged."""
+    edge, path = (_from_above(scene, points) for points in (
+        scene.edge.points, run.poses.position))
+    height = np.ptp(edge[:, 1])
+    if height > 0.4 * np.ptp(edge[:, 0]):
+        figure = _figure(10.0, 4.8)
+        whole, detail = figure.subplots(1, 2, width_ratios=(1, 1.2))
+    else:
+        figure = _figure(10.0, 5.6)
+        whole, detail = figure.subplots(2, 1, height_ratios=(1, 1.5))
+    whole.plot(*edge.T, color=EDGE_COLOUR, linewidth=6, solid_capstyle='butt')
+    whole.plot(*path[real.touching].T, color=BLUE, linewidth=1.6)
+    _pads(whole, run, scene, real)
+    whole.set_aspect('equal')
+    _axes(whole, 'along the first edge [mm]', 'across [mm]',
+          'From above, equal axes: the pad at first contact and at the end')
+    _detail(detail, real)
+    return figure
+
+
+def _from_above(scene, points):
+    """Return horizontal coordinates [mm], `(N, 2)`, in which the first chord runs along x."""
+    along = scene.edge.tangent_at(0.0)[:2]
+    along = along / np.linalg.norm(along)
+    across = np.array([-along[1], along[0]])
+    relative = 1e3 * (np.asarray(points)[:, :2] - scene.edge.points[0, :2])
+    return relative @ np.stack([along, across], axis=1)
+
+
+def _pads(axes, run, scene, real):
+    touching, array = np.flatnonzero(real.touching), run.images.array
+    if not touching.size or array is None:
+        return
+    x, y = array.half_width_x, array.half_width_y
+    corners = np.array([[-x, -y, 0, 1], [x, -y, 0, 1], [x, y, 0, 1], [-x, y, 0, 1]])
+    for index in touching[[0, -1]]:
+        outline = (corners @ run.poses.matrix[index].T)[:, :3]
+        axes.add_patch(Polygon(_from_above(scene, outline), closed=True, facecolor='#1f5fa812',
+                               edgecolor=BLUE, linewidth=1.0))
+    axes.autoscale_view()
+
+
+def _detail(axes, real):
+    """Distance from the edge over the first way along it."""
+    _axes(axes, 'along the edge since first contact [mm]', 'centre left of the edge [mm]',
+          'The first part, across enlarged')
+    touching = np.flatnonzero(real.touching)
+    if not touching.size:
+        _note(axes, 0.0, 0.0, 'The edge was never touched.')
+        return
+    first = touching[0]
+    way = 1e3 * np.abs(real.along - real.along[first])
+    lateral = 1e3 * real.lateral
+    axes.axhline(0.0, color=EDGE_COLOUR, linewidth=6, zorder=1)
+    axes.plot(way[touching], lateral[touching], color=BLUE, linewidth=1.8)
+    axes.plot(way[first], lateral[first], 'o', color=BLUE, markersize=6)
+    axes.set_xlim(-0.03 * DETAIL_LENGTH, DETAIL_LENGTH)
+    near = lateral[touching][way[touching] <= DETAIL_LENGTH]
+    low, high = min(near.min(), 0.0), max(near.max(), 0.0)
+    spread = max(high - low, 0.1)
+    axes.set_ylim(low - 0.2 * spread, high + 0.2 * spread)
+    down = abs(low) > high
+    _note(axes, 0.02 * DETAIL_LENGTH, lateral[first] + (-0.1 if down else 0.1) * spread,
+          f'first contact, {abs(lateral[first]):.2f} mm off', BLUE)
+    _note(axes, DETAIL_LENGTH, 0.1 * spread if not down else -0.1 * spread, 'true edge', GREY,
+          ha='right')
+    settled = np.flatnonzero(real.settled)
+    if settled.size:
+        axes.axvline(way[settled[0]], color=GREY, linewidth=1.0, linestyle=':')
+        _note(axes, way[settled[0]] + 0.01 * DETAIL_LENGTH, low + 0.6 * spread,
+              'the statistics count from here', GREY)
+
+
+def errors(run, summary, scene, real):
+    """Lateral error, true and measured, and force against its target, over time."""
+    figure = _figure(10.0, 7.6)
+    wide, narrow, force = figure.subplots(3, 1, sharex=True, height_ratios=(1, 1, 1.15))
+    statuses = run.statuses
+    time, pose_time = run.seconds(statuses.stamp_ns), run.seconds(real.time_ns)
+    tracking, settled = settled_cycles(statuses)
+    measured = np.where(tracking, -1e3 * _left(run, scene, real) * statuses.lateral_error, np.nan)
+    true = np.where(real.touching, 1e3 * real.lateral, np.nan)
+    for axes in (wide, narrow):
+        axes.plot(time, measured, color=ORANGE, linewidth=0.7, label='measured by touch')
+        axes.plot(pose_time, true, color=BLUE, linewidth=1.5, label='true')
+    late = 1e3 * np.abs(real.lateral[real.settled])
+    if late.size:
+        seen = np.abs(measured[settled & np.isfinite(measured)])
+        bound = 1.3 * max(late.max(), np.percentile(seen, 99.5) if seen.size else 0.0, 0.005)
+        narrow.set_ylim(-bound, bound)
+    _axes(wide, '', 'lateral [mm]', "Pad's centre left of the edge")
+    _axes(narrow, '', 'lateral [mm]', 'The same, enlarged to what remains after settling')
+    wide.legend(loc='upper right', fontsize=9.5, frameon=False, ncols=2)
+    _force(force, run, summary, real)
+    for axes in (wide, narrow, force):
+        _shade(axes, run, time, named=axes is wide)
+        if settled.any():
+            axes.axvline(time[np.flatnonzero(settled)[0]], color=GREY, linewidth=1.0,
+                         linestyle=':')
+    active = np.flatnonzero(statuses.state != State.IDLE)
+    if active.size:
+        wide.set_xlim(time[active[0]], time[active[-1]])
+    return figure
+
+
+def _left(run, scene, real):
+    """+1 if the sensor's x points to the left of the edge, -1 if to the right."""
+    along = np.einsum('ij,ij->i', run.poses.matrix[:, :3, 1], scene.edge.tangent_at(real.along))
+    return 1.0 if along[real.touching].sum() >= 0.0 else -1.0
+
+
+def _force(axes, run, summary, real):
+    axes.plot(run.seconds(run.contacts.stamp_ns),
+              np.where(run.contacts.valid, run.contacts.normal_force, np.nan), color=ORANGE,
+              linewidth=0.7)
+    axes.plot(run.seconds(real.time_ns), real.force, color=BLUE, linewidth=1.5)
+    target = summary['force_target']
+    _axes(axes, 'time [s]', 'normal force [N]', 'Force on the pad')
+    if np.isfinite(target):
+        axes.axhline(target, color=INK, linewidth=1.0, linestyle=(0, (6, 4)))
+        axes.annotate(f'target {target:g} N', (0.995, target), (0, 5), fontsize=9.5,
+                      xycoords=('axes fraction', 'data'), textcoords='offset points',
+                      ha='right', va='bottom', color=INK)
+        largest = np.nanmax(real.force, initial=target)
+        axes.set_ylim(-0.04 * target, 1.2 * max(target, largest))
+
+
+def _shade(axes, run, time, named):
+    """Shade the states of the servo and name those that last."""
+    state = run.statuses.state
+    if not len(state):
+        return
+    starts = np.flatnonzero(np.diff(state, prepend=-1))
+    ends = np.append(starts[1:], len(state) - 1)
+    active = time[state != State.IDLE]
+    whole = np.ptp(active) if active.size else np.inf
+    for start, end in zip(starts, ends, strict=True):
+        colour, name = _SHADES.get(state[start], (None, ''))
+        if colour:
+            axes.axvspan(time[start], time[end], color=colour, linewidth=0, zorder=0)
+        if named and name and time[end] - time[start] > 0.05 * whole:
+            axes.annotate(name, (0.5 * (time[start] + time[end]), 0.03), fontsize=9.5,
+                          xycoords=('data', 'axes fraction'), ha='center', va='bottom',
+                          color=GREY)
+
+
+def pictures(run):
+    """Tactile pictures of approach, first contact, steady tracking and the end."""
+    figure, images = _figure(10.0, 3.3), run.images
+    chosen = _moments(run)
+    if not chosen:
+        axes = figure.subplots()
+        axes.axis('off')
+        _note(axes, 0.02, 0.5, 'The recording has no pictures of the run.')
+        return figure
+    top = max(float(np.nanmax(images.frames[index], initial=0.0)) for _, index in chosen)
+    shown = None
+    for axes, (name, index) in zip(
+            figure.subplots(1, len(chosen), sharey=True, squeeze=False)[0], chosen, strict=True):
+        shown = _tactels(axes, images, index, top)
+        time = float(run.seconds(images.stamp_ns[index]))
+        axes.set_title(f'{name}, {time:.2f} s', fontsize=10.5, color=INK)
+        _estimate(axes, run, index)
+        axes.set_xlabel('x [mm]', fontsize=10)
+    figure.axes[0].set_ylabel('y [mm]', fontsize=10)
+    _colour_bar(figure, shown, figure.axes[:len(chosen)], images.unit)
+    return figure
+
+
+def _moments(run):
+    """Return names and indices of the pictures to show."""
+    statuses, stamps = run.statuses, run.images.stamp_ns
+    tracking, settled = (np.flatnonzero(mask) for mask in settled_cycles(statuses))
+    if not len(stamps):
+        return []
+    times = []
+    approach = np.flatnonzero(statuses.state == State.APPROACH)
+    if approach.size:
+        times.append(('approach', statuses.stamp_ns[approach[approach.size // 2]]))
+    if tracking.size:
+        times.append(('first contact', statuses.stamp_ns[tracking[0]]))
+    if settled.size:
+        times.append(('steady', statuses.stamp_ns[settled[settled.size // 2]]))
+    if tracking.size:
+        times.append(('end', statuses.stamp_ns[tracking[-1]]))
+    return [(name, min(int(np.searchsorted(stamps, time)), len(stamps) - 1))
+            for name, time in times]
+
+
+def _tactels(axes, images, index, top):
+    array, scale = images.array, 1e-3 if images.unit == 'Pa' else 1.0
+    x, y = 1e3 * array.half_width_x, 1e3 * array.half_width_y
+    axes.set_facecolor('#dfe2e7')  # invalid tactels
+    axes.tick_params(labelsize=9, colors='#4b5058')
+    return axes.imshow(
+        scale * np.ma.masked_invalid(images.frames[index]), origin='lower', cmap='magma_r',
+        extent=(-x, x, -y, y), vmin=0.0, vmax=max(scale * top, 1e-9), interpolation='nearest')
+
+
+def _estimate(axes, run, index):
+    """Draw the estimated edge, or say that there is none."""
+    contacts, array = run.contacts, run.images.array
+    match = np.flatnonzero(contacts.stamp_ns == run.images.stamp_ns[index])
+    x, y = 1e3 * array.half_width_x, 1e3 * array.half_width_y
+    if match.size and contacts.valid[match[0]] and np.isfinite(contacts.yaw[match[0]]):
+        a, yaw = 1e3 * contacts.a[match[0]], contacts.yaw[match[0]]
+        reach = 2.0 * np.hypot(x, y) * np.array([-1.0, 1.0])
+        axes.plot(a - reach * np.sin(yaw), reach * np.cos(yaw), color='#10a4b8', linewidth=2.0)
+        text = f'a = {a:+.2f} mm, yaw = {np.degrees(yaw):+.1f}\u00b0'
+    else:
+        text = 'no valid contact'
+    axes.set_xlim(-x, x)
+    axes.set_ylim(-y, y)
+    axes.text(0.5, 0.03, text, transform=axes.transAxes, ha='center', va='bottom', fontsize=9,
+              color=INK, bbox={'facecolor': 'white', 'edgecolor': 'none', 'alpha': 0.85,
+                               'pad': 2.0})
+
+
+def _colour_bar(figure, shown, axes, unit):
+    bar = figure.colorbar(shown, ax=axes, shrink=0.8, aspect=18, pad=0.02)
+    bar.set_label('pressure [kPa]' if unit == 'Pa' else f'pressure [{unit or "?"}]', fontsize=10)
+    bar.ax.tick_params(labelsize=9)
+    bar.outline.set_visible(False)
+
+
+def latency(run, summary):
+    """Histogram of the time from a picture's last byte to the command that used it."""
+    figure = _figure(7.5, 3.4)
+    axes = figure.subplots()
+    _, values = latencies(run)
+    _axes(axes, 'last byte to command [ms]', 'pictures')
+    if not len(values):
+        _note(axes, 0.3, 0.5, 'No picture was used.')
+        return figure
+    values = 1e3 * values
+    period = 1e3 / summary['sensor_rate'] if summary['sensor_rate'] > 0 else np.nan
+    right = 1.1 * np.nanmax([period, np.percentile(values, 99.8)])
+    left = min(0.0, values.min())
+    axes.hist(np.clip(values, left, right), bins=np.linspace(left, right, 80), color=BLUE,
+              alpha=0.85)
+    axes.set_xlim(left, right)
+    top = axes.get_ylim()[1]
+    axes.set_ylim(0.0, 1.25 * top)
+    lines = [(1e3 * summary['latency_p50'], f'median {1e3 * summary["latency_p50"]:.2f} ms', INK),
+             (1e3 * summary['latency_p99'], f'99 %: {1e3 * summary["latency_p99"]:.2f} ms',
+              ORANGE),
+             (period, f'one picture, {period:.1f} ms', GREY)]
+    for level, (x, text, colour) in enumerate(lines):
+        if np.isfinite(x):
+            axes.axvline(x, color=colour, linewidth=1.5, linestyle='-' if level < 2 else '--')
+            leftwards = x > 0.6 * right
+            axes.annotate(text, (x, (1.18 - 0.12 * level) * top), (-5 if leftwards else 5, 0),
+                          textcoords='offset points', fontsize=9.5, color=colour,
+                          ha='right' if leftwards else 'left', va='center')
+    return figure
+
+
+# --- recording ----------------------------------------------------------------------------------
+
+def _loaded(series):
+    return series.force > 0.1 * np.nanmax(series.force, initial=0.0)
+
+
+def force_over_time(series):
+    """Force, with the presses, and centre of pressure over time."""
+    figure = _figure(10.0, 5.6)
+    force, centre = figure.subplots(2, 1, sharex=True)
+    scale, unit = (1.0, 'N') if series.unit == 'N' else (
+        1e6, series.unit.replace('m^2', 'mm\u00b2'))
+    force.plot(series.time, scale * series.force, color=BLUE, linewidth=1.5)
+    _axes(force, '', f'force [{unit}]', 'Force, with its presses')
+    for number, (begin, peak, end) in enumerate(presses(series.force), 1):
+        last = min(end, len(series.time) - 1)
+        force.axvspan(series.time[begin], series.time[last], color='#eaf0f8', zorder=0,
+                      linewidth=0)
+        force.plot(series.time[peak], scale * series.force[peak], 'o', color=ORANGE,
+                   markersize=4.5)
+        force.annotate(str(number), (series.time[peak], scale * series.force[peak]), (0, 6),
+                       textcoords='offset points', ha='center', fontsize=9.5, color=ORANGE)
+    force.set_ylim(0.0, 1.15 * scale * np.nanmax(series.force, initial=1e-9))
+    loaded = _loaded(series)
+    for axis, (name, colour) in enumerate((('x', BLUE), ('y', ORANGE))):
+        values = np.where(loaded, 1e3 * series.centre_of_pressure[:, axis], np.nan)
+        centre.plot(series.time, values, color=colour, linewidth=1.5)
+        if loaded.any():
+            last = np.flatnonzero(loaded)[-1]
+            centre.annotate(name, (series.time[last], values[last]), (8, 0), fontsize=11,
+                            textcoords='offset points', color=colour, va='center')
+    _axes(centre, 'time [s]', 'centre of pressure [mm]', 'Centre of pressure')
+    if len(series.time) > 1:
+        force.set_xlim(series.time[0], series.time[-1])
+    return figure
+
+
+def press_pictures(run, series, limit=8):
+    """Pictures at the peaks of presses, evenly chosen, with the centre of pressure."""
+    found = presses(series.force)
+    keep = np.unique(np.linspace(0, len(found) - 1, min(limit, len(found))).round().astype(int))
+    columns = min(4, max(len(keep), 1))
+    rows = max(-(-len(keep) // columns), 1)
+    figure = _figure(10.0, 0.4 + 2.7 * rows)
+    grid = figure.subplots(rows, columns, sharex=True, sharey=True, squeeze=False)
+    if not len(keep) or run.images.array is None:
+        for axes in grid.flat:
+            axes.axis('off')
+        _note(grid[0, 0], 0.02, 0.5, 'No presses were found.')
+        return figure
+    images = run.images
+    chosen = [(number, *_picture_of(images, series, found[number][1])) for number in keep]
+    top = max(float(np.nanmax(images.frames[index], initial=0.0)) for _, index, _ in chosen)
+    shown = None
+    for axes, (number, index, point) in zip(grid.flat, chosen, strict=False):
+        shown = _tactels(axes, images, index, top)
+        axes.plot(*(1e3 * point), '+', color='#10a4b8', markersize=11, markeredgewidth=2.2)
+        time = series.time[found[number][1]]
+        axes.set_title(f'press {number + 1}, {time:.1f} s', fontsize=10.5, color=INK)
+    for axes in grid.flat[len(chosen):]:
+        axes.axis('off')
+    for axes in grid[-1]:
+        axes.set_xlabel('x [mm]', fontsize=10)
+    for axes in grid[:, 0]:
+        axes.set_ylabel('y [mm]', fontsize=10)
+    _colour_bar(figure, shown, grid.ravel().tolist(), images.unit)
+    return figure
+
+
+def _picture_of(images, series, at):
+    """Return index of the picture of a datum of the series, and its centre of pressure."""
+    index = int(np.argmin(np.abs(images.stamp_ns - series.stamp_ns[at])))
+    return index, series.centre_of_pressure[at]
+
+
+def centre_path(run, series):
+    """Path of the centre of pressure on the array, coloured by the force."""
+    figure = _figure(6.4, 5.4)
+    axes, array = figure.subplots(), run.images.array
+    loaded = _loaded(series)
+    x, y = 1e3 * series.centre_of_pressure[loaded].T
+    axes.plot(x, y, color=EDGE_COLOUR, linewidth=0.8, zorder=1)
+    scale, unit = (1.0, 'N') if series.unit == 'N' else (
+        1e6, series.unit.replace('m^2', 'mm\u00b2'))
+    points = axes.scatter(x, y, c=scale * series.force[loaded], cmap='magma_r', s=18, zorder=2,
+                          vmin=0.0)
+    _axes(axes, 'x [mm]', 'y [mm]')
+    if array is not None:
+        half_x, half_y = 1e3 * array.half_width_x, 1e3 * array.half_width_y
+        axes.plot([-half_x, half_x, half_x, -half_x, -half_x],
+                  [-half_y, -half_y, half_y, half_y, -half_y], color=GREY, linewidth=1.2)
+    axes.set_aspect('equal')
+    bar = figure.colorbar(points, ax=axes, shrink=0.8, aspect=18, pad=0.02)
+    bar.set_label(f'force [{unit}]', fontsize=10)
+    bar.ax.tick_params(labelsize=9)
+    bar.outline.set_visible(False)
+    return figure
