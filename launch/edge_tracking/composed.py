@@ -14,14 +14,14 @@ import rclpy
 from rclpy.exceptions import ParameterException
 from rclpy.parameter import Parameter
 from rclpy.signals import SignalHandlerOptions
+
+from edge_tracking.resources import find_scene, scene_names, share
 from tactile_sensing.nodes.contact_estimator import ContactEstimatorNode
 from tactile_sensing.nodes.driver import DriverNode
 from tactile_sensing.nodes.mock_sensor import MockSensorNode
 from tactile_sensing.nodes.runner import make_executor, spin, stop_on_signals
 from tactile_servo.nodes.edge_servo import EdgeServoNode
 from tactile_servo.nodes.mock_robot import MockRobotNode
-
-from edge_tracking.resources import find_scene, scene_names, share
 
 # Longest time that a thread keeps the interpreter while another waits for it; the default of
 # 5 ms is a whole sensor period.
@@ -38,9 +38,12 @@ class Graph:
         Parameter file of all nodes; that of the package if missing.
     namespace : str
         Namespace of sensor, estimator and servo.
+    domain : int, optional
+        ROS domain; that of the environment if missing.
     """
 
-    def __init__(self, parameters=None, namespace='tactile'):
+    def __init__(self, parameters=None, namespace='tactile', domain=None):
+        self._domain = domain
         self._arguments = ['--ros-args', '--params-file',
                            str(parameters or share('config', 'edge_tracking.yaml'))]
         self.namespace = namespace
@@ -49,7 +52,8 @@ class Graph:
     def __enter__(self):
         sys.setswitchinterval(SWITCH_INTERVAL)
         self.context = rclpy.Context()
-        rclpy.init(context=self.context, signal_handler_options=SignalHandlerOptions.NO)
+        rclpy.init(context=self.context, domain_id=self._domain,
+                   signal_handler_options=SignalHandlerOptions.NO)
         self.executor = make_executor(self.context)
         return self
 

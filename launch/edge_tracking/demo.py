@@ -8,6 +8,7 @@ everything that is reported is computed from the recorded bag.
 import argparse
 from datetime import datetime
 import math
+import os
 from pathlib import Path
 import sys
 import time
@@ -17,16 +18,6 @@ from geometry_msgs.msg import PoseStamped, WrenchStamped
 from rclpy.exceptions import ParameterException
 from rclpy.qos import DurabilityPolicy, qos_profile_sensor_data, QoSProfile
 from sensor_msgs.msg import JointState
-from tactile_msgs.msg import Contact, SensorInfo, ServoStatus, TactileImage
-from tactile_sensing.calibration import Calibration, load_calibration
-from tactile_sensing.errors import TactileSensingError
-from tactile_sensing.nodes.contact_estimator import ContactEstimatorNode
-from tactile_sensing.nodes.driver import DriverNode
-from tactile_sensing.nodes.mock_sensor import MockSensorNode
-from tactile_sensing.nodes.runner import stop_on_signals
-from tactile_sensing.recording import load_recording
-from tactile_sensing.scene import load_scene
-from tactile_servo.servo_types import State
 from trajectory_msgs.msg import JointTrajectory
 
 from edge_tracking.bag import RecorderNode
@@ -37,7 +28,18 @@ from edge_tracking.resources import find_scene, scene_names, share
 from edge_tracking.run_data import read_run
 from edge_tracking.summary import summarise, summarise_recording, to_json
 from edge_tracking.track import TrackNode
+from tactile_msgs.msg import Contact, SensorInfo, ServoStatus, TactileImage
+from tactile_sensing.calibration import Calibration, load_calibration
+from tactile_sensing.errors import TactileSensingError
+from tactile_sensing.nodes.contact_estimator import ContactEstimatorNode
+from tactile_sensing.nodes.driver import DriverNode
+from tactile_sensing.nodes.mock_sensor import MockSensorNode
+from tactile_sensing.nodes.runner import stop_on_signals
+from tactile_sensing.recording import load_recording
+from tactile_sensing.scene import load_scene
+from tactile_servo.servo_types import State
 
+DOMAINS = 100  # the demo picks one of the domains 1 to 100, unless told
 SETTLE = 0.3  # s recorded after the end, so that the last messages arrive
 
 
@@ -81,6 +83,19 @@ def out_folder(wanted, name):
     return folder
 
 
+def own_domain():
+    """
+    ROS domain of the demo: that of the environment, else one that no other demo is likely to use.
+
+    Two graphs in one domain would hear each other's sensors.
+    """
+    if os.environ.get('ROS_DOMAIN_ID'):
+        return None
+    domain = os.getpid() % DOMAINS + 1
+    print(f'to listen along: ROS_DOMAIN_ID={domain}', file=sys.stderr)
+    return domain
+
+
 def topics(graph):
     """Every topic of the graph, with its type and the quality of service to listen with."""
     deep = QoSProfile(depth=100)
@@ -118,7 +133,7 @@ def track_scene(options, folder, progress):
             min(feedback.progress / length, 1.0), State(feedback.state).name.lower(),
             f'{1e3 * feedback.progress:5.0f} mm  lateral {1e3 * feedback.lateral_error:+.3f} mm'
             f'  force {feedback.normal_force:.2f} N')
-    with private_port() as port, stop_on_signals() as stop, Graph() as graph:
+    with private_port() as port, stop_on_signals() as stop, Graph(domain=own_domain()) as graph:
         record(graph, folder)
         add_mocks(graph, port, path, robot, options.seed)
         add_stack(graph, port, robot)
@@ -151,7 +166,7 @@ def play_recording(options, folder, progress):
         raise ValueError(f'{options.recording}: frames of {rows}x{columns}, but '
                          f'{options.calibration} is for {calibration.array.shape}')
     duration = len(recording.frames) / recording.rate_hz
-    with private_port() as port, stop_on_signals() as stop, Graph() as graph:
+    with private_port() as port, stop_on_signals() as stop, Graph(domain=own_domain()) as graph:
         record(graph, folder)
         sensor = graph.add(MockSensorNode, port=str(port), recording=str(options.recording))
         graph.add(DriverNode, own={'calibration': calibration}, port=str(port),

@@ -146,7 +146,7 @@ def errors(run, summary, scene, real):
         narrow.set_ylim(-bound, bound)
     _axes(wide, '', 'lateral [mm]', "Pad's centre left of the edge")
     _axes(narrow, '', 'lateral [mm]', 'The same, enlarged to what remains after settling')
-    wide.legend(loc='upper right', fontsize=9.5, frameon=False, ncols=2)
+    wide.legend(loc='center right', fontsize=9.5, frameon=False)
     _force(force, run, summary, real)
     for axes in (wide, narrow, force):
         _shade(axes, run, time, named=axes is wide)
@@ -156,6 +156,7 @@ def errors(run, summary, scene, real):
     active = np.flatnonzero(statuses.state != State.IDLE)
     if active.size:
         wide.set_xlim(time[active[0]], time[active[-1]])
+    figure.align_ylabels()
     return figure
 
 
@@ -194,15 +195,16 @@ def _shade(axes, run, time, named):
         colour, name = _SHADES.get(state[start], (None, ''))
         if colour:
             axes.axvspan(time[start], time[end], color=colour, linewidth=0, zorder=0)
-        if named and name and time[end] - time[start] > 0.05 * whole:
-            axes.annotate(name, (0.5 * (time[start] + time[end]), 0.03), fontsize=9.5,
-                          xycoords=('data', 'axes fraction'), ha='center', va='bottom',
-                          color=GREY)
+        share = (time[end] - time[start]) / whole
+        if named and name and share > 0.025:
+            axes.annotate(name, (0.5 * (time[start] + time[end]), 0.96), fontsize=9.5,
+                          xycoords=('data', 'axes fraction'), ha='center', va='top',
+                          rotation=90 if share < 0.1 else 0, color=GREY)
 
 
 def pictures(run):
     """Tactile pictures of approach, first contact, steady tracking and the end."""
-    figure, images = _figure(10.0, 3.3), run.images
+    figure, images = _figure(10.0, 3.0), run.images
     chosen = _moments(run)
     if not chosen:
         axes = figure.subplots()
@@ -262,7 +264,8 @@ def _estimate(axes, run, index):
         a, yaw = 1e3 * contacts.a[match[0]], contacts.yaw[match[0]]
         reach = 2.0 * np.hypot(x, y) * np.array([-1.0, 1.0])
         axes.plot(a - reach * np.sin(yaw), reach * np.cos(yaw), color='#10a4b8', linewidth=2.0)
-        text = f'a = {a:+.2f} mm, yaw = {np.degrees(yaw):+.1f}\u00b0'
+        angle = round(np.degrees(yaw), 1) + 0.0  # no minus zero
+        text = f'a = {a:+.2f} mm, yaw = {angle:+.1f}\u00b0'
     else:
         text = 'no valid contact'
     axes.set_xlim(-x, x)

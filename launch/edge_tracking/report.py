@@ -95,13 +95,14 @@ def make_report(run, summary, scene, path):
          'against the scene: the controller sees neither.', ''),
         ('Lateral error and force', figures.errors(run, summary, scene, real),
          'True: from pose and scene. Measured: what the contact estimate gave the servo. '
-         'The statistics count from the dotted line, 10 mm after first contact.', ''),
+         'The statistics count from the dotted line, 10 mm after first contact; those of the '
+         'force only while the edge crosses the whole pad.', ''),
         ('Tactile pictures', figures.pictures(run),
          'Pressure over the pad, compression positive, with the estimated edge drawn in where '
          'the estimate is valid.', ''),
         ('Latency', figures.latency(run, summary),
          'From the last byte of a picture at the driver to the end of the first control cycle '
-         'that used it.', 'narrow'),
+         'that used it. Later ones than the axis shows are in its last bar.', 'narrow'),
     ]
     verdict = ('Edge tracked' if summary['ok'] else 'Edge not tracked', summary['ok'])
     rms, largest = summary['lateral_rms'], summary['lateral_max']

@@ -3,6 +3,7 @@
 from pathlib import Path
 
 from ament_index_python.packages import get_package_share_directory
+
 from tactile_sensing.errors import ConfigurationError
 
 

@@ -8,6 +8,7 @@ from rclpy.action import ActionClient
 from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, qos_profile_sensor_data, QoSProfile
+
 from tactile_msgs.action import TrackEdge
 from tactile_msgs.msg import Contact, SensorInfo, ServoStatus
 from tactile_sensing.nodes.parameters import declare_from

@@ -2,8 +2,8 @@
 
 from dataclasses import dataclass
 
-import numpy as np
 from numba import njit
+import numpy as np
 
 STEPS = 3  # Gauss-Newton steps; from the principal axis they reach the Cramer-Rao bound
 START_LEVEL = 0.25  # tactels above this fraction of the peak give the principal axis

@@ -5,13 +5,13 @@ from array import array
 from geometry_msgs.msg import Pose, PoseStamped
 import numpy as np
 from sensor_msgs.msg import JointState
+from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
+
 from tactile_msgs.action import TrackEdge
 from tactile_msgs.msg import ServoStatus
 from tactile_sensing.conversions import stamp_from_ns, stamp_to_seconds
-from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
-
-from tactile_servo.servo_types import EdgeGoal
 from tactile_servo.errors import ConfigurationError, Rejected
+from tactile_servo.servo_types import EdgeGoal
 from tactile_servo.trajectory import Trajectory
 
 _FIELDS = ('positions', 'velocities', 'accelerations')

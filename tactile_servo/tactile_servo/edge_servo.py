@@ -8,16 +8,20 @@ servo reads no clock: stamps and steady times come in with the data.
 from collections import namedtuple
 
 import numpy as np
-from tactile_sensing.contact import Reason
 
+from tactile_sensing.contact import Reason
 from tactile_servo.limits import limit_velocities
 from tactile_servo.resolved_rate import (
-    alignment_scale, contact_scale, edge_features, edge_twist, ResolvedRateConfig)
+    alignment_scale,
+    contact_scale,
+    edge_features,
+    edge_twist,
+    ResolvedRateConfig,
+)
 from tactile_servo.robot import damped_least_squares
 from tactile_servo.servo_types import EdgeServoConfig, NAN, State, Status
 from tactile_servo.statistics import TrackStatistics
 from tactile_servo.window import stopping_window
-
 
 # Newest datum of a kind: value, its own stamp [ns] and steady time of arrival [s].
 Sample = namedtuple('Sample', 'value stamp_ns arrival')
@@ -362,7 +366,8 @@ class EdgeServo:
             self.state, self.reason, **known,
             lateral_error=features.lateral if tracking else NAN,
             angle_error=features.yaw if tracking else NAN,
-            force_target=self.goal.force, speed=self._speed, progress=self.statistics.length, twist=twist, limit_scale=scale,
+            force_target=self.goal.force, speed=self._speed,
+            progress=self.statistics.length, twist=twist, limit_scale=scale,
             limited_by=limited_by or joint_limit, manipulability=manipulability)
         return status, stopping_window(
             self.limits, self._commanded, self._velocities, lookahead=2.0 / c.rate)

@@ -90,7 +90,8 @@ class MockController:
                 ('initial_positions', initial_positions)))
         if not np.all(self._velocity_limit > 0.0):
             raise ConfigurationError(f'velocity_limit: {self._velocity_limit} must be above 0')
-        for name, q, low, high in zip(self.joint_names, start, self._lower, self._upper):
+        for name, q, low, high in zip(
+                self.joint_names, start, self._lower, self._upper, strict=True):
             if not low <= q <= high:
                 raise ConfigurationError(
                     f'initial_positions: {name} = {q:.6g}, must be within {low:.6g}..{high:.6g}')
@@ -177,7 +178,7 @@ class MockController:
             raise Rejected(
                 f'trajectory ended {now - trajectory.stamp - times[-1]:.6f} s ago, in the past')
         if trajectory.velocities is not None:
-            for name, velocity in zip(names, trajectory.velocities[-1]):
+            for name, velocity in zip(names, trajectory.velocities[-1], strict=True):
                 if abs(velocity) > _VELOCITY_AT_END:
                     raise Rejected(f'velocity of the last point is not zero: joint {name!r}, '
                                    f'{velocity:.6g}')

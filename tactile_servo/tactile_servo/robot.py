@@ -225,7 +225,8 @@ class RobotModel:
                 solutions.append(self._unwound(q))
         if solutions:
             clearances = [self._clearance(q) for q in solutions]
-            clear = [q for q, c in zip(solutions, clearances) if c >= 0.98 * max(clearances)]
+            best = max(clearances)
+            clear = [q for q, c in zip(solutions, clearances, strict=True) if c >= 0.98 * best]
             return min(clear, key=np.linalg.norm)
         raise UnreachableError(
             f'{self.tip_frame}: no joint positions within the limits reach '

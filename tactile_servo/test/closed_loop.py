@@ -4,13 +4,13 @@ from collections import deque
 from pathlib import Path
 
 import numpy as np
+
 from tactile_sensing.array import TactelArray
 from tactile_sensing.calibration import load_calibration
 from tactile_sensing.estimator import ContactEstimator
 from tactile_sensing.image import TactileImage
 from tactile_sensing.scene import load_scene
 from tactile_sensing.synthetic import EdgeRenderer
-
 from tactile_servo.edge_servo import EdgeServo
 from tactile_servo.limits import JointLimits
 from tactile_servo.mock_robot import MockController

@@ -2,13 +2,12 @@
 
 from dataclasses import replace
 
+from closed_loop import Loop
 import numpy as np
 import pytest
+
 from tactile_sensing.contact import Contact, ContactType, Reason
 from tactile_sensing.moments import Moments
-
-from closed_loop import Loop
-
 from tactile_servo.errors import ConfigurationError
 from tactile_servo.limits import WorkspaceBox
 from tactile_servo.servo_types import EdgeGoal, EdgeServoConfig, State

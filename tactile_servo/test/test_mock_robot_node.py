@@ -10,9 +10,9 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.qos import QoSProfile
 from sensor_msgs.msg import JointState
-from tactile_sensing.nodes.runner import make_executor
 from trajectory_msgs.msg import JointTrajectory
 
+from tactile_sensing.nodes.runner import make_executor
 from tactile_servo.conversions import trajectory_to_msg
 from tactile_servo.errors import ConfigurationError, UnreachableError
 from tactile_servo.nodes.mock_robot import MockRobotNode

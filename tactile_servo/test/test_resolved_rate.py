@@ -2,11 +2,17 @@
 
 import numpy as np
 import pytest
+
 from tactile_sensing.contact import Contact, ContactType, Reason
 from tactile_sensing.moments import Moments
-
 from tactile_servo.resolved_rate import (
-    alignment_scale, contact_scale, edge_features, edge_twist, EdgeFeatures, ResolvedRateConfig)
+    alignment_scale,
+    contact_scale,
+    edge_features,
+    edge_twist,
+    EdgeFeatures,
+    ResolvedRateConfig,
+)
 
 CONFIG = ResolvedRateConfig()
 HALF = 0.0127

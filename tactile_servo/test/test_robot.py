@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from tactile_servo.errors import ConfigurationError, UnreachableError
-from tactile_servo.robot import RobotModel, damped_least_squares
+from tactile_servo.robot import damped_least_squares, RobotModel
 
 PUMA = Path(__file__).resolve().parents[2] / 'launch/urdf/puma260.urdf'
 INCH = 0.0254
@@ -26,7 +26,7 @@ def puma():
 def forward_by_table(q):
     """Product of the standard Denavit-Hartenberg matrices, and the finger."""
     pose = np.eye(4)
-    for (a, alpha, d), theta in zip(TABLE, q):
+    for (a, alpha, d), theta in zip(TABLE, q, strict=True):
         c, s = np.cos(theta), np.sin(theta)
         ca, sa = np.cos(np.radians(alpha)), np.sin(np.radians(alpha))
         pose = pose @ np.array([
@@ -243,9 +243,9 @@ def test_position_holds_past_a_wrist_singularity(puma):
 # --- what is refused ----------------------------------------------------------------------------
 
 def urdf(kind='revolute', limit='<limit lower="-1" upper="1" velocity="2" effort="1"/>', more=''):
-    return f'''<robot name="r"><link name="base"/><link name="tip"/>
+    return f"""<robot name="r"><link name="base"/><link name="tip"/>
         <joint name="j" type="{kind}"><parent link="base"/><child link="tip"/>
-        <axis xyz="0 0 1"/>{limit}{more}</joint></robot>'''
+        <axis xyz="0 0 1"/>{limit}{more}</joint></robot>"""
 
 
 @pytest.mark.parametrize('text, message', [
@@ -283,7 +283,7 @@ def test_wrong_joint_names(names, message):
 
 
 def test_continuous_and_prismatic_joints_have_one_coordinate_each():
-    text = '''<robot name="r"><link name="a"/><link name="b"/><link name="c"/><link name="d"/>
+    text = """<robot name="r"><link name="a"/><link name="b"/><link name="c"/><link name="d"/>
         <link name="side"/>
         <joint name="turn" type="continuous"><parent link="a"/><child link="b"/>
           <axis xyz="0 0 1"/><limit velocity="3" effort="1"/></joint>
@@ -291,7 +291,7 @@ def test_continuous_and_prismatic_joints_have_one_coordinate_each():
           <axis xyz="1 0 0"/><limit lower="0" upper="2" velocity="1" effort="1"/></joint>
         <joint name="fix" type="fixed"><parent link="c"/><child link="d"/></joint>
         <joint name="other" type="floating"><parent link="b"/><child link="side"/></joint>
-        </robot>'''
+        </robot>"""
     model = RobotModel.from_urdf(text, 'd')
     assert model.joint_names == ('turn', 'slide')
     np.testing.assert_array_equal(model.lower, [-np.inf, 0.0])

@@ -8,8 +8,13 @@ from sensor_msgs.msg import JointState
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 from tactile_servo.conversions import (
-    joint_positions, joint_state_to_msg, pose_from_msg, pose_to_msg, trajectory_from_msg,
-    trajectory_to_msg)
+    joint_positions,
+    joint_state_to_msg,
+    pose_from_msg,
+    pose_to_msg,
+    trajectory_from_msg,
+    trajectory_to_msg,
+)
 from tactile_servo.errors import ConfigurationError, Rejected
 from tactile_servo.trajectory import Trajectory
 

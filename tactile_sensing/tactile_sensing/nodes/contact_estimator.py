@@ -3,9 +3,9 @@
 from geometry_msgs.msg import WrenchStamped
 from rclpy.node import Node
 from rclpy.qos import qos_profile_sensor_data
+
 from tactile_msgs.msg import Contact as ContactMsg
 from tactile_msgs.msg import TactileImage as TactileImageMsg
-
 from tactile_sensing.conversions import contact_to_msg, contact_to_wrench, image_from_msg
 from tactile_sensing.errors import TactileSensingError
 from tactile_sensing.estimator import ContactEstimator, EstimatorConfig

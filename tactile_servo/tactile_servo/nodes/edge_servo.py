@@ -12,16 +12,22 @@ from rclpy.node import Node
 from rclpy.qos import qos_profile_sensor_data
 from sensor_msgs.msg import JointState
 from std_srvs.srv import SetBool
+from trajectory_msgs.msg import JointTrajectory
+
 from tactile_msgs.action import TrackEdge
 from tactile_msgs.msg import Contact as ContactMsg
 from tactile_msgs.msg import ServoStatus
 from tactile_sensing.conversions import contact_from_msg, stamp_to_ns
 from tactile_sensing.nodes.parameters import declare_from
 from tactile_sensing.nodes.runner import run
-from trajectory_msgs.msg import JointTrajectory
-
 from tactile_servo.conversions import (
-    goal_from_msg, joint_positions, pose_to_msg, result_to_msg, status_to_msg, trajectory_to_msg)
+    goal_from_msg,
+    joint_positions,
+    pose_to_msg,
+    result_to_msg,
+    status_to_msg,
+    trajectory_to_msg,
+)
 from tactile_servo.edge_servo import EdgeServo
 from tactile_servo.errors import ConfigurationError
 from tactile_servo.limits import JointLimits, WorkspaceBox

@@ -3,11 +3,11 @@
 from rclpy.node import Node
 from rclpy.qos import QoSProfile
 from sensor_msgs.msg import JointState
+from trajectory_msgs.msg import JointTrajectory
+
 from tactile_sensing.nodes.parameters import declare_from
 from tactile_sensing.nodes.runner import run
 from tactile_sensing.scene import load_scene
-from trajectory_msgs.msg import JointTrajectory
-
 from tactile_servo.conversions import joint_state_to_msg, trajectory_from_msg
 from tactile_servo.errors import Rejected
 from tactile_servo.mock_robot import MockController, MockRobotConfig
