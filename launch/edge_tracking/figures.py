@@ -69,7 +69,7 @@ def trajectory(run, scene, real):
     _pads(whole, run, scene, real)
     whole.set_aspect('equal')
     _axes(whole, 'along the first edge [mm]', 'across [mm]',
-          'From above, equal axes: the pad at first contact and at the end')
+          'From above, equal axes')
     _detail(detail, real)
     return figure
 
@@ -118,7 +118,7 @@ def _detail(axes, real):
     down = abs(low) > high
     _note(axes, 0.02 * DETAIL_LENGTH, lateral[first] + (-0.1 if down else 0.1) * spread,
           f'first contact, {abs(lateral[first]):.2f} mm off', BLUE)
-    _note(axes, DETAIL_LENGTH, 0.1 * spread if not down else -0.1 * spread, 'true edge', GREY,
+    _note(axes, DETAIL_LENGTH, 0.1 * spread if down else -0.1 * spread, 'true edge', GREY,
           ha='right')
     settled = np.flatnonzero(real.settled)
     if settled.size:
@@ -324,8 +324,7 @@ def force_over_time(series):
     """Force, with the presses, and centre of pressure over time."""
     figure = _figure(10.0, 5.6)
     force, centre = figure.subplots(2, 1, sharex=True)
-    scale, unit = (1.0, 'N') if series.unit == 'N' else (
-        1e6, series.unit.replace('m^2', 'mm\u00b2'))
+    scale, unit = force_unit(series)
     force.plot(series.time, scale * series.force, color=BLUE, linewidth=1.5)
     _axes(force, '', f'force [{unit}]', 'Force, with its presses')
     for number, (begin, peak, end) in enumerate(presses(series.force), 1):
@@ -357,7 +356,7 @@ def press_pictures(run, series, limit=8):
     keep = np.unique(np.linspace(0, len(found) - 1, min(limit, len(found))).round().astype(int))
     columns = min(4, max(len(keep), 1))
     rows = max(-(-len(keep) // columns), 1)
-    figure = _figure(10.0, 0.4 + 2.7 * rows)
+    figure = _figure(10.0, 0.5 + 2.45 * rows)
     grid = figure.subplots(rows, columns, sharex=True, sharey=True, squeeze=False)
     if not len(keep) or run.images.array is None:
         for axes in grid.flat:
@@ -390,24 +389,33 @@ def _picture_of(images, series, at):
 
 
 def centre_path(run, series):
-    """Path of the centre of pressure on the array, coloured by the force."""
-    figure = _figure(6.4, 5.4)
-    axes, array = figure.subplots(), run.images.array
-    loaded = _loaded(series)
+    """Path of the centre of pressure on the array, coloured by the force, and enlarged."""
+    figure, array, loaded = _figure(10.0, 4.4), run.images.array, _loaded(series)
     x, y = 1e3 * series.centre_of_pressure[loaded].T
-    axes.plot(x, y, color=EDGE_COLOUR, linewidth=0.8, zorder=1)
-    scale, unit = (1.0, 'N') if series.unit == 'N' else (
-        1e6, series.unit.replace('m^2', 'mm\u00b2'))
-    points = axes.scatter(x, y, c=scale * series.force[loaded], cmap='magma_r', s=18, zorder=2,
-                          vmin=0.0)
-    _axes(axes, 'x [mm]', 'y [mm]')
+    scale, unit = force_unit(series)
+    whole, near = panels = figure.subplots(1, 2)
+    points = None
+    for axes in panels:
+        axes.plot(x, y, color=EDGE_COLOUR, linewidth=0.8, zorder=1)
+        points = axes.scatter(x, y, c=scale * series.force[loaded], cmap='magma_r', zorder=2,
+                              s=8 if axes is whole else 26, vmin=0.0)
+    _axes(whole, 'x [mm]', 'y [mm]', 'On the array')
+    _axes(near, 'x [mm]', '', 'Enlarged')
+    whole.set_aspect('equal')
+    near.set_aspect('equal', adjustable='datalim')
     if array is not None:
         half_x, half_y = 1e3 * array.half_width_x, 1e3 * array.half_width_y
-        axes.plot([-half_x, half_x, half_x, -half_x, -half_x],
-                  [-half_y, -half_y, half_y, half_y, -half_y], color=GREY, linewidth=1.2)
-    axes.set_aspect('equal')
-    bar = figure.colorbar(points, ax=axes, shrink=0.8, aspect=18, pad=0.02)
+        whole.plot([-half_x, half_x, half_x, -half_x, -half_x],
+                   [-half_y, -half_y, half_y, half_y, -half_y], color=GREY, linewidth=1.2)
+    bar = figure.colorbar(points, ax=panels, shrink=0.85, aspect=20, pad=0.02)
     bar.set_label(f'force [{unit}]', fontsize=10)
     bar.ax.tick_params(labelsize=9)
     bar.outline.set_visible(False)
     return figure
+
+
+def force_unit(series):
+    """Return factor and unit in which forces are shown: N, or counts mm^2."""
+    if series.unit == 'N':
+        return 1.0, 'N'
+    return 1e6, series.unit.replace('m^2', 'mm\u00b2')

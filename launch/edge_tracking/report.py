@@ -89,10 +89,11 @@ def make_report(run, summary, scene, path):
     real = truth(run, scene)
     sections = [
         ('Path of the pad', figures.trajectory(run, scene, real),
-         f'Centre of the pad over the true edge, seen from above. The run begins '
+         'Centre of the pad over the true edge, with the outline of the pad at first contact '
+         f'and at the end. The run begins '
          f'{1e3 * abs(scene.start.offset):.1f} mm beside the edge; the detail shows how touch '
-         "takes that away. All positions are from the robot's forward kinematics, all errors "
-         'against the scene: the controller sees neither.', ''),
+         "takes that away. Positions are from the robot's forward kinematics, errors against "
+         'the scene, which only the mock sensor knows.', ''),
         ('Lateral error and force', figures.errors(run, summary, scene, real),
          'True: from pose and scene. Measured: what the contact estimate gave the servo. '
          'The statistics count from the dotted line, 10 mm after first contact; those of the '
@@ -141,15 +142,15 @@ def make_recording_report(run, summary, path):
             ('Presses', figures.press_pictures(run, series),
              'The picture at the peak of each press, with its centre of pressure.', ''),
             ('Path of the centre of pressure', figures.centre_path(run, series),
-             'The square is the array; the colour is the force.', 'narrow'),
+             'The frame is the array; the colour is the force.', ''),
         ]
     types = ', '.join(f'{count} {name}' for name, count in summary['contact_types'].items()
                       if count) or 'none'
-    unit = summary['force_unit']
-    largest = summary['force_max']
-    lead = f'{summary["presses"]} presses'
+    count, largest = summary['presses'], summary['force_max']
+    lead = f'{count} press' + ('' if count == 1 else 'es')
     if _known(largest):
-        lead += f'; the largest force is {largest:.3g} {_unit(unit)}'
+        factor, unit = figures.force_unit(series)
+        lead += f'; the largest force is {factor * largest:.4g} {unit}'
     verdict = ('Recording played' if summary['ok'] else 'No pictures', summary['ok'])
     _write(path, f'Recording, {summary["rows"]} \u00d7 {summary["columns"]} tactels', verdict,
            f'{lead}. Contacts by type: {types}.', _rows(summary, RECORDING_ROWS), sections,
@@ -199,7 +200,3 @@ def _rows(summary, rows):
 
 def _known(value):
     return value is not None and math.isfinite(value)
-
-
-def _unit(unit):
-    return unit.replace('m^2', 'm\u00b2')

@@ -1,0 +1,120 @@
+"""Reports: one file, nothing from outside, for whole runs and for what went wrong."""
+
+import base64
+import dataclasses
+from html.parser import HTMLParser
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+from recorded_run import straight_scene, TOPICS, write_bag
+
+from edge_tracking.report import make_recording_report, make_report, picture
+from edge_tracking.run_data import read_run
+from edge_tracking.summary import summarise, summarise_recording
+from tactile_servo.servo_types import State
+
+PNG = b'\x89PNG\r\n\x1a\n'
+
+
+class Page(HTMLParser):
+    """Collects images, texts and everything that a browser would load."""
+
+    def __init__(self, text):
+        super().__init__()
+        self.images, self.links, self.words = [], [], []
+        self.feed(text)
+
+    def handle_starttag(self, tag, attrs):
+        """Take images apart from other links."""
+        for name, value in attrs:
+            if name in ('src', 'href'):
+                (self.images if tag == 'img' else self.links).append(value)
+
+    def handle_data(self, data):
+        """Collect visible text."""
+        self.words.append(data)
+
+    @property
+    def text(self):
+        """All text."""
+        return ' '.join(self.words)
+
+
+@pytest.fixture(scope='module')
+def scene():
+    """Scene of the run."""
+    return straight_scene()
+
+
+@pytest.fixture(scope='module')
+def run(tmp_path_factory, scene):
+    """Run read from a bag."""
+    return read_run(write_bag(tmp_path_factory.mktemp('bags') / 'run', scene).path)
+
+
+def read_page(path, pictures):
+    """Return the page after checking that it needs nothing else."""
+    text = path.read_text(encoding='utf-8')
+    page = Page(text)
+    assert not page.links and 'http' not in text and '@import' not in text
+    assert len(page.images) == pictures
+    for image in page.images:
+        head, _, data = image.partition(',')
+        assert head == 'data:image/png;base64'
+        assert base64.b64decode(data).startswith(PNG)
+    assert 'nan' not in page.text.split()
+    return page
+
+
+def test_report_of_a_run(run, scene, tmp_path):
+    summary = summarise(run, scene, success=True)
+    make_report(run, summary, scene, tmp_path / 'report.html')
+    page = read_page(tmp_path / 'report.html', 4)
+    assert 'Edge tracked' in page.text and 'straight' in page.text
+    assert f'{1e3 * summary["lateral_rms"]:.3f} mm' in page.words
+    assert '30.0 mm/s' in page.words and '400.0 Hz' in page.words
+
+
+def test_report_escapes_what_comes_from_outside(run, scene, tmp_path):
+    summary = summarise(run, scene, success=False, reason='<script>alert(1)</script>')
+    make_report(run, summary, scene, tmp_path / 'report.html')
+    assert '<script' not in (tmp_path / 'report.html').read_text(encoding='utf-8')
+    assert 'Edge not tracked' in read_page(tmp_path / 'report.html', 4).text
+
+
+@pytest.mark.parametrize('state', list(State))
+def test_report_of_a_run_in_one_state(run, scene, tmp_path, state):
+    stuck = dataclasses.replace(run, statuses=dataclasses.replace(
+        run.statuses, state=np.full_like(run.statuses.state, state)))
+    summary = summarise(stuck, scene, success=False)
+    make_report(stuck, summary, scene, tmp_path / 'report.html')
+    read_page(tmp_path / 'report.html', 4)
+
+
+@pytest.mark.parametrize('kept', range(len(TOPICS)))
+def test_reports_of_bags_with_one_topic(scene, tmp_path, kept):
+    bare = read_run(write_bag(tmp_path / 'run', scene, topics=TOPICS[kept:kept + 1]).path)
+    summary = summarise(bare, scene, success=False, reason='interrupted')
+    make_report(bare, summary, scene, tmp_path / 'report.html')
+    read_page(tmp_path / 'report.html', 4)
+    make_recording_report(bare, summarise_recording(bare), tmp_path / 'recording.html')
+    assert (tmp_path / 'recording.html').stat().st_size > 1000
+
+
+def test_report_of_a_recording(run, tmp_path):
+    make_recording_report(run, summarise_recording(run), tmp_path / 'report.html')
+    page = read_page(tmp_path / 'report.html', 3)
+    assert '1 press' in page.text and 'Recording played' in page.text
+
+
+def test_picture_is_a_png(run, scene, tmp_path):
+    picture(run, scene, tmp_path / 'path.png')
+    assert (tmp_path / 'path.png').read_bytes().startswith(PNG)
+
+
+def test_graph_needs_neither_matplotlib_nor_rosbags():
+    code = ('import sys, edge_tracking.composed, edge_tracking.track; '
+            'sys.exit(bool({"matplotlib", "rosbags"} & set(sys.modules)))')
+    assert subprocess.run([sys.executable, '-c', code], check=False).returncode == 0
