@@ -23,7 +23,7 @@ from trajectory_msgs.msg import JointTrajectory
 from edge_tracking.bag import RecorderNode
 from edge_tracking.composed import add_mocks, add_stack, Graph, private_port
 from edge_tracking.progress import Progress
-from edge_tracking.report import make_recording_report, make_report
+from edge_tracking.report import make_recording_report, make_report, picture
 from edge_tracking.resources import find_scene, scene_names, share
 from edge_tracking.run_data import read_run
 from edge_tracking.summary import summarise, summarise_recording, to_json
@@ -49,7 +49,7 @@ def parser():
         prog='demo', formatter_class=argparse.ArgumentDefaultsHelpFormatter,
         description='A robot follows an edge by touch, on the real graph with a mock sensor on '
         'a pseudo-terminal and a mock robot. Writes a rosbag2 recording (.mcap) and a report '
-        '(report.html). Exit status 0 only if the edge was tracked.',
+        '(report.html, picture.png). Exit status 0 only if the edge was tracked.',
         epilog='With --recording FILE.npz the frames of a real array (frames (N, rows, '
         'columns), rate_hz, optional pitch_m) run through driver and estimator instead.')
     arguments.add_argument('--scene', default='straight',
@@ -265,6 +265,7 @@ def run(options):
         summary = summarise(data, scene, success=success, reason=reason, speed=options.speed,
                             force=options.force, seed=options.seed)
         make_report(data, summary, scene, report)
+        picture(data, scene, folder / 'picture.png')
     return summary, folder
 
 
