@@ -73,7 +73,8 @@ packages() {
 # not copied, so that an edit is live.
 sources_signature() {
     packages | while IFS= read -r package; do
-        find "$ROOT/$package" \( -name '.?*' -o -name __pycache__ -o -name test \) -prune -o \
+        find "$ROOT/$package" \( -name '.?*' -o -name __pycache__ \
+            -o -path "$ROOT/$package/test" \) -prune -o \
             -type f \( ! -name '*.py' -o -name setup.py \) -exec cksum {} + | sort
     done | checksum
 }
