@@ -8,6 +8,7 @@ from matplotlib.patches import Polygon
 import numpy as np
 
 from edge_tracking.summary import latencies, presses, settled_cycles
+from tactile_sensing.contact import ContactType
 from tactile_servo.servo_types import State
 
 BLUE, ORANGE, GREY, INK = '#1f5fa8', '#d4691e', '#7a808a', '#22262b'
@@ -266,6 +267,10 @@ def _estimate(axes, run, index):
         axes.plot(a - reach * np.sin(yaw), reach * np.cos(yaw), color='#10a4b8', linewidth=2.0)
         angle = round(np.degrees(yaw), 1) + 0.0  # no minus zero
         text = f'a = {a:+.2f} mm, yaw = {angle:+.1f}\u00b0'
+    elif match.size and contacts.type[match[0]] == ContactType.OTHER:
+        axes.plot(*(1e3 * contacts.centre_of_pressure[match[0]]), '+', color='#10a4b8',
+                  markersize=11, markeredgewidth=2.2)
+        text = 'no straight edge across the pad'
     else:
         text = 'no valid contact'
     axes.set_xlim(-x, x)

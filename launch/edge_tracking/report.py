@@ -100,7 +100,8 @@ def make_report(run, summary, scene, path):
          'force only while the edge crosses the whole pad.', ''),
         ('Tactile pictures', figures.pictures(run),
          'Pressure over the pad, compression positive, with the estimated edge drawn in where '
-         'the estimate is valid.', ''),
+         'the estimate is a valid line; the cross is the centre of pressure where what touches '
+         'is no straight line, as on a curve or at the end of the edge.', ''),
         ('Latency', figures.latency(run, summary),
          'From the last byte of a picture at the driver to the end of the first control cycle '
          'that used it. Later ones than the axis shows are in its last bar.', 'narrow'),
