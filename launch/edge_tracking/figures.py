@@ -270,7 +270,7 @@ def _estimate(axes, run, index):
     elif match.size and contacts.type[match[0]] == ContactType.OTHER:
         axes.plot(*(1e3 * contacts.centre_of_pressure[match[0]]), '+', color='#10a4b8',
                   markersize=11, markeredgewidth=2.2)
-        text = 'no straight edge across the pad'
+        text = 'no straight line'
     else:
         text = 'no valid contact'
     axes.set_xlim(-x, x)
