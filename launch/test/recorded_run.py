@@ -10,10 +10,10 @@ from rclpy.serialization import serialize_message
 from rosbags.interfaces import MessageDefinitionFormat
 from rosbags.rosbag2 import StoragePlugin, Writer
 from sensor_msgs.msg import JointState
-from tactile_msgs.msg import Contact, SensorInfo, ServoStatus, TactileImage
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 from edge_tracking.bag import describe_type
+from tactile_msgs.msg import Contact, SensorInfo, ServoStatus, TactileImage
 from tactile_sensing.array import TactelArray
 from tactile_sensing.contact import Contact as ContactData
 from tactile_sensing.contact import ContactType, Reason

@@ -17,10 +17,10 @@ from recorded_run import JOINTS, LATCHED, pose_at, START, straight_scene, TOPICS
 from rosbags.interfaces import QosDurability, QosReliability
 from rosbags.rosbag2 import Reader, StoragePlugin
 from rosbags.typesys import get_types_from_msg, get_typestore, Stores
-from tactile_msgs.msg import SensorInfo
 
 from edge_tracking.bag import describe_type, open_bag, RecorderNode
 from edge_tracking.run_data import read_run
+from tactile_msgs.msg import SensorInfo
 from tactile_sensing.errors import ConfigurationError
 from tactile_sensing.nodes.runner import make_executor, spin
 
