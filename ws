@@ -174,10 +174,10 @@ place = re.compile(r'/opt/python/cp\d+-cp\d+t?/(include/python3\.\d+t?|lib/pytho
 here = {'i': sysconfig.get_path('include'), 'l': sysconfig.get_path('purelib')}
 for folder in ('share', 'lib/cmake'):
     for path in (prefix / folder).rglob('*.cmake'):
-        text = path.read_text()
+        text = path.read_text('utf-8')
         patched = place.sub(lambda match: here[match[1][0]], text)
         if patched != text:
-            path.write_text(patched)
+            path.write_text(patched, 'utf-8')
 EOF
 }
 
