@@ -140,7 +140,17 @@ def contact_to_msg(contact: Contact, image_message, now_ns: int):
 
 
 def contact_from_msg(message) -> Contact:
-    """Return the estimate of a Contact message."""
+    """
+    Return the estimate of a Contact message.
+
+    Raises
+    ------
+    TactileSensingError
+        The type is none of TYPE_*.
+    """
+    if message.type not in list(ContactType):
+        raise TactileSensingError(
+            f'contact type is {message.type}, must be at most {max(ContactType)}')
     return Contact(
         type=ContactType(message.type), valid=message.valid, reasons=Reason(message.reasons),
         method=message.method, model=message.model, iterations=message.iterations,

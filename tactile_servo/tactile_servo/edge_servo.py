@@ -23,6 +23,8 @@ from tactile_servo.servo_types import EdgeServoConfig, NAN, State, Status
 from tactile_servo.statistics import TrackStatistics
 from tactile_servo.window import stopping_window
 
+BEYOND_LIMITS = 0.5  # rad; a joint measured further out is a fault of its sensor or names
+
 # Newest datum of a kind: value, its own stamp [ns] and steady time of arrival [s].
 Sample = namedtuple('Sample', 'value stamp_ns arrival')
 
@@ -70,11 +72,18 @@ class EdgeServo:
         Raises
         ------
         ValueError
-            Wrong number of joints or a position that is not finite; the state is not used.
+            Wrong number of joints, or a position that is not finite or far beyond the
+            joint's limits; the state is not used.
         """
         positions = np.asarray(positions, dtype=float)
         if positions.shape != self.limits.lower.shape or not np.isfinite(positions).all():
             raise ValueError(f'joint state {positions} is not {len(self.limits.names)} angles')
+        beyond = np.maximum(self.limits.lower - positions, positions - self.limits.upper)
+        if np.max(beyond) > BEYOND_LIMITS:
+            joint = int(np.argmax(beyond))
+            raise ValueError(
+                f'joint state has {self.limits.names[joint]} at {positions[joint]:g}, which is '
+                f'{beyond[joint]:g} beyond its limits')
         self.joints = Sample(positions, stamp_ns, arrival)
 
     def see_contact(self, contact, stamp_ns, arrival):
@@ -255,7 +264,7 @@ class EdgeServo:
         if self._load() >= c.contact_force and self._edge_age(now) < c.edge_lost:
             self.statistics.touch()
             self._enter(State.TRACK, 'contact', now)
-        elif self._load() >= self.goal.force:
+        elif self._load() >= self.goal.force and self.contact.arrival >= self._state_since:
             self._end(now, False, f'contact on approach, but {self._edge_reason}', lift=True)
         elif self._advance() >= c.approach_distance:
             self._end(now, False, f'no contact within {c.approach_distance:g} m', lift=True)

@@ -86,6 +86,9 @@ def edge_features(contact, array_half_length, config):
         return None, f'no edge: {why.lower().replace("|", ", ")}'
     if not np.isfinite([features.lateral, features.yaw, features.force, remaining]).all():
         return None, 'no edge: estimate is not finite'
+    if abs(features.lateral) > array_half_length or features.force < 0.0:
+        return None, (f'no edge: estimate of {1e3 * features.lateral:.3g} mm, '
+                      f'{features.force:.3g} N is impossible')
     if abs(features.yaw) > config.max_yaw:
         return None, f'edge lies {np.degrees(features.yaw):.0f} degrees across the pad'
     return features, ''

@@ -18,6 +18,7 @@ from tactile_msgs.action import TrackEdge
 from tactile_msgs.msg import Contact as ContactMsg
 from tactile_msgs.msg import ServoStatus
 from tactile_sensing.conversions import contact_from_msg, stamp_to_ns
+from tactile_sensing.errors import TactileSensingError
 from tactile_sensing.nodes.parameters import declare_from
 from tactile_sensing.nodes.runner import run
 from tactile_servo.conversions import (
@@ -29,7 +30,7 @@ from tactile_servo.conversions import (
     trajectory_to_msg,
 )
 from tactile_servo.edge_servo import EdgeServo
-from tactile_servo.errors import ConfigurationError
+from tactile_servo.errors import ConfigurationError, TactileServoError
 from tactile_servo.limits import JointLimits, WorkspaceBox
 from tactile_servo.resolved_rate import ResolvedRateConfig
 from tactile_servo.robot import RobotModel
@@ -92,7 +93,7 @@ class EdgeServoNode(Node):
             WorkspaceBox(robot.workspace_lower, robot.workspace_upper))
         self._goal_handle, self._started = None, 0.0
         self._missed, self._longest, self._last_tick = 0, 0.0, None
-        self._reported, self._sensor_frame = None, ''
+        self._reported, self._tip_frame = None, robot.tip_frame
         self._period = 1.0 / config.rate
 
         self._trajectory = self.create_publisher(
@@ -130,9 +131,16 @@ class EdgeServoNode(Node):
         self._pose.publish(pose)
 
     def _on_contact(self, msg):
-        self._sensor_frame = msg.header.frame_id
-        self._servo.see_contact(
-            contact_from_msg(msg), stamp_to_ns(msg.header.stamp), perf_counter())
+        try:
+            if msg.header.frame_id != self._tip_frame:
+                raise TactileServoError(
+                    f'its frame is {msg.header.frame_id!r}, must be tip_frame, '
+                    f'{self._tip_frame!r}')
+            contact = contact_from_msg(msg)
+        except (TactileServoError, TactileSensingError) as error:
+            self.get_logger().warning(f'contact passed over: {error}', throttle_duration_sec=5.0)
+            return
+        self._servo.see_contact(contact, stamp_to_ns(msg.header.stamp), perf_counter())
 
     def _on_cycle(self):
         now = perf_counter()
@@ -146,7 +154,7 @@ class EdgeServoNode(Node):
         took = perf_counter() - now
         self._longest = max(self._longest, took)
         msg = status_to_msg(status, CONTROLLER, took, self._missed)
-        msg.header.stamp, msg.header.frame_id = stamp.to_msg(), self._sensor_frame
+        msg.header.stamp, msg.header.frame_id = stamp.to_msg(), self._tip_frame
         self._status.publish(msg)
         if self._goal_handle is not None:
             self._report(status, msg)

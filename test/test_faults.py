@@ -1,0 +1,336 @@
+"""What goes wrong in the field: dead sensors and robots, noise on the line, nonsense on topics."""
+
+import os
+import threading
+import time
+import tty
+
+import numpy as np
+import pytest
+from rclpy.qos import qos_profile_sensor_data
+from sensor_msgs.msg import JointState
+from tactile_tests.graph import bench, ROBOT, stamp_of
+
+from tactile_msgs.msg import Contact, ServoStatus
+from tactile_sensing.flexitac import encode_payload, MARKER
+from tactile_sensing.nodes.contact_estimator import ContactEstimatorNode
+from tactile_sensing.nodes.driver import DriverNode
+from tactile_sensing.nodes.mock_sensor import MockSensorNode
+from tactile_servo.nodes.edge_servo import EdgeServoNode
+from tactile_servo.nodes.mock_robot import MockRobotNode
+
+HOLD_WITHIN = 0.15  # s, from the death of the sensor to a hold
+STANDING = 1e-3  # rad/s, of every joint
+LONG = bool(os.environ.get('TACTILE_LONG_TESTS'))
+NOISE_DURATION = 60.0 if LONG else 2.0  # s
+LINE_RATE = 200_000  # bytes/s that 2 Mbaud carry
+FLAT = 4 << 20  # bytes by which the memory may vary
+NAN, INF = float('nan'), float('inf')
+
+
+def wait_for_track(it, progress=0.005):
+    """Wait until the servo has tracked some way."""
+    it.wait(lambda: it.listener.state == ServoStatus.TRACK
+            and it.listener.statuses[-1].progress > progress, 'tracking')
+
+
+def first_after(messages, instant, condition):
+    """Return the stamp of the first message after an instant that fulfils a condition, or inf."""
+    return next((stamp_of(m) for m in messages if stamp_of(m) >= instant and condition(m)), INF)
+
+
+# --- sensor and robot ---------------------------------------------------------------------------
+
+def test_dead_sensor_means_hold_and_its_return_lets_tracking_go_on(
+        running, record_testsuite_property):
+    listener = running.listener
+    client = running.start_tracking(length=0.04)
+    wait_for_track(running)
+    died = time.time()
+    running.remove('mock_sensor')
+    running.wait(lambda: listener.state == ServoStatus.HOLD, 'a hold', seconds=2.0)
+    held = first_after(listener.statuses, died, lambda s: s.state == ServoStatus.HOLD)
+    record_testsuite_property('time_to_hold', held - died)
+    assert held - died < HOLD_WITHIN
+    assert listener.reason == 'tactile image is stale'
+    assert not listener.statuses[-1].contact_fresh
+
+    def stands(state):
+        return max(abs(v) for v in state.velocity) < STANDING
+
+    running.wait(lambda: first_after(listener.joints, died, stands) < INF, 'a standstill', 2.0)
+    stood = first_after(listener.joints, died, stands)
+    record_testsuite_property('time_to_standstill', stood - died)
+    assert stood - died < HOLD_WITHIN
+
+    # Gone for longer than a hold may end by itself.
+    running.wait(lambda: stamp_of(listener.statuses[-1]) - held > 0.6, 'time')
+    assert not client.finished
+    running.graph.add(MockSensorNode, port=str(running.port), scene=str(running.scene_path))
+    running.wait(lambda: 'resume with ~/pause false' in listener.reason, 'the offer to resume')
+    assert listener.state == ServoStatus.HOLD
+    answer = running.pause(False)
+    assert answer.success, answer.message
+    running.wait(lambda: client.finished, 'the end of the goal')
+    assert client.success, client.reason
+    assert client.result.tracked_length == pytest.approx(0.04, abs=1e-3)
+    assert running.robot.rejected == running.robot.controller.limit_violations == 0
+
+
+def test_pause_holds_and_resumes(running):
+    client = running.start_tracking(length=0.02)
+    wait_for_track(running)
+    assert running.pause(True).success
+    running.wait(lambda: running.listener.state == ServoStatus.HOLD, 'a hold')
+    assert running.listener.reason.startswith('paused')
+    assert running.pause(False).success
+    running.wait(lambda: client.finished, 'the end of the goal')
+    assert client.success, client.reason
+
+
+def test_silent_robot_means_hold_and_in_the_end_an_abort():
+    with bench() as it:
+        graph, listener = it.graph, it.listener
+        graph.add(MockSensorNode, port=str(it.port), scene=str(it.scene_path))
+        graph.add(MockRobotNode, namespace='', scene=str(it.scene_path),
+                  robot_description=str(ROBOT))
+        graph.add(DriverNode, port=str(it.port))
+        graph.add(ContactEstimatorNode)
+        graph.add(EdgeServoNode, robot_description=str(ROBOT), give_up=0.5)
+        client = it.start_tracking()
+        wait_for_track(it)
+        died = time.time()
+        it.remove('mock_robot')
+        it.wait(lambda: listener.state == ServoStatus.HOLD, 'a hold', seconds=2.0)
+        held = first_after(listener.statuses, died, lambda s: s.state == ServoStatus.HOLD)
+        assert held - died < HOLD_WITHIN
+        assert listener.reason == 'joint state is stale'
+        assert not listener.statuses[-1].joints_fresh
+        it.wait(lambda: client.finished, 'the end of the goal')
+        assert not client.success
+        assert client.reason == 'gave up: joint state is stale'
+
+
+# --- the line -----------------------------------------------------------------------------------
+
+def resident():
+    """Memory of this process [bytes]."""
+    with open('/proc/self/statm', encoding='ascii') as file:
+        return int(file.read().split()[1]) * os.sysconf('SC_PAGE_SIZE')
+
+
+class Line:
+    """Pseudo-terminal that is fed by a thread; reads as a port at `link`."""
+
+    def __init__(self, link):
+        self.master, self.slave = os.openpty()
+        tty.setraw(self.slave)
+        link.symlink_to(os.ttyname(self.slave))
+        self.written = 0
+        self._chunks, self._stop = None, threading.Event()
+        self._thread = threading.Thread(target=self._run)
+
+    def feed(self, chunks):
+        """Write byte strings at the line's rate, until `stop`."""
+        self._chunks = chunks
+        self._thread.start()
+
+    def _run(self):
+        begin = time.monotonic()
+        for chunk in self._chunks:
+            while chunk:
+                ahead = self.written / LINE_RATE - (time.monotonic() - begin)
+                if self._stop.wait(max(ahead, 0.0)):
+                    return
+                sent = os.write(self.master, chunk)
+                chunk, self.written = chunk[sent:], self.written + sent
+
+    def stop(self):
+        """End the feed; the reader must still read."""
+        self._stop.set()
+        self._thread.join()
+
+    def close(self):
+        """Hang up."""
+        os.close(self.slave)
+        os.close(self.master)
+
+
+def noise(seed):
+    """Endless random bytes."""
+    rng = np.random.default_rng(seed)
+    while True:
+        yield rng.bytes(1024)
+
+
+def test_random_bytes_make_no_picture_and_cost_no_memory(record_testsuite_property):
+    with bench() as it:
+        line = Line(it.port)
+        driver = it.graph.add(DriverNode, port=str(it.port))
+        it.graph.add(ContactEstimatorNode)
+        it.wait(lambda: driver.count_subscribers('image') == 2, 'discovery')
+        line.feed(noise(seed=1))
+        try:
+            it.wait(lambda: line.written > 100_000, 'a flow of bytes')
+            before, begin = resident(), time.monotonic()
+            end = begin + NOISE_DURATION
+            it.graph.spin(lambda: time.monotonic() > end)
+            after, written = resident(), line.written
+        finally:
+            line.stop()
+        record_testsuite_property('noise_bytes', written)
+        record_testsuite_property('noise_images', len(it.listener.images))
+        record_testsuite_property('noise_contacts', len(it.listener.contacts))
+        record_testsuite_property('resident_before', before)
+        record_testsuite_property('resident_after', after)
+        assert written > 0.5 * LINE_RATE * NOISE_DURATION
+        assert not it.listener.images
+        assert not it.listener.contacts
+        assert abs(after - before) < FLAT
+
+        # And the driver is none the worse for it.
+        counts = np.full((16, 16), 10, np.uint8)
+        line.close()
+        it.port.unlink()
+        again = Line(it.port)
+        frame = encode_payload(counts) + MARKER
+        again.feed(frame for _ in iter(int, 1))
+        try:
+            it.wait(lambda: len(it.listener.images) > 10, 'pictures')
+            assert it.listener.images[-1].rows == 16
+        finally:
+            again.stop()
+            it.remove('driver')
+            again.close()
+
+
+# --- topics -------------------------------------------------------------------------------------
+
+def a_contact(it, **fields):
+    """Return a line contact as an estimator would publish it now, with fields replaced."""
+    contact = Contact(
+        type=Contact.TYPE_LINE, valid=True, method='fit', model='line/zz', a=0.0, b=0.0, yaw=0.0,
+        normal_force=5.0, line_force=197.0, snr=40.0, residual=1.0)
+    contact.moments = np.array([5.0, 0.0, 0.0, 1e-5, 2.7e-4, 0.0])
+    contact.header.stamp = it.listener.get_clock().now().to_msg()
+    contact.header.frame_id = 'tactile_pad'
+    for name, value in fields.items():
+        setattr(contact, name, value)
+    return contact
+
+
+def wrong_frame(it):
+    contact = a_contact(it, a=0.005)
+    contact.header.frame_id = 'map'
+    return contact
+
+
+def stamped(it, seconds):
+    contact = a_contact(it, a=0.005)
+    contact.header.stamp.sec += seconds
+    return contact
+
+
+EVIL_CONTACTS = {
+    'unknown_type': lambda it: a_contact(it, type=99),
+    'unknown_reasons': lambda it: a_contact(it, valid=False, reasons=0xFFFFFFFF),
+    'not_a_number': lambda it: a_contact(
+        it, a=NAN, yaw=NAN, normal_force=NAN, moments=np.full(6, NAN)),
+    'infinite': lambda it: a_contact(it, a=INF, normal_force=INF, moments=np.full(6, INF)),
+    'huge': lambda it: a_contact(
+        it, a=1e300, yaw=0.9, normal_force=1e300, moments=np.full(6, 1e300)),
+    'huge_and_far': lambda it: a_contact(it, a=1e300, yaw=0.9),
+    'negative_force': lambda it: a_contact(it, normal_force=-1e9, moments=-np.ones(6)),
+    'no_force': lambda it: a_contact(it, normal_force=0.0, moments=np.zeros(6)),
+    'other_with_mad_moments': lambda it: a_contact(
+        it, type=Contact.TYPE_OTHER, valid=False,
+        moments=np.array([1e-300, 1.0, 1.0, 1e300, -1e300, 1.0])),
+    'wrong_frame': wrong_frame,
+    'from_the_past': lambda it: stamped(it, -1000),
+    'from_the_future': lambda it: stamped(it, 1000),
+}
+
+
+@pytest.fixture(scope='module')
+def nonsense():
+    """Give the whole graph with publishers of nonsense; one for all kinds, since it lasts."""
+    with bench() as it:
+        it.add_all()
+        listener = it.listener
+        it.contact = listener.create_publisher(Contact, 'contact', qos_profile_sensor_data)
+        it.joint_state = listener.create_publisher(
+            JointState, '/joint_states', qos_profile_sensor_data)
+        it.direction = -1
+        it.wait(lambda: it.contact.get_subscription_count() >= 2, 'discovery')
+        yield it
+
+
+def survive(it, publish, count=40):
+    """Track while nonsense is published on top of the truth; whatever comes, keep the bounds."""
+    listener = it.listener
+    begin = len(listener.poses)
+    it.direction = -it.direction
+    client = it.start_tracking(length=0.01, direction=it.direction, retreat=False)
+    sent = []
+
+    def send():
+        if len(sent) < count:
+            sent.append(publish())
+
+    try:
+        wait_for_track(it, progress=0.001)
+        timer = listener.create_timer(0.004, send)
+        it.wait(lambda: len(sent) == count, 'the nonsense')
+        listener.destroy_timer(timer)
+        seen = len(listener.statuses)
+        it.wait(lambda: len(listener.statuses) > seen + 20, 'further cycles')
+        # A hold whose cause was there for long waits for this.
+        it.wait(lambda: client.finished or listener.state != ServoStatus.HOLD
+                or 'resume with ~/pause false' in listener.reason, 'the end of the cause')
+        if listener.state == ServoStatus.HOLD:
+            it.pause(False)
+        it.wait(lambda: client.finished, 'the end of the goal')
+    finally:
+        client.cancel()
+        it.remove('track')
+        it.wait(lambda: listener.state == ServoStatus.IDLE, 'idle')
+
+    positions = np.array([[p.pose.position.x, p.pose.position.y, p.pose.position.z]
+                          for p in listener.poses[begin:]])
+    assert np.isfinite(positions).all()
+    assert (positions > [0.15, -0.3, 0.05]).all() and (positions < [0.45, 0.3, 0.35]).all()
+    # Never deeper than where 5 N are met, 1 mm, and the bound on pressing on, 3 mm.
+    assert positions[:, 2].min() > 0.15 - 0.0045
+    lateral, _ = it.scene.edge.nearest(positions)
+    assert np.abs(lateral).max() < 0.0127  # the edge never left the pad
+    assert it.robot.rejected == 0
+    assert it.robot.controller.limit_violations == 0
+
+
+@pytest.mark.parametrize('kind', EVIL_CONTACTS)
+def test_nonsense_on_contact_neither_crashes_nor_runs_away(nonsense, kind):
+    def publish():
+        nonsense.contact.publish(EVIL_CONTACTS[kind](nonsense))
+
+    survive(nonsense, publish)
+
+
+EVIL_JOINTS = {
+    'not_a_number': {'position': [NAN] * 6},
+    'huge': {'position': [1e300] * 6},
+    'too_few': {'position': [0.0]},
+    'unknown_names': {'name': list('abcdef'), 'position': [0.0] * 6},
+    'empty': {'name': [], 'position': []},
+}
+
+
+@pytest.mark.parametrize('kind', EVIL_JOINTS)
+def test_nonsense_on_joint_states_neither_crashes_nor_runs_away(nonsense, kind):
+    names = nonsense.robot.robot.joint_names
+
+    def publish():
+        message = JointState(**{'name': list(names), **EVIL_JOINTS[kind]})
+        message.header.stamp = nonsense.listener.get_clock().now().to_msg()
+        nonsense.joint_state.publish(message)
+
+    survive(nonsense, publish)
