@@ -1,0 +1,78 @@
+"""Whatever is fed to the servo, its commands stay within the limits and end at rest."""
+
+from closed_loop import puma
+from hypothesis import given, settings
+from hypothesis import strategies as st
+import numpy as np
+
+from tactile_sensing.contact import Contact, ContactType, Reason
+from tactile_sensing.moments import Moments
+from tactile_servo.edge_servo import EdgeServo
+from tactile_servo.limits import JointLimits, WorkspaceBox
+from tactile_servo.servo_types import EdgeGoal, State
+
+ROBOT = puma()
+LIMITS = JointLimits(ROBOT.joint_names, ROBOT.lower + 0.05, ROBOT.upper - 0.05,
+                     ROBOT.velocity_limit, np.full(6, 10.0))
+PERIOD_NS = 2_500_000
+
+values = st.floats(-1.0, 1.0) | st.sampled_from(
+    [float('nan'), float('inf'), -1e300, 1e300, 0.0, 1e-3, 5.0, 50.0])
+contacts = st.builds(
+    Contact, type=st.sampled_from(ContactType), valid=st.booleans(),
+    reasons=st.sampled_from([Reason(0), Reason.NOT_TARED, Reason.LOW_SNR]), method=st.just('fit'),
+    a=values, yaw=values, normal_force=values,
+    moments=st.builds(Moments, values, values, values, values, values, values))
+joints = st.lists(st.floats(-4.0, 4.0) | st.just(float('nan')), min_size=6, max_size=6)
+steps = st.tuples(
+    st.none() | contacts, st.none() | joints, st.integers(1, 40),
+    st.sampled_from([0, 0, 0, 10**9, -10**9]),  # jump of the clock that stamps [ns]
+    st.sampled_from(['', '', '', 'pause', 'resume', 'cancel']))
+
+
+@settings(max_examples=150, deadline=None)
+@given(start=st.tuples(*[st.floats(0.05, 0.95)] * 6), script=st.lists(steps, max_size=25),
+       goal=st.builds(EdgeGoal, st.floats(0.001, 0.2), st.floats(0.6, 10.0),
+                      st.sampled_from([-1, 1])))
+def test_commands_stay_within_every_limit(start, script, goal):
+    box = WorkspaceBox([-0.4, -0.4, 0.0], [0.4, 0.4, 0.6])
+    servo = EdgeServo(ROBOT, LIMITS, workspace=box)
+    now, now_ns = 100.0, 10**12
+    measured = LIMITS.lower + np.array(start) * (LIMITS.upper - LIMITS.lower)
+    servo.see_joints(measured, now_ns, now)
+    servo.start(goal, now)
+    positions, velocities = measured, np.zeros(6)
+    for contact, joint_state, cycles, jump, action in script:
+        now_ns += jump
+        if action == 'cancel':
+            servo.cancel()
+        elif action:
+            servo.pause(action == 'pause', now)
+        for _ in range(cycles):
+            now, now_ns = now + 1e-9 * PERIOD_NS, now_ns + PERIOD_NS
+            if contact is not None:
+                servo.see_contact(contact, now_ns, now)
+            try:
+                servo.see_joints(positions if joint_state is None else joint_state, now_ns, now)
+            except ValueError:  # refused; the last good one ages
+                pass
+            before = servo.state
+            status, window = servo.cycle(now, now_ns)
+            if window is None:
+                continue
+            reached, velocity = window.positions[0], window.velocities[0]
+            resumed = before == State.HOLD and status.state != State.HOLD
+            if not resumed:  # from a hold it starts anew, at the measured state and at rest
+                assert (np.abs(reached - positions) <= LIMITS.velocity * 0.0051).all()
+                assert (np.abs(velocity - velocities)
+                        <= LIMITS.acceleration * 0.0051 + 1e-9).all()
+            assert (np.abs(velocity) <= LIMITS.velocity + 1e-9).all()
+            outside = np.maximum(window.positions - LIMITS.upper, LIMITS.lower - window.positions)
+            was = np.maximum(np.maximum(positions - LIMITS.upper, LIMITS.lower - positions), 0.0)
+            if not resumed:
+                assert (outside <= was + 1e-9).all()
+            assert not window.velocities[-1].any() and (np.diff(window.times) > 0.0).all()
+            assert np.isfinite(window.positions).all()
+            positions, velocities = reached, velocity
+        if status.state == State.HOLD:
+            assert status.reason
