@@ -1,0 +1,127 @@
+"""Bad input to the executables: one clear line on standard error, exit status 1."""
+
+from pathlib import Path
+import subprocess
+import threading
+
+from ament_index_python.packages import get_package_prefix
+import pytest
+
+DEADLINE = 60.0  # s
+
+
+def executable(package, name):
+    """Path of an installed executable."""
+    return str(Path(get_package_prefix(package), 'lib', package, name))
+
+
+def run(package, name, *arguments):
+    """Run an executable to its end; returns exit status and the lines on standard error."""
+    done = subprocess.run(
+        [executable(package, name), *arguments], capture_output=True, text=True,
+        timeout=DEADLINE, check=False)
+    return done.returncode, done.stderr.splitlines()
+
+
+def ros_arguments(**parameters):
+    """Command line that sets parameters."""
+    return ['--ros-args', *(part for name, value in parameters.items()
+                            for part in ('-p', f'{name}:={value}'))]
+
+
+@pytest.fixture
+def files(tmp_path):
+    """Give paths for a port and for files that cannot be used."""
+    contents = {
+        'bad.yaml': 'edge: [unclosed',
+        'list.yaml': '- not\n- a scene\n',
+        'bad.urdf': '<robot name="x"><link',
+        'calibration.yaml': 'model: flexitac\nrows: 16\ncolumns: 16\npitch: 0.0015875\n'
+                            'unit: Pa\ngain: 627.45\nbaseline: [[10, 10], [10, 10]]\n',
+    }
+    for name, text in contents.items():
+        (tmp_path / name).write_text(text)
+    return tmp_path
+
+
+CASES = {
+    'driver_without_port': (
+        'tactile_sensing', 'driver', {}, "'port' is empty, must name a serial port"),
+    'calibration_of_wrong_size': (
+        'tactile_sensing', 'driver', {'port': '{}/port', 'calibration': '{}/calibration.yaml'},
+        'baseline'),
+    'missing_calibration': (
+        'tactile_sensing', 'driver', {'port': '{}/port', 'calibration': '{}/none.yaml'},
+        'none.yaml'),
+    'unknown_scene': (
+        'tactile_sensing', 'mock_sensor', {'port': '{}/port', 'scene': '{}/none.yaml'},
+        'none.yaml: cannot be read'),
+    'malformed_scene': (
+        'tactile_sensing', 'mock_sensor', {'port': '{}/port', 'scene': '{}/bad.yaml'},
+        'bad.yaml: is not YAML'),
+    'scene_of_another_kind': (
+        'tactile_sensing', 'mock_sensor', {'port': '{}/port', 'scene': '{}/list.yaml'},
+        'list.yaml'),
+    'rate_out_of_range': (
+        'tactile_sensing', 'mock_sensor', {'port': '{}/port', 'rate': '0.0'}, "'rate'"),
+    'malformed_urdf_of_the_servo': (
+        'tactile_servo', 'edge_servo', {'robot_description': '{}/bad.urdf'}, 'malformed XML'),
+    'malformed_urdf_of_the_robot': (
+        'tactile_servo', 'mock_robot', {'robot_description': '{}/bad.urdf'}, 'malformed XML'),
+}
+
+
+@pytest.mark.parametrize('case', CASES)
+def test_node_refuses_in_one_line(files, case):
+    package, name, parameters, text = CASES[case]
+    status, lines = run(package, name, *ros_arguments(
+        **{key: value.format(files) for key, value in parameters.items()}))
+    assert status == 1
+    assert len(lines) == 1, lines
+    assert lines[0].startswith(f'{name}: ')
+    assert text in lines[0]
+
+
+def test_malformed_parameter_file_is_named(files):
+    status, lines = run(
+        'tactile_sensing', 'contact_estimator', '--ros-args', '--params-file',
+        str(files / 'bad.yaml'))
+    assert status == 1
+    assert 'bad.yaml' in lines[-1]
+    assert not any('Traceback' in line for line in lines)
+
+
+@pytest.mark.parametrize('arguments, text', [
+    (['--scene', 'nowhere'], "scene 'nowhere' is unknown; shipped are "),
+    (['--scene', '{}/bad.yaml'], 'bad.yaml: is not YAML'),
+    (['--robot-description', '{}/bad.urdf'], 'malformed XML'),
+    (['--sensor', 'flexitac'], 'needs --port'),
+], ids=['unknown_scene', 'malformed_scene', 'malformed_urdf', 'no_port'])
+def test_composed_process_refuses_in_one_line(files, arguments, text):
+    status, lines = run('edge_tracking', 'composed', *(a.format(files) for a in arguments))
+    assert status == 1
+    assert len(lines) == 1, lines
+    assert lines[0].startswith('composed: ') and text in lines[0]
+
+
+def test_track_says_that_its_goal_was_rejected(running):
+    """The goal goes to a servo of this process while the executable runs."""
+    running.wait(lambda: running.listener.tared, 'the tare')
+    outcome = []
+    thread = threading.Thread(target=lambda: outcome.extend(run(
+        'edge_tracking', 'track', '--ros-args', '-r', '__ns:=/tactile', '-p', 'speed:=0.5')))
+    thread.start()
+    running.wait(lambda: not thread.is_alive(), 'the end of track', DEADLINE)
+    status, lines = outcome
+    assert status == 1
+    assert len(lines) == 1, lines
+    assert lines[0].startswith('track: ') and 'rejected' in lines[0]
+    assert 'speed 0.5 is outside 0..0.2' in lines[0]
+
+
+def test_track_says_what_it_waits_for():
+    status, lines = run('edge_tracking', 'track', '--ros-args', '-r', '__ns:=/nobody',
+                        '-p', 'wait:=0.2')
+    assert status == 1
+    assert len(lines) == 1, lines
+    assert 'no contact estimates arrive' in lines[0]
