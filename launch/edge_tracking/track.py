@@ -53,12 +53,14 @@ class TrackNode(Node):
         self.result = self.feedback = None
         self._on_feedback = on_feedback or self._log_feedback
         self._handle = None
-        self._sent = self._tared = self._seen = False
+        self._sent = self._tared = self._seen = self._robot = False
         self._client = ActionClient(self, TrackEdge, 'track_edge')
         latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
         self.create_subscription(SensorInfo, 'sensor_info', self._on_info, latched)
         self._contacts = self.create_subscription(
             Contact, 'contact', self._on_contact, qos_profile_sensor_data)
+        self._statuses = self.create_subscription(
+            ServoStatus, 'servo_status', self._on_status, 1)
         steady = Clock(clock_type=ClockType.STEADY_TIME)
         self._ready_timer = self.create_timer(0.05, self._try_to_start, clock=steady)
         self._deadline = self.create_timer(self.config.wait, self._give_up, clock=steady)
@@ -70,10 +72,16 @@ class TrackNode(Node):
         self._seen = True
         self.destroy_subscription(self._contacts)
 
+    def _on_status(self, msg):
+        if msg.joints_fresh:
+            self._robot = True
+            self.destroy_subscription(self._statuses)
+
     def _missing(self):
         waits = ((self._seen, 'no contact estimates arrive: is the sensor connected?'),
                  (self._tared, 'the sensor is not tared: is the pad free? See its diagnostics'),
-                 (self._client.server_is_ready(), 'no servo offers track_edge'))
+                 (self._client.server_is_ready(), 'no servo offers track_edge'),
+                 (self._robot, 'the servo gets no joint states: is the robot running?'))
         return next((text for ready, text in waits if not ready), '')
 
     def _try_to_start(self):

@@ -10,6 +10,7 @@ With a real array and a real robot, whose joint_trajectory_controller is running
 There nothing moves before a goal is sent to the action track_edge, or with start:=true.
 """
 
+import os
 from pathlib import Path
 import tempfile
 
@@ -19,6 +20,7 @@ from launch.event_handlers import OnProcessExit
 from launch.events import Shutdown
 from launch.substitutions import LaunchConfiguration
 from launch_ros.actions import Node
+from launch_ros.parameter_descriptions import ParameterValue
 
 from launch import LaunchDescription
 
@@ -29,7 +31,7 @@ ARGUMENTS = (
     ('sensor', 'mock', 'mock: synthetic array on a pseudo-terminal; flexitac: a real array on '
      'a serial port', ('mock', 'flexitac')),
     ('port', '', 'serial port of a real array; for the mock, the link to its pseudo-terminal '
-     '(default: one in the folder for temporary files)', None),
+     '(default: one of its own in the folder for temporary files)', None),
     ('robot', 'auto', 'mock: robot in software; real: a running joint_trajectory_controller; '
      'auto: mock with the mock sensor, else real', ('auto', 'mock', 'real')),
     ('scene', 'straight', f'what the mock sensor touches: {", ".join(SCENES)}, or the path of a '
@@ -59,6 +61,19 @@ def find_scene(name):
     return str(path)
 
 
+def number(name, text):
+    """Value of an argument that must be a number."""
+    try:
+        return float(text)
+    except ValueError:
+        raise RuntimeError(f'{name}:={text} is not a number') from None
+
+
+def as_text(text):
+    """Keep a parameter a text, whatever it looks like: a URDF would be read as YAML."""
+    return ParameterValue(text, value_type=str)
+
+
 def nodes(context):
     """Nodes for the arguments given."""
     value = {name: LaunchConfiguration(name).perform(context) for name, *_ in ARGUMENTS}
@@ -69,14 +84,17 @@ def nodes(context):
     if not mock_sensor and not value['port']:
         raise RuntimeError('sensor:=flexitac needs its port, for instance port:=/dev/ttyUSB0')
     scene = find_scene(value['scene']) if mock_sensor or mock_robot else ''
-    port = value['port'] or str(
-        Path(tempfile.gettempdir()) / f'tactile_{value["namespace"].replace("/", "_")}')
+    # Not only by its namespace: another launch on this machine must not take the link over.
+    port = value['port'] or str(Path(
+        tempfile.gettempdir(), f'tactile_{os.getpid()}_{value["namespace"].replace("/", "_")}'))
 
     def node(package, executable, namespace=value['namespace'], **parameters):
         return Node(
             package=package, executable=executable, name=executable, namespace=namespace,
-            output='screen', parameters=[
-                value['parameters'], {'use_sim_time': on['use_sim_time'], **parameters}])
+            output='screen', parameters=[value['parameters'], {
+                'use_sim_time': on['use_sim_time'],
+                **{key: as_text(it) if isinstance(it, str) else it
+                   for key, it in parameters.items()}}])
 
     robot = {'robot_description': value['robot_description']}
     actions = [
@@ -88,8 +106,8 @@ def nodes(context):
     if mock_robot:
         actions.append(node('tactile_servo', 'mock_robot', '/', scene=scene, **robot))
     if start:
-        track = node('edge_tracking', 'track', speed=float(value['speed']),
-                     force=float(value['force']), length=float(value['length']))
+        track = node('edge_tracking', 'track', **{
+            name: number(name, value[name]) for name in ('speed', 'force', 'length')})
         actions.append(track)
         if on['shutdown']:
             actions.append(RegisterEventHandler(OnProcessExit(
@@ -105,7 +123,7 @@ def rviz(description, use_sim_time):
     text = description if '<' in description else Path(description).read_text(encoding='utf-8')
     return [
         Node(package='robot_state_publisher', executable='robot_state_publisher',
-             parameters=[{'robot_description': text, 'use_sim_time': use_sim_time}]),
+             parameters=[{'robot_description': as_text(text), 'use_sim_time': use_sim_time}]),
         Node(package='rviz2', executable='rviz2',
              arguments=['-d', str(SHARE / 'rviz' / 'edge_tracking.rviz')],
              parameters=[{'use_sim_time': use_sim_time}])]

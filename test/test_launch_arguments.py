@@ -1,0 +1,64 @@
+"""Arguments of the launch file: described, and refused in one clear line where they are wrong."""
+
+import os
+import subprocess
+import sys
+
+import pytest
+
+WHY = 'launch_pytest is not installed: it comes with ROS 2, not as a wheel'
+pytest.importorskip('launch_pytest', reason=WHY)
+pytest.importorskip('launch_ros', reason=WHY)
+
+# Only where launch is installed.
+from launch.actions import DeclareLaunchArgument  # noqa: E402, I100, I202
+from launch.launch_description_sources import (  # noqa: E402, I100, I202
+    get_launch_description_from_python_launch_file,
+)
+from tactile_tests import launching  # noqa: E402, I100, I202
+
+NAMED = {'sensor', 'port', 'scene', 'speed', 'force', 'robot_description', 'use_sim_time', 'rviz',
+         'namespace'}
+
+
+def launch(*arguments):
+    """Run the launch service as a process of its own; returns exit status and lines."""
+    done = subprocess.run(
+        [sys.executable, launching.__file__, *arguments], stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT, text=True, timeout=launching.DEADLINE, check=False,
+        env={**os.environ, 'RCUTILS_COLORIZED_OUTPUT': '0'})
+    return done.returncode, done.stdout.splitlines()
+
+
+def test_every_argument_has_a_description_and_a_default():
+    description = get_launch_description_from_python_launch_file(str(launching.LAUNCH_FILE))
+    declared = [entity for entity in description.entities
+                if isinstance(entity, DeclareLaunchArgument)]
+    assert {argument.name for argument in declared} >= NAMED
+    for argument in declared:
+        assert argument.description and argument.description != 'no description given'
+        assert argument.default_value is not None
+
+
+@pytest.mark.parametrize('argument, text', [
+    ('scene:=nowhere', "scene 'nowhere' is unknown; shipped are curve, straight, two_segments"),
+    ('scene:=nowhere.yaml', "scene 'nowhere.yaml' is unknown"),
+    ('sensor:=flexitac', 'sensor:=flexitac needs its port, for instance port:=/dev/ttyUSB0'),
+    ('speed:=fast', 'speed:=fast is not a number'),
+    ('sensor:=other', "Valid options are: ['mock', 'flexitac']"),
+])
+def test_wrong_argument_ends_the_launch_with_a_clear_line(argument, text):
+    status, lines = launch(argument)
+    assert status == 1
+    errors = [line for line in lines if '[ERROR]' in line]
+    assert text in errors[-1]
+    assert not any('Traceback' in line for line in lines)
+    assert not any('process started' in line for line in lines)
+
+
+def test_a_launch_service_tracks_without_the_ros2_command():
+    status, lines = launch('shutdown:=true', 'length:=0.01', 'namespace:=elsewhere')
+    assert status == 0
+    assert any('track: length reached' in line for line in lines), '\n'.join(lines)
+    started = sum('process started' in line for line in lines)
+    assert sum('process has finished cleanly' in line for line in lines) == started == 6

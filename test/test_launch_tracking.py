@@ -1,0 +1,54 @@
+"""The launch file with its defaults: the loop closes and every process ends well."""
+
+import pytest
+
+WHY = 'launch_pytest is not installed: it comes with ROS 2, not as a wheel'
+launch_pytest = pytest.importorskip('launch_pytest', reason=WHY)
+pytest.importorskip('launch_ros', reason=WHY)
+
+# Only where launch is installed.
+from tactile_tests.launching import edge_tracking, Processes  # noqa: E402, I100, I202
+
+from launch import LaunchDescription  # noqa: E402, I100, I202
+
+NODES = ('driver', 'contact_estimator', 'edge_servo', 'mock_sensor', 'mock_robot', 'track')
+
+
+@pytest.fixture
+def processes():
+    """Give the record of the launched processes."""
+    return Processes()
+
+
+@launch_pytest.fixture(auto_shutdown=False)
+def tracking(processes):
+    """Give the defaults, a short way, and the end of everything with the goal's."""
+    return LaunchDescription([
+        edge_tracking(shutdown='true', length='0.03'), *processes.handlers(),
+        launch_pytest.actions.ReadyToTest()])
+
+
+@pytest.mark.launch(fixture=tracking)
+def test_defaults_track_the_edge_and_end_cleanly(processes):
+    processes.wait(lambda: 'track' in processes.exits, 'the end of the goal')
+    assert 'track: length reached' in processes.text('track')
+    yield  # until launch has shut down, by itself
+    assert processes.exits == dict.fromkeys(NODES, 0)
+    assert not any('Traceback' in processes.text(name) for name in NODES)
+
+
+@launch_pytest.fixture(auto_shutdown=False)
+def too_fast(processes):
+    """Give a goal beyond the limits."""
+    return LaunchDescription([
+        edge_tracking(shutdown='true', speed='0.5'), *processes.handlers(),
+        launch_pytest.actions.ReadyToTest()])
+
+
+@pytest.mark.launch(fixture=too_fast)
+def test_speed_beyond_the_limit_is_a_rejected_goal(processes):
+    processes.wait(lambda: 'track' in processes.exits, 'the end of the goal')
+    assert processes.exits['track'] == 1
+    assert 'speed 0.5 is outside 0..0.2' in processes.text('track')
+    yield
+    assert {name: status for name, status in processes.exits.items() if status} == {'track': 1}
