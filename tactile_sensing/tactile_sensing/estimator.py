@@ -1,6 +1,7 @@
 """Contact estimation: the least model that explains a tactile image, or an honest refusal."""
 
 from dataclasses import dataclass, field, replace
+import math
 
 import numpy as np
 
@@ -149,7 +150,7 @@ class ContactEstimator:
             return self._refuse(ContactType.NONE, Reason.LOW_SNR | left_out, moments, **evidence)
         if fit.chi_square > self.config.max_chi_square * freedom:
             return self._refuse(ContactType.OTHER, Reason.BAD_FIT | left_out, moments, **evidence)
-        cos, sin = np.cos(fit.yaw), np.sin(fit.yaw)
+        cos, sin = math.cos(fit.yaw), math.sin(fit.yaw)
         if fit.last_step > LAST_STEP * depth:
             off_pad = Reason.OFF_PAD if abs(fit.rho) > array.half_width_x * cos else Reason(0)
             return self._refuse(ContactType.LINE, Reason.NOT_CONVERGED | off_pad | left_out,
@@ -185,7 +186,7 @@ class ContactEstimator:
         half = array.half_width_x, array.half_width_y
 
         def chord(a, yaw):
-            return chord_length(a * np.cos(yaw), yaw, *half)
+            return chord_length(a * math.cos(yaw), yaw, *half)
 
         length = chord(line.a, line.yaw)
         if abs(line.a) > half[0] or length == 0.0:

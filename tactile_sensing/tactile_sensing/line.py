@@ -1,5 +1,7 @@
 """Line contact on an elastic half-space: pressure, derivatives and geometry (chapter 3)."""
 
+import math
+
 import numpy as np
 
 
@@ -180,16 +182,15 @@ def chord_length(rho, yaw, half_width_x, half_width_y):
     The strip that (3.2) assumes, 2L / cos(yaw), is the case of a line that leaves
     through the two sides y = +-L.
     """
-    foot = np.array([rho * np.cos(yaw), rho * np.sin(yaw)])
-    direction = np.array([-np.sin(yaw), np.cos(yaw)])
-    enter, leave = -np.inf, np.inf
-    for position, slope, half in zip(foot, direction, (half_width_x, half_width_y), strict=True):
+    cos, sin = math.cos(yaw), math.sin(yaw)
+    enter, leave = -math.inf, math.inf
+    for position, slope, half in ((rho * cos, -sin, half_width_x), (rho * sin, cos, half_width_y)):
         if abs(slope) < 1e-12:
             if abs(position) > half:
                 return 0.0
             continue
-        first, second = sorted(((-half - position) / slope, (half - position) / slope))
-        enter, leave = max(enter, first), min(leave, second)
+        one, other = (-half - position) / slope, (half - position) / slope
+        enter, leave = max(enter, min(one, other)), min(leave, max(one, other))
     return max(leave - enter, 0.0)
 
 
