@@ -7,7 +7,8 @@ import numpy as np
 
 from edge_tracking.bag import open_bag
 from tactile_sensing.array import TactelArray
-from tactile_sensing.errors import ConfigurationError
+from tactile_sensing.conversions import pose_from_msg
+from tactile_sensing.errors import ConfigurationError, TactileSensingError
 
 DEFAULT_NAMESPACE = '/tactile'
 TRAJECTORY_TOPIC = '/joint_trajectory_controller/joint_trajectory'
@@ -308,15 +309,10 @@ def _columns(kind, rows, fields):
 
 
 def _matrix(pose):
-    x, y, z, w = pose.orientation.x, pose.orientation.y, pose.orientation.z, pose.orientation.w
-    squared = x * x + y * y + z * z + w * w
-    s = 2.0 / squared if squared > 0.0 else float('nan')
-    px, py, pz = _xyz(pose.position)
-    return (
-        (1.0 - s * (y * y + z * z), s * (x * y - z * w), s * (x * z + y * w), px),
-        (s * (x * y + z * w), 1.0 - s * (x * x + z * z), s * (y * z - x * w), py),
-        (s * (x * z - y * w), s * (y * z + x * w), 1.0 - s * (x * x + y * y), pz),
-        (0.0, 0.0, 0.0, 1.0))
+    try:
+        return pose_from_msg(pose)
+    except TactileSensingError:
+        return np.full((4, 4), np.nan)
 
 
 def _geometry(message):

@@ -42,6 +42,32 @@ def stamp_to_seconds(stamp) -> float:
     return stamp.sec + 1e-9 * stamp.nanosec
 
 
+# --- poses --------------------------------------------------------------------------------------
+
+def pose_from_msg(pose):
+    """
+    Return a geometry_msgs/Pose as a homogeneous transform, shape `(4, 4)` [m].
+
+    Raises
+    ------
+    TactileSensingError
+        The quaternion's length is not 1 within 1e-3, or a number is not finite.
+    """
+    x, y, z, w = (getattr(pose.orientation, axis) for axis in 'xyzw')
+    position = tuple(getattr(pose.position, axis) for axis in 'xyz')
+    square = x * x + y * y + z * z + w * w
+    if not (abs(square - 1.0) < 2e-3 and np.all(np.isfinite(position))):
+        raise TactileSensingError(
+            f'pose: quaternion ({x:.4g}, {y:.4g}, {z:.4g}, {w:.4g}) at {position}, must be '
+            'finite and of length 1')
+    s = 2.0 / square
+    return np.array([
+        [1.0 - s * (y * y + z * z), s * (x * y - w * z), s * (x * z + w * y), position[0]],
+        [s * (x * y + w * z), 1.0 - s * (x * x + z * z), s * (y * z - w * x), position[1]],
+        [s * (x * z - w * y), s * (y * z + w * x), 1.0 - s * (x * x + y * y), position[2]],
+        [0.0, 0.0, 0.0, 1.0]])
+
+
 # --- TactileImage and SensorInfo ----------------------------------------------------------------
 
 def image_to_msg(image: TactileImage):

@@ -13,12 +13,12 @@ from rclpy.parameter import Parameter
 from rclpy.qos import qos_profile_sensor_data
 
 from tactile_sensing.array import TactelArray
+from tactile_sensing.conversions import pose_from_msg
 from tactile_sensing.errors import ConfigurationError
 from tactile_sensing.flexitac import FlexiTacDecoder, MARKER, NEED_DATA
 from tactile_sensing.nodes.mock_sensor import (
     MockSensorConfig,
     MockSensorNode,
-    pose_matrix,
     PseudoTerminal,
 )
 from tactile_sensing.nodes.runner import make_executor
@@ -151,7 +151,7 @@ def test_picture_follows_the_pose(mock, scene, context, tmp_path):
     message.pose.position.x, message.pose.position.z = 0.297, 0.119
     message.pose.orientation.y = 1.0  # half a turn about base y: looks down, pad x = base -x
     message.pose.orientation.w = 0.0
-    picture = renderer_of(scene).render(pose_matrix(message.pose))
+    picture = renderer_of(scene).render(pose_from_msg(message.pose))
     try:
         end = time.monotonic() + DEADLINE
         with Listener(tmp_path / 'sensor') as listener:
@@ -171,16 +171,6 @@ def test_picture_follows_the_pose(mock, scene, context, tmp_path):
     assert abs(difference.mean()) < 5 * 700 / 16
     assert difference.std() < 1.2 * 660
     assert frame.mean(axis=0).argmax() in (5, 6)  # 3 mm to the side of the pad's centre
-
-
-def test_impossible_pose_is_passed_over():
-    pose = PoseStamped().pose
-    pose.orientation.w = 0.0
-    assert pose_matrix(pose) is None
-    pose.orientation.z = 2.0
-    np.testing.assert_allclose(pose_matrix(pose), np.diag([-1.0, -1.0, 1.0, 1.0]), atol=1e-15)
-    pose.position.x = float('nan')
-    assert pose_matrix(pose) is None
 
 
 def test_recording_streams_exactly(mock, recording, tmp_path):

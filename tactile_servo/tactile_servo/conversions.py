@@ -10,7 +10,7 @@ from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 from tactile_msgs.action import TrackEdge
 from tactile_msgs.msg import ServoStatus
 from tactile_sensing.conversions import stamp_from_ns, stamp_to_seconds
-from tactile_servo.errors import ConfigurationError, Rejected
+from tactile_servo.errors import Rejected
 from tactile_servo.servo_types import EdgeGoal
 from tactile_servo.trajectory import Trajectory
 
@@ -109,32 +109,6 @@ def pose_to_msg(matrix):
     x, y, z, w = _quaternion(matrix[:3, :3])
     pose.orientation.x, pose.orientation.y, pose.orientation.z, pose.orientation.w = x, y, z, w
     return pose
-
-
-def pose_from_msg(pose):
-    """
-    Homogeneous transform (4, 4) of a Pose message [m].
-
-    Raises
-    ------
-    ConfigurationError
-        The quaternion's length is not 1 within 1e-3, or a number is not finite.
-
-    """
-    q = pose.orientation
-    x, y, z, w = q.x, q.y, q.z, q.w
-    position = pose.position.x, pose.position.y, pose.position.z
-    square = x * x + y * y + z * z + w * w
-    if not (abs(square - 1.0) < 2e-3 and np.all(np.isfinite(position))):
-        raise ConfigurationError(
-            f'pose: quaternion ({x:.4g}, {y:.4g}, {z:.4g}, {w:.4g}) at {position}, must be '
-            'finite and of length 1')
-    s = 2.0 / square
-    return np.array([
-        [1.0 - s * (y * y + z * z), s * (x * y - w * z), s * (x * z + w * y), position[0]],
-        [s * (x * y + w * z), 1.0 - s * (x * x + z * z), s * (y * z - w * x), position[1]],
-        [s * (x * z - w * y), s * (y * z + w * x), 1.0 - s * (x * x + y * y), position[2]],
-        [0.0, 0.0, 0.0, 1.0]])
 
 
 def _quaternion(rotation):

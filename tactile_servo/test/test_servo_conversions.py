@@ -7,15 +7,16 @@ import pytest
 from sensor_msgs.msg import JointState
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
+from tactile_sensing.conversions import pose_from_msg
+from tactile_sensing.errors import TactileSensingError
 from tactile_servo.conversions import (
     joint_positions,
     joint_state_to_msg,
-    pose_from_msg,
     pose_to_msg,
     trajectory_from_msg,
     trajectory_to_msg,
 )
-from tactile_servo.errors import ConfigurationError, Rejected
+from tactile_servo.errors import Rejected
 from tactile_servo.trajectory import Trajectory
 
 RNG = np.random.default_rng(3)
@@ -116,8 +117,8 @@ def test_quarter_turn_about_z_has_the_usual_quaternion():
 def test_pose_without_orientation_is_refused():
     pose = Pose()
     pose.orientation.w = 0.0
-    with pytest.raises(ConfigurationError, match='length 1'):
+    with pytest.raises(TactileSensingError, match='length 1'):
         pose_from_msg(pose)
     pose.orientation.w, pose.position.x = 1.0, float('nan')
-    with pytest.raises(ConfigurationError, match='finite'):
+    with pytest.raises(TactileSensingError, match='finite'):
         pose_from_msg(pose)

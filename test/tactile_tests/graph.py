@@ -15,8 +15,7 @@ from edge_tracking.composed import add_mocks, add_stack, Graph, private_port
 from edge_tracking.resources import find_scene, share
 from edge_tracking.track import TrackNode
 from tactile_msgs.msg import Contact, SensorInfo, ServoStatus, TactileImage
-from tactile_sensing.conversions import stamp_to_seconds
-from tactile_sensing.nodes.mock_sensor import pose_matrix
+from tactile_sensing.conversions import pose_from_msg, stamp_to_seconds
 from tactile_sensing.scene import load_scene
 
 DEADLINE = 20.0  # s, of every wait; generous, since a loaded machine is no fault
@@ -140,7 +139,7 @@ class Bench:
         """Return stamps (N,) [s] and sensor poses (N, 4, 4) in the base frame so far."""
         poses = list(self.listener.poses)
         return (np.array([stamp_to_seconds(pose.header.stamp) for pose in poses]),
-                np.array([pose_matrix(pose.pose) for pose in poses]).reshape(-1, 4, 4))
+                np.array([pose_from_msg(pose.pose) for pose in poses]).reshape(-1, 4, 4))
 
 
 @contextmanager

@@ -15,7 +15,8 @@ from rclpy.node import Node
 from rclpy.qos import qos_profile_sensor_data
 
 from tactile_sensing.array import TactelArray
-from tactile_sensing.errors import ConfigurationError
+from tactile_sensing.conversions import pose_from_msg
+from tactile_sensing.errors import ConfigurationError, TactileSensingError
 from tactile_sensing.flexitac import encode_payload, MARKER
 from tactile_sensing.nodes.parameters import declare_from
 from tactile_sensing.nodes.runner import run
@@ -213,12 +214,11 @@ class MockSensorNode(Node):
                     f'{clipped} values of {config.recording} were clipped to 0..255')
 
     def _on_pose(self, message):
-        pose = pose_matrix(message.pose)
-        if pose is None:
+        try:
+            self._pose = pose_from_msg(message.pose)
+        except TactileSensingError as error:
             self.get_logger().warning(
-                'sensor_pose is no pose, passed over', throttle_duration_sec=5.0)
-        else:
-            self._pose = pose
+                f'sensor_pose is passed over: {error}', throttle_duration_sec=5.0)
 
     def _frame(self, number):
         """Return the counts of a frame, None behind the end of a recording."""
@@ -269,28 +269,6 @@ class MockSensorNode(Node):
             self.sent += 1
         else:
             self.dropped += 1
-
-
-def pose_matrix(pose):
-    """
-    Return a geometry_msgs/Pose as a homogeneous transform, shape `(4, 4)`, None if it is none.
-
-    The quaternion is normalised; one without direction, or a number that is not finite, makes
-    no pose.
-    """
-    position, turn = pose.position, pose.orientation
-    quaternion = np.array([turn.x, turn.y, turn.z, turn.w])
-    norm = np.linalg.norm(quaternion)
-    matrix = np.eye(4)
-    matrix[:3, 3] = position.x, position.y, position.z
-    if not (np.isfinite(matrix).all() and np.isfinite(norm) and norm > 1e-6):
-        return None
-    x, y, z, w = quaternion / norm
-    matrix[:3, :3] = [
-        [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
-        [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],
-        [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)]]
-    return matrix
 
 
 def main(args=None) -> int:
