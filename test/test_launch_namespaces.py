@@ -10,13 +10,13 @@ launch_pytest = pytest.importorskip('launch_pytest', reason=WHY)
 pytest.importorskip('launch_ros', reason=WHY)
 
 # Only where launch is installed.
+from launch import LaunchDescription  # noqa: E402, I100, I202
 from rclpy.parameter import parameter_value_to_python  # noqa: E402, I100
 from rclpy.parameter_client import AsyncParameterClient  # noqa: E402, I100
 from tactile_tests.graph import bench  # noqa: E402, I100
 from tactile_tests.launching import DEADLINE, edge_tracking, Processes  # noqa: E402, I100
 
 from edge_tracking.resources import share  # noqa: E402, I100, I202
-from launch import LaunchDescription  # noqa: E402, I100, I202
 from tactile_msgs.msg import ServoStatus  # noqa: E402, I100, I202
 
 SCENES = {'left': 'straight', 'right': 'curve'}

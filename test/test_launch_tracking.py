@@ -7,9 +7,8 @@ launch_pytest = pytest.importorskip('launch_pytest', reason=WHY)
 pytest.importorskip('launch_ros', reason=WHY)
 
 # Only where launch is installed.
-from tactile_tests.launching import edge_tracking, Processes  # noqa: E402, I100, I202
-
 from launch import LaunchDescription  # noqa: E402, I100, I202
+from tactile_tests.launching import edge_tracking, Processes  # noqa: E402, I100, I202
 
 NODES = ('driver', 'contact_estimator', 'edge_servo', 'mock_sensor', 'mock_robot', 'track')
 

@@ -53,7 +53,7 @@ class EdgeServo:
         self.success = False
         self.statistics = None
         self.contact = self.joints = None
-        self._paused, self._stopping = False, ''
+        self._paused, self._stopping, self._outcome = False, '', ''
         self._contact_fresh = self._joints_fresh = False
         self._resume_state = State.APPROACH
         self._features, self._edge_reason = None, 'edge lost'
@@ -131,7 +131,7 @@ class EdgeServo:
         if why:
             raise ValueError(why)
         self.goal, self.success = goal, False
-        self._paused, self._stopping = False, ''
+        self._paused, self._stopping, self._outcome = False, '', ''
         self.statistics = TrackStatistics(goal.force, goal.direction)
         self._features, self._features_arrival = None, -np.inf
         self._resume_state = State.APPROACH
@@ -315,12 +315,12 @@ class EdgeServo:
         """Go on from the measured state."""
         anchor = self._anchor
         self._seed()
-        self._enter(self._resume_state, reason, now)
+        self._enter(self._resume_state, self._outcome or reason, now)
         self._anchor = anchor  # the way already gone still counts
 
     def _end(self, now, success, reason, lift=False):
         """End the goal: lift off where that is asked for or needed, else stop."""
-        self.success = success
+        self.success, self._outcome = success, reason
         if (lift or self.goal.retreat) and not self._standstill_reason():
             self._enter(State.RETREAT, reason, now)
         else:

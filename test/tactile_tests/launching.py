@@ -5,11 +5,10 @@ import sys
 import threading
 
 from ament_index_python.packages import get_package_share_directory
+from launch import LaunchDescription, LaunchService
 from launch.actions import IncludeLaunchDescription, RegisterEventHandler
 from launch.event_handlers import OnProcessExit, OnProcessIO
 from launch.launch_description_sources import PythonLaunchDescriptionSource
-
-from launch import LaunchDescription, LaunchService
 
 LAUNCH_FILE = Path(
     get_package_share_directory('edge_tracking'), 'launch', 'edge_tracking.launch.py')
