@@ -264,7 +264,7 @@ class EdgeServo:
         if self._load() >= c.contact_force and self._edge_age(now) < c.edge_lost:
             self.statistics.touch()
             self._enter(State.TRACK, 'contact', now)
-        elif self._load() >= self.goal.force and self.contact.arrival >= self._state_since:
+        elif self._load() >= self.goal.force and self.contact.arrival > self._state_since:
             self._end(now, False, f'contact on approach, but {self._edge_reason}', lift=True)
         elif self._advance() >= c.approach_distance:
             self._end(now, False, f'no contact within {c.approach_distance:g} m', lift=True)

@@ -110,6 +110,27 @@ def test_short_gap_in_the_images_ends_by_itself():
     assert loop.servo.success
 
 
+def test_reason_of_the_end_outlives_a_hold_on_the_way_up():
+    loop = Loop()
+    loop.run(GOAL, 20.0, lambda s: s.state == State.RETREAT)
+    loop.robot_alive = False
+    status = loop.run(None, 0.2)
+    assert status.state == State.HOLD and status.reason == 'joint state is stale'
+    loop.robot_alive = True
+    status = loop.run(None, 5.0)
+    assert (status.state, status.reason) == (State.DONE, 'length reached')
+    assert loop.servo.success
+
+
+def test_a_pad_that_presses_already_goes_on_from_there():
+    loop = Loop()
+    loop.run(replace(GOAL, force=6.0, length=0.01, retreat=False), 20.0)
+    assert loop.servo.success
+    loop.servo.finish()
+    status = loop.run(GOAL, 20.0)
+    assert loop.servo.success, status.reason
+
+
 def test_stale_joint_state_holds():
     loop = Loop()
     tracking(loop)
@@ -230,6 +251,15 @@ def test_workspace_box_is_not_left():
     assert loop.log[-1][1].limited_by == 'workspace'
     reach = max(row[5][1, 3] for row in loop.log)
     assert wall - 0.005 < reach <= wall + 1e-5
+
+
+def test_joint_state_far_beyond_the_limits_is_refused():
+    loop = Loop()
+    positions = loop.limits.upper.copy()
+    loop.servo.see_joints(positions + 0.1, 0, 0.0)
+    positions[2] = 1e300
+    with pytest.raises(ValueError, match='joint_3 at 1e.300.*beyond its limits'):
+        loop.servo.see_joints(positions, 0, 0.0)
 
 
 def test_joint_states_that_are_no_numbers_are_refused():
