@@ -67,6 +67,8 @@ def test_an_elongated_contact_is_followed_by_its_moments():
     (contact(ContactType.OTHER, False, Moments(5.0, 0, 0, 2e-4, 2e-4, 0)), 'elongation'),
     (contact(ContactType.OTHER, False, Moments(-5.0, 0, 0, 2e-4, 2e-4, 0)), 'no edge'),
     (contact(a=0.0, yaw=1.3, normal_force=5.0), 'across the pad'),
+    (contact(a=0.02, yaw=0.0, normal_force=5.0), 'impossible'),
+    (contact(a=0.0, yaw=0.0, normal_force=-1.0), 'impossible'),
     (contact(a=float('nan'), yaw=0.0, normal_force=5.0), 'not finite')])
 def test_what_is_no_edge_is_refused_with_its_reason(seen, text):
     features, why = edge_features(seen, HALF, CONFIG)
