@@ -249,6 +249,26 @@ def test_contact_at_the_border_is_flagged():
     assert np.isfinite(parameters(estimate)).all()
 
 
+@pytest.mark.parametrize('structure', ['normal and xz', 'normal, xz and yz'])
+@pytest.mark.parametrize('place', [(0.009, 0.0), (0.0, 0.01), (0.008, -0.009)])
+def test_shear_layers_converge_near_the_border(structure, place):
+    layers, load = STRUCTURES[structure], (*place, 11.0, 3.3, 5.5)
+    estimate = compensated(pictures(layers, load), ARRAY, layers)
+    assert estimate.flags == 0
+    assert estimate.iterations <= 10
+    position, force = errors(estimate, load)
+    assert position < 0.02e-3
+    assert force < 0.02
+
+
+def test_printed_factors_overshoot_near_the_border():
+    layers, load = STRUCTURES['normal and xz'], (0.0, 0.009, 11.0, 3.3, 5.5)
+    k0, k1 = compensation_factors(0.004, DEPTH)
+    assert k0 / k1 > 2.0
+    estimate = compensated(pictures(layers, load), ARRAY, layers, printed=True)
+    assert estimate.flags == MomentFlag.NOT_CONVERGED
+
+
 def test_too_few_steps_are_flagged():
     layers = STRUCTURES['one layer']
     estimate = compensated(pictures(layers, LOADS[1]), ARRAY, layers, max_steps=1)
