@@ -114,7 +114,7 @@ class PointFit:
         return np.where(bad, np.nan, inverse * outer)
 
 
-@njit(cache=True)
+@njit(cache=True, error_model='numpy')
 def _peak(stress, component, noise):
     """Layer, row and column of the largest pressure over its noise; layer -1 if none."""
     best = 0.0
@@ -132,7 +132,7 @@ def _peak(stress, component, noise):
     return layer, row, column
 
 
-@njit(cache=True)
+@njit(cache=True, error_model='numpy')
 def _vertex(line, peak):
     """How far the vertex of a row of tactels is off its peak [pitches]; 0 where unknown."""
     if line.size < 3:
@@ -150,7 +150,7 @@ def _vertex(line, peak):
     return min(max(middle - peak + 0.5 * (f - h) / curvature, -0.5), 0.5)
 
 
-@njit(cache=True)
+@njit(cache=True, error_model='numpy')
 def _start(stress, component, noise):
     """Row and column of the peak, and how far its vertex is off: (r, c, along y, along x)."""
     k, r, c = _peak(stress, component, noise)
@@ -159,7 +159,7 @@ def _start(stress, component, noise):
     return r, c, _vertex(stress[k, :, c], r), _vertex(stress[k, r], c)
 
 
-@njit(cache=True)
+@njit(cache=True, error_model='numpy')
 def _gather(stress, x, y, noise, row, column, v, w, window, points, ends):
     """Finite tactels of the window into points (x, y, value / noise); ends per layer."""
     # Relative to the peak, so that whole-tactel shifts cannot change the window.
@@ -181,120 +181,162 @@ def _gather(stress, x, y, noise, row, column, v, w, window, points, ends):
     return n
 
 
-@njit(cache=True, fastmath=_FAST)
-def _add_forces(points, begin, end, a, b, depth, gz, gx, gy, scale, columns):
-    """Add one layer's derivatives by (P, Qx, Qy) to columns 2 to 4, see `_add_columns`."""
+# Rows of their own, indexed from 0, or these loops could not be vectorised.
+@njit(cache=True, error_model='numpy', fastmath=_FAST)
+def _add_forces(x, y, a, b, depth, gz, gx, gy, scale, by_force, by_qx, by_qy):
+    """Add one layer's derivatives by (P, Qx, Qy), see `_add_position`."""
     dd = depth * depth
     scale *= 1.5 / np.pi * dd
-    for i in range(begin, end):
-        u = points[0, i] - a
-        v = points[1, i] - b
+    for i in range(x.size):
+        u = x[i] - a
+        v = y[i] - b
         q = 1.0 / (u * u + v * v + dd)
         shape = scale * q * q * np.sqrt(q) * (gz + gx * u + gy * v)
-        columns[2, i] += shape * depth
-        columns[3, i] += shape * u
-        columns[4, i] += shape * v
+        by_force[i] += shape * depth
+        by_qx[i] += shape * u
+        by_qy[i] += shape * v
 
 
-@njit(cache=True, fastmath=_FAST)
-def _add_columns(points, begin, end, a, b, force, qx, qy, depth, gz, gx, gy, scale, columns):
+@njit(cache=True, error_model='numpy', fastmath=_FAST)
+def _add_position(x, y, a, b, force, qx, qy, depth, gz, gx, gy, scale, by_a, by_b):
     """
-    Add one layer's derivatives by (a, b) to columns 0 and 1, from equations (2.2) and (2.5).
+    Add one layer's derivatives by (a, b), from equations (2.2) and (2.5).
 
     The component is (gz + gx x' + gy y') times the pressure.
     """
     dd = depth * depth
     scale *= 1.5 / np.pi * dd
-    for i in range(begin, end):
-        u = points[0, i] - a
-        v = points[1, i] - b
+    for i in range(x.size):
+        u = x[i] - a
+        v = y[i] - b
         q = 1.0 / (u * u + v * v + dd)
         shape = scale * q * q * np.sqrt(q)
         load = force * depth + qx * u + qy * v
         lever = gz + gx * u + gy * v
         by = 5.0 * q * load * lever
-        columns[0, i] += shape * (by * u - qx * lever - gx * load)
-        columns[1, i] += shape * (by * v - qy * lever - gy * load)
+        by_a[i] += shape * (by * u - qx * lever - gx * load)
+        by_b[i] += shape * (by * v - qy * lever - gy * load)
 
 
-@njit(cache=True, fastmath=_FAST)
-def _dot(u, v, n):
-    total = 0.0
-    for i in range(n):
-        total += u[i] * v[i]
-    return total
-
-
-@njit(cache=True)
+@njit(cache=True, error_model='numpy')
 def _evaluate(points, ends, layers, nodes, theta, forces, columns):
     """Derivatives over the noise at the gathered tactels: by the forces, or by the position."""
-    first, last = (2, 5) if forces else (0, 2)
-    columns[first:last, :ends[-1]] = 0.0
+    for i in range(2, 5) if forces else range(2):
+        columns[i][:ends[-1]] = 0.0
     begin = 0
     for k in range(ends.size):
+        end = ends[k]
+        x, y = points[0][begin:end], points[1][begin:end]
         depth, noise = layers[k, 0], layers[k, 1]
         gz, gx, gy = layers[k, 2], layers[k, 3], layers[k, 4]
         for j in range(nodes.shape[0]):
             a, b = theta[0] - nodes[j, 0], theta[1] - nodes[j, 1]
             scale = nodes[j, 2] / noise
             if forces:
-                _add_forces(points, begin, ends[k], a, b, depth, gz, gx, gy, scale, columns)
+                _add_forces(x, y, a, b, depth, gz, gx, gy, scale, columns[2][begin:end],
+                            columns[3][begin:end], columns[4][begin:end])
             else:
-                _add_columns(points, begin, ends[k], a, b, theta[2], theta[3], theta[4],
-                             depth, gz, gx, gy, scale, columns)
-        begin = ends[k]
+                _add_position(x, y, a, b, theta[2], theta[3], theta[4], depth, gz, gx, gy,
+                              scale, columns[0][begin:end], columns[1][begin:end])
+        begin = end
 
 
-@njit(cache=True)
-def _solve(matrix, vector, first, last, step):
-    """Solve the block [first, last) scaled to a unit diagonal by Cholesky; False if singular."""
-    # m and N differ by many orders of magnitude, hence the scaling.
-    scale = np.empty(5)
-    lower = np.empty((5, 5))
-    for i in range(first, last):
-        if not 0.0 < matrix[i, i] < np.inf:
-            return False
-        scale[i] = 1.0 / np.sqrt(matrix[i, i])
-    for i in range(first, last):
-        total = vector[i] * scale[i]
-        for j in range(first, i + 1):
-            element = matrix[i, j] * scale[i] * scale[j]
-            for m in range(first, j):
-                element -= lower[i, m] * lower[j, m]
-            if i == j:
-                if not element > SINGULAR:
-                    return False
-                lower[i, i] = np.sqrt(element)
-            else:
-                lower[i, j] = element / lower[j, j]
-                total -= lower[i, j] * step[j]
-        step[i] = total / lower[i, i]
-    for i in range(last - 1, first - 1, -1):
-        for j in range(i + 1, last):
-            step[i] -= lower[j, i] * step[j]
-        step[i] /= lower[i, i]
-    for i in range(first, last):
-        step[i] *= scale[i]
+@njit(cache=True, error_model='numpy')
+def _best_forces(matrix, vector, theta, inverse):
+    """Forces into theta, and the inverse of their block of the matrix; False if singular."""
+    # Scaled to a unit diagonal: tangential columns are smaller by orders of magnitude.
+    if not (matrix[2, 2] > 0.0 and matrix[3, 3] > 0.0 and matrix[4, 4] > 0.0):
+        return False
+    f = 1.0 / np.sqrt(matrix[2, 2])
+    x = 1.0 / np.sqrt(matrix[3, 3])
+    y = 1.0 / np.sqrt(matrix[4, 4])
+    fx, fy, xy = f * x * matrix[3, 2], f * y * matrix[4, 2], x * y * matrix[4, 3]
+    det = 1.0 + 2.0 * fx * fy * xy - fx * fx - fy * fy - xy * xy
+    if not SINGULAR < det < np.inf:
+        return False
+    ff, xx, yy = f * f * (1.0 - xy * xy) / det, x * x * (1.0 - fy * fy) / det, (
+        y * y * (1.0 - fx * fx) / det)
+    fx, fy, xy = f * x * (fy * xy - fx) / det, f * y * (fx * xy - fy) / det, (
+        x * y * (fx * fy - xy) / det)
+    inverse[0], inverse[1], inverse[2], inverse[3], inverse[4], inverse[5] = (
+        ff, xx, yy, fx, fy, xy)
+    theta[2] = ff * vector[2] + fx * vector[3] + fy * vector[4]
+    theta[3] = fx * vector[2] + xx * vector[3] + xy * vector[4]
+    theta[4] = fy * vector[2] + xy * vector[3] + yy * vector[4]
     return True
 
 
-@njit(cache=True)
-def _normal(columns, rest, n, first, last, matrix, vector):
-    """Normal equations of the columns [first, last)."""
-    for i in range(first, last):
-        for j in range(first, i + 1):
-            matrix[i, j] = matrix[j, i] = _dot(columns[i], columns[j], n)
-        vector[i] = _dot(columns[i], rest, n)
+@njit(cache=True, error_model='numpy')
+def _position_step(matrix, vector, inverse):
+    """Gauss-Newton step of (a, b) with the forces eliminated; infinite if singular."""
+    ff, xx, yy, fx, fy, xy = (
+        inverse[0], inverse[1], inverse[2], inverse[3], inverse[4], inverse[5])
+    fa, xa, ya = matrix[2, 0], matrix[3, 0], matrix[4, 0]
+    fb, xb, yb = matrix[2, 1], matrix[3, 1], matrix[4, 1]
+    f, x, y = ff * fa + fx * xa + fy * ya, fx * fa + xx * xa + xy * ya, (
+        fy * fa + xy * xa + yy * ya)
+    aa = matrix[0, 0] - f * fa - x * xa - y * ya
+    ab = matrix[1, 0] - f * fb - x * xb - y * yb
+    bb = matrix[1, 1] - ff * fb * fb - xx * xb * xb - yy * yb * yb - 2.0 * (
+        fx * fb * xb + fy * fb * yb + xy * xb * yb)
+    det = aa * bb - ab * ab
+    if not (aa > SINGULAR * matrix[0, 0] and bb > SINGULAR * matrix[1, 1]
+            and det > SINGULAR * aa * bb):
+        return np.inf, np.inf
+    return (bb * vector[0] - ab * vector[1]) / det, (aa * vector[1] - ab * vector[0]) / det
 
 
-@njit(cache=True, fastmath=_FAST)
-def _residual(values, columns, theta, n, rest):
+@njit(cache=True, error_model='numpy', fastmath=_FAST)
+def _normal_of_forces(values, by_force, by_qx, by_qy, n, matrix, vector):
+    """Normal equations of the forces alone, lower triangle."""
+    ff = fx = xx = fy = xy = yy = f = x = y = 0.0
     for i in range(n):
-        rest[i] = values[i] - (
-            columns[2, i] * theta[2] + columns[3, i] * theta[3] + columns[4, i] * theta[4])
+        value, jf, jx, jy = values[i], by_force[i], by_qx[i], by_qy[i]
+        ff += jf * jf
+        fx += jf * jx
+        xx += jx * jx
+        fy += jf * jy
+        xy += jx * jy
+        yy += jy * jy
+        f += jf * value
+        x += jx * value
+        y += jy * value
+    matrix[2, 2] = ff
+    matrix[3, 2], matrix[3, 3] = fx, xx
+    matrix[4, 2], matrix[4, 3], matrix[4, 4] = fy, xy, yy
+    vector[2], vector[3], vector[4] = f, x, y
 
 
-@njit(cache=True, fastmath=_FAST)
+@njit(cache=True, error_model='numpy', fastmath=_FAST)
+def _normal_of_position(values, by_a, by_b, by_force, by_qx, by_qy, theta, n, rest,
+                        matrix, vector):
+    """Complete the normal equations with (a, b) at the best forces; residuals into rest."""
+    force, qx, qy = theta[2], theta[3], theta[4]
+    aa = ab = bb = fa = fb = xa = xb = ya = yb = a = b = 0.0
+    for i in range(n):
+        ja, jb, jf, jx, jy = by_a[i], by_b[i], by_force[i], by_qx[i], by_qy[i]
+        error = values[i] - (jf * force + jx * qx + jy * qy)
+        rest[i] = error
+        aa += ja * ja
+        ab += ja * jb
+        bb += jb * jb
+        fa += jf * ja
+        fb += jf * jb
+        xa += jx * ja
+        xb += jx * jb
+        ya += jy * ja
+        yb += jy * jb
+        a += ja * error
+        b += jb * error
+    matrix[0, 0] = aa
+    matrix[1, 0], matrix[1, 1] = ab, bb
+    matrix[2, 0], matrix[2, 1] = fa, fb
+    matrix[3, 0], matrix[3, 1] = xa, xb
+    matrix[4, 0], matrix[4, 1] = ya, yb
+    vector[0], vector[1] = a, b
+
+
+@njit(cache=True, error_model='numpy', fastmath=_FAST)
 def _chi_square(values, rest, n, model_error):
     """Squared error and chi-square with the model-error allowance."""
     squared = chi = 0.0
@@ -306,9 +348,9 @@ def _chi_square(values, rest, n, model_error):
     return squared, chi
 
 
-@njit(cache=True)
+@njit(cache=True, error_model='numpy')
 def _fit(stress, x, y, pitch, layers, component, nodes, window, last, model_error, steps,
-         points, columns, ends, theta, matrix, out):
+         points, columns, ends, vector, inverse, theta, matrix, out):
     """Variable projection, then Gauss-Newton, from the peak; False where it did not work."""
     row, column, v, w = _start(stress, component, layers[:, 1])
     if row < 0:
@@ -319,37 +361,35 @@ def _fit(stress, x, y, pitch, layers, component, nodes, window, last, model_erro
     out[2] = n
     if n <= last:
         return False
-    rest = points[3]
-    values = points[2]
+    values, rest = points[2], points[3]
+    by_a, by_b, by_force, by_qx, by_qy = (
+        columns[0], columns[1], columns[2], columns[3], columns[4])
     bound = STEP_BOUND * layers[:, 0].min()
-    vector = np.zeros(5)
-    step = np.zeros(5)
-    theta[:] = 0.0
     theta[0], theta[1] = start_x, start_y
     for iteration in range(steps + 1):
         # The forces enter linearly: the best ones for each position come from a solve of
         # their own (variable projection), which needs no start and saves a step.
         _evaluate(points, ends, layers, nodes, theta, True, columns)
-        _normal(columns, values, n, 2, last, matrix, vector)
-        if not _solve(matrix, vector, 2, last, theta):
+        if last == 3:  # no shear
+            by_qx[:n] = 0.0
+            by_qy[:n] = 0.0
+        _normal_of_forces(values, by_force, by_qx, by_qy, n, matrix, vector)
+        if last == 3:
+            matrix[3, 3] = matrix[4, 4] = 1.0
+        if not _best_forces(matrix, vector, theta, inverse):
             return False
         _evaluate(points, ends, layers, nodes, theta, False, columns)
-        _residual(values, columns, theta, n, rest)
-        _normal(columns, rest, n, 0, 2, matrix, vector)
-        for i in range(2, last):
-            for j in range(2):
-                matrix[i, j] = matrix[j, i] = _dot(columns[i], columns[j], n)
-            vector[i] = 0.0  # of the best forces
+        _normal_of_position(values, by_a, by_b, by_force, by_qx, by_qy, theta, n, rest,
+                            matrix, vector)
         if iteration == steps:
             break
-        if not _solve(matrix, vector, 0, last, step):
-            return False
-        length = np.hypot(step[0], step[1])
+        step_a, step_b = _position_step(matrix, vector, inverse)
+        length = np.sqrt(step_a * step_a + step_b * step_b)
         if not length < np.inf:
             return False
         shorter = min(1.0, bound / length) if length > 0.0 else 1.0
-        theta[0] += shorter * step[0]
-        theta[1] += shorter * step[1]
+        theta[0] += shorter * step_a
+        theta[1] += shorter * step_b
         out[3] = shorter * length
         out[4] = iteration + 1
     out[0], out[1] = _chi_square(values, rest, n, model_error)
@@ -360,7 +400,7 @@ def _fit(stress, x, y, pitch, layers, component, nodes, window, last, model_erro
     return True
 
 
-@njit(cache=True)
+@njit(cache=True, error_model='numpy')
 def _fit_all(stress, x, y, pitch, layers, component, nodes, window, last, model_error, steps,
              theta, information, out):
     """Fit every frame of stress (N, layers, rows, columns)."""
@@ -370,12 +410,15 @@ def _fit_all(stress, x, y, pitch, layers, component, nodes, window, last, model_
     columns = np.empty((5, most))
     ends = np.zeros(stress.shape[1], dtype=np.int64)
     matrix = np.zeros((5, 5))
+    vector, inverse = np.zeros(5), np.zeros(6)
     for f in range(stress.shape[0]):
         out[f] = 0.0
         out[f, 3] = np.inf
         if _fit(stress[f], x, y, pitch, layers, component, nodes, window, last, model_error,
-                steps, points, columns, ends, theta[f], matrix, out[f]):
-            information[f] = matrix[:last, :last]
+                steps, points, columns, ends, vector, inverse, theta[f], matrix, out[f]):
+            for i in range(last):
+                for j in range(i + 1):
+                    information[f, i, j] = information[f, j, i] = matrix[i, j]
         else:
             theta[f] = np.nan
             information[f] = np.nan
@@ -385,7 +428,7 @@ def _fit_all(stress, x, y, pitch, layers, component, nodes, window, last, model_
 
 @lru_cache(maxsize=64)
 def _layer_arrays(layers):
-    """Depth, noise and lever coefficients of each layer (layers, 5), and its component."""
+    """Depth, noise and lever coefficients (layers, 5), components, mean depth."""
     rows = []
     for layer in layers:
         lever = {'zz': (1.0, 0.0, 0.0), 'xz': (0.0, 1.0 / layer.depth, 0.0),
@@ -394,7 +437,8 @@ def _layer_arrays(layers):
     component = np.array([COMPONENTS.index(layer.component) for layer in layers])
     if not (component == 0).any():
         raise ConfigurationError("layers have no 'zz', must have at least one to start from")
-    return np.array(rows, dtype=np.float64), component
+    table = np.array(rows, dtype=np.float64)
+    return table, component, float(table[:, 0].mean())
 
 
 @lru_cache(maxsize=64)
@@ -412,9 +456,8 @@ def _run(stress, array, layers, shear, window, model_error, steps, tactel_points
         raise ConfigurationError(
             f'stress has the shape {stress.shape[1:]} per frame, must be '
             f'{(len(layers), *array.shape)}')
-    table, component = _layer_arrays(layers)
+    table, component, depth = _layer_arrays(layers)
     if window is None:
-        depth = table[:, 0].mean()
         window = max(WINDOW, WINDOW_DEPTHS * depth / min(array.pitch_x, array.pitch_y))
     if not 1.0 <= window < 1e6:
         raise ConfigurationError(f'window is {window!r}, must be at least 1 [pitches]')
