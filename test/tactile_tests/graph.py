@@ -19,6 +19,7 @@ from tactile_sensing.conversions import pose_from_msg, stamp_to_seconds
 from tactile_sensing.scene import load_scene
 
 DEADLINE = 20.0  # s, of every wait; generous, since a loaded machine is no fault
+OFFER = 'resume with ~/pause false'  # in the reason of a hold that waits for a command
 ROBOT = share('urdf', 'puma260.urdf')
 _DEEP = QoSProfile(depth=1000)
 _SENSOR = QoSProfile(depth=1000, reliability=qos_profile_sensor_data.reliability)
@@ -107,6 +108,9 @@ class Bench:
         node = self.node(name)
         self.graph.nodes.remove(node)
         self.graph.executor.remove_node(node)
+        # Its callbacks that are queued already must not meet a destroyed node.
+        last = self.graph.executor.create_task(lambda: None)
+        self.wait(last.done, 'the end of the queue')
         node.destroy_node()
 
     def wait(self, condition, what, seconds=DEADLINE):
@@ -124,9 +128,24 @@ class Bench:
     def track(self, **goal):
         """Send a goal, wait for its end and return its client."""
         client = self.start_tracking(**goal)
-        self.wait(lambda: client.finished, 'the end of the goal')
+        self.finish(client)
         self.remove('track')
         return client
+
+    def finish(self, client):
+        """
+        Wait for the end of a goal.
+
+        Where the machine stalls for longer than a hold may end by itself, resume.
+        """
+        def offered():
+            return self.listener.state == ServoStatus.HOLD and OFFER in self.listener.reason
+
+        self.wait(lambda: client.finished or offered(), 'the end of the goal', 2 * DEADLINE)
+        while not client.finished:
+            self.pause(False)
+            self.wait(lambda: client.finished or not offered(), 'the end of the hold')
+            self.wait(lambda: client.finished or offered(), 'the end of the goal', 2 * DEADLINE)
 
     def pause(self, paused):
         """Call ~/pause and return the answer."""
