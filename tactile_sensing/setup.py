@@ -25,6 +25,7 @@ setup(
             f'driver = {PACKAGE}.nodes.driver:main',
             f'mock_sensor = {PACKAGE}.nodes.mock_sensor:main',
             f'contact_estimator = {PACKAGE}.nodes.contact_estimator:main',
+            f'estimate = {PACKAGE}.estimate:main',
         ],
     },
 )

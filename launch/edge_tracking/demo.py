@@ -22,7 +22,6 @@ from trajectory_msgs.msg import JointTrajectory
 
 from edge_tracking.bag import RecorderNode
 from edge_tracking.composed import add_mocks, add_stack, Graph, private_port
-from edge_tracking.progress import Progress
 from edge_tracking.report import make_recording_report, make_report, picture
 from edge_tracking.resources import find_scene, scene_names, share
 from edge_tracking.run_data import read_run
@@ -35,6 +34,7 @@ from tactile_sensing.nodes.contact_estimator import ContactEstimatorNode
 from tactile_sensing.nodes.driver import DriverNode
 from tactile_sensing.nodes.mock_sensor import MockSensorNode
 from tactile_sensing.nodes.runner import stop_on_signals
+from tactile_sensing.progress import Progress
 from tactile_sensing.recording import load_recording
 from tactile_sensing.scene import load_scene
 from tactile_servo.servo_types import State

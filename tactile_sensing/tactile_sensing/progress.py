@@ -15,10 +15,13 @@ class Progress:
     ----------
     stream : file
         Where to, usually sys.stderr.
+    delay : float, optional
+        Nothing is shown of what takes less than this [s].
     """
 
-    def __init__(self, stream):
+    def __init__(self, stream, delay=0.0):
         self._stream = stream
+        self._begin = time.monotonic() + delay
         self._terminal = stream.isatty()
         self._shown = -float('inf')
         self._drawn = False
@@ -33,7 +36,7 @@ class Progress:
     def show(self, fraction, state, text):
         """Show the fraction done (0 to 1), the state and a text."""
         now = time.monotonic()
-        if now - self._shown < (_PERIOD if self._terminal else _QUIET_PERIOD):
+        if now < self._begin or now - self._shown < (_PERIOD if self._terminal else _QUIET_PERIOD):
             return
         self._shown, self._drawn = now, True
         done = round(_WIDTH * fraction)

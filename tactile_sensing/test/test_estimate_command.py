@@ -1,0 +1,333 @@
+"""Command `estimate`: what it writes, every way to get it wrong, and flat memory."""
+import re
+import tracemalloc
+import zipfile
+
+from hypothesis import given, HealthCheck, settings
+from hypothesis import strategies as st
+from hypothesis.extra import numpy as npst
+import numpy as np
+import pytest
+
+from tactile_sensing import estimate, line
+from tactile_sensing.array import TactelArray
+from tactile_sensing.contact import Contact, ContactType, Reason
+from tactile_sensing.estimator import ContactEstimator
+
+ROWS, COLUMNS, PITCH, DEPTH, FORCE = 12, 14, 0.001, 0.002, 200.0
+ARRAY = TactelArray(ROWS, COLUMNS, PITCH, PITCH)
+NOISE = 0.01 * line.peak_pressure(FORCE, DEPTH)
+OPTIONS = ['--pitch', '0.001', '--layers', 'zz@0.002']
+
+
+def edges(count, seed=1):
+    """Edges across the pad, shape (count, rows, columns), and where they lie [m]."""
+    rng = np.random.default_rng(seed)
+    a = rng.uniform(-4e-3, 4e-3, count)
+    frames = np.array([line.pressure(
+        ARRAY.x[None, :], ARRAY.y[:, None], rho, 0.0, FORCE, DEPTH) for rho in a])
+    return (frames + rng.normal(0.0, NOISE, frames.shape)).astype(np.float32), a
+
+
+@pytest.fixture
+def there(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+def run(*options, out='out.npz', args=OPTIONS, **arrays):
+    """Run the command on a file of arrays; returns the exit status."""
+    np.savez('in.npz', **arrays)
+    return estimate.main(['in.npz', *args, '-o', out, *options])
+
+
+def result(name='out.npz'):
+    with np.load(name) as archive:
+        return {key: archive[key] for key in archive.files}
+
+
+def message(capsys):
+    """Return the only line on standard error; standard output is empty."""
+    out, err = capsys.readouterr()
+    assert out == '' and err.count('\n') == 1 and err.startswith('estimate: ')
+    return err
+
+
+def test_edges_and_empty_frames(there, capsys):
+    frames, a = edges(20)
+    frames[7] = np.random.default_rng(2).normal(0.0, NOISE, frames[7].shape)
+    assert run('--noise', f'{NOISE}', frames=frames) == 0
+    found = result()
+    assert list(found) == list(estimate.OUTPUT)
+    assert all(len(found[name]) == 20 for name in found)
+    assert found['covariance'].shape == (20, 7, 7)
+    line_frames = np.arange(20) != 7
+    np.testing.assert_array_equal(found['valid'], line_frames)
+    np.testing.assert_array_equal(found['type'], 2 * line_frames)
+    np.testing.assert_allclose(found['a'][line_frames], a[line_frames], atol=3e-5)
+    np.testing.assert_allclose(found['line_force'][line_frames], FORCE, rtol=0.02)
+    np.testing.assert_allclose(found['P'][line_frames], FORCE * ROWS * PITCH, rtol=0.02)
+    assert found['flags'][7] == Reason.NO_CONTACT and not found['flags'][line_frames].any()
+    assert np.isfinite(found['covariance'][line_frames][:, [0, 2, 3, 6], [0, 2, 3, 6]]).all()
+    for name, values in found.items():
+        if values.dtype.kind == 'f':
+            assert np.isnan(values[7]).all(), name
+    text = message(capsys)
+    assert '20 frames' in text and 'frames/s' in text
+    assert '1 none, 19 line; 1 not valid: 1 no_contact' in text
+
+
+def test_same_as_the_estimator(there):
+    frames, _ = edges(5)
+    assert run(frames=frames) == 0
+    sensor = estimate.Sensor(ARRAY, (('zz', DEPTH),), np.zeros(ARRAY.shape, bool))
+    estimator = ContactEstimator()
+    for number, image in enumerate(sensor.images(frames)):
+        contact = estimator.estimate(image)
+        for name, (_, value, *_) in estimate.OUTPUT.items():
+            np.testing.assert_array_equal(result()[name][number], getattr(contact, value))
+
+
+@pytest.mark.parametrize('save', [np.savez, np.savez_compressed])
+@pytest.mark.parametrize('order', ['C', 'F'])
+def test_chunks_equal_one_go(there, monkeypatch, save, order):
+    frames, _ = edges(23)
+    assert run(frames=frames, out='whole.npz') == 0
+    save('in.npz', other=np.ones(3), frames=np.asarray(frames, order=order))
+    monkeypatch.setattr(estimate, 'CHUNK_BYTES', 5 * frames[0].nbytes)
+    assert estimate.main(['in.npz', *OPTIONS, '-o', 'chunks.npz']) == 0
+    whole, chunks = result('whole.npz'), result('chunks.npz')
+    for name in whole:
+        assert whole[name].dtype == chunks[name].dtype
+        np.testing.assert_array_equal(whole[name], chunks[name])
+
+
+def test_csv_equals_npz(there, monkeypatch):
+    frames, _ = edges(11)
+    frames[3] = 0.0
+    monkeypatch.setattr(estimate, 'CHUNK_BYTES', 4 * frames[0].nbytes)
+    assert run(frames=frames) == 0 and run(frames=frames, out='out.csv') == 0
+    table = np.genfromtxt('out.csv', delimiter=',', names=True)
+    np.testing.assert_array_equal(table['frame'], np.arange(11))
+    for name, values in result().items():
+        if name == 'covariance':
+            for row in range(7):
+                for column in range(row, 7):
+                    np.testing.assert_array_equal(
+                        table[f'covariance_{row}_{column}'], values[:, row, column])
+        else:
+            np.testing.assert_array_equal(table[name], values)
+
+
+def test_layers_dead_and_saturated_tactels(there):
+    frames, a = edges(6)
+    frames[:, 3, 4] = 1e7
+    layers = np.stack([frames, 0.0 * frames], axis=1)
+    args = ['--pitch', '0.001', '0.001', '--layers', 'zz@0.002,zz@0.004']
+    assert run('--dead', '3,4;0,0', frames=layers, args=args) == 0
+    found = result()
+    assert found['valid'].all() and (found['flags'] == Reason.DEAD_TACTELS).all()
+    np.testing.assert_allclose(found['a'], a, atol=3e-5)
+    assert run('--full-scale', '1e6', frames=frames) == 0
+    found = result()
+    assert found['valid'].all() and (found['flags'] == Reason.SATURATED).all()
+    np.testing.assert_allclose(found['a'], a, atol=3e-5)
+
+
+def test_shear_saturates_on_both_sides():
+    sensor = estimate.Sensor(
+        ARRAY, (('zz', DEPTH), ('xz', DEPTH)), np.zeros(ARRAY.shape, bool), full_scale=100.0)
+    frames = np.zeros((1, 2, ROWS, COLUMNS))
+    frames[0, :, 1, 1], frames[0, :, 2, 2], frames[0, :, 3, 3] = -150.0, 150.0, 99.0
+    image, = sensor.images(frames)
+    assert image.saturated == 3 and image.tared
+    pressure, shear = (np.isnan(layer.stress) for layer in image.layers)
+    assert pressure.sum() == 1 and pressure[2, 2]
+    assert shear.sum() == 2 and shear[1, 1] and shear[2, 2]
+
+
+def test_input_behind_the_pitch(there):
+    np.savez('in.npz', frames=edges(1)[0])
+    assert estimate.main([*OPTIONS[2:], '-o', 'out.npz', *OPTIONS[:2], 'in.npz']) == 0
+
+
+FRAMES = np.zeros((2, 8, 8))
+WORDS = {
+    'no frames': ({'other': FRAMES}, [], "array 'frames' is missing, there are ['other']"),
+    'one frame': ({'frames': FRAMES[0]}, [], 'frames has shape (8, 8), must be'),
+    'number': ({'frames': 3.0}, [], 'frames has shape ()'),
+    'five axes': ({'frames': FRAMES[None, None]}, [], 'frames has shape (1, 1, 2, 8, 8)'),
+    'empty': ({'frames': FRAMES[:0]}, [], 'frames has shape (0, 8, 8)'),
+    'no rows': ({'frames': FRAMES[:, :0]}, [], 'none of them 0'),
+    'complex': ({'frames': FRAMES + 0j}, [], 'is of type complex128, must be of real numbers'),
+    'bool': ({'frames': FRAMES > 0}, [], 'is of type bool'),
+    'text': ({'frames': FRAMES.astype('U4')}, [], 'is of type <U4'),
+    'objects': ({'frames': FRAMES.astype(object)}, [], 'is of type object'),
+    'fields': ({'frames': np.zeros((2, 8, 8), [('x', float)])}, [], 'must be of real numbers'),
+    'one layer more': ({'frames': FRAMES}, ['--layers', 'zz@0.002,zz@0.004'], '--layers names 2'),
+    'one layer less': ({'frames': FRAMES[:, None].repeat(2, 1)}, [], '--layers names 1'),
+    'pitch 0': ({'frames': FRAMES}, ['--pitch', '0'], "--pitch is '0', must be a number"),
+    'pitch < 0': ({'frames': FRAMES}, ['--pitch', '1e-3', '-.001'], "--pitch is '-.001'"),
+    'pitch in mm': ({'frames': FRAMES}, ['--pitch', '1'], 'below 0.1 m'),
+    'pitch nan': ({'frames': FRAMES}, ['--pitch', 'nan'], "--pitch is 'nan'"),
+    'pitch text': ({'frames': FRAMES}, ['--pitch', 'mm'], "--pitch is 'mm'"),
+    'three pitches': ({'frames': FRAMES}, ['--pitch', '1', '2', '3'], 'one length or two, not 3'),
+    'depth 0': ({'frames': FRAMES}, ['--layers', 'zz@0'], "depth of zz is '0'"),
+    'depth inf': ({'frames': FRAMES}, ['--layers', 'zz@inf'], "depth of zz is 'inf'"),
+    'depth missing': ({'frames': FRAMES}, ['--layers', 'zz'], "depth of zz is ''"),
+    'component': ({'frames': FRAMES}, ['--layers', 'zx@0.002'], "component 'zx' is not one of"),
+    'no layer': ({'frames': FRAMES}, ['--layers', ''], "component '' is not one of"),
+    'only shear': ({'frames': FRAMES}, ['--layers', 'xz@0.002'], 'no layer of pressure'),
+    'dead outside': ({'frames': FRAMES}, ['--dead', '1,1;2,8'], 'row 2, column 8 is outside'),
+    'dead < 0': ({'frames': FRAMES}, ['--dead=-1,0'], 'row -1, column 0 is outside'),
+    'dead text': ({'frames': FRAMES}, ['--dead', '1'], "'1' is not R,C"),
+    'method': ({'frames': FRAMES}, ['--method', 'guess'], "'guess' is not one of"),
+    'model': ({'frames': FRAMES}, ['--model', 'sphere'], 'sphere'),
+    'tactel': ({'frames': FRAMES}, ['--tactel', 'round'], 'round'),
+    'noise': ({'frames': FRAMES}, ['--noise', '-1'], "--noise is '-1'"),
+    'full scale': ({'frames': FRAMES}, ['--full-scale', 'all'], "--full-scale is 'all'"),
+    'unknown option': ({'frames': FRAMES}, ['--colour'], '--colour'),
+    'suffix': ({'frames': FRAMES}, ['-o', 'out.txt'], 'out.txt: must end in .npz or .csv'),
+    'no suffix': ({'frames': FRAMES}, ['-o', '-'], 'must end in .npz or .csv'),
+    'folder': ({'frames': FRAMES}, ['-o', 'gone/out.npz'], 'folder gone: No such file'),
+    'onto the input': ({'frames': FRAMES}, ['-o', 'in.npz'], 'in.npz: is the input as well'),
+    'onto a folder': ({'frames': FRAMES}, ['-o', 'folder.npz'], 'folder.npz: is a folder'),
+}
+
+
+@pytest.mark.parametrize('arrays, options, words', WORDS.values(), ids=WORDS)
+def test_mistakes_cost_one_line(there, capsys, arrays, options, words):
+    (there / 'folder.npz').mkdir()
+    (there / 'out.npz').write_text('old')
+    assert run(*options, **arrays) == 1
+    assert words in message(capsys)
+    assert sorted(path.name for path in there.iterdir()) == ['folder.npz', 'in.npz', 'out.npz']
+    assert (there / 'out.npz').read_text() == 'old'
+
+
+@pytest.mark.parametrize('args, words', [
+    ([], 'required: --pitch, --layers, -o'),
+    ([*OPTIONS, '-o', 'out.npz'], 'FRAMES.npz is missing'),
+    (['gone.npz', *OPTIONS, '-o', 'out.npz'], 'gone.npz: cannot be read: No such file'),
+    (['.', *OPTIONS, '-o', 'out.npz'], 'cannot be read'),
+])
+def test_missing_input(there, capsys, args, words):
+    assert estimate.main(args) == 1
+    assert words in message(capsys)
+    assert not list(there.iterdir())
+
+
+@pytest.mark.parametrize('save', [np.savez, np.savez_compressed])
+def test_damaged_archives(there, capsys, save):
+    path = there / 'in.npz'
+    save(path, frames=edges(50)[0])
+    whole = path.read_bytes()
+    header = whole.index(b'NUMPY') if save is np.savez else 60
+    half = len(whole) // 2
+    for content in (b'', b'words', whole[:half], whole[:half] + b'?' * 40 + whole[half + 40:],
+                    whole[:header] + b'?' * 60 + whole[header + 60:]):
+        path.write_bytes(content)
+        assert estimate.main([str(path), *OPTIONS, '-o', 'out.npz']) == 1
+        assert 'damaged' in message(capsys)
+        assert [file.name for file in there.iterdir()] == ['in.npz']
+
+
+def test_header_that_promises_more_than_there_is(there, capsys):
+    np.save('frames.npy', FRAMES)
+    text = (there / 'frames.npy').read_bytes().replace(
+        b'(2, 8, 8), }   ', b'(2000, 8, 8), }')
+    with zipfile.ZipFile('in.npz', 'w') as archive:
+        archive.writestr('frames.npy', text)
+    assert estimate.main(['in.npz', *OPTIONS, '-o', 'out.npz']) == 1
+    assert 'frames is damaged' in message(capsys)
+    assert not (there / 'out.npz').exists()
+
+
+def test_interrupt_leaves_nothing(there, capsys, monkeypatch):
+    def interrupt(*_):
+        raise KeyboardInterrupt
+    monkeypatch.setattr(ContactEstimator, 'estimate', interrupt)
+    assert run(frames=FRAMES) == 1
+    assert 'interrupted' in message(capsys)
+    assert [path.name for path in there.iterdir()] == ['in.npz']
+
+
+VALUES = st.one_of(st.floats(width=32), st.sampled_from(
+    [0.0, 1.0, -1.0, 6e4, 1e30, -1e30, 1e38, np.nan, np.inf, -np.inf]))
+
+
+@settings(max_examples=100, deadline=None, derandomize=True,
+          suppress_health_check=[HealthCheck.function_scoped_fixture, HealthCheck.too_slow])
+@given(npst.arrays(
+    st.one_of(npst.floating_dtypes(sizes=(16, 32, 64)), npst.integer_dtypes(),
+              npst.boolean_dtypes(), npst.complex_number_dtypes()),
+    npst.array_shapes(min_dims=0, max_dims=5, min_side=0, max_side=6), fill=st.just(0)))
+def test_any_array_gives_a_result_or_one_line(there, capsys, frames):
+    check_garbage(frames, capsys)
+
+
+@settings(max_examples=100, deadline=None, derandomize=True,
+          suppress_health_check=[HealthCheck.function_scoped_fixture, HealthCheck.too_slow])
+@given(npst.arrays(np.float32, (3, 8, 8), elements=VALUES))
+def test_any_values_give_no_valid_nan(there, capsys, frames):
+    check_garbage(frames, capsys)
+
+
+def check_garbage(frames, capsys):
+    status = run(frames=frames)
+    message(capsys)
+    good = frames.dtype.kind in 'uif' and 0 not in frames.shape and (
+        frames.ndim == 3 or frames.ndim == 4 and frames.shape[1] == 1)
+    assert status == (0 if good else 1)
+    if good:
+        found = result()
+        assert len(found['valid']) == len(frames)
+        for name in ('a', 'P', 'snr'):
+            np.testing.assert_array_equal(np.isfinite(found[name]), found['valid'])
+
+
+@pytest.mark.parametrize('save', [np.savez, np.savez_compressed])
+@pytest.mark.parametrize('out', ['out.npz', 'out.csv'])
+def test_memory_is_flat(there, monkeypatch, save, out):
+    contact = Contact(ContactType.NONE, False, Reason.NO_CONTACT, 'fit')
+    monkeypatch.setattr(ContactEstimator, 'estimate', lambda *_: contact)
+    peaks = {}
+    for count in (2_000, 2_000, 20_000):  # the first is to warm up
+        save('in.npz', frames=np.zeros((count, 16, 16), np.float32))
+        tracemalloc.start()
+        assert estimate.main(['in.npz', *OPTIONS, '-o', out]) == 0
+        peaks[count] = tracemalloc.get_traced_memory()[1]
+        tracemalloc.stop()
+    assert peaks[20_000] < 1.1 * peaks[2_000]
+    assert peaks[20_000] < 10e6  # of 20 MB
+
+
+def test_progress_only_where_it_takes_long(there, capsys, monkeypatch):
+    frames, _ = edges(3)
+    assert run(frames=frames) == 0
+    message(capsys)
+    monkeypatch.setattr(estimate, 'QUIET', 0.0)
+    assert run(frames=frames) == 0
+    assert '1 of 3 frames' in capsys.readouterr().err
+
+
+def test_help_names_everything(capsys):
+    with pytest.raises(SystemExit) as end:
+        estimate.main(['--help'])
+    assert end.value.code == 0
+    text = capsys.readouterr().out
+    types = [kind.name.lower() for kind in ContactType]
+    for name in ('frames', *estimate.OUTPUT, *Reason.__members__, *types):
+        assert re.search(rf'\b{name}\b', text), name
+    assert set(estimate.FLAGS) == set(Reason) and set(estimate.TYPES) == set(ContactType)
+    assert max(map(len, text.splitlines())) < 110
+
+
+def test_example_of_the_help_works(there):
+    code = estimate.EXAMPLE.split('"')[1]
+    exec('\n'.join(row[2:] for row in code.splitlines()), {})
+    options = re.search(r'estimate (frames.npz .*)', estimate.EXAMPLE)[1]
+    assert estimate.main(options.split()) == 0
+    found = result('contacts.npz')
+    assert (found['type'] == ContactType.LINE).all()
+    assert found['a'].mean() == pytest.approx(1e-3, abs=1e-5)
