@@ -1,4 +1,5 @@
 """Command `estimate`: what it writes, every way to get it wrong, and flat memory."""
+from dataclasses import dataclass
 import re
 import tracemalloc
 import zipfile
@@ -12,6 +13,7 @@ import pytest
 from tactile_sensing import estimate, line
 from tactile_sensing.array import TactelArray
 from tactile_sensing.contact import Contact, ContactType, Reason
+from tactile_sensing.errors import ConfigurationError
 from tactile_sensing.estimator import ContactEstimator
 
 ROWS, COLUMNS, PITCH, DEPTH, FORCE = 12, 14, 0.001, 0.002, 200.0
@@ -149,6 +151,30 @@ def test_shear_saturates_on_both_sides():
 def test_input_behind_the_pitch(there):
     np.savez('in.npz', frames=edges(1)[0])
     assert estimate.main([*OPTIONS[2:], '-o', 'out.npz', *OPTIONS[:2], 'in.npz']) == 0
+
+
+@dataclass(frozen=True)
+class Less:
+    method: str = 'fit'
+
+
+@dataclass(frozen=True)
+class More(Less):
+    model: str = 'auto'
+    tactel: str = 'point'
+
+
+def test_options_go_to_an_estimator_that_knows_them(monkeypatch):
+    def config(kind, *options):
+        monkeypatch.setattr(estimate, 'EstimatorConfig', kind)
+        return estimate.make_config(estimate.parse(['in.npz', *OPTIONS, '-o', 'o', *options]))
+
+    assert config(More) == More()
+    assert config(More, '--model', 'line', '--tactel', 'area') == More('fit', 'line', 'area')
+    assert config(Less, '--method', 'moments', '--model', 'auto') == Less('moments')
+    for options in (['--model', 'line'], ['--tactel', 'area']):
+        with pytest.raises(ConfigurationError, match=f'{" ".join(options)}: the estimator knows'):
+            config(Less, *options)
 
 
 FRAMES = np.zeros((2, 8, 8))
