@@ -105,7 +105,8 @@ def nodes(context):
     if mock_robot:
         actions.append(node('tactile_servo', 'mock_robot', '/', scene=scene, **robot))
     if start:
-        track = node('edge_tracking', 'track', **{
+        # The nodes start along with it, and their first start ever compiles their kernels.
+        track = node('edge_tracking', 'track', wait=60.0, **{
             name: number(name, value[name]) for name in ('speed', 'force', 'length')})
         actions.append(track)
         if on['shutdown']:

@@ -12,7 +12,7 @@ from launch.launch_description_sources import PythonLaunchDescriptionSource
 
 LAUNCH_FILE = Path(
     get_package_share_directory('edge_tracking'), 'launch', 'edge_tracking.launch.py')
-DEADLINE = 60.0  # s, of a launch: several processes start on a loaded machine
+DEADLINE = 90.0  # s, of a launch: several processes start on a loaded machine
 
 
 def edge_tracking(**arguments):
