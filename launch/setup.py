@@ -17,6 +17,7 @@ setup(
           for folder in FOLDERS if (files := glob(f'{folder}/*.*'))),
     ],
     install_requires=['setuptools'],
+    extras_require={'test': ['pytest']},
     zip_safe=True,
     maintainer='Tactile stack maintainers',
     maintainer_email='maintainers@tactile.invalid',

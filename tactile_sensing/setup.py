@@ -15,6 +15,7 @@ setup(
         (f'share/{PACKAGE}/config', glob('config/*.yaml')),
     ],
     install_requires=['setuptools'],
+    extras_require={'test': ['pytest']},
     zip_safe=True,
     maintainer='Tactile stack maintainers',
     maintainer_email='maintainers@tactile.invalid',

@@ -58,9 +58,9 @@ class Graph:
         return self
 
     def __exit__(self, *_):
+        self.executor.shutdown()  # first: nothing may be delivered to a node that is gone
         for node in reversed(self.nodes):
             node.destroy_node()
-        self.executor.shutdown()
         self.context.try_shutdown()
 
     def add(self, node_class, *, namespace=None, own=(), **parameters):

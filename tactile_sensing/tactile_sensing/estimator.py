@@ -1,23 +1,25 @@
 """Contact estimation: the least model that explains a tactile image, or an honest refusal."""
 
 from dataclasses import dataclass, field, replace
-import math
 
 import numpy as np
 
 from tactile_sensing.array import TactelArray
-from tactile_sensing.contact import Contact, ContactType, no_covariance, Reason
+from tactile_sensing.contact import Contact, ContactType, Reason
 from tactile_sensing.errors import ConfigurationError
-from tactile_sensing.line import chord_length, peak_pressure
+from tactile_sensing.frame import Frame
+from tactile_sensing.line_contact import fitted_line, line_by_moments
 from tactile_sensing.line_fit import fit_line
-from tactile_sensing.moments import image_moments, line_from_moments, Moments
+from tactile_sensing.moments import image_moments
+from tactile_sensing.point_contact import DETECTION, fitted_point
+from tactile_sensing.point_fit import fit_point, Layer
 
 METHODS = ('fit', 'moments')
+MODELS = ('auto', 'point', 'line')
 MIN_TACTELS = 24  # eight for each parameter of a line
-DETECTION = 5.0  # standard deviations of one tactel, or of the sum of all, that make a contact
-MOMENTS_THRESHOLD = 4.0  # standard deviations; the thesis' threshold (3.5)
-MIN_ELONGATION = 3.0  # of second moments; less is no edge, whatever the closed form says
-LAST_STEP = 0.05  # fraction of the depth; the error left by a Gauss-Newton step is its square
+LINE_LENGTH = 1.0  # standard deviation along the ridge [depths] that makes a line the first guess
+CONTRADICTION = 1.5  # dB above min_snr that a second model needs to overrule a weak first
+FORCE_MISMATCH = 0.1  # relative difference of the two force estimates that is told
 
 
 @dataclass(frozen=True)
@@ -27,6 +29,8 @@ class EstimatorConfig:
     method: str = field(default='fit', metadata={
         'doc': "'fit' (least squares, at the noise limit) or 'moments' (closed form of the "
                'thesis)'})
+    model: str = field(default='auto', metadata={
+        'doc': "'auto' (the least model that explains the image), 'point' or 'line' alone"})
     noise_std: float = field(default=0.0, metadata={
         'doc': 'standard deviation of one tactel; 0 = as the image says, or as its finest '
                'detail shows', 'unit': 'Pa', 'range': (0.0, 1e9)})
@@ -43,6 +47,8 @@ class EstimatorConfig:
     def __post_init__(self):
         if self.method not in METHODS:
             raise ConfigurationError(f'method: {self.method!r} is not one of {METHODS}')
+        if self.model not in MODELS:
+            raise ConfigurationError(f'model: {self.model!r} is not one of {MODELS}')
         for name, low, high in (('noise_std', 0.0, 1e9), ('min_snr', 0.0, 100.0),
                                 ('model_error', 0.0, 1.0), ('max_chi_square', 1.0, 1e6)):
             value = getattr(self, name)
@@ -77,12 +83,15 @@ class ContactEstimator:
 
     def __init__(self, config=None):
         self.config = config or EstimatorConfig()
-        # Loads or compiles the kernel now, not under the first picture.
-        fit_line(np.zeros((8, 8)), TactelArray(8, 8, 1e-3, 1e-3), 1e-3, 1.0)
+        # Loads or compiles the kernels now, not under the first picture.
+        array = TactelArray(8, 8, 1e-3, 1e-3)
+        fit_line(np.zeros(array.shape), array, 1e-3, 1.0)
+        for shear in (False, True):
+            fit_point(np.zeros((1, *array.shape)), array, (Layer('zz', 1e-3, 1.0),), shear=shear)
 
     def estimate(self, image):
         """
-        Estimate the contact of one image from its first normal-stress layer.
+        Estimate the contact of one image.
 
         Parameters
         ----------
@@ -93,113 +102,92 @@ class ContactEstimator:
         Contact
             Always: what cannot be estimated is not valid, with its reasons.
         """
-        layer = next((layer for layer in image.layers if layer.component == 'zz'), None)
-        if layer is None or layer.stress.shape != image.array.shape or not layer.depth > 0.0:
-            return self.refuse_malformed()
-        finite = np.isfinite(layer.stress)
-        pressure = np.where(finite, layer.stress, np.nan).astype(np.float64)
-        live = int(np.count_nonzero(finite))
+        frame, refusal = self._condition(image)
+        if refusal is not None:
+            return refusal
+        if self.config.method == 'moments':
+            return line_by_moments(frame, self.config)
+        verdict = None
+        for explain in self._candidates(frame):
+            contact = explain(frame, self.config)
+            unclear = contact.reasons & (Reason.BAD_FIT | Reason.LOW_SNR)
+            if verdict is None or Reason.LOW_SNR not in verdict.reasons:
+                verdict = contact
+            elif unclear and contact.snr >= self.config.min_snr + CONTRADICTION:
+                # Where the likelier model is too weak, the other may contradict it, if it is
+                # strong enough to, but not convince.
+                verdict = replace(contact, reasons=contact.reasons | Reason.LOW_SNR)
+            if not unclear:
+                break
+        return self._compare_forces(verdict)
+
+    def refuse_malformed(self):
+        """Return what is said of a picture that could not even be read."""
+        return Contact(ContactType.NONE, False, Reason.BAD_IMAGE, self.config.method)
+
+    def _condition(self, image):
+        """Return a frame and None, or None and why there is nothing to explain."""
+        method = self.config.method
+        main = next((layer for layer in image.layers if layer.component == 'zz'), None)
+        if main is None or any(layer.stress.shape != image.array.shape or not layer.depth > 0.0
+                               for layer in image.layers):
+            return None, self.refuse_malformed()
+        stress = np.array([layer.stress for layer in image.layers], dtype=np.float64)
+        stress[~np.isfinite(stress)] = np.nan
+        pressure = stress[image.layers.index(main)]
+        live = int(np.count_nonzero(np.isfinite(pressure)))
         left_out = Reason(0) if image.tared else Reason.NOT_TARED
         if live < pressure.size:
             left_out |= Reason.SATURATED if image.saturated else Reason(0)
             left_out |= Reason.DEAD_TACTELS if pressure.size - live > image.saturated else 0
         if live < MIN_TACTELS:
-            return self._refuse(ContactType.NONE, Reason.FEW_TACTELS | left_out)
-
+            return None, Contact(
+                ContactType.NONE, False, Reason.FEW_TACTELS | left_out, method)
         moments = image_moments(pressure, image.array)
         if not np.isfinite(moments.mxx + moments.myy):
-            return self.refuse_malformed()
-        if layer.unit != 'Pa':  # no force can be told, so nothing is called a contact estimate
+            return None, self.refuse_malformed()
+        noises = [self._noise(layer, values)
+                  for layer, values in zip(image.layers, stress, strict=True)]
+        noise = noises[image.layers.index(main)]
+        layers = tuple(Layer(layer.component, layer.depth, std)
+                       for layer, std in zip(image.layers, noises, strict=True))
+        frame = Frame(pressure, stress, layers, image.array, main.depth, noise, moments,
+                      left_out)
+        if main.unit != 'Pa':  # no force can be told, so nothing is called a contact estimate
             kind = ContactType.OTHER if moments.m0 > 0.0 else ContactType.NONE
-            return self._refuse(kind, Reason.BAD_IMAGE | left_out, moments)
-        noise = self._noise(layer, pressure)
+            return None, frame.refuse(method, kind, Reason.BAD_IMAGE)
         peak, total = np.nanmax(pressure), np.nansum(pressure)
         if peak < DETECTION * noise and total < DETECTION * noise * np.sqrt(live):
             if image.saturated:  # the loaded tactels are the ones that are missing
-                return self._refuse(ContactType.OTHER, Reason.BAD_FIT | left_out, moments)
-            return self._refuse(ContactType.NONE, Reason.NO_CONTACT | left_out, moments)
-        explain = self._fit if self.config.method == 'fit' else self._closed_form
-        return explain(pressure, image.array, layer, noise, moments, left_out)
+                return None, frame.refuse(method, ContactType.OTHER, Reason.BAD_FIT)
+            return None, frame.refuse(method, ContactType.NONE, Reason.NO_CONTACT)
+        return frame, None
 
-    def refuse_malformed(self):
-        """Return what is said of a picture that could not even be read."""
-        return self._refuse(ContactType.NONE, Reason.BAD_IMAGE)
+    def _noise(self, layer, stress):
+        noise = self.config.noise_std or layer.noise_std or noise_from_image(stress)
+        largest = np.abs(stress[np.isfinite(stress)]).max(initial=0.0)
+        # Of a noise-free picture, too, the noise is not zero.
+        floor = max(1e-6 * float(largest), np.finfo(np.float32).tiny)
+        return max(float(noise), floor) if np.isfinite(noise) else floor
 
-    def _noise(self, layer, pressure):
-        noise = self.config.noise_std or layer.noise_std or noise_from_image(pressure)
-        floor = 1e-6 * np.nanmax(np.abs(pressure))  # a noise-free picture
-        return max(noise, floor, np.finfo(float).tiny) if np.isfinite(noise) else floor
+    def _candidates(self, frame):
+        """Models to try, the likelier first: how far the tactels above half the peak spread."""
+        if self.config.model != 'auto':
+            return [{'point': fitted_point, 'line': fitted_line}[self.config.model]]
+        level = 0.5 * np.nanmax(frame.pressure)
+        ridge = image_moments(frame.pressure, frame.array, threshold=level)
+        along = ridge.elongation() if ridge.m0 > 0.0 else np.nan
+        x, y = ridge.centre_of_pressure
+        spread = (ridge.mxx + ridge.myy) / ridge.m0 - x**2 - y**2 if ridge.m0 > 0.0 else 0.0
+        is_long = spread > (LINE_LENGTH * frame.depth)**2 and not along < 2.0
+        return [fitted_line, fitted_point] if is_long else [fitted_point, fitted_line]
 
-    def _refuse(self, kind, reasons, moments=None, **known):
-        none = Moments(*[np.nan] * 6)
-        return Contact(kind, False, Reason(reasons), self.config.method,
-                       moments=moments or none, **known)
-
-    def _fit(self, pressure, array, layer, noise, moments, left_out):
-        depth = layer.depth
-        fit = fit_line(pressure, array, depth, noise, model_error=self.config.model_error)
-        finite = np.isfinite([fit.rho, fit.yaw, fit.line_force, fit.squared_error]).all()
-        if not finite or fit.line_force <= 0.0:
-            return self._refuse(ContactType.OTHER, Reason.BAD_FIT | left_out, moments)
-        freedom = fit.used - 3
-        evidence = {
-            'snr': 20.0 * np.log10(peak_pressure(fit.line_force, depth) / noise),
-            'residual': float(np.sqrt(fit.squared_error / freedom) / noise),
-            'iterations': 3}
-        if evidence['snr'] < self.config.min_snr:
-            return self._refuse(ContactType.NONE, Reason.LOW_SNR | left_out, moments, **evidence)
-        if fit.chi_square > self.config.max_chi_square * freedom:
-            return self._refuse(ContactType.OTHER, Reason.BAD_FIT | left_out, moments, **evidence)
-        cos, sin = math.cos(fit.yaw), math.sin(fit.yaw)
-        if fit.last_step > LAST_STEP * depth:
-            off_pad = Reason.OFF_PAD if abs(fit.rho) > array.half_width_x * cos else Reason(0)
-            return self._refuse(ContactType.LINE, Reason.NOT_CONVERGED | off_pad | left_out,
-                                moments, **evidence)
-        line = Contact(
-            ContactType.LINE, True, left_out, self.config.method, 'line/zz',
-            a=fit.rho / cos, b=0.0, yaw=fit.yaw, line_force=fit.line_force,
-            moments=moments, **evidence)
-        # (rho, yaw, force) -> (a, yaw, line_force); more noise than expected widens it.
-        change = np.array([[1.0 / cos, fit.rho * sin / cos**2, 0.0], [0, 1, 0], [0, 0, 1]])
-        spread = noise**2 * max(1.0, evidence['residual']**2)
-        return self._on_pad(line, array, spread * change @ np.linalg.inv(
-            fit.information) @ change.T, left_out)
-
-    def _closed_form(self, pressure, array, layer, noise, moments, left_out):
-        cleaned = image_moments(pressure, array, threshold=MOMENTS_THRESHOLD * noise)
-        if not cleaned.m0 > 0.0:
-            return self._refuse(ContactType.NONE, Reason.LOW_SNR | left_out, moments)
-        if not cleaned.elongation() >= MIN_ELONGATION:
-            return self._refuse(ContactType.OTHER, Reason.BAD_FIT | left_out, moments)
-        closed = line_from_moments(cleaned, array.half_width_y)
-        line = Contact(
-            ContactType.LINE, True, left_out, self.config.method, 'line/zz',
-            a=closed.a, b=0.0, yaw=closed.yaw, line_force=closed.line_force, moments=moments,
-            snr=20.0 * np.log10(peak_pressure(closed.line_force, layer.depth) / noise))
-        if line.snr < self.config.min_snr:
-            return self._refuse(
-                ContactType.NONE, Reason.LOW_SNR | left_out, moments, snr=line.snr)
-        return self._on_pad(line, array, np.full((3, 3), np.nan), left_out)
-
-    def _on_pad(self, line, array, covariance, left_out):
-        """Add force on the pad and covariance to a line; refuse one whose centre is off it."""
-        half = array.half_width_x, array.half_width_y
-
-        def chord(a, yaw):
-            return chord_length(a * math.cos(yaw), yaw, *half)
-
-        length = chord(line.a, line.yaw)
-        if abs(line.a) > half[0] or length == 0.0:
-            return self._refuse(
-                ContactType.LINE, Reason.OFF_PAD | left_out, line.moments, snr=line.snr,
-                residual=line.residual, iterations=line.iterations)
-        step = 1e-6
-        slopes = np.array([
-            line.line_force * (chord(line.a + step, line.yaw) - length) / step,
-            line.line_force * (chord(line.a, line.yaw + step) - length) / step, length])
-        full = no_covariance()
-        rows = [0, 2, 6]  # a, yaw, line_force in contact.PARAMETERS
-        full[np.ix_(rows, rows)] = covariance
-        full[3, rows] = full[rows, 3] = covariance @ slopes
-        full[3, 3] = slopes @ covariance @ slopes
-        return replace(line, normal_force=line.line_force * length, covariance=full)
+    def _compare_forces(self, contact):
+        """Tell when the two estimates of the force disagree by more than noise explains."""
+        if not contact.valid:
+            return contact
+        difference = abs(contact.force_windowed - contact.normal_force)
+        allowed = FORCE_MISMATCH * contact.normal_force + 3.0 * np.sqrt(contact.covariance[3, 3])
+        if difference > allowed:
+            return replace(contact, reasons=contact.reasons | Reason.FORCE_MISMATCH)
+        return contact

@@ -182,6 +182,7 @@ def test_a_valid_estimate_has_no_nan():
         picture[rng.random(picture.shape) < rng.uniform(0, 0.9)] = np.nan
         contact = estimate(picture)
         if contact.valid:
+            assert contact.type == ContactType.LINE
             assert np.isfinite([contact.a, contact.yaw, contact.normal_force, contact.snr,
                                 contact.line_force, contact.residual]).all()
 

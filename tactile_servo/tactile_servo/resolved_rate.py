@@ -4,7 +4,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from tactile_sensing.contact import ContactType
+from tactile_sensing.contact import ContactType, Reason
 from tactile_sensing.moments import line_from_moments
 
 
@@ -75,7 +75,8 @@ def edge_features(contact, array_half_length, config):
     remaining = contact.moments.centre_of_pressure[1]
     if contact.type == ContactType.LINE and contact.valid:
         features = EdgeFeatures(contact.a, contact.yaw, contact.normal_force, remaining)
-    elif contact.type == ContactType.OTHER and contact.moments.m0 > 0.0:
+    elif (contact.type == ContactType.OTHER and Reason.LOW_SNR not in contact.reasons
+          and contact.moments.m0 > 0.0):
         elongation = contact.moments.elongation()
         if not elongation >= config.min_elongation:
             return None, f'contact is no edge: elongation {elongation:.1f}'

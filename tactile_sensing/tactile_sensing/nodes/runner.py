@@ -117,8 +117,8 @@ def run(node_class, args=None, until=None) -> int:
             spin(executor, context,
                  lambda: stop.is_set() or (until is not None and until(node)))
         finally:
+            executor.shutdown()  # first: nothing may be delivered to a node that is gone
             node.destroy_node()
-            executor.shutdown()
             context.try_shutdown()
     return 0
 

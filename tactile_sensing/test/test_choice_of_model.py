@@ -1,0 +1,168 @@
+"""Choice of the least model that explains a picture, and points as the estimator gives them."""
+
+import numpy as np
+import pytest
+
+from tactile_sensing import line, point
+from tactile_sensing.array import TactelArray
+from tactile_sensing.contact import ContactType, Reason
+from tactile_sensing.errors import ConfigurationError
+from tactile_sensing.estimator import ContactEstimator, EstimatorConfig
+from tactile_sensing.image import Layer, TactileImage
+
+ARRAY, DEPTH, FORCE = TactelArray(26, 26, 1e-3, 1e-3), 0.002, 5.0
+X, Y = ARRAY.x, ARRAY.y[:, None]
+ESTIMATOR = ContactEstimator()
+
+
+def press(a, b, force=FORCE, shear=(0.0, 0.0)):
+    return point.stress('zz', X, Y, a, b, force, *(force * np.array(shear)), DEPTH)
+
+
+def nothing(_):
+    return np.zeros(ARRAY.shape)
+
+
+def a_point(rng):
+    return press(*rng.uniform(-8e-3, 8e-3, 2))
+
+
+def sheared(rng):
+    return press(*rng.uniform(-8e-3, 8e-3, 2), shear=rng.uniform(-0.5, 0.5, 2))
+
+
+def an_edge(rng):
+    yaw, a = rng.uniform(-0.7, 0.7), rng.uniform(-8e-3, 8e-3)
+    return line.pressure(X, Y, a * np.cos(yaw), yaw, 200.0, DEPTH)
+
+
+def two_points(rng):
+    first = rng.uniform(-8e-3, 8e-3, 2)
+    turn, apart = rng.uniform(-np.pi, np.pi), rng.uniform(5e-3, 9e-3)
+    second = np.clip(first + apart * np.array([np.cos(turn), np.sin(turn)]), -12e-3, 12e-3)
+    if np.hypot(*(second - first)) < 5e-3:
+        second = -first
+    return press(*first) + press(*second, force=rng.uniform(0.5, 1.0) * FORCE)
+
+
+def flat_disc(rng):
+    radius, centre = rng.uniform(4e-3, 7e-3), rng.uniform(-4e-3, 4e-3, 2)
+    grid = rng.uniform(-radius, radius, (400, 2))
+    grid = grid[np.hypot(*grid.T) < radius]
+    return sum(press(*(centre + offset), force=FORCE / len(grid)) for offset in grid)
+
+
+def a_corner(rng):
+    first, turn = rng.uniform(-np.pi, np.pi), rng.uniform(np.pi / 3, 2.5)
+    centre = rng.uniform(-4e-3, 4e-3, 2)
+    return sum(press(*(centre + s * np.array([np.cos(angle), np.sin(angle)])), force=0.08)
+               for s in np.arange(0.0, 0.02, 4e-4) for angle in (first, first + turn))
+
+
+def estimate(picture, noise, estimator=ESTIMATOR):
+    layer = Layer('zz', DEPTH, picture.astype(np.float32), noise_std=noise)
+    return estimator.estimate(TactileImage(0, 0, (layer,), ARRAY, tared=True))
+
+
+def noisy_estimates(make, decibels, count, seed):
+    rng = np.random.default_rng(seed)
+    for _ in range(count):
+        picture = make(rng)
+        noise = (picture.max() or 20e3) * 10.0 ** (-decibels / 20.0)
+        yield estimate(picture + rng.normal(0.0, noise, ARRAY.shape), noise)
+
+
+@pytest.mark.parametrize('decibels', [20, 30, 50])
+@pytest.mark.parametrize('make, kind', [
+    (nothing, ContactType.NONE), (a_point, ContactType.POINT), (sheared, ContactType.POINT),
+    (an_edge, ContactType.LINE), (two_points, ContactType.OTHER),
+    (flat_disc, ContactType.OTHER), (a_corner, ContactType.OTHER)])
+def test_type_is_told(make, kind, decibels):
+    found = list(noisy_estimates(make, decibels, 100, seed=decibels))
+    right = sum(contact.type == kind for contact in found)
+    bar = 90 if kind == ContactType.OTHER and decibels == 20 else 99
+    assert right >= bar, [contact.type.name for contact in found if contact.type != kind]
+    told = {ContactType.POINT, ContactType.LINE}
+    assert all(contact.valid == (contact.type in told) for contact in found)
+
+
+def test_shear_is_reported_where_it_shows_and_only_there():
+    with_shear = list(noisy_estimates(lambda rng: press(1e-3, 2e-3, shear=(0.3, -0.2)), 40, 50, 1))
+    assert all('shear' in contact.model for contact in with_shear)
+    mean = np.mean([[c.shear_force_x, c.shear_force_y] for c in with_shear], axis=0)
+    np.testing.assert_allclose(mean, [0.3 * FORCE, -0.2 * FORCE], atol=0.1)
+    without = list(noisy_estimates(a_point, 40, 100, 2))
+    assert sum('shear' in contact.model for contact in without) <= 2
+    assert all(c.shear_force_x == 0.0 for c in without if 'shear' not in c.model)
+
+
+def test_point_without_shear_reaches_its_bound():
+    rng = np.random.default_rng(3)
+    noise = 0.01 * press(0.0, 0.0).max()
+    errors = []
+    for _ in range(400):
+        a, b = rng.uniform(-8e-3, 8e-3, 2)
+        contact = estimate(press(a, b) + rng.normal(0.0, noise, ARRAY.shape), noise)
+        if 'shear' in contact.model:
+            continue
+        rows = [0, 1, 3]
+        error = np.array([contact.a - a, contact.b - b, contact.normal_force - FORCE])
+        errors.append(error / np.sqrt(np.diag(contact.covariance)[rows]))
+    assert len(errors) > 380
+    np.testing.assert_allclose(np.sqrt(np.mean(np.square(errors), axis=0)), 1.0, atol=0.15)
+
+
+def test_second_contact_is_named():
+    contact = estimate(press(-5e-3, 0.0) + press(5e-3, 1e-3), 20.0)
+    assert contact.type == ContactType.OTHER and Reason.TWO_CONTACTS in contact.reasons
+    assert not contact.valid and np.isnan(contact.normal_force)
+
+
+def test_point_beside_the_pad_is_refused():
+    assert not estimate(press(0.0145, 0.0, force=100.0), 20.0).valid
+
+
+def test_second_force_estimate_agrees_and_a_wrong_depth_is_told():
+    picture = press(1e-3, -2e-3)
+    contact = estimate(picture, 20.0)
+    assert contact.force_windowed == pytest.approx(contact.normal_force, rel=0.01)
+    assert Reason.FORCE_MISMATCH not in contact.reasons
+    edge = line.pressure(X, Y, 1e-3, 0.1, 200.0, DEPTH)
+    contact = estimate(edge, 20.0)
+    assert contact.force_windowed == pytest.approx(contact.normal_force, rel=0.01)
+
+
+def test_two_layers_and_a_shear_layer_are_used():
+    rng = np.random.default_rng(4)
+    loads = (2e-3, -1e-3, FORCE, 1.0, -0.5)
+    spread = {}
+    for name, plan in {'one': [('zz', DEPTH)], 'two': [('zz', DEPTH), ('zz', 2 * DEPTH)],
+                       'shear': [('zz', DEPTH), ('xz', DEPTH)]}.items():
+        found = []
+        for _ in range(60):
+            layers = []
+            for component, depth in plan:
+                clean = point.stress(component, X, Y, *loads, depth)
+                picture = clean + rng.normal(0.0, 100.0, ARRAY.shape)
+                layers.append(Layer(component, depth, picture.astype(np.float32),
+                                    noise_std=100.0))
+            contact = ESTIMATOR.estimate(TactileImage(0, 0, tuple(layers), ARRAY, tared=True))
+            assert contact.valid and contact.model.endswith('+'.join(c for c, _ in plan))
+            found.append([contact.a, contact.shear_force_x])
+        spread[name] = np.std(found, axis=0)
+    assert (spread['shear'] < 0.7 * spread['one']).all()
+    assert (spread['two'] < spread['one']).all()
+
+
+@pytest.mark.parametrize('model, kind', [('point', 'LINE'), ('line', 'POINT')])
+def test_a_demanded_model_is_the_only_one(model, kind):
+    estimator = ContactEstimator(EstimatorConfig(model=model))
+    rng = np.random.default_rng(5)
+    for make in (a_point, an_edge):
+        contact = estimate(make(rng), 20.0, estimator)
+        assert contact.type.name != kind
+
+
+def test_unknown_model_is_refused():
+    with pytest.raises(ConfigurationError, match='model'):
+        EstimatorConfig(model='blob')
