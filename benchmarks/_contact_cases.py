@@ -1,0 +1,108 @@
+"""Simulated contacts of known parameters, and the least error that any estimator can have."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from tactile_sensing import line, point
+from tactile_sensing.array import TactelArray
+from tactile_sensing.point_fit import Layer
+
+POINT_ARRAY = TactelArray(26, 26, 1e-3, 1e-3)
+LINE_ARRAY = TactelArray(16, 16, 25.4e-3 / 16, 25.4e-3 / 16)
+DEPTH = 2e-3  # of the tactels [m]
+SECOND_DEPTH = 4e-3  # of model 2's second layer [m]
+STRUCTURES = {1: (('zz', DEPTH),), 2: (('zz', DEPTH), ('zz', SECOND_DEPTH)),
+              3: (('zz', DEPTH), ('xz', DEPTH))}
+POINT_PEAK = 1.5 / (np.pi * DEPTH**2)  # pressure above a normal load of 1 N [Pa]
+
+
+@dataclass(frozen=True)
+class Contacts:
+    """
+    Noise-free frames with their parameters and bounds.
+
+    Attributes
+    ----------
+    truth : ndarray, shape (N, K)
+        Point: a, b, P, Qx, Qy [m, N]. Line: b, yaw, force per length [m, rad, N/m].
+    clean : ndarray, shape (N, layers, rows, columns) or (N, rows, columns)
+        Stress [Pa].
+    bound : ndarray, shape (N, K)
+        Cramer-Rao bound of each parameter's standard deviation for noise of 1 Pa.
+    peak : ndarray, shape (N,)
+        Pressure above the same load without shear [Pa]; the signal of the peak SNR.
+    """
+
+    truth: np.ndarray
+    clean: np.ndarray
+    bound: np.ndarray
+    peak: np.ndarray
+
+    def noise(self, decibels):
+        """Standard deviation of one tactel [Pa], shape (N,)."""
+        return self.peak * 10.0 ** (-decibels / 20.0)
+
+    def noisy(self, decibels, rng):
+        """Frames with Gaussian noise of the same strength in every layer."""
+        std = self.noise(decibels).reshape(-1, *[1] * (self.clean.ndim - 1))
+        return self.clean + std * rng.standard_normal(self.clean.shape)
+
+
+def layers_of(model, noise_std):
+    """Layers of model 1, 2 or 3 with the same noise in each."""
+    return tuple(Layer(component, depth, noise_std) for component, depth in STRUCTURES[model])
+
+
+def point_contacts(truth, model):
+    """Contacts of a model from their parameters (N, 5)."""
+    truth = np.atleast_2d(truth)
+    x, y = np.meshgrid(POINT_ARRAY.x, POINT_ARRAY.y)
+    clean = np.empty((len(truth), len(STRUCTURES[model]), *POINT_ARRAY.shape))
+    bound = np.empty_like(truth)
+    for i, parameters in enumerate(truth):
+        jacobian = []
+        for k, (component, depth) in enumerate(STRUCTURES[model]):
+            clean[i, k] = point.stress(component, x, y, *parameters, depth)
+            jacobian.append(
+                point.stress_jacobian(component, x, y, *parameters, depth).reshape(-1, 5))
+        bound[i] = _bound(np.concatenate(jacobian))
+    return Contacts(truth, clean, bound, POINT_PEAK * truth[:, 2])
+
+
+def random_points(count, model, rng, *, reach=8e-3, shear=0.5):
+    """Loads of 1 N with |a|, |b| <= reach and shear of any direction up to shear * P."""
+    size, direction = shear * rng.random(count), 2.0 * np.pi * rng.random(count)
+    truth = np.column_stack([
+        rng.uniform(-reach, reach, count), rng.uniform(-reach, reach, count), np.ones(count),
+        size * np.cos(direction), size * np.sin(direction)])
+    return point_contacts(truth, model)
+
+
+def line_contacts(truth):
+    """Contacts of lines from (b, yaw, line_force), shape (N, 3)."""
+    truth = np.atleast_2d(truth)
+    x, y = np.meshgrid(LINE_ARRAY.x, LINE_ARRAY.y)
+    clean = np.empty((len(truth), *LINE_ARRAY.shape))
+    bound = np.empty_like(truth)
+    for i, (b, yaw, force) in enumerate(truth):
+        rho = b * np.cos(yaw)
+        clean[i] = line.pressure(x, y, rho, yaw, force, DEPTH)
+        jacobian = line.pressure_jacobian(x, y, rho, yaw, force, DEPTH).reshape(-1, 3)
+        # rho = b cos(yaw): derivatives by (b, yaw) at constant yaw and b.
+        change = np.array([[np.cos(yaw), -b * np.sin(yaw), 0.0], [0, 1, 0], [0, 0, 1]])
+        bound[i] = _bound(jacobian @ change)
+    return Contacts(truth, clean, bound, line.peak_pressure(truth[:, 2], DEPTH))
+
+
+def random_lines(count, rng):
+    """Lines of 200 N/m with |yaw| <= 40 degrees and |b| <= 8 mm."""
+    return line_contacts(np.column_stack([
+        rng.uniform(-8e-3, 8e-3, count), np.radians(rng.uniform(-40.0, 40.0, count)),
+        np.full(count, 200.0)]))
+
+
+def _bound(jacobian):
+    scale = np.linalg.norm(jacobian, axis=0)
+    unit = jacobian / scale
+    return np.sqrt(np.diagonal(np.linalg.inv(unit.T @ unit))) / scale
