@@ -16,6 +16,7 @@ from tactile_sensing.point_fit import fit_point, Layer
 
 METHODS = ('fit', 'moments')
 MODELS = ('auto', 'point', 'line')
+IMPOSSIBLE = 1e12  # Pa; a tactel that reports more, or no number, is not read
 MIN_TACTELS = 24  # eight for each parameter of a line
 LINE_LENGTH = 1.0  # standard deviation along the ridge [depths] that makes a line the first guess
 CONTRADICTION = 1.5  # dB above min_snr that a second model needs to overrule a weak first
@@ -133,7 +134,7 @@ class ContactEstimator:
                                for layer in image.layers):
             return None, self.refuse_malformed()
         stress = np.array([layer.stress for layer in image.layers], dtype=np.float64)
-        stress[~np.isfinite(stress)] = np.nan
+        stress[~(np.abs(stress) < IMPOSSIBLE)] = np.nan
         pressure = stress[image.layers.index(main)]
         live = int(np.count_nonzero(np.isfinite(pressure)))
         left_out = Reason(0) if image.tared else Reason.NOT_TARED

@@ -12,6 +12,7 @@ from tactile_sensing.moments import image_moments, line_from_moments
 
 MODEL = 'line/zz'
 MOMENTS_THRESHOLD = 4.0  # standard deviations; the thesis' threshold (3.5)
+UNEXPLAINED = 0.5  # share of the energy that the biased closed form may leave unexplained
 MIN_ELONGATION = 3.0  # of second moments; less is no edge, whatever the closed form says
 LAST_STEP = 0.05  # fraction of the depth; the error left by a Gauss-Newton step is its square
 
@@ -52,8 +53,12 @@ def fitted_line(frame, config):
         yaw=fit.yaw, line_force=fit.line_force, moments=frame.moments, **evidence)
     # (rho, yaw, force) -> (a, yaw, line_force); more noise than expected widens it.
     change = np.array([[1.0 / cos, fit.rho * sin / cos**2, 0.0], [0, 1, 0], [0, 0, 1]])
+    try:
+        inverse = np.linalg.inv(fit.information)
+    except np.linalg.LinAlgError:
+        return frame.refuse(config.method, ContactType.LINE, Reason.NOT_CONVERGED, **evidence)
     spread = frame.noise**2 * max(1.0, evidence['residual']**2)
-    return _on_pad(line, frame, spread * change @ np.linalg.inv(fit.information) @ change.T)
+    return _on_pad(line, frame, spread * change @ inverse @ change.T)
 
 
 def line_by_moments(frame, config):
@@ -67,6 +72,11 @@ def line_by_moments(frame, config):
     if not cleaned.elongation() >= MIN_ELONGATION:
         return frame.refuse(config.method, ContactType.OTHER, Reason.BAD_FIT)
     closed = line_from_moments(cleaned, frame.array.half_width_y)
+    left = frame.pressure - pressure(
+        frame.array.x, frame.array.y[:, None], closed.a * math.cos(closed.yaw), closed.yaw,
+        closed.line_force, frame.depth)
+    if not np.nansum(left**2) <= UNEXPLAINED * np.nansum(frame.pressure**2):
+        return frame.refuse(config.method, ContactType.OTHER, Reason.BAD_FIT)
     line = Contact(
         ContactType.LINE, True, frame.left_out, config.method, MODEL, a=closed.a, b=0.0,
         yaw=closed.yaw, line_force=closed.line_force, moments=frame.moments,

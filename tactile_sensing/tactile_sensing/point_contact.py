@@ -40,14 +40,17 @@ def fitted_point(frame, config):
     if fit.used < MIN_TACTELS:
         return frame.refuse(config.method, ContactType.OTHER, Reason.BAD_FIT | Reason.FEW_TACTELS)
     model, chi_square, residual = _explained(frame, fit, config.model_error)
-    snr = 20.0 * math.log10(float(model.max()) / frame.noise)
+    peak = float(model.max())
+    if not (peak > 0.0 and math.isfinite(chi_square + residual + peak)):
+        return frame.refuse(config.method, ContactType.OTHER, Reason.BAD_FIT)
+    snr = 20.0 * math.log10(peak / frame.noise)
     evidence = {'snr': snr, 'residual': residual, 'iterations': fit.iterations}
     if snr < config.min_snr:
         return frame.refuse(config.method, ContactType.NONE, Reason.LOW_SNR, **evidence)
     second = Reason.TWO_CONTACTS if _second_contact(frame, fit, model) else Reason(0)
     if second or chi_square > config.max_chi_square:
         return frame.refuse(config.method, ContactType.OTHER, Reason.BAD_FIT | second, **evidence)
-    if not fit.converged:
+    if not fit.converged or not np.isfinite(fit.covariance).all():
         return frame.refuse(
             config.method, ContactType.POINT, Reason.NOT_CONVERGED, **evidence)
     array = frame.array
@@ -72,8 +75,10 @@ def _least_fit(frame, model_error):
     force = np.array([fit.shear_force_x, fit.shear_force_y])
     covariance = fit.covariance[3:, 3:]
     if np.isfinite(covariance).all() and np.isfinite(force).all():
-        evidence = float(force @ np.linalg.solve(covariance, force))
-        if evidence > SHEAR_EVIDENCE:
+        (xx, xy), (_, yy) = covariance
+        x, y = force
+        # The form Q' C^-1 Q, without dividing by a determinant that may be zero.
+        if yy * x * x - 2.0 * xy * x * y + xx * y * y > SHEAR_EVIDENCE * (xx * yy - xy * xy):
             return fit, True
     return fit_point(frame.stress, frame.array, frame.layers, shear=False,
                      model_error=model_error), False

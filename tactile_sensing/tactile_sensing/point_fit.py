@@ -105,11 +105,13 @@ class PointFit:
 
     @property
     def covariance(self):
-        """Inverse of the information; NaN where the fit did not work."""
+        """Inverse of the information; NaN where the fit did not work or has none."""
         scale = 1.0 / np.sqrt(np.diagonal(self.information, axis1=-2, axis2=-1))
         outer = scale[..., :, None] * scale[..., None, :]
         unit = self.information * outer
         bad = ~np.isfinite(unit).all(axis=(-2, -1), keepdims=True)
+        # Singular to rounding counts as none; of a unit diagonal the determinant tells.
+        bad |= ~(np.linalg.det(np.where(bad, 0.0, unit)) > SINGULAR**2)[..., None, None]
         inverse = np.linalg.inv(np.where(bad, np.eye(unit.shape[-1]), unit))
         return np.where(bad, np.nan, inverse * outer)
 
