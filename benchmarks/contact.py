@@ -13,6 +13,7 @@ for _library in ('OMP', 'OPENBLAS', 'MKL'):  # one core; before numpy is loaded
 # ruff: noqa: E402
 import argparse
 import json
+import math
 from pathlib import Path
 import platform
 import sys
@@ -254,6 +255,15 @@ def measure(arguments):
     return result
 
 
+def finite(value):
+    """Replace what is not finite by None, which strict JSON has a word for."""
+    if isinstance(value, dict):
+        return {key: finite(item) for key, item in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [finite(item) for item in value]
+    return None if isinstance(value, float) and not math.isfinite(value) else value
+
+
 def main():
     """Run the benchmark from the command line."""
     parser = argparse.ArgumentParser(
@@ -276,7 +286,7 @@ def main():
     else:
         results, pictures = ROOT / 'benchmarks' / 'results', ROOT / 'docs'
     results.mkdir(parents=True, exist_ok=True)
-    (results / 'contact.json').write_text(json.dumps(result, indent=1) + '\n', 'utf-8')
+    (results / 'contact.json').write_text(json.dumps(finite(result), indent=1, allow_nan=False) + '\n', 'utf-8')
     try:
         import _contact_charts as charts
     except ImportError as error:
