@@ -286,7 +286,8 @@ def main():
     else:
         results, pictures = ROOT / 'benchmarks' / 'results', ROOT / 'docs'
     results.mkdir(parents=True, exist_ok=True)
-    (results / 'contact.json').write_text(json.dumps(finite(result), indent=1, allow_nan=False) + '\n', 'utf-8')
+    text = json.dumps(finite(result), indent=1, allow_nan=False)
+    (results / 'contact.json').write_text(text + '\n', 'utf-8')
     try:
         import _contact_charts as charts
     except ImportError as error:
