@@ -14,7 +14,6 @@ import os
 from pathlib import Path
 import tempfile
 
-from ament_index_python.packages import get_package_share_directory
 from launch import LaunchDescription
 from launch.actions import DeclareLaunchArgument, EmitEvent, OpaqueFunction, RegisterEventHandler
 from launch.event_handlers import OnProcessExit
@@ -23,8 +22,7 @@ from launch.substitutions import LaunchConfiguration
 from launch_ros.actions import Node
 from launch_ros.parameter_descriptions import ParameterValue
 
-SHARE = Path(get_package_share_directory('edge_tracking'))
-SCENES = sorted(path.stem for path in (SHARE / 'scenes').glob('*.yaml'))
+from edge_tracking.resources import find_scene, scene_names, share
 
 ARGUMENTS = (
     ('sensor', 'mock', 'mock: synthetic array on a pseudo-terminal; flexitac: a real array on '
@@ -33,31 +31,22 @@ ARGUMENTS = (
      '(default: one of its own in the folder for temporary files)', None),
     ('robot', 'auto', 'mock: robot in software; real: a running joint_trajectory_controller; '
      'auto: mock with the mock sensor, else real', ('auto', 'mock', 'real')),
-    ('scene', 'straight', f'what the mock sensor touches: {", ".join(SCENES)}, or the path of a '
-     '.yaml file', None),
+    ('scene', 'straight', f'what the mock sensor touches: {", ".join(scene_names())}, or the '
+     'path of a .yaml file', None),
     ('speed', '0.03', 'along the edge [m/s]', None),
     ('force', '5.0', 'normal force on the pad [N]', None),
     ('length', '0.0', 'way to track [m]; 0 = until the edge ends', None),
     ('start', 'auto', 'send the goal at once; auto: with the mock robot only',
      ('auto', 'true', 'false')),
     ('shutdown', 'false', 'end the launch when the goal has ended', ('true', 'false')),
-    ('robot_description', str(SHARE / 'urdf' / 'puma260.urdf'),
+    ('robot_description', str(share('urdf', 'puma260.urdf')),
      'URDF of the robot with a link tactile_pad: path of a file, or the text', None),
-    ('parameters', str(SHARE / 'config' / 'edge_tracking.yaml'), 'parameter file of all nodes',
+    ('parameters', str(share('config', 'edge_tracking.yaml')), 'parameter file of all nodes',
      None),
     ('namespace', 'tactile', 'of sensor, estimator and servo', None),
     ('use_sim_time', 'false', 'take the time from /clock', ('true', 'false')),
     ('rviz', 'false', 'show the robot in RViz', ('true', 'false')),
 )
-
-
-def find_scene(name):
-    """Path of a scene given by name or path."""
-    path = Path(name) if name.endswith(('.yaml', '.yml')) else SHARE / 'scenes' / f'{name}.yaml'
-    if not path.is_file():
-        raise RuntimeError(f'scene {name!r} is unknown; shipped are {", ".join(SCENES)}; '
-                           'or give the path of a .yaml file')
-    return str(path)
 
 
 def number(name, text):
@@ -82,7 +71,7 @@ def nodes(context):
     start = value['start'] == 'true' or (value['start'] == 'auto' and mock_robot)
     if not mock_sensor and not value['port']:
         raise RuntimeError('sensor:=flexitac needs its port, for instance port:=/dev/ttyUSB0')
-    scene = find_scene(value['scene']) if mock_sensor or mock_robot else ''
+    scene = str(find_scene(value['scene'])) if mock_sensor or mock_robot else ''
     # Not only by its namespace: another launch on this machine must not take the link over.
     port = value['port'] or str(Path(
         tempfile.gettempdir(), f'tactile_{os.getpid()}_{value["namespace"].replace("/", "_")}'))
@@ -125,7 +114,7 @@ def rviz(description, use_sim_time):
         Node(package='robot_state_publisher', executable='robot_state_publisher',
              parameters=[{'robot_description': as_text(text), 'use_sim_time': use_sim_time}]),
         Node(package='rviz2', executable='rviz2',
-             arguments=['-d', str(SHARE / 'rviz' / 'edge_tracking.rviz')],
+             arguments=['-d', str(share('rviz', 'edge_tracking.rviz'))],
              parameters=[{'use_sim_time': use_sim_time}])]
 
 

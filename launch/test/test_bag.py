@@ -72,7 +72,7 @@ def numbered(count, qos=10):
         deadline = time.monotonic() + 10.0
         while not publisher.get_subscription_count():
             assert time.monotonic() < deadline
-            time.sleep(0.01)
+            node.executor.spin_once(timeout_sec=0.05)
         for number in range(count):
             message = PoseStamped()
             message.pose.position.x = float(number)
