@@ -10,10 +10,11 @@ from _contact_cases import DEPTH, layers_of, LINE_ARRAY, POINT_ARRAY
 import numpy as np
 
 from tactile_sensing import point
+from tactile_sensing.compensation import compensated
 from tactile_sensing.line_fit import fit_line
 from tactile_sensing.moments import image_moments, line_from_moments, Moments
 from tactile_sensing.point_fit import fit_point, fit_points
-from tactile_sensing.point_moments import basic, compensated, MomentFlag, one_layer
+from tactile_sensing.point_moments import basic, MomentFlag, one_layer
 
 REFUSED = (MomentFlag.NO_FORCE | MomentFlag.SINGULAR | MomentFlag.OFF_PAD
            | MomentFlag.NOT_CONVERGED)

@@ -39,6 +39,16 @@ class Reason(IntFlag):
     DEAD_TACTELS = 1024
     FORCE_MISMATCH = 2048
 
+# What says that something was left out, not that there is no estimate.
+INFORMATION = Reason.SATURATED | Reason.DEAD_TACTELS | Reason.FORCE_MISMATCH | Reason.NOT_TARED
+
+# One row of `ContactEstimator.estimate_batch`: the fields of Contact, SI units.
+RECORD = np.dtype([
+    ('type', np.uint8), ('valid', np.bool_), ('flags', np.uint32),
+    *((name, np.float64) for name in ('a', 'b', 'yaw', 'P', 'Qx', 'Qy', 'line_force')),
+    ('covariance', np.float64, (7, 7)), ('snr', np.float64), ('residual', np.float64),
+    ('force_windowed', np.float64), ('iterations', np.uint32)])
+
 
 def no_covariance():
     """Covariance of nothing: (7, 7) of NaN."""

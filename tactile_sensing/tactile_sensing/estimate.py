@@ -1,6 +1,5 @@
 """Offline command: the contact in every frame of a file."""
 import argparse
-from dataclasses import dataclass, fields
 import math
 import os
 from pathlib import Path
@@ -10,10 +9,10 @@ import time
 import numpy as np
 
 from tactile_sensing.array import TactelArray
-from tactile_sensing.contact import ContactType, Reason
+from tactile_sensing.contact import ContactType, INFORMATION, Reason, RECORD
 from tactile_sensing.errors import ConfigurationError, TactileSensingError
-from tactile_sensing.estimator import ContactEstimator, EstimatorConfig, METHODS
-from tactile_sensing.image import COMPONENTS, Layer, TactileImage
+from tactile_sensing.estimator import ContactEstimator, EstimatorConfig, METHODS, MODELS, TACTELS
+from tactile_sensing.image import COMPONENTS, Layer
 from tactile_sensing.npz_stream import ArrayReader, RecordWriter
 from tactile_sensing.progress import Progress
 
@@ -21,33 +20,24 @@ MAX_LENGTH = 0.1  # m; a larger pitch or depth was meant in millimetres
 CHUNK_BYTES = 1 << 20
 MAX_CHUNK = 1024  # frames
 QUIET = 1.0  # s without a progress bar
-# What says that something was left out, not that there is no estimate.
-INFORMATION = Reason.NOT_TARED | Reason.SATURATED | Reason.DEAD_TACTELS | Reason.FORCE_MISMATCH
-
-# Output array: its type in a row, the field of Contact it holds, unit and meaning.
+# Output array: unit and meaning; its type is in RECORD.
 OUTPUT = {
-    'type': (np.uint8, 'type', '', 'least model that explains the frame; see Types'),
-    'valid': (np.bool_, 'valid', '', 'whether the values of that type may be used'),
-    'flags': (np.uint32, 'reasons', '', 'why not valid, or what was left out; see Flags'),
-    'a': (np.float64, 'a', 'm', 'x of the contact; line: where the edge crosses y = 0'),
-    'b': (np.float64, 'b', 'm', 'y of the contact; line: 0'),
-    'yaw': (np.float64, 'yaw', 'rad',
-            'line: direction of the edge, right-handed about +z, 0 along +y'),
-    'P': (np.float64, 'normal_force', 'N', 'normal force, positive into the skin; line: on the '
-                                           'whole pad'),
-    'Qx': (np.float64, 'shear_force_x', 'N', 'tangential force of the object on the skin, +x'),
-    'Qy': (np.float64, 'shear_force_y', 'N', 'tangential force of the object on the skin, +y'),
-    'line_force': (np.float64, 'line_force', 'N/m', 'line: normal force per length of edge'),
-    'covariance': ((np.float64, (7, 7)), 'covariance', 'SI',
-                   'of (a, b, yaw, P, Qx, Qy, line_force)'),
-    'snr': (np.float64, 'snr', 'dB', '20 log10 of the fitted peak over the noise of a tactel'),
-    'residual': (np.float64, 'residual', '', 'RMS of (frame - model) / noise'),
-    'force_windowed': (np.float64, 'force_windowed', 'N', 'second estimate of P, from the '
-                                                          'windowed zeroth moment'),
-    'iterations': (np.uint32, 'iterations', '', 'steps taken by the estimator'),
+    'type': ('', 'least model that explains the frame; see Types'),
+    'valid': ('', 'whether the values of that type may be used'),
+    'flags': ('', 'why not valid, or what was left out; see Flags'),
+    'a': ('m', 'x of the contact; line: where the edge crosses y = 0'),
+    'b': ('m', 'y of the contact; line: 0'),
+    'yaw': ('rad', 'line: direction of the edge, right-handed about +z, 0 along +y'),
+    'P': ('N', 'normal force, positive into the skin; line: on the whole pad'),
+    'Qx': ('N', 'tangential force of the object on the skin, +x; line: of the shear across it'),
+    'Qy': ('N', 'tangential force of the object on the skin, +y; line: likewise'),
+    'line_force': ('N/m', 'line: normal force per length of edge'),
+    'covariance': ('SI', 'of (a, b, yaw, P, Qx, Qy, line_force)'),
+    'snr': ('dB', '20 log10 of the fitted peak over the noise of a tactel'),
+    'residual': ('', 'RMS of (frame - model) / noise'),
+    'force_windowed': ('N', 'second estimate of P, from the windowed zeroth moment'),
+    'iterations': ('', 'steps taken by the estimator'),
 }
-RECORD = np.dtype([(name, *(kind if isinstance(kind, tuple) else (kind,)))
-                   for name, (kind, *_) in OUTPUT.items()])
 
 TYPES = {
     ContactType.NONE: 'nothing touches',
@@ -82,70 +72,6 @@ EXAMPLE = """\
 """
 
 
-@dataclass(frozen=True)
-class Sensor:
-    """
-    What is known of the sensor that the frames come from.
-
-    Parameters
-    ----------
-    array : TactelArray
-    layers : tuple of (str, float)
-        Stress component and depth [m] of each layer.
-    dead : np.ndarray
-        Tactels that are never used, shape `(rows, columns)`, bool.
-    noise_std : float
-        Standard deviation of one tactel [Pa]; 0 = unknown.
-    full_scale : float
-        Stress from which on a tactel is saturated [Pa]; 0 = unknown.
-    """
-
-    array: TactelArray
-    layers: tuple
-    dead: np.ndarray
-    noise_std: float = 0.0
-    full_scale: float = 0.0
-
-    def images(self, frames, first=0):
-        """
-        Yield a picture of each frame, with NaN for dead and saturated tactels.
-
-        Parameters
-        ----------
-        frames : np.ndarray
-            Stress [Pa], shape `(n, layers, rows, columns)` or, of one layer, `(n, rows, columns)`.
-        first : int, optional
-            Number of the first frame.
-        """
-        with np.errstate(over='ignore'):  # beyond single precision is infinite: an invalid tactel
-            stress = np.array(frames, np.float32).reshape(
-                len(frames), len(self.layers), *self.array.shape)
-        stress[..., self.dead] = np.nan
-        saturated = np.zeros(len(stress), int)
-        if self.full_scale:
-            shear = np.array([component != 'zz' for component, _ in self.layers])
-            full = stress >= self.full_scale
-            full[:, shear] |= stress[:, shear] <= -self.full_scale
-            stress[full] = np.nan
-            saturated = full.sum(axis=(1, 2, 3))
-        for number, layers in enumerate(stress):
-            yield TactileImage(
-                0, first + number, tuple(
-                    Layer(component, depth, layer, self.full_scale, self.noise_std)
-                    for (component, depth), layer in zip(self.layers, layers, strict=True)),
-                self.array, tared=True, saturated=int(saturated[number]))
-
-
-def to_records(contacts):
-    """Return a structured array of contacts; every real number of an invalid one is NaN."""
-    records = np.empty(len(contacts), RECORD)
-    for name, (_, value, *_) in OUTPUT.items():
-        records[name] = [getattr(contact, value) for contact in contacts]
-        if RECORD[name].base.kind == 'f':
-            records[name][~records['valid']] = np.nan
-    return records
-
-
 class _Parser(argparse.ArgumentParser):
     def error(self, message):
         raise ConfigurationError(message)
@@ -162,7 +88,7 @@ def _shape(name):
 def parser():
     """Command line."""
     arrays = _table(((name, f'{_shape(name):9} {RECORD[name].base.name:8} {unit:4} {text}')
-                     for name, (_, _, unit, text) in OUTPUT.items()), 16)
+                     for name, (unit, text) in OUTPUT.items()), 16)
     types = _table(
         ((int(kind), f'{kind.name.lower()}: {text}') for kind, text in TYPES.items()), 6)
     flags = _table(((int(flag), f'{flag.name}: {text}') for flag, text in FLAGS.items()), 6)
@@ -206,9 +132,11 @@ Exit status: 0, or 1 after one line that says what is wrong; then nothing is wri
                            help='file to write, .npz or .csv; replaced if it exists')
     arguments.add_argument('--method', help=f'estimator: {", ".join(METHODS)} '
                            f'(default: {EstimatorConfig.method})')
-    arguments.add_argument('--model', choices=('auto', 'point', 'line'),
+    arguments.add_argument('--model', choices=MODELS,
                            help='contact to look for (default: auto)')
-    arguments.add_argument('--tactel', choices=('point', 'area'),
+    arguments.add_argument('--fit-depth', action='store_true',
+                           help='find the depth of the tactels from each frame, near the one given')
+    arguments.add_argument('--tactel', choices=TACTELS,
                            help='a tactel measures the stress at its centre, or the mean over '
                            'its area (default: point)')
     arguments.add_argument('--dead', default='', metavar='R,C;R,C',
@@ -277,20 +205,13 @@ def parse_dead(text, array):
 
 def make_config(options):
     """Return the estimator's configuration with the options that were given."""
-    known = {field.name for field in fields(EstimatorConfig)}
-    given = {}
-    for name, default in (('method', None), ('model', 'auto'), ('tactel', 'point')):
-        value = getattr(options, name)
-        if name in known and value is not None:
-            given[name] = value
-        elif value not in (None, default):
-            raise ConfigurationError(
-                f'--{name} {value}: the estimator knows only {default} so far')
-    return EstimatorConfig(**given)
+    given = {name: getattr(options, name) for name in ('method', 'model', 'tactel')}
+    return EstimatorConfig(
+        fit_depth=options.fit_depth, **{name: value for name, value in given.items() if value})
 
 
 def make_sensor(options, reader):
-    """Return what the options say of the sensor, checked against the input's shape and type."""
+    """Array, layers and dead tactels of the options, checked against the input."""
     layers = parse_layers(options.layers)
     if len(options.pitch) > 2:
         raise ConfigurationError(f'--pitch takes one length or two, not {len(options.pitch)}')
@@ -309,9 +230,10 @@ def make_sensor(options, reader):
             f'--layers names {len(layers)} (of {options.layers}), but frames has shape {shape}: '
             f'{there} layer{"s" * (there > 1)}')
     array = TactelArray(*shape[-2:], pitch[0], pitch[-1])
-    return Sensor(array, layers, parse_dead(options.dead, array),
-                  number('--noise', options.noise, 0.0, 1e9, 'Pa'),
-                  number('--full-scale', options.full_scale, 0.0, 1e12, 'Pa'))
+    noise = number('--noise', options.noise, 0.0, 1e9, 'Pa')
+    full_scale = number('--full-scale', options.full_scale, 0.0, 1e12, 'Pa')
+    return array, [Layer(component, depth, None, full_scale, noise)
+                   for component, depth in layers], parse_dead(options.dead, array)
 
 
 class Tally:
@@ -342,7 +264,7 @@ def run(options):
     """Estimate every frame of the input; returns the summary."""
     config = make_config(options)
     reader = ArrayReader(options.frames, 'frames')
-    sensor = make_sensor(options, reader)
+    array, layers, dead = make_sensor(options, reader)
     if Path(options.out).exists() and os.path.samefile(options.frames, options.out):
         raise ConfigurationError(f'{options.out}: is the input as well')
     total = reader.shape[0]
@@ -354,12 +276,11 @@ def run(options):
         begin = time.perf_counter()
         with Progress(sys.stderr, delay=QUIET) as progress:
             for frames in reader.chunks(chunk):
-                contacts = []
-                for image in sensor.images(frames, done):
-                    contacts.append(estimator.estimate(image))
-                    done += 1
-                    progress.show(done / total, 'estimate', f'{done} of {total} frames')
-                records = to_records(contacts)
+                stress = np.array(frames, dtype=np.float64)
+                stress[..., dead] = np.nan
+                records = estimator.estimate_batch(stress, array, layers)
+                done += len(frames)
+                progress.show(done / total, 'estimate', f'{done} of {total} frames')
                 tally.add(records)
                 writer.append(records)
         rate = total / max(time.perf_counter() - begin, 1e-9)

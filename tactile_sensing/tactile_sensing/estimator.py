@@ -1,26 +1,33 @@
 """Contact estimation: the least model that explains a tactile image, or an honest refusal."""
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
+from functools import lru_cache
 
+from numba import njit
 import numpy as np
 
 from tactile_sensing.array import TactelArray
-from tactile_sensing.contact import Contact, ContactType, Reason
+from tactile_sensing.closed_forms import by_moments
+from tactile_sensing.compiled import fingerprint
+from tactile_sensing.conditioning import drop_unusable, noise_of, ridge_shape, survey
+from tactile_sensing.contact import Contact, ContactType, INFORMATION, Reason, RECORD
 from tactile_sensing.errors import ConfigurationError
-from tactile_sensing.frame import Frame
-from tactile_sensing.line_contact import fitted_line, line_by_moments
-from tactile_sensing.line_fit import fit_line
-from tactile_sensing.moments import image_moments
-from tactile_sensing.point_contact import DETECTION, fitted_point
-from tactile_sensing.point_fit import fit_point, Layer
+from tactile_sensing.explain import COUNT, DETECTION, explain, HAS_SHEAR, make_buffers, SNR, VALUES
+from tactile_sensing.fit_layers import default_window, grid_of, layer_table, tactel_nodes
+from tactile_sensing.fit_layers import Layer as FitLayer
+from tactile_sensing.image import Layer
+from tactile_sensing.load_fit import LINE, make_work, POINT
+from tactile_sensing.moments import Moments
 
-METHODS = ('fit', 'moments')
-MODELS = ('auto', 'point', 'line')
-IMPOSSIBLE = 1e12  # Pa; a tactel that reports more, or no number, is not read
-MIN_TACTELS = 24  # eight for each parameter of a line
+METHODS = ('fit', 'compensated', 'moments')
+MODELS = {'auto': (POINT, LINE), 'point': (POINT, POINT), 'line': (LINE, LINE)}
+TACTELS = {'point': 1, 'area': 2}  # Gauss points along each side that stand for a tactel
+MIN_TACTELS = 15  # live ones; three for each parameter of a point
 LINE_LENGTH = 1.0  # standard deviation along the ridge [depths] that makes a line the first guess
 CONTRADICTION = 1.5  # dB above min_snr that a second model needs to overrule a weak first
-FORCE_MISMATCH = 0.1  # relative difference of the two force estimates that is told
+
+_REAL = ('a', 'b', 'yaw', 'P', 'Qx', 'Qy', 'line_force', 'snr', 'residual', 'force_windowed')
+_PENDING = -1
 
 
 @dataclass(frozen=True)
@@ -28,10 +35,16 @@ class EstimatorConfig:
     """How contacts are estimated."""
 
     method: str = field(default='fit', metadata={
-        'doc': "'fit' (least squares, at the noise limit) or 'moments' (closed form of the "
-               'thesis)'})
+        'doc': "'fit' (least squares, at the noise limit), or the closed forms of the thesis: "
+               "'moments', or with the iteration of its section 2.4, 'compensated'"})
     model: str = field(default='auto', metadata={
         'doc': "'auto' (the least model that explains the image), 'point' or 'line' alone"})
+    tactel: str = field(default='point', metadata={
+        'doc': "a tactel measures the stress at its centre ('point') or the mean over its area "
+               "('area')"})
+    fit_depth: bool = field(default=False, metadata={
+        'doc': "find the tactels' depth from each image, near the one given; costs half of the "
+               "force's accuracy (only 'fit')"})
     noise_std: float = field(default=0.0, metadata={
         'doc': 'standard deviation of one tactel; 0 = as the image says, or as its finest '
                'detail shows', 'unit': 'Pa', 'range': (0.0, 1e9)})
@@ -46,31 +59,17 @@ class EstimatorConfig:
         'range': (1.0, 1e6)})
 
     def __post_init__(self):
-        if self.method not in METHODS:
-            raise ConfigurationError(f'method: {self.method!r} is not one of {METHODS}')
-        if self.model not in MODELS:
-            raise ConfigurationError(f'model: {self.model!r} is not one of {MODELS}')
+        for name, known in (('method', METHODS), ('model', MODELS), ('tactel', TACTELS)):
+            value = getattr(self, name)
+            if value not in known:
+                raise ConfigurationError(f'{name}: {value!r} is not one of {", ".join(known)}')
         for name, low, high in (('noise_std', 0.0, 1e9), ('min_snr', 0.0, 100.0),
                                 ('model_error', 0.0, 1.0), ('max_chi_square', 1.0, 1e6)):
             value = getattr(self, name)
             if not low <= value <= high:
                 raise ConfigurationError(f'{name}: {value} is outside {low}..{high}')
-
-
-def noise_from_image(pressure):
-    """
-    Noise of one tactel, from the picture alone [Pa].
-
-    Median absolute second difference, along the axis where it is smaller: an edge is
-    smooth along itself. NaN tactels are left out; NaN if nothing is left.
-    """
-    levels = []
-    for axis in (0, 1):
-        second = np.diff(pressure, n=2, axis=axis)
-        finite = np.abs(second[np.isfinite(second)])
-        if finite.size:
-            levels.append(np.median(finite) / (0.6745 * np.sqrt(6.0)))
-    return min(levels, default=np.nan)
+        if self.fit_depth and self.method != 'fit':
+            raise ConfigurationError(f'fit_depth: the method {self.method!r} has no such choice')
 
 
 class ContactEstimator:
@@ -86,9 +85,7 @@ class ContactEstimator:
         self.config = config or EstimatorConfig()
         # Loads or compiles the kernels now, not under the first picture.
         array = TactelArray(8, 8, 1e-3, 1e-3)
-        fit_line(np.zeros(array.shape), array, 1e-3, 1.0)
-        for shear in (False, True):
-            fit_point(np.zeros((1, *array.shape)), array, (Layer('zz', 1e-3, 1.0),), shear=shear)
+        self.estimate_batch(np.zeros((1, *array.shape)), array, (Layer('zz', 1e-3, None),))
 
     def estimate(self, image):
         """
@@ -103,92 +100,217 @@ class ContactEstimator:
         Contact
             Always: what cannot be estimated is not valid, with its reasons.
         """
-        frame, refusal = self._condition(image)
-        if refusal is not None:
-            return refusal
-        if self.config.method == 'moments':
-            return line_by_moments(frame, self.config)
-        verdict = None
-        for explain in self._candidates(frame):
-            contact = explain(frame, self.config)
-            unclear = contact.reasons & (Reason.BAD_FIT | Reason.LOW_SNR)
-            if verdict is None or Reason.LOW_SNR not in verdict.reasons:
-                verdict = contact
-            elif unclear and contact.snr >= self.config.min_snr + CONTRADICTION:
-                # Where the likelier model is too weak, the other may contradict it, if it is
-                # strong enough to, but not convince.
-                verdict = replace(contact, reasons=contact.reasons | Reason.LOW_SNR)
-            if not unclear:
-                break
-        return self._compare_forces(verdict)
+        layers, array = image.layers, image.array
+        main = next((layer for layer in layers if layer.component == 'zz'), None)
+        if main is None or any(layer.stress.shape != array.shape or not 0.0 < layer.depth < np.inf
+                               for layer in layers):
+            return self.refuse_malformed()
+        stress = np.array([[layer.stress for layer in layers]], dtype=np.float64)
+        verdicts, values, covariance, moments = self._estimate(
+            stress, array, layers, image.tared, image.saturated, main.unit == 'Pa')
+        kind, reasons = ContactType(int(verdicts[0, 0])), Reason(int(verdicts[0, 1]))
+        valid = _is_valid(kind, int(reasons))
+        number = values[0].tolist()
+        if not valid:
+            number[:7] = [np.nan] * 7
+            covariance[0] = np.nan
+        model = self._model_name(kind, number, layers) if valid else ''
+        return Contact(
+            kind, valid, reasons, self.config.method, model, *number[:7], covariance[0],
+            *number[7:9], int(number[COUNT]), number[9], Moments(*moments[0].tolist()))
+
+    def estimate_batch(self, frames, array, layers, *, tared=True):
+        """
+        Estimate the contact of many frames of one sensor.
+
+        Parameters
+        ----------
+        frames : ndarray, shape (N, layers, rows, columns) or, of one layer, (N, rows, columns)
+            Stress [Pa]; NaN marks invalid tactels.
+        array : TactelArray
+            Geometry of the tactels.
+        layers : sequence of image.Layer
+            Component, depth, full scale and noise of each; their stress is not read.
+        tared : bool
+            Whether the no-load picture has been subtracted.
+
+        Returns
+        -------
+        ndarray of contact.RECORD, shape (N,)
+            Every real number of a frame that is not valid is NaN.
+
+        Raises
+        ------
+        ConfigurationError
+            Frames of another shape, or layers without a 'zz' or with an impossible depth.
+        """
+        expected = (len(layers), *array.shape)
+        stress = np.array(frames, dtype=np.float64)
+        if stress.ndim == 3 and len(layers) == 1:
+            stress = stress[:, None]
+        if stress.ndim != 4 or stress.shape[1:] != expected:
+            raise ConfigurationError(
+                f'frames has the shape {np.shape(frames)}, must be (N, '
+                f'{", ".join(map(str, expected))})')
+        verdicts, values, covariance, _ = self._estimate(stress, array, layers, tared, 0, True)
+        records = np.zeros(len(stress), RECORD)
+        records['type'], records['flags'] = verdicts.T
+        records['valid'] = _is_valid(verdicts[:, 0], verdicts[:, 1])
+        for name, column in zip(_REAL, values.T, strict=False):
+            records[name] = column
+        records['covariance'] = covariance
+        records['iterations'] = values[:, COUNT]
+        lost = ~records['valid']
+        for name in (*_REAL, 'covariance'):
+            records[name][lost] = np.nan
+        return records
 
     def refuse_malformed(self):
         """Return what is said of a picture that could not even be read."""
         return Contact(ContactType.NONE, False, Reason.BAD_IMAGE, self.config.method)
 
-    def _condition(self, image):
-        """Return a frame and None, or None and why there is nothing to explain."""
-        method = self.config.method
-        main = next((layer for layer in image.layers if layer.component == 'zz'), None)
-        if main is None or any(layer.stress.shape != image.array.shape or not layer.depth > 0.0
-                               for layer in image.layers):
-            return None, self.refuse_malformed()
-        stress = np.array([layer.stress for layer in image.layers], dtype=np.float64)
-        stress[~(np.abs(stress) < IMPOSSIBLE)] = np.nan
-        pressure = stress[image.layers.index(main)]
-        live = int(np.count_nonzero(np.isfinite(pressure)))
-        left_out = Reason(0) if image.tared else Reason.NOT_TARED
-        if live < pressure.size:
-            left_out |= Reason.SATURATED if image.saturated else Reason(0)
-            left_out |= Reason.DEAD_TACTELS if pressure.size - live > image.saturated else 0
-        if live < MIN_TACTELS:
-            return None, Contact(
-                ContactType.NONE, False, Reason.FEW_TACTELS | left_out, method)
-        moments = image_moments(pressure, image.array)
-        if not np.isfinite(moments.mxx + moments.myy):
-            return None, self.refuse_malformed()
-        noises = [self._noise(layer, values)
-                  for layer, values in zip(image.layers, stress, strict=True)]
-        noise = noises[image.layers.index(main)]
-        layers = tuple(Layer(layer.component, layer.depth, std)
-                       for layer, std in zip(image.layers, noises, strict=True))
-        frame = Frame(pressure, stress, layers, image.array, main.depth, noise, moments,
-                      left_out)
-        if main.unit != 'Pa':  # no force can be told, so nothing is called a contact estimate
-            kind = ContactType.OTHER if moments.m0 > 0.0 else ContactType.NONE
-            return None, frame.refuse(method, kind, Reason.BAD_IMAGE)
-        peak, total = np.nanmax(pressure), np.nansum(pressure)
-        if peak < DETECTION * noise and total < DETECTION * noise * np.sqrt(live):
-            if image.saturated:  # the loaded tactels are the ones that are missing
-                return None, frame.refuse(method, ContactType.OTHER, Reason.BAD_FIT)
-            return None, frame.refuse(method, ContactType.NONE, Reason.NO_CONTACT)
-        return frame, None
+    def _estimate(self, stress, array, layers, tared, saturated, calibrated):
+        """Type and reasons (N, 2), values, covariance and moments of conditioned frames."""
+        config, count = self.config, len(stress)
+        given = np.array([config.noise_std or layer.noise_std for layer in layers])
+        full_scale = np.array([layer.full_scale for layer in layers], dtype=float)
+        table, component = _table(tuple((layer.component, layer.depth) for layer in layers))
+        verdicts = np.zeros((count, 2), dtype=np.int64)
+        values = np.full((count, VALUES), np.nan)
+        values[:, COUNT] = 0.0
+        covariance = np.full((count, 7, 7), np.nan)
+        moments = np.empty((count, 6))
+        noise = np.empty((count, len(layers)))
+        _estimate_frames(
+            stress, grid_of(array), table, component,
+            tactel_nodes(TACTELS[config.tactel], array.pitch_x, array.pitch_y),
+            default_window(table, array), given, full_scale,
+            (config.min_snr, config.model_error, config.max_chi_square, config.fit_depth),
+            MODELS[config.model], config.method == 'fit', calibrated,
+            (0 if tared else int(Reason.NOT_TARED), saturated), verdicts, values, covariance,
+            moments, noise)
+        for i in np.flatnonzero(verdicts[:, 0] == _PENDING):
+            kind, reasons = by_moments(stress[i], array, table, component, noise[i], config,
+                                       values[i], covariance[i])
+            verdicts[i] = kind, reasons | verdicts[i, 1]
+        return verdicts, values, covariance, moments
 
-    def _noise(self, layer, stress):
-        noise = self.config.noise_std or layer.noise_std or noise_from_image(stress)
-        largest = np.abs(stress[np.isfinite(stress)]).max(initial=0.0)
-        # Of a noise-free picture, too, the noise is not zero.
-        floor = max(1e-6 * float(largest), np.finfo(np.float32).tiny)
-        return max(float(noise), floor) if np.isfinite(noise) else floor
+    def _model_name(self, kind, number, layers):
+        names = '+'.join(layer.component for layer in layers
+                         if kind == ContactType.POINT or layer.component == 'zz')
+        return (kind.name.lower() + '+shear' * (number[HAS_SHEAR] > 0.0)
+                + '+depth' * self.config.fit_depth + '/' + names)
 
-    def _candidates(self, frame):
-        """Models to try, the likelier first: how far the tactels above half the peak spread."""
-        if self.config.model != 'auto':
-            return [{'point': fitted_point, 'line': fitted_line}[self.config.model]]
-        level = 0.5 * np.nanmax(frame.pressure)
-        ridge = image_moments(frame.pressure, frame.array, threshold=level)
-        along = ridge.elongation() if ridge.m0 > 0.0 else np.nan
-        x, y = ridge.centre_of_pressure
-        spread = (ridge.mxx + ridge.myy) / ridge.m0 - x**2 - y**2 if ridge.m0 > 0.0 else 0.0
-        is_long = spread > (LINE_LENGTH * frame.depth)**2 and not along < 2.0
-        return [fitted_line, fitted_point] if is_long else [fitted_point, fitted_line]
 
-    def _compare_forces(self, contact):
-        """Tell when the two estimates of the force disagree by more than noise explains."""
-        if not contact.valid:
-            return contact
-        difference = abs(contact.force_windowed - contact.normal_force)
-        allowed = FORCE_MISMATCH * contact.normal_force + 3.0 * np.sqrt(contact.covariance[3, 3])
-        if difference > allowed:
-            return replace(contact, reasons=contact.reasons | Reason.FORCE_MISMATCH)
-        return contact
+def _is_valid(kind, reasons):
+    told = (kind == ContactType.POINT) | (kind == ContactType.LINE)
+    return told & ((reasons & ~int(INFORMATION)) == 0)
+
+
+@lru_cache(maxsize=64)
+def _table(plan):
+    """Table of layers, with a noise of 1, see `layer_table`."""
+    return layer_table(tuple(FitLayer(component, depth, 1.0) for component, depth in plan))
+
+
+_NONE, _OTHER = int(ContactType.NONE), int(ContactType.OTHER)
+_NO_CONTACT, _LOW_SNR = int(Reason.NO_CONTACT), int(Reason.LOW_SNR)
+_BAD_FIT, _BAD_IMAGE = int(Reason.BAD_FIT), int(Reason.BAD_IMAGE)
+_FEW, _SATURATED, _DEAD = (
+    int(Reason.FEW_TACTELS), int(Reason.SATURATED), int(Reason.DEAD_TACTELS))
+
+
+@njit(error_model='numpy')
+def _condition(stress, grid, layers, component, given, full_scale, calibrated, left_out, moments):
+    """Make a frame ready, in place; (type or _PENDING, reasons) and the first normal layer."""
+    reasons, saturated = left_out
+    missing, at_full_scale, main = 0, 0, -1
+    for k in range(stress.shape[0]):
+        gone, full, threshold = drop_unusable(stress[k], full_scale[k], component[k] != 0)
+        layers[k, 1] = noise_of(stress[k], given[k], threshold)
+        missing += gone
+        at_full_scale += full
+        if main < 0 and component[k] == 0:
+            main = k
+    if at_full_scale > 0 or (missing > 0 and saturated > 0):
+        reasons |= _SATURATED
+    if missing > saturated:
+        reasons |= _DEAD
+    x, y, pitch_x, pitch_y = grid
+    live, peak = survey(stress[main], x, y, pitch_x * pitch_y, moments)
+    if not calibrated:  # no force can be told, so nothing is called a contact estimate
+        return (_OTHER if moments[0] > 0.0 else _NONE), reasons | _BAD_IMAGE, main
+    if live < MIN_TACTELS:
+        if live == 0:
+            moments[:] = np.nan
+        return _NONE, reasons | _FEW, main
+    noise, total = layers[main, 1], moments[0] / (pitch_x * pitch_y)
+    if peak < DETECTION * noise and total < DETECTION * noise * np.sqrt(live):
+        if at_full_scale + saturated > 0:  # the loaded tactels are the ones that are missing
+            return _OTHER, reasons | _BAD_FIT, main
+        return _NONE, reasons | _NO_CONTACT, main
+    return _PENDING, reasons, main
+
+
+@njit(error_model='numpy')
+def _likelier(image, grid, depth):
+    """The model to try first: how far the tactels above half the peak spread."""
+    peak = 0.0
+    for value in image.flat:
+        if value > peak:  # false for NaN
+            peak = value
+    spread, elongation = ridge_shape(image, grid[0], grid[1], 0.5 * peak)
+    is_long = spread > (LINE_LENGTH * depth) ** 2 and not elongation < 2.0
+    return LINE if is_long else POINT
+
+
+def _compile(version):
+    @njit(cache=True, error_model='numpy')
+    def estimate_frames(stress, grid, table, component, nodes, window, given, full_scale, rules,
+                        models, fit, calibrated, left_out, verdicts, values, covariance, moments,
+                        noise):
+        """Estimate every frame of stress (N, layers, rows, columns), conditioned in place."""
+        _ = version  # a part of the key of the cache
+        frames, count, rows, columns = stress.shape
+        work = make_work(count, count * rows * columns)
+        buffers = make_buffers(count, rows, columns)
+        theta, layers = np.zeros(5), table.copy()
+        second_values, second_covariance = np.empty(VALUES), np.empty((7, 7))
+        for f in range(frames):
+            kind, reasons, main = _condition(
+                stress[f], grid, layers, component, given, full_scale, calibrated, left_out,
+                moments[f])
+            for k in range(count):
+                noise[f, k] = layers[k, 1]
+            verdicts[f, 0], verdicts[f, 1] = kind, reasons
+            if kind != _PENDING or not fit:
+                continue
+            first = models[0]
+            if models[0] != models[1]:
+                first = _likelier(stress[f, main], grid, layers[main, 0])
+            kind, why = explain(
+                first, stress[f], grid, layers, component, nodes, window, rules, buffers, work,
+                theta, values[f], covariance[f])
+            if why & (_BAD_FIT | _LOW_SNR) and models[0] != models[1]:
+                second_values[:] = np.nan
+                second_values[COUNT] = 0.0
+                second_covariance[:] = np.nan
+                other, other_why = explain(
+                    POINT + LINE - first, stress[f], grid, layers, component, nodes, window,
+                    rules, buffers, work, theta, second_values, second_covariance)
+                unclear = other_why & (_BAD_FIT | _LOW_SNR)
+                weak = why & _LOW_SNR
+                # Where the likelier model is too weak, the other may contradict it, if it is
+                # strong enough to, but not convince.
+                if not weak or (
+                        unclear and second_values[SNR] >= rules[0] + CONTRADICTION):
+                    kind, why = other, other_why | (_LOW_SNR if weak else 0)
+                    for i in range(VALUES):
+                        values[f, i] = second_values[i]
+                    for i in range(49):
+                        covariance[f].flat[i] = second_covariance.flat[i]
+            verdicts[f, 0], verdicts[f, 1] = kind, reasons | why
+    return estimate_frames
+
+
+_estimate_frames = _compile(fingerprint())

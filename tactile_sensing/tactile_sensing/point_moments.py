@@ -1,5 +1,5 @@
 """
-Point contact from moments: the closed forms of the thesis and its iteration (2.3, 2.4).
+Point contact from moments: the closed forms of the thesis (2.3, 2.4, 2.6).
 
 Baselines that every faster or better estimator is compared with. Moments are those of the
 published images, compression positive (M0 = +P); against the thesis every moment changes
@@ -13,10 +13,8 @@ import math
 import numpy as np
 
 from tactile_sensing.errors import ConfigurationError
-from tactile_sensing.moments import image_moments, Moments
+from tactile_sensing.moments import image_moments
 
-MAX_STEPS = 30  # the thesis needs fewer than 10; more only helps the slow approach at a border
-SMALLEST_MASK = 1.5  # half side of the smallest mask [pitches]
 MIN_SHEAR_RATIO = 1e-3  # |Qx| / P below which b = SMy / SM0 of (2.6) is singular
 NAN = float('nan')
 
@@ -185,22 +183,6 @@ def normal_and_shear(
     return _finite_or_nothing(PointMoments(a, b, normal.m0, shear_x.m0, force_y, flags))
 
 
-def compensation_factors(half_side, depth):
-    """
-    Compensation factors (2.7) in closed form: (K0, K1).
-
-    What a square mask of half side n centred on the contact sees of the moments over the
-    plane (the limit in print is n to infinity). With u = n / d and r = sqrt(1 + 2 u^2),
-    K0 = (2 / pi) [atan(u^2 / r) + 2 u^2 / ((1 + u^2) r)] for M0 of the pressure and
-    K1 = (2 / pi) [atan(u^2 / r) - u^2 / ((1 + u^2) r)] for Mx, My, Mxx, Myy about the
-    centre of the mask, and for SM0 and the first moments of the shear.
-    """
-    u2 = (half_side / depth)**2
-    r = np.sqrt(1.0 + 2.0 * u2)
-    angle, rest = np.arctan(u2 / r), u2 / ((1.0 + u2) * r)
-    return 2.0 / np.pi * (angle + 2.0 * rest), 2.0 / np.pi * (angle - rest)
-
-
 def without_averaging(moments, size_x, size_y):
     """
     Moments with side^2 / 12 M0 taken off the second ones (Sheppard's correction).
@@ -253,79 +235,14 @@ def basic(images, array, layers, *, averaging=False):
     ConfigurationError
         No closed form for these layers, or an image of another shape.
     """
-    images = _checked(images, array, layers)
+    images = checked_images(images, array, layers)
     moments = [image_moments(image, array) for image in images]
     if averaging:
         moments = [without_averaging(m, array.pitch_x, array.pitch_y) for m in moments]
-    return _closed_form(moments, layers, peak_position(images[0], array))
+    return closed_form(moments, layers, peak_position(images[0], array))
 
 
-def compensated(
-        images, array, layers, *, averaging=False, printed=False, tolerance=1e-6,
-        max_steps=MAX_STEPS):
-    """
-    Closed form of the layers given, with the iteration of section 2.4.
-
-    Moments are taken again in the largest square mask on the pad centred on the last
-    estimate, about its centre, and divided by the `compensation_factors`, until the
-    estimate moves by less than `tolerance`. Tactels on the border of the mask count with
-    the part of their area within.
-
-    With a shear layer, d SM0 = Mx - a M0 holds on any window without factors. In print it is
-    divided by them all the same, which overshoots K0 / K1 times: nearer to the border than
-    about 2.3 d that is more than twice, and the iteration leaves the solution again.
-
-    Parameters
-    ----------
-    images, array, layers, averaging
-        As for `basic`.
-    printed : bool
-        With the factors as in print, where there is a shear layer.
-    tolerance : float
-        Largest last movement along either axis [m].
-    max_steps : int
-        Largest number of steps, at least 1.
-
-    Returns
-    -------
-    PointMoments
-
-    Raises
-    ------
-    ConfigurationError
-        As for `basic`, or a tolerance or number of steps that is not positive.
-    """
-    if not tolerance > 0.0:
-        raise ConfigurationError(f'tolerance is {tolerance!r}, must be positive [m]')
-    if max_steps < 1:
-        raise ConfigurationError(f'max_steps is {max_steps!r}, must be at least 1')
-    images = _checked(images, array, layers)
-    peak = peak_position(images[0], array)
-    estimate = basic(images, array, layers, averaging=averaging)
-    if estimate.flags & MomentFlag.NO_FORCE:
-        return estimate
-    for step in range(1, max_steps + 1):
-        x, y = estimate.a, estimate.b
-        mask = min(array.half_width_x - abs(x), array.half_width_y - abs(y))
-        if mask < SMALLEST_MASK * max(array.pitch_x, array.pitch_y):
-            return replace(
-                estimate, flags=estimate.flags | MomentFlag.OFF_PAD, iterations=step)
-        moments = [_mask_moments(image, array, x, y, mask) for image in images]
-        if averaging:
-            moments = [without_averaging(m, array.pitch_x, array.pitch_y) for m in moments]
-        moments = [_compensate(m, layer, mask) for m, layer in zip(moments, layers, strict=True)]
-        moved = _closed_form(moments, layers, (peak[0] - x, peak[1] - y))
-        if moved.flags & MomentFlag.NO_FORCE:  # the mask has lost the contact
-            break
-        if not printed:
-            moved = _without_overshoot(moved, layers, mask)
-        estimate = replace(moved, a=x + moved.a, b=y + moved.b, iterations=step, mask=mask)
-        if max(abs(moved.a), abs(moved.b)) < tolerance:
-            return estimate
-    return replace(estimate, flags=estimate.flags | MomentFlag.NOT_CONVERGED)
-
-
-def _closed_form(moments, layers, peak):
+def closed_form(moments, layers, peak):
     components = tuple(layer.component for layer in layers)
     if components == ('zz',):
         return one_layer(moments[0], layers[0].depth, peak)
@@ -340,41 +257,6 @@ def _closed_form(moments, layers, peak):
         f'layers are {given or "none"}, must be zz, two of zz, or zz with xz and yz at one depth')
 
 
-def _mask_moments(image, array, x, y, mask):
-    """Moments about (x, y) of the part of an image within |x' - x|, |y' - y| <= mask."""
-    weight_x, arm_x = _overlap(array.x - x, array.pitch_x, mask)
-    weight_y, arm_y = _overlap(array.y - y, array.pitch_y, mask)
-    by_column, by_row = weight_y @ image * weight_x, image @ weight_x * weight_y
-    return Moments(
-        m0=float(by_column.sum()), mx=float(by_column @ arm_x), my=float(by_row @ arm_y),
-        mxx=float(by_column @ arm_x**2), myy=float(by_row @ arm_y**2),
-        mxy=float((weight_y * arm_y) @ image @ (weight_x * arm_x)))
-
-
-def _overlap(centres, pitch, mask):
-    """Length of every tactel within [-mask, mask] and the centre of that part."""
-    first = np.clip(centres - 0.5 * pitch, -mask, mask)
-    last = np.clip(centres + 0.5 * pitch, -mask, mask)
-    return last - first, 0.5 * (first + last)
-
-
-def _compensate(moments, layer, mask):
-    k0, k1 = compensation_factors(mask, layer.depth)
-    if layer.component != 'zz':
-        k0 = k1
-    return Moments(moments.m0 / k0, moments.mx / k1, moments.my / k1,
-                   moments.mxx / k1, moments.myy / k1, moments.mxy / k1)
-
-
-def _without_overshoot(moved, layers, mask):
-    """Position relative to the mask where a shear layer gives it without factors."""
-    components = [layer.component for layer in layers]
-    k0, k1 = compensation_factors(mask, layers[0].depth)
-    return replace(
-        moved, a=moved.a * (k1 / k0 if 'xz' in components else 1.0),
-        b=moved.b * (k1 / k0 if 'yz' in components else 1.0))
-
-
 def _vertex(line, peak):
     """How far the vertex is off the peak [tactels], at most half; 0 where unknown."""
     if not 0 < peak < line.size - 1:
@@ -386,7 +268,7 @@ def _vertex(line, peak):
     return 0.5 * (left - right) / curvature
 
 
-def _checked(images, array, layers):
+def checked_images(images, array, layers):
     images = np.asarray(images, dtype=float)
     expected = (len(layers), *array.shape)
     if images.shape != expected:

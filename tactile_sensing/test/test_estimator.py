@@ -5,9 +5,10 @@ import pytest
 
 from tactile_sensing import line
 from tactile_sensing.array import TactelArray
+from tactile_sensing.conditioning import noise_from_image
 from tactile_sensing.contact import ContactType, Reason
 from tactile_sensing.errors import ConfigurationError
-from tactile_sensing.estimator import ContactEstimator, EstimatorConfig, noise_from_image
+from tactile_sensing.estimator import ContactEstimator, EstimatorConfig
 from tactile_sensing.image import Layer, TactileImage
 from tactile_sensing.line_fit import fit_line
 

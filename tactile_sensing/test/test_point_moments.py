@@ -7,12 +7,11 @@ import pytest
 
 from tactile_sensing import point
 from tactile_sensing.array import TactelArray
+from tactile_sensing.compensation import compensated, compensation_factors
 from tactile_sensing.errors import ConfigurationError
 from tactile_sensing.moments import Moments
 from tactile_sensing.point_moments import (
     basic,
-    compensated,
-    compensation_factors,
     MomentFlag,
     normal_and_shear,
     one_layer,

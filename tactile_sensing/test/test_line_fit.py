@@ -6,8 +6,7 @@ import pytest
 from tactile_sensing import line
 from tactile_sensing.array import TactelArray
 from tactile_sensing.errors import ConfigurationError
-from tactile_sensing.line_fit import fit_line
-from tactile_sensing.line_fit_batch import fit_lines
+from tactile_sensing.line_fit import fit_line, fit_lines
 
 ARRAY = TactelArray(16, 16, 0.0254 / 16, 0.0254 / 16)
 

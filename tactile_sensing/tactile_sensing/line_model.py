@@ -1,0 +1,103 @@
+"""Line load with shear across it for the fit: start, tactels and derivatives (3.1)."""
+
+from numba import njit
+import numpy as np
+
+from tactile_sensing.compiled import FAST
+
+START_LEVEL = 0.25  # tactels above this fraction of the peak give the principal axis
+
+
+@njit(error_model='numpy')
+def start(stress, x, y, component):
+    """Principal axis of the tactels above START_LEVEL of the peak: (rho, yaw)."""
+    layer = 0
+    while component[layer] != 0:
+        layer += 1
+    image = stress[layer]
+    peak = 0.0
+    for value in image.flat:
+        if peak < value < np.inf:  # false for NaN
+            peak = value
+    level = START_LEVEL * peak
+    m = mx = my = mxx = myy = mxy = 0.0
+    for r in range(image.shape[0]):
+        for c in range(image.shape[1]):
+            w = image[r, c] - level
+            if 0.0 < w < np.inf:
+                m += w
+                mx += w * x[c]
+                my += w * y[r]
+                mxx += w * x[c] * x[c]
+                myy += w * y[r] * y[r]
+                mxy += w * x[c] * y[r]
+    if m <= 0.0:
+        return np.nan, np.nan
+    mx /= m
+    my /= m
+    yaw = -0.5 * np.arctan2(
+        2.0 * (mxy / m - mx * my), (myy / m - my * my) - (mxx / m - mx * mx))
+    return mx * np.cos(yaw) + my * np.sin(yaw), yaw
+
+
+@njit(error_model='numpy')
+def gather(stress, x, y, noise, component, points, ends):
+    """Finite tactels of the pressure layers into points (x, y, value / noise)."""
+    n = 0
+    for k in range(stress.shape[0]):
+        if component[k] == 0:
+            for r in range(stress.shape[1]):
+                for c in range(stress.shape[2]):
+                    value = stress[k, r, c]
+                    if np.isfinite(value):
+                        points[0, n] = x[c]
+                        points[1, n] = y[r]
+                        points[2, n] = value / noise[k]
+                        n += 1
+        ends[k] = n
+    return n
+
+
+@njit(error_model='numpy', fastmath=FAST)
+def add_forces(x, y, cos, sin, rho, depth, scale, by_force, by_shear):
+    """Add one layer's derivatives by force and shear per length."""
+    dd = depth * depth
+    scale *= 2.0 / np.pi * dd
+    for i in range(x.size):
+        v = x[i] * cos + y[i] * sin - rho
+        q = 1.0 / (v * v + dd)
+        shape = scale * q * q
+        by_force[i] += shape * depth
+        by_shear[i] += shape * v
+
+
+@njit(error_model='numpy', fastmath=FAST)
+def add_place(x, y, cos, sin, rho, force, shear, depth, scale, by_rho, by_yaw):
+    """Add one layer's derivatives by (rho, yaw)."""
+    dd = depth * depth
+    scale *= 2.0 / np.pi * dd
+    for i in range(x.size):
+        v = x[i] * cos + y[i] * sin - rho
+        q = 1.0 / (v * v + dd)
+        by = scale * q * q * (4.0 * v * (force * depth + shear * v) * q - shear)
+        by_rho[i] += by
+        by_yaw[i] -= by * (y[i] * cos - x[i] * sin)
+
+
+@njit(error_model='numpy', fastmath=FAST)
+def add_turn(x, y, cos, sin, rho, force, shear, depth, scale, by_yaw):
+    """Add what turning a part of a tactel about the tactel's centre adds to `add_place`."""
+    dd = depth * depth
+    scale *= 2.0 / np.pi * dd
+    for i in range(x.size):
+        v = x[i] * cos + y[i] * sin - rho
+        q = 1.0 / (v * v + dd)
+        by_yaw[i] -= scale * q * q * (4.0 * v * (force * depth + shear * v) * q - shear)
+
+
+@njit(error_model='numpy')
+def stress_at(x, y, theta, depth):
+    """Pressure at one place [Pa]."""
+    v = x * np.cos(theta[1]) + y * np.sin(theta[1]) - theta[0]
+    q = 1.0 / (v * v + depth * depth)
+    return 2.0 / np.pi * depth * depth * q * q * (theta[2] * depth + theta[3] * v)

@@ -1,0 +1,262 @@
+"""One load fitted to one frame: start, gather, Gauss-Newton; all compiled."""
+
+from numba import njit
+import numpy as np
+
+from tactile_sensing import line_model, point_model
+from tactile_sensing.compiled import fingerprint
+from tactile_sensing.errors import ConfigurationError
+from tactile_sensing.fit_layers import default_window, grid_of, layer_table, tactel_nodes
+from tactile_sensing.separable_fit import (
+    best_forces,
+    chi_square,
+    normal_of_forces,
+    normal_of_place,
+    place_step,
+    TUKEY,
+    tukey_weights,
+    weigh,
+)
+
+POINT, LINE = 1, 2  # as in contact.ContactType
+STEPS = 3  # Gauss-Newton steps; from the start they reach the Cramer-Rao bound
+MAX_STEPS = 10  # where the place has not settled by then: shear beyond friction, outliers
+SETTLED = 0.02  # last step of a settled place [depths]; what it leaves is its square
+STEP_BOUND = 1.0  # longest step [depths of the shallowest layer]
+SQUARED, CHI, USED, LAST_STEP, ITERATIONS, OK = range(6)  # of what `fit_frame` says
+
+
+@njit(error_model='numpy')
+def make_work(layers, most):
+    """Memory for `fit_frame` with at most so many tactels: rows, columns, ends and small ones."""
+    return (np.empty((6, most)), np.empty((5, most)), np.zeros(layers, dtype=np.int64),
+            np.zeros(5), np.zeros(6))
+
+
+@njit(error_model='numpy')
+def _evaluate(kind, points, ends, layers, nodes, theta, of_forces, columns):
+    """Derivatives over the noise at the gathered tactels: by the forces, or by the place."""
+    for i in range(2, 5) if of_forces else range(2):
+        columns[i][:ends[-1]] = 0.0
+    cos, sin = np.cos(theta[1]), np.sin(theta[1])
+    begin = 0
+    for k in range(ends.size):
+        end = ends[k]
+        x, y = points[0][begin:end], points[1][begin:end]
+        by_q0, by_q1 = columns[0][begin:end], columns[1][begin:end]
+        one, two, three = columns[2][begin:end], columns[3][begin:end], columns[4][begin:end]
+        depth, noise = layers[k, 0], layers[k, 1]
+        gz, gx, gy = layers[k, 2], layers[k, 3], layers[k, 4]
+        begin = end
+        for j in range(nodes.shape[0]):
+            scale = nodes[j, 2] / noise
+            if kind == POINT:  # the load moved back, in place of the part of the tactel
+                a, b = theta[0] - nodes[j, 0], theta[1] - nodes[j, 1]
+                if of_forces:
+                    point_model.add_forces(
+                        x, y, a, b, depth, gz, gx, gy, scale, one, two, three)
+                else:
+                    point_model.add_place(x, y, a, b, theta[2], theta[3], theta[4], depth,
+                                          gz, gx, gy, scale, by_q0, by_q1)
+            else:
+                rho = theta[0] - nodes[j, 0] * cos - nodes[j, 1] * sin
+                if of_forces:
+                    line_model.add_forces(x, y, cos, sin, rho, depth, scale, one, two)
+                else:
+                    line_model.add_place(
+                        x, y, cos, sin, rho, theta[2], theta[3], depth, scale, by_q0, by_q1)
+                    along = nodes[j, 1] * cos - nodes[j, 0] * sin
+                    if along != 0.0:  # the part's own lever
+                        line_model.add_turn(x, y, cos, sin, rho, theta[2], theta[3], depth,
+                                            scale * along, by_q1)
+
+
+@njit(error_model='numpy')
+def _turn_upright(theta, matrix):
+    """
+    Turn a line so that yaw is in (-pi/2, pi/2].
+
+    A half turn exchanges the two normals of a line: rho and the shear change their signs.
+    """
+    turns = np.ceil(theta[1] / np.pi - 0.5)
+    theta[1] -= turns * np.pi
+    if turns % 2.0 != 0.0:
+        for i in (0, 3):
+            theta[i] = -theta[i]
+            for j in range(5):
+                matrix[i, j] = -matrix[i, j]
+                matrix[j, i] = -matrix[j, i]
+
+
+@njit(error_model='numpy')
+def fit_frame(kind, stress, grid, layers, component, nodes, forces, window, model_error, steps,
+              tukey, work, theta, matrix, out):
+    """
+    Fit a load to one frame.
+
+    Parameters
+    ----------
+    kind : int
+        POINT: theta is (a, b, P, Qx, Qy); LINE: (rho, yaw, force, shear across, 0).
+    stress : ndarray, shape (layers, rows, columns)
+    grid : (x, y, pitch_x, pitch_y)
+    layers : ndarray, shape (layers, 5)
+        Depth, noise and the component as (gz + gx x' + gy y') times the pressure.
+    component : ndarray of int, shape (layers,)
+    nodes : ndarray, shape (m, 3)
+        Offsets and weights of the points that stand for a tactel's area.
+    forces : int
+        Force parameters in use: 1 (no shear), 2 (line) or 3 (point).
+    window : float
+        Half side of the tactels used around the peak of a point [pitches].
+    model_error, steps
+        Allowance of chi-square and of the weights; least number of steps.
+    tukey : float
+        Scales at which a tactel has lost all weight (Tukey's biweight); infinite: all are equal.
+    work : tuple
+        From `make_work`.
+    theta, matrix, out : ndarray, shape (5,), (5, 5), (6,)
+        Results: parameters, normal equations (lower triangle), SQUARED ... OK.
+
+    Returns
+    -------
+    bool
+        False where it did not work: theta and matrix are of no use.
+    """
+    points, columns, ends, vector, inverse = work
+    x, y, pitch_x, pitch_y = grid
+    out[:] = 0.0
+    out[LAST_STEP] = np.inf
+    if kind == POINT:
+        row, column, v, w = point_model.start(stress, component, layers[:, 1])
+        if row < 0:
+            return False
+        theta[0], theta[1], lever = x[column] + w * pitch_x, y[row] + v * pitch_y, 1.0
+        n = point_model.gather(
+            stress, x, y, layers[:, 1], row, column, v, w, window, points, ends)
+    else:
+        theta[0], theta[1] = line_model.start(stress, x, y, component)
+        if np.isnan(theta[0]):
+            return False
+        lever = 0.5 * np.hypot(x[-1] - x[0], y[-1] - y[0])
+        n = line_model.gather(stress, x, y, layers[:, 1], component, points, ends)
+    out[USED] = n
+    if n <= 2 + forces:
+        return False
+    start_0, start_1 = theta[0], theta[1]
+    values, rest, weighted, roots = points[2], points[3], points[4], points[5]
+    by_q0, by_q1, one, two, three = (
+        columns[0], columns[1], columns[2], columns[3], columns[4])
+    depth = layers[:, 0].min()
+    for iteration in range(MAX_STEPS + 1):
+        _evaluate(kind, points, ends, layers, nodes, theta, True, columns)
+        if forces < 3:
+            three[:n] = 0.0
+        if forces < 2:
+            two[:n] = 0.0
+        data = values
+        weighing = tukey < np.inf and iteration > 0
+        if weighing:
+            for i in range(n):
+                rest[i] = values[i] - (one[i] * theta[2] + two[i] * theta[3] + three[i] * theta[4])
+            tukey_weights(values, rest, n, model_error, tukey, roots)
+            for i in range(n):
+                weighted[i] = values[i]
+            weigh((weighted, one, two, three), roots, n)
+            data = weighted
+        normal_of_forces(data, one, two, three, n, matrix, vector)
+        if forces < 3:
+            matrix[4, 4] = 1.0
+        if forces < 2:
+            matrix[3, 3] = 1.0
+        if not best_forces(matrix, vector, theta, inverse):
+            return False
+        _evaluate(kind, points, ends, layers, nodes, theta, False, columns)
+        if weighing:
+            weigh((by_q0, by_q1), roots, n)
+        normal_of_place(
+            data, by_q0, by_q1, one, two, three, theta, n, rest, matrix, vector)
+        least = MAX_STEPS if tukey < np.inf else steps
+        if iteration >= least and (
+                out[LAST_STEP] <= SETTLED * depth or iteration >= MAX_STEPS):
+            break
+        step_0, step_1 = place_step(matrix, vector, inverse)
+        length = np.hypot(step_0, lever * step_1)
+        if not length < np.inf:
+            return False
+        shorter = min(1.0, STEP_BOUND * depth / length) if length > 0.0 else 1.0
+        theta[0] += shorter * step_0
+        theta[1] += shorter * step_1
+        out[LAST_STEP] = shorter * length
+        out[ITERATIONS] = iteration + 1
+    out[SQUARED], out[CHI] = chi_square(data, rest, n, model_error)
+    if not (out[SQUARED] < np.inf and theta[2] > 0.0):
+        return False
+    if kind == POINT and not (abs(theta[0] - start_0) <= window * pitch_x
+                              and abs(theta[1] - start_1) <= window * pitch_y):
+        return False
+    if kind == LINE:
+        _turn_upright(theta, matrix)
+    out[OK] = 1.0 if out[LAST_STEP] <= SETTLED * depth else 0.0
+    return True
+
+
+def _compile(version):
+    @njit(cache=True, error_model='numpy')
+    def fit_frames(kind, stress, grid, layers, component, nodes, forces, window, model_error,
+                   steps, tukey, theta, information, out):
+        """Fit every frame of stress (N, layers, rows, columns), see `fit_frame`."""
+        _ = version  # a part of the key of the cache
+        most = stress.shape[1] * stress.shape[2] * stress.shape[3]
+        if kind == POINT:
+            side = int(2.0 * window) + 2
+            most = stress.shape[1] * min(side, stress.shape[2]) * min(side, stress.shape[3])
+        work = make_work(stress.shape[1], most)
+        matrix = np.zeros((5, 5))
+        for f in range(stress.shape[0]):
+            if fit_frame(kind, stress[f], grid, layers, component, nodes, forces, window,
+                         model_error, steps, tukey, work, theta[f], matrix, out[f]):
+                for i in range(2 + forces):
+                    for j in range(i + 1):
+                        information[f, i, j] = information[f, j, i] = matrix[i, j]
+            else:
+                theta[f] = information[f] = out[f, SQUARED] = out[f, CHI] = np.nan
+                out[f, LAST_STEP] = np.inf
+    return fit_frames
+
+
+_fit_frames = _compile(fingerprint())
+
+
+def fit_loads(kind, stress, array, layers, *, shear, window=None, model_error=0.07, steps=STEPS,
+              robust=False, tactel_points=1):
+    """
+    Fit one load to every frame: parameters (N, 5), Fisher information and what `fit_frame` says.
+
+    Behind `point_fit` and `line_fit`, which say what the arguments mean.
+
+    Raises
+    ------
+    ConfigurationError
+        Wrong shape of stress, no 'zz' layer, or an option out of its range.
+    """
+    layers = tuple(layers)
+    if stress.shape[1:] != (len(layers), *array.shape):
+        raise ConfigurationError(
+            f'stress has the shape {stress.shape[1:]} per frame, must be '
+            f'{(len(layers), *array.shape)}')
+    table, component = layer_table(layers)
+    if window is None:
+        window = default_window(table, array)
+    if not 1.0 <= window < 1e6:
+        raise ConfigurationError(f'window is {window!r}, must be at least 1 [pitches]')
+    forces = 1 + int(shear) * (2 if kind == POINT else 1)
+    count = len(stress)
+    theta = np.empty((count, 5))
+    information = np.empty((count, 2 + forces, 2 + forces))
+    out = np.empty((count, 6))
+    _fit_frames(kind, stress, grid_of(array), table, component,
+                tactel_nodes(tactel_points, array.pitch_x, array.pitch_y), forces,
+                float(window), float(model_error), int(steps), TUKEY if robust else np.inf,
+                theta, information, out)
+    return theta, information, out
