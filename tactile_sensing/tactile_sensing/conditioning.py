@@ -128,6 +128,7 @@ def ridge_shape(image, x, y, level):
         for c in range(image.shape[1]):
             value = image[r, c]
             if value >= level:  # false for NaN
+                value = min(value, 2.0 * level)  # a stuck tactel counts as the peak
                 m += value
                 mx += value * x[c]
                 my += value * y[r]

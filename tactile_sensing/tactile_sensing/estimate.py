@@ -29,8 +29,8 @@ OUTPUT = {
     'b': ('m', 'y of the contact; line: 0'),
     'yaw': ('rad', 'line: direction of the edge, right-handed about +z, 0 along +y'),
     'P': ('N', 'normal force, positive into the skin; line: on the whole pad'),
-    'Qx': ('N', 'tangential force of the object on the skin, +x; line: of the shear across it'),
-    'Qy': ('N', 'tangential force of the object on the skin, +y; line: likewise'),
+    'Qx': ('N', 'tangential force on the skin, +x; line: of the shear across it'),
+    'Qy': ('N', 'tangential force on the skin, +y; line: likewise'),
     'line_force': ('N/m', 'line: normal force per length of edge'),
     'covariance': ('SI', 'of (a, b, yaw, P, Qx, Qy, line_force)'),
     'snr': ('dB', '20 log10 of the fitted peak over the noise of a tactel'),
@@ -135,7 +135,7 @@ Exit status: 0, or 1 after one line that says what is wrong; then nothing is wri
     arguments.add_argument('--model', choices=MODELS,
                            help='contact to look for (default: auto)')
     arguments.add_argument('--fit-depth', action='store_true',
-                           help='find the depth of the tactels from each frame, near the one given')
+                           help='find the depth of the tactels from each frame, near that given')
     arguments.add_argument('--tactel', choices=TACTELS,
                            help='a tactel measures the stress at its centre, or the mean over '
                            'its area (default: point)')

@@ -18,6 +18,7 @@ from tactile_sensing.fit_layers import Layer as FitLayer
 from tactile_sensing.image import Layer
 from tactile_sensing.load_fit import LINE, make_work, POINT
 from tactile_sensing.moments import Moments
+from tactile_sensing.point_model import peak
 
 METHODS = ('fit', 'compensated', 'moments')
 MODELS = {'auto': (POINT, LINE), 'point': (POINT, POINT), 'line': (LINE, LINE)}
@@ -48,7 +49,7 @@ class EstimatorConfig:
     noise_std: float = field(default=0.0, metadata={
         'doc': 'standard deviation of one tactel; 0 = as the image says, or as its finest '
                'detail shows', 'unit': 'Pa', 'range': (0.0, 1e9)})
-    min_snr: float = field(default=15.0, metadata={
+    min_snr: float = field(default=16.0, metadata={
         'doc': 'weaker contacts are reported but not valid', 'unit': 'dB',
         'range': (0.0, 100.0)})
     model_error: float = field(default=0.07, metadata={
@@ -172,7 +173,7 @@ class ContactEstimator:
     def _estimate(self, stress, array, layers, tared, saturated, calibrated):
         """Type and reasons (N, 2), values, covariance and moments of conditioned frames."""
         config, count = self.config, len(stress)
-        given = np.array([config.noise_std or layer.noise_std for layer in layers])
+        given = np.array([config.noise_std or layer.noise_std for layer in layers], dtype=float)
         full_scale = np.array([layer.full_scale for layer in layers], dtype=float)
         table, component = _table(tuple((layer.component, layer.depth) for layer in layers))
         verdicts = np.zeros((count, 2), dtype=np.int64)
@@ -222,7 +223,7 @@ _FEW, _SATURATED, _DEAD = (
 
 @njit(error_model='numpy')
 def _condition(stress, grid, layers, component, given, full_scale, calibrated, left_out, moments):
-    """Make a frame ready, in place; (type or _PENDING, reasons) and the first normal layer."""
+    """Make a frame ready, in place; returns type, or _PENDING, and reasons."""
     reasons, saturated = left_out
     missing, at_full_scale, main = 0, 0, -1
     for k in range(stress.shape[0]):
@@ -237,30 +238,30 @@ def _condition(stress, grid, layers, component, given, full_scale, calibrated, l
     if missing > saturated:
         reasons |= _DEAD
     x, y, pitch_x, pitch_y = grid
-    live, peak = survey(stress[main], x, y, pitch_x * pitch_y, moments)
+    live, highest = survey(stress[main], x, y, pitch_x * pitch_y, moments)
     if not calibrated:  # no force can be told, so nothing is called a contact estimate
-        return (_OTHER if moments[0] > 0.0 else _NONE), reasons | _BAD_IMAGE, main
+        return (_OTHER if moments[0] > 0.0 else _NONE), reasons | _BAD_IMAGE
     if live < MIN_TACTELS:
         if live == 0:
             moments[:] = np.nan
-        return _NONE, reasons | _FEW, main
+        return _NONE, reasons | _FEW
     noise, total = layers[main, 1], moments[0] / (pitch_x * pitch_y)
-    if peak < DETECTION * noise and total < DETECTION * noise * np.sqrt(live):
+    if highest < DETECTION * noise and total < DETECTION * noise * np.sqrt(live):
         if at_full_scale + saturated > 0:  # the loaded tactels are the ones that are missing
-            return _OTHER, reasons | _BAD_FIT, main
-        return _NONE, reasons | _NO_CONTACT, main
-    return _PENDING, reasons, main
+            return _OTHER, reasons | _BAD_FIT
+        return _NONE, reasons | _NO_CONTACT
+    return _PENDING, reasons
 
 
 @njit(error_model='numpy')
-def _likelier(image, grid, depth):
+def _likelier(stress, grid, layers, component):
     """The model to try first: how far the tactels above half the peak spread."""
-    peak = 0.0
-    for value in image.flat:
-        if value > peak:  # false for NaN
-            peak = value
-    spread, elongation = ridge_shape(image, grid[0], grid[1], 0.5 * peak)
-    is_long = spread > (LINE_LENGTH * depth) ** 2 and not elongation < 2.0
+    layer, row, column = peak(stress, component, layers[:, 1])
+    if layer < 0:
+        return POINT
+    image = stress[layer]
+    spread, elongation = ridge_shape(image, grid[0], grid[1], 0.5 * image[row, column])
+    is_long = spread > (LINE_LENGTH * layers[layer, 0]) ** 2 and not elongation < 2.0
     return LINE if is_long else POINT
 
 
@@ -277,7 +278,7 @@ def _compile(version):
         theta, layers = np.zeros(5), table.copy()
         second_values, second_covariance = np.empty(VALUES), np.empty((7, 7))
         for f in range(frames):
-            kind, reasons, main = _condition(
+            kind, reasons = _condition(
                 stress[f], grid, layers, component, given, full_scale, calibrated, left_out,
                 moments[f])
             for k in range(count):
@@ -287,7 +288,7 @@ def _compile(version):
                 continue
             first = models[0]
             if models[0] != models[1]:
-                first = _likelier(stress[f, main], grid, layers[main, 0])
+                first = _likelier(stress[f], grid, layers, component)
             kind, why = explain(
                 first, stress[f], grid, layers, component, nodes, window, rules, buffers, work,
                 theta, values[f], covariance[f])

@@ -15,7 +15,7 @@ from tactile_sensing.contact import ContactType, Reason
 from tactile_sensing.load_fit import fit_frame, ITERATIONS, LINE, OK, POINT, SQUARED, STEPS, USED
 from tactile_sensing.separable_fit import TUKEY
 
-SHEAR_EVIDENCE = 13.8, 10.8  # chi-square of two and of one shear force: one in a thousand without
+SHEAR_EVIDENCE = 6.0, 10.8  # chi-square of (Qx, Qy) of a point, and of a line's shear
 DRIFT_EVIDENCE = 4.0  # standard errors of the border's median that are a drift
 MAX_DRIFT = 0.1  # of the peak; more is a load of its own
 MIN_BORDER = 8  # live tactels that a median is taken of
@@ -27,7 +27,7 @@ WINDOW = 2.0  # half side of the window of the second force estimate of a point 
 SECOND_CONTACT = 0.15  # of the peak, left over elsewhere, that makes a second contact
 ELSEWHERE = 2.0  # depths from the load that are elsewhere
 DETECTION = 5.0  # standard deviations
-FORCE_MISMATCH = 0.1  # relative difference of the two force estimates that is told
+FORCE_MISMATCH = 0.03  # relative difference of the two force estimates that is told
 DEPTH_STEPS = 0.05, 0.02, 0.01  # relative differences by which the depth is searched
 
 # What is said of a frame, beside its type and reasons.
@@ -86,12 +86,12 @@ def _border_median(image, ring):
 
 
 @njit(error_model='numpy')
-def _take_off_drift(stress, left, model, layers, ring):
+def _take_off_drift(stress, left, model, layers, ring, evidence):
     """Subtract from every layer the drift of its border, if there is one; whether there was."""
     found = False
     for k in range(stress.shape[0]):
         median, n = _border_median(left[k], ring)
-        enough = DRIFT_EVIDENCE * 1.2533 * layers[k, 1] / np.sqrt(max(n, 1))
+        enough = evidence * 1.2533 * layers[k, 1] / np.sqrt(max(n, 1))
         largest = max(model[k].max(), -model[k].min())
         if enough < abs(median) <= MAX_DRIFT * largest:
             for r in range(stress.shape[1]):
@@ -180,11 +180,9 @@ def _inverse(matrix, n, inverse):
 
 
 @njit(error_model='numpy')
-def _shear_shows(kind, theta, matrix, fit, cov):
+def _shear_shows(kind, theta, fit, cov):
     """Whether the shear is more than noise, by the scatter that the fit leaves."""
     forces = 3 if kind == POINT else 2
-    if not _inverse(matrix, 2 + forces, cov):
-        return False
     spread = max(1.0, fit[SQUARED] / max(fit[USED] - 2.0 - forces, 1.0))
     if kind == LINE:
         return theta[3] * theta[3] > SHEAR_EVIDENCE[1] * spread * cov[3, 3]
@@ -274,18 +272,17 @@ def chord(rho, yaw, half_x, half_y):
 
 
 @njit(error_model='numpy')
-def _tell_point(theta, cov, n, values, covariance):
+def _tell_point(theta, cov, values, covariance):
     """Point into the values of an estimate."""
     rows = (A, B, FORCE, SHEAR_X, SHEAR_Y)
     for i in range(5):
         values[rows[i]] = theta[i]
-    for i in range(n):
-        for j in range(n):
+        for j in range(5):
             covariance[rows[i], rows[j]] = cov[i, j]
 
 
 @njit(error_model='numpy')
-def _tell_line(theta, cov, n, half_x, half_y, values, covariance):
+def _tell_line(theta, cov, with_shear, half_x, half_y, values, covariance):
     """Line into the values of an estimate: forces are those on the pad."""
     rho, yaw, force, shear = theta[0], theta[1], theta[2], theta[3]
     cos, sin = math.cos(yaw), math.sin(yaw)
@@ -300,18 +297,18 @@ def _tell_line(theta, cov, n, half_x, half_y, values, covariance):
     change[FORCE, 0], change[FORCE, 1], change[FORCE, 2] = force * by_rho, force * by_yaw, length
     change[LINE_FORCE, 2] = 1.0
     told = np.array([A, YAW, FORCE, LINE_FORCE, SHEAR_X, SHEAR_Y])
-    if n == 4:
+    if with_shear:
         values[SHEAR_X], values[SHEAR_Y] = shear * length * cos, shear * length * sin
         change[SHEAR_X, 0], change[SHEAR_X, 3] = shear * cos * by_rho, cos * length
         change[SHEAR_X, 1] = shear * (cos * by_yaw - sin * length)
         change[SHEAR_Y, 0], change[SHEAR_Y, 3] = shear * sin * by_rho, sin * length
         change[SHEAR_Y, 1] = shear * (sin * by_yaw + cos * length)
-    count = 4 if n == 3 else 6
+    count = 6 if with_shear else 4
     for i in told[:count]:
         for j in told[:count]:
             total = 0.0
-            for k in range(n):
-                for m in range(n):
+            for k in range(4):
+                for m in range(4):
                     total += change[i, k] * cov[k, m] * change[j, m]
             covariance[i, j] = total
 
@@ -355,12 +352,13 @@ def explain(kind, measured, grid, given_layers, component, nodes, window, rules,
     forces = 3 if kind == POINT else 2
     reasons = 0
 
-    for attempt in range(3):  # a drift, and what the first look at it has left
+    for attempt in range(4):  # a drift, and what the looks before have left of it
         if not fit_frame(kind, stress, grid, layers, component, nodes, forces, window,
                          model_error, STEPS, np.inf, work, theta, matrix, fit):
             return _OTHER, _BAD_FIT
         _remains(kind, stress, grid, layers, component, nodes, theta, left, model)
-        if attempt == 2 or not _take_off_drift(stress, left, model, layers, ring):
+        if attempt == 3 or not _take_off_drift(
+                stress, left, model, layers, ring, 0.0 if attempt else DRIFT_EVIDENCE):
             break
     if _any_off(left, model, layers, model_error) and fit_frame(
             kind, stress, grid, layers, component, nodes, forces, window, model_error, STEPS,
@@ -380,7 +378,8 @@ def explain(kind, measured, grid, given_layers, component, nodes, window, rules,
         if not fit_frame(kind, stress, grid, layers, component, nodes, forces, window,
                          model_error, STEPS, np.inf, work, theta, matrix, fit):
             return _OTHER, _BAD_FIT
-    shear = _shear_shows(kind, theta, matrix, fit, cov)
+    known = _inverse(matrix, 2 + forces, cov)
+    shear = known and _shear_shows(kind, theta, fit, cov)
     if not shear:
         forces //= 2  # one: no literal, of which a second kernel would be compiled
         if not fit_frame(kind, stress, grid, layers, component, nodes, forces, window,
@@ -422,10 +421,6 @@ def explain(kind, measured, grid, given_layers, component, nodes, window, rules,
     weak = values[SNR] < min_snr
     if weak and kind == POINT:  # noise has peaks, but hardly ridges: a line is judged first
         return _NONE, _LOW_SNR
-    for r in range(stress.shape[1]):  # what was left out is looked at again
-        for c in range(stress.shape[2]):
-            if np.isnan(left[main, r, c]):
-                left[main, r, c] = measured[main, r, c] - model[main, r, c]
     if _second_contact(left[main], x, y, kind, theta, depth,
                        max(DETECTION * noise / 3.0, SECOND_CONTACT * peak)):
         return _OTHER, _BAD_FIT | _TWO
@@ -439,19 +434,21 @@ def explain(kind, measured, grid, given_layers, component, nodes, window, rules,
     else:
         off_pad = not (abs(theta[0]) <= half_x * math.cos(theta[1])
                        and chord(theta[0], theta[1], half_x, half_y) > 0.0)
-    if fit[OK] == 0.0 or not _inverse(matrix, 2 + forces, cov):
+    # Shear that does not show may be there all the same: the covariance is that with shear.
+    rank = 5 if kind == POINT else 4
+    if fit[OK] == 0.0 or not known:
         return kind, _LOST | (_OFF_PAD if off_pad else 0)
     if off_pad:
         return kind, _OFF_PAD
-    for i in range(2 + forces):
-        for j in range(2 + forces):  # what the depth does not know, theta does not either
+    for i in range(rank):
+        for j in range(rank):  # what the depth does not know, theta does not either
             cov[i, j] = (cov[i, j] + variance * slope[i] * slope[j]) * max(
                 1.0, squared / freedom)
     values[HAS_SHEAR] = shear
     if kind == POINT:
-        _tell_point(theta, cov, 2 + forces, values, covariance)
+        _tell_point(theta, cov, values, covariance)
     else:
-        _tell_line(theta, cov, 2 + forces, half_x, half_y, values, covariance)
+        _tell_line(theta, cov, shear, half_x, half_y, values, covariance)
     values[WINDOWED] = values[FORCE] * seen / expected if expected > 0.0 else np.nan
     if abs(values[WINDOWED] - values[FORCE]) > (
             FORCE_MISMATCH * values[FORCE] + 3.0 * math.sqrt(covariance[FORCE, FORCE])):

@@ -4,26 +4,24 @@ from numba import njit
 import numpy as np
 
 from tactile_sensing.compiled import FAST
+from tactile_sensing.point_model import peak
 
 START_LEVEL = 0.25  # tactels above this fraction of the peak give the principal axis
 
 
 @njit(error_model='numpy')
-def start(stress, x, y, component):
+def start(stress, x, y, component, noise):
     """Principal axis of the tactels above START_LEVEL of the peak: (rho, yaw)."""
-    layer = 0
-    while component[layer] != 0:
-        layer += 1
+    layer, row, column = peak(stress, component, noise)
+    if layer < 0:
+        return np.nan, np.nan
     image = stress[layer]
-    peak = 0.0
-    for value in image.flat:
-        if peak < value < np.inf:  # false for NaN
-            peak = value
-    level = START_LEVEL * peak
+    highest = image[row, column]
+    level = START_LEVEL * highest
     m = mx = my = mxx = myy = mxy = 0.0
     for r in range(image.shape[0]):
         for c in range(image.shape[1]):
-            w = image[r, c] - level
+            w = min(image[r, c], highest) - level  # a stuck tactel pulls no more than others
             if 0.0 < w < np.inf:
                 m += w
                 mx += w * x[c]
@@ -31,8 +29,6 @@ def start(stress, x, y, component):
                 mxx += w * x[c] * x[c]
                 myy += w * y[r] * y[r]
                 mxy += w * x[c] * y[r]
-    if m <= 0.0:
-        return np.nan, np.nan
     mx /= m
     my /= m
     yaw = -0.5 * np.arctan2(

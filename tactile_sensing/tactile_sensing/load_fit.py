@@ -135,7 +135,7 @@ def fit_frame(kind, stress, grid, layers, component, nodes, forces, window, mode
         n = point_model.gather(
             stress, x, y, layers[:, 1], row, column, v, w, window, points, ends)
     else:
-        theta[0], theta[1] = line_model.start(stress, x, y, component)
+        theta[0], theta[1] = line_model.start(stress, x, y, component, layers[:, 1])
         if np.isnan(theta[0]):
             return False
         lever = 0.5 * np.hypot(x[-1] - x[0], y[-1] - y[0])

@@ -6,24 +6,37 @@ import numpy as np
 from tactile_sensing.compiled import FAST
 
 WINDOW = 4.5  # least half side of the fitted window [pitches]: 9x9 tactels
+SPIKE = 0.05  # share of a tactel that one of those around it has, unless it is stuck
+MIN_AROUND = 3  # live tactels around one that tell
 WINDOW_DEPTHS = 1.9  # the same in mean depths of the layers: deeper ones see further
 
 
 @njit(error_model='numpy')
-def _peak(stress, component, noise):
+def _is_spike(image, row, column):
+    """Whether a tactel stands alone, as no load under a skin makes it."""
+    highest = -np.inf
+    around = 0
+    for r in range(max(row - 1, 0), min(row + 2, image.shape[0])):
+        for c in range(max(column - 1, 0), min(column + 2, image.shape[1])):
+            if np.isfinite(image[r, c]) and (r != row or c != column):
+                around += 1
+                highest = max(highest, image[r, c])
+    return around >= MIN_AROUND and highest < SPIKE * image[row, column]
+
+
+@njit(error_model='numpy')
+def peak(stress, component, noise):
     """Layer, row and column of the largest pressure over its noise; layer -1 if none."""
     best = 0.0
     layer = row = column = -1
     for k in range(stress.shape[0]):
         if component[k] != 0:
             continue
-        level = best * noise[k]
         for r in range(stress.shape[1]):
             for c in range(stress.shape[2]):
-                if level < stress[k, r, c] < np.inf:  # false for NaN
-                    level = stress[k, r, c]
-                    layer, row, column = k, r, c
-        best = max(best, level / noise[k])
+                level = stress[k, r, c] / noise[k]
+                if best < level < np.inf and not _is_spike(stress[k], r, c):  # false for NaN
+                    best, layer, row, column = level, k, r, c
     return layer, row, column
 
 
@@ -48,7 +61,7 @@ def _vertex(line, peak):
 @njit(error_model='numpy')
 def start(stress, component, noise):
     """Row and column of the peak, and how far its vertex is off: (r, c, along y, along x)."""
-    k, r, c = _peak(stress, component, noise)
+    k, r, c = peak(stress, component, noise)
     if k < 0:
         return -1, -1, 0.0, 0.0
     return r, c, _vertex(stress[k, :, c], r), _vertex(stress[k, r], c)

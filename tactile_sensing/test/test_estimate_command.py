@@ -1,5 +1,4 @@
 """Command `estimate`: what it writes, every way to get it wrong, and flat memory."""
-from dataclasses import dataclass
 import re
 import tracemalloc
 import zipfile
@@ -12,9 +11,9 @@ import pytest
 
 from tactile_sensing import estimate, line
 from tactile_sensing.array import TactelArray
-from tactile_sensing.contact import Contact, ContactType, Reason
-from tactile_sensing.errors import ConfigurationError
-from tactile_sensing.estimator import ContactEstimator
+from tactile_sensing.contact import ContactType, Reason
+from tactile_sensing.estimator import ContactEstimator, EstimatorConfig
+from tactile_sensing.image import Layer, TactileImage
 
 ROWS, COLUMNS, PITCH, DEPTH, FORCE = 12, 14, 0.001, 0.002, 200.0
 ARRAY = TactelArray(ROWS, COLUMNS, PITCH, PITCH)
@@ -22,12 +21,12 @@ NOISE = 0.01 * line.peak_pressure(FORCE, DEPTH)
 OPTIONS = ['--pitch', '0.001', '--layers', 'zz@0.002']
 
 
-def edges(count, seed=1):
+def edges(count, seed=1, depth=DEPTH):
     """Edges across the pad, shape (count, rows, columns), and where they lie [m]."""
     rng = np.random.default_rng(seed)
     a = rng.uniform(-4e-3, 4e-3, count)
     frames = np.array([line.pressure(
-        ARRAY.x[None, :], ARRAY.y[:, None], rho, 0.0, FORCE, DEPTH) for rho in a])
+        ARRAY.x[None, :], ARRAY.y[:, None], rho, 0.0, FORCE, depth) for rho in a])
     return (frames + rng.normal(0.0, NOISE, frames.shape)).astype(np.float32), a
 
 
@@ -82,12 +81,16 @@ def test_edges_and_empty_frames(there, capsys):
 def test_same_as_the_estimator(there):
     frames, _ = edges(5)
     assert run(frames=frames) == 0
-    sensor = estimate.Sensor(ARRAY, (('zz', DEPTH),), np.zeros(ARRAY.shape, bool))
+    found = result()
     estimator = ContactEstimator()
-    for number, image in enumerate(sensor.images(frames)):
-        contact = estimator.estimate(image)
-        for name, (_, value, *_) in estimate.OUTPUT.items():
-            np.testing.assert_array_equal(result()[name][number], getattr(contact, value))
+    for number, frame in enumerate(frames):
+        contact = estimator.estimate(TactileImage(
+            0, 0, (Layer('zz', DEPTH, frame),), ARRAY, tared=True))
+        for name, value in {'P': 'normal_force', 'flags': 'reasons', 'Qx': 'shear_force_x',
+                            'Qy': 'shear_force_y'}.items():
+            np.testing.assert_array_equal(found[name][number], getattr(contact, value))
+        for name in set(found) - {'P', 'flags', 'Qx', 'Qy'}:
+            np.testing.assert_array_equal(found[name][number], getattr(contact, name))
 
 
 @pytest.mark.parametrize('save', [np.savez, np.savez_compressed])
@@ -124,7 +127,7 @@ def test_csv_equals_npz(there, monkeypatch):
 def test_layers_dead_and_saturated_tactels(there):
     frames, a = edges(6)
     frames[:, 3, 4] = 1e7
-    layers = np.stack([frames, 0.0 * frames], axis=1)
+    layers = np.stack([frames, edges(6, depth=2 * DEPTH)[0]], axis=1)
     args = ['--pitch', '0.001', '0.001', '--layers', 'zz@0.002,zz@0.004']
     assert run('--dead', '3,4;0,0', frames=layers, args=args) == 0
     found = result()
@@ -136,45 +139,19 @@ def test_layers_dead_and_saturated_tactels(there):
     np.testing.assert_allclose(found['a'], a, atol=3e-5)
 
 
-def test_shear_saturates_on_both_sides():
-    sensor = estimate.Sensor(
-        ARRAY, (('zz', DEPTH), ('xz', DEPTH)), np.zeros(ARRAY.shape, bool), full_scale=100.0)
-    frames = np.zeros((1, 2, ROWS, COLUMNS))
-    frames[0, :, 1, 1], frames[0, :, 2, 2], frames[0, :, 3, 3] = -150.0, 150.0, 99.0
-    image, = sensor.images(frames)
-    assert image.saturated == 3 and image.tared
-    pressure, shear = (np.isnan(layer.stress) for layer in image.layers)
-    assert pressure.sum() == 1 and pressure[2, 2]
-    assert shear.sum() == 2 and shear[1, 1] and shear[2, 2]
-
-
 def test_input_behind_the_pitch(there):
     np.savez('in.npz', frames=edges(1)[0])
     assert estimate.main([*OPTIONS[2:], '-o', 'out.npz', *OPTIONS[:2], 'in.npz']) == 0
 
 
-@dataclass(frozen=True)
-class Less:
-    method: str = 'fit'
-
-
-@dataclass(frozen=True)
-class More(Less):
-    model: str = 'auto'
-    tactel: str = 'point'
-
-
-def test_options_go_to_an_estimator_that_knows_them(monkeypatch):
-    def config(kind, *options):
-        monkeypatch.setattr(estimate, 'EstimatorConfig', kind)
+def test_options_go_to_the_estimator():
+    def config(*options):
         return estimate.make_config(estimate.parse(['in.npz', *OPTIONS, '-o', 'o', *options]))
 
-    assert config(More) == More()
-    assert config(More, '--model', 'line', '--tactel', 'area') == More('fit', 'line', 'area')
-    assert config(Less, '--method', 'moments', '--model', 'auto') == Less('moments')
-    for options in (['--model', 'line'], ['--tactel', 'area']):
-        with pytest.raises(ConfigurationError, match=f'{" ".join(options)}: the estimator knows'):
-            config(Less, *options)
+    assert config() == EstimatorConfig()
+    assert config('--model', 'line', '--tactel', 'area', '--fit-depth') == EstimatorConfig(
+        model='line', tactel='area', fit_depth=True)
+    assert config('--method', 'compensated') == EstimatorConfig(method='compensated')
 
 
 FRAMES = np.zeros((2, 8, 8))
@@ -272,7 +249,7 @@ def test_header_that_promises_more_than_there_is(there, capsys):
 def test_interrupt_leaves_nothing(there, capsys, monkeypatch):
     def interrupt(*_):
         raise KeyboardInterrupt
-    monkeypatch.setattr(ContactEstimator, 'estimate', interrupt)
+    monkeypatch.setattr(ContactEstimator, 'estimate_batch', interrupt)
     assert run(frames=FRAMES) == 1
     assert 'interrupted' in message(capsys)
     assert [path.name for path in there.iterdir()] == ['in.npz']
@@ -314,9 +291,7 @@ def check_garbage(frames, capsys):
 
 @pytest.mark.parametrize('save', [np.savez, np.savez_compressed])
 @pytest.mark.parametrize('out', ['out.npz', 'out.csv'])
-def test_memory_is_flat(there, monkeypatch, save, out):
-    contact = Contact(ContactType.NONE, False, Reason.NO_CONTACT, 'fit')
-    monkeypatch.setattr(ContactEstimator, 'estimate', lambda *_: contact)
+def test_memory_is_flat(there, save, out):
     peaks = {}
     for count in (2_000, 2_000, 20_000):  # the first is to warm up
         save('in.npz', frames=np.zeros((count, 16, 16), np.float32))
@@ -333,6 +308,7 @@ def test_progress_only_where_it_takes_long(there, capsys, monkeypatch):
     assert run(frames=frames) == 0
     message(capsys)
     monkeypatch.setattr(estimate, 'QUIET', 0.0)
+    monkeypatch.setattr(estimate, 'CHUNK_BYTES', frames[0].nbytes)
     assert run(frames=frames) == 0
     assert '1 of 3 frames' in capsys.readouterr().err
 

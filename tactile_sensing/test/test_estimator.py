@@ -57,13 +57,33 @@ def test_fit_reaches_the_cramer_rao_bound():
     assert rms[0] < 5e-6 and np.degrees(rms[1]) < 0.03 and rms[2] < 0.0025 * FORCE
 
 
-def test_covariance_is_the_spread_of_the_estimates():
+def sheared_edge(a, yaw, share):
+    return line.stress_with_shear(ARRAY.x[None, :], ARRAY.y[:, None], a * np.cos(yaw), yaw, FORCE,
+                                  share * FORCE, DEPTH)
+
+
+@pytest.mark.parametrize('share', [0.0, 0.3])
+def test_covariance_is_the_spread_of_the_estimates(share):
     rng = np.random.default_rng(2)
-    contacts = [estimate(noisy(edge(0.003, 0.3), rng)) for _ in range(1500)]
+    contacts = [estimate(noisy(sheared_edge(0.003, 0.3, share), rng)) for _ in range(1500)]
     values = np.array([[c.a, c.yaw, c.normal_force, c.line_force] for c in contacts])
     rows = [0, 2, 3, 6]
     claimed = np.sqrt(np.mean([np.diag(c.covariance)[rows] for c in contacts], axis=0))
-    np.testing.assert_allclose(values.std(axis=0), claimed, rtol=0.1)
+    ratio = values.std(axis=0) / claimed
+    np.testing.assert_allclose(ratio[1:], 1.0, atol=0.1)
+    if share:
+        assert ratio[0] == pytest.approx(1.0, abs=0.1)
+        assert all(c.model == 'line+shear/zz' for c in contacts)
+        shear = np.array([[c.shear_force_x, c.shear_force_y] for c in contacts])
+        length = 0.0254 / np.cos(0.3)
+        np.testing.assert_allclose(
+            shear.mean(axis=0), share * FORCE * length * np.array([np.cos(0.3), np.sin(0.3)]),
+            rtol=0.01)
+        claimed = [np.sqrt(np.mean([c.covariance[i, i] for c in contacts])) for i in (4, 5)]
+        np.testing.assert_allclose(shear.std(axis=0), claimed, rtol=0.1)
+    else:  # shear may hide, and is not there
+        assert ratio[0] < 0.5 and all(c.model == 'line/zz' for c in contacts)
+        assert all(np.isnan(c.shear_force_x) for c in contacts)
 
 
 def test_noise_free_fit_is_exact():
