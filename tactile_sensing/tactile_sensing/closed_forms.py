@@ -13,12 +13,17 @@ from tactile_sensing.compensation import (
     window_moments,
 )
 from tactile_sensing.contact import ContactType, Reason
-from tactile_sensing.explain import (
+from tactile_sensing.explain import FORCE_MISMATCH
+from tactile_sensing.fit_layers import COMPONENTS, Layer
+from tactile_sensing.line import chord_length, pressure
+from tactile_sensing.moments import image_moments, line_from_moments, Moments
+from tactile_sensing.point import average, stress
+from tactile_sensing.point_moments import basic, MomentFlag
+from tactile_sensing.telling import (
     A,
     B,
     COUNT,
     FORCE,
-    FORCE_MISMATCH,
     HAS_SHEAR,
     LINE_FORCE,
     RESIDUAL,
@@ -28,11 +33,6 @@ from tactile_sensing.explain import (
     WINDOWED,
     YAW,
 )
-from tactile_sensing.fit_layers import COMPONENTS, Layer
-from tactile_sensing.line import chord_length, pressure
-from tactile_sensing.moments import image_moments, line_from_moments, Moments
-from tactile_sensing.point import average, stress
-from tactile_sensing.point_moments import basic, MomentFlag
 
 THRESHOLD = 4.0  # standard deviations below which a line's tactels count as zero (3.5)
 MIN_ELONGATION = 3.0  # of second moments; less is no edge, whatever the closed form says

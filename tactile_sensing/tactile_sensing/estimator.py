@@ -12,13 +12,14 @@ from tactile_sensing.compiled import fingerprint
 from tactile_sensing.conditioning import drop_unusable, noise_of, ridge_shape, survey
 from tactile_sensing.contact import Contact, ContactType, INFORMATION, Reason, RECORD
 from tactile_sensing.errors import ConfigurationError
-from tactile_sensing.explain import COUNT, DETECTION, explain, HAS_SHEAR, make_buffers, SNR, VALUES
-from tactile_sensing.fit_layers import default_window, grid_of, layer_table, tactel_nodes
+from tactile_sensing.explain import DETECTION, explain, make_buffers
 from tactile_sensing.fit_layers import Layer as FitLayer
+from tactile_sensing.fit_layers import layer_table, sensor_of
 from tactile_sensing.image import Layer
 from tactile_sensing.load_fit import LINE, make_work, POINT
 from tactile_sensing.moments import Moments
 from tactile_sensing.point_model import peak
+from tactile_sensing.telling import COUNT, HAS_SHEAR, SNR, VALUES
 
 METHODS = ('fit', 'compensated', 'moments')
 MODELS = {'auto': (POINT, LINE), 'point': (POINT, POINT), 'line': (LINE, LINE)}
@@ -183,9 +184,8 @@ class ContactEstimator:
         moments = np.empty((count, 6))
         noise = np.empty((count, len(layers)))
         _estimate_frames(
-            stress, grid_of(array), table, component,
-            tactel_nodes(TACTELS[config.tactel], array.pitch_x, array.pitch_y),
-            default_window(table, array), given, full_scale,
+            stress, sensor_of(array, table, component, TACTELS[config.tactel]), table, given,
+            full_scale,
             (config.min_snr, config.model_error, config.max_chi_square, config.fit_depth),
             MODELS[config.model], config.method == 'fit', calibrated,
             (0 if tared else int(Reason.NOT_TARED), saturated), verdicts, values, covariance,
@@ -222,9 +222,10 @@ _FEW, _SATURATED, _DEAD = (
 
 
 @njit(error_model='numpy')
-def _condition(stress, grid, layers, component, given, full_scale, calibrated, left_out, moments):
+def _condition(stress, sensor, layers, given, full_scale, calibrated, left_out, moments):
     """Make a frame ready, in place; returns type, or _PENDING, and reasons."""
     reasons, saturated = left_out
+    x, y, pitch_x, pitch_y, component, _, _ = sensor
     missing, at_full_scale, main = 0, 0, -1
     for k in range(stress.shape[0]):
         gone, full, threshold = drop_unusable(stress[k], full_scale[k], component[k] != 0)
@@ -237,7 +238,6 @@ def _condition(stress, grid, layers, component, given, full_scale, calibrated, l
         reasons |= _SATURATED
     if missing > saturated:
         reasons |= _DEAD
-    x, y, pitch_x, pitch_y = grid
     live, highest = survey(stress[main], x, y, pitch_x * pitch_y, moments)
     if not calibrated:  # no force can be told, so nothing is called a contact estimate
         return (_OTHER if moments[0] > 0.0 else _NONE), reasons | _BAD_IMAGE
@@ -254,33 +254,31 @@ def _condition(stress, grid, layers, component, given, full_scale, calibrated, l
 
 
 @njit(error_model='numpy')
-def _likelier(stress, grid, layers, component):
+def _likelier(stress, sensor, layers):
     """The model to try first: how far the tactels above half the peak spread."""
-    layer, row, column = peak(stress, component, layers[:, 1])
+    layer, row, column = peak(stress, sensor[4], layers[:, 1])
     if layer < 0:
         return POINT
     image = stress[layer]
-    spread, elongation = ridge_shape(image, grid[0], grid[1], 0.5 * image[row, column])
+    spread, elongation = ridge_shape(image, sensor[0], sensor[1], 0.5 * image[row, column])
     is_long = spread > (LINE_LENGTH * layers[layer, 0]) ** 2 and not elongation < 2.0
     return LINE if is_long else POINT
 
 
 def _compile(version):
     @njit(cache=True, error_model='numpy')
-    def estimate_frames(stress, grid, table, component, nodes, window, given, full_scale, rules,
-                        models, fit, calibrated, left_out, verdicts, values, covariance, moments,
-                        noise):
+    def estimate_frames(stress, sensor, table, given, full_scale, rules, models, fit, calibrated,
+                        left_out, verdicts, values, covariance, moments, noise):
         """Estimate every frame of stress (N, layers, rows, columns), conditioned in place."""
         _ = version  # a part of the key of the cache
         frames, count, rows, columns = stress.shape
         work = make_work(count, count * rows * columns)
         buffers = make_buffers(count, rows, columns)
-        theta, layers = np.zeros(5), table.copy()
+        layers = table.copy()
         second_values, second_covariance = np.empty(VALUES), np.empty((7, 7))
         for f in range(frames):
             kind, reasons = _condition(
-                stress[f], grid, layers, component, given, full_scale, calibrated, left_out,
-                moments[f])
+                stress[f], sensor, layers, given, full_scale, calibrated, left_out, moments[f])
             for k in range(count):
                 noise[f, k] = layers[k, 1]
             verdicts[f, 0], verdicts[f, 1] = kind, reasons
@@ -288,17 +286,16 @@ def _compile(version):
                 continue
             first = models[0]
             if models[0] != models[1]:
-                first = _likelier(stress[f], grid, layers, component)
-            kind, why = explain(
-                first, stress[f], grid, layers, component, nodes, window, rules, buffers, work,
-                theta, values[f], covariance[f])
+                first = _likelier(stress[f], sensor, layers)
+            kind, why = explain(first, stress[f], sensor, layers, rules, buffers, work, values[f],
+                                covariance[f])
             if why & (_BAD_FIT | _LOW_SNR) and models[0] != models[1]:
                 second_values[:] = np.nan
                 second_values[COUNT] = 0.0
                 second_covariance[:] = np.nan
                 other, other_why = explain(
-                    POINT + LINE - first, stress[f], grid, layers, component, nodes, window,
-                    rules, buffers, work, theta, second_values, second_covariance)
+                    POINT + LINE - first, stress[f], sensor, layers, rules, buffers, work,
+                    second_values, second_covariance)
                 unclear = other_why & (_BAD_FIT | _LOW_SNR)
                 weak = why & _LOW_SNR
                 # Where the likelier model is too weak, the other may contradict it, if it is

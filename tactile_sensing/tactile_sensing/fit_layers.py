@@ -95,11 +95,35 @@ def tactel_nodes(tactel_points, pitch_x, pitch_y):
     return np.array([(p * pitch_x, q * pitch_y, u * w) for p, u in nodes for q, w in nodes])
 
 
-def default_window(table, array):
-    """Half side of the square of tactels around a point that its fit uses [pitches]."""
-    return max(WINDOW, WINDOW_DEPTHS * table[:, 0].mean() / min(array.pitch_x, array.pitch_y))
+def sensor_of(array, table, component, tactel_points=1, window=None):
+    """
+    What the compiled functions know of a sensor.
 
+    Parameters
+    ----------
+    array : TactelArray
+    table, component
+        From `layer_table`.
+    tactel_points : int
+        As for `tactel_nodes`.
+    window : float, optional
+        Half side of the square of tactels around a point that its fit uses [pitches]; by
+        default WINDOW, or WINDOW_DEPTHS mean depths of the layers where that is more.
 
-def grid_of(array):
-    """Centres and pitches of the tactels, as the compiled functions take them."""
-    return array.x, array.y, float(array.pitch_x), float(array.pitch_y)
+    Returns
+    -------
+    tuple
+        x, y [m], pitch_x, pitch_y [m], component, nodes, window [pitches].
+
+    Raises
+    ------
+    ConfigurationError
+        A window of less than one pitch, or as `tactel_nodes`.
+    """
+    if window is None:
+        window = max(WINDOW, WINDOW_DEPTHS * table[:, 0].mean() / min(
+            array.pitch_x, array.pitch_y))
+    if not 1.0 <= window < 1e6:
+        raise ConfigurationError(f'window is {window!r}, must be at least 1 [pitches]')
+    return (array.x, array.y, float(array.pitch_x), float(array.pitch_y), component,
+            tactel_nodes(tactel_points, array.pitch_x, array.pitch_y), float(window))

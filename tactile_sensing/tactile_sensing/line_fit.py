@@ -66,7 +66,7 @@ def fit_line(pressure, array, depth, noise_std, **options):
         Standard deviation of one tactel [Pa].
     shear : bool
         Whether to fit the shear across the line; by default it is 0.
-    model_error, steps, robust, tactel_points
+    model_error, robust, tactel_points
         As in `point_fit.fit_point`.
 
     Returns

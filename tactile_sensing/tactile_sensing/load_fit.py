@@ -6,7 +6,7 @@ import numpy as np
 from tactile_sensing import line_model, point_model
 from tactile_sensing.compiled import fingerprint
 from tactile_sensing.errors import ConfigurationError
-from tactile_sensing.fit_layers import default_window, grid_of, layer_table, tactel_nodes
+from tactile_sensing.fit_layers import layer_table, sensor_of
 from tactile_sensing.separable_fit import (
     best_forces,
     chi_square,
@@ -89,8 +89,26 @@ def _turn_upright(theta, matrix):
 
 
 @njit(error_model='numpy')
-def fit_frame(kind, stress, grid, layers, component, nodes, forces, window, model_error, steps,
-              tukey, work, theta, matrix, out):
+def _begin(kind, stress, sensor, layers, points, ends, theta):
+    """Start of the place into theta, tactels into points; their number, and theta[1] as length."""
+    x, y, pitch_x, pitch_y, component, _, window = sensor
+    noise = layers[:, 1]
+    if kind == POINT:
+        row, column, v, w = point_model.start(stress, component, noise)
+        if row < 0:
+            return 0, 1.0
+        theta[0], theta[1] = x[column] + w * pitch_x, y[row] + v * pitch_y
+        return point_model.gather(
+            stress, x, y, noise, row, column, v, w, window, points, ends), 1.0
+    theta[0], theta[1] = line_model.start(stress, x, y, component, noise)
+    if np.isnan(theta[0]):
+        return 0, 1.0
+    return line_model.gather(stress, x, y, noise, component, points, ends), (
+        0.5 * np.hypot(x[-1] - x[0], y[-1] - y[0]))
+
+
+@njit(error_model='numpy')
+def fit_frame(kind, stress, sensor, layers, forces, model_error, tukey, work, found):
     """
     Fit a load to one frame.
 
@@ -99,23 +117,19 @@ def fit_frame(kind, stress, grid, layers, component, nodes, forces, window, mode
     kind : int
         POINT: theta is (a, b, P, Qx, Qy); LINE: (rho, yaw, force, shear across, 0).
     stress : ndarray, shape (layers, rows, columns)
-    grid : (x, y, pitch_x, pitch_y)
+    sensor : tuple
+        From `sensor_of`.
     layers : ndarray, shape (layers, 5)
-        Depth, noise and the component as (gz + gx x' + gy y') times the pressure.
-    component : ndarray of int, shape (layers,)
-    nodes : ndarray, shape (m, 3)
-        Offsets and weights of the points that stand for a tactel's area.
+        From `layer_table`, with the noise.
     forces : int
         Force parameters in use: 1 (no shear), 2 (line) or 3 (point).
-    window : float
-        Half side of the tactels used around the peak of a point [pitches].
-    model_error, steps
-        Allowance of chi-square and of the weights; least number of steps.
+    model_error : float
+        Allowance of chi-square and of the weights.
     tukey : float
         Scales at which a tactel has lost all weight (Tukey's biweight); infinite: all are equal.
     work : tuple
         From `make_work`.
-    theta, matrix, out : ndarray, shape (5,), (5, 5), (6,)
+    found : (theta, matrix, out), ndarray of shape (5,), (5, 5), (6,)
         Results: parameters, normal equations (lower triangle), SQUARED ... OK.
 
     Returns
@@ -124,22 +138,10 @@ def fit_frame(kind, stress, grid, layers, component, nodes, forces, window, mode
         False where it did not work: theta and matrix are of no use.
     """
     points, columns, ends, vector, inverse = work
-    x, y, pitch_x, pitch_y = grid
+    theta, matrix, out = found
     out[:] = 0.0
     out[LAST_STEP] = np.inf
-    if kind == POINT:
-        row, column, v, w = point_model.start(stress, component, layers[:, 1])
-        if row < 0:
-            return False
-        theta[0], theta[1], lever = x[column] + w * pitch_x, y[row] + v * pitch_y, 1.0
-        n = point_model.gather(
-            stress, x, y, layers[:, 1], row, column, v, w, window, points, ends)
-    else:
-        theta[0], theta[1] = line_model.start(stress, x, y, component, layers[:, 1])
-        if np.isnan(theta[0]):
-            return False
-        lever = 0.5 * np.hypot(x[-1] - x[0], y[-1] - y[0])
-        n = line_model.gather(stress, x, y, layers[:, 1], component, points, ends)
+    n, lever = _begin(kind, stress, sensor, layers, points, ends, theta)
     out[USED] = n
     if n <= 2 + forces:
         return False
@@ -147,21 +149,19 @@ def fit_frame(kind, stress, grid, layers, component, nodes, forces, window, mode
     values, rest, weighted, roots = points[2], points[3], points[4], points[5]
     by_q0, by_q1, one, two, three = (
         columns[0], columns[1], columns[2], columns[3], columns[4])
-    depth = layers[:, 0].min()
+    nodes, depth, robust = sensor[5], layers[:, 0].min(), tukey < np.inf
     for iteration in range(MAX_STEPS + 1):
         _evaluate(kind, points, ends, layers, nodes, theta, True, columns)
         if forces < 3:
             three[:n] = 0.0
         if forces < 2:
             two[:n] = 0.0
-        data = values
-        weighing = tukey < np.inf and iteration > 0
+        data, weighing = values, robust and iteration > 0
         if weighing:
             for i in range(n):
                 rest[i] = values[i] - (one[i] * theta[2] + two[i] * theta[3] + three[i] * theta[4])
-            tukey_weights(values, rest, n, model_error, tukey, roots)
-            for i in range(n):
                 weighted[i] = values[i]
+            tukey_weights(values, rest, n, model_error, tukey, roots)
             weigh((weighted, one, two, three), roots, n)
             data = weighted
         normal_of_forces(data, one, two, three, n, matrix, vector)
@@ -176,8 +176,7 @@ def fit_frame(kind, stress, grid, layers, component, nodes, forces, window, mode
             weigh((by_q0, by_q1), roots, n)
         normal_of_place(
             data, by_q0, by_q1, one, two, three, theta, n, rest, matrix, vector)
-        least = MAX_STEPS if tukey < np.inf else steps
-        if iteration >= least and (
+        if iteration >= (MAX_STEPS if robust else STEPS) and (
                 out[LAST_STEP] <= SETTLED * depth or iteration >= MAX_STEPS):
             break
         step_0, step_1 = place_step(matrix, vector, inverse)
@@ -192,10 +191,11 @@ def fit_frame(kind, stress, grid, layers, component, nodes, forces, window, mode
     out[SQUARED], out[CHI] = chi_square(data, rest, n, model_error)
     if not (out[SQUARED] < np.inf and theta[2] > 0.0):
         return False
-    if kind == POINT and not (abs(theta[0] - start_0) <= window * pitch_x
-                              and abs(theta[1] - start_1) <= window * pitch_y):
-        return False
-    if kind == LINE:
+    if kind == POINT:
+        if not (abs(theta[0] - start_0) <= sensor[6] * sensor[2]
+                and abs(theta[1] - start_1) <= sensor[6] * sensor[3]):
+            return False
+    else:
         _turn_upright(theta, matrix)
     out[OK] = 1.0 if out[LAST_STEP] <= SETTLED * depth else 0.0
     return True
@@ -203,19 +203,19 @@ def fit_frame(kind, stress, grid, layers, component, nodes, forces, window, mode
 
 def _compile(version):
     @njit(cache=True, error_model='numpy')
-    def fit_frames(kind, stress, grid, layers, component, nodes, forces, window, model_error,
-                   steps, tukey, theta, information, out):
+    def fit_frames(kind, stress, sensor, layers, forces, model_error, tukey, theta, information,
+                   out):
         """Fit every frame of stress (N, layers, rows, columns), see `fit_frame`."""
         _ = version  # a part of the key of the cache
         most = stress.shape[1] * stress.shape[2] * stress.shape[3]
         if kind == POINT:
-            side = int(2.0 * window) + 2
+            side = int(2.0 * sensor[6]) + 2
             most = stress.shape[1] * min(side, stress.shape[2]) * min(side, stress.shape[3])
         work = make_work(stress.shape[1], most)
         matrix = np.zeros((5, 5))
         for f in range(stress.shape[0]):
-            if fit_frame(kind, stress[f], grid, layers, component, nodes, forces, window,
-                         model_error, steps, tukey, work, theta[f], matrix, out[f]):
+            if fit_frame(kind, stress[f], sensor, layers, forces, model_error, tukey, work,
+                         (theta[f], matrix, out[f])):
                 for i in range(2 + forces):
                     for j in range(i + 1):
                         information[f, i, j] = information[f, j, i] = matrix[i, j]
@@ -228,7 +228,7 @@ def _compile(version):
 _fit_frames = _compile(fingerprint())
 
 
-def fit_loads(kind, stress, array, layers, *, shear, window=None, model_error=0.07, steps=STEPS,
+def fit_loads(kind, stress, array, layers, *, shear, window=None, model_error=0.07,
               robust=False, tactel_points=1):
     """
     Fit one load to every frame: parameters (N, 5), Fisher information and what `fit_frame` says.
@@ -246,17 +246,12 @@ def fit_loads(kind, stress, array, layers, *, shear, window=None, model_error=0.
             f'stress has the shape {stress.shape[1:]} per frame, must be '
             f'{(len(layers), *array.shape)}')
     table, component = layer_table(layers)
-    if window is None:
-        window = default_window(table, array)
-    if not 1.0 <= window < 1e6:
-        raise ConfigurationError(f'window is {window!r}, must be at least 1 [pitches]')
+    sensor = sensor_of(array, table, component, tactel_points, window)
     forces = 1 + int(shear) * (2 if kind == POINT else 1)
     count = len(stress)
     theta = np.empty((count, 5))
     information = np.empty((count, 2 + forces, 2 + forces))
     out = np.empty((count, 6))
-    _fit_frames(kind, stress, grid_of(array), table, component,
-                tactel_nodes(tactel_points, array.pitch_x, array.pitch_y), forces,
-                float(window), float(model_error), int(steps), TUKEY if robust else np.inf,
-                theta, information, out)
+    _fit_frames(kind, stress, sensor, table, forces, float(model_error),
+                TUKEY if robust else np.inf, theta, information, out)
     return theta, information, out

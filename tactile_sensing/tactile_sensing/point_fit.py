@@ -6,7 +6,7 @@ import numpy as np
 
 from tactile_sensing.errors import ConfigurationError
 from tactile_sensing.fit_layers import Layer as Layer
-from tactile_sensing.load_fit import fit_loads, POINT, STEPS
+from tactile_sensing.load_fit import fit_loads, POINT
 from tactile_sensing.separable_fit import SINGULAR
 
 
@@ -67,7 +67,7 @@ class PointFit:
 
 
 def fit_point(stress, array, layers, *, shear=True, window=None, model_error=0.07,
-              steps=STEPS, robust=False, tactel_points=1):
+              robust=False, tactel_points=1):
     """
     Fit a frictional point load to the tactels around the peak by Gauss-Newton.
 
@@ -91,8 +91,6 @@ def fit_point(stress, array, layers, *, shear=True, window=None, model_error=0.0
         4.5, or 1.9 mean depths of the layers where that is more.
     model_error : float
         Allowance for what the model leaves out, as a fraction of the modelled stress.
-    steps : int
-        Gauss-Newton steps; more are done, up to ten, while the point still moves.
     robust : bool
         With Tukey's biweights, for tactels that are wrong without a word.
     tactel_points : int
@@ -111,7 +109,7 @@ def fit_point(stress, array, layers, *, shear=True, window=None, model_error=0.0
     stress = np.ascontiguousarray(stress, dtype=np.float64)[None]
     theta, information, out = fit_loads(
         POINT, stress, array, layers, shear=shear, window=window, model_error=model_error,
-        steps=steps, robust=robust, tactel_points=tactel_points)
+        robust=robust, tactel_points=tactel_points)
     squared, chi, used, last_step, iterations, converged = out[0].tolist()
     return PointFit(*theta[0].tolist(), information[0], squared, chi, int(used), last_step,
                     int(iterations), converged > 0.0)
