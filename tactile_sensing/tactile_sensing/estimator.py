@@ -23,7 +23,7 @@ from tactile_sensing.telling import COUNT, HAS_SHEAR, SNR, VALUES
 
 METHODS = ('fit', 'compensated', 'moments')
 MODELS = {'auto': (POINT, LINE), 'point': (POINT, POINT), 'line': (LINE, LINE)}
-TACTELS = {'point': 1, 'area': 2}  # Gauss points along each side that stand for a tactel
+TACTELS = {'point': 1, 'area': 3}  # Gauss points along each side that stand for a tactel
 MIN_TACTELS = 15  # live ones; three for each parameter of a point
 LINE_LENGTH = 1.0  # standard deviation along the ridge [depths] that makes a line the first guess
 CONTRADICTION = 1.5  # dB above min_snr that a second model needs to overrule a weak first

@@ -21,7 +21,8 @@ from tactile_sensing.separable_fit import (
 POINT, LINE = 1, 2  # as in contact.ContactType
 STEPS = 3  # Gauss-Newton steps; from the start they reach the Cramer-Rao bound
 MAX_STEPS = 10  # where the place has not settled by then: shear beyond friction, outliers
-SETTLED = 0.02  # last step of a settled place [depths]; what it leaves is its square
+SETTLED = 0.005  # step after which none is needed [depths]; what it leaves is its square
+CONVERGED = 0.05  # longest last step of a place that is told; much noise keeps it moving a little
 STEP_BOUND = 1.0  # longest step [depths of the shallowest layer]
 SQUARED, CHI, USED, LAST_STEP, ITERATIONS, OK = range(6)  # of what `fit_frame` says
 
@@ -197,7 +198,7 @@ def fit_frame(kind, stress, sensor, layers, forces, model_error, tukey, work, fo
             return False
     else:
         _turn_upright(theta, matrix)
-    out[OK] = 1.0 if out[LAST_STEP] <= SETTLED * depth else 0.0
+    out[OK] = 1.0 if out[LAST_STEP] <= CONVERGED * depth else 0.0
     return True
 
 

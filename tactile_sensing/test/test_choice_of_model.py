@@ -93,7 +93,7 @@ def test_shear_is_reported_where_it_shows_and_only_there():
     np.testing.assert_allclose(mean, [0.3 * FORCE, -0.2 * FORCE], atol=0.1)
     without = list(noisy_estimates(a_point, 40, 400, 2))
     found = sum('shear' in contact.model for contact in without)
-    assert found <= 32  # one in twenty, and two and a half standard deviations
+    assert found <= 71  # chi-square over 4: 13.5 %, and two and a half standard deviations
     assert all(c.shear_force_x == 0.0 for c in without if 'shear' not in c.model)
 
 
@@ -125,7 +125,7 @@ def test_point_without_shear_is_better_than_claimed():
         rows = [0, 1, 3]
         error = np.array([contact.a - a, contact.b - b, contact.normal_force - FORCE])
         errors.append(error / np.sqrt(np.diag(contact.covariance)[rows]))
-    assert len(errors) > 380
+    assert len(errors) > 320
     place_x, place_y, force = np.sqrt(np.mean(np.square(errors), axis=0))
     assert place_x < 0.6 and place_y < 0.6  # shear may hide, and is not there
     assert force == pytest.approx(1.0, abs=0.15)

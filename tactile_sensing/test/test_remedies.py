@@ -1,0 +1,189 @@
+"""Faults of a sensor: what is lost to each, and that the rest is still told honestly."""
+
+import numpy as np
+import pytest
+
+from tactile_sensing import line, point
+from tactile_sensing.array import TactelArray
+from tactile_sensing.contact import Reason
+from tactile_sensing.estimator import ContactEstimator, EstimatorConfig
+from tactile_sensing.image import Layer
+
+DEPTH, COUNT = 0.002, 600
+ARRAY = TactelArray(26, 26, 1e-3, 1e-3)
+X, Y = ARRAY.x, ARRAY.y[:, None]
+
+
+@pytest.fixture(scope='module')
+def presses():
+    """Loads (a, b, 1 N, Qx, Qy) with shear up to half of it, frames and noise at 40 dB."""
+    rng = np.random.default_rng(11)
+    turn, shear = rng.uniform(-np.pi, np.pi, COUNT), rng.uniform(0.0, 0.5, COUNT)
+    loads = np.column_stack([rng.uniform(-8e-3, 8e-3, (COUNT, 2)), np.ones(COUNT),
+                             shear * np.cos(turn), shear * np.sin(turn)])
+    clean = np.array([point.stress('zz', X, Y, *load, DEPTH) for load in loads])
+    noise = 0.01 * clean.max(axis=(1, 2))
+    return loads, clean + noise[:, None, None] * rng.normal(size=clean.shape), clean, noise
+
+
+def found(frames, noise, *, depth=DEPTH, full_scale=0.0, **config):
+    """Every frame with its own noise, as the estimator's scale is free: over the noise."""
+    layer = Layer('zz', depth, None, full_scale, 1.0)
+    return ContactEstimator(EstimatorConfig(**config)).estimate_batch(
+        frames / noise[:, None, None], ARRAY, [layer])
+
+
+def errors(records, loads, noise):
+    """RMS errors: a [mm], P, Qx and Qy [% of P]; of frames that are valid points."""
+    good = records['valid'] & (records['type'] == 1)
+    assert good.mean() > 0.98
+    estimate = np.column_stack([
+        records['a'], *(noise * records[name] for name in ('P', 'Qx', 'Qy'))])
+    error = (estimate - loads[:, [0, 2, 3, 4]])[good]
+    return np.sqrt(np.mean(error**2, axis=0)) * [1e3, 100.0, 100.0, 100.0]
+
+
+def no_worse(measured, limits):
+    """Within the limits; the RMS of 600 frames is known to 3 %, three times that is allowed."""
+    assert (np.asarray(measured) <= 1.09 * np.asarray(limits)).all(), measured
+
+
+def test_without_a_fault_the_bound_is_reached(presses):
+    loads, frames, _, noise = presses
+    no_worse(errors(found(frames, noise), loads, noise), [0.025, 0.55, 3.9, 3.9])
+
+
+def test_drift_is_taken_off(presses):
+    loads, frames, clean, noise = presses
+    drifted = frames + 0.03 * clean.max(axis=(1, 2), keepdims=True)
+    records = found(drifted, noise)
+    no_worse(errors(records, loads, noise), [0.026, 0.6, 3.9, 3.9])
+    ignored = found(drifted, noise, model='point', max_chi_square=1e6)
+    assert np.all(records['P'] == ignored['P'])  # whatever the verdict, it is taken off
+
+
+def test_unlisted_dead_tactels_are_found(presses):
+    loads, frames, _, noise = presses
+    dead = np.random.default_rng(12).random(frames.shape) < 0.1
+    records = found(np.where(dead, 0.0, frames), noise)
+    a, force, *_ = errors(records, loads, noise)
+    no_worse([a, force], [0.034, 0.8])
+    loaded = np.array([np.any(d & (f > 15.0 * n)) for d, f, n in
+                       zip(dead, frames, noise, strict=True)])
+    told = records['flags'] & int(Reason.DEAD_TACTELS) > 0
+    assert told[loaded & records['valid']].mean() > 0.99
+
+
+def test_stuck_tactels_do_not_draw_the_point(presses):
+    loads, frames, clean, noise = presses
+    stuck = np.random.default_rng(13).random(frames.shape) < 1.0 / ARRAY.x.size**2
+    records = found(np.where(stuck, 2.0 * clean.max(), frames), noise)
+    good = records['valid']
+    assert good.mean() > 0.93
+    assert np.abs(records['a'] - loads[:, 0])[good].max() < 0.3e-3
+
+
+def test_missing_and_saturated_tactels_have_no_weight(presses):
+    loads, frames, _, noise = presses
+    gaps = np.random.default_rng(14).random(frames.shape) < 0.1
+    records = found(np.where(gaps, np.nan, frames), noise)
+    no_worse(errors(records, loads, noise)[:2], [0.03, 0.65])
+    assert (records['flags'] & int(Reason.DEAD_TACTELS) > 0).all()
+    # Saturation is a matter of one sensor: all frames with the same noise and full scale.
+    noise = np.full(COUNT, noise.mean())
+    peak = frames.max(axis=(1, 2))
+    scaled = frames / peak[:, None, None] * peak.mean()
+    records = found(scaled, noise, full_scale=0.7 * peak.mean() / noise[0])
+    scaled_loads = loads * np.where(np.arange(5) >= 2, (peak.mean() / peak)[:, None], 1.0)
+    no_worse(errors(records, scaled_loads, noise)[1:], [0.85, 4.6, 4.6])
+    assert (records['flags'] & int(Reason.SATURATED) > 0).all()
+
+
+def test_zeros_of_a_threshold_are_no_measurements(presses):
+    loads, frames, clean, noise = presses
+    kept = np.where(frames < 0.05 * clean.max(axis=(1, 2), keepdims=True), 0.0, frames)
+    no_worse(errors(found(kept, noise), loads, noise)[1:], [0.6, 4.9, 4.9])
+
+
+@pytest.mark.parametrize('wrong', [0.8, 1.05, 1.2])
+def test_depth_can_be_found(presses, wrong):
+    loads, frames, _, noise = presses
+    _, right, *_ = errors(found(frames, noise), loads, noise)
+    records = found(frames, noise, depth=wrong * DEPTH, fit_depth=True)
+    a, force, *shear = errors(records, loads, noise)
+    no_worse([a, force, *shear], [0.026, 1.5 * right, 3.9, 3.9])
+    claimed = noise * np.sqrt(records['covariance'][:, 3, 3])
+    deviation = (noise * records['P'] - 1.0) / claimed
+    assert np.sqrt(np.nanmean(deviation**2)) == pytest.approx(1.0, abs=0.1)
+
+
+def test_a_wrong_depth_is_told_and_costs_certainty(presses):
+    _, frames, _, noise = presses
+    records = found(frames, noise, depth=1.2 * DEPTH)
+    assert (records['flags'] & int(Reason.FORCE_MISMATCH) > 0).all()
+    off = np.abs(noise * records['P'] - 1.0)
+    assert (off < 3.0 * noise * np.sqrt(records['covariance'][:, 3, 3])).all()
+    right = found(frames, noise)
+    assert (right['flags'] & int(Reason.FORCE_MISMATCH) > 0).mean() < 0.005
+
+
+def test_an_extended_patch_has_its_force_in_the_window():
+    # A sphere's pressure, sqrt(1 - r^2) over a radius of 1 mm, as a sum of 300 points.
+    rng = np.random.default_rng(15)
+    radius = np.sqrt(1.0 - (1.0 - (np.arange(300) + 0.5) / 300) ** (2.0 / 3.0)) * 1e-3
+    turn = np.arange(300) * np.pi * (3.0 - np.sqrt(5.0))
+    offsets = radius * np.cos(turn), radius * np.sin(turn)
+    frames = np.array([sum(
+        point.stress('zz', X, Y, a + u, b + v, 1.0 / 300, 0.0, 0.0, DEPTH)
+        for u, v in zip(*offsets, strict=True)) for a, b in rng.uniform(-6e-3, 6e-3, (60, 2))])
+    noise = 0.01 * frames.max(axis=(1, 2))
+    records = found(frames + noise[:, None, None] * rng.normal(size=frames.shape), noise)
+    assert records['valid'].all()
+    assert np.mean(noise * records['P']) < 0.95  # a point fits it, with 8 % too little
+    assert np.mean(noise * records['force_windowed']) == pytest.approx(1.0, abs=0.01)
+    assert (records['flags'] & int(Reason.FORCE_MISMATCH) > 0).all()
+
+
+@pytest.mark.parametrize('most', [2.0, 4.0])
+def test_shear_beyond_friction(presses, most):
+    loads, _, _, _ = presses
+    loads = loads * np.array([1.0, 1.0, 1.0, 2.0 * most, 2.0 * most])
+    clean = np.array([point.stress('zz', X, Y, *load, DEPTH) for load in loads])
+    noise = 1e-5 * clean.max(axis=(1, 2))
+    records = found(clean, noise)
+    assert records['valid'].all()
+    # To the place 1e-4 mm, as without noise; forces as well.
+    assert np.abs(records['a'] - loads[:, 0]).max() < 1e-7
+    assert np.abs(noise * records['Qx'] - loads[:, 3]).max() < 1e-4
+
+
+def test_shear_across_a_line():
+    array = TactelArray(16, 16, 0.0254 / 16, 0.0254 / 16)
+    rng = np.random.default_rng(16)
+    place = rng.uniform((-8e-3, -0.7), (8e-3, 0.7), (300, 2))
+    clean = np.array([line.stress_with_shear(
+        array.x, array.y[:, None], a * np.cos(yaw), yaw, 200.0, 60.0, DEPTH)
+        for a, yaw in place])
+    noise = 0.01 * line.peak_pressure(200.0, DEPTH)
+    frames = clean + rng.normal(0.0, noise, clean.shape)
+    layer = Layer('zz', DEPTH, None, 0.0, noise)
+    records = ContactEstimator().estimate_batch(frames, array, [layer])
+    assert records['valid'].all() and np.isfinite(records['Qx']).all()
+    off = (records['a'] - place[:, 0]) * np.cos(place[:, 1])
+    assert np.sqrt(np.mean(off**2)) < 0.015e-3  # .2 mm if the shear were left out
+    claimed = np.sqrt(records['covariance'][:, 0, 0]) * np.cos(place[:, 1])
+    assert np.sqrt(np.mean((off / claimed) ** 2)) == pytest.approx(1.0, abs=0.12)
+
+
+def test_tactels_that_average_over_their_area():
+    rng = np.random.default_rng(17)
+    array = TactelArray(16, 16, 0.0016, 0.0016)
+    x, y = array.x, array.y[:, None]
+    loads = np.column_stack([rng.uniform(-6e-3, 6e-3, (200, 2)), np.ones(200),
+                             rng.uniform(-0.3, 0.3, (200, 2))])
+    frames = np.array([point.average('zz', x, y, *load, DEPTH, 0.0016, 0.0016) for load in loads])
+    layer = Layer('zz', DEPTH, None, 0.0, 1e-4 * frames.max())
+    area, centre = (ContactEstimator(EstimatorConfig(tactel=tactel)).estimate_batch(
+        frames, array, [layer]) for tactel in ('area', 'point'))
+    assert area['valid'].all() and np.abs(area['P'] - 1.0).max() < 0.001
+    assert np.nanmean(np.abs(centre['P'] - 1.0)) > 0.03
