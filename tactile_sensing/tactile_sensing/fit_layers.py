@@ -120,10 +120,12 @@ def sensor_of(array, table, component, tactel_points=1, window=None):
     ConfigurationError
         A window of less than one pitch, or as `tactel_nodes`.
     """
+    whole = float(max(array.shape))
     if window is None:
-        window = max(WINDOW, WINDOW_DEPTHS * table[:, 0].mean() / min(
-            array.pitch_x, array.pitch_y))
-    if not 1.0 <= window < 1e6:
+        depths = WINDOW_DEPTHS * table[:, 0].mean() / min(array.pitch_x, array.pitch_y)
+        window = max(WINDOW, min(depths, whole))
+    elif not window >= 1.0:
         raise ConfigurationError(f'window is {window!r}, must be at least 1 [pitches]')
     return (array.x, array.y, float(array.pitch_x), float(array.pitch_y), component,
-            tactel_nodes(tactel_points, array.pitch_x, array.pitch_y), float(window))
+            tactel_nodes(tactel_points, array.pitch_x, array.pitch_y),
+            min(float(window), max(WINDOW, whole)))
