@@ -69,13 +69,14 @@ packages() {
         sed 's,^\./,,; s,/package\.xml$,,' | sort
 }
 
-# Changes with everything that a build copies or generates from. Python modules are linked,
-# not copied, so that an edit is live.
+# Changes with everything that a build copies, generates from or compiles. Other Python modules
+# are linked, not copied, so that an edit is live.
 sources_signature() {
     packages | while IFS= read -r package; do
         find "$ROOT/$package" \( -name '.?*' -o -name __pycache__ \
             -o -path "$ROOT/$package/test" \) -prune -o \
-            -type f \( ! -name '*.py' -o -name setup.py \) -exec cksum {} + | sort
+            -type f \( ! -name '*.py' -o -name setup.py -o -exec grep -q '^ *@njit' {} \; \) \
+            -exec cksum {} + | sort
     done | checksum
 }
 
@@ -316,6 +317,7 @@ write_setup_ros() {
 
 # colcon_build [ARGS of colcon build]
 colcon_build() {
+    export NUMBA_CACHE_DIR="$BASE/numba"
     set -- build --base-paths "$ROOT" --build-base "$BUILD" --install-base "$INSTALL" \
         --merge-install --symlink-install "$@" --cmake-args -DBUILD_TESTING=OFF
     if [ "$FLAVOUR" != bare ]; then
