@@ -1,6 +1,6 @@
 """A thousand corrupted inputs for every method: no exception, and nothing valid from garbage."""
 
-from hypothesis import given, settings, target
+from hypothesis import given, HealthCheck, settings, target
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as npst
 import numpy as np
@@ -15,7 +15,8 @@ from tactile_sensing.image import COMPONENTS, Layer, TactileImage
 
 ESTIMATORS = {(method, model): ContactEstimator(EstimatorConfig(method=method, model=model))
               for method in METHODS for model in MODELS}
-THOUSAND = settings(max_examples=1000, deadline=None, derandomize=True)
+THOUSAND = settings(max_examples=1000, deadline=None, derandomize=True,
+                    suppress_health_check=[HealthCheck.too_slow])
 PARAMETERS = {
     ContactType.POINT: ('a', 'b', 'normal_force', 'shear_force_x', 'shear_force_y'),
     ContactType.LINE: ('a', 'b', 'yaw', 'normal_force', 'line_force')}
