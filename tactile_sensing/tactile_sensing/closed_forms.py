@@ -53,7 +53,7 @@ def by_moments(frame, array, table, component, noise, config, values, covariance
     frame : ndarray, shape (layers, rows, columns)
         Stress [Pa], NaN where a tactel is not used.
     array, table, component
-        As for `load_fit.fit_frame`.
+        From `fit_layers.sensor_of`.
     noise : ndarray, shape (layers,)
     config : EstimatorConfig
     values, covariance : ndarray

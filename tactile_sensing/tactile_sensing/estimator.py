@@ -14,7 +14,7 @@ from tactile_sensing.contact import Contact, ContactType, INFORMATION, Reason, R
 from tactile_sensing.errors import ConfigurationError
 from tactile_sensing.explain import DETECTION, explain, make_buffers
 from tactile_sensing.fit_layers import Layer as FitLayer
-from tactile_sensing.fit_layers import layer_table, sensor_of
+from tactile_sensing.fit_layers import sensor_of
 from tactile_sensing.image import Layer
 from tactile_sensing.load_fit import LINE, make_work, POINT
 from tactile_sensing.moments import Moments
@@ -176,7 +176,8 @@ class ContactEstimator:
         config, count = self.config, len(stress)
         given = np.array([config.noise_std or layer.noise_std for layer in layers], dtype=float)
         full_scale = np.array([layer.full_scale for layer in layers], dtype=float)
-        table, component = _table(tuple((layer.component, layer.depth) for layer in layers))
+        sensor, table = _sensor(array, tuple((layer.component, layer.depth) for layer in layers),
+                                TACTELS[config.tactel])
         verdicts = np.zeros((count, 2), dtype=np.int64)
         values = np.full((count, VALUES), np.nan)
         values[:, COUNT] = 0.0
@@ -184,14 +185,13 @@ class ContactEstimator:
         moments = np.empty((count, 6))
         noise = np.empty((count, len(layers)))
         _estimate_frames(
-            stress, sensor_of(array, table, component, TACTELS[config.tactel]), table, given,
-            full_scale,
+            stress, sensor, table, given, full_scale,
             (config.min_snr, config.model_error, config.max_chi_square, config.fit_depth),
             MODELS[config.model], config.method == 'fit', calibrated,
             (0 if tared else int(Reason.NOT_TARED), saturated), verdicts, values, covariance,
             moments, noise)
         for i in np.flatnonzero(verdicts[:, 0] == _PENDING):
-            kind, reasons = by_moments(stress[i], array, table, component, noise[i], config,
+            kind, reasons = by_moments(stress[i], array, table, sensor[4], noise[i], config,
                                        values[i], covariance[i])
             verdicts[i] = kind, reasons | verdicts[i, 1]
         return verdicts, values, covariance, moments
@@ -209,9 +209,10 @@ def _is_valid(kind, reasons):
 
 
 @lru_cache(maxsize=64)
-def _table(plan):
-    """Table of layers, with a noise of 1, see `layer_table`."""
-    return layer_table(tuple(FitLayer(component, depth, 1.0) for component, depth in plan))
+def _sensor(array, plan, tactel_points):
+    """Sensor and table of layers, with a noise of 1, see `sensor_of`."""
+    return sensor_of(array, tuple(FitLayer(component, depth, 1.0) for component, depth in plan),
+                     tactel_points)
 
 
 _NONE, _OTHER = int(ContactType.NONE), int(ContactType.OTHER)

@@ -13,7 +13,7 @@ FORCE_WINDOW = 2.0  # half side of the window of the second force estimate of a 
 
 
 @njit(error_model='numpy')
-def _measured(kind, x, y, theta, layer, nodes):
+def _measured(kind, x, y, cos, sin, theta, layer, nodes):
     """Stress that a tactel measures under a load [Pa]."""
     total = 0.0
     for j in range(nodes.shape[0]):
@@ -22,7 +22,7 @@ def _measured(kind, x, y, theta, layer, nodes):
                 x + nodes[j, 0], y + nodes[j, 1], theta, layer)
         else:
             total += nodes[j, 2] * line_model.stress_at(
-                x + nodes[j, 0], y + nodes[j, 1], theta, layer[0])
+                x + nodes[j, 0], y + nodes[j, 1], cos, sin, theta, layer[0])
     return total
 
 
@@ -30,13 +30,14 @@ def _measured(kind, x, y, theta, layer, nodes):
 def compare(kind, stress, sensor, layers, theta, left, model):
     """Load into model, and what it leaves; NaN in left for layers that do not show a line."""
     x, y, _, _, component, nodes, _ = sensor
+    cos, sin = math.cos(theta[1]), math.sin(theta[1])
     for k in range(stress.shape[0]):
         if kind == LINE and component[k] != 0:
             left[k] = np.nan
             continue
         for r in range(stress.shape[1]):
             for c in range(stress.shape[2]):
-                expected = _measured(kind, x[c], y[r], theta, layers[k], nodes)
+                expected = _measured(kind, x[c], y[r], cos, sin, theta, layers[k], nodes)
                 model[k, r, c] = expected
                 left[k, r, c] = stress[k, r, c] - expected
 
@@ -81,6 +82,12 @@ def window_ratio(kind, left, model, x, y, theta, depth):
 def second_contact(kind, left, x, y, theta, depth, threshold):
     """Whether more than a threshold is left over away from the load, over 3x3 tactels."""
     rows, columns = left.shape
+    highest = 0.0
+    for rest in left.flat:
+        if rest > highest:  # false for NaN
+            highest = rest
+    if highest <= threshold:  # then so is every mean
+        return False
     cos, sin = math.cos(theta[1]), math.sin(theta[1])
     for r in range(rows):
         for c in range(columns):

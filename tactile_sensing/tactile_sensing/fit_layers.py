@@ -51,35 +51,6 @@ class Layer:
                 raise ConfigurationError(f'{name} is {value!r}, must be positive [{unit}]')
 
 
-@lru_cache(maxsize=64)
-def layer_table(layers):
-    """
-    Layers as arrays.
-
-    Returns
-    -------
-    table : ndarray, shape (layers, 5)
-        Depth, noise, and the component as (gz + gx x' + gy y') times the pressure.
-    component : ndarray of int, shape (layers,)
-        Index into COMPONENTS.
-
-    Raises
-    ------
-    ConfigurationError
-        No 'zz' layer.
-    """
-    rows = []
-    for layer in layers:
-        lever = {'zz': (1.0, 0.0, 0.0), 'xz': (0.0, 1.0 / layer.depth, 0.0),
-                 'yz': (0.0, 0.0, 1.0 / layer.depth)}[layer.component]
-        rows.append((layer.depth, layer.noise_std, *lever))
-    component = np.array([COMPONENTS.index(layer.component) for layer in layers], np.int64)
-    if not (component == 0).any():
-        raise ConfigurationError("layers have no 'zz', must have at least one to start from")
-    return np.array(rows, dtype=np.float64), component
-
-
-@lru_cache(maxsize=64)
 def tactel_nodes(tactel_points, pitch_x, pitch_y):
     """
     Points that stand for a tactel: offsets along x and y [m] and weight, shape (n^2, 3).
@@ -95,15 +66,15 @@ def tactel_nodes(tactel_points, pitch_x, pitch_y):
     return np.array([(p * pitch_x, q * pitch_y, u * w) for p, u in nodes for q, w in nodes])
 
 
-def sensor_of(array, table, component, tactel_points=1, window=None):
+@lru_cache(maxsize=64)
+def sensor_of(array, layers, tactel_points=1, window=None):
     """
     What the compiled functions know of a sensor.
 
     Parameters
     ----------
     array : TactelArray
-    table, component
-        From `layer_table`.
+    layers : tuple of Layer
     tactel_points : int
         As for `tactel_nodes`.
     window : float, optional
@@ -112,20 +83,31 @@ def sensor_of(array, table, component, tactel_points=1, window=None):
 
     Returns
     -------
-    tuple
-        x, y [m], pitch_x, pitch_y [m], component, nodes, window [pitches].
+    sensor : tuple
+        x, y [m], pitch_x, pitch_y [m], component (index into COMPONENTS, shape (layers,)),
+        nodes, window [pitches].
+    table : ndarray, shape (layers, 5)
+        Depth, noise, and the component as (gz + gx x' + gy y') times the pressure.
 
     Raises
     ------
     ConfigurationError
-        A window of less than one pitch, or as `tactel_nodes`.
+        No 'zz' layer, a window of less than one pitch, or as `tactel_nodes`.
     """
+    levers = {'zz': (1.0, 0.0, 0.0), 'xz': (0.0, 1.0, 0.0), 'yz': (0.0, 0.0, 1.0)}
+    table = np.array([(layer.depth, layer.noise_std, *levers[layer.component])
+                      for layer in layers]).reshape(-1, 5)
+    table[:, 3:] /= table[:, :1]
+    component = np.array([COMPONENTS.index(layer.component) for layer in layers], np.int64)
+    if not (component == 0).any():
+        raise ConfigurationError("layers have no 'zz', must have at least one to start from")
     whole = float(max(array.shape))
     if window is None:
         depths = WINDOW_DEPTHS * table[:, 0].mean() / min(array.pitch_x, array.pitch_y)
         window = max(WINDOW, min(depths, whole))
     elif not window >= 1.0:
         raise ConfigurationError(f'window is {window!r}, must be at least 1 [pitches]')
-    return (array.x, array.y, float(array.pitch_x), float(array.pitch_y), component,
-            tactel_nodes(tactel_points, array.pitch_x, array.pitch_y),
-            min(float(window), max(WINDOW, whole)))
+    sensor = (array.x, array.y, float(array.pitch_x), float(array.pitch_y), component,
+              tactel_nodes(tactel_points, array.pitch_x, array.pitch_y),
+              min(float(window), max(WINDOW, whole)))
+    return sensor, table

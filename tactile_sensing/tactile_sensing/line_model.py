@@ -92,8 +92,8 @@ def add_turn(x, y, cos, sin, rho, force, shear, depth, scale, by_yaw):
 
 
 @njit(error_model='numpy')
-def stress_at(x, y, theta, depth):
-    """Pressure at one place [Pa]."""
-    v = x * np.cos(theta[1]) + y * np.sin(theta[1]) - theta[0]
+def stress_at(x, y, cos, sin, theta, depth):
+    """Pressure at one place [Pa]; cos and sin are those of theta[1]."""
+    v = x * cos + y * sin - theta[0]
     q = 1.0 / (v * v + depth * depth)
     return 2.0 / np.pi * depth * depth * q * q * (theta[2] * depth + theta[3] * v)

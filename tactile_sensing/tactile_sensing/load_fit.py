@@ -6,7 +6,7 @@ import numpy as np
 from tactile_sensing import line_model, point_model
 from tactile_sensing.compiled import fingerprint
 from tactile_sensing.errors import ConfigurationError
-from tactile_sensing.fit_layers import layer_table, sensor_of
+from tactile_sensing.fit_layers import sensor_of
 from tactile_sensing.separable_fit import (
     best_forces,
     chi_square,
@@ -121,7 +121,7 @@ def fit_frame(kind, stress, sensor, layers, forces, model_error, tukey, work, fo
     sensor : tuple
         From `sensor_of`.
     layers : ndarray, shape (layers, 5)
-        From `layer_table`, with the noise.
+        From `sensor_of`, with the noise.
     forces : int
         Force parameters in use: 1 (no shear), 2 (line) or 3 (point).
     model_error : float
@@ -246,8 +246,7 @@ def fit_loads(kind, stress, array, layers, *, shear, window=None, model_error=0.
         raise ConfigurationError(
             f'stress has the shape {stress.shape[1:]} per frame, must be '
             f'{(len(layers), *array.shape)}')
-    table, component = layer_table(layers)
-    sensor = sensor_of(array, table, component, tactel_points, window)
+    sensor, table = sensor_of(array, layers, tactel_points, window)
     forces = 1 + int(shear) * (2 if kind == POINT else 1)
     count = len(stress)
     theta = np.empty((count, 5))
