@@ -4,6 +4,7 @@ import math
 import os
 from pathlib import Path
 import sys
+import threading
 import time
 
 import numpy as np
@@ -260,6 +261,17 @@ class Tally:
         return f'{types}; {self._invalid} not valid' + (f': {reasons}' if reasons else '')
 
 
+def make_estimator(config):
+    """Return the estimator, with a word where its kernels are not in numba's cache."""
+    word = threading.Timer(2.0, lambda: print(
+        'estimate: compiling, once, for half a minute ...', file=sys.stderr))
+    word.start()
+    try:
+        return ContactEstimator(config)
+    finally:
+        word.cancel()
+
+
 def run(options):
     """Estimate every frame of the input; returns the summary."""
     config = make_config(options)
@@ -272,7 +284,7 @@ def run(options):
     chunk = min(max(CHUNK_BYTES // frame_size, 1), MAX_CHUNK)
     tally, done = Tally(), 0
     with RecordWriter(options.out, RECORD, total) as writer:
-        estimator = ContactEstimator(config)
+        estimator = make_estimator(config)
         begin = time.perf_counter()
         with Progress(sys.stderr, delay=QUIET) as progress:
             for frames in reader.chunks(chunk):

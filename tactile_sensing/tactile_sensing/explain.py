@@ -37,7 +37,7 @@ from tactile_sensing.telling import (
 
 # Chi-square that shear must reach: two for each force (Akaike) is the least expected error
 # where shear is usual; a line is located three times better without, so there it must be plain.
-SHEAR_EVIDENCE = 4.0, 10.8
+SHEAR_EVIDENCE = 4.0, 15.0
 DRIFT_LOOKS = 3  # each leaves a part of the drift that it found
 MIN_TACTELS = 15, 24  # of a point around the peak, of a line: three to eight for each parameter
 SECOND_CONTACT = 0.15  # of the peak, left over elsewhere, that makes a second contact

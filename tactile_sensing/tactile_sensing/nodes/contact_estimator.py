@@ -1,5 +1,7 @@
 """Contact estimator node: tactile image in, contact and wrench out."""
 
+import time
+
 from geometry_msgs.msg import WrenchStamped
 from rclpy.node import Node
 from rclpy.qos import qos_profile_sensor_data
@@ -23,7 +25,10 @@ class ContactEstimatorNode(Node):
 
     def __init__(self, **kwargs):
         super().__init__('contact_estimator', **kwargs)
+        begin = time.monotonic()
         self._estimator = ContactEstimator(declare_from(self, EstimatorConfig))
+        if time.monotonic() - begin > 5.0:
+            self.get_logger().info('kernels were compiled; they are kept for the next start')
         self._contact = self.create_publisher(ContactMsg, 'contact', qos_profile_sensor_data)
         self._wrench = self.create_publisher(WrenchStamped, 'wrench', qos_profile_sensor_data)
         self.create_subscription(
