@@ -37,7 +37,7 @@ from tactile_sensing.telling import (
 
 # Chi-square that shear must reach: two for each force (Akaike) is the least expected error
 # where shear is usual; a line is located three times better without, so there it must be plain.
-SHEAR_EVIDENCE = 4.0, 15.0
+SHEAR_EVIDENCE = 4.0, 20.0
 DRIFT_LOOKS = 3  # each leaves a part of the drift that it found
 MIN_TACTELS = 15, 24  # of a point around the peak, of a line: three to eight for each parameter
 SECOND_CONTACT = 0.15  # of the peak, left over elsewhere, that makes a second contact
@@ -56,7 +56,7 @@ def make_buffers(layers, rows, columns):
     """Memory for `explain`."""
     shape = (layers, rows, columns)
     return (np.empty(shape), np.empty(shape), np.empty(shape), np.empty(rows * columns),
-            np.zeros((layers, 5)), np.zeros((5, 5)), np.zeros(5),
+            np.zeros((layers, 5)), np.zeros((5, 5)), (np.zeros(5), np.zeros(5)),
             (np.zeros(5), np.zeros((5, 5)), np.zeros(6)))
 
 
@@ -122,7 +122,7 @@ def explain(kind, measured, sensor, given_layers, rules, buffers, work, values, 
         if none but DEAD_TACTELS and FORCE_MISMATCH is given.
     """
     _, model_error, _, any_depth = rules
-    stress, _, _, _, layers, cov, slope, found = buffers
+    stress, _, _, _, layers, cov, (slope, moved), found = buffers
     for i in range(measured.size):
         stress.flat[i] = measured.flat[i]
     at_depth(given_layers, 1.0, layers)
@@ -144,19 +144,24 @@ def explain(kind, measured, sensor, given_layers, rules, buffers, work, values, 
         return _OTHER, _BAD_FIT
     known = invert(found[1], 2 + forces, cov)
     shear = known and _shear_shows(kind, found, forces, cov)
-    if not shear and not fit_frame(
-            kind, stress, sensor, layers, forces // 2, model_error, np.inf, work, found):
-        return _OTHER, _BAD_FIT
+    if not shear:
+        for i in range(5):
+            moved[i] = found[0][i]
+        if not fit_frame(
+                kind, stress, sensor, layers, forces // 2, model_error, np.inf, work, found):
+            return _OTHER, _BAD_FIT
+    for i in range(5):  # how far it matters that shear which does not show may still be there
+        moved[i] = 0.0 if shear else moved[i] - found[0][i]
     found_kind, why = _judge(kind, sensor, rules, known, buffers, values)
     if why:
         return found_kind, why
-    # Shear that does not show may be there all the same: the covariance is that with shear,
-    # with more noise than expected, and with what the depth does not know.
+    # The covariance is that with shear, with what the depth does not know, and with more noise
+    # than expected.
     n = 2 + forces
     for i in range(n):
         for j in range(n):
-            cov[i, j] = (cov[i, j] + variance * slope[i] * slope[j]) * max(
-                1.0, values[RESIDUAL] ** 2)
+            cov[i, j] = moved[i] * moved[j] + max(1.0, values[RESIDUAL] ** 2) * (
+                cov[i, j] + variance * slope[i] * slope[j])
     values[HAS_SHEAR] = shear
     if kind == POINT:
         tell_point(found[0], cov, values, covariance)

@@ -5,6 +5,9 @@ import math
 from numba import njit
 import numpy as np
 
+from tactile_sensing.line import chord_length
+
+chord = njit(error_model='numpy')(chord_length)
 # What is said of a frame, beside its type and reasons.
 VALUES = 12
 (A, B, YAW, FORCE, SHEAR_X, SHEAR_Y, LINE_FORCE,
@@ -42,21 +45,6 @@ def invert(matrix, n, inverse):
         for i in range(n):
             inverse[i, column] = solution[i] / np.sqrt(matrix[i, i] * matrix[column, column])
     return True
-
-
-@njit(error_model='numpy')
-def chord(rho, yaw, half_x, half_y):
-    """Length of a line within the pad [m], see `line.chord_length`."""
-    cos, sin = math.cos(yaw), math.sin(yaw)
-    enter, leave = -np.inf, np.inf
-    for position, slope, half in ((rho * cos, -sin, half_x), (rho * sin, cos, half_y)):
-        if abs(slope) < 1e-12:
-            if abs(position) > half:
-                return 0.0
-            continue
-        one, other = (-half - position) / slope, (half - position) / slope
-        enter, leave = max(enter, min(one, other)), min(leave, max(one, other))
-    return max(leave - enter, 0.0)
 
 
 @njit(error_model='numpy')
