@@ -75,7 +75,7 @@ sources_signature() {
     packages | while IFS= read -r package; do
         find "$ROOT/$package" \( -name '.?*' -o -name __pycache__ \
             -o -path "$ROOT/$package/test" \) -prune -o \
-            -type f \( ! -name '*.py' -o -name setup.py -o -exec grep -q '^ *@njit' {} \; \) \
+            -type f \( ! -name '*.py' -o -name setup.py -o -exec grep -q '@njit' {} \; \) \
             -exec cksum {} + | sort
     done | checksum
 }

@@ -180,7 +180,7 @@ def chord_length(rho, yaw, half_width_x, half_width_y):
     Length of a line within a rectangle centred on the origin [m]; 0 if it misses.
 
     The strip that (3.2) assumes, 2L / cos(yaw), is the case of a line that leaves
-    through the two sides y = +-L.
+    through the two sides y = +-L. (`telling` compiles it as well, as if it were @njit.)
     """
     cos, sin = math.cos(yaw), math.sin(yaw)
     enter, leave = -math.inf, math.inf
