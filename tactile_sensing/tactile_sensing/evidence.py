@@ -33,7 +33,7 @@ def compare(kind, stress, sensor, layers, theta, left, model):
     cos, sin = math.cos(theta[1]), math.sin(theta[1])
     for k in range(stress.shape[0]):
         if kind == LINE and component[k] != 0:
-            left[k] = np.nan
+            left[k], model[k] = np.nan, 0.0
             continue
         for r in range(stress.shape[1]):
             for c in range(stress.shape[2]):
