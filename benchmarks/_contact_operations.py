@@ -4,7 +4,7 @@ import ast
 import inspect
 import textwrap
 
-from tactile_sensing import line_fit, point_fit
+from tactile_sensing import line_model, load_fit, point_model, separable_fit
 
 TACTELS = 16 * 16
 WINDOW = 9 * 9
@@ -12,13 +12,14 @@ THESIS = {'Berger and Khosla (average case), thesis': 8833, "thesis' algorithm, 
 
 
 def innermost(function):
-    """Arithmetic operations in one pass of a function's innermost loop, branches included."""
+    """Arithmetic operations in one pass of a function's innermost loops, branches included."""
     source = inspect.getsource(getattr(function, 'py_func', function))
     loops = [node for node in ast.walk(ast.parse(textwrap.dedent(source)))
              if isinstance(node, ast.For)]
-    outer = [loop for loop in loops if any(
+    if not loops:
+        raise ValueError(f'{function.__name__} has no loop to count in')
+    inner = [loop for loop in loops if not any(
         isinstance(node, ast.For) for part in loop.body for node in ast.walk(part))]
-    inner = [loop for loop in loops if loop not in outer]
     return sum(_operations(loop) for loop in inner)
 
 
@@ -34,19 +35,21 @@ def _operations(loop):
 
 def counts():
     """Name -> operations per frame of 16x16 tactels (point: 9x9 of them in the window)."""
-    line_pass = innermost(line_fit._fit)
-    start = TACTELS * innermost(line_fit._start)  # peak; level and sums
-    passes = line_fit.STEPS + 2  # the force alone, the steps, the residuals
-    point_pass = sum(innermost(part) for part in (
-        point_fit._add_forces, point_fit._normal_of_forces, point_fit._add_position,
-        point_fit._normal_of_position))
+    algebra = (innermost(separable_fit.normal_of_forces)
+               + innermost(separable_fit.normal_of_place))
+    passes = load_fit.STEPS + 1  # before the first step, and after each
+    once = innermost(separable_fit.chi_square)
+    per_tactel = {name: algebra + innermost(model.add_forces) + innermost(model.add_place)
+                  for name, model in (('line', line_model), ('point', point_model))}
+    before = {'line': TACTELS * (innermost(point_model.peak) + innermost(line_model.start)),
+              'point': TACTELS * innermost(point_model.peak)}
     return {
         **THESIS,
         # threshold; sums by row and column; y'Px; four products of length 16
         'six moments, separable': TACTELS * (1 + 2 + 2) + 2 * 2 * 16 + 8 * 16,
         'six moments, one matrix product': 2 * 6 * TACTELS,
-        'line fit, 16x16': start + passes * line_pass * TACTELS,
-        'point fit, 9x9, model 1': TACTELS + WINDOW * (
-            (point_fit.STEPS + 1) * point_pass + innermost(point_fit._chi_square)),
-        'of these per tactel and pass: line fit': line_pass,
-        'of these per tactel and pass: point fit': point_pass}
+        'line fit, 16x16': before['line'] + TACTELS * (passes * per_tactel['line'] + once),
+        'point fit, 9x9, model 1': before['point'] + WINDOW * (
+            passes * per_tactel['point'] + once),
+        'of these per tactel and pass: line fit': per_tactel['line'],
+        'of these per tactel and pass: point fit': per_tactel['point']}

@@ -1,5 +1,5 @@
 """
-Speed and accuracy of contact estimation: chapters 2 and 3 of the thesis measured again.
+Speed, accuracy and limits of contact estimation: chapters 2 and 3 of the thesis measured again.
 
 Prints tables, and writes benchmarks/results/contact.json, pictures into docs/ and the tables
 into docs/contact.md. Times are processor time on one core, the least of several repeats.
@@ -19,249 +19,82 @@ import platform
 import sys
 import time
 
-import _contact_cases as cases
-import _contact_methods as methods
+import _contact_accuracy as accuracy
+import _contact_judge as judge
 import _contact_operations as operations
+import _contact_peers as peer
+import _contact_remedies as remedies
+import _contact_scenes as scenes
 import _contact_tables as tables
 import numpy as np
+
+from tactile_sensing.progress import Progress
 
 ROOT = Path(__file__).resolve().parent.parent
 PAGE = ROOT / 'docs' / 'contact.md'
 BEGIN, END = '<!-- printed by ./ws bench contact -->', '<!-- end of print -->'
-DECIBELS = 40.0
-LEVELS = (20.0, 30.0, 40.0, 50.0, 60.0)
-TABLE_24 = {'case 1': (1.0, 0.3, 0.1), 'case 2': (11.0, 0.3, 0.1), 'case 3': (11.0, 0.3, 0.5)}
-TABLE_24_LEVELS = (None, 60.0, 50.0, 40.0, 30.0)
-POSITIONS = 14  # 0 to 13 mm; the thesis' twelve are 0 to 11 mm
-TABLE_33 = {'case 1': (3.8, 12.0, 1.29), 'case 2': (2.5, 18.6, 0.96), 'case 3': (2.2, 21.5, 0.43)}
+PIECES = 124  # that call `Steps.step`
 
 
-class Progress:
-    """Bar on a terminal's standard error."""
+class Steps:
+    """Progress bar of a known number of pieces of work."""
 
-    def __init__(self, total):
-        self.total, self.done = total, 0
+    def __init__(self, bar, total):
+        self._bar, self._total, self._done = bar, total, 0
 
     def step(self, what):
-        """Count one piece of work, about to begin."""
-        if sys.stderr.isatty():
-            filled = 30 * self.done // self.total
-            bar = '#' * filled + '.' * (30 - filled)
-            print(f'\r[{bar}] {what:<40.40}', end='', file=sys.stderr, flush=True)
-        self.done += 1
-
-    def close(self):
-        """Leave an empty line."""
-        if sys.stderr.isatty():
-            print('\r' + ' ' * 76 + '\r', end='', file=sys.stderr)
+        """Count one piece, about to begin."""
+        self._bar.show(min(self._done / self._total, 1.0), 'bench', what)
+        self._done += 1
 
 
-def least_time(function, *, budget=0.15, repeats=5):
-    """Processor time of one call [s]: least of several repeats within a budget [s]."""
-    function()
-    start = time.thread_time()
-    function()
-    calls = max(1, int(budget / repeats / max(time.thread_time() - start, 1e-7)))
-    best = np.inf
-    for _ in range(repeats):
-        start = time.thread_time()
-        for _ in range(calls):
-            function()
-        best = min(best, (time.thread_time() - start) / calls)
-    return best
-
-
-def accuracy(method, contacts, frames, decibels):
-    """RMS error, its ratio to the Cramer-Rao bound (geometric mean too), share refused."""
-    found = method.run(frames)
-    done = np.isfinite(found[:, :2]).all(axis=1)
-    given = np.isfinite(found[done]).all(axis=0)
-    error = (found - contacts.truth)[done][:, given]
-    bound = (contacts.bound * contacts.noise(decibels)[:, None])[done][:, given]
-    rms = np.sqrt((error**2).mean(axis=0))
-    ratio = rms / np.sqrt((bound**2).mean(axis=0))
-    return {'rms': rms.tolist(), 'ratios': ratio.tolist(),
-            'ratio': float(np.exp(np.log(ratio).mean())), 'refused': float(1.0 - done.mean())}
-
-
-def time_per_frame(method, frames, *, share):
-    """Seconds of a single call, mean over 20 frames, and batched; None where there is none."""
-    single = batched = None
-    if method.estimate:
-        some = frames[:20]
-        single = least_time(lambda: [method.estimate(frame) for frame in some],
-                            budget=share) / len(some)
-    if method.batch:
-        batched = least_time(lambda: method.batch(frames[:1000]), budget=share) / min(
-            len(frames), 1000)
-    return single, batched
-
-
-def speed_and_accuracy(samples, peers, rng, progress, budget):
-    """Part (a): every method at 40 dB."""
-    rows, extra = [], {}
-    for model in (1, 2, 3):
-        contacts = cases.random_points(samples, model, rng)
-        noise = float(contacts.noise(DECIBELS)[0])
-        frames = contacts.noisy(DECIBELS, rng)
-        for method in methods.point_methods(noise, peers):
-            if method.model != model:
-                continue
-            progress.step(method.label)
-            rows.append(_row(method, contacts, frames, budget))
-        if model == 1:
-            some = frames[:1000]
-            extra['six_moments_s'] = least_time(
-                lambda some=some: methods.six_moments(some), budget=budget) / len(some)
-    contacts = cases.random_lines(samples, rng)
-    frames = contacts.noisy(DECIBELS, rng)
-    for method in methods.line_methods(float(contacts.noise(DECIBELS)[0]), peers):
-        progress.step(f'line, {method.label}')
-        rows.append(_row(method, contacts, frames, budget))
-    if 'cv2' in peers:
-        points = [methods.line_points(frame) for frame in frames[:20]]
-        extra['cv2_fit_line_call_s'] = least_time(lambda: [
-            methods.opencv_fit_line(peers['cv2'], p) for p in points], budget=budget) / len(points)
-    return rows, extra
-
-
-def _row(method, contacts, frames, budget):
-    single, batched = time_per_frame(method, frames, share=budget)
-    return {'contact': method.kind, 'method': method.name, 'model': method.model,
-            'label': method.label, 'peer': method.peer, 'single_s': single,
-            'batched_s': batched, **accuracy(method, contacts, frames, DECIBELS)}
-
-
-def fit_against_noise(samples, rng, progress):
-    """RMS error over the bound of every fit from 20 to 60 dB, and the noise-free failures."""
-    rows = []
-    for model in (1, 2, 3):
-        contacts = cases.random_points(samples, model, rng)
-        for level in LEVELS:
-            progress.step(f'fit, model {model}, {level:.0f} dB')
-            fit = methods.point_methods(float(contacts.noise(level)[0]), {})[3 * (model - 1)]
-            rows.append({'contact': 'point', 'model': model, 'decibels': level, **accuracy(
-                fit, contacts, contacts.noisy(level, rng), level)})
-    contacts = cases.random_lines(samples, rng)
-    for level in LEVELS:
-        progress.step(f'line fit, {level:.0f} dB')
-        fit = methods.line_methods(float(contacts.noise(level)[0]), {})[0]
-        rows.append({'contact': 'line', 'model': 1, 'decibels': level, **accuracy(
-            fit, contacts, contacts.noisy(level, rng), level)})
-    return rows
-
-
-def noise_free_loads(samples, rng, progress):
-    """Fit of random loads up to 0.5 mm from the border: failures and the largest error."""
-    rows = []
-    for model in (1, 2, 3):
-        progress.step(f'noise-free loads, model {model}')
-        failures, largest, count = 0, 0.0, 0
-        while count < samples:
-            size = min(1000, samples - count)
-            contacts = cases.random_points(size, model, rng, reach=12.5e-3)
-            fit = methods.point_methods(1.0, {})[3 * (model - 1)]
-            error = np.abs(fit.run(contacts.clean) - contacts.truth)[:, :2].max(axis=1)
-            failures += int(np.count_nonzero(~(error < 1e-4)))
-            largest = max(largest, float(np.nanmax(error)))
-            count += size
-        rows.append({'model': model, 'loads': count, 'failures': failures,
-                     'largest_error_m': largest})
-    return rows
-
-
-def table_24(draws, rng, progress):
-    """
-    Part (b): side of the square within which +-1 tactel and +-1 N hold [mm].
-
-    With noise, at every position for nine draws of ten; ten times the draws where a method
-    takes batches.
-    """
-    rows = []
-    for name, (force, ratio_x, ratio_y) in TABLE_24.items():
-        for level in TABLE_24_LEVELS:
-            progress.step(f'Table 2.4, {name}, {"no noise" if level is None else level}')
-            noise = force * cases.POINT_PEAK * 10.0 ** (-(160.0 if level is None else level) / 20)
-            for method in methods.point_methods(noise, {}):
-                if method.estimate is None:
-                    continue
-                tries = draws * (10 if method.batch else 1)
-                side = _sensible_side(
-                    method, force, (ratio_x * force, ratio_y * force), level,
-                    1 if level is None else tries, rng)
-                rows.append({'case': name, 'decibels': level, 'method': method.name,
-                             'model': method.model, 'side_mm': side})
-    return rows
-
-
-def _sensible_side(method, force, shear, level, draws, rng):
-    """Rings of growing distance from the centre until a position fails."""
-    for k in range(POSITIONS):
-        ring = [(k, i) for i in range(k + 1)] + [(i, k) for i in range(k)]
-        truth = np.array([(1e-3 * a, 1e-3 * b, force, *shear) for a, b in ring])
-        contacts = cases.point_contacts(truth, method.model)
-        right = np.zeros(len(ring), dtype=int)
-        for _ in range(draws):
-            frames = contacts.clean if level is None else contacts.noisy(level, rng)
-            error = np.abs(method.run(frames) - truth)
-            right += (error < [1e-3, 1e-3, 1.0, 1.0, 1.0]).all(axis=1)  # false for NaN
-        if right.min() < 0.9 * draws:
-            return 2 * (k - 1) if k else 0
-    return 2 * (POSITIONS - 1)
-
-
-def table_33(draws, peers, rng, progress):
-    """Part (c): the thesis' three edges, noise-free and at 40 dB."""
-    rows = []
-    pitch = cases.LINE_ARRAY.pitch_x
-    for name, (tactels, degrees, force) in TABLE_33.items():
-        progress.step(f'Table 3.3, {name}')
-        contacts = cases.line_contacts([[tactels * pitch, -np.radians(degrees), force]] * draws)
-        noise = float(contacts.noise(DECIBELS)[0])
-        noisy = contacts.noisy(DECIBELS, rng)
-        for method in methods.line_methods(noise, peers):
-            b, yaw, line_force = method.run(contacts.clean[:1])[0]
-            error = method.run(noisy) - contacts.truth
-            rms = np.sqrt((error**2).mean(axis=0))
-            rows.append({
-                'case': name, 'method': method.name, 'b_tactel': b / pitch,
-                'alpha_deg': -np.degrees(yaw), 'force': line_force,
-                'rms_b_tactel': rms[0] / pitch, 'rms_alpha_deg': np.degrees(rms[1]),
-                'rms_force_percent': 100.0 * rms[2] / force})
-    return rows
-
-
-def measure(arguments):
+def measure(arguments, progress):
     """Everything that the tables and pictures show, as one dictionary."""
-    peers, missing = methods.load_peers()
+    peers, missing = peer.load()
     rng = np.random.default_rng(arguments.seed)
     part = 0.1 if arguments.quick else 1.0
-    progress = Progress(63)
     begin = time.perf_counter()
-    rows, extra = speed_and_accuracy(
+    rows, extra = accuracy.speed_and_accuracy(
         int(2000 * part), peers, rng, progress, 0.5 * max(part, 0.3))
-    result = {
+    many, few = int(2000 * part), int(200 * part)
+    return {
         'seed': arguments.seed, 'quick': arguments.quick, 'left_out': missing,
         'versions': {'python': platform.python_version(), 'numpy': np.__version__, **{
             name: module.__version__ for name, module in peers.items()}},
         'speed_and_accuracy': rows, 'times': extra,
-        'fit_against_noise': fit_against_noise(int(4000 * part), rng, progress),
-        'noise_free_loads': noise_free_loads(int(20000 * part), rng, progress),
-        'table_2_4': table_24(max(2, int(10 * part)), rng, progress),
-        'table_3_3': table_33(int(500 * part), peers, rng, progress),
-        'operations': operations.counts()}
-    progress.close()
-    result['seconds'] = time.perf_counter() - begin
-    return result
+        'fit_against_noise': accuracy.fit_against_noise(int(4000 * part), rng, progress),
+        'noise_free_loads': accuracy.noise_free_loads(int(20000 * part), rng, progress),
+        'table_2_4': accuracy.table_24(max(2, int(10 * part)), rng, progress),
+        'table_3_3': accuracy.table_33(int(500 * part), peers, rng, progress),
+        'operations': operations.counts(),
+        'fault_map': judge.fault_map(many, few, rng, progress),
+        'wrong_type': judge.wrong_type(int(500 * part), few, rng, progress),
+        'remedies': remedies.remedies(many, rng, progress),
+        'confusion': scenes.confusion(int(1000 * part), rng, progress),
+        'seconds': time.perf_counter() - begin}
 
 
 def finite(value):
-    """Replace what is not finite by None, which strict JSON has a word for."""
+    """Six digits of every number, and None, which strict JSON has, for what is not finite."""
     if isinstance(value, dict):
         return {key: finite(item) for key, item in value.items()}
     if isinstance(value, (list, tuple)):
         return [finite(item) for item in value]
-    return None if isinstance(value, float) and not math.isfinite(value) else value
+    if isinstance(value, float):
+        return float(f'{value:.6g}') if math.isfinite(value) else None
+    return value
+
+
+def as_json(result):
+    """Strict JSON with one row of a table to a line."""
+    parts = []
+    for key, value in result.items():
+        text = json.dumps(value, allow_nan=False)
+        if isinstance(value, list) and value and isinstance(value[0], dict):
+            rows = ',\n  '.join(json.dumps(row, allow_nan=False) for row in value)
+            text = f'[\n  {rows}]'
+        parts.append(f' {json.dumps(key)}: {text}')
+    return '{\n' + ',\n'.join(parts) + '\n}\n'
 
 
 def main():
@@ -278,7 +111,9 @@ def main():
     arguments = parser.parse_args()
     if arguments.peers:
         sys.path.append(arguments.peers)
-    result = measure(arguments)
+    with Progress(sys.stderr) as bar:
+        result = measure(arguments, Steps(bar, PIECES))
+    result = finite(result)
     text = tables.everything(result)
     print(text)
     if arguments.quick:
@@ -286,8 +121,7 @@ def main():
     else:
         results, pictures = ROOT / 'benchmarks' / 'results', ROOT / 'docs'
     results.mkdir(parents=True, exist_ok=True)
-    text = json.dumps(finite(result), indent=1, allow_nan=False)
-    (results / 'contact.json').write_text(text + '\n', 'utf-8')
+    (results / 'contact.json').write_text(as_json(result), 'utf-8')
     try:
         import _contact_charts as charts
     except ImportError as error:
