@@ -1,5 +1,6 @@
 """Pictures of the contact benchmark."""
 
+import _contact_maps as maps
 import _contact_tables as tables
 import matplotlib
 import matplotlib.pyplot as plt
@@ -31,7 +32,8 @@ def draw(result, folder):
     """Write every picture into a folder."""
     plt.rcParams.update({'font.size': 9, 'axes.spines.top': False, 'axes.spines.right': False})
     for name, make in (('speed', _speed), ('noise', _noise), ('table_2_4', _table_24),
-                       ('table_3_3', _table_33)):
+                       ('table_3_3', _table_33), ('faults_point', maps.faults_of('point')),
+                       ('faults_line', maps.faults_of('line')), ('choice', maps.confusion)):
         figure = make(result)
         figure.savefig(folder / f'contact_{name}.png', dpi=110)
         plt.close(figure)

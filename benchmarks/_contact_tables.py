@@ -1,5 +1,8 @@
 """Tables of the contact benchmark, as Markdown."""
 
+import _contact_limit_tables as limits
+from _contact_limit_tables import table as _table
+
 
 def everything(result):
     """All tables, one after the other."""
@@ -7,18 +10,17 @@ def everything(result):
     versions = ', '.join(f'{name} {value}' for name, value in result['versions'].items())
     parts = [f'Seed {result["seed"]}; {versions}; left out: {left_out}.']
     for title, make in (
+            ('Goals', lambda result: limits.goals(result, ratios(result))),
             ('Speed and accuracy at 40 dB', _speed), ('Ratios of time', _ratios),
             ('Error over the bound against noise', _noise),
             ('Noise-free loads up to 12.5 mm from the centre', _loads),
             ('Table 2.4 again: side of the sensible area in mm', _table_24),
-            ('Table 3.3 again', _table_33), ('Operations beside Table 3.2', _operations)):
+            ('Table 3.3 again', _table_33), ('Operations beside Table 3.2', _operations),
+            ('How large a fault each method takes', limits.trust),
+            ('Wrong type of contact', limits.strangers),
+            ('Remedies', limits.remedies), ('Choice of model', limits.confusion)):
         parts.append(f'### {title}\n\n{make(result)}')
     return '\n\n'.join(parts) + '\n'
-
-
-def _table(head, rows):
-    lines = ['| ' + ' | '.join(head) + ' |', '|' + ' --- |' * len(head)]
-    return '\n'.join(lines + ['| ' + ' | '.join(row) + ' |' for row in rows])
 
 
 def reference_time(result, kind):
@@ -48,12 +50,19 @@ def ratios(result):
     """Ratios of time that the bars are about: name -> (value, bar or None)."""
     found = {(r['contact'], r['method'], r['model']): r for r in result['speed_and_accuracy']}
     point, line = found['point', 'fit', 1], found['line', 'fit', 1]
+    tuned = found['point', 'tuned numpy Gauss-Newton', 1]['batched_s']
     values = {
         'point fit, batched / six moments as one matrix product': (
             point['batched_s'] / result['times']['six_moments_s'], 'at most 20'),
         'numpy Gauss-Newton, batched / point fit, batched': (
             found['point', 'numpy Gauss-Newton', 1]['batched_s'] / point['batched_s'],
             'at least 8'),
+        'tuned numpy Gauss-Newton, batched / point fit, batched': (
+            tuned / point['batched_s'], ''),
+        'whole estimator, point, one call / point fit, one call': (
+            found['point', 'estimator, fit', 1]['single_s'] / point['single_s'], ''),
+        'whole estimator, line, one call / line fit, one call': (
+            found['line', 'estimator, fit', 1]['single_s'] / line['single_s'], ''),
         'point fit, one call / batched': (point['single_s'] / point['batched_s'], '')}
     fit_line, skimage = (
         found.get(('line', name, 1)) for name in ('cv2.fitLine', 'skimage orientation'))
@@ -130,15 +139,15 @@ def _table_33(result):
             if row['case'] != case:
                 continue
             rms = f'{row["rms_b_tactel"]:.4f} tactel, {row["rms_alpha_deg"]:.3f}°'
-            if row['force'] == row['force']:  # not NaN
+            if row['force'] is not None:
                 rms += f', {row["rms_force_percent"]:.2f} %'
             lines.append([case, row['method'], *_line(
                 row['b_tactel'], row['alpha_deg'], row['force']), rms])
     return _table(['load', 'method', 'b [tactel]', 'α', 'P [N/m]', 'RMS error at 40 dB'], lines)
 
 
-def _line(b, alpha, force=float('nan')):
-    return f'{b:.2f}', f'{alpha:.1f}°', f'{force:.2f}' if force == force else ''
+def _line(b, alpha, force=None):
+    return f'{b:.2f}', f'{alpha:.1f}°', '' if force is None else f'{force:.2f}'
 
 
 def _operations(result):
