@@ -1,5 +1,6 @@
 """Parts (a), (b) and (c) of the contact benchmark: speed, accuracy, Tables 2.4 and 3.3 again."""
 
+from functools import partial
 import time
 
 import _contact_cases as cases
@@ -11,6 +12,7 @@ DECIBELS = 40.0
 LEVELS = (20.0, 30.0, 40.0, 50.0, 60.0)
 TABLE_24 = {'case 1': (1.0, 0.3, 0.1), 'case 2': (11.0, 0.3, 0.1), 'case 3': (11.0, 0.3, 0.5)}
 TABLE_24_LEVELS = (None, 60.0, 50.0, 40.0, 30.0)
+TURN = 0.03  # s
 POSITIONS = 14  # 0 to 13 mm; the thesis' twelve are 0 to 11 mm
 TABLE_33 = {'case 1': (3.8, 12.0, 1.29), 'case 2': (2.5, 18.6, 0.96), 'case 3': (2.2, 21.5, 0.43)}
 
@@ -58,7 +60,7 @@ def time_per_frame(method, frames, *, share):
 
 def speed_and_accuracy(samples, peers, rng, progress, budget):
     """Part (a): every method at 40 dB."""
-    rows, extra = [], {}
+    rows = []
     for model in (1, 2, 3):
         contacts = cases.random_points(samples, model, rng)
         noise = float(contacts.noise(DECIBELS)[0])
@@ -66,20 +68,55 @@ def speed_and_accuracy(samples, peers, rng, progress, budget):
         for method in methods.point_methods(model, noise, peers):
             progress.step(method.label)
             rows.append(_row(method, contacts, frames, budget))
-        if model == 1:
-            some = frames[:1000]
-            extra['six_moments_s'] = least_time(
-                lambda some=some: peer.six_moments(some), budget=budget) / len(some)
     contacts = cases.random_lines(samples, rng)
     frames = contacts.noisy(DECIBELS, rng)
     for method in methods.line_methods(float(contacts.noise(DECIBELS)[0]), peers):
         progress.step(f'line, {method.label}')
         rows.append(_row(method, contacts, frames, budget))
+    return rows
+
+
+def contest(rounds, peers, rng, progress):
+    """
+    Seconds per frame of those whose ratio of time matters, the least of all rounds.
+
+    They take turns, so that a busy moment of the machine meets all; in each turn a function
+    runs for TURN seconds, so that its frames are in the cache, and the least counts.
+    """
+    progress.step('ratios of time')
+    points, lines = cases.random_points(1000, 1, rng), cases.random_lines(20, rng)
+    many, some = points.noisy(DECIBELS, rng), lines.noisy(DECIBELS, rng)
+    of_point = {m.name: m for m in methods.point_methods(
+        1, float(points.noise(DECIBELS)[0]), peers)}
+    of_line = {m.name: m for m in methods.line_methods(
+        float(lines.noise(DECIBELS)[0]), peers)}
+    runs = {'six moments, batched': (lambda: peer.six_moments(many), len(many))}
+    for name in ('fit', 'numpy Gauss-Newton', 'tuned numpy Gauss-Newton'):
+        runs[f'point, {name}, batched'] = partial(of_point[name].batch, many), len(many)
+    for kind, methods_of, frames, names in (
+            ('point', of_point, many[:20], ('fit', 'estimator, fit')),
+            ('line', of_line, some, ('fit', 'estimator, fit', 'cv2.fitLine',
+                                     'skimage orientation'))):
+        for name in names:
+            if name in methods_of:
+                runs[f'{kind}, {name}'] = partial(_each, methods_of[name].estimate, frames), 20
     if 'cv2' in peers:
-        points = [peer.line_points(frame) for frame in frames[:20]]
-        extra['cv2_fit_line_call_s'] = least_time(lambda: [
-            peer.fit_line_call(peers['cv2'], p) for p in points], budget=budget) / len(points)
-    return rows, extra
+        call = partial(peer.fit_line_call, peers['cv2'])
+        runs['line, cv2.fitLine alone'] = partial(
+            _each, call, [peer.line_points(frame) for frame in some]), 20
+    best = dict.fromkeys(runs, np.inf)
+    for _ in range(rounds):
+        for name, (run, count) in runs.items():
+            end = time.thread_time() + TURN
+            while (start := time.thread_time()) < end:
+                run()
+                best[name] = min(best[name], (time.thread_time() - start) / count)
+    return best
+
+
+def _each(function, items):
+    for item in items:
+        function(item)
 
 
 def _row(method, contacts, frames, budget):

@@ -11,21 +11,32 @@ ORDER = ('fit', 'compensated', 'compensated as printed', 'basic')
 OURS, THESIS, OTHERS = '#0b6e99', '#c05a00', '#666666'
 # (contact, label) -> text and its offset in points; None: a neighbour's text speaks for it.
 LABELS = {
-    ('point', 'fit, model 1'): ('fit, models 1–3, one call', (-2, 22), 'left'),
+    ('point', 'fit, model 1'): ('fit, models 1–3', (-44, 20), 'left'),
     ('point', 'fit, model 2'): None, ('point', 'fit, model 3'): None,
-    ('point', 'numpy Gauss-Newton, model 1'): ('numpy Gauss-Newton, batched', (8, 4), 'left'),
-    ('point', 'compensated, model 1'): ('compensated,\nmodels 1–3', (2, -32), 'center'),
+    ('point', 'estimator, fit, model 1'): ('whole estimator, fit,\nmodels 1–3', (-4, 16), 'left'),
+    ('point', 'estimator, fit, model 2'): None, ('point', 'estimator, fit, model 3'): None,
+    ('point', 'estimator, compensated, model 1'): (
+        'whole estimator,\ncompensated', (36, -32), 'right'),
+    ('point', 'estimator, moments, model 1'): ('whole estimator,\nmoments', (0, 9), 'center'),
+    ('point', 'numpy Gauss-Newton, model 1'): (
+        'numpy Gauss-Newton,\nbatched, and tuned', (-10, -28), 'left'),
+    ('point', 'tuned numpy Gauss-Newton, model 1'): None,
+    ('point', 'compensated, model 1'): ('compensated,\nmodels 1–3', (-30, -34), 'center'),
     ('point', 'compensated, model 2'): None, ('point', 'compensated, model 3'): None,
-    ('point', 'compensated as printed, model 3'): ('as printed,\nmodel 3', (0, 9), 'left'),
-    ('point', 'OpenCV moments + (2.3), model 1'): ('OpenCV moments\n+ (2.3)', (-8, -4), 'right'),
-    ('line', 'OpenCV moments'): ('OpenCV moments', (-7, -3), 'right'),
+    ('point', 'compensated as printed, model 3'): ('as printed,\nmodel 3', (8, 14), 'left'),
+    ('point', 'OpenCV moments + (2.3), model 1'): ('OpenCV moments\n+ (2.3)', (0, 8), 'center'),
+    ('point', 'basic, model 1'): ('basic, models 1 and 2', (9, 1), 'left'),
+    ('point', 'basic, model 2'): None,
+    ('line', 'OpenCV moments'): ('OpenCV moments', (4, -16), 'right'),
     ('line', 'moments as printed'): ('moments as printed', (8, 5), 'left'),
-    ('line', 'fit'): ('fit', (6, 6), 'left'),
+    ('line', 'fit'): ('fit', (-6, 9), 'left'),
+    ('line', 'estimator, fit'): ('whole estimator, fit', (-16, 9), 'left'),
+    ('line', 'estimator, moments'): ('whole estimator,\nmoments', (-4, 12), 'center'),
     ('line', 'moments'): ('moments, corrected', (8, -9), 'left'),
     ('line', 'cv2.fitLine'): ('cv2.fitLine\n(no force)', (8, -4), 'left'),
-    ('line', 'skimage orientation'): ('skimage orientation\n(no force)', (0, 9), 'center'),
-    ('line', 'Berger-Khosla'): ('Berger–Khosla\n(no force)', (8, -4), 'left')}
-LIMITS = {'point': ((0.15, 400), (0.8, 90)), 'line': ((0.08, 60), (0.8, 200))}
+    ('line', 'skimage orientation'): ('skimage orientation\n(no force)', (0, -28), 'center'),
+    ('line', 'Berger-Khosla'): ('Berger–Khosla\n(no force)', (-2, -30), 'center')}
+LIMITS = {'point': ((0.12, 600), (0.5, 90)), 'line': ((0.1, 100), (0.5, 200))}
 
 
 def draw(result, folder):
@@ -40,7 +51,7 @@ def draw(result, folder):
 
 
 def _colour(row):
-    if row['method'] == 'fit':
+    if row['method'] in ('fit', 'estimator, fit'):
         return OURS
     return OTHERS if row['peer'] or 'numpy' in row['method'] or 'Berger' in row['method'] \
         else THESIS
@@ -63,9 +74,6 @@ def _speed(result):
                 text, offset, align = label
                 axis.annotate(text, (times[0], row['ratio']), offset, color=colour, ha=align,
                               textcoords='offset points', fontsize=8.5, linespacing=0.95)
-        if kind == 'point':
-            axis.annotate('batched', (0.45, 1.0), (0, 10), textcoords='offset points',
-                          color=OURS, ha='center', fontsize=8.5)
         axis.set(xscale='log', yscale='log', title=f'{kind} contact, 40 dB',
                  xlabel='time per frame / time of one call of the fit')
         axis.set(xlim=LIMITS[kind][0], ylim=LIMITS[kind][1])
@@ -74,6 +82,9 @@ def _speed(result):
                       textcoords='offset points')
         axis.grid(alpha=0.25)
     axes[0].set_ylabel('RMS error / Cramér–Rao bound')
+    axes[1].plot([], [], 'ko', label='one call')
+    axes[1].plot([], [], 'ks', mfc='white', label='batched, per frame')
+    axes[1].legend(loc='center left', frameon=False)
     return figure
 
 

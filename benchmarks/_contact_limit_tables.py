@@ -72,27 +72,25 @@ def trust(result):
 
 
 def _reach(fault, rows):
-    """Last size on the way from harmless at which a method still works."""
+    """Last size on the way from harmless at which a method works, and what follows."""
     own = {r['level']: r for r in rows}
     two_sided = fault.levels[0] < 0.0 < fault.levels[-1]
-    levels = sorted(own, key=abs) if two_sided else fault.levels
-    last, beyond = None, None
-    for level in levels:
-        if own[level]['refused'] > REFUSED or own[level]['wrong'] > WRONG:
-            beyond = own[level]
-            break
-        last = level
-    if beyond is None:
-        return f'{_size(levels[-1], two_sided)}: all'
-    what = 'wrong' if beyond['wrong'] > max(WRONG, 0.1 * beyond['refused']) else 'refused'
-    if beyond['wrong'] > WRONG and beyond['wrong_but_told'] > 0.8 * beyond['wrong']:
-        what = 'wrong, told'
-    at = _size(abs(level) if two_sided else level, two_sided)
-    if last is None or (two_sided and abs(last) == abs(level) and last == 0):
-        return f'none: {what} at {at}'
-    if two_sided and abs(last) == abs(level):
-        last = max((x for x in levels if abs(x) < abs(level)), key=abs)
-    return f'{_size(last, two_sided)}; {what} at {at}'
+    sizes = sorted({abs(x) for x in own}) if two_sided else fault.levels
+    worst = [{key: max(own[x][key] for x in own if x == size or two_sided and abs(x) == size)
+              for key in ('refused', 'wrong', 'wrong_but_told')} for size in sizes]
+    good = [r['refused'] <= REFUSED and r['wrong'] <= WRONG for r in worst]
+    if all(good):
+        return f'all, to {_size(sizes[-1], two_sided)}'
+    first = good.index(False)
+    parts = [f'to {_size(sizes[first - 1], two_sided)}' if first else 'never']
+    for key, limit, name in (('refused', REFUSED, 'refused'), ('wrong', WRONG, 'wrong')):
+        beyond = next((i for i, r in enumerate(worst) if r[key] > limit), None)
+        if beyond is not None:
+            most = max(range(len(sizes)), key=lambda i, key=key: worst[i][key])
+            told = key == 'wrong' and worst[most]['wrong_but_told'] > 0.8 * worst[most]['wrong']
+            parts.append(f'{name} from {_size(sizes[beyond], two_sided)} '
+                         f'({100 * worst[most][key]:.0f} %{", mostly told" if told else ""})')
+    return '; '.join(parts)
 
 
 def _size(level, two_sided):

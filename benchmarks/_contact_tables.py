@@ -46,42 +46,35 @@ def _speed(result):
                    'RMS / CRB', 'refused'], rows)
 
 
+RATIOS = (  # name, above, below, goal
+    ('point fit, batched / six moments as one matrix product',
+     'point, fit, batched', 'six moments, batched', 'at most 20'),
+    ('numpy Gauss-Newton, batched / point fit, batched',
+     'point, numpy Gauss-Newton, batched', 'point, fit, batched', 'at least 8'),
+    ('tuned numpy Gauss-Newton, batched / point fit, batched',
+     'point, tuned numpy Gauss-Newton, batched', 'point, fit, batched', ''),
+    ('point fit, one call / batched', 'point, fit', 'point, fit, batched', ''),
+    ('line fit, one call / cv2.fitLine with its thresholding',
+     'line, fit', 'line, cv2.fitLine', 'at most 2'),
+    ('point fit, one call / cv2.fitLine with its thresholding',
+     'point, fit', 'line, cv2.fitLine', 'at most 2'),
+    ('line fit, one call / cv2.fitLine alone, points given',
+     'line, fit', 'line, cv2.fitLine alone', ''),
+    ('line fit, one call / skimage orientation',
+     'line, fit', 'line, skimage orientation', 'at most 0.2'),
+    ('point fit, one call / skimage orientation',
+     'point, fit', 'line, skimage orientation', 'at most 0.2'),
+    ('whole estimator, point, one call / point fit, one call',
+     'point, estimator, fit', 'point, fit', ''),
+    ('whole estimator, line, one call / line fit, one call',
+     'line, estimator, fit', 'line, fit', ''))
+
+
 def ratios(result):
-    """Ratios of time that the bars are about: name -> (value, bar or None)."""
-    found = {(r['contact'], r['method'], r['model']): r for r in result['speed_and_accuracy']}
-    point, line = found['point', 'fit', 1], found['line', 'fit', 1]
-    tuned = found['point', 'tuned numpy Gauss-Newton', 1]['batched_s']
-    values = {
-        'point fit, batched / six moments as one matrix product': (
-            point['batched_s'] / result['times']['six_moments_s'], 'at most 20'),
-        'numpy Gauss-Newton, batched / point fit, batched': (
-            found['point', 'numpy Gauss-Newton', 1]['batched_s'] / point['batched_s'],
-            'at least 8'),
-        'tuned numpy Gauss-Newton, batched / point fit, batched': (
-            tuned / point['batched_s'], ''),
-        'whole estimator, point, one call / point fit, one call': (
-            found['point', 'estimator, fit', 1]['single_s'] / point['single_s'], ''),
-        'whole estimator, line, one call / line fit, one call': (
-            found['line', 'estimator, fit', 1]['single_s'] / line['single_s'], ''),
-        'point fit, one call / batched': (point['single_s'] / point['batched_s'], '')}
-    fit_line, skimage = (
-        found.get(('line', name, 1)) for name in ('cv2.fitLine', 'skimage orientation'))
-    if fit_line:
-        call = result['times']['cv2_fit_line_call_s']
-        values |= {
-            'line fit, one call / cv2.fitLine with its thresholding': (
-                line['single_s'] / fit_line['single_s'], 'at most 2'),
-            'point fit, one call / cv2.fitLine with its thresholding': (
-                point['single_s'] / fit_line['single_s'], 'at most 2'),
-            'line fit, one call / cv2.fitLine alone, points given': (
-                line['single_s'] / call, '')}
-    if skimage:
-        values |= {
-            'line fit, one call / skimage orientation': (
-                line['single_s'] / skimage['single_s'], 'at most 0.2'),
-            'point fit, one call / skimage orientation': (
-                point['single_s'] / skimage['single_s'], 'at most 0.2')}
-    return values
+    """Ratios of time that the goals are about: name -> (value, goal or '')."""
+    times = result['times']
+    return {name: (times[above] / times[below], goal) for name, above, below, goal in RATIOS
+            if above in times and below in times}
 
 
 def _ratios(result):

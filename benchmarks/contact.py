@@ -54,14 +54,14 @@ def measure(arguments, progress):
     rng = np.random.default_rng(arguments.seed)
     part = 0.1 if arguments.quick else 1.0
     begin = time.perf_counter()
-    rows, extra = accuracy.speed_and_accuracy(
-        int(2000 * part), peers, rng, progress, 0.5 * max(part, 0.3))
     many, few = int(2000 * part), int(200 * part)
     return {
         'seed': arguments.seed, 'quick': arguments.quick, 'left_out': missing,
         'versions': {'python': platform.python_version(), 'numpy': np.__version__, **{
             name: module.__version__ for name, module in peers.items()}},
-        'speed_and_accuracy': rows, 'times': extra,
+        'speed_and_accuracy': accuracy.speed_and_accuracy(
+            many, peers, rng, progress, 0.5 * max(part, 0.3)),
+        'times': accuracy.contest(int(50 * part), peers, rng, progress),
         'fit_against_noise': accuracy.fit_against_noise(int(4000 * part), rng, progress),
         'noise_free_loads': accuracy.noise_free_loads(int(20000 * part), rng, progress),
         'table_2_4': accuracy.table_24(max(2, int(10 * part)), rng, progress),
