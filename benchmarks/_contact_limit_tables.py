@@ -58,7 +58,7 @@ def _choice(rows):
 
 
 def trust(result):
-    """How large a fault each method takes, and what it does of a larger one."""
+    """How large a fault the fits take, and what they do of a larger one."""
     parts = []
     for contact in ('point', 'line'):
         lines = []
@@ -66,8 +66,16 @@ def trust(result):
             own = [r for r in result['fault_map']
                    if (r['contact'], r['fault']) == (contact, fault.name)]
             lines.append([f'{fault.name}: {fault.axis}', *(
-                _reach(fault, [r for r in own if r['method'] == method]) for method in METHODS)])
-        parts.append(f'{contact.capitalize()}:\n\n' + table(['fault', *METHODS], lines))
+                _reach(fault, [r for r in own if r['method'] == method])
+                for method in ('fit', 'fit with depth'))])
+        parts.append(f'{contact.capitalize()}:\n\n'
+                     + table(['fault', 'fit', 'fit with depth'], lines))
+    harmless = [r for r in result['fault_map'] if r['fault'] == 'shear' and r['level'] == 0.0]
+    parts.append('For comparison, every method on loads without shear and without any fault:\n\n'
+                 + table(['contact', 'method', 'place', 'force', 'refused', 'wrong'], [
+                     [r['contact'], r['method'], f'{1e3 * r["rms_place_m"]:.3f} mm',
+                      f'{100 * r["rms_force"]:.2f} %', f'{100 * r["refused"]:.1f} %',
+                      f'{100 * r["wrong"]:.1f} %'] for r in harmless]))
     return '\n\n'.join(parts)
 
 
