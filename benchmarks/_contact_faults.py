@@ -219,7 +219,7 @@ FAULTS = (
     Fault('tactels stuck high', 'at twice the peak [% of tactels]', stuck,
           (0, .2, .5, 1, 2, 3.5, 5)),
     Fault('drift of the baseline', 'by [% of the peak]', drift, (0, .5, 1, 2, 3, 5, 7, 10)),
-    Fault('threshold', 'zero below [% of the peak]', threshold, (0, 2, 5, 10, 15, 20)),
+    Fault('threshold', 'zero below [% of the peak]', threshold, (0, 2, 3, 4, 5, 10, 15, 20)),
     Fault('depth told wrongly', 'by [%]', wrong_depth,
           (-20, -10, -5, -3, -1, 0, 1, 3, 5, 10, 20)),
     Fault('shear', '[times the normal force]', shear, (0, .25, .5, 1, 1.5, 2, 3, 4)),

@@ -67,7 +67,8 @@ def remedies(count, rng, progress):
     bare_and_mended('none', faults.sample(POINT, count, rng), 'none',
                     'bound: a 0.023 mm, P 0.55 %, Qx 3.7 %', 'the same', 'a', 'P', 'Qx')
     bare_and_mended('baseline drift, 3 % of the peak', faults.drift(POINT, count, rng, 3.0),
-                    'median of the unloaded tactels', 'P 8 %, Qx 17 %', 'P 0.6 %, Qx 3.8 %', 'P', 'Qx')
+                    'median of the unloaded tactels', 'P 8 %, Qx 17 %', 'P 0.6 %, Qx 3.8 %',
+                    'P', 'Qx')
     bare_and_mended('10 % dead tactels, not listed', faults.dead(POINT, count, rng, 10.0),
                     'Tukey weights', 'a 0.29 mm, P 14 %', 'a 0.03 mm, P 0.8 %', 'a', 'P')
     given = faults.dead_nan(POINT, count, rng, 10.0)
