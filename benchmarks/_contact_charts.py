@@ -21,7 +21,7 @@ LABELS = {
     ('point', 'numpy Gauss-Newton, model 1'): (
         'numpy Gauss-Newton,\nbatched, and tuned', (-10, -28), 'left'),
     ('point', 'tuned numpy Gauss-Newton, model 1'): None,
-    ('point', 'compensated, model 1'): ('compensated,\nmodels 1–3', (-8, -34), 'right'),
+    ('point', 'compensated, model 1'): ('compensated,\nmodels 1–3', (-24, -34), 'right'),
     ('point', 'compensated, model 2'): None, ('point', 'compensated, model 3'): None,
     ('point', 'compensated as printed, model 3'): ('as printed,\nmodel 3', (8, 14), 'left'),
     ('point', 'OpenCV moments + (2.3), model 1'): ('OpenCV moments\n+ (2.3)', (0, 8), 'center'),

@@ -12,7 +12,7 @@ COLUMNS = (('rms_place_m', 1e3, 'RMS error of the place [mm]'),
            ('rms_force', 100.0, 'RMS error of the force [%]'),
            ('refused', 100.0, 'refused [% of frames]'),
            ('wrong', 100.0, 'wrong but confident [% of frames]'))
-LIMITS = {'point': ((0.005, 5), (0.1, 200)), 'line': ((0.002, 5), (0.05, 200))}
+LIMITS = {'point': ((0.003, 5), (0.05, 200)), 'line': ((0.0007, 5), (0.015, 200))}
 SAME = 'saturation as NaN'  # looks like a declared full scale
 
 
