@@ -41,6 +41,7 @@ SHEAR_EVIDENCE = 4.0, 20.0
 DRIFT_LOOKS = 3  # each leaves a part of the drift that it found
 MIN_TACTELS = 15, 24  # of a point around the peak, of a line: three to eight for each parameter
 SECOND_CONTACT = 0.15  # of the peak, left over elsewhere, that makes a second contact
+BORDER_STD = 0.1  # depths; a load under the outermost tactels must be located better than that
 DETECTION = 5.0  # standard deviations
 FORCE_MISMATCH = 0.03  # relative difference of the two force estimates that is told
 
@@ -162,6 +163,8 @@ def explain(kind, measured, sensor, given_layers, rules, buffers, work, values, 
         for j in range(n):
             cov[i, j] = moved[i] * moved[j] + max(1.0, values[RESIDUAL] ** 2) * (
                 cov[i, j] + variance * slope[i] * slope[j])
+    if _beyond_sight(kind, found[0], sensor, layers, cov):
+        return kind, _OFF_PAD
     values[HAS_SHEAR] = shear
     if kind == POINT:
         tell_point(found[0], cov, values, covariance)
@@ -170,6 +173,20 @@ def explain(kind, measured, sensor, given_layers, rules, buffers, work, values, 
     if _windowed(values, covariance):
         reasons |= _MISMATCH
     return kind, reasons
+
+
+@njit(error_model='numpy')
+def _beyond_sight(kind, theta, sensor, layers, cov):
+    """Whether a load at the border, which shows one flank only, may as well be off the pad."""
+    half_x, half_y = _half_sides(sensor)
+    last_x, last_y = half_x - sensor[2], half_y - sensor[3]
+    if kind == POINT:
+        inside = abs(theta[0]) <= last_x and abs(theta[1]) <= last_y
+        variance = max(cov[0, 0], cov[1, 1])
+    else:
+        inside = abs(theta[0]) <= last_x * math.cos(theta[1])
+        variance = cov[0, 0]
+    return not inside and variance > (BORDER_STD * layers[0, 0]) ** 2
 
 
 @njit(error_model='numpy')

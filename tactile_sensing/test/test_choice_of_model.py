@@ -185,3 +185,21 @@ def test_a_demanded_model_is_the_only_one(model, kind):
 def test_unknown_model_is_refused():
     with pytest.raises(ConfigurationError, match='model'):
         EstimatorConfig(model='blob')
+
+
+@pytest.mark.parametrize('beyond', [0.5e-3, 1e-3, 2e-3])
+@pytest.mark.parametrize('kind', ['point', 'line'])
+def test_load_just_beyond_the_border_is_not_put_inside(kind, beyond):
+    rng = np.random.default_rng(7)
+    at = ARRAY.half_width_x + beyond
+    right = wrong = 0
+    for _ in range(200):
+        b, yaw = rng.uniform(-8e-3, 8e-3), rng.uniform(-0.02, 0.02)
+        picture = press(at, b) if kind == 'point' else line.pressure(
+            X, Y, at * np.cos(yaw), yaw, 200.0, DEPTH)
+        noise = 0.01 * (press(0.0, 0.0).max() if kind == 'point' else line.peak_pressure(
+            200.0, DEPTH))
+        contact = estimate(picture + rng.normal(0.0, noise, ARRAY.shape), noise)
+        wrong += contact.valid and abs(contact.a - at) > 1e-3
+        right += not contact.valid
+    assert wrong <= 2 and right >= 195
