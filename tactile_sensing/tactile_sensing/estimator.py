@@ -230,7 +230,7 @@ def _condition(stress, sensor, layers, given, full_scale, calibrated, left_out, 
     missing, at_full_scale, main = 0, 0, -1
     for k in range(stress.shape[0]):
         gone, full, threshold = drop_unusable(stress[k], full_scale[k], component[k] != 0)
-        layers[k, 1] = noise_of(stress[k], given[k], threshold)
+        layers[k, 1], layers[k, 5] = noise_of(stress[k], given[k], threshold), threshold
         missing += gone
         at_full_scale += full
         if main < 0 and component[k] == 0:

@@ -79,6 +79,38 @@ def window_ratio(kind, left, model, x, y, theta, depth):
 
 
 @njit(error_model='numpy')
+def _sum_around(image, row, column):
+    """Sum of the live ones of 3x3 tactels."""
+    total = 0.0
+    for r in range(max(row - 1, 0), min(row + 2, image.shape[0])):
+        for c in range(max(column - 1, 0), min(column + 2, image.shape[1])):
+            if np.isfinite(image[r, c]):
+                total += image[r, c]
+    return total
+
+
+@njit(error_model='numpy')
+def lacks_load(left, threshold):
+    """Whether less than the load is seen somewhere, by a threshold, over 3x3 tactels."""
+    for r in range(left.shape[0]):
+        for c in range(left.shape[1]):
+            # Of nine whose mean is below, one is.
+            if left[r, c] < -threshold and _lowest_around(left, r, c) < -9.0 * threshold:
+                return True
+    return False
+
+
+@njit(error_model='numpy')
+def _lowest_around(image, row, column):
+    """Least of the sums over 3x3 tactels that a tactel is part of."""
+    lowest = np.inf
+    for r in range(max(row - 1, 0), min(row + 2, image.shape[0])):
+        for c in range(max(column - 1, 0), min(column + 2, image.shape[1])):
+            lowest = min(lowest, _sum_around(image, r, c))
+    return lowest
+
+
+@njit(error_model='numpy')
 def second_contact(kind, left, x, y, theta, depth, threshold):
     """Whether more than a threshold is left over away from the load, over 3x3 tactels."""
     rows, columns = left.shape
@@ -97,11 +129,6 @@ def second_contact(kind, left, x, y, theta, depth, threshold):
                 away = abs(x[c] * cos + y[r] * sin - theta[0])
             if away <= ELSEWHERE * depth:
                 continue
-            total = 0.0
-            for i in range(max(r - 1, 0), min(r + 2, rows)):
-                for j in range(max(c - 1, 0), min(c + 2, columns)):
-                    if np.isfinite(left[i, j]):
-                        total += left[i, j]
-            if total > 9.0 * threshold:
+            if _sum_around(left, r, c) > 9.0 * threshold:
                 return True
     return False

@@ -11,7 +11,13 @@ from numba import njit
 import numpy as np
 
 from tactile_sensing.contact import ContactType, Reason
-from tactile_sensing.evidence import compare, second_contact, sums_of_squares, window_ratio
+from tactile_sensing.evidence import (
+    compare,
+    lacks_load,
+    second_contact,
+    sums_of_squares,
+    window_ratio,
+)
 from tactile_sensing.load_fit import fit_frame, ITERATIONS, LINE, OK, POINT, SQUARED, USED
 from tactile_sensing.remedies import (
     any_off,
@@ -57,7 +63,7 @@ def make_buffers(layers, rows, columns):
     """Memory for `explain`."""
     shape = (layers, rows, columns)
     return (np.empty(shape), np.empty(shape), np.empty(shape), np.empty(rows * columns),
-            np.zeros((layers, 5)), np.zeros((5, 5)), (np.zeros(5), np.zeros(5)),
+            np.zeros((layers, 6)), np.zeros((5, 5)), (np.zeros(5), np.zeros(5)),
             (np.zeros(5), np.zeros((5, 5)), np.zeros(6)))
 
 
@@ -237,7 +243,8 @@ def _judge(kind, sensor, rules, known, buffers, values):
     if second_contact(kind, left[main], x, y, theta, depth,
                       max(DETECTION * noise / 3.0, SECOND_CONTACT * peak)):
         return _OTHER, _BAD_FIT | _TWO
-    if chi > max_chi_square * freedom:
+    if chi > max_chi_square * freedom or lacks_load(
+            left[main], max(DETECTION * noise / 3.0, SECOND_CONTACT * peak)):
         return _OTHER, _BAD_FIT
     if weak:
         return _NONE, _LOW_SNR

@@ -86,8 +86,9 @@ def sensor_of(array, layers, tactel_points=1, window=None):
     sensor : tuple
         x, y [m], pitch_x, pitch_y [m], component (index into COMPONENTS, shape (layers,)),
         nodes, window [pitches].
-    table : ndarray, shape (layers, 5)
-        Depth, noise, and the component as (gz + gx x' + gy y') times the pressure.
+    table : ndarray, shape (layers, 6)
+        Depth, noise, the component as (gz + gx x' + gy y') times the pressure, and the
+        threshold below which the values are missing, 0 if there is none.
 
     Raises
     ------
@@ -95,9 +96,9 @@ def sensor_of(array, layers, tactel_points=1, window=None):
         No 'zz' layer, a window of less than one pitch, or as `tactel_nodes`.
     """
     levers = {'zz': (1.0, 0.0, 0.0), 'xz': (0.0, 1.0, 0.0), 'yz': (0.0, 0.0, 1.0)}
-    table = np.array([(layer.depth, layer.noise_std, *levers[layer.component])
-                      for layer in layers]).reshape(-1, 5)
-    table[:, 3:] /= table[:, :1]
+    table = np.array([(layer.depth, layer.noise_std, *levers[layer.component], 0.0)
+                      for layer in layers]).reshape(-1, 6)
+    table[:, 3:5] /= table[:, :1]
     component = np.array([COMPONENTS.index(layer.component) for layer in layers], np.int64)
     if not (component == 0).any():
         raise ConfigurationError("layers have no 'zz', must have at least one to start from")

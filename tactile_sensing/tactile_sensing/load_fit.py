@@ -120,7 +120,7 @@ def fit_frame(kind, stress, sensor, layers, forces, model_error, tukey, work, fo
     stress : ndarray, shape (layers, rows, columns)
     sensor : tuple
         From `sensor_of`.
-    layers : ndarray, shape (layers, 5)
+    layers : ndarray, shape (layers, 6)
         From `sensor_of`, with the noise.
     forces : int
         Force parameters in use: 1 (no shear), 2 (line) or 3 (point).

@@ -38,6 +38,8 @@ def take_off_drift(stress, left, model, layers, values, first):
     """
     found = False
     for k in range(stress.shape[0]):
+        if layers[k, 5] > 0.0:  # a threshold leaves the upper part of the noise, not a drift
+            continue
         noise, largest = layers[k, 1], max(model[k].max(), -model[k].min())
         median, n = _unloaded_median(left[k], model[k], max(noise, UNLOADED * largest), values)
         enough = DRIFT_EVIDENCE * 1.2533 * noise / np.sqrt(max(n, 1)) if first else 0.0
@@ -107,6 +109,7 @@ def at_depth(layers, factor, scaled):
         scaled[k, 0] = layers[k, 0] * factor
         scaled[k, 1], scaled[k, 2] = layers[k, 1], layers[k, 2]
         scaled[k, 3], scaled[k, 4] = layers[k, 3] / factor, layers[k, 4] / factor
+        scaled[k, 5] = layers[k, 5]
 
 
 @njit(error_model='numpy')

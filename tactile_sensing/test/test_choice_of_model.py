@@ -59,6 +59,12 @@ def a_corner(rng):
                for s in np.arange(0.0, 0.02, 4e-4) for angle in (first, first + turn))
 
 
+def end_of_an_edge(rng):
+    turn, centre = rng.uniform(-np.pi, np.pi), rng.uniform(-4e-3, 4e-3, 2)
+    return sum(press(*(centre + s * np.array([np.cos(turn), np.sin(turn)])), force=0.08)
+               for s in np.arange(0.0, 0.03, 4e-4))
+
+
 def estimate(picture, noise, estimator=ESTIMATOR):
     layer = Layer('zz', DEPTH, picture.astype(np.float32), noise_std=noise)
     return estimator.estimate(TactileImage(0, 0, (layer,), ARRAY, tared=True))
@@ -76,7 +82,8 @@ def noisy_estimates(make, decibels, count, seed):
 @pytest.mark.parametrize('make, kind', [
     (nothing, ContactType.NONE), (a_point, ContactType.POINT), (sheared, ContactType.POINT),
     (an_edge, ContactType.LINE), (two_points, ContactType.OTHER),
-    (flat_disc, ContactType.OTHER), (a_corner, ContactType.OTHER)])
+    (flat_disc, ContactType.OTHER), (a_corner, ContactType.OTHER),
+    (end_of_an_edge, ContactType.OTHER)])
 def test_type_is_told(make, kind, decibels):
     found = list(noisy_estimates(make, decibels, 100, seed=decibels))
     right = sum(contact.type == kind for contact in found)

@@ -105,6 +105,15 @@ def test_zeros_of_a_threshold_are_no_measurements(presses):
     no_worse(errors(found(kept, noise), loads, noise)[1:], [0.6, 4.9, 4.9])
 
 
+@pytest.mark.parametrize('level', [0.0, 1.0, 2.0, 2.5, 3.0])
+def test_a_threshold_within_the_noise_is_no_drift(presses, level):
+    loads, frames, _, noise = presses
+    kept = np.where(frames < level * noise[:, None, None], 0.0, frames)
+    records = found(kept, noise)
+    assert abs(np.nanmean(noise * records['P']) - 1.0) < 0.002
+    assert records['valid'].mean() > 0.4  # the rest is refused: what is left is no noise
+
+
 @pytest.mark.parametrize('wrong', [0.8, 1.05, 1.2])
 def test_depth_can_be_found(presses, wrong):
     loads, frames, _, noise = presses
