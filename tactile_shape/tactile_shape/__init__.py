@@ -1,0 +1,1 @@
+"""Surface matrices, local curvature and object shape from the kinematics of contact."""

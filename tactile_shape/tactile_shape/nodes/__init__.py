@@ -1,0 +1,1 @@
+"""ROS nodes: convert, one core call, publish."""

@@ -1,0 +1,190 @@
+"""Surface matrices: closed forms, invariances, finite differences and what is refused."""
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from tactile_shape.errors import SurfaceError
+from tactile_shape.surface_matrix import height, principal_axes, SurfaceMatrix, tangent_frame
+
+R = 0.03
+SPHERE, CYLINDER, PLANE = SurfaceMatrix.sphere(R), SurfaceMatrix.cylinder(R), SurfaceMatrix.plane()
+SADDLE = SurfaceMatrix.from_curvature([[20.0, 8.0], [8.0, -15.0]])
+ALL = {'plane': PLANE, 'cylinder': CYLINDER, 'sphere': SPHERE, 'saddle': SADDLE}
+
+
+def some_pose(seed):
+    rng = np.random.default_rng(seed)
+    pose = np.eye(4)
+    pose[:3, :3] = Rotation.random(random_state=seed).as_matrix()
+    pose[:3, 3] = rng.normal(0.0, 0.1, 3)
+    return pose
+
+
+def moved(pose, points):
+    return points @ pose[:3, :3].T + pose[:3, 3]
+
+
+def some_points(seed=1, count=50, size=0.02):
+    return np.random.default_rng(seed).normal(0.0, size, (count, 3))
+
+
+@pytest.mark.parametrize('name', ALL)
+def test_convention_of_the_contact_frame(name):
+    surface = ALL[name]
+    assert surface.value(np.zeros(3)) == 0.0
+    assert surface.matrix[2, 3] == 0.5
+    np.testing.assert_array_equal(surface.gradient(np.zeros(3)), [0.0, 0.0, 1.0])
+    assert surface.value(np.array([0.0, 0.0, 1e-3])) > 0.0  # inward is inside
+
+
+def test_thesis_matrices_are_multiples():
+    printed = np.array([[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, -R], [0, 0, -R, 0]])
+    np.testing.assert_allclose(SPHERE.matrix * -2.0 * R, printed, atol=1e-15)
+    printed[1, 1] = 0.0  # its cylinder has its axis along y
+    np.testing.assert_allclose(CYLINDER.matrix * -2.0 * R, printed, atol=1e-15)
+
+
+def test_closed_forms_of_distance():
+    points = some_points(count=500)
+    x, y, z = points.T
+    for surface, expected in (
+            (PLANE, -z), (SPHERE, np.sqrt(x**2 + y**2 + (z - R)**2) - R),
+            (CYLINDER, np.hypot(x, z - R) - R),
+            (SurfaceMatrix.cylinder(R, np.pi / 2), np.hypot(y, z - R) - R),
+            (SurfaceMatrix.sphere(-R), R - np.sqrt(x**2 + y**2 + (z + R)**2)),
+            (SurfaceMatrix.plane([0.0, 3.0, 4.0], 0.01), 0.01 - 0.6 * y - 0.8 * z)):
+        np.testing.assert_allclose(surface.distance(points), expected, atol=1e-11)
+
+
+def test_distance_from_the_centre_and_on_the_surface():
+    centre = np.array([[0.0, 0.0, R], [0.0, 0.01, R], [1e-12, 0.0, R]])
+    np.testing.assert_allclose(CYLINDER.distance(centre), -R, rtol=1e-6)
+    assert SPHERE.distance(centre[0]) == pytest.approx(-R, rel=1e-6)
+    assert abs(SPHERE.distance(np.array([R, 0.0, R]))) < 1e-12
+
+
+def test_distance_is_the_least_over_the_surface():
+    grid = np.stack(np.meshgrid(*2 * [np.linspace(-0.03, 0.03, 301)]), axis=-1).reshape(-1, 2)
+    # The saddle solved for z at each grid point; only the root near the tangent plane.
+    c, half = SADDLE.matrix[2, 2], 0.5
+    flat = np.einsum('ni,ij,nj->n', grid, SADDLE.matrix[:2, :2], grid)
+    root = half**2 - c * flat
+    z = np.where(root > 0.0, (-half + np.sqrt(np.maximum(root, 0.0))) / c, np.nan)
+    sheet = np.column_stack([grid, z])[root > 0.0]
+    for point in some_points(count=20, size=0.004):
+        least = np.sqrt(((sheet - point)**2).sum(axis=1).min())
+        found = abs(SADDLE.distance(point))
+        assert least - 2e-4 < found < least + 1e-9
+
+
+@pytest.mark.parametrize('name', ALL)
+def test_operations_do_not_depend_on_the_frame(name):
+    surface, pose, points = ALL[name], some_pose(3), some_points()
+    other = surface.in_frame(np.linalg.inv(pose))  # the same surface, moved by the pose
+    there = moved(pose, points)
+    np.testing.assert_allclose(other.value(there), surface.value(points), atol=1e-12)
+    np.testing.assert_allclose(other.normal(there), surface.normal(points) @ pose[:3, :3].T,
+                               atol=1e-10)
+    np.testing.assert_allclose(other.distance(there), surface.distance(points), atol=1e-9)
+    here = other.curvatures(pose[:3, 3])
+    np.testing.assert_allclose(here[0], surface.curvatures()[0], atol=1e-9)
+    back = other.in_frame(pose)
+    np.testing.assert_allclose(back.matrix, surface.matrix, atol=1e-12)
+
+
+@pytest.mark.parametrize('name', ALL)
+def test_normal_is_the_gradient_by_finite_differences(name):
+    surface, step = ALL[name], 1e-6
+    for point in some_points(count=5):
+        slope = [(surface.value(point + step * e) - surface.value(point - step * e)) / (2 * step)
+                 for e in np.eye(3)]
+        np.testing.assert_allclose(surface.gradient(point), slope, atol=1e-8)
+
+
+def test_curvatures_by_finite_differences():
+    """The turn of the normal along a direction is the curvature there."""
+    surface, step = SADDLE.in_frame(some_pose(5)), 1e-6
+    point = np.linalg.inv(some_pose(5))[:3, 3]
+    curvature, axes = surface.curvatures(point)
+    np.testing.assert_allclose(axes.T @ axes, np.eye(3), atol=1e-12)
+    assert np.linalg.det(axes) == pytest.approx(1.0)
+    np.testing.assert_allclose(axes[:, 2], surface.normal(point), atol=1e-12)
+    for k, direction in zip(curvature, axes.T[:2], strict=True):
+        turn = surface.normal(point + step * direction) - surface.normal(point - step * direction)
+        np.testing.assert_allclose(turn / (2 * step), -k * direction, atol=1e-6)
+
+
+def test_curvatures_elsewhere_on_a_sphere_and_a_cylinder():
+    point = R * np.array([np.sin(1.0), 0.0, 1.0 - np.cos(1.0)])
+    np.testing.assert_allclose(SPHERE.curvatures(point)[0], [1 / R, 1 / R], rtol=1e-9)
+    curvature, axes = CYLINDER.curvatures(point)
+    np.testing.assert_allclose(curvature, [1 / R, 0.0], atol=1e-9)
+    np.testing.assert_allclose(np.abs(axes[:, 1]), [0.0, 1.0, 0.0], atol=1e-9)
+
+
+def test_local_form_and_back():
+    frame, curvature = SADDLE.local_form()
+    again = SurfaceMatrix.from_curvature(np.diag(curvature)).in_frame(np.linalg.inv(frame))
+    np.testing.assert_allclose(again.matrix, SADDLE.matrix, atol=1e-12)
+
+
+def test_parameters_and_back():
+    np.testing.assert_array_equal(
+        SurfaceMatrix.from_parameters(SADDLE.parameters).matrix, SADDLE.matrix)
+
+
+def test_addition():
+    points = some_points()
+    both = SPHERE + CYLINDER
+    np.testing.assert_allclose(both.value(points), SPHERE.value(points) + CYLINDER.value(points))
+    np.testing.assert_allclose((both - CYLINDER).matrix, SPHERE.matrix, atol=1e-15)
+    crossed = SurfaceMatrix.cylinder(R / 2) + SurfaceMatrix.cylinder(R / 2, np.pi / 2)
+    np.testing.assert_allclose(crossed.normalised().curvatures()[0], [1 / R, 1 / R])
+    assert crossed.normalised().matrix[2, 3] == 0.5
+    with pytest.raises(SurfaceError, match='degenerate'):
+        SPHERE - SPHERE
+
+
+def test_height_is_exact_for_plane_sphere_and_cylinder():
+    u = np.random.default_rng(2).uniform(-0.6 * R, 0.6 * R, (200, 2))
+    for surface, curvature in ((SPHERE, np.eye(2) / R), (CYLINDER, np.diag([1 / R, 0.0])),
+                               (PLANE, np.zeros((2, 2)))):
+        points = np.column_stack([u, height(curvature, u)])
+        np.testing.assert_allclose(surface.value(points), 0.0, atol=1e-16)
+    assert np.isnan(height(np.eye(2) / R, [1.1 * R, 0.0]))
+
+
+def test_tangent_frame_and_principal_axes():
+    for normal in (*np.eye(3), *-np.eye(3), np.array([0.6, 0.0, -0.8])):
+        frame = tangent_frame(normal)
+        np.testing.assert_allclose(frame.T @ frame, np.eye(3), atol=1e-12)
+        np.testing.assert_allclose(frame[:, 2], normal)
+        assert np.linalg.det(frame) == pytest.approx(1.0)
+    curvature = np.array([[-30.0, 5.0], [5.0, 10.0]])
+    values, turn = principal_axes(curvature)
+    assert abs(values[0]) > abs(values[1])
+    np.testing.assert_allclose(turn[:2, :2] @ np.diag(values) @ turn[:2, :2].T, curvature)
+
+
+@pytest.mark.parametrize('matrix, message', [
+    (np.eye(3), 'shape'), (np.full((4, 4), np.nan), 'finite'), (np.zeros((4, 4)), 'degenerate'),
+    (np.diag([0.0, 0.0, 0.0, 1.0]), 'degenerate'),
+    # The thesis' plane, as printed:
+    (np.array([[0, 0, 0, 1], [0, 0, 0, 2], [0, 0, 0, 3], [0, 0, 0, 4]]), 'not symmetric')])
+def test_refused_matrices(matrix, message):
+    with pytest.raises(SurfaceError, match=message):
+        SurfaceMatrix(matrix)
+
+
+def test_refused_values():
+    for make in (lambda: SurfaceMatrix.sphere(0.0), lambda: SurfaceMatrix.cylinder(np.nan),
+                 lambda: SurfaceMatrix.plane([0.0, 0.0, 0.0]),
+                 lambda: SurfaceMatrix.from_curvature([[np.inf, 0.0], [0.0, 0.0]]),
+                 lambda: SurfaceMatrix.from_curvature([[0.0, 1.0], [2.0, 0.0]]),
+                 lambda: SurfaceMatrix.from_curvature([1.0, 2.0]),
+                 lambda: SPHERE.in_frame(np.eye(3)),
+                 lambda: SPHERE.normal([0.0, 0.0, R]),
+                 lambda: SPHERE.curvatures([0.0, 0.0, R]),
+                 lambda: SPHERE.normalised([0.0, 0.0, R])):
+        with pytest.raises(SurfaceError):
+            make()
