@@ -1,0 +1,148 @@
+"""
+Least-model estimator: the least surface that explains positions and normals along a path.
+
+Thesis, chapter 4, asks for ten parameters from a few contacts. Here, in the tangent frame at the
+newest contact, only the three numbers of the curvature K are asked of a whole window of travel;
+height and slope are by-products. A round finger feels the surface of its centre, which has no
+error of location; the curvature is converted at the end.
+"""
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from tactile_shape import quadric_kernel as kernel
+from tactile_shape.config import check_fields
+from tactile_shape.contact_window import ContactWindow
+from tactile_shape.patch import Kind, Patch
+from tactile_shape.surface_matrix import tangent_frame
+
+METHOD = 'local_quadric'
+_LENGTH = 1e-3  # largest difference of a normal's length from 1
+_SHARP = 0.98  # of 1 / finger radius; a surface of the centre that curves more is an edge
+
+
+@dataclass(frozen=True)
+class LocalQuadricConfig:
+    """How local curvature is estimated."""
+
+    window: float = field(default=0.024, metadata={
+        'doc': 'length of the path that a patch is fitted to', 'unit': 'm',
+        'range': (1e-4, 1.0)})
+    max_turn: float = field(default=0.7, metadata={
+        'doc': 'the path is cut shorter where the normal turns by more than this', 'unit': 'rad',
+        'range': (0.01, 1.2)})
+    finger_radius: float = field(default=0.0, metadata={
+        'doc': 'radius of a round finger; 0 = flat pad', 'unit': 'm', 'range': (0.0, 1.0)})
+    position_noise: float = field(default=2e-5, metadata={
+        'doc': "standard deviation of the pose's position, per axis", 'unit': 'm',
+        'range': (1e-9, 0.1)})
+    normal_noise: float = field(default=5e-4, metadata={
+        'doc': "standard deviation of the normal's direction, per axis", 'unit': 'rad',
+        'range': (1e-7, 1.0)})
+    location_noise: float = field(default=1.5e-4, metadata={
+        'doc': 'standard deviation of the contact on the pad, per axis', 'unit': 'm',
+        'range': (0.0, 0.1)})
+    max_curvature_std: float = field(default=5.0, metadata={
+        'doc': 'a curvature less certain than this is called unseen', 'unit': '1/m',
+        'range': (1e-6, 1e6)})
+    prior_curvature: float = field(default=100.0, metadata={
+        'doc': 'standard deviation of curvature before anything is touched', 'unit': '1/m',
+        'range': (1e-3, 1e6)})
+
+    def __post_init__(self):
+        check_fields(self)
+
+
+class LocalQuadric:
+    """
+    Estimate the surface at each new contact of a path; time and memory do not grow.
+
+    Parameters
+    ----------
+    config : LocalQuadricConfig, optional
+    """
+
+    def __init__(self, config=None):
+        self.config = config or LocalQuadricConfig()
+        c = self.config
+        self._window = ContactWindow(c.window, c.max_turn)
+        on_finger = c.location_noise / c.finger_radius if c.finger_radius else 0.0
+        self._noise = np.array([
+            c.position_noise, c.location_noise, np.hypot(c.normal_noise, on_finger),
+            c.finger_radius * c.normal_noise])
+        self._spread_noise = np.hypot(c.position_noise, c.location_noise)
+        self._compile()
+
+    def _compile(self):
+        """Load or compile the kernels now, not at the first contact."""
+        for x in (0.0, 1.0):
+            self.update(np.array([x, 0.0, 0.0]), np.array([0.0, 0.0, 1.0]))
+        self.reset()
+
+    def reset(self):
+        """Forget the path: contact was lost."""
+        self._window.reset()
+
+    def update(self, position, normal):
+        """
+        Add a contact and estimate the surface there.
+
+        Parameters
+        ----------
+        position : ndarray, shape (3,)
+            Of the contact, in a frame in which the object is at rest [m].
+        normal : ndarray, shape (3,)
+            The object's inward unit normal there, in that frame.
+
+        Returns
+        -------
+        Patch
+            Always: what cannot be estimated is not valid, with its reason. A contact that is not
+            finite, or whose normal is not of length 1, is not added.
+        """
+        length = np.sqrt(normal @ normal)
+        if not (np.isfinite(position @ position) and abs(length - 1.0) < _LENGTH):
+            return Patch(Kind.NONE, False, 'contact is not finite or its normal not of length 1',
+                         METHOD)
+        normal = normal / length
+        radius = self.config.finger_radius
+        centre = position - radius * normal
+        points, normals, weights, extent = self._window.add(centre, normal)
+        (kind, axes, height, slope, principal, heading, covariance, seen, residual) = (
+            kernel.solve(points, normals, weights, centre, tangent_frame(normal), self._noise,
+                         self._spread_noise, self.config.prior_curvature))
+        known = {'method': METHOD, 'extent': extent, 'samples': self._window.samples,
+                 'residual': residual,
+                 'frame': _frame(centre, axes, height, slope, heading, radius)}
+        seen = seen < self.config.max_curvature_std**2
+        if radius:
+            # The centre moves on a surface whose radii are larger by the finger's.
+            shrink = 1.0 - radius * principal
+            if shrink.min() < 1.0 - _SHARP:
+                return Patch(Kind.NONE, False, 'an edge or a point: its curvature is above what '
+                             'a finger of this radius can tell', **known)
+            principal = principal / shrink
+            covariance = covariance / np.outer(shrink, shrink)**2
+        if not seen.any():
+            why = (f'the path of {1e3 * extent:.2g} mm is too short, or too noisy, to show any '
+                   'curvature')
+            return Patch(Kind.NONE, False, why, curvature=principal, covariance=covariance,
+                         **known)
+        return Patch(Kind(kind), True, '', curvature=principal, seen=seen, covariance=covariance,
+                     **known)
+
+
+def _frame(centre, axes, height, slope, heading, radius):
+    """Pose of the contact frame: fitted origin and normal, x along the first principal axis."""
+    normal = np.array([-slope[0], -slope[1], 1.0])
+    normal = axes @ (normal / np.sqrt(normal @ normal))
+    x = axes[:, 0] * np.cos(heading) + axes[:, 1] * np.sin(heading)
+    x = x - (x @ normal) * normal
+    x /= np.sqrt(x @ x)
+    frame = np.eye(4)
+    frame[:3, 0], frame[:3, 2] = x, normal
+    frame[:3, 1] = np.array([normal[1] * x[2] - normal[2] * x[1],
+                             normal[2] * x[0] - normal[0] * x[2],
+                             normal[0] * x[1] - normal[1] * x[0]])
+    frame[:3, 3] = centre + height * axes[:, 2] + radius * normal
+    return frame

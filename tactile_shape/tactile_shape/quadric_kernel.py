@@ -1,0 +1,313 @@
+"""
+Compiled kernel of `local_quadric`: weighted least squares, then the least sufficient model.
+
+In a tangent frame with inward normal n and u = (x, y), any plane, sphere or cylinder satisfies
+
+    -n_xy = b + K u    and    z (1 + n_z) / 2 = a + b u + u' K u / 2
+
+however large the arc. Both are linear in the height a, the slope b and the curvature K.
+"""
+import math
+
+from numba import njit
+import numpy as np
+
+PLANE, CYLINDER, SPHERE, GENERAL = 1, 2, 3, 4
+PASSES = 3  # weights depend on K: by the third pass they no longer change
+# Chi-square exceeded by 1 % of samples with 1, 2 and 3 degrees of freedom.
+LEVELS = np.array([0.0, 6.635, 9.210, 11.345])
+# A path's breadth counts where its variance is that many times the variance of noise.
+CLEAR = 9.0
+# Share of its third order that a general surface may depart from a second-order one; makes far
+# contacts count less.
+MODEL_ERROR = 0.1
+_HEADINGS = 48
+
+
+@njit(cache=True)
+def _principal(c11, c12, c22):
+    """Eigenvalues of a symmetric 2 x 2, the larger first, and the first direction's angle."""
+    mean, half = 0.5 * (c11 + c22), 0.5 * (c11 - c22)
+    radius = math.hypot(half, c12)
+    return mean + radius, mean - radius, 0.5 * math.atan2(c12, half)
+
+
+@njit(cache=True)
+def equations(u, z, n, weights, noise, curvature, model_error):
+    """
+    Normal equations of (a, b1, b2, K11, K12, K22).
+
+    Parameters
+    ----------
+    u : ndarray, shape (m, 2)
+    z : ndarray, shape (m,)
+    n : ndarray, shape (m, 3)
+    weights : ndarray, shape (m,)
+        Independent samples in each row.
+    noise : ndarray, shape (4,)
+        Standard deviations of position, of what moves along the surface, of normal, of height
+        beyond that of position.
+    curvature : ndarray, shape (3,)
+        K11, K12, K22: with them, a displacement along the surface is an error of the normal.
+    model_error : float
+        What the model leaves out, over the third-order term |K u|^3 of a normal, and over the
+        same of height.
+
+    Returns
+    -------
+    matrix : ndarray, shape (6, 6)
+    right : ndarray, shape (6,)
+    square : float
+        Weighted sum of the squared right-hand sides.
+    """
+    matrix, right, square = np.zeros((6, 6)), np.zeros(6), 0.0
+    row = np.zeros((3, 6))
+    slide = noise[0]**2 + noise[1]**2
+    k11, k12, k22 = curvature
+    q11, q12, q22 = k11 * k11 + k12 * k12, k12 * (k11 + k22), k12 * k12 + k22 * k22
+    r11, r12, r22 = noise[2]**2 + slide * q11, slide * q12, noise[2]**2 + slide * q22
+    row[0, 0] = row[1, 1] = row[2, 2] = 1.0
+    for i in range(len(z)):
+        x, y, up = u[i, 0], u[i, 1], max(n[i, 2], 0.1)
+        lean = n[i, 0]**2 + n[i, 1]**2
+        upright = 0.5 * (1.0 + up)
+        # Along the surface, height and slope move together and cancel up to the second order.
+        left_over = 0.5 * (1.0 - up) / up
+        variance = (noise[0]**2 * (lean + upright**2) + noise[3]**2
+                    + noise[1]**2 * lean * left_over**2)
+        turn = (k11 * x + k12 * y)**2 + (k12 * x + k22 * y)**2
+        variance += weights[i] * (model_error * turn * z[i])**2
+        unlike = weights[i] * model_error**2 * turn**3
+        s11, s22 = r11 + unlike, r22 + unlike
+        determinant = s11 * s22 - r12 * r12
+        row[0, 1], row[0, 2] = x, y
+        row[0, 3], row[0, 4], row[0, 5] = 0.5 * x * x, x * y, 0.5 * y * y
+        row[1, 3], row[1, 4] = x, y
+        row[2, 4], row[2, 5] = x, y
+        w00 = weights[i] / variance
+        w11, w12, w22 = (weights[i] * s22 / determinant, -weights[i] * r12 / determinant,
+                         weights[i] * s11 / determinant)
+        t0, t1, t2 = z[i] * 0.5 * (1.0 + n[i, 2]), -n[i, 0], -n[i, 1]
+        for p in range(6):
+            a0 = w00 * row[0, p]
+            a1 = w11 * row[1, p] + w12 * row[2, p]
+            a2 = w12 * row[1, p] + w22 * row[2, p]
+            right[p] += a0 * t0 + a1 * t1 + a2 * t2
+            for q in range(p, 6):
+                matrix[p, q] += a0 * row[0, q] + a1 * row[1, q] + a2 * row[2, q]
+        square += w00 * t0 * t0 + w11 * t1 * t1 + 2.0 * w12 * t1 * t2 + w22 * t2 * t2
+    for p in range(6):
+        for q in range(p):
+            matrix[p, q] = matrix[q, p]
+    return matrix, right, square
+
+
+@njit(cache=True)
+def _cylinder(information, right):
+    """Heading and curvature of the best cylinder, and the chi-square that it takes away."""
+    best, heading = -1.0, 0.0
+    width = math.pi / _HEADINGS
+    low, high = 0.0, 0.0
+    for i in range(_HEADINGS):
+        gain = _cylinder_gain(information, right, i * width)[0]
+        if gain > best:
+            best, heading = gain, i * width
+    low, high = heading - width, heading + width
+    for _ in range(40):
+        left, other = low + 0.382 * (high - low), low + 0.618 * (high - low)
+        if (_cylinder_gain(information, right, left)[0]
+                > _cylinder_gain(information, right, other)[0]):
+            high = other
+        else:
+            low = left
+    heading = 0.5 * (low + high)
+    gain, curvature = _cylinder_gain(information, right, heading)
+    return gain, curvature, heading
+
+
+@njit(cache=True)
+def _cylinder_gain(information, right, heading):
+    c, s = math.cos(heading), math.sin(heading)
+    d0, d1, d2 = c * c, c * s, s * s
+    slope = d0 * right[0] + d1 * right[1] + d2 * right[2]
+    bend = (d0 * (information[0, 0] * d0 + 2.0 * information[0, 1] * d1
+                  + 2.0 * information[0, 2] * d2)
+            + d1 * (information[1, 1] * d1 + 2.0 * information[1, 2] * d2)
+            + information[2, 2] * d2 * d2)
+    return slope * slope / bend, slope / bend
+
+
+@njit(cache=True)
+def _least_model(information, right, count):
+    """
+    Least of plane, sphere, cylinder and general whose chi-square is no worse than chance.
+
+    `information` and `right` are of (K11, K12, K22); `count` of them were seen, K22 last.
+    Returns kind and the curvature of that model.
+    """
+    full = np.linalg.solve(information, right)
+    most = full @ right
+    if most < LEVELS[count]:
+        return PLANE, np.zeros(3)
+    gain, curvature, heading = _cylinder(information, right)
+    c, s = math.cos(heading), math.sin(heading)
+    cylinder = curvature * np.array([c * c, c * s, s * s])
+    if count < 3:
+        # A cylinder tells the curvature across the path from the other two, as long as it leans
+        # little on what was not seen.
+        if c * c > 0.5:
+            return CYLINDER, cylinder
+        return GENERAL, full
+    slope = right[0] + right[2]
+    bend = information[0, 0] + 2.0 * information[0, 2] + information[2, 2]
+    sphere_gap, cylinder_gap = most - slope * slope / bend, most - gain
+    if sphere_gap < LEVELS[2] and sphere_gap < cylinder_gap + LEVELS[1]:
+        return SPHERE, slope / bend * np.array([1.0, 0.0, 1.0])
+    if cylinder_gap < LEVELS[1]:
+        return CYLINDER, cylinder
+    return GENERAL, full
+
+
+@njit(cache=True)
+def _curvature_covariance(kind, information, covariance, k1, heading):
+    """Covariance of the principal curvatures under a model; of what it fixes, the data's."""
+    c, s = math.cos(heading), math.sin(heading)
+    along, across = np.array([c * c, 2 * c * s, s * s]), np.array([s * s, -2 * c * s, c * c])
+    v11, v12, v22 = (along @ covariance @ along, along @ covariance @ across,
+                     across @ covariance @ across)
+    seen = np.array([v11, v22])
+    if kind == SPHERE:
+        bend = information[0, 0] + 2.0 * information[0, 2] + information[2, 2]
+        return np.full((2, 2), 1.0 / bend), seen
+    if kind == CYLINDER:
+        d = np.array([c * c, c * s, s * s])
+        e = k1 * np.array([-2 * c * s, c * c - s * s, 2 * c * s])
+        dd, de, ee = d @ information @ d, d @ information @ e, e @ information @ e
+        v11 = 1.0 / (dd - de * de / ee) if ee > 0.0 else 1.0 / dd
+        v12 = 0.0
+    elif kind == PLANE:
+        v12 = 0.0
+    return np.array([[v11, v12], [v12, v22]]), seen
+
+
+@njit(cache=True)
+def _path_frame(points, weights, origin, axes, spread_noise):
+    """Tangent frame with x along the path, and how many of K11, K12, K22 the path can see."""
+    u = (points - origin) @ axes
+    total = weights.sum()
+    mx, my = (weights * u[:, 0]).sum() / total, (weights * u[:, 1]).sum() / total
+    x, y = u[:, 0] - mx, u[:, 1] - my
+    large, small, turn = _principal(
+        (weights * x * x).sum() / total, (weights * x * y).sum() / total,
+        (weights * y * y).sum() / total)
+    c, s = math.cos(turn), math.sin(turn)
+    turned = axes @ np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
+    fuzz = CLEAR * spread_noise**2 * len(weights) / total + 1e-24
+    return turned, 0 if large < fuzz else 2 if small < fuzz else 3
+
+
+@njit(cache=True)
+def _curvature_equations(u, z, n, weights, noise, curvature, model_error, count, prior):
+    """
+    Normal equations of K alone, height and slope eliminated; parameters as of `equations`.
+
+    Of K11, K12, K22 the first `count` are seen; all of them have a prior.
+
+    Returns
+    -------
+    information, reduced : ndarray, shapes (3, 3) and (3,)
+        K = information^-1 reduced.
+    flat, lift : ndarray, shapes (3,) and (3, 3)
+        (a, b1, b2) = flat - lift K.
+    rest : float
+        Chi-square with K = 0.
+    """
+    matrix, right, square = equations(u, z, n, weights, noise, curvature, model_error)
+    first = np.linalg.inv(matrix[:3, :3].copy())
+    flat, lift = first @ right[:3].copy(), first @ matrix[:3, 3:].copy()
+    information = matrix[3:, 3:] - matrix[3:, :3].copy() @ lift
+    reduced = right[3:] - matrix[3:, :3].copy() @ flat
+    information[count:, :] = 0.0
+    information[:, count:] = 0.0
+    reduced[count:] = 0.0
+    for p in range(3):
+        information[p, p] += 1.0 / prior**2
+    rest = square - (right[:3] * flat).sum()
+    return information, reduced, flat, lift, rest
+
+
+@njit(cache=True)
+def _excess(information, reduced, rest, freedom):
+    """Chi-square per degree of freedom, at least 1: what no surface explains is noise."""
+    if freedom < 1:
+        return 1.0, math.nan
+    left = max(rest - (reduced * np.linalg.solve(information, reduced)).sum(), 0.0) / freedom
+    return max(1.0, left), math.sqrt(left)
+
+
+@njit(cache=True)
+def solve(points, normals, weights, origin, axes, noise, spread_noise, prior):
+    """
+    Fit the least model to contacts in a tangent frame.
+
+    Parameters
+    ----------
+    points, normals : ndarray, shape (m, 3)
+    weights : ndarray, shape (m,)
+        Independent samples that each row is the mean of.
+    origin, axes : ndarray, shapes (3,) and (3, 3)
+        Tangent frame: columns x, y and the inward normal.
+    noise : ndarray, shape (4,)
+        As of `equations`.
+    spread_noise : float
+        Standard deviation of one sample along the surface [m]: what may fake a path's breadth.
+    prior : float
+        Standard deviation of curvature before anything was touched [1/m].
+
+    Returns
+    -------
+    kind : int
+        0 where the path is too short to see any curvature.
+    axes : ndarray, shape (3, 3)
+        Tangent frame turned so that x is the path's direction.
+    height, slope : float, ndarray (2,)
+        a, b of that model, in that frame.
+    principal, heading : ndarray (2,), float
+        Principal curvatures and the angle of the first.
+    covariance : ndarray, shape (2, 2)
+        Of the principal curvatures.
+    seen : ndarray, shape (2,)
+        Variance of each as the data alone tell it.
+    residual : float
+    """
+    axes, count = _path_frame(points, weights, origin, axes, spread_noise)
+    local, n = (points - origin) @ axes, normals @ axes
+    u, z = local[:, :2].copy(), local[:, 2].copy()
+    kind, residual, curvature = 0, math.nan, np.zeros(3)
+    information, reduced, flat, lift, rest = _curvature_equations(
+        u, z, n, weights, noise, curvature, 0.0, count, prior)
+    for _ in range(PASSES - 1 if count else 0):
+        curvature = np.linalg.solve(information, reduced)
+        information, reduced, flat, lift, rest = _curvature_equations(
+            u, z, n, weights, noise, curvature, 0.0, count, prior)
+    if count:
+        excess, residual = _excess(information, reduced, rest, 3 * len(z) - 3 - count)
+        kind, curvature = _least_model(information / excess, reduced / excess, count)
+        if kind == GENERAL:
+            for _ in range(2):
+                information, reduced, flat, lift, rest = _curvature_equations(
+                    u, z, n, weights, noise, curvature, MODEL_ERROR, count, prior)
+                curvature = np.linalg.solve(information, reduced)
+            excess, residual = _excess(information, reduced, rest, 3 * len(z) - 3 - count)
+        information = information / excess
+    k1, k2, heading = _principal(curvature[0], curvature[1], curvature[2])
+    if abs(k2) > abs(k1):
+        k1, k2, heading = k2, k1, heading + 0.5 * math.pi
+    if kind == CYLINDER:
+        k2 = 0.0
+    elif kind != GENERAL:
+        heading = 0.0
+    flat = flat - lift @ curvature
+    covariance, seen = _curvature_covariance(
+        kind, information, np.linalg.inv(information), k1, heading)
+    return kind, axes, flat[0], flat[1:], np.array([k1, k2]), heading, covariance, seen, residual
