@@ -2,7 +2,7 @@
 from numba import njit
 import numpy as np
 
-CELLS = 24  # that a window is divided into
+CELLS = 24  # that a window is usually divided into
 MAX_CELLS = 3 * CELLS  # noise makes cells shorter than they should be
 MAX_WEIGHT = 16.0  # samples of one cell that count as independent; a finger at rest adds no more
 
@@ -45,8 +45,8 @@ class ContactWindow:
     """
     The contacts of the last stretch of a path.
 
-    Contacts within one cell, a 24th of the window, are averaged: this keeps time and memory
-    bounded however slowly the finger moves, and keeps noise from lengthening the path.
+    Contacts within one cell, usually a 24th of the window, are averaged: this keeps time and
+    memory bounded however slowly the finger moves, and keeps noise from lengthening the path.
 
     Parameters
     ----------
@@ -54,6 +54,8 @@ class ContactWindow:
         Of the path [m].
     max_turn : float
         The stretch ends where the normal has turned by more than this [rad].
+    cell : float
+        Distance within which contacts are averaged [m]; well above their noise.
 
     Attributes
     ----------
@@ -61,8 +63,8 @@ class ContactWindow:
         Contacts in the window.
     """
 
-    def __init__(self, length, max_turn):
-        self._length, self._max_turn = length, max_turn
+    def __init__(self, length, max_turn, cell):
+        self._length, self._max_turn, self._cell = length, max_turn, cell
         self._points, self._normals, self._starts = np.zeros((3, MAX_CELLS, 3))
         self._counts = np.zeros(MAX_CELLS)
         self.reset()
@@ -86,7 +88,7 @@ class ContactWindow:
         """
         self._used = used = _add(
             self._points, self._normals, self._starts, self._counts, self._used, point, normal,
-            self._length / CELLS)
+            self._cell)
         first, extent = _span(self._points, self._normals, used, self._length, self._max_turn)
         counts = self._counts[first:used]
         self.samples = int(counts.sum())

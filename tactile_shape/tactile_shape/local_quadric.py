@@ -12,12 +12,12 @@ import numpy as np
 
 from tactile_shape import quadric_kernel as kernel
 from tactile_shape.config import check_fields
-from tactile_shape.contact_window import ContactWindow
-from tactile_shape.patch import Kind, Patch
+from tactile_shape.contact_window import CELLS, ContactWindow
+from tactile_shape.patch import Kind, Patch, usable_normal
 from tactile_shape.surface_matrix import tangent_frame
 
 METHOD = 'local_quadric'
-_LENGTH = 1e-3  # largest difference of a normal's length from 1
+QUIET = 5.0  # times the noise of location that a cell of the window is long, at least
 _SHARP = 0.98  # of 1 / finger radius; a surface of the centre that curves more is an edge
 
 
@@ -65,17 +65,14 @@ class LocalQuadric:
     def __init__(self, config=None):
         self.config = config or LocalQuadricConfig()
         c = self.config
-        self._window = ContactWindow(c.window, c.max_turn)
         on_finger = c.location_noise / c.finger_radius if c.finger_radius else 0.0
         self._noise = np.array([
             c.position_noise, c.location_noise, np.hypot(c.normal_noise, on_finger),
             c.finger_radius * c.normal_noise])
         self._spread_noise = np.hypot(c.position_noise, c.location_noise)
-        self._compile()
-
-    def _compile(self):
-        """Load or compile the kernels now, not at the first contact."""
-        for x in (0.0, 1.0):
+        self._window = ContactWindow(
+            c.window, c.max_turn, max(c.window / CELLS, QUIET * self._spread_noise))
+        for x in (0.0, 1.0):  # loads or compiles the kernels now, not at the first contact
             self.update(np.array([x, 0.0, 0.0]), np.array([0.0, 0.0, 1.0]))
         self.reset()
 
@@ -83,9 +80,9 @@ class LocalQuadric:
         """Forget the path: contact was lost."""
         self._window.reset()
 
-    def update(self, position, normal):
+    def add(self, position, normal):
         """
-        Add a contact and estimate the surface there.
+        Add a contact.
 
         Parameters
         ----------
@@ -96,40 +93,63 @@ class LocalQuadric:
 
         Returns
         -------
-        Patch
-            Always: what cannot be estimated is not valid, with its reason. A contact that is not
-            finite, or whose normal is not of length 1, is not added.
+        bool
+            False if it is not finite or the normal's length not 1; then it is left out.
         """
-        length = np.sqrt(normal @ normal)
-        if not (np.isfinite(position @ position) and abs(length - 1.0) < _LENGTH):
-            return Patch(Kind.NONE, False, 'contact is not finite or its normal not of length 1',
-                         METHOD)
-        normal = normal / length
+        normal = usable_normal(position, normal)
+        if normal is None:
+            return False
+        self._normal = normal
+        self._centre = position - self.config.finger_radius * self._normal
+        self._contacts = self._window.add(self._centre, self._normal)
+        return True
+
+    def update(self, position, normal):
+        """Add a contact and return the Patch there; of an unusable contact, one not valid."""
+        if self.add(position, normal):
+            return self.estimate()
+        return _refusal('contact is not finite or its normal not of length 1')
+
+    def estimate(self):
+        """
+        Estimate the surface at the newest contact.
+
+        Returns
+        -------
+        Patch
+            Always: what cannot be estimated is not valid, with its reason.
+        """
+        if not self._window.samples:
+            return _refusal('no contact yet')
+        points, normals, weights, extent = self._contacts
         radius = self.config.finger_radius
-        centre = position - radius * normal
-        points, normals, weights, extent = self._window.add(centre, normal)
-        (kind, axes, height, slope, principal, heading, covariance, seen, residual) = (
-            kernel.solve(points, normals, weights, centre, tangent_frame(normal), self._noise,
-                         self._spread_noise, self.config.prior_curvature))
-        known = {'method': METHOD, 'extent': extent, 'samples': self._window.samples,
-                 'residual': residual,
-                 'frame': _frame(centre, axes, height, slope, heading, radius)}
-        seen = seen < self.config.max_curvature_std**2
+        (kind, axes, height, slope, principal, heading, covariance, seen, along, residual) = (
+            kernel.solve(points, normals, weights, self._centre, tangent_frame(self._normal),
+                         self._noise, self._spread_noise, self.config.prior_curvature))
+        known = {'extent': extent, 'samples': self._window.samples, 'residual': residual,
+                 'frame': _frame(self._centre, axes, height, slope, heading, radius)}
         if radius:
             # The centre moves on a surface whose radii are larger by the finger's.
             shrink = 1.0 - radius * principal
             if shrink.min() < 1.0 - _SHARP:
-                return Patch(Kind.NONE, False, 'an edge or a point: its curvature is above what '
-                             'a finger of this radius can tell', **known)
+                return _refusal('an edge or a point: its curvature is above what a finger of '
+                                'this radius can tell', **known)
             principal = principal / shrink
             covariance = covariance / np.outer(shrink, shrink)**2
-        if not seen.any():
-            why = (f'the path of {1e3 * extent:.2g} mm is too short, or too noisy, to show any '
-                   'curvature')
-            return Patch(Kind.NONE, False, why, curvature=principal, covariance=covariance,
-                         **known)
-        return Patch(Kind(kind), True, '', curvature=principal, seen=seen, covariance=covariance,
-                     **known)
+            seen = seen / shrink**4
+        known |= {'curvature': principal, 'covariance': covariance}
+        enough = self.config.max_curvature_std**2
+        seen = seen < enough
+        if seen.any():
+            return Patch(Kind(kind), True, '', METHOD, seen=seen, **known)
+        why = 'too short, or too noisy, to show any curvature'
+        if along < enough:
+            why = 'straight and along no principal direction: the curvature across is unseen'
+        return _refusal(f'the path of {1e3 * extent:.2g} mm is {why}', **known)
+
+
+def _refusal(reason, **known):
+    return Patch(Kind.NONE, False, reason, METHOD, **known)
 
 
 def _frame(centre, axes, height, slope, heading, radius):

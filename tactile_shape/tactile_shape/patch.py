@@ -4,7 +4,7 @@ from enum import IntEnum
 
 import numpy as np
 
-from tactile_shape.surface_matrix import SurfaceMatrix
+from tactile_shape.surface_matrix import height, SurfaceMatrix
 
 
 class Kind(IntEnum):
@@ -15,6 +15,19 @@ class Kind(IntEnum):
     CYLINDER = 2
     SPHERE = 3
     GENERAL = 4
+
+
+_FAR = 1e6  # m; no contact is there
+_LENGTH = 1e-3  # largest difference of a normal's length from 1
+
+
+def usable_normal(position, normal):
+    """Normal scaled to length 1; None if a contact is not finite or the length far from it."""
+    # NaN fails these comparisons as well.
+    if not (np.abs(position).max() < _FAR and np.abs(normal).max() < 2.0):
+        return None
+    length = np.sqrt(normal @ normal)
+    return normal / length if abs(length - 1.0) < _LENGTH else None
 
 
 def _nan(*shape):
@@ -49,6 +62,8 @@ class Patch:
         Contacts used.
     residual : float
         RMS of the residuals in standard deviations; NaN where none is left over.
+    matrix : ndarray, shape (4, 4), optional
+        Surface matrix, of a method that has more of it than frame and curvature tell.
     """
 
     kind: Kind
@@ -62,10 +77,13 @@ class Patch:
     extent: float = 0.0
     samples: int = 0
     residual: float = float('nan')
+    matrix: np.ndarray | None = None
 
     @property
     def surface_matrix(self):
         """S in the frame of the positions, ndarray (4, 4); NaN where there is no patch."""
+        if self.matrix is not None:
+            return self.matrix
         if not np.isfinite(self.curvature).all():
             return np.full((4, 4), np.nan)
         local = SurfaceMatrix.from_curvature(np.diag(self.curvature))
@@ -73,3 +91,30 @@ class Patch:
         back = np.eye(4)
         back[:3, :3], back[:3, 3] = rotation.T, -rotation.T @ origin
         return local.in_frame(back).matrix
+
+    def sheet(self, length, width, direction=None, steps=(21, 5)):
+        """
+        Points of the patch over a rectangle of its tangent plane.
+
+        Parameters
+        ----------
+        length, width : float
+            Sides of the rectangle, the contact in its middle [m].
+        direction : array_like, shape (3,), optional
+            Of the length, as near as the tangent plane allows; x of the frame if missing.
+        steps : (int, int), optional
+            Points along the two sides.
+
+        Returns
+        -------
+        ndarray, shape (*steps, 3)
+            NaN where the surface would have turned upright.
+        """
+        axes = self.frame[:3, :3]
+        x, y = (1.0, 0.0) if direction is None else np.asarray(direction) @ axes[:, :2]
+        turn = np.array([[x, y], [-y, x]]) / np.hypot(x, y)
+        along, across = (0.5 * side * np.linspace(-1.0, 1.0, count)
+                         for side, count in zip((length, width), steps, strict=True))
+        u = np.stack(np.meshgrid(along, across, indexing='ij'), axis=-1) @ turn
+        z = height(np.diag(self.curvature), u)
+        return self.frame[:3, 3] + u @ axes[:, :2].T + z[..., None] * axes[:, 2]

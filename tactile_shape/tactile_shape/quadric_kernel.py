@@ -169,8 +169,13 @@ def _least_model(information, right, count):
 
 
 @njit(cache=True)
-def _curvature_covariance(kind, information, covariance, k1, heading):
-    """Covariance of the principal curvatures under a model; of what it fixes, the data's."""
+def _curvature_covariance(kind, information, k1, heading):
+    """
+    Covariance of the principal curvatures under a model, and the variances without it.
+
+    Of what a model fixes, the covariance is the data's as well.
+    """
+    covariance = np.linalg.inv(information)
     c, s = math.cos(heading), math.sin(heading)
     along, across = np.array([c * c, 2 * c * s, s * s]), np.array([s * s, -2 * c * s, c * c])
     v11, v12, v22 = (along @ covariance @ along, along @ covariance @ across,
@@ -211,7 +216,7 @@ def _curvature_equations(u, z, n, weights, noise, curvature, model_error, count,
     """
     Normal equations of K alone, height and slope eliminated; parameters as of `equations`.
 
-    Of K11, K12, K22 the first `count` are seen; all of them have a prior.
+    Of K11, K12, K22 the first `count` are seen; of the others there is a prior.
 
     Returns
     -------
@@ -230,8 +235,8 @@ def _curvature_equations(u, z, n, weights, noise, curvature, model_error, count,
     information[count:, :] = 0.0
     information[:, count:] = 0.0
     reduced[count:] = 0.0
-    for p in range(3):
-        information[p, p] += 1.0 / prior**2
+    for p in range(count, 3):
+        information[p, p] = 1.0 / prior**2
     rest = square - (right[:3] * flat).sum()
     return information, reduced, flat, lift, rest
 
@@ -278,6 +283,8 @@ def solve(points, normals, weights, origin, axes, noise, spread_noise, prior):
         Of the principal curvatures.
     seen : ndarray, shape (2,)
         Variance of each as the data alone tell it.
+    along : float
+        Variance of the curvature along the path.
     residual : float
     """
     axes, count = _path_frame(points, weights, origin, axes, spread_noise)
@@ -308,6 +315,9 @@ def solve(points, normals, weights, origin, axes, noise, spread_noise, prior):
     elif kind != GENERAL:
         heading = 0.0
     flat = flat - lift @ curvature
+    # What was not seen cannot be known better by calling it a cylinder.
     covariance, seen = _curvature_covariance(
-        kind, information, np.linalg.inv(information), k1, heading)
-    return kind, axes, flat[0], flat[1:], np.array([k1, k2]), heading, covariance, seen, residual
+        kind if count == 3 else GENERAL, information, k1, heading)
+    along = np.linalg.inv(information)[0, 0]
+    return (kind, axes, flat[0], flat[1:], np.array([k1, k2]), heading, covariance, seen, along,
+            residual)

@@ -33,7 +33,7 @@ class Torus:
     def __post_init__(self):
         if not (self.ring >= 0.0 and self.tube > 0.0):
             raise ConfigurationError(
-                f'torus: ring {self.ring} m and tube {self.tube} m, must be at least 0 and above 0')
+                f'torus: ring {self.ring} m, tube {self.tube} m, must be at least 0 and above 0')
 
     @property
     def curvature(self):

@@ -1,0 +1,299 @@
+"""Least-model estimator: exact without noise, the bars with it, and what a path cannot see."""
+import time
+
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from hypothesis.extra import numpy as npst
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from tactile_shape import quadric_kernel
+from tactile_shape.errors import ConfigurationError
+from tactile_shape.local_quadric import LocalQuadric, LocalQuadricConfig
+from tactile_shape.patch import Kind
+from tactile_shape.surface_matrix import SurfaceMatrix
+from tactile_shape.synthetic import add_noise, cylinder, PLANE, sphere, Torus, Weave
+
+EXACT = [(PLANE, Kind.PLANE), (cylinder(0.0325), Kind.CYLINDER), (cylinder(0.1), Kind.CYLINDER),
+         (sphere(0.035), Kind.SPHERE), (sphere(0.063), Kind.SPHERE)]
+# Largest error over 20 x 4 mm, median and 95th percentile [m], and the least share of right kinds.
+BARS = [(PLANE, Kind.PLANE, 12e-6, 30e-6, 0.95),
+        (cylinder(0.0325), Kind.CYLINDER, 40e-6, 1e-4, 0.95),
+        (cylinder(0.1), Kind.CYLINDER, 40e-6, 1e-4, 0.95),
+        (sphere(0.035), Kind.SPHERE, 35e-6, 1e-4, 0.88),
+        (sphere(0.063), Kind.SPHERE, 35e-6, 1e-4, 0.88),
+        (Torus(0.06, 0.025), Kind.GENERAL, 45e-6, 1.1e-4, 0.98)]
+ESTIMATOR = LocalQuadric()
+
+
+def last(estimator, points, normals):
+    estimator.reset()
+    for point, normal in zip(points, normals, strict=True):
+        assert estimator.add(point, normal)
+    return estimator.estimate()
+
+
+def course(path):
+    return np.array([np.cos(path.heading), np.sin(path.heading), 0.0])
+
+
+def error(patch, surface, path):
+    return np.abs(surface.distance(patch.sheet(0.02, 0.004, course(path)))).max()
+
+
+def true_curvature(surface):
+    return np.sort(np.diag(surface.curvature))[::-1]
+
+
+def test_synthetic_contacts_lie_on_their_surface():
+    rng = np.random.default_rng(1)
+    for surface in (*(s for s, _ in EXACT), Torus(0.06, 0.025)):
+        along, across = rng.uniform(-0.02, 0.02, (2, 100))
+        points, normals = surface.at(along, across)
+        np.testing.assert_allclose(surface.distance(points), 0.0, atol=1e-15)
+        # The distance falls by as much as one goes along the inward normal.
+        np.testing.assert_allclose(surface.distance(points + 1e-3 * normals), -1e-3, atol=1e-12)
+        np.testing.assert_allclose(surface.at(*np.zeros((2, 1)))[1], [[0.0, 0.0, 1.0]])
+
+
+@pytest.mark.parametrize('surface, kind', EXACT)
+def test_exact_without_noise_however_large_the_arc(surface, kind):
+    path = Weave(heading=0.4, speed=0.3)  # contacts farther apart than a cell: none is averaged
+    patch = last(ESTIMATOR, *path.trace(surface, 0.04))
+    assert patch.valid and patch.kind == kind and patch.seen.all()
+    assert error(patch, surface, path) < 1e-11
+    np.testing.assert_allclose(patch.curvature, true_curvature(surface), atol=1e-6)
+
+
+def test_averaging_in_cells_shifts_by_the_sagitta_of_a_cell_at_most():
+    radius = 0.0325
+    path = Weave(heading=0.4)
+    patch = last(ESTIMATOR, *path.trace(sphere(radius), 0.03))
+    np.testing.assert_allclose(patch.curvature, 1.0 / radius, rtol=1e-3)
+    assert error(patch, sphere(radius), path) < 2 * 0.001**2 / (8 * radius)
+
+
+@pytest.mark.parametrize('surface, kind, median, most, right', BARS)
+def test_bars_with_realistic_noise(surface, kind, median, most, right):
+    rng = np.random.default_rng(7)
+    errors, kinds = [], []
+    for _ in range(200):
+        path = Weave(heading=rng.uniform(0.0, np.pi))
+        patch = last(ESTIMATOR, *add_noise(*path.trace(surface, 0.028), rng))
+        errors.append(error(patch, surface, path))
+        kinds.append(patch.kind == kind)
+    assert np.median(errors) < median
+    assert np.percentile(errors, 95) < most
+    assert np.mean(kinds) >= right
+
+
+@pytest.mark.parametrize('surface', [cylinder(0.0325), sphere(0.035)])
+def test_covariance_is_that_of_the_curvature(surface):
+    rng = np.random.default_rng(8)
+    scores = []
+    for _ in range(300):
+        path = Weave(heading=rng.uniform(0.0, np.pi))
+        patch = last(ESTIMATOR, *add_noise(*path.trace(surface, 0.028), rng))
+        off = patch.curvature[0] - true_curvature(surface)[0]
+        scores.append(off / np.sqrt(patch.covariance[0, 0]))
+    assert 0.75 < np.sqrt(np.mean(np.square(scores))) < 1.25
+
+
+def test_the_frame_does_not_matter():
+    rng = np.random.default_rng(9)
+    points, normals = add_noise(*Weave().trace(sphere(0.05), 0.03), rng)
+    turn, shift = Rotation.random(random_state=3).as_matrix(), np.array([0.3, -0.2, 0.5])
+    one = last(ESTIMATOR, points, normals)
+    other = last(ESTIMATOR, points @ turn.T + shift, normals @ turn.T)
+    assert one.kind == other.kind
+    np.testing.assert_allclose(other.curvature, one.curvature, rtol=1e-6)
+    np.testing.assert_allclose(other.frame[:3, 3], turn @ one.frame[:3, 3] + shift, atol=1e-9)
+    np.testing.assert_allclose(other.frame[:3, 2], turn @ one.frame[:3, 2], atol=1e-9)
+
+
+def test_the_surface_matrix_is_that_of_the_object():
+    points, normals = Weave(speed=0.3).trace(sphere(0.05), 0.03)
+    matrix = SurfaceMatrix(last(ESTIMATOR, points, normals).surface_matrix)
+    np.testing.assert_allclose(matrix.distance(points), 0.0, atol=1e-9)
+    np.testing.assert_allclose(matrix.normal(points), normals, atol=1e-7)
+
+
+@pytest.mark.parametrize('surface, kind', EXACT)
+def test_a_round_finger(surface, kind):
+    """Its normals come from the location: fitted raw, they would invent -1 / radius."""
+    radius = 0.01
+    estimator = LocalQuadric(LocalQuadricConfig(finger_radius=radius))
+    rng = np.random.default_rng(10)
+    curvatures, kinds = [], []
+    for _ in range(60):
+        path = Weave(heading=rng.uniform(0.0, np.pi))
+        patch = last(estimator, *add_noise(*path.trace(surface, 0.028), rng,
+                                           finger_radius=radius))
+        curvatures.append(patch.curvature)
+        kinds.append(patch.kind == kind)
+    np.testing.assert_allclose(np.median(curvatures, axis=0), true_curvature(surface), atol=0.4)
+    assert np.mean(kinds) > 0.9
+    exact = last(estimator, *Weave(speed=0.3).trace(surface, 0.04))
+    np.testing.assert_allclose(exact.curvature, true_curvature(surface), atol=1e-6)
+
+
+def test_a_round_finger_over_an_edge():
+    """The finger turns about the edge, its centre on a cylinder of its own radius."""
+    radius = 0.01
+    estimator = LocalQuadric(LocalQuadricConfig(finger_radius=radius))
+    lean = np.linspace(-0.3, 0.3, 100)
+    normals = np.column_stack([-np.sin(lean), 0 * lean, np.cos(lean)])
+    swing = 2e-3 * np.sin(np.linspace(0.0, 9.0, 100))
+    patch = last(estimator, np.column_stack([0 * lean, swing, 0 * lean]), normals)
+    assert not patch.valid and 'edge' in patch.reason and np.isnan(patch.curvature).all()
+
+
+def test_a_straight_path_sees_one_curvature():
+    rng = np.random.default_rng(11)
+    for surface, heading, expected in (
+            (PLANE, 0.3, 0.0), (cylinder(0.0325), 0.0, 0.0), (sphere(0.035), 0.7, 1 / 0.035),
+            (cylinder(0.0325), np.pi / 2, 1 / 0.0325)):
+        path = Weave(amplitude=0.0, heading=heading)
+        patch = last(ESTIMATOR, *add_noise(*path.trace(surface, 0.03), rng))
+        assert patch.valid and patch.kind in (Kind.PLANE, Kind.CYLINDER)
+        assert list(patch.seen) == [True, False]
+        assert patch.curvature[0] == pytest.approx(expected, abs=1.0)
+        assert patch.curvature[1] == 0.0
+        assert patch.covariance[1, 1] > 50.0**2  # the prior, nothing better
+        assert abs(patch.frame[:3, 0] @ course(path)) > 0.9
+
+
+def test_a_straight_path_that_runs_oblique_says_so():
+    path = Weave(amplitude=0.0, heading=0.6)
+    patch = last(ESTIMATOR, *path.trace(cylinder(0.0325), 0.03))
+    assert not patch.valid and not patch.seen.any() and 'across is unseen' in patch.reason
+    assert np.isfinite(patch.curvature).all() and (np.diag(patch.covariance) > 20.0**2).all()
+
+
+@pytest.mark.parametrize('points, normals', [
+    (np.zeros((1, 3)), [[0.0, 0.0, 1.0]]),
+    ([[0.0, 0.0, 0.0], [5e-4, 0.0, 0.0]], np.tile([0.0, 0.0, 1.0], (2, 1))),
+    (np.zeros((50, 3)), np.tile([0.0, 0.0, 1.0], (50, 1))),
+    (np.zeros((50, 3)), np.column_stack([np.sin(np.linspace(0, 0.5, 50)), np.zeros(50),
+                                         np.cos(np.linspace(0, 0.5, 50))]))],
+    ids=['one', 'two', 'at rest', 'pivot'])
+def test_too_little_is_refused_with_a_reason(points, normals):
+    patch = last(ESTIMATOR, np.array(points), np.array(normals))
+    assert not patch.valid and patch.kind == Kind.NONE and 'too short' in patch.reason
+    assert not patch.seen.any() and np.isfinite(patch.covariance).all()
+
+
+def test_two_contacts_see_the_curvature_between_them():
+    points, normals = sphere(0.05).at(np.array([-0.01, 0.0]), np.zeros(2))
+    patch = last(ESTIMATOR, points, normals)
+    assert patch.valid and list(patch.seen) == [True, False]
+    np.testing.assert_allclose(patch.curvature, [20.0, 0.0], atol=1e-6)
+
+
+def test_before_the_first_contact():
+    ESTIMATOR.reset()
+    assert ESTIMATOR.estimate().reason == 'no contact yet'
+
+
+def test_bad_contacts_are_not_added():
+    good = Weave().trace(sphere(0.05), 0.03)
+    expected = last(ESTIMATOR, *good)
+    ESTIMATOR.reset()
+    for k, (point, normal) in enumerate(zip(*good, strict=True)):
+        if k % 10 == 5:
+            for bad in ((point * np.nan, normal), (point, normal * np.inf), (point, 0 * normal),
+                        (point, 2.0 * normal)):
+                patch = ESTIMATOR.update(*bad)
+                assert not patch.valid and 'not finite' in patch.reason
+        patch = ESTIMATOR.update(point, normal)
+    np.testing.assert_array_equal(patch.surface_matrix, expected.surface_matrix)
+
+
+def test_the_window_forgets_what_is_behind():
+    """From a plane onto a sphere; after a window on it, nothing of the plane is left."""
+    ahead, inward = Weave(speed=0.3).trace(sphere(0.05), 0.06)
+    before = ahead[0] + np.outer(np.linspace(-0.05, -0.002, 50), [1.0, 0.0, 0.0])
+    ESTIMATOR.reset()
+    for point in before:
+        ESTIMATOR.update(point, inward[0])
+    for point, normal in zip(ahead, inward, strict=True):
+        patch = ESTIMATOR.update(point, normal)
+    np.testing.assert_allclose(patch.curvature, 20.0, atol=1e-6)
+    assert 0.02 < patch.extent <= 0.024
+
+
+def test_a_finger_that_crawls_needs_no_more_memory_or_time():
+    path = Weave(speed=0.001)
+    points, normals = add_noise(*path.trace(sphere(0.05), 0.03), np.random.default_rng(12))
+    patch = last(ESTIMATOR, points, normals)
+    assert len(points) > 5000 and patch.samples > 4000
+    assert patch.kind == Kind.SPHERE
+    np.testing.assert_allclose(patch.curvature, 20.0, rtol=0.02)
+
+
+def test_equations_are_those_of_their_rows():
+    """The compiled sums against plain matrices, with the noise of each row written out."""
+    rng = np.random.default_rng(13)
+    u, z = rng.normal(0.0, 0.01, (7, 2)), rng.normal(0.0, 0.002, 7)
+    n = np.column_stack([0.2 * rng.normal(size=(7, 2)), np.full(7, 0.9)])
+    weights = rng.uniform(1.0, 4.0, 7)
+    noise, curvature = np.array([2e-5, 1.5e-4, 5e-4, 1e-5]), np.array([20.0, 3.0, -5.0])
+    bend = np.array([[20.0, 3.0], [3.0, -5.0]])
+    matrix, right, square = np.zeros((6, 6)), np.zeros(6), 0.0
+    for (x, y), height, (nx, ny, nz), weight in zip(u, z, n, weights, strict=True):
+        rows = np.array([[1, x, y, 0.5 * x * x, x * y, 0.5 * y * y],
+                         [0, 1, 0, x, y, 0], [0, 0, 1, 0, x, y]])
+        target = np.array([0.5 * height * (1 + nz), -nx, -ny])
+        lean = nx**2 + ny**2
+        covariance = np.zeros((3, 3))
+        covariance[0, 0] = (noise[0]**2 * (lean + 0.25 * (1 + nz)**2) + noise[3]**2
+                            + noise[1]**2 * lean * (0.5 * (1 - nz) / nz)**2)
+        covariance[1:, 1:] = (noise[2]**2 * np.eye(2)
+                              + (noise[0]**2 + noise[1]**2) * bend @ bend)
+        inverse = weight * np.linalg.inv(covariance)
+        matrix += rows.T @ inverse @ rows
+        right += rows.T @ inverse @ target
+        square += target @ inverse @ target
+    found = quadric_kernel.equations(u, z, n, weights, noise, curvature, 0.0)
+    np.testing.assert_allclose(found[0], matrix, rtol=1e-9, atol=1e-6)
+    np.testing.assert_allclose(found[1], right, rtol=1e-9)
+    assert found[2] == pytest.approx(square)
+
+
+def test_time_does_not_grow():
+    """No bar on the time itself, which is the benchmark's: only that the path's length is none."""
+    points, normals = Weave(speed=0.02).trace(cylinder(0.5), 0.3)
+    ESTIMATOR.reset()
+    took = []
+    for point, normal in zip(points, normals, strict=True):
+        begin = time.perf_counter()
+        ESTIMATOR.update(point, normal)
+        took.append(time.perf_counter() - begin)
+    assert np.median(took[-500:]) < 5.0 * np.median(took[500:1000])
+
+
+ANY = st.floats(allow_nan=True, allow_infinity=True)
+
+
+@settings(max_examples=200, deadline=None)
+@given(npst.arrays(float, st.tuples(st.integers(1, 20), st.just(3)), elements=ANY),
+       npst.arrays(float, (20, 3), elements=st.floats(-1, 1)))
+def test_garbage_never_raises(points, normals):
+    lengths = np.linalg.norm(normals, axis=1, keepdims=True)
+    normals = np.divide(normals, lengths, out=normals, where=lengths > 0.0)
+    ESTIMATOR.reset()
+    for point, normal in zip(points, normals, strict=False):
+        patch = ESTIMATOR.update(point, normal)
+        assert patch.valid == (patch.kind != Kind.NONE) == (not patch.reason)
+        if patch.valid:
+            assert np.isfinite(patch.curvature).all() and np.isfinite(patch.covariance).all()
+            assert np.isfinite(patch.surface_matrix).all() and patch.seen.any()
+
+
+@pytest.mark.parametrize('field, value', [
+    ('window', 0.0), ('max_turn', 2.0), ('finger_radius', -1.0), ('position_noise', 0.0),
+    ('normal_noise', np.nan), ('location_noise', -1.0), ('max_curvature_std', 0.0)])
+def test_refused_configurations(field, value):
+    with pytest.raises(ConfigurationError, match=field):
+        LocalQuadricConfig(**{field: value})
