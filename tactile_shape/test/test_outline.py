@@ -1,0 +1,121 @@
+"""Corners, sides and radii of traced contours."""
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from hypothesis.extra import numpy as npst
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from tactile_shape.errors import ConfigurationError
+from tactile_shape.outline import find_outline, fit_circle, OutlineConfig
+
+TAPE = np.array([[0.0, 0.0], [0.109, 0.0], [0.109, 0.069], [0.0, 0.069]])
+
+
+def walk(vertices, spacing=2.5e-4):
+    """Points along a polyline."""
+    travel = np.append(0.0, np.cumsum(np.linalg.norm(np.diff(vertices, axis=0), axis=1)))
+    s = np.arange(0.0, travel[-1], spacing)
+    return np.column_stack([np.interp(s, travel, v) for v in vertices.T])
+
+
+def tape(rng, noise=1e-4, rounding=1e-3, overlap=0.0):
+    """Traced case of 109 x 69 mm from the middle of a side, its corners rounded by the skin."""
+    start = np.array([0.05, 0.0])
+    loop = walk(np.array([start, *TAPE[1:], TAPE[0], start + [overlap, 0.0]]))
+    corner = np.abs(loop[:, None, :] - TAPE).max(axis=-1)
+    for k, vertex in enumerate(TAPE):
+        near = corner[:, k] < rounding
+        loop[near] += 0.2 * (np.array([0.0545, 0.0345]) - vertex) / 0.05 * (
+            rounding - corner[near, k])[:, None]
+    return lifted(loop + rng.normal(0.0, noise, loop.shape))
+
+
+def lifted(flat):
+    return np.column_stack([flat, np.zeros(len(flat))])
+
+
+@pytest.mark.parametrize('overlap', [0.0, 0.008])
+def test_tape_case(overlap):
+    for seed in range(10):
+        outline = find_outline(tape(np.random.default_rng(seed), overlap=overlap))
+        assert outline.closed and len(outline.corners) == 4
+        lengths = [side.length for side in outline.sides]
+        np.testing.assert_allclose(lengths, [0.069, 0.109, 0.069, 0.109], atol=3e-4)
+        np.testing.assert_allclose(np.degrees(outline.angles), 90.0, atol=0.5)
+        assert {side.kind for side in outline.sides} == {'line'}
+        away = np.linalg.norm(outline.corners[:, None, :2] - TAPE, axis=-1).min(axis=1)
+        assert away.max() < 3e-4
+    assert 'side 1: line, 6' in str(outline) and '4 corners' in str(outline)
+
+
+@pytest.mark.parametrize('radius, angle', [(0.06, 1.5), (0.02, 3.0), (0.06, 5.0)])
+def test_curved_edge(radius, angle):
+    s = np.arange(0.0, angle, 2.5e-4 / radius)
+    arc = radius * np.column_stack([np.cos(s), np.sin(s)])
+    rng = np.random.default_rng(3)
+    outline = find_outline(lifted(arc + rng.normal(0.0, 2e-5, arc.shape)))
+    assert len(outline.corners) == 0 and not outline.closed
+    (side,) = outline.sides
+    assert side.kind == 'arc' and side.radius == pytest.approx(radius, rel=0.01)
+    assert side.length == pytest.approx(radius * s[-1], rel=0.01)
+
+
+def test_a_whole_circle_and_a_line():
+    s = np.linspace(0.0, 2.0 * np.pi, 800)
+    ring = find_outline(lifted(0.03 * np.column_stack([np.cos(s), np.sin(s)])))
+    assert ring.closed and len(ring.corners) == 0
+    assert ring.sides[0].radius == pytest.approx(0.03, rel=1e-3)
+    assert ring.sides[0].length == pytest.approx(2 * np.pi * 0.03, rel=0.01)
+    line = walk(np.array([[0.0, 0.0], [0.1, 0.05]]))
+    noisy = line + np.random.default_rng(4).normal(0.0, 5e-5, line.shape)
+    outline = find_outline(lifted(noisy))
+    assert [side.kind for side in outline.sides] == ['line'] and not outline.closed
+    assert outline.sides[0].length == pytest.approx(np.hypot(0.1, 0.05), abs=5e-4)
+
+
+@pytest.mark.parametrize('degrees', [40, 60, 90, 120])
+def test_open_corner(degrees):
+    turn = np.radians(degrees)
+    path = walk(np.array([[0, 0], [0.05, 0], [0.05 + 0.05 * np.cos(turn), 0.05 * np.sin(turn)]]))
+    rng = np.random.default_rng(5)
+    outline = find_outline(lifted(path + rng.normal(0.0, 5e-5, path.shape)))
+    assert len(outline.corners) == 1
+    np.testing.assert_allclose(outline.corners[0], [0.05, 0.0, 0.0], atol=1e-4)
+    assert abs(np.degrees(outline.angles[0])) == pytest.approx(degrees, abs=0.5)
+
+
+def test_the_plane_does_not_matter():
+    contour = tape(np.random.default_rng(6))
+    turn = Rotation.from_rotvec([0.3, -0.2, 0.5]).as_matrix()
+    one, other = find_outline(contour), find_outline(contour @ turn.T + [0.1, 0.2, 0.3])
+    np.testing.assert_allclose(other.corners, one.corners @ turn.T + [0.1, 0.2, 0.3], atol=1e-9)
+
+
+def test_circle():
+    s = np.linspace(0.0, 0.5, 30)
+    centre, radius = fit_circle(np.column_stack([1.0 + 0.2 * np.cos(s), 0.2 * np.sin(s)]))
+    np.testing.assert_allclose([*centre, radius], [1.0, 0.0, 0.2], atol=1e-9)
+    assert np.isinf(fit_circle(np.column_stack([s, s]))[1])
+
+
+@pytest.mark.parametrize('points, message', [
+    (np.zeros((3, 3)), 'shape'), (np.zeros((5, 2)), 'shape'), (np.full((9, 3), np.nan), 'finite'),
+    (np.zeros((9, 3)), 'long')])
+def test_refused_contours(points, message):
+    with pytest.raises(ConfigurationError, match=message):
+        find_outline(points)
+    with pytest.raises(ConfigurationError, match='leg'):
+        OutlineConfig(leg=-1.0)
+
+
+@settings(max_examples=100, deadline=None)
+@given(npst.arrays(float, st.tuples(st.integers(4, 30), st.just(3)),
+                   elements=st.floats(-1.0, 1.0)))
+def test_garbage_gives_an_outline_or_a_refusal(points):
+    try:
+        outline = find_outline(points)
+    except ConfigurationError:
+        return
+    assert np.isfinite(outline.corners).all()
+    assert all(np.isfinite(side.length) for side in outline.sides)
