@@ -1,0 +1,190 @@
+"""Where in space a contact on the pad is: the pad's surface, and its pose at a contact's stamp."""
+from collections import deque
+from dataclasses import dataclass
+
+import numpy as np
+
+from tactile_shape.motion import rotation_between, rotation_part
+
+POINT, LINE = 1, 2  # numbers of Contact.msg
+_NS = 1_000_000_000
+
+
+@dataclass(frozen=True, eq=False)
+class SpatialContact:
+    """
+    A contact in the base frame.
+
+    Attributes
+    ----------
+    stamp_ns : int
+    position : ndarray, shape (3,)
+        [m].
+    normal : ndarray, shape (3,)
+        The object's inward unit normal.
+    edge : bool
+        Whether it is of an edge, the position being the point of it nearest to the pad's centre.
+    """
+
+    stamp_ns: int
+    position: np.ndarray
+    normal: np.ndarray
+    edge: bool
+
+
+def on_pad(contact, finger_radius=0.0):
+    """
+    Position and outward normal of the pad's surface, which is the object's inward one.
+
+    Parameters
+    ----------
+    contact : tactile_sensing.contact.Contact
+        Valid, of a point or an edge.
+    finger_radius : float
+        Of a pad that is a sphere touching the plane z = 0 of the sensor frame; 0 = flat [m].
+
+    Returns
+    -------
+    position, normal : ndarray, shape (3,)
+        In the sensor frame. None, None for what is neither point nor edge, or off the finger.
+    """
+    if not contact.valid or contact.type not in (POINT, LINE):
+        return None, None
+    if contact.type == LINE:
+        c, s = np.cos(contact.yaw), np.sin(contact.yaw)
+        x, y = contact.a * c * c, contact.a * c * s
+    else:
+        x, y = contact.a, contact.b
+    if not finger_radius:
+        return np.array([x, y, 0.0]), np.array([0.0, 0.0, 1.0])
+    square = finger_radius**2 - x * x - y * y
+    if not square > 0.0:
+        return None, None
+    normal = np.array([x, y, np.sqrt(square)]) / finger_radius
+    return finger_radius * (normal - [0.0, 0.0, 1.0]), normal
+
+
+class PoseBuffer:
+    """
+    The last poses of the sensor, and those in between.
+
+    Parameters
+    ----------
+    max_gap : float
+        Between poses farther apart nothing is interpolated [s].
+    size : int
+        Poses kept; at a kilohertz, half a second.
+    """
+
+    def __init__(self, max_gap=0.1, size=500):
+        self._max_gap = round(max_gap * _NS)
+        self._poses = deque(maxlen=size)
+
+    def clear(self):
+        """Forget all poses."""
+        self._poses.clear()
+
+    @property
+    def newest_ns(self):
+        """Stamp of the newest pose, None without one [ns]."""
+        return self._poses[-1][0] if self._poses else None
+
+    def add(self, stamp_ns, pose):
+        """Add a pose (4, 4); False, and it is left out, if it is no later than the newest."""
+        if self._poses and stamp_ns <= self._poses[-1][0]:
+            return False
+        self._poses.append((stamp_ns, pose))
+        return True
+
+    def at(self, stamp_ns):
+        """Pose (4, 4) at a stamp, None where there are no poses close on both sides."""
+        after = None
+        for stamp, pose in reversed(self._poses):
+            if stamp == stamp_ns:
+                return pose
+            if stamp < stamp_ns:
+                if after is None or after[0] - stamp > self._max_gap:
+                    return None
+                return _between(pose, after[1], (stamp_ns - stamp) / (after[0] - stamp))
+            after = stamp, pose
+        return None
+
+
+def _between(one, other, share):
+    pose = np.eye(4)
+    pose[:3, 3] = one[:3, 3] + share * (other[:3, 3] - one[:3, 3])
+    pose[:3, :3] = one[:3, :3] @ rotation_part(
+        rotation_between(one[:3, :3], other[:3, :3]), share)
+    return pose
+
+
+class ContactPath:
+    """
+    Contacts and poses, in whatever order they come, to contacts in space.
+
+    Time is that of the stamps alone, so that a replayed recording gives what the run gave.
+
+    Parameters
+    ----------
+    finger_radius : float
+        As of `on_pad` [m].
+    max_gap : float
+        Contacts farther apart are not of one path, poses are not interpolated [s].
+    """
+
+    def __init__(self, finger_radius=0.0, max_gap=0.1):
+        self._finger_radius, self._max_gap = finger_radius, round(max_gap * _NS)
+        self._poses = PoseBuffer(max_gap)
+        self._waiting = deque(maxlen=100)  # contacts whose later pose has not come yet
+        self.lost = 0  # contacts that no pose came for
+        self._last = None
+
+    def add_pose(self, stamp_ns, pose):
+        """Add a pose (4, 4) of the sensor; returns the contacts that it places, as `settle`."""
+        newest = self._poses.newest_ns
+        if newest is not None and stamp_ns < newest - 10 * self._max_gap:  # a recording restarts
+            self._poses.clear()
+            self._waiting.clear()
+            self._last = None
+        self._poses.add(stamp_ns, pose)
+        return self.settle()
+
+    def add_contact(self, stamp_ns, contact, extra=None):
+        """Add a contact; returns the contacts that can be placed, as `settle`."""
+        if len(self._waiting) == self._waiting.maxlen:
+            self.lost += 1
+        self._waiting.append((stamp_ns, contact, extra))
+        return self.settle()
+
+    def settle(self):
+        """
+        Yield the waiting contacts for which the poses are there.
+
+        Returns
+        -------
+        list of (extra, SpatialContact or None, bool)
+            What was given with the contact; None if nothing is touched, or where is not known;
+            whether the path begins anew there.
+        """
+        placed = []
+        newest = self._poses.newest_ns
+        while self._waiting and newest is not None and self._waiting[0][0] <= newest:
+            stamp, contact, extra = self._waiting.popleft()
+            pose = self._poses.at(stamp)
+            spatial = None
+            if pose is None:
+                self.lost += 1
+            else:
+                position, normal = on_pad(contact, self._finger_radius)
+                if position is not None:
+                    spatial = SpatialContact(
+                        stamp, pose[:3, :3] @ position + pose[:3, 3], pose[:3, :3] @ normal,
+                        contact.type == LINE)
+            anew = contact.type == 0
+            if spatial is not None:
+                anew = self._last is None or not 0 <= stamp - self._last <= self._max_gap
+                self._last = stamp
+            elif anew:
+                self._last = None
+            placed.append((extra, spatial, anew))
+        return placed

@@ -1,0 +1,53 @@
+"""Polygons in the PLY format, which mesh viewers read."""
+import os
+from pathlib import Path
+
+import numpy as np
+
+from tactile_shape.errors import ConfigurationError
+
+
+def write_ply(path, vertices, *, colours=None, faces=None, edges=None, comment=''):
+    """
+    Write vertices with what joins them, as text.
+
+    Parameters
+    ----------
+    path : str or os.PathLike
+        Replaced, when all of it is written, if it exists.
+    vertices : array_like, shape (N, 3)
+        [m].
+    colours : array_like, shape (N, 3), optional
+        Red, green, blue of each vertex, 0 to 1.
+    faces : array_like, shape (F, 3), optional
+        Vertices of each triangle.
+    edges : array_like, shape (E, 2), optional
+        Vertices of each edge.
+    comment : str, optional
+
+    Raises
+    ------
+    ConfigurationError
+        The folder does not exist or cannot be written.
+    """
+    vertices = np.asarray(vertices, dtype=float).reshape(-1, 3)
+    header = ['ply', 'format ascii 1.0', *(f'comment {line}' for line in comment.splitlines()),
+              f'element vertex {len(vertices)}', *(f'property double {c}' for c in 'xyz')]
+    rows = [' '.join(f'{value:.9g}' for value in vertex) for vertex in vertices]
+    if colours is not None:
+        header += [f'property uchar {c}' for c in ('red', 'green', 'blue')]
+        bytes_ = np.rint(255.0 * np.clip(colours, 0.0, 1.0)).astype(int)
+        rows = [f'{row} {r} {g} {b}' for row, (r, g, b) in zip(rows, bytes_, strict=True)]
+    if faces is not None:
+        header += [f'element face {len(faces)}', 'property list uchar int vertex_indices']
+        rows += [f'3 {a} {b} {c}' for a, b, c in faces]
+    if edges is not None:
+        header += [f'element edge {len(edges)}', 'property int vertex1', 'property int vertex2']
+        rows += [f'{a} {b}' for a, b in edges]
+    path = Path(path)
+    part = path.with_name(f'.{path.name}.part')
+    try:
+        part.write_text('\n'.join([*header, 'end_header', *rows, '']), encoding='ascii')
+        os.replace(part, path)
+    except OSError as error:
+        raise ConfigurationError(f'{path}: cannot be written: {error.strerror}') from error

@@ -1,0 +1,123 @@
+"""Contacts on the pad to contacts in space: geometry, interpolation, order and gaps."""
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation, Slerp
+
+from tactile_sensing.contact import Contact, ContactType, Reason
+from tactile_shape.contact_path import ContactPath, on_pad, PoseBuffer
+
+MS = 1_000_000
+
+
+def point(a=0.0, b=0.0, valid=True):
+    return Contact(ContactType.POINT, valid, Reason(0), 'fit', a=a, b=b, yaw=np.nan)
+
+
+def line(a, yaw):
+    return Contact(ContactType.LINE, True, Reason(0), 'fit', a=a, b=0.0, yaw=yaw)
+
+
+NOTHING = Contact(ContactType.NONE, False, Reason.NO_CONTACT, 'fit')
+
+
+def pose(seed):
+    it = np.eye(4)
+    it[:3, :3] = Rotation.from_rotvec(np.random.default_rng(seed).normal(0, 0.3, 3)).as_matrix()
+    it[:3, 3] = np.random.default_rng(seed).normal(0, 0.1, 3)
+    return it
+
+
+def test_point_on_a_flat_pad():
+    position, normal = on_pad(point(1e-3, -2e-3))
+    np.testing.assert_allclose(position, [1e-3, -2e-3, 0.0])
+    np.testing.assert_array_equal(normal, [0.0, 0.0, 1.0])
+
+
+@pytest.mark.parametrize('yaw', [0.0, 0.4, -1.0])
+def test_edge_is_touched_where_it_is_nearest_to_the_centre(yaw):
+    position, _ = on_pad(line(3e-3, yaw))
+    along = np.array([-np.sin(yaw), np.cos(yaw), 0.0])
+    assert position @ along == pytest.approx(0.0, abs=1e-15)  # the foot of the perpendicular
+    # and on the line through (a, 0) with direction (-sin, cos)
+    assert np.cross(position - [3e-3, 0.0, 0.0], along)[2] == pytest.approx(0.0, abs=1e-15)
+
+
+def test_round_finger():
+    position, normal = on_pad(point(3e-3, 4e-3), 0.01)
+    assert np.linalg.norm(normal) == pytest.approx(1.0)
+    np.testing.assert_allclose(position[:2], [3e-3, 4e-3])
+    np.testing.assert_allclose(position - 0.01 * normal, [0.0, 0.0, -0.01], atol=1e-15)
+    assert on_pad(point(0.011, 0.0), 0.01) == (None, None)
+    assert on_pad(point(valid=False)) == (None, None) == on_pad(NOTHING)
+
+
+def test_interpolation_is_that_of_scipy():
+    one, other = pose(1), pose(2)
+    buffer = PoseBuffer(max_gap=1.0)
+    assert buffer.add(0, one) and buffer.add(100 * MS, other)
+    assert not buffer.add(100 * MS, one) and not buffer.add(50 * MS, one)
+    slerp = Slerp([0.0, 0.1], Rotation.from_matrix([one[:3, :3], other[:3, :3]]))
+    for ms in (0, 25, 60, 100):
+        found = buffer.at(ms * MS)
+        np.testing.assert_allclose(found[:3, :3], slerp(ms * 1e-3).as_matrix(), atol=1e-12)
+        np.testing.assert_allclose(
+            found[:3, 3], one[:3, 3] + 0.01 * ms * (other[:3, 3] - one[:3, 3]))
+    assert buffer.at(101 * MS) is None and buffer.at(-1) is None
+
+
+def test_nothing_is_interpolated_across_a_gap():
+    buffer = PoseBuffer(max_gap=0.05)
+    buffer.add(0, pose(1))
+    buffer.add(60 * MS, pose(2))
+    assert buffer.at(30 * MS) is None
+    np.testing.assert_array_equal(buffer.at(60 * MS), pose(2))
+
+
+def test_contacts_wait_for_their_pose_and_keep_their_order():
+    path = ContactPath()
+    path.add_pose(0, pose(1))
+    assert path.add_contact(5 * MS, point(), 'first') == []
+    assert path.add_contact(9 * MS, point(), 'second') == []
+    (extra, first, anew), (other, second, later) = path.add_pose(10 * MS, pose(2))
+    assert (extra, anew) == ('first', True) and (other, later) == ('second', False)
+    np.testing.assert_allclose(
+        first.position, 0.5 * (pose(1)[:3, 3] + pose(2)[:3, 3]), atol=1e-12)
+    # A contact older than the newest pose is placed at once.
+    ((_, third, _),) = path.add_contact(10 * MS, point())
+    np.testing.assert_allclose(third.position, pose(2)[:3, 3])
+    assert path.lost == 0
+
+
+def test_lost_contact_and_gaps_begin_a_new_path():
+    path = ContactPath(max_gap=0.1)
+    for k in range(100):
+        path.add_pose(10 * k * MS, np.eye(4))
+
+    def anew(ms, contact):
+        ((_, _, result),) = path.add_contact(ms * MS, contact)
+        return result
+
+    assert [anew(10, point()), anew(20, point()), anew(30, point(valid=False)),
+            anew(40, point())] == [True, False, False, False]
+    assert anew(50, NOTHING) and anew(60, point()) and not anew(70, point())
+    assert anew(200, point())  # 130 ms after the last
+
+
+def test_a_recording_that_restarts():
+    path = ContactPath()
+    path.add_pose(10_000 * MS, pose(1))
+    path.add_contact(10_000 * MS, point())
+    assert path.add_pose(0, pose(2)) == []
+    ((_, contact, anew),) = path.add_contact(0, point())
+    np.testing.assert_allclose(contact.position, pose(2)[:3, 3])
+    assert anew
+
+
+def test_contacts_without_poses_are_counted_and_dropped():
+    path = ContactPath()
+    path.add_pose(1_000 * MS, pose(1))
+    ((_, contact, _),) = path.add_contact(500 * MS, point())
+    assert contact is None and path.lost == 1
+    for k in range(150):
+        path.add_contact((2_000 + k) * MS, point())
+    assert path.lost == 51

@@ -1,0 +1,249 @@
+"""Command `fit`: what it writes and says, every way to get it wrong, and bags."""
+import re
+import textwrap
+
+from geometry_msgs.msg import PoseStamped
+from hypothesis import given, HealthCheck, settings
+from hypothesis import strategies as st
+from hypothesis.extra import numpy as npst
+import numpy as np
+import pytest
+
+from tactile_msgs.msg import Contact as ContactMsg
+from tactile_sensing.conversions import stamp_from_ns
+from tactile_shape import fit
+from tactile_shape.errors import ConfigurationError
+from tactile_shape.local_quadric import LocalQuadric, LocalQuadricConfig
+from tactile_shape.patch import Kind
+from tactile_shape.surface_matrix import SurfaceMatrix
+from tactile_shape.synthetic import add_noise, cylinder, sphere, Weave
+from tactile_shape.trace import load_trace, Trace
+
+RADIUS = 0.035
+
+
+@pytest.fixture
+def there(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+def contacts(surface=None, noise=True, length=0.04):
+    position, normal = Weave().trace(surface or sphere(RADIUS), length)
+    if noise:
+        position, normal = add_noise(position, normal, np.random.default_rng(1))
+    return {'t': 0.005 * np.arange(len(position)), 'position': position, 'normal': normal}
+
+
+def run(*options, out='out.npz', **arrays):
+    """Run the command on a file of arrays; returns the exit status."""
+    np.savez('in.npz', **arrays)
+    return fit.main(['in.npz', '-o', out, *options])
+
+
+def result(name='out.npz'):
+    with np.load(name) as archive:
+        return {key: archive[key] for key in archive.files}
+
+
+def test_same_as_the_estimator(there, capsys):
+    arrays = contacts()
+    assert run(**arrays) == 0
+    found = result()
+    assert list(found) == list(fit.OUTPUT)
+    assert all(len(values) == len(arrays['t']) for values in found.values())
+    estimator = LocalQuadric()
+    for k, (point, normal) in enumerate(
+            zip(arrays['position'], arrays['normal'], strict=True)):
+        patch = estimator.update(point, normal)
+        assert (found['kind'][k], found['valid'][k]) == (patch.kind, patch.valid)
+        np.testing.assert_array_equal(found['curvature'][k], patch.curvature)
+        np.testing.assert_array_equal(found['surface_matrix'][k], patch.surface_matrix)
+        np.testing.assert_array_equal(found['directions'][k], patch.frame[:3, :2].T)
+        np.testing.assert_array_equal(found['origin'][k], patch.frame[:3, 3])
+        assert found['n'][k] == patch.samples and found['window'][k] == patch.extent
+    assert np.mean(found['kind'] == Kind.SPHERE) > 0.6
+    np.testing.assert_allclose(found['curvature'][-1], 1 / RADIUS, rtol=0.02)
+    out, err = capsys.readouterr()
+    assert out == '' and 'contacts/s' in err and 'sphere (28.' in err and 'not valid' in err
+
+
+def test_the_path_begins_anew_where_nothing_is_touched(there):
+    arrays = contacts()
+    for name in ('position', 'normal'):
+        arrays[name][100] = np.nan
+    assert run(**arrays) == 0
+    found = result()
+    assert found['valid'][99] and not found['valid'][100:103].any() and found['valid'][-1]
+    assert np.isnan(found['curvature'][100]).all() and found['n'][101] == 1
+    assert found['t'][100] == arrays['t'][100]
+
+
+def test_options_then_arrays_then_defaults(there):
+    arrays = contacts(noise=False)
+    trace = Trace(**arrays, finger_radius=0.01, normal_noise=2e-3)
+    options = fit.parser().parse_args(['x', '-o', 'y', '--normal-noise', '3e-3'])
+    config = fit.make_estimator(options, trace).config
+    assert (config.finger_radius, config.normal_noise) == (0.01, 3e-3)
+    assert config.location_noise == LocalQuadricConfig.location_noise
+    assert run('--finger-radius', '0.01', **arrays) == 0
+    np.testing.assert_allclose(result()['curvature'][-1], 1 / RADIUS, rtol=1e-3)
+    one = result()
+    assert run(**arrays, finger_radius=0.01) == 0
+    np.testing.assert_array_equal(one['curvature'], result()['curvature'])
+
+
+def test_surface_matrix_against_the_true_quadric(there, capsys):
+    parameters = ','.join(f'{v:.17g}' for v in SurfaceMatrix.sphere(RADIUS).parameters)
+    arrays = contacts(noise=False)
+    assert run('--method', 'surface_matrix', f'--quadric={parameters}', **arrays) == 0
+    err = capsys.readouterr().err
+    assert float(re.search('median ([0-9.]+)', err)[1]) < 1e-3
+    np.testing.assert_allclose(result()['curvature'][-1], 1 / RADIUS, rtol=1e-6)
+    assert fit.main(['in.npz', '-o', 'out.npz', f'--quadric={parameters}']) == 0
+    assert 'error over 20 x 4 mm: median 0.00' in capsys.readouterr().err
+
+
+def test_outline_ply_and_plot(there, capsys):
+    arrays = contacts(cylinder(0.05))
+    assert run('--outline', '--ply', 'patches.ply', '--plot', 'patches.png', **arrays) == 0
+    assert 'outline' in capsys.readouterr().err
+    assert (there / 'patches.ply').read_text().startswith('ply')
+    assert (there / 'patches.png').read_bytes().startswith(b'\x89PNG')
+
+
+def test_the_example_of_the_help(there, capsys):
+    with pytest.raises(SystemExit):
+        fit.main(['--help'])
+    text = capsys.readouterr().out
+    for name in (*fit.OUTPUT, 'position', 'normal', 'finger_radius', 'location_noise'):
+        assert re.search(rf'^  (\w+, )*{name}\b', text, re.M), name
+    exec(textwrap.dedent(re.search(r'-c "\n(.*?)\n  "\n', fit.EXAMPLE, re.S)[1]), {})
+    assert fit.main(['trace.npz', '-o', 'patches.npz']) == 0
+    np.testing.assert_allclose(1 / result('patches.npz')['curvature'][-1], 0.035, rtol=0.01)
+
+
+GOOD = contacts()
+
+
+@pytest.mark.parametrize('change, options, message', [
+    ({'t': None}, (), "array 't' is missing"),
+    ({'position': GOOD['position'][:-1]}, (), 'position has shape'),
+    ({'normal': GOOD['normal'][:, :2]}, (), 'normal has shape'),
+    ({'t': GOOD['t'][::-1]}, (), 't falls from row 0'),
+    ({'t': GOOD['t'] * np.nan}, (), 't: a number is not finite'),
+    ({'position': GOOD['position'] * np.nan}, (), 'no row is finite'),
+    ({'position': GOOD['position'].astype(str)}, (), 'type'),
+    ({'finger_radius': np.array([1.0, 2.0])}, (), 'finger_radius is'),
+    ({'finger_radius': -1.0}, (), 'finger_radius is -1'),
+    ({}, ('--window', '0'), 'window is 0'), ({}, ('--window', 'x'), 'invalid float'),
+    ({}, ('--location-noise', 'nan'), 'location_noise is nan'),
+    ({}, ('--quadric', '1,2'), 'is not 10 numbers'),
+    ({}, ('--quadric', '0,0,0,0,0,0,0,0,0,1'), 'degenerate'),
+    ({}, ('--ply', 'none/x.ply'), 'cannot be written'),
+    ({}, ('--plot', 'x.unknown'), 'cannot be drawn'),
+    ({}, ('--method', 'magic'), 'invalid choice')])
+def test_refusals_are_one_line(there, capsys, change, options, message):
+    arrays = {name: value for name, value in {**GOOD, **change}.items() if value is not None}
+    assert run(*options, **arrays) == 1
+    out, err = capsys.readouterr()
+    assert out == '' and err.count('\n') == 1 and err.startswith('fit: ') and message in err
+
+
+@pytest.mark.parametrize('args, message', [
+    (['none.npz', '-o', 'out.npz'], 'no such file'), (['in.npz', '-o', 'out.csv'], 'end in .npz'),
+    (['in.npz', '-o', 'in.npz'], 'is the input as well'), (['junk.npz', '-o', 'o.npz'], 'damaged'),
+    (['folder', '-o', 'out.npz'], 'folder'), (['in.npz'], 'required')])
+def test_refused_files(there, capsys, args, message):
+    np.savez('in.npz', **GOOD)
+    (there / 'junk.npz').write_bytes(b'PK junk')
+    (there / 'folder').mkdir()
+    assert fit.main(args) == 1
+    out, err = capsys.readouterr()
+    assert out == '' and err.count('\n') == 1 and message in err
+    assert not (there / 'out.npz').exists()
+
+
+@settings(max_examples=40, deadline=None,
+          suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(npst.arrays(float, st.tuples(st.integers(1, 12), st.just(6)), elements=st.floats()))
+def test_garbage_is_fitted_or_refused(there, rows):
+    status = run(t=np.arange(len(rows)), position=rows[:, :3], normal=rows[:, 3:])
+    if status == 0:
+        found = result()
+        assert np.isfinite(found['curvature'][found['valid']]).all()
+
+
+# --- bags ---------------------------------------------------------------------------------------
+
+def write_bag(path, namespaces=('tactile',), speed=0.05):
+    """Recording of a pad pressed flat against a sphere of 70 mm diameter."""
+    pytest.importorskip('rosbags')
+    from ament_index_python.packages import get_package_share_directory
+    from rclpy.serialization import serialize_message
+    from rosbags.rosbag2 import StoragePlugin, Writer
+    from rosbags.typesys import get_types_from_msg, get_typestore, Stores
+
+    store = get_typestore(Stores.ROS2_JAZZY)
+    share = get_package_share_directory('tactile_msgs')
+    with open(f'{share}/msg/Contact.msg', encoding='utf-8') as file:
+        store.register(get_types_from_msg(file.read(), 'tactile_msgs/msg/Contact'))
+    points, normals = Weave(speed=speed).trace(sphere(RADIUS), 0.03)
+    with Writer(path, version=9, storage_plugin=StoragePlugin.MCAP) as writer:
+        for name in namespaces:
+            topics = {kind: writer.add_connection(
+                f'/{name}/{topic}', kind, typestore=store) for kind, topic in (
+                    ('tactile_msgs/msg/Contact', 'contact'),
+                    ('geometry_msgs/msg/PoseStamped', 'sensor_pose'))}
+            for k, (point, normal) in enumerate(zip(points, normals, strict=True)):
+                stamp = 5_000_000 * (k + 1)
+                pose, contact = messages(point, normal, stamp)
+                for kind, message in (('tactile_msgs/msg/Contact', contact),
+                                      ('geometry_msgs/msg/PoseStamped', pose)):
+                    writer.write(topics[kind], stamp + 1000, serialize_message(message))
+    return points
+
+
+def messages(point, normal, stamp_ns, offset=(0.001, -0.002)):
+    """Pose of a pad whose point `offset` touches a surface at a point, and the contact on it."""
+    from scipy.spatial.transform import Rotation
+    up = np.array([0.0, 0.0, 1.0])
+    turn, _ = Rotation.align_vectors([normal], [up])
+    origin = point - turn.apply([*offset, 0.0])
+    pose = PoseStamped()
+    pose.header.stamp = stamp_from_ns(stamp_ns)
+    pose.header.frame_id = 'base'
+    for axis, value in zip('xyz', origin, strict=True):
+        setattr(pose.pose.position, axis, float(value))
+    for axis, value in zip('xyzw', turn.as_quat(), strict=True):
+        setattr(pose.pose.orientation, axis, float(value))
+    contact = ContactMsg(type=ContactMsg.TYPE_POINT, valid=True, a=offset[0], b=offset[1])
+    contact.header.stamp = stamp_from_ns(stamp_ns)
+    contact.header.frame_id = 'tactile_pad'
+    return pose, contact
+
+
+def test_bag(there, capsys):
+    points = write_bag(there / 'run')
+    assert fit.main(['run', '-o', 'out.npz']) == 0
+    found = result()
+    np.testing.assert_allclose(found['origin'][-1], points[-1], atol=2e-5)
+    np.testing.assert_allclose(1 / found['curvature'][-1], RADIUS, rtol=0.02)
+    assert 'sphere' in capsys.readouterr().err
+
+
+def test_bag_with_several_sensors(there, capsys):
+    write_bag(there / 'run', ('left', 'right'))
+    assert fit.main(['run', '-o', 'out.npz']) == 1
+    assert 'name one by --namespace' in capsys.readouterr().err
+    assert fit.main(['run', '-o', 'out.npz', '--namespace', 'left']) == 0
+    assert fit.main(['run', '-o', 'out.npz', '--namespace', 'up']) == 1
+    assert "there are ['/left/contact'" in capsys.readouterr().err
+
+
+def test_damaged_bag(there):
+    write_bag(there / 'run')
+    (mcap,) = (there / 'run').glob('*.mcap')
+    mcap.write_bytes(mcap.read_bytes()[:3000])
+    with pytest.raises(ConfigurationError, match='run: '):
+        load_trace(there / 'run')

@@ -1,0 +1,105 @@
+"""Object model: what is kept, and PLY files that say the same."""
+import numpy as np
+import pytest
+
+from tactile_shape.errors import ConfigurationError
+from tactile_shape.local_quadric import LocalQuadric
+from tactile_shape.object_model import COLOURS, ModelConfig, ObjectModel
+from tactile_shape.patch import Kind, Patch
+from tactile_shape.ply import write_ply
+from tactile_shape.synthetic import sphere, Weave
+
+
+def read_ply(path):
+    """Elements of a PLY file as lists of rows of numbers."""
+    lines = path.read_text('ascii').splitlines()
+    end = lines.index('end_header')
+    assert lines[:2] == ['ply', 'format ascii 1.0']
+    rows, elements = iter(lines[end + 1:]), {}
+    for line in lines[:end]:
+        if line.startswith('element'):
+            _, name, count = line.split()
+            elements[name] = [list(map(float, next(rows).split())) for _ in range(int(count))]
+    assert next(rows, None) is None
+    return elements
+
+
+def touched(length=0.05):
+    model, estimator = ObjectModel(), LocalQuadric()
+    for point, normal in zip(*Weave().trace(sphere(0.05), length), strict=True):
+        model.add_contact(point)
+        model.add_patch(estimator.update(point, normal))
+    return model
+
+
+def test_contour_is_thinned_and_broken_where_contact_was_lost():
+    model = ObjectModel(ModelConfig(spacing=0.95e-3))
+    for x in np.arange(0.0, 0.0101, 1e-4):
+        model.add_contact(np.array([x, 0.0, 0.0]))
+    model.begin_stroke()
+    model.add_contact(np.array([0.0103, 0.0, 0.0]))
+    assert [len(stroke) for stroke in model.strokes] == [11, 1]
+    np.testing.assert_allclose(model.contour[:11, 0], np.arange(11) * 1e-3, atol=2e-4)
+
+
+def test_memory_is_bounded():
+    model = ObjectModel(ModelConfig(max_points=20))
+    flat = Patch(Kind.PLANE, True, '', 'local_quadric', np.eye(4), np.zeros(2))
+    for k in range(100):
+        if k % 10 == 0:
+            model.begin_stroke()
+        model.add_contact(np.array([0.01 * k, 0.0, 0.0]))
+        frame = np.eye(4)
+        frame[0, 3] = 0.01 * k
+        model.add_patch(Patch(flat.kind, True, '', flat.method, frame, flat.curvature))
+    assert len(model.contour) == len(model.patches) == 20
+    assert model.contour[0, 0] == pytest.approx(0.8)
+
+
+def test_invalid_patches_are_not_kept():
+    model = ObjectModel()
+    assert not model.add_patch(Patch(Kind.NONE, False, 'why', 'local_quadric'))
+
+
+def test_surface_mesh(tmp_path):
+    model = touched()
+    assert 5 < len(model.patches) < 14
+    model.save_surface(tmp_path / 'surface.ply')
+    ply = read_ply(tmp_path / 'surface.ply')
+    vertices = np.array(ply['vertex'])
+    assert len(vertices) == 25 * len(model.patches)
+    assert np.abs(sphere(0.05).distance(vertices[-25:, :3])).max() < 1e-5
+    np.testing.assert_allclose(vertices[-1, 3:] / 255.0, COLOURS[Kind.SPHERE], atol=3e-3)
+    faces = np.array(ply['face'], dtype=int)
+    assert len(faces) == 32 * len(model.patches) and (faces[:, 0] == 3).all()
+    # All triangles of a patch turn the same way round, and together they fill its square.
+    corners = vertices[faces[-32:, 1:], :3]
+    area = 0.5 * np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    assert (area @ model.patches[-1].frame[:3, 2] > 0.0).all() or (
+        area @ model.patches[-1].frame[:3, 2] < 0.0).all()
+    assert np.linalg.norm(area, axis=1).sum() == pytest.approx(0.006**2, rel=0.01)
+
+
+def test_contour_file(tmp_path):
+    model = touched()
+    model.begin_stroke()
+    model.add_contact(np.array([1.0, 0.0, 0.0]))
+    model.add_contact(np.array([1.1, 0.0, 0.0]))
+    model.save_contour(tmp_path / 'contour.ply')
+    ply = read_ply(tmp_path / 'contour.ply')
+    np.testing.assert_allclose(ply['vertex'], model.contour, atol=1e-8)
+    edges = np.array(ply['edge'], dtype=int)
+    assert len(edges) == len(model.contour) - 2  # not across the two strokes
+    assert (edges[:, 1] - edges[:, 0] == 1).all()
+
+
+def test_empty_model(tmp_path):
+    ObjectModel().save_surface(tmp_path / 'empty.ply')
+    assert read_ply(tmp_path / 'empty.ply') == {'vertex': [], 'face': []}
+
+
+def test_refused(tmp_path):
+    with pytest.raises(ConfigurationError, match='cannot be written'):
+        write_ply(tmp_path / 'none' / 'x.ply', np.zeros((1, 3)))
+    with pytest.raises(ConfigurationError, match='spacing'):
+        ModelConfig(spacing=0.0)
