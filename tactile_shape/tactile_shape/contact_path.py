@@ -1,12 +1,13 @@
 """Where in space a contact on the pad is: the pad's surface, and its pose at a contact's stamp."""
 from collections import deque
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
 from tactile_shape.motion import rotation_between, rotation_part
 
-POINT, LINE = 1, 2  # numbers of Contact.msg
+NONE, POINT, LINE = 0, 1, 2  # numbers of Contact.msg
 _NS = 1_000_000_000
 
 
@@ -30,6 +31,28 @@ class SpatialContact:
     position: np.ndarray
     normal: np.ndarray
     edge: bool
+
+
+class Placed(NamedTuple):
+    """
+    A contact that has been looked up.
+
+    Attributes
+    ----------
+    extra : object
+        What was given with it.
+    contact : SpatialContact or None
+        None if nothing is touched, or where is not known.
+    anew : bool
+        Whether the path begins anew with it.
+    reason : str
+        Why there is no contact in space.
+    """
+
+    extra: object
+    contact: SpatialContact | None
+    anew: bool
+    reason: str
 
 
 def on_pad(contact, finger_radius=0.0):
@@ -158,33 +181,30 @@ class ContactPath:
 
     def settle(self):
         """
-        Yield the waiting contacts for which the poses are there.
+        Place the waiting contacts for which the poses are there.
 
         Returns
         -------
-        list of (extra, SpatialContact or None, bool)
-            What was given with the contact; None if nothing is touched, or where is not known;
-            whether the path begins anew there.
+        list of Placed
         """
         placed = []
         newest = self._poses.newest_ns
         while self._waiting and newest is not None and self._waiting[0][0] <= newest:
             stamp, contact, extra = self._waiting.popleft()
             pose = self._poses.at(stamp)
-            spatial = None
-            if pose is None:
+            position, normal = on_pad(contact, self._finger_radius)
+            if contact.type == NONE:
+                self._last = None
+                placed.append(Placed(extra, None, True, 'nothing is touched'))
+            elif position is None:
+                placed.append(Placed(extra, None, False, 'no point and no edge is located'))
+            elif pose is None:
                 self.lost += 1
+                placed.append(Placed(extra, None, False, 'no pose of the sensor at its stamp'))
             else:
-                position, normal = on_pad(contact, self._finger_radius)
-                if position is not None:
-                    spatial = SpatialContact(
-                        stamp, pose[:3, :3] @ position + pose[:3, 3], pose[:3, :3] @ normal,
-                        contact.type == LINE)
-            anew = contact.type == 0
-            if spatial is not None:
                 anew = self._last is None or not 0 <= stamp - self._last <= self._max_gap
                 self._last = stamp
-            elif anew:
-                self._last = None
-            placed.append((extra, spatial, anew))
+                placed.append(Placed(extra, SpatialContact(
+                    stamp, pose[:3, :3] @ position + pose[:3, 3], pose[:3, :3] @ normal,
+                    contact.type == LINE), anew, ''))
         return placed

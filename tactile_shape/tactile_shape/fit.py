@@ -1,6 +1,5 @@
 """Offline command: the surface at every contact of a recorded path."""
 import argparse
-from dataclasses import fields
 import os
 from pathlib import Path
 import re
@@ -13,21 +12,18 @@ from tactile_sensing.errors import TactileSensingError
 from tactile_sensing.npz_stream import RecordWriter
 from tactile_sensing.progress import Progress
 from tactile_shape.errors import ConfigurationError, TactileShapeError
-from tactile_shape.local_quadric import LocalQuadric, LocalQuadricConfig
-from tactile_shape.matrix_estimator import MatrixEstimator, MatrixEstimatorConfig
-from tactile_shape.object_model import ObjectModel
+from tactile_shape.local_quadric import LocalQuadricConfig
 from tactile_shape.outline import find_outline
-from tactile_shape.patch import Kind, Patch
+from tactile_shape.patch import Kind
 from tactile_shape.surface_matrix import PARAMETERS, SurfaceMatrix
 from tactile_shape.trace import load_trace, OPTIONAL
+from tactile_shape.tracker import make_estimator, METHODS, ShapeTracker
 
 # What of a reason differs from contact to contact.
 _NUMBERS = re.compile('^the path of [^ ]+ mm is |^[0-9]+ contacts see |, not all of .*')
 CHUNK = 1000  # patches written at a time
 QUIET = 1.0  # s without a progress bar
 PATCH = (0.02, 0.004)  # m, over which an error is taken
-METHODS = {'local_quadric': (LocalQuadric, LocalQuadricConfig),
-           'surface_matrix': (MatrixEstimator, MatrixEstimatorConfig)}
 
 # Output array: its type in a row, how a patch gives it, unit and meaning.
 OUTPUT = {
@@ -118,7 +114,7 @@ Exit status: 0, or 1 after one line that says what is wrong; then nothing is wri
     arguments.add_argument('trace', metavar='TRACE.npz|BAG', help='input')
     arguments.add_argument('-o', '--out', required=True, metavar='PATCHES.npz',
                            help='file to write; replaced if it exists')
-    arguments.add_argument('--method', choices=tuple(METHODS), default='local_quadric',
+    arguments.add_argument('--method', choices=METHODS, default=METHODS[0],
                            help="local_quadric, or the thesis' surface_matrix (default: "
                            '%(default)s)')
     arguments.add_argument('--window', type=float, default=default.window, metavar='M',
@@ -152,30 +148,24 @@ def parse_quadric(text):
     return SurfaceMatrix.from_parameters(values)
 
 
-def make_estimator(options, trace):
-    """Return the estimator with what options, then the recording, then the defaults say."""
-    estimator, config = METHODS[options.method]
+def make_config(options, trace):
+    """Return the configuration that options, then the recording, then the defaults say."""
     values = {'window': options.window}
     for name in OPTIONAL:
         option, recorded = getattr(options, name), getattr(trace, name)
         value = recorded if option is None else option
         if value is not None:
             values[name] = value
-    known = {field.name for field in fields(config)}
-    return estimator(config(**{k: v for k, v in values.items() if k in known}))
+    return LocalQuadricConfig(**values)
 
 
-def patches(trace, estimator):
+def patches(trace, tracker):
     """Yield a Patch for each contact of a trace."""
     for position, normal, edge in zip(trace.position, trace.normal, trace.edge, strict=True):
         if np.isnan(position).any():
-            estimator.reset()
-            yield Patch(Kind.NONE, False, 'nothing is touched', 'none')
-        elif edge:
-            estimator.reset()
-            yield Patch(Kind.NONE, False, 'an edge: see the outline', 'none')
+            yield tracker.lose()
         else:
-            yield estimator.update(position, normal)
+            yield tracker.touch(position, normal, edge)
 
 
 def error_of(patch, quadric):
@@ -193,10 +183,11 @@ def run(options):
     trace = load_trace(options.trace, options.namespace, options.finger_radius)
     if Path(options.out).exists() and os.path.samefile(options.trace, options.out):
         raise ConfigurationError(f'{options.out}: is the input as well')
-    estimator, model = make_estimator(options, trace), ObjectModel()
+    tracker = ShapeTracker(make_estimator(options.method, make_config(options, trace)))
+    model = tracker.model
     begin = time.perf_counter()
     with RecordWriter(options.out, RECORD, len(trace)) as writer:
-        records, errors, reasons = fit_all(trace, estimator, model, quadric, writer)
+        records, errors, reasons = fit_all(trace, tracker, quadric, writer)
     rate = len(trace) / max(time.perf_counter() - begin, 1e-9)
     text = [f'{options.out}: {len(trace)} contacts, {rate:.0f} contacts/s; '
             + summary(records, reasons)]
@@ -214,9 +205,9 @@ def run(options):
     return '\n'.join(text)
 
 
-def fit_all(trace, estimator, model, quadric, writer):
+def fit_all(trace, tracker, quadric, writer):
     """
-    Fit every contact, write the rows and fill the model.
+    Fit every contact and write the rows.
 
     Returns
     -------
@@ -229,15 +220,10 @@ def fit_all(trace, estimator, model, quadric, writer):
     records = np.zeros(len(trace), RECORD)
     errors, reasons, written = np.full(len(trace), np.nan), {}, 0
     with Progress(sys.stderr, delay=QUIET) as progress:
-        for k, patch in enumerate(patches(trace, estimator)):
+        for k, patch in enumerate(patches(trace, tracker)):
             for name, (_, value, *_) in OUTPUT.items():
                 records[name][k] = trace.t[k] if value is None else value(patch)
             errors[k] = error_of(patch, quadric)
-            if np.isnan(trace.position[k, 0]):
-                model.begin_stroke()
-            elif patch.samples or trace.edge[k]:
-                model.add_contact(trace.position[k])
-                model.add_patch(patch)
             if not patch.valid:
                 reason = _NUMBERS.sub('', patch.reason)
                 reasons[reason] = reasons.get(reason, 0) + 1

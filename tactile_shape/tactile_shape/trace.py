@@ -148,14 +148,11 @@ def place_contacts(events, finger_radius=0.0):
     for stamp, pose, contact in events:
         placed = (path.add_contact(stamp, contact, stamp) if pose is None
                   else path.add_pose(stamp, pose))
-        for at, spatial, anew in placed:
-            if spatial is None:
-                if anew:
-                    rows.append((1e-9 * at, lost, lost, False))
-                continue
+        for at, spatial, anew, _ in placed:
             if anew and rows and not np.isnan(rows[-1][1][0]):
-                rows.append((rows[-1][0], lost, lost, False))
-            rows.append((1e-9 * at, spatial.position, spatial.normal, spatial.edge))
+                rows.append((1e-9 * at, lost, lost, False))
+            if spatial is not None:
+                rows.append((1e-9 * at, spatial.position, spatial.normal, spatial.edge))
     if not rows:
         raise ConfigurationError('no contact with a pose of the sensor at its stamp')
     t, position, normal, edge = (np.array(column) for column in zip(*rows, strict=True))

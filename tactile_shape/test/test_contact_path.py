@@ -78,12 +78,12 @@ def test_contacts_wait_for_their_pose_and_keep_their_order():
     path.add_pose(0, pose(1))
     assert path.add_contact(5 * MS, point(), 'first') == []
     assert path.add_contact(9 * MS, point(), 'second') == []
-    (extra, first, anew), (other, second, later) = path.add_pose(10 * MS, pose(2))
+    (extra, first, anew, _), (other, second, later, _) = path.add_pose(10 * MS, pose(2))
     assert (extra, anew) == ('first', True) and (other, later) == ('second', False)
     np.testing.assert_allclose(
         first.position, 0.5 * (pose(1)[:3, 3] + pose(2)[:3, 3]), atol=1e-12)
     # A contact older than the newest pose is placed at once.
-    ((_, third, _),) = path.add_contact(10 * MS, point())
+    ((_, third, _, _),) = path.add_contact(10 * MS, point())
     np.testing.assert_allclose(third.position, pose(2)[:3, 3])
     assert path.lost == 0
 
@@ -94,7 +94,7 @@ def test_lost_contact_and_gaps_begin_a_new_path():
         path.add_pose(10 * k * MS, np.eye(4))
 
     def anew(ms, contact):
-        ((_, _, result),) = path.add_contact(ms * MS, contact)
+        ((_, _, result, _),) = path.add_contact(ms * MS, contact)
         return result
 
     assert [anew(10, point()), anew(20, point()), anew(30, point(valid=False)),
@@ -108,7 +108,7 @@ def test_a_recording_that_restarts():
     path.add_pose(10_000 * MS, pose(1))
     path.add_contact(10_000 * MS, point())
     assert path.add_pose(0, pose(2)) == []
-    ((_, contact, anew),) = path.add_contact(0, point())
+    ((_, contact, anew, _),) = path.add_contact(0, point())
     np.testing.assert_allclose(contact.position, pose(2)[:3, 3])
     assert anew
 
@@ -116,8 +116,8 @@ def test_a_recording_that_restarts():
 def test_contacts_without_poses_are_counted_and_dropped():
     path = ContactPath()
     path.add_pose(1_000 * MS, pose(1))
-    ((_, contact, _),) = path.add_contact(500 * MS, point())
-    assert contact is None and path.lost == 1
+    ((_, contact, _, why),) = path.add_contact(500 * MS, point())
+    assert contact is None and path.lost == 1 and 'no pose' in why
     for k in range(150):
         path.add_contact((2_000 + k) * MS, point())
     assert path.lost == 51

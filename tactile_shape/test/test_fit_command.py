@@ -83,7 +83,7 @@ def test_options_then_arrays_then_defaults(there):
     arrays = contacts(noise=False)
     trace = Trace(**arrays, finger_radius=0.01, normal_noise=2e-3)
     options = fit.parser().parse_args(['x', '-o', 'y', '--normal-noise', '3e-3'])
-    config = fit.make_estimator(options, trace).config
+    config = fit.make_config(options, trace)
     assert (config.finger_radius, config.normal_noise) == (0.01, 3e-3)
     assert config.location_noise == LocalQuadricConfig.location_noise
     assert run('--finger-radius', '0.01', **arrays) == 0
