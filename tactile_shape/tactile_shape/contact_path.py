@@ -162,13 +162,17 @@ class ContactPath:
         self.lost = 0  # contacts that no pose came for
         self._last = None
 
+    def clear(self):
+        """Forget poses and waiting contacts: another frame, or a recording that restarts."""
+        self._poses.clear()
+        self._waiting.clear()
+        self._last = None
+
     def add_pose(self, stamp_ns, pose):
         """Add a pose (4, 4) of the sensor; returns the contacts that it places, as `settle`."""
         newest = self._poses.newest_ns
         if newest is not None and stamp_ns < newest - 10 * self._max_gap:  # a recording restarts
-            self._poses.clear()
-            self._waiting.clear()
-            self._last = None
+            self.clear()
         self._poses.add(stamp_ns, pose)
         return self.settle()
 

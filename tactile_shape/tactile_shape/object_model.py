@@ -46,12 +46,14 @@ class ObjectModel:
     strokes : list of list of ndarray (3,)
         Contour points [m] of each stretch of unbroken contact.
     patches : list of Patch
+    total : int
+        Contour points ever kept.
     """
 
     def __init__(self, config=None):
         self.config = config or ModelConfig()
         self.strokes, self.patches = [], []
-        self._count = 0
+        self.total = self._count = 0
         self._anew = True
 
     def begin_stroke(self):
@@ -66,6 +68,7 @@ class ObjectModel:
         elif np.linalg.norm(position - self.strokes[-1][-1]) < self.config.spacing:
             return False
         self.strokes[-1].append(np.array(position, dtype=float))
+        self.total += 1
         self._count += 1
         if self._count > self.config.max_points:
             self.strokes[0].pop(0)

@@ -58,6 +58,15 @@ class ShapeTracker:
         self._estimator = estimator
         self.model = model or ObjectModel()
 
+    def take(self, placed):
+        """Take in what a ContactPath has placed; returns the Patch there."""
+        if placed.anew:
+            self.lose()
+        if placed.contact is None:
+            return no_patch(placed.reason)
+        contact = placed.contact
+        return self.touch(contact.position, contact.normal, contact.edge)
+
     def lose(self, reason='nothing is touched'):
         """Contact is lost: the next begins a new path. Returns a Patch that is not valid."""
         self._estimator.reset()

@@ -1,0 +1,163 @@
+"""Between the core's data and ROS messages; nothing else converts, but for bags."""
+from geometry_msgs.msg import Point, Pose, PoseStamped
+from nav_msgs.msg import Path
+import numpy as np
+from scipy.spatial.transform import Rotation
+from std_msgs.msg import ColorRGBA
+from visualization_msgs.msg import Marker, MarkerArray
+
+from tactile_msgs.msg import SurfacePatch
+from tactile_sensing.conversions import pose_from_msg
+from tactile_shape.errors import TactileShapeError
+from tactile_shape.object_model import COLOURS
+from tactile_shape.patch import Kind, Patch
+
+# What markers show at most of a model, so that they cost little.
+MAX_PATCHES, MAX_SEGMENTS = 100, 1000
+_RED, _GREEN = (0.85, 0.15, 0.15), (0.15, 0.6, 0.15)
+_LINE_WIDTH = 5e-4  # m
+_ALPHA = 0.6
+
+
+def patch_to_msg(patch, header, sensor=''):
+    """
+    Return the SurfacePatch message of a patch; what it does not have is NaN.
+
+    Parameters
+    ----------
+    patch : Patch
+    header : std_msgs.msg.Header
+        Stamp of the newest contact, frame of the patch.
+    sensor : str, optional
+    """
+    message = SurfacePatch(
+        header=header, sensor=sensor, kind=int(patch.kind), valid=bool(patch.valid),
+        reason=patch.reason, method=patch.method, frame=_pose_to_msg(patch.frame),
+        extent=float(patch.extent), samples=int(patch.samples), residual=float(patch.residual))
+    message.curvature = np.asarray(patch.curvature, dtype=float)
+    message.curvature_seen = [bool(seen) for seen in patch.seen]
+    message.curvature_covariance = np.asarray(patch.covariance, dtype=float).reshape(-1)
+    message.surface_matrix = patch.surface_matrix.reshape(-1)
+    return message
+
+
+def patch_from_msg(message) -> Patch:
+    """
+    Return the patch of a SurfacePatch message.
+
+    Raises
+    ------
+    TactileShapeError
+        The kind is none of KIND_*.
+    TactileSensingError
+        The pose of a valid patch is none.
+    """
+    if message.kind not in list(Kind):
+        raise TactileShapeError(f'kind of patch is {message.kind}, must be at most {max(Kind)}')
+    known = np.isfinite(message.frame.position.x)
+    return Patch(
+        Kind(message.kind), message.valid, message.reason, message.method,
+        pose_from_msg(message.frame) if known or message.valid else np.full((4, 4), np.nan),
+        np.array(message.curvature), np.array(message.curvature_seen),
+        np.array(message.curvature_covariance).reshape(2, 2), message.extent, message.samples,
+        message.residual, np.array(message.surface_matrix).reshape(4, 4))
+
+
+def contour_point_to_msg(position, header):
+    """PoseStamped of a point (3,) of a contour [m]; its orientation says nothing."""
+    message = PoseStamped(header=header)
+    _set_point(message.pose.position, position)
+    return message
+
+
+def contour_to_msg(points, header):
+    """
+    Path message of a contour.
+
+    Parameters
+    ----------
+    points : sequence of geometry_msgs.msg.PoseStamped
+    header : std_msgs.msg.Header
+    """
+    return Path(header=header, poses=list(points))
+
+
+def model_to_markers(model, patch, header):
+    """
+    Return markers: the newest patch with its principal directions, the surface, the contour.
+
+    Parameters
+    ----------
+    model : ObjectModel
+    patch : Patch or None
+        The newest that is valid.
+    header : std_msgs.msg.Header
+
+    Returns
+    -------
+    visualization_msgs.msg.MarkerArray
+    """
+    markers = [_mesh(model, model.patches[-MAX_PATCHES:], header, 'surface'),
+               _lines(model.strokes, header)]
+    if patch is not None:
+        markers += [_mesh(model, [patch], header, 'patch'),
+                    _directions(patch, header, 0.5 * model.config.patch_size)]
+    return MarkerArray(markers=[marker for marker in markers if marker.points])
+
+
+def _mesh(model, patches, header, namespace):
+    marker = _marker(header, namespace, Marker.TRIANGLE_LIST, 1.0)
+    vertices, colours, faces = model.mesh(patches)
+    corners = faces.reshape(-1)
+    marker.points = [_point(vertex) for vertex in vertices[corners].tolist()]
+    shades = {}  # of the few kinds, one message each
+    marker.colors = [shades.setdefault(shade, _colour(shade)) for shade in
+                     map(tuple, colours[corners].tolist())]
+    return marker
+
+
+def _lines(strokes, header):
+    marker = _marker(header, 'contour', Marker.LINE_LIST, _LINE_WIDTH)
+    pairs = [pair for stroke in strokes for pair in zip(stroke, stroke[1:], strict=False)]
+    marker.points = [_point(point.tolist()) for pair in pairs[-MAX_SEGMENTS:] for point in pair]
+    return marker
+
+
+def _directions(patch, header, length):
+    marker = _marker(header, 'principal directions', Marker.LINE_LIST, _LINE_WIDTH)
+    for axis, shade, seen in zip(patch.frame[:3, :2].T, (_RED, _GREEN), patch.seen, strict=True):
+        if seen:
+            for sign in (-1.0, 1.0):
+                marker.points.append(_point((patch.frame[:3, 3] + sign * length * axis).tolist()))
+                marker.colors.append(_colour(shade, 1.0))
+    return marker
+
+
+def _marker(header, namespace, kind, scale):
+    marker = Marker(header=header, ns=namespace, type=kind, action=Marker.ADD,
+                    color=_colour(COLOURS[Kind.NONE], 1.0))
+    marker.pose.orientation.w = 1.0
+    marker.scale.x = marker.scale.y = marker.scale.z = scale
+    return marker
+
+
+def _colour(shade, alpha=_ALPHA):
+    return ColorRGBA(r=shade[0], g=shade[1], b=shade[2], a=alpha)
+
+
+def _point(values):
+    return Point(x=values[0], y=values[1], z=values[2])
+
+
+def _set_point(message, values):
+    message.x, message.y, message.z = (float(value) for value in values)
+
+
+def _pose_to_msg(matrix):
+    pose = Pose()
+    _set_point(pose.position, matrix[:3, 3])
+    known = np.isfinite(matrix).all()
+    quaternion = Rotation.from_matrix(matrix[:3, :3]).as_quat() if known else np.full(4, np.nan)
+    orientation = pose.orientation
+    orientation.x, orientation.y, orientation.z, orientation.w = quaternion.tolist()
+    return pose

@@ -1,0 +1,134 @@
+"""Shape estimator node: contacts and the sensor's pose in, surface patches and contour out."""
+from collections import deque
+from dataclasses import dataclass, field
+
+from geometry_msgs.msg import PoseStamped
+from nav_msgs.msg import Path
+from rclpy.node import Node
+from rclpy.qos import DurabilityPolicy, qos_profile_sensor_data, QoSProfile
+from std_msgs.msg import Header
+from visualization_msgs.msg import MarkerArray
+
+from tactile_msgs.msg import Contact as ContactMsg
+from tactile_msgs.msg import SurfacePatch
+from tactile_sensing.conversions import contact_from_msg, pose_from_msg, stamp_to_ns
+from tactile_sensing.errors import TactileSensingError
+from tactile_sensing.nodes.parameters import declare_from
+from tactile_sensing.nodes.runner import run
+from tactile_shape.contact_path import ContactPath
+from tactile_shape.conversions import (
+    contour_point_to_msg,
+    contour_to_msg,
+    model_to_markers,
+    patch_to_msg,
+)
+from tactile_shape.local_quadric import LocalQuadricConfig
+from tactile_shape.object_model import ModelConfig, ObjectModel
+from tactile_shape.tracker import make_estimator, ShapeTracker, TrackerConfig
+
+_LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+
+
+@dataclass(frozen=True)
+class PublishConfig:
+    """How often what accumulates is published; patches come with every contact."""
+
+    publish_period: float = field(default=1.0, metadata={
+        'doc': 'time between two contours, and two sets of markers, by the stamps of contacts',
+        'unit': 's', 'range': (0.0, 1000.0)})
+
+
+class ShapeEstimatorNode(Node):
+    """
+    Estimate the surface at every contact, and gather what was touched.
+
+    Subscribes to `contact` and `sensor_pose`, which it matches by their stamps: no clock is
+    looked at, so that a replayed recording gives what the run gave. Publishes `surface_patch`
+    for every contact, and `contour` and `markers` now and then. Parameters: `TrackerConfig`,
+    `LocalQuadricConfig`, `ModelConfig`, `PublishConfig`.
+    """
+
+    def __init__(self, **kwargs):
+        super().__init__('shape_estimator', **kwargs)
+        tracking = declare_from(self, TrackerConfig)
+        config = declare_from(self, LocalQuadricConfig)
+        self._model_config = declare_from(self, ModelConfig)
+        self._period_ns = round(1e9 * declare_from(self, PublishConfig).publish_period)
+        self._path = ContactPath(config.finger_radius, tracking.max_gap)
+        self._estimator = make_estimator(tracking.method, config)
+        self._frame = None
+        self._begin_model()
+
+        self._patches = self.create_publisher(SurfacePatch, 'surface_patch', 10)
+        self._contours = self.create_publisher(Path, 'contour', _LATCHED)
+        self._markers = self.create_publisher(MarkerArray, 'markers', _LATCHED)
+        self.create_subscription(
+            ContactMsg, 'contact', self._on_contact, qos_profile_sensor_data)
+        self.create_subscription(
+            PoseStamped, 'sensor_pose', self._on_pose, qos_profile_sensor_data)
+
+    def _begin_model(self):
+        self._estimator.reset()
+        self._tracker = ShapeTracker(self._estimator, ObjectModel(self._model_config))
+        self._contour = deque(maxlen=self._model_config.max_points)
+        self._newest, self._total = None, 0
+        self._changed, self._published_ns = False, None
+
+    def _on_pose(self, msg):
+        try:
+            pose = pose_from_msg(msg.pose)
+        except TactileSensingError as error:
+            self.get_logger().warning(
+                f'sensor_pose passed over: {error}', throttle_duration_sec=5.0)
+            return
+        if self._frame != msg.header.frame_id:
+            if self._frame is not None:
+                self.get_logger().warning(
+                    f'sensor_pose is now in {msg.header.frame_id!r}, not {self._frame!r}: what '
+                    'was touched is forgotten')
+                self._path.clear()
+                self._begin_model()
+            self._frame = msg.header.frame_id
+        self._take(self._path.add_pose(stamp_to_ns(msg.header.stamp), pose))
+
+    def _on_contact(self, msg):
+        try:
+            contact = contact_from_msg(msg)
+        except TactileSensingError as error:
+            self.get_logger().warning(f'contact passed over: {error}', throttle_duration_sec=5.0)
+            return
+        lost = self._path.lost
+        self._take(self._path.add_contact(stamp_to_ns(msg.header.stamp), contact, msg))
+        if self._path.lost > lost:
+            self.get_logger().warning(
+                f'{self._path.lost} contacts had no sensor_pose within max_gap of their stamp',
+                throttle_duration_sec=5.0)
+
+    def _take(self, all_placed):
+        for placed in all_placed:
+            patch = self._tracker.take(placed)
+            msg = placed.extra
+            header = Header(stamp=msg.header.stamp, frame_id=self._frame)
+            self._patches.publish(patch_to_msg(patch, header, msg.sensor))
+            if patch.valid:
+                self._newest, self._changed = patch, True
+            if self._tracker.model.total > self._total:
+                self._total, self._changed = self._tracker.model.total, True
+                self._contour.append(contour_point_to_msg(placed.contact.position, header))
+            self._publish_model(header, placed.contact is None and placed.anew)
+
+    def _publish_model(self, header, now):
+        """Publish contour and markers if they have changed and it is time, or contact is lost."""
+        stamp = stamp_to_ns(header.stamp)
+        waited = None if self._published_ns is None else stamp - self._published_ns
+        if not self._changed or not (
+                now or waited is None or waited < 0 or waited >= self._period_ns):
+            return
+        self._changed, self._published_ns = False, stamp
+        self._contours.publish(contour_to_msg(self._contour, header))
+        self._markers.publish(model_to_markers(self._tracker.model, self._newest, header))
+
+
+def main(args=None):
+    """Run the shape estimator node."""
+    return run(ShapeEstimatorNode, args)
