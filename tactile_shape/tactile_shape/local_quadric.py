@@ -13,7 +13,7 @@ import numpy as np
 from tactile_shape import quadric_kernel as kernel
 from tactile_shape.config import check_fields
 from tactile_shape.contact_window import CELLS, ContactWindow
-from tactile_shape.patch import Kind, Patch, usable_normal
+from tactile_shape.patch import certain_enough, Kind, Patch, usable_normal
 from tactile_shape.surface_matrix import tangent_frame
 
 METHOD = 'local_quadric'
@@ -42,9 +42,9 @@ class LocalQuadricConfig:
     location_noise: float = field(default=1.5e-4, metadata={
         'doc': 'standard deviation of the contact on the pad, per axis', 'unit': 'm',
         'range': (0.0, 0.1)})
-    max_curvature_std: float = field(default=5.0, metadata={
-        'doc': 'a curvature less certain than this is called unseen', 'unit': '1/m',
-        'range': (1e-6, 1e6)})
+    max_curvature_std: float = field(default=2.5, metadata={
+        'doc': 'a curvature less certain than this, and than a tenth of itself, is called unseen',
+        'unit': '1/m', 'range': (1e-6, 1e6)})
     prior_curvature: float = field(default=100.0, metadata={
         'doc': 'standard deviation of curvature before anything is touched', 'unit': '1/m',
         'range': (1e-3, 1e6)})
@@ -138,12 +138,12 @@ class LocalQuadric:
             covariance = covariance / np.outer(shrink, shrink)**2
             seen = seen / shrink**4
         known |= {'curvature': principal, 'covariance': covariance}
-        enough = self.config.max_curvature_std**2
-        seen = seen < enough
+        enough = self.config.max_curvature_std
+        seen = certain_enough(seen, principal, enough)
         if seen.any():
             return Patch(Kind(kind), True, '', METHOD, seen=seen, **known)
         why = 'too short, or too noisy, to show any curvature'
-        if along < enough:
+        if along < enough**2:
             why = 'straight and along no principal direction: the curvature across is unseen'
         return _refusal(f'the path of {1e3 * extent:.2g} mm is {why}', **known)
 

@@ -8,7 +8,7 @@ from tactile_shape.config import check_fields
 from tactile_shape.errors import SurfaceError
 from tactile_shape.matrix_fit import fit_matrix
 from tactile_shape.motion import contacts_in_frame
-from tactile_shape.patch import Kind, Patch, usable_normal
+from tactile_shape.patch import certain_enough, Kind, Patch, usable_normal
 
 METHOD = 'surface_matrix'
 _CURVATURE = [0, 1, 4]  # c11, c12, c22 among the ten parameters
@@ -28,6 +28,9 @@ class MatrixEstimatorConfig:
     normal_noise: float = field(default=5e-4, metadata={
         'doc': "standard deviation of the normal's direction", 'unit': 'rad',
         'range': (0.0, 1.0)})
+    max_curvature_std: float = field(default=2.5, metadata={
+        'doc': 'a curvature less certain than this, and than a tenth of itself, is called unseen',
+        'unit': '1/m', 'range': (1e-6, 1e6)})
     prior_curvature: float = field(default=100.0, metadata={
         'doc': 'standard deviation of curvature before anything is touched', 'unit': '1/m',
         'range': (1e-3, 1e6)})
@@ -73,7 +76,7 @@ class MatrixEstimator:
         return _refusal('contact is not finite or its normal not of length 1')
 
     def estimate(self):
-        """Patch at the newest contact; not valid where a curvature is among what is unseen."""
+        """Patch at the newest contact; not valid where anything is unseen."""
         if self._newest is None:
             return _refusal('no contact yet')
         contacts = list(self._kept)
@@ -94,6 +97,7 @@ class MatrixEstimator:
         pose = frame.copy()
         pose[:3, :3] = frame[:3, :3] @ axes
         covariance, seen = self._certainty(fit, axes)
+        seen &= certain_enough(np.diag(covariance), curvature, self.config.max_curvature_std)
         back = np.linalg.inv(frame)
         known |= {'frame': pose, 'curvature': curvature, 'covariance': covariance, 'seen': seen,
                   'matrix': local.in_frame(back).matrix}
@@ -102,6 +106,9 @@ class MatrixEstimator:
             return _refusal(
                 f'{len(contacts)} contacts see {fit.rank} of 9 parameters, not all of '
                 + ', '.join(fit.unseen_names), **known)
+        if not seen.all():
+            return _refusal('the contacts are too near to each other, or too noisy, to show '
+                            'curvature', **known)
         return Patch(Kind.GENERAL, True, '', METHOD, **known)
 
     def _certainty(self, fit, axes):

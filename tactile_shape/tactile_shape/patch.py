@@ -17,6 +17,7 @@ class Kind(IntEnum):
     GENERAL = 4
 
 
+RELATIVE = 0.1  # uncertainty with which a curvature still counts as seen
 _FAR = 1e6  # m; no contact is there
 _LENGTH = 1e-3  # largest difference of a normal's length from 1
 
@@ -28,6 +29,11 @@ def usable_normal(position, normal):
         return None
     length = np.sqrt(normal @ normal)
     return normal / length if abs(length - 1.0) < _LENGTH else None
+
+
+def certain_enough(variance, curvature, std):
+    """Whether variances are below those of a standard deviation, or of a tenth of the value."""
+    return variance < np.maximum(std, RELATIVE * np.abs(curvature))**2
 
 
 def _nan(*shape):

@@ -33,7 +33,7 @@ def _principal(c11, c12, c22):
 
 
 @njit(cache=True)
-def equations(u, z, n, weights, noise, curvature, model_error):
+def equations(u, z, n, weights, noise, curvature, doubt, model_error):
     """
     Normal equations of (a, b1, b2, K11, K12, K22).
 
@@ -49,6 +49,8 @@ def equations(u, z, n, weights, noise, curvature, model_error):
         beyond that of position.
     curvature : ndarray, shape (3,)
         K11, K12, K22: with them, a displacement along the surface is an error of the normal.
+    doubt : ndarray, shape (3,)
+        Variances of K11, K12, K22, since what is not known of K makes errors as well.
     model_error : float
         What the model leaves out, over the third-order term |K u|^3 of a normal, and over the
         same of height.
@@ -65,7 +67,9 @@ def equations(u, z, n, weights, noise, curvature, model_error):
     slide = noise[0]**2 + noise[1]**2
     k11, k12, k22 = curvature
     q11, q12, q22 = k11 * k11 + k12 * k12, k12 * (k11 + k22), k12 * k12 + k22 * k22
-    r11, r12, r22 = noise[2]**2 + slide * q11, slide * q12, noise[2]**2 + slide * q22
+    r11 = noise[2]**2 + slide * (q11 + doubt[0] + doubt[1])
+    r22 = noise[2]**2 + slide * (q22 + doubt[1] + doubt[2])
+    r12 = slide * q12
     row[0, 0] = row[1, 1] = row[2, 2] = 1.0
     for i in range(len(z)):
         x, y, up = u[i, 0], u[i, 1], max(n[i, 2], 0.1)
@@ -212,7 +216,7 @@ def _path_frame(points, weights, origin, axes, spread_noise):
 
 
 @njit(cache=True)
-def _curvature_equations(u, z, n, weights, noise, curvature, model_error, count, prior):
+def _curvature_equations(u, z, n, weights, noise, curvature, doubt, model_error, count, prior):
     """
     Normal equations of K alone, height and slope eliminated; parameters as of `equations`.
 
@@ -227,7 +231,8 @@ def _curvature_equations(u, z, n, weights, noise, curvature, model_error, count,
     rest : float
         Chi-square with K = 0.
     """
-    matrix, right, square = equations(u, z, n, weights, noise, curvature, model_error)
+    matrix, right, square = equations(
+        u, z, n, weights, noise, curvature, doubt, model_error)
     first = np.linalg.inv(matrix[:3, :3].copy())
     flat, lift = first @ right[:3].copy(), first @ matrix[:3, 3:].copy()
     information = matrix[3:, 3:] - matrix[3:, :3].copy() @ lift
@@ -290,20 +295,21 @@ def solve(points, normals, weights, origin, axes, noise, spread_noise, prior):
     axes, count = _path_frame(points, weights, origin, axes, spread_noise)
     local, n = (points - origin) @ axes, normals @ axes
     u, z = local[:, :2].copy(), local[:, 2].copy()
-    kind, residual, curvature = 0, math.nan, np.zeros(3)
+    kind, residual, curvature, doubt = 0, math.nan, np.zeros(3), np.zeros(3)
     information, reduced, flat, lift, rest = _curvature_equations(
-        u, z, n, weights, noise, curvature, 0.0, count, prior)
+        u, z, n, weights, noise, curvature, doubt, 0.0, count, prior)
     for _ in range(PASSES - 1 if count else 0):
-        curvature = np.linalg.solve(information, reduced)
+        covariance = np.linalg.inv(information)
+        curvature, doubt = covariance @ reduced, np.diag(covariance).copy()
         information, reduced, flat, lift, rest = _curvature_equations(
-            u, z, n, weights, noise, curvature, 0.0, count, prior)
+            u, z, n, weights, noise, curvature, doubt, 0.0, count, prior)
     if count:
         excess, residual = _excess(information, reduced, rest, 3 * len(z) - 3 - count)
         kind, curvature = _least_model(information / excess, reduced / excess, count)
         if kind == GENERAL:
             for _ in range(2):
                 information, reduced, flat, lift, rest = _curvature_equations(
-                    u, z, n, weights, noise, curvature, MODEL_ERROR, count, prior)
+                    u, z, n, weights, noise, curvature, doubt, MODEL_ERROR, count, prior)
                 curvature = np.linalg.solve(information, reduced)
             excess, residual = _excess(information, reduced, rest, 3 * len(z) - 3 - count)
         information = information / excess

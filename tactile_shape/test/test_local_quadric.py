@@ -239,6 +239,7 @@ def test_equations_are_those_of_their_rows():
     n = np.column_stack([0.2 * rng.normal(size=(7, 2)), np.full(7, 0.9)])
     weights = rng.uniform(1.0, 4.0, 7)
     noise, curvature = np.array([2e-5, 1.5e-4, 5e-4, 1e-5]), np.array([20.0, 3.0, -5.0])
+    doubt = np.array([1.0, 4.0, 9.0])
     bend = np.array([[20.0, 3.0], [3.0, -5.0]])
     matrix, right, square = np.zeros((6, 6)), np.zeros(6), 0.0
     for (x, y), height, (nx, ny, nz), weight in zip(u, z, n, weights, strict=True):
@@ -250,12 +251,13 @@ def test_equations_are_those_of_their_rows():
         covariance[0, 0] = (noise[0]**2 * (lean + 0.25 * (1 + nz)**2) + noise[3]**2
                             + noise[1]**2 * lean * (0.5 * (1 - nz) / nz)**2)
         covariance[1:, 1:] = (noise[2]**2 * np.eye(2)
-                              + (noise[0]**2 + noise[1]**2) * bend @ bend)
+                              + (noise[0]**2 + noise[1]**2) * (
+                                  bend @ bend + np.diag([1.0 + 4.0, 4.0 + 9.0])))
         inverse = weight * np.linalg.inv(covariance)
         matrix += rows.T @ inverse @ rows
         right += rows.T @ inverse @ target
         square += target @ inverse @ target
-    found = quadric_kernel.equations(u, z, n, weights, noise, curvature, 0.0)
+    found = quadric_kernel.equations(u, z, n, weights, noise, curvature, doubt, 0.0)
     np.testing.assert_allclose(found[0], matrix, rtol=1e-9, atol=1e-6)
     np.testing.assert_allclose(found[1], right, rtol=1e-9)
     assert found[2] == pytest.approx(square)

@@ -1,0 +1,104 @@
+"""Surfaces, paths and noise of the shape benchmark, and how an error is taken."""
+from dataclasses import dataclass
+
+import numpy as np
+
+from tactile_shape.patch import Kind
+from tactile_shape.synthetic import add_noise, cylinder, PLANE, sphere, Torus, Weave
+
+PATCH = (0.02, 0.004)  # m
+TRACE = 0.028  # m along the course: a window of 24 mm of path and a start
+NOISE = {'position': 2e-5, 'normal': 5e-4, 'location': 1.5e-4}
+
+
+@dataclass(frozen=True)
+class Case:
+    """
+    A surface with the bars of its error.
+
+    Attributes
+    ----------
+    name : str
+    surface : Torus
+    kind : Kind
+    median, most, right : float
+        Bars: median and 95th percentile of the largest error over 20 x 4 mm [m], and the share
+        of patches of the right kind.
+    """
+
+    name: str
+    surface: Torus
+    kind: Kind
+    median: float
+    most: float
+    right: float
+
+
+CASES = (
+    Case('plane', PLANE, Kind.PLANE, 12e-6, 3e-5, 0.95),
+    Case('cylinder, radius 32.5 mm', cylinder(0.0325), Kind.CYLINDER, 4e-5, 1e-4, 0.95),
+    Case('cylinder, radius 100 mm', cylinder(0.1), Kind.CYLINDER, 4e-5, 1e-4, 0.95),
+    Case('sphere, radius 35 mm', sphere(0.035), Kind.SPHERE, 3.5e-5, 1e-4, 0.88),
+    Case('sphere, radius 63 mm', sphere(0.063), Kind.SPHERE, 3.5e-5, 1e-4, 0.88),
+    Case('torus, 60 and 25 mm', Torus(0.06, 0.025), Kind.GENERAL, 4.5e-5, 1.1e-4, 0.98))
+
+
+def trial(case, rng, *, length=TRACE, noise=NOISE, **path):
+    """Noisy contacts (N, 3) and normals (N, 3) along a weave of random heading, and the weave."""
+    if 'heading' not in path:
+        path['heading'] = rng.uniform(0.0, np.pi)
+    weave = Weave(**path)
+    points, normals = weave.trace(case.surface, length)
+    if noise:
+        points, normals = add_noise(points, normals, rng, **noise)
+    return points, normals, weave
+
+
+def patch_error(patch, case, weave):
+    """
+    Largest distance of a patch from the true surface over 20 x 4 mm [m].
+
+    The long side lies along the path's course. NaN if not valid or if one of the curvatures was
+    not seen, which the patch says.
+    """
+    if not (patch.valid and patch.seen.all()):
+        return np.nan
+    return _error(patch, case, [np.cos(weave.heading), np.sin(weave.heading), 0.0])
+
+
+def error_where_seen(patch, case):
+    """The same along a principal direction that was seen; NaN if none was."""
+    if not patch.valid:
+        return np.nan
+    return _error(patch, case, patch.frame[:3, int(np.argmax(patch.seen))])
+
+
+def _error(patch, case, direction):
+    error = np.abs(case.surface.distance(patch.sheet(*PATCH, direction)))
+    return float(error.max()) if np.isfinite(error).all() else np.inf
+
+
+def run(method, case, trials, rng, **options):
+    """
+    Errors of a method over many traces.
+
+    Returns
+    -------
+    errors : ndarray, shape (trials,)
+        [m], of `patch_error`.
+    found : list of Patch
+    """
+    errors, found = [], []
+    for _ in range(trials):
+        points, normals, weave = trial(case, rng, **options)
+        found.append(method(points, normals))
+        errors.append(patch_error(found[-1], case, weave))
+    return np.array(errors), found
+
+
+def spread(errors):
+    """Median and 95th percentile of the errors that there are, and the share without."""
+    good = errors[np.isfinite(errors)]
+    median, most = np.percentile(good, [50, 95]) if len(good) else (np.nan, np.nan)
+    return {'median': float(median), 'most': float(most),
+            'refused': float(np.mean(np.isnan(errors)))}

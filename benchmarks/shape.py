@@ -1,0 +1,258 @@
+"""
+Speed and accuracy of local shape from touch: chapter 4 of the thesis measured again.
+
+Prints tables, and writes benchmarks/results/shape.json, pictures into docs/ and the tables into
+docs/shape.md. Times are processor time on one core.
+"""
+
+import os
+
+for _library in ('OMP', 'OPENBLAS', 'MKL'):  # one core; before numpy is loaded
+    os.environ.setdefault(f'{_library}_NUM_THREADS', '1')
+
+# ruff: noqa: E402
+import argparse
+import json
+from pathlib import Path
+import platform
+import sys
+import time
+
+import _shape_cases as cases
+import _shape_methods as methods
+import _shape_tables as tables
+import _shape_thesis as thesis
+from contact import finite, Progress
+import numpy as np
+
+from tactile_shape.matrix_estimator import MatrixEstimator, MatrixEstimatorConfig
+from tactile_shape.matrix_fit import fit_matrix
+from tactile_shape.patch import Kind
+
+ROOT = Path(__file__).resolve().parent.parent
+PAGE = ROOT / 'docs' / 'shape.md'
+BEGIN, END = '<!-- printed by ./ws bench shape -->', '<!-- end of print -->'
+SPEEDS = (1e-5, 5e-5, 2e-4, 1e-3, 5e-3, 2e-2, 5e-2)  # m/s, Table 4.1
+ACROSS = (1e-3, 1e-2, 5e-2)
+SWEPT = [case for case in cases.CASES if case.name in (
+    'plane', 'cylinder, radius 32.5 mm', 'sphere, radius 35 mm', 'torus, 60 and 25 mm')]
+PROBING = (0.005, 0.01, 0.02, 0.05, 0.1, 0.2, 0.5)  # m/s
+WINDOWS = (0.004, 0.008, 0.012, 0.018, 0.024, 0.036)  # m
+LOCATION = (0.0, 4e-5, 7e-5, 1.5e-4, 3e-4, 6e-4)  # m
+COUNTS = (4, 5, 6, 8, 12, 16, 24, 48)
+TRAVELS = (1e-3, 2e-3, 4e-3, 8e-3, 1.2e-2, 1.6e-2, 2.4e-2)  # m
+BREADTHS = (0.0, 1e-4, 2.5e-4, 5e-4, 1e-3, 2e-3)  # m
+WRONG = 5e-4  # m; a patch that is off by more is wrong
+
+
+def thesis_figures(trials, rng, progress):
+    """Figures 4.4 to 4.10: errors over the cross-section, by form, speed and noise."""
+    rows = []
+    for form, (_, rotation) in thesis.FORMS.items():
+        progress.step(f'figures 4.4 to 4.8, {form}')
+        for along in SPEEDS:
+            for across in ACROSS:
+                error = thesis.section_error(
+                    thesis.fit(form, thesis.zigzag(along, across, rotation=rotation)))
+                rows.append({'form': form, 'along': along, 'across': across, 'noise': '',
+                             'low': error.tolist(), 'high': error.tolist(),
+                             'most': float(np.abs(error).max())})
+        for noisy in ('Vx', 'Vy', 'v'):
+            progress.step(f'figures 4.6 to 4.10, {form}, {noisy}')
+            for along in SPEEDS:
+                error = thesis.noisy_errors(form, along, 1e-2, noisy, trials, rng)
+                each = np.abs(error).max(axis=1)
+                rows.append({'form': form, 'along': along, 'across': 1e-2, 'noise': noisy,
+                             'low': np.nanmin(error, axis=0).tolist(),
+                             'high': np.nanmax(error, axis=0).tolist(),
+                             'median': float(np.nanmedian(each)),
+                             'most': float(np.nanpercentile(each, 95))})
+    return rows
+
+
+def bars(trials, rng, progress):
+    """Errors and kinds of the least model with realistic noise."""
+    rows = []
+    method = methods.local_quadric()
+    for case in cases.CASES:
+        progress.step(f'least model, {case.name}')
+        errors, found = cases.run(method, case, trials, rng)
+        kinds = [patch.kind for patch in found]
+        rows.append({'case': case.name, **cases.spread(errors),
+                     'right': float(np.mean([kind == case.kind for kind in kinds])),
+                     'kinds': {kind.name.lower(): float(np.mean([k == kind for k in kinds]))
+                               for kind in Kind},
+                     'bar_median': case.median, 'bar_most': case.most, 'bar_right': case.right})
+    return rows
+
+
+def without_noise(progress):
+    """Least, median and largest error over headings, where only the models differ."""
+    rows = []
+    exact = MatrixEstimator(MatrixEstimatorConfig(position_noise=0.0, normal_noise=0.0))
+    for method in (methods.local_quadric(), methods.Stream('surface_matrix, N = 6', exact)):
+        progress.step(f'without noise, {method.name}')
+        for case in cases.CASES:
+            errors = [cases.run(method, case, 1, None, noise=None, heading=heading)[0][0]
+                      for heading in np.radians(np.arange(0.0, 180.0, 7.5))]
+            rows.append({'method': method.name, 'case': case.name,
+                         **cases.spread(np.array(errors)), 'largest': float(np.max(errors))})
+    return rows
+
+
+def error_and_time(trials, rng, progress):
+    """Every method on every surface, with its time per update."""
+    rows = []
+    for method in methods.compared():
+        progress.step(f'error and time, {method.name}')
+        points, normals, _ = cases.trial(cases.CASES[3], rng, length=0.1)
+        took = np.min([method.times(points, normals)[100:] for _ in range(5)], axis=0)
+        for case in cases.CASES:
+            errors, _ = cases.run(method, case, trials, rng)
+            rows.append({'method': method.name, 'case': case.name, **cases.spread(errors),
+                         'time_median': float(np.median(took)),
+                         'time_most': float(np.percentile(took, 95))})
+    return rows
+
+
+def sweeps(trials, rng, progress):
+    """Error against probing speed, window, location noise and number of contacts."""
+    rows = []
+
+    def add(sweep, value, method, case, **options):
+        errors, found = cases.run(method, case, trials, rng, **options)
+        right = np.mean([patch.kind == case.kind for patch in found])
+        rows.append({'sweep': sweep, 'value': value, 'method': method.name, 'case': case.name,
+                     'right': float(right), **cases.spread(errors)})
+
+    least = methods.local_quadric()
+    for case in SWEPT:
+        progress.step(f'sweeps, {case.name}')
+        for speed in PROBING:
+            for method in (least, methods.surface_matrix()):
+                add('probing speed [m/s]', speed, method, case, speed=speed)
+        for window in WINDOWS:
+            for method in (methods.local_quadric(window=window),
+                           methods.surface_matrix(window=window)):
+                add('window [m]', window, method, case, length=window + 4e-3)
+        for location in LOCATION:
+            noise = {**cases.NOISE, 'location': location}
+            for method in (methods.local_quadric(location_noise=location),
+                           methods.surface_matrix()):
+                add('location noise [m]', location, method, case, noise=noise)
+        for count in COUNTS:
+            add('contacts N', count, methods.surface_matrix(count, name='surface_matrix'), case)
+    return rows
+
+
+def rank_map(progress):
+    """Parameters that noise-free contacts see, by motion and number of contacts."""
+    progress.step('rank map')
+    rows = []
+    for name, surface, path in (
+            ('plane, zig-zag', 0, {'amplitude': 3e-3}),
+            ('cylinder, along the axis', 1, {'amplitude': 0.0, 'heading': 0.0}),
+            ('cylinder, straight round it', 1, {'amplitude': 0.0, 'heading': np.pi / 2}),
+            ('cylinder, straight and oblique', 1, {'amplitude': 0.0, 'heading': 0.6}),
+            ('cylinder, zig-zag', 1, {'amplitude': 3e-3, 'heading': np.pi / 2}),
+            ('sphere, great circle', 3, {'amplitude': 0.0}),
+            ('sphere, zig-zag', 3, {'amplitude': 3e-3}), ('pivot', 0, None)):
+        case = cases.CASES[surface]
+        least = None
+        if path is not None:
+            patch = methods.local_quadric()(*cases.trial(
+                case, np.random.default_rng(0), noise=None, **path)[:2])
+            least = [bool(seen) for seen in patch.seen]
+        for count in range(1, 9):
+            if path is None:
+                lean = 0.1 * np.arange(count)
+                points = np.zeros((count, 3))
+                normals = np.column_stack([np.sin(lean), 0 * lean, np.cos(lean)])
+            else:
+                # A zig-zag: every contact on the other side.
+                weave = {'wavelength': 16e-3, 'heading': 0.0, **path}
+                along = 4e-3 * np.arange(-count + 1, 1)
+                side = weave['amplitude'] * (np.arange(count)[::-1] % 2)
+                c, s = np.cos(weave['heading']), np.sin(weave['heading'])
+                points, normals = case.surface.at(c * along - s * side, s * along + c * side)
+            fit = fit_matrix(points, normals)
+            rows.append({'motion': name, 'contacts': count, 'rank': fit.rank,
+                         'unseen': list(fit.unseen_names), 'least_model_sees': least})
+    return rows
+
+
+def refusals(trials, rng, progress):
+    """Share refused, and of patches that are wrong, by travel and breadth of the path."""
+    rows = []
+    for method in (methods.local_quadric(), methods.surface_matrix()):
+        for case in (cases.CASES[1], cases.CASES[3]):
+            progress.step(f'refusals, {method.name}, {case.name}')
+            for travel in TRAVELS:
+                for breadth in BREADTHS:
+                    _, found = cases.run(
+                        method, case, trials, rng, length=travel, amplitude=breadth,
+                        wavelength=8e-3, heading=np.pi / 2)
+                    errors = np.array([cases.error_where_seen(p, case) for p in found])
+                    rows.append({
+                        'method': method.name, 'case': case.name, 'travel': travel,
+                        'breadth': breadth, 'refused': float(np.mean(np.isnan(errors))),
+                        'both': float(np.mean([p.valid and p.seen.all() for p in found])),
+                        'wrong': float(np.mean(errors > WRONG))})
+    return rows
+
+
+def measure(arguments):
+    """Everything that the tables and pictures show, as one dictionary."""
+    rng = np.random.default_rng(arguments.seed)
+    part = 0.1 if arguments.quick else 1.0
+    progress = Progress(12 + 6 + 2 + 6 + 4 + 1 + 4)
+    begin = time.perf_counter()
+    result = {
+        'seed': arguments.seed, 'quick': arguments.quick,
+        'versions': {'python': platform.python_version(), 'numpy': np.__version__},
+        'thesis': thesis_figures(int(300 * part), rng, progress),
+        'bars': bars(int(1000 * part), rng, progress),
+        'without_noise': without_noise(progress),
+        'error_and_time': error_and_time(int(300 * part), rng, progress),
+        'sweeps': sweeps(int(150 * part), rng, progress),
+        'rank': rank_map(progress),
+        'refusals': refusals(int(60 * part), rng, progress)}
+    progress.close()
+    result['seconds'] = time.perf_counter() - begin
+    return result
+
+
+def main():
+    """Run the benchmark from the command line."""
+    parser = argparse.ArgumentParser(
+        prog='./ws bench shape', description=__doc__.strip(),
+        formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument('--quick', action='store_true', help=(
+        'a tenth of the samples; writes into runs/bench_shape and leaves docs/ alone'))
+    parser.add_argument('--seed', type=int, default=4, help='of every random number (%(default)s)')
+    arguments = parser.parse_args()
+    result = measure(arguments)
+    text = tables.everything(result)
+    print(text)
+    if arguments.quick:
+        results = pictures = ROOT / 'runs' / 'bench_shape'
+    else:
+        results, pictures = ROOT / 'benchmarks' / 'results', ROOT / 'docs'
+    results.mkdir(parents=True, exist_ok=True)
+    (results / 'shape.json').write_text(
+        json.dumps(finite(result), allow_nan=False) + '\n', 'utf-8')
+    try:
+        import _shape_charts as charts
+    except ImportError as error:
+        print(f'no pictures: {error}')
+    else:
+        charts.draw(result, pictures)
+    if not arguments.quick and PAGE.exists():
+        before, _, rest = PAGE.read_text('utf-8').partition(BEGIN)
+        after = rest.partition(END)[2]
+        PAGE.write_text(f'{before}{BEGIN}\n\n{text}\n{END}{after}', 'utf-8')
+    return 0
+
+
+if __name__ == '__main__':
+    sys.exit(main())
