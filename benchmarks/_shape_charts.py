@@ -173,7 +173,7 @@ def _sweeps(result):
     axes[1, 1].set_title('surface_matrix alone', fontsize=9)
     axes[0, 0].plot([], [], 'o-', color='black', label='local_quadric')
     axes[0, 0].plot([], [], 'x:', color='black', label='surface_matrix, N = 6')
-    axes[0, 0].legend(fontsize=8)
+    axes[1, 1].legend(*axes[0, 0].get_legend_handles_labels(), fontsize=8, loc='lower right')
     figure.supylabel('median error over 20×4 mm [mm]; left out where most are refused or see one '
                      'curvature', fontsize=9)
     return figure
