@@ -7,7 +7,9 @@ import numpy as np
 
 from tactile_shape.motion import rotation_between, rotation_part
 
-NONE, POINT, LINE = 0, 1, 2  # numbers of Contact.msg
+NONE, POINT, LINE, OTHER = range(4)  # numbers of Contact.msg
+ELONGATED = 4.0  # ratio of second moments; a straight edge has 10 and more, a round contact 1
+TWO_CONTACTS = 128  # flag of Contact.msg
 _NS = 1_000_000_000
 
 
@@ -55,29 +57,54 @@ class Placed(NamedTuple):
     reason: str
 
 
-def on_pad(contact, finger_radius=0.0):
+def locate(contact):
+    """
+    Where a contact is on the array, and whether it is with an edge.
+
+    Parameters
+    ----------
+    contact : tactile_sensing.contact.Contact
+
+    Returns
+    -------
+    place : (float, float) or None
+        x, y [m]; of an edge, the point nearest to the pad's centre. What is neither point nor
+        edge is where its centre of pressure is: a curved edge, or a large area. None where
+        nothing is located.
+    edge : bool
+    """
+    if contact.type == OTHER:
+        # No model explains it, but force and moments hold.
+        place, long = contact.moments.centre_of_pressure, contact.moments.elongation()
+        if not np.isfinite(place).all() or (
+                contact.reasons & TWO_CONTACTS and not long > ELONGATED):
+            return None, False
+        return place, bool(long > ELONGATED)
+    if not contact.valid or contact.type not in (POINT, LINE):
+        return None, False
+    if contact.type == POINT:
+        return (contact.a, contact.b), False
+    c, s = np.cos(contact.yaw), np.sin(contact.yaw)
+    return (contact.a * c * c, contact.a * c * s), True
+
+
+def on_pad(place, finger_radius=0.0):
     """
     Position and outward normal of the pad's surface, which is the object's inward one.
 
     Parameters
     ----------
-    contact : tactile_sensing.contact.Contact
-        Valid, of a point or an edge.
+    place : (float, float)
+        On the array [m].
     finger_radius : float
         Of a pad that is a sphere touching the plane z = 0 of the sensor frame; 0 = flat [m].
 
     Returns
     -------
     position, normal : ndarray, shape (3,)
-        In the sensor frame. None, None for what is neither point nor edge, or off the finger.
+        In the sensor frame. None, None for a place off the finger.
     """
-    if not contact.valid or contact.type not in (POINT, LINE):
-        return None, None
-    if contact.type == LINE:
-        c, s = np.cos(contact.yaw), np.sin(contact.yaw)
-        x, y = contact.a * c * c, contact.a * c * s
-    else:
-        x, y = contact.a, contact.b
+    x, y = place
     if not finger_radius:
         return np.array([x, y, 0.0]), np.array([0.0, 0.0, 1.0])
     square = finger_radius**2 - x * x - y * y
@@ -196,12 +223,14 @@ class ContactPath:
         while self._waiting and newest is not None and self._waiting[0][0] <= newest:
             stamp, contact, extra = self._waiting.popleft()
             pose = self._poses.at(stamp)
-            position, normal = on_pad(contact, self._finger_radius)
+            place, edge = locate(contact)
+            position, normal = (None, None) if place is None else on_pad(
+                place, self._finger_radius)
             if contact.type == NONE:
                 self._last = None
                 placed.append(Placed(extra, None, True, 'nothing is touched'))
             elif position is None:
-                placed.append(Placed(extra, None, False, 'no point and no edge is located'))
+                placed.append(Placed(extra, None, False, 'the contact is not located'))
             elif pose is None:
                 self.lost += 1
                 placed.append(Placed(extra, None, False, 'no pose of the sensor at its stamp'))
@@ -210,5 +239,5 @@ class ContactPath:
                 self._last = stamp
                 placed.append(Placed(extra, SpatialContact(
                     stamp, pose[:3, :3] @ position + pose[:3, 3], pose[:3, :3] @ normal,
-                    contact.type == LINE), anew, ''))
+                    edge), anew, ''))
         return placed

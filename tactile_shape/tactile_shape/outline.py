@@ -4,9 +4,8 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from tactile_shape.config import check_fields
+from tactile_shape.contour_pieces import angle_between, divide
 from tactile_shape.errors import ConfigurationError
-
-_F_LEVEL = 12.0  # how much better than chance an arc must explain a side than a line does
 
 
 @dataclass(frozen=True)
@@ -22,6 +21,12 @@ class OutlineConfig:
     rounding: float = field(default=3e-3, metadata={
         'doc': 'contour next to a corner that is not used: the skin rounds it', 'unit': 'm',
         'range': (0.0, 1.0)})
+    tolerance: float = field(default=1e-4, metadata={
+        'doc': 'RMS distance of its points that a line or an arc may have, beyond their noise; '
+               'else it is divided', 'unit': 'm', 'range': (1e-9, 1.0)})
+    spacing: float = field(default=1e-3, metadata={
+        'doc': 'contour points nearer to each other are averaged', 'unit': 'm',
+        'range': (0.0, 1.0)})
     closing: float = field(default=2e-3, metadata={
         'doc': 'largest gap between the ends of a closed contour', 'unit': 'm',
         'range': (0.0, 1.0)})
@@ -33,7 +38,7 @@ class OutlineConfig:
 @dataclass(frozen=True, eq=False)
 class Side:
     """
-    Piece of an outline between two corners.
+    Piece of an outline: between corners, or where a line goes over into an arc.
 
     Attributes
     ----------
@@ -122,43 +127,18 @@ def find_outline(points, config=None):
             f'{2e3 * config.leg:.3g} mm')
     centre, axes = _plane(points)
     flat, closed = _cut_overlap((points - centre) @ axes[:, :2], config)
+    flat = _average(flat, config.spacing)
+    if len(flat) < 4:
+        raise ConfigurationError('contour: fewer than four of its points are apart')
+    tolerance = np.hypot(config.tolerance, 1.5 * _noise(flat))
     corners = _corners(flat, closed, config)
-    pieces = _pieces(flat, corners, closed)
-    fits = [_fit_piece(_inner(piece, k > 0 or closed, k < len(pieces) - 1 or closed,
-                              config.rounding if len(corners) else 0.0))
-            for k, piece in enumerate(pieces)]
-    return _assemble(flat, pieces, fits, corners, closed,
+    pieces = []
+    for k, run in enumerate(runs := _runs(flat, corners, closed)):
+        ends = (k > 0 or bool(closed and corners),
+                k < len(runs) - 1 or bool(closed and corners))
+        pieces += divide(run, ends, config.rounding, tolerance)
+    return _assemble(flat, pieces, corners, closed,
                      lambda u: centre + np.asarray(u) @ axes[:, :2].T)
-
-
-def fit_circle(points):
-    """
-    Circle through points (N, 2) by least squares of the distance.
-
-    Returns
-    -------
-    centre : ndarray, shape (2,)
-    radius : float
-        inf where the points lie on a line.
-    """
-    middle = points.mean(axis=0)
-    u = points - middle
-    scale = np.abs(u).max() or 1.0
-    u = u / scale
-    matrix = np.column_stack([2.0 * u, np.ones(len(u))])
-    solution, _, rank, _ = np.linalg.lstsq(matrix, (u**2).sum(axis=1), rcond=1e-12)
-    if rank < 3:
-        return middle, np.inf
-    centre, radius = solution[:2], np.sqrt(solution[2] + solution[:2] @ solution[:2])
-    for _ in range(10):  # Gauss-Newton on the distance itself
-        away = u - centre
-        length = np.linalg.norm(away, axis=1)
-        jacobian = np.column_stack([away / length[:, None], np.ones(len(u))])
-        step = np.linalg.lstsq(jacobian, length - radius, rcond=None)[0]
-        centre, radius = centre + step[:2], radius + step[2]
-        if np.abs(step).max() < 1e-12 * radius:
-            break
-    return middle + scale * centre, scale * radius
 
 
 def _plane(points):
@@ -169,6 +149,28 @@ def _plane(points):
         axes[:, 2] = -axes[:, 2]
     axes[:, 1] = np.cross(axes[:, 2], axes[:, 0])
     return centre, axes
+
+
+def _average(flat, spacing):
+    """Points (n, 2), those within a spacing of each other averaged; the ends stay."""
+    travel = np.append(0.0, np.cumsum(np.linalg.norm(np.diff(flat, axis=0), axis=1)))
+    if not spacing or travel[-1] < spacing:
+        return flat
+    cell = np.minimum((travel / spacing).astype(int), int(travel[-1] / spacing))
+    used, cell = np.unique(cell, return_inverse=True)
+    sums = np.stack([np.bincount(cell, values, len(used)) for values in flat.T], axis=1)
+    means = sums / np.bincount(cell, minlength=len(used))[:, None]
+    return np.concatenate([flat[:1], means[1:-1], flat[-1:]])
+
+
+def _noise(flat):
+    """Standard deviation of points across their contour, by their second differences [m]."""
+    step = flat[2:] - flat[:-2]
+    length = np.linalg.norm(step, axis=1)
+    bend = flat[2:] - 2.0 * flat[1:-1] + flat[:-2]
+    across = np.abs(step[:, 0] * bend[:, 1] - step[:, 1] * bend[:, 0])
+    some = length > 0.0
+    return np.median(across[some] / length[some]) / (0.6745 * np.sqrt(6.0)) if some.any() else 0.0
 
 
 def _cut_overlap(flat, config):
@@ -198,7 +200,7 @@ def _corners(flat, closed, config):
     turn = np.zeros(len(around))
     inside = (travel >= config.leg) & (travel <= travel[-1] - config.leg)
     into, out = around - around[before], around[after] - around
-    turn[inside] = np.abs(_angle(into, out)[inside])
+    turn[inside] = np.abs(angle_between(into, out)[inside])
     found = []
     for k in range(offset, offset + count):
         near = (travel > travel[k] - config.leg) & (travel < travel[k] + config.leg)
@@ -213,13 +215,8 @@ def _corners(flat, closed, config):
     return found
 
 
-def _angle(one, other):
-    cross = one[..., 0] * other[..., 1] - one[..., 1] * other[..., 0]
-    return np.arctan2(cross, (one * other).sum(axis=-1))
-
-
-def _pieces(flat, corners, closed):
-    """Points of each side."""
+def _runs(flat, corners, closed):
+    """Points between corners."""
     if not closed:
         return [flat[a:b + 1] for a, b in zip(
             [0, *corners], [*corners, len(flat) - 1], strict=True)]
@@ -228,36 +225,6 @@ def _pieces(flat, corners, closed):
     ends = [*corners[1:], corners[0] + len(flat)]
     around = np.concatenate([flat, flat])
     return [around[a:b + 1] for a, b in zip(corners, ends, strict=True)]
-
-
-def _inner(piece, cut_start, cut_end, rounding):
-    """Points of a side that the corners have not rounded; all of a very short one."""
-    travel = np.append(0.0, np.cumsum(np.linalg.norm(np.diff(piece, axis=0), axis=1)))
-    keep = ((travel >= (rounding if cut_start else 0.0))
-            & (travel <= travel[-1] - (rounding if cut_end else 0.0)))
-    return piece[keep] if keep.sum() >= 3 else piece
-
-
-def _fit_piece(points):
-    """Line (point, direction) and, where the points demand it, a circle."""
-    middle = points.mean(axis=0)
-    direction = np.linalg.svd(points - middle)[2][0]
-    direction = direction if direction @ (points[-1] - points[0]) >= 0.0 else -direction
-    off = (points - middle) @ [-direction[1], direction[0]]
-    line = float(off @ off)
-    fit = {'middle': middle, 'direction': direction, 'radius': np.inf,
-           'residual': np.sqrt(line / len(points))}
-    if len(points) < 6:
-        return fit
-    centre, radius = fit_circle(points)
-    if not np.isfinite(radius):
-        return fit
-    arc = float(((np.linalg.norm(points - centre, axis=1) - radius)**2).sum())
-    # Neighbours share their noise: of ten points, one counts.
-    freedom = max(1.0, len(points) / 10.0 - 3.0)
-    if line - arc > _F_LEVEL * max(arc, 1e-24) / freedom:
-        fit |= {'centre': centre, 'radius': radius, 'residual': np.sqrt(arc / len(points))}
-    return fit
 
 
 def _meet(first, second, corner):
@@ -278,31 +245,42 @@ def _meet(first, second, corner):
     return p + along * d
 
 
-def _assemble(flat, pieces, fits, corners, closed, lift):
+def _assemble(flat, pieces, corners, closed, lift):
+    """Outline of pieces in the plane; `lift` brings points (..., 2) into space."""
+    loop = bool(closed and corners)
     joints = []
-    for k, index in enumerate(corners):
-        before, after = (fits[k - 1], fits[k]) if closed else (fits[k], fits[k + 1])
-        joints.append(_meet(before, after, flat[index]))
-    sides = []
-    for k, (piece, fit) in enumerate(zip(pieces, fits, strict=True)):
-        if closed and not corners:
-            start = end = flat[0]
-        elif closed:
-            start, end = joints[k], joints[(k + 1) % len(joints)]
+    for k, piece in enumerate(pieces):
+        if not piece.ends[0]:
+            joints.append(piece.points[0])
         else:
-            start = joints[k - 1] if k else flat[0]
-            end = joints[k] if k < len(joints) else flat[-1]
-        sides.append(Side(
-            'arc' if np.isfinite(fit['radius']) else 'line', lift(start), lift(end),
-            _length(piece, fit, start, end), float(fit['radius']), float(fit['residual'])))
-    turns = [_angle(fits[k - 1 if closed else k]['direction'],
-                    fits[k if closed else k + 1]['direction']) for k in range(len(corners))]
-    return Outline(lift(np.array(joints).reshape(-1, 2)), np.array(turns), tuple(sides), closed)
+            joints.append(_meet(pieces[k - 1].fit, piece.fit, piece.points[0]))
+    ends = joints[1:] + [joints[0] if loop else pieces[-1].points[-1]]
+    if closed and not corners:
+        ends[-1] = joints[0]
+    sides = tuple(Side(
+        'arc' if np.isfinite(piece.fit['radius']) else 'line', lift(start), lift(end),
+        _length(piece, start, end), float(piece.fit['radius']), float(piece.fit['residual']))
+        for piece, start, end in zip(pieces, joints, ends, strict=True))
+    sharp = [k for k, piece in enumerate(pieces) if piece.ends[0]]
+    turns = [float(angle_between(_heading(pieces[k - 1], -1, joints[k]),
+                          _heading(pieces[k], 0, joints[k]))) for k in sharp]
+    return Outline(lift(np.array([joints[k] for k in sharp]).reshape(-1, 2)), np.array(turns),
+                   sides, closed)
 
 
-def _length(piece, fit, start, end):
-    if not np.isfinite(fit['radius']):
+def _heading(piece, end, point):
+    """Direction of a piece at one of its ends."""
+    if np.isinf(piece.fit['radius']):
+        return piece.fit['direction']
+    away = point - piece.fit['centre']
+    along = piece.points[-1] - piece.points[-2] if end else piece.points[1] - piece.points[0]
+    across = np.array([-away[1], away[0]])
+    return across if across @ along >= 0.0 else -across
+
+
+def _length(piece, start, end):
+    if not np.isfinite(piece.fit['radius']):
         return float(np.linalg.norm(end - start))
     # The angle swept, by steps so that more than half a circle counts.
-    away = np.array([start, *piece[1:-1], end]) - fit['centre']
-    return float(fit['radius'] * abs(_angle(away[:-1], away[1:]).sum()))
+    away = np.array([start, *piece.points[1:-1], end]) - piece.fit['centre']
+    return float(piece.fit['radius'] * abs(angle_between(away[:-1], away[1:]).sum()))

@@ -4,7 +4,8 @@ import pytest
 from scipy.spatial.transform import Rotation, Slerp
 
 from tactile_sensing.contact import Contact, ContactType, Reason
-from tactile_shape.contact_path import ContactPath, on_pad, PoseBuffer
+from tactile_sensing.moments import Moments
+from tactile_shape.contact_path import ContactPath, locate, on_pad, PoseBuffer
 
 MS = 1_000_000
 
@@ -27,28 +28,49 @@ def pose(seed):
     return it
 
 
+def other(m0, place, along, across, reasons=Reason.BAD_FIT):
+    """Contact that no model explains, of given centre and variances along y and x [m^2]."""
+    x, y = place
+    return Contact(ContactType.OTHER, False, reasons, 'fit', moments=Moments(
+        m0, m0 * x, m0 * y, m0 * (across + x * x), m0 * (along + y * y), m0 * x * y))
+
+
 def test_point_on_a_flat_pad():
-    position, normal = on_pad(point(1e-3, -2e-3))
+    place, edge = locate(point(1e-3, -2e-3))
+    assert place == (1e-3, -2e-3) and not edge
+    position, normal = on_pad(place)
     np.testing.assert_allclose(position, [1e-3, -2e-3, 0.0])
     np.testing.assert_array_equal(normal, [0.0, 0.0, 1.0])
 
 
 @pytest.mark.parametrize('yaw', [0.0, 0.4, -1.0])
 def test_edge_is_touched_where_it_is_nearest_to_the_centre(yaw):
-    position, _ = on_pad(line(3e-3, yaw))
-    along = np.array([-np.sin(yaw), np.cos(yaw), 0.0])
-    assert position @ along == pytest.approx(0.0, abs=1e-15)  # the foot of the perpendicular
+    place, edge = locate(line(3e-3, yaw))
+    along = np.array([-np.sin(yaw), np.cos(yaw)])
+    assert edge and np.dot(place, along) == pytest.approx(0.0, abs=1e-15)
     # and on the line through (a, 0) with direction (-sin, cos)
-    assert np.cross(position - [3e-3, 0.0, 0.0], along)[2] == pytest.approx(0.0, abs=1e-15)
+    away = np.subtract(place, [3e-3, 0.0])
+    assert away[0] * along[1] - away[1] * along[0] == pytest.approx(0.0, abs=1e-15)
+
+
+def test_what_no_model_explains_is_at_its_centre_of_pressure():
+    place, edge = locate(other(5.0, (1e-3, 2e-3), 50e-6, 4e-6))
+    assert edge
+    np.testing.assert_allclose(place, [1e-3, 2e-3])
+    both = Reason.BAD_FIT | Reason.TWO_CONTACTS
+    assert locate(other(5.0, (0.0, 0.0), 50e-6, 4e-6, both)) == ((0.0, 0.0), True)  # curved edge
+    assert locate(other(5.0, (0.0, 0.0), 9e-6, 8e-6)) == ((0.0, 0.0), False)  # a round area
+    assert locate(other(5.0, (0.0, 0.0), 9e-6, 8e-6, both)) == (None, False)
+    assert locate(other(0.0, (0.0, 0.0), 9e-6, 8e-6)) == (None, False)
 
 
 def test_round_finger():
-    position, normal = on_pad(point(3e-3, 4e-3), 0.01)
+    position, normal = on_pad((3e-3, 4e-3), 0.01)
     assert np.linalg.norm(normal) == pytest.approx(1.0)
     np.testing.assert_allclose(position[:2], [3e-3, 4e-3])
     np.testing.assert_allclose(position - 0.01 * normal, [0.0, 0.0, -0.01], atol=1e-15)
-    assert on_pad(point(0.011, 0.0), 0.01) == (None, None)
-    assert on_pad(point(valid=False)) == (None, None) == on_pad(NOTHING)
+    assert on_pad((0.011, 0.0), 0.01) == (None, None)
+    assert locate(point(valid=False)) == (None, False) == locate(NOTHING)
 
 
 def test_interpolation_is_that_of_scipy():

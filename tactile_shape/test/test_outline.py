@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from tactile_shape.contour_pieces import fit_circle
 from tactile_shape.errors import ConfigurationError
-from tactile_shape.outline import find_outline, fit_circle, OutlineConfig
+from tactile_shape.outline import find_outline, OutlineConfig
 
 TAPE = np.array([[0.0, 0.0], [0.109, 0.0], [0.109, 0.069], [0.0, 0.069]])
 
@@ -59,6 +60,24 @@ def test_curved_edge(radius, angle):
     (side,) = outline.sides
     assert side.kind == 'arc' and side.radius == pytest.approx(radius, rel=0.01)
     assert side.length == pytest.approx(radius * s[-1], rel=0.01)
+
+
+@pytest.mark.parametrize('noise', [1e-6, 3e-5])
+def test_a_line_that_goes_over_into_an_arc_and_back(noise):
+    """The scene `curve`: 30 mm, a quarter of a circle of 60 mm radius, 30 mm."""
+    radius = 0.06
+    angle = np.arange(0.0, np.pi / 2, 1e-3 / radius)
+    arc = radius * np.column_stack([np.sin(angle), 1.0 - np.cos(angle)])
+    path = np.concatenate([walk(np.array([[-0.03, 0.0], [0.0, 0.0]]), 1e-3), arc,
+                           walk(np.array([[radius, radius], [radius, radius + 0.03]]), 1e-3)])
+    for seed in range(5):
+        rng = np.random.default_rng(seed)
+        outline = find_outline(lifted(path + rng.normal(0.0, noise, path.shape)))
+        assert [side.kind for side in outline.sides] == ['line', 'arc', 'line']
+        assert len(outline.corners) == 0
+        lengths = [side.length for side in outline.sides]
+        assert outline.sides[1].radius == pytest.approx(radius, rel=0.01)
+        np.testing.assert_allclose(lengths, [0.03, np.pi / 2 * radius, 0.029], atol=5e-3)
 
 
 def test_a_whole_circle_and_a_line():
