@@ -1,0 +1,53 @@
+"""A curved edge, traced by the whole graph, gives a contour of its radius."""
+
+from nav_msgs.msg import Path
+import numpy as np
+import pytest
+from rclpy.node import Node
+from rclpy.qos import DurabilityPolicy, QoSProfile
+from tactile_tests.graph import bench
+
+from tactile_msgs.msg import SurfacePatch
+from tactile_shape.nodes.shape_estimator import ShapeEstimatorNode
+from tactile_shape.outline import find_outline
+
+RADIUS = 0.06  # m, of the scene `curve`
+
+
+class ContourListener(Node):
+    """Keeps the newest contour and counts the patches."""
+
+    def __init__(self, **kwargs):
+        super().__init__('contour_listener', **kwargs)
+        self.contour, self.patches = None, 0
+        latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+        self.create_subscription(Path, 'contour', self._on_contour, latched)
+        self.create_subscription(SurfacePatch, 'surface_patch', self._on_patch, 100)
+
+    def _on_contour(self, msg):
+        self.contour = msg
+
+    def _on_patch(self, _):
+        self.patches += 1
+
+    @property
+    def points(self):
+        """Contour, ndarray (N, 3) [m]."""
+        poses = self.contour.poses if self.contour else []
+        return np.array([[getattr(pose.pose.position, axis) for axis in 'xyz']
+                         for pose in poses]).reshape(-1, 3)
+
+
+def test_the_curved_edge_has_its_radius():
+    with bench('curve') as it:
+        it.add_all()
+        it.graph.add(ShapeEstimatorNode)
+        listener = it.graph.add(ContourListener)
+        client = it.track(speed=0.023, length=0.12)
+        assert client.success, client.reason
+        it.wait(lambda: len(listener.points) > 90, 'the contour')
+        contour, patches = listener.points, listener.patches
+    assert patches > 500
+    outline = find_outline(contour)
+    curved = max(outline.sides, key=lambda side: side.length)
+    assert curved.kind == 'arc' and curved.radius == pytest.approx(RADIUS, rel=0.01)
