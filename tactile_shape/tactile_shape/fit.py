@@ -20,7 +20,8 @@ from tactile_shape.trace import load_trace, OPTIONAL
 from tactile_shape.tracker import make_estimator, METHODS, ShapeTracker
 
 # What of a reason differs from contact to contact.
-_NUMBERS = re.compile('^the path of [^ ]+ mm is |^[0-9]+ contacts see |, not all of .*')
+_NUMBERS = re.compile(
+    '^the path of [^ ]+ mm is |^[0-9]+ contacts see |, not all of .*|: they scatter by .*')
 CHUNK = 1000  # patches written at a time
 QUIET = 1.0  # s without a progress bar
 PATCH = (0.02, 0.004)  # m, over which an error is taken

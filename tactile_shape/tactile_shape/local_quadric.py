@@ -18,6 +18,7 @@ from tactile_shape.surface_matrix import tangent_frame
 
 METHOD = 'local_quadric'
 QUIET = 5.0  # times the noise of location that a cell of the window is long, at least
+SCATTERED = 0.3  # of a cell's length; beyond, cells are not what averages them
 _SHARP = 0.98  # of 1 / finger radius; a surface of the centre that curves more is an edge
 
 
@@ -70,8 +71,8 @@ class LocalQuadric:
             c.position_noise, c.location_noise, np.hypot(c.normal_noise, on_finger),
             c.finger_radius * c.normal_noise])
         self._spread_noise = np.hypot(c.position_noise, c.location_noise)
-        self._window = ContactWindow(
-            c.window, c.max_turn, max(c.window / CELLS, QUIET * self._spread_noise))
+        self._cell = max(c.window / CELLS, QUIET * self._spread_noise)
+        self._window = ContactWindow(c.window, c.max_turn, self._cell)
         for x in (0.0, 1.0):  # loads or compiles the kernels now, not at the first contact
             self.update(np.array([x, 0.0, 0.0]), np.array([0.0, 0.0, 1.0]))
         self.reset()
@@ -123,11 +124,15 @@ class LocalQuadric:
             return _refusal('no contact yet')
         points, normals, weights, extent = self._contacts
         radius = self.config.finger_radius
-        (kind, axes, height, slope, principal, heading, covariance, seen, along, residual) = (
+        (kind, axes, height, slope, principal, heading, covariance, seen, along, residual,
+         scatter) = (
             kernel.solve(points, normals, weights, self._centre, tangent_frame(self._normal),
                          self._noise, self._spread_noise, self.config.prior_curvature))
         known = {'extent': extent, 'samples': self._window.samples, 'residual': residual,
                  'frame': _frame(self._centre, axes, height, slope, heading, radius)}
+        if scatter > SCATTERED * self._cell:
+            return _refusal('the contacts lie on no surface of second order: they scatter by '
+                            f'{1e3 * scatter:.2g} mm', **known)
         if radius:
             # The centre moves on a surface whose radii are larger by the finger's.
             shrink = 1.0 - radius * principal

@@ -22,6 +22,8 @@ CLEAR = 9.0
 # contacts count less.
 MODEL_ERROR = 0.1
 _HEADINGS = 48
+_ENOUGH = 10  # cells whose residuals tell their noise
+_HEIGHTS_SPENT = 2.0  # of the six parameters, what the heights alone have paid for, about
 
 
 @njit(cache=True)
@@ -247,6 +249,20 @@ def _curvature_equations(u, z, n, weights, noise, curvature, doubt, model_error,
 
 
 @njit(cache=True)
+def _position_noise(u, z, n, weights, flat, curvature, told):
+    """Standard deviation of positions [m], from the heights' residuals if that is the larger."""
+    if len(z) < _ENOUGH:
+        return told
+    total = 0.0
+    for i in range(len(z)):
+        x, y = u[i]
+        bend = 0.5 * (curvature[0] * x * x + curvature[2] * y * y) + curvature[1] * x * y
+        residual = 0.5 * z[i] * (1.0 + n[i, 2]) - flat[0] - flat[1] * x - flat[2] * y - bend
+        total += weights[i] * residual**2
+    return max(told, math.sqrt(total / (len(z) - _HEIGHTS_SPENT)))
+
+
+@njit(cache=True)
 def _excess(information, reduced, rest, freedom):
     """Chi-square per degree of freedom, at least 1: what no surface explains is noise."""
     if freedom < 1:
@@ -291,16 +307,21 @@ def solve(points, normals, weights, origin, axes, noise, spread_noise, prior):
     along : float
         Variance of the curvature along the path.
     residual : float
+    scatter : float
+        Standard deviation of positions about the surface, or what was told if it is larger [m].
     """
     axes, count = _path_frame(points, weights, origin, axes, spread_noise)
     local, n = (points - origin) @ axes, normals @ axes
     u, z = local[:, :2].copy(), local[:, 2].copy()
     kind, residual, curvature, doubt = 0, math.nan, np.zeros(3), np.zeros(3)
+    noise, told = noise.copy(), noise[0]
     information, reduced, flat, lift, rest = _curvature_equations(
         u, z, n, weights, noise, curvature, doubt, 0.0, count, prior)
     for _ in range(PASSES - 1 if count else 0):
         covariance = np.linalg.inv(information)
         curvature, doubt = covariance @ reduced, np.diag(covariance).copy()
+        noise[0] = _position_noise(
+            u, z, n, weights, flat - lift @ curvature, curvature, told)
         information, reduced, flat, lift, rest = _curvature_equations(
             u, z, n, weights, noise, curvature, doubt, 0.0, count, prior)
     if count:
@@ -326,4 +347,4 @@ def solve(points, normals, weights, origin, axes, noise, spread_noise, prior):
         kind if count == 3 else GENERAL, information, k1, heading)
     along = np.linalg.inv(information)[0, 0]
     return (kind, axes, flat[0], flat[1:], np.array([k1, k2]), heading, covariance, seen, along,
-            residual)
+            residual, noise[0])

@@ -149,6 +149,45 @@ def test_a_round_finger_over_an_edge():
     assert not patch.valid and 'edge' in patch.reason and np.isnan(patch.curvature).all()
 
 
+def noisy_everywhere(std, trials, case, rng):
+    """Patches from positions whose noise, in every direction, the estimator is not told."""
+    surface = case[0]
+    for _ in range(trials):
+        path = Weave(heading=rng.uniform(0.0, np.pi))
+        yield last(ESTIMATOR, *add_noise(*path.trace(surface, 0.028), rng, position=std)), path
+
+
+@pytest.mark.parametrize('case', BARS)
+def test_bars_hold_with_noise_of_height_that_was_not_told(case):
+    surface, kind, median, most, right = case
+    patches = list(noisy_everywhere(1.5e-4, 100, case, np.random.default_rng(14)))
+    errors = [error(patch, surface, path) for patch, path in patches]
+    # On a plane that much noise is at the bar itself.
+    assert np.median(errors) < 1.2 * median and np.percentile(errors, 95) < most
+    assert np.mean([patch.kind == kind for patch, _ in patches]) >= right
+
+
+def test_far_more_noise_than_was_told_is_refused():
+    for case in BARS:
+        for patch, _ in noisy_everywhere(6e-4, 10, case, np.random.default_rng(15)):
+            assert not patch.valid and 'they scatter by' in patch.reason
+
+
+@pytest.mark.parametrize('degrees', [20.0, 30.0, 38.0])
+def test_a_ridge_is_refused(degrees):
+    """Half a window on each side of where two planes meet."""
+    half = np.radians(degrees) / 2.0
+    s = np.arange(-0.012, 0.012, 2.5e-4)
+    side = np.sign(s + 1e-9)
+    points = np.column_stack([s * np.cos(half), 2e-3 * np.sin(2 * np.pi * s / 0.016),
+                              np.abs(s) * np.sin(half)])
+    normals = np.column_stack([-side * np.sin(half), 0 * s, np.full(len(s), np.cos(half))])
+    rng = np.random.default_rng(16)
+    for _ in range(20):
+        patch = last(ESTIMATOR, *add_noise(points, normals, rng))
+        assert not patch.valid and 'no surface of second order' in patch.reason
+
+
 def test_a_straight_path_sees_one_curvature():
     rng = np.random.default_rng(11)
     for surface, heading, expected in (
