@@ -157,13 +157,13 @@ def noisy_everywhere(std, trials, case, rng):
         yield last(ESTIMATOR, *add_noise(*path.trace(surface, 0.028), rng, position=std)), path
 
 
-@pytest.mark.parametrize('case', BARS)
+# On a plane that much noise of height is itself as large as the bar.
+@pytest.mark.parametrize('case', BARS[1:])
 def test_bars_hold_with_noise_of_height_that_was_not_told(case):
     surface, kind, median, most, right = case
     patches = list(noisy_everywhere(1.5e-4, 100, case, np.random.default_rng(14)))
     errors = [error(patch, surface, path) for patch, path in patches]
-    # On a plane that much noise is at the bar itself.
-    assert np.median(errors) < 1.2 * median and np.percentile(errors, 95) < most
+    assert np.median(errors) < median and np.percentile(errors, 95) < most
     assert np.mean([patch.kind == kind for patch, _ in patches]) >= right
 
 
