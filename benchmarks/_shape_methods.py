@@ -7,7 +7,7 @@ import numpy as np
 from tactile_shape.local_quadric import LocalQuadric, LocalQuadricConfig
 from tactile_shape.matrix_estimator import MatrixEstimator, MatrixEstimatorConfig
 from tactile_shape.patch import Kind, Patch
-from tactile_shape.surface_matrix import principal_axes, tangent_frame
+from tactile_shape.tangent import principal_axes, tangent_frame
 
 WINDOW = 0.024  # m
 

@@ -1,4 +1,6 @@
 """The last contacts of a path, averaged in cells so that their number is bounded."""
+from typing import NamedTuple
+
 from numba import njit
 import numpy as np
 
@@ -41,6 +43,43 @@ def _span(points, normals, used, window, max_turn):
     return first, travel
 
 
+class Stretch(NamedTuple):
+    """
+    Contacts of a stretch of path, averaged in cells, the oldest first.
+
+    Attributes
+    ----------
+    points, normals : ndarray, shape (m, 3)
+        Views, valid until the next contact is added.
+    counts : ndarray, shape (m,)
+        Contacts in each cell.
+    extent : float
+        Length of the path [m].
+    """
+
+    points: np.ndarray
+    normals: np.ndarray
+    counts: np.ndarray
+    extent: float
+
+    @property
+    def weights(self):
+        """Contacts in each cell that count as independent, ndarray (m,)."""
+        return np.minimum(self.counts, MAX_WEIGHT)
+
+    @property
+    def samples(self):
+        """Contacts in all cells."""
+        return int(self.counts.sum())
+
+    def newer_half(self):
+        """Return the newer half of the cells."""
+        first = (len(self.points) + 1) // 2
+        steps = np.diff(self.points[first:], axis=0)
+        return Stretch(self.points[first:], self.normals[first:], self.counts[first:],
+                       float(np.sqrt((steps**2).sum(axis=1)).sum()))
+
+
 class ContactWindow:
     """
     The contacts of the last stretch of a path.
@@ -56,11 +95,6 @@ class ContactWindow:
         The stretch ends where the normal has turned by more than this [rad].
     cell : float
         Distance within which contacts are averaged [m]; well above their noise.
-
-    Attributes
-    ----------
-    samples : int
-        Contacts in the window.
     """
 
     def __init__(self, length, max_turn, cell):
@@ -71,26 +105,13 @@ class ContactWindow:
 
     def reset(self):
         """Forget all contacts."""
-        self._used = self.samples = 0
+        self._used = 0
 
     def add(self, point, normal):
-        """
-        Add a contact.
-
-        Returns
-        -------
-        points, normals : ndarray, shape (m, 3)
-            Means of each cell, the oldest first; views, valid until the next call.
-        weights : ndarray, shape (m,)
-            Independent contacts in each.
-        extent : float
-            Length of the path [m].
-        """
+        """Add a contact and return the last Stretch of the path."""
         self._used = used = _add(
             self._points, self._normals, self._starts, self._counts, self._used, point, normal,
             self._cell)
         first, extent = _span(self._points, self._normals, used, self._length, self._max_turn)
-        counts = self._counts[first:used]
-        self.samples = int(counts.sum())
-        return (self._points[first:used], self._normals[first:used],
-                np.minimum(counts, MAX_WEIGHT), extent)
+        return Stretch(self._points[first:used], self._normals[first:used],
+                       self._counts[first:used], extent)

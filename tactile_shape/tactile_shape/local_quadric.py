@@ -14,10 +14,13 @@ from tactile_shape import quadric_kernel as kernel
 from tactile_shape.config import check_fields
 from tactile_shape.contact_window import CELLS, ContactWindow
 from tactile_shape.patch import certain_enough, Kind, Patch, usable_normal
-from tactile_shape.surface_matrix import tangent_frame
+from tactile_shape.tangent import tangent_frame
 
 METHOD = 'local_quadric'
 QUIET = 5.0  # times the noise of location that a cell of the window is long, at least
+MISFIT = 2.0  # times the noise of position: then the newer half of the window is tried
+BETTER = 0.6  # of the scatter that it must leave, to be taken
+MAX_RESIDUAL = 4.0  # standard deviations, RMS
 SCATTERED = 0.3  # of a cell's length; beyond, cells are not what averages them
 _SHARP = 0.98  # of 1 / finger radius; a surface of the centre that curves more is an edge
 
@@ -80,6 +83,7 @@ class LocalQuadric:
     def reset(self):
         """Forget the path: contact was lost."""
         self._window.reset()
+        self._stretch = None
 
     def add(self, position, normal):
         """
@@ -102,7 +106,7 @@ class LocalQuadric:
             return False
         self._normal = normal
         self._centre = position - self.config.finger_radius * self._normal
-        self._contacts = self._window.add(self._centre, self._normal)
+        self._stretch = self._window.add(self._centre, self._normal)
         return True
 
     def update(self, position, normal):
@@ -120,19 +124,25 @@ class LocalQuadric:
         Patch
             Always: what cannot be estimated is not valid, with its reason.
         """
-        if not self._window.samples:
+        if self._stretch is None:
             return _refusal('no contact yet')
-        points, normals, weights, extent = self._contacts
-        radius = self.config.finger_radius
-        (kind, axes, height, slope, principal, heading, covariance, seen, along, residual,
-         scatter) = (
-            kernel.solve(points, normals, weights, self._centre, tangent_frame(self._normal),
-                         self._noise, self._spread_noise, self.config.prior_curvature))
-        known = {'extent': extent, 'samples': self._window.samples, 'residual': residual,
-                 'frame': _frame(self._centre, axes, height, slope, heading, radius)}
-        if scatter > SCATTERED * self._cell:
-            return _refusal('the contacts lie on no surface of second order: they scatter by '
-                            f'{1e3 * scatter:.2g} mm', **known)
+        stretch = self._stretch
+        fit = self._fit(stretch)
+        if fit.scatter > MISFIT * self._noise[0] and len(stretch.points) >= 2 * kernel.ENOUGH:
+            # Where the window reaches back over another surface, its newer half fits far better.
+            newer = stretch.newer_half()
+            fit_of_newer = self._fit(newer)
+            if fit_of_newer.scatter < BETTER * fit.scatter:
+                stretch, fit = newer, fit_of_newer
+        radius, principal = self.config.finger_radius, fit.principal
+        covariance, seen = fit.covariance, fit.seen
+        known = {'extent': stretch.extent, 'samples': stretch.samples, 'residual': fit.residual,
+                 'frame': _frame(self._centre, fit, radius)}
+        if fit.scatter > SCATTERED * self._cell or fit.residual > MAX_RESIDUAL:
+            return _refusal(
+                'the contacts lie on no surface of second order, or have far more noise than '
+                f'told: they scatter by {1e3 * fit.scatter:.2g} mm, residuals are '
+                f'{fit.residual:.2g} standard deviations', **known)
         if radius:
             # The centre moves on a surface whose radii are larger by the finger's.
             shrink = 1.0 - radius * principal
@@ -146,22 +156,29 @@ class LocalQuadric:
         enough = self.config.max_curvature_std
         seen = certain_enough(seen, principal, enough)
         if seen.any():
-            return Patch(Kind(kind), True, '', METHOD, seen=seen, **known)
+            return Patch(Kind(fit.kind), True, '', METHOD, seen=seen, **known)
         why = 'too short, or too noisy, to show any curvature'
-        if along < enough**2:
+        if fit.along < enough**2:
             why = 'straight and along no principal direction: the curvature across is unseen'
-        return _refusal(f'the path of {1e3 * extent:.2g} mm is {why}', **known)
+        return _refusal(f'the path of {1e3 * stretch.extent:.2g} mm is {why}', **known)
+
+    def _fit(self, stretch):
+        return kernel.Fit(*kernel.solve(
+            stretch.points, stretch.normals, stretch.weights, self._centre,
+            tangent_frame(self._normal), self._noise, self._spread_noise,
+            self.config.prior_curvature))
 
 
 def _refusal(reason, **known):
     return Patch(Kind.NONE, False, reason, METHOD, **known)
 
 
-def _frame(centre, axes, height, slope, heading, radius):
+def _frame(centre, fit, radius):
     """Pose of the contact frame: fitted origin and normal, x along the first principal axis."""
-    normal = np.array([-slope[0], -slope[1], 1.0])
+    axes = fit.axes
+    normal = np.array([-fit.slope[0], -fit.slope[1], 1.0])
     normal = axes @ (normal / np.sqrt(normal @ normal))
-    x = axes[:, 0] * np.cos(heading) + axes[:, 1] * np.sin(heading)
+    x = axes[:, 0] * np.cos(fit.heading) + axes[:, 1] * np.sin(fit.heading)
     x = x - (x @ normal) * normal
     x /= np.sqrt(x @ x)
     frame = np.eye(4)
@@ -169,5 +186,5 @@ def _frame(centre, axes, height, slope, heading, radius):
     frame[:3, 1] = np.array([normal[1] * x[2] - normal[2] * x[1],
                              normal[2] * x[0] - normal[0] * x[2],
                              normal[0] * x[1] - normal[1] * x[0]])
-    frame[:3, 3] = centre + height * axes[:, 2] + radius * normal
+    frame[:3, 3] = centre + fit.height * axes[:, 2] + radius * normal
     return frame

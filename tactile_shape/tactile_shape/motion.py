@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from tactile_shape.errors import ConfigurationError
-from tactile_shape.surface_matrix import tangent_frame
+from tactile_shape.tangent import tangent_frame
 
 
 @dataclass(frozen=True, eq=False)

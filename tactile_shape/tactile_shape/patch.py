@@ -4,7 +4,8 @@ from enum import IntEnum
 
 import numpy as np
 
-from tactile_shape.surface_matrix import height, SurfaceMatrix
+from tactile_shape.surface_matrix import SurfaceMatrix
+from tactile_shape.tangent import height
 
 
 class Kind(IntEnum):

@@ -8,30 +8,66 @@ In a tangent frame with inward normal n and u = (x, y), any plane, sphere or cyl
 however large the arc. Both are linear in the height a, the slope b and the curvature K.
 """
 import math
+from typing import NamedTuple
 
 from numba import njit
 import numpy as np
 
-PLANE, CYLINDER, SPHERE, GENERAL = 1, 2, 3, 4
+from tactile_shape.least_model import (
+    curvature_covariance,
+    CYLINDER,
+    GENERAL,
+    least_model,
+    principal_curvatures,
+)
+
 PASSES = 3  # weights depend on K: by the third pass they no longer change
-# Chi-square exceeded by 1 % of samples with 1, 2 and 3 degrees of freedom.
-LEVELS = np.array([0.0, 6.635, 9.210, 11.345])
 # A path's breadth counts where its variance is that many times the variance of noise.
 CLEAR = 9.0
 # Share of its third order that a general surface may depart from a second-order one; makes far
 # contacts count less.
 MODEL_ERROR = 0.1
-_HEADINGS = 48
-_ENOUGH = 10  # cells whose residuals tell their noise
+ENOUGH = 10  # cells whose residuals tell their noise
 _HEIGHTS_SPENT = 2.0  # of the six parameters, what the heights alone have paid for, about
 
 
-@njit(cache=True)
-def _principal(c11, c12, c22):
-    """Eigenvalues of a symmetric 2 x 2, the larger first, and the first direction's angle."""
-    mean, half = 0.5 * (c11 + c22), 0.5 * (c11 - c22)
-    radius = math.hypot(half, c12)
-    return mean + radius, mean - radius, 0.5 * math.atan2(c12, half)
+class Fit(NamedTuple):
+    """
+    What `solve` returns.
+
+    Attributes
+    ----------
+    kind : int
+        0 where the path is too short to see any curvature.
+    axes : ndarray, shape (3, 3)
+        Tangent frame turned so that x is the path's direction.
+    height, slope : float, ndarray (2,)
+        a, b of that model, in that frame.
+    principal, heading : ndarray (2,), float
+        Principal curvatures and the angle of the first.
+    covariance : ndarray, shape (2, 2)
+        Of the principal curvatures.
+    seen : ndarray, shape (2,)
+        Variance of each as the data alone tell it.
+    along : float
+        Variance of the curvature along the path.
+    residual : float
+        RMS in standard deviations.
+    scatter : float
+        Standard deviation of positions about the surface, or what was told if it is larger [m].
+    """
+
+    kind: int
+    axes: np.ndarray
+    height: float
+    slope: np.ndarray
+    principal: np.ndarray
+    heading: float
+    covariance: np.ndarray
+    seen: np.ndarray
+    along: float
+    residual: float
+    scatter: float
 
 
 @njit(cache=True)
@@ -109,106 +145,13 @@ def equations(u, z, n, weights, noise, curvature, doubt, model_error):
 
 
 @njit(cache=True)
-def _cylinder(information, right):
-    """Heading and curvature of the best cylinder, and the chi-square that it takes away."""
-    best, heading = -1.0, 0.0
-    width = math.pi / _HEADINGS
-    low, high = 0.0, 0.0
-    for i in range(_HEADINGS):
-        gain = _cylinder_gain(information, right, i * width)[0]
-        if gain > best:
-            best, heading = gain, i * width
-    low, high = heading - width, heading + width
-    for _ in range(40):
-        left, other = low + 0.382 * (high - low), low + 0.618 * (high - low)
-        if (_cylinder_gain(information, right, left)[0]
-                > _cylinder_gain(information, right, other)[0]):
-            high = other
-        else:
-            low = left
-    heading = 0.5 * (low + high)
-    gain, curvature = _cylinder_gain(information, right, heading)
-    return gain, curvature, heading
-
-
-@njit(cache=True)
-def _cylinder_gain(information, right, heading):
-    c, s = math.cos(heading), math.sin(heading)
-    d0, d1, d2 = c * c, c * s, s * s
-    slope = d0 * right[0] + d1 * right[1] + d2 * right[2]
-    bend = (d0 * (information[0, 0] * d0 + 2.0 * information[0, 1] * d1
-                  + 2.0 * information[0, 2] * d2)
-            + d1 * (information[1, 1] * d1 + 2.0 * information[1, 2] * d2)
-            + information[2, 2] * d2 * d2)
-    return slope * slope / bend, slope / bend
-
-
-@njit(cache=True)
-def _least_model(information, right, count):
-    """
-    Least of plane, sphere, cylinder and general whose chi-square is no worse than chance.
-
-    `information` and `right` are of (K11, K12, K22); `count` of them were seen, K22 last.
-    Returns kind and the curvature of that model.
-    """
-    full = np.linalg.solve(information, right)
-    most = full @ right
-    if most < LEVELS[count]:
-        return PLANE, np.zeros(3)
-    gain, curvature, heading = _cylinder(information, right)
-    c, s = math.cos(heading), math.sin(heading)
-    cylinder = curvature * np.array([c * c, c * s, s * s])
-    if count < 3:
-        # A cylinder tells the curvature across the path from the other two, as long as it leans
-        # little on what was not seen.
-        if c * c > 0.5:
-            return CYLINDER, cylinder
-        return GENERAL, full
-    slope = right[0] + right[2]
-    bend = information[0, 0] + 2.0 * information[0, 2] + information[2, 2]
-    sphere_gap, cylinder_gap = most - slope * slope / bend, most - gain
-    if sphere_gap < LEVELS[2] and sphere_gap < cylinder_gap + LEVELS[1]:
-        return SPHERE, slope / bend * np.array([1.0, 0.0, 1.0])
-    if cylinder_gap < LEVELS[1]:
-        return CYLINDER, cylinder
-    return GENERAL, full
-
-
-@njit(cache=True)
-def _curvature_covariance(kind, information, k1, heading):
-    """
-    Covariance of the principal curvatures under a model, and the variances without it.
-
-    Of what a model fixes, the covariance is the data's as well.
-    """
-    covariance = np.linalg.inv(information)
-    c, s = math.cos(heading), math.sin(heading)
-    along, across = np.array([c * c, 2 * c * s, s * s]), np.array([s * s, -2 * c * s, c * c])
-    v11, v12, v22 = (along @ covariance @ along, along @ covariance @ across,
-                     across @ covariance @ across)
-    seen = np.array([v11, v22])
-    if kind == SPHERE:
-        bend = information[0, 0] + 2.0 * information[0, 2] + information[2, 2]
-        return np.full((2, 2), 1.0 / bend), seen
-    if kind == CYLINDER:
-        d = np.array([c * c, c * s, s * s])
-        e = k1 * np.array([-2 * c * s, c * c - s * s, 2 * c * s])
-        dd, de, ee = d @ information @ d, d @ information @ e, e @ information @ e
-        v11 = 1.0 / (dd - de * de / ee) if ee > 0.0 else 1.0 / dd
-        v12 = 0.0
-    elif kind == PLANE:
-        v12 = 0.0
-    return np.array([[v11, v12], [v12, v22]]), seen
-
-
-@njit(cache=True)
 def _path_frame(points, weights, origin, axes, spread_noise):
     """Tangent frame with x along the path, and how many of K11, K12, K22 the path can see."""
     u = (points - origin) @ axes
     total = weights.sum()
     mx, my = (weights * u[:, 0]).sum() / total, (weights * u[:, 1]).sum() / total
     x, y = u[:, 0] - mx, u[:, 1] - my
-    large, small, turn = _principal(
+    large, small, turn = principal_curvatures(
         (weights * x * x).sum() / total, (weights * x * y).sum() / total,
         (weights * y * y).sum() / total)
     c, s = math.cos(turn), math.sin(turn)
@@ -251,7 +194,7 @@ def _curvature_equations(u, z, n, weights, noise, curvature, doubt, model_error,
 @njit(cache=True)
 def _position_noise(u, z, n, weights, flat, curvature, told):
     """Standard deviation of positions [m], from the heights' residuals if that is the larger."""
-    if len(z) < _ENOUGH:
+    if len(z) < ENOUGH:
         return told
     total = 0.0
     for i in range(len(z)):
@@ -292,23 +235,8 @@ def solve(points, normals, weights, origin, axes, noise, spread_noise, prior):
 
     Returns
     -------
-    kind : int
-        0 where the path is too short to see any curvature.
-    axes : ndarray, shape (3, 3)
-        Tangent frame turned so that x is the path's direction.
-    height, slope : float, ndarray (2,)
-        a, b of that model, in that frame.
-    principal, heading : ndarray (2,), float
-        Principal curvatures and the angle of the first.
-    covariance : ndarray, shape (2, 2)
-        Of the principal curvatures.
-    seen : ndarray, shape (2,)
-        Variance of each as the data alone tell it.
-    along : float
-        Variance of the curvature along the path.
-    residual : float
-    scatter : float
-        Standard deviation of positions about the surface, or what was told if it is larger [m].
+    tuple
+        The fields of `Fit`.
     """
     axes, count = _path_frame(points, weights, origin, axes, spread_noise)
     local, n = (points - origin) @ axes, normals @ axes
@@ -326,7 +254,7 @@ def solve(points, normals, weights, origin, axes, noise, spread_noise, prior):
             u, z, n, weights, noise, curvature, doubt, 0.0, count, prior)
     if count:
         excess, residual = _excess(information, reduced, rest, 3 * len(z) - 3 - count)
-        kind, curvature = _least_model(information / excess, reduced / excess, count)
+        kind, curvature = least_model(information / excess, reduced / excess, count)
         if kind == GENERAL:
             for _ in range(2):
                 information, reduced, flat, lift, rest = _curvature_equations(
@@ -334,7 +262,7 @@ def solve(points, normals, weights, origin, axes, noise, spread_noise, prior):
                 curvature = np.linalg.solve(information, reduced)
             excess, residual = _excess(information, reduced, rest, 3 * len(z) - 3 - count)
         information = information / excess
-    k1, k2, heading = _principal(curvature[0], curvature[1], curvature[2])
+    k1, k2, heading = principal_curvatures(curvature[0], curvature[1], curvature[2])
     if abs(k2) > abs(k1):
         k1, k2, heading = k2, k1, heading + 0.5 * math.pi
     if kind == CYLINDER:
@@ -343,7 +271,7 @@ def solve(points, normals, weights, origin, axes, noise, spread_noise, prior):
         heading = 0.0
     flat = flat - lift @ curvature
     # What was not seen cannot be known better by calling it a cylinder.
-    covariance, seen = _curvature_covariance(
+    covariance, seen = curvature_covariance(
         kind if count == 3 else GENERAL, information, k1, heading)
     along = np.linalg.inv(information)[0, 0]
     return (kind, axes, flat[0], flat[1:], np.array([k1, k2]), heading, covariance, seen, along,

@@ -1,4 +1,5 @@
 """Least-model estimator: exact without noise, the bars with it, and what a path cannot see."""
+import re
 import time
 
 from hypothesis import given, settings
@@ -173,19 +174,30 @@ def test_far_more_noise_than_was_told_is_refused():
             assert not patch.valid and 'they scatter by' in patch.reason
 
 
-@pytest.mark.parametrize('degrees', [20.0, 30.0, 38.0])
-def test_a_ridge_is_refused(degrees):
-    """Half a window on each side of where two planes meet."""
+def over_a_ridge(degrees, beyond, rng):
+    """Patch at a distance beyond where two planes meet at an angle."""
     half = np.radians(degrees) / 2.0
-    s = np.arange(-0.012, 0.012, 2.5e-4)
+    s = np.arange(-0.02, beyond, 2.5e-4)
     side = np.sign(s + 1e-9)
     points = np.column_stack([s * np.cos(half), 2e-3 * np.sin(2 * np.pi * s / 0.016),
                               np.abs(s) * np.sin(half)])
     normals = np.column_stack([-side * np.sin(half), 0 * s, np.full(len(s), np.cos(half))])
+    return last(ESTIMATOR, *add_noise(points, normals, rng))
+
+
+@pytest.mark.parametrize('degrees', [20.0, 30.0, 38.0])
+def test_a_ridge_is_refused(degrees):
     rng = np.random.default_rng(16)
     for _ in range(20):
-        patch = last(ESTIMATOR, *add_noise(points, normals, rng))
-        assert not patch.valid and 'no surface of second order' in patch.reason
+        patch = over_a_ridge(degrees, 0.006, rng)
+        assert not patch.valid and re.search('second order|too noisy', patch.reason)
+
+
+@pytest.mark.parametrize('degrees', [5.0, 20.0, 30.0])
+def test_the_window_is_halved_where_it_reaches_back_over_another_surface(degrees):
+    rng = np.random.default_rng(17)
+    kinds = [over_a_ridge(degrees, 0.0135, rng).kind for _ in range(50)]
+    assert np.mean([kind == Kind.PLANE for kind in kinds]) > 0.9
 
 
 def test_a_straight_path_sees_one_curvature():

@@ -4,7 +4,8 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from tactile_shape.errors import SurfaceError
-from tactile_shape.surface_matrix import height, principal_axes, SurfaceMatrix, tangent_frame
+from tactile_shape.surface_matrix import SurfaceMatrix
+from tactile_shape.tangent import height, principal_axes, tangent_frame
 
 R = 0.03
 SPHERE, CYLINDER, PLANE = SurfaceMatrix.sphere(R), SurfaceMatrix.cylinder(R), SurfaceMatrix.plane()
