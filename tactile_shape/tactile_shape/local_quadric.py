@@ -163,10 +163,10 @@ class LocalQuadric:
         return _refusal(f'the path of {1e3 * stretch.extent:.2g} mm is {why}', **known)
 
     def _fit(self, stretch):
-        return kernel.Fit(*kernel.solve(
+        return kernel.solve(
             stretch.points, stretch.normals, stretch.weights, self._centre,
             tangent_frame(self._normal), self._noise, self._spread_noise,
-            self.config.prior_curvature))
+            self.config.prior_curvature)
 
 
 def _refusal(reason, **known):

@@ -8,11 +8,14 @@ In a tangent frame with inward normal n and u = (x, y), any plane, sphere or cyl
 however large the arc. Both are linear in the height a, the slope b and the curvature K.
 """
 import math
+from pathlib import Path
 from typing import NamedTuple
+import zlib
 
 from numba import njit
 import numpy as np
 
+from tactile_shape import least_model as least_model_module
 from tactile_shape.least_model import (
     curvature_covariance,
     CYLINDER,
@@ -214,7 +217,58 @@ def _excess(information, reduced, rest, freedom):
     return max(1.0, left), math.sqrt(left)
 
 
-@njit(cache=True)
+def _compile(version):
+    # Numba keys its cache by this file and the values of the closure: with the source of the
+    # other file in it, an edit there is noticed.
+    @njit(cache=True)
+    def solve(points, normals, weights, origin, axes, noise, spread_noise, prior):
+        if version < 0:  # never: keeps it in the closure
+            weights = weights + version
+        axes, count = _path_frame(points, weights, origin, axes, spread_noise)
+        local, n = (points - origin) @ axes, normals @ axes
+        u, z = local[:, :2].copy(), local[:, 2].copy()
+        kind, residual, curvature, doubt = 0, math.nan, np.zeros(3), np.zeros(3)
+        noise, told = noise.copy(), noise[0]
+        information, reduced, flat, lift, rest = _curvature_equations(
+            u, z, n, weights, noise, curvature, doubt, 0.0, count, prior)
+        for _ in range(PASSES - 1 if count else 0):
+            covariance = np.linalg.inv(information)
+            curvature, doubt = covariance @ reduced, np.diag(covariance).copy()
+            noise[0] = _position_noise(
+                u, z, n, weights, flat - lift @ curvature, curvature, told)
+            information, reduced, flat, lift, rest = _curvature_equations(
+                u, z, n, weights, noise, curvature, doubt, 0.0, count, prior)
+        if count:
+            excess, residual = _excess(information, reduced, rest, 3 * len(z) - 3 - count)
+            kind, curvature = least_model(information / excess, reduced / excess, count)
+            if kind == GENERAL:
+                for _ in range(2):
+                    information, reduced, flat, lift, rest = _curvature_equations(
+                        u, z, n, weights, noise, curvature, doubt, MODEL_ERROR, count, prior)
+                    curvature = np.linalg.solve(information, reduced)
+                excess, residual = _excess(information, reduced, rest, 3 * len(z) - 3 - count)
+            information = information / excess
+        k1, k2, heading = principal_curvatures(curvature[0], curvature[1], curvature[2])
+        if abs(k2) > abs(k1):
+            k1, k2, heading = k2, k1, heading + 0.5 * math.pi
+        if kind == CYLINDER:
+            k2 = 0.0
+        elif kind != GENERAL:
+            heading = 0.0
+        flat = flat - lift @ curvature
+        # What was not seen cannot be known better by calling it a cylinder.
+        covariance, seen = curvature_covariance(
+            kind if count == 3 else GENERAL, information, k1, heading)
+        along = np.linalg.inv(information)[0, 0]
+        return (kind, axes, flat[0], flat[1:], np.array([k1, k2]), heading, covariance, seen,
+                along, residual, noise[0])
+
+    return solve
+
+
+_solve = _compile(zlib.crc32(Path(least_model_module.__file__).read_bytes()))
+
+
 def solve(points, normals, weights, origin, axes, noise, spread_noise, prior):
     """
     Fit the least model to contacts in a tangent frame.
@@ -235,44 +289,6 @@ def solve(points, normals, weights, origin, axes, noise, spread_noise, prior):
 
     Returns
     -------
-    tuple
-        The fields of `Fit`.
+    Fit
     """
-    axes, count = _path_frame(points, weights, origin, axes, spread_noise)
-    local, n = (points - origin) @ axes, normals @ axes
-    u, z = local[:, :2].copy(), local[:, 2].copy()
-    kind, residual, curvature, doubt = 0, math.nan, np.zeros(3), np.zeros(3)
-    noise, told = noise.copy(), noise[0]
-    information, reduced, flat, lift, rest = _curvature_equations(
-        u, z, n, weights, noise, curvature, doubt, 0.0, count, prior)
-    for _ in range(PASSES - 1 if count else 0):
-        covariance = np.linalg.inv(information)
-        curvature, doubt = covariance @ reduced, np.diag(covariance).copy()
-        noise[0] = _position_noise(
-            u, z, n, weights, flat - lift @ curvature, curvature, told)
-        information, reduced, flat, lift, rest = _curvature_equations(
-            u, z, n, weights, noise, curvature, doubt, 0.0, count, prior)
-    if count:
-        excess, residual = _excess(information, reduced, rest, 3 * len(z) - 3 - count)
-        kind, curvature = least_model(information / excess, reduced / excess, count)
-        if kind == GENERAL:
-            for _ in range(2):
-                information, reduced, flat, lift, rest = _curvature_equations(
-                    u, z, n, weights, noise, curvature, doubt, MODEL_ERROR, count, prior)
-                curvature = np.linalg.solve(information, reduced)
-            excess, residual = _excess(information, reduced, rest, 3 * len(z) - 3 - count)
-        information = information / excess
-    k1, k2, heading = principal_curvatures(curvature[0], curvature[1], curvature[2])
-    if abs(k2) > abs(k1):
-        k1, k2, heading = k2, k1, heading + 0.5 * math.pi
-    if kind == CYLINDER:
-        k2 = 0.0
-    elif kind != GENERAL:
-        heading = 0.0
-    flat = flat - lift @ curvature
-    # What was not seen cannot be known better by calling it a cylinder.
-    covariance, seen = curvature_covariance(
-        kind if count == 3 else GENERAL, information, k1, heading)
-    along = np.linalg.inv(information)[0, 0]
-    return (kind, axes, flat[0], flat[1:], np.array([k1, k2]), heading, covariance, seen, along,
-            residual, noise[0])
+    return Fit(*_solve(points, normals, weights, origin, axes, noise, spread_noise, prior))
