@@ -17,6 +17,11 @@ class Piece:
     ends: tuple
     fit: dict
 
+    @property
+    def length(self):
+        """Length of the path [m]."""
+        return float(np.linalg.norm(np.diff(self.points, axis=0), axis=1).sum())
+
 
 def fit_circle(points, steps=STEPS):
     """

@@ -21,6 +21,9 @@ class OutlineConfig:
     rounding: float = field(default=3e-3, metadata={
         'doc': 'contour next to a corner that is not used: the skin rounds it', 'unit': 'm',
         'range': (0.0, 1.0)})
+    blur: float = field(default=0.0254, metadata={
+        'doc': 'an arc between two lines that is shorter is a corner: a pad smears it over its '
+               'own length; 0 where fillets are to be kept', 'unit': 'm', 'range': (0.0, 1.0)})
     tolerance: float = field(default=1e-4, metadata={
         'doc': 'RMS distance of its points that a line or an arc may have, beyond their noise; '
                'else it is divided', 'unit': 'm', 'range': (1e-9, 1.0)})
@@ -132,13 +135,59 @@ def find_outline(points, config=None):
         raise ConfigurationError('contour: fewer than four of its points are apart')
     tolerance = np.hypot(config.tolerance, 1.5 * _noise(flat))
     corners = _corners(flat, closed, config)
-    pieces = []
-    for k, run in enumerate(runs := _runs(flat, corners, closed)):
+    pieces = _pieces(flat, corners, closed, config.rounding, tolerance)
+    if closed and not corners and len(pieces) > 1:
+        # The first point is not an end: begin again where one piece goes over into another.
+        flat = np.roll(flat, 1 - len(pieces[0].points), axis=0)
+        pieces = _pieces(flat, corners, closed, config.rounding, tolerance)
+    pieces = _sharpen(pieces, closed, config.blur)
+    return _assemble(pieces, closed, lambda u: centre + np.asarray(u) @ axes[:, :2].T)
+
+
+def _pieces(flat, corners, closed, rounding, tolerance):
+    """Lines and arcs of a contour, from corner to corner."""
+    pieces, runs = [], _runs(flat, corners, closed)
+    for k, run in enumerate(runs):
         ends = (k > 0 or bool(closed and corners),
                 k < len(runs) - 1 or bool(closed and corners))
-        pieces += divide(run, ends, config.rounding, tolerance)
-    return _assemble(flat, pieces, corners, closed,
-                     lambda u: centre + np.asarray(u) @ axes[:, :2].T)
+        pieces += divide(run, ends, rounding, tolerance)
+    return pieces
+
+
+def _sharpen(pieces, closed, blur):
+    """
+    Pieces without those that a pad has smeared a corner into.
+
+    These are short, lie between two longer lines, and go over into one of them at least.
+    """
+    count = len(pieces)
+    small = [piece.length < blur and not all(piece.ends) for piece in pieces]
+    if all(small):
+        return pieces
+    order = range(count)
+    if closed:  # from a side that stays
+        first = small.index(False)
+        order = [*range(first, count), *range(first)]
+    kept, run = [], []
+    for k in [*order, order[0] if closed else None]:
+        if k is not None and small[k] and (kept or closed):
+            run.append(pieces[k])
+            continue
+        after = pieces[k] if k is not None else None
+        if run and after is not None and _is_corner(kept[-1], run, after, blur):
+            kept[-1].ends, after.ends = (kept[-1].ends[0], True), (True, after.ends[1])
+        else:
+            kept += run
+        run = []
+        if after is not None and not (kept and after is kept[0]):
+            kept.append(after)
+    return kept
+
+
+def _is_corner(before, run, after, blur):
+    length = sum(piece.length for piece in run)
+    return length < 1.2 * blur and all(
+        np.isinf(side.fit['radius']) and side.length > length for side in (before, after))
 
 
 def _plane(points):
@@ -221,7 +270,7 @@ def _runs(flat, corners, closed):
         return [flat[a:b + 1] for a, b in zip(
             [0, *corners], [*corners, len(flat) - 1], strict=True)]
     if not corners:
-        return [flat]
+        return [np.concatenate([flat, flat[:1]])]
     ends = [*corners[1:], corners[0] + len(flat)]
     around = np.concatenate([flat, flat])
     return [around[a:b + 1] for a, b in zip(corners, ends, strict=True)]
@@ -245,25 +294,18 @@ def _meet(first, second, corner):
     return p + along * d
 
 
-def _assemble(flat, pieces, corners, closed, lift):
+def _assemble(pieces, closed, lift):
     """Outline of pieces in the plane; `lift` brings points (..., 2) into space."""
-    loop = bool(closed and corners)
-    joints = []
-    for k, piece in enumerate(pieces):
-        if not piece.ends[0]:
-            joints.append(piece.points[0])
-        else:
-            joints.append(_meet(pieces[k - 1].fit, piece.fit, piece.points[0]))
-    ends = joints[1:] + [joints[0] if loop else pieces[-1].points[-1]]
-    if closed and not corners:
-        ends[-1] = joints[0]
+    joints = [_meet(pieces[k - 1].fit, piece.fit, piece.points[0]) if piece.ends[0]
+              else piece.points[0] for k, piece in enumerate(pieces)]
+    ends = joints[1:] + [joints[0] if closed else pieces[-1].points[-1]]
     sides = tuple(Side(
         'arc' if np.isfinite(piece.fit['radius']) else 'line', lift(start), lift(end),
         _length(piece, start, end), float(piece.fit['radius']), float(piece.fit['residual']))
         for piece, start, end in zip(pieces, joints, ends, strict=True))
     sharp = [k for k, piece in enumerate(pieces) if piece.ends[0]]
     turns = [float(angle_between(_heading(pieces[k - 1], -1, joints[k]),
-                          _heading(pieces[k], 0, joints[k]))) for k in sharp]
+                                 _heading(pieces[k], 0, joints[k]))) for k in sharp]
     return Outline(lift(np.array([joints[k] for k in sharp]).reshape(-1, 2)), np.array(turns),
                    sides, closed)
 
