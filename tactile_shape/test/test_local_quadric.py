@@ -1,6 +1,5 @@
 """Least-model estimator: exact without noise, the bars with it, and what a path cannot see."""
 import re
-import time
 
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -10,6 +9,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from tactile_shape import quadric_kernel
+from tactile_shape.contact_window import MAX_CELLS
 from tactile_shape.errors import ConfigurationError
 from tactile_shape.local_quadric import LocalQuadric, LocalQuadricConfig
 from tactile_shape.patch import Kind
@@ -314,16 +314,17 @@ def test_equations_are_those_of_their_rows():
     assert found[2] == pytest.approx(square)
 
 
-def test_time_does_not_grow():
-    """No bar on the time itself, which is the benchmark's: only that the path's length is none."""
+@pytest.mark.parametrize('noise', [0.0, 3e-4])
+def test_what_a_fit_works_on_does_not_grow(noise):
+    """Cells of a window are bounded however long the path and however noisy."""
     points, normals = Weave(speed=0.02).trace(cylinder(0.5), 0.3)
+    points = points + np.random.default_rng(18).normal(0.0, noise, points.shape)
     ESTIMATOR.reset()
-    took = []
+    cells = []
     for point, normal in zip(points, normals, strict=True):
-        begin = time.perf_counter()
-        ESTIMATOR.update(point, normal)
-        took.append(time.perf_counter() - begin)
-    assert np.median(took[-500:]) < 5.0 * np.median(took[500:1000])
+        ESTIMATOR.add(point, normal)
+        cells.append(len(ESTIMATOR._stretch.points))
+    assert max(cells) <= MAX_CELLS and max(cells[-1000:]) <= max(cells[:1500]) + 5
 
 
 ANY = st.floats(allow_nan=True, allow_infinity=True)
