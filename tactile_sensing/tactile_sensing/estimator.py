@@ -273,7 +273,7 @@ def _compile(version):
         """Estimate every frame of stress (N, layers, rows, columns), conditioned in place."""
         _ = version  # a part of the key of the cache
         frames, count, rows, columns = stress.shape
-        work = make_work(count, count * rows * columns)
+        work = make_work(count, count * rows * columns, sensor[5].shape[0])
         buffers = make_buffers(count, rows, columns)
         layers = table.copy()
         second_values, second_covariance = np.empty(VALUES), np.empty((7, 7))

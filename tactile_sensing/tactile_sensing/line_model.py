@@ -55,40 +55,30 @@ def gather(stress, x, y, noise, component, points, ends):
 
 
 @njit(error_model='numpy', fastmath=FAST)
-def add_forces(x, y, cos, sin, rho, depth, scale, by_force, by_shear):
-    """Add one layer's derivatives by force and shear per length."""
+def add_forces(x, y, cos, sin, rho, depth, scale, shape, q, by_force, by_shear):
+    """Add one layer's derivatives by force and shear per length; shape and q are kept."""
     dd = depth * depth
     scale *= 2.0 / np.pi * dd
     for i in range(x.size):
         v = x[i] * cos + y[i] * sin - rho
-        q = 1.0 / (v * v + dd)
-        shape = scale * q * q
-        by_force[i] += shape * depth
-        by_shear[i] += shape * v
+        q[i] = 1.0 / (v * v + dd)
+        shape[i] = scale * q[i] * q[i]
+        by_force[i] += shape[i] * depth
+        by_shear[i] += shape[i] * v
 
 
 @njit(error_model='numpy', fastmath=FAST)
-def add_place(x, y, cos, sin, rho, force, shear, depth, scale, by_rho, by_yaw):
-    """Add one layer's derivatives by (rho, yaw)."""
-    dd = depth * depth
-    scale *= 2.0 / np.pi * dd
+def add_place(x, y, cos, sin, rho, along, force, shear, depth, shape, q, by_rho, by_yaw):
+    """
+    Add one layer's derivatives by (rho, yaw).
+
+    A part of a tactel that lies `along` the line from its centre has that much more lever.
+    """
     for i in range(x.size):
         v = x[i] * cos + y[i] * sin - rho
-        q = 1.0 / (v * v + dd)
-        by = scale * q * q * (4.0 * v * (force * depth + shear * v) * q - shear)
+        by = shape[i] * (4.0 * v * (force * depth + shear * v) * q[i] - shear)
         by_rho[i] += by
-        by_yaw[i] -= by * (y[i] * cos - x[i] * sin)
-
-
-@njit(error_model='numpy', fastmath=FAST)
-def add_turn(x, y, cos, sin, rho, force, shear, depth, scale, by_yaw):
-    """Add what turning a part of a tactel about the tactel's centre adds to `add_place`."""
-    dd = depth * depth
-    scale *= 2.0 / np.pi * dd
-    for i in range(x.size):
-        v = x[i] * cos + y[i] * sin - rho
-        q = 1.0 / (v * v + dd)
-        by_yaw[i] -= scale * q * q * (4.0 * v * (force * depth + shear * v) * q - shear)
+        by_yaw[i] -= by * (y[i] * cos - x[i] * sin + along)
 
 
 @njit(error_model='numpy')

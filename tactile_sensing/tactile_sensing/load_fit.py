@@ -28,15 +28,19 @@ SQUARED, CHI, USED, LAST_STEP, ITERATIONS, OK = range(6)  # of what `fit_frame` 
 
 
 @njit(error_model='numpy')
-def make_work(layers, most):
-    """Memory for `fit_frame` with at most so many tactels: rows, columns, ends and small ones."""
-    return (np.empty((6, most)), np.empty((5, most)), np.zeros(layers, dtype=np.int64),
-            np.zeros(5), np.zeros(6))
+def make_work(layers, most, nodes):
+    """Memory for `fit_frame` with at most so many tactels of so many nodes."""
+    return (np.empty((6, most)), np.empty((5, most)), np.empty((2, nodes, most)),
+            np.zeros(layers, dtype=np.int64), np.zeros(5), np.zeros(6))
 
 
 @njit(error_model='numpy')
-def _evaluate(kind, points, ends, layers, nodes, theta, of_forces, columns):
-    """Derivatives over the noise at the gathered tactels: by the forces, or by the place."""
+def _evaluate(kind, points, ends, layers, nodes, theta, of_forces, columns, kept):
+    """
+    Derivatives over the noise at the gathered tactels: by the forces, then by the place.
+
+    What the forces have kept of a place is used for the derivatives by it.
+    """
     for i in range(2, 5) if of_forces else range(2):
         columns[i][:ends[-1]] = 0.0
     cos, sin = np.cos(theta[1]), np.sin(theta[1])
@@ -48,28 +52,27 @@ def _evaluate(kind, points, ends, layers, nodes, theta, of_forces, columns):
         one, two, three = columns[2][begin:end], columns[3][begin:end], columns[4][begin:end]
         depth, noise = layers[k, 0], layers[k, 1]
         gz, gx, gy = layers[k, 2], layers[k, 3], layers[k, 4]
-        begin = end
         for j in range(nodes.shape[0]):
+            shape, q = kept[0, j][begin:end], kept[1, j][begin:end]
             scale = nodes[j, 2] / noise
             if kind == POINT:  # the load moved back, in place of the part of the tactel
                 a, b = theta[0] - nodes[j, 0], theta[1] - nodes[j, 1]
                 if of_forces:
                     point_model.add_forces(
-                        x, y, a, b, depth, gz, gx, gy, scale, one, two, three)
+                        x, y, a, b, depth, gz, gx, gy, scale, shape, q, one, two, three)
                 else:
                     point_model.add_place(x, y, a, b, theta[2], theta[3], theta[4], depth,
-                                          gz, gx, gy, scale, by_q0, by_q1)
+                                          gz, gx, gy, shape, q, by_q0, by_q1)
             else:
                 rho = theta[0] - nodes[j, 0] * cos - nodes[j, 1] * sin
                 if of_forces:
-                    line_model.add_forces(x, y, cos, sin, rho, depth, scale, one, two)
+                    line_model.add_forces(
+                        x, y, cos, sin, rho, depth, scale, shape, q, one, two)
                 else:
-                    line_model.add_place(
-                        x, y, cos, sin, rho, theta[2], theta[3], depth, scale, by_q0, by_q1)
                     along = nodes[j, 1] * cos - nodes[j, 0] * sin
-                    if along != 0.0:  # the part's own lever
-                        line_model.add_turn(x, y, cos, sin, rho, theta[2], theta[3], depth,
-                                            scale * along, by_q1)
+                    line_model.add_place(x, y, cos, sin, rho, along, theta[2], theta[3], depth,
+                                         shape, q, by_q0, by_q1)
+        begin = end
 
 
 @njit(error_model='numpy')
@@ -138,7 +141,7 @@ def fit_frame(kind, stress, sensor, layers, forces, model_error, tukey, work, fo
     bool
         False where it did not work: theta and matrix are of no use.
     """
-    points, columns, ends, vector, inverse = work
+    points, columns, kept, ends, vector, inverse = work
     theta, matrix, out = found
     out[:] = 0.0
     out[LAST_STEP] = np.inf
@@ -152,7 +155,7 @@ def fit_frame(kind, stress, sensor, layers, forces, model_error, tukey, work, fo
         columns[0], columns[1], columns[2], columns[3], columns[4])
     nodes, depth, robust = sensor[5], layers[:, 0].min(), tukey < np.inf
     for iteration in range(MAX_STEPS + 1):
-        _evaluate(kind, points, ends, layers, nodes, theta, True, columns)
+        _evaluate(kind, points, ends, layers, nodes, theta, True, columns, kept)
         if forces < 3:
             three[:n] = 0.0
         if forces < 2:
@@ -172,7 +175,7 @@ def fit_frame(kind, stress, sensor, layers, forces, model_error, tukey, work, fo
             matrix[3, 3] = 1.0
         if not best_forces(matrix, vector, theta, inverse):
             return False
-        _evaluate(kind, points, ends, layers, nodes, theta, False, columns)
+        _evaluate(kind, points, ends, layers, nodes, theta, False, columns, kept)
         if weighing:
             weigh((by_q0, by_q1), roots, n)
         normal_of_place(
@@ -212,7 +215,7 @@ def _compile(version):
         if kind == POINT:
             side = int(2.0 * sensor[6]) + 2
             most = stress.shape[1] * min(side, stress.shape[2]) * min(side, stress.shape[3])
-        work = make_work(stress.shape[1], most)
+        work = make_work(stress.shape[1], most, sensor[5].shape[0])
         matrix = np.zeros((5, 5))
         for f in range(stress.shape[0]):
             if fit_frame(kind, stress[f], sensor, layers, forces, model_error, tukey, work,

@@ -32,11 +32,14 @@ def peak(stress, component, noise):
     for k in range(stress.shape[0]):
         if component[k] != 0:
             continue
+        level = best * noise[k]
         for r in range(stress.shape[1]):
             for c in range(stress.shape[2]):
-                level = stress[k, r, c] / noise[k]
-                if best < level < np.inf and not _is_spike(stress[k], r, c):  # false for NaN
-                    best, layer, row, column = level, k, r, c
+                # False for NaN.
+                if level < stress[k, r, c] < np.inf and not _is_spike(stress[k], r, c):
+                    level = stress[k, r, c]
+                    layer, row, column = k, r, c
+        best = max(best, level / noise[k])
     return layer, row, column
 
 
@@ -90,39 +93,36 @@ def gather(stress, x, y, noise, row, column, v, w, window, points, ends):
 
 
 @njit(error_model='numpy', fastmath=FAST)
-def add_forces(x, y, a, b, depth, gz, gx, gy, scale, by_force, by_qx, by_qy):
-    """Add one layer's derivatives by (P, Qx, Qy), see `add_place`."""
+def add_forces(x, y, a, b, depth, gz, gx, gy, scale, shape, q, by_force, by_qx, by_qy):
+    """Add one layer's derivatives by (P, Qx, Qy), see `add_place`; shape and q are kept for it."""
     dd = depth * depth
     scale *= 1.5 / np.pi * dd
     for i in range(x.size):
         u = x[i] - a
         v = y[i] - b
-        q = 1.0 / (u * u + v * v + dd)
-        shape = scale * q * q * np.sqrt(q) * (gz + gx * u + gy * v)
-        by_force[i] += shape * depth
-        by_qx[i] += shape * u
-        by_qy[i] += shape * v
+        q[i] = 1.0 / (u * u + v * v + dd)
+        shape[i] = scale * q[i] * q[i] * np.sqrt(q[i])
+        lever = shape[i] * (gz + gx * u + gy * v)
+        by_force[i] += lever * depth
+        by_qx[i] += lever * u
+        by_qy[i] += lever * v
 
 
 @njit(error_model='numpy', fastmath=FAST)
-def add_place(x, y, a, b, force, qx, qy, depth, gz, gx, gy, scale, by_a, by_b):
+def add_place(x, y, a, b, force, qx, qy, depth, gz, gx, gy, shape, q, by_a, by_b):
     """
     Add one layer's derivatives by (a, b), from equations (2.2) and (2.5).
 
     The component is (gz + gx x' + gy y') times the pressure.
     """
-    dd = depth * depth
-    scale *= 1.5 / np.pi * dd
     for i in range(x.size):
         u = x[i] - a
         v = y[i] - b
-        q = 1.0 / (u * u + v * v + dd)
-        shape = scale * q * q * np.sqrt(q)
         load = force * depth + qx * u + qy * v
         lever = gz + gx * u + gy * v
-        by = 5.0 * q * load * lever
-        by_a[i] += shape * (by * u - qx * lever - gx * load)
-        by_b[i] += shape * (by * v - qy * lever - gy * load)
+        by = 5.0 * q[i] * load * lever
+        by_a[i] += shape[i] * (by * u - qx * lever - gx * load)
+        by_b[i] += shape[i] * (by * v - qy * lever - gy * load)
 
 
 @njit(error_model='numpy')
