@@ -21,6 +21,7 @@ setup(
         'console_scripts': [
             'edge_servo = tactile_servo.nodes.edge_servo:main',
             'mock_robot = tactile_servo.nodes.mock_robot:main',
+            'simulate = tactile_servo.simulate:main',
         ],
     },
 )

@@ -138,7 +138,7 @@ def track_scene(options, folder, progress):
         add_mocks(graph, port, path, robot, options.seed)
         add_stack(graph, port, robot)
         track = graph.add(TrackNode, own={'on_feedback': show}, speed=options.speed,
-                          force=options.force)
+                          force=options.force, closed=edge.edge.closed)
         graph.spin(lambda: stop.is_set() or track.finished)
         if stop.is_set():
             track.cancel()

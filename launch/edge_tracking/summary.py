@@ -15,7 +15,7 @@ from tactile_servo.statistics import SETTLING_LENGTH
 # The edge counts as tracked if the pad's centre kept this close to it once settled [m].
 LATERAL_BOUND = 3e-3
 # States in which the pad follows the edge.
-ON_EDGE = (State.TRACK, State.CORNER, State.SEARCH)
+ON_EDGE = (State.TRACK, State.CORNER)  # while searching there is no edge to be near to
 # A press begins above the upper and ends below the lower of these fractions of the force's
 # range; apart, so that noise does not split a press.
 PRESS_THRESHOLDS = (0.55, 0.45)

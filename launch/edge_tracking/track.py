@@ -25,6 +25,8 @@ class TrackConfig:
         'doc': "+1 or -1 along the sensor's y", 'range': (-1, 1)})
     length: float = field(default=0.0, metadata={
         'doc': 'way to track; 0 = until the edge ends', 'unit': 'm'})
+    closed: bool = field(default=False, metadata={
+        'doc': 'end when the contour closes on its start'})
     retreat: bool = field(default=True, metadata={'doc': 'lift off at the end'})
     wait: float = field(default=15.0, metadata={
         'doc': 'give up when sensor and servo are not ready within this time', 'unit': 's',
@@ -92,7 +94,7 @@ class TrackNode(Node):
         self._deadline.cancel()
         c = self.config
         goal = TrackEdge.Goal(speed=c.speed, force=c.force, direction=c.direction,
-                              length=c.length, retreat=c.retreat)
+                              length=c.length, closed=c.closed, retreat=c.retreat)
         self._client.send_goal_async(goal, feedback_callback=self._take_feedback) \
             .add_done_callback(self._on_response)
 

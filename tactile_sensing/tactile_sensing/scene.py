@@ -1,143 +1,17 @@
 """Scenes: what the synthetic sensor touches, read from YAML."""
-from dataclasses import dataclass, fields
-from functools import cached_property
+from dataclasses import dataclass, field, fields, MISSING
 import math
 from pathlib import Path
 
-from numba import njit
 import numpy as np
 import yaml
 
+from tactile_sensing.edge_path import EdgePath
+from tactile_sensing.edge_shapes import lifted, polygon, spline, Turtle
 from tactile_sensing.errors import ConfigurationError
 
-# Longest chord of an arc [m]; at a radius of 60 mm it leaves the circle by 0.13 um.
-ARC_STEP = 0.25e-3
 # Longest element of a path [m], so that a slip of units cannot fill the memory.
 MAX_LENGTH = 10.0
-
-
-@dataclass(frozen=True, eq=False)
-class EdgePath:
-    """
-    Edge of a rigid object, as a polyline in the base frame with its direction of travel.
-
-    Parameters
-    ----------
-    points : np.ndarray
-        Vertices [m], shape `(N, 3)`, N >= 2, no two successive ones at one place.
-
-    Raises
-    ------
-    ConfigurationError
-        The points are not a polyline.
-    """
-
-    points: np.ndarray
-
-    def __post_init__(self):
-        points = np.array(self.points, dtype=float)
-        if points.ndim != 2 or points.shape[1] != 3 or len(points) < 2:
-            raise ConfigurationError(f'points have shape {points.shape}, must be (N >= 2, 3)')
-        if not (np.isfinite(points).all() and (np.diff(points, axis=0) != 0).any(axis=1).all()):
-            raise ConfigurationError('points must be finite and successively different')
-        points.flags.writeable = False
-        object.__setattr__(self, 'points', points)
-
-    @cached_property
-    def arclength(self) -> np.ndarray:
-        """Length of the way from the first point to each point [m], shape `(N,)`."""
-        steps = np.linalg.norm(np.diff(self.points, axis=0), axis=1)
-        return np.concatenate(([0.0], np.cumsum(steps)))
-
-    @property
-    def length(self) -> float:
-        """Length of the whole edge [m]."""
-        return float(self.arclength[-1])
-
-    def point_at(self, s):
-        """
-        Return the point at arc length `s`, held between the ends of the edge.
-
-        Parameters
-        ----------
-        s : float or np.ndarray
-            Arc length [m].
-
-        Returns
-        -------
-        np.ndarray
-            Point [m] in the base frame, shape `(3,)` or `s.shape + (3,)`.
-        """
-        return np.stack([np.interp(s, self.arclength, axis) for axis in self.points.T], axis=-1)
-
-    def tangent_at(self, s) -> np.ndarray:
-        """
-        Return the unit direction of the chord at arc length `s`; at a corner, of the next one.
-
-        Parameters
-        ----------
-        s : float or np.ndarray
-            Arc length [m].
-
-        Returns
-        -------
-        np.ndarray
-            Direction in the base frame, shape `(3,)` or `s.shape + (3,)`.
-        """
-        index = np.searchsorted(self.arclength, s, side='right') - 1
-        index = np.clip(index, 0, len(self.points) - 2)
-        chord = self.points[index + 1] - self.points[index]
-        return chord / np.linalg.norm(chord, axis=-1, keepdims=True)
-
-    def nearest(self, points):
-        """
-        Project points onto the edge, seen from above (along base -z).
-
-        Parameters
-        ----------
-        points : np.ndarray
-            Points [m] in the base frame, shape `(M, 3)`.
-
-        Returns
-        -------
-        lateral : np.ndarray
-            Horizontal distance to the nearest point of the edge [m], shape `(M,)`; positive to
-            the left of the direction of travel.
-        s : np.ndarray
-            Arc length of that point [m], shape `(M,)`, between 0 and `length`.
-        """
-        points = np.atleast_2d(np.asarray(points, dtype=float))
-        return _nearest(points, self.points, self.arclength)
-
-
-@njit(cache=True)
-def _nearest(points, vertices, arclength):
-    lateral = np.empty(len(points))
-    along = np.empty(len(points))
-    for m in range(len(points)):
-        best, best_cross = np.inf, 0.0
-        for n in range(len(vertices) - 1):
-            ax, ay = points[m, 0] - vertices[n, 0], points[m, 1] - vertices[n, 1]
-            bx = vertices[n + 1, 0] - vertices[n, 0]
-            by = vertices[n + 1, 1] - vertices[n, 1]
-            squared = bx * bx + by * by
-            share = (ax * bx + ay * by) / squared if squared > 0.0 else 0.0
-            if share <= 0.0:
-                share, dx, dy = 0.0, ax, ay
-            elif share >= 1.0:
-                share = 1.0
-                dx, dy = points[m, 0] - vertices[n + 1, 0], points[m, 1] - vertices[n + 1, 1]
-            else:
-                dx, dy = ax - share * bx, ay - share * by
-            distance = dx * dx + dy * dy
-            cross = (bx * dy - by * dx) / np.sqrt(squared) if squared > 0.0 else 0.0
-            # Outside a sharp corner two chords are equally near; the one that sees the point
-            # more from the side knows on which side it is.
-            if distance < best or (distance == best and abs(cross) > abs(best_cross)):
-                best, best_cross = distance, cross
-                along[m] = arclength[n] + share * (arclength[n + 1] - arclength[n])
-        lateral[m] = math.copysign(math.sqrt(best), best_cross)
-    return lateral, along
 
 
 @dataclass(frozen=True)
@@ -159,11 +33,15 @@ class Sensor:
     noise_std: float  # standard deviation of one tactel [Pa]
     baseline: float  # counts without load
     pa_per_count: float  # pressure of one count [Pa]
+    gain_spread: float = 0.0  # standard deviation of a tactel's gain that nobody calibrated
+    dead: float = 0.0  # tactels that always report the baseline, unknown to the driver
 
     def __post_init__(self):
         _bounded('sensor.noise_std', self.noise_std, 0.0, 1e7, 'Pa')
         _bounded('sensor.baseline', self.baseline, 0.0, 255.0, 'counts')
         _bounded('sensor.pa_per_count', self.pa_per_count, 1e-3, 1e7, 'Pa')
+        _bounded('sensor.gain_spread', self.gain_spread, 0.0, 0.3, '')
+        _bounded('sensor.dead', self.dead, 0, 64, 'tactels')
 
 
 @dataclass(frozen=True)
@@ -182,6 +60,36 @@ class Start:
         _bounded('start.yaw', self.yaw, -math.pi, math.pi, 'rad')
 
 
+@dataclass(frozen=True)
+class Plant:
+    """Robot and timing of a simulation; the defaults are those of the mock nodes' plant."""
+
+    dead_time: float = 0.0025  # from a command to the first motion [s]
+    lag: float = 0.010  # time constant with which a joint follows its command [s]
+    acceleration: float = 2.0  # largest of the pad, along each axis [m/s^2]
+    latency: float = 0.010  # from the instant that a picture shows to its arrival [s]
+    stamp_error: float = 0.0  # of a picture's stamp: later than the instant it shows [s]
+
+    def __post_init__(self):
+        _bounded('plant.dead_time', self.dead_time, 0.0, 1.0, 's')
+        _bounded('plant.lag', self.lag, 0.0, 1.0, 's')
+        _bounded('plant.acceleration', self.acceleration, 0.1, 100.0, 'm/s^2')
+        _bounded('plant.latency', self.latency, 0.0, 1.0, 's')
+        _bounded('plant.stamp_error', self.stamp_error, -0.1, 0.1, 's')
+
+
+@dataclass(frozen=True)
+class Slip:
+    """A jump of the object to the left of its edge, once the pad has come so far."""
+
+    s: float  # arc length of the pad at which the object slips [m]
+    offset: float  # by how much, to the left [m]
+
+    def __post_init__(self):
+        _bounded('slip.s', self.s, 0.0, math.inf, 'm')
+        _bounded('slip.offset', self.offset, -0.1, 0.1, 'm')
+
+
 @dataclass(frozen=True, eq=False)
 class Scene:
     """An edge, the skin that touches it, the sensor in the skin, and where it all begins."""
@@ -192,6 +100,8 @@ class Scene:
     skin: Skin
     sensor: Sensor
     start: Start
+    plant: Plant = field(default_factory=Plant)
+    slip: Slip = None
 
     def __post_init__(self):
         if self.start.s > self.edge.length:
@@ -260,7 +170,8 @@ def load_scene(path) -> Scene:
 
 
 def _scene(tree):
-    values = _section(tree, '', ('name', 'description', 'edge', 'skin', 'sensor', 'start'))
+    values = _section(tree, '', ('name', 'description', 'edge', 'skin', 'sensor', 'start'),
+                      ('plant', 'slip'))
     for key in ('name', 'description'):
         if not isinstance(values[key], str) or not values[key].strip():
             raise ConfigurationError(f'{key} is {values[key]!r}, must be a text')
@@ -273,21 +184,39 @@ def _scene(tree):
         skin=Skin(**_numbers(values['skin'], 'skin', Skin)),
         sensor=Sensor(**_numbers(values['sensor'], 'sensor', Sensor)),
         start=Start(**start),
+        plant=Plant(**_numbers(values.get('plant', {}), 'plant', Plant)),
+        slip=Slip(**_numbers(values['slip'], 'slip', Slip)) if 'slip' in values else None,
     )
 
 
 def _edge(tree):
-    values = _section(tree, 'edge', ('start', 'heading', 'path'))
+    shape, rest = _one_of(tree, 'edge', ('path', 'polygon', 'spline'))
+    walk = ('start', 'heading') if shape == 'path' else ('z',)
+    values = _section(rest, 'edge', walk, ('closed', 'height', 'wave', 'gaps'))
+    closed = values.get('closed', False)
+    if not isinstance(closed, bool):
+        raise ConfigurationError(f'edge.closed is {closed!r:.60}, must be true or false')
+    if shape == 'path':
+        plan, z = _walk(values, tree['path'], closed)
+    else:
+        z = _bounded('edge.z', values['z'], -MAX_LENGTH, MAX_LENGTH, 'm')
+        make = _polygon if shape == 'polygon' else _spline
+        plan = make(tree[shape], closed)
+    length = float(np.linalg.norm(np.diff(plan, axis=0), axis=1).sum())
+    return lifted(plan, z, height=_height(values.get('height')), wave=_wave(values.get('wave')),
+                  gaps=_gaps(values.get('gaps', []), length))
+
+
+def _walk(values, path, closed):
     start = values['start']
     if not isinstance(start, list) or len(start) != 3:
         raise ConfigurationError(f'edge.start is {start!r}, must be a list [x, y, z] [m]')
     for axis, value in zip('xyz', start, strict=True):
         _bounded(f'edge.start.{axis}', value, -MAX_LENGTH, MAX_LENGTH, 'm')
     _bounded('edge.heading', values['heading'], -360.0, 360.0, 'degrees')
-    path = values['path']
     if not isinstance(path, list) or not path:
         raise ConfigurationError(f'edge.path is {path!r}, must be a list of elements')
-    turtle = _Turtle(start, math.radians(values['heading']))
+    turtle = Turtle(start[:2], math.radians(values['heading']))
     for number, element in enumerate(path):
         name = f'edge.path[{number}]'
         if not isinstance(element, dict) or len(element) != 1:
@@ -309,43 +238,95 @@ def _edge(tree):
                 f'{name}: unknown key {kind!r}, must be one of straight, turn, arc')
     if len(turtle.points) < 2:
         raise ConfigurationError('edge.path has no length, must have a straight or an arc')
-    return EdgePath(np.array(turtle.points))
+    plan = np.array(turtle.points)
+    left_open = float(np.linalg.norm(plan[-1] - plan[0]))
+    if closed and left_open > 1e-4:
+        raise ConfigurationError(
+            f'edge.path ends {left_open:.6g} m from its start, must be closed within 0.0001 m')
+    if closed:
+        plan[-1] = plan[0]
+    return plan, float(start[2])
 
 
-class _Turtle:
-    """Walks in a horizontal plane and remembers its vertices."""
-
-    def __init__(self, start, heading):
-        self.points = [np.array(start, dtype=float)]
-        self.heading = heading
-
-    def straight(self, length):
-        self._step(length, self.heading)
-
-    def turn(self, angle):
-        self.heading += angle
-
-    def arc(self, radius, angle):
-        count = math.ceil(radius * abs(angle) / ARC_STEP)
-        step = angle / count
-        for _ in range(count):
-            self._step(2.0 * radius * math.sin(0.5 * abs(step)), self.heading + 0.5 * step)
-            self.heading += step
-
-    def _step(self, length, heading):
-        step = length * np.array([math.cos(heading), math.sin(heading), 0.0])
-        self.points.append(self.points[-1] + step)
+def _polygon(tree, closed):
+    values = _section(tree, 'edge.polygon', ('points',), ('radius',))
+    radius = _bounded('edge.polygon.radius', values.get('radius', 0.0), 0.0, MAX_LENGTH, 'm')
+    try:
+        return polygon(
+            _pairs('edge.polygon.points', values['points'], 3 if closed else 2), radius, closed)
+    except ConfigurationError as error:
+        raise ConfigurationError(f'edge.polygon: {error}') from error
 
 
-def _section(tree, name, keys):
-    """Return a mapping that has exactly these keys."""
+def _spline(tree, closed):
+    values = _section(tree, 'edge.spline', ('points',))
+    try:
+        return spline(_pairs('edge.spline.points', values['points'], 4), closed)
+    except ConfigurationError as error:
+        raise ConfigurationError(f'edge.spline: {error}') from error
+
+
+def _height(tree):
+    if tree is None:
+        return None
+    height = _pairs('edge.height', tree, 2)
+    if (np.diff(height[:, 0]) < 0.0).any():
+        raise ConfigurationError('edge.height: its distances must not decrease')
+    return height
+
+
+def _wave(tree):
+    if tree is None:
+        return None
+    values = _section(tree, 'edge.wave', ('height', 'length'))
+    return (_bounded('edge.wave.height', values['height'], 0.0, 0.1, 'm'),
+            _bounded('edge.wave.length', values['length'], 1e-3, MAX_LENGTH, 'm'))
+
+
+def _gaps(tree, length):
+    if tree == []:
+        return []
+    gaps = _pairs('edge.gaps', tree, 1)
+    for first, last in gaps:
+        if not 0.0 <= first < last <= length:
+            raise ConfigurationError(
+                f'edge.gaps: {first:g} to {last:g} m is no part of 0 to {length:.6g} m')
+    return gaps
+
+
+def _pairs(name, tree, least):
+    """Return a list of pairs of lengths [m] as an array (N, 2)."""
+    if not isinstance(tree, list) or len(tree) < least:
+        raise ConfigurationError(f'{name} is {tree!r:.60}, must be at least {least} pairs [m]')
+    for number, pair in enumerate(tree):
+        if not isinstance(pair, list) or len(pair) != 2:
+            raise ConfigurationError(f'{name}[{number}] is {pair!r:.60}, must be two lengths [m]')
+        for value in pair:
+            _bounded(f'{name}[{number}]', value, -MAX_LENGTH, MAX_LENGTH, 'm')
+    return np.array(tree, dtype=float)
+
+
+def _one_of(tree, name, kinds):
+    """Return the one of the keys that a mapping has, and the mapping without it."""
+    if not isinstance(tree, dict):
+        raise ConfigurationError(f'{name}: is {tree!r:.60}, must be a mapping')
+    found = [kind for kind in kinds if kind in tree]
+    if len(found) != 1:
+        raise ConfigurationError(
+            f'{name} has {len(found)} of {", ".join(kinds)}, must have exactly one')
+    return found[0], {key: value for key, value in tree.items() if key != found[0]}
+
+
+def _section(tree, name, keys, optional=()):
+    """Return a mapping that has these keys, and at most the optional ones besides."""
     where = f'{name}: ' if name else ''
     if not isinstance(tree, dict):
         raise ConfigurationError(f'{where}is {tree!r:.60}, must be a mapping of {", ".join(keys)}')
     for key in tree:
-        if key not in keys:
+        if key not in keys and key not in optional:
             raise ConfigurationError(
-                f'{where}unknown key {key!r:.60}, must be one of {", ".join(keys)}')
+                f'{where}unknown key {key!r:.60}, must be one of '
+                f'{", ".join([*keys, *optional])}')
     for key in keys:
         if key not in tree:
             raise ConfigurationError(f'{where}key {key!r} is missing')
@@ -353,9 +334,11 @@ def _section(tree, name, keys):
 
 
 def _numbers(tree, name, kind):
-    keys = tuple(field.name for field in fields(kind))
-    values = _section(tree, name, keys)
-    return {key: _number(f'{name}.{key}', values[key]) for key in keys}
+    """Numbers of a section; those with a default in the dataclass may be missing."""
+    keys = [item.name for item in fields(kind) if item.default is MISSING]
+    optional = [item.name for item in fields(kind) if item.default is not MISSING]
+    values = _section(tree, name, keys, optional)
+    return {key: _number(f'{name}.{key}', value) for key, value in values.items()}
 
 
 def _number(name, value):

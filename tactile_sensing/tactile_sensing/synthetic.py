@@ -4,19 +4,21 @@ import math
 from numba import njit
 import numpy as np
 
-# Step of the quadrature and reach of a load beyond the pad, in depths of the skin. What lies
-# beyond the reach adds less than 1e-4 of the peak.
-STEP = 0.125
+# Chords up to this length, in depths of the skin, press at their middle [depths]; longer ones
+# are integrated in closed form.
+SHORT = 0.125
+# Loads further from the pad than this add less than 1e-4 of the peak [depths].
 REACH = 8.0
 COUNTS_MAX = 255
 
 
-def render(points, array, skin):
+def render(points, array, skin, solid=None):
     """
     Pressure under a rigid edge that indents the skin.
 
-    The edge presses with `stiffness` times its indentation per length; each piece is a point
-    load on a half-space, (2.2) without shear, compression positive.
+    The edge presses with `stiffness` times its indentation per length. Its pressure is the
+    superposition of finite line loads: the point load (2.2) without shear, integrated along
+    each chord in closed form, compression positive.
 
     Parameters
     ----------
@@ -26,6 +28,8 @@ def render(points, array, skin):
         Geometry of the array; the tactels sample the pressure at their centres.
     skin : Skin
         Depth and stiffness.
+    solid : np.ndarray, optional
+        Which chords have material, shape `(M - 1,)`; default all.
 
     Returns
     -------
@@ -35,9 +39,11 @@ def render(points, array, skin):
         Normal force on the rectangle of the array [N], of the loads within it.
     """
     points = np.ascontiguousarray(points, dtype=np.float64)
-    return _render(
-        points, array.x, array.y, array.half_width_x, array.half_width_y,
-        skin.depth, skin.stiffness)
+    if solid is None:
+        solid = np.ones(len(points) - 1, np.bool_)
+    pressure = _pressure(points, solid, array.x, array.y, skin.depth, skin.stiffness)
+    return pressure, _force(
+        points, solid, array.half_width_x, array.half_width_y, skin.stiffness)
 
 
 @njit(cache=True)
@@ -59,43 +65,89 @@ def _loaded_part(start, end, half_x, half_y):
     return first, last
 
 
-@njit(cache=True, nogil=True, error_model='numpy')
-def _render(points, x, y, half_x, half_y, depth, stiffness):
-    pressure = np.zeros((len(y), len(x)))
-    from_column = np.empty(len(x))
-    margin = REACH * depth
+@njit(cache=True)
+def _length(start, end):
+    return math.sqrt(
+        (end[0] - start[0])**2 + (end[1] - start[1])**2 + (end[2] - start[2])**2)
+
+
+@njit(cache=True, nogil=True)
+def _force(points, solid, half_x, half_y, stiffness):
     force = 0.0
     for n in range(len(points) - 1):
+        if not solid[n]:
+            continue
         start, end = points[n], points[n + 1]
-        length = math.sqrt(
-            (end[0] - start[0])**2 + (end[1] - start[1])**2 + (end[2] - start[2])**2)
-
         first, last = _loaded_part(start, end, half_x, half_y)
         if last > first:
             middle = 0.5 * (first + last)
             indentation = -(start[2] + middle * (end[2] - start[2]))
-            force += stiffness * indentation * (last - first) * length
+            force += stiffness * indentation * (last - first) * _length(start, end)
+    return force
 
-        first, last = _loaded_part(start, end, half_x + margin, half_y + margin)
+
+@njit(cache=True, nogil=True, error_model='numpy')
+def _pressure(points, solid, x, y, depth, stiffness):
+    pressure = np.zeros((len(y), len(x)))
+    far_x = abs(x[0]) + REACH * depth
+    far_y = abs(y[0]) + REACH * depth
+    for n in range(len(points) - 1):
+        if not solid[n]:
+            continue
+        start, end = points[n], points[n + 1]
+        first, last = _loaded_part(start, end, far_x, far_y)
         if last <= first:
             continue
-        count = int(math.ceil((last - first) * length / (STEP * depth) - 1e-6))
-        count = max(count, 1)
-        for k in range(count):
-            share = first + (last - first) * (k + 0.5) / count
-            px = start[0] + share * (end[0] - start[0])
-            py = start[1] + share * (end[1] - start[1])
-            indentation = -(start[2] + share * (end[2] - start[2]))
-            load = stiffness * indentation * (last - first) * length / count
-            factor = 1.5 / math.pi * depth**3 * load
-            for c in range(len(x)):
-                from_column[c] = (x[c] - px)**2 + depth * depth
-            for r in range(len(y)):
-                from_row = (y[r] - py)**2
-                for c in range(len(x)):
-                    squared = from_column[c] + from_row
-                    pressure[r, c] += factor / (squared * squared * math.sqrt(squared))
-    return pressure, force
+        length = _length(start, end)
+        x0, y0, z0 = start + first * (end - start)
+        x1, y1, z1 = start + last * (end - start)
+        plan = math.hypot(x1 - x0, y1 - y0)
+        # Load per length seen from above, so that a slope carries all of its load.
+        share = stiffness * length * (last - first)
+        if plan <= SHORT * depth:
+            add_point(pressure, x, y, depth, 0.5 * (x0 + x1), 0.5 * (y0 + y1),
+                      -0.5 * (z0 + z1) * share)
+        else:
+            add_segment(pressure, x, y, depth, x0, y0, x1, y1,
+                        -z0 * share / plan, -z1 * share / plan)
+    return pressure
+
+
+@njit(cache=True, nogil=True, error_model='numpy')
+def add_point(pressure, x, y, depth, px, py, load):
+    """Add the pressure of a point load [N] at (px, py): (2.2) without shear."""
+    factor = 1.5 / math.pi * depth**3 * load
+    for r in range(len(y)):
+        from_row = (y[r] - py)**2 + depth * depth
+        for c in range(len(x)):
+            squared = (x[c] - px)**2 + from_row
+            pressure[r, c] += factor / (squared * squared * math.sqrt(squared))
+
+
+@njit(cache=True, nogil=True, error_model='numpy')
+def add_segment(pressure, x, y, depth, x0, y0, x1, y1, load0, load1):
+    """
+    Add the pressure of a line load that runs from load0 to load1 [N/m] along a segment.
+
+    The integral of 3 / (2 pi) d^3 q(u) / (u^2 + c^2)^(5/2), u along the segment from the foot
+    of the tactel, c^2 the square of its distance from the line plus that of the depth.
+    """
+    length = math.hypot(x1 - x0, y1 - y0)
+    tx, ty = (x1 - x0) / length, (y1 - y0) / length
+    slope = (load1 - load0) / length
+    factor = 1.5 / math.pi * depth**3
+    for r in range(len(y)):
+        for c in range(len(x)):
+            dx, dy = x[c] - x0, y[r] - y0
+            foot = dx * tx + dy * ty
+            c2 = (dx * ty - dy * tx)**2 + depth * depth
+            u0, u1 = -foot, length - foot
+            s0, s1 = 1.0 / (u0 * u0 + c2), 1.0 / (u1 * u1 + c2)
+            r0, r1 = math.sqrt(s0), math.sqrt(s1)
+            constant = (u1 * r1 * (s1 + 2.0 / c2) - u0 * r0 * (s0 + 2.0 / c2)) / c2
+            linear = r0 * s0 - r1 * s1
+            pressure[r, c] += factor / 3.0 * (
+                (load0 + slope * foot) * constant + slope * linear)
 
 
 class EdgeRenderer:
@@ -106,11 +158,24 @@ class EdgeRenderer:
     ----------
     scene : Scene
     array : TactelArray
+
+    Attributes
+    ----------
+    shift : ndarray, shape (3,)
+        How far the object has slipped [m]; changes when `render` or `counts` sees the pad
+        where the scene says that it slips.
     """
 
     def __init__(self, scene, array):
         self._scene = scene
         self._array = array
+        self.shift = np.zeros(3)
+        # Flaws of this one sensor: the same at every run, whatever the seed of the noise.
+        flaws = np.random.default_rng(1)
+        self._gain = 1.0 + scene.sensor.gain_spread * flaws.standard_normal(array.shape)
+        alive = np.ones(array.shape[0] * array.shape[1])
+        alive[flaws.permutation(alive.size)[:int(scene.sensor.dead)]] = 0.0
+        self._gain *= alive.reshape(array.shape)
 
     def render(self, pose):
         """
@@ -126,11 +191,15 @@ class EdgeRenderer:
         np.ndarray
             Pressure [Pa], shape `(rows, columns)`.
         """
-        return self._touch(pose)[0]
+        self._slip(pose)
+        skin = self._scene.skin
+        return _pressure(self._points(pose), self._scene.edge.solid, self._array.x,
+                         self._array.y, skin.depth, skin.stiffness)
 
     def force(self, pose) -> float:
         """Return the normal force on the rectangle of the array at a pose [N]."""
-        return self._touch(pose)[1]
+        return _force(self._points(pose), self._scene.edge.solid, self._array.half_width_x,
+                      self._array.half_width_y, self._scene.skin.stiffness)
 
     def counts(self, pose, rng) -> np.ndarray:
         """
@@ -151,10 +220,18 @@ class EdgeRenderer:
         sensor = self._scene.sensor
         pressure = np.zeros(self._array.shape) if pose is None else self.render(pose)
         noise = sensor.noise_std * rng.standard_normal(self._array.shape)
-        counts = np.rint((pressure + noise) / sensor.pa_per_count + sensor.baseline)
+        counts = np.rint((self._gain * pressure + noise) / sensor.pa_per_count + sensor.baseline)
         return np.clip(counts, 0, COUNTS_MAX).astype(np.uint8)
 
-    def _touch(self, pose):
+    def _points(self, pose):
         # Rows are points, hence the transpose of base -> sensor: the rotation itself.
-        points = (self._scene.edge.points - pose[:3, 3]) @ pose[:3, :3]
-        return render(points, self._array, self._scene.skin)
+        return (self._scene.edge.points + (self.shift - pose[:3, 3])) @ pose[:3, :3]
+
+    def _slip(self, pose):
+        slip, edge = self._scene.slip, self._scene.edge
+        if slip is None or self.shift.any() or self.force(pose) <= 0.0:
+            return
+        _, s = edge.nearest(pose[None, :3, 3])
+        if s[0] >= slip.s:
+            along = edge.tangent_at(slip.s)
+            self.shift = slip.offset * np.array([-along[1], along[0], 0.0])

@@ -6,8 +6,10 @@ import numpy as np
 import pytest
 import yaml
 
+from tactile_sensing.edge_path import EdgePath
+from tactile_sensing.edge_shapes import ARC_STEP
 from tactile_sensing.errors import ConfigurationError
-from tactile_sensing.scene import ARC_STEP, EdgePath, load_scene
+from tactile_sensing.scene import load_scene
 
 SCENES = Path(__file__).parents[2] / 'launch' / 'scenes'
 TREE = {

@@ -131,7 +131,7 @@ def _quaternion(rotation):
 def goal_from_msg(message):
     """EdgeGoal of a TrackEdge goal message; direction 0 means +1."""
     return EdgeGoal(message.speed, message.force, message.direction or 1, message.length,
-                    message.retreat)
+                    message.retreat, message.closed)
 
 
 def result_to_msg(servo, duration, base_frame):
@@ -140,8 +140,8 @@ def result_to_msg(servo, duration, base_frame):
     message = TrackEdge.Result(
         success=servo.success, reason=servo.reason, tracked_length=track.length,
         duration=duration, lateral_rms=track.lateral_rms, lateral_max=track.lateral_max,
-        force_rms_error=track.force_rms_error, force_max=track.force_max)
-    for stamp_ns, pose in track.contour:
+        force_rms_error=track.force_rms_error, force_max=track.force_max, closed=servo.closed)
+    for stamp_ns, pose in servo.contour():
         stamped = PoseStamped(pose=pose_to_msg(pose))
         stamped.header.stamp, stamped.header.frame_id = stamp_from_ns(stamp_ns), base_frame
         message.contour.append(stamped)

@@ -5,25 +5,22 @@ Edge tracking by touch: contact state machine around the resolved-rate servo (ch
 servo reads no clock: stamps and steady times come in with the data.
 """
 
-from collections import namedtuple
+from collections import deque, namedtuple
 
 import numpy as np
 
 from tactile_sensing.contact import Reason
 from tactile_servo.limits import limit_velocities
-from tactile_servo.resolved_rate import (
-    alignment_scale,
-    contact_scale,
-    edge_features,
-    edge_twist,
-    ResolvedRateConfig,
-)
+from tactile_servo.resolved_rate import ResolvedRate
 from tactile_servo.robot import damped_least_squares
-from tactile_servo.servo_types import EdgeServoConfig, NAN, State, Status
-from tactile_servo.statistics import TrackStatistics
+from tactile_servo.servo_types import EdgeServoConfig, NAN, State, Status, TRACKING
+from tactile_servo.statistics import along_contour, TrackStatistics
 from tactile_servo.window import stopping_window
 
 BEYOND_LIMITS = 0.5  # rad; a joint measured further out is a fault of its sensor or names
+
+HISTORY = 256  # measured joint states that the pose at a picture's stamp is looked up in
+MAX_AHEAD_NS = 20_000_000  # a picture may be this much newer than the newest joint state
 
 # Newest datum of a kind: value, its own stamp [ns] and steady time of arrival [s].
 Sample = namedtuple('Sample', 'value stamp_ns arrival')
@@ -33,21 +30,23 @@ class EdgeServo:
     """
     Drive a robot along an edge by touch.
 
-    Feed it with `see_joints` and `see_contact`, start it with `start`, call `cycle` at the
-    control rate and send what it returns.
+    Feed it with `see_joints`, `see_contact` and, if the tracker `sees_images`, `see_image`;
+    start it with `start`, call `cycle` at the control rate and send what it returns. How to
+    follow the edge is the tracker's affair, when to move at all is decided here.
 
     Parameters
     ----------
     robot : RobotModel
     limits : JointLimits
     config : EdgeServoConfig
-    gains : ResolvedRateConfig
+    tracker : ResolvedRate or Trace, optional
     workspace : WorkspaceBox, optional
     """
 
-    def __init__(self, robot, limits, config=None, gains=None, workspace=None):
+    def __init__(self, robot, limits, config=None, tracker=None, workspace=None):
         self.robot, self.limits, self.workspace = robot, limits, workspace
-        self.config, self.gains = config or EdgeServoConfig(), gains or ResolvedRateConfig()
+        self.config = config or EdgeServoConfig()
+        self.tracker = tracker or ResolvedRate(self.config)
         self.state, self.reason = State.IDLE, 'waiting for a goal'
         self.goal = None
         self.success = False
@@ -56,10 +55,9 @@ class EdgeServo:
         self._paused, self._stopping, self._outcome = False, '', ''
         self._contact_fresh = self._joints_fresh = False
         self._resume_state = State.APPROACH
-        self._features, self._edge_reason = None, 'edge lost'
-        self._features_arrival = self._state_since = -np.inf
+        self._history = deque(maxlen=HISTORY)
+        self._state_since = -np.inf
         self._commanded = self._velocities = None
-        self._speed = 0.0
         self._anchor = None  # where the current way (approach, retreat, press depth) began
         self._last_ns = None
 
@@ -85,14 +83,36 @@ class EdgeServo:
                 f'joint state has {self.limits.names[joint]} at {positions[joint]:g}, which is '
                 f'{beyond[joint]:g} beyond its limits')
         self.joints = Sample(positions, stamp_ns, arrival)
+        if self._history and stamp_ns <= self._history[-1][0]:
+            self._history.clear()  # the clock went back: older stamps mean another time
+        self._history.append((stamp_ns, positions))
 
     def see_contact(self, contact, stamp_ns, arrival):
         """Take a contact estimate, its image's stamp [ns] and steady arrival time [s]."""
         self.contact = Sample(contact, stamp_ns, arrival)
-        features, why = edge_features(contact, self.config.array_half_width, self.gains)
-        self._edge_reason = why
-        if features is not None:
-            self._features, self._features_arrival = features, arrival
+        self.tracker.see_contact(contact, stamp_ns, arrival)
+
+    def see_image(self, image, arrival):
+        """Take a TactileImage and its steady arrival time [s], for a tracker that sees them."""
+        pose = self.pose_at(image.stamp_ns)
+        if self.goal is not None and pose is not None:
+            self.tracker.see_image(image, pose, arrival)
+
+    def pose_at(self, stamp_ns):
+        """Measured pose (4, 4) of the sensor at a stamp [ns]; None where it is not known."""
+        history = self._history
+        if not history or not 0 <= history[-1][0] - stamp_ns + MAX_AHEAD_NS:
+            return None
+        later = history[-1]
+        for earlier in reversed(history):
+            if earlier[0] <= stamp_ns:
+                break
+            later = earlier
+        else:
+            return None
+        span = later[0] - earlier[0]
+        share = min((stamp_ns - earlier[0]) / span, 1.0) if span else 0.0
+        return self.robot.pose(earlier[1] + share * (later[1] - earlier[1]))
 
     def check(self, goal):
         """Return why a goal cannot be accepted now, or '' if it can."""
@@ -111,7 +131,7 @@ class EdgeServo:
             return f'length {goal.length:g} is negative or not finite'
         if goal.direction not in (-1, 1):
             return f'direction {goal.direction} is neither +1 nor -1'
-        return ''
+        return self.tracker.refuse(goal)
 
     def note(self, text):
         """Put a text into the status of an idle servo: a rejected goal has no other answer."""
@@ -132,8 +152,8 @@ class EdgeServo:
             raise ValueError(why)
         self.goal, self.success = goal, False
         self._paused, self._stopping, self._outcome = False, '', ''
-        self.statistics = TrackStatistics(goal.force, goal.direction)
-        self._features, self._features_arrival = None, -np.inf
+        self.statistics = TrackStatistics(goal.force)
+        self.tracker.begin(goal)
         self._resume_state = State.APPROACH
         self._seed()
         self._enter(State.APPROACH, 'goal accepted', now)
@@ -183,12 +203,27 @@ class EdgeServo:
         if self.goal is None or dt <= 0.0:
             return Status(self.state, self.reason, **known), None
         pose = self.robot.pose(self.joints.value)
-        self.statistics.move(pose, self.state == State.TRACK)
+        if self.state in TRACKING:
+            self.statistics.move(pose, self.tracker.heading(pose))
+        else:
+            self.statistics.stand()
         self._decide(now, pose)
-        status, trajectory = self._command(self._twist(dt), dt, known)
+        status, trajectory = self._command(self._twist(pose, dt), dt, known)
         if self.state == State.DONE:
             self.goal = None
         return status, trajectory
+
+    @property
+    def closed(self):
+        """Whether the contour closed."""
+        return self.tracker.closed
+
+    def contour(self):
+        """Stamps [ns] and poses (4, 4) of the sensor frame along the edge, in the base frame."""
+        nodes = self.tracker.contour()
+        if nodes is None:
+            return self.statistics.contour
+        return along_contour(nodes, self.statistics.contour)
 
     def finish(self):
         """Go from done to idle, once the result has been taken."""
@@ -206,7 +241,7 @@ class EdgeServo:
         """Start from the measured state, never from an old target."""
         self._commanded = self.joints.value.copy()
         self._velocities = np.zeros_like(self._commanded)
-        self._speed = 0.0
+        self.tracker.resume()
         self._anchor = self.robot.pose(self._commanded)
 
     def _enter(self, state, reason, now):
@@ -247,7 +282,7 @@ class EdgeServo:
             self._end(now, False, f'overload: {self._load():.1f} N', lift=True)
         elif self.state == State.APPROACH:
             self._decide_approach(now)
-        elif self.state == State.TRACK:
+        elif self.state in TRACKING:
             self._decide_track(now, pose)
         elif self.state == State.RETREAT and -self._advance() >= self.config.retreat_distance:
             self._done_when_standing()
@@ -261,38 +296,32 @@ class EdgeServo:
 
     def _decide_approach(self, now):
         c = self.config
-        if self._load() >= c.contact_force and self._edge_age(now) < c.edge_lost:
-            self.statistics.touch()
+        if self._load() >= c.contact_force and self.tracker.ready(now):
             self._enter(State.TRACK, 'contact', now)
         elif self._load() >= self.goal.force and self.contact.arrival > self._state_since:
-            self._end(now, False, f'contact on approach, but {self._edge_reason}', lift=True)
+            self._end(now, False, f'contact on approach, but {self.tracker.reason}', lift=True)
         elif self._advance() >= c.approach_distance:
             self._end(now, False, f'no contact within {c.approach_distance:g} m', lift=True)
 
-    def _edge_age(self, now):
-        return now - self._features_arrival
-
     def _decide_track(self, now, pose):
         goal, c = self.goal, self.config
-        if self._edge_age(now) > c.edge_lost:
-            if self._load() < c.contact_force and goal.length == 0.0 and (
-                    self.statistics.length > 2.0 * c.array_half_width):
-                self._end(now, True, 'the edge ended')
-            else:
-                self._hold(now, self._edge_reason or 'edge lost')
+        verdict = self.tracker.judge(now, pose, self.statistics.length, self._load())
+        if verdict.state == State.HOLD:
+            self._hold(now, verdict.reason)
             return
-        self.statistics.see(self._features, pose, self.contact.stamp_ns)
-        if self._features.force >= 0.5 * goal.force:
+        features = self.tracker.features
+        self.statistics.see(features, pose, self.contact.stamp_ns)
+        if features.force >= 0.5 * goal.force:
             self._anchor = self.robot.pose(self._commanded)  # as deep as is known to be sound
-        ahead = goal.direction * self._features.remaining
         if goal.length and self.statistics.length >= goal.length:
             self._end(now, True, 'length reached')
-        elif ahead < -c.end_of_edge * c.array_half_width and (
-                self.statistics.length > 2.0 * c.array_half_width):
-            self._end(now, goal.length == 0.0, 'the edge ended')
+        elif verdict.state == State.DONE:
+            self._end(now, verdict.success, verdict.reason, lift=verdict.lift)
         elif self._advance() > c.press_depth:
             self._end(now, False, f'went {c.press_depth:g} m deeper without meeting the force',
                       lift=True)
+        elif verdict.state != self.state:
+            self.state, self.reason, self._state_since = verdict.state, verdict.reason, now
 
     def _hold(self, now, reason):
         self._resume_state = self.state
@@ -302,8 +331,8 @@ class EdgeServo:
         if why:
             self.reason = why
         held = now - self._state_since
-        edge_needed = self._resume_state == State.TRACK
-        back = not why and (not edge_needed or self._edge_age(now) < self.config.edge_lost)
+        edge_needed = self._resume_state in TRACKING
+        back = not why and (not edge_needed or self.tracker.ready(now))
         if back and held <= self.config.resume_within:
             self._leave_hold(now, 'input is back')
         elif not self._paused and held > self.config.give_up:
@@ -332,23 +361,17 @@ class EdgeServo:
 
     # Motion ------------------------------------------------------------------------------
 
-    def _twist(self, dt):
+    def _twist(self, pose, dt):
         """Return the wanted twist of the sensor in its own frame (6,) [m/s, rad/s]."""
-        c, goal = self.config, self.goal
-        speed, twist = 0.0, np.zeros(6)
+        c, twist = self.config, np.zeros(6)
         if self.state == State.APPROACH:
             twist[2] = c.approach_speed
         elif self.state == State.RETREAT and -self._advance() < c.retreat_distance:
             twist[2] = -c.approach_speed
-        elif self.state == State.TRACK:
-            features = self._features
-            speed = goal.speed * min(alignment_scale(features, c.array_half_width),
-                                     contact_scale(features, goal.force))
-            twist = edge_twist(features, 0.0, goal.force, self.gains)
-        change = c.max_acceleration * dt
-        self._speed += float(np.clip(speed - self._speed, -change, change))
-        if self.state == State.TRACK:
-            twist[1] = goal.direction * self._speed
+        elif self.state in TRACKING:
+            twist = self.tracker.twist(pose, self.robot.pose(self._commanded), dt)
+        if self.state not in TRACKING:
+            self.tracker.speed = 0.0
         return twist
 
     def _command(self, twist, dt, known):
@@ -369,13 +392,13 @@ class EdgeServo:
         self._velocities, scale, joint_limit = limit_velocities(
             self.limits, self._commanded, self._velocities, wanted, dt)
         self._commanded = self._commanded + self._velocities * dt
-        features = self._features if self._features_arrival > -np.inf else None
-        tracking = features is not None and self.state in (State.TRACK, State.HOLD)
+        features = self.tracker.features
+        tracking = features is not None and self.state in (*TRACKING, State.HOLD)
         status = Status(
             self.state, self.reason, **known,
             lateral_error=features.lateral if tracking else NAN,
             angle_error=features.yaw if tracking else NAN,
-            force_target=self.goal.force, speed=self._speed,
+            force_target=self.goal.force, speed=self.tracker.speed,
             progress=self.statistics.length, twist=twist, limit_scale=scale,
             limited_by=limited_by or joint_limit, manipulability=manipulability)
         return status, stopping_window(

@@ -6,6 +6,7 @@ import numpy as np
 
 from tactile_sensing.contact import ContactType, Reason
 from tactile_sensing.moments import line_from_moments
+from tactile_servo.servo_types import KEEP, State, Verdict
 
 
 @dataclass(frozen=True)
@@ -134,3 +135,83 @@ def edge_twist(features, speed, force, config):
                      -c.max_normal_speed, c.max_normal_speed)
     turn = np.clip(features.yaw / c.segment_time, -c.max_turn_rate, c.max_turn_rate)
     return np.array([lateral, speed, normal, 0.0, 0.0, turn])
+
+
+class ResolvedRate:
+    """
+    The thesis' tracker: what the newest contact says is servoed to where it should be.
+
+    Parameters
+    ----------
+    servo : EdgeServoConfig
+    gains : ResolvedRateConfig, optional
+    """
+
+    name = 'resolved_rate'
+    sees_images = False
+    closed = False
+    config_type = ResolvedRateConfig
+
+    def __init__(self, servo, gains=None):
+        self.servo, self.gains = servo, gains or ResolvedRateConfig()
+        self.begin(None)
+
+    def refuse(self, goal):
+        """Return why a goal is beyond this tracker, or ''."""
+        return 'closed contours are not tracked by resolved_rate; use trace' * goal.closed
+
+    def begin(self, goal):
+        """Forget the last goal."""
+        self.goal = goal
+        self.features, self.arrival, self.reason = None, -np.inf, 'edge lost'
+        self.speed = 0.0
+
+    def resume(self):
+        """Go on from a standstill."""
+        self.speed = 0.0
+
+    def see_contact(self, contact, stamp_ns, arrival):
+        """Take a contact estimate, its picture's stamp [ns] and steady arrival time [s]."""
+        features, self.reason = edge_features(
+            contact, self.servo.array_half_width, self.gains)
+        if features is not None:
+            self.features, self.arrival = features, arrival
+
+    def ready(self, now):
+        """Whether there is an edge to track."""
+        return now - self.arrival < self.servo.edge_lost
+
+    def judge(self, now, pose, length, load):
+        """Decide whether to go on tracking: Verdict."""
+        c, goal = self.servo, self.goal
+        long_enough = length > 2.0 * c.array_half_width
+        if not self.ready(now):
+            if load < c.contact_force and goal.length == 0.0 and long_enough:
+                return Verdict(State.DONE, 'the edge ended', True)
+            return Verdict(State.HOLD, self.reason or 'edge lost')
+        ahead = goal.direction * self.features.remaining
+        if ahead < -c.end_of_edge * c.array_half_width and long_enough:
+            return Verdict(State.DONE, 'the edge ended', goal.length == 0.0)
+        return KEEP
+
+    def twist(self, pose, commanded, dt):
+        """
+        Wanted twist of the sensor in its own frame (6,) [m/s, rad/s].
+
+        pose, commanded : ndarray, shape (4, 4)
+            Measured and commanded pose of the sensor; this law needs neither.
+        """
+        c, goal, features = self.servo, self.goal, self.features
+        speed = goal.speed * min(alignment_scale(features, c.array_half_width),
+                                 contact_scale(features, goal.force))
+        change = c.max_acceleration * dt
+        self.speed += float(np.clip(speed - self.speed, -change, change))
+        return edge_twist(features, goal.direction * self.speed, goal.force, self.gains)
+
+    def heading(self, pose):
+        """Direction of travel in the base frame (3,)."""
+        return self.goal.direction * pose[:3, 1]
+
+    def contour(self):
+        """No contour beyond the poses of the sensor."""
+        return None

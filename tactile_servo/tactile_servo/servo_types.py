@@ -23,6 +23,33 @@ class State(IntEnum):
     HOLD = 7
 
 
+# While in one of these the tracker moves the sensor.
+TRACKING = (State.TRACK, State.CORNER, State.SEARCH)
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """
+    What a tracker decides about the next cycle.
+
+    state : State
+        One of TRACKING, or HOLD, or DONE to end the goal.
+    reason : str
+    success : bool
+        Of an end: whether the edge was tracked as asked for.
+    lift : bool
+        Of an end: whether to lift off whatever the goal says.
+    """
+
+    state: State
+    reason: str = ''
+    success: bool = False
+    lift: bool = False
+
+
+KEEP = Verdict(State.TRACK)
+
+
 @dataclass(frozen=True)
 class EdgeServoConfig:
     """Bounds of the servo, beside the gains of `ResolvedRateConfig`."""
@@ -94,7 +121,7 @@ class EdgeGoal:
     What to track, as in TrackEdge.action.
 
     speed [m/s]; force [N]; direction +1 or -1 along the sensor's y; length [m], 0 = until the
-    edge ends; retreat at the end.
+    edge ends; retreat at the end; closed: end when the contour closes on its start.
     """
 
     speed: float
@@ -102,6 +129,7 @@ class EdgeGoal:
     direction: int = 1
     length: float = 0.0
     retreat: bool = True
+    closed: bool = False
 
 
 @dataclass(frozen=True)

@@ -14,8 +14,6 @@ class TrackStatistics:
     ----------
     force : float
         Set-point of the normal force [N].
-    direction : int
-        +1 or -1 along the sensor's y.
 
     Attributes
     ----------
@@ -28,31 +26,29 @@ class TrackStatistics:
         the edge.
     """
 
-    def __init__(self, force, direction):
-        self.force, self.direction = force, direction
+    def __init__(self, force):
+        self.force = force
         self.length = 0.0
         self.force_max = 0.0
         self.lateral_max = 0.0
         self.contour = []
-        self._touched = False
         self._last_position = None
         self._last_stamp = None
         self._contour_length = -np.inf
         self._count = 0
         self._lateral_square = self._force_square = 0.0
 
-    def touch(self):
-        """First contact: lengths count from here."""
-        self._touched = True
-
-    def move(self, pose, tracking):
-        """Take the measured pose of the sensor (4, 4); the way counts while tracking."""
+    def move(self, pose, heading):
+        """Take the measured pose of the sensor (4, 4) and the way it goes along the edge (3,)."""
         position = pose[:3, 3]
-        if self._touched and tracking and self._last_position is not None:
-            # Along the edge only: the way across it, the sensor's x and z, is correction.
-            way = float((position - self._last_position) @ pose[:3, 1])
-            self.length += self.direction * way
+        if self._last_position is not None:
+            # Along the edge only: the way across it is correction.
+            self.length += float((position - self._last_position) @ heading)
         self._last_position = position.copy()
+
+    def stand(self):
+        """The way from here to where tracking goes on does not count."""
+        self._last_position = None
 
     def see(self, features, pose, stamp_ns):
         """Take the features of one image, once."""
@@ -80,3 +76,30 @@ class TrackStatistics:
     def force_rms_error(self):
         """RMS of measured force - set-point after settling [N]; NaN before."""
         return float(np.sqrt(self._force_square / self._count)) if self._count else np.nan
+
+
+def along_contour(nodes, poses):
+    """
+    Poses on a rebuilt contour: its places, the orientation and stamp of the nearest pose.
+
+    Parameters
+    ----------
+    nodes : ndarray, shape (N, 3)
+        Base frame [m].
+    poses : list of (int, ndarray)
+        Stamps [ns] and poses (4, 4) of the sensor on its way.
+
+    Returns
+    -------
+    list of (int, ndarray)
+    """
+    if not poses:
+        return []
+    places = np.array([pose[:3, 3] for _, pose in poses])
+    result = []
+    for node in nodes:
+        stamp, pose = poses[int(np.linalg.norm(places - node, axis=1).argmin())]
+        moved = pose.copy()
+        moved[:3, 3] = node
+        result.append((stamp, moved))
+    return result

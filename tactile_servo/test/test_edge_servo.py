@@ -2,8 +2,8 @@
 
 from dataclasses import replace
 
-from closed_loop import Loop
 import numpy as np
+from puma_loop import puma_loop, tracked
 import pytest
 
 from tactile_sensing.contact import Contact, ContactType, Reason
@@ -22,19 +22,24 @@ def tracking(loop, progress=0.02, goal=GOAL):
     return status
 
 
+def along(loop):
+    """Where the pad stands along the edge [m]."""
+    return float(loop.scene.edge.nearest(loop.pose[None, :3, 3])[1][0])
+
+
 def moved(loop, seconds):
     """Way of the sensor over the next seconds [m]."""
-    before = loop.log[-1][5][:3, 3]
+    before = loop.pose[:3, 3]
     loop.run(None, seconds)
-    return float(np.linalg.norm(loop.log[-1][5][:3, 3] - before))
+    return float(np.linalg.norm(loop.pose[:3, 3] - before))
 
 
 @pytest.mark.parametrize('seed', range(3))
 def test_straight_edge_is_tracked_within_the_bars(seed):
-    loop = Loop('straight', seed=seed)
+    loop = puma_loop(seed=seed)
     status = loop.run(EdgeGoal(0.03, 5.0), 20.0)
     assert status.state == State.DONE and loop.servo.success
-    lateral, force = loop.tracked()
+    lateral, force = tracked(loop)
     assert np.sqrt(np.mean(lateral**2)) <= 0.05e-3 and np.abs(lateral).max() <= 0.3e-3
     assert np.sqrt(np.mean((force - 5.0)**2)) <= 0.05 * 5.0
     assert status.progress > 0.16
@@ -44,18 +49,18 @@ def test_straight_edge_is_tracked_within_the_bars(seed):
 @pytest.mark.parametrize('scene, speed, rms, largest', [
     ('two_segments', 0.026, 0.4e-3, 2.0e-3), ('curve', 0.023, 0.45e-3, 0.6e-3)])
 def test_corner_and_curve_are_held_as_well_as_by_the_thesis(scene, speed, rms, largest):
-    loop = Loop(scene)
+    loop = puma_loop(scene)
     loop.run(EdgeGoal(speed, 5.0), 20.0)
     assert loop.servo.success, loop.servo.reason
-    lateral, force = loop.tracked()
+    lateral, force = tracked(loop)
     assert np.sqrt(np.mean(lateral**2)) <= rms and np.abs(lateral).max() <= largest
     assert max(force) <= 7.5
 
 
 def test_states_run_in_order_and_the_contour_lies_on_the_edge():
-    loop = Loop()
+    loop = puma_loop()
     status = loop.run(GOAL, 20.0)
-    states = [row[1].state for row in loop.log if row[1].state != State.IDLE]
+    states = [row.status.state for row in loop.log if row.status.state != State.IDLE]
     order = [s for k, s in enumerate(states) if k == 0 or s != states[k - 1]]
     assert order == [State.APPROACH, State.TRACK, State.RETREAT, State.DONE]
     assert status.reason == 'length reached' and loop.servo.success
@@ -65,25 +70,25 @@ def test_states_run_in_order_and_the_contour_lies_on_the_edge():
 
 
 def test_pad_is_lifted_off_at_the_end():
-    loop = Loop()
+    loop = puma_loop()
     loop.run(GOAL, 20.0)
     loop.run(None, 0.2)
-    assert loop.log[-1][4] == 0.0
+    assert loop.log[-1].force == 0.0
     assert loop.servo.goal is None
 
 
 def test_direction_can_be_reversed():
-    loop = Loop()
+    loop = puma_loop()
     loop.run(EdgeGoal(0.03, 5.0, length=0.1), 20.0)
     loop.servo.finish()
-    start = loop.log[-1][3]
+    start = along(loop)
     loop.run(EdgeGoal(0.03, 5.0, direction=-1, length=0.05), 20.0)
     assert loop.servo.success
-    assert loop.log[-1][3] == pytest.approx(start - 0.05, abs=0.01)
+    assert along(loop) == pytest.approx(start - 0.05, abs=0.01)
 
 
 def test_dead_sensor_holds_within_150_ms_and_resumes_on_command():
-    loop = Loop()
+    loop = puma_loop()
     tracking(loop)
     loop.sensor_alive = False
     died = loop.now
@@ -100,7 +105,7 @@ def test_dead_sensor_holds_within_150_ms_and_resumes_on_command():
 
 
 def test_short_gap_in_the_images_ends_by_itself():
-    loop = Loop()
+    loop = puma_loop()
     tracking(loop)
     loop.sensor_alive = False
     loop.run(None, 0.2)
@@ -111,7 +116,7 @@ def test_short_gap_in_the_images_ends_by_itself():
 
 
 def test_reason_of_the_end_outlives_a_hold_on_the_way_up():
-    loop = Loop()
+    loop = puma_loop()
     loop.run(GOAL, 20.0, lambda s: s.state == State.RETREAT)
     loop.robot_alive = False
     status = loop.run(None, 0.2)
@@ -123,7 +128,7 @@ def test_reason_of_the_end_outlives_a_hold_on_the_way_up():
 
 
 def test_a_pad_that_presses_already_goes_on_from_there():
-    loop = Loop()
+    loop = puma_loop()
     loop.run(replace(GOAL, force=6.0, length=0.01, retreat=False), 20.0)
     assert loop.servo.success
     loop.servo.finish()
@@ -132,7 +137,7 @@ def test_a_pad_that_presses_already_goes_on_from_there():
 
 
 def test_stale_joint_state_holds():
-    loop = Loop()
+    loop = puma_loop()
     tracking(loop)
     loop.robot_alive = False
     loop.run(None, 0.15)
@@ -142,7 +147,7 @@ def test_stale_joint_state_holds():
 
 @pytest.mark.parametrize('offset_ns', [-200_000_000, 200_000_000])
 def test_stamps_off_by_more_than_their_bound_hold(offset_ns):
-    loop = Loop()
+    loop = puma_loop()
     tracking(loop)
     see = loop.servo.see_contact
     loop.servo.see_contact = lambda contact, stamp, now: see(contact, stamp + offset_ns, now)
@@ -151,7 +156,7 @@ def test_stamps_off_by_more_than_their_bound_hold(offset_ns):
 
 
 def test_pause_and_resume():
-    loop = Loop()
+    loop = puma_loop()
     tracking(loop)
     assert loop.servo.pause(True, loop.now)
     loop.run(None, 0.2)
@@ -162,7 +167,7 @@ def test_pause_and_resume():
 
 
 def test_cancel_stops_and_ends():
-    loop = Loop()
+    loop = puma_loop()
     tracking(loop)
     loop.servo.cancel()
     status = loop.run(None, 0.5)
@@ -172,7 +177,7 @@ def test_cancel_stops_and_ends():
 
 
 def test_unending_hold_gives_up():
-    loop = Loop(config=EdgeServoConfig(give_up=0.5))
+    loop = puma_loop(config=EdgeServoConfig(give_up=0.5))
     tracking(loop)
     loop.sensor_alive = False
     status = loop.run(None, 2.0)
@@ -181,12 +186,12 @@ def test_unending_hold_gives_up():
 
 
 def test_nothing_to_touch_gives_up_within_the_approach_distance():
-    loop = Loop()
+    loop = puma_loop()
     loop.renderer.counts = lambda pose, rng, real=loop.renderer.counts: real(None, rng)
     loop.run(GOAL, 20.0)
     assert not loop.servo.success and 'no contact' in loop.servo.reason
-    deepest = min(row[5][2, 3] for row in loop.log)
-    assert loop.log[0][5][2, 3] - deepest < 0.032
+    deepest = min(row.pose[2, 3] for row in loop.log)
+    assert loop.log[0].pose[2, 3] - deepest < 0.032
 
 
 def press(force, kind=ContactType.OTHER, elongated=True):
@@ -196,65 +201,65 @@ def press(force, kind=ContactType.OTHER, elongated=True):
 
 
 def test_a_flat_under_the_pad_is_not_pressed_on():
-    loop = Loop()
-    loop.estimate = lambda pose: press(6.0 if pose[2, 3] < loop.scene.edge.points[0, 2] else 0.0,
+    loop = puma_loop()
+    loop.estimate = lambda _: press(6.0 if loop.pose[2, 3] < loop.scene.edge.points[0, 2] else 0.0,
                                        elongated=False)
     loop.run(GOAL, 20.0)
     assert not loop.servo.success and 'elongation' in loop.servo.reason
 
 
 def test_lost_edge_with_contact_held_never_presses():
-    loop = Loop()
+    loop = puma_loop()
     tracking(loop)
-    depth = loop.log[-1][5][2, 3]
-    loop.estimate = lambda pose: press(1.0, elongated=False)  # light, and no edge
+    depth = loop.pose[2, 3]
+    loop.estimate = lambda _: press(1.0, elongated=False)  # light, and no edge
     loop.run(None, 2.0)
     assert loop.servo.state == State.HOLD and 'elongation' in loop.servo.reason
-    assert depth - loop.log[-1][5][2, 3] < 0.2e-3
+    assert depth - loop.pose[2, 3] < 0.2e-3
 
 
 def test_force_that_does_not_rise_is_not_chased_beyond_the_press_depth():
-    loop = Loop()
+    loop = puma_loop()
     tracking(loop)
-    depth = loop.log[-1][5][2, 3]
-    loop.estimate = lambda pose: press(1.0)  # an edge, whose force stays low
+    depth = loop.pose[2, 3]
+    loop.estimate = lambda _: press(1.0)  # an edge, whose force stays low
     loop.run(None, 3.0)
     assert not loop.servo.success and 'deeper' in loop.servo.reason
-    assert depth - min(row[5][2, 3] for row in loop.log) < 3.5e-3
+    assert depth - min(row.pose[2, 3] for row in loop.log) < 3.5e-3
 
 
 def test_untared_sensor_holds():
-    loop = Loop()
+    loop = puma_loop()
     tracking(loop)
     real = loop.estimate
-    loop.estimate = lambda pose: replace(real(pose), reasons=Reason.NOT_TARED)
+    loop.estimate = lambda image: replace(real(image), reasons=Reason.NOT_TARED)
     loop.run(None, 0.2)
     assert loop.servo.state == State.HOLD and loop.servo.reason == 'sensor is not tared'
     assert moved(loop, 0.5) < 1e-4
 
 
 def test_overload_lifts_off():
-    loop = Loop()
+    loop = puma_loop()
     tracking(loop)
-    loop.estimate = lambda pose: press(20.0)
+    loop.estimate = lambda _: press(20.0)
     status = loop.run(None, 3.0)
     assert status.state == State.DONE and 'overload' in loop.servo.reason
-    assert loop.log[-1][4] == 0.0 and not loop.servo.success
+    assert loop.log[-1].force == 0.0 and not loop.servo.success
 
 
 def test_workspace_box_is_not_left():
-    loop = Loop()
+    loop = puma_loop()
     start = loop.scene.start_pose()[:3, 3]
     wall = start[1] + 0.03
-    loop = Loop(workspace=WorkspaceBox(start - [0.1, 0.1, 0.1], [1.0, wall, 1.0]))
+    loop = puma_loop(workspace=WorkspaceBox(start - [0.1, 0.1, 0.1], [1.0, wall, 1.0]))
     loop.run(EdgeGoal(0.05, 5.0), 5.0)
-    assert loop.log[-1][1].limited_by == 'workspace'
-    reach = max(row[5][1, 3] for row in loop.log)
+    assert loop.log[-1].status.limited_by == 'workspace'
+    reach = max(row.pose[1, 3] for row in loop.log)
     assert wall - 0.005 < reach <= wall + 1e-5
 
 
 def test_joint_state_far_beyond_the_limits_is_refused():
-    loop = Loop()
+    loop = puma_loop()
     positions = loop.limits.upper.copy()
     loop.servo.see_joints(positions + 0.1, 0, 0.0)
     positions[2] = 1e300
@@ -263,7 +268,7 @@ def test_joint_state_far_beyond_the_limits_is_refused():
 
 
 def test_joint_states_that_are_no_numbers_are_refused():
-    loop = Loop()
+    loop = puma_loop()
     for wrong in (np.full(6, np.nan), np.zeros(5)):
         with pytest.raises(ValueError, match='joint state'):
             loop.servo.see_joints(wrong, 0, 0.0)
@@ -275,7 +280,7 @@ def test_joint_states_that_are_no_numbers_are_refused():
     (EdgeGoal(0.03, 50.0), 'force'), (EdgeGoal(0.03, 0.1), 'contact_force'),
     (EdgeGoal(0.03, 5.0, length=-1.0), 'length'), (EdgeGoal(0.03, 5.0, direction=2), 'direction')])
 def test_bad_goals_are_refused_by_name_and_bound(goal, text):
-    loop = Loop()
+    loop = puma_loop()
     with pytest.raises(ValueError, match='no joint state'):
         loop.servo.start(GOAL, 0.0)
     loop.run(None, 0.01)
@@ -284,7 +289,7 @@ def test_bad_goals_are_refused_by_name_and_bound(goal, text):
 
 
 def test_second_goal_is_refused_while_one_is_active():
-    loop = Loop()
+    loop = puma_loop()
     tracking(loop)
     assert 'busy' in loop.servo.check(GOAL)
 

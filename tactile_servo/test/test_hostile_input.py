@@ -1,19 +1,16 @@
 """Whatever is fed to the servo, its commands stay within the limits and end at rest."""
 
-from closed_loop import puma
 from hypothesis import given, settings
 from hypothesis import strategies as st
 import numpy as np
+from puma_loop import LIMITS, PUMA
 
 from tactile_sensing.contact import Contact, ContactType, Reason
 from tactile_sensing.moments import Moments
 from tactile_servo.edge_servo import EdgeServo
-from tactile_servo.limits import JointLimits, WorkspaceBox
+from tactile_servo.limits import WorkspaceBox
 from tactile_servo.servo_types import EdgeGoal, State
 
-ROBOT = puma()
-LIMITS = JointLimits(ROBOT.joint_names, ROBOT.lower + 0.05, ROBOT.upper - 0.05,
-                     ROBOT.velocity_limit, np.full(6, 10.0))
 PERIOD_NS = 2_500_000
 
 values = st.floats(-1.0, 1.0) | st.sampled_from(
@@ -36,7 +33,7 @@ steps = st.tuples(
                       st.sampled_from([-1, 1])))
 def test_commands_stay_within_every_limit(start, script, goal):
     box = WorkspaceBox([-0.4, -0.4, 0.0], [0.4, 0.4, 0.6])
-    servo = EdgeServo(ROBOT, LIMITS, workspace=box)
+    servo = EdgeServo(PUMA, LIMITS, workspace=box)
     now, now_ns = 100.0, 10**12
     measured = LIMITS.lower + np.array(start) * (LIMITS.upper - LIMITS.lower)
     servo.see_joints(measured, now_ns, now)

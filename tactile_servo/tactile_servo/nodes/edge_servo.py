@@ -16,8 +16,8 @@ from trajectory_msgs.msg import JointTrajectory
 
 from tactile_msgs.action import TrackEdge
 from tactile_msgs.msg import Contact as ContactMsg
-from tactile_msgs.msg import ServoStatus
-from tactile_sensing.conversions import contact_from_msg, stamp_to_ns
+from tactile_msgs.msg import ServoStatus, TactileImage
+from tactile_sensing.conversions import contact_from_msg, image_from_msg, stamp_to_ns
 from tactile_sensing.errors import TactileSensingError
 from tactile_sensing.nodes.parameters import declare_from
 from tactile_sensing.nodes.runner import run
@@ -32,11 +32,10 @@ from tactile_servo.conversions import (
 from tactile_servo.edge_servo import EdgeServo
 from tactile_servo.errors import ConfigurationError, TactileServoError
 from tactile_servo.limits import JointLimits, WorkspaceBox
-from tactile_servo.resolved_rate import ResolvedRateConfig
 from tactile_servo.robot import RobotModel
 from tactile_servo.servo_types import EdgeServoConfig, State
+from tactile_servo.trackers import check_name, make_tracker, TRACKERS
 
-CONTROLLER = 'resolved_rate'
 FEEDBACK_PERIOD = 0.05  # s; the status topic has every cycle
 
 
@@ -46,6 +45,8 @@ class RobotConfig:
 
     robot_description: str = field(default='', metadata={
         'doc': 'URDF of the robot with the sensor: its text, or the path of a file'})
+    tracker: str = field(default='trace', metadata={
+        'doc': 'how the edge is followed: ' + ' or '.join(TRACKERS)})
     tip_frame: str = field(default='tactile_pad', metadata={
         'doc': 'frame of the sensor: x along columns, y along rows, z out of the skin'})
     controller: str = field(default='/joint_trajectory_controller', metadata={
@@ -71,14 +72,15 @@ class EdgeServoNode(Node):
     Subscribes to `contact` and `/joint_states`; streams windows to the joint trajectory
     controller while a goal of the action `track_edge` is active; publishes `servo_status` every
     cycle, `sensor_pose` at every joint state and `diagnostics`; `~/pause` holds and resumes.
-    Parameters: `RobotConfig`, `EdgeServoConfig`, `ResolvedRateConfig`.
+    Parameters: `RobotConfig`, `EdgeServoConfig`, and those of the tracker, `ResolvedRateConfig`
+    or `TraceConfig`; the latter's tracker subscribes to `image` as well.
     """
 
     def __init__(self, **kwargs):
         self._action = None  # until the parameters have proved right
         super().__init__('edge_servo', **kwargs)
         robot, config = declare_from(self, RobotConfig), declare_from(self, EdgeServoConfig)
-        gains = declare_from(self, ResolvedRateConfig)
+        settings = declare_from(self, check_name(robot.tracker).config_type)
         if not robot.robot_description:
             raise ConfigurationError(
                 'robot_description: no URDF given; pass its text or the path of a file')
@@ -89,7 +91,7 @@ class EdgeServoNode(Node):
             np.full(len(model.joint_names), robot.joint_acceleration))
         self._model, self._base_frame = model, model.root_frame
         self._servo = EdgeServo(
-            model, limits, config, gains,
+            model, limits, config, make_tracker(robot.tracker, config, settings),
             WorkspaceBox(robot.workspace_lower, robot.workspace_upper))
         self._goal_handle, self._started = None, 0.0
         self._missed, self._longest, self._last_tick = 0, 0.0, None
@@ -103,6 +105,9 @@ class EdgeServoNode(Node):
         self._diagnostics = self.create_publisher(DiagnosticArray, 'diagnostics', 10)
         self.create_subscription(
             ContactMsg, 'contact', self._on_contact, qos_profile_sensor_data)
+        if self._servo.tracker.sees_images:
+            self.create_subscription(
+                TactileImage, 'image', self._on_image, qos_profile_sensor_data)
         self.create_subscription(
             JointState, '/joint_states', self._on_joints, qos_profile_sensor_data)
         self.create_service(SetBool, '~/pause', self._on_pause)
@@ -142,6 +147,14 @@ class EdgeServoNode(Node):
             return
         self._servo.see_contact(contact, stamp_to_ns(msg.header.stamp), perf_counter())
 
+    def _on_image(self, msg):
+        try:
+            image = image_from_msg(msg)
+        except TactileSensingError as error:
+            self.get_logger().warning(f'image passed over: {error}', throttle_duration_sec=5.0)
+            return
+        self._servo.see_image(image, perf_counter())
+
     def _on_cycle(self):
         now = perf_counter()
         if self._last_tick is not None and now - self._last_tick > 2.0 * self._period:
@@ -153,7 +166,7 @@ class EdgeServoNode(Node):
             self._trajectory.publish(trajectory_to_msg(trajectory))
         took = perf_counter() - now
         self._longest = max(self._longest, took)
-        msg = status_to_msg(status, CONTROLLER, took, self._missed)
+        msg = status_to_msg(status, self._servo.tracker.name, took, self._missed)
         msg.header.stamp, msg.header.frame_id = stamp.to_msg(), self._tip_frame
         self._status.publish(msg)
         if self._goal_handle is not None:
@@ -163,8 +176,6 @@ class EdgeServoNode(Node):
 
     def _on_goal(self, request):
         why = self._servo.check(goal_from_msg(request))
-        if request.closed:
-            why = why or 'closed contours are not tracked by the resolved_rate controller'
         if why:
             self.get_logger().error(f'track_edge goal rejected: {why}')
             self._servo.note(f'goal rejected: {why}')

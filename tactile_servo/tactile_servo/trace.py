@@ -1,0 +1,336 @@
+"""Pose-stamped tracing: the edge is mapped where the robot was when each picture was taken."""
+
+from dataclasses import dataclass, field
+import math
+
+import numpy as np
+
+from tactile_sensing.contact import ContactType
+from tactile_sensing.ridge import mend, ridge_points
+from tactile_servo.corners import Picture
+from tactile_servo.edge_trace import speed_profile
+from tactile_servo.resolved_rate import EdgeFeatures
+from tactile_servo.servo_types import KEEP, State, Verdict
+from tactile_servo.traced_edge import CLOSED, END, TracedEdge, VIEW
+
+END_MARGIN = 4.0e-3  # m before the end of a ridge from which the pad coasts
+STRAY = 1.0e-3  # m from the path at which the pad no longer goes ahead
+
+
+@dataclass(frozen=True)
+class TraceConfig:
+    """Gains and bounds of the tracing servo."""
+
+    lateral_gain: float = field(default=30.0, metadata={
+        'doc': "rate at which the pad's distance from the traced edge is made up",
+        'unit': '1/s', 'range': (1.0, 200.0)})
+    force_gain: float = field(default=40.0, metadata={
+        'doc': 'rate at which an error of the force is made up', 'unit': '1/s',
+        'range': (1.0, 200.0)})
+    force_integral: float = field(default=60.0, metadata={
+        'doc': 'integral gain of the force', 'unit': '1/s^2', 'range': (0.0, 1e4)})
+    stiffness: float = field(default=5000.0, metadata={
+        'doc': 'total stiffness of skin, finger and robot along the normal', 'unit': 'N/m',
+        'range': (10.0, 1e7)})
+    skin_stiffness: float = field(default=2.0e5, metadata={
+        'doc': 'line force per length and indentation, which tells the height of the edge',
+        'unit': 'N/m^2', 'range': (1e2, 1e9)})
+    acceleration: float = field(default=2.0, metadata={
+        'doc': 'largest acceleration of the pad in the plane of the edge', 'unit': 'm/s^2',
+        'range': (0.01, 100.0)})
+    corner_cut: float = field(default=5e-5, metadata={
+        'doc': 'distance from a sharp corner at which the pad may pass it', 'unit': 'm',
+        'range': (1e-6, 1e-2)})
+    corner_settle: float = field(default=3e-4, metadata={
+        'doc': 'distance before and after a sharp corner that is passed at its speed, for the '
+               'lag of the robot', 'unit': 'm', 'range': (0.0, 1e-2)})
+    blind_speed: float = field(default=0.05, metadata={
+        'doc': 'speed to which the pad can slow down where the pad sees no further',
+        'unit': 'm/s', 'range': (1e-3, 1.0)})
+    max_normal_speed: float = field(default=0.05, metadata={
+        'doc': 'largest speed along the normal', 'unit': 'm/s', 'range': (1e-4, 1.0)})
+    max_lateral_speed: float = field(default=0.1, metadata={
+        'doc': 'largest speed back to the edge', 'unit': 'm/s', 'range': (1e-4, 1.0)})
+    turn_gain: float = field(default=5.0, metadata={
+        'doc': 'rate at which the pad is turned along the edge', 'unit': '1/s',
+        'range': (0.0, 50.0)})
+    max_turn_rate: float = field(default=1.5, metadata={
+        'doc': 'largest rate of turn', 'unit': 'rad/s', 'range': (0.0, 20.0)})
+    max_turn: float = field(default=7.0, metadata={
+        'doc': 'the pad is turned with the edge up to this angle from where it began, and '
+               'kept beyond', 'unit': 'rad', 'range': (0.0, 100.0)})
+    coast: float = field(default=0.014, metadata={
+        'doc': 'how far the pad goes on straight where the ridge ends', 'unit': 'm',
+        'range': (0.0, 0.1)})
+    search_speed: float = field(default=0.02, metadata={
+        'doc': 'largest speed while the edge is searched', 'unit': 'm/s', 'range': (1e-3, 0.5)})
+
+
+class Trace:
+    """
+    Follow the edge that the pictures drew, with the robot's own pose.
+
+    The points of every picture are put into a plane fixed in the base by the pose at the
+    picture's stamp, so that latency only ages what is seen ahead and is no part of the loop.
+
+    Parameters
+    ----------
+    servo : EdgeServoConfig
+    config : TraceConfig, optional
+    """
+
+    name = 'trace'
+    sees_images = True
+    config_type = TraceConfig
+
+    def __init__(self, servo, config=None):
+        self.servo, self.config = servo, config or TraceConfig()
+        self.begin(None)
+
+    def refuse(self, goal):
+        """Return why a goal is beyond this tracker, or ''."""
+        return 'a closed contour has no length; let it be 0' * (goal.closed and goal.length > 0.0)
+
+    def begin(self, goal):
+        """Forget the last goal."""
+        self.goal = goal
+        self.features, self.arrival, self.reason = None, -np.inf, 'no picture yet'
+        self.edge = None
+        self._plane = None  # base -> plane (4, 4)
+        self._force = self._seen_z = self._seen_station = 0.0
+        self._stamp, self._seen_length = None, 0.0
+        self._half = np.full(2, self.servo.array_half_width)
+        self._off_path = 0
+        self.resume()
+
+    def resume(self):
+        """Go on from a standstill: the edge must be found anew."""
+        self.speed = 0.0
+        self._velocity = np.zeros(3)
+        self._turn = 0.0
+        self._integral = 0.0
+        self._seeded = False
+        self._coasted, self._beyond = 0.0, -np.inf
+
+    def see_contact(self, contact, stamp_ns, arrival):
+        """Take a contact estimate: a fitted line tells the force better than the sum does."""
+        if (stamp_ns == self._stamp and contact.valid and contact.type == ContactType.LINE
+                and abs(contact.normal_force - self._force) < 0.1 * self._force):
+            self._force = contact.normal_force
+
+    # Picture -----------------------------------------------------------------------------
+
+    def see_image(self, image, pose, arrival):
+        """Take a picture, the pose (4, 4) at its stamp, and its steady arrival time [s]."""
+        layer = next((one for one in image.layers if one.component == 'zz'), None)
+        if layer is None or layer.stress.shape != image.array.shape or not image.tared:
+            self.reason = 'picture without pressure'
+            return
+        noise = layer.noise_std or 1e-2 * float(np.nanmax(layer.stress, initial=0.0)) + 1e-9
+        pressure = mend(np.asarray(layer.stress, dtype=np.float64), noise)
+        if not np.isfinite(pressure).all():
+            self.reason = 'picture with too many invalid tactels'
+            return
+        array = image.array
+        self._stamp = image.stamp_ns
+        self._half = np.array([array.half_width_x, array.half_width_y])
+        self._force = float(pressure.sum()) * array.pitch_x * array.pitch_y
+        points = ridge_points(pressure, array, noise)
+        if self._plane is None:
+            self._plane = np.linalg.inv(pose)
+            self.edge = TracedEdge(layer.depth)
+        placed = self._plane @ pose
+        self._seen_z = placed[2, 3]
+        if len(points) < 3:
+            self.reason = 'no ridge in the picture'
+            return
+        self.edge.see(self._cloud(points, placed, layer.depth),
+                      Picture(pressure, array, layer.depth, noise, placed[:2, 3],
+                              math.atan2(placed[1, 0], placed[0, 0])))
+        self._follow(placed)
+        if self._seeded:
+            self.arrival, self.reason = arrival, ''
+            self._describe(placed)
+            self._seen_length = self._on_pad(placed)
+
+    def _on_pad(self, placed, ahead=0.0):
+        """Length of the edge on the pad at a pose in the plane, moved by `ahead` (2,) [m]."""
+        return self.edge.length_on_pad(
+            placed[:2, 3] + ahead, math.atan2(placed[1, 0], placed[0, 0]), self._half)
+
+    def _cloud(self, points, placed, depth):
+        """Points of the picture in the plane: columns of `edge_trace`."""
+        # (3.1) at its peak, 2 q / (pi d), gives the load, and that the indentation.
+        indentation = points[:, 4] * (0.5 * math.pi * depth / self.config.skin_stiffness)
+        place = np.column_stack([points[:, :2], -indentation]) @ placed[:3, :3].T + placed[:3, 3]
+        way = points[:, 2:4] @ placed[:2, :2].T
+        way /= np.linalg.norm(way, axis=1)[:, None]
+        return np.column_stack([place, way, points[:, 5]])
+
+    def _heading(self, placed):
+        return self.goal.direction * placed[:2, 1] / np.linalg.norm(placed[:2, 1])
+
+    def _follow(self, placed):
+        """Extend the path by what the newest picture shows."""
+        edge = self.edge
+        if not self._seeded or self._settling():
+            station = 0.0
+            self._seeded = edge.seed(placed[:2, 3], self._heading(placed), station)
+            self._here = self._ahead = station
+            return
+        self._here = edge.place(placed[:2, 3], self._here, 15e-3)[0]
+        self._seen_station = self._here
+        edge.refine(self._here)
+        edge.extend(self._here)
+
+    def _settling(self):
+        """Until the pad presses, the path is drawn anew with every picture."""
+        return self._ahead == 0.0 and self._force < 0.6 * self.goal.force
+
+    def _describe(self, placed):
+        station, x, y, left, ux, uy = self.edge.place(placed[:2, 3], self._here, 10e-3)
+        way = np.array([ux, uy]) * self.goal.direction
+        yaw = math.atan2(placed[0, 1], placed[1, 1])
+        along = math.atan2(way[0], way[1])
+        angle = math.atan2(math.sin(yaw - along), math.cos(yaw - along))
+        self.features = EdgeFeatures(
+            self.goal.direction * left, angle, self._force,
+            self.goal.direction * (self.edge.stations[-1] - station))
+
+    # Decision ----------------------------------------------------------------------------
+
+    def ready(self, now):
+        """Whether there is an edge to track."""
+        return now - self.arrival < self.servo.edge_lost
+
+    def judge(self, now, pose, length, load):
+        """Decide whether to go on tracking: Verdict."""
+        edge = self.edge
+        if not self.ready(now):
+            return Verdict(State.HOLD, self.reason or 'edge lost')
+        if edge.end == CLOSED and self._here >= edge.closing:
+            return Verdict(State.DONE, 'the contour closed', True)
+        self._beyond = self._ahead - edge.stations[-1] if edge.end == END else -np.inf
+        if self._beyond < -END_MARGIN:
+            return KEEP if not self._coasted else Verdict(State.TRACK, 'the edge goes on')
+        if self._coasted >= self.config.coast + END_MARGIN:
+            whole = self.goal.length == 0.0 and not self.goal.closed
+            if length > 2.0 * self.servo.array_half_width:
+                return Verdict(State.DONE, 'the edge ended', whole)
+            return Verdict(State.HOLD, 'the edge ended')
+        return Verdict(State.SEARCH, 'the ridge ends: coasting')
+
+    # Motion ------------------------------------------------------------------------------
+
+    def twist(self, pose, commanded, dt):
+        """
+        Wanted twist of the sensor in its own frame (6,) [m/s, rad/s].
+
+        pose, commanded : ndarray, shape (4, 4)
+            Measured and commanded pose of the sensor.
+        """
+        here, there = self._plane @ pose, self._plane @ commanded
+        velocity = np.zeros(3)
+        velocity[:2] = self._in_plane(here, there, dt)
+        velocity[2] = self._along_normal(there, dt)
+        change = velocity[:2] - self._velocity[:2]
+        most = self.config.acceleration * dt
+        size = float(np.hypot(*change))
+        if size > most:
+            velocity[:2] = self._velocity[:2] + change * (most / size)
+        self._velocity = velocity
+        rotation = there[:3, :3]
+        return np.concatenate([rotation.T @ velocity, rotation.T @ self._rotate(there, dt)])
+
+    def _in_plane(self, here, there, dt):
+        """Velocity (2,) along the path and back to it."""
+        c, edge = self.config, self.edge
+        measured, x, y, _, _, _ = edge.place(here[:2, 3], self._here, 15e-3)
+        self._here = measured
+        self._ahead, _, _, _, ux, uy = edge.place(there[:2, 3], self._ahead, 5e-3)
+        top = min(self.goal.speed, self.goal.speed * max(
+            2.0 * self._force / self.goal.force - 0.2, 0.0))
+        # A second leg that comes under the pad adds its load at once: give way first.
+        top *= float(np.clip(4.0 * (1.4 - self._force / self.goal.force), 0.0, 1.0))
+        error = np.array([x, y]) - here[:2, 3]
+        distance = float(np.hypot(*error))
+        top *= min(max(1.2 - distance / STRAY, 0.0), 1.0)
+        end_speed = {CLOSED: top, END: min(c.search_speed, top), VIEW: c.blind_speed}[edge.end]
+        limit = speed_profile(edge.nodes, edge.stations, self._ahead, top, c.acceleration,
+                              end_speed, c.corner_cut, c.corner_settle)
+        self.speed = min(limit, self.speed + c.acceleration * dt)
+        if self._beyond >= -END_MARGIN:
+            self._coasted += self.speed * dt
+        else:
+            self._coasted = 0.0
+        target = edge.along(self._ahead + 0.4e-3 + self.speed * dt)[:2]
+        way = target - edge.along(self._ahead)[:2]
+        if np.hypot(*way) < 1e-4:  # beyond the end: straight on
+            way = edge.nodes[-1, 3:5]
+        way = way / np.hypot(*way)
+        back = min(c.lateral_gain * distance, math.sqrt(c.acceleration * distance),
+                   c.max_lateral_speed)
+        return self.speed * way + back * error / max(distance, 1e-9)
+
+    def _along_normal(self, there, dt):
+        """Velocity along the plane's normal that keeps the force."""
+        c = self.config
+        slope = self.edge.slope(self._ahead, 10e-3)
+        moved = (there[2, 3] - self._seen_z) - slope * (self._ahead - self._seen_station)
+        shortest = 0.5 * self._half.min()
+        length = max(self._on_pad(there, self._velocity[:2] / c.force_gain), shortest)
+        predicted = self._force / max(self._seen_length, shortest) + c.skin_stiffness * moved
+        error = (self.goal.force / length - max(predicted, 0.0)) / c.skin_stiffness
+        if abs(self.goal.force - self._force) < 0.2 * self.goal.force:
+            self._integral += (self.goal.force - self._force) / c.stiffness * dt
+        speed = (c.force_gain * error + c.force_integral * self._integral
+                 + slope * self.speed)
+        deepest = c.max_normal_speed
+        if self._beyond >= -END_MARGIN and self._force > self.servo.contact_force:
+            deepest = 0.0  # what still touches is no reason to press
+        return float(np.clip(speed, -c.max_normal_speed, deepest))
+
+    def _rotate(self, there, dt):
+        """Angular velocity (3,) in the plane's frame that turns and levels the pad."""
+        c, edge = self.config, self.edge
+        way = edge.along(self._ahead + 4e-3)[:2] - edge.along(self._ahead - 4e-3)[:2]
+        size = np.hypot(*way)
+        if size < 1e-3:
+            return np.zeros(3)
+        way = way / size
+        heading = self._heading(there)
+        error = math.atan2(heading[0] * way[1] - heading[1] * way[0], heading @ way)
+        wanted = float(np.clip(c.turn_gain * error, -c.max_turn_rate, c.max_turn_rate))
+        yaw = math.atan2(there[1, 0], there[0, 0])
+        if abs(yaw) > c.max_turn and wanted * yaw > 0.0:
+            wanted = 0.0
+        self._turn += float(np.clip(wanted - self._turn, -15.0 * dt, 15.0 * dt))
+        normal = there[:3, 2]
+        tangent = np.array([*way, edge.slope(self._ahead, 10e-3)])
+        tangent /= np.linalg.norm(tangent)
+        side = np.array([-way[1], way[0], 0.0])
+        level = -(normal @ tangent) * np.cross(normal, tangent)
+        level -= (normal @ side) * np.cross(normal, side)
+        level = np.clip(c.turn_gain * level, -c.max_turn_rate, c.max_turn_rate)
+        return level + np.array([0.0, 0.0, self._turn])
+
+    @property
+    def closed(self):
+        """Whether the path has met its start."""
+        return self.edge is not None and self.edge.end == CLOSED
+
+    def heading(self, pose):
+        """Direction of travel in the base frame (3,)."""
+        if self.edge is None or not len(self.edge.nodes):
+            return self.goal.direction * pose[:3, 1]
+        _, _, _, _, ux, uy = self.edge.place((self._plane @ pose)[:2, 3], self._here, 15e-3)
+        return self._plane[:2, :3].T @ np.array([ux, uy])
+
+    def contour(self):
+        """Rebuilt edge in the base frame, shape (N, 3)."""
+        if self.edge is None or not len(self.edge.nodes):
+            return None
+        nodes = (self.edge.contour_nodes if self.edge.end == CLOSED
+                 else self.edge.nodes[self.edge.stations <= self._here])[:, :3]
+        back = np.linalg.inv(self._plane)
+        return nodes @ back[:3, :3].T + back[:3, 3]

@@ -1,0 +1,355 @@
+"""The edge as traced so far: a path behind and under the pad, and what is seen ahead."""
+
+
+import numpy as np
+
+from tactile_servo.corners import Corner, guess, LEAST_TURN
+from tactile_servo.edge_trace import length_on_pad, local_line, project, STEP, trace
+
+KEEP_BEHIND = 2.0e-3  # m behind the pad's centre the path is no longer changed
+AHEAD = 22.0e-3  # m of path traced at the most
+PICTURES = 10  # whose points make the cloud
+SEEN_BORDER = 3.3e-3  # m from the pad's border where a ridge can no longer be told from its end
+BLUR = 0.6  # of the squared depth over the radius: how far a ridge lies inside of a curve [m^2]
+NEAR_TURN, FAR_TURN = 4, 9  # nodes either side over which a turn is measured
+SHARPNESS = 0.58  # share of the turn that the near nodes must see for a corner
+BRANCH_REACH = 6.0e-3  # m from the end of a ridge within which another leg is looked for
+GAP_REACH = 18.0e-3  # m ahead over which a ridge may go on
+BESIDE = 1.3e-3  # m from the path beyond which a point belongs to another leg
+BEHIND = 30.0e-3  # m around the pad of which the load is reckoned
+CLOSING = 1.2e-3  # m from the start within which a contour closes
+SHORTEST_CONTOUR = 0.05  # m
+LEVEL_TURN = 0.15  # rad over four nodes from which the height is not read off the pressure
+LEVEL_CLEAR = 7  # nodes either side of such a turn that are left out as well
+VIEW, END, CLOSED = 'view', 'end', 'closed'
+
+
+class TracedEdge:
+    """
+    Path of an edge in a plane, traced picture by picture.
+
+    Attributes
+    ----------
+    nodes : ndarray, shape (N, 6)
+        x, y, z (along the plane's normal) [m], direction x, y, and whether there is material
+        between the node and the one before: 1 or 0.
+    stations : ndarray, shape (N,)
+        Way along the path [m].
+    end : str
+        Why the path ends: VIEW (the pad sees no further), END (the ridge ends), CLOSED.
+    """
+
+    def __init__(self, depth):
+        self.blur = BLUR * depth**2
+        self.nodes = np.empty((0, 6))
+        self.stations = np.empty(0)
+        self.corners = []
+        self.end = VIEW
+        self.past = []  # nodes of earlier paths, before a slip
+        self._clouds = []
+        self._cloud = np.empty((0, 6))
+        self._picture = None
+
+    # Input -------------------------------------------------------------------------------
+
+    def see(self, cloud, picture):
+        """Take the points (N, 6) of a picture, see `edge_trace`, and the Picture itself."""
+        self._clouds = [*self._clouds[1 - PICTURES:], cloud]
+        self._cloud = np.concatenate(self._clouds)
+        self._picture = picture
+
+    def forget(self):
+        """Drop what earlier pictures showed."""
+        self._clouds = []
+        self.corners = []
+
+    def seed(self, place, heading, station=0.0):
+        """
+        Begin a path at the point of the ridge that is nearest to a place (2,).
+
+        Returns
+        -------
+        bool
+            Whether there is one whose ridge runs roughly along `heading` (2,).
+        """
+        cloud = self._cloud
+        along = np.abs(cloud[:, 3:5] @ heading) > 0.5
+        if not along.any():
+            return False
+        cloud = cloud[along]
+        nearest = cloud[np.linalg.norm(cloud[:, :2] - place, axis=1).argmin()]
+        found, x, y, z, tx, ty = local_line(self._cloud, *nearest[:2], *heading)
+        if not found:
+            return False
+        back = trace(self._cloud, x, y, -tx, -ty, AHEAD)[::-1]
+        self._open_start = not len(back) or not self._picture.covers(back[:1, :2], SEEN_BORDER)
+        back[:, 3:5] *= -1.0
+        self.nodes = np.vstack([back, [[x, y, z, tx, ty, 1.0]]])
+        self._measure(station - len(back) * STEP)
+        self.corners = []
+        self.extend(station)
+        return True
+
+    # Path --------------------------------------------------------------------------------
+
+    def _measure(self, first=None):
+        if first is None:
+            first = self.stations[0] if len(self.stations) else 0.0
+        chords = np.linalg.norm(np.diff(self.nodes[:, :2], axis=0), axis=1)
+        self.stations = first + np.concatenate([[0.0], np.cumsum(chords)])
+
+    def extend(self, station):
+        """Trace anew what lies ahead of a station [m]."""
+        if self.end == CLOSED:
+            self._take_near(station)
+            return
+        kept = max(int(np.searchsorted(self.stations, station - KEEP_BEHIND)), 1)
+        for corner in self.corners:
+            entry, leave = corner.span
+            if entry < self.stations[kept - 1] < leave:
+                kept = max(int(np.searchsorted(self.stations, entry + 1e-9)), 1)
+        head = self.nodes[:kept]
+        ways, found = self._trace_on(head, station)
+        for _ in range(2):
+            if not self._find_corner(head, ways):
+                break
+            ways, found = self._trace_on(head, station)
+        self.nodes = np.vstack([head, *ways])
+        self._measure()
+        at = kept
+        for way, corner in zip(ways, found, strict=True):
+            if corner is not None:
+                corner.span = self.stations[at - 1], self.stations[at + len(way) - 1]
+            at += len(way)
+        self._close(station)
+        self._take_near(station)
+
+    def _trace_on(self, head, station):
+        """Legs and corners (each (M, 6)) that follow, and the Corner that each one is."""
+        x, y, z, tx, ty, _ = head[-1]
+        ways, found, left = [], [], AHEAD
+        done = [corner for corner in self.corners if corner.span[1] < station - KEEP_BEHIND]
+        open_corners = [corner for corner in self.corners if corner not in done]
+        self.end = VIEW
+        while left > 0.0:
+            leg = trace(self._cloud, x, y, tx, ty, left)
+            start = np.array([[x, y, z, tx, ty, 1.0]])
+            corner, cut = self._next_corner(np.vstack([start, leg]), open_corners)
+            leg = leg[:cut]
+            if len(leg):
+                ways.append(self._unblurred(np.vstack([start, leg]))[1:])
+                found.append(None)
+                z = leg[-1, 2]
+            left -= len(leg) * STEP
+            if corner is None:
+                jump = None if left <= 0.0 else self._jump(ways[-1][-1] if ways else head[-1])
+                if jump is None:
+                    break
+                ways.append(jump)
+                found.append(None)
+                left -= np.linalg.norm(jump[-1, :2] - jump[0, :2])
+                x, y, z, tx, ty, _ = jump[-1]
+                continue
+            open_corners.remove(corner)
+            turn = corner.nodes()
+            way = np.column_stack([
+                turn[:, :2], np.full(len(turn), z), turn[:, 2:], np.ones(len(turn))])
+            ways.append(way)
+            found.append(corner)
+            left -= 2.0 * corner.reach
+            x, y, _, tx, ty, _ = way[-1]
+        return ways, found
+
+    @staticmethod
+    def _next_corner(leg, corners):
+        """First corner whose zone a leg enters, and how many nodes lie before."""
+        best = None, len(leg) - 1
+        for corner in corners:
+            relative = leg[:, :2] - corner.vertex
+            way = corner.arriving
+            ahead = -(relative @ way)
+            aside = np.abs(relative @ np.array([-way[1], way[0]]))
+            inside = (ahead < corner.reach) & (ahead > -2e-3) & (aside < 2.5e-3)
+            if inside.any():
+                first = int(inside.argmax())
+                if best[0] is None or first - 1 < best[1]:
+                    best = corner, max(first - 1, 0)
+        return best
+
+    def _unblurred(self, leg):
+        """Move the nodes of a curve out to where the edge must lie: the skin blurs it in."""
+        if len(leg) < 6:
+            return leg
+        angle = np.unwrap(np.arctan2(leg[:, 4], leg[:, 3]))
+        span = min(5, (len(leg) - 1) // 2)
+        curvature = np.empty(len(leg))
+        curvature[span:-span] = (angle[2 * span:] - angle[:-2 * span]) / (2 * span * STEP)
+        curvature[:span], curvature[-span:] = curvature[span], curvature[-span - 1]
+        curvature = np.clip(curvature, -300.0, 300.0)
+        moved = leg.copy()
+        moved[:, 0] += self.blur * curvature * leg[:, 4]
+        moved[:, 1] -= self.blur * curvature * leg[:, 3]
+        return moved
+
+    # Ends --------------------------------------------------------------------------------
+
+    def _jump(self, last):
+        """Way over a gap to where the ridge goes on straight ahead, or None."""
+        if self._picture is None or not self._picture.covers(last[None, :2], SEEN_BORDER):
+            return None
+        self.end = END
+        relative = self._cloud[:, :2] - last[:2]
+        way = last[3:5]
+        ahead = relative @ way
+        aside = np.abs(relative @ np.array([-way[1], way[0]]))
+        on = ((ahead > 2.0 * STEP) & (ahead < GAP_REACH) & (aside < 0.8e-3 + 0.08 * ahead)
+              & (np.abs(self._cloud[:, 3:5] @ way) > 0.92))
+        if on.sum() < 3:
+            return None
+        nearest = self._cloud[on][ahead[on].argmin()]
+        found, x, y, z, tx, ty = local_line(self._cloud, *nearest[:2], *way)
+        if not found:
+            return None
+        self.end = VIEW
+        count = max(int(np.hypot(x - last[0], y - last[1]) / STEP), 1)
+        share = np.linspace(0.0, 1.0, count + 1)[1:, None]
+        nodes = last + share * (np.array([x, y, z, tx, ty, 0.0]) - last)
+        nodes[:, 3:] = tx, ty, 0.0
+        return nodes
+
+    def _find_corner(self, head, ways):
+        """Look for a corner in the last leg, or beyond its end; whether one was added."""
+        if not ways or self._picture is None:
+            return False
+        behind = head[-FAR_TURN:] if len(ways) == 1 else ways[-2][-FAR_TURN:]
+        leg = np.vstack([behind, ways[-1]])
+        guesses = [self._sharp_turn(leg), self._branch(leg)]
+        for p in guesses:
+            if p is None or any(np.hypot(*(p[:2] - other.vertex)) < 3e-3
+                                for other in self.corners):
+                continue
+            fitted = self._picture.fit(p)
+            if fitted is not None:
+                corner = Corner(*fitted)
+                corner.span = np.inf, np.inf
+                self.corners.append(corner)
+                return True
+        return False
+
+    @staticmethod
+    def _sharp_turn(leg):
+        """Guess of a corner where a leg turns most, or None."""
+        angle = np.unwrap(np.arctan2(leg[:, 4], leg[:, 3]))
+        if len(angle) <= 2 * NEAR_TURN + 2:
+            return None
+        near = np.abs(angle[2 * NEAR_TURN:] - angle[:-2 * NEAR_TURN])
+        k = int(near.argmax())
+        middle = k + NEAR_TURN
+        first, last = max(middle - FAR_TURN, 0), min(middle + FAR_TURN, len(leg) - 1)
+        far = abs(angle[last] - angle[first])
+        if near[k] < 0.8 * LEAST_TURN or near[k] < SHARPNESS * far:
+            return None
+        return guess(leg[first, :2], leg[first, 3:5], leg[last, :2], leg[last, 3:5])
+
+    def _branch(self, leg):
+        """Guess of an acute corner: another leg that begins where this one ends, or None."""
+        if self.end != END or len(leg) < 8:
+            return None
+        last = leg[-1, :2]
+        cloud = self._cloud
+        close = np.linalg.norm(cloud[:, :2] - last, axis=1) < BRANCH_REACH
+        away = np.min(np.linalg.norm(
+            cloud[:, None, :2] - leg[None, -30:, :2], axis=2), axis=1) > BESIDE
+        others = cloud[close & away]
+        if len(others) < 3:
+            return None
+        centre = others[:, :2].mean(axis=0)
+        way = others[0, 3:5]
+        way = (others[:, 3:5] * np.sign(others[:, 3:5] @ way)[:, None]).mean(axis=0)
+        way /= np.linalg.norm(way)
+        if way @ (centre - last) < 0.0:
+            way = -way
+        before = leg[max(len(leg) - 10, 0)]
+        return guess(before[:2], before[3:5], centre, way)
+
+    def refine(self, station):
+        """Fit the corners in view to the newest picture."""
+        for corner in self.corners:
+            if corner.span[1] < station - 4e-3:
+                continue
+            fitted = self._picture.fit(corner.p)
+            if fitted is not None:
+                corner.merge(*fitted)
+
+    def _close(self, station):
+        """Close the contour where the path meets its start."""
+        if station - self.stations[0] < SHORTEST_CONTOUR or self.past:
+            return
+        start = self.nodes[np.searchsorted(self.stations, self.stations[0] + 4e-3)]
+        ahead = self.stations > station
+        gap = np.linalg.norm(self.nodes[:, :2] - start[:2], axis=1)
+        gap[~ahead] = np.inf
+        k = int(gap.argmin())
+        if gap[k] > CLOSING or self.nodes[k, 3:5] @ start[3:5] < 0.8 or k == len(gap) - 1:
+            return
+        again = (self.stations >= self.stations[0] + 4e-3) & (
+            self.stations < self.stations[0] + 30e-3)
+        self.closing = self.stations[k]
+        self.contour_nodes = self.nodes[:k]
+        self.contour_nodes = self.contour_nodes[self.stations[:k] >= self.stations[0] + 4e-3]
+        self.nodes = np.vstack([self.nodes[:k], self.nodes[again]])
+        self._measure()
+        self.end = CLOSED
+
+    # Use ---------------------------------------------------------------------------------
+
+    def place(self, xy, station, window):
+        """Project a point (2,) onto the path near a station; see `edge_trace.project`."""
+        return project(self.nodes, self.stations, xy[0], xy[1], station - window,
+                       station + window)
+
+    def along(self, station):
+        """Point (3,) of the path at a station [m]."""
+        return np.array([np.interp(station, self.stations, self.nodes[:, k]) for k in range(3)])
+
+    def slope(self, station, reach):
+        """Rise of the edge along itself around a station, turns and ends left out."""
+        near = np.flatnonzero(np.abs(self.stations - station) < reach)
+        if len(near) < 12:
+            return 0.0
+        first, last = near[0], near[-1]
+        # Where legs or ends are near, the pressure does not tell the height.
+        angle = np.unwrap(np.arctan2(self.nodes[first:last + 1, 4], self.nodes[first:last + 1, 3]))
+        blurred = np.zeros(last + 1 - first, bool)
+        for k in np.flatnonzero(np.abs(angle[4:] - angle[:-4]) > LEVEL_TURN):
+            blurred[max(k - LEVEL_CLEAR, 0):k + 4 + LEVEL_CLEAR] = True
+        if self.end == END and last == len(self.nodes) - 1:
+            blurred[-2 * LEVEL_CLEAR:] = True
+        blurred |= self.nodes[first:last + 1, 5] == 0.0
+        s, z = self.stations[first:last + 1][~blurred], self.nodes[first:last + 1, 2][~blurred]
+        if len(s) < 12:
+            return 0.0
+        s = s - s.mean()
+        return float(np.clip((s @ z) / (s @ s), -0.5, 0.5))
+
+    def length_on_pad(self, place, yaw, half):
+        """Length of the traced edge under a pad at a place (2,) and yaw, half (2,) its size."""
+        nodes = self._near
+        return length_on_pad(nodes, place[0], place[1], np.cos(yaw), np.sin(yaw), *half)
+
+    def _take_near(self, station):
+        """Remember the path around the pad, and beyond what is seen of it straight on."""
+        near = self.nodes[self.stations > station - BEHIND]
+        if len(near) == len(self.nodes) and self._open_start:
+            near = np.vstack([_beyond(near[0], -BEHIND), near])
+        if self.end == VIEW:
+            near = np.vstack([near, _beyond(near[-1], BEHIND)])
+        self._near = near
+
+
+def _beyond(node, distance):
+    """Node straight on at a distance [m]."""
+    moved = node.copy()
+    moved[:2] += distance * node[3:5]
+    moved[5] = 1.0
+    return moved
