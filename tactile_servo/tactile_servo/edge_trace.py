@@ -10,6 +10,9 @@ WIDTH = 0.7e-3  # m, standard deviation of the window of a step
 REACH = 1.8e-3  # m, radius of that window
 SUPPORT = 0.3  # points, weighted, that a node needs
 SIDEWAYS = 0.5  # cosine of the largest angle between a point's ridge and the trace
+CLEAR = 7  # nodes either side of a turn whose pressure does not tell their height
+BLURRING_TURN = 0.15  # rad over four nodes that makes such a turn
+STEEPEST = 0.5  # rise per length that is believed
 SHARP_TURN = 0.25  # rad at one vertex that makes it a corner
 # Columns of a cloud: position in the plane, depth, direction, weight.
 X, Y, Z, DX, DY, WEIGHT = range(6)
@@ -115,6 +118,61 @@ def project(nodes, stations, x, y, first, last):
             ux, uy = bx / length, by / length
             left = ux * dy - uy * dx
     return station, fx, fy, left, ux, uy
+
+
+@njit(cache=True)
+def place_at(nodes, stations, station):
+    """Place (x, y, z) of a polyline at a station [m], its ends beyond them."""
+    if station <= stations[0]:
+        return nodes[0, 0], nodes[0, 1], nodes[0, 2]
+    if station >= stations[-1]:
+        return nodes[-1, 0], nodes[-1, 1], nodes[-1, 2]
+    k = np.searchsorted(stations, station)
+    length = stations[k] - stations[k - 1]
+    share = (station - stations[k - 1]) / length if length > 0.0 else 0.0
+    first, last = nodes[k - 1], nodes[k]
+    return (first[0] + share * (last[0] - first[0]), first[1] + share * (last[1] - first[1]),
+            first[2] + share * (last[2] - first[2]))
+
+
+@njit(cache=True)
+def turned(angle_1, angle_2):
+    """Angle from one direction to another, within half a turn."""
+    return math.atan2(math.sin(angle_2 - angle_1), math.cos(angle_2 - angle_1))
+
+
+@njit(cache=True)
+def rise(nodes, stations, station, reach, ends):
+    """
+    Rise of an edge along itself around a station, from the heights of its nodes.
+
+    Left out is what lies near a turn, a gap or, if it `ends`, the end: there the pressure does
+    not tell the height. 0 where too little is left.
+    """
+    count = len(nodes)
+    n = ss = sz = sss = ssz = 0.0
+    for k in range(count):
+        s = stations[k] - station
+        if abs(s) > reach or (ends and k >= count - 2 * CLEAR):
+            continue
+        clear = True
+        for m in range(max(k - CLEAR, 0), min(k + CLEAR + 1, count)):
+            if nodes[m, 5] == 0.0 or abs(stations[m] - stations[k]) > CLEAR * STEP:
+                clear = clear and nodes[m, 5] != 0.0
+                continue
+            a, b = max(m - 2, 0), min(m + 2, count - 1)
+            turn = turned(math.atan2(nodes[a, 4], nodes[a, 3]),
+                          math.atan2(nodes[b, 4], nodes[b, 3]))
+            if abs(turn) > BLURRING_TURN:
+                clear = False
+                break
+        if clear:
+            z = nodes[k, 2]
+            n, ss, sz, sss, ssz = n + 1.0, ss + s, sz + z, sss + s * s, ssz + s * z
+    spread = n * sss - ss * ss
+    if n < 12 or spread <= 0.0:
+        return 0.0
+    return min(max((n * ssz - ss * sz) / spread, -STEEPEST), STEEPEST)
 
 
 @njit(cache=True)

@@ -8,12 +8,16 @@ import numpy as np
 from tactile_sensing.contact import ContactType
 from tactile_sensing.ridge import mend, ridge_points
 from tactile_servo.corners import Picture
-from tactile_servo.edge_trace import speed_profile
+from tactile_servo.edge_trace import speed_profile, turned
 from tactile_servo.resolved_rate import EdgeFeatures
 from tactile_servo.servo_types import KEEP, State, Verdict
 from tactile_servo.traced_edge import CLOSED, END, TracedEdge, VIEW
 
 END_MARGIN = 4.0e-3  # m before the end of a ridge from which the pad coasts
+SLOPE_REACH = 10.0e-3  # m either side of the pad over which the edge's rise is measured
+LOOK_AHEAD = 0.4e-3  # m along the path over which its direction is taken
+TURN_REACH = 4.0e-3  # m either side of the pad's centre over which the pad is turned
+TURN_ACCELERATION = 15.0  # rad/s^2
 STRAY = 1.0e-3  # m from the path at which the pad no longer goes ahead
 
 
@@ -98,7 +102,7 @@ class Trace:
         self.edge = None
         self._plane = None  # base -> plane (4, 4)
         self._force = self._seen_z = self._seen_station = 0.0
-        self._stamp, self._seen_length = None, 0.0
+        self._stamp, self._seen_length, self._slope = None, 0.0, 0.0
         self._half = np.full(2, self.servo.array_half_width)
         self._off_path = 0
         self.resume()
@@ -182,6 +186,7 @@ class Trace:
         self._seen_station = self._here
         edge.refine(self._here)
         edge.extend(self._here)
+        self._slope = edge.slope(self._ahead, SLOPE_REACH)
 
     def _settling(self):
         """Until the pad presses, the path is drawn anew with every picture."""
@@ -263,11 +268,7 @@ class Trace:
             self._coasted += self.speed * dt
         else:
             self._coasted = 0.0
-        target = edge.along(self._ahead + 0.4e-3 + self.speed * dt)[:2]
-        way = target - edge.along(self._ahead)[:2]
-        if np.hypot(*way) < 1e-4:  # beyond the end: straight on
-            way = edge.nodes[-1, 3:5]
-        way = way / np.hypot(*way)
+        way = self._way(self._ahead, self._ahead + LOOK_AHEAD + self.speed * dt)
         back = min(c.lateral_gain * distance, math.sqrt(c.acceleration * distance),
                    c.max_lateral_speed)
         return self.speed * way + back * error / max(distance, 1e-9)
@@ -275,7 +276,7 @@ class Trace:
     def _along_normal(self, there, dt):
         """Velocity along the plane's normal that keeps the force."""
         c = self.config
-        slope = self.edge.slope(self._ahead, 10e-3)
+        slope = self._slope
         moved = (there[2, 3] - self._seen_z) - slope * (self._ahead - self._seen_station)
         shortest = 0.5 * self._half.min()
         length = max(self._on_pad(there, self._velocity[:2] / c.force_gain), shortest)
@@ -292,27 +293,38 @@ class Trace:
 
     def _rotate(self, there, dt):
         """Angular velocity (3,) in the plane's frame that turns and levels the pad."""
-        c, edge = self.config, self.edge
-        way = edge.along(self._ahead + 4e-3)[:2] - edge.along(self._ahead - 4e-3)[:2]
-        size = np.hypot(*way)
-        if size < 1e-3:
-            return np.zeros(3)
-        way = way / size
-        heading = self._heading(there)
-        error = math.atan2(heading[0] * way[1] - heading[1] * way[0], heading @ way)
-        wanted = float(np.clip(c.turn_gain * error, -c.max_turn_rate, c.max_turn_rate))
+        c = self.config
+        way = self._way(self._ahead - TURN_REACH, self._ahead + TURN_REACH)
+        sign = self.goal.direction
+        heading = math.atan2(sign * there[1, 1], sign * there[0, 1])
+        wanted = c.turn_gain * turned(heading, math.atan2(way[1], way[0]))
+        wanted = min(max(wanted, -c.max_turn_rate), c.max_turn_rate)
         yaw = math.atan2(there[1, 0], there[0, 0])
         if abs(yaw) > c.max_turn and wanted * yaw > 0.0:
             wanted = 0.0
-        self._turn += float(np.clip(wanted - self._turn, -15.0 * dt, 15.0 * dt))
-        normal = there[:3, 2]
-        tangent = np.array([*way, edge.slope(self._ahead, 10e-3)])
-        tangent /= np.linalg.norm(tangent)
-        side = np.array([-way[1], way[0], 0.0])
-        level = -(normal @ tangent) * np.cross(normal, tangent)
-        level -= (normal @ side) * np.cross(normal, side)
-        level = np.clip(c.turn_gain * level, -c.max_turn_rate, c.max_turn_rate)
-        return level + np.array([0.0, 0.0, self._turn])
+        change = TURN_ACCELERATION * dt
+        self._turn += min(max(wanted - self._turn, -change), change)
+        # The pad's normal n is brought square to the edge, t, and to what lies across it, s:
+        # n turns by -(n t) t with the rate of turn -(n t) n x t.
+        nx, ny, nz = there[:3, 2].tolist()
+        tilt = (nx * way[0] + ny * way[1] + nz * self._slope) / (1.0 + self._slope**2)
+        lean = ny * way[0] - nx * way[1]
+        level = -c.turn_gain * np.array([
+            tilt * (ny * self._slope - nz * way[1]) - lean * nz * way[0],
+            tilt * (nz * way[0] - nx * self._slope) - lean * nz * way[1],
+            tilt * (nx * way[1] - ny * way[0]) + lean * (nx * way[0] + ny * way[1])])
+        level = np.minimum(np.maximum(level, -c.max_turn_rate), c.max_turn_rate)
+        level[2] += self._turn
+        return level
+
+    def _way(self, first, last):
+        """Direction of the path between two stations (2,), beyond its end straight on."""
+        x0, y0, _ = self.edge.along(first)
+        x1, y1, _ = self.edge.along(last)
+        length = math.hypot(x1 - x0, y1 - y0)
+        if length < 0.1e-3:
+            return self.edge.nodes[-1, 3:5]
+        return np.array([(x1 - x0) / length, (y1 - y0) / length])
 
     @property
     def closed(self):

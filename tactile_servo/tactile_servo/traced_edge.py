@@ -4,7 +4,15 @@
 import numpy as np
 
 from tactile_servo.corners import Corner, guess, LEAST_TURN
-from tactile_servo.edge_trace import length_on_pad, local_line, project, STEP, trace
+from tactile_servo.edge_trace import (
+    length_on_pad,
+    local_line,
+    place_at,
+    project,
+    rise,
+    STEP,
+    trace,
+)
 
 KEEP_BEHIND = 2.0e-3  # m behind the pad's centre the path is no longer changed
 AHEAD = 22.0e-3  # m of path traced at the most
@@ -19,8 +27,6 @@ BESIDE = 1.3e-3  # m from the path beyond which a point belongs to another leg
 BEHIND = 30.0e-3  # m around the pad of which the load is reckoned
 CLOSING = 1.2e-3  # m from the start within which a contour closes
 SHORTEST_CONTOUR = 0.05  # m
-LEVEL_TURN = 0.15  # rad over four nodes from which the height is not read off the pressure
-LEVEL_CLEAR = 7  # nodes either side of such a turn that are left out as well
 VIEW, END, CLOSED = 'view', 'end', 'closed'
 
 
@@ -309,28 +315,12 @@ class TracedEdge:
                        station + window)
 
     def along(self, station):
-        """Point (3,) of the path at a station [m]."""
-        return np.array([np.interp(station, self.stations, self.nodes[:, k]) for k in range(3)])
+        """Place (x, y, z) of the path at a station [m]."""
+        return place_at(self.nodes, self.stations, station)
 
     def slope(self, station, reach):
-        """Rise of the edge along itself around a station, turns and ends left out."""
-        near = np.flatnonzero(np.abs(self.stations - station) < reach)
-        if len(near) < 12:
-            return 0.0
-        first, last = near[0], near[-1]
-        # Where legs or ends are near, the pressure does not tell the height.
-        angle = np.unwrap(np.arctan2(self.nodes[first:last + 1, 4], self.nodes[first:last + 1, 3]))
-        blurred = np.zeros(last + 1 - first, bool)
-        for k in np.flatnonzero(np.abs(angle[4:] - angle[:-4]) > LEVEL_TURN):
-            blurred[max(k - LEVEL_CLEAR, 0):k + 4 + LEVEL_CLEAR] = True
-        if self.end == END and last == len(self.nodes) - 1:
-            blurred[-2 * LEVEL_CLEAR:] = True
-        blurred |= self.nodes[first:last + 1, 5] == 0.0
-        s, z = self.stations[first:last + 1][~blurred], self.nodes[first:last + 1, 2][~blurred]
-        if len(s) < 12:
-            return 0.0
-        s = s - s.mean()
-        return float(np.clip((s @ z) / (s @ s), -0.5, 0.5))
+        """Rise of the edge along itself around a station; see `edge_trace.rise`."""
+        return rise(self.nodes, self.stations, station, reach, self.end == END)
 
     def length_on_pad(self, place, yaw, half):
         """Length of the traced edge under a pad at a place (2,) and yaw, half (2,) its size."""
