@@ -18,8 +18,8 @@ MAX_LENGTH = 10.0
 class Skin:
     """Soft layer above the tactels."""
 
-    depth: float  # of the tactels below the surface [m]
-    stiffness: float  # force per length of edge and per indentation [N/m^2]
+    depth: float = 0.002  # of the tactels below the surface [m]
+    stiffness: float = 2e5  # force per length of edge and per indentation [N/m^2]
 
     def __post_init__(self):
         _bounded('skin.depth', self.depth, 1e-5, 0.1, 'm')
@@ -30,9 +30,10 @@ class Skin:
 class Sensor:
     """How the tactels turn pressure into counts of eight bits."""
 
-    noise_std: float  # standard deviation of one tactel [Pa]
-    baseline: float  # counts without load
-    pa_per_count: float  # pressure of one count [Pa]
+    # Standard deviation of one tactel [Pa]: 40 dB below the peak of 5 N on a pad of 25.4 mm.
+    noise_std: float = 630.0
+    baseline: float = 10.0  # counts without load
+    pa_per_count: float = 627.45  # pressure of one count [Pa]: 160 kPa at 255
     gain_spread: float = 0.0  # standard deviation of a tactel's gain that nobody calibrated
     dead: float = 0.0  # tactels that always report the baseline, unknown to the driver
 
@@ -48,10 +49,10 @@ class Sensor:
 class Start:
     """Where the pad is at the beginning, see `Scene.start_pose`."""
 
-    s: float  # arc length along the edge [m]
-    offset: float  # centre of the pad to the left of the edge [m]
-    height: float  # of the pad's surface above the edge [m]
-    yaw: float  # of the pad about its own +z, away from the edge's direction [rad]
+    s: float = 0.02  # arc length along the edge [m]
+    offset: float = 0.003  # centre of the pad to the left of the edge [m]
+    height: float = 0.004  # of the pad's surface above the edge [m]
+    yaw: float = 0.0  # of the pad about its own +z, away from the edge's direction [rad]
 
     def __post_init__(self):
         _bounded('start.s', self.s, 0.0, math.inf, 'm')
@@ -97,9 +98,9 @@ class Scene:
     name: str
     description: str
     edge: EdgePath
-    skin: Skin
-    sensor: Sensor
-    start: Start
+    skin: Skin = field(default_factory=Skin)
+    sensor: Sensor = field(default_factory=Sensor)
+    start: Start = field(default_factory=Start)
     plant: Plant = field(default_factory=Plant)
     slip: Slip = None
 
@@ -170,19 +171,19 @@ def load_scene(path) -> Scene:
 
 
 def _scene(tree):
-    values = _section(tree, '', ('name', 'description', 'edge', 'skin', 'sensor', 'start'),
-                      ('plant', 'slip'))
+    values = _section(tree, '', ('name', 'description', 'edge'),
+                      ('skin', 'sensor', 'start', 'plant', 'slip'))
     for key in ('name', 'description'):
         if not isinstance(values[key], str) or not values[key].strip():
             raise ConfigurationError(f'{key} is {values[key]!r}, must be a text')
-    start = _numbers(values['start'], 'start', Start)
-    start['yaw'] = math.radians(start['yaw'])
+    start = _numbers(values.get('start', {}), 'start', Start)
+    start['yaw'] = math.radians(start.get('yaw', 0.0))
     return Scene(
         name=values['name'],
         description=' '.join(values['description'].split()),
         edge=_edge(values['edge']),
-        skin=Skin(**_numbers(values['skin'], 'skin', Skin)),
-        sensor=Sensor(**_numbers(values['sensor'], 'sensor', Sensor)),
+        skin=Skin(**_numbers(values.get('skin', {}), 'skin', Skin)),
+        sensor=Sensor(**_numbers(values.get('sensor', {}), 'sensor', Sensor)),
         start=Start(**start),
         plant=Plant(**_numbers(values.get('plant', {}), 'plant', Plant)),
         slip=Slip(**_numbers(values['slip'], 'slip', Slip)) if 'slip' in values else None,

@@ -8,7 +8,7 @@ from tactile_servo.corner_fit import CHORDS, corner_points, fit_corner
 
 SHARP = 0.2e-3  # m, radius below which a corner is taken for sharp
 LONGEST_SETBACK = 5.5e-3  # m from vertex to fillet; what is rounder is followed as a curve
-CLEARANCE = 3.0e-3  # m beyond the fillet until the skin no longer blurs the legs
+CLEARANCE = 4.0e-3  # m beyond the fillet until the skin no longer blurs the legs
 VIEWED = 3.0e-3  # m of each leg beyond the fillet that the pad must cover
 LEAST_TURN = math.radians(18.0)
 WORST_FIT = 4.0  # chi-square per tactel
@@ -109,11 +109,13 @@ class Picture:
         Centre of the pad in the plane [m].
     yaw : float
         Angle of the pad in the plane [rad].
+    depth_of_pad : float
+        Of the pad's surface along the plane's normal [m].
     """
 
-    def __init__(self, pressure, array, depth, noise, place, yaw):
+    def __init__(self, pressure, array, depth, noise, place, yaw, depth_of_pad):
         self.pressure, self.array, self.depth, self.noise = pressure, array, depth, noise
-        self.place, self.yaw = place, yaw
+        self.place, self.yaw, self.depth_of_pad = place, yaw, depth_of_pad
         cos, sin = math.cos(yaw), math.sin(yaw)
         self._rotation = np.array([[cos, -sin], [sin, cos]])
 

@@ -121,6 +121,18 @@ def project(nodes, stations, x, y, first, last):
 
 
 @njit(cache=True)
+def share_near(points, nodes, distance):
+    """Share of points (N, >= 2) that are nearer than a distance [m] to some node."""
+    near = 0
+    for n in range(len(points)):
+        for k in range(len(nodes) - 1, -1, -1):
+            if math.hypot(points[n, 0] - nodes[k, 0], points[n, 1] - nodes[k, 1]) < distance:
+                near += 1
+                break
+    return near / max(len(points), 1)
+
+
+@njit(cache=True)
 def place_at(nodes, stations, station):
     """Place (x, y, z) of a polyline at a station [m], its ends beyond them."""
     if station <= stations[0]:
@@ -147,7 +159,7 @@ def rise(nodes, stations, station, reach, ends):
     Rise of an edge along itself around a station, from the heights of its nodes.
 
     Left out is what lies near a turn, a gap or, if it `ends`, the end: there the pressure does
-    not tell the height. 0 where too little is left.
+    not tell the height. NaN where too little is left.
     """
     count = len(nodes)
     n = ss = sz = sss = ssz = 0.0
@@ -171,7 +183,7 @@ def rise(nodes, stations, station, reach, ends):
             n, ss, sz, sss, ssz = n + 1.0, ss + s, sz + z, sss + s * s, ssz + s * z
     spread = n * sss - ss * ss
     if n < 12 or spread <= 0.0:
-        return 0.0
+        return np.nan
     return min(max((n * ssz - ss * sz) / spread, -STEEPEST), STEEPEST)
 
 

@@ -1,6 +1,6 @@
 """Pose-stamped tracing: the edge is mapped where the robot was when each picture was taken."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 import math
 
 import numpy as np
@@ -8,11 +8,16 @@ import numpy as np
 from tactile_sensing.contact import ContactType
 from tactile_sensing.ridge import mend, ridge_points
 from tactile_servo.corners import Picture
-from tactile_servo.edge_trace import speed_profile, turned
+from tactile_servo.edge_trace import turned
 from tactile_servo.resolved_rate import EdgeFeatures
 from tactile_servo.servo_types import KEEP, State, Verdict
 from tactile_servo.traced_edge import CLOSED, END, TracedEdge, VIEW
 
+TRACK, COAST, PULL, PROBE_DOWN = 'track', 'coast', 'pull', 'probe'
+PRESSED = 0.6  # of the force, from which what is seen of the edge is all of it
+FEWEST_POINTS = 3  # of a ridge
+SURE_PICTURES = 3  # that show the edge elsewhere before it is believed to have slipped
+PROBE = 0.9  # of the depth to which the servo may press
 END_MARGIN = 4.0e-3  # m before the end of a ridge from which the pad coasts
 SLOPE_REACH = 10.0e-3  # m either side of the pad over which the edge's rise is measured
 LOOK_AHEAD = 0.4e-3  # m along the path over which its direction is taken
@@ -63,9 +68,12 @@ class TraceConfig:
     max_turn: float = field(default=7.0, metadata={
         'doc': 'the pad is turned with the edge up to this angle from where it began, and '
                'kept beyond', 'unit': 'rad', 'range': (0.0, 100.0)})
-    coast: float = field(default=0.014, metadata={
+    coast: float = field(default=0.018, metadata={
         'doc': 'how far the pad goes on straight where the ridge ends', 'unit': 'm',
         'range': (0.0, 0.1)})
+    search_distance: float = field(default=0.015, metadata={
+        'doc': 'how far the pad moves to where the pressure is when it shows no ridge',
+        'unit': 'm', 'range': (0.0, 0.1)})
     search_speed: float = field(default=0.02, metadata={
         'doc': 'largest speed while the edge is searched', 'unit': 'm/s', 'range': (1e-3, 0.5)})
 
@@ -101,20 +109,24 @@ class Trace:
         self.features, self.arrival, self.reason = None, -np.inf, 'no picture yet'
         self.edge = None
         self._plane = None  # base -> plane (4, 4)
+        self._here = self._ahead = 0.0  # stations of the measured and the commanded pad [m]
         self._force = self._seen_z = self._seen_station = 0.0
         self._stamp, self._seen_length, self._slope = None, 0.0, 0.0
         self._half = np.full(2, self.servo.array_half_width)
+        self._seeded = False
         self._off_path = 0
+        self._pictured, self._pull = -np.inf, None
+        self._coasted = 0.0
         self.resume()
 
     def resume(self):
-        """Go on from a standstill: the edge must be found anew."""
+        """Go on from a standstill: from the measured pose, with the edge known so far."""
         self.speed = 0.0
         self._velocity = np.zeros(3)
         self._turn = 0.0
         self._integral = 0.0
-        self._seeded = False
-        self._coasted, self._beyond = 0.0, -np.inf
+        self._mode = TRACK
+        self._searched, self._probe_from = 0.0, None
 
     def see_contact(self, contact, stamp_ns, arrival):
         """Take a contact estimate: a fitted line tells the force better than the sum does."""
@@ -139,23 +151,34 @@ class Trace:
         self._stamp = image.stamp_ns
         self._half = np.array([array.half_width_x, array.half_width_y])
         self._force = float(pressure.sum()) * array.pitch_x * array.pitch_y
-        points = ridge_points(pressure, array, noise)
         if self._plane is None:
             self._plane = np.linalg.inv(pose)
             self.edge = TracedEdge(layer.depth)
         placed = self._plane @ pose
-        self._seen_z = placed[2, 3]
-        if len(points) < 3:
-            self.reason = 'no ridge in the picture'
-            return
-        self.edge.see(self._cloud(points, placed, layer.depth),
-                      Picture(pressure, array, layer.depth, noise, placed[:2, 3],
-                              math.atan2(placed[1, 0], placed[0, 0])))
-        self._follow(placed)
+        self._pictured, self._seen_z = arrival, placed[2, 3]
+        self._pull = self._towards_pressure(pressure, array, placed)
+        points = ridge_points(pressure, array, noise)
+        self.reason = 'no ridge in the picture'
+        if len(points) >= FEWEST_POINTS:
+            self.edge.see(self._cloud(points, placed, layer.depth),
+                          Picture(pressure, array, layer.depth, noise, placed[:2, 3],
+                                  math.atan2(placed[1, 0], placed[0, 0]), placed[2, 3]))
+            self._follow(placed)
+            if self._seeded and not self._off_path:
+                self.arrival, self.reason = arrival, ''
+                self._describe(placed)
         if self._seeded:
-            self.arrival, self.reason = arrival, ''
-            self._describe(placed)
             self._seen_length = self._on_pad(placed)
+        if self.features is not None:
+            self.features = replace(self.features, force=self._force)
+
+    def _towards_pressure(self, pressure, array, placed):
+        """Unit vector in the plane (2,) from the pad's centre to that of the pressure."""
+        loaded = np.where(pressure > 0.3 * pressure.max(), pressure, 0.0)
+        centre = np.array([(loaded @ array.x).sum(), (array.y @ loaded).sum()])
+        way = placed[:2, :2] @ centre
+        size = float(np.hypot(*way))
+        return way / size if size > 0.0 else None
 
     def _on_pad(self, placed, ahead=0.0):
         """Length of the edge on the pad at a pose in the plane, moved by `ahead` (2,) [m]."""
@@ -178,19 +201,28 @@ class Trace:
         """Extend the path by what the newest picture shows."""
         edge = self.edge
         if not self._seeded or self._settling():
-            station = 0.0
-            self._seeded = edge.seed(placed[:2, 3], self._heading(placed), station)
-            self._here = self._ahead = station
+            self._seeded = edge.seed(placed[:2, 3], self._heading(placed), self._here)
+            self._ahead = self._here
+            self._off_path = 0
             return
-        self._here = edge.place(placed[:2, 3], self._here, 15e-3)[0]
-        self._seen_station = self._here
-        edge.refine(self._here)
-        edge.extend(self._here)
-        self._slope = edge.slope(self._ahead, SLOPE_REACH)
+        self._off_path = 0 if edge.agrees() else self._off_path + 1
+        if self._off_path >= SURE_PICTURES:  # the object has slipped
+            edge.forget()
+            self._seeded = edge.seed(placed[:2, 3], self._way(
+                self._here - TURN_REACH, self._here + TURN_REACH), self._here)
+            self._ahead = self._here
+            self._off_path = 0
+        elif self._off_path == 0:
+            self._here = edge.place(placed[:2, 3], self._here, 15e-3)[0]
+            self._seen_station = self._here
+            edge.refine(self._here)
+            edge.extend(self._here)
+            slope = edge.slope(self._ahead, SLOPE_REACH)
+            self._slope = slope if math.isfinite(slope) else self._slope
 
     def _settling(self):
         """Until the pad presses, the path is drawn anew with every picture."""
-        return self._ahead == 0.0 and self._force < 0.6 * self.goal.force
+        return self._ahead == 0.0 and self._force < PRESSED * self.goal.force
 
     def _describe(self, placed):
         station, x, y, left, ux, uy = self.edge.place(placed[:2, 3], self._here, 10e-3)
@@ -200,7 +232,7 @@ class Trace:
         angle = math.atan2(math.sin(yaw - along), math.cos(yaw - along))
         self.features = EdgeFeatures(
             self.goal.direction * left, angle, self._force,
-            self.goal.direction * (self.edge.stations[-1] - station))
+            self.goal.direction * (self.edge.tip - station))
 
     # Decision ----------------------------------------------------------------------------
 
@@ -210,20 +242,51 @@ class Trace:
 
     def judge(self, now, pose, length, load):
         """Decide whether to go on tracking: Verdict."""
-        edge = self.edge
-        if not self.ready(now):
-            return Verdict(State.HOLD, self.reason or 'edge lost')
+        edge, c = self.edge, self.config
+        if now - self._pictured > self.servo.edge_lost:
+            return Verdict(State.HOLD, 'no picture to trace')
         if edge.end == CLOSED and self._here >= edge.closing:
             return Verdict(State.DONE, 'the contour closed', True)
-        self._beyond = self._ahead - edge.stations[-1] if edge.end == END else -np.inf
-        if self._beyond < -END_MARGIN:
-            return KEEP if not self._coasted else Verdict(State.TRACK, 'the edge goes on')
-        if self._coasted >= self.config.coast + END_MARGIN:
-            whole = self.goal.length == 0.0 and not self.goal.closed
-            if length > 2.0 * self.servo.array_half_width:
-                return Verdict(State.DONE, 'the edge ended', whole)
-            return Verdict(State.HOLD, 'the edge ended')
-        return Verdict(State.SEARCH, 'the ridge ends: coasting')
+        beyond = self._ahead - edge.tip if edge.end == END else -np.inf
+        # A lightly pressed pad touches a crest only, and an edge seems to end beside it.
+        pressed = self._mode == COAST or self._force >= PRESSED * self.goal.force
+        if beyond >= -END_MARGIN and (pressed or not self.ready(now)):
+            return self._judge_end(length, load)
+        self._coasted = 0.0
+        if self.ready(now):
+            self._searched, self._probe_from = 0.0, None
+            back = self._mode != TRACK
+            self._mode = TRACK
+            return Verdict(State.TRACK, 'the edge goes on') if back else KEEP
+        if load < self.servo.contact_force:
+            return self._probe() or Verdict(State.HOLD, 'contact lost')
+        if self._pull is None or self._searched > c.search_distance:
+            return Verdict(State.HOLD, self.reason or 'edge lost')
+        self._mode = PULL
+        return Verdict(State.SEARCH, 'edge lost: moving to where the pressure is')
+
+    def _judge_end(self, length, load):
+        """Decide where the ridge ends: coast over a gap, go down a step, or end."""
+        c = self.config
+        if self._coasted < c.coast + END_MARGIN and not (
+                load < self.servo.contact_force and self._coasted > END_MARGIN):
+            self._mode = COAST
+            return Verdict(State.SEARCH, 'the ridge ends: coasting')
+        if load < self.servo.contact_force:
+            verdict = self._probe()
+            if verdict is not None:
+                return verdict
+        whole = (self.goal.length == 0.0 and not self.goal.closed
+                 and length > 2.0 * self.servo.array_half_width)
+        return Verdict(State.DONE, 'the edge ended', whole)
+
+    def _probe(self):
+        """Go down for contact while the depth allows it, else None."""
+        if self._probe_from is not None and self._depth - self._probe_from > (
+                PROBE * self.servo.press_depth):
+            return None
+        self._mode = PROBE_DOWN
+        return Verdict(State.SEARCH, 'contact lost: going down')
 
     # Motion ------------------------------------------------------------------------------
 
@@ -235,9 +298,18 @@ class Trace:
             Measured and commanded pose of the sensor.
         """
         here, there = self._plane @ pose, self._plane @ commanded
+        self._depth = there[2, 3]
         velocity = np.zeros(3)
-        velocity[:2] = self._in_plane(here, there, dt)
-        velocity[2] = self._along_normal(there, dt)
+        if self._mode == PROBE_DOWN:
+            self._probe_from = self._depth if self._probe_from is None else self._probe_from
+            self.speed, velocity[2] = 0.0, 0.5 * self.servo.approach_speed
+        elif self._mode == PULL:
+            self.speed = min(self.config.search_speed, self.goal.speed)
+            self._searched += self.speed * dt
+            velocity[:2] = self.speed * self._pull
+        else:
+            velocity[:2] = self._in_plane(here, there, dt)
+            velocity[2] = self._along_normal(there, dt)
         change = velocity[:2] - self._velocity[:2]
         most = self.config.acceleration * dt
         size = float(np.hypot(*change))
@@ -245,7 +317,8 @@ class Trace:
             velocity[:2] = self._velocity[:2] + change * (most / size)
         self._velocity = velocity
         rotation = there[:3, :3]
-        return np.concatenate([rotation.T @ velocity, rotation.T @ self._rotate(there, dt)])
+        turn = self._rotate(there, dt) if self._mode == TRACK else np.zeros(3)
+        return np.concatenate([rotation.T @ velocity, rotation.T @ turn])
 
     def _in_plane(self, here, there, dt):
         """Velocity (2,) along the path and back to it."""
@@ -253,21 +326,20 @@ class Trace:
         measured, x, y, _, _, _ = edge.place(here[:2, 3], self._here, 15e-3)
         self._here = measured
         self._ahead, _, _, _, ux, uy = edge.place(there[:2, 3], self._ahead, 5e-3)
-        top = min(self.goal.speed, self.goal.speed * max(
-            2.0 * self._force / self.goal.force - 0.2, 0.0))
+        top = self.goal.speed
+        if self._mode != COAST:
+            top *= min(max(2.5 * self._force / self.goal.force - 0.75, 0.0), 1.0)
         # A second leg that comes under the pad adds its load at once: give way first.
         top *= float(np.clip(4.0 * (1.4 - self._force / self.goal.force), 0.0, 1.0))
         error = np.array([x, y]) - here[:2, 3]
         distance = float(np.hypot(*error))
         top *= min(max(1.2 - distance / STRAY, 0.0), 1.0)
         end_speed = {CLOSED: top, END: min(c.search_speed, top), VIEW: c.blind_speed}[edge.end]
-        limit = speed_profile(edge.nodes, edge.stations, self._ahead, top, c.acceleration,
-                              end_speed, c.corner_cut, c.corner_settle)
+        limit = edge.speed_limit(self._ahead, top, c.acceleration, end_speed, c.corner_cut,
+                                 c.corner_settle)
         self.speed = min(limit, self.speed + c.acceleration * dt)
-        if self._beyond >= -END_MARGIN:
+        if self._mode == COAST:
             self._coasted += self.speed * dt
-        else:
-            self._coasted = 0.0
         way = self._way(self._ahead, self._ahead + LOOK_AHEAD + self.speed * dt)
         back = min(c.lateral_gain * distance, math.sqrt(c.acceleration * distance),
                    c.max_lateral_speed)
@@ -284,12 +356,11 @@ class Trace:
         error = (self.goal.force / length - max(predicted, 0.0)) / c.skin_stiffness
         if abs(self.goal.force - self._force) < 0.2 * self.goal.force:
             self._integral += (self.goal.force - self._force) / c.stiffness * dt
-        speed = (c.force_gain * error + c.force_integral * self._integral
-                 + slope * self.speed)
-        deepest = c.max_normal_speed
-        if self._beyond >= -END_MARGIN and self._force > self.servo.contact_force:
-            deepest = 0.0  # what still touches is no reason to press
-        return float(np.clip(speed, -c.max_normal_speed, deepest))
+        give = c.force_gain * error + c.force_integral * self._integral
+        if self._mode == COAST:
+            give = min(give, 0.0)  # what still touches is no reason to press
+        speed = give + slope * self.speed
+        return float(np.clip(speed, -c.max_normal_speed, c.max_normal_speed))
 
     def _rotate(self, there, dt):
         """Angular velocity (3,) in the plane's frame that turns and levels the pad."""
@@ -343,6 +414,6 @@ class Trace:
         if self.edge is None or not len(self.edge.nodes):
             return None
         nodes = (self.edge.contour_nodes if self.edge.end == CLOSED
-                 else self.edge.nodes[self.edge.stations <= self._here])[:, :3]
+                 else self.edge.nodes[self.edge.stations <= min(self._here, self.edge.tip)])[:, :3]
         back = np.linalg.inv(self._plane)
         return nodes @ back[:3, :3].T + back[:3, 3]

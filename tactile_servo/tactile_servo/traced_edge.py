@@ -1,6 +1,5 @@
 """The edge as traced so far: a path behind and under the pad, and what is seen ahead."""
 
-
 import numpy as np
 
 from tactile_servo.corners import Corner, guess, LEAST_TURN
@@ -10,6 +9,8 @@ from tactile_servo.edge_trace import (
     place_at,
     project,
     rise,
+    share_near,
+    speed_profile,
     STEP,
     trace,
 )
@@ -22,6 +23,8 @@ BLUR = 0.6  # of the squared depth over the radius: how far a ridge lies inside 
 NEAR_TURN, FAR_TURN = 4, 9  # nodes either side over which a turn is measured
 SHARPNESS = 0.58  # share of the turn that the near nodes must see for a corner
 BRANCH_REACH = 6.0e-3  # m from the end of a ridge within which another leg is looked for
+TIP = 8  # nodes at the end of a ridge among which it fades
+OFF_PATH = 2.0e-3  # m from the path beyond which a point is not of it
 GAP_REACH = 18.0e-3  # m ahead over which a ridge may go on
 BESIDE = 1.3e-3  # m from the path beyond which a point belongs to another leg
 BEHIND = 30.0e-3  # m around the pad of which the load is reckoned
@@ -42,7 +45,10 @@ class TracedEdge:
     stations : ndarray, shape (N,)
         Way along the path [m].
     end : str
-        Why the path ends: VIEW (the pad sees no further), END (the ridge ends), CLOSED.
+        Why the path ends: VIEW (the pad sees no further), END (the ridge ends; the last chord
+        only leads straight on), CLOSED.
+    tip : float
+        Station of the last node that was seen [m].
     """
 
     def __init__(self, depth):
@@ -50,7 +56,7 @@ class TracedEdge:
         self.nodes = np.empty((0, 6))
         self.stations = np.empty(0)
         self.corners = []
-        self.end = VIEW
+        self.end, self.tip = VIEW, 0.0
         self.past = []  # nodes of earlier paths, before a slip
         self._clouds = []
         self._cloud = np.empty((0, 6))
@@ -65,9 +71,16 @@ class TracedEdge:
         self._picture = picture
 
     def forget(self):
-        """Drop what earlier pictures showed."""
-        self._clouds = []
+        """Drop what earlier pictures showed: the object has moved."""
+        self._clouds = self._clouds[-1:]
+        self._cloud = np.concatenate(self._clouds) if self._clouds else np.empty((0, 6))
+        self.past.append(self.nodes)
         self.corners = []
+
+    def agrees(self):
+        """Whether the newest picture shows the path where it is thought to be."""
+        points = self._clouds[-1]
+        return share_near(points, self.nodes, OFF_PATH) > 0.4
 
     def seed(self, place, heading, station=0.0):
         """
@@ -90,6 +103,7 @@ class TracedEdge:
         back = trace(self._cloud, x, y, -tx, -ty, AHEAD)[::-1]
         self._open_start = not len(back) or not self._picture.covers(back[:1, :2], SEEN_BORDER)
         back[:, 3:5] *= -1.0
+        self.end = VIEW
         self.nodes = np.vstack([back, [[x, y, z, tx, ty, 1.0]]])
         self._measure(station - len(back) * STEP)
         self.corners = []
@@ -127,7 +141,9 @@ class TracedEdge:
             if corner is not None:
                 corner.span = self.stations[at - 1], self.stations[at + len(way) - 1]
             at += len(way)
+        self.tip = self.stations[-1]
         self._close(station)
+        self._go_on()
         self._take_near(station)
 
     def _trace_on(self, head, station):
@@ -164,6 +180,7 @@ class TracedEdge:
             found.append(corner)
             left -= 2.0 * corner.reach
             x, y, _, tx, ty, _ = way[-1]
+        self._trim(head, ways, found)
         return ways, found
 
     @staticmethod
@@ -199,9 +216,39 @@ class TracedEdge:
 
     # Ends --------------------------------------------------------------------------------
 
+    def _go_on(self):
+        """Lead the path straight on beyond the end of the ridge, for the pad to coast along."""
+        if self.end != END:
+            return
+        last = self.nodes[-1]
+        way = last[:2] - self.nodes[max(len(self.nodes) - 1 - TIP, 0), :2]
+        size = np.hypot(*way)
+        way = way / size if size > 0.0 else last[3:5]
+        self.nodes = np.vstack([self.nodes, [
+            *(last[:2] + BEHIND * way), last[2], *way, 0.0]])
+        self._measure()
+
+    def _trim(self, head, ways, found):
+        """Take off the tip of a ridge that ends: it reaches beyond the edge by its blur."""
+        leg = np.vstack([head, *ways])[-3 * TIP:]
+        indentation = self._picture.depth_of_pad - leg[:, 2]
+        if self.end != END or len(leg) < 3 * TIP or not ways:
+            return
+        # At the end of a line load its pressure is half of that along it.
+        faint = indentation < 0.5 * np.median(indentation[:2 * TIP])
+        count = int(faint[::-1].argmin()) if not faint.all() else 0
+        while count and ways:
+            taken = min(count, len(ways[-1]))
+            ways[-1] = ways[-1][:len(ways[-1]) - taken]
+            count -= taken
+            if not len(ways[-1]):
+                ways.pop()
+                found.pop()
+
     def _jump(self, last):
         """Way over a gap to where the ridge goes on straight ahead, or None."""
-        if self._picture is None or not self._picture.covers(last[None, :2], SEEN_BORDER):
+        ahead_of_pad = (last[:2] - self._picture.place) @ last[3:5] > 0.0
+        if ahead_of_pad and not self._picture.covers(last[None, :2], SEEN_BORDER):
             return None
         self.end = END
         relative = self._cloud[:, :2] - last[:2]
@@ -313,6 +360,12 @@ class TracedEdge:
         """Project a point (2,) onto the path near a station; see `edge_trace.project`."""
         return project(self.nodes, self.stations, xy[0], xy[1], station - window,
                        station + window)
+
+    def speed_limit(self, station, top, acceleration, end_speed, cut, settle):
+        """Largest speed at a station [m/s]; see `edge_trace.speed_profile`."""
+        seen = len(self.nodes) - (self.end == END)
+        return speed_profile(self.nodes[:seen], self.stations[:seen], station, top,
+                             acceleration, end_speed, cut, settle)
 
     def along(self, station):
         """Place (x, y, z) of the path at a station [m]."""
