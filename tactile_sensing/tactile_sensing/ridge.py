@@ -9,10 +9,11 @@ DETECTION = 5.0  # standard deviations of one tactel that a ridge must reach
 FAINT = 0.12  # of the highest pressure; less is no ridge beside a stronger one
 OFFSET = 0.6  # pitches from the middle of a tactel within which its ridge point lies
 NOISY = 0.05  # noise, of the peak, from which the picture is smoothed first
+WIDEST = 3.0  # depths that the width d of (3.1) may seem to be, of two legs that merge as well
 COLUMNS = 6  # x, y, direction x, y, pressure, quality
 
 
-def ridge_points(pressure, array, noise):
+def ridge_points(pressure, array, noise, depth):
     """
     Points of the ridge of a pressure picture.
 
@@ -28,6 +29,8 @@ def ridge_points(pressure, array, noise):
     array : TactelArray
     noise : float
         Standard deviation of one tactel [Pa].
+    depth : float
+        Of the tactels below the surface [m]; a ridge that is much wider is none of an edge.
 
     Returns
     -------
@@ -42,7 +45,7 @@ def ridge_points(pressure, array, noise):
     if noise > NOISY * peak:
         mended, noise = _smoothed(mended), 0.375 * noise
     floor = max(DETECTION * noise, FAINT * peak)
-    return _ridge(mended, array.x, array.y, floor, noise)
+    return _ridge(mended, array.x, array.y, floor, noise, (WIDEST * depth)**2)
 
 
 @njit(cache=True)
@@ -106,7 +109,7 @@ def _smoothed(p):
 
 
 @njit(cache=True)
-def _ridge(p, x, y, floor, noise):
+def _ridge(p, x, y, floor, noise, widest):
     rows, columns = p.shape
     found = np.empty((rows * columns, 6))
     count = 0
@@ -128,7 +131,8 @@ def _ridge(p, x, y, floor, noise):
             if abs(dx) > OFFSET * pitch_x or abs(dy) > OFFSET * pitch_y:
                 continue
             least = f0 - 0.5 * steep * across * across
-            if not least > 0.0:
+            # Across a line load p^(-1/2) is as v^2 + d^2.
+            if not (least > 0.0 and 2.0 * least < widest * steep):
                 continue
             found[count, 0], found[count, 1] = x[c] + dx, y[r] + dy
             found[count, 2], found[count, 3] = -ny, nx

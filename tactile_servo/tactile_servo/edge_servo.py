@@ -94,8 +94,10 @@ class EdgeServo:
 
     def see_image(self, image, arrival):
         """Take a TactileImage and its steady arrival time [s], for a tracker that sees them."""
+        if self.goal is None or not self.tracker.sees_images:
+            return
         pose = self.pose_at(image.stamp_ns)
-        if self.goal is not None and pose is not None:
+        if pose is not None:
             self.tracker.see_image(image, pose, arrival)
 
     def pose_at(self, stamp_ns):

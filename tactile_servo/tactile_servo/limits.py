@@ -59,7 +59,7 @@ def limit_velocities(limits, positions, previous, wanted, dt):
     Nearest joint velocities to the wanted ones that keep every limit.
 
     The wanted velocities are first scaled as a whole, which keeps the direction of motion,
-    then each joint is clipped to what its acceleration allows. Towards a position limit the
+    then their change is, to what the accelerations allow. Towards a position limit the
     velocity falls with the distance left, a velocity damper (Faverjon and Tournassoud, 1987):
     with distance / (dt + stopping_time) the joints can always stop together in time.
 
@@ -101,7 +101,10 @@ def limit_velocities(limits, positions, previous, wanted, dt):
     scaled = scale * wanted
     change = limits.acceleration * dt
     slowest, quickest = previous - change, previous + change
-    velocities = np.minimum(np.maximum(scaled, slowest), quickest)
+    # All joints change in proportion: one that lags behind would bend the motion.
+    delta = scaled - previous
+    share = min(1.0, float((change / np.maximum(np.abs(delta), 1e-12)).min()))
+    velocities = np.minimum(np.maximum(previous + share * delta, slowest), quickest)
     # A joint that is too close to its limit brakes as hard as it may, no harder.
     velocities = np.where(velocities > up, np.maximum(up, slowest), velocities)
     velocities = np.where(velocities < down, np.minimum(down, quickest), velocities)

@@ -14,6 +14,7 @@ from tactile_servo.servo_types import KEEP, State, Verdict
 from tactile_servo.traced_edge import CLOSED, END, TracedEdge, VIEW
 
 TRACK, COAST, PULL, PROBE_DOWN = 'track', 'coast', 'pull', 'probe'
+IMPOSSIBLE = 1e9  # Pa
 PRESSED = 0.6  # of the force, from which what is seen of the edge is all of it
 FEWEST_POINTS = 3  # of a ridge
 SURE_PICTURES = 3  # that show the edge elsewhere before it is believed to have slipped
@@ -38,6 +39,9 @@ class TraceConfig:
         'range': (1.0, 200.0)})
     force_integral: float = field(default=60.0, metadata={
         'doc': 'integral gain of the force', 'unit': '1/s^2', 'range': (0.0, 1e4)})
+    press_acceleration: float = field(default=0.2, metadata={
+        'doc': 'deceleration along the normal that the robot is trusted with as it presses',
+        'unit': 'm/s^2', 'range': (1e-3, 100.0)})
     stiffness: float = field(default=5000.0, metadata={
         'doc': 'total stiffness of skin, finger and robot along the normal', 'unit': 'N/m',
         'range': (10.0, 1e7)})
@@ -113,7 +117,7 @@ class Trace:
         self._force = self._seen_z = self._seen_station = 0.0
         self._stamp, self._seen_length, self._slope = None, 0.0, 0.0
         self._half = np.full(2, self.servo.array_half_width)
-        self._seeded = False
+        self._seeded = self._edge_seen = False
         self._off_path = 0
         self._pictured, self._pull = -np.inf, None
         self._coasted = 0.0
@@ -139,11 +143,16 @@ class Trace:
     def see_image(self, image, pose, arrival):
         """Take a picture, the pose (4, 4) at its stamp, and its steady arrival time [s]."""
         layer = next((one for one in image.layers if one.component == 'zz'), None)
-        if layer is None or layer.stress.shape != image.array.shape or not image.tared:
-            self.reason = 'picture without pressure'
+        if (layer is None or layer.unit != 'Pa' or not layer.depth > 0.0 or not image.tared
+                or layer.stress.shape != image.array.shape):
+            self.reason = 'picture without tared pressure'
             return
-        noise = layer.noise_std or 1e-2 * float(np.nanmax(layer.stress, initial=0.0)) + 1e-9
-        pressure = mend(np.asarray(layer.stress, dtype=np.float64), noise)
+        pressure = np.array(layer.stress, dtype=np.float64)
+        pressure[~(np.abs(pressure) < IMPOSSIBLE)] = np.nan
+        noise = float(layer.noise_std)
+        if not 0.0 < noise < IMPOSSIBLE:
+            noise = 1e-2 * float(np.nanmax(pressure, initial=1.0))
+        pressure = mend(pressure, noise)
         if not np.isfinite(pressure).all():
             self.reason = 'picture with too many invalid tactels'
             return
@@ -157,15 +166,15 @@ class Trace:
         placed = self._plane @ pose
         self._pictured, self._seen_z = arrival, placed[2, 3]
         self._pull = self._towards_pressure(pressure, array, placed)
-        points = ridge_points(pressure, array, noise)
-        self.reason = 'no ridge in the picture'
+        points = ridge_points(pressure, array, noise, layer.depth)
+        self.reason, self._edge_seen = 'no ridge in the picture', False
         if len(points) >= FEWEST_POINTS:
             self.edge.see(self._cloud(points, placed, layer.depth),
                           Picture(pressure, array, layer.depth, noise, placed[:2, 3],
                                   math.atan2(placed[1, 0], placed[0, 0]), placed[2, 3]))
             self._follow(placed)
             if self._seeded and not self._off_path:
-                self.arrival, self.reason = arrival, ''
+                self.arrival, self.reason, self._edge_seen = arrival, '', True
                 self._describe(placed)
         if self._seeded:
             self._seen_length = self._on_pad(placed)
@@ -357,8 +366,11 @@ class Trace:
         if abs(self.goal.force - self._force) < 0.2 * self.goal.force:
             self._integral += (self.goal.force - self._force) / c.stiffness * dt
         give = c.force_gain * error + c.force_integral * self._integral
-        if self._mode == COAST:
-            give = min(give, 0.0)  # what still touches is no reason to press
+        # Pressing ends in time even for a robot that brakes this hard only.
+        give = min(give, math.sqrt(2.0 * c.press_acceleration * max(error, 0.0))
+                   + c.force_integral * abs(self._integral))
+        if self._mode == COAST or not self._edge_seen:
+            give = min(give, 0.0)  # what touches, and is no edge, is no reason to press
         speed = give + slope * self.speed
         return float(np.clip(speed, -c.max_normal_speed, c.max_normal_speed))
 

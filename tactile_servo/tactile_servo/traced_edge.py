@@ -61,6 +61,7 @@ class TracedEdge:
         self._clouds = []
         self._cloud = np.empty((0, 6))
         self._picture = None
+        self._near = np.empty((0, 6))
 
     # Input -------------------------------------------------------------------------------
 
@@ -80,7 +81,7 @@ class TracedEdge:
     def agrees(self):
         """Whether the newest picture shows the path where it is thought to be."""
         points = self._clouds[-1]
-        return share_near(points, self.nodes, OFF_PATH) > 0.4
+        return share_near(points, self._near, OFF_PATH) > 0.4
 
     def seed(self, place, heading, station=0.0):
         """

@@ -1,0 +1,77 @@
+"""Ridge points of pictures: exact on straight edges, honest about noise and broken tactels."""
+import math
+
+import numpy as np
+import pytest
+
+from tactile_sensing.array import TactelArray
+from tactile_sensing.line import pressure as line_pressure
+from tactile_sensing.ridge import mend, ridge_points
+
+PITCH = 0.0254 / 16
+PAD = TactelArray(16, 16, PITCH, PITCH)
+YAWS = [0.0, 0.3, math.pi / 4, -1.0, math.pi / 2]
+
+
+def line(yaw, rho=0.001, noise=0.0, seed=0):
+    clean = line_pressure(PAD.x, PAD.y[:, None], rho, yaw, 200.0, 0.002)
+    return clean + noise * np.random.default_rng(seed).standard_normal(clean.shape)
+
+
+def distance(points, yaw, rho=0.001):
+    return points[:, 0] * math.cos(yaw) + points[:, 1] * math.sin(yaw) - rho
+
+
+@pytest.mark.parametrize('yaw', YAWS)
+def test_points_lie_on_a_straight_edge_and_run_along_it(yaw):
+    points = ridge_points(line(yaw), PAD, 1.0, 0.002)
+    assert len(points) >= 12
+    np.testing.assert_allclose(distance(points, yaw), 0.0, atol=1e-9)
+    along = points[:, 2] * -math.sin(yaw) + points[:, 3] * math.cos(yaw)
+    np.testing.assert_allclose(np.abs(along), 1.0, atol=1e-9)
+    np.testing.assert_allclose(points[:, 4], 2 * 200.0 / (math.pi * 0.002), rtol=1e-9)
+    np.testing.assert_allclose(points[:, 5], 1.0, atol=1e-6)
+
+
+@pytest.mark.parametrize('yaw', YAWS)
+def test_at_40_db_a_point_is_good_for_a_hundredth_of_a_millimetre(yaw):
+    errors = np.concatenate([
+        distance(ridge_points(line(yaw, noise=630.0, seed=seed), PAD, 630.0, 0.002), yaw)
+        for seed in range(20)])
+    assert np.sqrt(np.mean(errors**2)) < 0.015e-3
+    assert abs(errors.mean()) < 0.002e-3
+
+
+def test_noise_alone_has_no_ridge():
+    noise = 630.0 * np.random.default_rng(0).standard_normal(PAD.shape)
+    assert len(ridge_points(noise, PAD, 630.0, 0.002)) == 0
+    assert len(ridge_points(np.zeros(PAD.shape), PAD, 1.0, 0.002)) == 0
+
+
+@pytest.mark.parametrize('yaw', YAWS)
+@pytest.mark.parametrize('value', [np.nan, 0.0])
+def test_broken_tactels_on_the_ridge_are_mended(yaw, value):
+    picture = line(yaw)
+    broken = picture.copy()
+    r, c = np.unravel_index(np.argmax(picture[3:13, 3:13]), (10, 10))
+    broken[r + 3, c + 3] = value
+    mended = mend(broken, 630.0)
+    assert mended[r + 3, c + 3] == pytest.approx(picture[r + 3, c + 3], rel=0.15)
+    assert np.abs(distance(ridge_points(broken, PAD, 630.0, 0.002), yaw)).max() < 0.15e-3
+
+
+def test_sound_pictures_are_left_alone():
+    for yaw in YAWS:
+        picture = line(yaw, noise=630.0)
+        assert (mend(picture, 630.0) == picture).mean() > 0.99
+
+
+def test_a_flat_or_a_broad_load_has_no_ridge():
+    assert len(ridge_points(np.full(PAD.shape, 4e3), PAD, 630.0, 0.002)) == 0
+    broad = line_pressure(PAD.x, PAD.y[:, None], 0.0, 0.2, 1000.0, 0.008)
+    assert len(ridge_points(broad, PAD, 1.0, 0.002)) == 0
+
+
+def test_too_small_arrays_have_no_ridge():
+    assert len(ridge_points(np.full((2, 2), 1e5), TactelArray(2, 2, PITCH, PITCH),
+                            1.0, 0.002)) == 0
