@@ -131,6 +131,7 @@ class Trace:
         self._integral = 0.0
         self._mode = TRACK
         self._searched, self._probe_from = 0.0, None
+        self._pressed = False
 
     def see_contact(self, contact, stamp_ns, arrival):
         """Take a contact estimate: a fitted line tells the force better than the sum does."""
@@ -258,8 +259,8 @@ class Trace:
             return Verdict(State.DONE, 'the contour closed', True)
         beyond = self._ahead - edge.tip if edge.end == END else -np.inf
         # A lightly pressed pad touches a crest only, and an edge seems to end beside it.
-        pressed = self._mode == COAST or self._force >= PRESSED * self.goal.force
-        if beyond >= -END_MARGIN and (pressed or not self.ready(now)):
+        self._pressed = self._pressed or self._force >= PRESSED * self.goal.force
+        if beyond >= -END_MARGIN and (self._pressed or not self.ready(now)):
             return self._judge_end(length, load)
         self._coasted = 0.0
         if self.ready(now):
