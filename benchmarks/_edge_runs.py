@@ -1,0 +1,116 @@
+"""Simulated runs of the edge benchmark: scenes, sweeps, verdicts."""
+
+from dataclasses import replace
+import math
+from pathlib import Path
+import tempfile
+import time
+
+import numpy as np
+from scipy.optimize import brentq
+import yaml
+
+from tactile_sensing.scene import load_scene
+from tactile_servo.resolved_rate import ResolvedRateConfig
+from tactile_servo.servo_types import EdgeGoal, EdgeServoConfig, State
+from tactile_servo.simulation import PICTURE_EVERY, Simulation, STEP
+from tactile_servo.simulation_summary import summarise
+from tactile_servo.trace import TraceConfig
+
+SCENES = Path(__file__).resolve().parent.parent / 'launch' / 'scenes'
+FORCE = 5.0
+HELD = 1.0e-3  # m; a larger error means that the corner was cut
+STABLE = 0.05e-3  # m RMS in the last part of a run
+OFFSET = 0.5e-3  # m beside the edge at the start of a run that is tested for stability
+
+
+def shipped(name):
+    """Scene that comes with the launch files."""
+    return load_scene(SCENES / f'{name}.yaml')
+
+
+def path_scene(name, path):
+    """Scene of a path on the plain."""
+    tree = {'name': name, 'description': name,
+            'edge': {'start': [0.3, -0.08, 0.15], 'heading': 90, 'path': path}}
+    with tempfile.TemporaryDirectory() as folder:
+        file = Path(folder, 'scene.yaml')
+        file.write_text(yaml.safe_dump(tree), 'utf-8')
+        return load_scene(file)
+
+
+def follow(scene, tracker, speed, seed, *, closed=False, timed=False, seconds=120.0, **options):
+    """Run once: simulation and summary."""
+    simulation = Simulation(scene, tracker, seed=seed,
+                            clock=time.thread_time if timed else None, **options)
+    goal = EdgeGoal(speed, FORCE, closed=closed)
+    status = simulation.run(goal, seconds)
+    return simulation, summarise(simulation, goal, status, name=scene.name, tracker=tracker,
+                                 seed=seed)
+
+
+def worst(summaries):
+    """Worst of several runs: errors, force, and how many ended well."""
+    def of(key):
+        return float(np.max([summary[key] for summary in summaries]))
+    mean_speed = [summary['tracked_length'] / max(tracking_time(summary), 1e-3)
+                  for summary in summaries]
+    return {'ok': sum(summary['ok'] for summary in summaries), 'runs': len(summaries),
+            'lateral_rms': of('lateral_rms'), 'lateral_max': of('lateral_max'),
+            'force_rms_error': of('force_rms_error'), 'force_max': of('force_max'),
+            'mean_speed': float(np.mean(mean_speed)),
+            'cpu_per_cycle': float(np.median([s['cpu_per_cycle'] for s in summaries])),
+            'cpu_per_picture': float(np.median([s['cpu_per_picture'] for s in summaries]))}
+
+
+def tracking_time(summary):
+    """How long the pad moved along the edge [s]."""
+    total, entries = 0.0, summary['states']
+    for entry, after in zip(entries, entries[1:], strict=False):
+        if entry['state'] in ('track', 'corner', 'search'):
+            total += after['time'] - entry['time']
+    return total
+
+
+def corner_verdict(summary):
+    """How a corner or a curve was passed: held, cut or lost."""
+    if not summary['ok'] or not math.isfinite(summary['lateral_max']):
+        return 'lost'
+    return 'held' if summary['lateral_max'] <= HELD else 'cut'
+
+
+def theoretical_gain(latency, dead_time, lag):
+    """
+    Gain of an integrating loop at the limit of stability [1/s].
+
+    omega d + atan(omega tau) = pi / 2 and g = omega sqrt(1 + omega^2 tau^2), where d is the
+    latency of the picture, the dead time, half of each period and the look-ahead of the
+    windows that the servo sends, and tau the robot's lag.
+    """
+    delay = (latency + dead_time + 0.5 * STEP * (1 + PICTURE_EVERY)
+             + 2.0 / EdgeServoConfig.rate)
+    omega = brentq(lambda w: w * delay + math.atan(w * lag) - 0.5 * math.pi, 1e-3, 1e4)
+    return omega * math.hypot(1.0, omega * lag)
+
+
+def is_stable(tracker, gain, latency):
+    """Whether the pad comes to rest on a straight edge from a little beside it."""
+    scene = shipped('straight')
+    scene = replace(scene, start=replace(scene.start, offset=OFFSET))
+    settings = (ResolvedRateConfig(segment_time=1.0 / gain) if tracker == 'resolved_rate'
+                else TraceConfig(lateral_gain=gain))
+    simulation, _ = follow(scene, tracker, 0.03, 0, latency=latency, settings=settings,
+                           seconds=3.5)
+    late = [cycle for cycle in simulation.log if cycle.status.state == State.TRACK][-200:]
+    if len(late) < 200:
+        return False
+    lateral, _ = scene.edge.nearest(np.array([cycle.pose[:3, 3] for cycle in late]))
+    return bool(np.sqrt(np.mean(lateral**2)) < STABLE)
+
+
+def way_of(simulation):
+    """Way of the pad and the rebuilt contour for a picture [m]."""
+    way = np.array([cycle.pose[:3, 3] for cycle in simulation.log
+                    if cycle.status.state not in (State.RETREAT, State.DONE)])
+    contour = simulation.servo.tracker.contour()
+    return {'way': way[::4].tolist(), 'contour': None if contour is None else contour.tolist()}

@@ -1,0 +1,186 @@
+"""
+Edge tracking: speed, accuracy, stability and limits of both controllers, in simulation.
+
+Prints tables, and writes benchmarks/results/edge.json, pictures into docs/ and the tables into
+docs/edge.md. Errors are distances of the pad's centre from the true edge. Every run is seeded.
+"""
+
+import os
+
+for _library in ('OMP', 'OPENBLAS', 'MKL'):  # one core; before numpy is loaded
+    os.environ.setdefault(f'{_library}_NUM_THREADS', '1')
+
+# ruff: noqa: E402
+import argparse
+import json
+from pathlib import Path
+import platform
+import sys
+import time
+
+import _edge_runs as runs
+import _edge_tables as tables
+from contact import finite, Progress
+import numpy as np
+
+ROOT = Path(__file__).resolve().parent.parent
+PAGE = ROOT / 'docs' / 'edge.md'
+BEGIN, END = '<!-- printed by ./ws bench edge -->', '<!-- end of print -->'
+WHOLE = 0.17  # m tracked of a hard scene's 180 mm that count as survival
+TRACKERS = ('resolved_rate', 'trace')
+SPEEDS = (0.01, 0.03, 0.05, 0.1, 0.15, 0.2)
+COURSES = ('straight', 'two_segments', 'curve', 'course')
+GAINS = (0.25, 0.5, 0.75, 1.0, 1.25, 1.5, 2.0)  # of the theoretical limit
+LATENCIES = (0.0, 0.005, 0.01, 0.02, 0.03, 0.04)
+CORNERS = (15, 30, 45, 60, 75, 90, 105, 120, 135, 150)
+RADII = (0.005, 0.0075, 0.01, 0.015, 0.02, 0.03, 0.06)
+CORNER_SPEED = 0.05
+FIGURES = {'Figure 5.5': ('straight', 0.03), 'Figure 5.6': ('two_segments', 0.026),
+           'Figure 5.7': ('curve', 0.023), 'Figure 5.8': ('straight_3d', 0.03),
+           'Figure 5.9': ('tape_case', 0.03)}
+HARD = ('gap', 'step_down', 'step_up', 'wave', 'slip', 'noise', 'gain_spread', 'dead_tactels',
+        'latency', 'stamps')
+
+
+def speed_and_accuracy(seeds, speeds, progress):
+    """Chart (a): every course at every speed."""
+    rows = []
+    for course in COURSES:
+        scene = runs.shipped(course)
+        for tracker in TRACKERS:
+            for speed in speeds:
+                progress.step(f'{course}, {tracker}, {1e3 * speed:g} mm/s')
+                summaries = [runs.follow(scene, tracker, speed, seed, timed=True)[1]
+                             for seed in seeds]
+                rows.append({'course': course, 'tracker': tracker, 'speed': speed,
+                             **runs.worst(summaries)})
+    return rows
+
+
+def stability(gains, latencies, progress):
+    """Chart (b): gain times latency."""
+    rows = []
+    plant = runs.shipped('straight').plant
+    for latency in latencies:
+        limit = runs.theoretical_gain(latency, plant.dead_time, plant.lag)
+        for tracker in TRACKERS:
+            progress.step(f'stability, {tracker}, {1e3 * latency:g} ms')
+            for gain in gains:
+                rows.append({'tracker': tracker, 'latency': latency, 'gain': gain * limit,
+                             'limit': limit,
+                             'stable': runs.is_stable(tracker, gain * limit, latency)})
+    return rows
+
+
+def corners_and_radii(corners, radii, seeds, progress):
+    """Chart (c): what is held, cut or lost."""
+    shapes = [('corner', degrees, [{'straight': 0.07}, {'turn': degrees}, {'straight': 0.07}])
+              for degrees in corners]
+    shapes += [('radius', radius, [
+        {'straight': 0.06}, {'arc': {'radius': radius, 'angle': 90}}, {'straight': 0.06}])
+        for radius in radii]
+    rows = []
+    for kind, size, path in shapes:
+        scene = runs.path_scene(f'{kind} {size}', path)
+        for tracker in TRACKERS:
+            progress.step(f'{kind} {size:g}, {tracker}')
+            summaries = [runs.follow(scene, tracker, CORNER_SPEED, seed, seconds=40.0)[1]
+                         for seed in seeds]
+            verdicts = [runs.corner_verdict(summary) for summary in summaries]
+            rows.append({'kind': kind, 'size': size, 'tracker': tracker,
+                         'verdict': max(verdicts, key=('held', 'cut', 'lost').index),
+                         'reason': summaries[-1]['reason'], **runs.worst(summaries)})
+    return rows
+
+
+def hard_scenes(seeds, progress):
+    """What else a scene can do to a servo."""
+    rows = []
+    for name in HARD:
+        scene = runs.shipped(name)
+        for tracker in TRACKERS:
+            progress.step(f'{name}, {tracker}')
+            summaries = [runs.follow(scene, tracker, 0.03, seed)[1] for seed in seeds]
+            length = min(summary['tracked_length'] for summary in summaries)
+            rows.append({'scene': name, 'tracker': tracker, 'length': length,
+                         'survived': length >= WHOLE and all(s['ok'] for s in summaries),
+                         'reason': summaries[-1]['reason'], **runs.worst(summaries)})
+    return rows
+
+
+def figures(progress):
+    """Chart (d): the thesis' Figures 5.5 to 5.9."""
+    made = []
+    for figure, (name, speed) in FIGURES.items():
+        scene = runs.shipped(name)
+        for tracker in TRACKERS:
+            closed = scene.edge.closed
+            if closed and tracker == 'resolved_rate':
+                continue
+            progress.step(f'{figure}, {tracker}')
+            simulation, summary = runs.follow(scene, tracker, speed, 0, closed=closed)
+            made.append({'figure': figure, 'scene': name, 'tracker': tracker, 'speed': speed,
+                         'edge': scene.edge.points.tolist(), **runs.way_of(simulation),
+                         **{key: summary[key] for key in (
+                             'ok', 'lateral_rms', 'lateral_max', 'contour_max_error',
+                             'contour_area_error', 'force_rms_error')}})
+    return made
+
+
+def measure(quick):
+    """Everything that the tables and pictures show, as one dictionary."""
+    seeds = (0,) if quick else (0, 1)
+    begin = time.perf_counter()
+    progress = Progress(112 if not quick else 62)
+    result = {
+        'quick': quick, 'seeds': list(seeds),
+        'versions': {'python': platform.python_version(), 'numpy': np.__version__},
+        'speed_and_accuracy': speed_and_accuracy(
+            seeds, SPEEDS[1::2] if quick else SPEEDS, progress),
+        'stability': stability(
+            GAINS[1::2] if quick else GAINS, LATENCIES[::2] if quick else LATENCIES, progress),
+        'corners': corners_and_radii(CORNERS[1::3] if quick else CORNERS,
+                                     RADII[::3] if quick else RADII, seeds, progress),
+        'hard_scenes': hard_scenes(seeds[:1], progress),
+        'figures': figures(progress)}
+    progress.close()
+    result['seconds'] = time.perf_counter() - begin
+    return result
+
+
+def main():
+    """Run the benchmark from the command line."""
+    parser = argparse.ArgumentParser(
+        prog='./ws bench edge', description=__doc__.strip(),
+        formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument('--quick', action='store_true', help=(
+        'a few of the runs, one seed; writes into runs/bench_edge and leaves docs/ alone'))
+    quick = parser.parse_args().quick
+    result = measure(quick)
+    text = tables.everything(result)
+    print(text)
+    if quick:
+        results = pictures = ROOT / 'runs' / 'bench_edge'
+    else:
+        results, pictures = ROOT / 'benchmarks' / 'results', ROOT / 'docs'
+    results.mkdir(parents=True, exist_ok=True)
+    slim = {**result, 'figures': [
+        {key: value for key, value in figure.items() if key not in ('edge', 'way', 'contour')}
+        for figure in result['figures']]}
+    (results / 'edge.json').write_text(
+        json.dumps(finite(slim), indent=1, allow_nan=False) + '\n', 'utf-8')
+    try:
+        import _edge_charts as charts
+    except ImportError as error:
+        print(f'no pictures: {error}')
+    else:
+        charts.draw(result, pictures)
+    if not quick and PAGE.exists():
+        before, _, rest = PAGE.read_text('utf-8').partition(BEGIN)
+        after = rest.partition(END)[2]
+        PAGE.write_text(f'{before}{BEGIN}\n\n{text}\n{END}{after}', 'utf-8')
+    return 0
+
+
+if __name__ == '__main__':
+    sys.exit(main())
