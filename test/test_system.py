@@ -97,7 +97,7 @@ def test_status_comes_every_cycle(tracked):
     assert len(stamps) + 2 * missed > 0.9 * cycles
     assert len(stamps) > 0.5 * cycles
     active = [s for s in statuses if s.state in (ServoStatus.APPROACH, ServoStatus.TRACK)]
-    assert all(s.controller == 'resolved_rate' and s.reason for s in active)
+    assert all(s.controller == 'trace' and s.reason for s in active)
     assert all(s.contact_fresh and s.joints_fresh for s in active)
 
 

@@ -300,7 +300,9 @@ class EdgeServo:
         c = self.config
         if self._load() >= c.contact_force and self.tracker.ready(now):
             self._enter(State.TRACK, 'contact', now)
-        elif self._load() >= self.goal.force and self.contact.arrival > self._state_since:
+        elif self._load() >= self.goal.force and (
+                self.tracker.looked > self._state_since
+                or now - self._state_since > c.edge_lost):
             self._end(now, False, f'contact on approach, but {self.tracker.reason}', lift=True)
         elif self._advance() >= c.approach_distance:
             self._end(now, False, f'no contact within {c.approach_distance:g} m', lift=True)
@@ -343,9 +345,12 @@ class EdgeServo:
             self.reason += '; input is back: resume with ~/pause false'
 
     def _leave_hold(self, now, reason):
-        """Go on from the measured state."""
+        """Go on from the measured state, or from the commanded one while that still moves."""
         anchor = self._anchor
-        self._seed()
+        if self._velocities.any():
+            self.tracker.resume()
+        else:
+            self._seed()
         self._enter(self._resume_state, self._outcome or reason, now)
         self._anchor = anchor  # the way already gone still counts
 
@@ -366,7 +371,7 @@ class EdgeServo:
     def _twist(self, pose, dt):
         """Return the wanted twist of the sensor in its own frame (6,) [m/s, rad/s]."""
         c, twist = self.config, np.zeros(6)
-        if self.state == State.APPROACH:
+        if self.state == State.APPROACH and self._load() < self.goal.force:
             twist[2] = c.approach_speed
         elif self.state == State.RETREAT and -self._advance() < c.retreat_distance:
             twist[2] = -c.approach_speed

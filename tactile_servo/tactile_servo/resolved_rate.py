@@ -164,6 +164,7 @@ class ResolvedRate:
         """Forget the last goal."""
         self.goal = goal
         self.features, self.arrival, self.reason = None, -np.inf, 'edge lost'
+        self.looked = -np.inf
         self.speed = 0.0
 
     def resume(self):
@@ -172,6 +173,7 @@ class ResolvedRate:
 
     def see_contact(self, contact, stamp_ns, arrival):
         """Take a contact estimate, its picture's stamp [ns] and steady arrival time [s]."""
+        self.looked = arrival
         features, self.reason = edge_features(
             contact, self.servo.array_half_width, self.gains)
         if features is not None:

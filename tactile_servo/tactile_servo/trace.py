@@ -119,7 +119,7 @@ class Trace:
         self._half = np.full(2, self.servo.array_half_width)
         self._seeded = self._edge_seen = False
         self._off_path = 0
-        self._pictured, self._pull = -np.inf, None
+        self.looked, self._pull = -np.inf, None
         self._coasted = 0.0
         self.resume()
 
@@ -165,7 +165,7 @@ class Trace:
             self._plane = np.linalg.inv(pose)
             self.edge = TracedEdge(layer.depth)
         placed = self._plane @ pose
-        self._pictured, self._seen_z = arrival, placed[2, 3]
+        self.looked, self._seen_z = arrival, placed[2, 3]
         self._pull = self._towards_pressure(pressure, array, placed)
         points = ridge_points(pressure, array, noise, layer.depth)
         self.reason, self._edge_seen = 'no ridge in the picture', False
@@ -253,8 +253,9 @@ class Trace:
     def judge(self, now, pose, length, load):
         """Decide whether to go on tracking: Verdict."""
         edge, c = self.edge, self.config
-        if now - self._pictured > self.servo.edge_lost:
-            return Verdict(State.HOLD, 'no picture to trace')
+        # The servo itself holds when contacts stay away; this is for pictures alone.
+        if now - self.looked > 1.5 * self.servo.stale_image:
+            return Verdict(State.HOLD, 'tactile image is stale')
         if edge.end == CLOSED and self._here >= edge.closing:
             return Verdict(State.DONE, 'the contour closed', True)
         beyond = self._ahead - edge.tip if edge.end == END else -np.inf
