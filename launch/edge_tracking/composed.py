@@ -85,11 +85,11 @@ def add_mocks(graph, port, scene, robot, seed=0):
                      scene=str(scene))
 
 
-def add_stack(graph, port, robot):
+def add_stack(graph, port, robot, tracker='trace'):
     """Add driver, contact estimator and servo: what runs on a real robot as well."""
     graph.add(DriverNode, port=str(port))
     graph.add(ContactEstimatorNode)
-    graph.add(EdgeServoNode, robot_description=str(robot))
+    graph.add(EdgeServoNode, robot_description=str(robot), tracker=tracker)
 
 
 @contextmanager
@@ -111,6 +111,8 @@ def parser():
     arguments.add_argument('--port', default='', help='serial port of a real sensor')
     arguments.add_argument('--scene', default='straight', help='what the mock sensor touches: '
                            f'{", ".join(scene_names())}, or the path of a .yaml file')
+    arguments.add_argument('--tracker', choices=('trace', 'resolved_rate'), default='trace',
+                           help='how the edge is followed')
     arguments.add_argument('--robot-description', default=str(share('urdf', 'puma260.urdf')),
                            help='URDF of the robot, with a link tactile_pad')
     arguments.add_argument('--parameters', default=None, help='parameter file')
@@ -132,7 +134,7 @@ def main(args=None):
             if options.sensor == 'mock':
                 add_mocks(graph, port, find_scene(options.scene), options.robot_description,
                           options.seed)
-            add_stack(graph, port, options.robot_description)
+            add_stack(graph, port, options.robot_description, options.tracker)
             graph.spin(stop.is_set)
     except (ValueError, RuntimeError, ParameterException) as error:
         print(f'composed: {" ".join(str(error).split())}', file=sys.stderr)

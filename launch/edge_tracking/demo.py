@@ -54,6 +54,8 @@ def parser():
         'columns), rate_hz, optional pitch_m) run through driver and estimator instead.')
     arguments.add_argument('--scene', default='straight',
                            help=f'{", ".join(scene_names())}, or the path of a .yaml file')
+    arguments.add_argument('--controller', choices=('trace', 'resolved_rate'), default='trace',
+                           help='how the edge is followed')
     arguments.add_argument('--speed', type=float, default=0.03, help='along the edge [m/s]')
     arguments.add_argument('--force', type=float, default=5.0, help='on the pad [N]')
     arguments.add_argument('--seed', type=int, default=0, help="of the sensor's noise")
@@ -136,9 +138,10 @@ def track_scene(options, folder, progress):
     with private_port() as port, stop_on_signals() as stop, Graph(domain=own_domain()) as graph:
         record(graph, folder)
         add_mocks(graph, port, path, robot, options.seed)
-        add_stack(graph, port, robot)
+        add_stack(graph, port, robot, options.controller)
         track = graph.add(TrackNode, own={'on_feedback': show}, speed=options.speed,
-                          force=options.force, closed=edge.edge.closed)
+                          force=options.force,
+                          closed=edge.edge.closed and options.controller == 'trace')
         graph.spin(lambda: stop.is_set() or track.finished)
         if stop.is_set():
             track.cancel()

@@ -23,6 +23,7 @@ from launch_ros.actions import Node
 from launch_ros.parameter_descriptions import ParameterValue
 
 from edge_tracking.resources import find_scene, scene_names, share
+from tactile_sensing.scene import load_scene
 
 ARGUMENTS = (
     ('sensor', 'mock', 'mock: synthetic array on a pseudo-terminal; flexitac: a real array on '
@@ -33,6 +34,8 @@ ARGUMENTS = (
      'auto: mock with the mock sensor, else real', ('auto', 'mock', 'real')),
     ('scene', 'straight', f'what the mock sensor touches: {", ".join(scene_names())}, or the '
      'path of a .yaml file', None),
+    ('tracker', 'trace', "how the edge is followed: traced in the robot's base, or by the "
+     "thesis' resolved-rate servo", ('trace', 'resolved_rate')),
     ('speed', '0.03', 'along the edge [m/s]', None),
     ('force', '5.0', 'normal force on the pad [N]', None),
     ('length', '0.0', 'way to track [m]; 0 = until the edge ends', None),
@@ -88,14 +91,15 @@ def nodes(context):
     actions = [
         node('tactile_sensing', 'driver', port=port),
         node('tactile_sensing', 'contact_estimator'),
-        node('tactile_servo', 'edge_servo', **robot)]
+        node('tactile_servo', 'edge_servo', tracker=value['tracker'], **robot)]
     if mock_sensor:
         actions.append(node('tactile_sensing', 'mock_sensor', port=port, scene=scene))
     if mock_robot:
         actions.append(node('tactile_servo', 'mock_robot', '/', scene=scene, **robot))
     if start:
         # The nodes start along with it, and their first start ever compiles their kernels.
-        track = node('edge_tracking', 'track', wait=60.0, **{
+        closed = bool(scene) and load_scene(scene).edge.closed and value['tracker'] == 'trace'
+        track = node('edge_tracking', 'track', wait=60.0, closed=closed, **{
             name: number(name, value[name]) for name in ('speed', 'force', 'length')})
         actions.append(track)
         if on['shutdown']:
