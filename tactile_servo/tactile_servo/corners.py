@@ -11,6 +11,7 @@ LONGEST_SETBACK = 5.5e-3  # m from vertex to fillet; what is rounder is followed
 CLEARANCE = 4.0e-3  # m beyond the fillet until the skin no longer blurs the legs
 VIEWED = 3.0e-3  # m of each leg beyond the fillet that the pad must cover
 LEAST_TURN = math.radians(18.0)
+STRAIGHTEST = 30.0  # 1/m, curvature of a leg from which it is a curve, and this no corner of it
 WORST_FIT = 4.0  # chi-square per tactel
 WORST_PLACE = 0.4e-3  # m, standard deviation of the vertex
 MODEL_ERROR = 0.02
@@ -157,7 +158,8 @@ class Picture:
             return None
         turn = math.atan2(math.sin(q[3] - q[2]), math.cos(q[3] - q[2]))
         if (np.trace(spread) > WORST_PLACE**2 or abs(turn) < LEAST_TURN
-                or setback(q) > LONGEST_SETBACK or np.hypot(*(q[:2] - start[:2])) > 4e-3):
+                or np.abs(q[5:7]).max() > STRAIGHTEST or setback(q) > LONGEST_SETBACK
+                or np.hypot(*(q[:2] - start[:2])) > 4e-3):
             return None
         q[:2] = self._rotation @ q[:2] + self.place
         q[2:4] += self.yaw

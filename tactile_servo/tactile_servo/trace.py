@@ -75,6 +75,9 @@ class TraceConfig:
     coast: float = field(default=0.018, metadata={
         'doc': 'how far the pad goes on straight where the ridge ends', 'unit': 'm',
         'range': (0.0, 0.1)})
+    stall_time: float = field(default=5.0, metadata={
+        'doc': 'the goal ends when the pad tracks, but has not come 1 mm further in this time',
+        'unit': 's', 'range': (0.5, 600.0)})
     search_distance: float = field(default=0.015, metadata={
         'doc': 'how far the pad moves to where the pressure is when it shows no ridge',
         'unit': 'm', 'range': (0.0, 0.1)})
@@ -132,6 +135,7 @@ class Trace:
         self._mode = TRACK
         self._searched, self._probe_from = 0.0, None
         self._pressed = False
+        self._reached, self._reached_at = 0.0, None
 
     def see_contact(self, contact, stamp_ns, arrival):
         """Take a contact estimate: a fitted line tells the force better than the sum does."""
@@ -253,6 +257,10 @@ class Trace:
     def judge(self, now, pose, length, load):
         """Decide whether to go on tracking: Verdict."""
         edge, c = self.edge, self.config
+        if length > self._reached + 1e-3 or self._mode != TRACK or not self._reached_at:
+            self._reached, self._reached_at = length, now
+        elif now - self._reached_at > c.stall_time:
+            return Verdict(State.DONE, 'no progress along the edge', False, lift=True)
         # The servo itself holds when contacts stay away; this is for pictures alone.
         if now - self.looked > 1.5 * self.servo.stale_image:
             return Verdict(State.HOLD, 'tactile image is stale')
@@ -341,7 +349,7 @@ class Trace:
         if self._mode != COAST:
             top *= min(max(2.5 * self._force / self.goal.force - 0.75, 0.0), 1.0)
         # A second leg that comes under the pad adds its load at once: give way first.
-        top *= float(np.clip(4.0 * (1.4 - self._force / self.goal.force), 0.0, 1.0))
+        top *= float(np.clip(5.0 * (1.3 - self._force / self.goal.force), 0.0, 1.0))
         error = np.array([x, y]) - here[:2, 3]
         distance = float(np.hypot(*error))
         top *= min(max(1.2 - distance / STRAY, 0.0), 1.0)

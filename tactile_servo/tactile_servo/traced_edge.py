@@ -283,9 +283,13 @@ class TracedEdge:
                                 for other in self.corners):
                 continue
             fitted = self._picture.fit(p)
-            if fitted is not None:
-                corner = Corner(*fitted)
-                corner.span = np.inf, np.inf
+            if fitted is None:
+                continue
+            corner = Corner(*fitted)
+            corner.span = np.inf, np.inf
+            # The zones of two corners must not overlap, or the path would lead back.
+            if all(np.hypot(*(corner.vertex - other.vertex)) > corner.reach + other.reach
+                   for other in self.corners):
                 self.corners.append(corner)
                 return True
         return False
