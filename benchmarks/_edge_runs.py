@@ -15,7 +15,7 @@ from tactile_servo.resolved_rate import ResolvedRateConfig
 from tactile_servo.servo_types import EdgeGoal, EdgeServoConfig, State
 from tactile_servo.simulation import PICTURE_EVERY, Simulation, STEP
 from tactile_servo.simulation_summary import summarise
-from tactile_servo.trace import TraceConfig
+from tactile_servo.trace_config import TraceConfig
 
 SCENES = Path(__file__).resolve().parent.parent / 'launch' / 'scenes'
 FORCE = 5.0
