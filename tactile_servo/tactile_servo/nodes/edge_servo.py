@@ -35,6 +35,7 @@ from tactile_servo.limits import JointLimits, WorkspaceBox
 from tactile_servo.robot import RobotModel
 from tactile_servo.servo_types import EdgeServoConfig, State
 from tactile_servo.trackers import check_name, make_tracker, TRACKERS
+from tactile_servo.warm_up import warm_up
 
 FEEDBACK_PERIOD = 0.05  # s; the status topic has every cycle
 
@@ -80,10 +81,13 @@ class EdgeServoNode(Node):
         self._action = None  # until the parameters have proved right
         super().__init__('edge_servo', **kwargs)
         robot, config = declare_from(self, RobotConfig), declare_from(self, EdgeServoConfig)
-        settings = declare_from(self, check_name(robot.tracker).config_type)
+        tracker = check_name(robot.tracker)
+        settings = declare_from(self, tracker.config_type)
         if not robot.robot_description:
             raise ConfigurationError(
                 'robot_description: no URDF given; pass its text or the path of a file')
+        if tracker.sees_images:
+            warm_up()
         model = RobotModel.from_urdf(robot.robot_description, robot.tip_frame)
         limits = JointLimits(
             tuple(model.joint_names), model.lower + robot.position_margin,

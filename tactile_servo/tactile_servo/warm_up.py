@@ -1,0 +1,28 @@
+"""Compile everything that tracing needs before the robot moves, not under it."""
+
+from functools import lru_cache
+
+import numpy as np
+
+from tactile_sensing.edge_path import EdgePath
+from tactile_sensing.scene import Scene, Sensor
+from tactile_servo.servo_types import EdgeGoal
+from tactile_servo.simulation import Simulation
+
+# m; a corner, a rise and a gap, then the end
+PATH = ((0.0, 0.0, 0.0), (0.045, 0.0, 0.0), (0.06, 0.026, 0.002), (0.066, 0.036, 0.002),
+        (0.08, 0.061, 0.002))
+SOLID = (True, True, False, True)
+
+
+@lru_cache(maxsize=1)
+def warm_up():
+    """
+    Trace a small scene, first with little noise and then with much; once in a process.
+
+    A minute where numba's cache is empty, and two seconds where it is not.
+    """
+    edge = EdgePath(np.array(PATH), SOLID)
+    for noise in (630.0, 6300.0):  # Pa
+        scene = Scene('warm-up', '', edge, sensor=Sensor(noise_std=noise))
+        Simulation(scene, 'trace').run(EdgeGoal(speed=0.1, force=5.0), seconds=2.0)
