@@ -41,7 +41,7 @@ def test_every_argument_has_a_description_and_a_default():
 
 
 @pytest.mark.parametrize('argument, text', [
-    ('scene:=nowhere', "scene 'nowhere' is unknown; shipped are curve, straight, two_segments"),
+    ('scene:=nowhere', "scene 'nowhere' is unknown; shipped are course, curve, "),
     ('scene:=nowhere.yaml', "scene 'nowhere.yaml': no such file"),
     ('sensor:=flexitac', 'sensor:=flexitac needs its port, for instance port:=/dev/ttyUSB0'),
     ('speed:=fast', 'speed:=fast is not a number'),
