@@ -98,12 +98,12 @@ def edge_features(contact, array_half_length, config):
 
 def alignment_scale(features, half_width):
     """Slow down as the edge nears the border of the pad, where it would be lost: 0 to 1."""
-    return float(np.clip(2.0 * (1.0 - abs(features.lateral) / half_width), 0.0, 1.0))
+    return _bounded(2.0 * (1.0 - abs(features.lateral) / half_width), 0.0, 1.0)
 
 
 def contact_scale(features, force):
     """Slow down while the pad presses with less than half of the force: 0 to 1."""
-    return float(np.clip(2.0 * features.force / force, 0.0, 1.0))
+    return _bounded(2.0 * features.force / force, 0.0, 1.0)
 
 
 def edge_twist(features, speed, force, config):
@@ -129,12 +129,17 @@ def edge_twist(features, speed, force, config):
         Linear and angular velocity of the sensor frame, in the sensor frame [m/s, rad/s].
     """
     c = config
-    lateral = np.clip(
+    lateral = _bounded(
         features.lateral / c.segment_time, -c.max_lateral_speed, c.max_lateral_speed)
-    normal = np.clip((force - features.force) / (c.stiffness * c.force_segment_time),
-                     -c.max_normal_speed, c.max_normal_speed)
-    turn = np.clip(features.yaw / c.segment_time, -c.max_turn_rate, c.max_turn_rate)
+    normal = _bounded((force - features.force) / (c.stiffness * c.force_segment_time),
+                      -c.max_normal_speed, c.max_normal_speed)
+    turn = _bounded(features.yaw / c.segment_time, -c.max_turn_rate, c.max_turn_rate)
     return np.array([lateral, speed, normal, 0.0, 0.0, turn])
+
+
+def _bounded(value, low, high):
+    """Value within bounds; NaN stays. numpy's clip takes ten times as long for one number."""
+    return min(max(value, low), high)
 
 
 class ResolvedRate:
@@ -207,7 +212,7 @@ class ResolvedRate:
         speed = goal.speed * min(alignment_scale(features, c.array_half_width),
                                  contact_scale(features, goal.force))
         change = c.max_acceleration * dt
-        self.speed += float(np.clip(speed - self.speed, -change, change))
+        self.speed += _bounded(speed - self.speed, -change, change)
         return edge_twist(features, goal.direction * self.speed, goal.force, self.gains)
 
     def heading(self, pose):
