@@ -98,7 +98,8 @@ class EdgeServoNode(Node):
             model, limits, config, make_tracker(robot.tracker, config, settings),
             WorkspaceBox(robot.workspace_lower, robot.workspace_upper))
         self._goal_handle, self._started = None, 0.0
-        self._missed, self._longest, self._last_tick = 0, 0.0, None
+        self._first_tick, self._cycles, self._missed = None, 0, 0
+        self._longest, self._last_tick = 0.0, None
         self._reported, self._tip_frame = None, robot.tip_frame
         self._period = 1.0 / config.rate
 
@@ -161,9 +162,11 @@ class EdgeServoNode(Node):
 
     def _on_cycle(self):
         now = perf_counter()
-        if self._last_tick is not None and now - self._last_tick > 2.0 * self._period:
-            self._missed += 1
-        self._last_tick = now
+        if self._first_tick is None:
+            self._first_tick = now
+        due = int((now - self._first_tick) / self._period)
+        self._missed = max(self._missed, due - self._cycles)
+        self._cycles, self._last_tick = self._cycles + 1, now
         stamp = self.get_clock().now()
         status, trajectory = self._servo.cycle(now, stamp.nanoseconds)
         if trajectory is not None:
