@@ -1,30 +1,11 @@
 """Installation of the package."""
 from glob import glob
-import os
-import subprocess
-import sys
 
 from setuptools import find_packages, setup
 
+from tactile_sensing.at_build import compile_kernels
+
 PACKAGE = 'tactile_sensing'
-
-
-def compile_kernels(distribution):
-    """Fill numba's cache, so that no first start waits for it; a build never fails for this."""
-    if distribution.have_run.get('develop'):  # colcon build --symlink-install
-        place = os.getcwd()
-    elif distribution.have_run.get('install'):
-        place = os.path.abspath(distribution.get_command_obj('install').install_lib)
-    else:
-        return
-    try:
-        subprocess.run(
-            [sys.executable, '-c', f'import {PACKAGE}.compiled as c; c.warm_up()'], cwd=place,
-            env={**os.environ, 'PYTHONPATH': os.pathsep.join(
-                [place, *filter(None, [os.environ.get('PYTHONPATH')])])},
-            check=False, timeout=600, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
-    except (OSError, subprocess.TimeoutExpired):
-        pass
 
 
 compile_kernels(setup(
@@ -51,4 +32,4 @@ compile_kernels(setup(
             f'estimate = {PACKAGE}.estimate:main',
         ],
     },
-))
+), f'{PACKAGE}.compiled')

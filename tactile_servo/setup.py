@@ -1,28 +1,13 @@
-import os
-import subprocess
-import sys
-
+"""Installation of the package."""
 from setuptools import find_packages, setup
 
+try:
+    from tactile_sensing.at_build import compile_kernels
+except ImportError:  # not built yet: here this package is only asked for its name
+    def compile_kernels(*_):
+        """Compile nothing."""
+
 PACKAGE = 'tactile_servo'
-
-
-def compile_kernels(distribution):
-    """Fill numba's cache, so that no first start waits for it; a build never fails for this."""
-    if distribution.have_run.get('develop'):  # colcon build --symlink-install
-        place = os.getcwd()
-    elif distribution.have_run.get('install'):
-        place = os.path.abspath(distribution.get_command_obj('install').install_lib)
-    else:
-        return
-    try:
-        subprocess.run(
-            [sys.executable, '-c', f'import {PACKAGE}.warm_up as w; w.warm_up()'], cwd=place,
-            env={**os.environ, 'PYTHONPATH': os.pathsep.join(
-                [place, *filter(None, [os.environ.get('PYTHONPATH')])])},
-            check=False, timeout=600, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
-    except (OSError, subprocess.TimeoutExpired):
-        pass
 
 
 compile_kernels(setup(
@@ -47,4 +32,4 @@ compile_kernels(setup(
             'simulate = tactile_servo.simulate:main',
         ],
     },
-))
+), f'{PACKAGE}.warm_up')

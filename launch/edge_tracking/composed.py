@@ -22,6 +22,7 @@ from tactile_sensing.nodes.mock_sensor import MockSensorNode
 from tactile_sensing.nodes.runner import make_executor, spin, stop_on_signals
 from tactile_servo.nodes.edge_servo import EdgeServoNode
 from tactile_servo.nodes.mock_robot import MockRobotNode
+from tactile_shape.nodes.shape_estimator import ShapeEstimatorNode
 
 # Longest time that a thread keeps the interpreter while another waits for it; the default of
 # 5 ms is a whole sensor period.
@@ -37,7 +38,7 @@ class Graph:
     parameters : str or Path, optional
         Parameter file of all nodes; that of the package if missing.
     namespace : str
-        Namespace of sensor, estimator and servo.
+        Namespace of sensor, estimators and servo.
     domain : int, optional
         ROS domain; that of the environment if missing.
     """
@@ -86,9 +87,10 @@ def add_mocks(graph, port, scene, robot, seed=0):
 
 
 def add_stack(graph, port, robot, tracker='trace'):
-    """Add driver, contact estimator and servo: what runs on a real robot as well."""
+    """Add driver, contact and shape estimators and servo: what runs on a real robot as well."""
     graph.add(DriverNode, port=str(port))
     graph.add(ContactEstimatorNode)
+    graph.add(ShapeEstimatorNode)
     graph.add(EdgeServoNode, robot_description=str(robot), tracker=tracker)
 
 
@@ -103,7 +105,7 @@ def parser():
     """Command line of the composed process."""
     arguments = argparse.ArgumentParser(
         prog='composed', formatter_class=argparse.ArgumentDefaultsHelpFormatter,
-        description='Runs sensor, estimator, servo and, with the mock sensor, the mock robot '
+        description='Runs sensor, estimators, servo and, with the mock sensor, the mock robot '
         'in one process. Send goals to the action track_edge, for instance with '
         '`ros2 run edge_tracking track --ros-args -r __ns:=/tactile`.')
     arguments.add_argument('--sensor', choices=('mock', 'flexitac'), default='mock',
@@ -117,7 +119,7 @@ def parser():
                            help='URDF of the robot, with a link tactile_pad')
     arguments.add_argument('--parameters', default=None, help='parameter file')
     arguments.add_argument('--namespace', default='tactile',
-                           help='of sensor, estimator and servo')
+                           help='of sensor, estimators and servo')
     arguments.add_argument('--seed', type=int, default=0, help="of the mock sensor's noise")
     return arguments
 

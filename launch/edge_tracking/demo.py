@@ -15,10 +15,12 @@ import time
 
 from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import PoseStamped, WrenchStamped
+from nav_msgs.msg import Path as PathMsg
 from rclpy.exceptions import ParameterException
 from rclpy.qos import DurabilityPolicy, qos_profile_sensor_data, QoSProfile
 from sensor_msgs.msg import JointState
 from trajectory_msgs.msg import JointTrajectory
+from visualization_msgs.msg import MarkerArray
 
 from edge_tracking.bag import RecorderNode
 from edge_tracking.composed import add_mocks, add_stack, Graph, private_port
@@ -27,7 +29,7 @@ from edge_tracking.resources import find_scene, scene_names, share
 from edge_tracking.run_data import read_run
 from edge_tracking.summary import summarise, summarise_recording, to_json
 from edge_tracking.track import TrackNode
-from tactile_msgs.msg import Contact, SensorInfo, ServoStatus, TactileImage
+from tactile_msgs.msg import Contact, SensorInfo, ServoStatus, SurfacePatch, TactileImage
 from tactile_sensing.calibration import Calibration, load_calibration
 from tactile_sensing.errors import TactileSensingError
 from tactile_sensing.nodes.contact_estimator import ContactEstimatorNode
@@ -105,6 +107,8 @@ def topics(graph):
     sensor = QoSProfile(depth=100, reliability=qos_profile_sensor_data.reliability)
     own = [('image', TactileImage, sensor), ('sensor_info', SensorInfo, latched),
            ('contact', Contact, sensor), ('wrench', WrenchStamped, sensor),
+           ('surface_patch', SurfacePatch, deep), ('contour', PathMsg, latched),
+           ('markers', MarkerArray, latched),
            ('servo_status', ServoStatus, deep), ('sensor_pose', PoseStamped, sensor),
            ('diagnostics', DiagnosticArray, deep)]
     return [(f'/{graph.namespace}/{name}', kind, qos) for name, kind, qos in own] + [

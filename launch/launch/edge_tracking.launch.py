@@ -46,7 +46,7 @@ ARGUMENTS = (
      'URDF of the robot with a link tactile_pad: path of a file, or the text', None),
     ('parameters', str(share('config', 'edge_tracking.yaml')), 'parameter file of all nodes',
      None),
-    ('namespace', 'tactile', 'of sensor, estimator and servo', None),
+    ('namespace', 'tactile', 'of sensor, estimators and servo', None),
     ('use_sim_time', 'false', 'take the time from /clock', ('true', 'false')),
     ('rviz', 'false', 'show the robot in RViz', ('true', 'false')),
 )
@@ -91,6 +91,7 @@ def nodes(context):
     actions = [
         node('tactile_sensing', 'driver', port=port),
         node('tactile_sensing', 'contact_estimator'),
+        node('tactile_shape', 'shape_estimator'),
         node('tactile_servo', 'edge_servo', tracker=value['tracker'], **robot)]
     if mock_sensor:
         actions.append(node('tactile_sensing', 'mock_sensor', port=port, scene=scene))

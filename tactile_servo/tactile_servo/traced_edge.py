@@ -352,7 +352,8 @@ class TracedEdge:
             return
         again = (self.stations >= self.stations[0] + 4e-3) & (
             self.stations < self.stations[0] + 30e-3)
-        self.closing = self.stations[k]
+        # Where the pad itself began, at station 0: the path begins behind it.
+        self.closing = self.stations[k] - min(self.stations[0] + 4e-3, 0.0)
         self.contour_nodes = self.nodes[:k]
         self.contour_nodes = self.contour_nodes[self.stations[:k] >= self.stations[0] + 4e-3]
         self.nodes = np.vstack([self.nodes[:k], self.nodes[again]])

@@ -1,12 +1,20 @@
 """Reading contacts and poses from a rosbag2 recording; needs rosbags, and no running ROS."""
 import struct
 
-from tactile_sensing.conversions import contact_from_msg, pose_from_msg, stamp_to_ns
+from tactile_sensing.conversions import (
+    contact_from_msg,
+    image_from_msg,
+    pose_from_msg,
+    stamp_to_ns,
+)
 from tactile_sensing.errors import TactileSensingError
+from tactile_shape.contact_path import OTHER
 from tactile_shape.errors import ConfigurationError
 from tactile_shape.trace import place_contacts
 
 TOPICS = ('contact', 'sensor_pose')
+PICTURES = 'image'  # that edges which are not straight are located in; may be missing
+WAITING = 200  # pictures that are kept for their contacts: a second of them
 _MISSING = "reading a bag needs rosbags: pip install 'rosbags>=0.10'"
 
 
@@ -39,9 +47,10 @@ def read_bag(path, namespace=None, finger_radius=0.0):
         # The types are those in the bag; only where it has none, those of a distribution.
         with AnyReader([path], default_typestore=get_typestore(Stores.ROS2_JAZZY)) as reader:
             wanted = _topics({connection.topic for connection in reader.connections}, namespace)
+            wanted += (wanted[0].removesuffix(TOPICS[0]) + PICTURES,)
             connections = [c for c in reader.connections if c.topic in wanted]
-            events = [_event(reader.deserialize(data, connection.msgtype))
-                      for connection, _, data in reader.messages(connections)]
+            events = list(_events(reader.deserialize(data, connection.msgtype)
+                                  for connection, _, data in reader.messages(connections)))
     except ConfigurationError:
         raise
     except (AnyReaderError, ReaderError, SerdeError, TypesysError, struct.error, LookupError,
@@ -68,8 +77,18 @@ def _topics(there, namespace):
     return tuple(found[0] + topic for topic in TOPICS)
 
 
-def _event(message):
-    stamp = stamp_to_ns(message.header.stamp)
-    if hasattr(message, 'pose'):
-        return stamp, pose_from_msg(message.pose), None
-    return stamp, None, contact_from_msg(message)
+def _events(messages):
+    """Poses and contacts, these with the picture of their stamp where it is needed."""
+    pictures = {}
+    for message in messages:
+        stamp = stamp_to_ns(message.header.stamp)
+        if hasattr(message, 'pose'):
+            yield stamp, pose_from_msg(message.pose), None, None
+        elif hasattr(message, 'tared'):
+            pictures[stamp] = message
+            if len(pictures) > WAITING:
+                del pictures[next(iter(pictures))]
+        else:
+            contact, picture = contact_from_msg(message), pictures.get(stamp)
+            yield stamp, None, contact, image_from_msg(picture) if (
+                contact.type == OTHER and picture is not None) else None

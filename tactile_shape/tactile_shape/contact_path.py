@@ -5,6 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from tactile_shape.edge_point import edge_point
 from tactile_shape.motion import rotation_between, rotation_part
 
 NONE, POINT, LINE, OTHER = range(4)  # numbers of Contact.msg
@@ -57,29 +58,34 @@ class Placed(NamedTuple):
     reason: str
 
 
-def locate(contact):
+def locate(contact, picture=None):
     """
     Where a contact is on the array, and whether it is with an edge.
 
     Parameters
     ----------
     contact : tactile_sensing.contact.Contact
+    picture : tactile_sensing.image.TactileImage, optional
+        Of the contact; an edge that is not straight is located there and nowhere else.
 
     Returns
     -------
     place : (float, float) or None
-        x, y [m]; of an edge, the point nearest to the pad's centre. What is neither point nor
-        edge is where its centre of pressure is: a curved edge, or a large area. None where
-        nothing is located.
+        x, y [m]; of an edge, the point nearest to the pad's centre. A large area, which is
+        neither point nor edge, is where its centre of pressure is. None where nothing is
+        located.
     edge : bool
     """
     if contact.type == OTHER:
-        # No model explains it, but force and moments hold.
+        place = None if picture is None else edge_point(picture)
+        if place is not None:
+            return place, True
+        # No model explains it, but force and moments hold. Of a bent edge they tell a place
+        # that is millimetres off it.
         place, long = contact.moments.centre_of_pressure, contact.moments.elongation()
-        if not np.isfinite(place).all() or (
-                contact.reasons & TWO_CONTACTS and not long > ELONGATED):
+        if contact.reasons & TWO_CONTACTS or long > ELONGATED or not np.isfinite(place).all():
             return None, False
-        return place, bool(long > ELONGATED)
+        return place, False
     if not contact.valid or contact.type not in (POINT, LINE):
         return None, False
     if contact.type == POINT:
@@ -203,11 +209,11 @@ class ContactPath:
         self._poses.add(stamp_ns, pose)
         return self.settle()
 
-    def add_contact(self, stamp_ns, contact, extra=None):
-        """Add a contact; returns the contacts that can be placed, as `settle`."""
+    def add_contact(self, stamp_ns, contact, extra=None, picture=None):
+        """Add a contact, see `locate`; returns the contacts that can be placed, as `settle`."""
         if len(self._waiting) == self._waiting.maxlen:
             self.lost += 1
-        self._waiting.append((stamp_ns, contact, extra))
+        self._waiting.append((stamp_ns, contact, extra, picture))
         return self.settle()
 
     def settle(self):
@@ -221,9 +227,9 @@ class ContactPath:
         placed = []
         newest = self._poses.newest_ns
         while self._waiting and newest is not None and self._waiting[0][0] <= newest:
-            stamp, contact, extra = self._waiting.popleft()
+            stamp, contact, extra, picture = self._waiting.popleft()
             pose = self._poses.at(stamp)
-            place, edge = locate(contact)
+            place, edge = locate(contact, picture)
             position, normal = (None, None) if place is None else on_pad(
                 place, self._finger_radius)
             if contact.type == NONE:

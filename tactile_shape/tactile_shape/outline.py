@@ -7,6 +7,8 @@ from tactile_shape.config import check_fields
 from tactile_shape.contour_pieces import angle_between, divide
 from tactile_shape.errors import ConfigurationError
 
+CHORD = 1e-3  # m, of an arc as a polyline
+
 
 @dataclass(frozen=True)
 class OutlineConfig:
@@ -21,9 +23,6 @@ class OutlineConfig:
     rounding: float = field(default=3e-3, metadata={
         'doc': 'contour next to a corner that is not used: the skin rounds it', 'unit': 'm',
         'range': (0.0, 1.0)})
-    blur: float = field(default=0.0254, metadata={
-        'doc': 'an arc between two lines that is shorter is a corner: a pad smears it over its '
-               'own length; 0 where fillets are to be kept', 'unit': 'm', 'range': (0.0, 1.0)})
     tolerance: float = field(default=1e-4, metadata={
         'doc': 'RMS distance of its points that a line or an arc may have, beyond their noise; '
                'else it is divided', 'unit': 'm', 'range': (1e-9, 1.0)})
@@ -55,6 +54,8 @@ class Side:
         Of an arc [m]; inf for a line.
     residual : float
         RMS distance of the points used [m].
+    points : ndarray, shape (m, 3)
+        From start to end, an arc as chords of at most 1 mm [m].
     """
 
     kind: str
@@ -63,6 +64,7 @@ class Side:
     length: float
     radius: float
     residual: float
+    points: np.ndarray
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,6 +86,11 @@ class Outline:
     angles: np.ndarray
     sides: tuple
     closed: bool
+
+    @property
+    def points(self):
+        """The whole outline as a polyline, ndarray (N, 3) [m]; if closed, back at its start."""
+        return np.concatenate([self.sides[0].points[:1], *(s.points[1:] for s in self.sides)])
 
     def __str__(self):
         """Lines of text: sides and corners."""
@@ -140,7 +147,6 @@ def find_outline(points, config=None):
         # The first point is not an end: begin again where one piece goes over into another.
         flat = np.roll(flat, 1 - len(pieces[0].points), axis=0)
         pieces = _pieces(flat, corners, closed, config.rounding, tolerance)
-    pieces = _sharpen(pieces, closed, config.blur)
     return _assemble(pieces, closed, lambda u: centre + np.asarray(u) @ axes[:, :2].T)
 
 
@@ -152,42 +158,6 @@ def _pieces(flat, corners, closed, rounding, tolerance):
                 k < len(runs) - 1 or bool(closed and corners))
         pieces += divide(run, ends, rounding, tolerance)
     return pieces
-
-
-def _sharpen(pieces, closed, blur):
-    """
-    Pieces without those that a pad has smeared a corner into.
-
-    These are short, lie between two longer lines, and go over into one of them at least.
-    """
-    count = len(pieces)
-    small = [piece.length < blur and not all(piece.ends) for piece in pieces]
-    if all(small):
-        return pieces
-    order = range(count)
-    if closed:  # from a side that stays
-        first = small.index(False)
-        order = [*range(first, count), *range(first)]
-    kept, run = [], []
-    for k in [*order, order[0] if closed else None]:
-        if k is not None and small[k] and (kept or closed):
-            run.append(pieces[k])
-            continue
-        after = pieces[k] if k is not None else None
-        if run and after is not None and _is_corner(kept[-1], run, after, blur):
-            kept[-1].ends, after.ends = (kept[-1].ends[0], True), (True, after.ends[1])
-        else:
-            kept += run
-        run = []
-        if after is not None and not (kept and after is kept[0]):
-            kept.append(after)
-    return kept
-
-
-def _is_corner(before, run, after, blur):
-    length = sum(piece.length for piece in run)
-    return length < 1.2 * blur and all(
-        np.isinf(side.fit['radius']) and side.length > length for side in (before, after))
 
 
 def _plane(points):
@@ -301,7 +271,8 @@ def _assemble(pieces, closed, lift):
     ends = joints[1:] + [joints[0] if closed else pieces[-1].points[-1]]
     sides = tuple(Side(
         'arc' if np.isfinite(piece.fit['radius']) else 'line', lift(start), lift(end),
-        _length(piece, start, end), float(piece.fit['radius']), float(piece.fit['residual']))
+        _length(piece, start, end), float(piece.fit['radius']), float(piece.fit['residual']),
+        lift(_chords(piece, start, end)))
         for piece, start, end in zip(pieces, joints, ends, strict=True))
     sharp = [k for k, piece in enumerate(pieces) if piece.ends[0]]
     turns = [float(angle_between(_heading(pieces[k - 1], -1, joints[k]),
@@ -320,9 +291,27 @@ def _heading(piece, end, point):
     return across if across @ along >= 0.0 else -across
 
 
+def _sweep(piece, start, end):
+    """Angle from start to end of an arc, by steps so that more than half a circle counts."""
+    away = np.array([start, *piece.points[1:-1], end]) - piece.fit['centre']
+    return angle_between(away[:-1], away[1:]).sum()
+
+
 def _length(piece, start, end):
     if not np.isfinite(piece.fit['radius']):
         return float(np.linalg.norm(end - start))
-    # The angle swept, by steps so that more than half a circle counts.
-    away = np.array([start, *piece.points[1:-1], end]) - piece.fit['centre']
-    return float(piece.fit['radius'] * abs(angle_between(away[:-1], away[1:]).sum()))
+    return float(piece.fit['radius'] * abs(_sweep(piece, start, end)))
+
+
+def _chords(piece, start, end):
+    """Points (m, 2) from start to end along a piece."""
+    if not np.isfinite(piece.fit['radius']):
+        return np.array([start, end])
+    centre, sweep = piece.fit['centre'], _sweep(piece, start, end)
+    first, last = start - centre, end - centre
+    share = np.linspace(0.0, 1.0, int(abs(sweep) * piece.fit['radius'] / CHORD) + 2)
+    angle = np.arctan2(first[1], first[0]) + share * sweep
+    # The ends need not lie on the circle: they are where this side meets its neighbours.
+    radius = (1.0 - share) * np.linalg.norm(first) + share * np.linalg.norm(last)
+    between = centre + radius[:, None] * np.column_stack([np.cos(angle), np.sin(angle)])
+    return np.array([start, *between[1:-1], end])

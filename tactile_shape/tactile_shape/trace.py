@@ -132,8 +132,9 @@ def place_contacts(events, finger_radius=0.0):
 
     Parameters
     ----------
-    events : iterable of (int, ndarray or None, Contact or None)
-        Stamp [ns], and either a pose (4, 4) of the sensor or a contact on the pad.
+    events : iterable of (int, ndarray or None, Contact or None, TactileImage or None)
+        Stamp [ns], and either a pose (4, 4) of the sensor or a contact on the pad, with its
+        picture if there is one.
     finger_radius : float
         As of `contact_path.on_pad` [m].
 
@@ -145,8 +146,8 @@ def place_contacts(events, finger_radius=0.0):
     path = ContactPath(finger_radius)
     rows = []
     lost = np.full(3, np.nan)
-    for stamp, pose, contact in events:
-        placed = (path.add_contact(stamp, contact, stamp) if pose is None
+    for stamp, pose, contact, picture in events:
+        placed = (path.add_contact(stamp, contact, stamp, picture) if pose is None
                   else path.add_pose(stamp, pose))
         for at, spatial, anew, _ in placed:
             if anew and rows and not np.isnan(rows[-1][1][0]):

@@ -3,7 +3,10 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation, Slerp
 
+from tactile_sensing.array import TactelArray
 from tactile_sensing.contact import Contact, ContactType, Reason
+from tactile_sensing.image import Layer, TactileImage
+from tactile_sensing.line import pressure as line_pressure
 from tactile_sensing.moments import Moments
 from tactile_shape.contact_path import ContactPath, locate, on_pad, PoseBuffer
 
@@ -53,15 +56,23 @@ def test_edge_is_touched_where_it_is_nearest_to_the_centre(yaw):
     assert away[0] * along[1] - away[1] * along[0] == pytest.approx(0.0, abs=1e-15)
 
 
-def test_what_no_model_explains_is_at_its_centre_of_pressure():
-    place, edge = locate(other(5.0, (1e-3, 2e-3), 50e-6, 4e-6))
-    assert edge
-    np.testing.assert_allclose(place, [1e-3, 2e-3])
+def test_a_large_area_is_at_its_centre_of_pressure_and_a_bent_edge_is_not():
+    assert locate(other(5.0, (1e-3, 2e-3), 9e-6, 8e-6)) == (pytest.approx((1e-3, 2e-3)), False)
+    # Without its picture a bent edge, or a corner, is not located: it is not at its centre.
+    assert locate(other(5.0, (1e-3, 2e-3), 50e-6, 4e-6)) == (None, False)
     both = Reason.BAD_FIT | Reason.TWO_CONTACTS
-    assert locate(other(5.0, (0.0, 0.0), 50e-6, 4e-6, both)) == ((0.0, 0.0), True)  # curved edge
-    assert locate(other(5.0, (0.0, 0.0), 9e-6, 8e-6)) == ((0.0, 0.0), False)  # a round area
     assert locate(other(5.0, (0.0, 0.0), 9e-6, 8e-6, both)) == (None, False)
     assert locate(other(0.0, (0.0, 0.0), 9e-6, 8e-6)) == (None, False)
+
+
+def test_a_bent_edge_is_located_in_its_picture():
+    array = TactelArray(16, 16, 0.0016, 0.0016)
+    pressure = line_pressure(array.x, array.y[:, None], 1e-3, 0.3, 200.0, 0.002)
+    picture = TactileImage(0, 0, (Layer('zz', 0.002, pressure, noise_std=1.0),), array, tared=True)
+    bent = other(5.0, (2e-3, 2e-3), 50e-6, 4e-6)
+    place, edge = locate(bent, picture)
+    assert edge and place == pytest.approx((1e-3 * np.cos(0.3), 1e-3 * np.sin(0.3)), abs=1e-6)
+    assert locate(point(1e-3, -2e-3), picture) == ((1e-3, -2e-3), False)  # as fitted
 
 
 def test_round_finger():

@@ -10,12 +10,17 @@ from std_msgs.msg import Header
 from visualization_msgs.msg import MarkerArray
 
 from tactile_msgs.msg import Contact as ContactMsg
-from tactile_msgs.msg import SurfacePatch
-from tactile_sensing.conversions import contact_from_msg, pose_from_msg, stamp_to_ns
+from tactile_msgs.msg import SurfacePatch, TactileImage
+from tactile_sensing.conversions import (
+    contact_from_msg,
+    image_from_msg,
+    pose_from_msg,
+    stamp_to_ns,
+)
 from tactile_sensing.errors import TactileSensingError
 from tactile_sensing.nodes.parameters import declare_from
 from tactile_sensing.nodes.runner import run
-from tactile_shape.contact_path import ContactPath
+from tactile_shape.contact_path import ContactPath, OTHER
 from tactile_shape.conversions import (
     contour_point_to_msg,
     contour_to_msg,
@@ -25,7 +30,9 @@ from tactile_shape.conversions import (
 from tactile_shape.local_quadric import LocalQuadricConfig
 from tactile_shape.object_model import ModelConfig, ObjectModel
 from tactile_shape.tracker import make_estimator, ShapeTracker, TrackerConfig
+from tactile_shape.warm_up import warm_up
 
+PICTURES = 16  # that wait for their contact
 _LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 
 
@@ -42,19 +49,22 @@ class ShapeEstimatorNode(Node):
     """
     Estimate the surface at every contact, and gather what was touched.
 
-    Subscribes to `contact` and `sensor_pose`, which it matches by their stamps: no clock is
-    looked at, so that a replayed recording gives what the run gave. Publishes `surface_patch`
+    Subscribes to `contact`, `sensor_pose` and, for edges that are not straight, `image`, which
+    it matches by their stamps: no clock is looked at, so that a replayed recording gives what
+    the run gave. Publishes `surface_patch`
     for every contact, and `contour` and `markers` now and then. Parameters: `TrackerConfig`,
     `LocalQuadricConfig`, `ModelConfig`, `PublishConfig`.
     """
 
     def __init__(self, **kwargs):
         super().__init__('shape_estimator', **kwargs)
+        warm_up()
         tracking = declare_from(self, TrackerConfig)
         config = declare_from(self, LocalQuadricConfig)
         self._model_config = declare_from(self, ModelConfig)
         self._period_ns = round(1e9 * declare_from(self, PublishConfig).publish_period)
         self._path = ContactPath(config.finger_radius, tracking.max_gap)
+        self._pictures = deque(maxlen=PICTURES)
         self._estimator = make_estimator(tracking.method, config)
         self._frame = None
         self._begin_model()
@@ -64,6 +74,8 @@ class ShapeEstimatorNode(Node):
         self._markers = self.create_publisher(MarkerArray, 'markers', _LATCHED)
         self.create_subscription(
             ContactMsg, 'contact', self._on_contact, qos_profile_sensor_data)
+        self.create_subscription(
+            TactileImage, 'image', self._on_image, qos_profile_sensor_data)
         self.create_subscription(
             PoseStamped, 'sensor_pose', self._on_pose, qos_profile_sensor_data)
 
@@ -91,18 +103,26 @@ class ShapeEstimatorNode(Node):
             self._frame = msg.header.frame_id
         self._take(self._path.add_pose(stamp_to_ns(msg.header.stamp), pose))
 
+    def _on_image(self, msg):
+        self._pictures.append(msg)
+
     def _on_contact(self, msg):
         try:
             contact = contact_from_msg(msg)
+            picture = self._picture_at(msg.header.stamp) if contact.type == OTHER else None
         except TactileSensingError as error:
             self.get_logger().warning(f'contact passed over: {error}', throttle_duration_sec=5.0)
             return
         lost = self._path.lost
-        self._take(self._path.add_contact(stamp_to_ns(msg.header.stamp), contact, msg))
+        self._take(self._path.add_contact(stamp_to_ns(msg.header.stamp), contact, msg, picture))
         if self._path.lost > lost:
             self.get_logger().warning(
                 f'{self._path.lost} contacts had no sensor_pose within max_gap of their stamp',
                 throttle_duration_sec=5.0)
+
+    def _picture_at(self, stamp):
+        msg = next((msg for msg in self._pictures if msg.header.stamp == stamp), None)
+        return None if msg is None else image_from_msg(msg)
 
     def _take(self, all_placed):
         for placed in all_placed:

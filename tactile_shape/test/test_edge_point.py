@@ -1,0 +1,87 @@
+"""Bent edges and corners are located by their ridge; round and flat contacts are not."""
+from dataclasses import replace
+
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from hypothesis.extra import numpy as npst
+import numpy as np
+import pytest
+
+from tactile_sensing.array import TactelArray
+from tactile_sensing.image import Layer, TactileImage
+from tactile_sensing.point import stress as point_stress
+from tactile_sensing.scene import Skin
+from tactile_sensing.synthetic import render
+from tactile_shape.edge_point import edge_point
+
+PITCH = 0.0254 / 16
+PAD = TactelArray(16, 16, PITCH, PITCH)
+SKIN = Skin()
+PRESS = 8e-4  # m
+NOISE = 630.0  # Pa
+
+
+def image(pressure, **changes):
+    layer = Layer('zz', SKIN.depth, np.asarray(pressure, np.float32), noise_std=NOISE)
+    return replace(TactileImage(0, 0, (layer,), PAD, tared=True), **changes)
+
+
+def edge(points, seed=0):
+    """Picture of a polyline (N, 2) pressed into the skin."""
+    clean, _ = render(np.column_stack([points, np.full(len(points), -PRESS)]), PAD, SKIN)
+    return image(clean + NOISE * np.random.default_rng(seed).standard_normal(clean.shape))
+
+
+def arc(radius, heading):
+    """Arc that touches the y axis of the pad at (1 mm, 0), turned about the pad's centre."""
+    angle = np.linspace(-1.0, 1.0, 400) * min(0.02 / radius, 1.5)
+    points = np.column_stack([1e-3 - radius * (1.0 - np.cos(angle)), radius * np.sin(angle)])
+    c, s = np.cos(heading), np.sin(heading)
+    return points @ np.array([[c, s], [-s, c]])
+
+
+@pytest.mark.parametrize('heading', [0.0, 0.4, 2.0])
+@pytest.mark.parametrize('radius, bound', [(10.0, 2e-5), (0.06, 8e-5), (0.02, 2e-4)])
+def test_a_curved_edge_is_where_it_is_nearest_to_the_centre(radius, bound, heading):
+    """The skin blurs a curve inwards by about depth^2 / (2 radius)."""
+    place = edge_point(edge(arc(radius, heading)))
+    true = 1e-3 * np.array([np.cos(heading), np.sin(heading)])
+    assert np.linalg.norm(place - true) < bound + SKIN.depth**2 / radius
+
+
+@pytest.mark.parametrize('ahead', [2e-3, 4e-3, 8e-3])
+def test_before_a_corner_the_place_is_on_the_leg(ahead):
+    corner = np.array([[0.0, -0.03], [0.0, ahead], [-0.03, ahead]])
+    x, y = edge_point(edge(corner))
+    assert abs(x) < (3e-4 if ahead < 3e-3 else 1e-4) and abs(y) < 3e-4
+
+
+def test_what_is_no_edge_is_not_located():
+    x, y = PAD.x, PAD.y[:, None]
+    round_contact = point_stress('zz', x, y, 1e-3, -1e-3, 5.0, 0.0, 0.0, SKIN.depth)
+    assert round_contact.max() > 10.0 * NOISE
+    for pressure in (np.zeros(PAD.shape), np.full(PAD.shape, 4e3), round_contact,
+                     np.full(PAD.shape, np.nan)):
+        assert edge_point(image(pressure)) is None
+    sound = edge(arc(0.06, 0.0))
+    (layer,) = sound.layers
+    for picture in (replace(sound, tared=False), replace(sound, layers=()),
+                    replace(sound, layers=(replace(layer, unit='counts'),)),
+                    replace(sound, layers=(replace(layer, component='xz'),))):
+        assert edge_point(picture) is None
+
+
+def test_a_few_dead_tactels_do_not_matter():
+    picture = edge(arc(0.06, 0.0))
+    (layer,) = picture.layers
+    stress = layer.stress.copy()
+    stress[[3, 8, 12], [7, 8, 8]] = np.nan
+    place = edge_point(replace(picture, layers=(replace(layer, stress=stress),)))
+    np.testing.assert_allclose(place, [1e-3, 0.0], atol=2e-4)
+
+
+@settings(max_examples=100, deadline=None)
+@given(npst.arrays(np.float32, PAD.shape, elements=st.floats(width=32)))
+def test_garbage_has_a_place_on_the_pad_or_none(pressure):
+    place = edge_point(image(pressure))
+    assert place is None or np.abs(place).max() < 0.0254
