@@ -199,6 +199,7 @@ _ROWS = (
     ('lateral_max', 'lateral error, largest', 'mm', 1e3, 4),
     ('force_rms_error', 'force error, RMS', 'N', 1.0, 3),
     ('force_max', 'force, largest', 'N', 1.0, 2),
+    ('contour_max_error', 'rebuilt outline within', 'mm', 1e3, 3),
     ('duration', 'duration', 's', 1.0, 1),
     ('sensor_rate', 'sensor rate', 'Hz', 1.0, 1),
     ('control_rate', 'control rate', 'Hz', 1.0, 1),
@@ -215,6 +216,12 @@ def describe(summary):
         value = summary[key]
         if not math.isnan(value):
             lines.append(f'  {name:24}{factor * value:10.{decimals}f} {unit}')
+    for number, side in enumerate(summary['sides'], 1):
+        radius = '' if side['kind'] == 'line' else f', radius {1e3 * side["radius"]:.2f} mm'
+        lines.append(f'  side {number}: {side["kind"]} of {1e3 * side["length"]:.2f} mm{radius}')
+    for number, corner in enumerate(summary['corners'], 1):
+        place = ', '.join(f'{1e3 * value:.2f}' for value in corner)
+        lines.append(f'  corner {number} at ({place}) mm')
     return '\n'.join(lines)
 
 

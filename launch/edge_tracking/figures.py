@@ -1,18 +1,24 @@
-"""Pictures of a run; every axis has a unit, and what can be labelled directly is."""
+"""Pictures of a run along the edge of a scene."""
 
-from io import BytesIO
-
-from matplotlib.backends.backend_agg import FigureCanvasAgg
-from matplotlib.figure import Figure
 from matplotlib.patches import Polygon
 import numpy as np
 
-from edge_tracking.summary import latencies, presses, settled_cycles
+from edge_tracking.figure_style import (
+    BLUE,
+    colour_bar,
+    EDGE_COLOUR,
+    GREY,
+    INK,
+    new_figure,
+    note,
+    ORANGE,
+    style,
+    tactels,
+)
+from edge_tracking.summary import latencies, settled_cycles
 from tactile_sensing.contact import ContactType
 from tactile_servo.servo_types import State
 
-BLUE, ORANGE, GREY, INK = '#1f5fa8', '#d4691e', '#7a808a', '#22262b'
-EDGE_COLOUR = '#c9cdd4'
 _SHADES = {
     State.APPROACH: ('#eaf0f8', 'approach'), State.CORNER: ('#fff4d6', 'corner'),
     State.SEARCH: ('#fdebd3', 'search'), State.RETREAT: ('#eaf0f8', 'lift off'),
@@ -22,54 +28,22 @@ _SHADES = {
 DETAIL_LENGTH = 30.0
 
 
-def png(figure) -> bytes:
-    """Return a figure as PNG."""
-    buffer = BytesIO()
-    figure.savefig(buffer, format='png', facecolor='white')
-    return buffer.getvalue()
-
-
-def _figure(width, height):
-    figure = Figure(figsize=(width, height), dpi=160, layout='constrained')
-    FigureCanvasAgg(figure)
-    return figure
-
-
-def _axes(axes, xlabel='', ylabel='', title=''):
-    axes.set_xlabel(xlabel, fontsize=10, color=INK)
-    axes.set_ylabel(ylabel, fontsize=10, color=INK)
-    axes.tick_params(labelsize=9, colors='#4b5058')
-    axes.set_title(title, fontsize=11, loc='left', color=INK)
-    axes.spines[['top', 'right']].set_visible(False)
-    axes.spines[['left', 'bottom']].set_color('#b8bcc4')
-    axes.grid(color='#e6e8ec', linewidth=0.7)
-    axes.set_axisbelow(True)
-
-
-def _note(axes, x, y, text, colour=INK, **options):
-    options = {'ha': 'left', 'va': 'center', **options}
-    axes.annotate(text, (x, y), fontsize=9.5, color=colour, bbox={
-        'facecolor': 'white', 'edgecolor': 'none', 'pad': 1.0, 'alpha': 0.8}, **options)
-
-
-# --- run along an edge --------------------------------------------------------------------------
-
 def trajectory(run, scene, real):
     """Path of the pad over the true edge, seen from above, and its first part enlarged."""
     edge, path = (_from_above(scene, points) for points in (
         scene.edge.points, run.poses.position))
     height = np.ptp(edge[:, 1])
     if height > 0.4 * np.ptp(edge[:, 0]):
-        figure = _figure(10.0, 4.8)
+        figure = new_figure(10.0, 4.8)
         whole, detail = figure.subplots(1, 2, width_ratios=(1, 1.2))
     else:
-        figure = _figure(10.0, 5.6)
+        figure = new_figure(10.0, 5.6)
         whole, detail = figure.subplots(2, 1, height_ratios=(1, 1.5))
     whole.plot(*edge.T, color=EDGE_COLOUR, linewidth=6, solid_capstyle='butt')
     whole.plot(*path[real.touching].T, color=BLUE, linewidth=1.6)
     _pads(whole, run, scene, real)
     whole.set_aspect('equal')
-    _axes(whole, 'along the first edge [mm]', 'across [mm]',
+    style(whole, 'along the first edge [mm]', 'across [mm]',
           'From above, equal axes')
     _detail(detail, real)
     return figure
@@ -99,11 +73,11 @@ def _pads(axes, run, scene, real):
 
 def _detail(axes, real):
     """Distance from the edge over the first way along it."""
-    _axes(axes, 'along the edge since first contact [mm]', 'centre left of the edge [mm]',
+    style(axes, 'along the edge since first contact [mm]', 'centre left of the edge [mm]',
           'The first part, across enlarged')
     touching = np.flatnonzero(real.touching)
     if not touching.size:
-        _note(axes, 0.0, 0.0, 'The edge was never touched.')
+        note(axes, 0.0, 0.0, 'The edge was never touched.')
         return
     first = touching[0]
     way = 1e3 * np.abs(real.along - real.along[first])
@@ -117,20 +91,48 @@ def _detail(axes, real):
     spread = max(high - low, 0.1)
     axes.set_ylim(low - 0.2 * spread, high + 0.2 * spread)
     down = abs(low) > high
-    _note(axes, 0.02 * DETAIL_LENGTH, lateral[first] + (-0.1 if down else 0.1) * spread,
+    note(axes, 0.02 * DETAIL_LENGTH, lateral[first] + (-0.1 if down else 0.1) * spread,
           f'first contact, {abs(lateral[first]):.2f} mm off', BLUE)
-    _note(axes, DETAIL_LENGTH, 0.1 * spread if down else -0.1 * spread, 'true edge', GREY,
+    note(axes, DETAIL_LENGTH, 0.1 * spread if down else -0.1 * spread, 'true edge', GREY,
           ha='right')
     settled = np.flatnonzero(real.settled)
     if settled.size:
         axes.axvline(way[settled[0]], color=GREY, linewidth=1.0, linestyle=':')
-        _note(axes, way[settled[0]] + 0.01 * DETAIL_LENGTH, low + 0.6 * spread,
+        note(axes, way[settled[0]] + 0.01 * DETAIL_LENGTH, low + 0.6 * spread,
               'the statistics count from here', GREY)
+
+
+def outline(run, scene, found):
+    """Outline rebuilt from touch over the true edge, and how far it is from it."""
+    figure = new_figure(10.0, 4.6)
+    plan, off = figure.subplots(1, 2, width_ratios=(1.2, 1))
+    plan.plot(*_from_above(scene, scene.edge.points).T, color=EDGE_COLOUR, linewidth=6,
+              solid_capstyle='butt')
+    plan.plot(*_from_above(scene, run.contour).T, '.', color=BLUE, markersize=2.5)
+    plan.plot(*_from_above(scene, found.points).T, color=ORANGE, linewidth=1.2)
+    plan.plot(*_from_above(scene, found.corners).T, 'o', color=ORANGE, markersize=5)
+    for side in found.sides:
+        x, y = _from_above(scene, side.points).mean(axis=0)
+        text = f'{1e3 * side.length:.2f} mm'
+        if side.kind == 'arc':
+            text += f', R {1e3 * side.radius:.1f}'
+        note(plan, x, y, text, ha='center')
+    plan.margins(0.1)
+    plan.set_aspect('equal')
+    style(plan, 'along the first edge [mm]', 'across [mm]',
+          'True edge, contacts (dots), outline (line)')
+    way = np.concatenate([[0.0], np.cumsum(
+        np.linalg.norm(np.diff(run.contour, axis=0), axis=1))])
+    lateral, _ = scene.edge.nearest(run.contour)
+    off.plot(1e3 * way, 1e3 * lateral, color=BLUE, linewidth=1.2)
+    style(off, 'along the contour [mm]', 'contacts left of the edge [mm]',
+          'Contacts against the true edge')
+    return figure
 
 
 def errors(run, summary, scene, real):
     """Lateral error, true and measured, and force against its target, over time."""
-    figure = _figure(10.0, 7.6)
+    figure = new_figure(10.0, 7.6)
     wide, narrow, force = figure.subplots(3, 1, sharex=True, height_ratios=(1, 1, 1.15))
     statuses = run.statuses
     time, pose_time = run.seconds(statuses.stamp_ns), run.seconds(real.time_ns)
@@ -145,8 +147,8 @@ def errors(run, summary, scene, real):
         seen = np.abs(measured[settled & np.isfinite(measured)])
         bound = 1.3 * max(late.max(), np.percentile(seen, 99.5) if seen.size else 0.0, 0.005)
         narrow.set_ylim(-bound, bound)
-    _axes(wide, '', 'lateral [mm]', "Pad's centre left of the edge")
-    _axes(narrow, '', 'lateral [mm]', 'The same, enlarged to what remains after settling')
+    style(wide, '', 'lateral [mm]', "Pad's centre left of the edge")
+    style(narrow, '', 'lateral [mm]', 'The same, enlarged to what remains after settling')
     wide.legend(loc='center right', fontsize=9.5, frameon=False)
     _force(force, run, summary, real)
     for axes in (wide, narrow, force):
@@ -173,7 +175,7 @@ def _force(axes, run, summary, real):
               linewidth=0.7)
     axes.plot(run.seconds(real.time_ns), real.force, color=BLUE, linewidth=1.5)
     target = summary['force_target']
-    _axes(axes, 'time [s]', 'normal force [N]', 'Force on the pad')
+    style(axes, 'time [s]', 'normal force [N]', 'Force on the pad')
     if np.isfinite(target):
         axes.axhline(target, color=INK, linewidth=1.0, linestyle=(0, (6, 4)))
         axes.annotate(f'target {target:g} N', (0.995, target), (0, 5), fontsize=9.5,
@@ -205,24 +207,24 @@ def _shade(axes, run, time, named):
 
 def pictures(run):
     """Tactile pictures of approach, first contact, steady tracking and the end."""
-    figure, images = _figure(10.0, 3.0), run.images
+    figure, images = new_figure(10.0, 3.0), run.images
     chosen = _moments(run)
     if not chosen:
         axes = figure.subplots()
         axes.axis('off')
-        _note(axes, 0.02, 0.5, 'The recording has no pictures of the run.')
+        note(axes, 0.02, 0.5, 'The recording has no pictures of the run.')
         return figure
     top = max(float(np.nanmax(images.frames[index], initial=0.0)) for _, index in chosen)
     shown = None
     for axes, (name, index) in zip(
             figure.subplots(1, len(chosen), sharey=True, squeeze=False)[0], chosen, strict=True):
-        shown = _tactels(axes, images, index, top)
+        shown = tactels(axes, images, index, top)
         time = float(run.seconds(images.stamp_ns[index]))
         axes.set_title(f'{name}, {time:.2f} s', fontsize=10.5, color=INK)
         _estimate(axes, run, index)
         axes.set_xlabel('x [mm]', fontsize=10)
     figure.axes[0].set_ylabel('y [mm]', fontsize=10)
-    _colour_bar(figure, shown, figure.axes[:len(chosen)], images.unit)
+    colour_bar(figure, shown, figure.axes[:len(chosen)], images.unit)
     return figure
 
 
@@ -244,16 +246,6 @@ def _moments(run):
         times.append(('end', statuses.stamp_ns[tracking[-1]]))
     return [(name, min(int(np.searchsorted(stamps, time)), len(stamps) - 1))
             for name, time in times]
-
-
-def _tactels(axes, images, index, top):
-    array, scale = images.array, 1e-3 if images.unit == 'Pa' else 1.0
-    x, y = 1e3 * array.half_width_x, 1e3 * array.half_width_y
-    axes.set_facecolor('#dfe2e7')  # invalid tactels
-    axes.tick_params(labelsize=9, colors='#4b5058')
-    return axes.imshow(
-        scale * np.ma.masked_invalid(images.frames[index]), origin='lower', cmap='magma_r',
-        extent=(-x, x, -y, y), vmin=0.0, vmax=max(scale * top, 1e-9), interpolation='nearest')
 
 
 def _estimate(axes, run, index):
@@ -280,21 +272,14 @@ def _estimate(axes, run, index):
                                'pad': 2.0})
 
 
-def _colour_bar(figure, shown, axes, unit):
-    bar = figure.colorbar(shown, ax=axes, shrink=0.8, aspect=18, pad=0.02)
-    bar.set_label('pressure [kPa]' if unit == 'Pa' else f'pressure [{unit or "?"}]', fontsize=10)
-    bar.ax.tick_params(labelsize=9)
-    bar.outline.set_visible(False)
-
-
 def latency(run, summary):
     """Histogram of the time from a picture's last byte to the command that used it."""
-    figure = _figure(7.5, 3.4)
+    figure = new_figure(7.5, 3.4)
     axes = figure.subplots()
     _, values = latencies(run)
-    _axes(axes, 'last byte to command [ms]', 'pictures')
+    style(axes, 'last byte to command [ms]', 'pictures')
     if not len(values):
-        _note(axes, 0.3, 0.5, 'No picture was used.')
+        note(axes, 0.3, 0.5, 'No picture was used.')
         return figure
     values = 1e3 * values
     period = 1e3 / summary['sensor_rate'] if summary['sensor_rate'] > 0 else np.nan
@@ -317,110 +302,3 @@ def latency(run, summary):
                           textcoords='offset points', fontsize=9.5, color=colour,
                           ha='right' if leftwards else 'left', va='center')
     return figure
-
-
-# --- recording ----------------------------------------------------------------------------------
-
-def _loaded(series):
-    return series.force > 0.1 * np.nanmax(series.force, initial=0.0)
-
-
-def force_over_time(series):
-    """Force, with the presses, and centre of pressure over time."""
-    figure = _figure(10.0, 5.6)
-    force, centre = figure.subplots(2, 1, sharex=True)
-    scale, unit = force_unit(series)
-    force.plot(series.time, scale * series.force, color=BLUE, linewidth=1.5)
-    _axes(force, '', f'force [{unit}]', 'Force, with its presses')
-    for number, (begin, peak, end) in enumerate(presses(series.force), 1):
-        last = min(end, len(series.time) - 1)
-        force.axvspan(series.time[begin], series.time[last], color='#eaf0f8', zorder=0,
-                      linewidth=0)
-        force.plot(series.time[peak], scale * series.force[peak], 'o', color=ORANGE,
-                   markersize=4.5)
-        force.annotate(str(number), (series.time[peak], scale * series.force[peak]), (0, 6),
-                       textcoords='offset points', ha='center', fontsize=9.5, color=ORANGE)
-    force.set_ylim(0.0, 1.15 * scale * np.nanmax(series.force, initial=1e-9))
-    loaded = _loaded(series)
-    for axis, (name, colour) in enumerate((('x', BLUE), ('y', ORANGE))):
-        values = np.where(loaded, 1e3 * series.centre_of_pressure[:, axis], np.nan)
-        centre.plot(series.time, values, color=colour, linewidth=1.5)
-        if loaded.any():
-            last = np.flatnonzero(loaded)[-1]
-            centre.annotate(name, (series.time[last], values[last]), (8, 0), fontsize=11,
-                            textcoords='offset points', color=colour, va='center')
-    _axes(centre, 'time [s]', 'centre of pressure [mm]', 'Centre of pressure')
-    if len(series.time) > 1:
-        force.set_xlim(series.time[0], series.time[-1])
-    return figure
-
-
-def press_pictures(run, series, limit=8):
-    """Pictures at the peaks of presses, evenly chosen, with the centre of pressure."""
-    found = presses(series.force)
-    keep = np.unique(np.linspace(0, len(found) - 1, min(limit, len(found))).round().astype(int))
-    columns = min(4, max(len(keep), 1))
-    rows = max(-(-len(keep) // columns), 1)
-    figure = _figure(10.0, 0.5 + 2.45 * rows)
-    grid = figure.subplots(rows, columns, sharex=True, sharey=True, squeeze=False)
-    if not len(keep) or run.images.array is None:
-        for axes in grid.flat:
-            axes.axis('off')
-        _note(grid[0, 0], 0.02, 0.5, 'No presses were found.')
-        return figure
-    images = run.images
-    chosen = [(number, *_picture_of(images, series, found[number][1])) for number in keep]
-    top = max(float(np.nanmax(images.frames[index], initial=0.0)) for _, index, _ in chosen)
-    shown = None
-    for axes, (number, index, point) in zip(grid.flat, chosen, strict=False):
-        shown = _tactels(axes, images, index, top)
-        axes.plot(*(1e3 * point), '+', color='#10a4b8', markersize=11, markeredgewidth=2.2)
-        time = series.time[found[number][1]]
-        axes.set_title(f'press {number + 1}, {time:.1f} s', fontsize=10.5, color=INK)
-    for axes in grid.flat[len(chosen):]:
-        axes.axis('off')
-    for axes in grid[-1]:
-        axes.set_xlabel('x [mm]', fontsize=10)
-    for axes in grid[:, 0]:
-        axes.set_ylabel('y [mm]', fontsize=10)
-    _colour_bar(figure, shown, grid.ravel().tolist(), images.unit)
-    return figure
-
-
-def _picture_of(images, series, at):
-    """Return index of the picture of a datum of the series, and its centre of pressure."""
-    index = int(np.argmin(np.abs(images.stamp_ns - series.stamp_ns[at])))
-    return index, series.centre_of_pressure[at]
-
-
-def centre_path(run, series):
-    """Path of the centre of pressure on the array, coloured by the force, and enlarged."""
-    figure, array, loaded = _figure(10.0, 4.4), run.images.array, _loaded(series)
-    x, y = 1e3 * series.centre_of_pressure[loaded].T
-    scale, unit = force_unit(series)
-    whole, near = panels = figure.subplots(1, 2)
-    points = None
-    for axes in panels:
-        axes.plot(x, y, color=EDGE_COLOUR, linewidth=0.8, zorder=1)
-        points = axes.scatter(x, y, c=scale * series.force[loaded], cmap='magma_r', zorder=2,
-                              s=8 if axes is whole else 26, vmin=0.0)
-    _axes(whole, 'x [mm]', 'y [mm]', 'On the array')
-    _axes(near, 'x [mm]', '', 'Enlarged')
-    whole.set_aspect('equal')
-    near.set_aspect('equal', adjustable='datalim')
-    if array is not None:
-        half_x, half_y = 1e3 * array.half_width_x, 1e3 * array.half_width_y
-        whole.plot([-half_x, half_x, half_x, -half_x, -half_x],
-                   [-half_y, -half_y, half_y, half_y, -half_y], color=GREY, linewidth=1.2)
-    bar = figure.colorbar(points, ax=panels, shrink=0.85, aspect=20, pad=0.02)
-    bar.set_label(f'force [{unit}]', fontsize=10)
-    bar.ax.tick_params(labelsize=9)
-    bar.outline.set_visible(False)
-    return figure
-
-
-def force_unit(series):
-    """Return factor and unit in which forces are shown: N, or counts mm^2."""
-    if series.unit == 'N':
-        return 1.0, 'N'
-    return 1e6, series.unit.replace('m^2', 'mm\u00b2')

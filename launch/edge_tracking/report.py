@@ -6,8 +6,9 @@ from html import escape
 import math
 from pathlib import Path
 
-from edge_tracking import figures
-from edge_tracking.summary import force_series, truth
+from edge_tracking import figures, recording_figures
+from edge_tracking.figure_style import png
+from edge_tracking.summary import force_series, rebuilt_outline, truth
 
 _CSS = """
 :root { color-scheme: light; }
@@ -53,6 +54,7 @@ ROWS = (
     Row('force_target', 'Force wanted', 'N', 1.0, 2),
     Row('force_rms_error', 'Force error, RMS', 'N', 1.0, 3),
     Row('force_max', 'Largest force', 'N', 1.0, 2),
+    Row('contour_max_error', 'Rebuilt outline within', 'mm', 1e3, 3),
     Row('speed', 'Speed', 'mm/s', 1e3),
     Row('duration', 'Duration', 's', 1.0, 2),
     Row('sensor_rate', 'Pictures', 'Hz'),
@@ -106,6 +108,13 @@ def make_report(run, summary, scene, path):
          'From the last byte of a picture at the driver to the end of the first control cycle '
          'that used it. Later ones than the axis shows are in its last bar.', 'narrow'),
     ]
+    found = rebuilt_outline(run)
+    if found is not None:
+        sections.insert(2, (
+            'Rebuilt outline', figures.outline(run, scene, found),
+            'Lines, arcs and corners, as few as the contacts along the edge allow. Each contact '
+            'is a point of the fitted line or, on a curve and at a corner, of the ridge of the '
+            'picture, put into the base by the pose of the robot.', ''))
     verdict = ('Edge tracked' if summary['ok'] else 'Edge not tracked', summary['ok'])
     rms, largest = summary['lateral_rms'], summary['lateral_max']
     title = f'Scene \u201c{scene.name}\u201d at {1e3 * summary["speed"]:.0f} mm/s' if _known(
@@ -136,13 +145,13 @@ def make_recording_report(run, summary, path):
     sections = []
     if len(series.time):
         sections = [
-            ('Force and centre of pressure over time', figures.force_over_time(series),
+            ('Force and centre of pressure over time', recording_figures.force_over_time(series),
              'Force is the zeroth moment of the picture. Without a calibration it is in counts '
              'times area and says nothing about newtons. The centre of pressure is shown where '
              'the force is above a tenth of its largest value.', ''),
-            ('Presses', figures.press_pictures(run, series),
+            ('Presses', recording_figures.press_pictures(run, series),
              'The picture at the peak of each press, with its centre of pressure.', ''),
-            ('Path of the centre of pressure', figures.centre_path(run, series),
+            ('Path of the centre of pressure', recording_figures.centre_path(run, series),
              'The frame is the array; the colour is the force.', ''),
         ]
     types = ', '.join(f'{count} {name}' for name, count in summary['contact_types'].items()
@@ -150,7 +159,7 @@ def make_recording_report(run, summary, path):
     count, largest = summary['presses'], summary['force_max']
     lead = f'{count} press' + ('' if count == 1 else 'es')
     if _known(largest):
-        factor, unit = figures.force_unit(series)
+        factor, unit = recording_figures.force_unit(series)
         lead += f'; the largest force is {factor * largest:.4g} {unit}'
     verdict = ('Recording played' if summary['ok'] else 'No pictures', summary['ok'])
     _write(path, f'Recording, {summary["rows"]} \u00d7 {summary["columns"]} tactels', verdict,
@@ -160,7 +169,7 @@ def make_recording_report(run, summary, path):
 
 def picture(run, scene, path):
     """Save the main picture, the path of the pad over the true edge, as PNG."""
-    Path(path).write_bytes(figures.png(figures.trajectory(run, scene, truth(run, scene))))
+    Path(path).write_bytes(png(figures.trajectory(run, scene, truth(run, scene))))
 
 
 # --- page ---------------------------------------------------------------------------------------
@@ -171,7 +180,7 @@ def _write(path, title, verdict, lead, rows, sections, footer):
         f'<div><dt>{escape(label)}</dt><dd>{escape(value)}</dd></div>' for label, value in rows)
     parts = []
     for heading, figure, caption, kind in sections:
-        data = base64.b64encode(figures.png(figure)).decode('ascii')
+        data = base64.b64encode(png(figure)).decode('ascii')
         parts.append(
             f'<h2>{escape(heading)}</h2>\n<figure class="{kind}"><div class="picture">'
             f'<img alt="{escape(heading)}" src="data:image/png;base64,{data}"></div>'

@@ -157,7 +157,8 @@ class RunData:
     """
     One run of a sensor and its servo, read from a recording.
 
-    A topic that the recording lacks gives empty arrays; `info` is then None.
+    A topic that the recording lacks gives empty arrays; `info` is then None. `contour` holds
+    the points of the newest contour, `(N, 3)` [m].
     """
 
     namespace: str
@@ -170,6 +171,7 @@ class RunData:
     joints: Joints
     commands: Commands
     diagnostics: Diagnostics
+    contour: np.ndarray
     info: Info | None
 
     def seconds(self, time_ns) -> np.ndarray:
@@ -197,7 +199,7 @@ def read_run(path, namespace=None) -> RunData:
         prefix = _namespace(bag.topics, namespace, path)
         topics = {f'{prefix}/{name}': name for name in (
             'image', 'sensor_info', 'contact', 'wrench', 'servo_status', 'sensor_pose',
-            'diagnostics')}
+            'contour', 'diagnostics')}
         topics |= {'/joint_states': 'joint_states', TRAJECTORY_TOPIC: 'trajectory'}
         expected = {topic: name for topic, name in topics.items()
                     if bag.topics.get(topic) == _TYPES[name]}
@@ -217,6 +219,7 @@ def read_run(path, namespace=None) -> RunData:
         joints=_joints(rows['joint_states']),
         commands=_commands(rows['trajectory']),
         diagnostics=_diagnostics(rows['diagnostics']),
+        contour=_contour(rows['contour']),
         info=_info(rows['sensor_info']),
     )
 
@@ -228,6 +231,7 @@ _TYPES = {
     'wrench': 'geometry_msgs/msg/WrenchStamped',
     'servo_status': 'tactile_msgs/msg/ServoStatus',
     'sensor_pose': 'geometry_msgs/msg/PoseStamped',
+    'contour': 'nav_msgs/msg/Path',
     'diagnostics': 'diagnostic_msgs/msg/DiagnosticArray',
     'joint_states': 'sensor_msgs/msg/JointState',
     'trajectory': 'trajectory_msgs/msg/JointTrajectory',
@@ -378,6 +382,11 @@ def _diagnostics(rows):
         'message': (object, (), lambda status: status.message),
         'values': (object, (), lambda status: {pair.key: pair.value for pair in status.values}),
     })
+
+
+def _contour(rows):
+    poses = rows[-1][1].poses if rows else []
+    return np.array([_xyz(pose.pose.position) for pose in poses]).reshape(-1, 3)
 
 
 def _info(rows):

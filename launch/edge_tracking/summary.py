@@ -1,6 +1,7 @@
 """A run in numbers: how well the edge was tracked, or what a recording holds."""
 
 from dataclasses import dataclass
+from functools import lru_cache
 import json
 import math
 
@@ -10,7 +11,10 @@ from tactile_sensing.contact import ContactType
 from tactile_sensing.moments import image_moments
 from tactile_sensing.synthetic import EdgeRenderer
 from tactile_servo.servo_types import State
+from tactile_servo.simulation_summary import contour_errors
 from tactile_servo.statistics import SETTLING_LENGTH
+from tactile_shape.errors import TactileShapeError
+from tactile_shape.outline import find_outline
 
 # The edge counts as tracked if the pad's centre kept this close to it once settled [m].
 LATERAL_BOUND = 3e-3
@@ -104,6 +108,15 @@ def latencies(run):
     return stamps, 1e-9 * ended + statuses.cycle_time[first] - delay
 
 
+@lru_cache(maxsize=1)
+def rebuilt_outline(run):
+    """Outline of what was touched, of the recorded contour; None where there is too little."""
+    try:
+        return find_outline(run.contour)
+    except TactileShapeError:
+        return None
+
+
 def summarise(run, scene, *, success, reason='', speed=None, force=None, seed=None) -> dict:
     """
     Return the summary of a run along the edge of a scene, SI units, NaN = unknown.
@@ -136,6 +149,8 @@ def summarise(run, scene, *, success, reason='', speed=None, force=None, seed=No
     target = float(force) if force is not None else _median(statuses.force_target[tracking])
     lateral = real.lateral[real.settled]
     on_target = real.force[real.settled & real.whole_edge] - target
+    outline = rebuilt_outline(run)
+    contour_error, area_error = contour_errors(outline and outline.points, scene.edge)
     summary = {
         'ok': False,
         'state': State(int(statuses.state[last])).name.lower() if active.size else 'idle',
@@ -151,6 +166,12 @@ def summarise(run, scene, *, success, reason='', speed=None, force=None, seed=No
         'force_target': target,
         'force_rms_error': _rms(on_target),
         'force_max': _largest(real.force),
+        'closed': outline is not None and outline.closed,
+        'contour_max_error': contour_error,
+        'contour_area_error': area_error,
+        'corners': outline.corners.tolist() if outline else [],
+        'sides': [{'kind': side.kind, 'length': side.length, 'radius': side.radius}
+                  for side in (outline.sides if outline else ())],
         'duration': _span(statuses.stamp_ns[active]),
         'sensor_rate': _rate(_between(run.images.stamp_ns, statuses.stamp_ns[tracking])),
         'control_rate': _rate(statuses.stamp_ns[tracking]),

@@ -88,7 +88,7 @@ def contour_errors(contour, edge):
     area : float
         Relative error of the area; NaN of an open edge.
     """
-    if contour is None or len(contour) < 3:
+    if contour is None or len(contour) < 2:
         return NAN, NAN
     if edge.closed:
         contour = np.vstack([contour, contour[:1]])

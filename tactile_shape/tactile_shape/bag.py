@@ -8,12 +8,12 @@ from tactile_sensing.conversions import (
     stamp_to_ns,
 )
 from tactile_sensing.errors import TactileSensingError
-from tactile_shape.contact_path import OTHER
+from tactile_shape.contact_path import EDGES
 from tactile_shape.errors import ConfigurationError
 from tactile_shape.trace import place_contacts
 
 TOPICS = ('contact', 'sensor_pose')
-PICTURES = 'image'  # that edges which are not straight are located in; may be missing
+PICTURES = 'image'  # for bends and ends of edges; may be missing
 WAITING = 200  # pictures that are kept for their contacts: a second of them
 _MISSING = "reading a bag needs rosbags: pip install 'rosbags>=0.10'"
 
@@ -91,4 +91,4 @@ def _events(messages):
         else:
             contact, picture = contact_from_msg(message), pictures.get(stamp)
             yield stamp, None, contact, image_from_msg(picture) if (
-                contact.type == OTHER and picture is not None) else None
+                contact.type in EDGES and picture is not None) else None

@@ -9,7 +9,9 @@ from tactile_shape.edge_point import edge_point
 from tactile_shape.motion import rotation_between, rotation_part
 
 NONE, POINT, LINE, OTHER = range(4)  # numbers of Contact.msg
+EDGES = (LINE, OTHER)  # what may be an edge, and is looked up in its picture
 ELONGATED = 4.0  # ratio of second moments; a straight edge has 10 and more, a round contact 1
+BEYOND = 1e-3  # m between a fitted line and its ridge from which the ridge is believed
 TWO_CONTACTS = 128  # flag of Contact.msg
 _NS = 1_000_000_000
 
@@ -66,7 +68,7 @@ def locate(contact, picture=None):
     ----------
     contact : tactile_sensing.contact.Contact
     picture : tactile_sensing.image.TactileImage, optional
-        Of the contact; an edge that is not straight is located there and nowhere else.
+        Of the contact: it shows where an edge ends, and is all that locates a bent one.
 
     Returns
     -------
@@ -76,22 +78,25 @@ def locate(contact, picture=None):
         located.
     edge : bool
     """
+    seen = edge_point(picture) if picture is not None else None
+    if contact.type == LINE and contact.valid:
+        c, s = np.cos(contact.yaw), np.sin(contact.yaw)
+        place = (contact.a * c * c, contact.a * c * s)
+        # The line goes on where the edge has ended.
+        ended = seen is not None and np.hypot(seen[0] - place[0], seen[1] - place[1]) > BEYOND
+        return (seen if ended else place), True
     if contact.type == OTHER:
-        place = None if picture is None else edge_point(picture)
-        if place is not None:
-            return place, True
+        if seen is not None:
+            return seen, True
         # No model explains it, but force and moments hold. Of a bent edge they tell a place
         # that is millimetres off it.
         place, long = contact.moments.centre_of_pressure, contact.moments.elongation()
         if contact.reasons & TWO_CONTACTS or long > ELONGATED or not np.isfinite(place).all():
             return None, False
         return place, False
-    if not contact.valid or contact.type not in (POINT, LINE):
-        return None, False
-    if contact.type == POINT:
+    if contact.type == POINT and contact.valid:
         return (contact.a, contact.b), False
-    c, s = np.cos(contact.yaw), np.sin(contact.yaw)
-    return (contact.a * c * c, contact.a * c * s), True
+    return None, False
 
 
 def on_pad(place, finger_radius=0.0):

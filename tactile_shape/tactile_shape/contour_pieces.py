@@ -60,7 +60,7 @@ def divide(points, ends, rounding, tolerance):
     A run that is neither is divided where the two parts fit best, and so on; neighbours that
     fit as one are joined again, and the joints moved to where they are best.
     """
-    whole = _piece(points, ends, rounding)
+    whole = fit_piece(points, ends, rounding)
     if whole.fit['residual'] <= tolerance or len(points) < 4 * _FEW:
         return [whole]
     joint = _best_joint(points, ends, rounding, _FEW, len(points) - _FEW)
@@ -70,7 +70,7 @@ def divide(points, ends, rounding, tolerance):
     while k + 1 < len(pieces):
         one, other = pieces[k], pieces[k + 1]
         both, around = np.concatenate([one.points, other.points[1:]]), (one.ends[0], other.ends[1])
-        joined = _piece(both, around, rounding)
+        joined = fit_piece(both, around, rounding)
         if joined.fit['residual'] <= tolerance:
             pieces[k:k + 2] = [joined]
             continue
@@ -91,11 +91,11 @@ def _best_joint(points, ends, rounding, first, last):
 
 
 def _two(points, ends, rounding, joint, steps=STEPS):
-    return [_piece(points[:joint + 1], (ends[0], False), rounding, steps),
-            _piece(points[joint:], (False, ends[1]), rounding, steps)]
+    return [fit_piece(points[:joint + 1], (ends[0], False), rounding, steps),
+            fit_piece(points[joint:], (False, ends[1]), rounding, steps)]
 
 
-def _piece(points, ends, rounding, steps=STEPS):
+def fit_piece(points, ends, rounding, steps=STEPS):
     """Line or arc through points, without what the corners have rounded."""
     travel = np.append(0.0, np.cumsum(np.linalg.norm(np.diff(points, axis=0), axis=1)))
     keep = (travel >= rounding * ends[0]) & (travel <= travel[-1] - rounding * ends[1])

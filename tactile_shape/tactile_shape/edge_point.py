@@ -1,10 +1,9 @@
-"""The point of a bent edge or a corner under the pad, from the ridge in its picture."""
-import numpy as np
+"""The point of an edge under the pad, from the ridge in its picture: bends, corners, ends."""
 
 from tactile_sensing.ridge import ridge_points
 
 STRAIGHT = 0.5  # quality from which a ridge point is of a line, not of a round spot
-FEWEST = 5  # of them that make an edge
+FEWEST = 3  # of them that make an edge
 
 
 def edge_point(image):
@@ -30,5 +29,7 @@ def edge_point(image):
     # One point of a ridge is good for a hundredth of a millimetre at 40 dB: it needs no mean,
     # which would take in the turn of a corner nearby.
     place, way = points[(points[:, :2]**2).sum(axis=1).argmin()][:4].reshape(2, 2)
-    x, y = place - (place @ way) * way
-    return float(x), float(y)
+    along = place @ way
+    if abs(along) < max(image.array.pitch_x, image.array.pitch_y):  # else the edge ends there
+        place = place - along * way
+    return float(place[0]), float(place[1])

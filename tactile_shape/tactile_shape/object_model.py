@@ -1,4 +1,5 @@
 """What touching an object has told of it: an outline of its edges, a surface of its patches."""
+from collections import deque
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -12,6 +13,7 @@ COLOURS = {Kind.NONE: (0.6, 0.6, 0.6), Kind.PLANE: (0.30, 0.55, 0.80),
            Kind.CYLINDER: (0.25, 0.65, 0.40), Kind.SPHERE: (0.90, 0.60, 0.15),
            Kind.GENERAL: (0.75, 0.30, 0.35)}
 STEPS = (5, 5)  # points along the sides of a patch
+RECENT = 20  # contour points that a new one is compared with
 
 
 @dataclass(frozen=True)
@@ -54,6 +56,7 @@ class ObjectModel:
         self.config = config or ModelConfig()
         self.strokes, self.patches = [], []
         self.total = self._count = 0
+        self._recent = deque(maxlen=RECENT)
         self._anew = True
 
     def begin_stroke(self):
@@ -61,13 +64,21 @@ class ObjectModel:
         self._anew = True
 
     def add_contact(self, position):
-        """Add a point (3,) of the contour [m]; returns whether it was far enough to be kept."""
+        """
+        Add a point (3,) of the contour [m]; returns whether it was far enough to be kept.
+
+        Away not only from the last point: a pad that stands, or goes back a little at the end of
+        an edge, adds nothing.
+        """
+        position = np.array(position, dtype=float)
+        if self._recent and (((np.array(self._recent) - position)**2).sum(axis=1).min()
+                             < self.config.spacing**2):
+            return False
         if self._anew:
             self.strokes.append([])
             self._anew = False
-        elif np.linalg.norm(position - self.strokes[-1][-1]) < self.config.spacing:
-            return False
-        self.strokes[-1].append(np.array(position, dtype=float))
+        self.strokes[-1].append(position)
+        self._recent.append(position)
         self.total += 1
         self._count += 1
         if self._count > self.config.max_points:

@@ -4,9 +4,11 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from tactile_shape.config import check_fields
-from tactile_shape.contour_pieces import angle_between, divide
+from tactile_shape.contour_pieces import angle_between, divide, fit_piece
 from tactile_shape.errors import ConfigurationError
 
+STRAIGHT = 0.1  # width per length of a contour that has no plane of its own
+LEAST_TURN = 0.05  # rad between two lines that is a corner
 CHORD = 1e-3  # m, of an arc as a polyline
 
 
@@ -143,6 +145,12 @@ def find_outline(points, config=None):
     tolerance = np.hypot(config.tolerance, 1.5 * _noise(flat))
     corners = _corners(flat, closed, config)
     pieces = _pieces(flat, corners, closed, config.rounding, tolerance)
+    # A contact that is off, beside a gap, is no corner.
+    off = [other.points[0] for one, other in zip(pieces, pieces[1:], strict=False)
+           if other.ends[0] and _straight_on(one, other)]
+    if off:
+        corners = [k for k in corners if not (flat[k] == off).all(axis=1).any()]
+        pieces = _pieces(flat, corners, closed, config.rounding, tolerance)
     if closed and not corners and len(pieces) > 1:
         # The first point is not an end: begin again where one piece goes over into another.
         flat = np.roll(flat, 1 - len(pieces[0].points), axis=0)
@@ -157,13 +165,36 @@ def _pieces(flat, corners, closed, rounding, tolerance):
         ends = (k > 0 or bool(closed and corners),
                 k < len(runs) - 1 or bool(closed and corners))
         pieces += divide(run, ends, rounding, tolerance)
+    # Where one line follows another there is a corner, if it turns by less than the others.
+    for k in range(1, len(pieces)):
+        one = fit_piece(pieces[k - 1].points, (pieces[k - 1].ends[0], True), rounding)
+        other = fit_piece(pieces[k].points, (True, pieces[k].ends[1]), rounding)
+        if not _straight_on(one, other) and np.isinf(
+                [one.fit['radius'], other.fit['radius']]).all():
+            joint = other.points[0]
+            if np.linalg.norm(_meet(one.fit, other.fit, joint) - joint) < rounding:
+                pieces[k - 1:k + 1] = one, other
     return pieces
 
 
+def _straight_on(one, other):
+    """Whether one line goes on in the direction of another."""
+    return np.isinf([one.fit['radius'], other.fit['radius']]).all() and abs(angle_between(
+        one.fit['direction'], other.fit['direction'])) < LEAST_TURN
+
+
 def _plane(points):
-    """Centre and axes (3, 3) of the best plane, its normal nearest to +z of the frame."""
+    """
+    Centre and axes (3, 3) of the best plane, its normal nearest to +z of the frame.
+
+    Any plane through a straight contour is as good: then it is the one seen from +z.
+    """
     centre = points.mean(axis=0)
-    axes = np.linalg.svd(points - centre)[2].T
+    _, spread, axes = np.linalg.svd(points - centre, full_matrices=False)
+    axes = axes.T
+    if spread[1] < STRAIGHT * spread[0] and abs(axes[2, 0]) < 1.0 - STRAIGHT:
+        axes[:, 2] = np.array([0.0, 0.0, 1.0]) - axes[2, 0] * axes[:, 0]
+        axes[:, 2] /= np.linalg.norm(axes[:, 2])
     if axes[2, 2] < 0.0:
         axes[:, 2] = -axes[:, 2]
     axes[:, 1] = np.cross(axes[:, 2], axes[:, 0])

@@ -8,6 +8,8 @@ from tactile_sensing.contact import Contact, ContactType, Reason
 from tactile_sensing.image import Layer, TactileImage
 from tactile_sensing.line import pressure as line_pressure
 from tactile_sensing.moments import Moments
+from tactile_sensing.scene import Skin
+from tactile_sensing.synthetic import render
 from tactile_shape.contact_path import ContactPath, locate, on_pad, PoseBuffer
 
 MS = 1_000_000
@@ -73,6 +75,18 @@ def test_a_bent_edge_is_located_in_its_picture():
     place, edge = locate(bent, picture)
     assert edge and place == pytest.approx((1e-3 * np.cos(0.3), 1e-3 * np.sin(0.3)), abs=1e-6)
     assert locate(point(1e-3, -2e-3), picture) == ((1e-3, -2e-3), False)  # as fitted
+    assert locate(line(1.02e-3, 0.3), picture) == locate(line(1.02e-3, 0.3))
+
+
+def test_an_edge_ends_where_its_picture_says():
+    array, skin = TactelArray(16, 16, 0.0016, 0.0016), Skin()
+    ending = np.array([[1e-3, -0.02, -8e-4], [1e-3, -0.004, -8e-4]])
+    pressure, _ = render(ending, array, skin)
+    picture = TactileImage(
+        0, 0, (Layer('zz', skin.depth, pressure, noise_std=1.0),), array, tared=True)
+    assert locate(line(1e-3, 0.0)) == ((1e-3, 0.0), True)
+    place, edge = locate(line(1e-3, 0.0), picture)
+    assert edge and place == pytest.approx((1e-3, -4e-3), abs=1.7e-3)  # a tactel
 
 
 def test_round_finger():

@@ -36,8 +36,10 @@ def test_contour_is_thinned_and_broken_where_contact_was_lost():
     model = ObjectModel(ModelConfig(spacing=0.95e-3))
     for x in np.arange(0.0, 0.0101, 1e-4):
         model.add_contact(np.array([x, 0.0, 0.0]))
+    for x in np.arange(0.0101, 0.004, -1e-4):  # the way back adds nothing
+        assert not model.add_contact(np.array([x, 1e-4, 0.0]))
     model.begin_stroke()
-    model.add_contact(np.array([0.0103, 0.0, 0.0]))
+    model.add_contact(np.array([0.0123, 0.0, 0.0]))
     assert [len(stroke) for stroke in model.strokes] == [11, 1]
     np.testing.assert_allclose(model.contour[:11, 0], np.arange(11) * 1e-3, atol=2e-4)
 

@@ -96,7 +96,7 @@ def test_a_whole_circle_and_a_line():
     assert outline.sides[0].length == pytest.approx(np.hypot(0.1, 0.05), abs=5e-4)
 
 
-@pytest.mark.parametrize('degrees', [40, 60, 90, 120])
+@pytest.mark.parametrize('degrees', [12, 28, 40, 60, 90, 120])
 def test_open_corner(degrees):
     turn = np.radians(degrees)
     path = walk(np.array([[0, 0], [0.05, 0], [0.05 + 0.05 * np.cos(turn), 0.05 * np.sin(turn)]]))
@@ -105,6 +105,23 @@ def test_open_corner(degrees):
     assert len(outline.corners) == 1
     np.testing.assert_allclose(outline.corners[0], [0.05, 0.0, 0.0], atol=1e-4)
     assert abs(np.degrees(outline.angles[0])) == pytest.approx(degrees, abs=0.5)
+
+
+def test_a_straight_edge_that_rises_is_seen_from_above():
+    y = np.arange(0.0, 0.18, 1e-3)
+    rise = np.interp(y, [0.0, 0.06, 0.12, 0.18], [0.0, 0.0, 0.006, 0.006])
+    rng = np.random.default_rng(8)
+    contour = np.column_stack([0.3 + rng.normal(0.0, 2e-5, len(y)), y, rise])
+    outline = find_outline(contour)
+    assert [side.kind for side in outline.sides] == ['line'] and len(outline.corners) == 0
+    assert np.abs(outline.points[:, 0] - 0.3).max() < 1e-4
+
+
+def test_a_gap_makes_no_corner():
+    y = np.concatenate([np.arange(0.0, 0.07, 1e-3), np.arange(0.084, 0.18, 1e-3)])
+    rng = np.random.default_rng(9)
+    line = np.column_stack([rng.normal(0.0, 2e-5, len(y)), y, np.zeros(len(y))])
+    assert len(find_outline(line).corners) == 0
 
 
 def test_the_plane_does_not_matter():

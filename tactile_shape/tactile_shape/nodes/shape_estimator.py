@@ -20,7 +20,7 @@ from tactile_sensing.conversions import (
 from tactile_sensing.errors import TactileSensingError
 from tactile_sensing.nodes.parameters import declare_from
 from tactile_sensing.nodes.runner import run
-from tactile_shape.contact_path import ContactPath, OTHER
+from tactile_shape.contact_path import ContactPath, EDGES
 from tactile_shape.conversions import (
     contour_point_to_msg,
     contour_to_msg,
@@ -49,7 +49,7 @@ class ShapeEstimatorNode(Node):
     """
     Estimate the surface at every contact, and gather what was touched.
 
-    Subscribes to `contact`, `sensor_pose` and, for edges that are not straight, `image`, which
+    Subscribes to `contact`, `sensor_pose` and, for bends and ends of edges, `image`, which
     it matches by their stamps: no clock is looked at, so that a replayed recording gives what
     the run gave. Publishes `surface_patch`
     for every contact, and `contour` and `markers` now and then. Parameters: `TrackerConfig`,
@@ -109,7 +109,7 @@ class ShapeEstimatorNode(Node):
     def _on_contact(self, msg):
         try:
             contact = contact_from_msg(msg)
-            picture = self._picture_at(msg.header.stamp) if contact.type == OTHER else None
+            picture = self._picture_at(msg.header.stamp) if contact.type in EDGES else None
         except TactileSensingError as error:
             self.get_logger().warning(f'contact passed over: {error}', throttle_duration_sec=5.0)
             return
