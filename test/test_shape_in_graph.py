@@ -11,6 +11,7 @@ from tactile_msgs.msg import SurfacePatch
 from tactile_shape.outline import find_outline
 
 RADIUS = 0.06  # m, of the scene `curve`
+CASE = np.array([[0.275, -0.0545], [0.344, -0.0545], [0.344, 0.0545], [0.275, 0.0545]])
 
 
 class ContourListener(Node):
@@ -49,3 +50,19 @@ def test_the_curved_edge_has_its_radius():
     outline = find_outline(contour)
     curved = max(outline.sides, key=lambda side: side.length)
     assert curved.kind == 'arc' and curved.radius == pytest.approx(RADIUS, rel=0.01)
+
+
+def test_the_tape_case_has_its_sides():
+    with bench('tape_case') as it:
+        it.add_all()
+        listener = it.graph.add(ContourListener)
+        client = it.track(speed=0.03, closed=True)
+        assert client.success and client.reason == 'the contour closed', client.reason
+        it.wait(lambda: len(listener.points) > 300, 'the contour')
+        outline = find_outline(listener.points)
+    assert outline.closed and len(outline.corners) == 4
+    lengths = sorted(side.length for side in outline.sides)
+    np.testing.assert_allclose(lengths, [0.069, 0.069, 0.109, 0.109], atol=3e-4)
+    # From above; the skin has yielded by about 1 mm, of which the contour knows nothing.
+    away = np.linalg.norm(outline.corners[:, None, :2] - CASE, axis=-1).min(axis=1)
+    assert away.max() < 1.5e-4

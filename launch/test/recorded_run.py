@@ -4,6 +4,7 @@ from types import SimpleNamespace
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from geometry_msgs.msg import PoseStamped, WrenchStamped
+from nav_msgs.msg import Path
 import numpy as np
 from rclpy.qos import DurabilityPolicy, qos_profile_sensor_data, QoSProfile
 from rclpy.serialization import serialize_message
@@ -50,7 +51,9 @@ TOPICS = [
     ('/tactile/diagnostics', DiagnosticArray, QoSProfile(depth=10)),
     ('/joint_states', JointState, QoSProfile(depth=10)),
     ('/joint_trajectory_controller/joint_trajectory', JointTrajectory, QoSProfile(depth=1)),
+    ('/tactile/contour', Path, LATCHED),
 ]
+CONTOUR_OFF = 2e-5  # m to the left of the edge
 
 
 def straight_scene():
@@ -113,6 +116,19 @@ def messages(scene):
         yield from _picture(scene, renderer, rng, k, stamp)
     for k in range(int(end * 400)):
         yield from _cycle(scene, START + k * NS // 400)
+    for length in (0.02, SPEED * TRACK):  # m; the newest counts
+        yield '/tactile/contour', START + round(NS * (APPROACH + length / SPEED)), _contour(
+            scene, length)
+
+
+def _contour(scene, length):
+    contour = Path()
+    for s in scene.start.s + np.arange(0.0, length, 1e-3):
+        pose = PoseStamped()
+        p = pose.pose.position
+        p.x, p.y, p.z = 0.3 - CONTOUR_OFF, -0.1 + float(s), 0.12
+        contour.poses.append(pose)
+    return contour
 
 
 def _picture(scene, renderer, rng, sequence, stamp):

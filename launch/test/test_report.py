@@ -71,7 +71,7 @@ def read_page(path, pictures):
 def test_report_of_a_run(run, scene, tmp_path):
     summary = summarise(run, scene, success=True)
     make_report(run, summary, scene, tmp_path / 'report.html')
-    page = read_page(tmp_path / 'report.html', 4)
+    page = read_page(tmp_path / 'report.html', 5)
     assert 'Edge tracked' in page.text and 'straight' in page.text
     assert f'{1e3 * summary["lateral_rms"]:.3f} mm' in page.words
     assert '30.0 mm/s' in page.words and '400.0 Hz' in page.words
@@ -81,7 +81,7 @@ def test_report_escapes_what_comes_from_outside(run, scene, tmp_path):
     summary = summarise(run, scene, success=False, reason='<script>alert(1)</script>')
     make_report(run, summary, scene, tmp_path / 'report.html')
     assert '<script' not in (tmp_path / 'report.html').read_text(encoding='utf-8')
-    assert 'Edge not tracked' in read_page(tmp_path / 'report.html', 4).text
+    assert 'Edge not tracked' in read_page(tmp_path / 'report.html', 5).text
 
 
 @pytest.mark.parametrize('state', list(State))
@@ -90,7 +90,7 @@ def test_report_of_a_run_in_one_state(run, scene, tmp_path, state):
         run.statuses, state=np.full_like(run.statuses.state, state)))
     summary = summarise(stuck, scene, success=False)
     make_report(stuck, summary, scene, tmp_path / 'report.html')
-    read_page(tmp_path / 'report.html', 4)
+    read_page(tmp_path / 'report.html', 5)
 
 
 @pytest.mark.parametrize('kept', range(len(TOPICS)))
@@ -98,7 +98,7 @@ def test_reports_of_bags_with_one_topic(scene, tmp_path, kept):
     bare = read_run(write_bag(tmp_path / 'run', scene, topics=TOPICS[kept:kept + 1]).path)
     summary = summarise(bare, scene, success=False, reason='interrupted')
     make_report(bare, summary, scene, tmp_path / 'report.html')
-    read_page(tmp_path / 'report.html', 4)
+    read_page(tmp_path / 'report.html', 4 + len(summary['sides']))
     make_recording_report(bare, summarise_recording(bare), tmp_path / 'recording.html')
     assert (tmp_path / 'recording.html').stat().st_size > 1000
 

@@ -8,6 +8,7 @@ import pytest
 from recorded_run import (
     APPROACH,
     ARRAY,
+    CONTOUR_OFF,
     CYCLE_TIME,
     FORCE,
     LATENCY,
@@ -35,7 +36,8 @@ from tactile_servo.servo_types import State
 DESIGN_KEYS = {
     'ok', 'state', 'reason', 'scene', 'controller', 'seed', 'speed', 'tracked_length',
     'lateral_rms', 'lateral_max', 'lateral_transient_max', 'force_target', 'force_rms_error',
-    'force_max', 'duration', 'sensor_rate', 'control_rate', 'missed_cycles', 'latency_p50',
+    'force_max', 'closed', 'contour_max_error', 'contour_area_error', 'corners', 'sides',
+    'duration', 'sensor_rate', 'control_rate', 'missed_cycles', 'latency_p50',
     'latency_p99', 'cpu_per_cycle'}
 
 
@@ -90,6 +92,17 @@ def test_lateral_errors_are_those_of_the_true_edge(run, scene):
     # What the servo believes does not matter.
     blind = changed(run, lateral_error=np.zeros_like(run.statuses.lateral_error))
     assert summarise(blind, scene, success=True) == summary
+
+
+def test_rebuilt_outline_is_compared_with_the_true_edge(run, empty, scene):
+    summary = summarise(run, scene, success=True)
+    assert summary['contour_max_error'] == pytest.approx(CONTOUR_OFF, rel=1e-6)
+    assert not summary['closed'] and summary['corners'] == []
+    (side,) = summary['sides']
+    assert side['kind'] == 'line'
+    assert side['length'] == pytest.approx(SPEED * TRACK, abs=1.1e-3)
+    without = summarise(empty, scene, success=True)
+    assert np.isnan(without['contour_max_error']) and without['sides'] == []
 
 
 def test_forces_are_those_on_the_pad(run, scene):
