@@ -1,4 +1,4 @@
-"""Where in space a contact on the pad is: the pad's surface, and its pose at a contact's stamp."""
+"""Where in space a contact on the pad is: on the pad's surface, at the contact's stamp."""
 from collections import deque
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -6,14 +6,13 @@ from typing import NamedTuple
 import numpy as np
 
 from tactile_shape.edge_point import edge_point
-from tactile_shape.motion import rotation_between, rotation_part
+from tactile_shape.pose_buffer import NS, PoseBuffer
 
 NONE, POINT, LINE, OTHER = range(4)  # numbers of Contact.msg
 EDGES = (LINE, OTHER)  # what may be an edge, and is looked up in its picture
 ELONGATED = 4.0  # ratio of second moments; a straight edge has 10 and more, a round contact 1
 BEYOND = 1e-3  # m between a fitted line and its ridge from which the ridge is believed
 TWO_CONTACTS = 128  # flag of Contact.msg
-_NS = 1_000_000_000
 
 
 @dataclass(frozen=True, eq=False)
@@ -125,60 +124,6 @@ def on_pad(place, finger_radius=0.0):
     return finger_radius * (normal - [0.0, 0.0, 1.0]), normal
 
 
-class PoseBuffer:
-    """
-    The last poses of the sensor, and those in between.
-
-    Parameters
-    ----------
-    max_gap : float
-        Between poses farther apart nothing is interpolated [s].
-    size : int
-        Poses kept; at a kilohertz, half a second.
-    """
-
-    def __init__(self, max_gap=0.1, size=500):
-        self._max_gap = round(max_gap * _NS)
-        self._poses = deque(maxlen=size)
-
-    def clear(self):
-        """Forget all poses."""
-        self._poses.clear()
-
-    @property
-    def newest_ns(self):
-        """Stamp of the newest pose, None without one [ns]."""
-        return self._poses[-1][0] if self._poses else None
-
-    def add(self, stamp_ns, pose):
-        """Add a pose (4, 4); False, and it is left out, if it is no later than the newest."""
-        if self._poses and stamp_ns <= self._poses[-1][0]:
-            return False
-        self._poses.append((stamp_ns, pose))
-        return True
-
-    def at(self, stamp_ns):
-        """Pose (4, 4) at a stamp, None where there are no poses close on both sides."""
-        after = None
-        for stamp, pose in reversed(self._poses):
-            if stamp == stamp_ns:
-                return pose
-            if stamp < stamp_ns:
-                if after is None or after[0] - stamp > self._max_gap:
-                    return None
-                return _between(pose, after[1], (stamp_ns - stamp) / (after[0] - stamp))
-            after = stamp, pose
-        return None
-
-
-def _between(one, other, share):
-    pose = np.eye(4)
-    pose[:3, 3] = one[:3, 3] + share * (other[:3, 3] - one[:3, 3])
-    pose[:3, :3] = one[:3, :3] @ rotation_part(
-        rotation_between(one[:3, :3], other[:3, :3]), share)
-    return pose
-
-
 class ContactPath:
     """
     Contacts and poses, in whatever order they come, to contacts in space.
@@ -194,7 +139,7 @@ class ContactPath:
     """
 
     def __init__(self, finger_radius=0.0, max_gap=0.1):
-        self._finger_radius, self._max_gap = finger_radius, round(max_gap * _NS)
+        self._finger_radius, self._max_gap = finger_radius, round(max_gap * NS)
         self._poses = PoseBuffer(max_gap)
         self._waiting = deque(maxlen=100)  # contacts whose later pose has not come yet
         self.lost = 0  # contacts that no pose came for

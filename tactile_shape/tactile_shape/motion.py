@@ -140,21 +140,6 @@ def screw_motion(shift, turn):
     return rotations, np.einsum('nij,nj->ni', average, shift)
 
 
-def rotation_between(one, other):
-    """Rotation vector (3,) [rad], in the first frame, that turns one rotation into the other."""
-    turn = one.T @ other
-    axis = 0.5 * np.array([turn[2, 1] - turn[1, 2], turn[0, 2] - turn[2, 0],
-                           turn[1, 0] - turn[0, 1]])
-    sine, cosine = np.linalg.norm(axis), 0.5 * (np.trace(turn) - 1.0)
-    # Half a turn between two poses has no direction; neither is there one in practice.
-    return axis * (np.arctan2(sine, cosine) / sine if sine > 1e-12 else 1.0)
-
-
-def rotation_part(vector, share=1.0):
-    """Rotation matrix (3, 3) of a share of a rotation vector (3,) [rad]."""
-    return screw_motion(np.zeros((1, 3)), share * vector[None])[0][0]
-
-
 def contacts_in_frame(positions, normals):
     """
     Contacts in the frame of the last one, from its position and normal.

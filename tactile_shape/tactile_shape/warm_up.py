@@ -5,11 +5,13 @@ from tactile_sensing.array import TactelArray
 from tactile_sensing.image import Layer, TactileImage
 from tactile_shape.edge_point import edge_point
 from tactile_shape.local_quadric import LocalQuadric
+from tactile_shape.pose_buffer import pose_between
 
 
 def warm_up():
     """Call every kernel once; some seconds where numba's cache is empty."""
     LocalQuadric()
+    pose_between(np.eye(4), np.eye(4), 0.5)
     array = TactelArray(8, 8, 1e-3, 1e-3)
     ridge = np.tile(np.exp(-np.linspace(-2.0, 2.0, 8)**2), (8, 1))
     for noise in (1e-3, 0.1):  # which is smoothed first

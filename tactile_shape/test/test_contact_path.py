@@ -10,7 +10,8 @@ from tactile_sensing.line import pressure as line_pressure
 from tactile_sensing.moments import Moments
 from tactile_sensing.scene import Skin
 from tactile_sensing.synthetic import render
-from tactile_shape.contact_path import ContactPath, locate, on_pad, PoseBuffer
+from tactile_shape.contact_path import ContactPath, locate, on_pad
+from tactile_shape.pose_buffer import PoseBuffer
 
 MS = 1_000_000
 

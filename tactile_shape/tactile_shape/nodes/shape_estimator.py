@@ -29,7 +29,7 @@ from tactile_shape.conversions import (
 )
 from tactile_shape.local_quadric import LocalQuadricConfig
 from tactile_shape.object_model import ModelConfig, ObjectModel
-from tactile_shape.tracker import make_estimator, ShapeTracker, TrackerConfig
+from tactile_shape.tracker import make_estimator, no_patch, ShapeTracker, TrackerConfig
 from tactile_shape.warm_up import warm_up
 
 PICTURES = 16  # that wait for their contact
@@ -65,6 +65,7 @@ class ShapeEstimatorNode(Node):
         self._period_ns = round(1e9 * declare_from(self, PublishConfig).publish_period)
         self._path = ContactPath(config.finger_radius, tracking.max_gap)
         self._pictures = deque(maxlen=PICTURES)
+        self._none = patch_to_msg(no_patch(''), Header())
         self._estimator = make_estimator(tracking.method, config)
         self._frame = None
         self._begin_model()
@@ -129,13 +130,20 @@ class ShapeEstimatorNode(Node):
             patch = self._tracker.take(placed)
             msg = placed.extra
             header = Header(stamp=msg.header.stamp, frame_id=self._frame)
-            self._patches.publish(patch_to_msg(patch, header, msg.sensor))
+            self._patches.publish(self._message_of(patch, header, msg.sensor))
             if patch.valid:
                 self._newest, self._changed = patch, True
             if self._tracker.model.total > self._total:
                 self._total, self._changed = self._tracker.model.total, True
                 self._contour.append(contour_point_to_msg(placed.contact.position, header))
             self._publish_model(header, placed.contact is None and placed.anew)
+
+    def _message_of(self, patch, header, sensor):
+        if patch.method:
+            return patch_to_msg(patch, header, sensor)
+        message = self._none  # of an edge every contact has none
+        message.header, message.sensor, message.reason = header, sensor, patch.reason
+        return message
 
     def _publish_model(self, header, now):
         """Publish contour and markers if they have changed and it is time, or contact is lost."""
