@@ -101,7 +101,8 @@ and optionally, single numbers
                    standard deviations per axis: of the robot's position [m], of the normal [rad]
                    and of the contact on the pad [m]
 
-A BAG is a rosbag2 recording (folder, .mcap or .db3) of the topics contact and sensor_pose.""",
+A BAG is a rosbag2 recording (folder, .mcap or .db3) of the topics contact, sensor_pose and, for
+bends and ends of edges, image.""",
         epilog=f"""\
 Output arrays of PATCHES.npz, one row per contact; NaN where there is no value:
 {arrays}
