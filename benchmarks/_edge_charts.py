@@ -111,14 +111,14 @@ def _figures(result):
         space = own[0]['scene'] == 'straight_3d'
         axis = figure.add_subplot(2, 3, number + 1)
         columns = (1, 2) if space else (0, 1)
-        edge = 1e3 * np.array(own[0]['edge'])
+        edge = 1e3 * np.array(own[0]['_edge'])
         axis.plot(*edge[:, columns].T, color='0.75', lw=5, label='edge')
         for row in own:
-            way = 1e3 * np.array(row['way'])
+            way = 1e3 * np.array(row['_way'])
             axis.plot(*way[:, columns].T, color=COLOURS[row['tracker']], lw=1.2,
                       label=row['tracker'])
-            if row['contour'] and row['scene'] == 'tape_case':
-                axis.plot(*(1e3 * np.array(row['contour']))[:, columns].T, 'k:', lw=1,
+            if row['_contour'] and row['scene'] == 'tape_case':
+                axis.plot(*(1e3 * np.array(row['_contour']))[:, columns].T, 'k:', lw=1,
                           label='rebuilt outline')
         axis.set(title=f'{name}: {own[0]["scene"].replace("_", " ")}, '
                  f'{1e3 * own[0]["speed"]:g} mm/s',

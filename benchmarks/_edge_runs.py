@@ -113,4 +113,4 @@ def way_of(simulation):
     way = np.array([cycle.pose[:3, 3] for cycle in simulation.log
                     if cycle.status.state not in (State.RETREAT, State.DONE)])
     contour = simulation.servo.tracker.contour()
-    return {'way': way[::4].tolist(), 'contour': None if contour is None else contour.tolist()}
+    return {'_way': way[::4].tolist(), '_contour': None if contour is None else contour.tolist()}

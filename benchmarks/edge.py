@@ -5,27 +5,9 @@ Prints tables, and writes benchmarks/results/edge.json, pictures into docs/ and 
 docs/edge.md. Errors are distances of the pad's centre from the true edge. Every run is seeded.
 """
 
-import os
-
-for _library in ('OMP', 'OPENBLAS', 'MKL'):  # one core; before numpy is loaded
-    os.environ.setdefault(f'{_library}_NUM_THREADS', '1')
-
-# ruff: noqa: E402
-import argparse
-import json
-from pathlib import Path
-import platform
-import sys
-import time
-
+from _bench import run
 import _edge_runs as runs
-import _edge_tables as tables
-from contact import finite, Progress
-import numpy as np
 
-ROOT = Path(__file__).resolve().parent.parent
-PAGE = ROOT / 'docs' / 'edge.md'
-BEGIN, END = '<!-- printed by ./ws bench edge -->', '<!-- end of print -->'
 WHOLE = 0.17  # m tracked of a hard scene's 180 mm that count as survival
 TRACKERS = ('resolved_rate', 'trace')
 SPEEDS = (0.01, 0.03, 0.05, 0.1, 0.15, 0.2)
@@ -120,21 +102,19 @@ def figures(progress):
             progress.step(f'{figure}, {tracker}')
             simulation, summary = runs.follow(scene, tracker, speed, 0, closed=closed)
             made.append({'figure': figure, 'scene': name, 'tracker': tracker, 'speed': speed,
-                         'edge': scene.edge.points.tolist(), **runs.way_of(simulation),
+                         '_edge': scene.edge.points.tolist(), **runs.way_of(simulation),
                          **{key: summary[key] for key in (
                              'ok', 'lateral_rms', 'lateral_max', 'contour_max_error',
                              'contour_area_error', 'force_rms_error')}})
     return made
 
 
-def measure(quick):
+def measure(arguments, progress):
     """Everything that the tables and pictures show, as one dictionary."""
+    quick = arguments.quick
     seeds = (0,) if quick else (0, 1)
-    begin = time.perf_counter()
-    progress = Progress(112 if not quick else 62)
-    result = {
-        'quick': quick, 'seeds': list(seeds),
-        'versions': {'python': platform.python_version(), 'numpy': np.__version__},
+    return {
+        'seeds': list(seeds),
         'speed_and_accuracy': speed_and_accuracy(
             seeds, SPEEDS[1::2] if quick else SPEEDS, progress),
         'stability': stability(
@@ -143,44 +123,7 @@ def measure(quick):
                                      RADII[::3] if quick else RADII, seeds, progress),
         'hard_scenes': hard_scenes(seeds[:1], progress),
         'figures': figures(progress)}
-    progress.close()
-    result['seconds'] = time.perf_counter() - begin
-    return result
-
-
-def main():
-    """Run the benchmark from the command line."""
-    parser = argparse.ArgumentParser(
-        prog='./ws bench edge', description=__doc__.strip(),
-        formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument('--quick', action='store_true', help=(
-        'a few of the runs, one seed; writes into runs/bench_edge and leaves docs/ alone'))
-    quick = parser.parse_args().quick
-    result = measure(quick)
-    text = tables.everything(result)
-    print(text)
-    if quick:
-        results = pictures = ROOT / 'runs' / 'bench_edge'
-    else:
-        results, pictures = ROOT / 'benchmarks' / 'results', ROOT / 'docs'
-    results.mkdir(parents=True, exist_ok=True)
-    slim = {**result, 'figures': [
-        {key: value for key, value in figure.items() if key not in ('edge', 'way', 'contour')}
-        for figure in result['figures']]}
-    (results / 'edge.json').write_text(
-        json.dumps(finite(slim), indent=1, allow_nan=False) + '\n', 'utf-8')
-    try:
-        import _edge_charts as charts
-    except ImportError as error:
-        print(f'no pictures: {error}')
-    else:
-        charts.draw(result, pictures)
-    if not quick and PAGE.exists():
-        before, _, rest = PAGE.read_text('utf-8').partition(BEGIN)
-        after = rest.partition(END)[2]
-        PAGE.write_text(f'{before}{BEGIN}\n\n{text}\n{END}{after}', 'utf-8')
-    return 0
 
 
 if __name__ == '__main__':
-    sys.exit(main())
+    run('edge', __doc__, measure, lambda arguments: 62 if arguments.quick else 112)

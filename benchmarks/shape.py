@@ -5,33 +5,16 @@ Prints tables, and writes benchmarks/results/shape.json, pictures into docs/ and
 docs/shape.md. Times are processor time on one core.
 """
 
-import os
-
-for _library in ('OMP', 'OPENBLAS', 'MKL'):  # one core; before numpy is loaded
-    os.environ.setdefault(f'{_library}_NUM_THREADS', '1')
-
-# ruff: noqa: E402
-import argparse
-import json
-from pathlib import Path
-import platform
-import sys
-import time
-
+from _bench import run
 import _shape_cases as cases
 import _shape_methods as methods
-import _shape_tables as tables
 import _shape_thesis as thesis
-from contact import finite, Progress
 import numpy as np
 
 from tactile_shape.matrix_estimator import MatrixEstimator, MatrixEstimatorConfig
 from tactile_shape.matrix_fit import fit_matrix
 from tactile_shape.patch import Kind
 
-ROOT = Path(__file__).resolve().parent.parent
-PAGE = ROOT / 'docs' / 'shape.md'
-BEGIN, END = '<!-- printed by ./ws bench shape -->', '<!-- end of print -->'
 SPEEDS = (1e-5, 5e-5, 2e-4, 1e-3, 5e-3, 2e-2, 5e-2)  # m/s, Table 4.1
 ACROSS = (1e-3, 1e-2, 5e-2)
 SWEPT = [case for case in cases.CASES if case.name in (
@@ -201,15 +184,12 @@ def refusals(trials, rng, progress):
     return rows
 
 
-def measure(arguments):
+def measure(arguments, progress):
     """Everything that the tables and pictures show, as one dictionary."""
     rng = np.random.default_rng(arguments.seed)
     part = 0.1 if arguments.quick else 1.0
-    progress = Progress(12 + 6 + 2 + 6 + 4 + 1 + 4)
-    begin = time.perf_counter()
-    result = {
-        'seed': arguments.seed, 'quick': arguments.quick,
-        'versions': {'python': platform.python_version(), 'numpy': np.__version__},
+    return {
+        'seed': arguments.seed,
         'thesis': thesis_figures(int(300 * part), rng, progress),
         'bars': bars(int(1000 * part), rng, progress),
         'without_noise': without_noise(progress),
@@ -217,42 +197,8 @@ def measure(arguments):
         'sweeps': sweeps(int(150 * part), rng, progress),
         'rank': rank_map(progress),
         'refusals': refusals(int(60 * part), rng, progress)}
-    progress.close()
-    result['seconds'] = time.perf_counter() - begin
-    return result
-
-
-def main():
-    """Run the benchmark from the command line."""
-    parser = argparse.ArgumentParser(
-        prog='./ws bench shape', description=__doc__.strip(),
-        formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument('--quick', action='store_true', help=(
-        'a tenth of the samples; writes into runs/bench_shape and leaves docs/ alone'))
-    parser.add_argument('--seed', type=int, default=4, help='of every random number (%(default)s)')
-    arguments = parser.parse_args()
-    result = measure(arguments)
-    text = tables.everything(result)
-    print(text)
-    if arguments.quick:
-        results = pictures = ROOT / 'runs' / 'bench_shape'
-    else:
-        results, pictures = ROOT / 'benchmarks' / 'results', ROOT / 'docs'
-    results.mkdir(parents=True, exist_ok=True)
-    (results / 'shape.json').write_text(
-        json.dumps(finite(result), allow_nan=False) + '\n', 'utf-8')
-    try:
-        import _shape_charts as charts
-    except ImportError as error:
-        print(f'no pictures: {error}')
-    else:
-        charts.draw(result, pictures)
-    if not arguments.quick and PAGE.exists():
-        before, _, rest = PAGE.read_text('utf-8').partition(BEGIN)
-        after = rest.partition(END)[2]
-        PAGE.write_text(f'{before}{BEGIN}\n\n{text}\n{END}{after}', 'utf-8')
-    return 0
 
 
 if __name__ == '__main__':
-    sys.exit(main())
+    run('shape', __doc__, measure, lambda _: 12 + 6 + 2 + 6 + 4 + 1 + 4, {
+        '--seed': {'type': int, 'default': 4, 'help': 'of every random number (%(default)s)'}})

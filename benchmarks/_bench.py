@@ -1,0 +1,116 @@
+"""What every benchmark does: one core, a progress bar, results, pictures and a page in docs/."""
+
+import os
+
+for _library in ('OMP', 'OPENBLAS', 'MKL'):  # one core; before numpy is loaded
+    os.environ.setdefault(f'{_library}_NUM_THREADS', '1')
+
+# ruff: noqa: E402
+import argparse
+from importlib import import_module
+import json
+import math
+from pathlib import Path
+import platform
+import sys
+import time
+
+import numpy as np
+
+from tactile_sensing.progress import Progress
+
+ROOT = Path(__file__).resolve().parent.parent
+END = '<!-- end of print -->'
+
+
+class Steps:
+    """Progress bar of a known number of pieces of work."""
+
+    def __init__(self, bar, total):
+        self._bar, self._total, self._done = bar, total, 0
+
+    def step(self, what):
+        """Count one piece, about to begin."""
+        self._bar.show(min(self._done / self._total, 1.0), 'bench', what)
+        self._done += 1
+
+
+def run(name, description, measure, pieces, options=None):
+    """
+    Run a benchmark from the command line: measure, print, draw, and write its page.
+
+    Parameters
+    ----------
+    name : str
+        Of the page in docs/, and of the modules `_NAME_tables` and `_NAME_charts`.
+    description : str
+        For --help.
+    measure : callable
+        Of the arguments and Steps: everything that tables and pictures show, as a dictionary.
+    pieces : callable
+        Of the arguments: how many steps there will be.
+    options : dict, optional
+        More options: flag and keywords of `add_argument`.
+    """
+    parser = argparse.ArgumentParser(
+        prog=f'./ws bench {name}', description=description.strip(),
+        formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument('--quick', action='store_true', help=(
+        f'a part of the runs; writes into runs/bench_{name} and leaves docs/ alone'))
+    for flag, keywords in (options or {}).items():
+        parser.add_argument(flag, **keywords)
+    arguments = parser.parse_args()
+    begin = time.perf_counter()
+    with Progress(sys.stderr) as bar:
+        measured = measure(arguments, Steps(bar, pieces(arguments)))
+    versions = {'python': platform.python_version(), 'numpy': np.__version__,
+                **measured.pop('versions', {})}
+    result = {'quick': arguments.quick, 'versions': versions, **measured,
+              'seconds': time.perf_counter() - begin}
+    text = import_module(f'_{name}_tables').everything(result)
+    print(text)
+    if arguments.quick:
+        results = pictures = ROOT / 'runs' / f'bench_{name}'
+    else:
+        results, pictures = ROOT / 'benchmarks' / 'results', ROOT / 'docs'
+    results.mkdir(parents=True, exist_ok=True)
+    (results / f'{name}.json').write_text(as_json(finite(result)), 'utf-8')
+    try:
+        charts = import_module(f'_{name}_charts')
+    except ImportError as error:
+        print(f'no pictures: {error}')
+    else:
+        charts.draw(result, pictures)
+    if not arguments.quick:
+        _print_into(ROOT / 'docs' / f'{name}.md', f'<!-- printed by ./ws bench {name} -->', text)
+
+
+def _print_into(page, begin, text):
+    before, _, rest = page.read_text('utf-8').partition(begin)
+    after = rest.partition(END)[2]
+    page.write_text(f'{before}{begin}\n\n{text}\n{END}{after}', 'utf-8')
+
+
+def finite(value):
+    """Six digits of every number, and None, which strict JSON has, for what is not finite."""
+    if isinstance(value, dict):
+        return {key: finite(item) for key, item in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [finite(item) for item in value]
+    if isinstance(value, float):
+        return float(f'{value:.6g}') if math.isfinite(value) else None
+    return value
+
+
+def as_json(result):
+    """Strict JSON with one row of a table to a line; what begins with _ is for pictures only."""
+    parts = []
+    for key, value in result.items():
+        text = json.dumps(value, allow_nan=False)
+        if isinstance(value, list) and value and isinstance(value[0], dict):
+            rows = ',\n  '.join(json.dumps(
+                {name: item for name, item in row.items() if not name.startswith('_')},
+                allow_nan=False) for row in value)
+            text = f'[\n  {rows}]'
+        parts.append(f' {json.dumps(key)}: {text}')
+    return '{\n' + ',\n'.join(parts) + '\n}\n'
