@@ -61,4 +61,4 @@ def test_a_launch_service_tracks_without_the_ros2_command():
     assert status == 0
     assert any('track: length reached' in line for line in lines), '\n'.join(lines)
     started = sum('process started' in line for line in lines)
-    assert sum('process has finished cleanly' in line for line in lines) == started == 6
+    assert sum('process has finished cleanly' in line for line in lines) == started == 7
