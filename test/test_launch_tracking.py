@@ -10,7 +10,8 @@ pytest.importorskip('launch_ros', reason=WHY)
 from launch import LaunchDescription  # noqa: E402, I100, I202
 from tactile_tests.launching import edge_tracking, Processes  # noqa: E402, I100, I202
 
-NODES = ('driver', 'contact_estimator', 'shape_estimator', 'edge_servo', 'mock_sensor', 'mock_robot', 'track')
+NODES = ('driver', 'contact_estimator', 'shape_estimator', 'edge_servo', 'mock_sensor',
+         'mock_robot', 'track')
 
 
 @pytest.fixture
