@@ -56,7 +56,7 @@ def test_the_tape_case_has_its_sides():
     with bench('tape_case') as it:
         it.add_all()
         listener = it.graph.add(ContourListener)
-        client = it.track(speed=0.03, closed=True)
+        client = it.track(speed=0.05, closed=True)
         assert client.success and client.reason == 'the contour closed', client.reason
         it.wait(lambda: len(listener.points) > 300, 'the contour')
         outline = find_outline(listener.points)

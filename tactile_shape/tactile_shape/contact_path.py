@@ -12,6 +12,7 @@ NONE, POINT, LINE, OTHER = range(4)  # numbers of Contact.msg
 EDGES = (LINE, OTHER)  # what may be an edge, and is looked up in its picture
 ELONGATED = 4.0  # ratio of second moments; a straight edge has 10 and more, a round contact 1
 BEYOND = 1e-3  # m between a fitted line and its ridge from which the ridge is believed
+FARTHEST = 1.0  # m from the middle of a pad
 TWO_CONTACTS = 128  # flag of Contact.msg
 
 
@@ -78,7 +79,7 @@ def locate(contact, picture=None):
     edge : bool
     """
     seen = edge_point(picture) if picture is not None else None
-    if contact.type == LINE and contact.valid:
+    if contact.type == LINE and contact.valid and np.isfinite(contact.yaw):
         c, s = np.cos(contact.yaw), np.sin(contact.yaw)
         place = (contact.a * c * c, contact.a * c * s)
         # The line goes on where the edge has ended.
@@ -112,9 +113,11 @@ def on_pad(place, finger_radius=0.0):
     Returns
     -------
     position, normal : ndarray, shape (3,)
-        In the sensor frame. None, None for a place off the finger.
+        In the sensor frame. None, None for a place off the finger, or on no pad at all.
     """
     x, y = place
+    if not abs(x) + abs(y) < FARTHEST:  # NaN neither
+        return None, None
     if not finger_radius:
         return np.array([x, y, 0.0]), np.array([0.0, 0.0, 1.0])
     square = finger_radius**2 - x * x - y * y

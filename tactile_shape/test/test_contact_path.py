@@ -96,6 +96,9 @@ def test_round_finger():
     np.testing.assert_allclose(position[:2], [3e-3, 4e-3])
     np.testing.assert_allclose(position - 0.01 * normal, [0.0, 0.0, -0.01], atol=1e-15)
     assert on_pad((0.011, 0.0), 0.01) == (None, None)
+    for x in (np.nan, np.inf, -1e200):
+        assert on_pad((x, 0.0)) == (None, None)
+    assert locate(line(1e-3, np.inf)) == (None, False) == locate(line(1e-3, np.nan))
     assert locate(point(valid=False)) == (None, False) == locate(NOTHING)
 
 
