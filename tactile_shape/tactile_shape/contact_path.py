@@ -79,7 +79,7 @@ def locate(contact, picture=None):
     edge : bool
     """
     seen = edge_point(picture) if picture is not None else None
-    if contact.type == LINE and contact.valid and np.isfinite(contact.yaw):
+    if contact.type == LINE and contact.valid and np.isfinite(contact.a + contact.yaw):
         c, s = np.cos(contact.yaw), np.sin(contact.yaw)
         place = (contact.a * c * c, contact.a * c * s)
         # The line goes on where the edge has ended.
