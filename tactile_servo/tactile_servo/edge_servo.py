@@ -6,6 +6,7 @@ servo reads no clock: stamps and steady times come in with the data.
 """
 
 from collections import deque, namedtuple
+import math
 
 import numpy as np
 
@@ -41,6 +42,11 @@ class EdgeServo:
     config : EdgeServoConfig
     tracker : ResolvedRate or Trace, optional
     workspace : WorkspaceBox, optional
+
+    Attributes
+    ----------
+    pose : ndarray, shape (4, 4)
+        Measured pose of the sensor; None before the first joint state.
     """
 
     def __init__(self, robot, limits, config=None, tracker=None, workspace=None):
@@ -51,13 +57,17 @@ class EdgeServo:
         self.goal = None
         self.success = False
         self.statistics = None
-        self.contact = self.joints = None
+        self.contact = self.joints = self.pose = None
+        self._load = 0.0
+        self._believed = list(zip(
+            (limits.lower - BEYOND_LIMITS).tolist(), (limits.upper + BEYOND_LIMITS).tolist(),
+            strict=True))
         self._paused, self._stopping, self._outcome = False, '', ''
         self._contact_fresh = self._joints_fresh = False
         self._resume_state = State.APPROACH
         self._history = deque(maxlen=HISTORY)
         self._state_since = -np.inf
-        self._commanded = self._velocities = None
+        self._commanded = self._commanded_pose = self._velocities = None
         self._anchor = None  # where the current way (approach, retreat, press depth) began
         self._last_ns = None
 
@@ -74,22 +84,31 @@ class EdgeServo:
             joint's limits; the state is not used.
         """
         positions = np.asarray(positions, dtype=float)
-        if positions.shape != self.limits.lower.shape or not np.isfinite(positions).all():
-            raise ValueError(f'joint state {positions} is not {len(self.limits.names)} angles')
-        beyond = np.maximum(self.limits.lower - positions, positions - self.limits.upper)
-        if np.max(beyond) > BEYOND_LIMITS:
-            joint = int(np.argmax(beyond))
-            raise ValueError(
-                f'joint state has {self.limits.names[joint]} at {positions[joint]:g}, which is '
-                f'{beyond[joint]:g} beyond its limits')
+        if positions.shape != self.limits.lower.shape or not all(
+                low <= angle <= high for (low, high), angle in zip(
+                    self._believed, positions.tolist(), strict=True)):
+            raise ValueError(self._why_not(positions))
         self.joints = Sample(positions, stamp_ns, arrival)
         if self._history and stamp_ns <= self._history[-1][0]:
             self._history.clear()  # the clock went back: older stamps mean another time
         self._history.append((stamp_ns, positions))
+        self.pose = self.robot.pose(positions)
+
+    def _why_not(self, positions):
+        """Why a joint state cannot be believed."""
+        if positions.shape != self.limits.lower.shape or not np.isfinite(positions).all():
+            return f'joint state {positions} is not {len(self.limits.names)} angles'
+        beyond = np.maximum(self.limits.lower - positions, positions - self.limits.upper)
+        joint = int(np.argmax(beyond))
+        return (f'joint state has {self.limits.names[joint]} at {positions[joint]:g}, which is '
+                f'{beyond[joint]:g} beyond its limits')
 
     def see_contact(self, contact, stamp_ns, arrival):
         """Take a contact estimate, its image's stamp [ns] and steady arrival time [s]."""
         self.contact = Sample(contact, stamp_ns, arrival)
+        # The larger of what is fitted and summed.
+        self._load = max((force for force in (contact.normal_force, contact.moments.m0)
+                          if math.isfinite(force)), default=0.0)
         self.tracker.see_contact(contact, stamp_ns, arrival)
 
     def see_image(self, image, arrival):
@@ -201,10 +220,10 @@ class EdgeServo:
         self._joints_fresh = self._fresh(self.joints, self.config.stale_joints, now, now_ns)
         known = {'contact_fresh': self._contact_fresh, 'joints_fresh': self._joints_fresh,
                  'contact_stamp_ns': self.contact.stamp_ns if self.contact else 0,
-                 'normal_force': self._load() if self.contact else NAN}
+                 'normal_force': self._load if self.contact else NAN}
         if self.goal is None or dt <= 0.0:
             return Status(self.state, self.reason, **known), None
-        pose = self.robot.pose(self.joints.value)
+        pose = self.pose
         if self.state in TRACKING:
             self.statistics.move(pose, self.tracker.heading(pose))
         else:
@@ -241,19 +260,19 @@ class EdgeServo:
 
     def _seed(self):
         """Start from the measured state, never from an old target."""
-        self._commanded = self.joints.value.copy()
+        self._commanded, self._commanded_pose = self.joints.value.copy(), self.pose
         self._velocities = np.zeros_like(self._commanded)
         self.tracker.resume()
-        self._anchor = self.robot.pose(self._commanded)
+        self._anchor = self._commanded_pose
 
     def _enter(self, state, reason, now):
         self.state, self.reason, self._state_since = state, reason, now
-        self._anchor = self.robot.pose(self._commanded)
+        self._anchor = self._commanded_pose
 
     def _advance(self):
         """How far the commanded sensor stands beyond the anchor along its own normal [m]."""
-        here = self.robot.pose(self._commanded)
-        return float((here[:3, 3] - self._anchor[:3, 3]) @ self._anchor[:3, 2])
+        way = self._commanded_pose[:3, 3] - self._anchor[:3, 3]
+        return float(way @ self._anchor[:3, 2])
 
     def _standstill_reason(self):
         """Why the robot must stand still whatever the edge does, or ''."""
@@ -267,7 +286,7 @@ class EdgeServo:
             if Reason.NOT_TARED in self.contact.value.reasons:
                 return 'sensor is not tared'
         behind = np.abs(self._commanded - self.joints.value)
-        if np.max(behind) > self.config.following_error:
+        if behind.max() > self.config.following_error:
             return f'robot does not follow: {self.limits.names[int(np.argmax(behind))]}'
         return ''
 
@@ -280,8 +299,8 @@ class EdgeServo:
             self._decide_hold(now, why)
         elif why:
             self._hold(now, why)
-        elif self._load() > self.config.max_load and self.state != State.RETREAT:
-            self._end(now, False, f'overload: {self._load():.1f} N', lift=True)
+        elif self._load > self.config.max_load and self.state != State.RETREAT:
+            self._end(now, False, f'overload: {self._load:.1f} N', lift=True)
         elif self.state == State.APPROACH:
             self._decide_approach(now)
         elif self.state in TRACKING:
@@ -289,18 +308,11 @@ class EdgeServo:
         elif self.state == State.RETREAT and -self._advance() >= self.config.retreat_distance:
             self._done_when_standing()
 
-    def _load(self):
-        """Normal force of the newest image [N]; the larger of what is fitted and summed."""
-        contact = self.contact.value
-        loads = [force for force in (contact.normal_force, contact.moments.m0)
-                 if np.isfinite(force)]
-        return max(loads, default=0.0)
-
     def _decide_approach(self, now):
         c = self.config
-        if self._load() >= c.contact_force and self.tracker.ready(now):
+        if self._load >= c.contact_force and self.tracker.ready(now):
             self._enter(State.TRACK, 'contact', now)
-        elif self._load() >= self.goal.force and (
+        elif self._load >= self.goal.force and (
                 self.tracker.looked > self._state_since
                 or now - self._state_since > c.edge_lost):
             self._end(now, False, f'contact on approach, but {self.tracker.reason}', lift=True)
@@ -309,14 +321,14 @@ class EdgeServo:
 
     def _decide_track(self, now, pose):
         goal, c = self.goal, self.config
-        verdict = self.tracker.judge(now, pose, self.statistics.length, self._load())
+        verdict = self.tracker.judge(now, pose, self.statistics.length, self._load)
         if verdict.state == State.HOLD:
             self._hold(now, verdict.reason)
             return
         features = self.tracker.features
         self.statistics.see(features, pose, self.contact.stamp_ns)
         if features.force >= 0.5 * goal.force:
-            self._anchor = self.robot.pose(self._commanded)  # as deep as is known to be sound
+            self._anchor = self._commanded_pose  # as deep as is known to be sound
         if goal.length and self.statistics.length >= goal.length:
             self._end(now, True, 'length reached')
         elif verdict.state == State.DONE:
@@ -363,7 +375,7 @@ class EdgeServo:
             self._stopping = reason
 
     def _done_when_standing(self):
-        if not np.any(self._velocities):
+        if not self._velocities.any():
             self.state = State.DONE
 
     # Motion ------------------------------------------------------------------------------
@@ -371,12 +383,12 @@ class EdgeServo:
     def _twist(self, pose, dt):
         """Return the wanted twist of the sensor in its own frame (6,) [m/s, rad/s]."""
         c, twist = self.config, np.zeros(6)
-        if self.state == State.APPROACH and self._load() < self.goal.force:
+        if self.state == State.APPROACH and self._load < self.goal.force:
             twist[2] = c.approach_speed
         elif self.state == State.RETREAT and -self._advance() < c.retreat_distance:
             twist[2] = -c.approach_speed
         elif self.state in TRACKING:
-            twist = self.tracker.twist(pose, self.robot.pose(self._commanded), dt)
+            twist = self.tracker.twist(pose, self._commanded_pose, dt)
         if self.state not in TRACKING:
             self.tracker.speed = 0.0
         return twist
@@ -384,13 +396,12 @@ class EdgeServo:
     def _command(self, twist, dt, known):
         """Turn a twist into joint velocities within every limit, and integrate them."""
         c = self.config
-        commanded_pose = self.robot.pose(self._commanded)
         limited_by = ''
         if self.workspace is not None:
-            rotation = commanded_pose[:3, :3]
+            rotation = self._commanded_pose[:3, :3]
             horizon = dt + 2.0 * self.limits.stopping_time
             linear, clipped = self.workspace.limit(
-                commanded_pose[:3, 3], rotation @ twist[:3], horizon)
+                self._commanded_pose[:3, 3], rotation @ twist[:3], horizon)
             twist = np.concatenate([rotation.T @ linear, twist[3:]])
             limited_by = 'workspace' if clipped else ''
         wanted, manipulability = damped_least_squares(
@@ -399,6 +410,7 @@ class EdgeServo:
         self._velocities, scale, joint_limit = limit_velocities(
             self.limits, self._commanded, self._velocities, wanted, dt)
         self._commanded = self._commanded + self._velocities * dt
+        self._commanded_pose = self.robot.pose(self._commanded)
         features = self.tracker.features
         tracking = features is not None and self.state in (*TRACKING, State.HOLD)
         status = Status(

@@ -2,10 +2,16 @@
 
 from dataclasses import dataclass
 from functools import cached_property
+import math
 
+from numba import njit
 import numpy as np
 
 from tactile_servo.errors import ConfigurationError
+
+# What bounds a motion most; those that end with a space are of one joint.
+KINDS = ('', 'velocity of ', 'position of ', 'acceleration of ', 'velocity not finite')
+_FREE, _VELOCITY, _POSITION, _ACCELERATION, _NOT_FINITE = range(len(KINDS))
 
 
 @dataclass(frozen=True)
@@ -49,11 +55,6 @@ class JointLimits:
         """Time to stop any joint from its velocity limit [s]."""
         return float(np.max(self.velocity / self.acceleration))
 
-    def stop_time(self, velocities):
-        """Time to stop all joints together from these velocities [s]."""
-        return float(np.max(np.abs(velocities) / self.acceleration))
-
-
 def limit_velocities(limits, positions, previous, wanted, dt):
     """
     Nearest joint velocities to the wanted ones that keep every limit.
@@ -81,39 +82,54 @@ def limit_velocities(limits, positions, previous, wanted, dt):
     limited_by : str
         The limit that bound most, for instance 'velocity of joint1'; empty if none did.
     """
-    finite = bool(np.isfinite(wanted).all())
-    if not finite:
-        wanted = np.zeros_like(previous)
-    horizon = dt + limits.stopping_time
-    fastest = limits.velocity
-    up = np.minimum(np.maximum((limits.upper - positions) / horizon, 0.0), fastest)
-    down = np.maximum(np.minimum((limits.lower - positions) / horizon, 0.0), -fastest)
-    room = np.where(wanted > 0.0, up, -down)
-    asked = np.abs(wanted)
-    # A joint that hardly moves needs no room, and may not divide by it.
-    scale_each = np.where(asked > room, room / np.maximum(asked, 1e-12), 1.0)
-    tightest = int(scale_each.argmin())
-    scale = float(scale_each[tightest])
-    limited_by = '' if finite else 'velocity not finite'
-    if scale < 1.0:
-        kind = 'velocity' if room[tightest] == fastest[tightest] else 'position'
-        limited_by = f'{kind} of {limits.names[tightest]}'
-    scaled = scale * wanted
-    change = limits.acceleration * dt
-    slowest, quickest = previous - change, previous + change
+    velocities, scale, kind, joint = _nearest(
+        limits.lower, limits.upper, limits.velocity, limits.acceleration, limits.stopping_time,
+        positions, previous, wanted, dt)
+    limited_by = KINDS[kind]
+    if limited_by.endswith(' '):
+        limited_by += limits.names[joint]
+    return velocities, scale, limited_by
+
+
+@njit(cache=True)
+def _nearest(lower, upper, fastest, acceleration, stopping_time, positions, previous, wanted, dt):
+    """Law of `limit_velocities`: velocities, scale, index of the kind of limit and joint."""
+    count = len(wanted)
+    horizon = dt + stopping_time
+    up, down, velocities = np.empty(count), np.empty(count), np.empty(count)
+    scale, kind, joint = 1.0, _FREE, 0
+    for k in range(count):
+        if not math.isfinite(wanted[k]):
+            wanted, kind = np.zeros(count), _NOT_FINITE
+            break
+    finite = kind == _FREE
+    for k in range(count):
+        up[k] = min(max((upper[k] - positions[k]) / horizon, 0.0), fastest[k])
+        down[k] = max(min((lower[k] - positions[k]) / horizon, 0.0), -fastest[k])
+        room, asked = up[k] if wanted[k] > 0.0 else -down[k], abs(wanted[k])
+        # A joint that hardly moves needs no room, and may not divide by it.
+        if asked > room and room / max(asked, 1e-12) < scale:
+            scale, joint = room / max(asked, 1e-12), k
+            kind = _VELOCITY if room == fastest[k] else _POSITION
     # All joints change in proportion: one that lags behind would bend the motion.
-    delta = scaled - previous
-    share = min(1.0, float((change / np.maximum(np.abs(delta), 1e-12)).min()))
-    velocities = np.minimum(np.maximum(previous + share * delta, slowest), quickest)
-    # A joint that is too close to its limit brakes as hard as it may, no harder.
-    velocities = np.where(velocities > up, np.maximum(up, slowest), velocities)
-    velocities = np.where(velocities < down, np.minimum(down, quickest), velocities)
-    if not limited_by:
-        held_back = np.abs(velocities - scaled)
-        worst = int(held_back.argmax())
-        if held_back[worst] > 1e-9:
-            limited_by = f'acceleration of {limits.names[worst]}'
-    return velocities, (scale if finite else 0.0), limited_by
+    share = 1.0
+    for k in range(count):
+        delta = abs(scale * wanted[k] - previous[k])
+        share = min(share, acceleration[k] * dt / max(delta, 1e-12))
+    worst = 1e-9
+    for k in range(count):
+        scaled, change = scale * wanted[k], acceleration[k] * dt
+        slowest, quickest = previous[k] - change, previous[k] + change
+        value = min(max(previous[k] + share * (scaled - previous[k]), slowest), quickest)
+        # A joint that is too close to its limit brakes as hard as it may, no harder.
+        if value > up[k]:
+            value = max(up[k], slowest)
+        if value < down[k]:
+            value = min(down[k], quickest)
+        velocities[k] = value
+        if abs(value - scaled) > worst and kind in (_FREE, _ACCELERATION):
+            worst, kind, joint = abs(value - scaled), _ACCELERATION, k
+    return velocities, (scale if finite else 0.0), kind, joint
 
 
 @dataclass(frozen=True)
@@ -145,7 +161,15 @@ class WorkspaceBox:
 
         Returns the velocity (3,) and whether it was clipped.
         """
-        up = np.maximum((self.upper - position) / horizon, 0.0)
-        down = np.minimum((self.lower - position) / horizon, 0.0)
-        clipped = np.clip(velocity, down, up)
-        return clipped, bool((clipped != velocity).any())
+        return _clipped(self.lower, self.upper, position, velocity, horizon)
+
+
+@njit(cache=True)
+def _clipped(lower, upper, position, velocity, horizon):
+    clipped, changed = velocity.copy(), False
+    for k in range(3):
+        up = max((upper[k] - position[k]) / horizon, 0.0)
+        down = min((lower[k] - position[k]) / horizon, 0.0)
+        if velocity[k] > up or velocity[k] < down:  # not if it is NaN: that is stopped later
+            clipped[k], changed = (up if velocity[k] > up else down), True
+    return clipped, changed

@@ -1,12 +1,13 @@
 """A robot arm from a URDF: forward kinematics, Jacobian, inverse, damped least squares."""
 
+import math
 from pathlib import Path
 
+from numba import njit
 import numpy as np
 import pinocchio
-from scipy.linalg import lapack
 
-from tactile_servo.errors import ConfigurationError, TactileServoError, UnreachableError
+from tactile_servo.errors import ConfigurationError, UnreachableError
 from tactile_servo.urdf import chain_to, limits_of, MOVING, parse, pinocchio_model
 
 
@@ -41,17 +42,32 @@ def damped_least_squares(jacobian, twist, *, damping=0.01, rotation_length=0.04)
         Smallest singular value of the weighted Jacobian [m/rad].
 
     """
-    weighted = np.array(jacobian, dtype=float)
+    return _damped(np.ascontiguousarray(jacobian, dtype=float),
+                   np.ascontiguousarray(twist, dtype=float), damping, rotation_length)
+
+
+@njit(cache=True)
+def _damped(jacobian, twist, damping, rotation_length):
+    joints = jacobian.shape[1]
+    weighted, wanted = jacobian.copy(), twist.copy()
     weighted[3:] *= rotation_length
-    weighted_twist = np.array(twist, dtype=float)
-    weighted_twist[3:] *= rotation_length
+    wanted[3:] *= rotation_length
+    square = np.zeros((6, 6))
+    for i in range(6):
+        for k in range(i + 1):
+            square[i, k] = square[k, i] = (weighted[i] * weighted[k]).sum()
+    if not np.isfinite(square).all():  # LAPACK takes no such matrix
+        return np.full(joints, np.nan), np.nan
     # Squared singular values and left singular vectors: a third of the time of an SVD.
-    squared, left, info = lapack.dsyev(weighted @ weighted.T)
-    if info:
-        raise TactileServoError(f'eigenvalues of the Jacobian: LAPACK dsyev returned {info}')
-    smallest = max(squared[max(0, 6 - weighted.shape[1])], 0.0) ** 0.5
-    gains = 1.0 / np.maximum(squared, damping * damping)
-    return weighted.T @ (left @ (gains * (left.T @ weighted_twist))), smallest
+    squared, left = np.linalg.eigh(square)
+    shares = np.zeros(6)
+    for i in range(6):
+        along = (left[:, i] * wanted).sum() / max(squared[i], damping * damping)
+        shares += along * left[:, i]
+    velocities = np.zeros(joints)
+    for i in range(6):
+        velocities += shares[i] * weighted[i]
+    return velocities, math.sqrt(max(squared[max(0, 6 - joints)], 0.0))
 
 
 class RobotModel:

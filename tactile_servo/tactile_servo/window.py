@@ -1,5 +1,6 @@
 """Short trajectories that always end at rest, for streaming to a trajectory controller."""
 
+from numba import njit
 import numpy as np
 
 from tactile_servo.trajectory import Trajectory
@@ -28,7 +29,22 @@ def stopping_window(limits, positions, velocities, lookahead):
     Trajectory
         Three points, the last at rest; stamp 0, that is from now.
     """
-    stop = max(limits.stop_time(velocities), MIN_STOP)
-    times = lookahead + stop * np.array([0.0, 0.5, 1.0])
-    way = np.outer([0.0, 0.375, 0.5], velocities) * stop
-    return Trajectory(limits.names, times, positions + way, np.outer([1.0, 0.5, 0.0], velocities))
+    return Trajectory(
+        limits.names, *_braking(limits.acceleration, positions, velocities, lookahead))
+
+
+@njit(cache=True)
+def _braking(acceleration, positions, velocities, lookahead):
+    """Times (3,), positions and velocities (3, n) of the way to a stop."""
+    stop = MIN_STOP
+    for k in range(len(velocities)):
+        stop = max(stop, abs(velocities[k]) / acceleration[k])
+    times, places = np.empty(3), np.empty((3, len(positions)))
+    speeds = np.empty_like(places)
+    for i in range(3):
+        share = 0.5 * i  # of the time to the stop; the speed falls evenly with it
+        times[i] = lookahead + share * stop
+        for k in range(len(positions)):
+            speeds[i, k] = (1.0 - share) * velocities[k]
+            places[i, k] = positions[k] + share * (1.0 - 0.5 * share) * stop * velocities[k]
+    return times, places, speeds

@@ -43,6 +43,46 @@ def test_any_wish_keeps_position_velocity_and_acceleration(start, wanted, repeat
             assert (window.positions <= LIMITS.upper + 1e-9).all()
 
 
+def by_arrays(limits, positions, previous, wanted, dt):
+    """State the law of `limit_velocities` in whole arrays, as an oracle."""
+    if not np.isfinite(wanted).all():
+        velocities, _, _ = by_arrays(limits, positions, previous, np.zeros_like(wanted), dt)
+        return velocities, 0.0, 'velocity not finite'
+    horizon = dt + limits.stopping_time
+    up = np.clip((limits.upper - positions) / horizon, 0.0, limits.velocity)
+    down = np.clip((limits.lower - positions) / horizon, -limits.velocity, 0.0)
+    room = np.where(wanted > 0.0, up, -down)
+    shares = np.where(np.abs(wanted) > room, room / np.maximum(np.abs(wanted), 1e-12), 1.0)
+    scale, change = shares.min(), limits.acceleration * dt
+    delta = scale * wanted - previous
+    share = min(1.0, (change / np.maximum(np.abs(delta), 1e-12)).min())
+    velocities = np.clip(previous + share * delta, previous - change, previous + change)
+    velocities = np.where(velocities > up, np.maximum(up, previous - change), velocities)
+    velocities = np.where(velocities < down, np.minimum(down, previous + change), velocities)
+    held_back = np.abs(velocities - scale * wanted)
+    if scale < 1.0:
+        joint = shares.argmin()
+        kind = 'velocity' if room[joint] == limits.velocity[joint] else 'position'
+    else:
+        joint, kind = held_back.argmax(), 'acceleration'
+    if scale == 1.0 and held_back.max() <= 1e-9:
+        return velocities, scale, ''
+    return velocities, scale, f'{kind} of {limits.names[joint]}'
+
+
+@settings(max_examples=500, deadline=None)
+@given(positions=st.tuples(st.floats(-1.1, 1.1), st.floats(-2.1, 0.6), st.floats(-9, 9)),
+       previous=st.tuples(st.floats(-2, 2), st.floats(-1, 1), st.floats(-4, 4)),
+       wanted=st.tuples(speeds, speeds, speeds), dt=st.sampled_from([DT, 1e-4, 0.1]))
+def test_the_law_is_that_of_whole_arrays(positions, previous, wanted, dt):
+    case = LIMITS, np.array(positions), np.array(previous), np.array(wanted), dt
+    velocities, scale, limited_by = limit_velocities(*case)
+    expected = by_arrays(*case)
+    np.testing.assert_allclose(velocities, expected[0], rtol=1e-12, atol=1e-12)
+    assert scale == pytest.approx(expected[1], rel=1e-12)
+    assert limited_by == expected[2]
+
+
 def test_free_motion_is_not_touched():
     wanted = np.array([0.02, -0.01, 0.0])
     velocities, scale, limited_by = limit_velocities(LIMITS, np.zeros(3), np.zeros(3), wanted, DT)
@@ -85,6 +125,12 @@ def test_window_brakes_within_the_acceleration_and_ends_at_rest(velocities):
     window = stopping_window(LIMITS, np.zeros(3), velocities, 0.005)
     assert (np.diff(window.times) > 0.0).all() and window.times[0] == 0.005
     assert len(window.times) >= 2 and not window.velocities[-1].any()
+    # Evenly braked from where it is commanded to be.
+    np.testing.assert_array_equal(window.positions[0], 0.0)
+    np.testing.assert_array_equal(window.velocities[0], velocities)
+    stop = window.times[-1] - window.times[0]
+    np.testing.assert_allclose(window.positions[-1], 0.5 * stop * velocities, atol=1e-12)
+    assert stop == pytest.approx(max(0.01, (np.abs(velocities) / LIMITS.acceleration).max()))
     for k in range(2):  # cubic through positions and velocities: acceleration at both ends
         span = window.times[k + 1] - window.times[k]
         way = window.positions[k + 1] - window.positions[k]
@@ -102,6 +148,10 @@ def test_workspace_box_stops_at_its_walls_only():
     free, clipped = box.limit(np.zeros(3) + 0.2, np.array([0.1, 0.2, -0.5]), 0.1)
     assert not clipped
     np.testing.assert_allclose(free, [0.1, 0.2, -0.5])
+    outside, clipped = box.limit(np.array([1.5, 0.0, 0.2]), np.array([0.1, -90.0, 0.0]), 0.1)
+    assert clipped
+    np.testing.assert_allclose(outside, [0.0, -10.0, 0.0])
+    assert np.isnan(box.limit(np.zeros(3), np.full(3, np.nan), 0.1)[0]).all()  # stopped later
 
 
 @pytest.mark.parametrize('change, text', [

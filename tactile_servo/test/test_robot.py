@@ -214,6 +214,26 @@ def test_any_number_of_joints(joints):
     assert smallest == pytest.approx(np.linalg.svd(jacobian, compute_uv=False)[-1], rel=1e-6)
 
 
+@pytest.mark.parametrize('joints', [4, 6, 7])
+def test_the_law_is_that_of_its_singular_values(joints):
+    rng = np.random.default_rng(8)
+    for spread in (0.0, 1.0, 3.0):  # decades over which the columns differ
+        jacobian = rng.normal(size=(6, joints)) * 10.0**(-spread * rng.random(joints))
+        twist = rng.normal(size=6)
+        dq, smallest = damped_least_squares(jacobian, twist, damping=0.05, rotation_length=0.2)
+        weight = np.repeat([1.0, 0.2], 3)
+        left, values, right = np.linalg.svd(weight[:, None] * jacobian, full_matrices=False)
+        gains = values / np.maximum(values**2, 0.05**2)
+        np.testing.assert_allclose(
+            dq, right.T @ (gains * (left.T @ (weight * twist))), rtol=1e-6, atol=1e-9)
+        assert smallest == pytest.approx(values[-1], rel=1e-4, abs=1e-8)
+
+
+def test_a_jacobian_that_is_no_number_gives_speeds_that_are_none():
+    dq, smallest = damped_least_squares(np.full((6, 6), np.nan), np.ones(6))
+    assert np.isnan(dq).all() and np.isnan(smallest)
+
+
 def test_position_holds_past_a_wrist_singularity(puma):
     """At 100 mm/s past a wrist singularity missed by 2 mm, within the joints' speeds."""
     q = np.array([0.0, 0.7, -2.7, 0.0, 0.0, 0.0])

@@ -136,7 +136,7 @@ class EdgeServoNode(Node):
         except ValueError as error:
             self.get_logger().warning(str(error), throttle_duration_sec=5.0)
             return
-        pose = PoseStamped(pose=pose_to_msg(self._model.pose(positions)))
+        pose = PoseStamped(pose=pose_to_msg(self._servo.pose))
         pose.header.stamp, pose.header.frame_id = msg.header.stamp, self._base_frame
         self._pose.publish(pose)
 
