@@ -1,11 +1,12 @@
-"""Compile everything that tracing needs before the robot moves, not under it."""
+"""Compile everything that the servo needs before the robot moves, not under it."""
 
-from functools import lru_cache
+from functools import cache
 
 import numpy as np
 
 from tactile_sensing.edge_path import EdgePath
 from tactile_sensing.scene import Scene, Sensor
+from tactile_servo.limits import WorkspaceBox
 from tactile_servo.servo_types import EdgeGoal
 from tactile_servo.simulation import Simulation
 
@@ -15,14 +16,16 @@ PATH = ((0.0, 0.0, 0.0), (0.045, 0.0, 0.0), (0.06, 0.026, 0.002), (0.066, 0.036,
 SOLID = (True, True, False, True)
 
 
-@lru_cache(maxsize=1)
-def warm_up():
+@cache
+def warm_up(tracker='trace'):
     """
-    Trace a small scene, first with little noise and then with much; once in a process.
+    Track a small scene, first with little noise and then with much; once in a process.
 
-    A minute where numba's cache is empty, and two seconds where it is not.
+    'trace' covers what the other tracker needs as well. A minute where numba's cache is
+    empty, and two seconds where it is not.
     """
     edge = EdgePath(np.array(PATH), SOLID)
     for noise in (630.0, 6300.0):  # Pa
         scene = Scene('warm-up', '', edge, sensor=Sensor(noise_std=noise))
-        Simulation(scene, 'trace').run(EdgeGoal(speed=0.1, force=5.0), seconds=2.0)
+        simulation = Simulation(scene, tracker, workspace=WorkspaceBox([-1.0] * 3, [1.0] * 3))
+        simulation.run(EdgeGoal(speed=0.1, force=5.0), seconds=2.0)

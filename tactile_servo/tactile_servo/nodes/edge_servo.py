@@ -86,8 +86,6 @@ class EdgeServoNode(Node):
         if not robot.robot_description:
             raise ConfigurationError(
                 'robot_description: no URDF given; pass its text or the path of a file')
-        if tracker.sees_images:
-            warm_up()
         model = RobotModel.from_urdf(robot.robot_description, robot.tip_frame)
         limits = JointLimits(
             tuple(model.joint_names), model.lower + robot.position_margin,
@@ -97,6 +95,7 @@ class EdgeServoNode(Node):
         self._servo = EdgeServo(
             model, limits, config, make_tracker(robot.tracker, config, settings),
             WorkspaceBox(robot.workspace_lower, robot.workspace_upper))
+        warm_up(robot.tracker)
         self._goal_handle, self._started = None, 0.0
         self._first_tick, self._cycles, self._missed = None, 0, 0
         self._longest, self._last_tick = 0.0, None
