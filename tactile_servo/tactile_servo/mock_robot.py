@@ -8,8 +8,10 @@ it interpolates (https://control.ros.org, "Trajectory Representation").
 
 from collections import deque
 from dataclasses import dataclass, field
-from math import exp
+from itertools import pairwise
+import math
 
+from numba import njit
 import numpy as np
 
 from tactile_servo.errors import ConfigurationError, Rejected
@@ -100,7 +102,6 @@ class MockController:
                 raise ConfigurationError(f'{name}: {value} s, must be at least 0')
         self.interpolate_from_desired_state = interpolate_from_desired_state
         self._joints = DelayedLag(start, dead_time, lag)
-        self._columns = {name: i for i, name in enumerate(self.joint_names)}
         self.limit_violations = 0
         self.peak_velocity = np.zeros(len(start))
         self.peak_acceleration = np.zeros(len(start))
@@ -145,43 +146,48 @@ class MockController:
 
         """
         self._check(trajectory, now)
-        order = [trajectory.joint_names.index(name) for name in self.joint_names]
+        names = trajectory.joint_names
+        order = (slice(None) if names == self.joint_names
+                 else [names.index(name) for name in self.joint_names])
         self._pending = trajectory, order
 
     def _check(self, trajectory, now):
-        names, times = trajectory.joint_names, np.asarray(trajectory.times, dtype=float)
-        if not names:
-            raise Rejected('joint names are empty')
-        for name in names:
-            if name not in self._columns:
-                raise Rejected(f"joint {name!r} is none of the controller's joints")
-        missing = [name for name in self.joint_names if name not in names]
-        if missing or len(names) != len(self.joint_names):
-            raise Rejected('every joint must be named once; ' + (
-                f'missing: {", ".join(missing)}' if missing else f'{len(names)} names given'))
+        names, times = trajectory.joint_names, np.asarray(trajectory.times, dtype=float).tolist()
+        if names != self.joint_names:
+            self._check_names(names)
         if len(times) == 0:
             raise Rejected('trajectory has no points')
         for name in ('times', 'positions', 'velocities', 'accelerations', 'stamp'):
             values = getattr(trajectory, name)
             if values is None and name != 'positions':
                 continue
-            if values is None or not np.all(np.isfinite(values)):
+            if values is None or not np.isfinite(values).all():
                 raise Rejected(f'{name} must be finite numbers')
         if times[0] < 0.0:
             raise Rejected(f'time of point 0 is {times[0]:.6f} s, before the start')
-        late = np.flatnonzero(np.diff(times) <= 0.0)
-        if late.size:
-            k = int(late[0])
-            raise Rejected(f'times of points {k} and {k + 1} are not strictly increasing: '
-                           f'{times[k]:.6f} s and {times[k + 1]:.6f} s')
+        for k, (time, after) in enumerate(pairwise(times)):
+            if after <= time:
+                raise Rejected(f'times of points {k} and {k + 1} are not strictly increasing: '
+                               f'{time:.6f} s and {after:.6f} s')
         if trajectory.stamp != 0.0 and trajectory.stamp + times[-1] < now:
             raise Rejected(
                 f'trajectory ended {now - trajectory.stamp - times[-1]:.6f} s ago, in the past')
         if trajectory.velocities is not None:
-            for name, velocity in zip(names, trajectory.velocities[-1], strict=True):
+            for name, velocity in zip(names, trajectory.velocities[-1].tolist(), strict=True):
                 if abs(velocity) > _VELOCITY_AT_END:
                     raise Rejected(f'velocity of the last point is not zero: joint {name!r}, '
                                    f'{velocity:.6g}')
+
+    def _check_names(self, names):
+        if not names:
+            raise Rejected('joint names are empty')
+        for name in names:
+            if name not in self.joint_names:
+                raise Rejected(f"joint {name!r} is none of the controller's joints")
+        missing = [name for name in self.joint_names if name not in names]
+        if missing or len(names) != len(self.joint_names):
+            raise Rejected('every joint must be named once; ' + (
+                f'missing: {", ".join(missing)}' if missing else f'{len(names)} names given'))
 
     def step(self, now):
         """
@@ -227,23 +233,39 @@ class MockController:
     def _limited(self, wanted, period):
         """Command (n,) within the limits; counts a step in which they had to act."""
         self._observe(wanted, period)
-        reach = self._velocity_limit * (period or 0.0)
-        command = np.minimum(np.maximum(wanted, self._lower), self._upper)
-        command = np.minimum(np.maximum(command, self._command - reach), self._command + reach)
-        if (np.abs(command - wanted) > _TOLERANCE * reach + 1e-9).any():
-            self.limit_violations += 1
-        self._command = command
-        return command
+        self._command, clamped = _clamp(
+            wanted, self._command, self._lower, self._upper, self._velocity_limit,
+            period or 0.0)
+        self.limit_violations += clamped
+        return self._command
 
     def _observe(self, wanted, period):
         if period is None:
             return
         rate = (wanted - self._wanted) / period
-        self.peak_velocity = np.maximum(self.peak_velocity, np.abs(rate))
+        _keep_largest(self.peak_velocity, rate)
         if self._wanted_rate is not None:
-            change = (rate - self._wanted_rate) * (2.0 / (period + self._period))
-            self.peak_acceleration = np.maximum(self.peak_acceleration, np.abs(change))
+            _keep_largest(self.peak_acceleration,
+                          (rate - self._wanted_rate) * (2.0 / (period + self._period)))
         self._wanted, self._wanted_rate, self._period = wanted, rate, period
+
+
+@njit(cache=True)
+def _clamp(wanted, before, lower, upper, fastest, period):
+    """Command within the limits of position and velocity, and whether they had to act."""
+    command, clamped = np.empty_like(wanted), False
+    for k in range(len(wanted)):
+        reach = fastest[k] * period
+        command[k] = min(max(wanted[k], lower[k]), upper[k])
+        command[k] = min(max(command[k], before[k] - reach), before[k] + reach)
+        clamped = clamped or abs(command[k] - wanted[k]) > _TOLERANCE * reach + 1e-9
+    return command, clamped
+
+
+@njit(cache=True)
+def _keep_largest(peak, values):
+    for k in range(len(peak)):
+        peak[k] = max(peak[k], abs(values[k]))
 
 
 class DelayedLag:
@@ -283,20 +305,27 @@ class DelayedLag:
         while self._knots and self._time < now:
             since, start = self._newest
             until, goal = self._knots[0]
-            self._follow((goal - start) / (until - since), start, since, min(until, now))
+            end = min(until, now)
+            self.position, self.velocity = _follow(
+                self.position, start, (goal - start) / (until - since), end - since,
+                end - self._time, self._lag)
+            self._time = end
             if until > now:
                 break
             self._newest = self._knots.popleft()
         return self.position, self.velocity
 
-    def _follow(self, slope, start, since, end):
-        """Exact response until `end` to the command start + slope (t - since)."""
-        command = start + slope * (end - since)
-        if self._lag > 0.0:
-            settled = command - self._lag * slope
-            offset = self.position - (settled - slope * (end - self._time))
-            self.position = settled + offset * exp(-(end - self._time) / self._lag)
-            self.velocity = (command - self.position) / self._lag
-        else:
-            self.position, self.velocity = command, slope
-        self._time = end
+
+@njit(cache=True)
+def _follow(position, start, slope, since, time, lag):
+    """
+    Position and velocity after `time` [s], exact, of joints that follow a command.
+
+    The command has run along start + slope t for `since` [s].
+    """
+    command = start + slope * since
+    if lag == 0.0:
+        return command, slope
+    settled = command - lag * slope
+    position = settled + (position - (settled - slope * time)) * math.exp(-time / lag)
+    return position, (command - position) / lag

@@ -2,6 +2,7 @@
 
 from bisect import bisect_right
 
+from numba import njit
 import numpy as np
 
 
@@ -22,7 +23,7 @@ class Spline:
     start : float
         Time from which the trajectory's own times count [s].
     trajectory : Trajectory
-    order : list of int
+    order : list of int, or slice
         Columns of the trajectory in the order of the joints.
     now : float
         Time of the first sample [s].
@@ -30,64 +31,60 @@ class Spline:
     """
 
     def __init__(self, before, state, start, trajectory, order, now):
-        times = start + np.asarray(trajectory.times, dtype=float)
+        times = (start + np.asarray(trajectory.times, dtype=float)).tolist()
         rows = [trajectory.positions, trajectory.velocities, trajectory.accelerations]
         if rows[1] is None:
             rows = rows[:1]
         elif rows[2] is None:
             rows = rows[:2]
-        points = np.array([row[:, order] for row in rows])  # (1 to 3, K, n)
-        self._last = np.zeros((3, points.shape[2]))
-        self._last[:len(rows)] = points[:, -1]
-        # Segment 0 leads to the first point and is never sampled if that is not ahead.
-        lead = times[0] - before if times[0] > max(before, now) else 1.0
-        self._knots = [min(before, now), *times.tolist()]
-        known = min(len(rows), len(state))
-        first = _polynomials(np.array([lead]), state[:known, None], points[:known, :1])
-        rest = _polynomials(np.diff(times), points[:, :-1], points[:, 1:])
-        self._origins = [before, *times.tolist()]
-        self._polynomials = np.concatenate([first, rest])
+        self._points = np.empty((len(times), len(rows), len(state[0])))
+        for i, row in enumerate(rows):
+            self._points[:, i] = row[:, order]
+        self._state, self._before = state, before
+        self._knots = [min(before, now), *times]
 
     def sample(self, now):
         """Position, velocity and acceleration (3, n) at a time [s]."""
-        segment = max(bisect_right(self._knots, now) - 1, 0)
-        if segment >= len(self._polynomials):
-            return self._last
-        t = now - self._origins[segment]
-        t2 = t * t
-        t3 = t2 * t
-        powers = np.array([[1.0, t, t2, t3, t2 * t2, t2 * t3],
-                           [0.0, 1.0, 2 * t, 3 * t2, 4 * t3, 5 * t2 * t2],
-                           [0.0, 0.0, 2.0, 6 * t, 12 * t2, 20 * t3]])
-        return powers @ self._polynomials[segment]
+        points, knots = self._points, self._knots
+        segment = max(bisect_right(knots, now) - 1, 0)
+        if segment == len(points):
+            end = np.zeros((3, points.shape[2]))
+            end[:points.shape[1]] = points[-1]
+            return end
+        first = self._state if segment == 0 else points[segment - 1]
+        since = self._before if segment == 0 else knots[segment]
+        return _between(first, points[segment], knots[segment + 1] - since, now - since)
 
 
-def _polynomials(duration, start, end):
+@njit(cache=True)
+def _between(first, last, duration, t):
     """
-    Coefficients (segments, 6, n), lowest power first, between states (1 to 3, segments, n).
+    State (3, n) at a time t after a first state, on the way to a last one.
 
-    `duration` (segments,) [s]; the rows of a state are position, velocity, acceleration.
+    `first` and `last` (1 to 3, n) are position, velocity, acceleration; what only one of them
+    has is not used. `duration` and t [s].
     """
-    t = duration[:, None]
-    coefficients = np.zeros((len(duration), 6, start.shape[2]))
-    coefficients[:, 0] = start[0]
-    step = end[0] - start[0]
-    if len(start) == 1:
-        coefficients[:, 1] = step / t
-        return coefficients
-    v0, v1 = start[1], end[1]
-    coefficients[:, 1] = v0
-    if len(start) == 2:
-        coefficients[:, 2] = (3.0 * step - (2.0 * v0 + v1) * t) / t**2
-        coefficients[:, 3] = (-2.0 * step + (v0 + v1) * t) / t**3
-        return coefficients
-    a0, a1 = start[2], end[2]
-    coefficients[:, 2] = 0.5 * a0
-    # What the start state leaves to be made up by the three highest powers.
-    p = step - (v0 + 0.5 * a0 * t) * t
-    v = (v1 - v0 - a0 * t) * t
-    a = (a1 - a0) * t**2
-    coefficients[:, 3] = (10.0 * p - 4.0 * v + 0.5 * a) / t**3
-    coefficients[:, 4] = (-15.0 * p + 7.0 * v - a) / t**4
-    coefficients[:, 5] = (6.0 * p - 3.0 * v + 0.5 * a) / t**5
-    return coefficients
+    known = min(len(first), len(last))
+    between = np.empty((3, first.shape[1]))
+    for j in range(first.shape[1]):
+        step = last[0, j] - first[0, j]
+        c1, c2, c3, c4, c5 = step / duration, 0.0, 0.0, 0.0, 0.0
+        if known > 1:
+            c1 = first[1, j]
+            p, v = step - c1 * duration, (last[1, j] - c1) * duration
+            if known == 2:
+                c2 = (3.0 * p - v) / duration**2
+                c3 = (v - 2.0 * p) / duration**3
+            else:
+                c2 = 0.5 * first[2, j]
+                # What the first state leaves to be made up by the three highest powers.
+                p -= c2 * duration**2
+                v -= 2.0 * c2 * duration**2
+                a = (last[2, j] - first[2, j]) * duration**2
+                c3 = (10.0 * p - 4.0 * v + 0.5 * a) / duration**3
+                c4 = (-15.0 * p + 7.0 * v - a) / duration**4
+                c5 = (6.0 * p - 3.0 * v + 0.5 * a) / duration**5
+        between[0, j] = first[0, j] + t * (c1 + t * (c2 + t * (c3 + t * (c4 + t * c5))))
+        between[1, j] = c1 + t * (2.0 * c2 + t * (3.0 * c3 + t * (4.0 * c4 + t * 5.0 * c5)))
+        between[2, j] = 2.0 * c2 + t * (6.0 * c3 + t * (12.0 * c4 + t * 20.0 * c5))
+    return between
