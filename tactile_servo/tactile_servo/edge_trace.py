@@ -100,9 +100,9 @@ def project(nodes, stations, x, y, first, last):
         Station, x and y of the place, distance to the left, and the direction x, y there.
     """
     best, station, fx, fy, left, ux, uy = np.inf, first, x, y, 0.0, 1.0, 0.0
-    for k in range(len(nodes) - 1):
-        if stations[k + 1] < first or stations[k] > last:
-            continue
+    for k in range(max(np.searchsorted(stations, first) - 1, 0), len(nodes) - 1):
+        if stations[k] > last:
+            break
         ax, ay = nodes[k, 0], nodes[k, 1]
         bx, by = nodes[k + 1, 0] - ax, nodes[k + 1, 1] - ay
         length = math.hypot(bx, by)
@@ -162,24 +162,25 @@ def rise(nodes, stations, station, reach, ends):
     not tell the height. NaN where too little is left.
     """
     count = len(nodes)
+    first = np.searchsorted(stations, station - reach)
+    last = min(np.searchsorted(stations, station + reach, side='right'),
+               count - 2 * CLEAR if ends else count)
+    begin = max(first - CLEAR, 0)
+    bent = np.empty(max(min(last + CLEAR, count) - begin, 0), np.bool_)
+    for m in range(begin, begin + len(bent)):
+        a, b = max(m - 2, 0), min(m + 2, count - 1)
+        bent[m - begin] = abs(turned(math.atan2(nodes[a, 4], nodes[a, 3]),
+                                     math.atan2(nodes[b, 4], nodes[b, 3]))) > BLURRING_TURN
     n = ss = sz = sss = ssz = 0.0
-    for k in range(count):
-        s = stations[k] - station
-        if abs(s) > reach or (ends and k >= count - 2 * CLEAR):
-            continue
+    for k in range(first, last):
         clear = True
         for m in range(max(k - CLEAR, 0), min(k + CLEAR + 1, count)):
-            if nodes[m, 5] == 0.0 or abs(stations[m] - stations[k]) > CLEAR * STEP:
-                clear = clear and nodes[m, 5] != 0.0
-                continue
-            a, b = max(m - 2, 0), min(m + 2, count - 1)
-            turn = turned(math.atan2(nodes[a, 4], nodes[a, 3]),
-                          math.atan2(nodes[b, 4], nodes[b, 3]))
-            if abs(turn) > BLURRING_TURN:
+            if nodes[m, 5] == 0.0 or (
+                    bent[m - begin] and abs(stations[m] - stations[k]) <= CLEAR * STEP):
                 clear = False
                 break
         if clear:
-            z = nodes[k, 2]
+            s, z = stations[k] - station, nodes[k, 2]
             n, ss, sz, sss, ssz = n + 1.0, ss + s, sz + z, sss + s * s, ssz + s * z
     spread = n * sss - ss * ss
     if n < 12 or spread <= 0.0:
@@ -205,10 +206,8 @@ def speed_profile(nodes, stations, here, top, acceleration, end_speed, cut, sett
         end of the path [m/s], allowed distance from a corner [m], see above [m].
     """
     squared = end_speed * end_speed + 2.0 * acceleration * max(stations[-1] - here, 0.0)
-    for k in range(1, len(nodes) - 1):
+    for k in range(max(np.searchsorted(stations, here - settle), 1), len(nodes) - 1):
         ahead = stations[k] - here
-        if ahead < -settle:
-            continue
         ax, ay = nodes[k, 0] - nodes[k - 1, 0], nodes[k, 1] - nodes[k - 1, 1]
         bx, by = nodes[k + 1, 0] - nodes[k, 0], nodes[k + 1, 1] - nodes[k, 1]
         turn = abs(math.atan2(ax * by - ay * bx, ax * bx + ay * by))

@@ -3,6 +3,14 @@
 import numpy as np
 
 from tactile_servo.corners import Corner, guess, LEAST_TURN
+from tactile_servo.edge_nodes import (
+    closing_node,
+    FAR_TURN,
+    nodes_from,
+    sharpest_turn,
+    stations_of,
+    unblurred,
+)
 from tactile_servo.edge_trace import (
     length_on_pad,
     local_line,
@@ -20,8 +28,6 @@ AHEAD = 22.0e-3  # m of path traced at the most
 PICTURES = 10  # whose points make the cloud
 SEEN_BORDER = 3.3e-3  # m from the pad's border where a ridge can no longer be told from its end
 BLUR = 0.6  # of the squared depth over the radius: how far a ridge lies inside of a curve [m^2]
-NEAR_TURN, FAR_TURN = 4, 9  # nodes either side over which a turn is measured
-SHARPNESS = 0.58  # share of the turn that the near nodes must see for a corner
 BRANCH_REACH = 6.0e-3  # m from the end of a ridge within which another leg is looked for
 TIP = 8  # nodes at the end of a ridge among which it fades
 OFF_PATH = 2.0e-3  # m from the path beyond which a point is not of it
@@ -29,6 +35,7 @@ GAP_REACH = 18.0e-3  # m ahead over which a ridge may go on
 BESIDE = 1.3e-3  # m from the path beyond which a point belongs to another leg
 BEHIND = 30.0e-3  # m around the pad of which the load is reckoned
 CLOSING = 1.2e-3  # m from the start within which a contour closes
+UNSURE_START = 4.0e-3  # m of a path at its start that later pictures no longer improved
 SHORTEST_CONTOUR = 0.05  # m
 VIEW, END, CLOSED = 'view', 'end', 'closed'
 
@@ -116,8 +123,7 @@ class TracedEdge:
     def _measure(self, first=None):
         if first is None:
             first = self.stations[0] if len(self.stations) else 0.0
-        chords = np.linalg.norm(np.diff(self.nodes[:, :2], axis=0), axis=1)
-        self.stations = first + np.concatenate([[0.0], np.cumsum(chords)])
+        self.stations = stations_of(self.nodes, first)
 
     def extend(self, station):
         """Trace anew what lies ahead of a station [m]."""
@@ -160,7 +166,7 @@ class TracedEdge:
             corner, cut = self._next_corner(np.vstack([start, leg]), open_corners)
             leg = leg[:cut]
             if len(leg):
-                ways.append(self._unblurred(np.vstack([start, leg]))[1:])
+                ways.append(unblurred(np.vstack([start, leg]), self.blur, STEP)[1:])
                 found.append(None)
                 z = leg[-1, 2]
             left -= len(leg) * STEP
@@ -200,21 +206,6 @@ class TracedEdge:
                     best = corner, max(first - 1, 0)
         return best
 
-    def _unblurred(self, leg):
-        """Move the nodes of a curve out to where the edge must lie: the skin blurs it in."""
-        if len(leg) < 6:
-            return leg
-        angle = np.unwrap(np.arctan2(leg[:, 4], leg[:, 3]))
-        span = min(5, (len(leg) - 1) // 2)
-        curvature = np.empty(len(leg))
-        curvature[span:-span] = (angle[2 * span:] - angle[:-2 * span]) / (2 * span * STEP)
-        curvature[:span], curvature[-span:] = curvature[span], curvature[-span - 1]
-        curvature = np.clip(curvature, -300.0, 300.0)
-        moved = leg.copy()
-        moved[:, 0] += self.blur * curvature * leg[:, 4]
-        moved[:, 1] -= self.blur * curvature * leg[:, 3]
-        return moved
-
     # Ends --------------------------------------------------------------------------------
 
     def _go_on(self):
@@ -231,9 +222,11 @@ class TracedEdge:
 
     def _trim(self, head, ways, found):
         """Take off the tip of a ridge that ends: it reaches beyond the edge by its blur."""
+        if self.end != END or not ways:
+            return
         leg = np.vstack([head, *ways])[-3 * TIP:]
         indentation = self._picture.depth_of_pad - leg[:, 2]
-        if self.end != END or len(leg) < 3 * TIP or not ways:
+        if len(leg) < 3 * TIP:
             return
         # At the end of a line load its pressure is half of that along it.
         faint = indentation < 0.5 * np.median(indentation[:2 * TIP])
@@ -297,15 +290,8 @@ class TracedEdge:
     @staticmethod
     def _sharp_turn(leg):
         """Guess of a corner where a leg turns most, or None."""
-        angle = np.unwrap(np.arctan2(leg[:, 4], leg[:, 3]))
-        if len(angle) <= 2 * NEAR_TURN + 2:
-            return None
-        near = np.abs(angle[2 * NEAR_TURN:] - angle[:-2 * NEAR_TURN])
-        k = int(near.argmax())
-        middle = k + NEAR_TURN
-        first, last = max(middle - FAR_TURN, 0), min(middle + FAR_TURN, len(leg) - 1)
-        far = abs(angle[last] - angle[first])
-        if near[k] < 0.8 * LEAST_TURN or near[k] < SHARPNESS * far:
+        first, last = sharpest_turn(leg, 0.8 * LEAST_TURN)
+        if first < 0:
             return None
         return guess(leg[first, :2], leg[first, 3:5], leg[last, :2], leg[last, 3:5])
 
@@ -343,19 +329,14 @@ class TracedEdge:
         """Close the contour where the path meets its start."""
         if station - self.stations[0] < SHORTEST_CONTOUR or self.past:
             return
-        start = self.nodes[np.searchsorted(self.stations, self.stations[0] + 4e-3)]
-        ahead = self.stations > station
-        gap = np.linalg.norm(self.nodes[:, :2] - start[:2], axis=1)
-        gap[~ahead] = np.inf
-        k = int(gap.argmin())
-        if gap[k] > CLOSING or self.nodes[k, 3:5] @ start[3:5] < 0.8 or k == len(gap) - 1:
+        begin = self.stations[0] + UNSURE_START
+        k = closing_node(self.nodes, self.stations, station, begin, CLOSING)
+        if k < 0:
             return
-        again = (self.stations >= self.stations[0] + 4e-3) & (
-            self.stations < self.stations[0] + 30e-3)
+        again = (self.stations >= begin) & (self.stations < self.stations[0] + 30e-3)
         # Where the pad itself began, at station 0: the path begins behind it.
-        self.closing = self.stations[k] - min(self.stations[0] + 4e-3, 0.0)
-        self.contour_nodes = self.nodes[:k]
-        self.contour_nodes = self.contour_nodes[self.stations[:k] >= self.stations[0] + 4e-3]
+        self.closing = self.stations[k] - min(begin, 0.0)
+        self.contour_nodes = self.nodes[:k][self.stations[:k] >= begin]
         self.nodes = np.vstack([self.nodes[:k], self.nodes[again]])
         self._measure()
         self.end = CLOSED
@@ -388,17 +369,5 @@ class TracedEdge:
 
     def _take_near(self, station):
         """Remember the path around the pad, and beyond what is seen of it straight on."""
-        near = self.nodes[self.stations > station - BEHIND]
-        if len(near) == len(self.nodes) and self._open_start:
-            near = np.vstack([_beyond(near[0], -BEHIND), near])
-        if self.end == VIEW:
-            near = np.vstack([near, _beyond(near[-1], BEHIND)])
-        self._near = near
-
-
-def _beyond(node, distance):
-    """Node straight on at a distance [m]."""
-    moved = node.copy()
-    moved[:2] += distance * node[3:5]
-    moved[5] = 1.0
-    return moved
+        self._near = nodes_from(self.nodes, self.stations, station - BEHIND, BEHIND,
+                                self._open_start, self.end == VIEW)
