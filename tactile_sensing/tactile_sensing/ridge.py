@@ -10,6 +10,7 @@ FAINT = 0.12  # of the highest pressure; less is no ridge beside a stronger one
 OFFSET = 0.6  # pitches from the middle of a tactel within which its ridge point lies
 NOISY = 0.05  # noise, of the peak, from which the picture is smoothed first
 WIDEST = 3.0  # depths that the width d of (3.1) may seem to be, of two legs that merge as well
+_DIRECTIONS = ((0, 1), (1, 0), (1, 1), (1, -1))  # steps to a neighbour: row, column
 COLUMNS = 6  # x, y, direction x, y, pressure, quality
 
 
@@ -49,20 +50,6 @@ def ridge_points(pressure, array, noise, depth):
 
 
 @njit(cache=True)
-def _pairs(p, r, c):
-    """Pairs of opposite neighbours (4, 2), by NaN where there are none."""
-    rows, columns = p.shape
-    pairs = np.full((4, 2), np.nan)
-    steps = ((0, 1), (1, 0), (1, 1), (1, -1))
-    for k in range(4):
-        dr, dc = steps[k]
-        if 0 <= r - dr and r + dr < rows and 0 <= min(c - dc, c + dc) and max(
-                c - dc, c + dc) < columns:
-            pairs[k, 0], pairs[k, 1] = p[r - dr, c - dc], p[r + dr, c + dc]
-    return pairs
-
-
-@njit(cache=True)
 def mend(pressure, noise):
     """
     Fill invalid tactels, and those that report too little between loaded ones.
@@ -76,20 +63,43 @@ def mend(pressure, noise):
     for r in range(rows):
         for c in range(columns):
             here = pressure[r, c]
-            pairs = _pairs(pressure, r, c)
+            valid = math.isfinite(here)
             pit, known, best, value = True, 0, np.inf, 0.0
-            for k in range(4):
-                low, high = min(pairs[k, 0], pairs[k, 1]), max(pairs[k, 0], pairs[k, 1])
-                if not math.isfinite(low + high):
+            for dr, dc in _DIRECTIONS:
+                if not (0 <= r - dr and r + dr < rows
+                        and 0 <= min(c - dc, c + dc) and max(c - dc, c + dc) < columns):
+                    continue
+                one, other = pressure[r - dr, c - dc], pressure[r + dr, c + dc]
+                low, high = min(one, other), max(one, other)
+                if not math.isfinite(one + other):
                     continue
                 known += 1
                 if not here < 0.7 * low - 3.0 * noise:
                     pit = False
+                    if valid:  # and so it stays, whatever the other directions say
+                        break
                 if high - low < best * max(high, noise):
                     best, value = (high - low) / max(high, noise), 0.5 * (low + high)
-            if not math.isfinite(here) or (pit and known >= 2):
+            if not valid or (pit and known >= 2):
                 mended[r, c] = value
     return mended
+
+
+@njit(cache=True)
+def centre_of_load(pressure, x, y, share):
+    """
+    Centre of pressure (x, y) of the tactels above a share of the peak [m].
+
+    The middle of the array where nothing presses.
+    """
+    floor = share * pressure.max()
+    total = mx = my = 0.0
+    for r in range(len(y)):
+        for c in range(len(x)):
+            p = pressure[r, c]
+            if p > floor:
+                total, mx, my = total + p, mx + p * x[c], my + p * y[r]
+    return (mx / total, my / total) if total > 0.0 else (0.0, 0.0)
 
 
 @njit(cache=True)

@@ -6,7 +6,7 @@ import pytest
 
 from tactile_sensing.array import TactelArray
 from tactile_sensing.line import pressure as line_pressure
-from tactile_sensing.ridge import mend, ridge_points
+from tactile_sensing.ridge import centre_of_load, mend, ridge_points
 
 PITCH = 0.0254 / 16
 PAD = TactelArray(16, 16, PITCH, PITCH)
@@ -58,6 +58,23 @@ def test_broken_tactels_on_the_ridge_are_mended(yaw, value):
     mended = mend(broken, 630.0)
     assert mended[r + 3, c + 3] == pytest.approx(picture[r + 3, c + 3], rel=0.15)
     assert np.abs(distance(ridge_points(broken, PAD, 630.0, 0.002), yaw)).max() < 0.15e-3
+
+
+@pytest.mark.parametrize('columns', [(8, 9), (7, 8)])
+def test_an_invalid_neighbour_is_no_witness(columns):
+    picture = line(0.0, rho=0.5 * PITCH)
+    broken = picture.copy()
+    broken[6, list(columns)] = np.nan
+    np.testing.assert_allclose(mend(broken, 630.0), picture)
+
+
+def test_the_centre_of_the_load_is_that_of_its_stronger_part():
+    picture = np.zeros(PAD.shape)
+    picture[3, 5], picture[3, 7], picture[9, 2] = 4e4, 4e4, 1e4
+    assert centre_of_load(picture, PAD.x, PAD.y, 0.3) == pytest.approx((PAD.x[6], PAD.y[3]))
+    expected = (8 * PAD.x[6] + PAD.x[2]) / 9, (8 * PAD.y[3] + PAD.y[9]) / 9
+    assert centre_of_load(picture, PAD.x, PAD.y, 0.2) == pytest.approx(expected)
+    assert centre_of_load(0.0 * picture, PAD.x, PAD.y, 0.3) == (0.0, 0.0)
 
 
 def test_sound_pictures_are_left_alone():
