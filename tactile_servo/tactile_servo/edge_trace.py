@@ -19,6 +19,32 @@ X, Y, Z, DX, DY, WEIGHT = range(6)
 
 
 @njit(cache=True)
+def into_plane(points, pose, indentation):
+    """
+    Cloud (N, 6) of the ridge points of a picture.
+
+    Parameters
+    ----------
+    points : ndarray, shape (N, 6)
+        Of `tactile_sensing.ridge.ridge_points`.
+    pose : ndarray, shape (4, 4)
+        Of the sensor in the plane's frame.
+    indentation : float
+        Of the skin on the ridge, per pressure there [m/Pa].
+    """
+    cloud = np.empty((len(points), 6))
+    for n in range(len(points)):
+        x, y, z = points[n, 0], points[n, 1], -indentation * points[n, 4]
+        for i in range(3):
+            cloud[n, i] = pose[i, 0] * x + pose[i, 1] * y + pose[i, 2] * z + pose[i, 3]
+        dx = pose[0, 0] * points[n, 2] + pose[0, 1] * points[n, 3]
+        dy = pose[1, 0] * points[n, 2] + pose[1, 1] * points[n, 3]
+        length = max(math.hypot(dx, dy), 1e-12)  # square to the plane it has no way in it
+        cloud[n, DX], cloud[n, DY], cloud[n, WEIGHT] = dx / length, dy / length, points[n, 5]
+    return cloud
+
+
+@njit(cache=True)
 def trace(cloud, x, y, tx, ty, length):
     """
     Follow the ridge from a place in a direction.

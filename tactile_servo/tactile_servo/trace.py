@@ -6,9 +6,9 @@ import math
 import numpy as np
 
 from tactile_sensing.contact import ContactType
-from tactile_sensing.ridge import mend, ridge_points
+from tactile_sensing.ridge import centre_of_load, mend, ridge_points
 from tactile_servo.corners import Picture
-from tactile_servo.edge_trace import turned
+from tactile_servo.edge_trace import into_plane, turned
 from tactile_servo.resolved_rate import EdgeFeatures
 from tactile_servo.servo_types import KEEP, State, Verdict
 from tactile_servo.trace_config import TraceConfig
@@ -16,6 +16,7 @@ from tactile_servo.traced_edge import CLOSED, END, TracedEdge, VIEW
 
 TRACK, COAST, PULL, PROBE_DOWN = 'track', 'coast', 'pull', 'probe'
 IMPOSSIBLE = 1e9  # Pa
+LOADED = 0.3  # of the highest pressure, from which a tactel tells where the load is
 PRESSED = 0.6  # of the force, from which what is seen of the edge is all of it
 FEWEST_POINTS = 3  # of a ridge
 SURE_PICTURES = 3  # that show the edge elsewhere before it is believed to have slipped
@@ -117,7 +118,9 @@ class Trace:
         points = ridge_points(pressure, array, noise, layer.depth)
         self.reason, self._edge_seen = 'no ridge in the picture', False
         if len(points) >= FEWEST_POINTS:
-            self.edge.see(self._cloud(points, placed, layer.depth),
+            # (3.1) at its peak, 2 q / (pi d), gives the load, and that the indentation.
+            indentation = 0.5 * math.pi * layer.depth / self.config.skin_stiffness
+            self.edge.see(into_plane(points, placed, indentation),
                           Picture(pressure, array, layer.depth, noise, placed[:2, 3],
                                   math.atan2(placed[1, 0], placed[0, 0]), placed[2, 3]))
             self._follow(placed)
@@ -131,25 +134,15 @@ class Trace:
 
     def _towards_pressure(self, pressure, array, placed):
         """Unit vector in the plane (2,) from the pad's centre to that of the pressure."""
-        loaded = np.where(pressure > 0.3 * pressure.max(), pressure, 0.0)
-        centre = np.array([(loaded @ array.x).sum(), (array.y @ loaded).sum()])
-        way = placed[:2, :2] @ centre
-        size = float(np.hypot(*way))
+        x, y = centre_of_load(pressure, array.x, array.y, LOADED)
+        way = placed[:2, 0] * x + placed[:2, 1] * y
+        size = math.hypot(way[0], way[1])
         return way / size if size > 0.0 else None
 
     def _on_pad(self, placed, ahead=0.0):
         """Length of the edge on the pad at a pose in the plane, moved by `ahead` (2,) [m]."""
         return self.edge.length_on_pad(
             placed[:2, 3] + ahead, math.atan2(placed[1, 0], placed[0, 0]), self._half)
-
-    def _cloud(self, points, placed, depth):
-        """Points of the picture in the plane: columns of `edge_trace`."""
-        # (3.1) at its peak, 2 q / (pi d), gives the load, and that the indentation.
-        indentation = points[:, 4] * (0.5 * math.pi * depth / self.config.skin_stiffness)
-        place = np.column_stack([points[:, :2], -indentation]) @ placed[:3, :3].T + placed[:3, 3]
-        way = points[:, 2:4] @ placed[:2, :2].T
-        way /= np.linalg.norm(way, axis=1)[:, None]
-        return np.column_stack([place, way, points[:, 5]])
 
     def _heading(self, placed):
         return self.goal.direction * placed[:2, 1] / np.linalg.norm(placed[:2, 1])

@@ -2,8 +2,10 @@
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from tactile_servo.edge_trace import (
+    into_plane,
     length_on_pad,
     place_at,
     project,
@@ -32,6 +34,21 @@ def straight_nodes(count=41):
     s = STEP * np.arange(count)
     return np.column_stack([s, 0 * s, 0.1 * s, np.ones(count), np.zeros(count),
                             np.ones(count)]), s
+
+
+def test_points_of_a_picture_are_put_into_the_plane():
+    rng = np.random.default_rng(2)
+    points = np.column_stack([rng.normal(size=(9, 4)), rng.random((9, 2))])
+    pose = np.eye(4)
+    pose[:3, :3] = Rotation.from_rotvec([0.1, -0.2, 1.9]).as_matrix()
+    pose[:3, 3] = [0.3, -0.1, 0.02]
+    cloud = into_plane(points, pose, 0.05)
+    places = np.column_stack([points[:, :2], -0.05 * points[:, 4], np.ones(9)]) @ pose.T
+    np.testing.assert_allclose(cloud[:, :3], places[:, :3])
+    ways = points[:, 2:4] @ pose[:2, :2].T
+    np.testing.assert_allclose(
+        cloud[:, 3:5], ways / np.linalg.norm(ways, axis=1, keepdims=True))
+    np.testing.assert_array_equal(cloud[:, 5], points[:, 5])
 
 
 def test_straight_ridge_is_followed_to_its_end_in_steps():
