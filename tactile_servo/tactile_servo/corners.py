@@ -2,6 +2,7 @@
 
 import math
 
+from numba import njit
 import numpy as np
 
 from tactile_servo.corner_fit import CHORDS, corner_points, fit_corner
@@ -126,9 +127,8 @@ class Picture:
 
     def covers(self, points, margin=0.0):
         """Whether every point (M, 2) of the plane lies on the pad, off its border [m]."""
-        inside = np.abs(self.to_pad(points))
-        return bool((inside[:, 0] <= self.array.half_width_x - margin).all()
-                    and (inside[:, 1] <= self.array.half_width_y - margin).all())
+        return _inside(points, self.place, self._rotation,
+                       self.array.half_width_x - margin, self.array.half_width_y - margin)
 
     def fit(self, p):
         """
@@ -166,6 +166,16 @@ class Picture:
         turned = np.eye(7)
         turned[:2, :2] = self._rotation
         return q, turned @ full @ turned.T
+
+
+@njit(cache=True)
+def _inside(points, place, rotation, half_x, half_y):
+    for n in range(len(points)):
+        dx, dy = points[n, 0] - place[0], points[n, 1] - place[1]
+        if not (abs(dx * rotation[0, 0] + dy * rotation[1, 0]) <= half_x
+                and abs(dx * rotation[0, 1] + dy * rotation[1, 1]) <= half_y):
+            return False
+    return True
 
 
 def guess(first, first_way, second, second_way):
