@@ -1,8 +1,14 @@
-"""Between the core's data and ROS messages; nothing else converts."""
+"""
+Between the core's data and ROS messages; nothing else converts.
+
+What is published for every picture can be filled `into` a message of the caller's: to build
+one takes several times as long, and what has been published is free again.
+"""
 from array import array
 from functools import lru_cache
+import math
 
-from builtin_interfaces.msg import Duration, Time
+from builtin_interfaces.msg import Time
 from geometry_msgs.msg import WrenchStamped
 import numpy as np
 
@@ -56,7 +62,7 @@ def pose_from_msg(pose):
     x, y, z, w = (getattr(pose.orientation, axis) for axis in 'xyzw')
     position = tuple(getattr(pose.position, axis) for axis in 'xyz')
     square = x * x + y * y + z * z + w * w
-    if not (abs(square - 1.0) < 2e-3 and np.all(np.isfinite(position))):
+    if not (abs(square - 1.0) < 2e-3 and all(map(math.isfinite, position))):
         raise TactileSensingError(
             f'pose: quaternion ({x:.4g}, {y:.4g}, {z:.4g}, {w:.4g}) at {position}, must be '
             'finite and of length 1')
@@ -70,11 +76,15 @@ def pose_from_msg(pose):
 
 # --- TactileImage and SensorInfo ----------------------------------------------------------------
 
-def image_to_msg(image: TactileImage):
-    """Return the TactileImage message of a picture; the device's own time stays 0."""
-    message = tactile_msgs.TactileImage(
-        sensor=image.sensor, sequence=image.sequence, tared=image.tared,
-        saturated=image.saturated, layers=[_layer_to_msg(layer) for layer in image.layers])
+def image_to_msg(image: TactileImage, into=None):
+    """Return the TactileImage message of a picture; the device's own time stays as it is."""
+    message = tactile_msgs.TactileImage() if into is None else into
+    message.sensor, message.sequence = image.sensor, image.sequence
+    message.tared, message.saturated = image.tared, image.saturated
+    if len(message.layers) != len(image.layers):
+        message.layers = [tactile_msgs.TactileLayer() for _ in image.layers]
+    for layer, layer_message in zip(image.layers, message.layers, strict=True):
+        _layer_to_msg(layer, layer_message)
     _set_header(message.header, image)
     _set_array(message, image.array)
     return message
@@ -103,7 +113,7 @@ def sensor_info_to_msg(info: SensorInfo):
         sensor=info.sensor, model=info.model, serial_number=info.serial_number,
         nominal_rate=float(info.nominal_rate), acquisition_delay=float(info.acquisition_delay),
         skin_stiffness=float(info.skin_stiffness), max_load=float(info.max_load),
-        layers=[_layer_to_msg(layer) for layer in info.layers],
+        layers=[_layer_to_msg(layer, tactile_msgs.TactileLayer()) for layer in info.layers],
         dead_tactels=array('I', info.dead_tactels), calibration=info.calibration,
         tared_at=stamp_from_ns(info.tared_at_ns))
     _set_header(message.header, info)
@@ -134,10 +144,11 @@ def sensor_info_from_msg(message) -> SensorInfo:
 
 _SCALARS = ('a', 'b', 'yaw', 'normal_force', 'shear_force_x', 'shear_force_y', 'line_force',
             'snr', 'residual', 'force_windowed')
+_TYPES = frozenset(map(int, ContactType))
 _MOMENTS = ('m0', 'mx', 'my', 'mxx', 'myy', 'mxy')
 
 
-def contact_to_msg(contact: Contact, image_message, now_ns: int):
+def contact_to_msg(contact: Contact, image_message, now_ns: int, into=None):
     """
     Return the Contact message of an estimate.
 
@@ -148,20 +159,24 @@ def contact_to_msg(contact: Contact, image_message, now_ns: int):
         The source image; gives header, sensor and sequence.
     now_ns : int
         Time of publication [ns].
+    into : tactile_msgs.msg.Contact, optional
     """
-    message = tactile_msgs.Contact(
-        header=image_message.header, sensor=image_message.sensor,
-        sequence=image_message.sequence, type=int(contact.type), valid=bool(contact.valid),
-        reasons=int(contact.reasons), method=contact.method, model=contact.model,
-        iterations=contact.iterations,
-        **{name: float(getattr(contact, name)) for name in _SCALARS})
+    message = tactile_msgs.Contact() if into is None else into
+    message.header, message.sensor = image_message.header, image_message.sensor
+    message.sequence, message.type = image_message.sequence, int(contact.type)
+    message.valid, message.reasons = bool(contact.valid), int(contact.reasons)
+    message.method, message.model = contact.method, contact.model
+    message.iterations = contact.iterations
+    for name in _SCALARS:
+        setattr(message, name, float(getattr(contact, name)))
     message.covariance = contact.covariance.reshape(-1)
     message.moments = np.array([getattr(contact.moments, name) for name in _MOMENTS])
     x, y = contact.moments.centre_of_pressure
     centre = message.centre_of_pressure
-    centre.x, centre.y, centre.z = float(x), float(y), 0.0 if np.isfinite(x) else float('nan')
-    seconds, rest = divmod(now_ns - stamp_to_ns(image_message.header.stamp), _NS)
-    message.latency = Duration(sec=seconds, nanosec=rest)
+    centre.x, centre.y = float(x), float(y)
+    centre.z = 0.0 if math.isfinite(x) else math.nan
+    message.latency.sec, message.latency.nanosec = divmod(
+        now_ns - stamp_to_ns(image_message.header.stamp), _NS)
     return message
 
 
@@ -174,7 +189,7 @@ def contact_from_msg(message) -> Contact:
     TactileSensingError
         The type is none of TYPE_*.
     """
-    if message.type not in list(ContactType):
+    if message.type not in _TYPES:
         raise TactileSensingError(
             f'contact type is {message.type}, must be at most {max(ContactType)}')
     return Contact(
@@ -185,21 +200,23 @@ def contact_from_msg(message) -> Contact:
         **{name: getattr(message, name) for name in _SCALARS})
 
 
-def contact_to_wrench(contact: Contact, image_message):
+def contact_to_wrench(contact: Contact, image_message, into=None):
     """
     Return the force of the object on the sensor, at the origin of the sensor frame.
 
     z points out of the skin, so that a press has a negative z; shear that the contact's type
     does not have is 0.
     """
-    message = WrenchStamped(header=image_message.header)
-    force = np.array([*np.nan_to_num([contact.shear_force_x, contact.shear_force_y]),
-                      -contact.normal_force])
-    torque = np.cross([contact.a, contact.b, 0.0], force)
-    for vector, values in ((message.wrench.force, force), (message.wrench.torque, torque)):
-        vector.x, vector.y, vector.z = values.tolist()
+    message = WrenchStamped() if into is None else into
+    message.header = image_message.header
+    force, torque = message.wrench.force, message.wrench.torque
+    force.x, force.y = (0.0 if math.isnan(shear) else float(shear)
+                        for shear in (contact.shear_force_x, contact.shear_force_y))
+    force.z = -float(contact.normal_force)
+    # The place (a, b, 0) times the force.
+    torque.x, torque.y = float(contact.b * force.z), float(-contact.a * force.z)
+    torque.z = float(contact.a * force.y - contact.b * force.x)
     return message
-
 
 
 def _set_header(header, source):
@@ -218,13 +235,15 @@ def _array_from_msg(message):
     return _array(message.rows, message.columns, message.pitch_x, message.pitch_y)
 
 
-def _layer_to_msg(layer):
+def _layer_to_msg(layer, message):
+    """Fill and return a TactileLayer message."""
     # A list or an ndarray would be copied value by value.
     stress = array('f')
     stress.frombytes(np.ascontiguousarray(layer.stress, np.float32).tobytes())
-    return tactile_msgs.TactileLayer(
-        component=COMPONENTS.index(layer.component), depth=float(layer.depth), unit=layer.unit,
-        full_scale=float(layer.full_scale), noise_std=float(layer.noise_std), stress=stress)
+    message.component, message.unit = COMPONENTS.index(layer.component), layer.unit
+    message.depth, message.full_scale = float(layer.depth), float(layer.full_scale)
+    message.noise_std, message.stress = float(layer.noise_std), stress
+    return message
 
 
 def _layer_from_msg(layer, shape):
@@ -232,7 +251,7 @@ def _layer_from_msg(layer, shape):
         raise TactileSensingError(
             f'component is {layer.component}, must be below {len(COMPONENTS)}')
     stress = np.frombuffer(layer.stress, np.float32) if len(layer.stress) else _EMPTY
-    if stress.size != np.prod(shape):
+    if stress.size != math.prod(shape):
         raise TactileSensingError(
             f'stress has {stress.size} values, must be {" x ".join(map(str, shape))}')
     return Layer(COMPONENTS[layer.component], layer.depth, stress.reshape(shape),

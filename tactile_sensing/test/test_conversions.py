@@ -1,11 +1,17 @@
 """Core data to ROS messages and back."""
+from dataclasses import replace
+
 from builtin_interfaces.msg import Duration, Time
 import numpy as np
 import pytest
 
 from tactile_sensing.array import TactelArray
 from tactile_sensing.calibration import Calibration
+from tactile_sensing.contact import Contact, ContactType, Reason
 from tactile_sensing.conversions import (
+    contact_from_msg,
+    contact_to_msg,
+    contact_to_wrench,
     image_from_msg,
     image_to_msg,
     sensor_info_from_msg,
@@ -17,6 +23,7 @@ from tactile_sensing.conversions import (
 )
 from tactile_sensing.errors import TactileSensingError
 from tactile_sensing.image import Layer, TactileImage
+from tactile_sensing.moments import Moments
 
 ARRAY = TactelArray(3, 4, 0.0015, 0.0025)
 
@@ -44,6 +51,59 @@ def test_image_round_trip():
         assert (got.component, got.unit) == (want.component, want.unit)
         assert got.depth == pytest.approx(want.depth)
         assert (got.full_scale, got.noise_std) == (want.full_scale, want.noise_std)
+
+
+def contact(**values):
+    numbers = dict.fromkeys(('a', 'b', 'yaw', 'normal_force', 'shear_force_x', 'shear_force_y',
+                             'line_force', 'snr', 'residual', 'force_windowed'), 0.5)
+    return Contact(ContactType.POINT, True, Reason.SATURATED, 'fit', 'point/zz',
+                   covariance=np.arange(49.0).reshape(7, 7), iterations=3,
+                   moments=Moments(4.0, 1.0, 2.0, 3.0, 4.0, 5.0), **(numbers | values))
+
+
+def test_a_message_that_is_filled_again_is_as_a_new_one():
+    one, other = image(), image()
+    for layer in (*one.layers, *other.layers):
+        layer.stress[1, 2] = 0.0  # NaN is never equal
+    other = replace(other, layers=other.layers[:1], tared=False, sequence=5, saturated=0)
+    filled = image_to_msg(one)
+    for sent in (other, one):
+        assert image_to_msg(sent, filled) is filled and filled == image_to_msg(sent)
+    message, wrench = contact_to_msg(contact(), filled, 10**18), contact_to_wrench(
+        contact(), filled)
+    sent = contact(a=0.25, normal_force=3.0, snr=30.0)
+    assert contact_to_msg(sent, filled, 2 * 10**18, message) is message
+    assert message == contact_to_msg(sent, filled, 2 * 10**18)
+    assert contact_to_wrench(sent, filled, wrench) == contact_to_wrench(sent, filled)
+
+
+def test_contact_round_trip():
+    header = image_to_msg(image())
+    sent = contact(a=0.25)
+    message = contact_to_msg(sent, header, 1_700_000_000_124_000_000)
+    back = contact_from_msg(message)
+    for name in ('type', 'valid', 'reasons', 'method', 'model', 'iterations', 'moments', 'a',
+                 'b', 'yaw', 'normal_force', 'snr'):
+        assert getattr(back, name) == getattr(sent, name)
+    np.testing.assert_array_equal(back.covariance, sent.covariance)
+    assert (message.latency.sec, message.latency.nanosec) == (0, 543_211)
+    assert (message.header, message.sequence) == (header.header, 2**40)
+    centre = message.centre_of_pressure
+    assert (centre.x, centre.y) == sent.moments.centre_of_pressure and centre.z == 0.0
+    message.type = 9
+    with pytest.raises(TactileSensingError, match='contact type is 9'):
+        contact_from_msg(message)
+
+
+@pytest.mark.parametrize('shear', [(0.3, -0.4), (np.nan, np.nan)])
+def test_wrench_is_the_force_at_its_place(shear):
+    a, b = 0.002, -0.003
+    wrench = contact_to_wrench(contact(a=a, b=b, normal_force=5.0, shear_force_x=shear[0],
+                                       shear_force_y=shear[1]), image_to_msg(image())).wrench
+    force = np.array([*np.nan_to_num(shear), -5.0])
+    assert [wrench.force.x, wrench.force.y, wrench.force.z] == force.tolist()
+    np.testing.assert_allclose([wrench.torque.x, wrench.torque.y, wrench.torque.z],
+                               np.cross([a, b, 0.0], force), atol=1e-15)
 
 
 def test_a_transposed_view_is_sent_row_major():

@@ -1,4 +1,9 @@
-"""Messages of the servo and the robot to and from core types."""
+"""
+Messages of the servo and the robot to and from core types.
+
+What is published at the control rate can be filled `into` a message of the caller's: to build
+one takes several times as long, and what has been published is free again.
+"""
 
 from array import array
 
@@ -15,24 +20,29 @@ from tactile_servo.servo_types import EdgeGoal
 from tactile_servo.trajectory import Trajectory
 
 _FIELDS = ('positions', 'velocities', 'accelerations')
+_EMPTY = array('d')
+_NUMBERS = ('lateral_error', 'angle_error', 'normal_force', 'force_target', 'speed', 'progress',
+            'limit_scale', 'manipulability')
 
 
 def _set_time(stamp, seconds):
     stamp.sec, stamp.nanosec = divmod(round(seconds * 1e9), 1_000_000_000)
 
 
-def trajectory_to_msg(trajectory):
+def trajectory_to_msg(trajectory, into=None):
     """JointTrajectory message of a Trajectory."""
-    message = JointTrajectory(joint_names=list(trajectory.joint_names))
+    message = JointTrajectory() if into is None else into
+    message.joint_names = list(trajectory.joint_names)
     _set_time(message.header.stamp, trajectory.stamp)
-    rows = {name: getattr(trajectory, name) for name in _FIELDS}
-    for k, time in enumerate(trajectory.times):
-        point = JointTrajectoryPoint()
-        _set_time(point.time_from_start, float(time))
-        for name, values in rows.items():
-            if values is not None:
-                setattr(point, name, array('d', values[k].tobytes()))
-        message.points.append(point)
+    times = trajectory.times.tolist()
+    if len(message.points) != len(times):
+        message.points = [JointTrajectoryPoint() for _ in times]
+    for point, time in zip(message.points, times, strict=True):
+        _set_time(point.time_from_start, time)
+    for name in _FIELDS:
+        values = getattr(trajectory, name)
+        for k, point in enumerate(message.points):
+            setattr(point, name, _EMPTY if values is None else array('d', values[k].tobytes()))
     return message
 
 
@@ -70,7 +80,7 @@ def trajectory_from_msg(message):
         stamp=stamp_to_seconds(message.header.stamp), **values)
 
 
-def joint_state_to_msg(stamp, joint_names, positions, velocities):
+def joint_state_to_msg(stamp, joint_names, positions, velocities, into=None):
     """
     JointState message.
 
@@ -80,9 +90,11 @@ def joint_state_to_msg(stamp, joint_names, positions, velocities):
     joint_names : sequence of str
     positions, velocities : ndarray (n,)
         [rad or m], [rad/s or m/s].
+    into : JointState, optional
 
     """
-    message = JointState(name=list(joint_names))
+    message = JointState() if into is None else into
+    message.name = list(joint_names)
     message.header.stamp = stamp
     message.position = array('d', np.asarray(positions, dtype=float).tobytes())
     message.velocity = array('d', np.asarray(velocities, dtype=float).tobytes())
@@ -102,12 +114,12 @@ def joint_positions(message, joint_names):
     return np.array(message.position)[order]
 
 
-def pose_to_msg(matrix):
+def pose_to_msg(matrix, into=None):
     """Pose message of a homogeneous transform (4, 4) [m]."""
-    pose = Pose()
-    pose.position.x, pose.position.y, pose.position.z = (float(v) for v in matrix[:3, 3])
-    x, y, z, w = _quaternion(matrix[:3, :3])
-    pose.orientation.x, pose.orientation.y, pose.orientation.z, pose.orientation.w = x, y, z, w
+    pose = Pose() if into is None else into
+    place, turn = pose.position, pose.orientation
+    place.x, place.y, place.z = matrix[:3, 3].tolist()
+    turn.x, turn.y, turn.z, turn.w = _quaternion(matrix[:3, :3])
     return pose
 
 
@@ -148,17 +160,18 @@ def result_to_msg(servo, duration, base_frame):
     return message
 
 
-def status_to_msg(status, controller, cycle_time, missed_cycles):
-    """ServoStatus message of a Status, its header left empty."""
-    message = ServoStatus(
-        controller=controller, state=int(status.state), reason=status.reason,
-        contact_stamp=stamp_from_ns(status.contact_stamp_ns),
-        contact_fresh=status.contact_fresh, joints_fresh=status.joints_fresh,
-        limited_by=status.limited_by, cycle_time=cycle_time, missed_cycles=missed_cycles,
-        **{name: float(getattr(status, name)) for name in (
-            'lateral_error', 'angle_error', 'normal_force', 'force_target', 'speed', 'progress',
-            'limit_scale', 'manipulability')})
-    twist = message.twist
-    twist.linear.x, twist.linear.y, twist.linear.z = status.twist[:3].tolist()
-    twist.angular.x, twist.angular.y, twist.angular.z = status.twist[3:].tolist()
+def status_to_msg(status, controller, cycle_time, missed_cycles, into=None):
+    """ServoStatus message of a Status, its header left as it is."""
+    message = ServoStatus() if into is None else into
+    message.controller, message.state, message.reason = (
+        controller, int(status.state), status.reason)
+    stamp = message.contact_stamp
+    stamp.sec, stamp.nanosec = divmod(status.contact_stamp_ns, 1_000_000_000)
+    message.contact_fresh, message.joints_fresh = status.contact_fresh, status.joints_fresh
+    for name in _NUMBERS:
+        setattr(message, name, float(getattr(status, name)))
+    message.limited_by = status.limited_by
+    message.cycle_time, message.missed_cycles = cycle_time, missed_cycles
+    linear, angular = message.twist.linear, message.twist.angular
+    linear.x, linear.y, linear.z, angular.x, angular.y, angular.z = status.twist.tolist()
     return message

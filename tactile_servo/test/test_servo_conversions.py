@@ -7,16 +7,19 @@ import pytest
 from sensor_msgs.msg import JointState
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
+from tactile_msgs.msg import ServoStatus
 from tactile_sensing.conversions import pose_from_msg
 from tactile_sensing.errors import TactileSensingError
 from tactile_servo.conversions import (
     joint_positions,
     joint_state_to_msg,
     pose_to_msg,
+    status_to_msg,
     trajectory_from_msg,
     trajectory_to_msg,
 )
 from tactile_servo.errors import Rejected
+from tactile_servo.servo_types import State, Status
 from tactile_servo.trajectory import Trajectory
 
 RNG = np.random.default_rng(3)
@@ -37,6 +40,44 @@ def test_trajectory_round_trip(fields):
             assert getattr(got, name) is None
         else:
             np.testing.assert_array_equal(getattr(got, name), expected)
+
+
+def test_a_message_that_is_filled_again_is_as_a_new_one():
+    rng = np.random.default_rng(4)
+    message = JointTrajectory()
+    for points, fields in ((3, 2), (3, 1), (2, 3), (3, 2), (0, 1)):  # rows of each are given
+        arrays = [rng.normal(size=(points, 2)) for _ in range(fields)]
+        sent = Trajectory(('a', 'b'), np.arange(1.0, points + 1.0), *arrays, stamp=rng.random())
+        assert trajectory_to_msg(sent, message) is message
+        assert message == trajectory_to_msg(sent)
+    status = ServoStatus()
+    for value in (0.25, -1.0):
+        told = Status(State.HOLD, f'because {value}', 12_000_000_034, True, value > 0,
+                      *[value] * 6, value * np.arange(6.0), 0.5, 'position of a' * (value > 0),
+                      value)
+        assert status_to_msg(told, 'trace', 1e-3, 7, status) is status
+        assert status == status_to_msg(told, 'trace', 1e-3, 7)
+    state = JointState()
+    for values in (np.arange(3.0), np.ones(2)):
+        names = 'abc'[:len(values)]
+        assert joint_state_to_msg(Time(sec=3), names, values, -values, state) == (
+            joint_state_to_msg(Time(sec=3), names, values, -values))
+
+
+def test_status_says_every_field():
+    told = Status(State.TRACK, 'contact', 12_000_000_034, True, False, 0.1, 0.2, 0.3, 0.4, 0.5,
+                  0.6, np.arange(6.0), 0.7, 'position of a', 0.8)
+    message = status_to_msg(told, 'trace', 0.9, 5)
+    assert (message.controller, message.state, message.reason) == ('trace', 2, 'contact')
+    assert (message.contact_stamp.sec, message.contact_stamp.nanosec) == (12, 34)
+    assert (message.contact_fresh, message.joints_fresh) == (True, False)
+    numbers = [getattr(message, name) for name in (
+        'lateral_error', 'angle_error', 'normal_force', 'force_target', 'speed', 'progress',
+        'limit_scale', 'manipulability', 'cycle_time')]
+    np.testing.assert_allclose(numbers, [0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9])
+    assert (message.limited_by, message.missed_cycles) == ('position of a', 5)
+    linear, angular = message.twist.linear, message.twist.angular
+    assert [linear.x, linear.y, linear.z, angular.x, angular.y, angular.z] == [0, 1, 2, 3, 4, 5]
 
 
 def test_trajectory_of_transposed_arrays_keeps_its_rows():

@@ -29,6 +29,7 @@ class ContactEstimatorNode(Node):
         self._estimator = ContactEstimator(declare_from(self, EstimatorConfig))
         if time.monotonic() - begin > 5.0:
             self.get_logger().info('kernels were compiled; they are kept for the next start')
+        self._contact_msg, self._wrench_msg = ContactMsg(), WrenchStamped()
         self._contact = self.create_publisher(ContactMsg, 'contact', qos_profile_sensor_data)
         self._wrench = self.create_publisher(WrenchStamped, 'wrench', qos_profile_sensor_data)
         self.create_subscription(
@@ -43,9 +44,10 @@ class ContactEstimatorNode(Node):
             contact = self._estimator.refuse_malformed()
         else:
             contact = self._estimator.estimate(image)
-        self._contact.publish(contact_to_msg(contact, msg, self.get_clock().now().nanoseconds))
+        self._contact.publish(contact_to_msg(
+            contact, msg, self.get_clock().now().nanoseconds, self._contact_msg))
         if contact.valid:
-            self._wrench.publish(contact_to_wrench(contact, msg))
+            self._wrench.publish(contact_to_wrench(contact, msg, self._wrench_msg))
 
 
 def main(args=None):

@@ -98,6 +98,7 @@ class DriverNode(Node):
         self._frames_to_tare = self._config.tare_frames if self._config.tare_at_start else 0
         self._tare_refusal = 'not asked to'
 
+        self._image_msg = TactileImageMsg()
         self._fault = f'{self._config.port} is not open yet'
         self._sample = bytearray()
         self._last_byte_at = self._last_frame_at = time.monotonic()
@@ -187,7 +188,7 @@ class DriverNode(Node):
         layer, saturated = convert(frame.counts)
         self._images.publish(image_to_msg(TactileImage(
             stamp_ns, frame.sequence, (layer,), self._calibration.array, tared, saturated,
-            self._config.frame_id, self._config.sensor)))
+            self._config.frame_id, self._config.sensor), self._image_msg))
         if self._frames_to_tare:
             self._tare_at_start()
 

@@ -101,6 +101,10 @@ class EdgeServoNode(Node):
         self._longest, self._last_tick = 0.0, None
         self._reported, self._tip_frame = None, robot.tip_frame
         self._period = 1.0 / config.rate
+        self._trajectory_msg, self._status_msg = JointTrajectory(), ServoStatus()
+        self._pose_msg = PoseStamped()
+        self._pose_msg.header.frame_id = self._base_frame
+        self._status_msg.header.frame_id = self._tip_frame
 
         self._trajectory = self.create_publisher(
             JointTrajectory, f'{robot.controller}/joint_trajectory', 1)
@@ -135,9 +139,9 @@ class EdgeServoNode(Node):
         except ValueError as error:
             self.get_logger().warning(str(error), throttle_duration_sec=5.0)
             return
-        pose = PoseStamped(pose=pose_to_msg(self._servo.pose))
-        pose.header.stamp, pose.header.frame_id = msg.header.stamp, self._base_frame
-        self._pose.publish(pose)
+        pose_to_msg(self._servo.pose, self._pose_msg.pose)
+        self._pose_msg.header.stamp = msg.header.stamp
+        self._pose.publish(self._pose_msg)
 
     def _on_contact(self, msg):
         try:
@@ -169,11 +173,12 @@ class EdgeServoNode(Node):
         stamp = self.get_clock().now()
         status, trajectory = self._servo.cycle(now, stamp.nanoseconds)
         if trajectory is not None:
-            self._trajectory.publish(trajectory_to_msg(trajectory))
+            self._trajectory.publish(trajectory_to_msg(trajectory, self._trajectory_msg))
         took = perf_counter() - now
         self._longest = max(self._longest, took)
-        msg = status_to_msg(status, self._servo.tracker.name, took, self._missed)
-        msg.header.stamp, msg.header.frame_id = stamp.to_msg(), self._tip_frame
+        msg = status_to_msg(status, self._servo.tracker.name, took, self._missed,
+                            self._status_msg)
+        msg.header.stamp = stamp.to_msg()
         self._status.publish(msg)
         if self._goal_handle is not None:
             self._report(status, msg)

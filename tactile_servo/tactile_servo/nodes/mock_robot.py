@@ -28,6 +28,7 @@ class MockRobotNode(Node):
             interpolate_from_desired_state=config.interpolate_from_desired_state)
         self.rejected = 0
         self._violations = 0
+        self._state = JointState()
         self._states = self.create_publisher(JointState, '/joint_states', QoSProfile(depth=10))
         self.create_subscription(
             JointTrajectory, f'{config.controller}/joint_trajectory', self._on_trajectory,
@@ -50,7 +51,7 @@ class MockRobotNode(Node):
         now = self.get_clock().now()
         positions, velocities = self.controller.step(1e-9 * now.nanoseconds)
         self._states.publish(joint_state_to_msg(
-            now.to_msg(), self.robot.joint_names, positions, velocities))
+            now.to_msg(), self.robot.joint_names, positions, velocities, self._state))
         if self.controller.limit_violations > self._violations:
             self._violations = self.controller.limit_violations
             self.get_logger().warning(
