@@ -1,5 +1,6 @@
 """Start, spin and stop one node, or several in one process, with clean exits."""
 from contextlib import contextmanager, suppress
+import inspect
 import re
 import signal
 import sys
@@ -11,14 +12,15 @@ from rclpy.exceptions import NameValidationException, ParameterException
 from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 from rclpy.logging import get_logger
 from rclpy.signals import SignalHandlerOptions
+from rclpy.task import Future
 
 try:
     from rclpy.experimental import EventsExecutor
 except ImportError:
     EventsExecutor = None
 
-# Longest wait for work before `until` and the signals are looked at again [s].
-_TICK = 0.05
+# After this time `until` and the signals are looked at again [s].
+_TICK = 0.01
 
 
 def make_executor(context=None):
@@ -39,7 +41,8 @@ def spin(executor, context=None, until=None):
     """
     Work off callbacks until the context is shut down or `until()` holds.
 
-    `EventsExecutor.spin` burns a whole core in some builds, hence a loop of `spin_once`.
+    `EventsExecutor.spin` burns a whole core in some builds, and a loop of `spin_once` costs a
+    fifth of every callback's overhead; hence a wait for a future that nobody completes.
 
     Parameters
     ----------
@@ -48,15 +51,27 @@ def spin(executor, context=None, until=None):
     context : rclpy.context.Context, optional
         Its context; the default one if missing.
     until : callable, optional
-        Takes nothing and returns whether to stop; asked after every callback and at least
-        every 0.05 s.
+        Takes nothing and returns whether to stop; asked every 0.01 s.
     """
     context = context or rclpy.get_default_context()
     try:
         while context.ok() and not (until and until()):
-            executor.spin_once(timeout_sec=_TICK)
+            executor.spin_until_future_complete(Future(), timeout_sec=_TICK)
     except ExternalShutdownException:
         pass
+
+
+def plain(callback):
+    """
+    Return a callback of a fast timer that says at once that it takes nothing.
+
+    rclpy looks up the signature of a timer's callback at every call, which takes longer than
+    many a callback.
+    """
+    def call():
+        callback()
+    call.__signature__ = inspect.Signature()
+    return call
 
 
 @contextmanager

@@ -20,7 +20,7 @@ from tactile_msgs.msg import ServoStatus, TactileImage
 from tactile_sensing.conversions import contact_from_msg, image_from_msg, stamp_to_ns
 from tactile_sensing.errors import TactileSensingError
 from tactile_sensing.nodes.parameters import declare_from
-from tactile_sensing.nodes.runner import run
+from tactile_sensing.nodes.runner import plain, run
 from tactile_servo.conversions import (
     goal_from_msg,
     joint_positions,
@@ -124,7 +124,7 @@ class EdgeServoNode(Node):
             handle_accepted_callback=self._on_accepted, cancel_callback=self._on_cancel)
         # Steady, so that the watchdogs run even where simulated time stands still.
         steady = Clock(clock_type=ClockType.STEADY_TIME)
-        self.create_timer(self._period, self._on_cycle, clock=steady)
+        self.create_timer(self._period, plain(self._on_cycle), clock=steady)
         self.create_timer(1.0, self._on_diagnose, clock=steady)
 
     def _on_joints(self, msg):

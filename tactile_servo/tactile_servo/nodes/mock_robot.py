@@ -6,7 +6,7 @@ from sensor_msgs.msg import JointState
 from trajectory_msgs.msg import JointTrajectory
 
 from tactile_sensing.nodes.parameters import declare_from
-from tactile_sensing.nodes.runner import run
+from tactile_sensing.nodes.runner import plain, run
 from tactile_sensing.scene import load_scene
 from tactile_servo.conversions import joint_state_to_msg, trajectory_from_msg
 from tactile_servo.errors import Rejected
@@ -33,7 +33,7 @@ class MockRobotNode(Node):
         self.create_subscription(
             JointTrajectory, f'{config.controller}/joint_trajectory', self._on_trajectory,
             QoSProfile(depth=10))
-        self.create_timer(1.0 / config.rate, self._on_timer)
+        self.create_timer(1.0 / config.rate, plain(self._on_timer))
 
     def _seconds(self):
         return 1e-9 * self.get_clock().now().nanoseconds
