@@ -63,7 +63,7 @@ class Trace:
         self._here = self._ahead = 0.0  # stations of the measured and the commanded pad [m]
         self._force = self._seen_z = self._seen_station = 0.0
         self._stamp, self._seen_length, self._slope = None, 0.0, 0.0
-        self._half = np.full(2, self.servo.array_half_width)
+        self._half = (self.servo.array_half_width,) * 2
         self._seeded = self._edge_seen = False
         self._off_path = 0
         self.looked, self._pull = -np.inf, None
@@ -73,7 +73,7 @@ class Trace:
     def resume(self):
         """Go on from a standstill: from the measured pose, with the edge known so far."""
         self.speed = 0.0
-        self._velocity = np.zeros(3)
+        self._velocity = 0.0, 0.0  # in the plane
         self._turn = 0.0
         self._integral = 0.0
         self._mode = TRACK
@@ -107,7 +107,7 @@ class Trace:
             return
         array = image.array
         self._stamp = image.stamp_ns
-        self._half = np.array([array.half_width_x, array.half_width_y])
+        self._half = array.half_width_x, array.half_width_y
         self._force = float(pressure.sum()) * array.pitch_x * array.pitch_y
         if self._plane is None:
             self._plane = np.linalg.inv(pose)
@@ -139,10 +139,11 @@ class Trace:
         size = math.hypot(way[0], way[1])
         return way / size if size > 0.0 else None
 
-    def _on_pad(self, placed, ahead=0.0):
-        """Length of the edge on the pad at a pose in the plane, moved by `ahead` (2,) [m]."""
+    def _on_pad(self, placed, ahead=(0.0, 0.0)):
+        """Length of the edge on the pad at a pose in the plane, moved by `ahead` [m]."""
         return self.edge.length_on_pad(
-            placed[:2, 3] + ahead, math.atan2(placed[1, 0], placed[0, 0]), self._half)
+            (placed[0, 3] + ahead[0], placed[1, 3] + ahead[1]),
+            math.atan2(placed[1, 0], placed[0, 0]), self._half)
 
     def _heading(self, placed):
         return self.goal.direction * placed[:2, 1] / np.linalg.norm(placed[:2, 1])
@@ -158,8 +159,8 @@ class Trace:
         self._off_path = 0 if edge.agrees() else self._off_path + 1
         if self._off_path >= SURE_PICTURES:  # the object has slipped
             edge.forget()
-            self._seeded = edge.seed(placed[:2, 3], self._way(
-                self._here - TURN_REACH, self._here + TURN_REACH), self._here)
+            self._seeded = edge.seed(placed[:2, 3], np.array(self._way(
+                self._here - TURN_REACH, self._here + TURN_REACH)), self._here)
             self._ahead = self._here
             self._off_path = 0
         elif self._off_path == 0:
@@ -254,40 +255,40 @@ class Trace:
         """
         here, there = self._plane @ pose, self._plane @ commanded
         self._depth = there[2, 3]
-        velocity = np.zeros(3)
+        vx = vy = vz = 0.0
         if self._mode == PROBE_DOWN:
             self._probe_from = self._depth if self._probe_from is None else self._probe_from
-            self.speed, velocity[2] = 0.0, 0.5 * self.servo.approach_speed
+            self.speed, vz = 0.0, 0.5 * self.servo.approach_speed
         elif self._mode == PULL:
             self.speed = min(self.config.search_speed, self.goal.speed)
             self._searched += self.speed * dt
-            velocity[:2] = self.speed * self._pull
+            vx, vy = (self.speed * self._pull).tolist()
         else:
-            velocity[:2] = self._in_plane(here, there, dt)
-            velocity[2] = self._along_normal(there, dt)
-        change = velocity[:2] - self._velocity[:2]
+            vx, vy = self._in_plane(here, there, dt)
+            vz = self._along_normal(there, dt)
+        before_x, before_y = self._velocity
         most = self.config.acceleration * dt
-        size = float(np.hypot(*change))
+        size = math.hypot(vx - before_x, vy - before_y)
         if size > most:
-            velocity[:2] = self._velocity[:2] + change * (most / size)
-        self._velocity = velocity
-        rotation = there[:3, :3]
-        turn = self._rotate(there, dt) if self._mode == TRACK else np.zeros(3)
-        return np.concatenate([rotation.T @ velocity, rotation.T @ turn])
+            vx = before_x + (vx - before_x) * (most / size)
+            vy = before_y + (vy - before_y) * (most / size)
+        self._velocity = vx, vy
+        turn = self._rotate(there, dt) if self._mode == TRACK else (0.0, 0.0, 0.0)
+        return (np.array([(vx, vy, vz), turn]) @ there[:3, :3]).reshape(6)
 
     def _in_plane(self, here, there, dt):
-        """Velocity (2,) along the path and back to it."""
+        """Velocity x, y along the path and back to it."""
         c, edge = self.config, self.edge
-        measured, x, y, _, _, _ = edge.place(here[:2, 3], self._here, 15e-3)
+        px, py = here[:2, 3].tolist()
+        measured, x, y, _, _, _ = edge.place((px, py), self._here, 15e-3)
         self._here = measured
-        self._ahead, _, _, _, ux, uy = edge.place(there[:2, 3], self._ahead, 5e-3)
+        self._ahead, _, _, _, _, _ = edge.place(there[:2, 3].tolist(), self._ahead, 5e-3)
         top = self.goal.speed
         if self._mode != COAST:
             top *= min(max(2.5 * self._force / self.goal.force - 0.75, 0.0), 1.0)
         # A second leg that comes under the pad adds its load at once: give way first.
-        top *= float(np.clip(5.0 * (1.3 - self._force / self.goal.force), 0.0, 1.0))
-        error = np.array([x, y]) - here[:2, 3]
-        distance = float(np.hypot(*error))
+        top *= min(max(5.0 * (1.3 - self._force / self.goal.force), 0.0), 1.0)
+        distance = math.hypot(x - px, y - py)
         top *= min(max(1.2 - distance / STRAY, 0.0), 1.0)
         end_speed = {CLOSED: top, END: min(c.search_speed, top), VIEW: c.blind_speed}[edge.end]
         limit = edge.speed_limit(self._ahead, top, c.acceleration, end_speed, c.corner_cut,
@@ -295,18 +296,20 @@ class Trace:
         self.speed = min(limit, self.speed + c.acceleration * dt)
         if self._mode == COAST:
             self._coasted += self.speed * dt
-        way = self._way(self._ahead, self._ahead + LOOK_AHEAD + self.speed * dt)
+        ux, uy = self._way(self._ahead, self._ahead + LOOK_AHEAD + self.speed * dt)
         back = min(c.lateral_gain * distance, math.sqrt(c.acceleration * distance),
                    c.max_lateral_speed)
-        return self.speed * way + back * error / max(distance, 1e-9)
+        back /= max(distance, 1e-9)
+        return self.speed * ux + back * (x - px), self.speed * uy + back * (y - py)
 
     def _along_normal(self, there, dt):
         """Velocity along the plane's normal that keeps the force."""
         c = self.config
         slope = self._slope
         moved = (there[2, 3] - self._seen_z) - slope * (self._ahead - self._seen_station)
-        shortest = 0.5 * self._half.min()
-        length = max(self._on_pad(there, self._velocity[:2] / c.force_gain), shortest)
+        shortest = 0.5 * min(self._half)
+        vx, vy = self._velocity
+        length = max(self._on_pad(there, (vx / c.force_gain, vy / c.force_gain)), shortest)
         predicted = self._force / max(self._seen_length, shortest) + c.skin_stiffness * moved
         error = (self.goal.force / length - max(predicted, 0.0)) / c.skin_stiffness
         if abs(self.goal.force - self._force) < 0.2 * self.goal.force:
@@ -318,15 +321,15 @@ class Trace:
         if self._mode == COAST or not self._edge_seen:
             give = min(give, 0.0)  # what touches, and is no edge, is no reason to press
         speed = give + slope * self.speed
-        return float(np.clip(speed, -c.max_normal_speed, c.max_normal_speed))
+        return min(max(speed, -c.max_normal_speed), c.max_normal_speed)
 
     def _rotate(self, there, dt):
-        """Angular velocity (3,) in the plane's frame that turns and levels the pad."""
+        """Angular velocity x, y, z in the plane's frame that turns and levels the pad."""
         c = self.config
-        way = self._way(self._ahead - TURN_REACH, self._ahead + TURN_REACH)
+        ux, uy = self._way(self._ahead - TURN_REACH, self._ahead + TURN_REACH)
         sign = self.goal.direction
         heading = math.atan2(sign * there[1, 1], sign * there[0, 1])
-        wanted = c.turn_gain * turned(heading, math.atan2(way[1], way[0]))
+        wanted = c.turn_gain * turned(heading, math.atan2(uy, ux))
         wanted = min(max(wanted, -c.max_turn_rate), c.max_turn_rate)
         yaw = math.atan2(there[1, 0], there[0, 0])
         if abs(yaw) > c.max_turn and wanted * yaw > 0.0:
@@ -336,24 +339,22 @@ class Trace:
         # The pad's normal n is brought square to the edge, t, and to what lies across it, s:
         # n turns by -(n t) t with the rate of turn -(n t) n x t.
         nx, ny, nz = there[:3, 2].tolist()
-        tilt = (nx * way[0] + ny * way[1] + nz * self._slope) / (1.0 + self._slope**2)
-        lean = ny * way[0] - nx * way[1]
-        level = -c.turn_gain * np.array([
-            tilt * (ny * self._slope - nz * way[1]) - lean * nz * way[0],
-            tilt * (nz * way[0] - nx * self._slope) - lean * nz * way[1],
-            tilt * (nx * way[1] - ny * way[0]) + lean * (nx * way[0] + ny * way[1])])
-        level = np.minimum(np.maximum(level, -c.max_turn_rate), c.max_turn_rate)
-        level[2] += self._turn
-        return level
+        tilt = (nx * ux + ny * uy + nz * self._slope) / (1.0 + self._slope**2)
+        lean = ny * ux - nx * uy
+        x, y, z = (min(max(-c.turn_gain * rate, -c.max_turn_rate), c.max_turn_rate) for rate in (
+            tilt * (ny * self._slope - nz * uy) - lean * nz * ux,
+            tilt * (nz * ux - nx * self._slope) - lean * nz * uy,
+            tilt * (nx * uy - ny * ux) + lean * (nx * ux + ny * uy)))
+        return x, y, z + self._turn
 
     def _way(self, first, last):
-        """Direction of the path between two stations (2,), beyond its end straight on."""
+        """Direction x, y of the path between two stations, beyond its end straight on."""
         x0, y0, _ = self.edge.along(first)
         x1, y1, _ = self.edge.along(last)
         length = math.hypot(x1 - x0, y1 - y0)
         if length < 0.1e-3:
-            return self.edge.nodes[-1, 3:5]
-        return np.array([(x1 - x0) / length, (y1 - y0) / length])
+            return self.edge.nodes[-1, 3:5].tolist()
+        return (x1 - x0) / length, (y1 - y0) / length
 
     @property
     def closed(self):
@@ -364,8 +365,9 @@ class Trace:
         """Direction of travel in the base frame (3,)."""
         if self.edge is None or not len(self.edge.nodes):
             return self.goal.direction * pose[:3, 1]
-        _, _, _, _, ux, uy = self.edge.place((self._plane @ pose)[:2, 3], self._here, 15e-3)
-        return self._plane[:2, :3].T @ np.array([ux, uy])
+        place = (self._plane[:2] @ pose[:, 3]).tolist()
+        _, _, _, _, ux, uy = self.edge.place(place, self._here, 15e-3)
+        return ux * self._plane[0, :3] + uy * self._plane[1, :3]
 
     def contour(self):
         """Rebuilt edge in the base frame, shape (N, 3)."""

@@ -1,5 +1,7 @@
 """The edge as traced so far: a path behind and under the pad, and what is seen ahead."""
 
+import math
+
 import numpy as np
 
 from tactile_servo.corners import Corner, guess, LEAST_TURN
@@ -364,8 +366,7 @@ class TracedEdge:
 
     def length_on_pad(self, place, yaw, half):
         """Length of the traced edge under a pad at a place (2,) and yaw, half (2,) its size."""
-        nodes = self._near
-        return length_on_pad(nodes, place[0], place[1], np.cos(yaw), np.sin(yaw), *half)
+        return length_on_pad(self._near, *place, math.cos(yaw), math.sin(yaw), *half)
 
     def _take_near(self, station):
         """Remember the path around the pad, and beyond what is seen of it straight on."""
