@@ -12,15 +12,14 @@ from rclpy.exceptions import NameValidationException, ParameterException
 from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 from rclpy.logging import get_logger
 from rclpy.signals import SignalHandlerOptions
-from rclpy.task import Future
 
 try:
     from rclpy.experimental import EventsExecutor
 except ImportError:
     EventsExecutor = None
 
-# After this time `until` and the signals are looked at again [s].
-_TICK = 0.01
+# Longest wait for work before `until` and the signals are looked at again [s].
+_TICK = 0.05
 
 
 def make_executor(context=None):
@@ -41,8 +40,8 @@ def spin(executor, context=None, until=None):
     """
     Work off callbacks until the context is shut down or `until()` holds.
 
-    `EventsExecutor.spin` burns a whole core in some builds, and a loop of `spin_once` costs a
-    fifth of every callback's overhead; hence a wait for a future that nobody completes.
+    `EventsExecutor.spin` burns a whole core in some builds, and waiting for a future for a
+    short time again and again starves its timers on a busy machine; hence a loop of `spin_once`.
 
     Parameters
     ----------
@@ -51,12 +50,13 @@ def spin(executor, context=None, until=None):
     context : rclpy.context.Context, optional
         Its context; the default one if missing.
     until : callable, optional
-        Takes nothing and returns whether to stop; asked every 0.01 s.
+        Takes nothing and returns whether to stop; asked after every callback and at least
+        every 0.05 s.
     """
     context = context or rclpy.get_default_context()
     try:
         while context.ok() and not (until and until()):
-            executor.spin_until_future_complete(Future(), timeout_sec=_TICK)
+            executor.spin_once(timeout_sec=_TICK)
     except ExternalShutdownException:
         pass
 
