@@ -8,7 +8,7 @@ from tactile_sensing.conversions import (
     stamp_to_ns,
 )
 from tactile_sensing.errors import TactileSensingError
-from tactile_shape.contact_path import EDGES
+from tactile_shape.contact_path import needs_picture
 from tactile_shape.errors import ConfigurationError
 from tactile_shape.trace import place_contacts
 
@@ -91,4 +91,4 @@ def _events(messages):
         else:
             contact, picture = contact_from_msg(message), pictures.get(stamp)
             yield stamp, None, contact, image_from_msg(picture) if (
-                contact.type in EDGES and picture is not None) else None
+                needs_picture(contact) and picture is not None) else None

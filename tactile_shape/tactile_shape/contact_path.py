@@ -9,8 +9,8 @@ from tactile_shape.edge_point import edge_point
 from tactile_shape.pose_buffer import NS, PoseBuffer
 
 NONE, POINT, LINE, OTHER = range(4)  # numbers of Contact.msg
-EDGES = (LINE, OTHER)  # what may be an edge, and is looked up in its picture
 ELONGATED = 4.0  # ratio of second moments; a straight edge has 10 and more, a round contact 1
+MIDDLE = 2e-3  # m from its nearest point that the pressure of a whole line may be centred
 BEYOND = 1e-3  # m between a fitted line and its ridge from which the ridge is believed
 FARTHEST = 1.0  # m from the middle of a pad
 TWO_CONTACTS = 128  # flag of Contact.msg
@@ -60,6 +60,14 @@ class Placed(NamedTuple):
     reason: str
 
 
+def needs_picture(contact):
+    """Whether a contact is to be located in its picture: bends, corners and ends of edges."""
+    if contact.type == LINE and np.isfinite(contact.yaw):
+        x, y = contact.moments.centre_of_pressure
+        return not abs(y * np.cos(contact.yaw) - x * np.sin(contact.yaw)) < MIDDLE
+    return contact.type == OTHER
+
+
 def locate(contact, picture=None):
     """
     Where a contact is on the array, and whether it is with an edge.
@@ -68,7 +76,7 @@ def locate(contact, picture=None):
     ----------
     contact : tactile_sensing.contact.Contact
     picture : tactile_sensing.image.TactileImage, optional
-        Of the contact: it shows where an edge ends, and is all that locates a bent one.
+        Of the contact, if it `needs_picture`.
 
     Returns
     -------

@@ -1,4 +1,6 @@
 """Contacts on the pad to contacts in space: geometry, interpolation, order and gaps."""
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation, Slerp
@@ -7,10 +9,10 @@ from tactile_sensing.array import TactelArray
 from tactile_sensing.contact import Contact, ContactType, Reason
 from tactile_sensing.image import Layer, TactileImage
 from tactile_sensing.line import pressure as line_pressure
-from tactile_sensing.moments import Moments
+from tactile_sensing.moments import image_moments, Moments
 from tactile_sensing.scene import Skin
 from tactile_sensing.synthetic import render
-from tactile_shape.contact_path import ContactPath, locate, on_pad
+from tactile_shape.contact_path import ContactPath, locate, needs_picture, on_pad
 from tactile_shape.pose_buffer import PoseBuffer
 
 MS = 1_000_000
@@ -77,6 +79,19 @@ def test_a_bent_edge_is_located_in_its_picture():
     assert edge and place == pytest.approx((1e-3 * np.cos(0.3), 1e-3 * np.sin(0.3)), abs=1e-6)
     assert locate(point(1e-3, -2e-3), picture) == ((1e-3, -2e-3), False)  # as fitted
     assert locate(line(1.02e-3, 0.3), picture) == locate(line(1.02e-3, 0.3))
+
+
+@pytest.mark.parametrize('yaw', [-0.5, 0.0, 0.3])
+def test_a_whole_straight_edge_needs_no_picture(yaw):
+    array = TactelArray(16, 16, 0.0016, 0.0016)
+    for end, needed in ((0.03, False), (0.0, True)):
+        along = np.array([-np.sin(yaw), np.cos(yaw)])
+        points = np.array([[1e-3, 0.0]]) + np.array([[-0.03], [end]]) * along
+        pressure, _ = render(np.column_stack([points, [-8e-4, -8e-4]]), array, Skin())
+        contact = replace(line(1e-3, yaw), moments=image_moments(pressure, array))
+        assert needs_picture(contact) == needed
+    assert needs_picture(other(5.0, (0.0, 0.0), 9e-6, 8e-6))
+    assert not needs_picture(point()) and not needs_picture(NOTHING)
 
 
 def test_an_edge_ends_where_its_picture_says():

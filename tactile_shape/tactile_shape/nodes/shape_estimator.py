@@ -6,6 +6,7 @@ from geometry_msgs.msg import PoseStamped
 from nav_msgs.msg import Path
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, qos_profile_sensor_data, QoSProfile
+from rclpy.serialization import deserialize_message
 from std_msgs.msg import Header
 from visualization_msgs.msg import MarkerArray
 
@@ -20,7 +21,7 @@ from tactile_sensing.conversions import (
 from tactile_sensing.errors import TactileSensingError
 from tactile_sensing.nodes.parameters import declare_from
 from tactile_sensing.nodes.runner import run
-from tactile_shape.contact_path import ContactPath, EDGES
+from tactile_shape.contact_path import ContactPath, needs_picture
 from tactile_shape.conversions import (
     contour_point_to_msg,
     contour_to_msg,
@@ -32,7 +33,7 @@ from tactile_shape.object_model import ModelConfig, ObjectModel
 from tactile_shape.tracker import make_estimator, no_patch, ShapeTracker, TrackerConfig
 from tactile_shape.warm_up import warm_up
 
-PICTURES = 16  # that wait for their contact
+PICTURES = 8  # that wait for their contact
 _LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 
 
@@ -76,7 +77,7 @@ class ShapeEstimatorNode(Node):
         self.create_subscription(
             ContactMsg, 'contact', self._on_contact, qos_profile_sensor_data)
         self.create_subscription(
-            TactileImage, 'image', self._on_image, qos_profile_sensor_data)
+            TactileImage, 'image', self._on_image, qos_profile_sensor_data, raw=True)
         self.create_subscription(
             PoseStamped, 'sensor_pose', self._on_pose, qos_profile_sensor_data)
 
@@ -104,13 +105,13 @@ class ShapeEstimatorNode(Node):
             self._frame = msg.header.frame_id
         self._take(self._path.add_pose(stamp_to_ns(msg.header.stamp), pose))
 
-    def _on_image(self, msg):
-        self._pictures.append(msg)
+    def _on_image(self, raw):
+        self._pictures.append(raw)  # few are needed, and to unpack all would cost the most
 
     def _on_contact(self, msg):
         try:
             contact = contact_from_msg(msg)
-            picture = self._picture_at(msg.header.stamp) if contact.type in EDGES else None
+            picture = self._picture_at(msg.header.stamp) if needs_picture(contact) else None
         except TactileSensingError as error:
             self.get_logger().warning(f'contact passed over: {error}', throttle_duration_sec=5.0)
             return
@@ -122,8 +123,11 @@ class ShapeEstimatorNode(Node):
                 throttle_duration_sec=5.0)
 
     def _picture_at(self, stamp):
-        msg = next((msg for msg in self._pictures if msg.header.stamp == stamp), None)
-        return None if msg is None else image_from_msg(msg)
+        for raw in reversed(self._pictures):
+            msg = deserialize_message(raw, TactileImage)
+            if msg.header.stamp == stamp:
+                return image_from_msg(msg)
+        return None
 
     def _take(self, all_placed):
         for placed in all_placed:
