@@ -150,6 +150,17 @@ def add_segment(pressure, x, y, depth, x0, y0, x1, y1, load0, load1):
                 (load0 + slope * foot) * constant + slope * linear)
 
 
+@njit(cache=True, nogil=True)
+def _digitised(pressure, gain, noise, noise_std, pa_per_count, baseline):
+    counts = np.empty(pressure.shape, np.uint8)
+    for r in range(pressure.shape[0]):
+        for c in range(pressure.shape[1]):
+            measured = gain[r, c] * pressure[r, c] + noise_std * noise[r, c]
+            count = np.rint(measured / pa_per_count + baseline)
+            counts[r, c] = min(max(count, 0.0), COUNTS_MAX)
+    return counts
+
+
 class EdgeRenderer:
     """
     What a sensor measures at a pose, given a scene.
@@ -219,9 +230,8 @@ class EdgeRenderer:
         """
         sensor = self._scene.sensor
         pressure = np.zeros(self._array.shape) if pose is None else self.render(pose)
-        noise = sensor.noise_std * rng.standard_normal(self._array.shape)
-        counts = np.rint((self._gain * pressure + noise) / sensor.pa_per_count + sensor.baseline)
-        return np.clip(counts, 0, COUNTS_MAX).astype(np.uint8)
+        return _digitised(pressure, self._gain, rng.standard_normal(self._array.shape),
+                          sensor.noise_std, sensor.pa_per_count, sensor.baseline)
 
     def _points(self, pose):
         # Rows are points, hence the transpose of base -> sensor: the rotation itself.
