@@ -17,7 +17,12 @@ from trajectory_msgs.msg import JointTrajectory
 from tactile_msgs.action import TrackEdge
 from tactile_msgs.msg import Contact as ContactMsg
 from tactile_msgs.msg import ServoStatus, TactileImage
-from tactile_sensing.conversions import contact_from_msg, image_from_msg, stamp_to_ns
+from tactile_sensing.conversions import (
+    contact_from_msg,
+    image_from_msg,
+    stamp_from_ns,
+    stamp_to_ns,
+)
 from tactile_sensing.errors import TactileSensingError
 from tactile_sensing.nodes.parameters import declare_from
 from tactile_sensing.nodes.runner import plain, run
@@ -170,15 +175,15 @@ class EdgeServoNode(Node):
         due = int((now - self._first_tick) / self._period)
         self._missed = max(self._missed, due - self._cycles)
         self._cycles, self._last_tick = self._cycles + 1, now
-        stamp = self.get_clock().now()
-        status, trajectory = self._servo.cycle(now, stamp.nanoseconds)
+        now_ns = self.get_clock().now().nanoseconds
+        status, trajectory = self._servo.cycle(now, now_ns)
         if trajectory is not None:
             self._trajectory.publish(trajectory_to_msg(trajectory, self._trajectory_msg))
         took = perf_counter() - now
         self._longest = max(self._longest, took)
         msg = status_to_msg(status, self._servo.tracker.name, took, self._missed,
                             self._status_msg)
-        msg.header.stamp = stamp.to_msg()
+        msg.header.stamp = stamp_from_ns(now_ns)
         self._status.publish(msg)
         if self._goal_handle is not None:
             self._report(status, msg)

@@ -5,6 +5,7 @@ from rclpy.qos import QoSProfile
 from sensor_msgs.msg import JointState
 from trajectory_msgs.msg import JointTrajectory
 
+from tactile_sensing.conversions import stamp_from_ns
 from tactile_sensing.nodes.parameters import declare_from
 from tactile_sensing.nodes.runner import plain, run
 from tactile_sensing.scene import load_scene
@@ -48,10 +49,10 @@ class MockRobotNode(Node):
                 throttle_duration_sec=1.0)
 
     def _on_timer(self):
-        now = self.get_clock().now()
-        positions, velocities = self.controller.step(1e-9 * now.nanoseconds)
+        now_ns = self.get_clock().now().nanoseconds
+        positions, velocities = self.controller.step(1e-9 * now_ns)
         self._states.publish(joint_state_to_msg(
-            now.to_msg(), self.robot.joint_names, positions, velocities, self._state))
+            stamp_from_ns(now_ns), self.robot.joint_names, positions, velocities, self._state))
         if self.controller.limit_violations > self._violations:
             self._violations = self.controller.limit_violations
             self.get_logger().warning(
