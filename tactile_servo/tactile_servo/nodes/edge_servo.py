@@ -79,7 +79,8 @@ class EdgeServoNode(Node):
     controller while a goal of the action `track_edge` is active; publishes `servo_status` every
     cycle, `sensor_pose` at every joint state and `diagnostics`; `~/pause` holds and resumes.
     Parameters: `RobotConfig`, `EdgeServoConfig`, and those of the tracker, `ResolvedRateConfig`
-    or `TraceConfig`; the latter's tracker subscribes to `image` as well.
+    or `TraceConfig`; the latter's tracker subscribes to `image` as well, and takes one a cycle
+    of a sensor that is faster than the control.
     """
 
     def __init__(self, **kwargs):
@@ -103,7 +104,7 @@ class EdgeServoNode(Node):
         warm_up(robot.tracker)
         self._goal_handle, self._started = None, 0.0
         self._first_tick, self._cycles, self._missed = None, 0, 0
-        self._longest, self._last_tick = 0.0, None
+        self._longest, self._last_tick, self._looked = 0.0, None, False
         self._reported, self._tip_frame = None, robot.tip_frame
         self._period = 1.0 / config.rate
         self._trajectory_msg, self._status_msg = JointTrajectory(), ServoStatus()
@@ -161,6 +162,9 @@ class EdgeServoNode(Node):
         self._servo.see_contact(contact, stamp_to_ns(msg.header.stamp), perf_counter())
 
     def _on_image(self, msg):
+        if self._looked:  # a picture a cycle: more would take time from the cycles themselves
+            return
+        self._looked = True
         try:
             image = image_from_msg(msg)
         except TactileSensingError as error:
@@ -174,7 +178,7 @@ class EdgeServoNode(Node):
             self._first_tick = now
         due = int((now - self._first_tick) / self._period)
         self._missed = max(self._missed, due - self._cycles)
-        self._cycles, self._last_tick = self._cycles + 1, now
+        self._cycles, self._last_tick, self._looked = self._cycles + 1, now, False
         now_ns = self.get_clock().now().nanoseconds
         status, trajectory = self._servo.cycle(now, now_ns)
         if trajectory is not None:

@@ -1,0 +1,39 @@
+"""The servo's node as far as it is more than conversions."""
+
+import os
+from pathlib import Path
+
+import numpy as np
+import pytest
+import rclpy
+from rclpy.parameter import Parameter
+
+from tactile_sensing.array import TactelArray
+from tactile_sensing.conversions import image_to_msg
+from tactile_sensing.image import Layer, TactileImage
+from tactile_servo.nodes.edge_servo import EdgeServoNode
+
+PUMA = Path(__file__).resolve().parents[2] / 'launch/urdf/puma260.urdf'
+
+
+@pytest.fixture
+def node():
+    context = rclpy.Context()
+    rclpy.init(context=context, domain_id=os.getpid() % 100 + 1)
+    made = EdgeServoNode(context=context, parameter_overrides=[
+        Parameter('robot_description', value=str(PUMA))])
+    yield made
+    made.destroy_node()
+    context.try_shutdown()
+
+
+def test_a_fast_sensor_takes_no_time_from_the_cycles(node, monkeypatch):
+    seen = []
+    monkeypatch.setattr(node._servo, 'see_image', lambda image, _: seen.append(image.sequence))
+    array = TactelArray(4, 4, 1e-3, 1e-3)
+    layer = Layer('zz', 0.002, np.zeros(array.shape))
+    for sequence in range(9):  # three pictures a cycle
+        node._on_image(image_to_msg(TactileImage(sequence, sequence, (layer,), array)))
+        if sequence % 3 == 2:
+            node._on_cycle()
+    assert seen == [0, 3, 6]
