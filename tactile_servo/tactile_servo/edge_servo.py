@@ -337,7 +337,9 @@ class EdgeServo:
             self._end(now, False, f'went {c.press_depth:g} m deeper without meeting the force',
                       lift=True)
         elif verdict.state != self.state:
-            self.state, self.reason, self._state_since = verdict.state, verdict.reason, now
+            # After a hold the tracker no longer knows that it was searching.
+            self.state, self._state_since = verdict.state, now
+            self.reason = verdict.reason or 'the edge is back'
 
     def _hold(self, now, reason):
         self._resume_state = self.state

@@ -166,6 +166,18 @@ def test_pause_and_resume():
     assert loop.servo.success
 
 
+def test_a_pause_during_a_search_ends_with_a_reason():
+    loop = puma_loop(tracker='trace')
+    tracking(loop)
+    loop.servo.state = State.SEARCH  # what a late picture makes of it
+    loop.servo.pause(True, loop.now)
+    loop.run(None, 0.05)
+    loop.servo.pause(False, loop.now)
+    told = [loop.step() for _ in range(5)]
+    assert told[-1].state == State.TRACK
+    assert all(status.reason for status in told)
+
+
 def test_cancel_stops_and_ends():
     loop = puma_loop()
     tracking(loop)
