@@ -12,6 +12,7 @@ from tactile_sensing.image import COMPONENTS, Layer, SensorInfo
 UNITS = ('Pa', 'counts')
 # Fewer frames tell neither the noise nor whether the picture is steady.
 MIN_TARE_FRAMES = 20
+CHANCE = 5.0  # standard deviations that a mean may be off by chance
 
 
 class TareRefusedError(TactileSensingError):
@@ -186,24 +187,29 @@ class Calibration:
         if len(frames) < MIN_TARE_FRAMES:
             raise TareRefusedError(f'{len(frames)} frames, at least {MIN_TARE_FRAMES} are needed')
         offset = frames.mean(axis=0, dtype=np.float64)
-        self._refuse_load(np.where(self.live, offset - self.baseline, 0.0))
+        noise_std = float(np.sqrt(frames.var(axis=0, ddof=1, dtype=np.float64)[self.live].mean()))
+        # From frame to frame, and by the median, so that a load that comes is no noise.
+        steps = np.abs(np.diff(frames[:, self.live].astype(np.float64), axis=0))
+        chance = CHANCE * 1.05 * float(np.median(steps)) / np.sqrt(len(frames))  # of a mean
+        self._refuse_load(np.where(self.live, offset - self.baseline, 0.0), chance)
         half = len(frames) // 2
         change = np.where(self.live, frames[half:].mean(axis=0) - frames[:half].mean(axis=0), 0.0)
-        if np.abs(change).max() > 0.5 * self.tare_tolerance:
+        allowed = 0.5 * self.tare_tolerance + 2.0 * chance
+        if np.abs(change).max() > allowed:
             raise TareRefusedError(
                 f'not steady: a tactel changes by {np.abs(change).max():.1f} counts within '
-                f'{len(frames)} frames, at most {0.5 * self.tare_tolerance:g} are allowed')
-        noise_std = float(np.sqrt(frames.var(axis=0, ddof=1, dtype=np.float64)[self.live].mean()))
+                f'{len(frames)} frames, at most {allowed:.1f} are allowed')
         return Tare(offset.astype(np.float32), noise_std)
 
-    def _refuse_load(self, deviation):
+    def _refuse_load(self, deviation, chance):
         worst = np.unravel_index(np.abs(deviation).argmax(), deviation.shape)
-        if abs(deviation[worst]) > self.tare_tolerance:
-            loaded = np.count_nonzero(np.abs(deviation) > self.tare_tolerance)
+        allowed = self.tare_tolerance + chance
+        if abs(deviation[worst]) > allowed:
+            loaded = np.count_nonzero(np.abs(deviation) > allowed)
             raise TareRefusedError(
                 f'under load: {loaded} tactels are off the no-load baseline, row {worst[0]} '
                 f'column {worst[1]} by {deviation[worst]:+.1f} counts, at most '
-                f'{self.tare_tolerance:g} are allowed')
+                f'{allowed:.1f} are allowed')
 
     def converter(self, tare=None):
         """

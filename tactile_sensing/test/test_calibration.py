@@ -82,6 +82,17 @@ def test_noise_alone_is_never_refused(count):
         pad.make_tare(values.astype(np.uint8))
 
 
+def test_a_noisy_sensor_is_tared_and_a_load_on_it_is_not():
+    pad = Calibration.uncalibrated(16, 16, 0.001, baseline=10)
+    rng = np.random.default_rng(RNG_SEED)
+    for _ in range(20):
+        values = np.clip(np.rint(10 + 20 * rng.standard_normal((50, 16, 16))), 0, 255)
+        pad.make_tare(values.astype(np.uint8))
+        values[:, 3, 4] += 30
+        with pytest.raises(TareRefusedError, match='row 3 column 4'):
+            pad.make_tare(values.astype(np.uint8))
+
+
 def test_tare_refused_under_load():
     loaded = frames()
     loaded[:, 1, 2] += 6

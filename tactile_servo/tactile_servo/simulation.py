@@ -108,11 +108,9 @@ class Simulation:
 
     def _tared(self):
         sensor, skin = self.scene.sensor, self.scene.skin
-        # A noisy sensor could not be tared within the usual bound.
-        tolerance = Calibration.tare_tolerance + 2.0 * sensor.noise_std / sensor.pa_per_count
         calibration = Calibration(
             self.array, gain=sensor.pa_per_count, baseline=sensor.baseline, depth=skin.depth,
-            skin_stiffness=skin.stiffness, tare_tolerance=tolerance)
+            skin_stiffness=skin.stiffness)
         return calibration.converter(calibration.make_tare(np.array(
             [self.renderer.counts(None, self.rng) for _ in range(TARE_FRAMES)])))
 
