@@ -16,13 +16,15 @@ class EdgeFeatures:
 
     lateral [m]: where the edge crosses y = 0; yaw [rad]; force [N] on the pad;
     remaining [m]: how far the centre of pressure stands ahead of the pad's centre along +y,
-    negative once the edge ends ahead.
+    negative once the edge ends ahead; tilt [rad]: rise of the edge towards +y, by which the
+    pad is not level with it.
     """
 
     lateral: float
     yaw: float
     force: float
     remaining: float
+    tilt: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -45,6 +47,16 @@ class ResolvedRateConfig:
     max_turn_rate: float = field(default=2.0, metadata={
         'doc': 'largest rate of turn about the normal', 'unit': 'rad/s',
         'range': (1e-3, 20.0)})
+    tilt_segment_time: float = field(default=0.2, metadata={
+        'doc': 'T_seg of (5.3) for the rotation about x, which levels the pad with an edge '
+               'in space', 'unit': 's', 'range': (0.01, 10.0)})
+    max_tilt_rate: float = field(default=0.3, metadata={
+        'doc': 'largest rate of the rotation about x; 0 keeps the pad as level as it began',
+        'unit': 'rad/s', 'range': (0.0, 20.0)})
+    uneven: float = field(default=0.15, metadata={
+        'doc': 'the pad is not levelled where the second moment along the edge differs by this '
+               'fraction from that of an edge across the whole pad',
+        'range': (1e-3, 1.0)})
     min_elongation: float = field(default=3.0, metadata={
         'doc': 'a contact that is no straight line is followed as an edge by its moments if '
                'its principal second moments differ by this ratio', 'range': (1.0, 100.0)})
@@ -74,15 +86,16 @@ def edge_features(contact, array_half_length, config):
         Why there are none; otherwise empty.
     """
     remaining = contact.moments.centre_of_pressure[1]
+    tilt = edge_tilt(contact.moments, array_half_length, config)
     if contact.type == ContactType.LINE and contact.valid:
-        features = EdgeFeatures(contact.a, contact.yaw, contact.normal_force, remaining)
+        features = EdgeFeatures(contact.a, contact.yaw, contact.normal_force, remaining, tilt)
     elif (contact.type == ContactType.OTHER and Reason.LOW_SNR not in contact.reasons
           and contact.moments.m0 > 0.0):
         elongation = contact.moments.elongation()
         if not elongation >= config.min_elongation:
             return None, f'contact is no edge: elongation {elongation:.1f}'
         line = line_from_moments(contact.moments, array_half_length)
-        features = EdgeFeatures(line.a, line.yaw, contact.moments.m0, remaining)
+        features = EdgeFeatures(line.a, line.yaw, contact.moments.m0, remaining, tilt)
     else:
         why = contact.reasons.name or 'no edge'
         return None, f'no edge: {why.lower().replace("|", ", ")}'
@@ -94,6 +107,29 @@ def edge_features(contact, array_half_length, config):
     if abs(features.yaw) > config.max_yaw:
         return None, f'edge lies {np.degrees(features.yaw):.0f} degrees across the pad'
     return features, ''
+
+
+def edge_tilt(moments, half_length, config):
+    """
+    Angle about x between pad and edge [rad], from the first moment along the edge (5.6).
+
+    A load that grows in proportion along the whole edge, k (z + theta y), has
+    My = K_z theta L^2 / 3 with K_z = 2 L k, and the second moment L^2 / 3 of an even one. Where
+    an edge ends, or turns under the pad, My says nothing of its rise, and the second moment
+    tells so: the angle counts in full where that is right, and not at all where it is not.
+
+    Parameters
+    ----------
+    moments : Moments
+    half_length : float
+        Half the size of the array along y, the thesis' L [m].
+    config : ResolvedRateConfig
+    """
+    even = moments.m0 * half_length**2 / 3.0
+    if not (even > 0.0 and np.isfinite(moments.my) and np.isfinite(moments.myy)):
+        return 0.0
+    trust = _bounded(1.0 - abs(moments.myy / even - 1.0) / config.uneven, 0.0, 1.0)
+    return trust * 3.0 * moments.my / (config.stiffness * half_length**2)
 
 
 def alignment_scale(features, half_width):
@@ -134,7 +170,9 @@ def edge_twist(features, speed, force, config):
     normal = _bounded((force - features.force) / (c.stiffness * c.force_segment_time),
                       -c.max_normal_speed, c.max_normal_speed)
     turn = _bounded(features.yaw / c.segment_time, -c.max_turn_rate, c.max_turn_rate)
-    return np.array([lateral, speed, normal, 0.0, 0.0, turn])
+    # More load ahead means that the edge rises: the pad is turned away from it there.
+    level = _bounded(-features.tilt / c.tilt_segment_time, -c.max_tilt_rate, c.max_tilt_rate)
+    return np.array([lateral, speed, normal, level, 0.0, turn])
 
 
 def _bounded(value, low, high):
