@@ -10,11 +10,12 @@ from tactile_sensing.ridge import centre_of_load, mend, ridge_points
 from tactile_servo.corners import Picture
 from tactile_servo.edge_trace import into_plane, turned
 from tactile_servo.resolved_rate import EdgeFeatures
-from tactile_servo.servo_types import KEEP, State, Verdict
+from tactile_servo.servo_types import State, Verdict
 from tactile_servo.trace_config import TraceConfig
 from tactile_servo.traced_edge import CLOSED, END, TracedEdge, VIEW
 
 TRACK, COAST, PULL, PROBE_DOWN = 'track', 'coast', 'pull', 'probe'
+ON_EDGE = Verdict(State.TRACK, 'the edge goes on')
 IMPOSSIBLE = 1e9  # Pa
 LOADED = 0.3  # of the highest pressure, from which a tactel tells where the load is
 PRESSED = 0.6  # of the force, from which what is seen of the edge is all of it
@@ -211,9 +212,10 @@ class Trace:
         self._coasted = 0.0
         if self.ready(now):
             self._searched, self._probe_from = 0.0, None
-            back = self._mode != TRACK
             self._mode = TRACK
-            return Verdict(State.TRACK, 'the edge goes on') if back else KEEP
+            corner = edge.corner_at(self._ahead)
+            return ON_EDGE if corner is None else Verdict(
+                State.CORNER, f'corner of {math.degrees(abs(corner.turn)):.0f} degrees')
         if load < self.servo.contact_force:
             return self._probe() or Verdict(State.HOLD, 'contact lost')
         if self._pull is None or self._searched > c.search_distance:

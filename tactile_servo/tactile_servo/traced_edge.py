@@ -360,6 +360,11 @@ class TracedEdge:
         """Place (x, y, z) of the path at a station [m]."""
         return place_at(self.nodes, self.stations, station)
 
+    def corner_at(self, station):
+        """Corner that stands for the edge at a station [m], or None."""
+        return next((corner for corner in self.corners
+                     if corner.span[0] <= station <= corner.span[1]), None)
+
     def slope(self, station, reach):
         """Rise of the edge along itself around a station; see `edge_trace.rise`."""
         return rise(self.nodes, self.stations, station, reach, self.end == END)

@@ -44,6 +44,17 @@ def test_a_contour_closes_and_is_rebuilt():
     assert len(simulation.servo.contour()) > 300
 
 
+def test_every_corner_is_a_state_of_its_own_and_tracked():
+    _, summary = follow('two_segments', 0.1)
+    states = [(entry['state'], entry['reason']) for entry in summary['states']]
+    corners = [reason for state, reason in states if state == 'corner']
+    assert [state for state, _ in states[:5]] == ['idle', 'approach', 'track', 'corner', 'track']
+    assert len(corners) == 1 and int(corners[0].split()[2]) == pytest.approx(30, abs=3)
+    assert 0.15 < summary['tracked_length'] and summary['lateral_max'] < 0.3e-3
+    _, summary = follow('curve', 0.1)
+    assert 'corner' not in [entry['state'] for entry in summary['states']]
+
+
 @pytest.mark.parametrize('scene', ['gap', 'step_down', 'slip', 'noise', 'wave'])
 def test_hard_scenes_are_survived(scene):
     _, summary = follow(scene, 0.1)
