@@ -7,6 +7,7 @@ import numpy as np
 
 from tactile_sensing.contact import ContactType
 from tactile_sensing.ridge import centre_of_load, mend, ridge_points
+from tactile_servo.border import coming_length
 from tactile_servo.corners import Picture
 from tactile_servo.edge_trace import into_plane, turned
 from tactile_servo.resolved_rate import EdgeFeatures
@@ -27,6 +28,9 @@ SLOPE_REACH = 10.0e-3  # m either side of the pad over which the edge's rise is 
 LOOK_AHEAD = 0.4e-3  # m along the path over which its direction is taken
 TURN_REACH = 4.0e-3  # m either side of the pad's centre over which the pad is turned
 TURN_ACCELERATION = 15.0  # rad/s^2
+ENTRY_SPEED = 0.03  # m/s at which a second leg may come under the pad
+COMING_SHARE = 0.35  # of its length that is given way to before
+GIVE_WAY = 5.0  # times the gain of the force with which the pad gives way to a second leg
 STRAY = 1.0e-3  # m from the path at which the pad no longer goes ahead
 
 
@@ -62,7 +66,7 @@ class Trace:
         self.edge = None
         self._plane = None  # base -> plane (4, 4)
         self._here = self._ahead = 0.0  # stations of the measured and the commanded pad [m]
-        self._force = self._seen_z = self._seen_station = 0.0
+        self._force = self._seen_z = self._seen_station = self._coming = 0.0
         self._stamp, self._seen_length, self._slope = None, 0.0, 0.0
         self._half = (self.servo.array_half_width,) * 2
         self._seeded = self._edge_seen = False
@@ -117,6 +121,7 @@ class Trace:
         self.looked, self._seen_z = arrival, placed[2, 3]
         self._pull = self._towards_pressure(pressure, array, placed)
         points = ridge_points(pressure, array, noise, layer.depth)
+        self._coming = coming_length(pressure, array, points, noise, layer.depth)
         self.reason, self._edge_seen = 'no ridge in the picture', False
         if len(points) >= FEWEST_POINTS:
             # (3.1) at its peak, 2 q / (pi d), gives the load, and that the indentation.
@@ -289,6 +294,7 @@ class Trace:
         if self._mode != COAST:
             top *= min(max(2.5 * self._force / self.goal.force - 0.75, 0.0), 1.0)
         # A second leg that comes under the pad adds its load at once: give way first.
+        top -= max(top - ENTRY_SPEED, 0.0) * min(self._coming / min(self._half), 1.0)
         top *= min(max(5.0 * (1.3 - self._force / self.goal.force), 0.0), 1.0)
         distance = math.hypot(x - px, y - py)
         top *= min(max(1.2 - distance / STRAY, 0.0), 1.0)
@@ -313,10 +319,15 @@ class Trace:
         vx, vy = self._velocity
         length = max(self._on_pad(there, (vx / c.force_gain, vy / c.force_gain)), shortest)
         predicted = self._force / max(self._seen_length, shortest) + c.skin_stiffness * moved
-        error = (self.goal.force / length - max(predicted, 0.0)) / c.skin_stiffness
+        # A share of what is to come is given way to before: as much too little first as it
+        # is too much then.
+        error = (self.goal.force / (length + COMING_SHARE * self._coming)
+                 - max(predicted, 0.0)) / c.skin_stiffness
         if abs(self.goal.force - self._force) < 0.2 * self.goal.force:
             self._integral += (self.goal.force - self._force) / c.stiffness * dt
-        give = c.force_gain * error + c.force_integral * self._integral
+        # There is not much time, and what was moved since the picture is known: give way fast.
+        gain = c.force_gain * (GIVE_WAY if self._coming > 0.0 and error < 0.0 else 1.0)
+        give = gain * error + c.force_integral * self._integral
         # Pressing ends in time even for a robot that brakes this hard only.
         give = min(give, math.sqrt(2.0 * c.press_acceleration * max(error, 0.0))
                    + c.force_integral * abs(self._integral))
