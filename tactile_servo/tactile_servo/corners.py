@@ -28,10 +28,13 @@ class Corner:
     ----------
     p : ndarray, shape (7,)
         As `corner_fit.corner_points`, in the plane.
+    denied : int
+        Pictures since the last one that it could be fitted to.
     """
 
     def __init__(self, p, information):
         self.p = p
+        self.denied = 0
         self._information = information.copy()
         self._moment = np.zeros(7)
         self._reference = p.copy()
@@ -130,6 +133,12 @@ class Picture:
         return _inside(points, self.place, self._rotation,
                        self.array.half_width_x - margin, self.array.half_width_y - margin)
 
+    def shows(self, p):
+        """Whether a corner (7,) and enough of its legs lie on the pad."""
+        legs = np.array([[math.cos(p[2]), math.sin(p[2])], [math.cos(p[3]), math.sin(p[3])]])
+        away = setback(p) + VIEWED
+        return self.covers(p[:2] + away * legs * np.array([[-1.0], [1.0]]))
+
     def fit(self, p):
         """
         Fit a corner of the plane (7,).
@@ -139,9 +148,7 @@ class Picture:
         p, information : ndarray or None
             None where the picture shows no such corner, or too little of it.
         """
-        legs = np.array([[math.cos(p[2]), math.sin(p[2])], [math.cos(p[3]), math.sin(p[3])]])
-        away = setback(p) + VIEWED
-        if not self.covers(p[:2] + away * legs * np.array([[-1.0], [1.0]])):
+        if not self.shows(p):
             return None
         start = p.copy()
         start[:2] = self.to_pad(p[:2])

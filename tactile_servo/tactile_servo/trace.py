@@ -239,6 +239,8 @@ class Trace:
             verdict = self._probe()
             if verdict is not None:
                 return verdict
+        if load >= self.servo.contact_force:
+            return Verdict(State.DONE, 'edge lost: no ridge goes on, but the pad is pressed')
         whole = (self.goal.length == 0.0 and not self.goal.closed
                  and length > 2.0 * self.servo.array_half_width)
         return Verdict(State.DONE, 'the edge ended', whole)

@@ -32,6 +32,7 @@ SEEN_BORDER = 3.3e-3  # m from the pad's border where a ridge can no longer be t
 BLUR = 0.6  # of the squared depth over the radius: how far a ridge lies inside of a curve [m^2]
 BRANCH_REACH = 6.0e-3  # m from the end of a ridge within which another leg is looked for
 TIP = 8  # nodes at the end of a ridge among which it fades
+DENIALS = 3  # pictures one after the other that show no such corner, until it is dropped
 OFF_PATH = 2.0e-3  # m from the path beyond which a point is not of it
 GAP_REACH = 18.0e-3  # m ahead over which a ridge may go on
 BESIDE = 1.3e-3  # m from the path beyond which a point belongs to another leg
@@ -319,13 +320,18 @@ class TracedEdge:
         return guess(before[:2], before[3:5], centre, way)
 
     def refine(self, station):
-        """Fit the corners in view to the newest picture."""
-        for corner in self.corners:
-            if corner.span[1] < station - 4e-3:
+        """Fit the corners in view to the newest picture; drop those ahead that it denies."""
+        for corner in list(self.corners):
+            if corner.span[1] < station - 4e-3 or not self._picture.shows(corner.p):
                 continue
             fitted = self._picture.fit(corner.p)
             if fitted is not None:
                 corner.merge(*fitted)
+                corner.denied = 0
+            elif corner.span[0] > station:
+                corner.denied += 1
+                if corner.denied >= DENIALS:
+                    self.corners.remove(corner)
 
     def _close(self, station):
         """Close the contour where the path meets its start."""

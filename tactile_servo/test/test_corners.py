@@ -10,6 +10,7 @@ from tactile_sensing.edge_shapes import polygon
 from tactile_sensing.scene import Skin
 from tactile_sensing.synthetic import render
 from tactile_servo.corners import Corner, guess, Picture
+from tactile_servo.traced_edge import DENIALS, TracedEdge
 
 PAD = TactelArray(16, 16, 0.0254 / 16, 0.0254 / 16)
 DEPTH, NOISE = 0.002, 630.0
@@ -90,3 +91,22 @@ def test_path_through_a_corner_passes_its_vertex_or_its_fillet():
     nodes = Corner(p, np.eye(7)).nodes()
     middle = np.hypot(nodes[:, 0], nodes[:, 1]).min()
     assert middle == pytest.approx(1e-3 * (math.sqrt(2) - 1), rel=0.05)
+
+
+def test_a_corner_ahead_that_pictures_deny_is_dropped():
+    """One guessed from its first sight must not be kept against all that is seen later."""
+    turn, vertex = math.radians(90), np.array([0.0, 0.002])
+    shown = picture_of(turn, 0.0, vertex)
+    p, information = shown.fit(first_guess(turn, vertex))
+    edge = TracedEdge(DEPTH)
+    blank = Picture(np.full(PAD.shape, 1e4), PAD, DEPTH, NOISE, np.zeros(2), 0.0, 0.0)
+    away = Picture(np.full(PAD.shape, 1e4), PAD, DEPTH, NOISE, np.array([0.1, 0.0]), 0.0, 0.0)
+    ahead, under = Corner(p.copy(), information), Corner(p.copy(), information)
+    ahead.span, under.span, edge.corners = (0.010, 0.018), (0.002, 0.010), [ahead, under]
+    for picture in (*[blank] * (DENIALS - 1), shown, *[blank] * (DENIALS - 1), *[away] * 9):
+        edge.see(np.empty((0, 6)), picture)
+        edge.refine(0.005)
+    assert edge.corners == [ahead, under]  # seen in between, and a picture of elsewhere is mute
+    edge.see(np.empty((0, 6)), blank)
+    edge.refine(0.005)
+    assert edge.corners == [under]
