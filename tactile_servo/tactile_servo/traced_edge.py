@@ -38,7 +38,7 @@ GAP_REACH = 18.0e-3  # m ahead over which a ridge may go on
 BESIDE = 1.3e-3  # m from the path beyond which a point belongs to another leg
 BEHIND = 30.0e-3  # m around the pad of which the load is reckoned
 CLOSING = 1.2e-3  # m from the start within which a contour closes
-UNSURE_START = 4.0e-3  # m of a path at its start that later pictures no longer improved
+UNSURE_START = 4.0e-3  # m of a path at its start that a moving pad has not seen long enough
 SHORTEST_CONTOUR = 0.05  # m
 VIEW, END, CLOSED = 'view', 'end', 'closed'
 
@@ -112,6 +112,7 @@ class TracedEdge:
         if not found:
             return False
         back = trace(self._cloud, x, y, -tx, -ty, AHEAD)[::-1]
+        self._began = station
         self._open_start = not len(back) or not self._picture.covers(back[:1, :2], SEEN_BORDER)
         back[:, 3:5] *= -1.0
         self.end = VIEW
@@ -171,7 +172,7 @@ class TracedEdge:
             if len(leg):
                 ways.append(unblurred(np.vstack([start, leg]), self.blur, STEP)[1:])
                 found.append(None)
-                z = leg[-1, 2]
+                x, y, z, tx, ty, _ = leg[-1]
             left -= len(leg) * STEP
             if corner is None:
                 jump = None if left <= 0.0 else self._jump(ways[-1][-1] if ways else head[-1])
@@ -184,6 +185,8 @@ class TracedEdge:
                 continue
             open_corners.remove(corner)
             turn = corner.nodes()
+            # Of a corner that is found late a part lies behind: the path must not lead back.
+            turn = turn[int(((turn[:, :2] - (x, y)) @ (tx, ty) > 0.0).argmax()):]
             way = np.column_stack([
                 turn[:, :2], np.full(len(turn), z), turn[:, 2:], np.ones(len(turn))])
             ways.append(way)
@@ -335,15 +338,15 @@ class TracedEdge:
 
     def _close(self, station):
         """Close the contour where the path meets its start."""
-        if station - self.stations[0] < SHORTEST_CONTOUR or self.past:
+        if station - self._began < SHORTEST_CONTOUR or self.past:
             return
-        begin = self.stations[0] + UNSURE_START
+        # Behind where it began the path was seen from one place only.
+        begin = max(self.stations[0], self._began) + UNSURE_START
         k = closing_node(self.nodes, self.stations, station, begin, CLOSING)
         if k < 0:
             return
-        again = (self.stations >= begin) & (self.stations < self.stations[0] + 30e-3)
-        # Where the pad itself began, at station 0: the path begins behind it.
-        self.closing = self.stations[k] - min(begin, 0.0)
+        again = (self.stations >= begin) & (self.stations < begin + BEHIND)
+        self.closing = self.stations[k] - UNSURE_START  # where the pad itself began
         self.contour_nodes = self.nodes[:k][self.stations[:k] >= begin]
         self.nodes = np.vstack([self.nodes[:k], self.nodes[again]])
         self._measure()

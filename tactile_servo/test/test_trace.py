@@ -35,12 +35,13 @@ def test_open_edges_are_tracked_within_the_bars(scene, speed, rms, largest):
     assert simulation.robot.limit_violations == 0
 
 
-def test_a_contour_closes_and_is_rebuilt():
-    simulation, summary = follow('tape_case', 0.1)
+@pytest.mark.parametrize('seed', [0, 4])
+def test_a_contour_closes_and_is_rebuilt(seed):
+    simulation, summary = follow('tape_case', 0.1, seed=seed)
     assert summary['ok'] and summary['closed'] and summary['reason'] == 'the contour closed'
     assert summary['lateral_rms'] <= 0.08e-3 and summary['lateral_max'] <= 0.25e-3
     assert summary['force_max'] < 7.2  # at corners of 90 degrees the load grows by half at once
-    assert summary['contour_max_error'] < 0.2e-3 and abs(summary['contour_area_error']) < 5e-3
+    assert summary['contour_max_error'] < 0.15e-3 and abs(summary['contour_area_error']) < 5e-3
     assert summary['tracked_length'] == pytest.approx(0.356, abs=0.012)
     assert len(simulation.servo.contour()) > 300
 
