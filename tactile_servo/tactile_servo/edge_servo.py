@@ -292,11 +292,13 @@ class EdgeServo:
 
     def _decide(self, now, pose):
         why = self._standstill_reason()
+        if self.state == State.HOLD and not self._stopping:
+            self._decide_hold(now, why)
         if self._stopping:
             self.state, self.reason = State.HOLD, self._stopping
             self._done_when_standing()
-        elif self.state == State.HOLD:
-            self._decide_hold(now, why)
+        elif self.state == State.HOLD and (why or self._load <= self.config.max_load):
+            return
         elif why:
             self._hold(now, why)
         elif self._load > self.config.max_load and self.state != State.RETREAT:

@@ -115,6 +115,19 @@ def test_short_gap_in_the_images_ends_by_itself():
     assert loop.servo.success
 
 
+def test_too_much_load_in_a_hold_lifts_off_once_it_is_known():
+    loop = puma_loop()
+    tracking(loop)
+    loop.sensor_alive = False
+    loop.run(None, 0.2)
+    assert loop.servo.state == State.HOLD
+    stamp = round(loop.now * 1e9)
+    loop.servo.see_contact(Contact(ContactType.LINE, True, Reason(0), 'fit', a=0.0, yaw=0.0,
+                                   normal_force=100.0), stamp, loop.now)
+    status, _ = loop.servo.cycle(loop.now + 0.0025, stamp + 2_500_000)
+    assert status.state == State.RETREAT and 'overload' in status.reason
+
+
 def test_reason_of_the_end_outlives_a_hold_on_the_way_up():
     loop = puma_loop()
     loop.run(GOAL, 20.0, lambda s: s.state == State.RETREAT)
