@@ -117,7 +117,8 @@ class EdgeServo:
             return
         pose = self.pose_at(image.stamp_ns)
         if pose is not None:
-            self.tracker.see_image(image, pose, arrival)
+            age = 1e-9 * (self.joints.stamp_ns - image.stamp_ns)
+            self.tracker.see_image(image, pose, arrival, max(age, 0.0))
 
     def pose_at(self, stamp_ns):
         """Measured pose (4, 4) of the sensor at a stamp [ns]; None where it is not known."""

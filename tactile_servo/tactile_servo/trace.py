@@ -30,6 +30,8 @@ TURN_REACH = 4.0e-3  # m either side of the pad's centre over which the pad is t
 TURN_ACCELERATION = 15.0  # rad/s^2
 ENTRY_SPEED = 0.03  # m/s at which a second leg may come under the pad
 COMING_SHARE = 0.35  # of its length that is given way to before
+ANSWER = 5.0e-3  # s until the robot answers to what a picture showed
+AGE_SHARE = 0.1  # of a picture's age in their running mean
 GIVE_WAY = 5.0  # times the gain of the force with which the pad gives way to a second leg
 STRAY = 1.0e-3  # m from the path at which the pad no longer goes ahead
 
@@ -71,7 +73,7 @@ class Trace:
         self._half = (self.servo.array_half_width,) * 2
         self._seeded = self._edge_seen = False
         self._off_path = 0
-        self.looked, self._pull = -np.inf, None
+        self.looked, self._pull, self._age = -np.inf, None, 0.0
         self._coasted = 0.0
         self.resume()
 
@@ -94,8 +96,8 @@ class Trace:
 
     # Picture -----------------------------------------------------------------------------
 
-    def see_image(self, image, pose, arrival):
-        """Take a picture, the pose (4, 4) at its stamp, and its steady arrival time [s]."""
+    def see_image(self, image, pose, arrival, age=0.0):
+        """Take a picture, the pose (4, 4) at its stamp, steady arrival time and age [s]."""
         layer = next((one for one in image.layers if one.component == 'zz'), None)
         if (layer is None or layer.unit != 'Pa' or not layer.depth > 0.0 or not image.tared
                 or layer.stress.shape != image.array.shape):
@@ -119,6 +121,7 @@ class Trace:
             self.edge = TracedEdge(layer.depth)
         placed = self._plane @ pose
         self.looked, self._seen_z = arrival, placed[2, 3]
+        self._age += AGE_SHARE * (age - self._age)
         self._pull = self._towards_pressure(pressure, array, placed)
         points = ridge_points(pressure, array, noise, layer.depth)
         self._coming = coming_length(pressure, array, points, noise, layer.depth)
@@ -295,6 +298,8 @@ class Trace:
         top = self.goal.speed
         if self._mode != COAST:
             top *= min(max(2.5 * self._force / self.goal.force - 0.75, 0.0), 1.0)
+        # Pictures that come late show late what lies ahead.
+        top = min(top, max(c.unseen / (self._age + ANSWER), ENTRY_SPEED))
         # A second leg that comes under the pad adds its load at once: give way first.
         top -= max(top - ENTRY_SPEED, 0.0) * min(self._coming / min(self._half), 1.0)
         top *= min(max(5.0 * (1.3 - self._force / self.goal.force), 0.0), 1.0)

@@ -36,6 +36,10 @@ class TraceConfig:
     blind_speed: float = field(default=0.05, metadata={
         'doc': 'speed to which the pad can slow down where the pad sees no further',
         'unit': 'm/s', 'range': (1e-3, 1.0)})
+    unseen: float = field(default=2.0e-3, metadata={
+        'doc': 'distance that the pad may go until the robot answers to a picture: the pad is '
+               'slower where pictures come later, down to 30 mm/s',
+        'unit': 'm', 'range': (1e-4, 1.0)})
     max_normal_speed: float = field(default=0.05, metadata={
         'doc': 'largest speed along the normal', 'unit': 'm/s', 'range': (1e-4, 1.0)})
     max_lateral_speed: float = field(default=0.1, metadata={

@@ -14,10 +14,10 @@ from tactile_servo.simulation_summary import summarise
 from tactile_servo.trace import Trace
 
 
-def follow(scene, speed, seed=0, **goal):
+def follow(scene, speed, seed=0, latency=None, **goal):
     """Run a shipped scene on the gantry: simulation and summary."""
     scene = load_scene(ROOT / f'launch/scenes/{scene}.yaml')
-    simulation = Simulation(scene, 'trace', seed=seed)
+    simulation = Simulation(scene, 'trace', seed=seed, latency=latency)
     goal = EdgeGoal(speed, 5.0, closed=scene.edge.closed, **goal)
     status = simulation.run(goal, 60.0)
     return simulation, summarise(simulation, goal, status, name='', tracker='trace', seed=seed)
@@ -150,6 +150,23 @@ def test_latency_is_no_part_of_the_lateral_loop():
     truth = simulation.truth()
     assert simulation.servo.success
     assert np.abs(truth[truth[:, 3] > 0.02, 1]).max() < 0.05e-3
+
+
+@pytest.mark.parametrize('scene, latency', [('gap', 0.06), ('two_segments', 0.08)])
+def test_late_pictures_slow_the_pad_down(scene, latency):
+    simulation, summary = follow(scene, 0.2, latency=latency)
+    assert summary['ok'] and summary['reason'] == 'the edge ended'
+    assert summary['lateral_max'] < 0.5e-3 and summary['force_max'] < 7.5
+    assert max(cycle.status.speed for cycle in simulation.log) < 0.035
+
+
+def test_pictures_too_late_to_be_used_hold_with_the_reason():
+    simulation = Simulation(load_scene(ROOT / 'launch/scenes/straight.yaml'), 'trace',
+                            latency=0.12, config=EdgeServoConfig(give_up=1.0))
+    simulation.run(EdgeGoal(0.03, 5.0), 10.0)
+    assert not simulation.servo.success
+    assert 'stale' in simulation.servo.reason
+    assert max(cycle.force for cycle in simulation.log) < 5.5
 
 
 def test_unusable_pictures_are_passed_over_with_a_reason():
