@@ -10,7 +10,7 @@ class TraceConfig:
     lateral_gain: float = field(default=30.0, metadata={
         'doc': "rate at which the pad's distance from the traced edge is made up",
         'unit': '1/s', 'range': (1.0, 200.0)})
-    force_gain: float = field(default=40.0, metadata={
+    force_gain: float = field(default=60.0, metadata={
         'doc': 'rate at which an error of the force is made up', 'unit': '1/s',
         'range': (1.0, 200.0)})
     force_integral: float = field(default=60.0, metadata={

@@ -207,7 +207,8 @@ class Watched:
         if not status.contact_fresh or not status.joints_fresh or status.normal_force > (
                 self.servo.config.max_load):
             assert status.state not in TRACKING
-        if before == State.HOLD != status.state and not self.velocities.any():
+        if (before == State.HOLD and status.state not in (State.HOLD, State.DONE)
+                and not self.velocities.any()):
             self.positions = self.servo.joints.value  # it starts anew from where it is
         self.check(window, braking=status.state == before == State.HOLD)
         self.positions, self.velocities = window.positions[0], window.velocities[0]
