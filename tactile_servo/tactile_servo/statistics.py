@@ -1,6 +1,7 @@
 """What a goal has achieved so far: length, errors, contour."""
 
 import numpy as np
+from scipy.spatial import cKDTree
 
 SETTLING_LENGTH = 0.01  # m after first contact that the error statistics leave out
 CONTOUR_SPACING = 0.001  # m between poses of the contour
@@ -95,10 +96,10 @@ def along_contour(nodes, poses):
     """
     if not poses:
         return []
-    places = np.array([pose[:3, 3] for _, pose in poses])
+    _, nearest = cKDTree([pose[:3, 3] for _, pose in poses]).query(nodes)
     result = []
-    for node in nodes:
-        stamp, pose = poses[int(np.linalg.norm(places - node, axis=1).argmin())]
+    for node, index in zip(nodes, nearest, strict=True):
+        stamp, pose = poses[index]
         moved = pose.copy()
         moved[:3, 3] = node
         result.append((stamp, moved))
