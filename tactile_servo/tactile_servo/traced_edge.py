@@ -140,11 +140,15 @@ class TracedEdge:
             if entry < self.stations[kept - 1] < leave:
                 kept = max(int(np.searchsorted(self.stations, entry + 1e-9)), 1)
         head = self.nodes[:kept]
+        ended = self.end == END and station - KEEP_BEHIND > self.tip
         ways, found = self._trace_on(head, station)
         for _ in range(2):
             if not self._find_corner(head, ways):
                 break
             ways, found = self._trace_on(head, station)
+        if ended and sum(len(way) for way in ways) < TIP:
+            # A few nodes where the ridge faded do not say that it goes on, nor where to.
+            ways, found, self.end = [], [], END
         self.nodes = np.vstack([head, *ways])
         self._measure()
         at = kept
@@ -218,12 +222,15 @@ class TracedEdge:
         """Lead the path straight on beyond the end of the ridge, for the pad to coast along."""
         if self.end != END:
             return
-        last = self.nodes[-1]
-        way = last[:2] - self.nodes[max(len(self.nodes) - 1 - TIP, 0), :2]
+        # Single nodes are uncertain where a ridge fades: means of several give the line.
+        last, tail = self.nodes[-1], self.nodes[-2 * TIP:, :2]
+        half = len(tail) // 2
+        middle = tail[half:].mean(axis=0)
+        way = middle - tail[:half].mean(axis=0) if half else last[3:5]
         size = np.hypot(*way)
         way = way / size if size > 0.0 else last[3:5]
-        self.nodes = np.vstack([self.nodes, [
-            *(last[:2] + BEHIND * way), last[2], *way, 0.0]])
+        there = middle + (BEHIND + (last[:2] - middle) @ way) * way
+        self.nodes = np.vstack([self.nodes, [*there, last[2], *way, 0.0]])
         self._measure()
 
     def _trim(self, head, ways, found):
