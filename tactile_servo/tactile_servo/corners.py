@@ -8,7 +8,7 @@ import numpy as np
 from tactile_servo.corner_fit import CHORDS, corner_points, fit_corner
 
 SHARP = 0.35e-3  # m, radius below which a corner is taken for sharp
-LONGEST_SETBACK = 5.5e-3  # m from vertex to fillet; what is rounder is followed as a curve
+LONGEST_SETBACK = 6.2e-3  # m from vertex to fillet; what is rounder is followed as a curve
 CLEARANCE = 4.0e-3  # m beyond the fillet until the skin no longer blurs the legs
 VIEWED = 3.0e-3  # m of each leg beyond the fillet that the pad must cover
 LEAST_TURN = math.radians(18.0)

@@ -338,7 +338,7 @@ class TracedEdge:
             if fitted is not None:
                 corner.merge(*fitted)
                 corner.denied = 0
-            elif corner.span[0] > station:
+            elif sum(corner.span) > 2.0 * station:  # its vertex is still ahead
                 corner.denied += 1
                 if corner.denied >= DENIALS:
                     self.corners.remove(corner)

@@ -102,7 +102,7 @@ def test_a_corner_ahead_that_pictures_deny_is_dropped():
     blank = Picture(np.full(PAD.shape, 1e4), PAD, DEPTH, NOISE, np.zeros(2), 0.0, 0.0)
     away = Picture(np.full(PAD.shape, 1e4), PAD, DEPTH, NOISE, np.array([0.1, 0.0]), 0.0, 0.0)
     ahead, under = Corner(p.copy(), information), Corner(p.copy(), information)
-    ahead.span, under.span, edge.corners = (0.010, 0.018), (0.002, 0.010), [ahead, under]
+    ahead.span, under.span, edge.corners = (0.004, 0.012), (0.0, 0.008), [ahead, under]
     for picture in (*[blank] * (DENIALS - 1), shown, *[blank] * (DENIALS - 1), *[away] * 9):
         edge.see(np.empty((0, 6)), picture)
         edge.refine(0.005)
