@@ -165,8 +165,9 @@ class TracedEdge:
         """Legs and corners (each (M, 6)) that follow, and the Corner that each one is."""
         x, y, z, tx, ty, _ = head[-1]
         ways, found, left = [], [], AHEAD
-        done = [corner for corner in self.corners if corner.span[1] < station - KEEP_BEHIND]
-        open_corners = [corner for corner in self.corners if corner not in done]
+        # Not those just passed; one passed long ago may come again, round a contour.
+        open_corners = [corner for corner in self.corners
+                        if not -SHORTEST_CONTOUR < corner.span[1] - station < -KEEP_BEHIND]
         self.end = VIEW
         while left > 0.0:
             leg = trace(self._cloud, x, y, tx, ty, left)

@@ -1,16 +1,19 @@
 """Tracing in a closed loop: bars, ends, slips, and that nothing makes it press."""
 
 from dataclasses import replace
+import math
 
 import numpy as np
 from puma_loop import puma_loop, ROOT
 import pytest
 
+from tactile_sensing.edge_path import EdgePath
+from tactile_sensing.edge_shapes import polygon
 from tactile_sensing.image import Layer, TactileImage
-from tactile_sensing.scene import load_scene
+from tactile_sensing.scene import load_scene, Scene, Start
 from tactile_servo.servo_types import EdgeGoal, EdgeServoConfig, State
 from tactile_servo.simulation import Simulation
-from tactile_servo.simulation_summary import summarise
+from tactile_servo.simulation_summary import contour_errors, summarise
 from tactile_servo.trace import Trace
 
 
@@ -44,6 +47,19 @@ def test_a_contour_closes_and_is_rebuilt(seed):
     assert summary['contour_max_error'] < 0.15e-3 and abs(summary['contour_area_error']) < 5e-3
     assert summary['tracked_length'] == pytest.approx(0.356, abs=0.012)
     assert len(simulation.servo.contour()) > 300
+
+
+def test_a_corner_just_after_the_start_is_known_when_it_comes_again():
+    angles = 0.2 * math.pi * np.arange(10)  # a side of 30 mm; the edge begins in its middle
+    corners = 0.015 / math.sin(0.1 * math.pi) * np.column_stack([np.cos(angles), np.sin(angles)])
+    plan = polygon(corners, 0.0, True)
+    scene = Scene('ten corners', '', EdgePath(np.column_stack([plan, np.zeros(len(plan))])),
+                  start=Start(s=0.012))
+    simulation = Simulation(scene, 'trace')
+    simulation.run(EdgeGoal(0.1, 5.0, closed=True), 30.0)
+    assert simulation.servo.success, simulation.servo.reason
+    error, area = contour_errors(simulation.servo.tracker.contour(), scene.edge)
+    assert error < 0.1e-3 and abs(area) < 2e-3
 
 
 def test_every_corner_is_a_state_of_its_own_and_tracked():
