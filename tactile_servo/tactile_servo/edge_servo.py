@@ -389,11 +389,16 @@ class EdgeServo:
         """Return the wanted twist of the sensor in its own frame (6,) [m/s, rad/s]."""
         c, twist = self.config, np.zeros(6)
         if self.state == State.APPROACH and self._load < self.goal.force:
-            twist[2] = c.approach_speed
+            # What is to be touched lightly is touched slowly: the pad stops late.
+            twist[2] = c.approach_speed * min(self.goal.force / c.soft_touch, 1.0)
         elif self.state == State.RETREAT and -self._advance() < c.retreat_distance:
             twist[2] = -c.approach_speed
         elif self.state in TRACKING:
             twist = self.tracker.twist(pose, self._commanded_pose, dt)
+            if (Reason.SATURATED in self.contact.value.reasons
+                    and self._load >= c.contact_force):
+                # The force is larger than it seems, nobody knows by how much: give way.
+                twist[2] = min(twist[2], -c.approach_speed)
         if self.state not in TRACKING:
             self.tracker.speed = 0.0
         return twist

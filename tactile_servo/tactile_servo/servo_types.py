@@ -70,6 +70,9 @@ class EdgeServoConfig:
     approach_speed: float = field(default=0.01, metadata={
         'doc': 'speed along the normal towards the object, and away from it', 'unit': 'm/s',
         'range': (1e-4, 0.1)})
+    soft_touch: float = field(default=2.5, metadata={
+        'doc': 'a goal of less force than this approaches slower, in proportion', 'unit': 'N',
+        'range': (0.01, 100.0)})
     approach_distance: float = field(default=0.03, metadata={
         'doc': 'the approach gives up after this way', 'unit': 'm', 'range': (0.001, 1.0)})
     retreat_distance: float = field(default=0.01, metadata={
