@@ -22,6 +22,7 @@ from tactile_sensing.nodes.mock_sensor import MockSensorNode
 from tactile_sensing.nodes.runner import make_executor, spin, stop_on_signals
 from tactile_servo.nodes.edge_servo import EdgeServoNode
 from tactile_servo.nodes.mock_robot import MockRobotNode
+from tactile_servo.trackers import DEFAULT, TRACKERS
 from tactile_shape.nodes.shape_estimator import ShapeEstimatorNode
 
 # Longest time that a thread keeps the interpreter while another waits for it; the default of
@@ -86,7 +87,7 @@ def add_mocks(graph, port, scene, robot, seed=0):
                      scene=str(scene))
 
 
-def add_stack(graph, port, robot, tracker='trace'):
+def add_stack(graph, port, robot, tracker=DEFAULT):
     """Add driver, contact and shape estimators and servo: what runs on a real robot as well."""
     graph.add(DriverNode, port=str(port))
     graph.add(ContactEstimatorNode)
@@ -113,7 +114,7 @@ def parser():
     arguments.add_argument('--port', default='', help='serial port of a real sensor')
     arguments.add_argument('--scene', default='straight', help='what the mock sensor touches: '
                            f'{", ".join(scene_names())}, or the path of a .yaml file')
-    arguments.add_argument('--tracker', choices=('trace', 'resolved_rate'), default='trace',
+    arguments.add_argument('--tracker', choices=tuple(TRACKERS), default=DEFAULT,
                            help='how the edge is followed')
     arguments.add_argument('--robot-description', default=str(share('urdf', 'puma260.urdf')),
                            help='URDF of the robot, with a link tactile_pad')

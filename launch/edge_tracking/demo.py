@@ -40,6 +40,7 @@ from tactile_sensing.progress import Progress
 from tactile_sensing.recording import load_recording
 from tactile_sensing.scene import load_scene
 from tactile_servo.servo_types import State
+from tactile_servo.trackers import DEFAULT, TRACKERS
 
 DOMAINS = 100  # the demo picks one of the domains 1 to 100, unless told
 SETTLE = 0.3  # s recorded after the end, so that the last messages arrive
@@ -56,7 +57,7 @@ def parser():
         'columns), rate_hz, optional pitch_m) run through driver and estimator instead.')
     arguments.add_argument('--scene', default='straight',
                            help=f'{", ".join(scene_names())}, or the path of a .yaml file')
-    arguments.add_argument('--controller', choices=('trace', 'resolved_rate'), default='trace',
+    arguments.add_argument('--controller', choices=tuple(TRACKERS), default=DEFAULT,
                            help='how the edge is followed')
     arguments.add_argument('--speed', type=float, default=0.03, help='along the edge [m/s]')
     arguments.add_argument('--force', type=float, default=5.0, help='on the pad [N]')

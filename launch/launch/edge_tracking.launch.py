@@ -24,6 +24,7 @@ from launch_ros.parameter_descriptions import ParameterValue
 
 from edge_tracking.resources import find_scene, scene_names, share
 from tactile_sensing.scene import load_scene
+from tactile_servo.trackers import DEFAULT, TRACKERS
 
 ARGUMENTS = (
     ('sensor', 'mock', 'mock: synthetic array on a pseudo-terminal; flexitac: a real array on '
@@ -34,8 +35,8 @@ ARGUMENTS = (
      'auto: mock with the mock sensor, else real', ('auto', 'mock', 'real')),
     ('scene', 'straight', f'what the mock sensor touches: {", ".join(scene_names())}, or the '
      'path of a .yaml file', None),
-    ('tracker', 'trace', "how the edge is followed: traced in the robot's base, or by the "
-     "thesis' resolved-rate servo", ('trace', 'resolved_rate')),
+    ('tracker', DEFAULT, "how the edge is followed: traced in the robot's base, or by the "
+     "thesis' resolved-rate servo", tuple(TRACKERS)),
     ('speed', '0.03', 'along the edge [m/s]', None),
     ('force', '5.0', 'normal force on the pad [N]', None),
     ('length', '0.0', 'way to track [m]; 0 = until the edge ends', None),

@@ -21,7 +21,7 @@ from tactile_servo.robot import RobotModel
 from tactile_servo.servo_types import EdgeGoal
 from tactile_servo.simulation import Simulation
 from tactile_servo.simulation_summary import summarise
-from tactile_servo.trackers import TRACKERS
+from tactile_servo.trackers import DEFAULT, TRACKERS
 
 JOINT_ACCELERATION = 10.0  # rad/s^2, of a robot given by its URDF
 
@@ -32,7 +32,7 @@ def parser():
         prog='simulate', description=__doc__.strip().splitlines()[0],
         formatter_class=argparse.ArgumentDefaultsHelpFormatter)
     arguments.add_argument('scene', help='YAML file of the scene')
-    arguments.add_argument('--controller', default='trace', choices=list(TRACKERS))
+    arguments.add_argument('--controller', default=DEFAULT, choices=list(TRACKERS))
     arguments.add_argument('--speed', type=float, default=0.03, help='along the edge [m/s]')
     arguments.add_argument('--force', type=float, default=5.0, help='on the pad [N]')
     arguments.add_argument('--direction', type=int, default=1, choices=(-1, 1),

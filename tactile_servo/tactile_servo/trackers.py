@@ -4,7 +4,8 @@ from tactile_servo.errors import ConfigurationError
 from tactile_servo.resolved_rate import ResolvedRate
 from tactile_servo.trace import Trace
 
-TRACKERS = {tracker.name: tracker for tracker in (ResolvedRate, Trace)}
+TRACKERS = {tracker.name: tracker for tracker in (Trace, ResolvedRate)}
+DEFAULT = Trace.name
 
 
 def check_name(name):

@@ -39,7 +39,7 @@ from tactile_servo.errors import ConfigurationError, TactileServoError
 from tactile_servo.limits import JointLimits, WorkspaceBox
 from tactile_servo.robot import RobotModel
 from tactile_servo.servo_types import EdgeServoConfig, State
-from tactile_servo.trackers import check_name, make_tracker, TRACKERS
+from tactile_servo.trackers import check_name, DEFAULT, make_tracker, TRACKERS
 from tactile_servo.warm_up import warm_up
 
 FEEDBACK_PERIOD = 0.05  # s; the status topic has every cycle
@@ -51,7 +51,7 @@ class RobotConfig:
 
     robot_description: str = field(default='', metadata={
         'doc': 'URDF of the robot with the sensor: its text, or the path of a file'})
-    tracker: str = field(default='trace', metadata={
+    tracker: str = field(default=DEFAULT, metadata={
         'doc': 'how the edge is followed: ' + ' or '.join(TRACKERS)})
     tip_frame: str = field(default='tactile_pad', metadata={
         'doc': 'frame of the sensor: x along columns, y along rows, z out of the skin'})
