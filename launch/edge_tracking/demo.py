@@ -23,7 +23,8 @@ from trajectory_msgs.msg import JointTrajectory
 from visualization_msgs.msg import MarkerArray
 
 from edge_tracking.bag import RecorderNode
-from edge_tracking.composed import add_mocks, add_stack, Graph, private_port
+from edge_tracking.composed import add_stack, Graph, private_port
+from edge_tracking.mocks_apart import mocks_apart
 from edge_tracking.report import make_recording_report, make_report, picture
 from edge_tracking.resources import find_scene, scene_names, share
 from edge_tracking.run_data import read_run
@@ -140,9 +141,11 @@ def track_scene(options, folder, progress):
             min(feedback.progress / length, 1.0), State(feedback.state).name.lower(),
             f'{1e3 * feedback.progress:5.0f} mm  lateral {1e3 * feedback.lateral_error:+.3f} mm'
             f'  force {feedback.normal_force:.2f} N')
-    with private_port() as port, stop_on_signals() as stop, Graph(domain=own_domain()) as graph:
+    domain = own_domain()
+    with private_port() as port, stop_on_signals() as stop, \
+            mocks_apart(port, path, robot, options.seed, domain=domain), \
+            Graph(domain=domain) as graph:
         record(graph, folder)
-        add_mocks(graph, port, path, robot, options.seed)
         add_stack(graph, port, robot, options.controller)
         track = graph.add(TrackNode, own={'on_feedback': show}, speed=options.speed,
                           force=options.force,
