@@ -8,6 +8,7 @@ from rclpy.qos import DurabilityPolicy, QoSProfile
 from tactile_tests.graph import bench
 
 from tactile_msgs.msg import SurfacePatch
+from tactile_shape.nodes.shape_estimator import ShapeEstimatorNode
 from tactile_shape.outline import find_outline
 
 RADIUS = 0.06  # m, of the scene `curve`
@@ -41,6 +42,7 @@ class ContourListener(Node):
 def test_the_curved_edge_has_its_radius():
     with bench('curve') as it:
         it.add_all()
+        it.graph.add(ShapeEstimatorNode)
         listener = it.graph.add(ContourListener)
         client = it.track(speed=0.023, length=0.12)
         assert client.success, client.reason
@@ -55,6 +57,7 @@ def test_the_curved_edge_has_its_radius():
 def test_the_tape_case_has_its_sides():
     with bench('tape_case') as it:
         it.add_all()
+        it.graph.add(ShapeEstimatorNode)
         listener = it.graph.add(ContourListener)
         client = it.track(speed=0.05, closed=True)
         assert client.success and client.reason == 'the contour closed', client.reason

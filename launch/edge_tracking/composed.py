@@ -88,10 +88,9 @@ def add_mocks(graph, port, scene, robot, seed=0):
 
 
 def add_stack(graph, port, robot, tracker=DEFAULT):
-    """Add driver, contact and shape estimators and servo: what runs on a real robot as well."""
+    """Add driver, contact estimator and servo: the loop, which runs on a real robot as well."""
     graph.add(DriverNode, port=str(port))
     graph.add(ContactEstimatorNode)
-    graph.add(ShapeEstimatorNode)
     graph.add(EdgeServoNode, robot_description=str(robot), tracker=tracker)
 
 
@@ -138,6 +137,7 @@ def main(args=None):
                 add_mocks(graph, port, find_scene(options.scene), options.robot_description,
                           options.seed)
             add_stack(graph, port, options.robot_description, options.tracker)
+            graph.add(ShapeEstimatorNode)
             graph.spin(stop.is_set)
     except (ValueError, RuntimeError, ParameterException) as error:
         print(f'composed: {" ".join(str(error).split())}', file=sys.stderr)

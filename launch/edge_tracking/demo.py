@@ -13,24 +13,15 @@ from pathlib import Path
 import sys
 import time
 
-from diagnostic_msgs.msg import DiagnosticArray
-from geometry_msgs.msg import PoseStamped, WrenchStamped
-from nav_msgs.msg import Path as PathMsg
 from rclpy.exceptions import ParameterException
-from rclpy.qos import DurabilityPolicy, qos_profile_sensor_data, QoSProfile
-from sensor_msgs.msg import JointState
-from trajectory_msgs.msg import JointTrajectory
-from visualization_msgs.msg import MarkerArray
 
-from edge_tracking.bag import RecorderNode
+from edge_tracking.beside import beside, record
 from edge_tracking.composed import add_stack, Graph, private_port
-from edge_tracking.mocks_apart import mocks_apart
 from edge_tracking.report import make_recording_report, make_report, picture
 from edge_tracking.resources import find_scene, scene_names, share
 from edge_tracking.run_data import read_run
 from edge_tracking.summary import summarise, summarise_recording, to_json
 from edge_tracking.track import TrackNode
-from tactile_msgs.msg import Contact, SensorInfo, ServoStatus, SurfacePatch, TactileImage
 from tactile_sensing.calibration import Calibration, load_calibration
 from tactile_sensing.errors import TactileSensingError
 from tactile_sensing.nodes.contact_estimator import ContactEstimatorNode
@@ -102,27 +93,6 @@ def own_domain():
     return domain
 
 
-def topics(graph):
-    """Every topic of the graph, with its type and the quality of service to listen with."""
-    deep = QoSProfile(depth=100)
-    latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
-    sensor = QoSProfile(depth=100, reliability=qos_profile_sensor_data.reliability)
-    own = [('image', TactileImage, sensor), ('sensor_info', SensorInfo, latched),
-           ('contact', Contact, sensor), ('wrench', WrenchStamped, sensor),
-           ('surface_patch', SurfacePatch, deep), ('contour', PathMsg, latched),
-           ('markers', MarkerArray, latched),
-           ('servo_status', ServoStatus, deep), ('sensor_pose', PoseStamped, sensor),
-           ('diagnostics', DiagnosticArray, deep)]
-    return [(f'/{graph.namespace}/{name}', kind, qos) for name, kind, qos in own] + [
-        ('/joint_states', JointState, deep),
-        ('/joint_trajectory_controller/joint_trajectory', JointTrajectory, deep)]
-
-
-def record(graph, folder):
-    """Add a recorder of everything."""
-    return graph.add(RecorderNode, own={'path': folder / 'bag', 'topics': topics(graph)})
-
-
 def linger(graph, stop):
     """Spin a little longer."""
     end = time.monotonic() + SETTLE
@@ -143,9 +113,8 @@ def track_scene(options, folder, progress):
             f'  force {feedback.normal_force:.2f} N')
     domain = own_domain()
     with private_port() as port, stop_on_signals() as stop, \
-            mocks_apart(port, path, robot, options.seed, domain=domain), \
+            beside(port, path, robot, options.seed, bag=folder / 'bag', domain=domain), \
             Graph(domain=domain) as graph:
-        record(graph, folder)
         add_stack(graph, port, robot, options.controller)
         track = graph.add(TrackNode, own={'on_feedback': show}, speed=options.speed,
                           force=options.force,
@@ -178,7 +147,7 @@ def play_recording(options, folder, progress):
                          f'{options.calibration} is for {calibration.array.shape}')
     duration = len(recording.frames) / recording.rate_hz
     with private_port() as port, stop_on_signals() as stop, Graph(domain=own_domain()) as graph:
-        record(graph, folder)
+        record(graph, folder / 'bag')
         sensor = graph.add(MockSensorNode, port=str(port), recording=str(options.recording))
         graph.add(DriverNode, own={'calibration': calibration}, port=str(port),
                   tare_at_start=False)

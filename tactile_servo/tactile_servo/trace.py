@@ -27,7 +27,6 @@ END_MARGIN = 4.0e-3  # m before the end of a ridge from which the pad coasts
 SLOPE_REACH = 10.0e-3  # m either side of the pad over which the edge's rise is measured
 LOOK_AHEAD = 0.4e-3  # m along the path over which its direction is taken
 TURN_REACH = 4.0e-3  # m either side of the pad's centre over which the pad is turned
-TURN_ACCELERATION = 15.0  # rad/s^2
 ENTRY_SPEED = 0.03  # m/s at which a second leg may come under the pad
 COMING_SHARE = 0.35  # of its length that is given way to before
 ANSWER = 5.0e-3  # s until the robot answers to what a picture showed
@@ -354,7 +353,7 @@ class Trace:
         yaw = math.atan2(there[1, 0], there[0, 0])
         if abs(yaw) > c.max_turn and wanted * yaw > 0.0:
             wanted = 0.0
-        change = TURN_ACCELERATION * dt
+        change = c.turn_acceleration * dt
         self._turn += min(max(wanted - self._turn, -change), change)
         # The pad's normal n is brought square to the edge, t, and to what lies across it, s:
         # n turns by -(n t) t with the rate of turn -(n t) n x t.

@@ -49,6 +49,10 @@ class TraceConfig:
         'range': (0.0, 50.0)})
     max_turn_rate: float = field(default=1.5, metadata={
         'doc': 'largest rate of turn', 'unit': 'rad/s', 'range': (0.0, 20.0)})
+    turn_acceleration: float = field(default=5.0, metadata={
+        'doc': 'acceleration of that turn; a wrist that is asked for more than it can holds '
+               'back the whole pad, off the edge at every corner',
+        'unit': 'rad/s^2', 'range': (0.1, 1000.0)})
     max_turn: float = field(default=7.0, metadata={
         'doc': 'the pad is turned with the edge up to this angle from where it began, and '
                'kept beyond', 'unit': 'rad', 'range': (0.0, 100.0)})

@@ -15,6 +15,7 @@ from tactile_servo.servo_types import EdgeGoal, EdgeServoConfig, State
 from tactile_servo.simulation import Simulation
 from tactile_servo.simulation_summary import contour_errors, summarise
 from tactile_servo.trace import Trace
+from tactile_servo.trace_config import TraceConfig
 
 
 def follow(scene, speed, seed=0, latency=None, **goal):
@@ -228,3 +229,12 @@ def puma_check(goal):
     loop = puma_loop()
     loop.run(None, 0.01)
     return loop.servo.check(goal)
+
+
+@pytest.mark.parametrize('speed', [0.05, 0.1])
+def test_a_corner_is_held_by_an_arm_whose_wrist_is_no_faster_than_its_other_joints(speed):
+    loop = puma_loop('course', 'trace', settings=TraceConfig(acceleration=1.0, max_turn=2.5))
+    loop.run(EdgeGoal(speed, 5.0), 30.0)
+    truth = loop.truth()
+    assert loop.servo.success
+    assert np.abs(truth[truth[:, 3] > 0.01, 1]).max() < 2.5e-4

@@ -1,4 +1,4 @@
-"""The mocks in a process of their own: they talk to the graph, and end with it."""
+"""Mocks and recorder in a process of their own: they talk to the graph, and end with it."""
 
 import os
 import time
@@ -8,19 +8,21 @@ from rclpy.node import Node
 from rclpy.qos import qos_profile_sensor_data
 from sensor_msgs.msg import JointState
 
+from edge_tracking.beside import beside
 from edge_tracking.composed import Graph, private_port
-from edge_tracking.mocks_apart import mocks_apart
 from edge_tracking.resources import find_scene, share
+from edge_tracking.run_data import read_run
 from tactile_msgs.msg import TactileImage
 from tactile_sensing.nodes.driver import DriverNode
 
 
-def test_sensor_and_robot_are_heard_and_end_with_the_graph():
+def test_sensor_and_robot_are_heard_and_recorded_and_end_with_the_graph(tmp_path):
     seen = {}
     domain = os.getpid() % 100 + 1
     with private_port() as port:
-        with mocks_apart(port, find_scene('straight'), share('urdf', 'puma260.urdf'),
-                         domain=domain) as process, Graph(domain=domain) as graph:
+        with beside(port, find_scene('straight'), share('urdf', 'puma260.urdf'),
+                    bag=tmp_path / 'bag', domain=domain) as process, \
+                Graph(domain=domain) as graph:
             graph.add(DriverNode, port=str(port))
             listener = graph.add(Node, own={'node_name': 'listener'})
             for name, kind in (('/joint_states', JointState), ('/tactile/image', TactileImage)):
@@ -34,3 +36,5 @@ def test_sensor_and_robot_are_heard_and_end_with_the_graph():
         assert not port.is_symlink()
     assert len(seen['/joint_states'].position) == 6
     assert np.shape(seen['/tactile/image'].layers[0].stress) == (256,)
+    run = read_run(tmp_path / 'bag')
+    assert len(run.joints.stamp_ns) and len(run.images.stamp_ns)
