@@ -16,7 +16,8 @@ from tactile_servo.statistics import SETTLING_LENGTH
 from tactile_shape.errors import TactileShapeError
 from tactile_shape.outline import find_outline
 
-# The edge counts as tracked if the pad's centre kept this close to it once settled [m].
+# The edge counts as tracked if the pad's centre kept this close to it once settled [m], RMS: the
+# object may slip further at once.
 LATERAL_BOUND = 3e-3
 # States in which the pad follows the edge.
 ON_EDGE = (State.TRACK, State.CORNER)  # while searching there is no edge to be near to
@@ -63,11 +64,13 @@ def truth(run, scene) -> Truth:
     scene : Scene
     """
     poses, statuses, array = run.poses, run.statuses, _array(run)
-    lateral, along = scene.edge.nearest(poses.position) if len(poses.stamp_ns) else (
+    force, shift = np.full(len(poses.stamp_ns), NAN), np.zeros((len(poses.stamp_ns), 3))
+    if array:
+        renderer = EdgeRenderer(scene, array)
+        for index, pose in enumerate(poses.matrix):
+            force[index], shift[index] = renderer.force(pose), renderer.shift  # it may slip
+    lateral, along = scene.edge.nearest(poses.position - shift) if len(force) else (
         np.empty(0), np.empty(0))
-    renderer = EdgeRenderer(scene, array) if array else None
-    force = np.array([renderer.force(pose) for pose in poses.matrix]) if renderer else np.full(
-        len(poses.stamp_ns), NAN)
     # The cycle that was the newest when the pose was taken tells the state.
     index = np.searchsorted(statuses.stamp_ns, poses.stamp_ns, side='right') - 1
     known = index >= 0
@@ -174,7 +177,7 @@ def summarise(run, scene, *, success, reason='', speed=None, force=None, seed=No
                   for side in (outline.sides if outline else ())],
         'duration': _span(statuses.stamp_ns[active]),
         'sensor_rate': _rate(_between(run.images.stamp_ns, statuses.stamp_ns[tracking])),
-        'control_rate': _rate(statuses.stamp_ns[tracking]),
+        'control_rate': _rate(statuses.stamp_ns[active]),
         'missed_cycles': int(statuses.missed_cycles[last] - statuses.missed_cycles[active[0]])
         if active.size else 0,
         'latency_p50': _percentile(latency, 50),
@@ -183,7 +186,7 @@ def summarise(run, scene, *, success, reason='', speed=None, force=None, seed=No
     }
     claimed = statuses.progress[tracking].max(initial=0.0)
     summary['ok'] = bool(
-        success and summary['lateral_max'] < LATERAL_BOUND  # NaN, never settled, fails as well
+        success and summary['lateral_rms'] < LATERAL_BOUND  # NaN, never settled, fails as well
         and summary['tracked_length'] > max(SETTLING_LENGTH, 0.9 * claimed))
     if success and not summary['ok']:
         summary['reason'] += '; but the pad was not led along the edge'

@@ -209,6 +209,10 @@ class EdgeRenderer:
 
     def force(self, pose) -> float:
         """Return the normal force on the rectangle of the array at a pose [N]."""
+        self._slip(pose)
+        return self._load(pose)
+
+    def _load(self, pose):
         return _force(self._points(pose), self._scene.edge.solid, self._array.half_width_x,
                       self._array.half_width_y, self._scene.skin.stiffness)
 
@@ -239,7 +243,7 @@ class EdgeRenderer:
 
     def _slip(self, pose):
         slip, edge = self._scene.slip, self._scene.edge
-        if slip is None or self.shift.any() or self.force(pose) <= 0.0:
+        if slip is None or self.shift.any() or self._load(pose) <= 0.0:
             return
         _, s = edge.nearest(pose[None, :3, 3])
         if s[0] >= slip.s:

@@ -86,13 +86,17 @@ def locate(contact, picture=None):
         located.
     edge : bool
     """
-    seen = edge_point(picture) if picture is not None else None
+    seen = edge_point(picture) if picture is not None and needs_picture(contact) else None
     if contact.type == LINE and contact.valid and np.isfinite(contact.a + contact.yaw):
         c, s = np.cos(contact.yaw), np.sin(contact.yaw)
         place = (contact.a * c * c, contact.a * c * s)
+        if picture is None or not needs_picture(contact):
+            return place, True
+        if seen is None:
+            return None, False
         # The line goes on where the edge has ended.
-        ended = seen is not None and np.hypot(seen[0] - place[0], seen[1] - place[1]) > BEYOND
-        return (seen if ended else place), True
+        near = np.hypot(seen[0] - place[0], seen[1] - place[1]) < BEYOND
+        return (place if near else seen), True
     if contact.type == OTHER:
         if seen is not None:
             return seen, True
