@@ -18,6 +18,8 @@ from edge_tracking.figure_style import (
 from edge_tracking.summary import latencies, settled_cycles
 from tactile_sensing.contact import ContactType
 from tactile_servo.servo_types import State
+from tactile_shape.object_model import ObjectModel
+from tactile_shape.plots import draw_model
 
 _SHADES = {
     State.APPROACH: ('#eaf0f8', 'approach'), State.CORNER: ('#fff4d6', 'corner'),
@@ -127,6 +129,17 @@ def outline(run, scene, found):
     off.plot(1e3 * way, 1e3 * lateral, color=BLUE, linewidth=1.2)
     style(off, 'along the contour [mm]', 'contacts left of the edge [mm]',
           'Contacts against the true edge')
+    return figure
+
+
+def surface(run):
+    """Patches of the surface that was touched, coloured by what they are."""
+    model = ObjectModel()
+    for patch in run.patches:
+        model.add_contact(patch.frame[:3, 3])
+        model.add_patch(patch)
+    figure = new_figure(7.0, 6.0)
+    draw_model(figure.add_subplot(projection='3d'), model)
     return figure
 
 

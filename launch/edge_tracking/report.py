@@ -115,6 +115,11 @@ def make_report(run, summary, scene, path):
             'Lines, arcs and corners, as few as the contacts along the edge allow. Each contact '
             'is a point of the fitted line or, on a curve and at a corner, of the ridge of the '
             'picture, put into the base by the pose of the robot.', ''))
+    if run.patches:
+        sections.append((
+            'Surface', figures.surface(run),
+            'Where a surface was touched: patches of second order, coloured by the least one '
+            'that explains the contacts, and the way of the contact.', 'narrow'))
     verdict = ('Edge tracked' if summary['ok'] else 'Edge not tracked', summary['ok'])
     rms, largest = summary['lateral_rms'], summary['lateral_max']
     title = f'Scene \u201c{scene.name}\u201d at {1e3 * summary["speed"]:.0f} mm/s' if _known(

@@ -9,6 +9,7 @@ from edge_tracking.bag import open_bag
 from tactile_sensing.array import TactelArray
 from tactile_sensing.conversions import pose_from_msg
 from tactile_sensing.errors import ConfigurationError, TactileSensingError
+from tactile_shape.conversions import patch_from_msg
 
 DEFAULT_NAMESPACE = '/tactile'
 TRAJECTORY_TOPIC = '/joint_trajectory_controller/joint_trajectory'
@@ -158,7 +159,7 @@ class RunData:
     One run of a sensor and its servo, read from a recording.
 
     A topic that the recording lacks gives empty arrays; `info` is then None. `contour` holds
-    the points of the newest contour, `(N, 3)` [m].
+    the points of the newest contour, `(N, 3)` [m], `patches` every valid Patch of a surface.
     """
 
     namespace: str
@@ -172,6 +173,7 @@ class RunData:
     commands: Commands
     diagnostics: Diagnostics
     contour: np.ndarray
+    patches: list
     info: Info | None
 
     def seconds(self, time_ns) -> np.ndarray:
@@ -199,7 +201,7 @@ def read_run(path, namespace=None) -> RunData:
         prefix = _namespace(bag.topics, namespace, path)
         topics = {f'{prefix}/{name}': name for name in (
             'image', 'sensor_info', 'contact', 'wrench', 'servo_status', 'sensor_pose',
-            'contour', 'diagnostics')}
+            'contour', 'surface_patch', 'diagnostics')}
         topics |= {'/joint_states': 'joint_states', TRAJECTORY_TOPIC: 'trajectory'}
         expected = {topic: name for topic, name in topics.items()
                     if bag.topics.get(topic) == _TYPES[name]}
@@ -220,6 +222,8 @@ def read_run(path, namespace=None) -> RunData:
         commands=_commands(rows['trajectory']),
         diagnostics=_diagnostics(rows['diagnostics']),
         contour=_contour(rows['contour']),
+        patches=[patch_from_msg(message) for _, message in rows['surface_patch']
+                 if message.valid],
         info=_info(rows['sensor_info']),
     )
 
@@ -232,6 +236,7 @@ _TYPES = {
     'servo_status': 'tactile_msgs/msg/ServoStatus',
     'sensor_pose': 'geometry_msgs/msg/PoseStamped',
     'contour': 'nav_msgs/msg/Path',
+    'surface_patch': 'tactile_msgs/msg/SurfacePatch',
     'diagnostics': 'diagnostic_msgs/msg/DiagnosticArray',
     'joint_states': 'sensor_msgs/msg/JointState',
     'trajectory': 'trajectory_msgs/msg/JointTrajectory',

@@ -10,10 +10,14 @@ import numpy as np
 import pytest
 from recorded_run import straight_scene, TOPICS, write_bag
 
+from edge_tracking.figure_style import png
+from edge_tracking.figures import surface
 from edge_tracking.report import make_recording_report, make_report, picture
 from edge_tracking.run_data import read_run
 from edge_tracking.summary import summarise, summarise_recording
 from tactile_servo.servo_types import State
+from tactile_shape.local_quadric import LocalQuadric
+from tactile_shape.synthetic import sphere, Weave
 
 PNG = b'\x89PNG\r\n\x1a\n'
 
@@ -75,6 +79,17 @@ def test_report_of_a_run(run, scene, tmp_path):
     assert 'Edge tracked' in page.text and 'straight' in page.text
     assert f'{1e3 * summary["lateral_rms"]:.3f} mm' in page.words
     assert '30.0 mm/s' in page.words and '400.0 Hz' in page.words
+
+
+def test_a_surface_that_was_touched_is_drawn(run, scene, tmp_path):
+    estimator = LocalQuadric()
+    patches = [estimator.update(point, normal) for point, normal in zip(
+        *Weave().trace(sphere(0.035), 0.04), strict=True)]
+    touched = dataclasses.replace(run, patches=[patch for patch in patches if patch.valid])
+    assert len(touched.patches) > 50
+    make_report(touched, summarise(touched, scene, success=True), scene, tmp_path / 'report.html')
+    assert 'Surface' in read_page(tmp_path / 'report.html', 6).text
+    (tmp_path / 'surface.png').write_bytes(png(surface(touched)))
 
 
 def test_report_escapes_what_comes_from_outside(run, scene, tmp_path):

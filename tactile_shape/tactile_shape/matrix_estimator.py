@@ -6,6 +6,7 @@ import numpy as np
 
 from tactile_shape.config import check_fields
 from tactile_shape.errors import SurfaceError
+from tactile_shape.local_quadric import LocalQuadricConfig
 from tactile_shape.matrix_fit import fit_matrix
 from tactile_shape.motion import contacts_in_frame
 from tactile_shape.patch import certain_enough, Kind, Patch, usable_normal
@@ -14,26 +15,25 @@ METHOD = 'surface_matrix'
 _CURVATURE = [0, 1, 4]  # c11, c12, c22 among the ten parameters
 
 
+def _as_of_local_quadric(name, **other):
+    """Field as of LocalQuadricConfig, but for what of its description differs."""
+    of = LocalQuadricConfig.__dataclass_fields__[name]
+    return field(default=of.default, metadata={**of.metadata, **other})
+
+
 @dataclass(frozen=True)
 class MatrixEstimatorConfig:
-    """How a surface matrix is estimated; finger radius and noise as of `LocalQuadricConfig`."""
+    """How a surface matrix is estimated; what both estimators know is of `LocalQuadricConfig`."""
 
     contacts: int = field(default=6, metadata={
         'doc': 'contacts that a surface matrix is fitted to; the thesis takes 5',
         'range': (4, 100)})
-    window: float = field(default=0.024, metadata={
-        'doc': 'length of the path that they are spread over', 'unit': 'm', 'range': (1e-6, 1.0)})
-    position_noise: float = field(default=2e-5, metadata={
-        'doc': 'standard deviation of a position, per axis', 'unit': 'm', 'range': (0.0, 0.1)})
-    normal_noise: float = field(default=5e-4, metadata={
-        'doc': "standard deviation of the normal's direction", 'unit': 'rad',
-        'range': (0.0, 1.0)})
-    max_curvature_std: float = field(default=2.5, metadata={
-        'doc': 'a curvature less certain than this, and than a tenth of itself, is called unseen',
-        'unit': '1/m', 'range': (1e-6, 1e6)})
-    prior_curvature: float = field(default=100.0, metadata={
-        'doc': 'standard deviation of curvature before anything is touched', 'unit': '1/m',
-        'range': (1e-3, 1e6)})
+    window: float = _as_of_local_quadric(
+        'window', doc='length of the path that they are spread over', range=(1e-6, 1.0))
+    position_noise: float = _as_of_local_quadric('position_noise', range=(0.0, 0.1))
+    normal_noise: float = _as_of_local_quadric('normal_noise', range=(0.0, 1.0))
+    max_curvature_std: float = _as_of_local_quadric('max_curvature_std')
+    prior_curvature: float = _as_of_local_quadric('prior_curvature')
 
     def __post_init__(self):
         check_fields(self)
