@@ -8,9 +8,9 @@ from rclpy.qos import qos_profile_sensor_data
 from rosbags.rosbag2 import Reader
 
 from edge_tracking.bag import open_bag
-from edge_tracking.beside import record
-from edge_tracking.composed import add_mocks, add_stack, Graph, private_port
+from edge_tracking.composed import add_mocks, add_sensing, add_servo, Graph, private_port
 from edge_tracking.demo import own_domain
+from edge_tracking.parts import record
 from edge_tracking.resources import find_scene, share
 from edge_tracking.track import TrackNode
 from tactile_msgs.msg import Contact, TactileImage
@@ -54,7 +54,8 @@ def bag(tmp_path_factory):
     with private_port() as port, Graph(domain=own_domain()) as graph:
         record(graph, folder / 'bag')
         add_mocks(graph, port, find_scene('straight'), robot)
-        add_stack(graph, port, robot)
+        add_sensing(graph, port)
+        add_servo(graph, robot)
         track = graph.add(TrackNode, length=0.01, retreat=False)
         end = time.monotonic() + SECONDS
         graph.spin(lambda: track.finished or time.monotonic() > end)

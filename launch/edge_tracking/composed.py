@@ -87,10 +87,14 @@ def add_mocks(graph, port, scene, robot, seed=0):
                      scene=str(scene))
 
 
-def add_stack(graph, port, robot, tracker=DEFAULT):
-    """Add driver, contact estimator and servo: the loop, which runs on a real robot as well."""
+def add_sensing(graph, port):
+    """Add driver and contact estimator."""
     graph.add(DriverNode, port=str(port))
     graph.add(ContactEstimatorNode)
+
+
+def add_servo(graph, robot, tracker=DEFAULT):
+    """Add the servo; with sensing it is the loop, which runs on a real robot as well."""
     graph.add(EdgeServoNode, robot_description=str(robot), tracker=tracker)
 
 
@@ -136,7 +140,8 @@ def main(args=None):
             if options.sensor == 'mock':
                 add_mocks(graph, port, find_scene(options.scene), options.robot_description,
                           options.seed)
-            add_stack(graph, port, options.robot_description, options.tracker)
+            add_sensing(graph, port)
+            add_servo(graph, options.robot_description, options.tracker)
             graph.add(ShapeEstimatorNode)
             graph.spin(stop.is_set)
     except (ValueError, RuntimeError, ParameterException) as error:

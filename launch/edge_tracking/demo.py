@@ -15,8 +15,8 @@ import time
 
 from rclpy.exceptions import ParameterException
 
-from edge_tracking.beside import beside, record
-from edge_tracking.composed import add_stack, Graph, private_port
+from edge_tracking.composed import add_servo, Graph, private_port
+from edge_tracking.parts import apart, record
 from edge_tracking.report import make_recording_report, make_report, picture
 from edge_tracking.resources import find_scene, scene_names, share
 from edge_tracking.run_data import read_run
@@ -54,6 +54,9 @@ def parser():
     arguments.add_argument('--speed', type=float, default=0.03, help='along the edge [m/s]')
     arguments.add_argument('--force', type=float, default=5.0, help='on the pad [N]')
     arguments.add_argument('--seed', type=int, default=0, help="of the sensor's noise")
+    arguments.add_argument('--parameters', default=None, metavar='FILE.yaml',
+                           help='parameter file of all nodes; default edge_tracking.yaml of '
+                           'this package')
     arguments.add_argument('--recording', default=None, metavar='FILE.npz',
                            help='play a recording instead of a scene')
     arguments.add_argument('--calibration', default=None, metavar='FILE.yaml',
@@ -111,15 +114,19 @@ def track_scene(options, folder, progress):
             min(feedback.progress / length, 1.0), State(feedback.state).name.lower(),
             f'{1e3 * feedback.progress:5.0f} mm  lateral {1e3 * feedback.lateral_error:+.3f} mm'
             f'  force {feedback.normal_force:.2f} N')
-    domain = own_domain()
+    common = {'parameters': options.parameters, 'domain': own_domain()}
     with private_port() as port, stop_on_signals() as stop, \
-            beside(port, path, robot, options.seed, bag=folder / 'bag', domain=domain), \
-            Graph(domain=domain) as graph:
-        add_stack(graph, port, robot, options.controller)
+            apart('surroundings', port, path, robot, options.seed, folder / 'bag',
+                  **common) as surroundings, \
+            apart('sensing', port, **common) as sensing, Graph(**common) as graph:
+        add_servo(graph, robot, options.controller)
         track = graph.add(TrackNode, own={'on_feedback': show}, speed=options.speed,
                           force=options.force,
                           closed=edge.edge.closed and options.controller == 'trace')
-        graph.spin(lambda: stop.is_set() or track.finished)
+        graph.spin(lambda: stop.is_set() or track.finished or sensing.poll() is not None
+                   or surroundings.poll() is not None)
+        if sensing.poll() is not None or surroundings.poll() is not None:
+            return False, 'a part of the graph has ended by itself'
         if stop.is_set():
             track.cancel()
             stop.clear()
@@ -146,7 +153,8 @@ def play_recording(options, folder, progress):
         raise ValueError(f'{options.recording}: frames of {rows}x{columns}, but '
                          f'{options.calibration} is for {calibration.array.shape}')
     duration = len(recording.frames) / recording.rate_hz
-    with private_port() as port, stop_on_signals() as stop, Graph(domain=own_domain()) as graph:
+    with private_port() as port, stop_on_signals() as stop, \
+            Graph(options.parameters, domain=own_domain()) as graph:
         record(graph, folder / 'bag')
         sensor = graph.add(MockSensorNode, port=str(port), recording=str(options.recording))
         graph.add(DriverNode, own={'calibration': calibration}, port=str(port),

@@ -11,7 +11,7 @@ from rclpy.qos import DurabilityPolicy, qos_profile_sensor_data, QoSProfile
 from sensor_msgs.msg import JointState
 from std_srvs.srv import SetBool
 
-from edge_tracking.composed import add_mocks, add_stack, Graph, private_port
+from edge_tracking.composed import add_mocks, add_sensing, add_servo, Graph, private_port
 from edge_tracking.resources import find_scene, share
 from edge_tracking.track import TrackNode
 from tactile_msgs.msg import Contact, SensorInfo, ServoStatus, TactileImage
@@ -96,7 +96,8 @@ class Bench:
     def add_all(self):
         """Add mocks, driver, estimator and servo."""
         self.robot = add_mocks(self.graph, self.port, self.scene_path, ROBOT)
-        add_stack(self.graph, self.port, ROBOT)
+        add_sensing(self.graph, self.port)
+        add_servo(self.graph, ROBOT)
         return self
 
     def node(self, name):

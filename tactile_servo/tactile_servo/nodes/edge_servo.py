@@ -10,6 +10,7 @@ from rclpy.action import ActionServer, CancelResponse, GoalResponse
 from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
 from rclpy.qos import qos_profile_sensor_data
+from rclpy.serialization import deserialize_message
 from sensor_msgs.msg import JointState
 from std_srvs.srv import SetBool
 from trajectory_msgs.msg import JointTrajectory
@@ -79,8 +80,8 @@ class EdgeServoNode(Node):
     controller while a goal of the action `track_edge` is active; publishes `servo_status` every
     cycle, `sensor_pose` at every joint state and `diagnostics`; `~/pause` holds and resumes.
     Parameters: `RobotConfig`, `EdgeServoConfig`, and those of the tracker, `ResolvedRateConfig`
-    or `TraceConfig`; the latter's tracker subscribes to `image` as well, and takes one a cycle
-    of a sensor that is faster than the control.
+    or `TraceConfig`; the latter's tracker subscribes to `image` as well. A cycle looks at the
+    newest contact and the newest image alone, so that a fast sensor takes no time from it.
     """
 
     def __init__(self, **kwargs):
@@ -104,7 +105,8 @@ class EdgeServoNode(Node):
         warm_up(robot.tracker)
         self._goal_handle, self._started = None, 0.0
         self._first_tick, self._cycles, self._missed = None, 0, 0
-        self._longest, self._last_tick, self._looked = 0.0, None, False
+        self._longest, self._last_tick = 0.0, None
+        self._raw_contact = self._raw_image = None  # message and arrival of the newest
         self._reported, self._tip_frame = None, robot.tip_frame
         self._period = 1.0 / config.rate
         self._trajectory_msg, self._status_msg = JointTrajectory(), ServoStatus()
@@ -118,10 +120,10 @@ class EdgeServoNode(Node):
         self._pose = self.create_publisher(PoseStamped, 'sensor_pose', qos_profile_sensor_data)
         self._diagnostics = self.create_publisher(DiagnosticArray, 'diagnostics', 10)
         self.create_subscription(
-            ContactMsg, 'contact', self._on_contact, qos_profile_sensor_data)
+            ContactMsg, 'contact', self._on_contact, qos_profile_sensor_data, raw=True)
         if self._servo.tracker.sees_images:
             self.create_subscription(
-                TactileImage, 'image', self._on_image, qos_profile_sensor_data)
+                TactileImage, 'image', self._on_image, qos_profile_sensor_data, raw=True)
         self.create_subscription(
             JointState, '/joint_states', self._on_joints, qos_profile_sensor_data)
         self.create_service(SetBool, '~/pause', self._on_pause)
@@ -149,28 +151,38 @@ class EdgeServoNode(Node):
         self._pose_msg.header.stamp = msg.header.stamp
         self._pose.publish(self._pose_msg)
 
-    def _on_contact(self, msg):
-        try:
-            if msg.header.frame_id != self._tip_frame:
-                raise TactileServoError(
-                    f'its frame is {msg.header.frame_id!r}, must be tip_frame, '
-                    f'{self._tip_frame!r}')
-            contact = contact_from_msg(msg)
-        except (TactileServoError, TactileSensingError) as error:
-            self.get_logger().warning(f'contact passed over: {error}', throttle_duration_sec=5.0)
-            return
-        self._servo.see_contact(contact, stamp_to_ns(msg.header.stamp), perf_counter())
+    def _on_contact(self, raw):
+        self._raw_contact = raw, perf_counter()
 
-    def _on_image(self, msg):
-        if self._looked:  # a picture a cycle: more would take time from the cycles themselves
-            return
-        self._looked = True
-        try:
-            image = image_from_msg(msg)
-        except TactileSensingError as error:
-            self.get_logger().warning(f'image passed over: {error}', throttle_duration_sec=5.0)
-            return
-        self._servo.see_image(image, perf_counter())
+    def _on_image(self, raw):
+        self._raw_image = raw, perf_counter()
+
+    def _look(self):
+        """Unpack the newest image and the newest contact and give them to the servo."""
+        # The image first: what a contact tells the tracker belongs to a picture it has seen.
+        if self._raw_image is not None:
+            (raw, arrival), self._raw_image = self._raw_image, None
+            try:
+                image = image_from_msg(deserialize_message(raw, TactileImage))
+            except TactileSensingError as error:
+                self.get_logger().warning(
+                    f'image passed over: {error}', throttle_duration_sec=5.0)
+            else:
+                self._servo.see_image(image, arrival)
+        if self._raw_contact is not None:
+            (raw, arrival), self._raw_contact = self._raw_contact, None
+            msg = deserialize_message(raw, ContactMsg)
+            try:
+                if msg.header.frame_id != self._tip_frame:
+                    raise TactileServoError(
+                        f'its frame is {msg.header.frame_id!r}, must be tip_frame, '
+                        f'{self._tip_frame!r}')
+                contact = contact_from_msg(msg)
+            except (TactileServoError, TactileSensingError) as error:
+                self.get_logger().warning(
+                    f'contact passed over: {error}', throttle_duration_sec=5.0)
+            else:
+                self._servo.see_contact(contact, stamp_to_ns(msg.header.stamp), arrival)
 
     def _on_cycle(self):
         now = perf_counter()
@@ -178,7 +190,8 @@ class EdgeServoNode(Node):
             self._first_tick = now
         due = int((now - self._first_tick) / self._period)
         self._missed = max(self._missed, due - self._cycles)
-        self._cycles, self._last_tick, self._looked = self._cycles + 1, now, False
+        self._cycles, self._last_tick = self._cycles + 1, now
+        self._look()
         now_ns = self.get_clock().now().nanoseconds
         status, trajectory = self._servo.cycle(now, now_ns)
         if trajectory is not None:

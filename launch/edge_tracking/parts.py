@@ -1,11 +1,13 @@
 """
-What is no part of the loop, in a process of its own: mocks, shape estimator and recorder.
+The graph in parts, each a process of its own, so that none waits for another's interpreter.
 
-They take nothing of the interpreter that runs driver, contact estimator and servo.
+`sensing` is the driver and the contact estimator. `surroundings` is what is no part of the
+loop: mocks, shape estimator and recorder; it gives way to the others where processors are few.
 """
 
 from contextlib import contextmanager
 import json
+import os
 import signal
 import subprocess
 import sys
@@ -14,17 +16,19 @@ import threading
 from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import PoseStamped, WrenchStamped
 from nav_msgs.msg import Path
+from rclpy.exceptions import ParameterException
 from rclpy.qos import DurabilityPolicy, qos_profile_sensor_data, QoSProfile
 from sensor_msgs.msg import JointState
 from trajectory_msgs.msg import JointTrajectory
 from visualization_msgs.msg import MarkerArray
 
 from edge_tracking.bag import RecorderNode
-from edge_tracking.composed import add_mocks, Graph
+from edge_tracking.composed import add_mocks, add_sensing, Graph
 from tactile_msgs.msg import Contact, SensorInfo, ServoStatus, SurfacePatch, TactileImage
 from tactile_shape.nodes.shape_estimator import ShapeEstimatorNode
 
-PATIENCE = 10.0  # s for the process to end by itself, its recording written
+PATIENCE = 10.0  # s for a part to end by itself, its recording written
+POLITE = 10  # niceness of the surroundings
 
 
 def topics(namespace):
@@ -48,33 +52,39 @@ def record(graph, bag):
     return graph.add(RecorderNode, own={'path': bag, 'topics': topics(graph.namespace)})
 
 
+def add_surroundings(graph, port, scene, robot, seed, bag):
+    """Add mocks and shape estimator, and a recorder if there is a bag to make."""
+    os.nice(POLITE)
+    if bag:
+        record(graph, bag)
+    add_mocks(graph, port, scene, robot, seed)
+    graph.add(ShapeEstimatorNode)
+
+
+PARTS = {'sensing': add_sensing, 'surroundings': add_surroundings}
+
+
 @contextmanager
-def beside(port, scene, robot, seed=0, *, bag=None, domain=None, namespace='tactile'):
+def apart(part, *arguments, **graph):
     """
-    Run the mocks and the shape estimator, and record, while in a `with` statement.
+    Run a part of the graph in a process of its own while in a `with` statement.
 
     Parameters
     ----------
-    port, scene, robot : str or Path
-        Of the pseudo-terminal's link, the scene's file and the URDF.
-    seed : int
-        Of the sensor's noise.
-    bag : str or Path, optional
-        Folder of a recording to make.
-    domain : int, optional
-        ROS domain; that of the environment if missing.
-    namespace : str
-        Of the sensor.
+    part : str
+        One of `PARTS`.
+    *arguments
+        Of the part's function, after the graph: paths and numbers.
+    **graph
+        Of its `Graph`.
 
     Yields
     ------
     subprocess.Popen
         The process; it ends with this one, however this one ends.
     """
-    options = {'mocks': [str(port), str(scene), str(robot), seed],
-               'bag': None if bag is None else str(bag),
-               'graph': {'domain': domain, 'namespace': namespace}}
-    process = subprocess.Popen([sys.executable, '-m', __name__, json.dumps(options)],
+    call = json.dumps([part, arguments, graph], default=str)
+    process = subprocess.Popen([sys.executable, '-m', __name__, call],
                                stdin=subprocess.PIPE, stdout=subprocess.DEVNULL)
     try:
         yield process
@@ -88,18 +98,19 @@ def beside(port, scene, robot, seed=0, *, bag=None, domain=None, namespace='tact
 
 
 def main():
-    """Run the nodes until the standard input ends."""
-    options = json.loads(sys.argv[1])
+    """Run a part until the standard input ends."""
+    part, arguments, options = json.loads(sys.argv[1])
     for number in (signal.SIGINT, signal.SIGTERM):  # meant for the graph, which ends this as well
         signal.signal(number, signal.SIG_IGN)
     ended = threading.Event()
     threading.Thread(target=lambda: (sys.stdin.read(), ended.set()), daemon=True).start()
-    with Graph(**options['graph']) as graph:
-        if options['bag']:
-            record(graph, options['bag'])
-        add_mocks(graph, *options['mocks'])
-        graph.add(ShapeEstimatorNode)
-        graph.spin(ended.is_set)
+    try:
+        with Graph(**options) as graph:
+            PARTS[part](graph, *arguments)
+            graph.spin(ended.is_set)
+    except (ValueError, RuntimeError, ParameterException) as error:
+        print(f'{part}: {" ".join(str(error).split())}', file=sys.stderr)
+        return 1
     return 0
 
 
