@@ -95,7 +95,7 @@ def add_sensing(graph, port):
 
 def add_servo(graph, robot, tracker=DEFAULT):
     """Add the servo; with sensing it is the loop, which runs on a real robot as well."""
-    graph.add(EdgeServoNode, robot_description=str(robot), tracker=tracker)
+    return graph.add(EdgeServoNode, robot_description=str(robot), tracker=tracker)
 
 
 @contextmanager

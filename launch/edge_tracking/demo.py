@@ -116,23 +116,26 @@ def track_scene(options, folder, progress):
             f'  force {feedback.normal_force:.2f} N')
     common = {'parameters': options.parameters, 'domain': own_domain()}
     with private_port() as port, stop_on_signals() as stop, \
-            apart('surroundings', port, path, robot, options.seed, folder / 'bag',
-                  **common) as surroundings, \
+            apart('listeners', folder / 'bag', **common) as listeners, \
+            apart('mocks', port, path, robot, options.seed, **common) as mocks, \
             apart('sensing', port, **common) as sensing, Graph(**common) as graph:
-        add_servo(graph, robot, options.controller)
+        def over():
+            return stop.is_set() or any(
+                part.poll() is not None for part in (listeners, mocks, sensing))
+        servo = add_servo(graph, robot, options.controller)
+        graph.spin(lambda: over() or servo.count_subscribers('servo_status'))  # the recorder
         track = graph.add(TrackNode, own={'on_feedback': show}, speed=options.speed,
                           force=options.force,
                           closed=edge.edge.closed and options.controller == 'trace')
-        graph.spin(lambda: stop.is_set() or track.finished or sensing.poll() is not None
-                   or surroundings.poll() is not None)
-        if sensing.poll() is not None or surroundings.poll() is not None:
-            return False, 'a part of the graph has ended by itself'
+        graph.spin(lambda: track.finished or over())
         if stop.is_set():
             track.cancel()
             stop.clear()
             end = time.monotonic() + 2.0
             graph.spin(lambda: track.finished or stop.is_set() or time.monotonic() > end)
             return False, 'interrupted'
+        if over():
+            return False, 'a part of the graph has ended by itself'
         linger(graph, stop)
     return track.success, track.reason
 

@@ -1,8 +1,8 @@
 """
 The graph in parts, each a process of its own, so that none waits for another's interpreter.
 
-`sensing` is the driver and the contact estimator. `surroundings` is what is no part of the
-loop: mocks, shape estimator and recorder; it gives way to the others where processors are few.
+`sensing` is driver and contact estimator. Where processors are few, `mocks`, which stand in for
+hardware, give way to the loop, and `listeners`, recorder and shape estimator, to both.
 """
 
 from contextlib import contextmanager
@@ -28,7 +28,6 @@ from tactile_msgs.msg import Contact, SensorInfo, ServoStatus, SurfacePatch, Tac
 from tactile_shape.nodes.shape_estimator import ShapeEstimatorNode
 
 PATIENCE = 10.0  # s for a part to end by itself, its recording written
-POLITE = 10  # niceness of the surroundings
 
 
 def topics(namespace):
@@ -52,16 +51,14 @@ def record(graph, bag):
     return graph.add(RecorderNode, own={'path': bag, 'topics': topics(graph.namespace)})
 
 
-def add_surroundings(graph, port, scene, robot, seed, bag):
-    """Add mocks and shape estimator, and a recorder if there is a bag to make."""
-    os.nice(POLITE)
-    if bag:
-        record(graph, bag)
-    add_mocks(graph, port, scene, robot, seed)
+def add_listeners(graph, bag):
+    """Add a recorder of everything and the shape estimator."""
+    record(graph, bag)
     graph.add(ShapeEstimatorNode)
 
 
-PARTS = {'sensing': add_sensing, 'surroundings': add_surroundings}
+# What makes each part, and its niceness.
+PARTS = {'sensing': (add_sensing, 0), 'mocks': (add_mocks, 5), 'listeners': (add_listeners, 10)}
 
 
 @contextmanager
@@ -100,13 +97,18 @@ def apart(part, *arguments, **graph):
 def main():
     """Run a part until the standard input ends."""
     part, arguments, options = json.loads(sys.argv[1])
+    add, niceness = PARTS[part]
     for number in (signal.SIGINT, signal.SIGTERM):  # meant for the graph, which ends this as well
         signal.signal(number, signal.SIG_IGN)
     ended = threading.Event()
     threading.Thread(target=lambda: (sys.stdin.read(), ended.set()), daemon=True).start()
     try:
         with Graph(**options) as graph:
-            PARTS[part](graph, *arguments)
+            add(graph, *arguments)
+            # Not before the servo is heard: who gives way at once comes late.
+            graph.spin(lambda: ended.is_set() or graph.nodes[0].count_publishers(
+                f'/{graph.namespace}/servo_status'))
+            os.nice(niceness)
             graph.spin(ended.is_set)
     except (ValueError, RuntimeError, ParameterException) as error:
         print(f'{part}: {" ".join(str(error).split())}', file=sys.stderr)

@@ -18,10 +18,12 @@ def test_sensor_and_robot_are_heard_and_recorded_and_end_with_the_graph(tmp_path
     seen = {}
     domain = os.getpid() % 100 + 1
     with private_port() as port:
-        with apart('surroundings', port, find_scene('straight'), share('urdf', 'puma260.urdf'),
-                   0, tmp_path / 'bag', domain=domain) as surroundings, \
+        with apart('listeners', tmp_path / 'bag', domain=domain) as listeners, \
+                apart('mocks', port, find_scene('straight'), share('urdf', 'puma260.urdf'),
+                      domain=domain) as mocks, \
                 apart('sensing', port, domain=domain) as sensing, \
                 Graph(domain=domain) as graph:
+            parts = listeners, mocks, sensing
             listener = graph.add(Node, own={'node_name': 'listener'})
             for name, kind in (('/joint_states', JointState), ('/tactile/contact', Contact)):
                 listener.create_subscription(
@@ -29,8 +31,8 @@ def test_sensor_and_robot_are_heard_and_recorded_and_end_with_the_graph(tmp_path
                     qos_profile_sensor_data)
             end = time.monotonic() + 30.0
             graph.spin(lambda: len(seen) == 2 or time.monotonic() > end)
-            assert sensing.poll() is None and surroundings.poll() is None
-        assert sensing.returncode == 0 and surroundings.returncode == 0
+            assert [part.poll() for part in parts] == [None] * 3
+        assert [part.returncode for part in parts] == [0] * 3
         assert not port.is_symlink()
     assert len(seen['/joint_states'].position) == 6
     assert seen['/tactile/contact'].sensor
