@@ -53,9 +53,9 @@ def bag(tmp_path_factory):
     robot = share('urdf', 'puma260.urdf')
     with private_port() as port, Graph(domain=own_domain()) as graph:
         record(graph, folder / 'bag')
-        add_mocks(graph, port, find_scene('straight'), robot)
-        add_sensing(graph, port)
         add_servo(graph, robot)
+        add_sensing(graph, port)
+        add_mocks(graph, port, find_scene('straight'), robot)
         track = graph.add(TrackNode, length=0.01, retreat=False)
         end = time.monotonic() + SECONDS
         graph.spin(lambda: track.finished or time.monotonic() > end)

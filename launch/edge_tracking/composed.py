@@ -88,9 +88,9 @@ def add_mocks(graph, port, scene, robot, seed=0):
 
 
 def add_sensing(graph, port):
-    """Add driver and contact estimator."""
-    graph.add(DriverNode, port=str(port))
+    """Add contact estimator and driver, in this order: then every picture is heard."""
     graph.add(ContactEstimatorNode)
+    graph.add(DriverNode, port=str(port))
 
 
 def add_servo(graph, robot, tracker=DEFAULT):
@@ -137,12 +137,12 @@ def main(args=None):
         with private_port() as pty, stop_on_signals() as stop, \
                 Graph(options.parameters, options.namespace) as graph:
             port = options.port or pty
+            add_servo(graph, options.robot_description, options.tracker)
+            graph.add(ShapeEstimatorNode)
+            add_sensing(graph, port)
             if options.sensor == 'mock':
                 add_mocks(graph, port, find_scene(options.scene), options.robot_description,
                           options.seed)
-            add_sensing(graph, port)
-            add_servo(graph, options.robot_description, options.tracker)
-            graph.add(ShapeEstimatorNode)
             graph.spin(stop.is_set)
     except (ValueError, RuntimeError, ParameterException) as error:
         print(f'composed: {" ".join(str(error).split())}', file=sys.stderr)
