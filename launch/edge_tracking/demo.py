@@ -126,7 +126,8 @@ def track_scene(options, folder, progress):
         graph.spin(lambda: over() or servo.count_subscribers('servo_status'))  # the recorder
         track = graph.add(TrackNode, own={'on_feedback': show}, speed=options.speed,
                           force=options.force,
-                          closed=edge.edge.closed and options.controller == 'trace')
+                          closed=edge.edge.closed
+                          and TRACKERS[options.controller].closes_contours)
         graph.spin(lambda: track.finished or over())
         if stop.is_set():
             track.cancel()

@@ -100,7 +100,8 @@ def nodes(context):
         actions.append(node('tactile_servo', 'mock_robot', '/', scene=scene, **robot))
     if start:
         # The nodes start along with it, and their first start ever compiles their kernels.
-        closed = bool(scene) and load_scene(scene).edge.closed and value['tracker'] == 'trace'
+        closed = (bool(scene) and load_scene(scene).edge.closed
+                  and TRACKERS[value['tracker']].closes_contours)
         track = node('edge_tracking', 'track', wait=60.0, closed=closed, **{
             name: number(name, value[name]) for name in ('speed', 'force', 'length')})
         actions.append(track)

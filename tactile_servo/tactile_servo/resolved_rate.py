@@ -192,6 +192,7 @@ class ResolvedRate:
 
     name = 'resolved_rate'
     sees_images = False
+    closes_contours = False
     closed = False
     config_type = ResolvedRateConfig
 

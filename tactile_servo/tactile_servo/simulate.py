@@ -66,7 +66,7 @@ def run(options):
     scene = load_scene(options.scene)
     goal = EdgeGoal(options.speed, options.force, options.direction, options.length,
                     closed=scene.edge.closed and options.length == 0.0
-                    and options.controller == 'trace')
+                    and TRACKERS[options.controller].closes_contours)
     simulation = Simulation(scene, options.controller, seed=options.seed,
                             latency=options.latency, robot=robot_from(options.robot),
                             clock=time.perf_counter)

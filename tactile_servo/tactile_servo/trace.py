@@ -50,6 +50,7 @@ class Trace:
 
     name = 'trace'
     sees_images = True
+    closes_contours = True
     config_type = TraceConfig
 
     def __init__(self, servo, config=None):
