@@ -4,6 +4,7 @@ from tactile_sensing.ridge import ridge_points
 
 STRAIGHT = 0.5  # quality from which a ridge point is of a line, not of a round spot
 FEWEST = 3  # of them that make an edge
+END = 0.5  # of the pressure along an edge is left where it ends
 
 
 def edge_point(image):
@@ -23,7 +24,7 @@ def edge_point(image):
     if layer is None or layer.unit != 'Pa' or not layer.depth > 0.0 or not image.tared:
         return None
     points = ridge_points(layer.stress, image.array, float(layer.noise_std), layer.depth)
-    points = points[points[:, 5] > STRAIGHT]
+    points = points[(points[:, 5] > STRAIGHT) & (points[:, 4] > END * points[:, 4].max(initial=0))]
     if len(points) < FEWEST:
         return None
     # One point of a ridge is good for a hundredth of a millimetre at 40 dB: it needs no mean,

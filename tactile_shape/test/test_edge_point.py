@@ -56,6 +56,15 @@ def test_before_a_corner_the_place_is_on_the_leg(ahead):
     assert abs(x) < (3e-4 if ahead < 3e-3 else 1e-4) and abs(y) < 3e-4
 
 
+@pytest.mark.parametrize('left', [2e-3, 4e-3, 6e-3])
+def test_an_edge_that_leaves_the_pad_is_not_told_beyond_its_end(left):
+    """The noise makes faint ridges beside and beyond what is left of it on the pad's border."""
+    end = left - 8.0 * PITCH
+    for seed in range(60):
+        place = edge_point(edge(np.array([[0.0, -0.03], [0.0, end]]), seed))
+        assert place is None or (abs(place[0]) < 2e-4 and place[1] < end + 2e-4)
+
+
 def test_what_is_no_edge_is_not_located():
     x, y = PAD.x, PAD.y[:, None]
     round_contact = point_stress('zz', x, y, 1e-3, -1e-3, 5.0, 0.0, 0.0, SKIN.depth)
