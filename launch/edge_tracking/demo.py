@@ -17,10 +17,11 @@ from rclpy.exceptions import ParameterException
 
 from edge_tracking.composed import add_servo, Graph, private_port
 from edge_tracking.parts import apart, record
+from edge_tracking.read_run import read_run
+from edge_tracking.recording_summary import summarise_recording
 from edge_tracking.report import make_recording_report, make_report, picture
 from edge_tracking.resources import find_scene, scene_names, share
-from edge_tracking.run_data import read_run
-from edge_tracking.summary import summarise, summarise_recording, to_json
+from edge_tracking.summary import summarise, to_json
 from edge_tracking.track import TrackNode
 from tactile_sensing.calibration import Calibration, load_calibration
 from tactile_sensing.errors import TactileSensingError

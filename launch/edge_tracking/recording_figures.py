@@ -14,7 +14,7 @@ from edge_tracking.figure_style import (
     style,
     tactels,
 )
-from edge_tracking.summary import presses
+from edge_tracking.recording_summary import presses
 
 
 def _loaded(series):

@@ -8,7 +8,8 @@ from pathlib import Path
 
 from edge_tracking import figures, recording_figures
 from edge_tracking.figure_style import png
-from edge_tracking.summary import force_series, rebuilt_outline, truth
+from edge_tracking.recording_summary import force_series
+from edge_tracking.summary import rebuilt_outline, truth
 
 _CSS = """
 :root { color-scheme: light; }
@@ -142,7 +143,7 @@ def make_recording_report(run, summary, path):
     ----------
     run : RunData
     summary : dict
-        By `summary.summarise_recording`.
+        By `recording_summary.summarise_recording`.
     path : str or os.PathLike
         HTML file to write.
     """

@@ -1,4 +1,4 @@
-"""A run in numbers: how well the edge was tracked, or what a recording holds."""
+"""A run in numbers: how well the edge was tracked."""
 
 from dataclasses import dataclass
 from functools import lru_cache
@@ -7,8 +7,7 @@ import math
 
 import numpy as np
 
-from tactile_sensing.contact import ContactType
-from tactile_sensing.moments import image_moments
+from edge_tracking.samples import largest, mean, median, NAN, percentile, rate, rms, span
 from tactile_sensing.synthetic import EdgeRenderer
 from tactile_servo.servo_types import State
 from tactile_servo.simulation_summary import contour_errors
@@ -21,11 +20,6 @@ from tactile_shape.outline import find_outline
 LATERAL_BOUND = 3e-3
 # States in which the pad follows the edge.
 ON_EDGE = (State.TRACK, State.CORNER)  # while searching there is no edge to be near to
-# A press begins above the upper and ends below the lower of these fractions of the force's
-# range; apart, so that noise does not split a press.
-PRESS_THRESHOLDS = (0.55, 0.45)
-
-NAN = float('nan')
 
 
 @dataclass(frozen=True, eq=False)
@@ -149,7 +143,7 @@ def summarise(run, scene, *, success, reason='', speed=None, force=None, seed=No
     active = np.flatnonzero(statuses.state != State.IDLE)
     last = active[-1] if active.size else None
     _, latency = latencies(run)
-    target = float(force) if force is not None else _median(statuses.force_target[tracking])
+    target = float(force) if force is not None else median(statuses.force_target[tracking])
     lateral = real.lateral[real.settled]
     on_target = real.force[real.settled & real.whole_edge] - target
     outline = rebuilt_outline(run)
@@ -161,28 +155,28 @@ def summarise(run, scene, *, success, reason='', speed=None, force=None, seed=No
         'scene': scene.name,
         'controller': str(statuses.controller[0]) if len(statuses.controller) else '',
         'seed': seed,
-        'speed': float(speed) if speed is not None else _median(statuses.speed[settled]),
+        'speed': float(speed) if speed is not None else median(statuses.speed[settled]),
         'tracked_length': _tracked_length(real),
-        'lateral_rms': _rms(lateral),
-        'lateral_max': _largest(lateral),
-        'lateral_transient_max': _largest(real.lateral[real.touching & ~real.settled]),
+        'lateral_rms': rms(lateral),
+        'lateral_max': largest(lateral),
+        'lateral_transient_max': largest(real.lateral[real.touching & ~real.settled]),
         'force_target': target,
-        'force_rms_error': _rms(on_target),
-        'force_max': _largest(real.force),
+        'force_rms_error': rms(on_target),
+        'force_max': largest(real.force),
         'closed': outline is not None and outline.closed,
         'contour_max_error': contour_error,
         'contour_area_error': area_error,
         'corners': outline.corners.tolist() if outline else [],
         'sides': [{'kind': side.kind, 'length': side.length, 'radius': side.radius}
                   for side in (outline.sides if outline else ())],
-        'duration': _span(statuses.stamp_ns[active]),
-        'sensor_rate': _rate(_between(run.images.stamp_ns, statuses.stamp_ns[tracking])),
-        'control_rate': _rate(statuses.stamp_ns[active]),
+        'duration': span(statuses.stamp_ns[active]),
+        'sensor_rate': rate(_between(run.images.stamp_ns, statuses.stamp_ns[tracking])),
+        'control_rate': rate(statuses.stamp_ns[active]),
         'missed_cycles': int(statuses.missed_cycles[last] - statuses.missed_cycles[active[0]])
         if active.size else 0,
-        'latency_p50': _percentile(latency, 50),
-        'latency_p99': _percentile(latency, 99),
-        'cpu_per_cycle': _mean(statuses.cycle_time[tracking]),
+        'latency_p50': percentile(latency, 50),
+        'latency_p99': percentile(latency, 99),
+        'cpu_per_cycle': mean(statuses.cycle_time[tracking]),
     }
     claimed = statuses.progress[tracking].max(initial=0.0)
     summary['ok'] = bool(
@@ -190,110 +184,6 @@ def summarise(run, scene, *, success, reason='', speed=None, force=None, seed=No
         and summary['tracked_length'] > max(SETTLING_LENGTH, 0.9 * claimed))
     if success and not summary['ok']:
         summary['reason'] += '; but the pad was not led along the edge'
-    return summary
-
-
-@dataclass(frozen=True, eq=False)
-class ForceSeries:
-    """
-    Force over time of a recording.
-
-    time [s] since the first picture, force (zeroth moment) in `unit`, type (numbers of
-    Contact.msg): `(N,)`; centre_of_pressure `(N, 2)` [m].
-    """
-
-    time: np.ndarray
-    force: np.ndarray
-    unit: str
-    type: np.ndarray
-    centre_of_pressure: np.ndarray
-    stamp_ns: np.ndarray
-
-
-def force_series(run) -> ForceSeries:
-    """
-    Return force and centre of pressure over time, by the contact estimator.
-
-    Without any estimate in the recording, moments of the pictures take its place.
-    """
-    unit = {'Pa': 'N', '': 'N'}.get(run.images.unit, f'{run.images.unit} m^2')
-    contacts = run.contacts
-    if np.isfinite(contacts.m0).any():
-        stamps, force, kind = contacts.stamp_ns, contacts.m0, contacts.type
-        centre = contacts.centre_of_pressure
-    else:
-        moments = [image_moments(frame, run.images.array) for frame in run.images.frames]
-        stamps = run.images.stamp_ns
-        force = np.array([each.m0 for each in moments])
-        centre = np.array([each.centre_of_pressure for each in moments]).reshape(-1, 2)
-        kind = np.full(len(stamps), int(ContactType.OTHER))
-    time = 1e-9 * (stamps - stamps[0]) if len(stamps) else np.empty(0)
-    return ForceSeries(time, force, unit, kind, centre, stamps)
-
-
-def presses(force):
-    """
-    Return the presses in a series of forces, by a threshold with hysteresis.
-
-    Parameters
-    ----------
-    force : np.ndarray
-        Forces in any unit, shape `(N,)`; NaN ends no press and starts none.
-
-    Returns
-    -------
-    list of (int, int, int)
-        First index, index of the peak and index after the last, of each press.
-    """
-    finite = force[np.isfinite(force)]
-    if not finite.size or not np.ptp(finite) > 0.0:
-        return []
-    low, high = np.percentile(finite, (1, 99))
-    upper, lower = (low + fraction * (high - low) for fraction in PRESS_THRESHOLDS)
-    found, begin = [], None
-    for index, value in enumerate(force):
-        if begin is None and value > upper:
-            begin = index
-        elif begin is not None and value < lower:
-            found.append((begin, index))
-            begin = None
-    if begin is not None:
-        found.append((begin, len(force)))
-    return [(begin, begin + int(np.nanargmax(force[begin:end])), end) for begin, end in found]
-
-
-def summarise_recording(run) -> dict:
-    """
-    Return the summary of a recording that ran through driver and estimator.
-
-    Forces are in `force_unit`, which is N only for a calibrated sensor; lengths in m.
-    """
-    series, images = force_series(run), run.images
-    found = presses(series.force)
-    period = 1.0 / _rate(images.stamp_ns) if len(images.stamp_ns) > 1 else NAN
-    steps = np.diff(images.sequence)
-    summary = {
-        'ok': bool(len(images.stamp_ns) and len(series.force)),
-        'reason': '' if len(images.stamp_ns) else 'no pictures arrived',
-        'sensor': run.info.sensor if run.info else '',
-        'rows': images.frames.shape[1],
-        'columns': images.frames.shape[2],
-        'force_unit': series.unit,
-        'force_max': _largest(series.force),
-        'presses': len(found),
-        'press_peaks': [float(series.force[peak]) for _, peak, _ in found],
-        'press_times': [float(series.time[peak]) for _, peak, _ in found],
-        'press_durations': [float((end - begin) * period) for begin, _, end in found],
-        'press_centres': [series.centre_of_pressure[peak].tolist() for _, peak, _ in found],
-        'duration': _span(images.stamp_ns),
-        'frames': len(images.stamp_ns),
-        'lost_frames': int((steps[steps > 0] - 1).sum()),
-        'sensor_rate': _rate(images.stamp_ns),
-        'contact_types': {kind.name.lower(): int(np.count_nonzero(series.type == kind))
-                          for kind in ContactType},
-        'latency_p50': _percentile(run.contacts.latency, 50),
-        'latency_p99': _percentile(run.contacts.latency, 99),
-    }
     return summary
 
 
@@ -326,33 +216,3 @@ def _between(stamps, others):
     if not len(others):
         return stamps[:0]
     return stamps[(stamps >= others[0]) & (stamps <= others[-1])]
-
-
-def _span(stamps):
-    return 1e-9 * float(stamps[-1] - stamps[0]) if len(stamps) > 1 else NAN
-
-
-def _rate(stamps):
-    span = _span(stamps)
-    return (len(stamps) - 1) / span if span > 0.0 else NAN
-
-
-def _rms(values):
-    return float(np.sqrt(np.mean(np.square(values)))) if len(values) else NAN
-
-
-def _largest(values):
-    values = np.abs(values[np.isfinite(values)])
-    return float(values.max()) if len(values) else NAN
-
-
-def _mean(values):
-    return float(np.mean(values)) if len(values) else NAN
-
-
-def _median(values):
-    return float(np.median(values)) if len(values) else NAN
-
-
-def _percentile(values, percent):
-    return float(np.percentile(values, percent)) if len(values) else NAN

@@ -9,8 +9,8 @@ from sensor_msgs.msg import JointState
 
 from edge_tracking.composed import Graph, private_port
 from edge_tracking.parts import apart
+from edge_tracking.read_run import read_run
 from edge_tracking.resources import find_scene, share
-from edge_tracking.run_data import read_run
 from tactile_msgs.msg import Contact
 
 

@@ -8,13 +8,14 @@ import sys
 
 import numpy as np
 import pytest
-from recorded_run import straight_scene, TOPICS, write_bag
+from recorded_run import TOPICS, write_bag
 
 from edge_tracking.figure_style import png
 from edge_tracking.figures import surface
+from edge_tracking.read_run import read_run
+from edge_tracking.recording_summary import summarise_recording
 from edge_tracking.report import make_recording_report, make_report, picture
-from edge_tracking.run_data import read_run
-from edge_tracking.summary import summarise, summarise_recording
+from edge_tracking.summary import summarise
 from tactile_servo.servo_types import State
 from tactile_shape.local_quadric import LocalQuadric
 from tactile_shape.synthetic import sphere, Weave
@@ -44,18 +45,6 @@ class Page(HTMLParser):
     def text(self):
         """All text."""
         return ' '.join(self.words)
-
-
-@pytest.fixture(scope='module')
-def scene():
-    """Scene of the run."""
-    return straight_scene()
-
-
-@pytest.fixture(scope='module')
-def run(tmp_path_factory, scene):
-    """Run read from a bag."""
-    return read_run(write_bag(tmp_path_factory.mktemp('bags') / 'run', scene).path)
 
 
 def read_page(path, pictures):

@@ -1,0 +1,31 @@
+"""Fixtures: a run that was made up, its scene and its bag; made once, tests change copies."""
+
+import pytest
+from recorded_run import straight_scene, TOPICS, write_bag
+
+from edge_tracking.read_run import read_run
+
+
+@pytest.fixture(scope='session')
+def scene():
+    """Scene of the run."""
+    return straight_scene()
+
+
+@pytest.fixture(scope='session')
+def bag(tmp_path_factory, scene):
+    """Bag of the run."""
+    return write_bag(tmp_path_factory.mktemp('bags') / 'run', scene).path
+
+
+@pytest.fixture(scope='session')
+def run(bag):
+    """Run read from its bag."""
+    return read_run(bag)
+
+
+@pytest.fixture(scope='session')
+def empty(tmp_path_factory, scene):
+    """Run of which only the diagnostics were recorded."""
+    return read_run(write_bag(
+        tmp_path_factory.mktemp('bags') / 'empty', scene, topics=TOPICS[6:7]).path)

@@ -1,0 +1,122 @@
+"""Runs read from bags: as written, in part, of several sensors, and damaged."""
+
+import numpy as np
+import pytest
+from recorded_run import JOINTS, pose_at, START, TOPICS, write_bag
+from rosbags.rosbag2 import StoragePlugin
+
+from edge_tracking.read_run import read_run
+from tactile_sensing.errors import ConfigurationError
+
+
+def test_run_reads_back_as_written(bag, scene):
+    run = read_run(bag)
+    assert run.namespace == '/tactile' and run.info.sensor == 'pad'
+    assert run.info.acquisition_delay == pytest.approx(0.0025)
+    images = run.images
+    assert images.frames.shape == (len(images.stamp_ns), 16, 16)
+    assert images.unit == 'Pa' and images.skipped == 0 and images.array.pitch_x > 0
+    assert (images.sequence == np.arange(len(images.sequence))).all()
+    assert len(run.contacts.stamp_ns) == len(run.wrenches.stamp_ns) == len(images.stamp_ns)
+    touching = run.contacts.valid
+    np.testing.assert_allclose(
+        -run.wrenches.force[touching, 2], run.contacts.normal_force[touching])
+    assert np.isnan(run.contacts.a[~touching]).all()
+    assert run.poses.matrix.shape == (len(run.statuses.stamp_ns), 4, 4)
+    np.testing.assert_allclose(run.poses.matrix[200], pose_at(scene, 0.5), atol=1e-12)
+    assert run.joints.names == run.commands.names == JOINTS
+    np.testing.assert_allclose(run.commands.horizon, 0.08)
+    assert run.diagnostics.values.tolist() == [{'lost': '3'}]
+    assert run.diagnostics.level.tolist() == [1]
+    assert run.start_ns == START
+    assert run.seconds(START + 1_500_000_000) == pytest.approx(1.5)
+
+
+def test_sqlite3_and_single_files_are_read_as_well(tmp_path, bag, scene):
+    write_bag(tmp_path / 'run', scene, topics=TOPICS[:2], storage=StoragePlugin.SQLITE3)
+    run, (file,) = read_run(tmp_path / 'run'), bag.glob('*.mcap')
+    for other in (read_run(bag), read_run(file)):
+        np.testing.assert_array_equal(run.images.frames, other.images.frames)
+
+
+@pytest.mark.parametrize('kept', range(len(TOPICS)))
+def test_missing_topics_give_empty_arrays(tmp_path, scene, kept):
+    run = read_run(write_bag(tmp_path / 'run', scene, topics=TOPICS[kept:kept + 1]).path)
+    assert (run.info is None) == (kept != 1)
+    assert len(run.images.stamp_ns) == len(run.images.frames) == (
+        len(run.images.sequence) if kept == 0 else 0)
+    assert run.poses.matrix.shape[1:] == (4, 4)
+    assert run.poses.position.shape[1:] == (3,)
+
+
+def test_namespace_is_that_of_the_bag(tmp_path, scene):
+    path = write_bag(tmp_path / 'left', scene, topics=TOPICS[:1],
+                     rename=lambda name: name.replace('tactile', 'left')).path
+    assert read_run(path).namespace == '/left'
+    assert len(read_run(path, 'left').images.stamp_ns)
+    assert not len(read_run(path, 'right').images.stamp_ns)
+
+
+def test_two_sensors_need_a_choice(tmp_path, scene):
+    names = {'/tactile/image': '/left/image', '/tactile/contact': '/right/contact'}
+    path = write_bag(tmp_path / 'two', scene, topics=[TOPICS[0], TOPICS[2]],
+                     rename=names.get).path
+    with pytest.raises(ConfigurationError, match='/left, /right; choose a namespace'):
+        read_run(path)
+    assert len(read_run(path, '/right').contacts.stamp_ns)
+
+
+def damage_missing(path):
+    return path / 'nothing'
+
+
+def damage_metadata(path):
+    (path / 'metadata.yaml').write_text('{ not: [yaml')
+    return path
+
+
+def damage_empty_metadata(path):
+    (path / 'metadata.yaml').write_text('')
+    return path
+
+
+def damage_no_metadata(path):
+    (path / 'metadata.yaml').unlink()
+    return path
+
+
+def damage_text(path):
+    (path / 'notes.txt').write_text('no bag')
+    return path / 'notes.txt'
+
+
+def damage_cut(path):
+    file, = path.glob('*.mcap')
+    file.write_bytes(file.read_bytes()[:5000])
+    return path
+
+
+def overwrite(path, value):
+    file, = path.glob('*.mcap')
+    data = bytearray(file.read_bytes())
+    data[2000:40000] = bytes([value]) * 38000
+    file.write_bytes(data)
+    return path
+
+
+def damage_ones(path):
+    return overwrite(path, 0xff)
+
+
+def damage_zeros(path):
+    return overwrite(path, 0)
+
+
+@pytest.mark.parametrize('damage', [
+    damage_missing, damage_metadata, damage_empty_metadata, damage_no_metadata, damage_text,
+    damage_cut, damage_ones, damage_zeros])
+def test_what_is_no_bag_gets_one_clear_line(tmp_path, scene, damage):
+    path = damage(write_bag(tmp_path / 'run', scene, topics=TOPICS[:1]).path)
+    with pytest.raises(ConfigurationError) as caught:
+        read_run(path)
+    assert str(path) in str(caught.value) and '\n' not in str(caught.value)
