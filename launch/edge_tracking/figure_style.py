@@ -8,6 +8,8 @@ import numpy as np
 
 BLUE, ORANGE, GREY, INK = '#1f5fa8', '#d4691e', '#7a808a', '#22262b'
 EDGE_COLOUR = '#c9cdd4'
+ESTIMATE_COLOUR = '#10a4b8'  # on pressures
+IN_A_ROW = 4  # pictures
 
 
 def png(figure) -> bytes:
@@ -43,7 +45,53 @@ def note(axes, x, y, text, colour=INK, **options):
         'facecolor': 'white', 'edgecolor': 'none', 'pad': 1.0, 'alpha': 0.8}, **options)
 
 
-def tactels(axes, images, index, top):
+def tactels(figure, images, chosen, otherwise):
+    """
+    Draw pictures of the array in rows of up to `IN_A_ROW`, all with the same colours.
+
+    Parameters
+    ----------
+    figure : matplotlib.figure.Figure
+    images : Images
+    chosen : list of (str, int)
+        Title and index of each picture.
+    otherwise : str
+        Written if there are none.
+
+    Returns
+    -------
+    list of matplotlib.axes.Axes
+        One per picture.
+    """
+    if not chosen:
+        axes = figure.subplots()
+        axes.axis('off')
+        note(axes, 0.02, 0.5, otherwise)
+        return []
+    columns = min(IN_A_ROW, len(chosen))
+    grid = figure.subplots(
+        -(-len(chosen) // columns), columns, sharex=True, sharey=True, squeeze=False)
+    top = max(float(np.nanmax(images.frames[index], initial=0.0)) for _, index in chosen)
+    shown = None
+    for axes, (title, index) in zip(grid.flat, chosen, strict=False):
+        shown = _picture(axes, images, index, top)
+        axes.set_title(title, fontsize=10.5, color=INK)
+    for axes in grid.flat[len(chosen):]:
+        axes.axis('off')
+    for axes in grid[-1]:
+        axes.set_xlabel('x [mm]', fontsize=10)
+    for axes in grid[:, 0]:
+        axes.set_ylabel('y [mm]', fontsize=10)
+    _colour_bar(figure, shown, grid.ravel().tolist(), images.unit)
+    return grid.ravel().tolist()[:len(chosen)]
+
+
+def mark_centre(axes, centre):
+    """Mark a centre of pressure [m] in a picture."""
+    axes.plot(*(1e3 * centre), '+', color=ESTIMATE_COLOUR, markersize=11, markeredgewidth=2.2)
+
+
+def _picture(axes, images, index, top):
     """Draw a picture of the array, its colours up to a pressure `top`."""
     array, scale = images.array, 1e-3 if images.unit == 'Pa' else 1.0
     x, y = 1e3 * array.half_width_x, 1e3 * array.half_width_y
@@ -54,7 +102,7 @@ def tactels(axes, images, index, top):
         extent=(-x, x, -y, y), vmin=0.0, vmax=max(scale * top, 1e-9), interpolation='nearest')
 
 
-def colour_bar(figure, shown, axes, unit):
+def _colour_bar(figure, shown, axes, unit):
     """Add the bar of the pressure."""
     bar = figure.colorbar(shown, ax=axes, shrink=0.8, aspect=18, pad=0.02)
     bar.set_label('pressure [kPa]' if unit == 'Pa' else f'pressure [{unit or "?"}]', fontsize=10)

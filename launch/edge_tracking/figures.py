@@ -5,10 +5,11 @@ import numpy as np
 
 from edge_tracking.figure_style import (
     BLUE,
-    colour_bar,
     EDGE_COLOUR,
+    ESTIMATE_COLOUR,
     GREY,
     INK,
+    mark_centre,
     new_figure,
     note,
     ORANGE,
@@ -221,23 +222,11 @@ def _shade(axes, run, time, named):
 def pictures(run):
     """Tactile pictures of approach, first contact, steady tracking and the end."""
     figure, images = new_figure(10.0, 3.0), run.images
-    chosen = _moments(run)
-    if not chosen:
-        axes = figure.subplots()
-        axes.axis('off')
-        note(axes, 0.02, 0.5, 'The recording has no pictures of the run.')
-        return figure
-    top = max(float(np.nanmax(images.frames[index], initial=0.0)) for _, index in chosen)
-    shown = None
-    for axes, (name, index) in zip(
-            figure.subplots(1, len(chosen), sharey=True, squeeze=False)[0], chosen, strict=True):
-        shown = tactels(axes, images, index, top)
-        time = float(run.seconds(images.stamp_ns[index]))
-        axes.set_title(f'{name}, {time:.2f} s', fontsize=10.5, color=INK)
+    chosen = [(f'{name}, {run.seconds(images.stamp_ns[index]):.2f} s', index)
+              for name, index in _moments(run)]
+    panels = tactels(figure, images, chosen, 'The recording has no pictures of the run.')
+    for axes, (_, index) in zip(panels, chosen, strict=True):
         _estimate(axes, run, index)
-        axes.set_xlabel('x [mm]', fontsize=10)
-    figure.axes[0].set_ylabel('y [mm]', fontsize=10)
-    colour_bar(figure, shown, figure.axes[:len(chosen)], images.unit)
     return figure
 
 
@@ -269,12 +258,12 @@ def _estimate(axes, run, index):
     if match.size and contacts.valid[match[0]] and np.isfinite(contacts.yaw[match[0]]):
         a, yaw = 1e3 * contacts.a[match[0]], contacts.yaw[match[0]]
         reach = 2.0 * np.hypot(x, y) * np.array([-1.0, 1.0])
-        axes.plot(a - reach * np.sin(yaw), reach * np.cos(yaw), color='#10a4b8', linewidth=2.0)
+        axes.plot(a - reach * np.sin(yaw), reach * np.cos(yaw), color=ESTIMATE_COLOUR,
+                  linewidth=2.0)
         angle = round(np.degrees(yaw), 1) + 0.0  # no minus zero
         text = f'a = {a:+.2f} mm, yaw = {angle:+.1f}\u00b0'
     elif match.size and contacts.type[match[0]] == ContactType.OTHER:
-        axes.plot(*(1e3 * contacts.centre_of_pressure[match[0]]), '+', color='#10a4b8',
-                  markersize=11, markeredgewidth=2.2)
+        mark_centre(axes, contacts.centre_of_pressure[match[0]])
         text = 'no straight line'
     else:
         text = 'no valid contact'

@@ -4,12 +4,11 @@ import numpy as np
 
 from edge_tracking.figure_style import (
     BLUE,
-    colour_bar,
     EDGE_COLOUR,
     GREY,
-    INK,
+    IN_A_ROW,
+    mark_centre,
     new_figure,
-    note,
     ORANGE,
     style,
     tactels,
@@ -53,40 +52,22 @@ def force_over_time(series):
 
 def press_pictures(run, series, limit=8):
     """Pictures at the peaks of presses, evenly chosen, with the centre of pressure."""
-    found = presses(series.force)
-    keep = np.unique(np.linspace(0, len(found) - 1, min(limit, len(found))).round().astype(int))
-    columns = min(4, max(len(keep), 1))
-    rows = max(-(-len(keep) // columns), 1)
-    figure = new_figure(10.0, 0.5 + 2.45 * rows)
-    grid = figure.subplots(rows, columns, sharex=True, sharey=True, squeeze=False)
-    if not len(keep) or run.images.array is None:
-        for axes in grid.flat:
-            axes.axis('off')
-        note(grid[0, 0], 0.02, 0.5, 'No presses were found.')
-        return figure
     images = run.images
-    chosen = [(number, *_picture_of(images, series, found[number][1])) for number in keep]
-    top = max(float(np.nanmax(images.frames[index], initial=0.0)) for _, index, _ in chosen)
-    shown = None
-    for axes, (number, index, point) in zip(grid.flat, chosen, strict=False):
-        shown = tactels(axes, images, index, top)
-        axes.plot(*(1e3 * point), '+', color='#10a4b8', markersize=11, markeredgewidth=2.2)
-        time = series.time[found[number][1]]
-        axes.set_title(f'press {number + 1}, {time:.1f} s', fontsize=10.5, color=INK)
-    for axes in grid.flat[len(chosen):]:
-        axes.axis('off')
-    for axes in grid[-1]:
-        axes.set_xlabel('x [mm]', fontsize=10)
-    for axes in grid[:, 0]:
-        axes.set_ylabel('y [mm]', fontsize=10)
-    colour_bar(figure, shown, grid.ravel().tolist(), images.unit)
+    found = presses(series.force) if images.array is not None else []
+    keep = np.unique(np.linspace(0, len(found) - 1, min(limit, len(found))).round().astype(int))
+    peaks = [found[number][1] for number in keep]
+    chosen = [(f'press {number + 1}, {series.time[peak]:.1f} s', _picture_at(images, series, peak))
+              for number, peak in zip(keep, peaks, strict=True)]
+    figure = new_figure(10.0, 0.5 + 2.45 * max(-(-len(keep) // IN_A_ROW), 1))
+    panels = tactels(figure, images, chosen, 'No presses were found.')
+    for axes, peak in zip(panels, peaks, strict=True):
+        mark_centre(axes, series.centre_of_pressure[peak])
     return figure
 
 
-def _picture_of(images, series, at):
-    """Return index of the picture of a datum of the series, and its centre of pressure."""
-    index = int(np.argmin(np.abs(images.stamp_ns - series.stamp_ns[at])))
-    return index, series.centre_of_pressure[at]
+def _picture_at(images, series, at):
+    """Return the index of the picture of a datum of the series."""
+    return int(np.argmin(np.abs(images.stamp_ns - series.stamp_ns[at])))
 
 
 def centre_path(run, series):
