@@ -7,7 +7,6 @@ import tempfile
 import time
 
 import numpy as np
-from scipy.optimize import brentq
 import yaml
 
 from tactile_sensing.scene import load_scene
@@ -15,6 +14,7 @@ from tactile_servo.resolved_rate import ResolvedRateConfig
 from tactile_servo.servo_types import EdgeGoal, EdgeServoConfig, State
 from tactile_servo.simulation import PICTURE_EVERY, Simulation, STEP
 from tactile_servo.simulation_summary import summarise
+from tactile_servo.stability import gain_limit
 from tactile_servo.trace_config import TraceConfig
 
 SCENES = Path(__file__).resolve().parent.parent / 'launch' / 'scenes'
@@ -81,24 +81,21 @@ def corner_verdict(summary):
 
 def theoretical_gain(latency, dead_time, lag):
     """
-    Gain of an integrating loop at the limit of stability [1/s].
+    Gain of a loop through the picture at the limit of stability [1/s].
 
-    omega d + atan(omega tau) = pi / 2 and g = omega sqrt(1 + omega^2 tau^2), where d is the
-    latency of the picture, the dead time, half of each period and the look-ahead of the
-    windows that the servo sends, and tau the robot's lag.
+    In it are the latency of the picture, the dead time, half of each period and the look-ahead
+    of the windows that the servo sends.
     """
-    delay = (latency + dead_time + 0.5 * STEP * (1 + PICTURE_EVERY)
-             + 2.0 / EdgeServoConfig.rate)
-    omega = brentq(lambda w: w * delay + math.atan(w * lag) - 0.5 * math.pi, 1e-3, 1e4)
-    return omega * math.hypot(1.0, omega * lag)
+    return gain_limit(latency + dead_time + 0.5 * STEP * (1 + PICTURE_EVERY)
+                      + 2.0 / EdgeServoConfig.rate, lag)
 
 
 def is_stable(tracker, gain, latency):
     """Whether the pad comes to rest on a straight edge from a little beside it."""
     scene = shipped('straight')
     scene = replace(scene, start=replace(scene.start, offset=OFFSET))
-    settings = (ResolvedRateConfig(segment_time=1.0 / gain) if tracker == 'resolved_rate'
-                else TraceConfig(lateral_gain=gain))
+    settings = (ResolvedRateConfig(segment_time=1.0 / gain, limit_share=10.0)
+                if tracker == 'resolved_rate' else TraceConfig(lateral_gain=gain))
     simulation, _ = follow(scene, tracker, 0.03, 0, latency=latency, settings=settings,
                            seconds=3.5)
     late = [cycle for cycle in simulation.log if cycle.status.state == State.TRACK][-200:]

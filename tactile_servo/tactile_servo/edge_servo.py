@@ -109,7 +109,7 @@ class EdgeServo:
         # The larger of what is fitted and summed.
         self._load = max((force for force in (contact.normal_force, contact.moments.m0)
                           if math.isfinite(force)), default=0.0)
-        self.tracker.see_contact(contact, stamp_ns, arrival)
+        self.tracker.see_contact(contact, stamp_ns, arrival, self._age(stamp_ns))
 
     def see_image(self, image, arrival):
         """Take a TactileImage and its steady arrival time [s], for a tracker that sees them."""
@@ -117,8 +117,11 @@ class EdgeServo:
             return
         pose = self.pose_at(image.stamp_ns)
         if pose is not None:
-            age = 1e-9 * (self.joints.stamp_ns - image.stamp_ns)
-            self.tracker.see_image(image, pose, arrival, max(age, 0.0))
+            self.tracker.see_image(image, pose, arrival, self._age(image.stamp_ns))
+
+    def _age(self, stamp_ns):
+        """How much older than the newest joint state a picture is [s]; inf if there is none."""
+        return max(1e-9 * (self.joints.stamp_ns - stamp_ns), 0.0) if self.joints else math.inf
 
     def pose_at(self, stamp_ns):
         """Measured pose (4, 4) of the sensor at a stamp [ns]; None where it is not known."""

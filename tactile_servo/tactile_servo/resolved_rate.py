@@ -7,6 +7,11 @@ import numpy as np
 from tactile_sensing.contact import ContactType, Reason
 from tactile_sensing.moments import line_from_moments
 from tactile_servo.servo_types import KEEP, State, Verdict
+from tactile_servo.stability import gain_limit
+
+AGE_SHARE = 0.1  # of a picture's age in their running mean
+DEAD_TIME, LAG = 2.5e-3, 10e-3  # s; of the robot that the gains are bounded for
+OVERFORCE = 1.5  # of the wanted force, beyond which the goal ends
 
 
 @dataclass(frozen=True)
@@ -53,6 +58,11 @@ class ResolvedRateConfig:
     max_tilt_rate: float = field(default=0.3, metadata={
         'doc': 'largest rate of the rotation about x; 0 keeps the pad as level as it began',
         'unit': 'rad/s', 'range': (0.0, 20.0)})
+    limit_share: float = field(default=0.4, metadata={
+        'doc': 'share of the gain at which a loop through pictures of the measured age would '
+               'swing: every T_seg is at least so long that its gain is no larger; a robot with '
+               'more dead time than 2.5 ms or lag than 10 ms needs less',
+        'range': (0.01, 10.0)})
     uneven: float = field(default=0.15, metadata={
         'doc': 'the pad is not levelled where the second moment along the edge differs by this '
                'fraction from that of an edge across the whole pad',
@@ -142,7 +152,7 @@ def contact_scale(features, force):
     return _bounded(2.0 * features.force / force, 0.0, 1.0)
 
 
-def edge_twist(features, speed, force, config):
+def edge_twist(features, speed, force, config, shortest=0.0):
     """
     Twist that drives X_a to X_d: dX = (X_f - X_a) / T_seg dt of (5.3).
 
@@ -158,6 +168,8 @@ def edge_twist(features, speed, force, config):
     force : float
         Wanted normal force [N].
     config : ResolvedRateConfig
+    shortest : float
+        Least T_seg that every one is raised to [s].
 
     Returns
     -------
@@ -165,13 +177,14 @@ def edge_twist(features, speed, force, config):
         Linear and angular velocity of the sensor frame, in the sensor frame [m/s, rad/s].
     """
     c = config
-    lateral = _bounded(
-        features.lateral / c.segment_time, -c.max_lateral_speed, c.max_lateral_speed)
-    normal = _bounded((force - features.force) / (c.stiffness * c.force_segment_time),
-                      -c.max_normal_speed, c.max_normal_speed)
-    turn = _bounded(features.yaw / c.segment_time, -c.max_turn_rate, c.max_turn_rate)
+    segment, tilt_segment = max(c.segment_time, shortest), max(c.tilt_segment_time, shortest)
+    lateral = _bounded(features.lateral / segment, -c.max_lateral_speed, c.max_lateral_speed)
+    normal = _bounded(
+        (force - features.force) / (c.stiffness * max(c.force_segment_time, shortest)),
+        -c.max_normal_speed, c.max_normal_speed)
+    turn = _bounded(features.yaw / segment, -c.max_turn_rate, c.max_turn_rate)
     # More load ahead means that the edge rises: the pad is turned away from it there.
-    level = _bounded(-features.tilt / c.tilt_segment_time, -c.max_tilt_rate, c.max_tilt_rate)
+    level = _bounded(-features.tilt / tilt_segment, -c.max_tilt_rate, c.max_tilt_rate)
     return np.array([lateral, speed, normal, level, 0.0, turn])
 
 
@@ -184,10 +197,17 @@ class ResolvedRate:
     """
     The thesis' tracker: what the newest contact says is servoed to where it should be.
 
+    The age of the pictures is part of its loops, so it lengthens T_seg with their age.
+
     Parameters
     ----------
     servo : EdgeServoConfig
     gains : ResolvedRateConfig, optional
+
+    Attributes
+    ----------
+    shortest : float
+        Least T_seg for which the pictures do not come too late [s]; nan before the first.
     """
 
     name = 'resolved_rate'
@@ -198,6 +218,7 @@ class ResolvedRate:
 
     def __init__(self, servo, gains=None):
         self.servo, self.gains = servo, gains or ResolvedRateConfig()
+        self._age, self.shortest = servo.max_stamp_age, np.nan
         self.begin(None)
 
     def refuse(self, goal):
@@ -215,8 +236,14 @@ class ResolvedRate:
         """Go on from a standstill."""
         self.speed = 0.0
 
-    def see_contact(self, contact, stamp_ns, arrival):
-        """Take a contact estimate, its picture's stamp [ns] and steady arrival time [s]."""
+    def see_contact(self, contact, stamp_ns, arrival, age):
+        """Take a contact estimate, its picture's stamp [ns], steady arrival time and age [s]."""
+        # On average it is acted upon half of the time later that the next one takes to come.
+        age += 0.5 * _bounded(arrival - self.looked, 0.0, self.servo.stale_image)
+        self._age += AGE_SHARE * (min(age, self.servo.max_stamp_age) - self._age)
+        # Half of a control period, and the two that a window looks ahead.
+        delay = self._age + 2.5 / self.servo.rate + DEAD_TIME
+        self.shortest = 1.0 / (self.gains.limit_share * gain_limit(delay, LAG))
         self.looked = arrival
         features, self.reason = edge_features(
             contact, self.servo.array_half_width, self.gains)
@@ -232,9 +259,11 @@ class ResolvedRate:
         c, goal = self.servo, self.goal
         long_enough = length > 2.0 * c.array_half_width
         if not self.ready(now):
-            if load < c.contact_force and goal.length == 0.0 and long_enough:
-                return Verdict(State.DONE, 'the edge ended', True)
-            return Verdict(State.HOLD, self.reason or 'edge lost')
+            lost = 'contact lost' if load < c.contact_force else 'edge lost'
+            return Verdict(State.HOLD, self.reason or lost)
+        if load > OVERFORCE * goal.force:
+            return Verdict(State.DONE, f'force of {load:.1f} N is beyond {OVERFORCE:g} times '
+                           f'the {goal.force:g} N asked for', lift=True)
         ahead = goal.direction * self.features.remaining
         if ahead < -c.end_of_edge * c.array_half_width and long_enough:
             return Verdict(State.DONE, 'the edge ended', goal.length == 0.0)
@@ -252,7 +281,8 @@ class ResolvedRate:
                                  contact_scale(features, goal.force))
         change = c.max_acceleration * dt
         self.speed += _bounded(speed - self.speed, -change, change)
-        return edge_twist(features, goal.direction * self.speed, goal.force, self.gains)
+        return edge_twist(features, goal.direction * self.speed, goal.force, self.gains,
+                          self.shortest)
 
     def heading(self, pose):
         """Direction of travel in the base frame (3,)."""

@@ -10,7 +10,7 @@ from tactile_sensing.ridge import centre_of_load, mend, ridge_points
 from tactile_servo.border import coming_length
 from tactile_servo.corners import Picture
 from tactile_servo.edge_trace import into_plane, turned
-from tactile_servo.resolved_rate import EdgeFeatures
+from tactile_servo.resolved_rate import AGE_SHARE, EdgeFeatures
 from tactile_servo.servo_types import State, Verdict
 from tactile_servo.trace_config import TraceConfig
 from tactile_servo.traced_edge import CLOSED, END, TracedEdge, VIEW
@@ -30,7 +30,6 @@ TURN_REACH = 4.0e-3  # m either side of the pad's centre over which the pad is t
 ENTRY_SPEED = 0.03  # m/s at which a second leg may come under the pad
 COMING_SHARE = 0.35  # of its length that is given way to before
 ANSWER = 5.0e-3  # s until the robot answers to what a picture showed
-AGE_SHARE = 0.1  # of a picture's age in their running mean
 GIVE_WAY = 5.0  # times the gain of the force with which the pad gives way to a second leg
 STRAY = 1.0e-3  # m from the path at which the pad no longer goes ahead
 
@@ -88,7 +87,7 @@ class Trace:
         self._pressed = False
         self._reached, self._reached_at = 0.0, None
 
-    def see_contact(self, contact, stamp_ns, arrival):
+    def see_contact(self, contact, stamp_ns, arrival, age):
         """Take a contact estimate: a fitted line tells the force better than the sum does."""
         if (stamp_ns == self._stamp and contact.valid and contact.type == ContactType.LINE
                 and abs(contact.normal_force - self._force) < 0.1 * self._force):

@@ -1,0 +1,24 @@
+"""How large the gain of a loop may be that acts on pictures which come late."""
+
+import math
+
+from scipy.optimize import brentq
+
+
+def gain_limit(delay, lag):
+    """
+    Gain of an integrating loop at the limit of stability [1/s].
+
+    There the loop g exp(-j omega d) / (j omega (1 + j omega tau)) has gain 1 and phase -pi:
+    omega d + atan(omega tau) = pi / 2 and g = omega sqrt(1 + omega^2 tau^2).
+
+    Parameters
+    ----------
+    delay : float
+        d, positive: all dead time in the loop [s].
+    lag : float
+        tau, of the robot [s].
+    """
+    omega = brentq(lambda w: w * delay + math.atan(w * lag) - 0.5 * math.pi, 0.0,
+                   math.pi / delay)
+    return omega * math.hypot(1.0, omega * lag)
