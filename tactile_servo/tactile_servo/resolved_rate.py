@@ -12,6 +12,7 @@ from tactile_servo.stability import gain_limit
 AGE_SHARE = 0.1  # of a picture's age in their running mean
 DEAD_TIME, LAG = 2.5e-3, 10e-3  # s; of the robot that the gains are bounded for
 OVERFORCE = 1.5  # of the wanted force, beyond which the goal ends
+ASIDE = 0.1  # of half the array; a pad further beside an edge's end may have missed its turn
 
 
 @dataclass(frozen=True)
@@ -266,6 +267,10 @@ class ResolvedRate:
                            f'the {goal.force:g} N asked for', lift=True)
         ahead = goal.direction * self.features.remaining
         if ahead < -c.end_of_edge * c.array_half_width and long_enough:
+            aside = abs(self.features.lateral)
+            if aside > ASIDE * c.array_half_width:
+                return Verdict(State.DONE, f'edge lost: it ended {1e3 * aside:.1f} mm beside '
+                               "the pad's centre")
             return Verdict(State.DONE, 'the edge ended', goal.length == 0.0)
         return KEEP
 
