@@ -393,7 +393,8 @@ class EdgeServo:
         c, twist = self.config, np.zeros(6)
         if self.state == State.APPROACH and self._load < self.goal.force:
             # What is to be touched lightly is touched slowly: the pad stops late.
-            twist[2] = c.approach_speed * min(self.goal.force / c.soft_touch, 1.0)
+            twist[2] = min(c.approach_speed * min(self.goal.force / c.soft_touch, 1.0),
+                           self.tracker.touch_speed)
         elif self.state == State.RETREAT and -self._advance() < c.retreat_distance:
             twist[2] = -c.approach_speed
         elif self.state in TRACKING:

@@ -208,7 +208,7 @@ class ResolvedRate:
     Attributes
     ----------
     shortest : float
-        Least T_seg for which the pictures do not come too late [s]; nan before the first.
+        Least T_seg for which the pictures do not come too late [s].
     """
 
     name = 'resolved_rate'
@@ -219,7 +219,7 @@ class ResolvedRate:
 
     def __init__(self, servo, gains=None):
         self.servo, self.gains = servo, gains or ResolvedRateConfig()
-        self._age, self.shortest = servo.max_stamp_age, np.nan
+        self._age, self.shortest = servo.max_stamp_age, np.inf
         self.begin(None)
 
     def refuse(self, goal):
@@ -250,6 +250,11 @@ class ResolvedRate:
             contact, self.servo.array_half_width, self.gains)
         if features is not None:
             self.features, self.arrival = features, arrival
+
+    @property
+    def touch_speed(self):
+        """Speed at which the force loop would press a pad that feels nothing yet [m/s]."""
+        return self.goal.force / (self.gains.stiffness * self.shortest)
 
     def ready(self, now):
         """Whether there is an edge to track."""

@@ -50,6 +50,7 @@ class Trace:
     name = 'trace'
     sees_images = True
     closes_contours = True
+    touch_speed = math.inf
     config_type = TraceConfig
 
     def __init__(self, servo, config=None):
