@@ -5,23 +5,19 @@ Edge tracking by touch: contact state machine around the resolved-rate servo (ch
 servo reads no clock: stamps and steady times come in with the data.
 """
 
-from collections import deque, namedtuple
+from collections import namedtuple
 import math
 
 import numpy as np
 
 from tactile_sensing.contact import Reason
+from tactile_servo.joint_history import JointHistory
 from tactile_servo.limits import limit_velocities
 from tactile_servo.resolved_rate import ResolvedRate
 from tactile_servo.robot import damped_least_squares
 from tactile_servo.servo_types import EdgeServoConfig, NAN, State, Status, TRACKING
 from tactile_servo.statistics import along_contour, TrackStatistics
 from tactile_servo.window import stopping_window
-
-BEYOND_LIMITS = 0.5  # rad; a joint measured further out is a fault of its sensor or names
-
-HISTORY = 256  # measured joint states that the pose at a picture's stamp is looked up in
-MAX_AHEAD_NS = 20_000_000  # a picture may be this much newer than the newest joint state
 
 # Newest datum of a kind: value, its own stamp [ns] and steady time of arrival [s].
 Sample = namedtuple('Sample', 'value stamp_ns arrival')
@@ -59,13 +55,10 @@ class EdgeServo:
         self.statistics = None
         self.contact = self.joints = self.pose = None
         self._load = 0.0
-        self._believed = list(zip(
-            (limits.lower - BEYOND_LIMITS).tolist(), (limits.upper + BEYOND_LIMITS).tolist(),
-            strict=True))
         self._paused, self._stopping, self._outcome = False, '', ''
         self._contact_fresh = self._joints_fresh = False
         self._resume_state = State.APPROACH
-        self._history = deque(maxlen=HISTORY)
+        self._history = JointHistory(limits)
         self._state_since = -np.inf
         self._commanded = self._commanded_pose = self._velocities = None
         self._anchor = None  # where the current way (approach, retreat, press depth) began
@@ -80,28 +73,11 @@ class EdgeServo:
         Raises
         ------
         ValueError
-            Wrong number of joints, or a position that is not finite or far beyond the
-            joint's limits; the state is not used.
+            It cannot be believed, see `JointHistory.add`.
         """
-        positions = np.asarray(positions, dtype=float)
-        if positions.shape != self.limits.lower.shape or not all(
-                low <= angle <= high for (low, high), angle in zip(
-                    self._believed, positions.tolist(), strict=True)):
-            raise ValueError(self._why_not(positions))
+        positions = self._history.add(positions, stamp_ns)
         self.joints = Sample(positions, stamp_ns, arrival)
-        if self._history and stamp_ns <= self._history[-1][0]:
-            self._history.clear()  # the clock went back: older stamps mean another time
-        self._history.append((stamp_ns, positions))
         self.pose = self.robot.pose(positions)
-
-    def _why_not(self, positions):
-        """Why a joint state cannot be believed."""
-        if positions.shape != self.limits.lower.shape or not np.isfinite(positions).all():
-            return f'joint state {positions} is not {len(self.limits.names)} angles'
-        beyond = np.maximum(self.limits.lower - positions, positions - self.limits.upper)
-        joint = int(np.argmax(beyond))
-        return (f'joint state has {self.limits.names[joint]} at {positions[joint]:g}, which is '
-                f'{beyond[joint]:g} beyond its limits')
 
     def see_contact(self, contact, stamp_ns, arrival):
         """Take a contact estimate, its image's stamp [ns] and steady arrival time [s]."""
@@ -125,19 +101,8 @@ class EdgeServo:
 
     def pose_at(self, stamp_ns):
         """Measured pose (4, 4) of the sensor at a stamp [ns]; None where it is not known."""
-        history = self._history
-        if not history or not 0 <= history[-1][0] - stamp_ns + MAX_AHEAD_NS:
-            return None
-        later = history[-1]
-        for earlier in reversed(history):
-            if earlier[0] <= stamp_ns:
-                break
-            later = earlier
-        else:
-            return None
-        span = later[0] - earlier[0]
-        share = min((stamp_ns - earlier[0]) / span, 1.0) if span else 0.0
-        return self.robot.pose(earlier[1] + share * (later[1] - earlier[1]))
+        positions = self._history.at(stamp_ns)
+        return None if positions is None else self.robot.pose(positions)
 
     def check(self, goal):
         """Return why a goal cannot be accepted now, or '' if it can."""

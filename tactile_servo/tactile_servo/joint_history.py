@@ -1,0 +1,72 @@
+"""The last measured joint states that can be believed, and those in between."""
+
+from collections import deque
+
+import numpy as np
+
+BEYOND_LIMITS = 0.5  # rad; a joint measured further out is a fault of its sensor or names
+SIZE = 256  # joint states that the one at a picture's stamp is looked up in
+MAX_AHEAD_NS = 20_000_000  # a picture may be this much newer than the newest joint state
+
+
+class JointHistory:
+    """
+    The last measured joint states that can be believed, and those in between.
+
+    Parameters
+    ----------
+    limits : JointLimits
+    """
+
+    def __init__(self, limits):
+        self._limits = limits
+        self._believed = list(zip(
+            (limits.lower - BEYOND_LIMITS).tolist(), (limits.upper + BEYOND_LIMITS).tolist(),
+            strict=True))
+        self._states = deque(maxlen=SIZE)  # (stamp [ns], positions)
+
+    def add(self, positions, stamp_ns):
+        """
+        Take a joint state (n,) [rad] and its stamp [ns]; returns it as an ndarray.
+
+        Raises
+        ------
+        ValueError
+            Wrong number of joints, or a position that is not finite or far beyond the
+            joint's limits; the state is not used.
+        """
+        positions = np.asarray(positions, dtype=float)
+        if positions.shape != self._limits.lower.shape or not all(
+                low <= angle <= high for (low, high), angle in zip(
+                    self._believed, positions.tolist(), strict=True)):
+            raise ValueError(self._why_not(positions))
+        if self._states and stamp_ns <= self._states[-1][0]:
+            self._states.clear()  # the clock went back: older stamps mean another time
+        self._states.append((stamp_ns, positions))
+        return positions
+
+    def _why_not(self, positions):
+        """Why a joint state cannot be believed."""
+        limits = self._limits
+        if positions.shape != limits.lower.shape or not np.isfinite(positions).all():
+            return f'joint state {positions} is not {len(limits.names)} angles'
+        beyond = np.maximum(limits.lower - positions, positions - limits.upper)
+        joint = int(np.argmax(beyond))
+        return (f'joint state has {limits.names[joint]} at {positions[joint]:g}, which is '
+                f'{beyond[joint]:g} beyond its limits')
+
+    def at(self, stamp_ns):
+        """Joint positions (n,) at a stamp [ns]; None where they are not known."""
+        states = self._states
+        if not states or stamp_ns > states[-1][0] + MAX_AHEAD_NS:
+            return None
+        later = states[-1]
+        for earlier in reversed(states):
+            if earlier[0] <= stamp_ns:
+                break
+            later = earlier
+        else:
+            return None
+        span = later[0] - earlier[0]
+        share = min((stamp_ns - earlier[0]) / span, 1.0) if span else 0.0
+        return earlier[1] + share * (later[1] - earlier[1])
