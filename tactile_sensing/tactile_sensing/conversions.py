@@ -11,6 +11,7 @@ import math
 from builtin_interfaces.msg import Time
 from geometry_msgs.msg import WrenchStamped
 import numpy as np
+from rclpy.serialization import deserialize_message
 
 from tactile_msgs import msg as tactile_msgs
 from tactile_sensing.array import TactelArray
@@ -23,6 +24,26 @@ _NS = 1_000_000_000
 
 # Pictures of one sensor share their geometry, and with it the computed centres.
 _array = lru_cache(maxsize=16)(TactelArray)
+
+
+# --- raw messages -------------------------------------------------------------------------------
+
+def unpacked(raw, kind):
+    """
+    Return the message in the bytes of a raw subscription.
+
+    Who subscribes to raw bytes must do what the middleware does otherwise: pass over what is no
+    message.
+
+    Raises
+    ------
+    TactileSensingError
+        The bytes are no message of this class.
+    """
+    try:
+        return deserialize_message(raw, kind)
+    except RuntimeError as error:  # the middleware's
+        raise TactileSensingError(f'{len(raw)} bytes that are no {kind.__name__}') from error
 
 
 # --- time ---------------------------------------------------------------------------------------

@@ -9,6 +9,7 @@ import rclpy
 from rclpy.parameter import Parameter
 from rclpy.serialization import serialize_message
 
+from tactile_msgs.msg import Contact as ContactMsg
 from tactile_sensing.array import TactelArray
 from tactile_sensing.conversions import image_to_msg
 from tactile_sensing.image import Layer, TactileImage
@@ -40,3 +41,18 @@ def test_a_fast_sensor_takes_no_time_from_the_cycles(node, monkeypatch):
             node._on_cycle()
     node._on_cycle()
     assert seen == [2, 5, 8]
+
+
+@pytest.mark.parametrize('raw', [
+    b'', b'garbage', b'\x00\x01\x00\x00' + b'\xff' * 64,
+    bytes(serialize_message(ContactMsg()))[:30]], ids=['empty', 'text', 'lengths', 'cut'])
+def test_bytes_that_are_no_message_are_passed_over(node, monkeypatch, raw):
+    warnings = []
+    monkeypatch.setattr(
+        node.get_logger(), 'warning', lambda text, **_: warnings.append(text))
+    for hear in (node._on_image, node._on_contact):
+        hear(raw)
+    node._on_cycle()
+    assert warnings == [
+        f'image passed over: {len(raw)} bytes that are no TactileImage',
+        f'contact passed over: {len(raw)} bytes that are no Contact']

@@ -235,6 +235,14 @@ def test_odd_input_is_passed_over():
         assert not patch.valid and 'no pose' in patch.reason
 
 
+def test_a_picture_that_is_no_message_is_passed_over():
+    with bench() as it:
+        it.node._on_image(b'garbage')
+        patch = it.touch(contact_msg(100 * MS, kind=ContactMsg.TYPE_LINE),
+                         pose_msg(100 * MS, np.zeros(3), np.array([0.0, 0.0, 1.0])))
+        assert 'an edge' in patch.reason
+
+
 def test_the_other_method():
     points, normals = Weave().trace(sphere(RADIUS), 0.03)
     with bench(method='surface_matrix') as it:

@@ -10,7 +10,6 @@ from rclpy.action import ActionServer, CancelResponse, GoalResponse
 from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
 from rclpy.qos import qos_profile_sensor_data
-from rclpy.serialization import deserialize_message
 from sensor_msgs.msg import JointState
 from std_srvs.srv import SetBool
 from trajectory_msgs.msg import JointTrajectory
@@ -23,6 +22,7 @@ from tactile_sensing.conversions import (
     image_from_msg,
     stamp_from_ns,
     stamp_to_ns,
+    unpacked,
 )
 from tactile_sensing.errors import TactileSensingError
 from tactile_sensing.nodes.parameters import declare_from
@@ -163,7 +163,7 @@ class EdgeServoNode(Node):
         if self._raw_image is not None:
             (raw, arrival), self._raw_image = self._raw_image, None
             try:
-                image = image_from_msg(deserialize_message(raw, TactileImage))
+                image = image_from_msg(unpacked(raw, TactileImage))
             except TactileSensingError as error:
                 self.get_logger().warning(
                     f'image passed over: {error}', throttle_duration_sec=5.0)
@@ -171,8 +171,8 @@ class EdgeServoNode(Node):
                 self._servo.see_image(image, arrival)
         if self._raw_contact is not None:
             (raw, arrival), self._raw_contact = self._raw_contact, None
-            msg = deserialize_message(raw, ContactMsg)
             try:
+                msg = unpacked(raw, ContactMsg)
                 if msg.header.frame_id != self._tip_frame:
                     raise TactileServoError(
                         f'its frame is {msg.header.frame_id!r}, must be tip_frame, '

@@ -6,7 +6,6 @@ from geometry_msgs.msg import PoseStamped
 from nav_msgs.msg import Path
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, qos_profile_sensor_data, QoSProfile
-from rclpy.serialization import deserialize_message
 from std_msgs.msg import Header
 from visualization_msgs.msg import MarkerArray
 
@@ -17,6 +16,7 @@ from tactile_sensing.conversions import (
     image_from_msg,
     pose_from_msg,
     stamp_to_ns,
+    unpacked,
 )
 from tactile_sensing.errors import TactileSensingError
 from tactile_sensing.nodes.parameters import declare_from
@@ -124,7 +124,10 @@ class ShapeEstimatorNode(Node):
 
     def _picture_at(self, stamp):
         for raw in reversed(self._pictures):
-            msg = deserialize_message(raw, TactileImage)
+            try:
+                msg = unpacked(raw, TactileImage)
+            except TactileSensingError:
+                continue  # another may be the one of this stamp
             if msg.header.stamp == stamp:
                 return image_from_msg(msg)
         return None
