@@ -120,9 +120,10 @@ def track_scene(options, folder, progress):
             apart('listeners', folder / 'bag', **common) as listeners, \
             apart('mocks', port, path, robot, options.seed, **common) as mocks, \
             apart('sensing', port, **common) as sensing, Graph(**common) as graph:
+        parts = {'listeners': listeners, 'mocks': mocks, 'sensing': sensing}
+
         def over():
-            return stop.is_set() or any(
-                part.poll() is not None for part in (listeners, mocks, sensing))
+            return stop.is_set() or any(part.poll() is not None for part in parts.values())
         servo = add_servo(graph, robot, options.controller)
         graph.spin(lambda: over() or servo.count_subscribers('servo_status'))  # the recorder
         track = graph.add(TrackNode, own={'on_feedback': show}, speed=options.speed,
@@ -137,7 +138,9 @@ def track_scene(options, folder, progress):
             graph.spin(lambda: track.finished or stop.is_set() or time.monotonic() > end)
             return False, 'interrupted'
         if over():
-            return False, 'a part of the graph has ended by itself'
+            return False, ', '.join(
+                f'{name} ended by itself, with status {part.returncode}'
+                for name, part in parts.items() if part.returncode is not None)
         linger(graph, stop)
     return track.success, track.reason
 
@@ -251,12 +254,17 @@ def run(options):
     name = Path(options.recording or options.scene).stem
     if not options.recording:
         scene = load_scene(find_scene(options.scene))  # before a folder is made
+    with Graph(options.parameters):  # likewise; once, not by every part
+        pass
     folder = out_folder(options.out, name)
     report = folder / 'report.html'
     with Progress(sys.stderr) as progress:
         play = play_recording if options.recording else track_scene
         success, reason = play(options, folder, progress)
-    data = read_run(folder / 'bag')
+    try:
+        data = read_run(folder / 'bag')
+    except TactileSensingError as error:  # what was recorded ended with its recorder
+        raise RuntimeError(f'{reason}; {error}') from error
     if options.recording:
         summary = summarise_recording(data)
         summary |= {'ok': success and summary['ok'], 'reason': reason}
@@ -276,6 +284,9 @@ def main(args=None):
         summary, folder = run(options)
     except (ValueError, RuntimeError, ParameterException, TactileSensingError) as error:
         print(f'demo: {" ".join(str(error).split())}', file=sys.stderr)
+        return 1
+    except KeyboardInterrupt:  # while the report is made; before, the graph takes it
+        print('demo: interrupted', file=sys.stderr)
         return 1
     if options.json:
         print(to_json(summary))

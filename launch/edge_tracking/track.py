@@ -54,7 +54,7 @@ class TrackNode(Node):
         self.finished, self.success, self.reason = False, False, ''
         self.result = self.feedback = None
         self._on_feedback = on_feedback or self._log_feedback
-        self._handle = None
+        self._handle, self._cancelled = None, False
         self._sent = self._tared = self._seen = self._robot = False
         self._client = ActionClient(self, TrackEdge, 'track_edge')
         latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
@@ -109,6 +109,8 @@ class TrackNode(Node):
             self.create_subscription(
                 ServoStatus, 'servo_status', lambda status: self._end(False, status.reason), 1)
             return
+        if self._cancelled:
+            self._handle.cancel_goal_async()
         self._handle.get_result_async().add_done_callback(self._on_result)
 
     def _on_result(self, future):
@@ -131,8 +133,14 @@ class TrackNode(Node):
         self.finished, self.success, self.reason = True, success, reason
 
     def cancel(self):
-        """Ask the servo to stop; returns the future of its answer, None without a goal."""
-        return self._handle.cancel_goal_async() if self._handle is not None else None
+        """Ask the servo to stop; a goal that has not been sent is not sent any more."""
+        self._cancelled = True
+        if self._handle is not None:
+            self._handle.cancel_goal_async()
+        elif not self._sent:
+            self._ready_timer.cancel()
+            self._deadline.cancel()
+            self._end(False, 'cancelled')
 
 
 def main(args=None):

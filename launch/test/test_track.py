@@ -1,0 +1,79 @@
+"""The client of the servo: a goal that is cancelled before the servo has answered."""
+
+import os
+import time
+
+import pytest
+from rclpy.action import ActionServer, CancelResponse
+from rclpy.node import Node
+
+from edge_tracking.composed import Graph
+from edge_tracking.track import TrackNode
+from tactile_msgs.action import TrackEdge
+
+
+class Servo(Node):
+    """Takes a goal, and works on it until it is cancelled."""
+
+    def __init__(self, **kwargs):
+        super().__init__('servo', **kwargs)
+        self.goals = []
+        self._server = ActionServer(
+            self, TrackEdge, 'track_edge', self._finish,
+            handle_accepted_callback=self.goals.append, cancel_callback=self._on_cancel)
+        self.create_timer(0.02, self._look)
+
+    def _on_cancel(self, _):
+        return CancelResponse.ACCEPT
+
+    def _look(self):
+        if self.goals and self.goals[0].is_cancel_requested:
+            self.goals.pop().execute()
+
+    def _finish(self, goal):
+        goal.canceled()
+        return TrackEdge.Result(reason='cancelled')
+
+    def destroy_node(self):
+        self._server.destroy()
+        super().destroy_node()
+
+
+@pytest.fixture
+def graph():
+    with Graph(domain=os.getpid() % 100 + 1) as made:
+        yield made
+
+
+def wait(graph, condition):
+    end = time.monotonic() + 20.0
+    graph.spin(lambda: condition() or time.monotonic() > end)
+    assert condition()
+
+
+def ready(graph):
+    """Give servo and client, with all that the client waits for but the robot."""
+    servo, track = graph.add(Servo), graph.add(TrackNode)
+    wait(graph, track._client.server_is_ready)
+    track._seen = track._tared = True
+    return servo, track
+
+
+def test_a_goal_cancelled_before_it_is_sent_is_never_sent(graph):
+    servo, track = ready(graph)
+    track.cancel()
+    assert track.finished and not track.success and track.reason == 'cancelled'
+    track._robot = True
+    end = time.monotonic() + 0.3  # several periods of what would send it
+    graph.spin(lambda: time.monotonic() > end)
+    assert not servo.goals
+
+
+def test_a_goal_cancelled_before_it_is_accepted_is_cancelled_then(graph):
+    servo, track = ready(graph)
+    track._robot = True
+    track._try_to_start()
+    track.cancel()
+    assert not track.finished
+    wait(graph, lambda: track.finished)
+    assert not track.success and track.reason == 'cancelled' and not servo.goals
