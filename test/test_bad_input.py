@@ -104,6 +104,17 @@ def test_composed_process_refuses_in_one_line(files, arguments, text):
     assert lines[0].startswith('composed: ') and text in lines[0]
 
 
+@pytest.mark.parametrize('name', ['bad.yaml', 'list.yaml', 'none.yaml'])
+def test_demo_refuses_a_parameter_file_once_and_leaves_nothing(files, name):
+    status, lines = run('edge_tracking', 'demo', '--parameters', str(files / name),
+                        '--out', str(files / 'out'))
+    assert status == 1
+    own = [line for line in lines if '[rcl]' not in line]
+    assert len(own) == 1, lines
+    assert own[0].startswith('demo: ') and name in own[0]
+    assert not (files / 'out').exists()
+
+
 def test_track_says_that_its_goal_was_rejected(running):
     """The goal goes to a servo of this process while the executable runs."""
     running.wait(lambda: running.listener.tared, 'the tare')

@@ -54,7 +54,7 @@ class Graph:
     def __enter__(self):
         sys.setswitchinterval(SWITCH_INTERVAL)
         self.context = rclpy.Context()
-        rclpy.init(context=self.context, domain_id=self._domain,
+        rclpy.init(args=self._arguments, context=self.context, domain_id=self._domain,
                    signal_handler_options=SignalHandlerOptions.NO)
         self.executor = make_executor(self.context)
         return self
@@ -68,7 +68,7 @@ class Graph:
     def add(self, node_class, *, namespace=None, own=(), **parameters):
         """Make a node, with parameters that override those of the file, and return it."""
         node = node_class(
-            context=self.context, cli_args=self._arguments, **dict(own),
+            context=self.context, **dict(own),
             namespace=self.namespace if namespace is None else namespace,
             parameter_overrides=[Parameter(k, value=v) for k, v in parameters.items()])
         self.nodes.append(node)
