@@ -81,11 +81,11 @@ def apart(part, *arguments, **graph):
         The process; it ends with this one, however this one ends.
     """
     call = json.dumps([part, arguments, graph], default=str)
-    # A session of its own: Ctrl-C and a terminal that closes are meant for this process, which
-    # ends the part, and would kill one that is still being imported.
+    # A process group of its own: Ctrl-C is meant for this process, which ends the part, and would
+    # kill one that is still being imported. Not a session: niceness counts within one only.
     process = subprocess.Popen(
         [sys.executable, '-m', __name__, call], stdin=subprocess.PIPE,
-        stdout=subprocess.DEVNULL, start_new_session=True)
+        stdout=subprocess.DEVNULL, preexec_fn=os.setpgrp)
     try:
         yield process
     finally:
