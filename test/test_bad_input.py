@@ -104,9 +104,11 @@ def test_composed_process_refuses_in_one_line(files, arguments, text):
     assert lines[0].startswith('composed: ') and text in lines[0]
 
 
-@pytest.mark.parametrize('name', ['bad.yaml', 'list.yaml', 'none.yaml'])
-def test_demo_refuses_a_parameter_file_once_and_leaves_nothing(files, name):
-    status, lines = run('edge_tracking', 'demo', '--parameters', str(files / name),
+@pytest.mark.parametrize('option, name', [
+    ('--parameters', 'bad.yaml'), ('--parameters', 'list.yaml'), ('--parameters', 'none.yaml'),
+    ('--recording', 'none.npz'), ('--recording', 'bad.urdf'), ('--scene', 'list.yaml')])
+def test_demo_refuses_a_file_once_and_leaves_nothing(files, option, name):
+    status, lines = run('edge_tracking', 'demo', option, str(files / name),
                         '--out', str(files / 'out'))
     assert status == 1
     own = [line for line in lines if '[rcl]' not in line]

@@ -9,6 +9,7 @@ from contextlib import contextmanager
 from pathlib import Path
 import sys
 import tempfile
+import time
 
 import rclpy
 from rclpy.exceptions import ParameterException
@@ -28,6 +29,7 @@ from tactile_shape.nodes.shape_estimator import ShapeEstimatorNode
 # Longest time that a thread keeps the interpreter while another waits for it; the default of
 # 5 ms is a whole sensor period.
 SWITCH_INTERVAL = 2e-4
+SETTLE = 0.3  # s spun after the end, so that the last messages arrive
 
 
 class Graph:
@@ -103,6 +105,12 @@ def private_port():
     """Path for a pseudo-terminal's link, in a folder of its own."""
     with tempfile.TemporaryDirectory(prefix='tactile_') as folder:
         yield Path(folder, 'sensor')
+
+
+def linger(graph, stop):
+    """Spin a little longer."""
+    end = time.monotonic() + SETTLE
+    graph.spin(lambda: stop.is_set() or time.monotonic() > end)
 
 
 def parser():

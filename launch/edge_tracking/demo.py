@@ -15,19 +15,16 @@ import time
 
 from rclpy.exceptions import ParameterException
 
-from edge_tracking.composed import add_servo, Graph, private_port
-from edge_tracking.parts import apart, record
+from edge_tracking.composed import add_servo, Graph, linger, private_port
+from edge_tracking.parts import apart
+from edge_tracking.playback import calibration_for, describe_recording, play
 from edge_tracking.read_run import read_run
 from edge_tracking.recording_summary import summarise_recording
 from edge_tracking.report import make_recording_report, make_report, picture
 from edge_tracking.resources import find_scene, scene_names, share
 from edge_tracking.summary import summarise, to_json
 from edge_tracking.track import TrackNode
-from tactile_sensing.calibration import Calibration, load_calibration
 from tactile_sensing.errors import TactileSensingError
-from tactile_sensing.nodes.contact_estimator import ContactEstimatorNode
-from tactile_sensing.nodes.driver import DriverNode
-from tactile_sensing.nodes.mock_sensor import MockSensorNode
 from tactile_sensing.nodes.runner import stop_on_signals
 from tactile_sensing.progress import Progress
 from tactile_sensing.recording import load_recording
@@ -36,7 +33,6 @@ from tactile_servo.servo_types import State
 from tactile_servo.trackers import DEFAULT, TRACKERS
 
 DOMAINS = 100  # the demo picks one of the domains 1 to 100, unless told
-SETTLE = 0.3  # s recorded after the end, so that the last messages arrive
 
 
 def parser():
@@ -97,13 +93,7 @@ def own_domain():
     return domain
 
 
-def linger(graph, stop):
-    """Spin a little longer."""
-    end = time.monotonic() + SETTLE
-    graph.spin(lambda: stop.is_set() or time.monotonic() > end)
-
-
-def track_scene(options, folder, progress):
+def track_scene(options, folder, progress, **common):
     """Run the scene; returns (success, reason)."""
     path = find_scene(options.scene)
     edge = load_scene(path)
@@ -111,11 +101,12 @@ def track_scene(options, folder, progress):
     length = edge.edge.length - edge.start.s
 
     def show(feedback):
+        text = feedback.reason if feedback.state == State.HOLD else (
+            f'lateral {1e3 * feedback.lateral_error:+.3f} mm  '
+            f'force {feedback.normal_force:.2f} N')
         progress.show(
             min(feedback.progress / length, 1.0), State(feedback.state).name.lower(),
-            f'{1e3 * feedback.progress:5.0f} mm  lateral {1e3 * feedback.lateral_error:+.3f} mm'
-            f'  force {feedback.normal_force:.2f} N')
-    common = {'parameters': options.parameters, 'domain': own_domain()}
+            f'{1e3 * feedback.progress:5.0f} mm  {text}')
     with private_port() as port, stop_on_signals() as stop, \
             apart('listeners', folder / 'bag', **common) as listeners, \
             apart('mocks', port, path, robot, options.seed, **common) as mocks, \
@@ -143,42 +134,6 @@ def track_scene(options, folder, progress):
                 for name, part in parts.items() if part.returncode is not None)
         linger(graph, stop)
     return track.success, track.reason
-
-
-def play_recording(options, folder, progress):
-    """Stream a recording through driver and estimator."""
-    recording = load_recording(options.recording)
-    rows, columns = recording.shape
-    if options.calibration:
-        calibration = load_calibration(options.calibration)
-    elif options.pitch or recording.pitch:
-        calibration = Calibration.uncalibrated(
-            rows, columns, options.pitch or recording.pitch, nominal_rate=recording.rate_hz,
-            dead_tactels=live_window(options.live, recording.shape) if options.live else ())
-    else:
-        raise ValueError(f'{options.recording}: no pitch_m in the file; give --pitch')
-    if calibration.array.shape != (rows, columns):
-        raise ValueError(f'{options.recording}: frames of {rows}x{columns}, but '
-                         f'{options.calibration} is for {calibration.array.shape}')
-    duration = len(recording.frames) / recording.rate_hz
-    with private_port() as port, stop_on_signals() as stop, \
-            Graph(options.parameters, domain=own_domain()) as graph:
-        record(graph, folder / 'bag')
-        sensor = graph.add(MockSensorNode, port=str(port), recording=str(options.recording))
-        graph.add(DriverNode, own={'calibration': calibration}, port=str(port),
-                  tare_at_start=False)
-        graph.add(ContactEstimatorNode)
-        started = time.monotonic()
-
-        def until():
-            gone = time.monotonic() - started
-            progress.show(min(gone / duration, 1.0), 'playing', f'{gone:.0f} of {duration:.0f} s')
-            return stop.is_set() or sensor.finished.is_set()
-        graph.spin(until)
-        if stop.is_set():
-            return False, 'interrupted'
-        linger(graph, stop)
-    return True, 'recording played'
 
 
 # Key, name, unit, factor from SI and decimals of what the terminal shows.
@@ -214,53 +169,27 @@ def describe(summary):
     return '\n'.join(lines)
 
 
-def describe_recording(summary):
-    """Text of the summary of a recording for the terminal."""
-    lines = [f'{summary["reason"]}: {summary["frames"]} pictures of {summary["rows"]} x '
-             f'{summary["columns"]} at {summary["sensor_rate"]:.1f} Hz, '
-             f'{summary["lost_frames"]} lost, {summary["presses"]} presses']
-    for start, lasted, peak, (x, y) in zip(
-            summary['press_times'], summary['press_durations'], summary['press_peaks'],
-            summary['press_centres'], strict=True):
-        lines.append(f'  peak at {start:6.1f} s, pressed {lasted:4.1f} s, {peak:.4g} '
-                     f'{summary["force_unit"]}, centre ({1e3 * x:+.2f}, {1e3 * y:+.2f}) mm')
-    return '\n'.join(lines)
-
-
-def live_window(text, shape):
-    """
-    Row-major indices of the tactels outside a window 'ROWS,COLUMNS' such as '15:26,15:26'.
-
-    Raises
-    ------
-    ValueError
-        The text is no window within the shape.
-    """
-    try:
-        rows, columns = (range(*map(int, part.split(':'))) for part in text.split(','))
-        inside = (0 <= rows.start < rows.stop <= shape[0]
-                  and 0 <= columns.start < columns.stop <= shape[1])
-    except (TypeError, ValueError):
-        inside = False
-    if not inside:
-        raise ValueError(f'--live {text}: must be ROWS,COLUMNS such as 15:26,15:26 within '
-                         f'{shape[0]} x {shape[1]}')
-    return tuple(r * shape[1] + c for r in range(shape[0]) for c in range(shape[1])
-                 if r not in rows or c not in columns)
-
-
 def run(options):
     """Run the demo; returns the summary and the folder of its results."""
     name = Path(options.recording or options.scene).stem
-    if not options.recording:
-        scene = load_scene(find_scene(options.scene))  # before a folder is made
-    with Graph(options.parameters):  # likewise; once, not by every part
+    # What cannot be read is refused before a folder is made, and once, not by every part.
+    if options.recording:
+        recording = load_recording(options.recording)
+        calibration = calibration_for(options, recording)
+    else:
+        scene = load_scene(find_scene(options.scene))
+    with Graph(options.parameters):
         pass
     folder = out_folder(options.out, name)
+    common = {'parameters': options.parameters, 'domain': own_domain()}
     report = folder / 'report.html'
     with Progress(sys.stderr) as progress:
-        play = play_recording if options.recording else track_scene
-        success, reason = play(options, folder, progress)
+        if options.recording:
+            success, reason = play(
+                options.recording, len(recording.frames) / recording.rate_hz, calibration,
+                folder, progress, **common)
+        else:
+            success, reason = track_scene(options, folder, progress, **common)
     try:
         data = read_run(folder / 'bag')
     except TactileSensingError as error:  # what was recorded ended with its recorder

@@ -1,0 +1,111 @@
+"""The demo with a recording: its frames run through driver and estimator, as from the array."""
+
+import time
+
+from edge_tracking.composed import Graph, linger, private_port
+from edge_tracking.parts import record
+from tactile_sensing.calibration import Calibration, load_calibration
+from tactile_sensing.nodes.contact_estimator import ContactEstimatorNode
+from tactile_sensing.nodes.driver import DriverNode
+from tactile_sensing.nodes.mock_sensor import MockSensorNode
+from tactile_sensing.nodes.runner import stop_on_signals
+
+
+def calibration_for(options, recording):
+    """
+    Calibration of a recording, as the options of the demo say.
+
+    Raises
+    ------
+    ValueError
+        An option is missing or does not fit the recording.
+    """
+    rows, columns = recording.shape
+    if options.calibration:
+        calibration = load_calibration(options.calibration)
+    elif options.pitch or recording.pitch:
+        calibration = Calibration.uncalibrated(
+            rows, columns, options.pitch or recording.pitch, nominal_rate=recording.rate_hz,
+            dead_tactels=live_window(options.live, recording.shape) if options.live else ())
+    else:
+        raise ValueError(f'{options.recording}: no pitch_m in the file; give --pitch')
+    if calibration.array.shape != (rows, columns):
+        raise ValueError(f'{options.recording}: frames of {rows}x{columns}, but '
+                         f'{options.calibration} is for {calibration.array.shape}')
+    return calibration
+
+
+def live_window(text, shape):
+    """
+    Row-major indices of the tactels outside a window 'ROWS,COLUMNS' such as '15:26,15:26'.
+
+    Raises
+    ------
+    ValueError
+        The text is no window within the shape.
+    """
+    try:
+        rows, columns = (range(*map(int, part.split(':'))) for part in text.split(','))
+        inside = (0 <= rows.start < rows.stop <= shape[0]
+                  and 0 <= columns.start < columns.stop <= shape[1])
+    except (TypeError, ValueError):
+        inside = False
+    if not inside:
+        raise ValueError(f'--live {text}: must be ROWS,COLUMNS such as 15:26,15:26 within '
+                         f'{shape[0]} x {shape[1]}')
+    return tuple(r * shape[1] + c for r in range(shape[0]) for c in range(shape[1])
+                 if r not in rows or c not in columns)
+
+
+def play(path, duration, calibration, folder, progress, **common):
+    """
+    Stream a recording through driver and estimator, and record that.
+
+    Parameters
+    ----------
+    path : str or Path
+        Of the recording.
+    duration : float
+        Of the recording [s].
+    calibration : Calibration
+    folder : Path
+        That the bag is made in.
+    progress : Progress
+    **common
+        Of the `Graph`.
+
+    Returns
+    -------
+    success : bool
+    reason : str
+    """
+    with private_port() as port, stop_on_signals() as stop, Graph(**common) as graph:
+        record(graph, folder / 'bag')
+        graph.add(ContactEstimatorNode)
+        sensor = graph.add(MockSensorNode, port=str(port), recording=str(path))
+        graph.add(DriverNode, own={'calibration': calibration}, port=str(port),
+                  tare_at_start=False)
+        started = time.monotonic()
+
+        def until():
+            gone = time.monotonic() - started
+            progress.show(min(gone / duration, 1.0), 'playing', f'{gone:.0f} of {duration:.0f} s')
+            return stop.is_set() or sensor.finished.is_set()
+        graph.spin(until)
+        if stop.is_set():
+            return False, 'interrupted'
+        linger(graph, stop)
+    return True, 'recording played'
+
+
+def describe_recording(summary):
+    """Text of the summary of a recording for the terminal."""
+    lines = [f'{summary["reason"]}: {summary["frames"]} pictures of {summary["rows"]} x '
+             f'{summary["columns"]} at {summary["sensor_rate"]:.1f} Hz, '
+             f'{summary["lost_frames"]} lost, {summary["presses"]} presses']
+    for start, lasted, peak, (x, y) in zip(
+            summary['press_times'], summary['press_durations'], summary['press_peaks'],
+            summary['press_centres'], strict=True):
+        lines.append(f'  peak at {start:6.1f} s, pressed {lasted:4.1f} s, {peak:.4g} '
+                     f'{summary["force_unit"]}, centre ({1e3 * x:+.2f}, {1e3 * y:+.2f}) mm')
+    return '\n'.join(lines)
