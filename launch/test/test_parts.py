@@ -40,7 +40,7 @@ def test_sensor_and_robot_are_heard_and_recorded_and_end_with_the_graph(tmp_path
     assert len(run.joints.stamp_ns) and len(run.images.stamp_ns)
 
 
-def test_a_part_that_cannot_start_says_why(tmp_path, capfd):
+def test_a_part_that_cannot_start_says_why(capfd):
     with apart('sensing', '', domain=os.getpid() % 100 + 1) as process:
         assert process.wait(30.0) == 1
     assert capfd.readouterr().err.strip() == (

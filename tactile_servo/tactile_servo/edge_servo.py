@@ -1,5 +1,5 @@
 """
-Edge tracking by touch: contact state machine around the resolved-rate servo (chapter 5).
+Edge tracking by touch: the contact state machine around a tracker (chapter 5).
 
 `idle -> approach -> track -> retreat -> done`, and from anywhere `hold` with its reason. The
 servo reads no clock: stamps and steady times come in with the data.
@@ -15,7 +15,7 @@ from tactile_servo.joint_history import JointHistory
 from tactile_servo.limits import limit_velocities
 from tactile_servo.resolved_rate import ResolvedRate
 from tactile_servo.robot import damped_least_squares
-from tactile_servo.servo_types import EdgeServoConfig, NAN, State, Status, TRACKING
+from tactile_servo.servo_types import EdgeServoConfig, NAN, State, Status, TRACKING, WINDOW_PERIODS
 from tactile_servo.statistics import along_contour, TrackStatistics
 from tactile_servo.window import stopping_window
 
@@ -400,4 +400,4 @@ class EdgeServo:
             progress=self.statistics.length, twist=twist, limit_scale=scale,
             limited_by=limited_by or joint_limit, manipulability=manipulability)
         return status, stopping_window(
-            self.limits, self._commanded, self._velocities, lookahead=2.0 / c.rate)
+            self.limits, self._commanded, self._velocities, lookahead=WINDOW_PERIODS / c.rate)

@@ -6,11 +6,11 @@ import numpy as np
 
 from tactile_sensing.contact import ContactType, Reason
 from tactile_sensing.moments import line_from_moments
-from tactile_servo.servo_types import KEEP, State, Verdict
+from tactile_servo.servo_types import KEEP, State, Verdict, WINDOW_PERIODS
 from tactile_servo.stability import gain_limit
 
 AGE_SHARE = 0.1  # of a picture's age in their running mean
-DEAD_TIME, LAG = 2.5e-3, 10e-3  # s; of the robot that the gains are bounded for
+DEAD_TIME, LAG = 2.5e-3, 10e-3  # s; of the robot that the gains are bounded for: the mock
 OVERFORCE = 1.5  # of the wanted force, beyond which the goal ends
 ASIDE = 0.1  # of half the array; a pad further beside an edge's end may have missed its turn
 
@@ -242,8 +242,8 @@ class ResolvedRate:
         # On average it is acted upon half of the time later that the next one takes to come.
         age += 0.5 * _bounded(arrival - self.looked, 0.0, self.servo.stale_image)
         self._age += AGE_SHARE * (min(age, self.servo.max_stamp_age) - self._age)
-        # Half of a control period, and the two that a window looks ahead.
-        delay = self._age + 2.5 / self.servo.rate + DEAD_TIME
+        # Half of a control period, and those that a window looks ahead.
+        delay = self._age + (0.5 + WINDOW_PERIODS) / self.servo.rate + DEAD_TIME
         self.shortest = 1.0 / (self.gains.limit_share * gain_limit(delay, LAG))
         self.looked = arrival
         features, self.reason = edge_features(

@@ -7,6 +7,7 @@ import numpy as np
 
 from tactile_servo.errors import ConfigurationError
 
+WINDOW_PERIODS = 2.0  # control periods that a window of commands looks ahead
 NAN = float('nan')
 
 
