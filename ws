@@ -361,7 +361,7 @@ prepare() {
     signature=$(sources_signature)
     if [ "$when" = always ] || ! stamped "$BASE/build.stamp" "$signature"; then
         [ -n "$(packages)" ] || die "no packages in $ROOT"
-        rm -rf "$BASE/build.stamp" "$BASE/numba" # a kernel may have been made from another's
+        rm -rf "$BASE/build.stamp" "$BASE/numba" # one folder for each state of the sources
         step build "building $(packages | tr '\n' ' ')" colcon_build "$@"
         write_setup >"$SETUP.new"
         mv "$SETUP.new" "$SETUP"

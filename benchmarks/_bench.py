@@ -17,7 +17,7 @@ import time
 
 import numpy as np
 
-from tactile_sensing.progress import Progress
+from tactile_common.progress import Progress
 
 ROOT = Path(__file__).resolve().parent.parent
 END = '<!-- end of print -->'

@@ -4,9 +4,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tactile_sensing import line, point
-from tactile_sensing.array import TactelArray
-from tactile_sensing.point_fit import Layer
+from tactile_sensing.contact.point_fit import Layer
+from tactile_sensing.half_space import line, point
+from tactile_sensing.types.array import TactelArray
 
 POINT_ARRAY = TactelArray(26, 26, 1e-3, 1e-3)
 LINE_ARRAY = TactelArray(16, 16, 25.4e-3 / 16, 25.4e-3 / 16)

@@ -6,8 +6,8 @@ from dataclasses import dataclass, replace
 from _contact_cases import DEPTH, LINE_ARRAY, POINT_ARRAY, POINT_PEAK
 import numpy as np
 
-from tactile_sensing import line, point
-from tactile_sensing.contact import ContactType
+from tactile_sensing.half_space import line, point
+from tactile_sensing.types.contact import ContactType
 
 DECIBELS = 40.0
 REACH = 8e-3  # m

@@ -6,9 +6,9 @@ from _contact_faults import FAULTS, noisy
 import _contact_scenes as scenes
 import numpy as np
 
-from tactile_sensing.contact import ContactType, Reason
-from tactile_sensing.estimator import ContactEstimator, EstimatorConfig
-from tactile_sensing.image import Layer
+from tactile_sensing.contact.estimator import ContactEstimator, EstimatorConfig
+from tactile_sensing.types.contact import ContactType, Reason
+from tactile_sensing.types.image import Layer
 
 METHODS = {'fit': {}, 'fit with depth': {'fit_depth': True},
            'compensated': {'method': 'compensated'}, 'moments': {'method': 'moments'}}

@@ -10,13 +10,13 @@ from _contact_cases import DEPTH, layers_of, LINE_ARRAY, POINT_ARRAY
 import _contact_peers as peer
 import numpy as np
 
-from tactile_sensing.compensation import compensated
-from tactile_sensing.estimator import ContactEstimator, EstimatorConfig
-from tactile_sensing.image import Layer, TactileImage
-from tactile_sensing.line_fit import fit_line, fit_lines
-from tactile_sensing.moments import image_moments, line_from_moments
-from tactile_sensing.point_fit import fit_point, fit_points
-from tactile_sensing.point_moments import basic, MomentFlag
+from tactile_sensing.contact.estimator import ContactEstimator, EstimatorConfig
+from tactile_sensing.contact.line_fit import fit_line, fit_lines
+from tactile_sensing.contact.point_fit import fit_point, fit_points
+from tactile_sensing.moments.compensation import compensated
+from tactile_sensing.moments.image_moments import image_moments, line_from_moments
+from tactile_sensing.moments.point_moments import basic, MomentFlag
+from tactile_sensing.types.image import Layer, TactileImage
 
 REFUSED = (MomentFlag.NO_FORCE | MomentFlag.SINGULAR | MomentFlag.OFF_PAD
            | MomentFlag.NOT_CONVERGED)

@@ -6,9 +6,9 @@ import math
 from _contact_cases import DEPTH, LINE_ARRAY, POINT_ARRAY
 import numpy as np
 
-from tactile_sensing import point
-from tactile_sensing.moments import line_from_moments, Moments
-from tactile_sensing.point_moments import one_layer
+from tactile_sensing.half_space import point
+from tactile_sensing.moments.image_moments import line_from_moments, Moments
+from tactile_sensing.moments.point_moments import one_layer
 
 LINE_LEVEL = 0.5  # fraction of the peak above which other libraries see the line
 CHUNK = 256  # frames that stay in the cache

@@ -5,11 +5,11 @@ from _contact_judge import estimates
 from _contact_peers import numpy_gauss_newton
 import numpy as np
 
-from tactile_sensing.contact import ContactType, RECORD
-from tactile_sensing.fit_layers import Layer
-from tactile_sensing.line_fit import fit_lines
-from tactile_sensing.point_fit import fit_points
-from tactile_sensing.point_moments import basic, MomentFlag
+from tactile_sensing.contact.line_fit import fit_lines
+from tactile_sensing.contact.point_fit import fit_points
+from tactile_sensing.half_space.layers import Layer
+from tactile_sensing.moments.point_moments import basic, MomentFlag
+from tactile_sensing.types.contact import ContactType, RECORD
 
 POINT, LINE = ContactType.POINT, ContactType.LINE
 

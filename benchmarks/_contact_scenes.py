@@ -3,10 +3,10 @@
 from _contact_cases import DEPTH, POINT_ARRAY, POINT_PEAK
 import numpy as np
 
-from tactile_sensing import line
-from tactile_sensing.contact import ContactType
-from tactile_sensing.estimator import ContactEstimator
-from tactile_sensing.image import Layer
+from tactile_sensing.contact.estimator import ContactEstimator
+from tactile_sensing.half_space import line
+from tactile_sensing.types.contact import ContactType
+from tactile_sensing.types.image import Layer
 
 LEVELS = (20.0, 30.0, 40.0)  # peak signal to noise [dB]
 ANSWERS = ('none', 'point', 'point + shear', 'line', 'line + shear', 'other', 'refused')

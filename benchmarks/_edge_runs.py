@@ -9,13 +9,13 @@ import time
 import numpy as np
 import yaml
 
-from tactile_sensing.scene import load_scene
-from tactile_servo.resolved_rate import ResolvedRateConfig
-from tactile_servo.servo_types import EdgeGoal, EdgeServoConfig, State
-from tactile_servo.simulation import PICTURE_EVERY, Simulation, STEP
-from tactile_servo.simulation_summary import summarise
-from tactile_servo.stability import gain_limit
-from tactile_servo.trace_config import TraceConfig
+from tactile_servo.control.stability import gain_limit
+from tactile_servo.laws.edge_following_config import TraceConfig
+from tactile_servo.laws.resolved_rate import ResolvedRateConfig
+from tactile_servo.types import EdgeGoal, EdgeServoConfig, State
+from tactile_simulation.closed_loop import PICTURE_EVERY, Simulation, STEP
+from tactile_simulation.metrics import summarise
+from tactile_simulation.scene import load_scene
 
 SCENES = Path(__file__).resolve().parent.parent / 'launch' / 'scenes'
 FORCE = 5.0

@@ -3,8 +3,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tactile_shape.patch import Kind
-from tactile_shape.synthetic import add_noise, cylinder, PLANE, sphere, Torus, Weave
+from tactile_shape.types.patch import Kind
+from tactile_simulation.surfaces import add_noise, cylinder, PLANE, sphere, Torus, Weave
 
 PATCH = (0.02, 0.004)  # m
 TRACE = 0.028  # m along the course: a window of 24 mm of path and a start

@@ -4,10 +4,10 @@ import time
 
 import numpy as np
 
-from tactile_shape.local_quadric import LocalQuadric, LocalQuadricConfig
-from tactile_shape.matrix_estimator import MatrixEstimator, MatrixEstimatorConfig
-from tactile_shape.patch import Kind, Patch
-from tactile_shape.tangent import principal_axes, tangent_frame
+from tactile_shape.local_surface.local_quadric import LocalQuadric, LocalQuadricConfig
+from tactile_shape.local_surface.tangent import principal_axes, tangent_frame
+from tactile_shape.surface_matrix.matrix_estimator import MatrixEstimator, MatrixEstimatorConfig
+from tactile_shape.types.patch import Kind, Patch
 
 WINDOW = 0.024  # m
 

@@ -1,9 +1,9 @@
 """The thesis' own simulation (section 4.5): a zig-zag on a cylinder, by velocities."""
 import numpy as np
 
-from tactile_shape.errors import SurfaceError
-from tactile_shape.matrix_fit import fit_matrix
-from tactile_shape.motion import (
+from tactile_common.errors import SurfaceError
+from tactile_shape.surface_matrix.matrix_fit import fit_matrix
+from tactile_shape.surface_matrix.motion import (
     finite_contacts,
     printed_contacts,
     RelativeMotion,

@@ -11,9 +11,9 @@ import _shape_methods as methods
 import _shape_thesis as thesis
 import numpy as np
 
-from tactile_shape.matrix_estimator import MatrixEstimator, MatrixEstimatorConfig
-from tactile_shape.matrix_fit import fit_matrix
-from tactile_shape.patch import Kind
+from tactile_shape.surface_matrix.matrix_estimator import MatrixEstimator, MatrixEstimatorConfig
+from tactile_shape.surface_matrix.matrix_fit import fit_matrix
+from tactile_shape.types.patch import Kind
 
 SPEEDS = (1e-5, 5e-5, 2e-4, 1e-3, 5e-3, 2e-2, 5e-2)  # m/s, Table 4.1
 ACROSS = (1e-3, 1e-2, 5e-2)

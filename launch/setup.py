@@ -1,7 +1,7 @@
 """Installation of the package."""
 from glob import glob
 
-from setuptools import setup
+from setuptools import find_packages, setup
 
 PACKAGE = 'edge_tracking'
 FOLDERS = ('launch', 'config', 'scenes', 'urdf', 'rviz')
@@ -9,7 +9,7 @@ FOLDERS = ('launch', 'config', 'scenes', 'urdf', 'rviz')
 setup(
     name=PACKAGE,
     version='0.1.0',
-    packages=[PACKAGE],
+    packages=find_packages(include=[PACKAGE, f'{PACKAGE}.*']),
     data_files=[
         ('share/ament_index/resource_index/packages', [f'resource/{PACKAGE}']),
         (f'share/{PACKAGE}', ['package.xml']),

@@ -3,7 +3,11 @@ from glob import glob
 
 from setuptools import find_packages, setup
 
-from tactile_sensing.at_build import compile_kernels
+try:
+    from tactile_common.at_build import compile_kernels
+except ImportError:  # not built yet: here this package is only asked for its name
+    def compile_kernels(*_):
+        """Compile nothing."""
 
 PACKAGE = 'tactile_sensing'
 
@@ -27,9 +31,8 @@ compile_kernels(setup(
     entry_points={
         'console_scripts': [
             f'driver = {PACKAGE}.nodes.driver:main',
-            f'mock_sensor = {PACKAGE}.nodes.mock_sensor:main',
             f'contact_estimator = {PACKAGE}.nodes.contact_estimator:main',
-            f'estimate = {PACKAGE}.estimate:main',
+            f'estimate = {PACKAGE}.cli.estimate:main',
         ],
     },
 ), f'{PACKAGE}.compiled')

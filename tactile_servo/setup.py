@@ -1,16 +1,10 @@
 """Installation of the package."""
 from setuptools import find_packages, setup
 
-try:
-    from tactile_sensing.at_build import compile_kernels
-except ImportError:  # not built yet: here this package is only asked for its name
-    def compile_kernels(*_):
-        """Compile nothing."""
-
 PACKAGE = 'tactile_servo'
 
 
-compile_kernels(setup(
+setup(
     name=PACKAGE,
     version='0.1.0',
     packages=find_packages(exclude=['test']),
@@ -27,9 +21,7 @@ compile_kernels(setup(
     extras_require={'test': ['pytest']},
     entry_points={
         'console_scripts': [
-            'edge_servo = tactile_servo.nodes.edge_servo:main',
-            'mock_robot = tactile_servo.nodes.mock_robot:main',
-            'simulate = tactile_servo.simulate:main',
+            'edge_servo = tactile_servo.nodes.servo:main',
         ],
     },
-), f'{PACKAGE}.warm_up')
+)

@@ -2,7 +2,7 @@
 from setuptools import find_packages, setup
 
 try:
-    from tactile_sensing.at_build import compile_kernels
+    from tactile_common.at_build import compile_kernels
 except ImportError:  # not built yet: here this package is only asked for its name
     def compile_kernels(*_):
         """Compile nothing."""
@@ -27,7 +27,7 @@ compile_kernels(setup(
     entry_points={
         'console_scripts': [
             f'shape_estimator = {PACKAGE}.nodes.shape_estimator:main',
-            f'fit = {PACKAGE}.fit:main',
+            f'fit = {PACKAGE}.cli.fit:main',
         ],
     },
 ), f'{PACKAGE}.warm_up')

@@ -54,20 +54,20 @@ CASES = {
         'tactile_sensing', 'driver', {'port': '{}/port', 'calibration': '{}/none.yaml'},
         'none.yaml'),
     'unknown_scene': (
-        'tactile_sensing', 'mock_sensor', {'port': '{}/port', 'scene': '{}/none.yaml'},
+        'tactile_simulation', 'mock_sensor', {'port': '{}/port', 'scene': '{}/none.yaml'},
         'none.yaml: cannot be read'),
     'malformed_scene': (
-        'tactile_sensing', 'mock_sensor', {'port': '{}/port', 'scene': '{}/bad.yaml'},
+        'tactile_simulation', 'mock_sensor', {'port': '{}/port', 'scene': '{}/bad.yaml'},
         'bad.yaml: is not YAML'),
     'scene_of_another_kind': (
-        'tactile_sensing', 'mock_sensor', {'port': '{}/port', 'scene': '{}/list.yaml'},
+        'tactile_simulation', 'mock_sensor', {'port': '{}/port', 'scene': '{}/list.yaml'},
         'list.yaml'),
     'rate_out_of_range': (
-        'tactile_sensing', 'mock_sensor', {'port': '{}/port', 'rate': '0.0'}, "'rate'"),
+        'tactile_simulation', 'mock_sensor', {'port': '{}/port', 'rate': '0.0'}, "'rate'"),
     'malformed_urdf_of_the_servo': (
         'tactile_servo', 'edge_servo', {'robot_description': '{}/bad.urdf'}, 'malformed XML'),
     'malformed_urdf_of_the_robot': (
-        'tactile_servo', 'mock_robot', {'robot_description': '{}/bad.urdf'}, 'malformed XML'),
+        'tactile_simulation', 'mock_robot', {'robot_description': '{}/bad.urdf'}, 'malformed XML'),
 }
 
 

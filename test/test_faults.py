@@ -12,12 +12,12 @@ from sensor_msgs.msg import JointState
 from tactile_tests.graph import bench, OFFER, ROBOT, stamp_of
 
 from tactile_msgs.msg import Contact, ServoStatus
-from tactile_sensing.flexitac import encode_payload, MARKER
+from tactile_sensing.devices.flexitac import encode_payload, MARKER
 from tactile_sensing.nodes.contact_estimator import ContactEstimatorNode
 from tactile_sensing.nodes.driver import DriverNode
-from tactile_sensing.nodes.mock_sensor import MockSensorNode
-from tactile_servo.nodes.edge_servo import EdgeServoNode
-from tactile_servo.nodes.mock_robot import MockRobotNode
+from tactile_servo.nodes.servo import EdgeServoNode
+from tactile_simulation.nodes.mock_robot import MockRobotNode
+from tactile_simulation.nodes.mock_sensor import MockSensorNode
 
 HOLD_WITHIN = 0.15  # s, from the death of the sensor to a hold
 STANDING = 1e-3  # rad/s, of every joint

@@ -8,8 +8,8 @@ from rclpy.qos import DurabilityPolicy, QoSProfile
 from tactile_tests.graph import bench
 
 from tactile_msgs.msg import SurfacePatch
+from tactile_shape.contour.outline import find_outline
 from tactile_shape.nodes.shape_estimator import ShapeEstimatorNode
-from tactile_shape.outline import find_outline
 
 RADIUS = 0.06  # m, of the scene `curve`
 CASE = np.array([[0.275, -0.0545], [0.344, -0.0545], [0.344, 0.0545], [0.275, 0.0545]])

@@ -8,15 +8,15 @@ from tactile_tests.graph import bench, ROBOT, stamp_of
 
 from edge_tracking.composed import private_port
 from tactile_msgs.msg import Contact, ServoStatus
-from tactile_sensing.array import TactelArray
 from tactile_sensing.nodes.contact_estimator import ContactEstimatorNode
 from tactile_sensing.nodes.driver import DriverNode
-from tactile_sensing.nodes.mock_sensor import MockSensorNode
-from tactile_sensing.scene import load_scene
-from tactile_sensing.synthetic import EdgeRenderer
+from tactile_sensing.types.array import TactelArray
 from tactile_servo.conversions import pose_to_msg
-from tactile_servo.nodes.edge_servo import EdgeServoNode
-from tactile_servo.nodes.mock_robot import MockRobotNode
+from tactile_servo.nodes.servo import EdgeServoNode
+from tactile_simulation.nodes.mock_robot import MockRobotNode
+from tactile_simulation.nodes.mock_sensor import MockSensorNode
+from tactile_simulation.renderer import EdgeRenderer
+from tactile_simulation.scene import load_scene
 
 LENGTH = 0.03  # m
 SETTLED = 0.01  # m of way after which the bars hold

@@ -17,14 +17,14 @@ from rclpy.parameter import Parameter
 from rclpy.signals import SignalHandlerOptions
 
 from edge_tracking.resources import find_scene, scene_names, share
+from tactile_common.ros.runner import make_executor, spin, stop_on_signals
 from tactile_sensing.nodes.contact_estimator import ContactEstimatorNode
 from tactile_sensing.nodes.driver import DriverNode
-from tactile_sensing.nodes.mock_sensor import MockSensorNode
-from tactile_sensing.nodes.runner import make_executor, spin, stop_on_signals
-from tactile_servo.nodes.edge_servo import EdgeServoNode
-from tactile_servo.nodes.mock_robot import MockRobotNode
-from tactile_servo.trackers import DEFAULT, TRACKERS
+from tactile_servo.laws.registry import DEFAULT, TRACKERS
+from tactile_servo.nodes.servo import EdgeServoNode
 from tactile_shape.nodes.shape_estimator import ShapeEstimatorNode
+from tactile_simulation.nodes.mock_robot import MockRobotNode
+from tactile_simulation.nodes.mock_sensor import MockSensorNode
 
 # Longest time that a thread keeps the interpreter while another waits for it; the default of
 # 5 ms is a whole sensor period.

@@ -16,21 +16,21 @@ import time
 from rclpy.exceptions import ParameterException
 
 from edge_tracking.composed import add_servo, Graph, linger, private_port
-from edge_tracking.parts import apart
 from edge_tracking.playback import calibration_for, describe_recording, play
-from edge_tracking.read_run import read_run
-from edge_tracking.recording_summary import summarise_recording
-from edge_tracking.report import make_recording_report, make_report, picture
+from edge_tracking.process_group import apart
+from edge_tracking.recording.frames_summary import summarise_recording
+from edge_tracking.recording.read_run import read_run
+from edge_tracking.recording.summary import summarise, to_json
+from edge_tracking.report.report import make_recording_report, make_report, picture
 from edge_tracking.resources import find_scene, scene_names, share
-from edge_tracking.summary import summarise, to_json
 from edge_tracking.track import TrackNode
-from tactile_sensing.errors import TactileSensingError
-from tactile_sensing.nodes.runner import stop_on_signals
-from tactile_sensing.progress import Progress
-from tactile_sensing.recording import load_recording
-from tactile_sensing.scene import load_scene
-from tactile_servo.servo_types import State
-from tactile_servo.trackers import DEFAULT, TRACKERS
+from tactile_common.errors import TactileError
+from tactile_common.progress import Progress
+from tactile_common.ros.runner import stop_on_signals
+from tactile_sensing.devices.recording import load_recording
+from tactile_servo.laws.registry import DEFAULT, TRACKERS
+from tactile_servo.types import State
+from tactile_simulation.scene import load_scene
 
 DOMAINS = 100  # the demo picks one of the domains 1 to 100, unless told
 
@@ -192,7 +192,7 @@ def run(options):
             success, reason = track_scene(options, folder, progress, **common)
     try:
         data = read_run(folder / 'bag')
-    except TactileSensingError as error:  # what was recorded ended with its recorder
+    except TactileError as error:  # what was recorded ended with its recorder
         raise RuntimeError(f'{reason}; {error}') from error
     if options.recording:
         summary = summarise_recording(data)
@@ -211,7 +211,7 @@ def main(args=None):
     options = parser().parse_args(args)
     try:
         summary, folder = run(options)
-    except (ValueError, RuntimeError, ParameterException, TactileSensingError) as error:
+    except (ValueError, RuntimeError, ParameterException, TactileError) as error:
         print(f'demo: {" ".join(str(error).split())}', file=sys.stderr)
         return 1
     except KeyboardInterrupt:  # while the report is made; before, the graph takes it

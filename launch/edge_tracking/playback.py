@@ -3,12 +3,12 @@
 import time
 
 from edge_tracking.composed import Graph, linger, private_port
-from edge_tracking.parts import record
-from tactile_sensing.calibration import Calibration, load_calibration
+from edge_tracking.process_group import record
+from tactile_common.ros.runner import stop_on_signals
+from tactile_sensing.devices.calibration import Calibration, load_calibration
 from tactile_sensing.nodes.contact_estimator import ContactEstimatorNode
 from tactile_sensing.nodes.driver import DriverNode
-from tactile_sensing.nodes.mock_sensor import MockSensorNode
-from tactile_sensing.nodes.runner import stop_on_signals
+from tactile_simulation.nodes.mock_sensor import MockSensorNode
 
 
 def calibration_for(options, recording):

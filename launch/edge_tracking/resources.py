@@ -4,7 +4,7 @@ from pathlib import Path
 
 from ament_index_python.packages import get_package_share_directory
 
-from tactile_sensing.errors import ConfigurationError
+from tactile_common.errors import ConfigurationError
 
 
 def share(*parts):

@@ -9,10 +9,10 @@ from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, qos_profile_sensor_data, QoSProfile
 
+from tactile_common.ros.parameters import declare_from
+from tactile_common.ros.runner import run
 from tactile_msgs.action import TrackEdge
 from tactile_msgs.msg import Contact, SensorInfo, ServoStatus
-from tactile_sensing.nodes.parameters import declare_from
-from tactile_sensing.nodes.runner import run
 
 
 @dataclass(frozen=True)

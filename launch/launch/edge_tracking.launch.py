@@ -23,8 +23,8 @@ from launch_ros.actions import Node
 from launch_ros.parameter_descriptions import ParameterValue
 
 from edge_tracking.resources import find_scene, scene_names, share
-from tactile_sensing.scene import load_scene
-from tactile_servo.trackers import DEFAULT, TRACKERS
+from tactile_servo.laws.registry import DEFAULT, TRACKERS
+from tactile_simulation.scene import load_scene
 
 ARGUMENTS = (
     ('sensor', 'mock', 'mock: synthetic array on a pseudo-terminal; flexitac: a real array on '
@@ -95,9 +95,9 @@ def nodes(context):
         node('tactile_shape', 'shape_estimator'),
         node('tactile_servo', 'edge_servo', tracker=value['tracker'], **robot)]
     if mock_sensor:
-        actions.append(node('tactile_sensing', 'mock_sensor', port=port, scene=scene))
+        actions.append(node('tactile_simulation', 'mock_sensor', port=port, scene=scene))
     if mock_robot:
-        actions.append(node('tactile_servo', 'mock_robot', '/', scene=scene, **robot))
+        actions.append(node('tactile_simulation', 'mock_robot', '/', scene=scene, **robot))
     if start:
         # The nodes start along with it, and their first start ever compiles their kernels.
         closed = (bool(scene) and load_scene(scene).edge.closed

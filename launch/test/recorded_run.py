@@ -13,23 +13,23 @@ from rosbags.rosbag2 import StoragePlugin, Writer
 from sensor_msgs.msg import JointState
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
-from edge_tracking.bag import describe_type
+from edge_tracking.recording.bag import describe_type
 from tactile_msgs.msg import Contact, SensorInfo, ServoStatus, TactileImage
-from tactile_sensing.array import TactelArray
-from tactile_sensing.contact import Contact as ContactData
-from tactile_sensing.contact import ContactType, Reason
 from tactile_sensing.conversions import (
     contact_to_msg,
     image_to_msg,
     sensor_info_to_msg,
     stamp_from_ns,
 )
-from tactile_sensing.image import Layer
-from tactile_sensing.image import SensorInfo as SensorInfoData
-from tactile_sensing.image import TactileImage as ImageData
-from tactile_sensing.moments import image_moments
-from tactile_sensing.scene import EdgePath, Scene, Sensor, Skin, Start
-from tactile_sensing.synthetic import EdgeRenderer
+from tactile_sensing.moments.image_moments import image_moments
+from tactile_sensing.types.array import TactelArray
+from tactile_sensing.types.contact import Contact as ContactData
+from tactile_sensing.types.contact import ContactType, Reason
+from tactile_sensing.types.image import Layer
+from tactile_sensing.types.image import SensorInfo as SensorInfoData
+from tactile_sensing.types.image import TactileImage as ImageData
+from tactile_simulation.renderer import EdgeRenderer
+from tactile_simulation.scene import EdgePath, Scene, Sensor, Skin, Start
 
 NS = 1_000_000_000
 START = 1_700_000_000 * NS

@@ -17,10 +17,10 @@ from rosbags.interfaces import QosDurability, QosReliability
 from rosbags.rosbag2 import Reader
 from rosbags.typesys import get_types_from_msg, get_typestore, Stores
 
-from edge_tracking.bag import describe_type, open_bag, RecorderNode
+from edge_tracking.recording.bag import describe_type, open_bag, RecorderNode
+from tactile_common.errors import ConfigurationError
+from tactile_common.ros.runner import make_executor, spin
 from tactile_msgs.msg import SensorInfo
-from tactile_sensing.errors import ConfigurationError
-from tactile_sensing.nodes.runner import make_executor, spin
 
 
 @pytest.fixture

@@ -5,8 +5,8 @@ import pytest
 from recorded_run import JOINTS, pose_at, START, TOPICS, write_bag
 from rosbags.rosbag2 import StoragePlugin
 
-from edge_tracking.read_run import read_run
-from tactile_sensing.errors import ConfigurationError
+from edge_tracking.recording.read_run import read_run
+from tactile_common.errors import ConfigurationError
 
 
 def test_run_reads_back_as_written(bag, scene):

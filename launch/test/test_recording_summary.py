@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 from recorded_run import ARRAY, FORCE, START, TRACK
 
-from edge_tracking.recording_summary import force_series, presses, summarise_recording
-from edge_tracking.summary import to_json
+from edge_tracking.recording.frames_summary import force_series, presses, summarise_recording
+from edge_tracking.recording.summary import to_json
 
 
 def bumps(*centres, noise=0.0):

@@ -10,15 +10,15 @@ import numpy as np
 import pytest
 from recorded_run import TOPICS, write_bag
 
-from edge_tracking.figure_style import png
-from edge_tracking.figures import surface
-from edge_tracking.read_run import read_run
-from edge_tracking.recording_summary import summarise_recording
-from edge_tracking.report import make_recording_report, make_report, picture
-from edge_tracking.summary import summarise
-from tactile_servo.servo_types import State
-from tactile_shape.local_quadric import LocalQuadric
-from tactile_shape.synthetic import sphere, Weave
+from edge_tracking.recording.frames_summary import summarise_recording
+from edge_tracking.recording.read_run import read_run
+from edge_tracking.recording.summary import summarise
+from edge_tracking.report.figures import surface
+from edge_tracking.report.report import make_recording_report, make_report, picture
+from edge_tracking.report.style import png
+from tactile_servo.types import State
+from tactile_shape.local_surface.local_quadric import LocalQuadric
+from tactile_simulation.surfaces import sphere, Weave
 
 PNG = b'\x89PNG\r\n\x1a\n'
 

@@ -16,8 +16,8 @@ from recorded_run import (
     TRACK,
 )
 
-from edge_tracking.summary import latencies, summarise, to_json, truth
-from tactile_servo.servo_types import State
+from edge_tracking.recording.summary import latencies, summarise, to_json, truth
+from tactile_servo.types import State
 
 DESIGN_KEYS = {
     'ok', 'state', 'reason', 'scene', 'controller', 'seed', 'speed', 'tracked_length',

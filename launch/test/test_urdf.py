@@ -8,7 +8,7 @@ from xml.etree import ElementTree
 import numpy as np
 import pytest
 
-from tactile_servo.robot import RobotModel
+from tactile_servo.motion.robot import RobotModel
 
 URDF = Path(__file__).resolve().parents[1] / 'urdf/puma260.urdf'
 ROBOT = ElementTree.parse(URDF).getroot()

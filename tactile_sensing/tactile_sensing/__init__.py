@@ -1,1 +1,1 @@
-"""Tactile arrays: device protocols, calibration, synthetic sensor and contact estimation."""
+"""Tactile arrays: devices, calibration and contact estimation."""

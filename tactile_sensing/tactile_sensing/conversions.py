@@ -13,12 +13,12 @@ from geometry_msgs.msg import WrenchStamped
 import numpy as np
 from rclpy.serialization import deserialize_message
 
+from tactile_common.errors import TactileError
 from tactile_msgs import msg as tactile_msgs
-from tactile_sensing.array import TactelArray
-from tactile_sensing.contact import Contact, ContactType, PARAMETERS, Reason
-from tactile_sensing.errors import TactileSensingError
-from tactile_sensing.image import COMPONENTS, Layer, SensorInfo, TactileImage
-from tactile_sensing.moments import Moments
+from tactile_sensing.moments.image_moments import Moments
+from tactile_sensing.types.array import TactelArray
+from tactile_sensing.types.contact import Contact, ContactType, PARAMETERS, Reason
+from tactile_sensing.types.image import COMPONENTS, Layer, SensorInfo, TactileImage
 
 _NS = 1_000_000_000
 
@@ -37,13 +37,13 @@ def unpacked(raw, kind):
 
     Raises
     ------
-    TactileSensingError
+    TactileError
         The bytes are no message of this class.
     """
     try:
         return deserialize_message(raw, kind)
     except RuntimeError as error:  # the middleware's
-        raise TactileSensingError(f'{len(raw)} bytes that are no {kind.__name__}') from error
+        raise TactileError(f'{len(raw)} bytes that are no {kind.__name__}') from error
 
 
 # --- time ---------------------------------------------------------------------------------------
@@ -77,14 +77,14 @@ def pose_from_msg(pose):
 
     Raises
     ------
-    TactileSensingError
+    TactileError
         The quaternion's length is not 1 within 1e-3, or a number is not finite.
     """
     x, y, z, w = (getattr(pose.orientation, axis) for axis in 'xyzw')
     position = tuple(getattr(pose.position, axis) for axis in 'xyz')
     square = x * x + y * y + z * z + w * w
     if not (abs(square - 1.0) < 2e-3 and all(map(math.isfinite, position))):
-        raise TactileSensingError(
+        raise TactileError(
             f'pose: quaternion ({x:.4g}, {y:.4g}, {z:.4g}, {w:.4g}) at {position}, must be '
             'finite and of length 1')
     s = 2.0 / square
@@ -117,7 +117,7 @@ def image_from_msg(message) -> TactileImage:
 
     Raises
     ------
-    TactileSensingError
+    TactileError
         The geometry is impossible or a layer does not hold `rows * columns` values.
     """
     geometry = _array_from_msg(message)
@@ -148,7 +148,7 @@ def sensor_info_from_msg(message) -> SensorInfo:
 
     Raises
     ------
-    TactileSensingError
+    TactileError
         The geometry is impossible.
     """
     return SensorInfo(
@@ -207,11 +207,11 @@ def contact_from_msg(message) -> Contact:
 
     Raises
     ------
-    TactileSensingError
+    TactileError
         The type is none of TYPE_*.
     """
     if message.type not in _TYPES:
-        raise TactileSensingError(
+        raise TactileError(
             f'contact type is {message.type}, must be at most {max(ContactType)}')
     return Contact(
         type=ContactType(message.type), valid=message.valid, reasons=Reason(message.reasons),
@@ -269,11 +269,11 @@ def _layer_to_msg(layer, message):
 
 def _layer_from_msg(layer, shape):
     if layer.component >= len(COMPONENTS):
-        raise TactileSensingError(
+        raise TactileError(
             f'component is {layer.component}, must be below {len(COMPONENTS)}')
     stress = np.frombuffer(layer.stress, np.float32) if len(layer.stress) else _EMPTY
     if stress.size != math.prod(shape):
-        raise TactileSensingError(
+        raise TactileError(
             f'stress has {stress.size} values, must be {" x ".join(map(str, shape))}')
     return Layer(COMPONENTS[layer.component], layer.depth, stress.reshape(shape),
                  layer.full_scale, layer.noise_std, layer.unit)

@@ -4,9 +4,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tactile_sensing.array import TactelArray
-from tactile_sensing.calibration import Calibration, load_calibration, TareRefusedError
-from tactile_sensing.errors import ConfigurationError
+from tactile_common.errors import ConfigurationError
+from tactile_sensing.devices.calibration import Calibration, load_calibration, TareRefusedError
+from tactile_sensing.types.array import TactelArray
 
 SHIPPED = Path(__file__).parents[1] / 'config'
 ARRAY = TactelArray(4, 5, 0.001, 0.002)

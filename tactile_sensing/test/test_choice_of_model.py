@@ -3,12 +3,12 @@
 import numpy as np
 import pytest
 
-from tactile_sensing import line, point
-from tactile_sensing.array import TactelArray
-from tactile_sensing.contact import ContactType, Reason
-from tactile_sensing.errors import ConfigurationError
-from tactile_sensing.estimator import ContactEstimator, EstimatorConfig
-from tactile_sensing.image import Layer, TactileImage
+from tactile_common.errors import ConfigurationError
+from tactile_sensing.contact.estimator import ContactEstimator, EstimatorConfig
+from tactile_sensing.half_space import line, point
+from tactile_sensing.types.array import TactelArray
+from tactile_sensing.types.contact import ContactType, Reason
+from tactile_sensing.types.image import Layer, TactileImage
 
 ARRAY, DEPTH, FORCE = TactelArray(26, 26, 1e-3, 1e-3), 0.002, 5.0
 X, Y = ARRAY.x, ARRAY.y[:, None]

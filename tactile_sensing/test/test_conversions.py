@@ -5,9 +5,7 @@ from builtin_interfaces.msg import Duration, Time
 import numpy as np
 import pytest
 
-from tactile_sensing.array import TactelArray
-from tactile_sensing.calibration import Calibration
-from tactile_sensing.contact import Contact, ContactType, Reason
+from tactile_common.errors import TactileError
 from tactile_sensing.conversions import (
     contact_from_msg,
     contact_to_msg,
@@ -21,9 +19,11 @@ from tactile_sensing.conversions import (
     stamp_to_ns,
     stamp_to_seconds,
 )
-from tactile_sensing.errors import TactileSensingError
-from tactile_sensing.image import Layer, TactileImage
-from tactile_sensing.moments import Moments
+from tactile_sensing.devices.calibration import Calibration
+from tactile_sensing.moments.image_moments import Moments
+from tactile_sensing.types.array import TactelArray
+from tactile_sensing.types.contact import Contact, ContactType, Reason
+from tactile_sensing.types.image import Layer, TactileImage
 
 ARRAY = TactelArray(3, 4, 0.0015, 0.0025)
 
@@ -91,7 +91,7 @@ def test_contact_round_trip():
     centre = message.centre_of_pressure
     assert (centre.x, centre.y) == sent.moments.centre_of_pressure and centre.z == 0.0
     message.type = 9
-    with pytest.raises(TactileSensingError, match='contact type is 9'):
+    with pytest.raises(TactileError, match='contact type is 9'):
         contact_from_msg(message)
 
 
@@ -147,7 +147,7 @@ def change_layer(name, value):
 def test_malformed_messages(change, reason):
     message = image_to_msg(image())
     change(message)
-    with pytest.raises(TactileSensingError, match=reason):
+    with pytest.raises(TactileError, match=reason):
         image_from_msg(message)
 
 

@@ -6,12 +6,12 @@ from hypothesis.extra import numpy as npst
 import numpy as np
 import pytest
 
-from tactile_sensing import line, point
-from tactile_sensing.array import TactelArray
-from tactile_sensing.contact import ContactType, INFORMATION
-from tactile_sensing.errors import ConfigurationError
-from tactile_sensing.estimator import ContactEstimator, EstimatorConfig, METHODS, MODELS
-from tactile_sensing.image import COMPONENTS, Layer, TactileImage
+from tactile_common.errors import ConfigurationError
+from tactile_sensing.contact.estimator import ContactEstimator, EstimatorConfig, METHODS, MODELS
+from tactile_sensing.half_space import line, point
+from tactile_sensing.types.array import TactelArray
+from tactile_sensing.types.contact import ContactType, INFORMATION
+from tactile_sensing.types.image import COMPONENTS, Layer, TactileImage
 
 ESTIMATORS = {(method, model): ContactEstimator(EstimatorConfig(method=method, model=model))
               for method in METHODS for model in MODELS}

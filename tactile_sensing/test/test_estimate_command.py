@@ -9,11 +9,12 @@ from hypothesis.extra import numpy as npst
 import numpy as np
 import pytest
 
-from tactile_sensing import estimate, line
-from tactile_sensing.array import TactelArray
-from tactile_sensing.contact import ContactType, Reason
-from tactile_sensing.estimator import ContactEstimator, EstimatorConfig
-from tactile_sensing.image import Layer, TactileImage
+from tactile_sensing.cli import estimate
+from tactile_sensing.contact.estimator import ContactEstimator, EstimatorConfig
+from tactile_sensing.half_space import line
+from tactile_sensing.types.array import TactelArray
+from tactile_sensing.types.contact import ContactType, Reason
+from tactile_sensing.types.image import Layer, TactileImage
 
 ROWS, COLUMNS, PITCH, DEPTH, FORCE = 12, 14, 0.001, 0.002, 200.0
 ARRAY = TactelArray(ROWS, COLUMNS, PITCH, PITCH)

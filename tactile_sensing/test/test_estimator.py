@@ -3,14 +3,14 @@
 import numpy as np
 import pytest
 
-from tactile_sensing import line, point
-from tactile_sensing.array import TactelArray
-from tactile_sensing.conditioning import noise_from_image
-from tactile_sensing.contact import ContactType, Reason
-from tactile_sensing.errors import ConfigurationError
-from tactile_sensing.estimator import ContactEstimator, EstimatorConfig
-from tactile_sensing.image import Layer, TactileImage
-from tactile_sensing.line_fit import fit_line
+from tactile_common.errors import ConfigurationError
+from tactile_sensing.contact.estimator import ContactEstimator, EstimatorConfig
+from tactile_sensing.contact.line_fit import fit_line
+from tactile_sensing.contact.preprocessing import noise_from_image
+from tactile_sensing.half_space import line, point
+from tactile_sensing.types.array import TactelArray
+from tactile_sensing.types.contact import ContactType, Reason
+from tactile_sensing.types.image import Layer, TactileImage
 
 DEPTH, FORCE = 0.002, 200.0
 ARRAY = TactelArray(16, 16, 0.0254 / 16, 0.0254 / 16)

@@ -4,8 +4,8 @@ from hypothesis import strategies as st
 import numpy as np
 import pytest
 
-from tactile_sensing.errors import ConfigurationError
-from tactile_sensing.flexitac import (
+from tactile_common.errors import ConfigurationError
+from tactile_sensing.devices.flexitac import (
     AMBIGUOUS_PERIODS,
     encode_frame,
     encode_payload,

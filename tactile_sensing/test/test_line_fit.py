@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from tactile_sensing import line
-from tactile_sensing.array import TactelArray
-from tactile_sensing.errors import ConfigurationError
-from tactile_sensing.line_fit import fit_line, fit_lines
+from tactile_common.errors import ConfigurationError
+from tactile_sensing.contact.line_fit import fit_line, fit_lines
+from tactile_sensing.half_space import line
+from tactile_sensing.types.array import TactelArray
 
 ARRAY = TactelArray(16, 16, 0.0254 / 16, 0.0254 / 16)
 

@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 from scipy.integrate import dblquad
 
-from tactile_sensing import point
-from tactile_sensing.array import TactelArray
-from tactile_sensing.errors import ConfigurationError
-from tactile_sensing.moments import image_moments, Moments
+from tactile_common.errors import ConfigurationError
+from tactile_sensing.half_space import point
+from tactile_sensing.moments.image_moments import image_moments, Moments
+from tactile_sensing.types.array import TactelArray
 
 DEPTH = 0.002
 PARAMETERS = np.array([0.0012, -0.0007, 5.0, 1.4, -0.8])

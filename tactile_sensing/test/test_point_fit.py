@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from tactile_sensing.array import TactelArray
-from tactile_sensing.errors import ConfigurationError
-from tactile_sensing.point_fit import fit_point, fit_points, Layer
+from tactile_common.errors import ConfigurationError
+from tactile_sensing.contact.point_fit import fit_point, fit_points, Layer
+from tactile_sensing.types.array import TactelArray
 
 ARRAY = TactelArray(26, 26, 1e-3, 1e-3)
 MODELS = {

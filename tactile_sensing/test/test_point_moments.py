@@ -5,12 +5,11 @@ from collections import namedtuple
 import numpy as np
 import pytest
 
-from tactile_sensing import point
-from tactile_sensing.array import TactelArray
-from tactile_sensing.compensation import compensated, compensation_factors
-from tactile_sensing.errors import ConfigurationError
-from tactile_sensing.moments import Moments
-from tactile_sensing.point_moments import (
+from tactile_common.errors import ConfigurationError
+from tactile_sensing.half_space import point
+from tactile_sensing.moments.compensation import compensated, compensation_factors
+from tactile_sensing.moments.image_moments import Moments
+from tactile_sensing.moments.point_moments import (
     basic,
     MomentFlag,
     normal_and_shear,
@@ -19,6 +18,7 @@ from tactile_sensing.point_moments import (
     two_layers,
     without_averaging,
 )
+from tactile_sensing.types.array import TactelArray
 
 Layer = namedtuple('Layer', 'component depth')
 

@@ -5,8 +5,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tactile_sensing.errors import ConfigurationError
-from tactile_sensing.recording import load_recording, Recording
+from tactile_common.errors import ConfigurationError
+from tactile_sensing.devices.recording import load_recording, Recording
 
 SHARED = Path(os.environ.get('TACTILE_SHARED_DATA', Path(__file__).parents[3] / 'shared' / 'data'))
 FINGER = SHARED / 'tekscan_finger' / 'iscan_finger.npz'

@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
-from tactile_sensing import line, point
-from tactile_sensing.array import TactelArray
-from tactile_sensing.contact import Reason
-from tactile_sensing.estimator import ContactEstimator, EstimatorConfig
-from tactile_sensing.image import Layer
+from tactile_sensing.contact.estimator import ContactEstimator, EstimatorConfig
+from tactile_sensing.half_space import line, point
+from tactile_sensing.types.array import TactelArray
+from tactile_sensing.types.contact import Reason
+from tactile_sensing.types.image import Layer
 
 DEPTH, COUNT = 0.002, 600
 ARRAY = TactelArray(26, 26, 1e-3, 1e-3)

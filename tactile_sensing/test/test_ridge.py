@@ -4,9 +4,9 @@ import math
 import numpy as np
 import pytest
 
-from tactile_sensing.array import TactelArray
-from tactile_sensing.line import pressure as line_pressure
-from tactile_sensing.ridge import centre_of_load, mend, ridge_points
+from tactile_sensing.contact.ridge import centre_of_load, mend, ridge_points
+from tactile_sensing.half_space.line import pressure as line_pressure
+from tactile_sensing.types.array import TactelArray
 
 PITCH = 0.0254 / 16
 PAD = TactelArray(16, 16, PITCH, PITCH)

@@ -1,1 +1,1 @@
-"""Robot model, limits, tactile servo and mock robot."""
+"""Tactile servo: one supervisor, servo laws, edge map, controllers and robot motion."""

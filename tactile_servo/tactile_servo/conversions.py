@@ -12,12 +12,12 @@ import numpy as np
 from sensor_msgs.msg import JointState
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
+from tactile_common.errors import Rejected
 from tactile_msgs.action import TrackEdge
 from tactile_msgs.msg import ServoStatus
 from tactile_sensing.conversions import stamp_from_ns, stamp_to_seconds
-from tactile_servo.errors import Rejected
-from tactile_servo.servo_types import EdgeGoal
-from tactile_servo.trajectory import Trajectory
+from tactile_servo.motion.trajectory import Trajectory
+from tactile_servo.types import EdgeGoal
 
 _FIELDS = ('positions', 'velocities', 'accelerations')
 _EMPTY = array('d')

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from tactile_servo.edge_nodes import (
+from tactile_servo.edge_map.path import (
     closing_node,
     headings,
     nodes_from,

@@ -10,10 +10,10 @@ from rclpy.parameter import Parameter
 from rclpy.serialization import serialize_message
 
 from tactile_msgs.msg import Contact as ContactMsg
-from tactile_sensing.array import TactelArray
 from tactile_sensing.conversions import image_to_msg
-from tactile_sensing.image import Layer, TactileImage
-from tactile_servo.nodes.edge_servo import EdgeServoNode
+from tactile_sensing.types.array import TactelArray
+from tactile_sensing.types.image import Layer, TactileImage
+from tactile_servo.nodes.servo import EdgeServoNode
 
 PUMA = Path(__file__).resolve().parents[2] / 'launch/urdf/puma260.urdf'
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from tactile_servo.edge_trace import (
+from tactile_servo.edge_map.tracing import (
     into_plane,
     length_on_pad,
     place_at,

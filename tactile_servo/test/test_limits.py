@@ -5,9 +5,9 @@ from hypothesis import strategies as st
 import numpy as np
 import pytest
 
-from tactile_servo.errors import ConfigurationError
-from tactile_servo.limits import JointLimits, limit_velocities, WorkspaceBox
-from tactile_servo.window import stopping_window
+from tactile_common.errors import ConfigurationError
+from tactile_servo.motion.limits import JointLimits, limit_velocities, WorkspaceBox
+from tactile_servo.motion.window import stopping_window
 
 DT = 0.0025
 LIMITS = JointLimits(

@@ -5,8 +5,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tactile_servo.errors import ConfigurationError, UnreachableError
-from tactile_servo.robot import damped_least_squares, RobotModel
+from tactile_common.errors import ConfigurationError, UnreachableError
+from tactile_servo.motion.robot import damped_least_squares, RobotModel
 
 PUMA = Path(__file__).resolve().parents[2] / 'launch/urdf/puma260.urdf'
 INCH = 0.0254

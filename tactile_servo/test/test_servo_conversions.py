@@ -7,9 +7,9 @@ import pytest
 from sensor_msgs.msg import JointState
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
+from tactile_common.errors import Rejected, TactileError
 from tactile_msgs.msg import ServoStatus
 from tactile_sensing.conversions import pose_from_msg
-from tactile_sensing.errors import TactileSensingError
 from tactile_servo.conversions import (
     joint_positions,
     joint_state_to_msg,
@@ -18,9 +18,8 @@ from tactile_servo.conversions import (
     trajectory_from_msg,
     trajectory_to_msg,
 )
-from tactile_servo.errors import Rejected
-from tactile_servo.servo_types import State, Status
-from tactile_servo.trajectory import Trajectory
+from tactile_servo.motion.trajectory import Trajectory
+from tactile_servo.types import State, Status
 
 RNG = np.random.default_rng(3)
 
@@ -158,8 +157,8 @@ def test_quarter_turn_about_z_has_the_usual_quaternion():
 def test_pose_without_orientation_is_refused():
     pose = Pose()
     pose.orientation.w = 0.0
-    with pytest.raises(TactileSensingError, match='length 1'):
+    with pytest.raises(TactileError, match='length 1'):
         pose_from_msg(pose)
     pose.orientation.w, pose.position.x = 1.0, float('nan')
-    with pytest.raises(TactileSensingError, match='finite'):
+    with pytest.raises(TactileError, match='finite'):
         pose_from_msg(pose)

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from tactile_servo.resolved_rate import EdgeFeatures
-from tactile_servo.statistics import along_contour, TrackStatistics
+from tactile_servo.laws.resolved_rate import EdgeFeatures
+from tactile_servo.track_statistics import along_contour, TrackStatistics
 
 
 def pose_at(x, y):

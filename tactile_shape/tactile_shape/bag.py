@@ -1,16 +1,15 @@
 """Reading contacts and poses from a rosbag2 recording; needs rosbags, and no running ROS."""
 import struct
 
+from tactile_common.errors import ConfigurationError, TactileError
 from tactile_sensing.conversions import (
     contact_from_msg,
     image_from_msg,
     pose_from_msg,
     stamp_to_ns,
 )
-from tactile_sensing.errors import TactileSensingError
-from tactile_shape.contact_path import needs_picture
-from tactile_shape.errors import ConfigurationError
-from tactile_shape.trace import place_contacts
+from tactile_shape.contact_recording import place_contacts
+from tactile_shape.contour.contact_path import needs_picture
 
 TOPICS = ('contact', 'sensor_pose')
 PICTURES = 'image'  # for bends and ends of edges; may be missing
@@ -55,7 +54,7 @@ def read_bag(path, namespace=None, finger_radius=0.0):
         raise
     except (AnyReaderError, ReaderError, SerdeError, TypesysError, struct.error, LookupError,
             AttributeError, TypeError, ValueError,
-            TactileSensingError) as error:
+            TactileError) as error:
         text = ' '.join(str(error).split()) or type(error).__name__
         raise ConfigurationError(f'is not a recording of contacts: {text:.200}') from error
     return place_contacts(events, finger_radius)

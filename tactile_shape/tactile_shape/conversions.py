@@ -6,11 +6,11 @@ from scipy.spatial.transform import Rotation
 from std_msgs.msg import ColorRGBA
 from visualization_msgs.msg import Marker, MarkerArray
 
+from tactile_common.errors import TactileError
 from tactile_msgs.msg import SurfacePatch
 from tactile_sensing.conversions import pose_from_msg
-from tactile_shape.errors import TactileShapeError
-from tactile_shape.object_model import COLOURS
-from tactile_shape.patch import Kind, Patch
+from tactile_shape.contour.object_model import COLOURS
+from tactile_shape.types.patch import Kind, Patch
 
 # What markers show at most of a model, so that they cost little.
 MAX_PATCHES, MAX_SEGMENTS = 100, 1000
@@ -47,13 +47,13 @@ def patch_from_msg(message) -> Patch:
 
     Raises
     ------
-    TactileShapeError
+    TactileError
         The kind is none of KIND_*.
-    TactileSensingError
+    TactileError
         The pose of a valid patch is none.
     """
     if message.kind not in list(Kind):
-        raise TactileShapeError(f'kind of patch is {message.kind}, must be at most {max(Kind)}')
+        raise TactileError(f'kind of patch is {message.kind}, must be at most {max(Kind)}')
     known = np.isfinite(message.frame.position.x)
     return Patch(
         Kind(message.kind), message.valid, message.reason, message.method,

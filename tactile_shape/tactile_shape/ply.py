@@ -4,7 +4,7 @@ from pathlib import Path
 
 import numpy as np
 
-from tactile_shape.errors import ConfigurationError
+from tactile_common.errors import ConfigurationError
 
 
 def write_ply(path, vertices, *, colours=None, faces=None, edges=None, comment=''):

@@ -1,11 +1,11 @@
 """Compile everything that the node calls before contacts come."""
 import numpy as np
 
-from tactile_sensing.array import TactelArray
-from tactile_sensing.image import Layer, TactileImage
-from tactile_shape.edge_point import edge_point
-from tactile_shape.local_quadric import LocalQuadric
-from tactile_shape.pose_buffer import pose_between
+from tactile_common.pose_buffer import pose_between
+from tactile_sensing.types.array import TactelArray
+from tactile_sensing.types.image import Layer, TactileImage
+from tactile_shape.contour.edge_point import edge_point
+from tactile_shape.local_surface.local_quadric import LocalQuadric
 
 
 def warm_up():

@@ -5,15 +5,15 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation, Slerp
 
-from tactile_sensing.array import TactelArray
-from tactile_sensing.contact import Contact, ContactType, Reason
-from tactile_sensing.image import Layer, TactileImage
-from tactile_sensing.line import pressure as line_pressure
-from tactile_sensing.moments import image_moments, Moments
-from tactile_sensing.scene import Skin
-from tactile_sensing.synthetic import render
-from tactile_shape.contact_path import ContactPath, locate, needs_picture, on_pad
-from tactile_shape.pose_buffer import PoseBuffer
+from tactile_common.pose_buffer import PoseBuffer
+from tactile_sensing.half_space.line import pressure as line_pressure
+from tactile_sensing.moments.image_moments import image_moments, Moments
+from tactile_sensing.types.array import TactelArray
+from tactile_sensing.types.contact import Contact, ContactType, Reason
+from tactile_sensing.types.image import Layer, TactileImage
+from tactile_shape.contour.contact_path import ContactPath, locate, needs_picture, on_pad
+from tactile_simulation.renderer import render
+from tactile_simulation.scene import Skin
 
 MS = 1_000_000
 

@@ -7,12 +7,12 @@ from hypothesis.extra import numpy as npst
 import numpy as np
 import pytest
 
-from tactile_sensing.array import TactelArray
-from tactile_sensing.image import Layer, TactileImage
-from tactile_sensing.point import stress as point_stress
-from tactile_sensing.scene import Skin
-from tactile_sensing.synthetic import render
-from tactile_shape.edge_point import edge_point
+from tactile_sensing.half_space.point import stress as point_stress
+from tactile_sensing.types.array import TactelArray
+from tactile_sensing.types.image import Layer, TactileImage
+from tactile_shape.contour.edge_point import edge_point
+from tactile_simulation.renderer import render
+from tactile_simulation.scene import Skin
 
 PITCH = 0.0254 / 16
 PAD = TactelArray(16, 16, PITCH, PITCH)

@@ -9,15 +9,15 @@ from hypothesis.extra import numpy as npst
 import numpy as np
 import pytest
 
+from tactile_common.errors import ConfigurationError
 from tactile_msgs.msg import Contact as ContactMsg
 from tactile_sensing.conversions import stamp_from_ns
-from tactile_shape import fit
-from tactile_shape.errors import ConfigurationError
-from tactile_shape.local_quadric import LocalQuadric, LocalQuadricConfig
-from tactile_shape.patch import Kind
-from tactile_shape.surface_matrix import SurfaceMatrix
-from tactile_shape.synthetic import add_noise, cylinder, sphere, Weave
-from tactile_shape.trace import load_trace, Trace
+from tactile_shape.cli import fit
+from tactile_shape.contact_recording import load_trace, Trace
+from tactile_shape.local_surface.local_quadric import LocalQuadric, LocalQuadricConfig
+from tactile_shape.surface_matrix.surface_matrix import SurfaceMatrix
+from tactile_shape.types.patch import Kind
+from tactile_simulation.surfaces import add_noise, cylinder, sphere, Weave
 
 RADIUS = 0.035
 

@@ -5,11 +5,11 @@ from hypothesis.extra import numpy as npst
 import numpy as np
 import pytest
 
-from tactile_shape.errors import ConfigurationError
-from tactile_shape.matrix_estimator import MatrixEstimator, MatrixEstimatorConfig
-from tactile_shape.patch import Kind
-from tactile_shape.surface_matrix import SurfaceMatrix
-from tactile_shape.synthetic import add_noise, cylinder, PLANE, sphere, Weave
+from tactile_common.errors import ConfigurationError
+from tactile_shape.surface_matrix.matrix_estimator import MatrixEstimator, MatrixEstimatorConfig
+from tactile_shape.surface_matrix.surface_matrix import SurfaceMatrix
+from tactile_shape.types.patch import Kind
+from tactile_simulation.surfaces import add_noise, cylinder, PLANE, sphere, Weave
 
 EXACT = MatrixEstimatorConfig(position_noise=0.0, normal_noise=0.0)
 

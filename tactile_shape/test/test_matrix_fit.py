@@ -4,16 +4,16 @@ from hypothesis import strategies as st
 import numpy as np
 import pytest
 
-from tactile_shape.errors import ConfigurationError
-from tactile_shape.matrix_fit import design_matrix, fit_matrix
-from tactile_shape.motion import (
+from tactile_common.errors import ConfigurationError
+from tactile_shape.surface_matrix.matrix_fit import design_matrix, fit_matrix
+from tactile_shape.surface_matrix.motion import (
     contacts_in_frame,
     finite_contacts,
     printed_contacts,
     RelativeMotion,
     screw_motion,
 )
-from tactile_shape.surface_matrix import SurfaceMatrix
+from tactile_shape.surface_matrix.surface_matrix import SurfaceMatrix
 
 R = 0.1  # m, of the thesis' cylinder and of the sphere
 SPEEDS = (1e-5, 2e-4, 1e-3, 5e-3, 2e-2, 5e-2)  # m/s, Table 4.1

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from tactile_shape.contour_pieces import fit_circle
-from tactile_shape.errors import ConfigurationError
-from tactile_shape.outline import find_outline, OutlineConfig
+from tactile_common.errors import ConfigurationError
+from tactile_shape.contour.outline import find_outline, OutlineConfig
+from tactile_shape.contour.pieces import fit_circle
 
 TAPE = np.array([[0.0, 0.0], [0.109, 0.0], [0.109, 0.069], [0.0, 0.069]])
 

@@ -4,7 +4,9 @@ import pytest
 from std_msgs.msg import Header
 from visualization_msgs.msg import Marker
 
+from tactile_common.errors import TactileError
 from tactile_msgs.msg import SurfacePatch
+from tactile_shape.contour.object_model import ObjectModel
 from tactile_shape.conversions import (
     contour_point_to_msg,
     contour_to_msg,
@@ -13,13 +15,11 @@ from tactile_shape.conversions import (
     patch_from_msg,
     patch_to_msg,
 )
-from tactile_shape.errors import TactileShapeError
-from tactile_shape.local_quadric import LocalQuadric
-from tactile_shape.matrix_estimator import MatrixEstimator
-from tactile_shape.object_model import ObjectModel
-from tactile_shape.patch import Kind
-from tactile_shape.surface_matrix import SurfaceMatrix
-from tactile_shape.synthetic import cylinder, sphere, Weave
+from tactile_shape.local_surface.local_quadric import LocalQuadric
+from tactile_shape.surface_matrix.matrix_estimator import MatrixEstimator
+from tactile_shape.surface_matrix.surface_matrix import SurfaceMatrix
+from tactile_shape.types.patch import Kind
+from tactile_simulation.surfaces import cylinder, sphere, Weave
 
 HEADER = Header(frame_id='base')
 
@@ -59,7 +59,7 @@ def test_numbers_of_kinds_are_those_of_the_message():
     assert {kind.name: kind.value for kind in Kind} == {
         name.removeprefix('KIND_'): getattr(SurfacePatch, name)
         for name in dir(SurfacePatch) if name.startswith('KIND_')}
-    with pytest.raises(TactileShapeError, match='kind of patch is 9'):
+    with pytest.raises(TactileError, match='kind of patch is 9'):
         patch_from_msg(SurfacePatch(kind=9))
 
 

@@ -13,15 +13,15 @@ from rclpy.qos import DurabilityPolicy, qos_profile_sensor_data, QoSProfile
 from scipy.spatial.transform import Rotation
 from visualization_msgs.msg import MarkerArray
 
+from tactile_common.errors import ConfigurationError
+from tactile_common.errors import ConfigurationError as ParameterError
+from tactile_common.ros.runner import make_executor
 from tactile_msgs.msg import Contact as ContactMsg
 from tactile_msgs.msg import SurfacePatch
 from tactile_sensing.conversions import stamp_from_ns, stamp_to_ns
-from tactile_sensing.errors import ConfigurationError as ParameterError
-from tactile_sensing.nodes.runner import make_executor
-from tactile_shape.errors import ConfigurationError
+from tactile_shape.contour.outline import find_outline
 from tactile_shape.nodes.shape_estimator import ShapeEstimatorNode
-from tactile_shape.outline import find_outline
-from tactile_shape.synthetic import add_noise, sphere, Weave
+from tactile_simulation.surfaces import add_noise, sphere, Weave
 
 DEADLINE = 20.0  # s
 MS = 1_000_000

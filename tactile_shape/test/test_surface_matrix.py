@@ -3,9 +3,9 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from tactile_shape.errors import SurfaceError
-from tactile_shape.surface_matrix import SurfaceMatrix
-from tactile_shape.tangent import height, principal_axes, tangent_frame
+from tactile_common.errors import SurfaceError
+from tactile_shape.local_surface.tangent import height, principal_axes, tangent_frame
+from tactile_shape.surface_matrix.surface_matrix import SurfaceMatrix
 
 R = 0.03
 SPHERE, CYLINDER, PLANE = SurfaceMatrix.sphere(R), SurfaceMatrix.cylinder(R), SurfaceMatrix.plane()

@@ -16,7 +16,7 @@ from edge_tracking.resources import find_scene, share
 from edge_tracking.track import TrackNode
 from tactile_msgs.msg import Contact, SensorInfo, ServoStatus, TactileImage
 from tactile_sensing.conversions import pose_from_msg, stamp_to_seconds
-from tactile_sensing.scene import load_scene
+from tactile_simulation.scene import load_scene
 
 DEADLINE = 20.0  # s, of every wait; generous, since a loaded machine is no fault
 OFFER = 'resume with ~/pause false'  # in the reason of a hold that waits for a command

@@ -6,13 +6,13 @@ from geometry_msgs.msg import WrenchStamped
 from rclpy.node import Node
 from rclpy.qos import qos_profile_sensor_data
 
+from tactile_common.errors import TactileError
+from tactile_common.ros.parameters import declare_from
+from tactile_common.ros.runner import run
 from tactile_msgs.msg import Contact as ContactMsg
 from tactile_msgs.msg import TactileImage as TactileImageMsg
+from tactile_sensing.contact.estimator import ContactEstimator, EstimatorConfig
 from tactile_sensing.conversions import contact_to_msg, contact_to_wrench, image_from_msg
-from tactile_sensing.errors import TactileSensingError
-from tactile_sensing.estimator import ContactEstimator, EstimatorConfig
-from tactile_sensing.nodes.parameters import declare_from
-from tactile_sensing.nodes.runner import run
 
 
 class ContactEstimatorNode(Node):
@@ -38,7 +38,7 @@ class ContactEstimatorNode(Node):
     def _on_image(self, msg):
         try:
             image = image_from_msg(msg)
-        except TactileSensingError as error:
+        except TactileError as error:
             self.get_logger().warning(
                 f'image {msg.sequence} is not usable: {error}', throttle_duration_sec=5.0)
             contact = self._estimator.refuse_malformed()

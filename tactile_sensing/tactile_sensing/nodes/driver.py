@@ -11,22 +11,22 @@ from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, qos_profile_sensor_data, QoSProfile
 from std_srvs.srv import Trigger
 
+from tactile_common.errors import ConfigurationError
+from tactile_common.ros.parameters import declare_from
+from tactile_common.ros.runner import run
 from tactile_msgs.msg import SensorInfo as SensorInfoMsg
 from tactile_msgs.msg import TactileImage as TactileImageMsg
-from tactile_sensing.calibration import load_calibration, MIN_TARE_FRAMES, TareRefusedError
 from tactile_sensing.conversions import image_to_msg, sensor_info_to_msg
-from tactile_sensing.errors import ConfigurationError
-from tactile_sensing.flexitac import (
+from tactile_sensing.devices.calibration import load_calibration, MIN_TARE_FRAMES, TareRefusedError
+from tactile_sensing.devices.flexitac import (
     BAUD_RATE,
     FlexiTacDecoder,
     Frame,
     NEED_DATA,
     payload_size,
 )
-from tactile_sensing.image import TactileImage
-from tactile_sensing.nodes.parameters import declare_from
-from tactile_sensing.nodes.runner import run
-from tactile_sensing.serial_port import SensorPort
+from tactile_sensing.devices.serial_port import SensorPort
+from tactile_sensing.types.image import TactileImage
 
 # A stream without a byte or a frame for this long is reported [s].
 _SILENCE = 1.0

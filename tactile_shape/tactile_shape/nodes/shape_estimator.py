@@ -9,6 +9,9 @@ from rclpy.qos import DurabilityPolicy, qos_profile_sensor_data, QoSProfile
 from std_msgs.msg import Header
 from visualization_msgs.msg import MarkerArray
 
+from tactile_common.errors import TactileError
+from tactile_common.ros.parameters import declare_from
+from tactile_common.ros.runner import run
 from tactile_msgs.msg import Contact as ContactMsg
 from tactile_msgs.msg import SurfacePatch, TactileImage
 from tactile_sensing.conversions import (
@@ -18,19 +21,16 @@ from tactile_sensing.conversions import (
     stamp_to_ns,
     unpacked,
 )
-from tactile_sensing.errors import TactileSensingError
-from tactile_sensing.nodes.parameters import declare_from
-from tactile_sensing.nodes.runner import run
-from tactile_shape.contact_path import ContactPath, needs_picture
+from tactile_shape.contour.contact_path import ContactPath, needs_picture
+from tactile_shape.contour.object_model import ModelConfig, ObjectModel
 from tactile_shape.conversions import (
     contour_point_to_msg,
     contour_to_msg,
     model_to_markers,
     patch_to_msg,
 )
-from tactile_shape.local_quadric import LocalQuadricConfig
-from tactile_shape.object_model import ModelConfig, ObjectModel
-from tactile_shape.tracker import make_estimator, no_patch, ShapeTracker, TrackerConfig
+from tactile_shape.local_surface.local_quadric import LocalQuadricConfig
+from tactile_shape.shape_estimator import make_estimator, no_patch, ShapeTracker, TrackerConfig
 from tactile_shape.warm_up import warm_up
 
 PICTURES = 8  # that wait for their contact
@@ -91,7 +91,7 @@ class ShapeEstimatorNode(Node):
     def _on_pose(self, msg):
         try:
             pose = pose_from_msg(msg.pose)
-        except TactileSensingError as error:
+        except TactileError as error:
             self.get_logger().warning(
                 f'sensor_pose passed over: {error}', throttle_duration_sec=5.0)
             return
@@ -112,7 +112,7 @@ class ShapeEstimatorNode(Node):
         try:
             contact = contact_from_msg(msg)
             picture = self._picture_at(msg.header.stamp) if needs_picture(contact) else None
-        except TactileSensingError as error:
+        except TactileError as error:
             self.get_logger().warning(f'contact passed over: {error}', throttle_duration_sec=5.0)
             return
         lost = self._path.lost
@@ -126,7 +126,7 @@ class ShapeEstimatorNode(Node):
         for raw in reversed(self._pictures):
             try:
                 msg = unpacked(raw, TactileImage)
-            except TactileSensingError:
+            except TactileError:
                 continue  # another may be the one of this stamp
             if msg.header.stamp == stamp:
                 return image_from_msg(msg)

@@ -1,0 +1,123 @@
+"""
+The graph in parts, each a process of its own, so that none waits for another's interpreter.
+
+`sensing` is driver and contact estimator. Where processors are few, `mocks`, which stand in for
+hardware, give way to the loop, and `listeners`, recorder and shape estimator, to both.
+"""
+
+from contextlib import contextmanager
+import json
+import os
+import signal
+import subprocess
+import sys
+import threading
+
+from diagnostic_msgs.msg import DiagnosticArray
+from geometry_msgs.msg import PoseStamped, WrenchStamped
+from nav_msgs.msg import Path
+from rclpy.exceptions import ParameterException
+from rclpy.qos import DurabilityPolicy, qos_profile_sensor_data, QoSProfile
+from sensor_msgs.msg import JointState
+from trajectory_msgs.msg import JointTrajectory
+from visualization_msgs.msg import MarkerArray
+
+from edge_tracking.composed import add_mocks, add_sensing, Graph
+from edge_tracking.recording.bag import RecorderNode
+from tactile_msgs.msg import Contact, SensorInfo, ServoStatus, SurfacePatch, TactileImage
+from tactile_shape.nodes.shape_estimator import ShapeEstimatorNode
+
+PATIENCE = 10.0  # s for a part to end by itself, its recording written
+
+
+def topics(namespace):
+    """Every topic of the graph, with its type and the quality of service to listen with."""
+    deep = QoSProfile(depth=100)
+    latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+    sensor = QoSProfile(depth=100, reliability=qos_profile_sensor_data.reliability)
+    own = [('image', TactileImage, sensor), ('sensor_info', SensorInfo, latched),
+           ('contact', Contact, sensor), ('wrench', WrenchStamped, sensor),
+           ('surface_patch', SurfacePatch, deep), ('contour', Path, latched),
+           ('markers', MarkerArray, latched),
+           ('servo_status', ServoStatus, deep), ('sensor_pose', PoseStamped, sensor),
+           ('diagnostics', DiagnosticArray, deep)]
+    return [(f'/{namespace}/{name}', kind, qos) for name, kind, qos in own] + [
+        ('/joint_states', JointState, deep),
+        ('/joint_trajectory_controller/joint_trajectory', JointTrajectory, deep)]
+
+
+def record(graph, bag):
+    """Add a recorder of everything to a graph."""
+    return graph.add(RecorderNode, own={'path': bag, 'topics': topics(graph.namespace)})
+
+
+def add_listeners(graph, bag):
+    """Add a recorder of everything and the shape estimator."""
+    record(graph, bag)
+    graph.add(ShapeEstimatorNode)
+
+
+# What makes each part, and its niceness.
+PARTS = {'sensing': (add_sensing, 0), 'mocks': (add_mocks, 5), 'listeners': (add_listeners, 10)}
+
+
+@contextmanager
+def apart(part, *arguments, **graph):
+    """
+    Run a part of the graph in a process of its own while in a `with` statement.
+
+    Parameters
+    ----------
+    part : str
+        One of `PARTS`.
+    *arguments
+        Of the part's function, after the graph: paths and numbers.
+    **graph
+        Of its `Graph`.
+
+    Yields
+    ------
+    subprocess.Popen
+        The process; it ends with this one, however this one ends.
+    """
+    call = json.dumps([part, arguments, graph], default=str)
+    # A process group of its own: Ctrl-C is meant for this process, which ends the part, and would
+    # kill one that is still being imported. Not a session: niceness counts within one only.
+    process = subprocess.Popen(
+        [sys.executable, '-m', __name__, call], stdin=subprocess.PIPE,
+        stdout=subprocess.DEVNULL, preexec_fn=os.setpgrp)
+    try:
+        yield process
+    finally:
+        process.stdin.close()
+        try:
+            process.wait(PATIENCE)
+        except subprocess.TimeoutExpired:
+            process.kill()
+            process.wait()
+
+
+def main():
+    """Run a part until the standard input ends."""
+    part, arguments, options = json.loads(sys.argv[1])
+    add, niceness = PARTS[part]
+    for number in (signal.SIGINT, signal.SIGTERM):  # meant for the graph, which ends this as well
+        signal.signal(number, signal.SIG_IGN)
+    ended = threading.Event()
+    threading.Thread(target=lambda: (sys.stdin.read(), ended.set()), daemon=True).start()
+    try:
+        with Graph(**options) as graph:
+            add(graph, *arguments)
+            # Not before the servo is heard: who gives way at once comes late.
+            graph.spin(lambda: ended.is_set() or graph.nodes[0].count_publishers(
+                f'/{graph.namespace}/servo_status'))
+            os.nice(niceness)
+            graph.spin(ended.is_set)
+    except (ValueError, RuntimeError, ParameterException) as error:
+        print(f'{part}: {" ".join(str(error).split())}', file=sys.stderr)
+        return 1
+    return 0
+
+
+if __name__ == '__main__':
+    sys.exit(main())

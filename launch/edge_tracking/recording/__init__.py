@@ -1,0 +1,1 @@
+"""Recordings: writing and reading bags, and what a run was in numbers."""

@@ -1,0 +1,117 @@
+"""What a recording that ran through driver and estimator holds: force over time, and presses."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from edge_tracking.recording.samples import largest, NAN, percentile, rate, span
+from tactile_sensing.moments.image_moments import image_moments
+from tactile_sensing.types.contact import ContactType
+
+# A press begins above the upper and ends below the lower of these fractions of the force's
+# range; apart, so that noise does not split a press.
+PRESS_THRESHOLDS = (0.55, 0.45)
+
+
+@dataclass(frozen=True, eq=False)
+class ForceSeries:
+    """
+    Force over time of a recording.
+
+    time [s] since the first picture, force (zeroth moment) in `unit`, type (numbers of
+    Contact.msg): `(N,)`; centre_of_pressure `(N, 2)` [m].
+    """
+
+    time: np.ndarray
+    force: np.ndarray
+    unit: str
+    type: np.ndarray
+    centre_of_pressure: np.ndarray
+    stamp_ns: np.ndarray
+
+
+def force_series(run) -> ForceSeries:
+    """
+    Return force and centre of pressure over time, by the contact estimator.
+
+    Without any estimate in the recording, moments of the pictures take its place.
+    """
+    unit = {'Pa': 'N', '': 'N'}.get(run.images.unit, f'{run.images.unit} m^2')
+    contacts = run.contacts
+    if np.isfinite(contacts.m0).any():
+        stamps, force, kind = contacts.stamp_ns, contacts.m0, contacts.type
+        centre = contacts.centre_of_pressure
+    else:
+        moments = [image_moments(frame, run.images.array) for frame in run.images.frames]
+        stamps = run.images.stamp_ns
+        force = np.array([each.m0 for each in moments])
+        centre = np.array([each.centre_of_pressure for each in moments]).reshape(-1, 2)
+        kind = np.full(len(stamps), int(ContactType.OTHER))
+    time = 1e-9 * (stamps - stamps[0]) if len(stamps) else np.empty(0)
+    return ForceSeries(time, force, unit, kind, centre, stamps)
+
+
+def presses(force):
+    """
+    Return the presses in a series of forces, by a threshold with hysteresis.
+
+    Parameters
+    ----------
+    force : np.ndarray
+        Forces in any unit, shape `(N,)`; NaN ends no press and starts none.
+
+    Returns
+    -------
+    list of (int, int, int)
+        First index, index of the peak and index after the last, of each press.
+    """
+    finite = force[np.isfinite(force)]
+    if not finite.size or not np.ptp(finite) > 0.0:
+        return []
+    low, high = np.percentile(finite, (1, 99))
+    upper, lower = (low + fraction * (high - low) for fraction in PRESS_THRESHOLDS)
+    found, begin = [], None
+    for index, value in enumerate(force):
+        if begin is None and value > upper:
+            begin = index
+        elif begin is not None and value < lower:
+            found.append((begin, index))
+            begin = None
+    if begin is not None:
+        found.append((begin, len(force)))
+    return [(begin, begin + int(np.nanargmax(force[begin:end])), end) for begin, end in found]
+
+
+def summarise_recording(run) -> dict:
+    """
+    Return the summary of a recording that ran through driver and estimator.
+
+    Forces are in `force_unit`, which is N only for a calibrated sensor; lengths in m.
+    """
+    series, images = force_series(run), run.images
+    found = presses(series.force)
+    period = 1.0 / rate(images.stamp_ns) if len(images.stamp_ns) > 1 else NAN
+    steps = np.diff(images.sequence)
+    summary = {
+        'ok': bool(len(images.stamp_ns) and len(series.force)),
+        'reason': '' if len(images.stamp_ns) else 'no pictures arrived',
+        'sensor': run.info.sensor if run.info else '',
+        'rows': images.frames.shape[1],
+        'columns': images.frames.shape[2],
+        'force_unit': series.unit,
+        'force_max': largest(series.force),
+        'presses': len(found),
+        'press_peaks': [float(series.force[peak]) for _, peak, _ in found],
+        'press_times': [float(series.time[peak]) for _, peak, _ in found],
+        'press_durations': [float((end - begin) * period) for begin, _, end in found],
+        'press_centres': [series.centre_of_pressure[peak].tolist() for _, peak, _ in found],
+        'duration': span(images.stamp_ns),
+        'frames': len(images.stamp_ns),
+        'lost_frames': int((steps[steps > 0] - 1).sum()),
+        'sensor_rate': rate(images.stamp_ns),
+        'contact_types': {kind.name.lower(): int(np.count_nonzero(series.type == kind))
+                          for kind in ContactType},
+        'latency_p50': percentile(run.contacts.latency, 50),
+        'latency_p99': percentile(run.contacts.latency, 99),
+    }
+    return summary

@@ -1,0 +1,218 @@
+"""A run in numbers: how well the edge was tracked."""
+
+from dataclasses import dataclass
+from functools import lru_cache
+import json
+import math
+
+import numpy as np
+
+from edge_tracking.recording.samples import largest, mean, median, NAN, percentile, rate, rms, span
+from tactile_common.errors import TactileError
+from tactile_servo.track_statistics import SETTLING_LENGTH
+from tactile_servo.types import State
+from tactile_shape.contour.outline import find_outline
+from tactile_simulation.metrics import contour_errors
+from tactile_simulation.renderer import EdgeRenderer
+
+# The edge counts as tracked if the pad's centre kept this close to it once settled [m], RMS: the
+# object may slip further at once.
+LATERAL_BOUND = 3e-3
+# States in which the pad follows the edge.
+ON_EDGE = (State.TRACK, State.CORNER)  # while searching there is no edge to be near to
+
+
+@dataclass(frozen=True, eq=False)
+class Truth:
+    """
+    Where the pad really was, at each recorded pose.
+
+    time_ns, lateral [m], along (arc length of the nearest point of the edge) [m], force [N]:
+    `(N,)`. touching: between first contact and lift-off; settled: the part of it from
+    `SETTLING_LENGTH` after first contact; whole_edge: the edge crosses the whole pad.
+    """
+
+    time_ns: np.ndarray
+    lateral: np.ndarray
+    along: np.ndarray
+    force: np.ndarray
+    touching: np.ndarray
+    settled: np.ndarray
+    whole_edge: np.ndarray
+
+
+def settled_cycles(statuses):
+    """Return which cycles track, and which of these come after the settling length: `(N,)`."""
+    tracking = np.isin(statuses.state, ON_EDGE)
+    settled = np.logical_or.accumulate(tracking & (statuses.progress >= SETTLING_LENGTH))
+    return tracking, tracking & settled
+
+
+def truth(run, scene) -> Truth:
+    """
+    Compare the recorded poses of the pad with the scene.
+
+    Parameters
+    ----------
+    run : RunData
+    scene : Scene
+    """
+    poses, statuses, array = run.poses, run.statuses, _array(run)
+    force, shift = np.full(len(poses.stamp_ns), NAN), np.zeros((len(poses.stamp_ns), 3))
+    if array:
+        renderer = EdgeRenderer(scene, array)
+        for index, pose in enumerate(poses.matrix):
+            force[index], shift[index] = renderer.force(pose), renderer.shift  # it may slip
+    lateral, along = scene.edge.nearest(poses.position - shift) if len(force) else (
+        np.empty(0), np.empty(0))
+    # The cycle that was the newest when the pose was taken tells the state.
+    index = np.searchsorted(statuses.stamp_ns, poses.stamp_ns, side='right') - 1
+    known = index >= 0
+    touching = np.zeros(len(index), bool)
+    settled = touching.copy()
+    if known.any():
+        tracking, late = settled_cycles(statuses)
+        touching[known], settled[known] = tracking[index[known]], late[index[known]]
+    reach = array.half_width_y if array else 0.0
+    return Truth(
+        time_ns=poses.stamp_ns, lateral=lateral, along=along, force=force,
+        touching=touching, settled=settled,
+        whole_edge=(along >= reach) & (along <= scene.edge.length - reach))
+
+
+def latencies(run):
+    """
+    Return the time from each picture's last byte to the command that first used it.
+
+    From arrival at the driver, which is the stamp and the acquisition delay, to the end of the
+    first control cycle with that picture; cycles that track only.
+
+    Returns
+    -------
+    time_ns : np.ndarray
+        Stamps of the pictures [ns], shape `(N,)`.
+    latency : np.ndarray
+        Latencies [s], shape `(N,)`.
+    """
+    statuses = run.statuses
+    delay = run.info.acquisition_delay if run.info else 0.0
+    tracking, _ = settled_cycles(statuses)
+    # From all cycles, so that a picture first used before contact is not taken for a late one.
+    stamps, first = np.unique(statuses.contact_stamp_ns, return_index=True)
+    keep = (stamps > 0) & tracking[first]
+    stamps, first = stamps[keep], first[keep]
+    ended = statuses.stamp_ns[first] - stamps
+    return stamps, 1e-9 * ended + statuses.cycle_time[first] - delay
+
+
+@lru_cache(maxsize=1)
+def rebuilt_outline(run):
+    """Outline of what was touched, of the recorded contour; None where there is too little."""
+    try:
+        return find_outline(run.contour)
+    except TactileError:
+        return None
+
+
+def summarise(run, scene, *, success, reason='', speed=None, force=None, seed=None) -> dict:
+    """
+    Return the summary of a run along the edge of a scene, SI units, NaN = unknown.
+
+    Lateral errors and forces are those of the scene at the recorded poses, not the sensor's own.
+
+    Parameters
+    ----------
+    run : RunData
+    scene : Scene
+    success : bool
+        Whether the action succeeded.
+    reason : str
+        Why it ended; that of the last control cycle if empty.
+    speed, force : float, optional
+        What the goal asked for [m/s], [N]; else from the control cycles.
+    seed : int, optional
+        Of the scene's noise.
+
+    Returns
+    -------
+    dict
+        `ok` only if the action succeeded and the pad's centre really was led along the edge.
+    """
+    statuses, real = run.statuses, truth(run, scene)
+    tracking, settled = settled_cycles(statuses)
+    active = np.flatnonzero(statuses.state != State.IDLE)
+    last = active[-1] if active.size else None
+    _, latency = latencies(run)
+    target = float(force) if force is not None else median(statuses.force_target[tracking])
+    lateral = real.lateral[real.settled]
+    on_target = real.force[real.settled & real.whole_edge] - target
+    outline = rebuilt_outline(run)
+    contour_error, area_error = contour_errors(outline and outline.points, scene.edge)
+    summary = {
+        'ok': False,
+        'state': State(int(statuses.state[last])).name.lower() if active.size else 'idle',
+        'reason': reason or (statuses.reason[last] if active.size else 'the servo did not run'),
+        'scene': scene.name,
+        'controller': str(statuses.controller[0]) if len(statuses.controller) else '',
+        'seed': seed,
+        'speed': float(speed) if speed is not None else median(statuses.speed[settled]),
+        'tracked_length': _tracked_length(real),
+        'lateral_rms': rms(lateral),
+        'lateral_max': largest(lateral),
+        'lateral_transient_max': largest(real.lateral[real.touching & ~real.settled]),
+        'force_target': target,
+        'force_rms_error': rms(on_target),
+        'force_max': largest(real.force),
+        'closed': outline is not None and outline.closed,
+        'contour_max_error': contour_error,
+        'contour_area_error': area_error,
+        'corners': outline.corners.tolist() if outline else [],
+        'sides': [{'kind': side.kind, 'length': side.length, 'radius': side.radius}
+                  for side in (outline.sides if outline else ())],
+        'duration': span(statuses.stamp_ns[active]),
+        'sensor_rate': rate(_between(run.images.stamp_ns, statuses.stamp_ns[tracking])),
+        'control_rate': rate(statuses.stamp_ns[active]),
+        'missed_cycles': int(statuses.missed_cycles[last] - statuses.missed_cycles[active[0]])
+        if active.size else 0,
+        'latency_p50': percentile(latency, 50),
+        'latency_p99': percentile(latency, 99),
+        'cpu_per_cycle': mean(statuses.cycle_time[tracking]),
+    }
+    claimed = statuses.progress[tracking].max(initial=0.0)
+    summary['ok'] = bool(
+        success and summary['lateral_rms'] < LATERAL_BOUND  # NaN, never settled, fails as well
+        and summary['tracked_length'] > max(SETTLING_LENGTH, 0.9 * claimed))
+    if success and not summary['ok']:
+        summary['reason'] += '; but the pad was not led along the edge'
+    return summary
+
+
+def to_json(summary) -> str:
+    """Return a summary as one line of JSON; NaN and infinity become null."""
+    return json.dumps(_jsonable(summary), allow_nan=False)
+
+
+def _jsonable(value):
+    if isinstance(value, dict):
+        return {str(key): _jsonable(item) for key, item in value.items()}
+    if isinstance(value, (list, tuple, np.ndarray)):
+        return [_jsonable(item) for item in value]
+    if isinstance(value, np.generic):
+        value = value.item()
+    return None if isinstance(value, float) and not math.isfinite(value) else value
+
+
+def _array(run):
+    return run.images.array or (run.info.array if run.info else None)
+
+
+def _tracked_length(real):
+    """Way along the true edge between the ends of the tracking [m]."""
+    along = real.along[real.touching]
+    return float(np.ptp(along)) if along.size else 0.0
+
+
+def _between(stamps, others):
+    if not len(others):
+        return stamps[:0]
+    return stamps[(stamps >= others[0]) & (stamps <= others[-1])]

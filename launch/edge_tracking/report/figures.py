@@ -1,0 +1,306 @@
+"""Pictures of a run along the edge of a scene."""
+
+from matplotlib.patches import Polygon
+import numpy as np
+
+from edge_tracking.recording.summary import latencies, settled_cycles
+from edge_tracking.report.style import (
+    BLUE,
+    EDGE_COLOUR,
+    ESTIMATE_COLOUR,
+    GREY,
+    INK,
+    mark_centre,
+    new_figure,
+    note,
+    ORANGE,
+    style,
+    tactels,
+)
+from tactile_sensing.types.contact import ContactType
+from tactile_servo.types import State
+from tactile_shape.cli.plots import draw_model
+from tactile_shape.contour.object_model import ObjectModel
+
+_SHADES = {
+    State.APPROACH: ('#eaf0f8', 'approach'), State.CORNER: ('#fff4d6', 'corner'),
+    State.SEARCH: ('#fdebd3', 'search'), State.RETREAT: ('#eaf0f8', 'lift off'),
+    State.HOLD: ('#fadcd9', 'hold'), State.TRACK: (None, 'track'),
+}
+# Of the run, shown enlarged [mm].
+DETAIL_LENGTH = 30.0
+
+
+def trajectory(run, scene, real):
+    """Path of the pad over the true edge, seen from above, and its first part enlarged."""
+    edge, path = (_from_above(scene, points) for points in (
+        scene.edge.points, run.poses.position))
+    height = np.ptp(edge[:, 1])
+    if height > 0.4 * np.ptp(edge[:, 0]):
+        figure = new_figure(10.0, 4.8)
+        whole, detail = figure.subplots(1, 2, width_ratios=(1, 1.2))
+    else:
+        figure = new_figure(10.0, 5.6)
+        whole, detail = figure.subplots(2, 1, height_ratios=(1, 1.5))
+    whole.plot(*edge.T, color=EDGE_COLOUR, linewidth=6, solid_capstyle='butt')
+    whole.plot(*path[real.touching].T, color=BLUE, linewidth=1.6)
+    _pads(whole, run, scene, real)
+    whole.set_aspect('equal')
+    style(whole, 'along the first edge [mm]', 'across [mm]',
+          'From above, equal axes')
+    _detail(detail, real)
+    return figure
+
+
+def _from_above(scene, points):
+    """Return horizontal coordinates [mm], `(N, 2)`, in which the first chord runs along x."""
+    along = scene.edge.tangent_at(0.0)[:2]
+    along = along / np.linalg.norm(along)
+    across = np.array([-along[1], along[0]])
+    relative = 1e3 * (np.asarray(points)[:, :2] - scene.edge.points[0, :2])
+    return relative @ np.stack([along, across], axis=1)
+
+
+def _pads(axes, run, scene, real):
+    touching, array = np.flatnonzero(real.touching), run.images.array
+    if not touching.size or array is None:
+        return
+    x, y = array.half_width_x, array.half_width_y
+    corners = np.array([[-x, -y, 0, 1], [x, -y, 0, 1], [x, y, 0, 1], [-x, y, 0, 1]])
+    for index in touching[[0, -1]]:
+        outline = (corners @ run.poses.matrix[index].T)[:, :3]
+        axes.add_patch(Polygon(_from_above(scene, outline), closed=True, facecolor='#1f5fa812',
+                               edgecolor=BLUE, linewidth=1.0))
+    axes.autoscale_view()
+
+
+def _detail(axes, real):
+    """Distance from the edge over the first way along it."""
+    style(axes, 'along the edge since first contact [mm]', 'centre left of the edge [mm]',
+          'The first part, across enlarged')
+    touching = np.flatnonzero(real.touching)
+    if not touching.size:
+        note(axes, 0.0, 0.0, 'The edge was never touched.')
+        return
+    first = touching[0]
+    way = 1e3 * np.abs(real.along - real.along[first])
+    lateral = 1e3 * real.lateral
+    axes.axhline(0.0, color=EDGE_COLOUR, linewidth=6, zorder=1)
+    axes.plot(way[touching], lateral[touching], color=BLUE, linewidth=1.8)
+    axes.plot(way[first], lateral[first], 'o', color=BLUE, markersize=6)
+    axes.set_xlim(-0.03 * DETAIL_LENGTH, DETAIL_LENGTH)
+    near = lateral[touching][way[touching] <= DETAIL_LENGTH]
+    low, high = min(near.min(), 0.0), max(near.max(), 0.0)
+    spread = max(high - low, 0.1)
+    axes.set_ylim(low - 0.2 * spread, high + 0.2 * spread)
+    down = abs(low) > high
+    note(axes, 0.02 * DETAIL_LENGTH, lateral[first] + (-0.1 if down else 0.1) * spread,
+          f'first contact, {abs(lateral[first]):.2f} mm off', BLUE)
+    note(axes, DETAIL_LENGTH, 0.1 * spread if down else -0.1 * spread, 'true edge', GREY,
+          ha='right')
+    settled = np.flatnonzero(real.settled)
+    if settled.size:
+        axes.axvline(way[settled[0]], color=GREY, linewidth=1.0, linestyle=':')
+        note(axes, way[settled[0]] + 0.01 * DETAIL_LENGTH, low + 0.6 * spread,
+              'the statistics count from here', GREY)
+
+
+def outline(run, scene, found):
+    """Outline rebuilt from touch over the true edge, and how far it is from it."""
+    figure = new_figure(10.0, 4.6)
+    plan, off = figure.subplots(1, 2, width_ratios=(1.2, 1))
+    plan.plot(*_from_above(scene, scene.edge.points).T, color=EDGE_COLOUR, linewidth=6,
+              solid_capstyle='butt')
+    plan.plot(*_from_above(scene, run.contour).T, '.', color=BLUE, markersize=2.5)
+    plan.plot(*_from_above(scene, found.points).T, color=ORANGE, linewidth=1.2)
+    plan.plot(*_from_above(scene, found.corners).T, 'o', color=ORANGE, markersize=5)
+    for side in found.sides:
+        x, y = _from_above(scene, side.points).mean(axis=0)
+        text = f'{1e3 * side.length:.2f} mm'
+        if side.kind == 'arc':
+            text += f', R {1e3 * side.radius:.1f}'
+        note(plan, x, y, text, ha='center')
+    plan.margins(0.1)
+    plan.set_aspect('equal')
+    style(plan, 'along the first edge [mm]', 'across [mm]',
+          'True edge, contacts (dots), outline (line)')
+    way = np.concatenate([[0.0], np.cumsum(
+        np.linalg.norm(np.diff(run.contour, axis=0), axis=1))])
+    lateral, _ = scene.edge.nearest(run.contour)
+    off.plot(1e3 * way, 1e3 * lateral, color=BLUE, linewidth=1.2)
+    style(off, 'along the contour [mm]', 'contacts left of the edge [mm]',
+          'Contacts against the true edge')
+    return figure
+
+
+def surface(run):
+    """Patches of the surface that was touched, coloured by what they are."""
+    model = ObjectModel()
+    for patch in run.patches:
+        model.add_contact(patch.frame[:3, 3])
+        model.add_patch(patch)
+    figure = new_figure(7.0, 6.0)
+    draw_model(figure.add_subplot(projection='3d'), model)
+    return figure
+
+
+def errors(run, summary, scene, real):
+    """Lateral error, true and measured, and force against its target, over time."""
+    figure = new_figure(10.0, 7.6)
+    wide, narrow, force = figure.subplots(3, 1, sharex=True, height_ratios=(1, 1, 1.15))
+    statuses = run.statuses
+    time, pose_time = run.seconds(statuses.stamp_ns), run.seconds(real.time_ns)
+    tracking, settled = settled_cycles(statuses)
+    measured = np.where(tracking, -1e3 * _left(run, scene, real) * statuses.lateral_error, np.nan)
+    true = np.where(real.touching, 1e3 * real.lateral, np.nan)
+    for axes in (wide, narrow):
+        axes.plot(time, measured, color=ORANGE, linewidth=0.7, label='measured by touch')
+        axes.plot(pose_time, true, color=BLUE, linewidth=1.5, label='true')
+    late = 1e3 * np.abs(real.lateral[real.settled])
+    if late.size:
+        seen = np.abs(measured[settled & np.isfinite(measured)])
+        bound = 1.3 * max(late.max(), np.percentile(seen, 99.5) if seen.size else 0.0, 0.005)
+        narrow.set_ylim(-bound, bound)
+    style(wide, '', 'lateral [mm]', "Pad's centre left of the edge")
+    style(narrow, '', 'lateral [mm]', 'The same, enlarged to what remains after settling')
+    wide.legend(loc='center right', fontsize=9.5, frameon=False)
+    _force(force, run, summary, real)
+    for axes in (wide, narrow, force):
+        _shade(axes, run, time, named=axes is wide)
+        if settled.any():
+            axes.axvline(time[np.flatnonzero(settled)[0]], color=GREY, linewidth=1.0,
+                         linestyle=':')
+    active = np.flatnonzero(statuses.state != State.IDLE)
+    if active.size:
+        wide.set_xlim(time[active[0]], time[active[-1]])
+    figure.align_ylabels()
+    return figure
+
+
+def _left(run, scene, real):
+    """+1 if the sensor's x points to the left of the edge, -1 if to the right."""
+    along = np.einsum('ij,ij->i', run.poses.matrix[:, :3, 1], scene.edge.tangent_at(real.along))
+    return 1.0 if along[real.touching].sum() >= 0.0 else -1.0
+
+
+def _force(axes, run, summary, real):
+    axes.plot(run.seconds(run.contacts.stamp_ns),
+              np.where(run.contacts.valid, run.contacts.normal_force, np.nan), color=ORANGE,
+              linewidth=0.7)
+    axes.plot(run.seconds(real.time_ns), real.force, color=BLUE, linewidth=1.5)
+    target = summary['force_target']
+    style(axes, 'time [s]', 'normal force [N]', 'Force on the pad')
+    if np.isfinite(target):
+        axes.axhline(target, color=INK, linewidth=1.0, linestyle=(0, (6, 4)))
+        axes.annotate(f'target {target:g} N', (0.995, target), (0, 5), fontsize=9.5,
+                      xycoords=('axes fraction', 'data'), textcoords='offset points',
+                      ha='right', va='bottom', color=INK)
+        largest = np.nanmax(real.force, initial=target)
+        axes.set_ylim(-0.04 * target, 1.2 * max(target, largest))
+
+
+def _shade(axes, run, time, named):
+    """Shade the states of the servo and name those that last."""
+    state = run.statuses.state
+    if not len(state):
+        return
+    starts = np.flatnonzero(np.diff(state, prepend=-1))
+    ends = np.append(starts[1:], len(state) - 1)
+    active = time[state != State.IDLE]
+    whole = np.ptp(active) if active.size else np.inf
+    for start, end in zip(starts, ends, strict=True):
+        colour, name = _SHADES.get(state[start], (None, ''))
+        if colour:
+            axes.axvspan(time[start], time[end], color=colour, linewidth=0, zorder=0)
+        share = (time[end] - time[start]) / whole
+        if named and name and share > 0.025:
+            axes.annotate(name, (0.5 * (time[start] + time[end]), 0.96), fontsize=9.5,
+                          xycoords=('data', 'axes fraction'), ha='center', va='top',
+                          rotation=90 if share < 0.1 else 0, color=GREY)
+
+
+def pictures(run):
+    """Tactile pictures of approach, first contact, steady tracking and the end."""
+    figure, images = new_figure(10.0, 3.0), run.images
+    chosen = [(f'{name}, {run.seconds(images.stamp_ns[index]):.2f} s', index)
+              for name, index in _moments(run)]
+    panels = tactels(figure, images, chosen, 'The recording has no pictures of the run.')
+    for axes, (_, index) in zip(panels, chosen, strict=True):
+        _estimate(axes, run, index)
+    return figure
+
+
+def _moments(run):
+    """Return names and indices of the pictures to show."""
+    statuses, stamps = run.statuses, run.images.stamp_ns
+    tracking, settled = (np.flatnonzero(mask) for mask in settled_cycles(statuses))
+    if not len(stamps):
+        return []
+    times = []
+    approach = np.flatnonzero(statuses.state == State.APPROACH)
+    if approach.size:
+        times.append(('approach', statuses.stamp_ns[approach[approach.size // 2]]))
+    if tracking.size:
+        times.append(('first contact', statuses.stamp_ns[tracking[0]]))
+    if settled.size:
+        times.append(('steady', statuses.stamp_ns[settled[settled.size // 2]]))
+    if tracking.size:
+        times.append(('end', statuses.stamp_ns[tracking[-1]]))
+    return [(name, min(int(np.searchsorted(stamps, time)), len(stamps) - 1))
+            for name, time in times]
+
+
+def _estimate(axes, run, index):
+    """Draw the estimated edge, or say that there is none."""
+    contacts, array = run.contacts, run.images.array
+    match = np.flatnonzero(contacts.stamp_ns == run.images.stamp_ns[index])
+    x, y = 1e3 * array.half_width_x, 1e3 * array.half_width_y
+    if match.size and contacts.valid[match[0]] and np.isfinite(contacts.yaw[match[0]]):
+        a, yaw = 1e3 * contacts.a[match[0]], contacts.yaw[match[0]]
+        reach = 2.0 * np.hypot(x, y) * np.array([-1.0, 1.0])
+        axes.plot(a - reach * np.sin(yaw), reach * np.cos(yaw), color=ESTIMATE_COLOUR,
+                  linewidth=2.0)
+        angle = round(np.degrees(yaw), 1) + 0.0  # no minus zero
+        text = f'a = {a:+.2f} mm, yaw = {angle:+.1f}\u00b0'
+    elif match.size and contacts.type[match[0]] == ContactType.OTHER:
+        mark_centre(axes, contacts.centre_of_pressure[match[0]])
+        text = 'no straight line'
+    else:
+        text = 'no valid contact'
+    axes.set_xlim(-x, x)
+    axes.set_ylim(-y, y)
+    axes.text(0.5, 0.03, text, transform=axes.transAxes, ha='center', va='bottom', fontsize=9,
+              color=INK, bbox={'facecolor': 'white', 'edgecolor': 'none', 'alpha': 0.85,
+                               'pad': 2.0})
+
+
+def latency(run, summary):
+    """Histogram of the time from a picture's last byte to the command that used it."""
+    figure = new_figure(7.5, 3.4)
+    axes = figure.subplots()
+    _, values = latencies(run)
+    style(axes, 'last byte to command [ms]', 'pictures')
+    if not len(values):
+        note(axes, 0.3, 0.5, 'No picture was used.')
+        return figure
+    values = 1e3 * values
+    period = 1e3 / summary['sensor_rate'] if summary['sensor_rate'] > 0 else np.nan
+    right = 1.1 * np.nanmax([period, np.percentile(values, 99.8)])
+    left = min(0.0, values.min())
+    axes.hist(np.clip(values, left, right), bins=np.linspace(left, right, 80), color=BLUE,
+              alpha=0.85)
+    axes.set_xlim(left, right)
+    top = axes.get_ylim()[1]
+    axes.set_ylim(0.0, 1.25 * top)
+    lines = [(1e3 * summary['latency_p50'], f'median {1e3 * summary["latency_p50"]:.2f} ms', INK),
+             (1e3 * summary['latency_p99'], f'99 %: {1e3 * summary["latency_p99"]:.2f} ms',
+              ORANGE),
+             (period, f'one picture, {period:.1f} ms', GREY)]
+    for level, (x, text, colour) in enumerate(lines):
+        if np.isfinite(x):
+            axes.axvline(x, color=colour, linewidth=1.5, linestyle='-' if level < 2 else '--')
+            leftwards = x > 0.6 * right
+            axes.annotate(text, (x, (1.18 - 0.12 * level) * top), (-5 if leftwards else 5, 0),
+                          textcoords='offset points', fontsize=9.5, color=colour,
+                          ha='right' if leftwards else 'left', va='center')
+    return figure

@@ -1,0 +1,219 @@
+"""One self-contained HTML page about a run, with pictures; nothing is loaded from outside."""
+
+import base64
+from dataclasses import dataclass
+from html import escape
+import math
+from pathlib import Path
+
+from edge_tracking.recording.frames_summary import force_series
+from edge_tracking.recording.summary import rebuilt_outline, truth
+from edge_tracking.report.report import figures
+from edge_tracking.report.report import frames_figures as recording_figures
+from edge_tracking.report.style import png
+
+_CSS = """
+:root { color-scheme: light; }
+body { margin: 0 auto; max-width: 62rem; padding: 1rem 1.1rem 3rem; background: #fff;
+  color: #22262b; font: 16px/1.5 system-ui, -apple-system, 'Segoe UI', Roboto, sans-serif; }
+h1 { font-size: 1.55rem; line-height: 1.25; margin: .6rem 0 .2rem; }
+h2 { font-size: 1.15rem; margin: 2.2rem 0 .4rem; }
+p { margin: .3rem 0 .8rem; max-width: 46rem; }
+.verdict { display: inline-block; padding: .1rem .6rem; border-radius: .3rem; color: #fff;
+  background: #3a8a4d; font-weight: 600; font-size: .95rem; }
+.verdict.bad { background: #b8372b; }
+.numbers { display: grid; grid-template-columns: repeat(auto-fill, minmax(9.5rem, 1fr));
+  gap: .5rem; margin: 1rem 0 0; padding: 0; }
+.numbers div { border: 1px solid #dfe2e7; border-radius: .4rem; padding: .45rem .7rem; }
+.numbers dt { font-size: .82rem; color: #555a61; }
+.numbers dd { margin: 0; font-size: 1.2rem; font-weight: 600; white-space: nowrap; }
+figure { margin: .4rem 0 0; }
+img { display: block; width: 100%; height: auto; }
+.picture { overflow-x: auto; }
+.picture img { min-width: 34rem; }
+.narrow { max-width: 44rem; }
+figcaption, footer { font-size: .87rem; color: #555a61; }
+@media print { .picture img { min-width: 0; } }
+"""
+
+
+@dataclass(frozen=True)
+class Row:
+    """How a number of the summary is shown: label, factor to the unit, decimals."""
+
+    key: str
+    label: str
+    unit: str
+    factor: float = 1.0
+    decimals: int = 1
+
+
+ROWS = (
+    Row('tracked_length', 'Tracked length', 'mm', 1e3),
+    Row('lateral_rms', 'Lateral error, RMS', 'mm', 1e3, 3),
+    Row('lateral_max', 'Lateral error, largest', 'mm', 1e3, 3),
+    Row('lateral_transient_max', 'Largest before settling', 'mm', 1e3, 2),
+    Row('force_target', 'Force wanted', 'N', 1.0, 2),
+    Row('force_rms_error', 'Force error, RMS', 'N', 1.0, 3),
+    Row('force_max', 'Largest force', 'N', 1.0, 2),
+    Row('contour_max_error', 'Rebuilt outline within', 'mm', 1e3, 3),
+    Row('speed', 'Speed', 'mm/s', 1e3),
+    Row('duration', 'Duration', 's', 1.0, 2),
+    Row('sensor_rate', 'Pictures', 'Hz'),
+    Row('control_rate', 'Control', 'Hz'),
+    Row('missed_cycles', 'Missed cycles', '', 1.0, 0),
+    Row('latency_p50', 'Latency, median', 'ms', 1e3, 2),
+    Row('latency_p99', 'Latency, 99 %', 'ms', 1e3, 2),
+    Row('cpu_per_cycle', 'CPU per control cycle', 'ms', 1e3, 3),
+)
+RECORDING_ROWS = (
+    Row('presses', 'Presses', '', 1.0, 0),
+    Row('duration', 'Duration', 's'),
+    Row('frames', 'Pictures', '', 1.0, 0),
+    Row('lost_frames', 'Lost pictures', '', 1.0, 0),
+    Row('sensor_rate', 'Rate', 'Hz', 1.0, 2),
+    Row('latency_p50', 'Estimate after, median', 'ms', 1e3, 2),
+    Row('latency_p99', 'Estimate after, 99 %', 'ms', 1e3, 2),
+)
+
+
+def make_report(run, summary, scene, path):
+    """
+    Write the report of a run along the edge of a scene.
+
+    Parameters
+    ----------
+    run : RunData
+    summary : dict
+        By `summary.summarise`.
+    scene : Scene
+    path : str or os.PathLike
+        HTML file to write.
+    """
+    real = truth(run, scene)
+    sections = [
+        ('Path of the pad', figures.trajectory(run, scene, real),
+         'Centre of the pad over the true edge, with the outline of the pad at first contact '
+         f'and at the end. The run begins '
+         f'{1e3 * abs(scene.start.offset):.1f} mm beside the edge; the detail shows how touch '
+         "takes that away. Positions are from the robot's forward kinematics, errors against "
+         'the scene, which only the mock sensor knows.', ''),
+        ('Lateral error and force', figures.errors(run, summary, scene, real),
+         'True: from pose and scene. Measured: what the contact estimate gave the servo. '
+         'The statistics count from the dotted line, 10 mm after first contact; those of the '
+         'force only while the edge crosses the whole pad.', ''),
+        ('Tactile pictures', figures.pictures(run),
+         'Pressure over the pad, compression positive, with the estimated edge drawn in where '
+         'the estimate is a valid line; the cross is the centre of pressure where what touches '
+         'is no straight line, as on a curve or at the end of the edge.', ''),
+        ('Latency', figures.latency(run, summary),
+         'From the last byte of a picture at the driver to the end of the first control cycle '
+         'that used it. Later ones than the axis shows are in its last bar.', 'narrow'),
+    ]
+    found = rebuilt_outline(run)
+    if found is not None:
+        sections.insert(2, (
+            'Rebuilt outline', figures.outline(run, scene, found),
+            'Lines, arcs and corners, as few as the contacts along the edge allow. Each contact '
+            'is a point of the fitted line or, on a curve and at a corner, of the ridge of the '
+            'picture, put into the base by the pose of the robot.', ''))
+    if run.patches:
+        sections.append((
+            'Surface', figures.surface(run),
+            'Where a surface was touched: patches of second order, coloured by the least one '
+            'that explains the contacts, and the way of the contact.', 'narrow'))
+    verdict = ('Edge tracked' if summary['ok'] else 'Edge not tracked', summary['ok'])
+    rms, largest = summary['lateral_rms'], summary['lateral_max']
+    title = f'Scene \u201c{scene.name}\u201d at {1e3 * summary["speed"]:.0f} mm/s' if _known(
+        summary['speed']) else f'Scene \u201c{scene.name}\u201d'
+    lead = f'{summary["reason"]}.'
+    if _known(rms):
+        lead += (f" The pad's centre stayed within {1e3 * largest:.3f} mm of the true edge, "
+                 f'{1e3 * rms:.3f} mm RMS, over {1e3 * summary["tracked_length"]:.0f} mm.')
+    _write(path, title, verdict, lead, _rows(summary, ROWS), sections,
+           f'{scene.description} Controller: {summary["controller"]}. Last state: '
+           f'{summary["state"]}.' + (f' Seed of the noise: {summary["seed"]}.'
+                                     if summary.get('seed') is not None else ''))
+
+
+def make_recording_report(run, summary, path):
+    """
+    Write the report of a recording that ran through driver and estimator.
+
+    Parameters
+    ----------
+    run : RunData
+    summary : dict
+        By `recording_summary.summarise_recording`.
+    path : str or os.PathLike
+        HTML file to write.
+    """
+    series = force_series(run)
+    sections = []
+    if len(series.time):
+        sections = [
+            ('Force and centre of pressure over time', recording_figures.force_over_time(series),
+             'Force is the zeroth moment of the picture. Without a calibration it is in counts '
+             'times area and says nothing about newtons. The centre of pressure is shown where '
+             'the force is above a tenth of its largest value.', ''),
+            ('Presses', recording_figures.press_pictures(run, series),
+             'The picture at the peak of each press, with its centre of pressure.', ''),
+            ('Path of the centre of pressure', recording_figures.centre_path(run, series),
+             'The frame is the array; the colour is the force.', ''),
+        ]
+    types = ', '.join(f'{count} {name}' for name, count in summary['contact_types'].items()
+                      if count) or 'none'
+    count, largest = summary['presses'], summary['force_max']
+    lead = f'{count} press' + ('' if count == 1 else 'es')
+    if _known(largest):
+        factor, unit = recording_figures.force_unit(series)
+        lead += f'; the largest force is {factor * largest:.4g} {unit}'
+    verdict = ('Recording played' if summary['ok'] else 'No pictures', summary['ok'])
+    _write(path, f'Recording, {summary["rows"]} \u00d7 {summary["columns"]} tactels', verdict,
+           f'{lead}. Contacts by type: {types}.', _rows(summary, RECORDING_ROWS), sections,
+           summary.get('reason', ''))
+
+
+def picture(run, scene, path):
+    """Save the main picture, the path of the pad over the true edge, as PNG."""
+    Path(path).write_bytes(png(figures.trajectory(run, scene, truth(run, scene))))
+
+
+# --- page ---------------------------------------------------------------------------------------
+
+def _write(path, title, verdict, lead, rows, sections, footer):
+    text, good = verdict
+    numbers = ''.join(
+        f'<div><dt>{escape(label)}</dt><dd>{escape(value)}</dd></div>' for label, value in rows)
+    parts = []
+    for heading, figure, caption, kind in sections:
+        data = base64.b64encode(png(figure)).decode('ascii')
+        parts.append(
+            f'<h2>{escape(heading)}</h2>\n<figure class="{kind}"><div class="picture">'
+            f'<img alt="{escape(heading)}" src="data:image/png;base64,{data}"></div>'
+            f'<figcaption><p>{escape(caption)}</p></figcaption></figure>')
+    Path(path).write_text(
+        '<!DOCTYPE html>\n<html lang="en"><head><meta charset="utf-8">'
+        '<meta name="viewport" content="width=device-width, initial-scale=1">'
+        f'<title>{escape(title)}</title><style>{_CSS}</style></head><body>\n'
+        f'<h1>{escape(title)}</h1>\n'
+        f'<p><span class="verdict{"" if good else " bad"}">{escape(text)}</span></p>\n'
+        f'<p>{escape(lead)}</p>\n<dl class="numbers">{numbers}</dl>\n'
+        + '\n'.join(parts) + f'\n<footer><p>{escape(footer)}</p></footer>\n</body></html>\n',
+        encoding='utf-8')
+
+
+def _rows(summary, rows):
+    """Return (label, value with unit) of what the summary has."""
+    shown = []
+    for row in rows:
+        value = summary.get(row.key)
+        if value is None:
+            continue
+        text = f'{row.factor * value:.{row.decimals}f}' if math.isfinite(value) else '\u2013'
+        shown.append((row.label, f'{text} {row.unit}'.strip()))
+    return shown
+
+
+def _known(value):
+    return value is not None and math.isfinite(value)

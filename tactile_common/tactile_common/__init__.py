@@ -1,0 +1,1 @@
+"""What all packages share: errors, configuration, geometry, compiled kernels, ROS helpers."""

@@ -1,0 +1,1 @@
+"""ROS helpers: running nodes, parameters from dataclasses, time and pose conversions."""

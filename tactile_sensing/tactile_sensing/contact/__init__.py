@@ -1,0 +1,1 @@
+"""Contact estimation: the least model that explains a tactile image."""

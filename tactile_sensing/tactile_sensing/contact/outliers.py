@@ -1,0 +1,143 @@
+"""What mends a frame that a load explains but for a fault of the sensor; all compiled."""
+
+import numpy as np
+
+from tactile_common.kernels import njit
+from tactile_sensing.contact.gauss_newton import fit_frame, SQUARED
+
+DRIFT_EVIDENCE = 4.0  # standard errors of the median that are a drift
+MAX_DRIFT = 0.1  # of the peak; more is a load of its own
+UNLOADED = 0.02  # of the peak: what presses less shows the baseline
+MIN_UNLOADED = 8  # tactels that a median is taken of
+OUTLIER = 5.0  # standard deviations, model error included, that no tactel may be off
+MAX_OUTLIERS = 0.25  # of the loaded tactels; more is a contact of another kind
+MAX_OUTLIERS_AROUND = 3  # of the eight around one; likewise
+DEPTH_STEPS = 0.05, 0.02, 0.01  # relative differences by which the depth is searched
+LONGEST_DEPTH_STEP = 0.15
+
+
+@njit(error_model='numpy')
+def _unloaded_median(left, model, limit, values):
+    """Median and number of what is left where the load presses less than a limit."""
+    n = 0
+    for i in range(left.size):
+        rest = left.flat[i]
+        if abs(model.flat[i]) <= limit and np.isfinite(rest):
+            values[n] = rest
+            n += 1
+    return (np.median(values[:n]) if n >= MIN_UNLOADED else 0.0), n
+
+
+@njit(error_model='numpy')
+def take_off_drift(stress, left, model, layers, values, first):
+    """
+    Subtract from every layer the median of its unloaded tactels; whether it did.
+
+    The first time only where that is more than noise; then to its end. In place of the
+    border's median, which has fewer tactels and, under an edge, loaded ones.
+    """
+    found = False
+    for k in range(stress.shape[0]):
+        if layers[k, 5] > 0.0:  # a threshold leaves the upper part of the noise, not a drift
+            continue
+        noise, largest = layers[k, 1], max(model[k].max(), -model[k].min())
+        median, n = _unloaded_median(left[k], model[k], max(noise, UNLOADED * largest), values)
+        enough = DRIFT_EVIDENCE * 1.2533 * noise / np.sqrt(max(n, 1)) if first else 0.0
+        if enough < abs(median) <= MAX_DRIFT * largest:
+            for r in range(stress.shape[1]):
+                for c in range(stress.shape[2]):
+                    stress[k, r, c] -= median
+            found = True
+    return found
+
+
+@njit(error_model='numpy')
+def _is_off(left, model, noise, model_error):
+    allowed = model_error * model
+    return left * left > OUTLIER * OUTLIER * (noise * noise + allowed * allowed)
+
+
+@njit(error_model='numpy')
+def any_off(left, model, layers, model_error):
+    """Whether a tactel contradicts the load."""
+    for k in range(left.shape[0]):
+        for r in range(left.shape[1]):
+            for c in range(left.shape[2]):
+                if _is_off(left[k, r, c], model[k, r, c], layers[k, 1], model_error):
+                    return True
+    return False
+
+
+@njit(error_model='numpy')
+def leave_out_outliers(stress, left, model, layers, model_error):
+    """
+    Set tactels that contradict the load to NaN.
+
+    False, and nothing done, where they are many or close together: then it is the load that
+    is wrong.
+    """
+    off = loaded = 0
+    for k in range(left.shape[0]):
+        for r in range(left.shape[1]):
+            for c in range(left.shape[2]):
+                wrong = _is_off(left[k, r, c], model[k, r, c], layers[k, 1], model_error)
+                off += wrong
+                loaded += wrong or abs(model[k, r, c]) > OUTLIER * layers[k, 1]
+                if not wrong:
+                    continue
+                around = -1
+                for i in range(max(r - 1, 0), min(r + 2, left.shape[1])):
+                    for j in range(max(c - 1, 0), min(c + 2, left.shape[2])):
+                        around += _is_off(
+                            left[k, i, j], model[k, i, j], layers[k, 1], model_error)
+                if around > MAX_OUTLIERS_AROUND:
+                    return False
+    if off == 0 or off > MAX_OUTLIERS * loaded:
+        return False
+    for k in range(left.shape[0]):
+        for r in range(left.shape[1]):
+            for c in range(left.shape[2]):
+                if _is_off(left[k, r, c], model[k, r, c], layers[k, 1], model_error):
+                    stress[k, r, c] = np.nan
+    return True
+
+
+@njit(error_model='numpy')
+def at_depth(layers, factor, scaled):
+    """Layers with all depths multiplied."""
+    for k in range(layers.shape[0]):
+        scaled[k, 0] = layers[k, 0] * factor
+        scaled[k, 1], scaled[k, 2] = layers[k, 1], layers[k, 2]
+        scaled[k, 3], scaled[k, 4] = layers[k, 3] / factor, layers[k, 4] / factor
+        scaled[k, 5] = layers[k, 5]
+
+
+@njit(error_model='numpy')
+def fit_depth(kind, stress, sensor, layers, scaled, forces, model_error, work, found, slope):
+    """
+    Factor on all depths that leaves least, its variance, and how theta moves with it (slope).
+
+    The squared error is a parabola about its least; three fits give it. NaN if it has none.
+    """
+    factor, variance = 1.0, np.inf
+    errors = np.empty(3)
+    theta = found[0]
+    for step in DEPTH_STEPS:
+        for i in range(3):
+            at_depth(layers, factor + (i - 1) * step, scaled)
+            if not fit_frame(
+                    kind, stress, sensor, scaled, forces, model_error, np.inf, work, found):
+                return np.nan, np.inf
+            errors[i] = found[2][SQUARED]
+            for j in range(5):  # at last the slope between the outer two
+                if i == 0:
+                    slope[j] = theta[j]
+                elif i == 2:
+                    slope[j] = (theta[j] - slope[j]) / (2.0 * step)
+        curvature = (errors[0] - 2.0 * errors[1] + errors[2]) / step**2
+        if not curvature > 0.0:
+            return np.nan, np.inf
+        variance = 2.0 / curvature
+        move = -(errors[2] - errors[0]) / (2.0 * step) / curvature
+        factor += min(max(move, -LONGEST_DEPTH_STEP), LONGEST_DEPTH_STEP)
+    return factor, variance

@@ -1,0 +1,190 @@
+"""Ridge of a picture: points of the edge under the pad, from the least of p^(-1/2)."""
+
+import math
+
+import numpy as np
+
+from tactile_common.kernels import njit
+
+DETECTION = 5.0  # standard deviations of one tactel that a ridge must reach
+FAINT = 0.12  # of the highest pressure; less is no ridge beside a stronger one
+OFFSET = 0.6  # pitches from the middle of a tactel within which its ridge point lies
+NOISY = 0.05  # noise, of the peak, from which the picture is smoothed first
+WIDEST = 3.0  # depths that the width d of (3.1) may seem to be, of two legs that merge as well
+_DIRECTIONS = ((0, 1), (1, 0), (1, 1), (1, -1))  # steps to a neighbour: row, column
+COLUMNS = 6  # x, y, direction x, y, pressure, quality
+
+
+def ridge_points(pressure, array, noise, depth):
+    """
+    Points of the ridge of a pressure picture.
+
+    Across a straight line load p^(-1/2) is an exact parabola (3.1), so that its least is
+    found without bias from 3 x 3 tactels, along the line or across the rows alike; around
+    every tactel the quadratic surface that fits it best is weighted by the noise of
+    p^(-1/2), which is as p^(-3). Each point carries the direction of the ridge.
+
+    Parameters
+    ----------
+    pressure : ndarray, shape (rows, columns)
+        [Pa]; NaN where a tactel is invalid.
+    array : TactelArray
+    noise : float
+        Standard deviation of one tactel [Pa].
+    depth : float
+        Of the tactels below the surface [m]; a ridge that is much wider is none of an edge.
+
+    Returns
+    -------
+    ndarray, shape (N, 6)
+        Position x, y [m], direction x, y (of either sense), pressure on the ridge [Pa] and
+        quality: 1 for a straight ridge, 0 for a round spot.
+    """
+    mended = mend(np.ascontiguousarray(pressure, dtype=np.float64), noise)
+    peak = float(mended.max(initial=0.0))
+    if not peak > DETECTION * noise or min(mended.shape) < 3:
+        return np.empty((0, COLUMNS))
+    if noise > NOISY * peak:
+        mended, noise = _smoothed(mended), 0.375 * noise
+    floor = max(DETECTION * noise, FAINT * peak)
+    return _ridge(mended, array.x, array.y, floor, noise, (WIDEST * depth)**2)
+
+
+@njit(cache=True)
+def mend(pressure, noise):
+    """
+    Fill invalid tactels, and those that report too little between loaded ones.
+
+    A tactel that lies lower than both neighbours in every direction is broken: no line load
+    makes such a pit. It takes the mean of the opposite neighbours that agree best, which are
+    those along the ridge.
+    """
+    mended = pressure.copy()
+    rows, columns = pressure.shape
+    for r in range(rows):
+        for c in range(columns):
+            here = pressure[r, c]
+            valid = math.isfinite(here)
+            pit, known, best, value = True, 0, np.inf, 0.0
+            for dr, dc in _DIRECTIONS:
+                if not (0 <= r - dr and r + dr < rows
+                        and 0 <= min(c - dc, c + dc) and max(c - dc, c + dc) < columns):
+                    continue
+                one, other = pressure[r - dr, c - dc], pressure[r + dr, c + dc]
+                low, high = min(one, other), max(one, other)
+                if not math.isfinite(one + other):
+                    continue
+                known += 1
+                if not here < 0.7 * low - 3.0 * noise:
+                    pit = False
+                    if valid:  # and so it stays, whatever the other directions say
+                        break
+                if high - low < best * max(high, noise):
+                    best, value = (high - low) / max(high, noise), 0.5 * (low + high)
+            if not valid or (pit and known >= 2):
+                mended[r, c] = value
+    return mended
+
+
+@njit(cache=True)
+def centre_of_load(pressure, x, y, share):
+    """
+    Centre of pressure (x, y) of the tactels above a share of the peak [m].
+
+    The middle of the array where nothing presses.
+    """
+    floor = share * pressure.max()
+    total = mx = my = 0.0
+    for r in range(len(y)):
+        for c in range(len(x)):
+            p = pressure[r, c]
+            if p > floor:
+                total, mx, my = total + p, mx + p * x[c], my + p * y[r]
+    return (mx / total, my / total) if total > 0.0 else (0.0, 0.0)
+
+
+@njit(cache=True)
+def _smoothed(p):
+    """Binomial mean over 3 x 3 tactels, mirrored at the border."""
+    rows, columns = p.shape
+    out = np.zeros_like(p)
+    for r in range(rows):
+        for c in range(columns):
+            for dr in range(-1, 2):
+                for dc in range(-1, 2):
+                    weight = (2 - abs(dr)) * (2 - abs(dc)) / 16.0
+                    rr = min(max(r + dr, 0), rows - 1)
+                    cc = min(max(c + dc, 0), columns - 1)
+                    out[r, c] += weight * p[rr, cc]
+    return out
+
+
+@njit(cache=True)
+def _ridge(p, x, y, floor, noise, widest):
+    rows, columns = p.shape
+    found = np.empty((rows * columns, 6))
+    count = 0
+    pitch_x, pitch_y = x[1] - x[0], y[1] - y[0]
+    for r in range(1, rows - 1):
+        for c in range(1, columns - 1):
+            if p[r, c] < floor or not _high(p, r, c):
+                continue
+            f0, gx, gy, hxx, hxy, hyy = _quadratic(p, r, c, pitch_x, pitch_y, noise)
+            middle, half = 0.5 * (hxx + hyy), 0.5 * (hxx - hyy)
+            root = math.hypot(half, hxy)
+            steep, flat = middle + root, middle - root
+            if not steep > 0.0:
+                continue
+            angle = 0.5 * math.atan2(hxy, half)  # of the direction across the ridge
+            nx, ny = math.cos(angle), math.sin(angle)
+            across = -(gx * nx + gy * ny) / steep
+            dx, dy = across * nx, across * ny
+            if abs(dx) > OFFSET * pitch_x or abs(dy) > OFFSET * pitch_y:
+                continue
+            least = f0 - 0.5 * steep * across * across
+            # Across a line load p^(-1/2) is as v^2 + d^2.
+            if not (least > 0.0 and 2.0 * least < widest * steep):
+                continue
+            found[count, 0], found[count, 1] = x[c] + dx, y[r] + dy
+            found[count, 2], found[count, 3] = -ny, nx
+            found[count, 4] = 1.0 / least**2
+            found[count, 5] = max(1.0 - abs(flat) / steep, 0.0)
+            count += 1
+    return found[:count].copy()
+
+
+@njit(cache=True)
+def _high(p, r, c):
+    """Whether a tactel is higher than both neighbours in some direction."""
+    here = p[r, c]
+    return ((here >= p[r, c - 1] and here >= p[r, c + 1])
+            or (here >= p[r - 1, c] and here >= p[r + 1, c])
+            or (here >= p[r - 1, c - 1] and here >= p[r + 1, c + 1])
+            or (here >= p[r - 1, c + 1] and here >= p[r + 1, c - 1]))
+
+
+@njit(cache=True)
+def _quadratic(p, r, c, pitch_x, pitch_y, noise):
+    """Value, gradient (2) and Hessian (3) of the quadratic surface through p^(-1/2)."""
+    normal = np.zeros((6, 7))
+    row = np.empty(7)
+    low = max(0.02 * p[r, c], 0.5 * noise)
+    for dr in range(-1, 2):
+        for dc in range(-1, 2):
+            value = max(p[r + dr, c + dc], low)
+            weight = (value / p[r, c])**3
+            row[0], row[1], row[2] = 1.0, dc, dr
+            row[3], row[4], row[5] = 0.5 * dc * dc, dc * dr, 0.5 * dr * dr
+            row[6] = 1.0 / math.sqrt(value)
+            for i in range(6):
+                for j in range(7):
+                    normal[i, j] += weight * row[i] * row[j]
+    for i in range(6):  # elimination; the normal matrix is positive definite
+        for k in range(6):
+            if k != i:
+                factor = normal[k, i] / normal[i, i]
+                for j in range(i, 7):
+                    normal[k, j] -= factor * normal[i, j]
+    s = [normal[i, 6] / normal[i, i] for i in range(6)]
+    return (s[0], s[1] / pitch_x, s[2] / pitch_y,
+            s[3] / pitch_x**2, s[4] / (pitch_x * pitch_y), s[5] / pitch_y**2)

@@ -1,0 +1,1 @@
+"""Devices: serial protocols, calibration from counts to pressure, recordings."""

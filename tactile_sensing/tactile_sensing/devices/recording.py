@@ -1,0 +1,120 @@
+"""Recordings of tactile frames in `.npz` files, with `frames` and `rate_hz`."""
+from dataclasses import dataclass
+import math
+import zipfile
+import zlib
+
+import numpy as np
+
+from tactile_common.errors import ConfigurationError
+
+MAX_RATE = 10e3
+
+
+@dataclass(frozen=True, eq=False)
+class Recording:
+    """
+    Frames of one sensor, evenly spaced in time.
+
+    Parameters
+    ----------
+    frames : np.ndarray
+        Values in the unit of the recorder, shape `(N, rows, columns)`, N >= 1; NaN = no tactel.
+    rate_hz : float
+        Frames per second [Hz].
+    pitch : float, optional
+        Distance between tactels [m]; None = unknown.
+
+    Raises
+    ------
+    ConfigurationError
+        A shape, type or value is impossible.
+    """
+
+    frames: np.ndarray
+    rate_hz: float
+    pitch: float | None = None
+
+    def __post_init__(self):
+        frames = np.asarray(self.frames)
+        if frames.ndim != 3 or 0 in frames.shape:
+            raise ConfigurationError(
+                f'frames has shape {frames.shape}, must be (N, rows, columns), none of them 0')
+        if frames.dtype.kind not in 'uif':
+            raise ConfigurationError(f'frames is of type {frames.dtype}, must be of real numbers')
+        object.__setattr__(self, 'frames', frames)
+        if not 0.0 < self.rate_hz <= MAX_RATE:  # NaN fails as well
+            raise ConfigurationError(
+                f'rate_hz is {self.rate_hz}, must be above 0 and at most {MAX_RATE:g} Hz')
+        if self.pitch is not None and not 0.0 < self.pitch < 1.0:
+            raise ConfigurationError(f'pitch_m is {self.pitch}, must be between 0 and 1 m')
+
+    @property
+    def shape(self) -> tuple:
+        """Shape of one frame, `(rows, columns)`."""
+        return self.frames.shape[1:]
+
+    def counts(self):
+        """
+        Return the frames as bytes that a sensor of eight bits could have sent.
+
+        NaN becomes 0; everything else is rounded and clipped to 0..255.
+
+        Returns
+        -------
+        counts : np.ndarray
+            Shape `(N, rows, columns)`, uint8.
+        clipped : int
+            How many values were clipped by more than rounding.
+        """
+        with np.errstate(invalid='ignore'):
+            values = np.where(np.isnan(self.frames), 0, np.rint(self.frames))
+        clipped = int(np.count_nonzero((values < 0) | (values > 255)))
+        return np.clip(values, 0, 255).astype(np.uint8), clipped
+
+
+def load_recording(path) -> Recording:
+    """
+    Read a recording.
+
+    Parameters
+    ----------
+    path : str or os.PathLike
+        NumPy archive with `frames` `(N, rows, columns)`, `rate_hz` and, optionally, `pitch_m`.
+
+    Returns
+    -------
+    Recording
+
+    Raises
+    ------
+    ConfigurationError
+        The file cannot be read, or an array in it is missing or impossible.
+    """
+    try:
+        archive = np.load(path, allow_pickle=False)
+        if not isinstance(archive, np.lib.npyio.NpzFile):
+            raise ConfigurationError('is not an .npz archive')
+        with archive:
+            for name in ('frames', 'rate_hz'):
+                if name not in archive:
+                    raise ConfigurationError(
+                        f"array '{name}' is missing, there are {sorted(archive.files)}")
+            return Recording(
+                frames=archive['frames'],
+                rate_hz=_scalar('rate_hz', archive['rate_hz']),
+                pitch=_scalar('pitch_m', archive['pitch_m']) if 'pitch_m' in archive else None,
+            )
+    except ConfigurationError as error:
+        raise ConfigurationError(f'recording {path}: {error}') from error
+    except OSError as error:
+        raise ConfigurationError(
+            f'recording {path}: cannot be read: {error.strerror or error}') from error
+    except (ValueError, EOFError, zipfile.BadZipFile, zlib.error, MemoryError) as error:
+        raise ConfigurationError(f'recording {path}: is not an .npz archive of numbers') from error
+
+
+def _scalar(name, value):
+    if value.size != 1 or value.dtype.kind not in 'uif' or not math.isfinite(value.item()):
+        raise ConfigurationError(f'{name} is {value.tolist()!r:.60}, must be one finite number')
+    return float(value.item())

@@ -1,0 +1,1 @@
+"""Moments of a tactile image and the closed forms of the thesis."""

@@ -1,0 +1,1 @@
+"""Plain data: tactel array, tactile image, contact."""

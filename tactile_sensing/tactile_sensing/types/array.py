@@ -1,0 +1,87 @@
+"""Geometry of a rectangular tactile array."""
+from dataclasses import dataclass
+from functools import cached_property
+import math
+
+import numpy as np
+
+from tactile_common.errors import ConfigurationError
+
+
+@dataclass(frozen=True)
+class TactelArray:
+    """
+    Rectangular array of tactels, centred on the origin of the sensor frame.
+
+    Images of it have the shape `(rows, columns)`; x runs along increasing column and y along
+    increasing row.
+
+    Parameters
+    ----------
+    rows, columns : int
+        Tactels along y and along x.
+    pitch_x, pitch_y : float
+        Distance between columns and between rows [m].
+
+    Raises
+    ------
+    ConfigurationError
+        A size is not a positive integer or a pitch is not a positive length.
+    """
+
+    rows: int
+    columns: int
+    pitch_x: float
+    pitch_y: float
+
+    def __post_init__(self):
+        for name in ('rows', 'columns'):
+            value = getattr(self, name)
+            if isinstance(value, bool) or not isinstance(value, (int, np.integer)) or value < 1:
+                raise ConfigurationError(f'{name} is {value!r}, must be an integer of at least 1')
+        for name in ('pitch_x', 'pitch_y'):
+            value = getattr(self, name)
+            if not (isinstance(value, (int, float, np.floating))
+                    and math.isfinite(value) and value > 0):
+                raise ConfigurationError(f'{name} is {value!r}, must be a positive length [m]')
+
+    @property
+    def shape(self) -> tuple:
+        """Shape of an image, `(rows, columns)`."""
+        return self.rows, self.columns
+
+    @cached_property
+    def x(self) -> np.ndarray:
+        """Centres of the columns [m], shape `(columns,)`, read-only."""
+        return _centres(self.columns, self.pitch_x)
+
+    @cached_property
+    def y(self) -> np.ndarray:
+        """Centres of the rows [m], shape `(rows,)`, read-only."""
+        return _centres(self.rows, self.pitch_y)
+
+    @property
+    def size_x(self) -> float:
+        """Extent along x, outer borders of the tactels included [m]."""
+        return self.columns * self.pitch_x
+
+    @property
+    def size_y(self) -> float:
+        """Extent along y, outer borders of the tactels included [m]."""
+        return self.rows * self.pitch_y
+
+    @property
+    def half_width_x(self) -> float:
+        """Half of `size_x` [m]."""
+        return 0.5 * self.size_x
+
+    @property
+    def half_width_y(self) -> float:
+        """Half of `size_y` [m]."""
+        return 0.5 * self.size_y
+
+
+def _centres(count, pitch):
+    centres = (np.arange(count) - 0.5 * (count - 1)) * pitch
+    centres.flags.writeable = False
+    return centres

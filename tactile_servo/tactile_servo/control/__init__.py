@@ -1,0 +1,1 @@
+"""Controllers that servo laws share."""

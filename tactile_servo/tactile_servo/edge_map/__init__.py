@@ -1,0 +1,1 @@
+"""The edge as the pictures drew it: path, corners, ends."""

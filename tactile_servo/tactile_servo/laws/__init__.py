@@ -1,0 +1,1 @@
+"""Servo laws, and the registry of them."""

@@ -1,0 +1,1 @@
+"""Robot motion: kinematics, limits, windows of joint trajectory."""

@@ -1,0 +1,175 @@
+"""Limits that no command can pass, whatever the servo wants."""
+
+from dataclasses import dataclass
+from functools import cached_property
+import math
+
+import numpy as np
+
+from tactile_common.errors import ConfigurationError
+from tactile_common.kernels import njit
+
+# What bounds a motion most; those that end with a space are of one joint.
+KINDS = ('', 'velocity of ', 'position of ', 'acceleration of ', 'velocity not finite')
+_FREE, _VELOCITY, _POSITION, _ACCELERATION, _NOT_FINITE = range(len(KINDS))
+
+
+@dataclass(frozen=True)
+class JointLimits:
+    """
+    Limits of each joint and the time within which the arm can always stop.
+
+    Parameters
+    ----------
+    names : tuple of str
+    lower, upper : ndarray, shape (n,)
+        Positions that the limiter keeps to, margin included [rad]; may be infinite.
+    velocity, acceleration : ndarray, shape (n,)
+        Largest magnitudes, > 0 [rad/s, rad/s^2].
+    """
+
+    names: tuple
+    lower: np.ndarray
+    upper: np.ndarray
+    velocity: np.ndarray
+    acceleration: np.ndarray
+
+    def __post_init__(self):
+        for name in ('lower', 'upper', 'velocity', 'acceleration'):
+            values = np.asarray(getattr(self, name), dtype=float)
+            if values.shape != (len(self.names),):
+                raise ConfigurationError(
+                    f'{name}: {values.shape} values for {len(self.names)} joints')
+            object.__setattr__(self, name, values)
+        for joint, low, high, fast, hard in zip(
+                self.names, self.lower, self.upper, self.velocity, self.acceleration,
+                strict=True):
+            if not low < high:
+                raise ConfigurationError(f'{joint}: lower limit {low} is not below upper {high}')
+            if not (0.0 < fast < np.inf and 0.0 < hard < np.inf):
+                raise ConfigurationError(
+                    f'{joint}: velocity {fast} and acceleration {hard} must be above 0')
+
+    @cached_property
+    def stopping_time(self):
+        """Time to stop any joint from its velocity limit [s]."""
+        return float(np.max(self.velocity / self.acceleration))
+
+def limit_velocities(limits, positions, previous, wanted, dt):
+    """
+    Nearest joint velocities to the wanted ones that keep every limit.
+
+    The wanted velocities are first scaled as a whole, which keeps the direction of motion,
+    then their change is, to what the accelerations allow. Towards a position limit the
+    velocity falls with the distance left, a velocity damper (Faverjon and Tournassoud, 1987):
+    with distance / (dt + stopping_time) the joints can always stop together in time.
+
+    Parameters
+    ----------
+    limits : JointLimits
+    positions, previous, wanted : ndarray, shape (n,)
+        Commanded positions [rad], velocities of the last cycle and those wanted now [rad/s];
+        a wanted velocity that is not finite counts as a stop.
+    dt : float
+        Time that the new velocities will be applied for [s], > 0.
+
+    Returns
+    -------
+    velocities : ndarray, shape (n,)
+        [rad/s]
+    scale : float
+        Fraction of the wanted motion that was let through, 0 to 1.
+    limited_by : str
+        The limit that bound most, for instance 'velocity of joint1'; empty if none did.
+    """
+    velocities, scale, kind, joint = _nearest(
+        limits.lower, limits.upper, limits.velocity, limits.acceleration, limits.stopping_time,
+        positions, previous, wanted, dt)
+    limited_by = KINDS[kind]
+    if limited_by.endswith(' '):
+        limited_by += limits.names[joint]
+    return velocities, scale, limited_by
+
+
+@njit(cache=True)
+def _nearest(lower, upper, fastest, acceleration, stopping_time, positions, previous, wanted, dt):
+    """Law of `limit_velocities`: velocities, scale, index of the kind of limit and joint."""
+    count = len(wanted)
+    horizon = dt + stopping_time
+    up, down, velocities = np.empty(count), np.empty(count), np.empty(count)
+    scale, kind, joint = 1.0, _FREE, 0
+    for k in range(count):
+        if not math.isfinite(wanted[k]):
+            wanted, kind = np.zeros(count), _NOT_FINITE
+            break
+    finite = kind == _FREE
+    for k in range(count):
+        up[k] = min(max((upper[k] - positions[k]) / horizon, 0.0), fastest[k])
+        down[k] = max(min((lower[k] - positions[k]) / horizon, 0.0), -fastest[k])
+        room, asked = up[k] if wanted[k] > 0.0 else -down[k], abs(wanted[k])
+        # A joint that hardly moves needs no room, and may not divide by it.
+        if asked > room and room / max(asked, 1e-12) < scale:
+            scale, joint = room / max(asked, 1e-12), k
+            kind = _VELOCITY if room == fastest[k] else _POSITION
+    # All joints change in proportion: one that lags behind would bend the motion.
+    share = 1.0
+    for k in range(count):
+        delta = abs(scale * wanted[k] - previous[k])
+        share = min(share, acceleration[k] * dt / max(delta, 1e-12))
+    worst = 1e-9
+    for k in range(count):
+        scaled, change = scale * wanted[k], acceleration[k] * dt
+        slowest, quickest = previous[k] - change, previous[k] + change
+        value = min(max(previous[k] + share * (scaled - previous[k]), slowest), quickest)
+        # A joint that is too close to its limit brakes as hard as it may, no harder.
+        if value > up[k]:
+            value = max(up[k], slowest)
+        if value < down[k]:
+            value = min(down[k], quickest)
+        velocities[k] = value
+        if abs(value - scaled) > worst and kind in (_FREE, _ACCELERATION):
+            worst, kind, joint = abs(value - scaled), _ACCELERATION, k
+    return velocities, (scale if finite else 0.0), kind, joint
+
+
+@dataclass(frozen=True)
+class WorkspaceBox:
+    """
+    Box in the base frame that the sensor's origin must not leave [m].
+
+    Parameters
+    ----------
+    lower, upper : ndarray, shape (3,)
+    """
+
+    lower: np.ndarray
+    upper: np.ndarray
+
+    def __post_init__(self):
+        for name in ('lower', 'upper'):
+            values = np.asarray(getattr(self, name), dtype=float)
+            if values.shape != (3,) or np.isnan(values).any():
+                raise ConfigurationError(f'workspace {name}: {values} is not three lengths')
+            object.__setattr__(self, name, values)
+        if not (self.lower < self.upper).all():
+            raise ConfigurationError(
+                f'workspace: lower {self.lower} is not below upper {self.upper}')
+
+    def limit(self, position, velocity, horizon):
+        """
+        Clip a velocity so that it cannot leave the box within `horizon` [m, m/s, s].
+
+        Returns the velocity (3,) and whether it was clipped.
+        """
+        return _clipped(self.lower, self.upper, position, velocity, horizon)
+
+
+@njit(cache=True)
+def _clipped(lower, upper, position, velocity, horizon):
+    clipped, changed = velocity.copy(), False
+    for k in range(3):
+        up = max((upper[k] - position[k]) / horizon, 0.0)
+        down = min((lower[k] - position[k]) / horizon, 0.0)
+        if velocity[k] > up or velocity[k] < down:  # not if it is NaN: that is stopped later
+            clipped[k], changed = (up if velocity[k] > up else down), True
+    return clipped, changed

@@ -1,0 +1,312 @@
+"""A robot arm from a URDF: forward kinematics, Jacobian, inverse, damped least squares."""
+
+import math
+from pathlib import Path
+
+import numpy as np
+import pinocchio
+
+from tactile_common.errors import ConfigurationError, UnreachableError
+from tactile_common.kernels import njit
+from tactile_servo.motion.urdf import chain_to, limits_of, MOVING, parse, pinocchio_model
+
+
+def damped_least_squares(jacobian, twist, *, damping=0.01, rotation_length=0.04):
+    """
+    Joint velocities for a twist; exact away from singularities, bounded at them.
+
+    With ``W = diag(1, 1, 1, l, l, l)`` (l = `rotation_length`) and the singular values s of
+    ``W J``, this is ``dq = (W J)^T U diag(1 / max(s^2, damping^2)) U^T W twist``: the damping
+    factor ``lambda^2 = damping^2 (1 - (s / damping)^2)`` of Chiaverini, Siciliano and Egeland
+    (IEEE T-CST 2(2), 1994) with the size of the singular region equal to the damping,
+    applied to each singular direction of its own (their numerical filtering). Directions with
+    ``s >= damping`` therefore carry no velocity error, and ``|dq| <= |W twist| / damping``
+    always. A small rotation_length lets orientation give way before position does.
+
+    Parameters
+    ----------
+    jacobian : ndarray (6, n)
+        Rows linear [m/rad], then angular [rad/rad].
+    twist : array_like (6,)
+        Linear [m/s], then angular [rad/s] velocity in the Jacobian's frame.
+    damping : float
+        Smallest singular value [m/rad] of the weighted Jacobian that is inverted in full.
+    rotation_length : float
+        Weight of rotation against translation [m/rad].
+
+    Returns
+    -------
+    dq : ndarray (n,)
+        Joint velocities [rad/s or m/s].
+    smallest : float
+        Smallest singular value of the weighted Jacobian [m/rad].
+
+    """
+    return _damped(np.ascontiguousarray(jacobian, dtype=float),
+                   np.ascontiguousarray(twist, dtype=float), damping, rotation_length)
+
+
+@njit(cache=True)
+def _damped(jacobian, twist, damping, rotation_length):
+    joints = jacobian.shape[1]
+    weighted, wanted = jacobian.copy(), twist.copy()
+    weighted[3:] *= rotation_length
+    wanted[3:] *= rotation_length
+    square = np.zeros((6, 6))
+    for i in range(6):
+        for k in range(i + 1):
+            square[i, k] = square[k, i] = (weighted[i] * weighted[k]).sum()
+    if not np.isfinite(square).all():  # LAPACK takes no such matrix
+        return np.full(joints, np.nan), np.nan
+    # Squared singular values and left singular vectors: a third of the time of an SVD.
+    squared, left = np.linalg.eigh(square)
+    shares = np.zeros(6)
+    for i in range(6):
+        along = (left[:, i] * wanted).sum() / max(squared[i], damping * damping)
+        shares += along * left[:, i]
+    velocities = np.zeros(joints)
+    for i in range(6):
+        velocities += shares[i] * weighted[i]
+    return velocities, math.sqrt(max(squared[max(0, 6 - joints)], 0.0))
+
+
+class RobotModel:
+    """
+    Kinematics of the serial chain from a URDF's root link to a tip frame (pinocchio).
+
+    Continuous joints count as revolute joints without position limits, so that a joint has
+    one coordinate whatever its type.
+
+    Attributes
+    ----------
+    joint_names : tuple of str
+        Order of every joint vector.
+    lower, upper : ndarray (n,)
+        Position limits [rad or m]; infinite for continuous joints.
+    velocity_limit : ndarray (n,)
+        [rad/s or m/s].
+    tip_frame, root_frame : str
+
+    """
+
+    def __init__(self, xml, tip_frame, joint_names=None):
+        robot = parse(xml)
+        chain, self.root_frame = chain_to(robot, tip_frame)
+        moving = [joint for joint in chain if joint.get('type') in MOVING]
+        if not moving:
+            raise ConfigurationError(
+                f'tip_frame {tip_frame!r}: no moving joint between it and the root link '
+                f'{self.root_frame!r}')
+        names = [joint.get('name') for joint in moving]
+        self.tip_frame = tip_frame
+        self.joint_names = _ordered_names(names, joint_names, tip_frame)
+        limits = {joint.get('name'): limits_of(joint) for joint in moving}
+        lower, upper, velocity = np.array([limits[n] for n in self.joint_names]).T
+        self.lower, self.upper, self.velocity_limit = (
+            np.ascontiguousarray(a) for a in (lower, upper, velocity))
+        types = {joint.get('name'): joint.get('type') for joint in moving}
+        self._turns = np.array([types[n] != 'prismatic' for n in self.joint_names])
+        self._model = pinocchio_model(robot, chain, self.root_frame)
+        self._data = self._model.createData()
+        self._frame = self._model.getFrameId(tip_frame)
+        order = [self.joint_names.index(n) for n in self._model.names[1:]]
+        self._order = None if order == sorted(order) else np.array(order)
+        self._inverse_order = None if self._order is None else np.argsort(order)
+
+    @property
+    def middle(self):
+        """Middle (n,) of the position limits; 0 where a joint has none [rad or m]."""
+        bounded = np.isfinite(self.lower) & np.isfinite(self.upper)
+        return np.where(bounded, 0.5 * (np.where(bounded, self.lower, 0.0)
+                                        + np.where(bounded, self.upper, 0.0)), 0.0)
+
+    @classmethod
+    def from_urdf(cls, urdf, tip_frame, joint_names=None):
+        """
+        Read a URDF.
+
+        Parameters
+        ----------
+        urdf : str or Path
+            Path of a file, or the XML itself.
+        tip_frame : str
+            Link whose frame is moved.
+        joint_names : sequence of str, optional
+            Order of the joint vectors; default from root to tip.
+
+        Raises
+        ------
+        ConfigurationError
+            Missing file, malformed XML, unknown tip frame, a joint that is not revolute,
+            continuous or prismatic, a mimic joint, missing limits, wrong joint names.
+
+        """
+        text = str(urdf)
+        if '<' not in text:
+            if not text.strip():
+                raise ConfigurationError('robot description: is empty')
+            try:
+                text = Path(text).read_text(encoding='utf-8')
+            except (OSError, UnicodeDecodeError) as error:
+                reason = getattr(error, 'strerror', None) or 'not a text file'
+                raise ConfigurationError(f'robot description {text!r}: {reason}') from None
+        return cls(text, tip_frame, joint_names)
+
+    def pose(self, q):
+        """
+        Homogeneous transform (4, 4) from the tip frame to the root frame [m].
+
+        Parameters
+        ----------
+        q : ndarray (n,)
+            Joint positions [rad or m].
+
+        """
+        q = np.asarray(q, dtype=float)
+        if self._order is not None:
+            q = q[self._order]
+        pinocchio.framesForwardKinematics(self._model, self._data, q)
+        return self._data.oMf[self._frame].homogeneous
+
+    def jacobian(self, q):
+        """
+        Jacobian (6, n) of the tip frame, expressed in the tip frame, rows linear then angular.
+
+        Parameters
+        ----------
+        q : ndarray (n,)
+            Joint positions [rad or m].
+
+        """
+        q = np.asarray(q, dtype=float)
+        if self._order is not None:
+            q = q[self._order]
+        jacobian = pinocchio.computeFrameJacobian(
+            self._model, self._data, q, self._frame, pinocchio.LOCAL)
+        return jacobian if self._order is None else jacobian[:, self._inverse_order]
+
+    def within_limits(self, q):
+        """Whether every joint position of q (n,) lies within its limits."""
+        return bool(np.all(q >= self.lower) and np.all(q <= self.upper))
+
+    def inverse(self, pose, seed=None, *, position_tolerance=1e-8, rotation_tolerance=1e-7,
+                restarts=40, iterations=100):
+        """
+        Joint positions (n,) within the limits that bring the tip frame to a pose.
+
+        Levenberg-Marquardt steps with Sugihara's damping (IEEE T-RO 27(5), 2011),
+        clipped to the limits; from the seed first, then from random configurations (the same
+        ones at every call). Without a seed, of all solutions that the random configurations
+        lead to, the one farthest from singularities and limits.
+
+        Parameters
+        ----------
+        pose : array_like (4, 4)
+            Transform from the tip frame to the root frame [m].
+        seed : array_like (n,), optional
+            Where to start; it chooses among several solutions [rad or m].
+        position_tolerance, rotation_tolerance : float
+            Residual that counts as reached [m], [rad].
+        restarts, iterations : int
+            Number of random starts, and of steps from each start.
+
+        Raises
+        ------
+        UnreachableError
+            With the smallest residual found.
+        ConfigurationError
+            The pose is no rigid transform, or the seed has the wrong length.
+
+        """
+        target = _checked_pose(pose)
+        tolerance = (position_tolerance, rotation_tolerance)
+        best = np.inf, np.inf
+        if seed is not None:
+            q = np.array(seed, dtype=float)
+            if q.shape != self.lower.shape or not np.all(np.isfinite(q)):
+                raise ConfigurationError(
+                    f'seed: {len(self.joint_names)} finite joint positions are needed, got {q}')
+            q, residual = self._descend(target, q, tolerance, iterations)
+            if residual[0] <= position_tolerance and residual[1] <= rotation_tolerance:
+                return q
+            best = min(best, residual)
+        solutions = []
+        for start in self._random_configurations(restarts, seed):
+            q, residual = self._descend(target, start, tolerance, iterations)
+            if residual[0] > position_tolerance or residual[1] > rotation_tolerance:
+                best = min(best, residual)
+            elif seed is not None:
+                return q
+            else:
+                solutions.append(self._unwound(q))
+        if solutions:
+            clearances = [self._clearance(q) for q in solutions]
+            best = max(clearances)
+            clear = [q for q, c in zip(solutions, clearances, strict=True) if c >= 0.98 * best]
+            return min(clear, key=np.linalg.norm)
+        raise UnreachableError(
+            f'{self.tip_frame}: no joint positions within the limits reach '
+            f'({", ".join(f"{v:.4f}" for v in target.translation)}) m in the wanted orientation; '
+            f'closest {best[0] * 1e3:.3g} mm, {np.degrees(best[1]):.3g} deg')
+
+    def _descend(self, target, q, tolerance, iterations, rotation_length=0.04):
+        weight = np.repeat([1.0, rotation_length], 3)
+        q = np.clip(q, self.lower, self.upper)
+        for step in range(iterations + 1):
+            here = pinocchio.SE3(self.pose(q))
+            twist = pinocchio.log6(here.actInv(target)).vector
+            residual = (float(np.linalg.norm(here.translation - target.translation)),
+                        float(np.linalg.norm(twist[3:])))
+            if step == iterations or (residual[0] <= tolerance[0] and residual[1] <= tolerance[1]):
+                return q, residual
+            weighted = weight[:, None] * self.jacobian(q)
+            error = weight * twist
+            damping = 0.5 * (error @ error) + 1e-9
+            normal = weighted.T @ weighted
+            normal.flat[::len(q) + 1] += damping
+            q = np.clip(q + np.linalg.solve(normal, weighted.T @ error), self.lower, self.upper)
+
+    def _random_configurations(self, count, seed):
+        rng = np.random.default_rng(0)
+        centre = np.zeros_like(self.lower) if seed is None else np.asarray(seed, dtype=float)
+        bounded = np.isfinite(self.lower) & np.isfinite(self.upper)
+        low = np.where(bounded, self.lower, centre - np.pi)
+        high = np.where(bounded, self.upper, centre + np.pi)
+        for _ in range(count):
+            yield rng.uniform(low, high)
+
+    def _unwound(self, q):
+        """Return q without the full turns that the limits let it do without."""
+        near_zero = np.where(self._turns, q - 2 * np.pi * np.round(q / (2 * np.pi)), q)
+        return np.where((near_zero >= self.lower) & (near_zero <= self.upper), near_zero, q)
+
+    def _clearance(self, q):
+        """Smallest weighted singular value [m/rad], less within 30 degrees of a limit."""
+        _, smallest = damped_least_squares(self.jacobian(q), np.zeros(6))
+        margin = np.minimum(q - self.lower, self.upper - q).min()
+        return smallest * min(1.0, margin / np.radians(30.0))
+
+
+def _ordered_names(names, wanted, tip_frame):
+    if not wanted:
+        return tuple(names)
+    for name in wanted:
+        if name not in names:
+            raise ConfigurationError(
+                f'joint_names: {name!r} does not move {tip_frame!r}; '
+                f'these do: {", ".join(names)}')
+    if sorted(wanted) != sorted(names):
+        raise ConfigurationError(
+            f'joint_names: every joint that moves {tip_frame!r} is needed once: '
+            f'{", ".join(names)}; got {", ".join(wanted)}')
+    return tuple(wanted)
+
+
+def _checked_pose(pose):
+    matrix = np.asarray(pose, dtype=float)
+    if matrix.shape != (4, 4) or not np.all(np.isfinite(matrix)):
+        raise ConfigurationError(f'pose: a finite (4, 4) transform is needed, got {matrix.shape}')
+    rotation = matrix[:3, :3]
+    if np.abs(rotation @ rotation.T - np.eye(3)).max() > 1e-6 or np.linalg.det(rotation) < 0:
+        raise ConfigurationError('pose: the rotation part is no rotation matrix')
+    return pinocchio.SE3(rotation, matrix[:3, 3])

@@ -1,0 +1,103 @@
+"""The part of a URDF that moves a frame, checked, as a pinocchio model."""
+
+from xml.etree import ElementTree
+
+import numpy as np
+import pinocchio
+
+from tactile_common.errors import ConfigurationError
+
+MOVING = ('revolute', 'prismatic', 'continuous')
+_UNBOUNDED = 1e6  # rad; stands for "no limit" where the parser wants a number
+
+
+def parse(xml):
+    """Return the <robot> element of a URDF."""
+    try:
+        robot = ElementTree.fromstring(xml)
+    except ElementTree.ParseError as error:
+        raise ConfigurationError(f'robot description: malformed XML, {error}') from None
+    if robot.tag != 'robot':
+        raise ConfigurationError(
+            f'robot description: the outermost element must be <robot>, not <{robot.tag}>')
+    return robot
+
+
+def chain_to(robot, tip_frame):
+    """Joint elements from the root link to the tip frame, and the root link's name."""
+    links = [link.get('name') for link in robot.findall('link')]
+    if tip_frame not in links:
+        raise ConfigurationError(
+            f'tip_frame {tip_frame!r}: the robot has no such frame; it has {", ".join(links)}')
+    parents = {}
+    for joint in robot.findall('joint'):
+        ends = [joint.find(end) for end in ('parent', 'child')]
+        if any(end is None or end.get('link') not in links for end in ends):
+            raise ConfigurationError(
+                f'joint {joint.get("name")!r}: needs a parent and a child link of the robot')
+        parents[ends[1].get('link')] = joint
+    chain, link = [], tip_frame
+    while link in parents:
+        joint = parents[link]
+        if joint in chain:
+            raise ConfigurationError(f'joint {joint.get("name")!r}: the links form a loop')
+        kind = joint.get('type')
+        if kind != 'fixed' and kind not in MOVING:
+            raise ConfigurationError(
+                f'joint {joint.get("name")!r}: type {kind!r} is not supported, only '
+                f'{", ".join(MOVING)} and fixed')
+        if joint.find('mimic') is not None:
+            raise ConfigurationError(
+                f'joint {joint.get("name")!r}: mimic joints are not supported')
+        chain.insert(0, joint)
+        link = joint.find('parent').get('link')
+    return chain, link
+
+
+def limits_of(joint):
+    """Lower, upper and velocity limit of a moving joint's element."""
+    name, limit = joint.get('name'), joint.find('limit')
+    needed = ['velocity'] if joint.get('type') == 'continuous' else ['lower', 'upper', 'velocity']
+    values = {}
+    for key in needed:
+        text = None if limit is None else limit.get(key)
+        try:
+            values[key] = float('nan' if text is None else text)
+        except ValueError:
+            values[key] = np.nan
+        if not np.isfinite(values[key]):
+            raise ConfigurationError(
+                f'joint {name!r}: limit {key} must be a number, '
+                f'{"is missing" if text is None else f"is {text!r}"}')
+    lower, upper = values.get('lower', -np.inf), values.get('upper', np.inf)
+    if lower >= upper:
+        raise ConfigurationError(
+            f'joint {name!r}: limit lower {lower} must be below upper {upper}')
+    if values['velocity'] <= 0.0:
+        raise ConfigurationError(
+            f'joint {name!r}: limit velocity {values["velocity"]} must be above 0')
+    return lower, upper, values['velocity']
+
+
+def pinocchio_model(robot, chain, root):
+    """Build the chain alone: no side branches, no inertias, no meshes to look for."""
+    stripped = ElementTree.Element('robot', name=robot.get('name', 'robot'))
+    for name in [root] + [joint.find('child').get('link') for joint in chain]:
+        ElementTree.SubElement(stripped, 'link', name=name)
+    for joint in chain:
+        kind = joint.get('type')
+        element = ElementTree.SubElement(
+            stripped, 'joint', name=joint.get('name', ''),
+            type='revolute' if kind == 'continuous' else kind)
+        element.extend(joint.findall(part)[0] for part in ('parent', 'child', 'origin', 'axis')
+                       if joint.find(part) is not None)
+        if kind != 'fixed':
+            lower, upper, velocity = np.clip(limits_of(joint), -_UNBOUNDED, _UNBOUNDED)
+            ElementTree.SubElement(element, 'limit', lower=repr(float(lower)),
+                                   upper=repr(float(upper)), velocity=repr(float(velocity)),
+                                   effort='0')
+    try:
+        return pinocchio.buildModelFromXML(ElementTree.tostring(stripped, encoding='unicode'))
+    except (ValueError, RuntimeError) as error:
+        reason = ' '.join(str(error).split())
+        raise ConfigurationError(f'robot description: {reason}') from None

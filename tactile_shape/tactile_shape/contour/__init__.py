@@ -1,0 +1,1 @@
+"""Contours of edges: contacts in space, corners and sides, outline."""

@@ -1,0 +1,214 @@
+"""Where in space a contact on the pad is: on the pad's surface, at the contact's stamp."""
+from collections import deque
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from tactile_common.pose_buffer import NS, PoseBuffer
+from tactile_shape.contour.edge_point import edge_point
+
+NONE, POINT, LINE, OTHER = range(4)  # numbers of Contact.msg
+ELONGATED = 4.0  # ratio of second moments; a straight edge has 10 and more, a round contact 1
+MIDDLE = 2e-3  # m from its nearest point that the pressure of a whole line may be centred
+BEYOND = 1e-3  # m between a fitted line and its ridge from which the ridge is believed
+FARTHEST = 1.0  # m from the middle of a pad
+TWO_CONTACTS = 128  # flag of Contact.msg
+
+
+@dataclass(frozen=True, eq=False)
+class SpatialContact:
+    """
+    A contact in the base frame.
+
+    Attributes
+    ----------
+    stamp_ns : int
+    position : ndarray, shape (3,)
+        [m].
+    normal : ndarray, shape (3,)
+        The object's inward unit normal.
+    edge : bool
+        Whether it is of an edge, the position being the point of it nearest to the pad's centre.
+    """
+
+    stamp_ns: int
+    position: np.ndarray
+    normal: np.ndarray
+    edge: bool
+
+
+class Placed(NamedTuple):
+    """
+    A contact that has been looked up.
+
+    Attributes
+    ----------
+    extra : object
+        What was given with it.
+    contact : SpatialContact or None
+        None if nothing is touched, or where is not known.
+    anew : bool
+        Whether the path begins anew with it.
+    reason : str
+        Why there is no contact in space.
+    """
+
+    extra: object
+    contact: SpatialContact | None
+    anew: bool
+    reason: str
+
+
+def needs_picture(contact):
+    """Whether a contact is to be located in its picture: bends, corners and ends of edges."""
+    if contact.type == LINE and np.isfinite(contact.yaw):
+        x, y = contact.moments.centre_of_pressure
+        return not abs(y * np.cos(contact.yaw) - x * np.sin(contact.yaw)) < MIDDLE
+    return contact.type == OTHER
+
+
+def locate(contact, picture=None):
+    """
+    Where a contact is on the array, and whether it is with an edge.
+
+    Parameters
+    ----------
+    contact : tactile_sensing.types.contact.Contact
+    picture : tactile_sensing.types.image.TactileImage, optional
+        Of the contact, if it `needs_picture`.
+
+    Returns
+    -------
+    place : (float, float) or None
+        x, y [m]; of an edge, the point nearest to the pad's centre. A large area, which is
+        neither point nor edge, is where its centre of pressure is. None where nothing is
+        located.
+    edge : bool
+    """
+    seen = edge_point(picture) if picture is not None and needs_picture(contact) else None
+    if contact.type == LINE and contact.valid and np.isfinite(contact.a + contact.yaw):
+        c, s = np.cos(contact.yaw), np.sin(contact.yaw)
+        place = (contact.a * c * c, contact.a * c * s)
+        if picture is None or not needs_picture(contact):
+            return place, True
+        if seen is None:
+            return None, False
+        # The line goes on where the edge has ended.
+        near = np.hypot(seen[0] - place[0], seen[1] - place[1]) < BEYOND
+        return (place if near else seen), True
+    if contact.type == OTHER:
+        if seen is not None:
+            return seen, True
+        # No model explains it, but force and moments hold. Of a bent edge they tell a place
+        # that is millimetres off it.
+        place, long = contact.moments.centre_of_pressure, contact.moments.elongation()
+        if contact.reasons & TWO_CONTACTS or long > ELONGATED or not np.isfinite(place).all():
+            return None, False
+        return place, False
+    if contact.type == POINT and contact.valid:
+        return (contact.a, contact.b), False
+    return None, False
+
+
+def on_pad(place, finger_radius=0.0):
+    """
+    Position and outward normal of the pad's surface, which is the object's inward one.
+
+    Parameters
+    ----------
+    place : (float, float)
+        On the array [m].
+    finger_radius : float
+        Of a pad that is a sphere touching the plane z = 0 of the sensor frame; 0 = flat [m].
+
+    Returns
+    -------
+    position, normal : ndarray, shape (3,)
+        In the sensor frame. None, None for a place off the finger, or on no pad at all.
+    """
+    x, y = place
+    if not abs(x) + abs(y) < FARTHEST:  # NaN neither
+        return None, None
+    if not finger_radius:
+        return np.array([x, y, 0.0]), np.array([0.0, 0.0, 1.0])
+    square = finger_radius**2 - x * x - y * y
+    if not square > 0.0:
+        return None, None
+    normal = np.array([x, y, np.sqrt(square)]) / finger_radius
+    return finger_radius * (normal - [0.0, 0.0, 1.0]), normal
+
+
+class ContactPath:
+    """
+    Contacts and poses, in whatever order they come, to contacts in space.
+
+    Time is that of the stamps alone, so that a replayed recording gives what the run gave.
+
+    Parameters
+    ----------
+    finger_radius : float
+        As of `on_pad` [m].
+    max_gap : float
+        Contacts farther apart are not of one path, poses are not interpolated [s].
+    """
+
+    def __init__(self, finger_radius=0.0, max_gap=0.1):
+        self._finger_radius, self._max_gap = finger_radius, round(max_gap * NS)
+        self._poses = PoseBuffer(max_gap)
+        self._waiting = deque(maxlen=100)  # contacts whose later pose has not come yet
+        self.lost = 0  # contacts that no pose came for
+        self._last = None
+
+    def clear(self):
+        """Forget poses and waiting contacts: another frame, or a recording that restarts."""
+        self._poses.clear()
+        self._waiting.clear()
+        self._last = None
+
+    def add_pose(self, stamp_ns, pose):
+        """Add a pose (4, 4) of the sensor; returns the contacts that it places, as `settle`."""
+        newest = self._poses.newest_ns
+        if newest is not None and stamp_ns < newest - 10 * self._max_gap:  # a recording restarts
+            self.clear()
+        self._poses.add(stamp_ns, pose)
+        return self.settle()
+
+    def add_contact(self, stamp_ns, contact, extra=None, picture=None):
+        """Add a contact, see `locate`; returns the contacts that can be placed, as `settle`."""
+        if len(self._waiting) == self._waiting.maxlen:
+            self.lost += 1
+        self._waiting.append((stamp_ns, contact, extra, picture))
+        return self.settle()
+
+    def settle(self):
+        """
+        Place the waiting contacts for which the poses are there.
+
+        Returns
+        -------
+        list of Placed
+        """
+        placed = []
+        newest = self._poses.newest_ns
+        while self._waiting and newest is not None and self._waiting[0][0] <= newest:
+            stamp, contact, extra, picture = self._waiting.popleft()
+            pose = self._poses.at(stamp)
+            place, edge = locate(contact, picture)
+            position, normal = (None, None) if place is None else on_pad(
+                place, self._finger_radius)
+            if contact.type == NONE:
+                self._last = None
+                placed.append(Placed(extra, None, True, 'nothing is touched'))
+            elif position is None:
+                placed.append(Placed(extra, None, False, 'the contact is not located'))
+            elif pose is None:
+                self.lost += 1
+                placed.append(Placed(extra, None, False, 'no pose of the sensor at its stamp'))
+            else:
+                anew = self._last is None or not 0 <= stamp - self._last <= self._max_gap
+                self._last = stamp
+                placed.append(Placed(extra, SpatialContact(
+                    stamp, pose[:3, :3] @ position + pose[:3, 3], pose[:3, :3] @ normal,
+                    edge), anew, ''))
+        return placed

@@ -1,0 +1,142 @@
+"""What touching an object has told of it: an outline of its edges, a surface of its patches."""
+from collections import deque
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from tactile_common.config import check_fields
+from tactile_shape.ply import write_ply
+from tactile_shape.types.patch import Kind
+
+# Red, green and blue of each kind of patch.
+COLOURS = {Kind.NONE: (0.6, 0.6, 0.6), Kind.PLANE: (0.30, 0.55, 0.80),
+           Kind.CYLINDER: (0.25, 0.65, 0.40), Kind.SPHERE: (0.90, 0.60, 0.15),
+           Kind.GENERAL: (0.75, 0.30, 0.35)}
+STEPS = (5, 5)  # points along the sides of a patch
+RECENT = 20  # contour points that a new one is compared with
+
+
+@dataclass(frozen=True)
+class ModelConfig:
+    """How much of what was touched is kept."""
+
+    spacing: float = field(default=1e-3, metadata={
+        'doc': 'distance between the contour points that are kept', 'unit': 'm',
+        'range': (1e-5, 0.1)})
+    patch_spacing: float = field(default=4e-3, metadata={
+        'doc': 'distance between the patches that are kept', 'unit': 'm', 'range': (1e-4, 1.0)})
+    patch_size: float = field(default=6e-3, metadata={
+        'doc': 'side of a patch that is drawn', 'unit': 'm', 'range': (1e-4, 1.0)})
+    max_points: int = field(default=5000, metadata={
+        'doc': 'contour points, and patches, that are kept; the oldest go first',
+        'range': (10, 1000000)})
+
+    def __post_init__(self):
+        check_fields(self)
+
+
+class ObjectModel:
+    """
+    Contour and patches as they accumulate; memory is bounded.
+
+    Parameters
+    ----------
+    config : ModelConfig, optional
+
+    Attributes
+    ----------
+    strokes : list of list of ndarray (3,)
+        Contour points [m] of each stretch of unbroken contact.
+    patches : list of Patch
+    total : int
+        Contour points ever kept.
+    """
+
+    def __init__(self, config=None):
+        self.config = config or ModelConfig()
+        self.strokes, self.patches = [], []
+        self.total = self._count = 0
+        self._recent = deque(maxlen=RECENT)
+        self._anew = True
+
+    def begin_stroke(self):
+        """Contact was lost: what comes next does not join what came before."""
+        self._anew = True
+
+    def add_contact(self, position):
+        """
+        Add a point (3,) of the contour [m]; returns whether it was far enough to be kept.
+
+        Away not only from the last point: a pad that stands, or goes back a little at the end of
+        an edge, adds nothing.
+        """
+        position = np.array(position, dtype=float)
+        if self._recent and (((np.array(self._recent) - position)**2).sum(axis=1).min()
+                             < self.config.spacing**2):
+            return False
+        if self._anew:
+            self.strokes.append([])
+            self._anew = False
+        self.strokes[-1].append(position)
+        self._recent.append(position)
+        self.total += 1
+        self._count += 1
+        if self._count > self.config.max_points:
+            self.strokes[0].pop(0)
+            self._count -= 1
+            if not self.strokes[0]:
+                self.strokes.pop(0)
+        return True
+
+    def add_patch(self, patch):
+        """Add a valid patch; returns whether it was far enough from the last to be kept."""
+        if not patch.valid:
+            return False
+        if self.patches and np.linalg.norm(
+                patch.frame[:3, 3] - self.patches[-1].frame[:3, 3]) < self.config.patch_spacing:
+            return False
+        self.patches.append(patch)
+        if len(self.patches) > self.config.max_points:
+            self.patches.pop(0)
+        return True
+
+    @property
+    def contour(self):
+        """All contour points, ndarray (N, 3)."""
+        return np.array([point for stroke in self.strokes for point in stroke]).reshape(-1, 3)
+
+    def mesh(self, patches=None):
+        """
+        Triangles of the patches, coloured by kind.
+
+        Returns
+        -------
+        vertices, colours : ndarray, shape (V, 3)
+        faces : ndarray of int, shape (F, 3)
+        """
+        vertices, colours, faces = [np.zeros((0, 3))], [np.zeros((0, 3))], [np.zeros((0, 3), int)]
+        rows, columns = STEPS
+        corner = (np.arange(rows - 1)[:, None] * columns + np.arange(columns - 1)).reshape(-1, 1)
+        squares = np.concatenate([corner + [0, columns, 1], corner + [1, columns, columns + 1]])
+        for patch in self.patches if patches is None else patches:
+            size = self.config.patch_size
+            sheet = patch.sheet(size, size, steps=STEPS).reshape(-1, 3)
+            whole = squares[np.isfinite(sheet).all(axis=1)[squares].all(axis=1)]
+            faces.append(whole + sum(map(len, vertices)))
+            vertices.append(np.where(np.isfinite(sheet), sheet, patch.frame[:3, 3]))
+            colours.append(np.tile(COLOURS[patch.kind], (len(sheet), 1)))
+        return np.concatenate(vertices), np.concatenate(colours), np.concatenate(faces)
+
+    def save_surface(self, path):
+        """Write the patches as a coloured mesh, PLY; ConfigurationError if it cannot be."""
+        vertices, colours, faces = self.mesh()
+        write_ply(path, vertices, colours=colours, faces=faces,
+                  comment='patches: blue plane, green cylinder, orange sphere, red general; m')
+
+    def save_contour(self, path):
+        """Write the contour as vertices and edges, PLY; ConfigurationError if it cannot be."""
+        edges, first = [], 0
+        for stroke in self.strokes:
+            edges += [(k, k + 1) for k in range(first, first + len(stroke) - 1)]
+            first += len(stroke)
+        write_ply(path, self.contour, edges=edges, comment='contour; m')

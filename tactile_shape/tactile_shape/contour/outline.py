@@ -1,0 +1,348 @@
+"""The outline of an object from the contour traced along its edge: corners, sides, their form."""
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from tactile_common.config import check_fields
+from tactile_common.errors import ConfigurationError
+from tactile_shape.contour.pieces import angle_between, divide, fit_piece
+
+STRAIGHT = 0.1  # width per length of a contour that has no plane of its own
+LEAST_TURN = 0.05  # rad between two lines that is a corner
+CHORD = 1e-3  # m, of an arc as a polyline
+
+
+@dataclass(frozen=True)
+class OutlineConfig:
+    """How corners are told from what lies between them."""
+
+    leg: float = field(default=6e-3, metadata={
+        'doc': 'length before and after a point over which the direction is taken', 'unit': 'm',
+        'range': (1e-5, 1.0)})
+    corner_angle: float = field(default=0.5, metadata={
+        'doc': 'a turn by more than this between the two legs is a corner', 'unit': 'rad',
+        'range': (0.05, 3.0)})
+    rounding: float = field(default=3e-3, metadata={
+        'doc': 'contour next to a corner that is not used: the skin rounds it', 'unit': 'm',
+        'range': (0.0, 1.0)})
+    tolerance: float = field(default=1e-4, metadata={
+        'doc': 'RMS distance of its points that a line or an arc may have, beyond their noise; '
+               'else it is divided', 'unit': 'm', 'range': (1e-9, 1.0)})
+    spacing: float = field(default=1e-3, metadata={
+        'doc': 'contour points nearer to each other are averaged', 'unit': 'm',
+        'range': (0.0, 1.0)})
+    closing: float = field(default=2e-3, metadata={
+        'doc': 'largest gap between the ends of a closed contour', 'unit': 'm',
+        'range': (0.0, 1.0)})
+
+    def __post_init__(self):
+        check_fields(self)
+
+
+@dataclass(frozen=True, eq=False)
+class Side:
+    """
+    Piece of an outline: between corners, or where a line goes over into an arc.
+
+    Attributes
+    ----------
+    kind : str
+        'line' or 'arc', the least that explains its points.
+    start, end : ndarray, shape (3,)
+        The corners, or the ends of an open contour [m].
+    length : float
+        From start to end, along the arc [m].
+    radius : float
+        Of an arc [m]; inf for a line.
+    residual : float
+        RMS distance of the points used [m].
+    points : ndarray, shape (m, 3)
+        From start to end, an arc as chords of at most 1 mm [m].
+    """
+
+    kind: str
+    start: np.ndarray
+    end: np.ndarray
+    length: float
+    radius: float
+    residual: float
+    points: np.ndarray
+
+
+@dataclass(frozen=True, eq=False)
+class Outline:
+    """
+    Outline in the plane of its contour.
+
+    Attributes
+    ----------
+    corners : ndarray, shape (c, 3)
+        Where neighbouring sides would meet if the skin did not round them [m].
+    angles : ndarray, shape (c,)
+        Turn at each corner, positive to the left about the plane's normal [rad].
+    sides : tuple of Side
+    closed : bool
+    """
+
+    corners: np.ndarray
+    angles: np.ndarray
+    sides: tuple
+    closed: bool
+
+    @property
+    def points(self):
+        """The whole outline as a polyline, ndarray (N, 3) [m]; if closed, back at its start."""
+        return np.concatenate([self.sides[0].points[:1], *(s.points[1:] for s in self.sides)])
+
+    def __str__(self):
+        """Lines of text: sides and corners."""
+        lines = [f'{"closed" if self.closed else "open"} outline, {len(self.corners)} corners']
+        for k, side in enumerate(self.sides):
+            form = '' if side.kind == 'line' else f', radius {1e3 * side.radius:.2f} mm'
+            lines.append(f'side {k + 1}: {side.kind}, {1e3 * side.length:.2f} mm{form}')
+        for k, (corner, angle) in enumerate(zip(self.corners, self.angles, strict=True)):
+            x, y, z = 1e3 * corner
+            lines.append(f'corner {k + 1}: ({x:.2f}, {y:.2f}, {z:.2f}) mm, turn '
+                         f'{np.degrees(angle):.1f} deg')
+        return '\n'.join(lines)
+
+
+def find_outline(points, config=None):
+    """
+    Find corners and sides of a contour.
+
+    Parameters
+    ----------
+    points : array_like, shape (N, 3)
+        Along the edge, in order [m]; an overlap at the end of a closed contour may be there.
+    config : OutlineConfig, optional
+
+    Returns
+    -------
+    Outline
+
+    Raises
+    ------
+    ConfigurationError
+        Fewer than four points, a number that is not finite, or shorter than two legs.
+    """
+    config = config or OutlineConfig()
+    points = np.asarray(points, dtype=float)
+    if points.ndim != 2 or points.shape[1] != 3 or len(points) < 4:
+        raise ConfigurationError(f'contour has shape {points.shape}, must be (N, 3), N above 3')
+    if not np.isfinite(points).all():
+        raise ConfigurationError('contour: a number is not finite')
+    steps = np.linalg.norm(np.diff(points, axis=0), axis=1)
+    if steps.sum() < 2.0 * config.leg:
+        raise ConfigurationError(
+            f'contour is {1e3 * steps.sum():.3g} mm long, must be at least two legs, '
+            f'{2e3 * config.leg:.3g} mm')
+    centre, axes = _plane(points)
+    flat, closed = _cut_overlap((points - centre) @ axes[:, :2], config)
+    flat = _average(flat, config.spacing)
+    if len(flat) < 4:
+        raise ConfigurationError('contour: fewer than four of its points are apart')
+    tolerance = np.hypot(config.tolerance, 1.5 * _noise(flat))
+    corners = _corners(flat, closed, config)
+    pieces = _pieces(flat, corners, closed, config.rounding, tolerance)
+    # A contact that is off, beside a gap, is no corner.
+    off = [other.points[0] for one, other in zip(pieces, pieces[1:], strict=False)
+           if other.ends[0] and _straight_on(one, other)]
+    if off:
+        corners = [k for k in corners if not (flat[k] == off).all(axis=1).any()]
+        pieces = _pieces(flat, corners, closed, config.rounding, tolerance)
+    if closed and not corners and len(pieces) > 1:
+        # The first point is not an end: begin again where one piece goes over into another.
+        flat = np.roll(flat, 1 - len(pieces[0].points), axis=0)
+        pieces = _pieces(flat, corners, closed, config.rounding, tolerance)
+    return _assemble(pieces, closed, lambda u: centre + np.asarray(u) @ axes[:, :2].T)
+
+
+def _pieces(flat, corners, closed, rounding, tolerance):
+    """Lines and arcs of a contour, from corner to corner."""
+    pieces, runs = [], _runs(flat, corners, closed)
+    for k, run in enumerate(runs):
+        ends = (k > 0 or bool(closed and corners),
+                k < len(runs) - 1 or bool(closed and corners))
+        pieces += divide(run, ends, rounding, tolerance)
+    # Where one line follows another there is a corner, if it turns by less than the others.
+    for k in range(1, len(pieces)):
+        one = fit_piece(pieces[k - 1].points, (pieces[k - 1].ends[0], True), rounding)
+        other = fit_piece(pieces[k].points, (True, pieces[k].ends[1]), rounding)
+        if not _straight_on(one, other) and np.isinf(
+                [one.fit['radius'], other.fit['radius']]).all():
+            joint = other.points[0]
+            if np.linalg.norm(_meet(one.fit, other.fit, joint) - joint) < rounding:
+                pieces[k - 1:k + 1] = one, other
+    return pieces
+
+
+def _straight_on(one, other):
+    """Whether one line goes on in the direction of another."""
+    return np.isinf([one.fit['radius'], other.fit['radius']]).all() and abs(angle_between(
+        one.fit['direction'], other.fit['direction'])) < LEAST_TURN
+
+
+def _plane(points):
+    """
+    Centre and axes (3, 3) of the best plane, its normal nearest to +z of the frame.
+
+    Any plane through a straight contour is as good: then it is the one seen from +z.
+    """
+    centre = points.mean(axis=0)
+    _, spread, axes = np.linalg.svd(points - centre, full_matrices=False)
+    axes = axes.T
+    if spread[1] < STRAIGHT * spread[0] and abs(axes[2, 0]) < 1.0 - STRAIGHT:
+        axes[:, 2] = np.array([0.0, 0.0, 1.0]) - axes[2, 0] * axes[:, 0]
+        axes[:, 2] /= np.linalg.norm(axes[:, 2])
+    if axes[2, 2] < 0.0:
+        axes[:, 2] = -axes[:, 2]
+    axes[:, 1] = np.cross(axes[:, 2], axes[:, 0])
+    return centre, axes
+
+
+def _average(flat, spacing):
+    """Points (n, 2), those within a spacing of each other averaged; the ends stay."""
+    travel = np.append(0.0, np.cumsum(np.linalg.norm(np.diff(flat, axis=0), axis=1)))
+    if not spacing or travel[-1] < spacing:
+        return flat
+    cell = np.minimum((travel / spacing).astype(int), int(travel[-1] / spacing))
+    used, cell = np.unique(cell, return_inverse=True)
+    sums = np.stack([np.bincount(cell, values, len(used)) for values in flat.T], axis=1)
+    means = sums / np.bincount(cell, minlength=len(used))[:, None]
+    return np.concatenate([flat[:1], means[1:-1], flat[-1:]])
+
+
+def _noise(flat):
+    """Standard deviation of points across their contour, by their second differences [m]."""
+    step = flat[2:] - flat[:-2]
+    length = np.linalg.norm(step, axis=1)
+    bend = flat[2:] - 2.0 * flat[1:-1] + flat[:-2]
+    across = np.abs(step[:, 0] * bend[:, 1] - step[:, 1] * bend[:, 0])
+    some = length > 0.0
+    return np.median(across[some] / length[some]) / (0.6745 * np.sqrt(6.0)) if some.any() else 0.0
+
+
+def _cut_overlap(flat, config):
+    """Contour without what was traced twice, and whether it is closed."""
+    travel = np.append(0.0, np.cumsum(np.linalg.norm(np.diff(flat, axis=0), axis=1)))
+    away = np.linalg.norm(flat - flat[0], axis=1)
+    # The first return to the start, after having been a good way off it.
+    far = np.flatnonzero(away > max(2.0 * config.leg, 0.1 * away.max()))
+    if len(far):
+        back = np.flatnonzero((away < max(config.closing, 1e-12)) & (travel > travel[far[0]]))
+        if len(back):
+            last = back[0]
+            while last + 1 < len(flat) and away[last + 1] < away[last]:
+                last += 1
+            return flat[:last], True
+    return flat, False
+
+
+def _corners(flat, closed, config):
+    """Indices of points at which the contour turns sharply."""
+    count = len(flat)
+    around = np.concatenate([flat, flat, flat]) if closed else flat
+    offset = count if closed else 0
+    travel = np.append(0.0, np.cumsum(np.linalg.norm(np.diff(around, axis=0), axis=1)))
+    before = np.searchsorted(travel, travel - config.leg)
+    after = np.minimum(np.searchsorted(travel, travel + config.leg), len(travel) - 1)
+    turn = np.zeros(len(around))
+    inside = (travel >= config.leg) & (travel <= travel[-1] - config.leg)
+    into, out = around - around[before], around[after] - around
+    turn[inside] = np.abs(angle_between(into, out)[inside])
+    found = []
+    for k in range(offset, offset + count):
+        near = (travel > travel[k] - config.leg) & (travel < travel[k] + config.leg)
+        # A rounded corner has a flat top: its middle.
+        if turn[k] > config.corner_angle and turn[k] >= turn[near].max() and not (
+                found and travel[k] - travel[found[-1]] < config.leg):
+            found.append(k)
+    found = [k - offset for k in found]
+    if closed and len(found) > 1 and (
+            travel[found[0] + count] - travel[found[-1]] < config.leg):
+        found.pop()
+    return found
+
+
+def _runs(flat, corners, closed):
+    """Points between corners."""
+    if not closed:
+        return [flat[a:b + 1] for a, b in zip(
+            [0, *corners], [*corners, len(flat) - 1], strict=True)]
+    if not corners:
+        return [np.concatenate([flat, flat[:1]])]
+    ends = [*corners[1:], corners[0] + len(flat)]
+    around = np.concatenate([flat, flat])
+    return [around[a:b + 1] for a, b in zip(corners, ends, strict=True)]
+
+
+def _meet(first, second, corner):
+    """Where the lines, or tangents, of two sides meet."""
+    tangents = []
+    for fit in (first, second):
+        if np.isfinite(fit['radius']):
+            out = corner - fit['centre']
+            out = out / np.linalg.norm(out)
+            tangents.append((fit['centre'] + fit['radius'] * out, np.array([-out[1], out[0]])))
+        else:
+            tangents.append((fit['middle'], fit['direction']))
+    (p, d), (q, e) = tangents
+    cross = d[0] * e[1] - d[1] * e[0]
+    if abs(cross) < 1e-3:
+        return corner
+    along = ((q - p)[0] * e[1] - (q - p)[1] * e[0]) / cross
+    return p + along * d
+
+
+def _assemble(pieces, closed, lift):
+    """Outline of pieces in the plane; `lift` brings points (..., 2) into space."""
+    joints = [_meet(pieces[k - 1].fit, piece.fit, piece.points[0]) if piece.ends[0]
+              else piece.points[0] for k, piece in enumerate(pieces)]
+    ends = joints[1:] + [joints[0] if closed else pieces[-1].points[-1]]
+    sides = tuple(Side(
+        'arc' if np.isfinite(piece.fit['radius']) else 'line', lift(start), lift(end),
+        _length(piece, start, end), float(piece.fit['radius']), float(piece.fit['residual']),
+        lift(_chords(piece, start, end)))
+        for piece, start, end in zip(pieces, joints, ends, strict=True))
+    sharp = [k for k, piece in enumerate(pieces) if piece.ends[0]]
+    turns = [float(angle_between(_heading(pieces[k - 1], -1, joints[k]),
+                                 _heading(pieces[k], 0, joints[k]))) for k in sharp]
+    return Outline(lift(np.array([joints[k] for k in sharp]).reshape(-1, 2)), np.array(turns),
+                   sides, closed)
+
+
+def _heading(piece, end, point):
+    """Direction of a piece at one of its ends."""
+    if np.isinf(piece.fit['radius']):
+        return piece.fit['direction']
+    away = point - piece.fit['centre']
+    along = piece.points[-1] - piece.points[-2] if end else piece.points[1] - piece.points[0]
+    across = np.array([-away[1], away[0]])
+    return across if across @ along >= 0.0 else -across
+
+
+def _sweep(piece, start, end):
+    """Angle from start to end of an arc, by steps so that more than half a circle counts."""
+    away = np.array([start, *piece.points[1:-1], end]) - piece.fit['centre']
+    return angle_between(away[:-1], away[1:]).sum()
+
+
+def _length(piece, start, end):
+    if not np.isfinite(piece.fit['radius']):
+        return float(np.linalg.norm(end - start))
+    return float(piece.fit['radius'] * abs(_sweep(piece, start, end)))
+
+
+def _chords(piece, start, end):
+    """Points (m, 2) from start to end along a piece."""
+    if not np.isfinite(piece.fit['radius']):
+        return np.array([start, end])
+    centre, sweep = piece.fit['centre'], _sweep(piece, start, end)
+    first, last = start - centre, end - centre
+    share = np.linspace(0.0, 1.0, int(abs(sweep) * piece.fit['radius'] / CHORD) + 2)
+    angle = np.arctan2(first[1], first[0]) + share * sweep
+    # The ends need not lie on the circle: they are where this side meets its neighbours.
+    radius = (1.0 - share) * np.linalg.norm(first) + share * np.linalg.norm(last)
+    between = centre + radius[:, None] * np.column_stack([np.cos(angle), np.sin(angle)])
+    return np.array([start, *between[1:-1], end])

@@ -1,0 +1,1 @@
+"""Local curvature from positions and normals of contact."""

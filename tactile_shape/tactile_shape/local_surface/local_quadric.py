@@ -1,0 +1,190 @@
+"""
+Least-model estimator: the least surface that explains positions and normals along a path.
+
+Thesis, chapter 4, asks for ten parameters from a few contacts. Here, in the tangent frame at the
+newest contact, only the three numbers of the curvature K are asked of a whole window of travel;
+height and slope are by-products. A round finger feels the surface of its centre, which has no
+error of location; the curvature is converted at the end.
+"""
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from tactile_common.config import check_fields
+from tactile_shape.local_surface import quadric_kernel as kernel
+from tactile_shape.local_surface.contact_window import CELLS, ContactWindow
+from tactile_shape.local_surface.tangent import tangent_frame
+from tactile_shape.types.patch import certain_enough, Kind, Patch, usable_normal
+
+METHOD = 'local_quadric'
+QUIET = 5.0  # times the noise of location that a cell of the window is long, at least
+MISFIT = 2.0  # times the noise of position: then the newer half of the window is tried
+BETTER = 0.6  # of the scatter that it must leave, to be taken
+MAX_RESIDUAL = 4.0  # standard deviations, RMS
+SCATTERED = 0.3  # of a cell's length; beyond, cells are not what averages them
+_SHARP = 0.98  # of 1 / finger radius; a surface of the centre that curves more is an edge
+
+
+@dataclass(frozen=True)
+class LocalQuadricConfig:
+    """How local curvature is estimated."""
+
+    window: float = field(default=0.024, metadata={
+        'doc': 'length of the path that a patch is fitted to', 'unit': 'm',
+        'range': (1e-4, 1.0)})
+    max_turn: float = field(default=0.7, metadata={
+        'doc': 'the path is cut shorter where the normal turns by more than this', 'unit': 'rad',
+        'range': (0.01, 1.2)})
+    finger_radius: float = field(default=0.0, metadata={
+        'doc': 'radius of a round finger; 0 = flat pad', 'unit': 'm', 'range': (0.0, 1.0)})
+    position_noise: float = field(default=2e-5, metadata={
+        'doc': "standard deviation of the pose's position, per axis", 'unit': 'm',
+        'range': (1e-9, 0.1)})
+    normal_noise: float = field(default=5e-4, metadata={
+        'doc': "standard deviation of the normal's direction, per axis", 'unit': 'rad',
+        'range': (1e-7, 1.0)})
+    location_noise: float = field(default=1.5e-4, metadata={
+        'doc': 'standard deviation of the contact on the pad, per axis', 'unit': 'm',
+        'range': (0.0, 0.1)})
+    max_curvature_std: float = field(default=2.5, metadata={
+        'doc': 'a curvature less certain than this, and than a tenth of itself, is called unseen',
+        'unit': '1/m', 'range': (1e-6, 1e6)})
+    prior_curvature: float = field(default=100.0, metadata={
+        'doc': 'standard deviation of curvature before anything is touched', 'unit': '1/m',
+        'range': (1e-3, 1e6)})
+
+    def __post_init__(self):
+        check_fields(self)
+
+
+class LocalQuadric:
+    """
+    Estimate the surface at each new contact of a path; time and memory do not grow.
+
+    Parameters
+    ----------
+    config : LocalQuadricConfig, optional
+    """
+
+    def __init__(self, config=None):
+        self.config = config or LocalQuadricConfig()
+        c = self.config
+        on_finger = c.location_noise / c.finger_radius if c.finger_radius else 0.0
+        self._noise = np.array([
+            c.position_noise, c.location_noise, np.hypot(c.normal_noise, on_finger),
+            c.finger_radius * c.normal_noise])
+        self._spread_noise = np.hypot(c.position_noise, c.location_noise)
+        self._cell = max(c.window / CELLS, QUIET * self._spread_noise)
+        self._window = ContactWindow(c.window, c.max_turn, self._cell)
+        for x in (0.0, 1.0):  # loads or compiles the kernels now, not at the first contact
+            self.update(np.array([x, 0.0, 0.0]), np.array([0.0, 0.0, 1.0]))
+        self.reset()
+
+    def reset(self):
+        """Forget the path: contact was lost."""
+        self._window.reset()
+        self._stretch = None
+
+    def add(self, position, normal):
+        """
+        Add a contact.
+
+        Parameters
+        ----------
+        position : ndarray, shape (3,)
+            Of the contact, in a frame in which the object is at rest [m].
+        normal : ndarray, shape (3,)
+            The object's inward unit normal there, in that frame.
+
+        Returns
+        -------
+        bool
+            False if it is not finite or the normal's length not 1; then it is left out.
+        """
+        normal = usable_normal(position, normal)
+        if normal is None:
+            return False
+        self._normal = normal
+        self._centre = position - self.config.finger_radius * self._normal
+        self._stretch = self._window.add(self._centre, self._normal)
+        return True
+
+    def update(self, position, normal):
+        """Add a contact and return the Patch there; of an unusable contact, one not valid."""
+        if self.add(position, normal):
+            return self.estimate()
+        return _refusal('contact is not finite or its normal not of length 1')
+
+    def estimate(self):
+        """
+        Estimate the surface at the newest contact.
+
+        Returns
+        -------
+        Patch
+            Always: what cannot be estimated is not valid, with its reason.
+        """
+        if self._stretch is None:
+            return _refusal('no contact yet')
+        stretch = self._stretch
+        fit = self._fit(stretch)
+        if fit.scatter > MISFIT * self._noise[0] and len(stretch.points) >= 2 * kernel.ENOUGH:
+            # Where the window reaches back over another surface, its newer half fits far better.
+            newer = stretch.newer_half()
+            fit_of_newer = self._fit(newer)
+            if fit_of_newer.scatter < BETTER * fit.scatter:
+                stretch, fit = newer, fit_of_newer
+        radius, principal = self.config.finger_radius, fit.principal
+        covariance, seen = fit.covariance, fit.seen
+        known = {'extent': stretch.extent, 'samples': stretch.samples, 'residual': fit.residual,
+                 'frame': _frame(self._centre, fit, radius)}
+        if fit.scatter > SCATTERED * self._cell or fit.residual > MAX_RESIDUAL:
+            return _refusal(
+                'the contacts lie on no surface of second order, or have far more noise than '
+                f'told: they scatter by {1e3 * fit.scatter:.2g} mm, residuals are '
+                f'{fit.residual:.2g} standard deviations', **known)
+        if radius:
+            # The centre moves on a surface whose radii are larger by the finger's.
+            shrink = 1.0 - radius * principal
+            if shrink.min() < 1.0 - _SHARP:
+                return _refusal('an edge or a point: its curvature is above what a finger of '
+                                'this radius can tell', **known)
+            principal = principal / shrink
+            covariance = covariance / np.outer(shrink, shrink)**2
+            seen = seen / shrink**4
+        known |= {'curvature': principal, 'covariance': covariance}
+        enough = self.config.max_curvature_std
+        seen = certain_enough(seen, principal, enough)
+        if seen.any():
+            return Patch(Kind(fit.kind), True, '', METHOD, seen=seen, **known)
+        why = 'too short, or too noisy, to show any curvature'
+        if fit.along < enough**2:
+            why = 'straight and along no principal direction: the curvature across is unseen'
+        return _refusal(f'the path of {1e3 * stretch.extent:.2g} mm is {why}', **known)
+
+    def _fit(self, stretch):
+        return kernel.solve(
+            stretch.points, stretch.normals, stretch.weights, self._centre,
+            tangent_frame(self._normal), self._noise, self._spread_noise,
+            self.config.prior_curvature)
+
+
+def _refusal(reason, **known):
+    return Patch(Kind.NONE, False, reason, METHOD, **known)
+
+
+def _frame(centre, fit, radius):
+    """Pose of the contact frame: fitted origin and normal, x along the first principal axis."""
+    axes = fit.axes
+    normal = np.array([-fit.slope[0], -fit.slope[1], 1.0])
+    normal = axes @ (normal / np.sqrt(normal @ normal))
+    x = axes[:, 0] * np.cos(fit.heading) + axes[:, 1] * np.sin(fit.heading)
+    x = x - (x @ normal) * normal
+    x /= np.sqrt(x @ x)
+    frame = np.eye(4)
+    frame[:3, 0], frame[:3, 2] = x, normal
+    frame[:3, 1] = np.array([normal[1] * x[2] - normal[2] * x[1],
+                             normal[2] * x[0] - normal[0] * x[2],
+                             normal[0] * x[1] - normal[1] * x[0]])
+    frame[:3, 3] = centre + fit.height * axes[:, 2] + radius * normal
+    return frame

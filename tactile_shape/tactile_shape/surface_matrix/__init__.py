@@ -1,0 +1,1 @@
+"""The thesis' surface matrix and its estimator (chapter 4)."""

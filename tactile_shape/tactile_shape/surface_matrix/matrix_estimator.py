@@ -1,0 +1,126 @@
+"""The thesis' estimator on a stream of contacts: ten parameters from the last few of them."""
+from collections import deque
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from tactile_common.config import check_fields
+from tactile_common.errors import SurfaceError
+from tactile_shape.local_surface.local_quadric import LocalQuadricConfig
+from tactile_shape.surface_matrix.matrix_fit import fit_matrix
+from tactile_shape.surface_matrix.motion import contacts_in_frame
+from tactile_shape.types.patch import certain_enough, Kind, Patch, usable_normal
+
+METHOD = 'surface_matrix'
+_CURVATURE = [0, 1, 4]  # c11, c12, c22 among the ten parameters
+
+
+def _as_of_local_quadric(name, **other):
+    """Field as of LocalQuadricConfig, but for what of its description differs."""
+    of = LocalQuadricConfig.__dataclass_fields__[name]
+    return field(default=of.default, metadata={**of.metadata, **other})
+
+
+@dataclass(frozen=True)
+class MatrixEstimatorConfig:
+    """How a surface matrix is estimated; what both estimators know is of `LocalQuadricConfig`."""
+
+    contacts: int = field(default=6, metadata={
+        'doc': 'contacts that a surface matrix is fitted to; the thesis takes 5',
+        'range': (4, 100)})
+    window: float = _as_of_local_quadric(
+        'window', doc='length of the path that they are spread over', range=(1e-6, 1.0))
+    position_noise: float = _as_of_local_quadric('position_noise', range=(0.0, 0.1))
+    normal_noise: float = _as_of_local_quadric('normal_noise', range=(0.0, 1.0))
+    max_curvature_std: float = _as_of_local_quadric('max_curvature_std')
+    prior_curvature: float = _as_of_local_quadric('prior_curvature')
+
+    def __post_init__(self):
+        check_fields(self)
+
+
+class MatrixEstimator:
+    """
+    Estimate the surface matrix at each new contact of a path; same interface as `LocalQuadric`.
+
+    Parameters
+    ----------
+    config : MatrixEstimatorConfig, optional
+    """
+
+    def __init__(self, config=None):
+        self.config = config or MatrixEstimatorConfig()
+        self._spacing = self.config.window / (self.config.contacts - 1)
+        self._kept = deque(maxlen=self.config.contacts)
+        self.reset()
+
+    def reset(self):
+        """Forget the path: contact was lost."""
+        self._kept.clear()
+        self._newest = None
+
+    def add(self, position, normal):
+        """Add a contact; False if it is not finite or the normal's length not 1."""
+        normal = usable_normal(position, normal)
+        if normal is None:
+            return False
+        self._newest = position, normal
+        if not self._kept or np.linalg.norm(position - self._kept[-1][0]) >= self._spacing:
+            self._kept.append(self._newest)
+        return True
+
+    def update(self, position, normal):
+        """Add a contact and return the Patch there; of an unusable contact, one not valid."""
+        if self.add(position, normal):
+            return self.estimate()
+        return _refusal('contact is not finite or its normal not of length 1')
+
+    def estimate(self):
+        """Patch at the newest contact; not valid where anything is unseen."""
+        if self._newest is None:
+            return _refusal('no contact yet')
+        contacts = list(self._kept)
+        if contacts[-1] is not self._newest:
+            contacts = [*contacts[-self.config.contacts + 1:], self._newest]
+        positions, normals = (np.array(values) for values in zip(*contacts, strict=True))
+        points, normals, frame = contacts_in_frame(positions, normals)
+        fit = fit_matrix(points, normals, position_noise=self.config.position_noise,
+                         normal_noise=self.config.normal_noise)
+        steps = np.linalg.norm(np.diff(positions, axis=0), axis=1)
+        known = {'extent': float(steps.sum()), 'samples': len(contacts),
+                 'residual': fit.residual / max(self.config.normal_noise, 1e-12)}
+        try:
+            local = fit.surface.normalised()
+            curvature, axes = local.curvatures()
+        except (AttributeError, SurfaceError):
+            return _refusal('the fitted surface has no normal at the contact', **known)
+        pose = frame.copy()
+        pose[:3, :3] = frame[:3, :3] @ axes
+        covariance, seen = self._certainty(fit, axes)
+        seen &= certain_enough(np.diag(covariance), curvature, self.config.max_curvature_std)
+        back = np.linalg.inv(frame)
+        known |= {'frame': pose, 'curvature': curvature, 'covariance': covariance, 'seen': seen,
+                  'matrix': local.in_frame(back).matrix}
+        if fit.rank < 9:
+            # With noise, what is left out bends the rest: none of it is to be used.
+            return _refusal(
+                f'{len(contacts)} contacts see {fit.rank} of 9 parameters, not all of '
+                + ', '.join(fit.unseen_names), **known)
+        if not seen.all():
+            return _refusal('the contacts are too near to each other, or too noisy, to show '
+                            'curvature', **known)
+        return Patch(Kind.GENERAL, True, '', METHOD, **known)
+
+    def _certainty(self, fit, axes):
+        """Covariance of the principal curvatures, with the prior where unseen; which are seen."""
+        gradient = np.zeros((2, 10))
+        for row, (x, y, _) in zip(gradient, axes.T[:2], strict=True):
+            row[_CURVATURE] = -2.0 * np.array([x * x, 2.0 * x * y, y * y])
+        blind = np.linalg.norm(gradient @ fit.unseen.T, axis=1) if len(fit.unseen) else np.zeros(2)
+        covariance = gradient @ fit.covariance @ gradient.T
+        return (covariance + np.diag(blind * 0.5 * self.config.prior_curvature)**2,
+                blind < 0.1)
+
+
+def _refusal(reason, **known):
+    return Patch(Kind.NONE, False, reason, METHOD, **known)

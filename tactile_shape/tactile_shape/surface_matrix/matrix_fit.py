@@ -1,0 +1,132 @@
+"""The thesis' estimator: ten surface parameters from points and normals (4.32 to 4.37)."""
+from dataclasses import dataclass
+
+import numpy as np
+
+from tactile_common.errors import ConfigurationError, SurfaceError
+from tactile_shape.surface_matrix.surface_matrix import PARAMETERS, SurfaceMatrix
+
+ROUNDING = 1e-12  # least singular value, of the largest, that is more than rounding
+SAME_POINT = 1e-12  # m; contacts nearer to each other than that are one
+_KNOWN = PARAMETERS.index('c44')  # 0: the contact lies at the origin
+
+
+@dataclass(frozen=True, eq=False)
+class MatrixFit:
+    """
+    Surface matrix in the current contact frame, and what of it the data saw.
+
+    Attributes
+    ----------
+    surface : SurfaceMatrix or None
+        None where not even a normal was seen. Unseen directions are 0.
+    parameters : ndarray, shape (10,)
+        In the order of `surface_matrix.PARAMETERS`; c44 is 0 by definition of the frame.
+    rank : int
+        Independent combinations seen of the nine other parameters.
+    unseen : ndarray, shape (9 - rank, 10)
+        Combinations of parameters, of length 1, that these contacts cannot see.
+    unseen_names : tuple of str
+        Parameters with a share in an unseen combination.
+    covariance : ndarray, shape (10, 10)
+        Of what was seen, from the residuals, or from `normal_noise` where there is none to spare.
+    condition : float
+        Largest over least singular value that counts; lengths in units of the contacts' spread.
+    residual : float
+        RMS of the normals' residuals [rad].
+    samples : int
+    """
+
+    surface: SurfaceMatrix | None
+    parameters: np.ndarray
+    rank: int
+    unseen: np.ndarray
+    unseen_names: tuple
+    covariance: np.ndarray
+    condition: float
+    residual: float
+    samples: int
+
+
+def fit_matrix(points, normals, *, position_noise=0.0, normal_noise=0.0):
+    """
+    Fit a surface matrix to points and normals by 2 L S X = n.
+
+    Exact for plane, cylinder and sphere. On any other quadric 2 L S X is not of length 1 away
+    from the origin, so that unit normals leave an error of third order.
+
+    Parameters
+    ----------
+    points, normals : array_like, shape (N, 3)
+        In the contact frame of which the surface is wanted: z inward, the origin a contact.
+    position_noise : float, optional
+        Standard deviation of a coordinate [m]: directions that the points' spread shows no
+        clearer than that are not seen.
+    normal_noise : float, optional
+        Standard deviation of a normal's component [rad].
+
+    Returns
+    -------
+    MatrixFit
+
+    Raises
+    ------
+    ConfigurationError
+        A shape is wrong, a number is not finite or a noise is negative.
+    """
+    points, normals = (np.asarray(values, dtype=float) for values in (points, normals))
+    if points.ndim != 2 or points.shape[1] != 3 or not len(points):
+        raise ConfigurationError(f'points has shape {points.shape}, must be (N, 3), N above 0')
+    if normals.shape != points.shape:
+        raise ConfigurationError(f'normals has shape {normals.shape}, must be {points.shape}')
+    if not (np.isfinite(points).all() and np.isfinite(normals).all()):
+        raise ConfigurationError('points or normals: a number is not finite')
+    if not (0.0 <= position_noise < np.inf and 0.0 <= normal_noise < np.inf):
+        raise ConfigurationError('noise: must be finite and not negative')
+    # Lengths in units of the spread: else curvatures and normals are not to be compared.
+    unit = max(np.abs(points).max(), SAME_POINT)
+    matrix = design_matrix(points / unit)
+    left, values, right = np.linalg.svd(matrix, full_matrices=True)
+    floor = max(ROUNDING * values[0], 2.0 * np.sqrt(len(points)) * position_noise / unit)
+    rank = int(np.count_nonzero(values > floor))
+    scale = np.full(10, 1.0 / unit)
+    scale[[3, 6, 8]] = 1.0  # c14, c24, c34 have no unit
+    scale[_KNOWN] = unit
+    keep = right[:rank] / values[:rank, None]
+    target = 0.5 * normals.reshape(-1)
+    scaled = np.zeros(10)
+    scaled[:_KNOWN] = keep.T @ (left[:, :rank].T @ target)
+    rest = target - matrix @ scaled[:_KNOWN]
+    spare = len(target) - rank
+    variance = max(rest @ rest / spare if spare > 0 else 0.0, (0.5 * normal_noise)**2)
+    covariance = np.zeros((10, 10))
+    covariance[:_KNOWN, :_KNOWN] = variance * keep.T @ keep
+    unseen = np.zeros((9 - rank, 10))
+    unseen[:, :_KNOWN] = right[rank:]
+    shares = (np.abs(unseen) > 0.1).any(axis=0)
+    try:
+        surface = SurfaceMatrix.from_parameters(scaled * scale)
+    except SurfaceError:
+        surface = None
+    return MatrixFit(
+        surface, scaled * scale, rank, unseen,
+        tuple(name for name, share in zip(PARAMETERS, shares, strict=True) if share),
+        covariance * np.outer(scale, scale), float(values[0] / values[max(rank - 1, 0)]),
+        float(2.0 * np.sqrt(np.mean(rest**2))), len(points))
+
+
+def design_matrix(points):
+    """
+    A of (4.32) without the known c44: rows 3 i to 3 i + 2 give S y_i from the nine parameters.
+
+    Parameters
+    ----------
+    points : ndarray, shape (N, 3)
+        The first three components of y_i; the fourth is 1.
+    """
+    matrix = np.zeros((len(points), 3, 9))
+    x, y, z = points.T
+    for row, columns in enumerate(((0, 1, 2, 3), (1, 4, 5, 6), (2, 5, 7, 8))):
+        for column, values in zip(columns, (x, y, z, 1.0), strict=True):
+            matrix[:, row, column] = values
+    return matrix.reshape(-1, 9)

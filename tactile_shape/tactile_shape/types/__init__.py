@@ -1,0 +1,1 @@
+"""Plain data: what is said of a surface."""

@@ -1,0 +1,145 @@
+"""
+Command `simulate`: a servo follows the edge of a scene, without ROS and faster than real time.
+
+The servo, estimator, limits and scene are those of the nodes; the robot is a gantry with the
+lag, dead time and acceleration of the scene's plant, or that of a URDF.
+"""
+
+import argparse
+import json
+import math
+import sys
+import time
+
+import numpy as np
+
+from tactile_common.errors import TactileError
+from tactile_servo.laws.registry import DEFAULT, TRACKERS
+from tactile_servo.motion.limits import JointLimits
+from tactile_servo.motion.robot import RobotModel
+from tactile_servo.types import EdgeGoal
+from tactile_simulation.closed_loop import Simulation
+from tactile_simulation.metrics import summarise
+from tactile_simulation.scene import load_scene
+
+JOINT_ACCELERATION = 10.0  # rad/s^2, of a robot given by its URDF
+
+
+def parser():
+    """Command line."""
+    arguments = argparse.ArgumentParser(
+        prog='simulate', description=__doc__.strip().splitlines()[0],
+        formatter_class=argparse.ArgumentDefaultsHelpFormatter)
+    arguments.add_argument('scene', help='YAML file of the scene')
+    arguments.add_argument('--controller', default=DEFAULT, choices=list(TRACKERS))
+    arguments.add_argument('--speed', type=float, default=0.03, help='along the edge [m/s]')
+    arguments.add_argument('--force', type=float, default=5.0, help='on the pad [N]')
+    arguments.add_argument('--direction', type=int, default=1, choices=(-1, 1),
+                           help="along the sensor's y")
+    arguments.add_argument('--length', type=float, default=0.0,
+                           help='to track [m]; 0 = until the edge ends or the contour closes')
+    arguments.add_argument('--seed', type=int, default=0, help="of the sensor's noise")
+    arguments.add_argument('--latency', type=float, default=None,
+                           help='of a picture [s]; default as the scene says')
+    arguments.add_argument('--robot', default=None, metavar='URDF',
+                           help='robot instead of the gantry; its sensor frame is tactile_pad')
+    arguments.add_argument('--timeout', type=float, default=300.0, help='simulated time [s]')
+    arguments.add_argument('--json', action='store_true',
+                           help='print one JSON object, SI units')
+    arguments.add_argument('--plot', default=None, metavar='FILE.png',
+                           help='draw the way of the pad over the edge')
+    return arguments
+
+
+def robot_from(urdf):
+    """RobotModel and JointLimits of a URDF, None for the gantry."""
+    if urdf is None:
+        return None
+    model = RobotModel.from_urdf(urdf, 'tactile_pad')
+    return model, JointLimits(model.joint_names, model.lower, model.upper, model.velocity_limit,
+                              np.full(len(model.joint_names), JOINT_ACCELERATION))
+
+
+def run(options):
+    """Simulate as the options say: Simulation and summary."""
+    scene = load_scene(options.scene)
+    goal = EdgeGoal(options.speed, options.force, options.direction, options.length,
+                    closed=scene.edge.closed and options.length == 0.0
+                    and TRACKERS[options.controller].closes_contours)
+    simulation = Simulation(scene, options.controller, seed=options.seed,
+                            latency=options.latency, robot=robot_from(options.robot),
+                            clock=time.perf_counter)
+    begin = time.perf_counter()
+    status = simulation.run(goal, options.timeout)
+    return simulation, summarise(
+        simulation, goal, status, name=scene.name, tracker=options.controller,
+        seed=options.seed, elapsed=time.perf_counter() - begin)
+
+
+def text_of(summary):
+    """Summary in words, for people."""
+    lines = [f'{summary["scene"]} with {summary["controller"]} at {1e3 * summary["speed"]:g} '
+             f'mm/s: {summary["reason"]} ({"ok" if summary["ok"] else "failed"})',
+             f'tracked {1e3 * summary["tracked_length"]:.1f} mm in {summary["duration"]:.2f} s, '
+             f'simulated {summary["real_time_factor"]:.1f} times faster than real time',
+             f'lateral error {1e3 * summary["lateral_rms"]:.3f} mm RMS, '
+             f'{1e3 * summary["lateral_max"]:.3f} mm largest '
+             f'({1e3 * summary["lateral_transient_max"]:.3f} mm in the first 10 mm)',
+             f'force {summary["force_target"]:g} N: error {summary["force_rms_error"]:.3f} N RMS, '
+             f'largest force {summary["force_max"]:.2f} N']
+    if math.isfinite(summary['contour_area_error']):
+        lines.append(f'rebuilt outline within {1e3 * summary["contour_max_error"]:.3f} mm, '
+                     f'area off by {100 * summary["contour_area_error"]:.3f} %')
+    lines += [f'{entry["time"]:8.3f} s  {entry["state"]}: {entry["reason"]}'
+              for entry in summary['states']]
+    return '\n'.join(lines)
+
+
+def to_json(summary):
+    """One strict JSON object; what is not a finite number is null."""
+    return json.dumps({key: None if isinstance(value, float) and not math.isfinite(value)
+                       else value for key, value in summary.items()}, allow_nan=False)
+
+
+def draw(simulation, path):
+    """Draw the way of the pad over the edge, and the lateral error along it."""
+    import matplotlib
+    matplotlib.use('Agg')
+    from matplotlib import pyplot
+
+    edge, truth = simulation.scene.edge, simulation.truth()
+    way = np.array([cycle.pose[:3, 3] for cycle in simulation.log])
+    figure, (plan, errors) = pyplot.subplots(
+        2, 1, figsize=(7, 8), height_ratios=(3, 1), layout='constrained')
+    outline = np.where(np.repeat(edge.solid, 2)[:, None], np.repeat(
+        edge.points, 2, axis=0)[1:-1], np.nan)
+    plan.plot(1e3 * outline[:, 0], 1e3 * outline[:, 1], color='0.7', lw=4, label='edge')
+    plan.plot(1e3 * way[:, 0], 1e3 * way[:, 1], 'C0', lw=1, label="pad's centre")
+    contour = simulation.servo.tracker.contour()
+    if contour is not None:
+        plan.plot(1e3 * contour[:, 0], 1e3 * contour[:, 1], 'C3:', lw=1, label='rebuilt edge')
+    plan.set(aspect='equal', xlabel='x [mm]', ylabel='y [mm]', title=simulation.scene.name)
+    plan.legend()
+    errors.plot(1e3 * truth[:, 3], 1e3 * truth[:, 1], 'C0')
+    errors.set(xlabel='tracked length [mm]', ylabel='lateral error [mm]')
+    errors.grid(alpha=0.3)
+    figure.savefig(path, dpi=120)
+    pyplot.close(figure)
+
+
+def main(argv=None) -> int:
+    """Run the command; 0 only if the edge was tracked as asked for."""
+    options = parser().parse_args(argv)
+    try:
+        simulation, summary = run(options)
+        if options.plot:
+            draw(simulation, options.plot)
+    except (TactileError, ValueError, OSError) as error:
+        print(f'simulate: {error}', file=sys.stderr)
+        return 2
+    print(to_json(summary) if options.json else text_of(summary))
+    return 0 if summary['ok'] else 1
+
+
+if __name__ == '__main__':
+    sys.exit(main())

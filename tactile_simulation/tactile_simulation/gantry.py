@@ -1,0 +1,48 @@
+"""The plainest robot that can move a pad anywhere: a gantry with a wrist, for simulations."""
+
+import numpy as np
+
+from tactile_servo.motion.limits import JointLimits
+from tactile_servo.motion.robot import RobotModel
+
+TRAVEL = 1.0  # m
+TURN = 20.0  # rad
+SPEED = 0.5  # m/s
+TURN_RATE = 4.0  # rad/s
+TURN_ACCELERATION = 20.0  # rad/s^2
+MARGIN = 0.01  # kept from the ends of the travel
+
+_JOINT = """
+  <joint name="{name}" type="{type}">
+    <parent link="{parent}"/><child link="{name}_link"/>
+    <origin xyz="0 0 0" rpy="{rpy}"/><axis xyz="{axis}"/>
+    <limit lower="-{reach}" upper="{reach}" velocity="{speed}" effort="1"/>
+  </joint>
+  <link name="{name}_link"/>"""
+_AXES = {'x': '1 0 0', 'y': '0 1 0', 'z': '0 0 1'}
+
+
+def gantry_urdf():
+    """URDF of three slides along the base's axes, then yaw, pitch and roll of the pad."""
+    parent, joints = 'base', ''
+    for axis in 'xyz':
+        joints += _JOINT.format(name=f'slide_{axis}', type='prismatic', parent=parent,
+                                axis=_AXES[axis], rpy='0 0 0', reach=TRAVEL, speed=SPEED)
+        parent = f'slide_{axis}_link'
+    # At zero the pad looks down, so that its singularity, a pitch of 90 degrees, is far.
+    for axis, rpy in (('z', f'{np.pi} 0 0'), ('y', '0 0 0'), ('x', '0 0 0')):
+        joints += _JOINT.format(name=f'turn_{axis}', type='revolute', parent=parent,
+                                axis=_AXES[axis], rpy=rpy, reach=TURN, speed=TURN_RATE)
+        parent = f'turn_{axis}_link'
+    return f"""<robot name="gantry"><link name="base"/>{joints}
+  <joint name="pad" type="fixed"><parent link="{parent}"/><child link="tactile_pad"/></joint>
+  <link name="tactile_pad"/></robot>"""
+
+
+def gantry(acceleration):
+    """RobotModel and JointLimits of the gantry; `acceleration` of its slides [m/s^2]."""
+    model = RobotModel.from_urdf(gantry_urdf(), 'tactile_pad')
+    limits = JointLimits(
+        model.joint_names, model.lower + MARGIN, model.upper - MARGIN, model.velocity_limit,
+        np.array([acceleration] * 3 + [TURN_ACCELERATION] * 3))
+    return model, limits

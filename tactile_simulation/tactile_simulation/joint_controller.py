@@ -1,0 +1,331 @@
+"""
+A robot that is not there: a joint_trajectory_controller and joints that lag behind it.
+
+The controller behaves as the documentation of ros2_controllers' joint_trajectory_controller
+says it does with position command interfaces: what it rejects, when a trajectory starts, how
+it interpolates (https://control.ros.org, "Trajectory Representation").
+"""
+
+from collections import deque
+from dataclasses import dataclass, field
+from itertools import pairwise
+import math
+
+import numpy as np
+
+from tactile_common.errors import ConfigurationError, Rejected
+from tactile_common.kernels import njit
+from tactile_simulation.spline import Spline
+
+_VELOCITY_AT_END = float(np.finfo(np.float32).eps)  # rad/s; what the controller takes for zero
+_TOLERANCE = 1e-6  # relative; a limit is violated beyond rounding only
+
+
+@dataclass(frozen=True)
+class MockRobotConfig:
+    """Parameters of the mock robot."""
+
+    robot_description: str = field(default='', metadata={
+        'doc': 'URDF of the robot: path of a file, or the XML itself'})
+    tip_frame: str = field(default='tactile_pad', metadata={
+        'doc': 'link of the URDF that is the sensor frame'})
+    scene: str = field(default='', metadata={
+        'doc': "scene file whose start pose the sensor begins at; '' = none"})
+    initial_positions: tuple[float, ...] = field(default=(), metadata={
+        'doc': 'joint positions at the start or, with a scene, where the search for those of '
+               'its start pose begins; [] = chosen', 'unit': 'rad'})
+    rate: float = field(default=500.0, metadata={
+        'doc': 'rate of the controller and of the joint states', 'unit': 'Hz',
+        'range': (10.0, 2000.0)})
+    dead_time: float = field(default=0.0025, metadata={
+        'doc': 'time from a command to the first motion', 'unit': 's', 'range': (0.0, 1.0)})
+    lag: float = field(default=0.010, metadata={
+        'doc': 'time constant with which a joint follows its command', 'unit': 's',
+        'range': (0.0, 1.0)})
+    interpolate_from_desired_state: bool = field(default=True, metadata={
+        'doc': 'start a new trajectory from the desired, not from the measured state'})
+    controller: str = field(default='/joint_trajectory_controller', metadata={
+        'doc': 'name of the controller; its topic is joint_trajectory below it'})
+
+
+class MockController:
+    """
+    Takes trajectories, interpolates them and moves joints within their limits.
+
+    Parameters
+    ----------
+    joint_names : sequence of str
+        Order of every joint vector (n joints).
+    lower, upper : array_like (n,)
+        Position limits [rad or m], infinite where there are none.
+    velocity_limit : array_like (n,)
+        [rad/s or m/s].
+    initial_positions : array_like (n,)
+        Where the joints are and stay until a trajectory comes [rad or m].
+    dead_time, lag : float
+        Of the joints' response to a command [s].
+    interpolate_from_desired_state : bool
+        Whether a new trajectory starts from the desired state or from the measured one.
+
+    Attributes
+    ----------
+    limit_violations : int
+        Steps whose command had to be clamped to a position or velocity limit.
+    peak_velocity, peak_acceleration : ndarray (n,)
+        Largest magnitudes that were commanded, from differences of the commands before any
+        clamping [rad/s], [rad/s^2].
+
+    Raises
+    ------
+    ConfigurationError
+        A vector has the wrong length or a value is out of bounds.
+
+    """
+
+    def __init__(self, joint_names, lower, upper, velocity_limit, *, initial_positions,
+                 dead_time=MockRobotConfig.dead_time, lag=MockRobotConfig.lag,
+                 interpolate_from_desired_state=MockRobotConfig.interpolate_from_desired_state):
+        self.joint_names = tuple(joint_names)
+        self._lower, self._upper, self._velocity_limit, start = (
+            self._vector(name, values) for name, values in (
+                ('lower', lower), ('upper', upper), ('velocity_limit', velocity_limit),
+                ('initial_positions', initial_positions)))
+        if not np.all(self._velocity_limit > 0.0):
+            raise ConfigurationError(f'velocity_limit: {self._velocity_limit} must be above 0')
+        for name, q, low, high in zip(
+                self.joint_names, start, self._lower, self._upper, strict=True):
+            if not low <= q <= high:
+                raise ConfigurationError(
+                    f'initial_positions: {name} = {q:.6g}, must be within {low:.6g}..{high:.6g}')
+        for name, value in (('dead_time', dead_time), ('lag', lag)):
+            if not 0.0 <= value < np.inf:
+                raise ConfigurationError(f'{name}: {value} s, must be at least 0')
+        self.interpolate_from_desired_state = interpolate_from_desired_state
+        self._joints = DelayedLag(start, dead_time, lag)
+        self.limit_violations = 0
+        self.peak_velocity = np.zeros(len(start))
+        self.peak_acceleration = np.zeros(len(start))
+        self._restart(start)
+
+    def _vector(self, name, values):
+        vector = np.array(values, dtype=float)
+        if vector.shape != (len(self.joint_names),) or np.any(np.isnan(vector)):
+            raise ConfigurationError(
+                f'{name}: {vector.tolist()}, must be {len(self.joint_names)} numbers, one a joint')
+        return vector
+
+    def _restart(self, positions):
+        self._time = None
+        self._spline = self._pending = None
+        self._desired = np.zeros((3, len(positions)))
+        self._desired[0] = positions
+        self._command = self._wanted = self._desired[0]
+        self._wanted_rate = None
+        self._period = None
+
+    @property
+    def desired(self):
+        """Desired position, velocity and acceleration (3, n) of the newest step."""
+        return self._desired.copy()
+
+    def accept(self, trajectory, now):
+        """
+        Take a trajectory over at the next step, or leave everything as it is.
+
+        Parameters
+        ----------
+        trajectory : Trajectory
+            Its joints may stand in any order.
+        now : float
+            Time in the clock of the trajectory's stamp [s].
+
+        Raises
+        ------
+        Rejected
+            With the reason.
+
+        """
+        self._check(trajectory, now)
+        names = trajectory.joint_names
+        order = (slice(None) if names == self.joint_names
+                 else [names.index(name) for name in self.joint_names])
+        self._pending = trajectory, order
+
+    def _check(self, trajectory, now):
+        names, times = trajectory.joint_names, np.asarray(trajectory.times, dtype=float).tolist()
+        if names != self.joint_names:
+            self._check_names(names)
+        if len(times) == 0:
+            raise Rejected('trajectory has no points')
+        for name in ('times', 'positions', 'velocities', 'accelerations', 'stamp'):
+            values = getattr(trajectory, name)
+            if values is None and name != 'positions':
+                continue
+            if values is None or not np.isfinite(values).all():
+                raise Rejected(f'{name} must be finite numbers')
+        if times[0] < 0.0:
+            raise Rejected(f'time of point 0 is {times[0]:.6f} s, before the start')
+        for k, (time, after) in enumerate(pairwise(times)):
+            if after <= time:
+                raise Rejected(f'times of points {k} and {k + 1} are not strictly increasing: '
+                               f'{time:.6f} s and {after:.6f} s')
+        if trajectory.stamp != 0.0 and trajectory.stamp + times[-1] < now:
+            raise Rejected(
+                f'trajectory ended {now - trajectory.stamp - times[-1]:.6f} s ago, in the past')
+        if trajectory.velocities is not None:
+            for name, velocity in zip(names, trajectory.velocities[-1].tolist(), strict=True):
+                if abs(velocity) > _VELOCITY_AT_END:
+                    raise Rejected(f'velocity of the last point is not zero: joint {name!r}, '
+                                   f'{velocity:.6g}')
+
+    def _check_names(self, names):
+        if not names:
+            raise Rejected('joint names are empty')
+        for name in names:
+            if name not in self.joint_names:
+                raise Rejected(f"joint {name!r} is none of the controller's joints")
+        missing = [name for name in self.joint_names if name not in names]
+        if missing or len(names) != len(self.joint_names):
+            raise Rejected('every joint must be named once; ' + (
+                f'missing: {", ".join(missing)}' if missing else f'{len(names)} names given'))
+
+    def step(self, now):
+        """
+        Advance to a time, at the controller's rate.
+
+        Parameters
+        ----------
+        now : float
+            Time [s]. When it jumps back, the robot holds where it is and starts over.
+
+        Returns
+        -------
+        positions, velocities : ndarray (n,)
+            Measured state of the joints [rad or m], [rad/s or m/s].
+
+        """
+        if self._time is not None and now <= self._time:
+            if now < self._time:
+                self._restart(self._joints.position)
+                self._joints.restart()
+            else:
+                return self._joints.position, self._joints.velocity
+        period = None if self._time is None else now - self._time
+        if self._pending is not None:
+            self._take_over(now)
+        if self._spline is not None:
+            self._desired = self._spline.sample(now)
+        self._time = now
+        return self._joints.step(now, self._limited(self._desired[0], period))
+
+    def _take_over(self, now):
+        trajectory, order = self._pending
+        self._pending = None
+        if self.interpolate_from_desired_state and self._time is not None:
+            before, state = self._time, self._desired
+        elif self.interpolate_from_desired_state:
+            before, state = now, self._desired
+        else:
+            before, state = now, np.array([self._joints.position, self._joints.velocity])
+        start = trajectory.stamp or now
+        self._spline = Spline(before, state, start, trajectory, order, now)
+
+    def _limited(self, wanted, period):
+        """Command (n,) within the limits; counts a step in which they had to act."""
+        self._observe(wanted, period)
+        self._command, clamped = _clamp(
+            wanted, self._command, self._lower, self._upper, self._velocity_limit,
+            period or 0.0)
+        self.limit_violations += clamped
+        return self._command
+
+    def _observe(self, wanted, period):
+        if period is None:
+            return
+        rate = (wanted - self._wanted) / period
+        _keep_largest(self.peak_velocity, rate)
+        if self._wanted_rate is not None:
+            _keep_largest(self.peak_acceleration,
+                          (rate - self._wanted_rate) * (2.0 / (period + self._period)))
+        self._wanted, self._wanted_rate, self._period = wanted, rate, period
+
+
+@njit(cache=True)
+def _clamp(wanted, before, lower, upper, fastest, period):
+    """Command within the limits of position and velocity, and whether they had to act."""
+    command, clamped = np.empty_like(wanted), False
+    for k in range(len(wanted)):
+        reach = fastest[k] * period
+        command[k] = min(max(wanted[k], lower[k]), upper[k])
+        command[k] = min(max(command[k], before[k] - reach), before[k] + reach)
+        clamped = clamped or abs(command[k] - wanted[k]) > _TOLERANCE * reach + 1e-9
+    return command, clamped
+
+
+@njit(cache=True)
+def _keep_largest(peak, values):
+    for k in range(len(peak)):
+        peak[k] = max(peak[k], abs(values[k]))
+
+
+class DelayedLag:
+    """
+    Joints that follow their command after a dead time with a first-order lag.
+
+    Exact for commands that run straight between the steps, whatever the steps' lengths.
+
+    Parameters
+    ----------
+    position : ndarray (n,)
+        At rest there at first.
+    dead_time, lag : float
+        [s], either may be 0.
+
+    """
+
+    def __init__(self, position, dead_time, lag):
+        self._dead_time, self._lag = dead_time, lag
+        self.position = np.array(position, dtype=float)
+        self.restart()
+
+    def restart(self):
+        """Forget the time and every command on its way; come to rest."""
+        self.velocity = np.zeros_like(self.position)
+        self._time = None
+        self._knots = deque()
+
+    def step(self, now, command):
+        """Advance to `now` [s], when `command` (n,) is given; position and velocity (n,)."""
+        arrival = now + self._dead_time
+        if self._time is None:
+            self._time = arrival
+            self._newest = arrival, command
+            return self.position, self.velocity
+        self._knots.append((arrival, command))
+        while self._knots and self._time < now:
+            since, start = self._newest
+            until, goal = self._knots[0]
+            end = min(until, now)
+            self.position, self.velocity = _follow(
+                self.position, start, (goal - start) / (until - since), end - since,
+                end - self._time, self._lag)
+            self._time = end
+            if until > now:
+                break
+            self._newest = self._knots.popleft()
+        return self.position, self.velocity
+
+
+@njit(cache=True)
+def _follow(position, start, slope, since, time, lag):
+    """
+    Position and velocity after `time` [s], exact, of joints that follow a command.
+
+    The command has run along start + slope t for `since` [s].
+    """
+    command = start + slope * since
+    if lag == 0.0:
+        return command, slope
+    settled = command - lag * slope
+    position = settled + (position - (settled - slope * time)) * math.exp(-time / lag)
+    return position, (command - position) / lag

@@ -1,0 +1,1 @@
+"""ROS nodes that stand in for a sensor and a robot."""

@@ -1,0 +1,178 @@
+"""Surfaces of known shape, paths of contact on them and the noise of real contacts."""
+from dataclasses import dataclass
+
+import numpy as np
+
+from tactile_common.errors import ConfigurationError
+
+
+@dataclass(frozen=True)
+class Torus:
+    """
+    Ring, touched on its outer equator in the contact frame; x along the ring, z inward.
+
+    A cylinder is a ring without end, a sphere one without a hole, a plane both.
+
+    Parameters
+    ----------
+    ring : float
+        Radius of the circle on which the tube's centre lies [m]; inf makes a cylinder along x,
+        0 a sphere.
+    tube : float
+        Radius of the tube [m]; inf, with a ring of inf, makes a plane.
+
+    Raises
+    ------
+    ConfigurationError
+        A radius is negative or the tube's not above 0.
+    """
+
+    ring: float
+    tube: float
+
+    def __post_init__(self):
+        if not (self.ring >= 0.0 and self.tube > 0.0):
+            raise ConfigurationError(
+                f'torus: ring {self.ring} m, tube {self.tube} m, must be at least 0 and above 0')
+
+    @property
+    def curvature(self):
+        """K at the contact frame's origin, ndarray (2, 2) [1/m]."""
+        return np.diag([1.0 / (self.ring + self.tube), 1.0 / self.tube])
+
+    def at(self, along, across):
+        """
+        Points and inward normals where arcs along the ring and across it lead.
+
+        Parameters
+        ----------
+        along, across : ndarray, shape (N,)
+            Lengths of arc [m].
+
+        Returns
+        -------
+        points, normals : ndarray, shape (N, 3)
+        """
+        latitude = across / self.tube
+        # of the ring, with everything finite where a radius is not
+        outer = self.ring + self.tube
+        longitude = along / outer
+        sagitta = _sagitta(across, self.tube)
+        inward = np.column_stack([
+            -np.cos(latitude) * np.sin(longitude), -np.sin(latitude),
+            np.cos(latitude) * np.cos(longitude)])
+        shrink = 1.0 if np.isinf(outer) else 1.0 - sagitta / outer
+        side = along if np.isinf(outer) else shrink * outer * np.sin(longitude)
+        height = sagitta if np.isinf(outer) else (
+            shrink * _sagitta(along, outer) + sagitta)
+        y = across if np.isinf(self.tube) else self.tube * np.sin(latitude)
+        return np.column_stack([side, y, height]), inward
+
+    def distance(self, points):
+        """Signed distance of points (..., 3) from the surface [m], positive outside."""
+        x, y, z = np.moveaxis(np.asarray(points, dtype=float), -1, 0)
+        outer = self.ring + self.tube
+        from_axis = -z if np.isinf(outer) else np.hypot(x, outer - z) - outer
+        if np.isinf(self.tube):
+            return from_axis
+        return np.hypot(from_axis + self.tube, y) - self.tube
+
+
+PLANE = Torus(np.inf, np.inf)
+
+
+def cylinder(radius):
+    """Cylinder with its axis along x [m]."""
+    return Torus(np.inf, radius)
+
+
+def sphere(radius):
+    """Sphere [m]."""
+    return Torus(0.0, radius)
+
+
+def _sagitta(arc, radius):
+    return 0.0 * arc if np.isinf(radius) else 2.0 * radius * np.sin(0.5 * arc / radius)**2
+
+
+@dataclass(frozen=True)
+class Weave:
+    """
+    Path that swings about a straight course.
+
+    Parameters
+    ----------
+    amplitude, wavelength : float
+        [m]; an amplitude of 0 is a straight path.
+    heading : float
+        Of the course, from x of the surface [rad].
+    speed : float
+        Along the path [m/s].
+    rate : float
+        Contacts per second [Hz].
+    """
+
+    amplitude: float = 2e-3
+    wavelength: float = 16e-3
+    heading: float = 0.0
+    speed: float = 0.05
+    rate: float = 200.0
+
+    def trace(self, surface, length):
+        """
+        Contacts along a path that ends at the surface's origin, near enough.
+
+        Parameters
+        ----------
+        surface : Torus
+        length : float
+            Of the path [m].
+
+        Returns
+        -------
+        points, normals : ndarray, shape (N, 3)
+        """
+        fine = np.linspace(-length, 0.0, max(2, int(length / 2e-5)))
+        swing = self.amplitude * np.sin(2.0 * np.pi * fine / self.wavelength)
+        travel = np.append(0.0, np.cumsum(np.hypot(np.diff(fine), np.diff(swing))))
+        count = int(length / self.speed * self.rate)
+        wanted = travel[-1] - self.speed / self.rate * np.arange(count)[::-1]
+        s, w = np.interp(wanted, travel, fine), np.interp(wanted, travel, swing)
+        c, d = np.cos(self.heading), np.sin(self.heading)
+        return surface.at(c * s - d * w, d * s + c * w)
+
+
+def add_noise(points, normals, rng, *, position=2e-5, normal=5e-4, location=1.5e-4,
+              finger_radius=0.0):
+    """
+    Contacts as a robot with a tactile pad would report them.
+
+    Parameters
+    ----------
+    points, normals : ndarray, shape (N, 3)
+    rng : np.random.Generator
+    position, normal, location : float
+        Standard deviations per axis: of the robot's position [m], of the normal [rad] and of the
+        contact on the pad [m].
+    finger_radius : float
+        A round finger takes its normal from the location: their errors are one. 0 = flat [m].
+
+    Returns
+    -------
+    points, normals : ndarray, shape (N, 3)
+    """
+    def tangential(std):
+        noise = rng.normal(0.0, std, points.shape)
+        return noise - (noise * normals).sum(axis=1, keepdims=True) * normals
+
+    slip = tangential(location)
+    tilt = tangential(normal)
+    robot = rng.normal(0.0, position, points.shape)
+    if finger_radius:
+        centre = points - finger_radius * normals
+        turned = normals + tilt + slip / finger_radius
+        turned /= np.linalg.norm(turned, axis=1, keepdims=True)
+        return centre + finger_radius * turned + robot, turned
+    turned = normals + tilt
+    turned /= np.linalg.norm(turned, axis=1, keepdims=True)
+    return points + slip + robot, turned

@@ -1,0 +1,341 @@
+"""The servo in a closed loop, and where input, robot or scene fail it."""
+
+from dataclasses import replace
+
+import numpy as np
+from puma_loop import puma_loop, tracked
+import pytest
+
+from tactile_common.errors import ConfigurationError
+from tactile_sensing.moments.image_moments import Moments
+from tactile_sensing.types.contact import Contact, ContactType, Reason
+from tactile_servo.motion.limits import WorkspaceBox
+from tactile_servo.types import EdgeGoal, EdgeServoConfig, State
+
+GOAL = EdgeGoal(speed=0.03, force=5.0, length=0.05)
+
+
+def tracking(loop, progress=0.02, goal=GOAL):
+    """Run until the edge is tracked steadily."""
+    status = loop.run(goal, 20.0, lambda s: s.state == State.TRACK and s.progress > progress)
+    assert status.state == State.TRACK
+    return status
+
+
+def along(loop):
+    """Where the pad stands along the edge [m]."""
+    return float(loop.scene.edge.nearest(loop.pose[None, :3, 3])[1][0])
+
+
+def moved(loop, seconds):
+    """Way of the sensor over the next seconds [m]."""
+    before = loop.pose[:3, 3]
+    loop.run(None, seconds)
+    return float(np.linalg.norm(loop.pose[:3, 3] - before))
+
+
+@pytest.mark.parametrize('seed', range(3))
+def test_straight_edge_is_tracked_within_the_bars(seed):
+    loop = puma_loop(seed=seed)
+    status = loop.run(EdgeGoal(0.03, 5.0), 20.0)
+    assert status.state == State.DONE and loop.servo.success
+    lateral, force = tracked(loop)
+    assert np.sqrt(np.mean(lateral**2)) <= 0.05e-3 and np.abs(lateral).max() <= 0.3e-3
+    assert np.sqrt(np.mean((force - 5.0)**2)) <= 0.05 * 5.0
+    assert status.progress > 0.16
+    assert loop.robot.limit_violations == 0
+
+
+@pytest.mark.parametrize('scene, speed, rms, largest', [
+    ('two_segments', 0.026, 0.4e-3, 2.0e-3), ('curve', 0.023, 0.45e-3, 0.6e-3)])
+def test_corner_and_curve_are_held_as_well_as_by_the_thesis(scene, speed, rms, largest):
+    loop = puma_loop(scene)
+    loop.run(EdgeGoal(speed, 5.0), 20.0)
+    assert loop.servo.success, loop.servo.reason
+    lateral, force = tracked(loop)
+    assert np.sqrt(np.mean(lateral**2)) <= rms and np.abs(lateral).max() <= largest
+    assert max(force) <= 7.5
+
+
+def test_states_run_in_order_and_the_contour_lies_on_the_edge():
+    loop = puma_loop()
+    status = loop.run(GOAL, 20.0)
+    states = [row.status.state for row in loop.log if row.status.state != State.IDLE]
+    order = [s for k, s in enumerate(states) if k == 0 or s != states[k - 1]]
+    assert order == [State.APPROACH, State.TRACK, State.RETREAT, State.DONE]
+    assert status.reason == 'length reached' and loop.servo.success
+    contour = np.array([pose[:3, 3] for _, pose in loop.servo.statistics.contour])
+    lateral, _ = loop.scene.edge.nearest(contour)
+    assert np.abs(lateral[10:]).max() < 0.1e-3 and len(contour) > 45
+
+
+def test_pad_is_lifted_off_at_the_end():
+    loop = puma_loop()
+    loop.run(GOAL, 20.0)
+    loop.run(None, 0.2)
+    assert loop.log[-1].force == 0.0
+    assert loop.servo.goal is None
+
+
+def test_direction_can_be_reversed():
+    loop = puma_loop()
+    loop.run(EdgeGoal(0.03, 5.0, length=0.1), 20.0)
+    loop.servo.finish()
+    start = along(loop)
+    loop.run(EdgeGoal(0.03, 5.0, direction=-1, length=0.05), 20.0)
+    assert loop.servo.success
+    assert along(loop) == pytest.approx(start - 0.05, abs=0.01)
+
+
+def test_dead_sensor_holds_within_150_ms_and_resumes_on_command():
+    loop = puma_loop()
+    tracking(loop)
+    loop.sensor_alive = False
+    died = loop.now
+    loop.run(None, 0.15)
+    assert loop.servo.state == State.HOLD and 'image is stale' in loop.servo.reason
+    assert loop.now - died == pytest.approx(0.15, abs=0.01)
+    assert moved(loop, 1.0) < 1e-4
+    loop.sensor_alive = True
+    assert moved(loop, 0.3) < 1e-4  # after a long hold nothing moves unasked
+    assert 'resume' in loop.servo.reason
+    assert loop.servo.pause(False, loop.now)
+    loop.run(None, 5.0)
+    assert loop.servo.success
+
+
+def test_short_gap_in_the_images_ends_by_itself():
+    loop = puma_loop()
+    tracking(loop)
+    loop.sensor_alive = False
+    loop.run(None, 0.2)
+    assert loop.servo.state == State.HOLD
+    loop.sensor_alive = True
+    loop.run(None, 5.0)
+    assert loop.servo.success
+
+
+def test_too_much_load_in_a_hold_lifts_off_once_it_is_known():
+    loop = puma_loop()
+    tracking(loop)
+    loop.sensor_alive = False
+    loop.run(None, 0.2)
+    assert loop.servo.state == State.HOLD
+    stamp = round(loop.now * 1e9)
+    loop.servo.see_contact(Contact(ContactType.LINE, True, Reason(0), 'fit', a=0.0, yaw=0.0,
+                                   normal_force=100.0), stamp, loop.now)
+    status, _ = loop.servo.cycle(loop.now + 0.0025, stamp + 2_500_000)
+    assert status.state == State.RETREAT and 'overload' in status.reason
+
+
+@pytest.mark.parametrize('tracker', ['resolved_rate', 'trace'])
+@pytest.mark.parametrize('force', [1.0, 2.0, 10.0])
+def test_any_force_is_met_without_overshoot(tracker, force):
+    loop = puma_loop(tracker=tracker, latency=0.01)
+    loop.run(EdgeGoal(0.05, force, length=0.04), 20.0)
+    assert loop.servo.success, loop.servo.reason
+    assert max(cycle.force for cycle in loop.log) < 1.5 * force
+
+
+def test_saturated_tactels_are_given_way_to():
+    """At a gap the load crowds on half the pad: what saturates hides how much it is."""
+    loop = puma_loop('gap', 'trace', latency=0.01)
+    loop.run(EdgeGoal(0.05, 10.0, length=0.12), 20.0)
+    assert loop.servo.success, loop.servo.reason
+    assert max(cycle.force for cycle in loop.log) < 15.0
+
+
+def test_reason_of_the_end_outlives_a_hold_on_the_way_up():
+    loop = puma_loop()
+    loop.run(GOAL, 20.0, lambda s: s.state == State.RETREAT)
+    loop.robot_alive = False
+    status = loop.run(None, 0.2)
+    assert status.state == State.HOLD and status.reason == 'joint state is stale'
+    loop.robot_alive = True
+    status = loop.run(None, 5.0)
+    assert (status.state, status.reason) == (State.DONE, 'length reached')
+    assert loop.servo.success
+
+
+def test_a_pad_that_presses_already_goes_on_from_there():
+    loop = puma_loop()
+    loop.run(replace(GOAL, force=6.0, length=0.01, retreat=False), 20.0)
+    assert loop.servo.success
+    loop.servo.finish()
+    status = loop.run(GOAL, 20.0)
+    assert loop.servo.success, status.reason
+
+
+def test_stale_joint_state_holds():
+    loop = puma_loop()
+    tracking(loop)
+    loop.robot_alive = False
+    loop.run(None, 0.15)
+    assert loop.servo.state == State.HOLD and 'joint state is stale' in loop.servo.reason
+    assert not loop.servo._velocities.any()
+
+
+@pytest.mark.parametrize('offset_ns', [-200_000_000, 200_000_000])
+def test_stamps_off_by_more_than_their_bound_hold(offset_ns):
+    loop = puma_loop()
+    tracking(loop)
+    see = loop.servo.see_contact
+    loop.servo.see_contact = lambda contact, stamp, now: see(contact, stamp + offset_ns, now)
+    loop.run(None, 0.1)
+    assert loop.servo.state == State.HOLD
+
+
+def test_pause_and_resume():
+    loop = puma_loop()
+    tracking(loop)
+    assert loop.servo.pause(True, loop.now)
+    loop.run(None, 0.2)
+    assert loop.servo.reason == 'paused' and moved(loop, 0.5) < 1e-4
+    assert loop.servo.pause(False, loop.now)
+    loop.run(None, 5.0)
+    assert loop.servo.success
+
+
+def test_a_pause_during_a_search_ends_with_a_reason():
+    loop = puma_loop(tracker='trace')
+    tracking(loop)
+    loop.servo.state = State.SEARCH  # what a late picture makes of it
+    loop.servo.pause(True, loop.now)
+    loop.run(None, 0.05)
+    loop.servo.pause(False, loop.now)
+    told = [loop.step() for _ in range(5)]
+    assert told[-1].state == State.TRACK
+    assert all(status.reason for status in told)
+
+
+def test_cancel_stops_and_ends():
+    loop = puma_loop()
+    tracking(loop)
+    loop.servo.cancel()
+    status = loop.run(None, 0.5)
+    assert status.state == State.DONE and not loop.servo.success
+    assert loop.servo.reason == 'cancelled'
+    assert moved(loop, 0.3) < 1e-4
+
+
+def test_unending_hold_gives_up():
+    loop = puma_loop(config=EdgeServoConfig(give_up=0.5))
+    tracking(loop)
+    loop.sensor_alive = False
+    status = loop.run(None, 2.0)
+    assert status.state == State.DONE and not loop.servo.success
+    assert 'gave up' in loop.servo.reason and 'stale' in loop.servo.reason
+
+
+def test_nothing_to_touch_gives_up_within_the_approach_distance():
+    loop = puma_loop()
+    loop.renderer.counts = lambda pose, rng, real=loop.renderer.counts: real(None, rng)
+    loop.run(GOAL, 20.0)
+    assert not loop.servo.success and 'no contact' in loop.servo.reason
+    deepest = min(row.pose[2, 3] for row in loop.log)
+    assert loop.log[0].pose[2, 3] - deepest < 0.032
+
+
+def press(force, kind=ContactType.OTHER, elongated=True):
+    spread = 260e-6 / 5.0 * force
+    moments = Moments(force, 0.0, 0.0, 25e-6 / 5 * force if elongated else spread, spread, 0.0)
+    return Contact(kind, False, Reason.BAD_FIT, 'fit', moments=moments)
+
+
+def test_a_flat_under_the_pad_is_not_pressed_on():
+    loop = puma_loop()
+    loop.estimate = lambda _: press(6.0 if loop.pose[2, 3] < loop.scene.edge.points[0, 2] else 0.0,
+                                       elongated=False)
+    loop.run(GOAL, 20.0)
+    assert not loop.servo.success and 'elongation' in loop.servo.reason
+
+
+def test_lost_edge_with_contact_held_never_presses():
+    loop = puma_loop()
+    tracking(loop)
+    depth = loop.pose[2, 3]
+    loop.estimate = lambda _: press(1.0, elongated=False)  # light, and no edge
+    loop.run(None, 2.0)
+    assert loop.servo.state == State.HOLD and 'elongation' in loop.servo.reason
+    assert depth - loop.pose[2, 3] < 0.2e-3
+
+
+def test_force_that_does_not_rise_is_not_chased_beyond_the_press_depth():
+    loop = puma_loop()
+    tracking(loop)
+    depth = loop.pose[2, 3]
+    loop.estimate = lambda _: press(1.0)  # an edge, whose force stays low
+    loop.run(None, 3.0)
+    assert not loop.servo.success and 'deeper' in loop.servo.reason
+    assert depth - min(row.pose[2, 3] for row in loop.log) < 3.5e-3
+
+
+def test_untared_sensor_holds():
+    loop = puma_loop()
+    tracking(loop)
+    real = loop.estimate
+    loop.estimate = lambda image: replace(real(image), reasons=Reason.NOT_TARED)
+    loop.run(None, 0.2)
+    assert loop.servo.state == State.HOLD and loop.servo.reason == 'sensor is not tared'
+    assert moved(loop, 0.5) < 1e-4
+
+
+def test_overload_lifts_off():
+    loop = puma_loop()
+    tracking(loop)
+    loop.estimate = lambda _: press(20.0)
+    status = loop.run(None, 3.0)
+    assert status.state == State.DONE and 'overload' in loop.servo.reason
+    assert loop.log[-1].force == 0.0 and not loop.servo.success
+
+
+def test_workspace_box_is_not_left():
+    loop = puma_loop()
+    start = loop.scene.start_pose()[:3, 3]
+    wall = start[1] + 0.03
+    loop = puma_loop(workspace=WorkspaceBox(start - [0.1, 0.1, 0.1], [1.0, wall, 1.0]))
+    loop.run(EdgeGoal(0.05, 5.0), 5.0)
+    assert loop.log[-1].status.limited_by == 'workspace'
+    reach = max(row.pose[1, 3] for row in loop.log)
+    assert wall - 0.005 < reach <= wall + 1e-5
+
+
+def test_joint_state_far_beyond_the_limits_is_refused():
+    loop = puma_loop()
+    positions = loop.limits.upper.copy()
+    loop.servo.see_joints(positions + 0.1, 0, 0.0)
+    positions[2] = 1e300
+    with pytest.raises(ValueError, match='joint_3 at 1e.300.*beyond its limits'):
+        loop.servo.see_joints(positions, 0, 0.0)
+
+
+def test_joint_states_that_are_no_numbers_are_refused():
+    loop = puma_loop()
+    for wrong in (np.full(6, np.nan), np.zeros(5)):
+        with pytest.raises(ValueError, match='joint state'):
+            loop.servo.see_joints(wrong, 0, 0.0)
+
+
+@pytest.mark.parametrize('goal, text', [
+    (EdgeGoal(0.0, 5.0), 'speed'), (EdgeGoal(5.0, 5.0), 'speed'),
+    (EdgeGoal(float('nan'), 5.0), 'speed'), (EdgeGoal(0.03, -1.0), 'force'),
+    (EdgeGoal(0.03, 50.0), 'force'), (EdgeGoal(0.03, 0.1), 'contact_force'),
+    (EdgeGoal(0.03, 5.0, length=-1.0), 'length'), (EdgeGoal(0.03, 5.0, direction=2), 'direction')])
+def test_bad_goals_are_refused_by_name_and_bound(goal, text):
+    loop = puma_loop()
+    with pytest.raises(ValueError, match='no joint state'):
+        loop.servo.start(GOAL, 0.0)
+    loop.run(None, 0.01)
+    with pytest.raises(ValueError, match=text):
+        loop.servo.start(goal, loop.now)
+
+
+def test_second_goal_is_refused_while_one_is_active():
+    loop = puma_loop()
+    tracking(loop)
+    assert 'busy' in loop.servo.check(GOAL)
+
+
+def test_configuration_is_checked():
+    with pytest.raises(ConfigurationError, match='max_force'):
+        EdgeServoConfig(max_force=20.0, max_load=10.0)

@@ -1,0 +1,265 @@
+"""
+Whatever is fed to the servo, its commands stay within the limits and end at rest.
+
+A few sequences, always the same ones, are part of the tests; HOSTILE_SEQUENCES=10000 in the
+environment runs that many, drawn anew each time.
+"""
+
+import os
+
+from hypothesis import given, settings
+from hypothesis import strategies as st
+import numpy as np
+from puma_loop import ELBOW, LIMITS, PUMA
+import pytest
+
+from tactile_sensing.moments.image_moments import Moments
+from tactile_sensing.types.array import TactelArray
+from tactile_sensing.types.contact import Contact, ContactType, Reason
+from tactile_sensing.types.image import Layer, TactileImage
+from tactile_servo.laws.registry import make_tracker, TRACKERS
+from tactile_servo.motion.limits import WorkspaceBox
+from tactile_servo.supervisor import EdgeServo
+from tactile_servo.types import EdgeGoal, EdgeServoConfig, State, TRACKING
+from tactile_simulation.renderer import render
+from tactile_simulation.scene import Skin
+
+SEQUENCES = int(os.environ.get('HOSTILE_SEQUENCES', '0'))
+PERIOD_NS = 2_500_000
+MOST = 0.0051  # s, of motion in one cycle: two periods after one that did not come
+BOX_TOLERANCE = 1e-3  # m; the box is kept by velocities, whose joints brake in a curve
+ARRAY = TactelArray(16, 16, 0.0254 / 16, 0.0254 / 16)
+FULL_SCALE = 1.6e5  # Pa
+KINDS = ('edge', 'corner', 'blob', 'heavy', 'noise', 'blank', 'saturated', 'nan', 'huge', 'shape',
+         'counts', 'none')
+
+# Contacts ----------------------------------------------------------------------------------
+
+values = st.floats(-1.0, 1.0) | st.sampled_from(
+    [float('nan'), float('inf'), -1e300, 1e300, 0.0, 1e-3, 5.0, 50.0, 100.0])
+wild = st.builds(
+    Contact, type=st.sampled_from(ContactType), valid=st.booleans(),
+    reasons=st.sampled_from([Reason(0), Reason.NOT_TARED, Reason.LOW_SNR, Reason.SATURATED]),
+    method=st.just('fit'), a=values, yaw=values, normal_force=values,
+    moments=st.builds(Moments, values, values, values, values, values, values))
+
+
+def line(force, a, yaw):
+    """Contact that looks right: without it a sequence never comes to track."""
+    return Contact(ContactType.LINE, True, Reason(0), 'fit', a=a, yaw=yaw, normal_force=force,
+                   moments=Moments(force, force * a, 0.0, 0.0, force * 5.4e-5, 0.0))
+
+
+contacts = wild | st.builds(line, st.floats(0.0, 12.0) | st.just(100.0),
+                            st.floats(-5e-3, 5e-3), st.floats(-0.5, 0.5))
+
+# Pictures ----------------------------------------------------------------------------------
+
+
+def picture(kind, seed, noise_std, tared):
+    """Return layers, tared and how many tactels are saturated, of a kind of picture."""
+    rng = np.random.default_rng(seed)
+    stress = 600.0 * rng.standard_normal(ARRAY.shape)
+    if kind in ('edge', 'corner', 'saturated', 'counts', 'nan', 'huge'):
+        corners = 3 if kind == 'corner' else 2
+        depth = 0.01 if kind == 'saturated' else rng.uniform(0, 2e-3)
+        points = np.column_stack([rng.uniform(-0.02, 0.02, (corners, 2)),
+                                  np.full(corners, -depth)])
+        stress += render(points, ARRAY, Skin())[0]
+    elif kind in ('blob', 'heavy'):
+        stress += 1e5 if kind == 'blob' else 100.0 / 0.0254**2
+    elif kind == 'noise':
+        stress *= 1e3
+    if kind == 'saturated':
+        stress[stress > FULL_SCALE] = np.nan
+    elif kind in ('nan', 'huge'):
+        stress[rng.random(ARRAY.shape) < 0.2] = rng.choice(
+            [np.nan] if kind == 'nan' else [np.inf, -1e300, 1e12, 9e8])
+    elif kind == 'shape':
+        stress = stress[:5]
+    layer = Layer('zz', 0.002, stress, FULL_SCALE, noise_std,
+                  unit='counts' if kind == 'counts' else 'Pa')
+    saturated = int(np.isnan(stress).sum()) if kind == 'saturated' else 0
+    return () if kind == 'none' else (layer,), tared, saturated
+
+
+pictures = st.builds(
+    picture, st.sampled_from(KINDS), st.integers(0, 1000),
+    st.sampled_from([630.0, 630.0, 0.0, -1.0, float('nan'), 1e300]),
+    st.sampled_from([True, True, True, False]))
+
+# Sequences ---------------------------------------------------------------------------------
+
+stamps = st.sampled_from([10**7, -10**7, 10**8, -10**8, 10**10])  # ns, by which one is late
+wrong_goals = st.builds(
+    EdgeGoal, st.floats(0.001, 0.2) | st.sampled_from([0.0, float('nan')]),
+    st.floats(0.6, 10.0) | st.sampled_from([0.1, 1e9]), st.sampled_from([-1, 1, 0]),
+    st.sampled_from([0.0, -1.0, float('inf')]), st.booleans(), st.booleans())
+goals = st.builds(EdgeGoal, st.floats(0.001, 0.2), st.floats(0.6, 10.0), st.sampled_from([-1, 1]),
+                  st.sampled_from([0.0, 0.0, 0.01]), st.booleans())
+ATTACKS = {
+    'contact': contacts | st.just('none'),
+    'image': pictures | st.just('none'),
+    'joints': st.sampled_from(['silent', 'stuck'])
+    | st.lists(st.floats(-4.0, 4.0) | st.just(float('nan')), min_size=5, max_size=6),
+    'late_contact': stamps, 'late_image': stamps, 'late_joints': stamps,
+    'jump': st.sampled_from([10**9, -10**9, 10**7, -10**7]),  # of the clock that stamps [ns]
+    'asleep': st.sampled_from([0.03, 5.0]),  # pause of the whole process [s]
+    'action': st.sampled_from(['pause', 'resume', 'cancel', 'finish']) | goals | wrong_goals}
+cycles = {'cycles': st.sampled_from([1, 2, 5, 12, 30, 80])}  # 20 make a picture stale
+# Nothing wrong, one thing, or several at once.
+steps = st.one_of(
+    st.fixed_dictionaries(cycles),
+    *[st.fixed_dictionaries(cycles | {name: attack}) for name, attack in ATTACKS.items()],
+    st.fixed_dictionaries(cycles, optional=ATTACKS))
+# Anywhere, at the ends of the joints' ranges, and where the wrist or the arm is singular.
+share = st.floats(0.0, 1.0) | st.sampled_from([0.0, 1e-6, 1.0])
+places = (st.tuples(*[share] * 6).map(
+    lambda shares: LIMITS.lower + np.array(shares) * (LIMITS.upper - LIMITS.lower))
+    | st.sampled_from([ELBOW, ELBOW * [1, 1, 1, 1, 0, 1], ELBOW * [1, 1, 0, 1, 1, 1],
+                       np.zeros(6)]).map(
+                           lambda angles: np.clip(angles, LIMITS.lower, LIMITS.upper)))
+# Before it is attacked a servo has come this far [cycles].
+preludes = st.sampled_from([0, 40, 40, 150])
+
+
+class Watched:
+    """A servo, and what its next command is compared with."""
+
+    def __init__(self, tracker, start, margin):
+        pose = PUMA.pose(start)
+        here = pose[:3, 3]
+        self.box = WorkspaceBox(here - margin, here + margin)
+        config = EdgeServoConfig()
+        self.servo = EdgeServo(PUMA, LIMITS, config, make_tracker(tracker, config), self.box)
+        self.now, self.now_ns, self.count = 100.0, 10**12, 0
+        self.positions, self.velocities = start, np.zeros(6)
+        self.measured = start
+        # An edge with a corner that the pad presses where it starts.
+        self.edge = np.array([[1e-3, -0.05, -3e-4], [1e-3, 0.02, -3e-4], [0.04, 0.04, -3e-4]]
+                             ) @ pose[:3, :3].T + here
+        self.tell_joints('follow', 0)
+
+    def look(self):
+        """What the pad sees of the edge: stress and force."""
+        pose = PUMA.pose(self.measured)
+        return render((self.edge - pose[:3, 3]) @ pose[:3, :3], ARRAY, Skin())
+
+    def feed(self, contact='true', image='true', joints='follow', late_contact=0, late_image=0,
+             late_joints=0):
+        """Send what the driver, the estimator and the robot have to say, true or not."""
+        self.count += 1
+        self.tell_joints(joints, late_joints)
+        if self.count % 2:
+            return
+        if 'true' in (contact, image):
+            stress, force = self.look()
+        if image == 'true':
+            noise = 600.0 * np.random.default_rng(self.count).standard_normal(ARRAY.shape)
+            image = (Layer('zz', 0.002, stress + noise, FULL_SCALE, 600.0),), True, 0
+        if image != 'none':
+            layers, tared, saturated = image
+            self.servo.see_image(TactileImage(self.now_ns - late_image, 0, layers, ARRAY, tared,
+                                              saturated), self.now)
+        if contact == 'true':
+            contact = line(force, 0.0, 0.0) if force > 0.1 else Contact(
+                ContactType.NONE, False, Reason.NO_CONTACT, 'fit')
+        if contact != 'none':
+            self.servo.see_contact(contact, self.now_ns - late_contact, self.now)
+
+    def act(self, action):
+        """Do what a client may do at any time."""
+        servo = self.servo
+        if isinstance(action, EdgeGoal):
+            try:
+                servo.start(action, self.now)
+            except ValueError as refusal:
+                assert str(refusal)
+            else:
+                self.positions, self.velocities = servo.joints.value, np.zeros(6)
+        elif action == 'cancel':
+            servo.cancel()
+        elif action == 'finish' and servo.state == State.DONE:
+            servo.finish()
+        elif action in ('pause', 'resume'):
+            servo.pause(action == 'pause', self.now)
+
+    def tell_joints(self, state, late_ns):
+        """Send a joint state, as commanded, stuck, wrong, or none."""
+        if isinstance(state, str):
+            if state == 'silent':
+                return
+            self.measured = self.positions if state == 'follow' else self.measured
+            state = self.measured
+        try:
+            self.servo.see_joints(state, self.now_ns - late_ns, self.now)
+        except ValueError as refusal:  # the last good one ages
+            assert str(refusal)
+
+    def step(self):
+        """One cycle, and everything that must hold of its command."""
+        self.now, self.now_ns = self.now + 1e-9 * PERIOD_NS, self.now_ns + PERIOD_NS
+        before = self.servo.state
+        status, window = self.servo.cycle(self.now, self.now_ns)
+        assert status.reason or status.state != State.HOLD
+        if window is None:
+            return
+        if not status.contact_fresh or not status.joints_fresh or status.normal_force > (
+                self.servo.config.max_load):
+            assert status.state not in TRACKING
+        if (before == State.HOLD and status.state not in (State.HOLD, State.DONE)
+                and not self.velocities.any()):
+            self.positions = self.servo.joints.value  # it starts anew from where it is
+        self.check(window, braking=status.state == before == State.HOLD)
+        self.positions, self.velocities = window.positions[0], window.velocities[0]
+
+    def check(self, window, braking):
+        """Position, velocity, acceleration, box; and rest at the end of the window."""
+        reached, velocity = window.positions[0], window.velocities[0]
+        assert np.isfinite(window.positions).all() and np.isfinite(window.velocities).all()
+        assert not window.velocities[-1].any() and (np.diff(window.times) > 0.0).all()
+        assert (np.abs(velocity) <= LIMITS.velocity + 1e-9).all()
+        assert (np.abs(velocity - self.velocities) <= LIMITS.acceleration * MOST + 1e-9).all()
+        assert (np.abs(reached - self.positions) <= LIMITS.velocity * MOST).all()
+        was = beyond(self.positions, LIMITS)
+        assert (beyond(window.positions, LIMITS) <= was + 1e-9).all()
+        if braking:
+            assert (np.abs(velocity) <= np.abs(self.velocities) + 1e-9).all()
+        was = beyond(PUMA.pose(self.positions)[:3, 3], self.box)
+        assert (beyond(PUMA.pose(reached)[:3, 3], self.box) <= was + BOX_TOLERANCE).all()
+
+
+def beyond(place, bounds):
+    """How far each coordinate lies outside of its bounds, 0 within."""
+    return np.maximum(np.maximum(place - bounds.upper, bounds.lower - place), 0.0)
+
+
+@pytest.mark.parametrize('tracker', list(TRACKERS))
+@settings(max_examples=(SEQUENCES + 1) // 2 or 60, derandomize=not SEQUENCES, deadline=None,
+          print_blob=True)
+@given(start=places, margin=st.sampled_from([1e-9, 1e-3, 0.4, 0.4]), goal=goals,
+       prelude=preludes, script=st.lists(steps, max_size=12))
+def test_commands_stay_within_every_limit(tracker, start, margin, goal, prelude, script):
+    watched = Watched(tracker, start, margin)
+    watched.act(goal)
+    for _ in range(prelude):
+        watched.feed()
+        watched.step()
+    for attack in script:
+        attack = dict(attack)
+        watched.now_ns += attack.pop('jump', 0)
+        watched.now += attack.pop('asleep', 0.0)
+        watched.act(attack.pop('action', ''))
+        for _ in range(attack.pop('cycles')):
+            watched.feed(**attack)
+            watched.step()
+
+
+@pytest.mark.parametrize('tracker', list(TRACKERS))
+def test_what_is_attacked_does_track(tracker):
+    watched = Watched(tracker, np.clip(ELBOW, LIMITS.lower, LIMITS.upper), 0.4)
+    watched.act(EdgeGoal(0.03, 5.0))
+    for _ in range(240):
+        watched.feed()
+        watched.step()
+    assert watched.servo.state in TRACKING and watched.servo.statistics.length > 0.01

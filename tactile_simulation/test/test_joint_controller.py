@@ -1,0 +1,299 @@
+"""Semantics of the trajectory controller, and the joints behind it."""
+
+import numpy as np
+import pytest
+
+from tactile_common.errors import ConfigurationError, Rejected
+from tactile_servo.motion.trajectory import Trajectory
+from tactile_simulation.joint_controller import DelayedLag, MockController
+
+PERIOD = 0.002
+NAMES = ('a', 'b')
+START = 100.0  # s, so that stamps differ from 0
+
+
+def controller(**changes):
+    values = {
+        'joint_names': NAMES, 'lower': [-3.0, -3.0], 'upper': [3.0, 3.0],
+        'velocity_limit': [10.0, 10.0], 'initial_positions': [0.0, 0.0],
+        'dead_time': 0.0, 'lag': 0.0} | changes
+    return MockController(**values)
+
+
+def trajectory(times, positions, velocities=None, accelerations=None, **more):
+    arrays = [None if a is None else np.array(a, dtype=float)
+              for a in (positions, velocities, accelerations)]
+    return Trajectory(more.pop('names', NAMES), np.array(times, dtype=float), *arrays, **more)
+
+
+def ramp(speed=0.5, duration=1.0, **more):
+    """Reach (speed, -speed) * duration and stay there."""
+    goal = np.array([[speed, -speed]]) * duration
+    return trajectory([duration], goal, np.zeros((1, 2)), **more)
+
+
+def play(robot, duration, since=START):
+    """Times, measured and desired positions at the controller's rate."""
+    times = since + PERIOD * np.arange(1, round(duration / PERIOD) + 1)
+    rows = []
+    for now in times:
+        measured, _ = robot.step(now)
+        rows.append((measured, robot.desired[0]))
+    measured, desired = np.array(rows).transpose(1, 0, 2)
+    return times - since, measured, desired
+
+
+# --- what is rejected ---------------------------------------------------------------------------
+
+GOOD = {'times': [0.1, 0.2], 'positions': [[1, 2], [3, 2]], 'velocities': [[1, 1], [0, 0]]}
+
+
+@pytest.mark.parametrize('changes, reason', [
+    ({'names': (), 'times': [], 'positions': np.zeros((0, 0)), 'velocities': None},
+     'joint names are empty'),
+    ({'times': [], 'positions': np.zeros((0, 2)), 'velocities': None}, 'no points'),
+    ({'names': ('a', 'z')}, "'z' is none of"),
+    ({'names': ('a', 'a')}, 'missing: b'),
+    ({'names': ('a', 'b', 'a'), 'positions': np.zeros((2, 3)), 'velocities': None},
+     '3 names given'),
+    ({'names': ('a',), 'positions': [[1], [2]], 'velocities': None}, 'missing: b'),
+    ({'times': [0.1, 0.1]}, 'points 0 and 1 are not strictly increasing'),
+    ({'times': [0.2, 0.1]}, 'not strictly increasing'),
+    ({'times': [-0.1, 0.1]}, 'before the start'),
+    ({'velocities': [[0, 0], [0, 1e-6]]}, "last point is not zero: joint 'b', 1e-06"),
+    ({'positions': [[1, 2], [np.nan, 2]]}, 'positions must be finite'),
+    ({'velocities': [[1, np.inf], [0, 0]]}, 'velocities must be finite'),
+    ({'accelerations': np.full((2, 2), np.nan)}, 'accelerations must be finite'),
+    ({'times': [0.1, np.nan]}, 'times must be finite'),
+    ({'positions': None, 'velocities': None}, 'positions must be finite'),
+    ({'stamp': START - 0.3}, 'in the past'),
+])
+def test_rejected_and_nothing_changes(changes, reason):
+    robot, same = controller(), controller()
+    for each in (robot, same):
+        each.step(START)
+        each.accept(ramp(), START)
+        play(each, 0.1)
+    with pytest.raises(Rejected, match=reason) as caught:
+        robot.accept(trajectory(**(GOOD | changes)), START + 0.1)
+    assert '\n' not in caught.value.reason
+    np.testing.assert_array_equal(
+        play(robot, 0.5, START + 0.1)[1], play(same, 0.5, START + 0.1)[1])
+
+
+def test_rounding_of_the_last_velocity_and_a_stamp_that_is_not_over_are_accepted():
+    robot = controller()
+    robot.accept(trajectory([0.1], [[0.1, 0.1]], [[1e-8, -1e-8]], stamp=START - 0.05), START)
+
+
+def test_wrong_shape_is_refused_by_the_trajectory_itself():
+    with pytest.raises(ConfigurationError, match='velocities: shape'):
+        trajectory([0.1], [[1, 2]], [[0]])
+
+
+# --- interpolation ------------------------------------------------------------------------------
+
+def test_holds_until_told_otherwise():
+    robot = controller(initial_positions=[0.3, -0.2])
+    _, measured, _ = play(robot, 0.1)
+    np.testing.assert_array_equal(measured, np.tile([0.3, -0.2], (50, 1)))
+
+
+def test_positions_alone_are_joined_by_straight_lines():
+    robot = controller()
+    robot.step(START)
+    robot.accept(trajectory([0.1, 0.3], [[0.2, 0.1], [0.4, -0.1]]), START)
+    t, _, desired = play(robot, 0.4)
+    # The clock of a stamp 0 starts at the step that finds it; its line starts a step before.
+    knots = [0.0, PERIOD + 0.1, PERIOD + 0.3]
+    np.testing.assert_allclose(desired[:, 0], np.interp(t, knots, [0, 0.2, 0.4]), atol=1e-12)
+    np.testing.assert_allclose(desired[:, 1], np.interp(t, knots, [0, 0.1, -0.1]), atol=1e-12)
+
+
+@pytest.mark.parametrize('degree', [3, 5])
+def test_polynomials_are_reproduced_and_the_end_is_held(degree):
+    """A cubic (quintic) whose derivatives are given at the points is its own spline."""
+    # From 0 to 1, at rest at both ends; the quintic without acceleration there.
+    rest = np.polynomial.Polynomial([0, 0, 3, -2]) if degree == 3 else (
+        np.polynomial.Polynomial([0, 0, 0, 10, -15, 6]))
+    span = 0.2
+    t_points = np.array([0.05, 0.11, 0.2])
+    u = t_points / span
+    rows = [rest(u), rest.deriv()(u) / span, rest.deriv(2)(u) / span**2]
+    rows = [np.column_stack([row, -2 * row]) for row in rows]
+    robot = controller()
+    robot.step(START)
+    robot.accept(trajectory(
+        t_points, *rows[:2 if degree == 3 else 3], stamp=START), START)
+    t, _, desired = play(robot, 0.3)
+    expected = rest(np.minimum(t / span, 1.0))
+    np.testing.assert_allclose(desired, np.column_stack([expected, -2 * expected]), atol=1e-9)
+    velocity = robot.desired[1]
+    np.testing.assert_array_equal(velocity, 0.0)
+
+
+def test_joints_may_stand_in_any_order():
+    robot, other = controller(), controller()
+    for each in (robot, other):
+        each.step(START)
+    robot.accept(trajectory([0.1], [[0.1, 0.3]], [[0, 0]], [[1, 2]]), START)
+    other.accept(trajectory([0.1], [[0.3, 0.1]], [[0, 0]], [[2, 1]], names=('b', 'a')), START)
+    np.testing.assert_array_equal(play(robot, 0.2)[1], play(other, 0.2)[1])
+    np.testing.assert_allclose(robot.desired[0], [0.1, 0.3])
+
+
+def test_first_point_at_once_jumps():
+    robot = controller(velocity_limit=[1.0, 1.0])
+    robot.step(START)
+    robot.accept(trajectory([0.0, 1.0], [[0.5, 0], [0.5, 0]]), START)
+    robot.step(START + PERIOD)
+    assert robot.desired[0, 0] == 0.5
+    assert robot.limit_violations == 1  # the joints do not jump
+
+
+def test_points_of_the_past_are_left_out():
+    robot = controller()
+    robot.step(START)
+    robot.accept(trajectory([0.1, 0.3], [[0.5, 0], [0.7, 0]], stamp=START - 0.198), START)
+    robot.step(START + PERIOD)
+    np.testing.assert_allclose(robot.desired[0, 0], 0.6, atol=1e-9)
+
+
+def test_start_in_the_future_is_approached_from_now():
+    robot = controller()
+    robot.step(START)
+    robot.accept(trajectory([0.1], [[0.2, 0.0]], stamp=START + 0.1), START)
+    t, _, desired = play(robot, 0.2)
+    np.testing.assert_allclose(desired[:, 0], t, atol=1e-9)
+
+
+@pytest.mark.parametrize('from_desired', [True, False])
+def test_new_trajectory_starts_from_desired_or_measured_state(from_desired):
+    robot = controller(lag=0.05, interpolate_from_desired_state=from_desired)
+    robot.step(START)
+    robot.accept(ramp(1.0), START)
+    _, measured, desired = play(robot, 0.5)
+    assert desired[-1, 0] - measured[-1, 0] > 0.01
+    robot.accept(ramp(1.0, stamp=START), START + 0.5)
+    robot.step(START + 0.5 + PERIOD)
+    start, slack = (desired[-1], 2 * PERIOD) if from_desired else (measured[-1], 1e-12)
+    np.testing.assert_allclose(robot.desired[0], start, atol=slack)
+
+
+def test_stream_of_windows_is_followed_without_a_seam():
+    """Windows of three points, renewed at every step, as a servo sends them."""
+    robot = controller()
+    robot.step(START)
+
+    def course(t):
+        return 0.3 * np.sin(t), 0.3 * np.cos(t)
+
+    now = START
+    for k in range(500):
+        now += PERIOD
+        t = k * PERIOD + np.array([0.01, 0.03, 0.05])
+        q, v = course(t)
+        v[-1] = 0.0
+        robot.accept(trajectory(t - k * PERIOD, np.column_stack([q, q]),
+                                np.column_stack([v, v])), now - PERIOD)
+        robot.step(now)
+        if k == 50:
+            robot.peak_acceleration[:] = 0.0
+        if k > 50:
+            assert abs(robot.desired[0, 0] - course(k * PERIOD)[0]) < 2e-3
+    assert robot.limit_violations == 0
+    assert robot.peak_velocity.max() < 2.0  # while it catches up with a course under way
+    assert robot.peak_acceleration.max() < 0.5
+
+
+# --- limits -------------------------------------------------------------------------------------
+
+def test_position_limit_is_kept_and_counted():
+    robot = controller(upper=[0.25, 3.0])
+    robot.step(START)
+    robot.accept(ramp(0.5), START)
+    _, measured, desired = play(robot, 1.2)
+    assert measured[:, 0].max() == 0.25 and desired[:, 0].max() > 0.49
+    np.testing.assert_allclose(measured[-1, 1], -0.5)
+    assert robot.limit_violations == np.count_nonzero(desired[:, 0] > 0.25 + 1e-9)
+
+
+def test_velocity_limit_is_kept_and_counted():
+    robot = controller(velocity_limit=[0.4, 10.0])
+    robot.step(START)
+    robot.accept(trajectory([1.0], [[0.8, 0.8]]), START)
+    _, measured, _ = play(robot, 2.2)
+    assert np.diff(measured[:, 0]).max() <= 0.4 * PERIOD * (1 + 1e-9)
+    np.testing.assert_allclose(measured[-1], 0.8)  # late, but there
+    assert robot.limit_violations > 0
+    assert robot.peak_velocity[0] == pytest.approx(0.8, rel=0.01)
+
+
+def test_speed_at_the_limit_is_no_violation():
+    robot = controller(velocity_limit=[0.8, 0.8])
+    robot.step(START)
+    robot.accept(trajectory([1.0 - PERIOD], [[0.8, -0.8]]), START)
+    play(robot, 1.2)
+    assert robot.limit_violations == 0
+
+
+def test_peaks_are_those_of_the_command():
+    robot = controller()
+    robot.step(START)
+    robot.accept(ramp(1.0, stamp=START), START)  # cubic from rest to rest: 1.5 v, 6 v / T
+    play(robot, 1.2)
+    np.testing.assert_allclose(robot.peak_velocity, 1.5, rtol=1e-3)
+    np.testing.assert_allclose(robot.peak_acceleration, 6.0, rtol=0.02)
+
+
+# --- the joints ---------------------------------------------------------------------------------
+
+@pytest.mark.parametrize('lag', [0.0, 0.01])
+@pytest.mark.parametrize('dead_time', [0.0, 0.0013, 0.0025, 0.02])
+def test_response_to_a_ramp_is_exact_at_irregular_steps(lag, dead_time):
+    joints = DelayedLag(np.zeros(1), dead_time, lag)
+    now = 0.0
+    joints.step(now, np.zeros(1))
+    for period in np.random.default_rng(1).uniform(0.0005, 0.004, 200):
+        now += period
+        position, velocity = joints.step(now, np.array([2.0 * now]))
+        t = max(now - dead_time, 0.0)
+        if lag:
+            decay = np.exp(-t / lag)
+            expected = 2.0 * (t - lag * (1.0 - decay)), 2.0 * (1.0 - decay)
+        else:
+            expected = 2.0 * t, 2.0 * (t > 0.0)
+        assert position[0] == pytest.approx(expected[0], abs=1e-12)
+        assert velocity[0] == pytest.approx(expected[1], abs=1e-9)
+
+
+def test_clock_that_jumps_back_holds_and_starts_over():
+    robot = controller(lag=0.01, dead_time=0.0025)
+    robot.step(START)
+    robot.accept(ramp(), START)
+    _, measured, _ = play(robot, 0.5)
+    _, after, _ = play(robot, 0.2, since=0.0)
+    np.testing.assert_allclose(after, np.tile(measured[-1], (100, 1)), atol=1e-12)
+    robot.accept(ramp(), 0.2)
+    np.testing.assert_allclose(play(robot, 1.5, since=0.2)[1][-1], [0.5, -0.5], atol=1e-9)
+    assert robot.limit_violations == 0
+
+
+def test_same_time_twice_changes_nothing():
+    robot = controller(lag=0.01)
+    robot.step(START)
+    robot.accept(ramp(), START)
+    play(robot, 0.1)
+    first = robot.step(START + 0.1)
+    np.testing.assert_array_equal(robot.step(START + 0.1), first)
+
+
+@pytest.mark.parametrize('changes, message', [
+    ({'lower': [0.0]}, 'lower: .* must be 2 numbers'),
+    ({'initial_positions': [0.0, np.nan]}, 'initial_positions'),
+    ({'initial_positions': [0.0, 4.0]}, 'b = 4, must be within -3..3'),
+    ({'velocity_limit': [1.0, 0.0]}, 'velocity_limit'),
+    ({'lag': -0.1}, 'lag'), ({'dead_time': np.inf}, 'dead_time')])
+def test_bad_configuration(changes, message):
+    with pytest.raises(ConfigurationError, match=message):
+        controller(**changes)

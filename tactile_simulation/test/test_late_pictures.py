@@ -1,0 +1,141 @@
+"""The thesis' servo on pictures that come late: bounded gains, bounded force, honest ends."""
+
+from dataclasses import replace
+
+import numpy as np
+from puma_loop import ROOT, tracked
+import pytest
+
+from tactile_sensing.moments.image_moments import Moments
+from tactile_sensing.types.contact import Contact, ContactType, Reason
+from tactile_servo.control.stability import gain_limit
+from tactile_servo.laws.resolved_rate import ResolvedRate, ResolvedRateConfig
+from tactile_servo.types import EdgeGoal, EdgeServoConfig, State
+from tactile_simulation.closed_loop import Simulation
+from tactile_simulation.edge_path import EdgePath
+from tactile_simulation.scene import load_scene, Scene
+
+GOAL = EdgeGoal(0.03, 5.0, length=0.05)
+PICTURE = 0.005  # s between two
+HALF = EdgeServoConfig.array_half_width
+
+
+def scanned_limit(delay, lag):
+    """Gain at which exp(-s d) / (s (1 + s tau)) closes a loop that swings: by its phase."""
+    omega = np.geomspace(1e-2, 1e4, 2_000_001)
+    loop = np.exp(-1j * omega * delay) / (1j * omega * (1.0 + 1j * omega * lag))
+    below = np.unwrap(np.angle(loop)) <= -np.pi
+    return 1.0 / abs(loop[np.argmax(below)])
+
+
+@pytest.mark.parametrize('delay, lag', [
+    (0.01, 0.0), (0.001, 0.01), (0.01, 0.01), (0.02, 0.01), (0.05, 0.01), (0.1, 0.05)])
+def test_limit_is_where_the_phase_of_the_loop_reaches_half_a_turn(delay, lag):
+    assert gain_limit(delay, lag) == pytest.approx(scanned_limit(delay, lag), rel=1e-4)
+
+
+def line(lateral=0.001, remaining=0.0, force=4.9):
+    moments = Moments(force, 0.0, force * remaining, 0.0, force * HALF**2 / 3.0, 0.0)
+    return Contact(ContactType.LINE, True, Reason(0), 'fit', moments=moments, a=lateral,
+                   yaw=0.02, normal_force=force)
+
+
+def seen_late(age, contact=None, pictures=100):
+    """Tracker that has seen pictures of an age [s], and the time of the last."""
+    tracker = ResolvedRate(EdgeServoConfig())
+    tracker.begin(GOAL)
+    for k in range(pictures):
+        tracker.see_contact(contact or line(), 0, k * PICTURE, age)
+    return tracker, (pictures - 1) * PICTURE
+
+
+@pytest.mark.parametrize('age', [0.0, 0.01, 0.04, 0.08])
+def test_gains_are_the_lesser_of_what_is_asked_for_and_what_the_age_allows(age):
+    tracker, _ = seen_late(age)
+    tracker.speed = 0.0
+    lateral, _, normal, _, _, turn = tracker.twist(np.eye(4), np.eye(4), 0.0025)
+    # A picture is used for a period, a command for one at 400 Hz, and reached after two.
+    delay = age + 0.5 * PICTURE + 0.5 / 400 + 2.0 / 400 + 0.0025
+    allowed = scanned_limit(delay, 0.010) / 2.5
+    c = ResolvedRateConfig()
+    assert lateral / 0.001 == pytest.approx(min(1.0 / c.segment_time, allowed), rel=1e-3)
+    assert turn / 0.02 == pytest.approx(min(1.0 / c.segment_time, allowed), rel=1e-3)
+    assert normal * c.stiffness / 0.1 == pytest.approx(
+        min(1.0 / c.force_segment_time, allowed), rel=1e-3)
+    assert (allowed > 1.0 / c.force_segment_time) == (age <= 0.01)
+
+
+def test_an_age_that_is_not_known_is_taken_for_the_worst():
+    worst, _ = seen_late(np.inf)
+    oldest, _ = seen_late(EdgeServoConfig.max_stamp_age)
+    assert worst.shortest == oldest.shortest > seen_late(0.08)[0].shortest
+    young, _ = seen_late(0.0, pictures=1)
+    assert young.shortest > 0.9 * worst.shortest  # one picture proves little
+
+
+def simulated(scene='straight', goal=GOAL, **options):
+    if isinstance(scene, str):
+        scene = load_scene(ROOT / f'launch/scenes/{scene}.yaml')
+    loop = Simulation(scene, 'resolved_rate', **options)
+    loop.run(goal, 20.0)
+    return loop, max(cycle.force for cycle in loop.log) / goal.force
+
+
+@pytest.mark.parametrize('latency', [0.0, 0.01, 0.04, 0.08])
+@pytest.mark.parametrize('scene, length, largest', [
+    ('straight', 0.05, 0.5e-3), ('two_segments', 0.12, 2.0e-3), ('curve', 0.06, 0.6e-3),
+    ('straight_3d', 0.12, 0.5e-3)])
+def test_late_pictures_do_not_make_it_swing(scene, length, largest, latency):
+    loop, most = simulated(scene, replace(GOAL, length=length), latency=latency)
+    assert loop.servo.success, loop.servo.reason
+    assert most <= 1.5
+    lateral, force = tracked(loop)
+    assert np.abs(lateral).max() <= largest
+    # Past the corner and the foot of the ramp it has come to rest.
+    assert np.abs(force - 5.0)[-len(force) // 8:].max() <= 0.25
+
+
+def test_pictures_that_are_too_late_are_refused_where_nobody_allows_them():
+    late = EdgeServoConfig(give_up=0.2)
+    loop, most = simulated(latency=0.12, config=late)
+    assert not loop.servo.success and 'tactile image is stale' in loop.servo.reason
+    assert most == 0.0
+    loop, most = simulated(latency=0.12, config=replace(late, max_stamp_age=0.2))
+    assert loop.servo.success and most <= 1.5
+    lateral, _ = tracked(loop)
+    assert np.abs(lateral[len(lateral) // 2:]).max() <= 0.2e-3
+
+
+def test_a_loop_that_swings_ends_in_a_refusal():
+    loop, _ = simulated(latency=0.08, settings=ResolvedRateConfig(limit_share=10.0))
+    assert not loop.servo.success
+    assert 'beyond 1.5 times the 5 N asked for' in loop.servo.reason
+    assert loop.log[-1].force == 0.0  # lifted off
+
+
+@pytest.mark.parametrize('force', [1.0, 2.0])
+def test_a_light_touch_stays_light(force):
+    loop, most = simulated(goal=replace(GOAL, force=force, length=0.01), latency=0.08)
+    assert loop.servo.success and most <= 1.5
+
+
+def test_a_corner_that_was_missed_is_no_end_of_the_edge():
+    corner = Scene('corner', 'corner', EdgePath(np.array([
+        [0.0, 0.0, 0.0], [0.07, 0.0, 0.0], [0.07, 0.07, 0.0]])))
+    loop, _ = simulated(corner, EdgeGoal(0.1, 5.0), latency=0.04)
+    assert not loop.servo.success and 'edge lost: it ended' in loop.servo.reason
+
+
+@pytest.mark.parametrize('lateral, success', [(0.0, True), (0.5e-3, True), (2e-3, False)])
+def test_an_edge_ends_under_the_pad(lateral, success):
+    tracker, now = seen_late(0.01, line(lateral=lateral, remaining=-0.4 * HALF))
+    tracker.goal = EdgeGoal(0.03, 5.0)
+    verdict = tracker.judge(now, np.eye(4), 0.1, 5.0)
+    assert verdict.state == State.DONE and verdict.success == success
+
+
+def test_a_contact_that_is_lost_is_no_end_of_the_edge():
+    tracker, now = seen_late(0.01)
+    tracker.goal = EdgeGoal(0.03, 5.0)
+    assert tracker.judge(now, np.eye(4), 0.1, 4.9).state == State.TRACK
+    assert tracker.judge(now + 0.1, np.eye(4), 0.1, 0.0).state == State.HOLD

@@ -1,0 +1,294 @@
+"""The mock sensor through its pseudo-terminal, without any other node of the stack."""
+import os
+from pathlib import Path
+import select
+import threading
+import time
+
+from geometry_msgs.msg import PoseStamped
+import numpy as np
+import pytest
+import rclpy
+from rclpy.parameter import Parameter
+from rclpy.qos import qos_profile_sensor_data
+
+from tactile_common.errors import ConfigurationError
+from tactile_common.ros.runner import make_executor
+from tactile_sensing.conversions import pose_from_msg
+from tactile_sensing.devices.flexitac import FlexiTacDecoder, MARKER, NEED_DATA
+from tactile_sensing.types.array import TactelArray
+from tactile_simulation.nodes.mock_sensor import (
+    MockSensorConfig,
+    MockSensorNode,
+    PseudoTerminal,
+)
+from tactile_simulation.renderer import EdgeRenderer
+from tactile_simulation.scene import load_scene
+
+DEADLINE = 10.0  # of every wait [s]
+SCENE = """
+name: test
+description: An edge along base y.
+edge: {start: [0.3, -0.1, 0.12], heading: 90, path: [{straight: 0.2}]}
+skin: {depth: 0.002, stiffness: 200000.0}
+sensor: {noise_std: 630.0, baseline: 10, pa_per_count: 627.45}
+start: {s: 0.1, offset: 0.003, height: -0.001, yaw: 0}
+"""
+
+
+@pytest.fixture
+def context():
+    context = rclpy.Context()
+    rclpy.init(context=context)
+    yield context
+    context.try_shutdown()
+
+
+@pytest.fixture
+def mock(context, tmp_path):
+    """Start mock sensors by parameters; all of them are gone after the test."""
+    nodes = []
+
+    def start(**parameters):
+        parameters = {'port': str(tmp_path / 'sensor'), **parameters}
+        node = MockSensorNode(context=context, parameter_overrides=[
+            Parameter(name, value=value) for name, value in parameters.items()])
+        nodes.append(node)
+        return node
+
+    yield start
+    for node in nodes:
+        node.destroy_node()
+
+
+@pytest.fixture
+def scene(tmp_path):
+    path = tmp_path / 'scene.yaml'
+    path.write_text(SCENE)
+    return str(path)
+
+
+@pytest.fixture
+def recording(tmp_path):
+    frames = np.random.default_rng(0).integers(0, 256, (30, 5, 7)).astype(np.float32)
+    path = tmp_path / 'recording.npz'
+    np.savez(path, frames=frames, rate_hz=200.0)
+    return str(path), frames
+
+
+class Listener:
+    """Reads the raw bytes of a port."""
+
+    def __init__(self, port):
+        self._file = os.open(port, os.O_RDONLY | os.O_NOCTTY)
+        self.data = b''
+
+    def read(self):
+        """Return what comes next, None once the other end has hung up."""
+        ready, _, _ = select.select([self._file], [], [], DEADLINE)
+        assert ready, 'nothing was sent'
+        try:
+            data = os.read(self._file, 4096)
+        except OSError:
+            return None
+        self.data += data
+        return data or None
+
+    def read_bytes(self, count):
+        while len(self.data) < count:
+            assert self.read() is not None, f'hung up after {len(self.data)} bytes'
+        return self.data
+
+    def close(self):
+        if self._file is not None:
+            os.close(self._file)
+            self._file = None
+
+    def __enter__(self):
+        return self
+
+    def __exit__(self, *_):
+        self.close()
+
+
+def decoded(data, shape):
+    decoder = FlexiTacDecoder(*shape)
+    decoder.receive_data(data)
+    events = list(iter(decoder.next_event, NEED_DATA))
+    assert decoder.dropped_bytes == 0
+    return np.stack([event.counts for event in events])
+
+
+def renderer_of(scene):
+    return EdgeRenderer(load_scene(scene), TactelArray(16, 16, 0.0254 / 16, 0.0254 / 16))
+
+
+def test_unloaded_frames_before_the_first_pose(mock, scene, tmp_path):
+    mock(scene=scene, seed=7)
+    with Listener(tmp_path / 'sensor') as listener:
+        frames = decoded(listener.read_bytes(2 + 20 * 258), (16, 16))[:20]
+    rng = np.random.default_rng(7)
+    renderer = renderer_of(scene)
+    np.testing.assert_array_equal(frames, [renderer.counts(None, rng) for _ in range(20)])
+
+
+def test_bytes_begin_and_end_with_a_marker(mock, scene, tmp_path):
+    mock(scene=scene)
+    with Listener(tmp_path / 'sensor') as listener:
+        data = listener.read_bytes(2 + 5 * 258)
+    assert data.startswith(MARKER)
+    assert data.endswith(MARKER)
+    assert (len(data) - 2) % 258 == 0
+
+
+def test_picture_follows_the_pose(mock, scene, context, tmp_path):
+    node = mock(scene=scene, rate=100.0)
+    robot = rclpy.create_node('robot', context=context)
+    publisher = robot.create_publisher(PoseStamped, 'sensor_pose', qos_profile_sensor_data)
+    executor = make_executor(context)
+    executor.add_node(node)
+    message = PoseStamped()
+    message.pose.position.x, message.pose.position.z = 0.297, 0.119
+    message.pose.orientation.y = 1.0  # half a turn about base y: looks down, pad x = base -x
+    message.pose.orientation.w = 0.0
+    picture = renderer_of(scene).render(pose_from_msg(message.pose))
+    try:
+        end = time.monotonic() + DEADLINE
+        with Listener(tmp_path / 'sensor') as listener:
+            frame = np.zeros((16, 16))
+            while frame.max() < 50 and time.monotonic() < end:
+                publisher.publish(message)
+                executor.spin_once(timeout_sec=0.01)
+                data = listener.read_bytes(len(listener.data) + 1)
+                whole = (len(data) - 2) // 258
+                if whole:
+                    last = data[whole * 258 - 256:whole * 258]
+                    frame = np.frombuffer(last, np.uint8).reshape(16, 16).astype(float)
+    finally:
+        executor.shutdown()
+        robot.destroy_node()
+    difference = (frame - 10) * 627.45 - picture
+    assert abs(difference.mean()) < 5 * 700 / 16
+    assert difference.std() < 1.2 * 660
+    assert frame.mean(axis=0).argmax() in (5, 6)  # 3 mm to the side of the pad's centre
+
+
+def test_recording_streams_exactly(mock, recording, tmp_path):
+    path, frames = recording
+    node = mock(recording=path)
+    with Listener(tmp_path / 'sensor') as listener:
+        data = listener.read_bytes(2 + 30 * 37)
+        assert node.finished.wait(DEADLINE)
+        np.testing.assert_array_equal(decoded(data, (5, 7)), frames)
+    assert (node.sent, node.dropped) == (30, 0)
+
+
+def test_recording_waits_for_its_listener_and_loops(mock, recording, tmp_path):
+    path, frames = recording
+    node = mock(recording=path, loop=True)
+    assert not node.finished.wait(0.2)  # longer than the recording
+    assert node.sent == 0
+    with Listener(tmp_path / 'sensor') as listener:
+        data = listener.read_bytes(2 + 70 * 37)
+    np.testing.assert_array_equal(
+        decoded(data, (5, 7))[:70], np.concatenate([frames, frames, frames[:10]]))
+    assert not node.finished.is_set()
+
+
+def test_shutdown_hangs_up_and_removes_the_link(mock, scene, tmp_path):
+    node = mock(scene=scene)
+    with Listener(tmp_path / 'sensor') as listener:
+        listener.read_bytes(600)
+        stopping = threading.Thread(target=node.destroy_node)
+        stopping.start()
+        end = time.monotonic() + DEADLINE
+        while listener.read() is not None:
+            assert time.monotonic() < end
+        stopping.join(DEADLINE)
+    assert not os.path.lexists(tmp_path / 'sensor')
+
+
+def test_shutdown_is_quick_at_a_low_rate(mock, scene, tmp_path):
+    node = mock(scene=scene, rate=0.1)
+    with Listener(tmp_path / 'sensor') as listener:
+        listener.read_bytes(200)
+        begin = time.monotonic()
+        node.destroy_node()
+        assert time.monotonic() - begin < 2.0
+
+
+def test_next_listener_starts_with_a_whole_frame(mock, scene, tmp_path):
+    node = mock(scene=scene)
+    for _ in range(3):
+        with Listener(tmp_path / 'sensor') as listener:
+            data = listener.read_bytes(2 + 4 * 258)
+            assert len(decoded(data, (16, 16))) >= 4
+        end = time.monotonic() + DEADLINE
+        while node._in_step and time.monotonic() < end:
+            node._stop.wait(0.001)
+
+
+def test_frames_are_dropped_whole_when_nobody_reads(mock, scene, tmp_path):
+    node = mock(scene=scene, rate=2000.0)
+    with Listener(tmp_path / 'sensor') as listener:
+        end = time.monotonic() + DEADLINE
+        while node.dropped < 5:
+            assert time.monotonic() < end
+            node._stop.wait(0.005)
+        dropped = node.dropped
+        data = listener.read_bytes(2 + 200 * 258)
+    assert dropped >= 5
+    assert len(decoded(data, (16, 16))) >= 200
+
+
+def test_link_left_behind_is_replaced(mock, scene, tmp_path):
+    (tmp_path / 'sensor').symlink_to('/dev/pts/999999')
+    mock(scene=scene)
+    with Listener(tmp_path / 'sensor') as listener:
+        listener.read_bytes(300)
+
+
+def test_later_link_is_left_alone(tmp_path):
+    first = PseudoTerminal(tmp_path / 'sensor')
+    second = PseudoTerminal(tmp_path / 'sensor')
+    first.close()
+    assert os.path.exists(tmp_path / 'sensor')
+    second.close()
+    assert not os.path.lexists(tmp_path / 'sensor')
+
+
+@pytest.mark.parametrize('make', [
+    lambda path: path.write_text('precious'), Path.mkdir,
+    lambda path: path.symlink_to('/dev/null')])
+def test_nothing_else_is_overwritten(mock, scene, tmp_path, make):
+    make(tmp_path / 'sensor')
+    with pytest.raises(ConfigurationError, match='must be free'):
+        mock(scene=scene)
+    assert os.path.lexists(tmp_path / 'sensor')
+
+
+@pytest.mark.parametrize('parameters, words', [
+    ({}, 'must be exactly one'),
+    ({'scene': 'a', 'recording': 'b'}, 'must be exactly one'),
+    ({'scene': '/none/scene.yaml'}, 'No such file'),
+    ({'recording': '/none/recording.npz'}, 'No such file'),
+    ({'port': '', 'scene': True}, 'scene'),
+    ({'rate': 0.0}, 'rate'),
+    ({'latency': -1.0}, 'latency'),
+    ({'rows': 0}, 'rows'),
+])
+def test_wrong_parameters_are_named(mock, parameters, words):
+    with pytest.raises(ConfigurationError, match=words):
+        mock(**parameters)
+
+
+def test_port_must_be_given_and_possible(mock, scene, tmp_path):
+    with pytest.raises(ConfigurationError, match="'port' is ''"):
+        mock(scene=scene, port='')
+    with pytest.raises(ConfigurationError, match='cannot be made: No such file'):
+        mock(scene=scene, port=str(tmp_path / 'none' / 'sensor'))
+
+
+def test_defaults_are_within_their_ranges():
+    config = MockSensorConfig()
+    assert (config.rate, config.latency, config.rows, config.columns) == (200.0, 0.0025, 16, 16)

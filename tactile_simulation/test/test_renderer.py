@@ -1,0 +1,207 @@
+"""The synthetic sensor against closed forms and invariances."""
+import math
+
+import numpy as np
+import pytest
+
+from tactile_sensing.types.array import TactelArray
+from tactile_simulation.renderer import EdgeRenderer, render
+from tactile_simulation.scene import EdgePath, Scene, Sensor, Skin, Start
+
+PITCH = 0.0254 / 16
+PAD = TactelArray(16, 16, PITCH, PITCH)
+SKIN = Skin(0.002, 2e5)
+
+
+def line_pressure(array, depth, line_force, rho, yaw):
+    """Pressure under an infinite line load (3.1), compression positive."""
+    x, y = np.meshgrid(array.x, array.y)
+    distance = x * math.cos(yaw) + y * math.sin(yaw) - rho
+    return 2 * line_force * depth**3 / (math.pi * (distance**2 + depth**2)**2)
+
+
+def segment_pressure(array, depth, start, end, load_start, load_end):
+    """
+    Pressure under a segment whose load per length runs from one value to another.
+
+    Closed form of the integral of 3/(2 pi) d^3 q(u) / (u^2 + c^2)^(5/2).
+    """
+    x, y = np.meshgrid(array.x, array.y)
+    length = math.dist(start, end)
+    tx, ty = (end[0] - start[0]) / length, (end[1] - start[1]) / length
+    foot = (x - start[0]) * tx + (y - start[1]) * ty
+    c2 = ((x - start[0]) * ty - (y - start[1]) * tx)**2 + depth**2
+    slope = (load_end - load_start) / length
+    at_foot = load_start + slope * foot
+
+    def primitive(u):
+        root = np.sqrt(u**2 + c2)
+        constant = u / (3 * c2 * root**3) + 2 * u / (3 * c2**2 * root)
+        return at_foot * constant - slope / (3 * root**3)
+
+    return 1.5 / math.pi * depth**3 * (primitive(length - foot) - primitive(-foot))
+
+
+def line_points(rho, yaw, indentation, reach=0.1):
+    foot = np.array([rho * math.cos(yaw), rho * math.sin(yaw), -indentation])
+    along = np.array([-math.sin(yaw), math.cos(yaw), 0.0])
+    return np.array([foot - reach * along, foot + reach * along])
+
+
+@pytest.mark.parametrize('depth', [0.001, 0.002, 0.004])
+@pytest.mark.parametrize('rho, yaw', [(0, 0), (0.003, 0.3), (-0.006, -0.7), (0.002, 1.5)])
+def test_long_straight_edge_is_a_line_load(depth, rho, yaw):
+    pressure, _ = render(line_points(rho, yaw, 0.001), PAD, Skin(depth, 2e5))
+    expected = line_pressure(PAD, depth, 200.0, rho, yaw)
+    np.testing.assert_allclose(pressure, expected, atol=1e-4 * 2 * 200.0 / (math.pi * depth))
+
+
+def test_five_newton_give_63_kilopascal():
+    fine = TactelArray(16, 17, PITCH, PITCH)  # with a column at x = 0
+    indentation = 5.0 / (2e5 * 0.0254)
+    pressure, force = render(line_points(0, 0, indentation), fine, SKIN)
+    assert force == pytest.approx(5.0)
+    assert pressure.max() == pytest.approx(62.7e3, rel=1e-3)
+
+
+def test_whole_pressure_carries_the_whole_load():
+    wide = TactelArray(160, 160, 0.001, 0.001)
+    points = np.array([[-0.004, -0.003, -0.001], [0.005, 0.004, -0.001]])
+    pressure, force = render(points, wide, SKIN)
+    load = 2e5 * 0.001 * math.dist(points[0], points[1])
+    assert force == pytest.approx(load)
+    assert pressure.sum() * 1e-6 == pytest.approx(load, rel=1e-3)
+
+
+@pytest.mark.parametrize('yaw, chord', [
+    (0.0, 0.0254), (0.3, 0.0254 / math.cos(0.3)), (math.pi / 4, 0.0254 * math.sqrt(2))])
+def test_force_counts_the_chord_in_the_array(yaw, chord):
+    _, force = render(line_points(0, yaw, 0.001), PAD, SKIN)
+    assert force == pytest.approx(200.0 * chord)
+
+
+@pytest.mark.parametrize('start, end', [
+    ((0.001, -0.008), (0.004, 0.006)), ((0.0, 0.0), (0.0, 0.03)), ((-0.02, 0.0), (0.003, 0.0))])
+def test_end_of_an_edge(start, end):
+    points = np.array([[*start, -0.001], [*end, -0.001]])
+    pressure, _ = render(points, PAD, SKIN)
+    expected = segment_pressure(PAD, 0.002, start, end, 200.0, 200.0)
+    np.testing.assert_allclose(pressure, expected, atol=1e-3 * expected.max())
+
+
+def test_tilted_pad_lifts_off():
+    points = np.array([[0.0, -0.01, -0.001], [0.0, 0.01, 0.001]])
+    pressure, force = render(points, PAD, SKIN)
+    assert force == pytest.approx(0.5 * 200.0 * math.hypot(0.01, 0.001), rel=1e-9)
+    expected = segment_pressure(PAD, 0.002, (0, -0.01), (0, 0), 200.0, 0.0)
+    np.testing.assert_allclose(
+        pressure, expected * math.hypot(0.01, 0.001) / 0.01, atol=1e-3 * expected.max())
+
+
+def test_chords_of_one_edge_add_up():
+    straight = line_points(0.002, 0.4, 0.001)
+    dense = np.linspace(straight[0], straight[1], 941)
+    whole, whole_force = render(straight, PAD, SKIN)
+    parts, parts_force = render(dense, PAD, SKIN)
+    np.testing.assert_allclose(parts, whole, atol=5e-4 * whole.max())
+    assert parts_force == pytest.approx(whole_force)
+
+
+@pytest.mark.parametrize('points', [
+    [[0, -0.1, 0.0], [0, 0.1, 0.0]], [[0, -0.1, 0.01], [0, 0.1, 0.02]],
+    [[0.05, -0.1, -0.001], [0.05, 0.1, -0.001]]])
+def test_no_touch_no_pressure(points):
+    pressure, force = render(np.array(points), PAD, SKIN)
+    assert not pressure.any()
+    assert force == 0.0
+
+
+def test_scales_with_stiffness_and_size():
+    points = line_points(0.001, 0.2, 0.001)
+    once, force = render(points, PAD, SKIN)
+    twice, double = render(points, PAD, Skin(0.002, 4e5))
+    np.testing.assert_allclose(twice, 2 * once)
+    assert double == pytest.approx(2 * force)
+    small, small_force = render(
+        0.5 * points, TactelArray(16, 16, PITCH / 2, PITCH / 2), Skin(0.001, 2e5))
+    np.testing.assert_allclose(small, once)
+    assert small_force == pytest.approx(force / 4)
+
+
+def a_scene(noise_std=0.0, baseline=10.0, pa_per_count=160e3 / 255):
+    edge = EdgePath(np.array([[0.3, -0.1, 0.12], [0.3, 0.02, 0.12], [0.25, 0.1, 0.12]]))
+    return Scene('test', 'An edge.', edge, SKIN, Sensor(noise_std, baseline, pa_per_count),
+                 Start(0.05, 0.003, -0.001, 0.1))
+
+
+def moved(scene, transform):
+    points = scene.edge.points @ transform[:3, :3].T + transform[:3, 3]
+    return Scene(scene.name, scene.description, EdgePath(points), scene.skin, scene.sensor,
+                 scene.start)
+
+
+def test_only_the_relative_pose_matters():
+    scene = a_scene()
+    pose = scene.start_pose()
+    axis = np.array([1.0, 2.0, -0.5]) / math.sqrt(5.25)
+    skew = np.array([[0, -axis[2], axis[1]], [axis[2], 0, -axis[0]], [-axis[1], axis[0], 0]])
+    transform = np.eye(4)
+    transform[:3, :3] += math.sin(0.7) * skew + (1 - math.cos(0.7)) * skew @ skew
+    transform[:3, 3] = [0.1, -0.2, 0.3]
+    here, there = EdgeRenderer(scene, PAD), EdgeRenderer(moved(scene, transform), PAD)
+    np.testing.assert_allclose(there.render(transform @ pose), here.render(pose), rtol=1e-9)
+    assert there.force(transform @ pose) == pytest.approx(here.force(pose))
+
+
+def test_half_a_turn_of_the_pad_turns_the_picture():
+    renderer = EdgeRenderer(a_scene(), PAD)
+    pose = a_scene().start_pose()
+    turned = pose @ np.diag([-1.0, -1.0, 1.0, 1.0])
+    np.testing.assert_allclose(renderer.render(turned), renderer.render(pose)[::-1, ::-1])
+
+
+def test_a_step_of_one_pitch_moves_the_picture_by_one_column():
+    straight = a_scene()
+    pose = straight.start_pose()
+    pose[:3, :3] = np.diag([-1.0, 1.0, -1.0])
+    shifted = pose.copy()
+    shifted[:3, 3] += PITCH * pose[:3, 0]
+    renderer = EdgeRenderer(straight, PAD)
+    np.testing.assert_allclose(
+        renderer.render(shifted)[:, :-1], renderer.render(pose)[:, 1:], rtol=1e-6, atol=1e-3)
+
+
+def test_sensor_x_points_left_of_the_edge():
+    scene = a_scene()
+    pressure = EdgeRenderer(scene, PAD).render(scene.start_pose())
+    centroid = (pressure.sum(axis=0) * PAD.x).sum() / pressure.sum()
+    assert centroid < -0.0015  # the pad stands 3 mm to the left, so the edge lies at -x
+
+
+def test_counts_are_quantised_pressure_plus_baseline():
+    scene = a_scene()
+    renderer, pose = EdgeRenderer(scene, PAD), scene.start_pose()
+    counts = renderer.counts(pose, np.random.default_rng(0))
+    assert counts.dtype == np.uint8
+    back = (counts.astype(float) - 10.0) * scene.sensor.pa_per_count
+    np.testing.assert_allclose(back, renderer.render(pose), atol=0.5001 * 160e3 / 255)
+
+
+def test_counts_saturate_at_both_ends():
+    pose = a_scene().start_pose()
+    strong = EdgeRenderer(a_scene(pa_per_count=100.0), PAD).counts(pose, np.random.default_rng(0))
+    assert strong.max() == 255
+    noisy = EdgeRenderer(a_scene(noise_std=20e3), PAD).counts(None, np.random.default_rng(0))
+    assert noisy.min() == 0
+
+
+def test_noise_has_its_size_and_repeats_with_the_seed():
+    scene = a_scene(noise_std=6300.0, baseline=100.0)
+    renderer = EdgeRenderer(scene, PAD)
+    first, again, other = (
+        np.stack([renderer.counts(None, rng) for _ in range(40)])
+        for rng in map(np.random.default_rng, (5, 5, 6)))
+    np.testing.assert_array_equal(first, again)
+    assert (first != other).any()
+    assert first.std() * scene.sensor.pa_per_count == pytest.approx(6300.0, rel=0.03)
+    assert first.mean() == pytest.approx(100.0, abs=0.3)

@@ -1,0 +1,154 @@
+"""The law (5.3): signs, bounds, and what counts as an edge."""
+
+import math
+
+import numpy as np
+from puma_loop import ROOT
+import pytest
+
+from tactile_sensing.moments.image_moments import Moments
+from tactile_sensing.types.contact import Contact, ContactType, Reason
+from tactile_servo.laws.resolved_rate import (
+    alignment_scale,
+    contact_scale,
+    edge_features,
+    edge_tilt,
+    edge_twist,
+    EdgeFeatures,
+    ResolvedRateConfig,
+)
+from tactile_servo.types import EdgeGoal
+from tactile_simulation.closed_loop import Simulation
+from tactile_simulation.edge_path import EdgePath
+from tactile_simulation.scene import load_scene, Scene
+
+CONFIG = ResolvedRateConfig()
+HALF = 0.0127
+EDGE_MOMENTS = Moments(5.0, 0.005, 0.0, 25e-6, 260e-6, 0.0)
+
+
+def contact(kind=ContactType.LINE, valid=True, moments=EDGE_MOMENTS, **known):
+    return Contact(kind, valid, Reason(0), 'fit', moments=moments, **known)
+
+
+def test_twist_moves_the_pad_onto_the_edge():
+    features = EdgeFeatures(lateral=0.001, yaw=0.1, force=4.0, remaining=0.0)
+    twist = edge_twist(features, 0.03, 5.0, CONFIG)
+    # After dt of this motion the edge, fixed in space, has moved towards the pad's centre.
+    dt = 1e-3
+    assert abs(features.lateral - twist[0] * dt) < abs(features.lateral)
+    assert abs(features.yaw - twist[5] * dt) < abs(features.yaw)
+    assert twist[1] == 0.03 and twist[2] > 0.0 and not twist[3:5].any()
+
+
+def test_error_vanishes_in_one_segment():
+    features = EdgeFeatures(lateral=0.0005, yaw=0.01, force=4.9, remaining=0.0)
+    twist = edge_twist(features, 0.0, 5.0, CONFIG)
+    assert twist[0] * CONFIG.segment_time == pytest.approx(0.0005)
+    assert twist[5] * CONFIG.segment_time == pytest.approx(0.01)
+    assert twist[2] * CONFIG.force_segment_time * CONFIG.stiffness == pytest.approx(0.1)
+
+
+def test_every_rate_is_bounded():
+    wild = EdgeFeatures(lateral=1.0, yaw=-3.0, force=1e6, remaining=0.0)
+    twist = edge_twist(wild, 0.0, 5.0, CONFIG)
+    assert twist[0] == CONFIG.max_lateral_speed
+    assert twist[2] == -CONFIG.max_normal_speed
+    assert twist[5] == -CONFIG.max_turn_rate
+
+
+def test_a_valid_line_is_taken_as_fitted():
+    features, why = edge_features(
+        contact(a=0.002, yaw=0.1, normal_force=5.0), HALF, CONFIG)
+    assert (features.lateral, features.yaw, features.force, why) == (0.002, 0.1, 5.0, '')
+
+
+def test_an_elongated_contact_is_followed_by_its_moments():
+    features, _ = edge_features(contact(ContactType.OTHER, False), HALF, CONFIG)
+    assert features.lateral == pytest.approx(0.001)
+    assert features.force == 5.0 and features.yaw == pytest.approx(0.0)
+
+
+@pytest.mark.parametrize('seen, text', [
+    (contact(ContactType.NONE, False), 'no edge'),
+    (contact(ContactType.LINE, False), 'no edge'),
+    (contact(ContactType.OTHER, False, Moments(5.0, 0, 0, 2e-4, 2e-4, 0)), 'elongation'),
+    (contact(ContactType.OTHER, False, Moments(-5.0, 0, 0, 2e-4, 2e-4, 0)), 'no edge'),
+    (contact(a=0.0, yaw=1.3, normal_force=5.0), 'across the pad'),
+    (contact(a=0.02, yaw=0.0, normal_force=5.0), 'impossible'),
+    (contact(a=0.0, yaw=0.0, normal_force=-1.0), 'impossible'),
+    (contact(a=float('nan'), yaw=0.0, normal_force=5.0), 'not finite')])
+def test_what_is_no_edge_is_refused_with_its_reason(seen, text):
+    features, why = edge_features(seen, HALF, CONFIG)
+    assert features is None and text in why
+
+
+def test_speed_falls_towards_the_border_and_without_force():
+    def at(lateral, force):
+        return EdgeFeatures(lateral, 0.0, force, 0.0)
+    assert alignment_scale(at(0.0, 5.0), HALF) == 1.0
+    assert alignment_scale(at(0.75 * HALF, 5.0), HALF) == pytest.approx(0.5)
+    assert alignment_scale(at(1.1 * HALF, 5.0), HALF) == 0.0
+    assert contact_scale(at(0.0, 5.0), 5.0) == 1.0
+    assert contact_scale(at(0.0, 1.25), 5.0) == pytest.approx(0.5)
+    assert contact_scale(at(0.0, -1.0), 5.0) == 0.0
+    assert not np.isnan(contact_scale(at(0.0, 0.0), 5.0))
+
+
+def even_load(tilt=0.0, first=-HALF, last=HALF):
+    """Moments of an edge along y between two places, on a pad that it rises towards by `tilt`."""
+    y = np.linspace(first, last, 20001)
+    stiffness = CONFIG.stiffness / (2.0 * HALF)  # per length
+    load = stiffness * (1e-3 + tilt * y) * (y[1] - y[0])
+    return Moments(load.sum(), 0.0, load @ y, 0.0, load @ y**2, 0.0)
+
+
+@pytest.mark.parametrize('tilt', [-0.05, 0.0, 0.02])
+def test_tilt_is_told_by_the_first_moment(tilt):
+    assert edge_tilt(even_load(tilt), HALF, CONFIG) == pytest.approx(tilt, rel=1e-2, abs=1e-9)
+
+
+def test_tilt_is_turned_away_within_its_bound():
+    """After dt of this motion the sensor's y has come nearer to the edge's rise."""
+    twist = edge_twist(EdgeFeatures(0.0, 0.0, 5.0, 0.0, tilt=0.01), 0.0, 5.0, CONFIG)
+    rise_of_pad = -twist[3] * 1e-3  # z points at the object: a fall along +z is a rise
+    assert 0.0 < rise_of_pad < 0.01
+    wild = edge_twist(EdgeFeatures(0.0, 0.0, 5.0, 0.0, tilt=-9.0), 0.0, 5.0, CONFIG)
+    assert wild[3] == CONFIG.max_tilt_rate
+
+
+def test_an_edge_that_ends_is_no_tilt():
+    for last in (0.8 * HALF, 0.3 * HALF, -0.5 * HALF):
+        assert edge_tilt(even_load(last=last), HALF, CONFIG) == 0.0
+    for broken in (Moments(5.0, 0, float('nan'), 0, 3e-4, 0), Moments(5.0, 0, 1, 0, np.inf, 0),
+                   Moments(0.0, 0, 0, 0, 0, 0), Moments(-1.0, 0, 1, 0, 1, 0)):
+        assert edge_tilt(broken, HALF, CONFIG) == 0.0
+
+
+def tracked_with(scene, **gains):
+    """RMS error of the force [N] while tracking at 30 mm/s, and the rise of the pad [rad]."""
+    loop = Simulation(scene, 'resolved_rate', settings=ResolvedRateConfig(**gains))
+    loop.run(EdgeGoal(0.03, 5.0), 30.0)
+    assert loop.servo.success, loop.servo.reason
+    truth = loop.truth()
+    rise = [math.asin(cycle.pose[2, 1]) for cycle in loop.log]
+    return np.sqrt(np.mean((truth[truth[:, 3] > 0.01, 2] - 5.0)**2)), np.array(rise)
+
+
+def test_the_pad_levels_itself_on_an_edge_in_space():
+    scene = load_scene(ROOT / 'launch/scenes/straight_3d.yaml')  # rises by 10 %
+    error, rise = tracked_with(scene)
+    assert rise[-1] == pytest.approx(math.atan(0.1), abs=0.01)
+    without, flat = tracked_with(scene, max_tilt_rate=0.0)
+    assert np.abs(flat).max() < 1e-3
+    assert error < 0.25 < without  # 5 % of 5 N
+
+
+@pytest.mark.parametrize('turn', [60, 90])
+def test_a_corner_under_the_pad_hardly_tilts_it(turn):
+    angle = math.radians(turn)
+    scene = Scene('corner', 'corner', EdgePath(np.array([
+        [0.0, 0.0, 0.0], [0.07, 0.0, 0.0],
+        [0.07 + 0.07 * math.cos(angle), 0.07 * math.sin(angle), 0.0]])))
+    _, rise = tracked_with(scene)
+    assert np.abs(rise).max() < 0.02

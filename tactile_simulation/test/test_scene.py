@@ -1,0 +1,199 @@
+"""Scenes: geometry of the edge, pose at the start, and every way to get a file wrong."""
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+import yaml
+
+from tactile_common.errors import ConfigurationError
+from tactile_simulation.edge_path import EdgePath
+from tactile_simulation.edge_shapes import ARC_STEP
+from tactile_simulation.scene import load_scene
+
+SCENES = Path(__file__).parents[2] / 'launch' / 'scenes'
+TREE = {
+    'name': 'test',
+    'description': 'An edge.',
+    'edge': {'start': [0.3, -0.1, 0.12], 'heading': 90, 'path': [{'straight': 0.2}]},
+    'skin': {'depth': 0.002, 'stiffness': 2e5},
+    'sensor': {'noise_std': 630.0, 'baseline': 10, 'pa_per_count': 627.45},
+    'start': {'s': 0.02, 'offset': 0.003, 'height': 0.004, 'yaw': 0},
+}
+
+
+def write(folder, tree):
+    path = folder / 'scene.yaml'
+    path.write_text(tree if isinstance(tree, str) else yaml.safe_dump(tree))
+    return path
+
+
+def scene_of(folder, path, **start):
+    tree = {**TREE, 'edge': {**TREE['edge'], 'path': path}, 'start': {**TREE['start'], **start}}
+    return load_scene(write(folder, tree))
+
+
+@pytest.mark.parametrize('name, length, heading', [
+    ('straight', 0.2, 90), ('two_segments', 0.2, 120), ('curve', 0.06 + 0.03 * math.pi, 180)])
+def test_shipped_scenes(name, length, heading):
+    scene = load_scene(SCENES / f'{name}.yaml')
+    assert scene.name == name
+    assert scene.edge.length == pytest.approx(length, abs=1e-6)
+    heading = math.radians(heading)
+    expected = [math.cos(heading), math.sin(heading), 0.0]
+    np.testing.assert_allclose(scene.edge.tangent_at(length), expected, atol=1e-9)
+
+
+def test_straight_is_exact(tmp_path):
+    edge = scene_of(tmp_path, [{'straight': 0.2}]).edge
+    np.testing.assert_allclose(edge.points, [[0.3, -0.1, 0.12], [0.3, 0.1, 0.12]], atol=1e-15)
+    np.testing.assert_allclose(edge.point_at(0.05), [0.3, -0.05, 0.12], atol=1e-15)
+    assert edge.point_at(np.array([0.0, 0.1, 0.2])).shape == (3, 3)
+    np.testing.assert_allclose(edge.point_at(0.5), edge.points[-1])
+
+
+def test_corner_is_a_vertex_and_turns_left(tmp_path):
+    edge = scene_of(tmp_path, [{'straight': 0.1}, {'turn': 30}, {'straight': 0.1}]).edge
+    np.testing.assert_allclose(edge.points[1], [0.3, 0.0, 0.12], atol=1e-15)
+    np.testing.assert_allclose(edge.tangent_at(0.0999), [0, 1, 0], atol=1e-12)
+    np.testing.assert_allclose(
+        edge.tangent_at(0.1001), [-0.5, math.sqrt(0.75), 0], atol=1e-12)
+
+
+@pytest.mark.parametrize('angle', [90, -90, 360])
+def test_arc_stays_on_its_circle(tmp_path, angle):
+    edge = scene_of(tmp_path, [{'arc': {'radius': 0.06, 'angle': angle}}]).edge
+    centre = np.array([0.3 - math.copysign(0.06, angle), -0.1, 0.12])
+    np.testing.assert_allclose(np.linalg.norm(edge.points - centre, axis=1), 0.06, atol=1e-12)
+    assert np.diff(edge.arclength).max() <= ARC_STEP
+    assert edge.length == pytest.approx(0.06 * math.radians(abs(angle)), rel=1e-5)
+
+
+def test_nearest_is_positive_on_the_left(tmp_path):
+    edge = scene_of(tmp_path, [{'straight': 0.2}]).edge
+    lateral, s = edge.nearest([[0.29, 0.0, 0.2], [0.31, -0.05, 0.1], [0.30, 0.13, 0.12]])
+    np.testing.assert_allclose(lateral, [0.01, -0.01, 0.03], atol=1e-15)
+    np.testing.assert_allclose(s, [0.1, 0.05, 0.2], atol=1e-15)
+
+
+def test_nearest_inverts_point_and_offset(tmp_path):
+    edge = scene_of(tmp_path, [{'straight': 0.03}, {'arc': {'radius': 0.06, 'angle': 90}}]).edge
+    rng = np.random.default_rng(3)
+    expected_s = rng.uniform(0.0, edge.length, 50)
+    expected = rng.uniform(-0.01, 0.01, 50)
+    tangent = edge.tangent_at(expected_s)
+    left = np.stack([-tangent[:, 1], tangent[:, 0], np.zeros(50)], axis=1)
+    lateral, s = edge.nearest(edge.point_at(expected_s) + expected[:, None] * left)
+    np.testing.assert_allclose(lateral, expected, atol=5e-7)
+    np.testing.assert_allclose(s, expected_s, atol=5e-5)
+
+
+@pytest.mark.parametrize('turn', [30, 120, 170, -30, -120, -170])
+def test_nearest_knows_the_outside_of_a_corner(tmp_path, turn):
+    edge = scene_of(tmp_path, [{'straight': 0.1}, {'turn': turn}, {'straight': 0.1}]).edge
+    corner = edge.points[1]
+    normals = np.cross([0, 0, 1], [edge.tangent_at(0.05), edge.tangent_at(0.15)])
+    for share in (0.01, 0.3, 0.5, 0.7, 0.99):
+        left = (1 - share) * normals[0] + share * normals[1]
+        outside = -math.copysign(1.0, turn) * left / np.linalg.norm(left)
+        lateral, s = edge.nearest([corner + 0.005 * outside])
+        assert lateral[0] == pytest.approx(-math.copysign(0.005, turn))
+        assert s[0] == pytest.approx(0.1, abs=1e-9)
+
+
+def test_start_pose_looks_down_beside_the_edge(tmp_path):
+    pose = scene_of(tmp_path, [{'straight': 0.2}]).start_pose()
+    np.testing.assert_allclose(pose[:3, 2], [0, 0, -1])
+    np.testing.assert_allclose(pose[:3, 1], [0, 1, 0], atol=1e-15)
+    np.testing.assert_allclose(pose[:3, 0], [-1, 0, 0], atol=1e-15)
+    np.testing.assert_allclose(pose[:3, 3], [0.297, -0.08, 0.124], atol=1e-12)
+
+
+def test_start_yaw_is_right_handed_about_pad_z(tmp_path):
+    scene = scene_of(tmp_path, [{'straight': 0.2}], yaw=20)
+    pose = scene.start_pose()
+    np.testing.assert_allclose(pose[:3, :3] @ pose[:3, :3].T, np.eye(3), atol=1e-15)
+    assert np.linalg.det(pose[:3, :3]) == pytest.approx(1.0)
+    edge_in_pad = pose[:3, :3].T @ scene.edge.tangent_at(0.02)
+    yaw = math.atan2(-edge_in_pad[0], edge_in_pad[1])
+    assert math.degrees(yaw) == pytest.approx(-20.0)
+
+
+def changed(path, value):
+    """Return TREE with one value replaced, or removed if it is KeyError."""
+    tree = yaml.safe_load(yaml.safe_dump(TREE))
+    node = tree
+    for key in path[:-1]:
+        node = node[key]
+    if value is KeyError:
+        del node[path[-1]]
+    else:
+        node[path[-1]] = value
+    return tree
+
+
+@pytest.mark.parametrize('path, value, words', [
+    (('name',), 3, 'name is 3'),
+    (('name',), KeyError, "'name' is missing"),
+    (('colour',), 'red', "unknown key 'colour'"),
+    (('edge',), [1], 'edge: is [1]'),
+    (('edge', 'start'), [0.3, 0.1], 'edge.start is [0.3, 0.1]'),
+    (('edge', 'start'), [0.3, 'a', 0.1], "edge.start.y is 'a'"),
+    (('edge', 'start'), [0.3, 0.0, math.nan], 'edge.start.z is nan'),
+    (('edge', 'heading'), KeyError, "'heading' is missing"),
+    (('edge', 'path'), [], 'edge.path is []'),
+    (('edge', 'path'), [{'turn': 30}], 'edge.path has no length'),
+    (('edge', 'path'), [{'straight': -0.1}], 'edge.path[0].straight is -0.1'),
+    (('edge', 'path'), [{'straight': 200}], 'edge.path[0].straight is 200'),
+    (('edge', 'path'), [{'straight': 0.1}, {'turn': 180}], 'edge.path[1].turn is 180'),
+    (('edge', 'path'), [{'spiral': 1}], "unknown key 'spiral'"),
+    (('edge', 'path'), [{'straight': 1, 'turn': 1}], 'must be one of straight, turn, arc'),
+    (('edge', 'path'), [{'arc': 3}], 'edge.path[0].arc: is 3'),
+    (('edge', 'path'), [{'arc': {'radius': 0, 'angle': 9}}], 'arc.radius is 0'),
+    (('edge', 'path'), [{'arc': {'radius': 0.1, 'angle': 0}}], 'arc.angle is 0'),
+    (('skin', 'depth'), 0, 'skin.depth is 0'),
+    (('skin', 'depth'), True, 'skin.depth is True'),
+    (('skin', 'stiffness'), '2.0e5', 'write an exponent like 2.0e+5'),
+    (('skin', 'stiffness'), math.inf, 'skin.stiffness is inf'),
+    (('skin', 'stiffness'), 10**400, 'skin.stiffness is inf'),
+    (('skin', 'layers'), 2, "skin: unknown key 'layers'"),
+    (('sensor', 'noise_std'), -1, 'sensor.noise_std is -1'),
+    (('sensor', 'baseline'), 256, 'sensor.baseline is 256'),
+    (('sensor', 'pa_per_count'), 0, 'sensor.pa_per_count is 0'),
+    (('start', 's'), 0.21, 'start.s is 0.21, must be at most the length of the edge, 0.2 m'),
+    (('start', 'offset'), 1.0, 'start.offset is 1.0'),
+    (('start', 'yaw'), None, 'start.yaw is None'),
+])
+def test_wrong_values_are_named_in_one_line(tmp_path, path, value, words):
+    with pytest.raises(ConfigurationError) as error:
+        load_scene(write(tmp_path, changed(path, value)))
+    text = str(error.value)
+    assert words in text
+    assert 'scene.yaml' in text
+    assert '\n' not in text
+
+
+@pytest.mark.parametrize('text', [
+    '', '[1, 2', 'a: b: c', '- 1', '\t- x', '&a [*a]', 'when: 2024-99-99',
+    'x: !!python/name:os.x'])
+def test_malformed_yaml_is_refused_in_one_line(tmp_path, text):
+    with pytest.raises(ConfigurationError) as error:
+        load_scene(write(tmp_path, text))
+    assert '\n' not in str(error.value)
+
+
+def test_unreadable_files_are_refused(tmp_path):
+    with pytest.raises(ConfigurationError, match='No such file'):
+        load_scene(tmp_path / 'none.yaml')
+    with pytest.raises(ConfigurationError, match='Is a directory'):
+        load_scene(tmp_path)
+    (tmp_path / 'latin.yaml').write_bytes(b'name: \xff')
+    with pytest.raises(ConfigurationError, match='UTF-8'):
+        load_scene(tmp_path / 'latin.yaml')
+
+
+@pytest.mark.parametrize('points', [
+    [[0, 0, 0]], [[0, 0], [1, 1]], [[0, 0, 0], [0, 0, 0]], [[0, 0, 0], [math.nan, 0, 0]]])
+def test_edge_path_refuses_what_is_no_polyline(points):
+    with pytest.raises(ConfigurationError):
+        EdgePath(np.array(points, dtype=float))

@@ -1,0 +1,72 @@
+"""The command `simulate`: its summary, its exit status and its errors."""
+
+import json
+
+import numpy as np
+from puma_loop import ROOT
+import pytest
+
+from tactile_simulation.cli.simulate import main
+from tactile_simulation.edge_path import EdgePath
+from tactile_simulation.metrics import area_of, contour_errors
+
+STRAIGHT = str(ROOT / 'launch/scenes/straight.yaml')
+KEYS = {
+    'ok', 'state', 'reason', 'scene', 'controller', 'seed', 'speed', 'tracked_length',
+    'lateral_rms', 'lateral_max', 'lateral_transient_max', 'force_target', 'force_rms_error',
+    'force_max', 'closed', 'contour_max_error', 'contour_area_error', 'duration',
+    'real_time_factor', 'sensor_rate', 'control_rate', 'latency_p50', 'latency_p99',
+    'cpu_per_cycle'}
+
+
+@pytest.mark.parametrize('controller', ['resolved_rate', 'trace'])
+def test_summary_is_one_json_object(controller, capsys, tmp_path):
+    plot = tmp_path / 'plot.png'
+    status = main([STRAIGHT, '--controller', controller, '--length', '0.03', '--json',
+                   '--seed', '3', '--latency', '0.005', '--plot', str(plot)])
+    summary = json.loads(capsys.readouterr().out)
+    assert status == 0 and set(summary) >= KEYS
+    assert summary['controller'] == controller and summary['latency_p50'] == 0.005
+    assert summary['tracked_length'] == pytest.approx(0.03, abs=0.002)
+    assert summary['states'][-1]['state'] == 'done'
+    assert plot.read_bytes().startswith(b'\x89PNG')
+
+
+def test_the_same_seed_gives_the_same_run(capsys):
+    runs = []
+    for seed in ('1', '1', '2'):
+        main([STRAIGHT, '--length', '0.02', '--json', '--seed', seed])
+        runs.append(json.loads(capsys.readouterr().out)['lateral_rms'])
+    assert runs[0] == runs[1] != runs[2]
+
+
+def test_failure_is_told_by_the_exit_status(capsys, tmp_path):
+    scene = tmp_path / 'far.yaml'
+    scene.write_text((ROOT / 'launch/scenes/straight.yaml').read_text().replace(
+        'height: 0.004  #', 'height: 0.4  #'))
+    assert main([str(scene)]) == 1
+    assert 'no contact' in capsys.readouterr().out
+    assert main([str(tmp_path / 'none.yaml')]) == 2
+    assert 'No such file' in capsys.readouterr().err
+    assert main([STRAIGHT, '--speed', '-1']) == 2
+    assert 'speed' in capsys.readouterr().err
+
+
+def test_a_robot_may_be_given(capsys):
+    urdf = str(ROOT / 'launch/urdf/puma260.urdf')
+    assert main([STRAIGHT, '--robot', urdf, '--length', '0.02']) == 0
+
+
+SQUARE = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0], [0, 0, 0]], dtype=float)
+
+
+def test_contour_errors_look_both_ways():
+    edge = EdgePath(SQUARE)
+    grown = (SQUARE[:-1] - [0.5, 0.5, 0]) * 1.02 + [0.5, 0.5, 0]
+    largest, area = contour_errors(grown, edge)
+    assert largest == pytest.approx(0.01 * np.sqrt(2), rel=1e-3)
+    assert area == pytest.approx(1.02**2 - 1)
+    cut = np.delete(SQUARE[:-1], 2, axis=0)  # every point of it is on the edge, a corner is not
+    assert contour_errors(cut, edge)[0] == pytest.approx(np.sqrt(0.5), rel=1e-3)
+    assert area_of(SQUARE + 7.0) == pytest.approx(1.0)
+    assert np.isnan(contour_errors(None, edge)).all()

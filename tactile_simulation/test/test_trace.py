@@ -1,0 +1,240 @@
+"""Tracing in a closed loop: bars, ends, slips, and that nothing makes it press."""
+
+from dataclasses import replace
+import math
+
+import numpy as np
+from puma_loop import puma_loop, ROOT
+import pytest
+
+from tactile_sensing.types.image import Layer, TactileImage
+from tactile_servo.laws.edge_following import Trace
+from tactile_servo.laws.edge_following_config import TraceConfig
+from tactile_servo.types import EdgeGoal, EdgeServoConfig, State
+from tactile_simulation.closed_loop import Simulation
+from tactile_simulation.edge_path import EdgePath
+from tactile_simulation.edge_shapes import polygon
+from tactile_simulation.metrics import contour_errors, summarise
+from tactile_simulation.scene import load_scene, Scene, Start
+
+
+def follow(scene, speed, seed=0, latency=None, **goal):
+    """Run a shipped scene on the gantry: simulation and summary."""
+    scene = load_scene(ROOT / f'launch/scenes/{scene}.yaml')
+    simulation = Simulation(scene, 'trace', seed=seed, latency=latency)
+    goal = EdgeGoal(speed, 5.0, closed=scene.edge.closed, **goal)
+    status = simulation.run(goal, 60.0)
+    return simulation, summarise(simulation, goal, status, name='', tracker='trace', seed=seed)
+
+
+@pytest.mark.parametrize('scene, speed, rms, largest', [
+    ('straight', 0.2, 0.02e-3, 0.06e-3), ('two_segments', 0.1, 0.05e-3, 0.3e-3),
+    ('curve', 0.1, 0.06e-3, 0.25e-3), ('course', 0.1, 0.08e-3, 0.25e-3),
+    ('course', 0.2, 0.13e-3, 0.4e-3), ('straight_3d', 0.1, 0.02e-3, 0.06e-3)])
+def test_open_edges_are_tracked_within_the_bars(scene, speed, rms, largest):
+    simulation, summary = follow(scene, speed, seed=1)
+    assert summary['ok'] and summary['reason'] == 'the edge ended'
+    assert summary['lateral_rms'] <= rms and summary['lateral_max'] <= largest
+    assert summary['force_max'] <= 7.5
+    assert simulation.robot.limit_violations == 0
+
+
+@pytest.mark.parametrize('seed', [0, 4])
+def test_a_contour_closes_and_is_rebuilt(seed):
+    simulation, summary = follow('tape_case', 0.1, seed=seed)
+    assert summary['ok'] and summary['closed'] and summary['reason'] == 'the contour closed'
+    assert summary['lateral_rms'] <= 0.08e-3 and summary['lateral_max'] <= 0.25e-3
+    assert summary['force_max'] < 7.2  # at corners of 90 degrees the load grows by half at once
+    assert summary['contour_max_error'] < 0.15e-3 and abs(summary['contour_area_error']) < 5e-3
+    assert summary['tracked_length'] == pytest.approx(0.356, abs=0.012)
+    assert len(simulation.servo.contour()) > 300
+
+
+def test_a_corner_just_after_the_start_is_known_when_it_comes_again():
+    angles = 0.2 * math.pi * np.arange(10)  # a side of 30 mm; the edge begins in its middle
+    corners = 0.015 / math.sin(0.1 * math.pi) * np.column_stack([np.cos(angles), np.sin(angles)])
+    plan = polygon(corners, 0.0, True)
+    scene = Scene('ten corners', '', EdgePath(np.column_stack([plan, np.zeros(len(plan))])),
+                  start=Start(s=0.012))
+    simulation = Simulation(scene, 'trace')
+    simulation.run(EdgeGoal(0.1, 5.0, closed=True), 30.0)
+    assert simulation.servo.success, simulation.servo.reason
+    error, area = contour_errors(simulation.servo.tracker.contour(), scene.edge)
+    assert error < 0.1e-3 and abs(area) < 2e-3
+
+
+def test_every_corner_is_a_state_of_its_own_and_tracked():
+    _, summary = follow('two_segments', 0.1)
+    states = [(entry['state'], entry['reason']) for entry in summary['states']]
+    corners = [reason for state, reason in states if state == 'corner']
+    assert [state for state, _ in states[:5]] == ['idle', 'approach', 'track', 'corner', 'track']
+    assert len(corners) == 1 and int(corners[0].split()[2]) == pytest.approx(30, abs=3)
+    assert 0.15 < summary['tracked_length'] and summary['lateral_max'] < 0.3e-3
+    _, summary = follow('curve', 0.1)
+    assert 'corner' not in [entry['state'] for entry in summary['states']]
+
+
+@pytest.mark.parametrize('scene, seed', [
+    ('gap', 0), ('gap', 1), ('step_down', 3), ('step_down', 4), ('slip', 0), ('slip', 1),
+    ('noise', 0), ('noise', 2), ('wave', 0), ('step_up', 1), ('dead_tactels', 2),
+    ('gain_spread', 0), ('stamps', 0)])
+def test_hard_scenes_are_survived(scene, seed):
+    _, summary = follow(scene, 0.1, seed=seed)
+    assert summary['ok'], summary['reason']
+    assert summary['tracked_length'] > 0.17
+    assert summary['force_max'] <= 7.5
+    if scene != 'slip':  # where the edge is as far away as it has jumped
+        assert summary['lateral_max'] < 0.5e-3
+
+
+def test_the_way_over_a_gap_is_a_search_that_is_reported():
+    simulation, summary = follow('gap', 0.1)
+    names = [entry['state'] for entry in summary['states']]
+    assert names[:4] == ['idle', 'approach', 'track', 'search']
+    assert any('goes on' in entry['reason'] for entry in summary['states'])
+
+
+def tracking(**options):
+    """PUMA that traces the straight edge steadily."""
+    loop = puma_loop(tracker='trace', **options)
+    loop.run(EdgeGoal(0.06, 5.0), 20.0, lambda s: s.progress > 0.02)
+    assert loop.servo.state == State.TRACK
+    return loop
+
+
+def changed(loop, make):
+    """Let every further picture be what `make` makes of its stress."""
+    real = loop.picture
+
+    def picture(pose):
+        image = real(pose)
+        layer = image.layers[0]
+        stress = make(layer.stress.astype(float)).astype(np.float32)
+        return replace(image, layers=(replace(layer, stress=stress),))
+    loop.picture = picture
+
+
+def test_a_lost_edge_with_contact_held_never_presses():
+    loop = tracking()
+    assert max(cycle.force for cycle in loop.log) < 5.5
+    depth, known = loop.pose[2, 3], len(loop.log)
+    changed(loop, lambda stress: np.full_like(stress, 4e3))  # 2.6 N, and no edge
+    loop.run(None, 3.0)
+    assert depth - min(cycle.pose[2, 3] for cycle in loop.log[known:]) < 0.05e-3
+    assert loop.servo.state in (State.HOLD, State.SEARCH, State.RETREAT, State.DONE)
+    assert not loop.servo.success
+
+
+def test_lost_contact_is_probed_within_the_press_depth_and_given_up():
+    loop = tracking(config=EdgeServoConfig(give_up=1.0))
+    depth, known = loop.pose[2, 3], len(loop.log)
+    changed(loop, np.zeros_like)
+    loop.run(None, 6.0)
+    deepest = min(cycle.pose[2, 3] for cycle in loop.log[known:])
+    assert depth - deepest < EdgeServoConfig.press_depth + 1e-4
+    assert not loop.servo.success and loop.servo.goal is None
+
+
+def test_a_picture_without_a_known_pose_is_not_used():
+    loop = tracking()
+    late = loop.servo.pose_at(round((loop.now - 2.0) * 1e9))
+    assert late is None and loop.servo.pose_at(round((loop.now + 1.0) * 1e9)) is None
+    here = loop.servo.pose_at(round(loop.now * 1e9))
+    np.testing.assert_allclose(here, loop.pose, atol=1e-9)
+
+
+def test_pictures_that_stop_hold_and_go_on():
+    loop = tracking()
+    loop.sensor_alive = False
+    loop.run(None, 0.2)
+    assert loop.servo.state == State.HOLD
+    loop.sensor_alive = True
+    loop.run(None, 20.0)
+    assert loop.servo.success, loop.servo.reason
+    lateral = np.abs(loop.truth()[:, 1])
+    assert lateral[-400:].max() < 0.05e-3
+
+
+def test_pause_and_resume_keep_the_edge():
+    loop = tracking()
+    loop.servo.pause(True, loop.now)
+    loop.run(None, 1.0)
+    assert loop.servo.state == State.HOLD
+    loop.servo.pause(False, loop.now)
+    loop.run(None, 20.0)
+    assert loop.servo.success, loop.servo.reason
+
+
+def test_latency_is_no_part_of_the_lateral_loop():
+    scene = load_scene(ROOT / 'launch/scenes/curve.yaml')
+    simulation = Simulation(scene, 'trace', latency=0.05)
+    simulation.run(EdgeGoal(0.06, 5.0), 30.0)
+    truth = simulation.truth()
+    assert simulation.servo.success
+    assert np.abs(truth[truth[:, 3] > 0.02, 1]).max() < 0.05e-3
+
+
+@pytest.mark.parametrize('scene, latency', [('gap', 0.06), ('two_segments', 0.08)])
+def test_late_pictures_slow_the_pad_down(scene, latency):
+    simulation, summary = follow(scene, 0.2, latency=latency)
+    assert summary['ok'] and summary['reason'] == 'the edge ended'
+    assert summary['lateral_max'] < 0.5e-3 and summary['force_max'] < 7.5
+    assert max(cycle.status.speed for cycle in simulation.log) < 0.035
+
+
+def test_pictures_too_late_to_be_used_hold_with_the_reason():
+    simulation = Simulation(load_scene(ROOT / 'launch/scenes/straight.yaml'), 'trace',
+                            latency=0.12, config=EdgeServoConfig(give_up=1.0))
+    simulation.run(EdgeGoal(0.03, 5.0), 10.0)
+    assert not simulation.servo.success
+    assert 'stale' in simulation.servo.reason
+    assert max(cycle.force for cycle in simulation.log) < 5.5
+
+
+def test_unusable_pictures_are_passed_over_with_a_reason():
+    tracker = Trace(EdgeServoConfig())
+    tracker.begin(EdgeGoal(0.03, 5.0))
+    array = puma_loop().array
+    good = Layer('zz', 0.002, np.zeros(array.shape), noise_std=600.0)
+    for layers, tared in (((), True), ((good,), False), ((replace(good, unit='counts'),), True),
+                          ((replace(good, depth=0.0),), True),
+                          ((replace(good, stress=np.zeros((3, 3))),), True),
+                          ((replace(good, stress=np.full(array.shape, np.nan)),), True)):
+        tracker.reason = ''
+        tracker.see_image(TactileImage(1, 0, layers, array, tared=tared), np.eye(4), 0.0)
+        assert 'picture' in tracker.reason and not tracker.ready(0.0)
+
+
+def test_turning_is_bounded_and_levels_the_pad():
+    """The rate of turn is n x t-shaped: see `Trace._rotate`."""
+    loop = tracking()
+    tracker = loop.servo.tracker
+    pose = tracker._plane @ loop.pose
+    tilt = np.eye(4)
+    angle = 0.05
+    tilt[1:3, 1:3] = [[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]]
+    rate = tracker._rotate(pose @ tilt, 0.0025)
+    assert rate[0] == pytest.approx(-tracker.config.turn_gain * angle, rel=0.1)
+
+
+def test_a_closed_goal_has_no_length():
+    loop = puma_loop(tracker='trace')
+    loop.run(None, 0.01)
+    assert 'closed' in loop.servo.check(EdgeGoal(0.03, 5.0, length=0.1, closed=True))
+    assert 'trace' in puma_check(EdgeGoal(0.03, 5.0, closed=True))
+
+
+def puma_check(goal):
+    """What the resolved-rate servo says of a goal."""
+    loop = puma_loop()
+    loop.run(None, 0.01)
+    return loop.servo.check(goal)
+
+
+@pytest.mark.parametrize('speed', [0.05, 0.1])
+def test_a_corner_is_held_by_an_arm_whose_wrist_is_no_faster_than_its_other_joints(speed):
+    loop = puma_loop('course', 'trace', settings=TraceConfig(acceleration=1.0, max_turn=2.5))
+    loop.run(EdgeGoal(speed, 5.0), 30.0)
+    truth = loop.truth()
+    assert loop.servo.success
+    assert np.abs(truth[truth[:, 3] > 0.01, 1]).max() < 2.5e-4
