@@ -13,7 +13,7 @@ usage: ./ws COMMAND [ARGS]
   run PACKAGE EXECUTABLE [ARGS]
                            run one node or tool, like `ros2 run`
   shell [ARGS]             a shell in which all of this is on the paths
-  bench [NAME] [ARGS]      run benchmarks/NAME.py; without NAME, list them
+  bench [NAME] [ARGS]      run benchmarks/NAME; without NAME, list them
   clean                    remove everything that ./ws has made (.ws)
   --help                   this text
 
@@ -432,17 +432,15 @@ run_tests() {
 }
 
 bench() {
-    [ -d "$ROOT/benchmarks" ] || die "there is no folder benchmarks in $ROOT"
-    if [ -n "${1:-}" ] && [ -f "$ROOT/benchmarks/$1.py" ]; then
+    cd "$ROOT"
+    if [ -n "${1:-}" ] && [ -f "benchmarks/$1/__main__.py" ]; then
         name=$1
         shift
-        exec python3 "$ROOT/benchmarks/$name.py" "$@"
+        exec python3 -m "benchmarks.$name" "$@"
     fi
     say 'benchmarks:'
-    for file in "$ROOT"/benchmarks/*.py; do
-        [ -e "$file" ] || continue
-        file=$(basename "$file" .py)
-        case $file in _*) ;; *) say "  $file" ;; esac
+    for file in benchmarks/*/__main__.py; do
+        say "  $(basename "$(dirname "$file")")"
     done
     [ -z "${1:-}" ] || die "no benchmark '$1'"
 }

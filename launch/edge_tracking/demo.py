@@ -21,7 +21,7 @@ from edge_tracking.process_group import apart
 from edge_tracking.recording.frames_summary import summarise_recording
 from edge_tracking.recording.read_run import read_run
 from edge_tracking.recording.summary import summarise, to_json
-from edge_tracking.report.report import make_recording_report, make_report, picture
+from edge_tracking.report.page import make_recording_report, make_report, picture
 from edge_tracking.resources import find_scene, scene_names, share
 from edge_tracking.track import TrackNode
 from tactile_common.errors import TactileError

@@ -14,7 +14,7 @@ from edge_tracking.recording.frames_summary import summarise_recording
 from edge_tracking.recording.read_run import read_run
 from edge_tracking.recording.summary import summarise
 from edge_tracking.report.figures import surface
-from edge_tracking.report.report import make_recording_report, make_report, picture
+from edge_tracking.report.page import make_recording_report, make_report, picture
 from edge_tracking.report.style import png
 from tactile_servo.types import State
 from tactile_shape.local_surface.local_quadric import LocalQuadric

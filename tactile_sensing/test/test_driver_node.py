@@ -23,11 +23,11 @@ from rclpy.qos import (
 from std_srvs.srv import Trigger
 
 from tactile_common.errors import ConfigurationError
+from tactile_common.ros import runner
 from tactile_msgs.msg import SensorInfo, TactileImage
 from tactile_sensing.conversions import image_from_msg, stamp_to_ns
 from tactile_sensing.devices.calibration import Calibration
 from tactile_sensing.devices.flexitac import encode_frame, encode_payload, MARKER
-from tactile_sensing.nodes import runner
 from tactile_sensing.nodes.driver import DriverNode
 
 SHAPE = (4, 5)

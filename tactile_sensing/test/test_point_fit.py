@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from tactile_common.errors import ConfigurationError
-from tactile_sensing.contact.point_fit import fit_point, fit_points, Layer
+from tactile_sensing.contact.point_fit import fit_point, fit_points
+from tactile_sensing.half_space.layers import Layer
 from tactile_sensing.types.array import TactelArray
 
 ARRAY = TactelArray(26, 26, 1e-3, 1e-3)

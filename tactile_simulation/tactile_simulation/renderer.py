@@ -4,6 +4,7 @@ import math
 import numpy as np
 
 from tactile_common.kernels import njit
+from tactile_sensing.half_space.segment import add_point, add_segment
 
 # Chords up to this length, in depths of the skin, press at their middle [depths]; longer ones
 # are integrated in closed form.
@@ -112,43 +113,6 @@ def _pressure(points, solid, x, y, depth, stiffness):
             add_segment(pressure, x, y, depth, x0, y0, x1, y1,
                         -z0 * share / plan, -z1 * share / plan)
     return pressure
-
-
-@njit(cache=True, nogil=True, error_model='numpy')
-def add_point(pressure, x, y, depth, px, py, load):
-    """Add the pressure of a point load [N] at (px, py): (2.2) without shear."""
-    factor = 1.5 / math.pi * depth**3 * load
-    for r in range(len(y)):
-        from_row = (y[r] - py)**2 + depth * depth
-        for c in range(len(x)):
-            squared = (x[c] - px)**2 + from_row
-            pressure[r, c] += factor / (squared * squared * math.sqrt(squared))
-
-
-@njit(cache=True, nogil=True, error_model='numpy')
-def add_segment(pressure, x, y, depth, x0, y0, x1, y1, load0, load1):
-    """
-    Add the pressure of a line load that runs from load0 to load1 [N/m] along a segment.
-
-    The integral of 3 / (2 pi) d^3 q(u) / (u^2 + c^2)^(5/2), u along the segment from the foot
-    of the tactel, c^2 the square of its distance from the line plus that of the depth.
-    """
-    length = math.hypot(x1 - x0, y1 - y0)
-    tx, ty = (x1 - x0) / length, (y1 - y0) / length
-    slope = (load1 - load0) / length
-    factor = 1.5 / math.pi * depth**3
-    for r in range(len(y)):
-        for c in range(len(x)):
-            dx, dy = x[c] - x0, y[r] - y0
-            foot = dx * tx + dy * ty
-            c2 = (dx * ty - dy * tx)**2 + depth * depth
-            u0, u1 = -foot, length - foot
-            s0, s1 = 1.0 / (u0 * u0 + c2), 1.0 / (u1 * u1 + c2)
-            r0, r1 = math.sqrt(s0), math.sqrt(s1)
-            constant = (u1 * r1 * (s1 + 2.0 / c2) - u0 * r0 * (s0 + 2.0 / c2)) / c2
-            linear = r0 * s0 - r1 * s1
-            pressure[r, c] += factor / 3.0 * (
-                (load0 + slope * foot) * constant + slope * linear)
 
 
 @njit(cache=True, nogil=True)

@@ -7,7 +7,6 @@ import numpy as np
 from tactile_common.errors import ConfigurationError
 from tactile_sensing.contact.gauss_newton import fit_loads, POINT
 from tactile_sensing.contact.variable_projection import SINGULAR
-from tactile_sensing.half_space.layers import Layer as Layer
 
 
 @dataclass(frozen=True)

@@ -5,12 +5,10 @@ Prints tables, and writes benchmarks/results/shape.json, pictures into docs/ and
 docs/shape.md. Times are processor time on one core.
 """
 
-from _bench import run
-import _shape_cases as cases
-import _shape_methods as methods
-import _shape_thesis as thesis
 import numpy as np
 
+from benchmarks.harness import run
+from benchmarks.shape import cases, methods, thesis
 from tactile_shape.surface_matrix.matrix_estimator import MatrixEstimator, MatrixEstimatorConfig
 from tactile_shape.surface_matrix.matrix_fit import fit_matrix
 from tactile_shape.types.patch import Kind

@@ -5,8 +5,8 @@ Prints tables, and writes benchmarks/results/edge.json, pictures into docs/ and 
 docs/edge.md. Errors are distances of the pad's centre from the true edge. Every run is seeded.
 """
 
-from _bench import run
-import _edge_runs as runs
+from benchmarks.edge import runs
+from benchmarks.harness import run
 
 WHOLE = 0.17  # m tracked of a hard scene's 180 mm that count as survival
 TRACKERS = ('resolved_rate', 'trace')

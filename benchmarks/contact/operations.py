@@ -4,9 +4,9 @@ import ast
 import inspect
 import textwrap
 
+from tactile_sensing.contact import gauss_newton as load_fit
+from tactile_sensing.contact import variable_projection as separable_fit
 from tactile_sensing.half_space import line_model, point_model
-from tactile_sensing.types.contact import gauss_newton as load_fit
-from tactile_sensing.types.contact import variable_projection as separable_fit
 
 TACTELS = 16 * 16
 WINDOW = 9 * 9

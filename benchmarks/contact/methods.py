@@ -6,10 +6,10 @@ from functools import partial
 import importlib
 import math
 
-from _contact_cases import DEPTH, layers_of, LINE_ARRAY, POINT_ARRAY
-import _contact_peers as peer
 import numpy as np
 
+from benchmarks.contact import peers as peer
+from benchmarks.contact.cases import DEPTH, layers_of, LINE_ARRAY, POINT_ARRAY
 from tactile_sensing.contact.estimator import ContactEstimator, EstimatorConfig
 from tactile_sensing.contact.line_fit import fit_line, fit_lines
 from tactile_sensing.contact.point_fit import fit_point, fit_points

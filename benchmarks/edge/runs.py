@@ -17,7 +17,7 @@ from tactile_simulation.closed_loop import PICTURE_EVERY, Simulation, STEP
 from tactile_simulation.metrics import summarise
 from tactile_simulation.scene import load_scene
 
-SCENES = Path(__file__).resolve().parent.parent / 'launch' / 'scenes'
+SCENES = Path(__file__).resolve().parents[2] / 'launch' / 'scenes'
 FORCE = 5.0
 HELD = 1.0e-3  # m; a larger error means that the corner was cut
 STABLE = 0.05e-3  # m RMS in the last part of a run

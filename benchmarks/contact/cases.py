@@ -4,8 +4,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tactile_sensing.contact.point_fit import Layer
 from tactile_sensing.half_space import line, point
+from tactile_sensing.half_space.layers import Layer
 from tactile_sensing.types.array import TactelArray
 
 POINT_ARRAY = TactelArray(26, 26, 1e-3, 1e-3)

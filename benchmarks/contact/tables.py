@@ -1,7 +1,7 @@
 """Tables of the contact benchmark, as Markdown."""
 
-import _contact_limit_tables as limits
-from _contact_limit_tables import table as _table
+from benchmarks.contact import limit_tables as limits
+from benchmarks.contact.limit_tables import table as _table
 
 
 def everything(result):

@@ -42,7 +42,7 @@ def run(name, description, measure, pieces, options=None):
     Parameters
     ----------
     name : str
-        Of the page in docs/, and of the modules `_NAME_tables` and `_NAME_charts`.
+        Of the page in docs/, and of the folder with its `tables` and `charts`.
     description : str
         For --help.
     measure : callable
@@ -67,7 +67,7 @@ def run(name, description, measure, pieces, options=None):
                 **measured.pop('versions', {})}
     result = {'quick': arguments.quick, 'versions': versions, **measured,
               'seconds': time.perf_counter() - begin}
-    text = import_module(f'_{name}_tables').everything(result)
+    text = import_module(f'benchmarks.{name}.tables').everything(result)
     print(text)
     if arguments.quick:
         results = pictures = ROOT / 'runs' / f'bench_{name}'
@@ -76,7 +76,7 @@ def run(name, description, measure, pieces, options=None):
     results.mkdir(parents=True, exist_ok=True)
     (results / f'{name}.json').write_text(as_json(finite(result)), 'utf-8')
     try:
-        charts = import_module(f'_{name}_charts')
+        charts = import_module(f'benchmarks.{name}.charts')
     except ImportError as error:
         print(f'no pictures: {error}')
     else:

@@ -1,10 +1,10 @@
 """Pictures of the contact benchmark."""
 
-import _contact_maps as maps
-import _contact_tables as tables
 import matplotlib
 import matplotlib.pyplot as plt
 import numpy as np
+
+from benchmarks.contact import maps, tables
 
 matplotlib.use('Agg')
 ORDER = ('fit', 'compensated', 'compensated as printed', 'basic')

@@ -3,10 +3,10 @@
 from functools import partial
 import time
 
-import _contact_cases as cases
-import _contact_methods as methods
-import _contact_peers as peer
 import numpy as np
+
+from benchmarks.contact import cases, methods
+from benchmarks.contact import peers as peer
 
 DECIBELS = 40.0
 LEVELS = (20.0, 30.0, 40.0, 50.0, 60.0)

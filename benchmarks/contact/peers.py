@@ -3,9 +3,9 @@
 import importlib
 import math
 
-from _contact_cases import DEPTH, LINE_ARRAY, POINT_ARRAY
 import numpy as np
 
+from benchmarks.contact.cases import DEPTH, LINE_ARRAY, POINT_ARRAY
 from tactile_sensing.half_space import point
 from tactile_sensing.moments.image_moments import line_from_moments, Moments
 from tactile_sensing.moments.point_moments import one_layer

@@ -1,8 +1,8 @@
 """Pictures on the 26x26 array of what may touch it, and how often the choice of model is right."""
 
-from _contact_cases import DEPTH, POINT_ARRAY, POINT_PEAK
 import numpy as np
 
+from benchmarks.contact.cases import DEPTH, POINT_ARRAY, POINT_PEAK
 from tactile_sensing.contact.estimator import ContactEstimator
 from tactile_sensing.half_space import line
 from tactile_sensing.types.contact import ContactType

@@ -1,9 +1,10 @@
 """Pictures of the contact benchmark's limits: failure maps and the choice of model."""
 
-from _contact_faults import FAULTS
-from _contact_scenes import ANSWERS
 import matplotlib.pyplot as plt
 import numpy as np
+
+from benchmarks.contact.faults import FAULTS
+from benchmarks.contact.scenes import ANSWERS
 
 STYLES = {  # method -> colour, marker, line width, drawn above others
     'moments': ('#999999', 'v', 1.0, 1), 'compensated': ('#c05a00', '^', 1.0, 2),

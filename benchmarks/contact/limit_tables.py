@@ -1,8 +1,8 @@
 """Tables of the contact benchmark's limits: goals, failure map, remedies, choice of model."""
 
-from _contact_faults import FAULTS
-from _contact_judge import METHODS
-from _contact_scenes import ANSWERS
+from benchmarks.contact.faults import FAULTS
+from benchmarks.contact.judge import METHODS
+from benchmarks.contact.scenes import ANSWERS
 
 REFUSED, WRONG = 0.05, 0.01  # shares of frames up to which a method is said to work
 

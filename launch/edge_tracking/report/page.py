@@ -8,8 +8,8 @@ from pathlib import Path
 
 from edge_tracking.recording.frames_summary import force_series
 from edge_tracking.recording.summary import rebuilt_outline, truth
-from edge_tracking.report.report import figures
-from edge_tracking.report.report import frames_figures as recording_figures
+from edge_tracking.report import figures
+from edge_tracking.report import frames_figures as recording_figures
 from edge_tracking.report.style import png
 
 _CSS = """

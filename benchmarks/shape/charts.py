@@ -1,10 +1,10 @@
 """Pictures of the shape benchmark."""
-import _shape_tables as tables
-import _shape_thesis as thesis
 import matplotlib
 import matplotlib.pyplot as plt
 from matplotlib.ticker import FuncFormatter
 import numpy as np
+
+from benchmarks.shape import tables, thesis
 
 matplotlib.use('Agg')
 OURS, THESIS, OTHERS = '#0b6e99', '#c05a00', '#666666'

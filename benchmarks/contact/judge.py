@@ -2,10 +2,10 @@
 
 from dataclasses import replace
 
-from _contact_faults import FAULTS, noisy
-import _contact_scenes as scenes
 import numpy as np
 
+from benchmarks.contact import scenes
+from benchmarks.contact.faults import FAULTS, noisy
 from tactile_sensing.contact.estimator import ContactEstimator, EstimatorConfig
 from tactile_sensing.types.contact import ContactType, Reason
 from tactile_sensing.types.image import Layer

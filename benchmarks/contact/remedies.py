@@ -1,10 +1,10 @@
 """Every remedy beside the figure that it was said to reach, and what the fault does without it."""
 
-import _contact_faults as faults
-from _contact_judge import estimates
-from _contact_peers import numpy_gauss_newton
 import numpy as np
 
+from benchmarks.contact import faults
+from benchmarks.contact.judge import estimates
+from benchmarks.contact.peers import numpy_gauss_newton
 from tactile_sensing.contact.line_fit import fit_lines
 from tactile_sensing.contact.point_fit import fit_points
 from tactile_sensing.half_space.layers import Layer

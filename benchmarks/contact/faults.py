@@ -3,9 +3,9 @@
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 
-from _contact_cases import DEPTH, LINE_ARRAY, POINT_ARRAY, POINT_PEAK
 import numpy as np
 
+from benchmarks.contact.cases import DEPTH, LINE_ARRAY, POINT_ARRAY, POINT_PEAK
 from tactile_sensing.half_space import line, point
 from tactile_sensing.types.contact import ContactType
 

@@ -7,14 +7,11 @@ into docs/contact.md. Times are processor time on one core, the least of several
 
 import sys
 
-from _bench import finite, run
-import _contact_accuracy as accuracy
-import _contact_judge as judge
-import _contact_operations as operations
-import _contact_peers as peer
-import _contact_remedies as remedies
-import _contact_scenes as scenes
 import numpy as np
+
+from benchmarks.contact import accuracy, judge, operations, remedies, scenes
+from benchmarks.contact import peers as peer
+from benchmarks.harness import finite, run
 
 PIECES = 111  # that call `Steps.step`
 
