@@ -8,7 +8,7 @@ usage() {
 usage: ./ws COMMAND [ARGS]
 
   demo [ARGS]              a robot follows an edge by touch (./ws demo --help)
-  test [ARGS]              lint, then all tests; ARGS go to pytest (./ws test -k line)
+  test [ARGS]              lint and types, then all tests; ARGS go to pytest (./ws test -k line)
   build [ARGS]             build the packages; ARGS go to colcon build
   run PACKAGE EXECUTABLE [ARGS]
                            run one node or tool, like `ros2 run`
@@ -405,17 +405,22 @@ run() {
     exec "$executable" "$@"
 }
 
+lint() {
+    if command -v "$1" >/dev/null; then
+        say "$*" && "$@"
+    else
+        say "$1 is not installed, so no such step (python3 -m pip install $(pinned "$1"))"
+    fi
+}
+
 run_tests() {
     if [ -z "${ROS_DOMAIN_ID:-}" ]; then # so that two test runs on one network do not meet
         export ROS_DOMAIN_ID=$(($$ % 100 + 1))
     fi
     cd "$ROOT"
     status=0
-    if command -v ruff >/dev/null; then
-        say 'ruff check' && ruff check . || status=1
-    else
-        say "ruff is not installed, so no lint step (python3 -m pip install $(pinned ruff))"
-    fi
+    lint ruff check . || status=1
+    lint mypy || status=1
     explicit=no
     previous=
     for argument in "$@"; do

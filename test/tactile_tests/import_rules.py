@@ -98,7 +98,8 @@ def offline_where_it_runs(tree: Tree) -> list[str]:
 
 def import_cycles(tree: Tree) -> list[str]:
     """Circles of modules and of the rooms of a package, within functions as well."""
-    modules, rooms = {}, {}
+    modules: dict[str, set[str]] = {}
+    rooms: dict[str, set[str]] = {}
     for module in production(tree):
         for item in module.imports:
             there = tree.own(item.target)

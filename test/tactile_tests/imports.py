@@ -76,11 +76,11 @@ def read_tree(root: Path, without_manifest: tuple[str, ...] = ('benchmarks',)) -
     sources = []
     for manifest in sorted(root.glob('*/package.xml')):
         about = ElementTree.parse(manifest).getroot()
-        package = about.findtext('name')
+        package = about.findtext('name', '')
         kinds: dict[str, set[str]] = {}
         for element in about:
             if element.tag.endswith('depend'):
-                kinds.setdefault(element.tag, set()).add(element.text.strip())
+                kinds.setdefault(element.tag, set()).add((element.text or '').strip())
         tree.declared[package] = kinds
         folder = manifest.parent
         tests = folder / 'test' if (folder / 'test').is_dir() else folder
@@ -136,7 +136,10 @@ def _with_submodules(tree: Tree) -> Tree:
 
 def cycles(edges: dict[str, set[str]]) -> list[list[str]]:
     """Return the strongly connected parts of a graph that have more than one node."""
-    index, low, stack, found = {}, {}, [], []
+    index: dict[str, int] = {}
+    low: dict[str, int] = {}
+    stack: list[str] = []
+    found: list[list[str]] = []
 
     def visit(node):
         index[node] = low[node] = len(index)
