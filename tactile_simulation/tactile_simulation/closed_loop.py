@@ -11,9 +11,11 @@ from tactile_sensing.types.array import TactelArray
 from tactile_sensing.types.image import TactileImage
 from tactile_servo.laws.registry import make_tracker
 from tactile_servo.supervisor import EdgeServo
-from tactile_servo.types import EdgeServoConfig, State
+from tactile_servo.track_statistics import SETTLING_LENGTH
+from tactile_servo.types import EdgeServoConfig
 from tactile_simulation.gantry import gantry
 from tactile_simulation.joint_controller import MockController
+from tactile_simulation.metrics import ON_EDGE, Truth
 from tactile_simulation.renderer import EdgeRenderer
 
 STEP = 2.5e-3  # s; control at 400 Hz
@@ -180,20 +182,13 @@ class Simulation:
             if self.servo.goal is None or (until and until(status)) or self.now >= end:
                 return status
 
-    def truth(self, states=(State.TRACK, State.CORNER)):
-        """
-        Where the pad really was while it tracked.
-
-        Returns
-        -------
-        ndarray, shape (N, 4)
-            Time [s], lateral error [m], force [N] and progress [m] of every cycle.
-        """
-        rows = [cycle for cycle in self.log if cycle.status.state in states]
-        if not rows:
-            return np.empty((0, 4))
-        places = np.array([cycle.pose[:3, 3] - cycle.shift for cycle in rows])
-        lateral, _ = self.scene.edge.nearest(places)
-        return np.column_stack([
-            [cycle.time for cycle in rows], lateral, [cycle.force for cycle in rows],
-            [cycle.status.progress for cycle in rows]])
+    def truth(self) -> Truth:
+        """Where the pad really was, at every cycle."""
+        lateral, along = self.scene.edge.nearest(
+            np.array([cycle.pose[:3, 3] - cycle.shift for cycle in self.log]))
+        progress = np.array([cycle.status.progress for cycle in self.log])
+        tracking = np.isin([cycle.status.state for cycle in self.log], ON_EDGE)
+        settled = tracking & (progress >= SETTLING_LENGTH)
+        return Truth(
+            np.array([cycle.time for cycle in self.log]), lateral, along,
+            np.array([cycle.force for cycle in self.log]), progress, tracking, settled, settled)
