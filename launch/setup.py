@@ -24,5 +24,6 @@ setup(
     description='A robot follows an edge by touch: launch files, scenes, robot and demo.',
     license='Apache-2.0',
     entry_points={'console_scripts': [
-        f'{name} = {PACKAGE}.{name}:main' for name in ('composed', 'demo', 'track')]},
+        f'{name} = {PACKAGE}.{module}:main' for name, module in (
+            ('composed', 'graph'), ('demo', 'demo'), ('track', 'track'))]},
 )

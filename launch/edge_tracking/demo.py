@@ -7,7 +7,6 @@ everything that is reported is computed from the recorded bag.
 
 import argparse
 from datetime import datetime
-import math
 import os
 from pathlib import Path
 import sys
@@ -15,12 +14,12 @@ import time
 
 from rclpy.exceptions import ParameterException
 
-from edge_tracking.composed import add_servo, Graph, linger, private_port
+from edge_tracking.graph import add_servo, calibrate, Graph, linger, private_port
 from edge_tracking.playback import calibration_for, describe_recording, play
 from edge_tracking.process_group import apart
 from edge_tracking.recording.frames_summary import summarise_recording
 from edge_tracking.recording.read_run import read_run
-from edge_tracking.recording.summary import summarise, to_json
+from edge_tracking.recording.summary import summarise
 from edge_tracking.report.page import make_recording_report, make_report, picture
 from edge_tracking.resources import find_scene, scene_names, share
 from edge_tracking.track import TrackNode
@@ -30,6 +29,7 @@ from tactile_common.ros.runner import stop_on_signals
 from tactile_sensing.devices.recording import load_recording
 from tactile_servo.laws.registry import DEFAULT, TRACKERS
 from tactile_servo.types import State
+from tactile_simulation.metrics import describe, to_json
 from tactile_simulation.scene import load_scene
 
 DOMAINS = 100  # the demo picks one of the domains 1 to 100, unless told
@@ -96,9 +96,9 @@ def own_domain():
 def track_scene(options, folder, progress, **common):
     """Run the scene; returns (success, reason)."""
     path = find_scene(options.scene)
-    edge = load_scene(path)
+    scene = load_scene(path)
     robot = share('urdf', 'puma260.urdf')
-    length = edge.edge.length - edge.start.s
+    length = scene.edge.length - scene.start.s
 
     def show(feedback):
         text = feedback.reason if feedback.state == State.HOLD else (
@@ -110,7 +110,8 @@ def track_scene(options, folder, progress, **common):
     with private_port() as port, stop_on_signals() as stop, \
             apart('listeners', folder / 'bag', **common) as listeners, \
             apart('mocks', port, path, robot, options.seed, **common) as mocks, \
-            apart('sensing', port, **common) as sensing, Graph(**common) as graph:
+            apart('sensing', port, calibrate(port, scene), **common) as sensing, \
+            Graph(**common) as graph:
         parts = {'listeners': listeners, 'mocks': mocks, 'sensing': sensing}
 
         def over():
@@ -119,7 +120,7 @@ def track_scene(options, folder, progress, **common):
         graph.spin(lambda: over() or servo.count_subscribers('servo_status'))  # the recorder
         track = graph.add(TrackNode, own={'on_feedback': show}, speed=options.speed,
                           force=options.force,
-                          closed=edge.edge.closed
+                          closed=scene.edge.closed
                           and TRACKERS[options.controller].closes_contours)
         graph.spin(lambda: track.finished or over())
         if stop.is_set():
@@ -134,39 +135,6 @@ def track_scene(options, folder, progress, **common):
                 for name, part in parts.items() if part.returncode is not None)
         linger(graph, stop)
     return track.success, track.reason
-
-
-# Key, name, unit, factor from SI and decimals of what the terminal shows.
-_ROWS = (
-    ('tracked_length', 'tracked length', 'mm', 1e3, 1),
-    ('lateral_rms', 'lateral error, RMS', 'mm', 1e3, 4),
-    ('lateral_max', 'lateral error, largest', 'mm', 1e3, 4),
-    ('force_rms_error', 'force error, RMS', 'N', 1.0, 3),
-    ('force_max', 'force, largest', 'N', 1.0, 2),
-    ('contour_max_error', 'rebuilt outline within', 'mm', 1e3, 3),
-    ('duration', 'duration', 's', 1.0, 1),
-    ('sensor_rate', 'sensor rate', 'Hz', 1.0, 1),
-    ('control_rate', 'control rate', 'Hz', 1.0, 1),
-    ('missed_cycles', 'missed cycles', '', 1.0, 0),
-    ('latency_p50', 'frame to command, p50', 'ms', 1e3, 2),
-    ('latency_p99', 'frame to command, p99', 'ms', 1e3, 2))
-
-
-def describe(summary):
-    """Text of the summary of a scene for the terminal."""
-    verdict = 'tracked' if summary['ok'] else 'NOT TRACKED'
-    lines = [f'{verdict}: {summary["reason"]}']
-    for key, name, unit, factor, decimals in _ROWS:
-        value = summary[key]
-        if not math.isnan(value):
-            lines.append(f'  {name:24}{factor * value:10.{decimals}f} {unit}')
-    for number, side in enumerate(summary['sides'], 1):
-        radius = '' if side['kind'] == 'line' else f', radius {1e3 * side["radius"]:.2f} mm'
-        lines.append(f'  side {number}: {side["kind"]} of {1e3 * side["length"]:.2f} mm{radius}')
-    for number, corner in enumerate(summary['corners'], 1):
-        place = ', '.join(f'{1e3 * value:.2f}' for value in corner)
-        lines.append(f'  corner {number} at ({place}) mm')
-    return '\n'.join(lines)
 
 
 def run(options):

@@ -2,7 +2,7 @@
 
 import time
 
-from edge_tracking.composed import Graph, linger, private_port
+from edge_tracking.graph import Graph, linger, private_port
 from edge_tracking.process_group import record
 from tactile_common.ros.runner import stop_on_signals
 from tactile_sensing.devices.calibration import Calibration, load_calibration

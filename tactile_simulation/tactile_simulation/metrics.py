@@ -13,7 +13,6 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from tactile_servo.track_statistics import SETTLING_LENGTH
 from tactile_servo.types import EdgeGoal, State, Status
 from tactile_simulation.edge_path import EdgePath
 
@@ -123,7 +122,8 @@ METRICS = (
     Metric('force_rms_error', 'force error, RMS', 'N', 1.0, 3,
            lambda e: rms(e.truth.force[e.truth.on_target] - e.force_target)),
     Metric('force_max', 'force, largest', 'N', 1.0, 2, lambda e: largest(e.truth.force)),
-    Metric('contour_max_error', 'rebuilt outline within', 'mm', 1e3, 3, lambda e: e.outline.largest),
+    Metric('contour_max_error', 'rebuilt outline within', 'mm', 1e3, 3,
+           lambda e: e.outline.largest),
     Metric('contour_area_error', 'area of the outline off by', '%', 100.0, 3,
            lambda e: e.outline.area),
     Metric('speed', 'speed', 'mm/s', 1e3),

@@ -20,7 +20,6 @@ from tactile_common.ros.parameters import declare_from
 from tactile_common.ros.runner import run
 from tactile_sensing.devices.flexitac import encode_payload, MARKER
 from tactile_sensing.devices.recording import load_recording
-from tactile_sensing.types.array import TactelArray
 from tactile_simulation.renderer import EdgeRenderer
 from tactile_simulation.scene import load_scene
 
@@ -50,12 +49,6 @@ class MockSensorConfig:
         'range': (0.0, 1.0)})
     seed: int = field(default=0, metadata={
         'doc': 'seed of the noise', 'range': (0, 2**31 - 1)})
-    rows: int = field(default=16, metadata={
-        'doc': 'tactels along y, of a scene', 'range': (1, 256)})
-    columns: int = field(default=16, metadata={
-        'doc': 'tactels along x, of a scene', 'range': (1, 256)})
-    pitch: float = field(default=0.0254 / 16, metadata={
-        'doc': 'distance between tactels, of a scene', 'unit': 'm', 'range': (1e-5, 0.1)})
 
 
 class PseudoTerminal:
@@ -195,9 +188,8 @@ class MockSensorNode(Node):
                 f"parameters 'scene' and 'recording' are {config.scene!r} and "
                 f'{config.recording!r}, must be exactly one')
         if config.scene:
-            array = TactelArray(config.rows, config.columns, config.pitch, config.pitch)
             scene = load_scene(config.scene)
-            self._renderer = EdgeRenderer(scene, array)
+            self._renderer = EdgeRenderer(scene, scene.sensor.array)
             self._rng = np.random.default_rng(config.seed)
             # Compiled now rather than at the first touch.
             self._renderer.render(scene.start_pose())
