@@ -58,7 +58,7 @@ class Graph:
         self._arguments = ['--ros-args', '--params-file',
                            str(parameters or share('config', 'edge_tracking.yaml'))]
         self.namespace = namespace
-        self.nodes = []
+        self.nodes: list[Node] = []
 
     def __enter__(self):
         sys.setswitchinterval(SWITCH_INTERVAL)

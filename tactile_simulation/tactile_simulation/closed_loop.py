@@ -90,7 +90,7 @@ class Simulation:
         self.estimator = ContactEstimator()
         self.latency = plant.latency if latency is None else latency
         self.now, self.tick, self.pose = 1.0, 0, self.model.pose(start)
-        self._on_the_way = deque()
+        self._on_the_way: deque = deque()
         self.sensor_alive = self.robot_alive = True
         self.log = []
         self._clock = clock or (lambda: 0.0)

@@ -8,6 +8,7 @@ it interpolates (https://control.ros.org, "Trajectory Representation").
 
 from dataclasses import dataclass, field
 from itertools import pairwise
+from typing import Any
 
 import numpy as np
 
@@ -110,8 +111,9 @@ class MockController:
         return vector
 
     def _restart(self, positions):
-        self._time = None
-        self._spline = self._pending = None
+        self._time: float | None = None
+        self._spline: Spline | None = None
+        self._pending: tuple[Trajectory, Any] | None = None
         self._desired = np.zeros((3, len(positions)))
         self._desired[0] = positions
         self._command = self._desired[0]
@@ -205,14 +207,13 @@ class MockController:
                 return self._joints.position, self._joints.velocity
         period = 0.0 if self._time is None else now - self._time
         if self._pending is not None:
-            self._take_over(now)
+            self._take_over(*self._pending, now)
         if self._spline is not None:
             self._desired = self._spline.sample(now)
         self._time = now
         return self._joints.step(now, self._limited(self._desired[0], period))
 
-    def _take_over(self, now):
-        trajectory, order = self._pending
+    def _take_over(self, trajectory, order, now):
         self._pending = None
         from_desired = self.interpolate_from_desired_state
         before = self._time if from_desired and self._time is not None else now

@@ -31,8 +31,8 @@ class DelayedLag:
     def restart(self) -> None:
         """Forget the time and every command on its way; come to rest."""
         self.velocity = np.zeros_like(self.position)
-        self._time = None
-        self._knots = deque()
+        self._time: float | None = None
+        self._knots: deque[tuple[float, np.ndarray]] = deque()
 
     def step(self, now: float, command: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Advance to `now` [s], when `command` (n,) is given; position and velocity (n,)."""

@@ -41,7 +41,8 @@ class Spline:
         self._ends = times  # of the segments
         self._begins = np.concatenate([[before], times[:-1]])
         self._states = [state, *points]
-        self._segment, self._polynomial = -1, None
+        self._segment = -1  # that the polynomial is of
+        self._polynomial: PPoly
 
     def sample(self, now: float) -> np.ndarray:
         """Position, velocity and acceleration (3, n) at a time [s]."""

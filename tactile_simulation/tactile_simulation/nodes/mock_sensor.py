@@ -69,7 +69,7 @@ class PseudoTerminal:
         The link cannot be made, or something else stands in its place.
     """
 
-    def __init__(self, link):
+    def __init__(self, link: str):
         if not link:
             raise ConfigurationError("parameter 'port' is '', must be the path of a link to make")
         self._link = Path(link)
@@ -104,7 +104,7 @@ class PseudoTerminal:
         """Whether somebody has the other end open."""
         return not any(event & select.POLLHUP for _, event in self._poll.poll(0))
 
-    def write(self, data) -> bool:
+    def write(self, data: bytes) -> bool:
         """Send all of `data`, now or before the next; False: no room, nothing was taken."""
         if self._unsent:
             self._unsent = self._unsent[self._put(self._unsent):]
@@ -114,11 +114,11 @@ class PseudoTerminal:
         self._unsent = data[sent:] if sent else b''
         return sent > 0
 
-    def forget(self):
+    def forget(self) -> None:
         """Drop the rest of a half-sent write, for the next listener."""
         self._unsent = b''
 
-    def close(self):
+    def close(self) -> None:
         """Remove the link, unless it is another's by now, and hang up."""
         try:
             if os.readlink(self._link) == self._target:
@@ -157,10 +157,9 @@ class MockSensorNode(Node):
         super().__init__('mock_sensor', **kwargs)
         self.finished = threading.Event()
         self.sent = self.dropped = self.late = 0
-        self._port = None
         self._in_step = False  # whether the listener has got the marker of the next frame
         self._stop = threading.Event()
-        self._thread = threading.Thread(target=self._run, name='mock_sensor', daemon=True)
+        self._thread: threading.Thread | None = None
         try:
             self._config = declare_from(self, MockSensorConfig)
             self._pose = None  # replaced as a whole by the callback, read by the thread
@@ -169,16 +168,16 @@ class MockSensorNode(Node):
         except BaseException:
             self.destroy_node()
             raise
+        self._thread = threading.Thread(target=self._run, name='mock_sensor', daemon=True)
         self._thread.start()
 
     def destroy_node(self):
         """Stop sending, hang up, remove the link and destroy the node."""
         self._stop.set()
-        if self._thread.is_alive():
-            self._thread.join()
-        port, self._port = self._port, None
-        if port is not None:
-            port.close()
+        thread, self._thread = self._thread, None
+        if thread is not None:  # else the port was never opened, or is closed already
+            thread.join()
+            self._port.close()
         super().destroy_node()
 
     def _open_source(self):
@@ -227,7 +226,7 @@ class MockSensorNode(Node):
         begin = time.monotonic()
         number = 0  # of the next frame to take
         ended = False
-        waiting = deque()  # (instant to send at, bytes)
+        waiting: deque[tuple[float, bytes]] = deque()  # instants to send at
         while waiting or not ended:
             take_at = np.inf if ended else begin + number * self._period
             send_at = waiting[0][0] if waiting else np.inf
