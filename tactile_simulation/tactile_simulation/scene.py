@@ -32,16 +32,16 @@ class Skin:
 class Sensor:
     """The array, and how its tactels turn pressure into counts of eight bits."""
 
-    rows: int = 16  # tactels along the pad's y
-    columns: int = 16  # tactels along the pad's x
-    pitch_x: float = 0.0254 / 16  # distance of the columns [m]
-    pitch_y: float = 0.0254 / 16  # distance of the rows [m]
     # Standard deviation of one tactel [Pa]: 40 dB below the peak of 5 N on a pad of 25.4 mm.
     noise_std: float = 630.0
     baseline: float = 10.0  # counts without load
     pa_per_count: float = 627.45  # pressure of one count [Pa]: 160 kPa at 255
     gain_spread: float = 0.0  # standard deviation of a tactel's gain that nobody calibrated
     dead: float = 0.0  # tactels that always report the baseline, unknown to the driver
+    rows: int = 16  # tactels along the pad's y
+    columns: int = 16  # tactels along the pad's x
+    pitch_x: float = 0.0254 / 16  # distance of the columns [m]
+    pitch_y: float = 0.0254 / 16  # distance of the rows [m]
 
     def __post_init__(self):
         for name in ('rows', 'columns'):
