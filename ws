@@ -208,6 +208,7 @@ setup_bare() {
             'install ROS 2 (https://docs.ros.org) and call ./ws again' ;;
     esac
     unset PYTHONPATH PYTHONHOME
+    PATH=$(printf %s "$PATH" | sed "s,$ENV/bin:,,g") # of a shell with .ws/setup.sh: may go here
     export PYTHONNOUSERSITE=1 PIP_USER=0 PIP_DISABLE_PIP_VERSION_CHECK=1 PIP_NO_INPUT=1
     export _ROS_WHEELS_BOOTSTRAP_COMPLETE=1
     if stamped "$WS/env.stamp" "$(environment_signature)" &&
