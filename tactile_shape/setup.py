@@ -1,15 +1,9 @@
 """Installation of the package."""
 from setuptools import find_packages, setup
 
-try:
-    from tactile_common.at_build import compile_kernels
-except ImportError:  # not built yet: here this package is only asked for its name
-    def compile_kernels(*_):
-        """Compile nothing."""
-
 PACKAGE = 'tactile_shape'
 
-compile_kernels(setup(
+setup(
     name=PACKAGE,
     version='0.1.0',
     packages=find_packages(exclude=['test']),
@@ -30,4 +24,4 @@ compile_kernels(setup(
             f'fit = {PACKAGE}.cli.fit:main',
         ],
     },
-), f'{PACKAGE}.warm_up')
+)
