@@ -239,7 +239,7 @@ def _position_noise(cells, flat, curvature, told):
 
 @njit(cache=True)
 def _excess(found, freedom):
-    """Chi-square per degree of freedom, at least 1 (what no surface explains is noise), and RMS."""
+    """Chi-square per degree of freedom, at least 1 as what is unexplained is noise, and RMS."""
     if freedom < 1:
         return 1.0, math.nan
     explained = (found.right * np.linalg.solve(found.information, found.right)).sum()
