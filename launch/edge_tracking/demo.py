@@ -20,7 +20,7 @@ from edge_tracking.graph import add_servo, calibrate, Graph, linger, private_por
 from edge_tracking.playback import calibration_for, describe_recording, play
 from edge_tracking.process_group import apart
 from edge_tracking.recording.frames_summary import summarise_recording
-from edge_tracking.recording.read_run import read_run
+from edge_tracking.recording.reader import read_run
 from edge_tracking.recording.summary import summarise
 from edge_tracking.report.page import make_recording_report, make_report, picture
 from edge_tracking.resources import find_scene, scene_names, share

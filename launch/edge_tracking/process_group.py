@@ -25,7 +25,7 @@ from trajectory_msgs.msg import JointTrajectory
 from visualization_msgs.msg import MarkerArray
 
 from edge_tracking.graph import add_mocks, add_sensing, Graph
-from edge_tracking.recording.bag import RecorderNode
+from edge_tracking.recording.writer import RecorderNode
 from tactile_msgs.msg import Contact, SensorInfo, ServoStatus, SurfacePatch, TactileImage
 from tactile_shape.nodes.shape_estimator import ShapeEstimatorNode
 

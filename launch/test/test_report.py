@@ -11,7 +11,7 @@ import pytest
 from recorded_run import TOPICS, write_bag
 
 from edge_tracking.recording.frames_summary import summarise_recording
-from edge_tracking.recording.read_run import read_run
+from edge_tracking.recording.reader import read_run
 from edge_tracking.recording.summary import summarise
 from edge_tracking.report.figures import surface
 from edge_tracking.report.page import make_recording_report, make_report, picture
