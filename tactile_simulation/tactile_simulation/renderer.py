@@ -4,7 +4,7 @@ import math
 import numpy as np
 
 from tactile_common.kernels import njit
-from tactile_sensing.half_space.segment import add_point, add_segment
+from tactile_sensing.half_space.kernels import add_point, add_segment
 
 # Chords up to this length, in depths of the skin, press at their middle [depths]; longer ones
 # are integrated in closed form.
