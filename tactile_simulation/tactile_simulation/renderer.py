@@ -4,7 +4,7 @@ import math
 import numpy as np
 
 from tactile_common.kernels import njit
-from tactile_sensing.half_space.segment import add_point, add_segment
+from tactile_sensing.half_space.kernels import add_point, add_segment
 from tactile_sensing.types.array import TactelArray
 from tactile_simulation.scene import Scene, Skin
 
