@@ -13,7 +13,7 @@ from tactile_common.errors import ConfigurationError
 from tactile_common.ros.conversions import stamp_from_ns
 from tactile_msgs.msg import Contact as ContactMsg
 from tactile_shape.cli import fit
-from tactile_shape.contact_recording import load_trace, Trace
+from tactile_shape.contact_recording import ContactRecording, load_contacts
 from tactile_shape.local_surface.local_quadric import LocalQuadric, LocalQuadricConfig
 from tactile_shape.surface_matrix.surface_matrix import SurfaceMatrix
 from tactile_shape.types.patch import Kind
@@ -81,7 +81,7 @@ def test_the_path_begins_anew_where_nothing_is_touched(there):
 
 def test_options_then_arrays_then_defaults(there):
     arrays = contacts(noise=False)
-    trace = Trace(**arrays, finger_radius=0.01, normal_noise=2e-3)
+    trace = ContactRecording(**arrays, finger_radius=0.01, normal_noise=2e-3)
     options = fit.parser().parse_args(['x', '-o', 'y', '--normal-noise', '3e-3'])
     config = fit.make_config(options, trace)
     assert (config.finger_radius, config.normal_noise) == (0.01, 3e-3)
@@ -246,4 +246,4 @@ def test_damaged_bag(there):
     (mcap,) = (there / 'run').glob('*.mcap')
     mcap.write_bytes(mcap.read_bytes()[:3000])
     with pytest.raises(ConfigurationError, match='run: '):
-        load_trace(there / 'run')
+        load_contacts(there / 'run')

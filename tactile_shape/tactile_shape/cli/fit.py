@@ -11,7 +11,7 @@ import numpy as np
 from tactile_common.errors import ConfigurationError, TactileError
 from tactile_common.npz_stream import RecordWriter
 from tactile_common.progress import Progress
-from tactile_shape.contact_recording import load_trace, OPTIONAL
+from tactile_shape.contact_recording import load_contacts, OPTIONAL
 from tactile_shape.contour.outline import find_outline
 from tactile_shape.local_surface.local_quadric import LocalQuadricConfig
 from tactile_shape.shape_estimator import make_estimator, METHODS, ShapeTracker
@@ -181,7 +181,7 @@ def run(options):
     if Path(options.out).suffix != '.npz':
         raise ConfigurationError(f'{options.out}: must end in .npz')
     quadric = parse_quadric(options.quadric)
-    trace = load_trace(options.trace, options.namespace, options.finger_radius)
+    trace = load_contacts(options.trace, options.namespace, options.finger_radius)
     if Path(options.out).exists() and os.path.samefile(options.trace, options.out):
         raise ConfigurationError(f'{options.out}: is the input as well')
     tracker = ShapeTracker(make_estimator(options.method, make_config(options, trace)))

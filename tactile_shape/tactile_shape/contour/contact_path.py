@@ -168,8 +168,7 @@ class ContactPath:
 
     def add_pose(self, stamp_ns, pose):
         """Add a pose (4, 4) of the sensor; returns the contacts that it places, as `settle`."""
-        newest = self._poses.newest_ns
-        if newest is not None and stamp_ns < newest - 10 * self._max_gap:  # a recording restarts
+        if self._poses.went_back(stamp_ns):  # a recording restarts
             self.clear()
         self._poses.add(stamp_ns, pose)
         return self.settle()

@@ -7,12 +7,13 @@ height and slope are by-products. A round finger feels the surface of its centre
 error of location; the curvature is converted at the end.
 """
 from dataclasses import dataclass, field
+import math
 
 import numpy as np
 
 from tactile_common.config import check_fields
-from tactile_shape.local_surface import quadric_kernel as kernel
-from tactile_shape.local_surface.contact_window import CELLS, ContactWindow
+from tactile_shape.local_surface.contact_window import CELLS, ContactWindow, Stretch
+from tactile_shape.local_surface.quadric_kernel import ENOUGH, Fit, Noise, solve
 from tactile_shape.local_surface.tangent import tangent_frame
 from tactile_shape.types.patch import certain_enough, Kind, Patch, usable_normal
 
@@ -66,26 +67,23 @@ class LocalQuadric:
     config : LocalQuadricConfig, optional
     """
 
-    def __init__(self, config=None):
+    def __init__(self, config: LocalQuadricConfig | None = None):
         self.config = config or LocalQuadricConfig()
         c = self.config
         on_finger = c.location_noise / c.finger_radius if c.finger_radius else 0.0
-        self._noise = np.array([
-            c.position_noise, c.location_noise, np.hypot(c.normal_noise, on_finger),
-            c.finger_radius * c.normal_noise])
-        self._spread_noise = np.hypot(c.position_noise, c.location_noise)
-        self._cell = max(c.window / CELLS, QUIET * self._spread_noise)
+        self._noise = Noise(
+            c.position_noise, c.location_noise, math.hypot(c.normal_noise, on_finger),
+            c.finger_radius * c.normal_noise)
+        self._cell = max(c.window / CELLS, QUIET * math.hypot(c.position_noise, c.location_noise))
         self._window = ContactWindow(c.window, c.max_turn, self._cell)
-        for x in (0.0, 1.0):  # loads or compiles the kernels now, not at the first contact
-            self.update(np.array([x, 0.0, 0.0]), np.array([0.0, 0.0, 1.0]))
         self.reset()
 
-    def reset(self):
+    def reset(self) -> None:
         """Forget the path: contact was lost."""
         self._window.reset()
         self._stretch = None
 
-    def add(self, position, normal):
+    def add(self, position: np.ndarray, normal: np.ndarray) -> bool:
         """
         Add a contact.
 
@@ -109,13 +107,13 @@ class LocalQuadric:
         self._stretch = self._window.add(self._centre, self._normal)
         return True
 
-    def update(self, position, normal):
+    def update(self, position: np.ndarray, normal: np.ndarray) -> Patch:
         """Add a contact and return the Patch there; of an unusable contact, one not valid."""
         if self.add(position, normal):
             return self.estimate()
         return _refusal('contact is not finite or its normal not of length 1')
 
-    def estimate(self):
+    def estimate(self) -> Patch:
         """
         Estimate the surface at the newest contact.
 
@@ -128,7 +126,7 @@ class LocalQuadric:
             return _refusal('no contact yet')
         stretch = self._stretch
         fit = self._fit(stretch)
-        if fit.scatter > MISFIT * self._noise[0] and len(stretch.points) >= 2 * kernel.ENOUGH:
+        if fit.scatter > MISFIT * self._noise.position and len(stretch.points) >= 2 * ENOUGH:
             # Where the window reaches back over another surface, its newer half fits far better.
             newer = stretch.newer_half()
             fit_of_newer = self._fit(newer)
@@ -162,11 +160,10 @@ class LocalQuadric:
             why = 'straight and along no principal direction: the curvature across is unseen'
         return _refusal(f'the path of {1e3 * stretch.extent:.2g} mm is {why}', **known)
 
-    def _fit(self, stretch):
-        return kernel.solve(
+    def _fit(self, stretch: Stretch) -> Fit:
+        return solve(
             stretch.points, stretch.normals, stretch.weights, self._centre,
-            tangent_frame(self._normal), self._noise, self._spread_noise,
-            self.config.prior_curvature)
+            tangent_frame(self._normal), self._noise, self.config.prior_curvature)
 
 
 def _refusal(reason, **known):

@@ -1,8 +1,9 @@
 """Tangent frames, principal axes and the reduced form of a surface over its tangent plane."""
 import numpy as np
+from numpy.typing import ArrayLike
 
 
-def tangent_frame(normal):
+def tangent_frame(normal: np.ndarray) -> np.ndarray:
     """Right-handed frame (3, 3) whose third column is a unit normal (3,)."""
     x, y, z = normal
     # Frisvad's basis after Duff et al.: smooth but for the sign, and no division by zero.
@@ -14,7 +15,7 @@ def tangent_frame(normal):
                      [-sign * x, -y, z]])
 
 
-def principal_axes(curvature):
+def principal_axes(curvature: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """
     Principal curvatures and directions of K (2, 2).
 
@@ -32,7 +33,7 @@ def principal_axes(curvature):
     return values, np.array([[x, -y, 0.0], [y, x, 0.0], [0.0, 0.0, 1.0]])
 
 
-def height(curvature, points):
+def height(curvature: ArrayLike, points: ArrayLike) -> np.ndarray:
     """
     Height z over the tangent plane of the reduced form: z (1 + n_z) / 2 = u' K u / 2, n_xy = -K u.
 

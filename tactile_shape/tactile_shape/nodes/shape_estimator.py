@@ -16,6 +16,7 @@ from tactile_common.ros.runner import run
 from tactile_msgs.msg import Contact as ContactMsg
 from tactile_msgs.msg import SurfacePatch, TactileImage
 from tactile_sensing.conversions import contact_from_msg, image_from_msg
+from tactile_shape.compile_kernels import compile_kernels
 from tactile_shape.contour.contact_path import ContactPath, needs_picture
 from tactile_shape.contour.object_model import ModelConfig, ObjectModel
 from tactile_shape.conversions import (
@@ -26,7 +27,6 @@ from tactile_shape.conversions import (
 )
 from tactile_shape.local_surface.local_quadric import LocalQuadricConfig
 from tactile_shape.shape_estimator import make_estimator, no_patch, ShapeTracker, TrackerConfig
-from tactile_shape.warm_up import warm_up
 
 PICTURES = 8  # that wait for their contact
 _LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
@@ -54,7 +54,7 @@ class ShapeEstimatorNode(Node):
 
     def __init__(self, **kwargs):
         super().__init__('shape_estimator', **kwargs)
-        warm_up()
+        compile_kernels()
         tracking = declare_from(self, TrackerConfig)
         config = declare_from(self, LocalQuadricConfig)
         self._model_config = declare_from(self, ModelConfig)

@@ -1,4 +1,4 @@
-"""Compile everything that the node calls before contacts come."""
+"""Compiling every kernel of the package: at the build, and before contacts come."""
 import numpy as np
 
 from tactile_common.pose_buffer import pose_between
@@ -8,9 +8,11 @@ from tactile_shape.contour.edge_point import edge_point
 from tactile_shape.local_surface.local_quadric import LocalQuadric
 
 
-def warm_up():
+def compile_kernels() -> None:
     """Call every kernel once; some seconds where numba's cache is empty."""
-    LocalQuadric()
+    estimator = LocalQuadric()
+    for x in (0.0, 1.0):
+        estimator.update(np.array([x, 0.0, 0.0]), np.array([0.0, 0.0, 1.0]))
     pose_between(np.eye(4), np.eye(4), 0.5)
     array = TactelArray(8, 8, 1e-3, 1e-3)
     ridge = np.tile(np.exp(-np.linspace(-2.0, 2.0, 8)**2), (8, 1))
