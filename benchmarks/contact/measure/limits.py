@@ -14,7 +14,8 @@ METHODS = {'fit': {}, 'fit with depth': {'fit_depth': True},
            'compensated': {'method': 'compensated'}, 'moments': {'method': 'moments'}}
 # What makes a valid estimate wrong, for place [m], force and shear [share of the force]: off by
 # more than so much and so many of the standard deviations that it claims itself, either way.
-LIMITS = (((1e-3, 0.1, np.inf), (0.0, 3.0, 0.0)), ((1e-4, 0.02, 0.1), (5.0, 5.0, 5.0)))
+LIMITS = tuple((np.array(least)[:, None], np.array(times)[:, None]) for least, times in (
+    ((1e-3, 0.1, np.inf), (0.0, 3.0, 0.0)), ((1e-4, 0.02, 0.1), (5.0, 5.0, 5.0))))
 
 
 def estimates(given, options, model='auto'):
@@ -51,7 +52,7 @@ def judge(given, records):
     """Shares of frames refused and wrong, and the RMS errors of those of the right type."""
     error, claimed = errors(given, records)
     valid, right = records['valid'], records['type'] == given.kind
-    off = [(error > np.c_[least]) & (error > np.c_[times] * claimed) for least, times in LIMITS]
+    off = [(error > least) & (error > times * claimed) for least, times in LIMITS]
     wrong = valid & (~right | np.any(off, axis=(0, 1)))
     told = wrong & ((records['flags'] & int(Reason.FORCE_MISMATCH)) > 0)
     used = error[:, valid & right]

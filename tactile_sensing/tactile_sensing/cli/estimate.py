@@ -217,7 +217,8 @@ def make_sensor(options, reader):
         raise ConfigurationError(
             f'--layers names {len(layers)} (of {options.layers}), but frames has shape {shape}: '
             f'{there} layer{"s" * (there > 1)}')
-    array = TactelArray(*shape[-2:], pitch[0], pitch[-1])
+    *_, rows, columns = shape
+    array = TactelArray(rows, columns, pitch[0], pitch[-1])
     noise = number('--noise', options.noise, 0.0, 1e9, 'Pa')
     full_scale = number('--full-scale', options.full_scale, 0.0, 1e12, 'Pa')
     return array, [Layer(component, depth, None, full_scale, noise)

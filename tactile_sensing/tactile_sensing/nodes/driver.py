@@ -236,9 +236,8 @@ class DriverNode(Node):
         # Pictures that are already there answer at once: neither blocking nor awaiting new ones
         # in a callback lets a single-threaded executor serve the rest of the graph meanwhile.
         try:
-            self._take_tare()
+            response.message = f'noise {self._take_tare().noise_std:.2f} counts'
             response.success = True
-            response.message = f'noise {self._tare.noise_std:.2f} counts'
         except TareRefusedError as error:
             response.message = str(error)
         return response
@@ -293,7 +292,7 @@ class DriverNode(Node):
     def _no_frames(self):
         rows, columns = self._calibration.array.shape
         text = f'bytes arrive on {self._config.port}, but no frame of {rows}x{columns}'
-        told = self._decoder.explain(self._sample)
+        told = self._decoder.explain(bytes(self._sample))
         if told:
             return f'{text} = {rows * columns} bytes: {told}'
         return f'{text}: wrong sensor, size or baud rate'
