@@ -5,43 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from tactile_sensing.half_space.line import yaw_from_thesis
-
-
-@dataclass(frozen=True)
-class Moments:
-    """
-    Moments of pressure over the array about its centre, compression positive.
-
-    m0 [N]; mx, my [N m]; mxx, myy, mxy [N m^2].
-    """
-
-    m0: float
-    mx: float
-    my: float
-    mxx: float
-    myy: float
-    mxy: float
-
-    @property
-    def centre_of_pressure(self):
-        """(x, y) of the centroid [m]; NaN where the force is not positive."""
-        if not self.m0 > 0.0:
-            return np.nan, np.nan
-        return self.mx / self.m0, self.my / self.m0
-
-    def elongation(self):
-        """
-        Ratio of the principal second moments about the centroid, >= 1; NaN without load.
-
-        An edge across the pad has L^2 / (3 d^2), about 13 on a 25 mm pad under 2 mm of
-        rubber; a point or a flat has 1.
-        """
-        x, y = self.centre_of_pressure
-        if np.isnan(x):
-            return np.nan
-        cxx, cyy, cxy = self.mxx - x * self.mx, self.myy - y * self.my, self.mxy - x * self.my
-        mean, spread = 0.5 * (cxx + cyy), np.hypot(0.5 * (cxx - cyy), cxy)
-        return (mean + spread) / (mean - spread) if mean > spread else np.nan
+from tactile_sensing.types.array import TactelArray
+from tactile_sensing.types.moments import Moments
 
 
 @dataclass(frozen=True)
@@ -53,7 +18,8 @@ class MomentLine:
     line_force: float
 
 
-def image_moments(pressure, array, *, threshold=0.0):
+def image_moments(
+        pressure: np.ndarray, array: TactelArray, *, threshold: float = 0.0) -> Moments:
     """
     Moments of a pressure image.
 
@@ -80,7 +46,8 @@ def image_moments(pressure, array, *, threshold=0.0):
         mxx=float(by_column @ x**2), myy=float(by_row @ y**2), mxy=float(y @ p @ x))
 
 
-def line_from_moments(moments, half_length, *, printed=False):
+def line_from_moments(
+        moments: Moments, half_length: float, *, printed: bool = False) -> MomentLine:
     """
     Line contact from the moments of a strip-cut window, (3.8) to (3.10).
 
