@@ -6,9 +6,9 @@ import math
 import numpy as np
 
 from tactile_sensing.contact.parameters import FORCE_MISMATCH, LINE_ROWS, POINT_ROWS
+from tactile_sensing.half_space.forward_model import PointModel
 from tactile_sensing.half_space.layers import first_pressure_layer, Layer
 from tactile_sensing.half_space.line import chord_length, pressure
-from tactile_sensing.half_space.point import average, stress
 from tactile_sensing.moments.compensation import (
     compensated,
     from_window,
@@ -25,7 +25,7 @@ from tactile_sensing.types.moments import Moments
 THRESHOLD = 4.0  # standard deviations below which a line's tactels count as zero (3.5)
 MIN_ELONGATION = 3.0  # of second moments; less is no edge, whatever the closed form says
 UNEXPLAINED = 0.5  # share of the energy that the biased closed forms may leave unexplained
-KNOWN_LAYERS = (('zz',), ('zz', 'zz'), ('zz', 'xz'), ('zz', 'xz', 'yz'))
+KNOWN_LAYERS = (('zz',), ('zz', 'xz'), ('zz', 'xz', 'yz'))  # at one depth
 STEP = 1e-6  # m, for derivatives by the place
 
 _POINT_NAMES = tuple(PARAMETERS[i] for i in POINT_ROWS)
@@ -119,7 +119,7 @@ def _line(image, cleaned, array, depth, noise, estimate):
 
 def _point(frame, layers, array, config, estimate):
     """(2.3), (2.4) or (2.6), at once or with the iteration of section 2.4."""
-    if tuple(layer.component for layer in layers) not in KNOWN_LAYERS:
+    if not _has_closed_form(layers):
         main = [layer.component for layer in layers].index('zz')
         frame, layers = frame[main:main + 1], layers[main:main + 1]
     averaging = config.tactel == 'area'
@@ -138,13 +138,20 @@ def _point(frame, layers, array, config, estimate):
         estimate[name] = getattr(found, name)
     estimate['has_shear'] = True
     main = [layer.component for layer in layers].index('zz')
-    load = (array.x, array.y[:, None], *_five(found), layers[main].depth)
-    model = average('zz', *load, array.pitch_x, array.pitch_y) if averaging else stress(
-        'zz', *load)
+    [model] = PointModel(array, layers[main:main + 1], averaging).image(_five(found))
     if not why:
         noisy = _iterated_noise if iterated else _basic_noise
         estimate['covariance'][_POINT] = noisy(found, frame, layers, array, averaging)
     return ContactType.POINT, why, model
+
+
+def _has_closed_form(layers):
+    """Whether these layers have a closed form: (2.3), (2.4) or (2.6)."""
+    depths = [layer.depth for layer in layers]
+    if tuple(layer.component for layer in layers) == ('zz', 'zz'):
+        return depths[0] < depths[1]
+    return (tuple(layer.component for layer in layers) in KNOWN_LAYERS
+            and len(set(depths)) == 1)
 
 
 def _five(found):
@@ -165,11 +172,12 @@ def _iterated_noise(found, frame, layers, array, averaging):
     at = np.array([found.a, found.b])
 
     def step(place):
-        mask = min(array.half_width_x - abs(place[0]), array.half_width_y - abs(place[1]))
+        x, y = place
+        mask = min(array.half_width_x - abs(x), array.half_width_y - abs(y))
         moved = from_window(
-            window_moments(frame, array, *place, mask), array, layers, mask,
+            window_moments(frame, array, x, y, mask), array, layers, mask,
             tuple(at - place), averaging=averaging)
-        return _five(moved) + np.array([*place, 0.0, 0.0, 0.0])
+        return _five(moved) + np.array([x, y, 0.0, 0.0, 0.0])
 
     by_place = np.stack([(step(at + shift) - step(at - shift)) / (2.0 * STEP)
                          for shift in STEP * np.eye(2)], axis=1)  # (5, 2)
@@ -185,12 +193,13 @@ def _iterated_noise(found, frame, layers, array, averaging):
 
 def _window_noise(at, mask, found, frame, layers, array, averaging):
     """Covariance of the closed form in a window that stays where it is."""
-    weights = _weights(array, *at, mask)
+    x, y = at
+    weights = _weights(array, x, y, mask)
     spread = [layer.noise_std**2 * weights @ weights.T for layer in layers]
     reach = min(mask, array.half_width_x + array.half_width_y)
-    moments = np.array([astuple(m) for m in window_moments(frame, array, *at, reach)])
-    peak = found.a - math.copysign(1e-9, found.shear_force_x) - at[0], (
-        found.b - math.copysign(1e-9, found.shear_force_y) - at[1])
+    moments = np.array([astuple(m) for m in window_moments(frame, array, x, y, reach)])
+    peak = found.a - math.copysign(1e-9, found.shear_force_x) - x, (
+        found.b - math.copysign(1e-9, found.shear_force_y) - y)
 
     def closed(changed):
         return _five(from_window([Moments(*m) for m in changed], array, layers, mask, peak,
