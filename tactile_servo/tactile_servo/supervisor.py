@@ -13,9 +13,7 @@ import numpy as np
 from tactile_sensing.types.contact import Reason
 from tactile_servo.laws.resolved_rate import ResolvedRate
 from tactile_servo.motion.joint_history import JointHistory
-from tactile_servo.motion.limits import limit_velocities
-from tactile_servo.motion.robot import damped_least_squares
-from tactile_servo.motion.window import stopping_window
+from tactile_servo.motion.motion import Motion
 from tactile_servo.track_statistics import along_contour, TrackStatistics
 from tactile_servo.types import EdgeServoConfig, NAN, State, Status, TRACKING, WINDOW_PERIODS
 
@@ -46,8 +44,10 @@ class EdgeServo:
     """
 
     def __init__(self, robot, limits, config=None, tracker=None, workspace=None):
-        self.robot, self.limits, self.workspace = robot, limits, workspace
+        self.robot, self.limits = robot, limits
         self.config = config or EdgeServoConfig()
+        self.motion = Motion(
+            robot, limits, self.config, WINDOW_PERIODS / self.config.rate, workspace)
         self.tracker = tracker or ResolvedRate(self.config)
         self.state, self.reason = State.IDLE, 'waiting for a goal'
         self.goal = None
@@ -60,7 +60,6 @@ class EdgeServo:
         self._resume_state = State.APPROACH
         self._history = JointHistory(limits)
         self._state_since = -np.inf
-        self._commanded = self._commanded_pose = self._velocities = None
         self._anchor = None  # where the current way (approach, retreat, press depth) began
         self._last_ns = None
 
@@ -229,18 +228,17 @@ class EdgeServo:
 
     def _seed(self):
         """Start from the measured state, never from an old target."""
-        self._commanded, self._commanded_pose = self.joints.value.copy(), self.pose
-        self._velocities = np.zeros_like(self._commanded)
+        self.motion.seed(self.joints.value)
         self.tracker.resume()
-        self._anchor = self._commanded_pose
+        self._anchor = self.motion.pose
 
     def _enter(self, state, reason, now):
         self.state, self.reason, self._state_since = state, reason, now
-        self._anchor = self._commanded_pose
+        self._anchor = self.motion.pose
 
     def _advance(self):
         """How far the commanded sensor stands beyond the anchor along its own normal [m]."""
-        way = self._commanded_pose[:3, 3] - self._anchor[:3, 3]
+        way = self.motion.pose[:3, 3] - self._anchor[:3, 3]
         return float(way @ self._anchor[:3, 2])
 
     def _standstill_reason(self):
@@ -254,7 +252,7 @@ class EdgeServo:
                 return 'tactile image is stale' if self.contact else 'no tactile image'
             if Reason.NOT_TARED in self.contact.value.reasons:
                 return 'sensor is not tared'
-        behind = np.abs(self._commanded - self.joints.value)
+        behind = np.abs(self.motion.positions - self.joints.value)
         if behind.max() > self.config.following_error:
             return f'robot does not follow: {self.limits.names[int(np.argmax(behind))]}'
         return ''
@@ -270,6 +268,8 @@ class EdgeServo:
             return
         elif why:
             self._hold(now, why)
+        elif self.motion.blocked:
+            self._end_blocked(now)
         elif self._load > self.config.max_load and self.state != State.RETREAT:
             self._end(now, False, f'overload: {self._load:.1f} N', lift=True)
         elif self.state == State.APPROACH:
@@ -299,7 +299,7 @@ class EdgeServo:
         features = self.tracker.features
         self.statistics.see(features, pose, self.contact.stamp_ns)
         if features.force >= 0.5 * goal.force:
-            self._anchor = self._commanded_pose  # as deep as is known to be sound
+            self._anchor = self.motion.pose  # as deep as is known to be sound
         if goal.length and self.statistics.length >= goal.length:
             self._end(now, True, 'length reached')
         elif verdict.state == State.DONE:
@@ -332,10 +332,10 @@ class EdgeServo:
     def _leave_hold(self, now, reason):
         """Go on from the measured state, or from the commanded one while that still moves."""
         anchor = self._anchor
-        if self._velocities.any():
-            self.tracker.resume()
-        else:
+        if self.motion.standing:
             self._seed()
+        else:
+            self.tracker.resume()
         self._enter(self._resume_state, self._outcome or reason, now)
         self._anchor = anchor  # the way already gone still counts
 
@@ -347,8 +347,17 @@ class EdgeServo:
         else:
             self._stopping = reason
 
+    def _end_blocked(self, now):
+        """End a goal whose motion a limit, a singularity or the workspace has held back."""
+        reason = f'motion blocked: {self.motion.blocked}'
+        self.motion.reset_blocked()
+        if self.state == State.RETREAT:  # its outcome stands
+            self._stopping = f'{self.reason}; {reason}'
+        else:
+            self._end(now, False, reason)
+
     def _done_when_standing(self):
-        if not self._velocities.any():
+        if self.motion.standing:
             self.state = State.DONE
 
     # Motion ------------------------------------------------------------------------------
@@ -363,7 +372,7 @@ class EdgeServo:
         elif self.state == State.RETREAT and -self._advance() < c.retreat_distance:
             twist[2] = -c.approach_speed
         elif self.state in TRACKING:
-            twist = self.tracker.twist(pose, self._commanded_pose, dt)
+            twist = self.tracker.twist(pose, self.motion.pose, dt)
             if (Reason.SATURATED in self.contact.value.reasons
                     and self._load >= c.contact_force):
                 # The force is larger than it seems, nobody knows by how much: give way.
@@ -373,23 +382,8 @@ class EdgeServo:
         return twist
 
     def _command(self, twist, dt, known):
-        """Turn a twist into joint velocities within every limit, and integrate them."""
-        c = self.config
-        limited_by = ''
-        if self.workspace is not None:
-            rotation = self._commanded_pose[:3, :3]
-            horizon = dt + 2.0 * self.limits.stopping_time
-            linear, clipped = self.workspace.limit(
-                self._commanded_pose[:3, 3], rotation @ twist[:3], horizon)
-            twist = np.concatenate([rotation.T @ linear, twist[3:]])
-            limited_by = 'workspace' if clipped else ''
-        wanted, manipulability = damped_least_squares(
-            self.robot.jacobian(self._commanded), twist, damping=c.damping,
-            rotation_length=c.rotation_length)
-        self._velocities, scale, joint_limit = limit_velocities(
-            self.limits, self._commanded, self._velocities, wanted, dt)
-        self._commanded = self._commanded + self._velocities * dt
-        self._commanded_pose = self.robot.pose(self._commanded)
+        """Move on by a twist within every limit: status and window."""
+        step = self.motion.command(twist, dt)
         features = self.tracker.features
         tracking = features is not None and self.state in (*TRACKING, State.HOLD)
         status = Status(
@@ -397,7 +391,6 @@ class EdgeServo:
             lateral_error=features.lateral if tracking else NAN,
             angle_error=features.yaw if tracking else NAN,
             force_target=self.goal.force, speed=self.tracker.speed,
-            progress=self.statistics.length, twist=twist, limit_scale=scale,
-            limited_by=limited_by or joint_limit, manipulability=manipulability)
-        return status, stopping_window(
-            self.limits, self._commanded, self._velocities, lookahead=WINDOW_PERIODS / c.rate)
+            progress=self.statistics.length, twist=step.twist, limit_scale=step.scale,
+            limited_by=step.limited_by, manipulability=step.manipulability)
+        return status, step.trajectory

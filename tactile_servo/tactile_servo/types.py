@@ -6,6 +6,7 @@ from enum import IntEnum
 import numpy as np
 
 from tactile_common.errors import ConfigurationError
+from tactile_servo.motion.motion import MotionConfig
 
 WINDOW_PERIODS = 2.0  # control periods that a window of commands looks ahead
 NAN = float('nan')
@@ -52,7 +53,7 @@ KEEP = Verdict(State.TRACK)
 
 
 @dataclass(frozen=True)
-class EdgeServoConfig:
+class EdgeServoConfig(MotionConfig):
     """Bounds of the servo, beside the gains of `ResolvedRateConfig`."""
 
     rate: float = field(default=400.0, metadata={
@@ -107,11 +108,6 @@ class EdgeServoConfig:
     following_error: float = field(default=0.15, metadata={
         'doc': 'hold when a joint is this far from where it was commanded', 'unit': 'rad',
         'range': (0.001, 3.0)})
-    damping: float = field(default=0.01, metadata={
-        'doc': 'damping of the inverse Jacobian near a singularity', 'range': (1e-6, 1.0)})
-    rotation_length: float = field(default=0.04, metadata={
-        'doc': 'length that weighs rotation against position', 'unit': 'm/rad',
-        'range': (1e-3, 1.0)})
 
     def __post_init__(self):
         if not self.max_force < self.max_load:
