@@ -3,7 +3,7 @@
 from dataclasses import replace
 
 import numpy as np
-from puma_loop import puma_loop, tracked
+from puma_loop import LIMITS, PUMA, puma_loop, tracked
 import pytest
 
 from tactile_common.errors import ConfigurationError
@@ -172,7 +172,7 @@ def test_stale_joint_state_holds():
     loop.robot_alive = False
     loop.run(None, 0.15)
     assert loop.servo.state == State.HOLD and 'joint state is stale' in loop.servo.reason
-    assert not loop.servo._velocities.any()
+    assert loop.servo.motion.standing
 
 
 @pytest.mark.parametrize('offset_ns', [-200_000_000, 200_000_000])
@@ -295,7 +295,8 @@ def test_workspace_box_is_not_left():
     wall = start[1] + 0.03
     loop = puma_loop(workspace=WorkspaceBox(start - [0.1, 0.1, 0.1], [1.0, wall, 1.0]))
     loop.run(EdgeGoal(0.05, 5.0), 5.0)
-    assert loop.log[-1].status.limited_by == 'workspace'
+    assert any(row.status.limited_by == 'workspace' for row in loop.log)
+    assert loop.servo.reason == 'motion blocked: workspace'
     reach = max(row.pose[1, 3] for row in loop.log)
     assert wall - 0.005 < reach <= wall + 1e-5
 
@@ -339,3 +340,18 @@ def test_second_goal_is_refused_while_one_is_active():
 def test_configuration_is_checked():
     with pytest.raises(ConfigurationError, match='max_force'):
         EdgeServoConfig(max_force=20.0, max_load=10.0)
+
+
+def test_an_arm_that_starts_at_a_joint_limit_says_so():
+    """The approach turns joint_2 down, beyond its limit; with or without a retreat it ends."""
+    start = puma_loop().robot.step(0.0)[0]
+    lower = LIMITS.lower.copy()
+    lower[1] = start[1]
+    robot, config = (PUMA, replace(LIMITS, lower=lower)), EdgeServoConfig()
+    lifting = config.retreat_distance / config.approach_speed
+    for retreat in (False, True):
+        loop = puma_loop(robot=robot)
+        status = loop.run(replace(GOAL, retreat=retreat), 10.0)
+        assert status.state == State.DONE and not loop.servo.success
+        assert status.reason == f'motion blocked: joint_2 is at its lower limit, {start[1]:g}'
+        assert 1.0 <= loop.now - 1.0 - retreat * lifting <= 1.4
