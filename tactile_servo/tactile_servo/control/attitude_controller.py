@@ -1,30 +1,29 @@
 """Turning a pad along an edge and square to it."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 import math
 
 import numpy as np
 
+from tactile_common.config import bounded
 from tactile_common.geometry import wrap_angle
-from tactile_servo.control.bounded import bounded, slewed
+from tactile_servo.control.scaling import clipped, slewed
 
 
 @dataclass(frozen=True)
 class AttitudeConfig:
     """Gains and bounds of the pad's rotation."""
 
-    gain: float = field(default=5.0, metadata={
-        'doc': 'rate at which the pad is turned along the edge', 'unit': '1/s',
-        'range': (0.0, 50.0)})
-    max_rate: float = field(default=1.5, metadata={
-        'doc': 'largest rate of turn', 'unit': 'rad/s', 'range': (0.0, 20.0)})
-    acceleration: float = field(default=5.0, metadata={
-        'doc': 'acceleration of that turn; a wrist that is asked for more than it can holds '
-               'back the whole pad, off the edge at every corner',
-        'unit': 'rad/s^2', 'range': (0.1, 1000.0)})
-    max_turn: float = field(default=7.0, metadata={
-        'doc': 'the pad is turned with the edge up to this angle from where it began, and '
-               'kept beyond', 'unit': 'rad', 'range': (0.0, 100.0)})
+    gain: float = bounded(
+        5.0, 'rate at which the pad is turned along the edge', '1/s', 0.0, 50.0)
+    max_rate: float = bounded(
+        1.5, 'largest rate of turn', 'rad/s', 0.0, 20.0)
+    acceleration: float = bounded(
+        5.0, 'acceleration of that turn; a wrist that is asked for more than it can holds '
+        'back the whole pad, off the edge at every corner', 'rad/s^2', 0.1, 1000.0)
+    max_turn: float = bounded(
+        7.0, 'the pad is turned with the edge up to this angle from where it began, and '
+        'kept beyond', 'rad', 0.0, 100.0)
 
 
 class AttitudeController:
@@ -65,7 +64,7 @@ class AttitudeController:
         (xx, yx, nx), (xy, yy, ny), (_, _, nz) = rotation.tolist()
         heading = math.atan2(direction * yy, direction * yx)
         wanted = c.gain * wrap_angle(math.atan2(uy, ux) - heading)
-        wanted = bounded(wanted, -c.max_rate, c.max_rate)
+        wanted = clipped(wanted, -c.max_rate, c.max_rate)
         yaw = math.atan2(xy, xx)
         if abs(yaw) > c.max_turn and wanted * yaw > 0.0:
             wanted = 0.0
@@ -74,7 +73,7 @@ class AttitudeController:
         # n turns by -(n t) t with the rate of turn -(n t) n x t.
         tilt = (nx * ux + ny * uy + nz * slope) / (1.0 + slope**2)
         lean = ny * ux - nx * uy
-        x, y, z = (bounded(-c.gain * error, -c.max_rate, c.max_rate) for error in (
+        x, y, z = (clipped(-c.gain * error, -c.max_rate, c.max_rate) for error in (
             tilt * (ny * slope - nz * uy) - lean * nz * ux,
             tilt * (nz * ux - nx * slope) - lean * nz * uy,
             tilt * (nx * uy - ny * ux) + lean * (nx * ux + ny * uy)))

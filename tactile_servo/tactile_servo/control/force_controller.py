@@ -1,9 +1,10 @@
 """Force of a pad along an edge: predicted from the newest image, and how the pad moved since."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 import math
 
-from tactile_servo.control.bounded import bounded
+from tactile_common.config import bounded
+from tactile_servo.control.scaling import clipped
 
 COMING_SHARE = 0.35  # of the length that comes under the pad at once which is given way to before
 GIVE_WAY = 5.0  # times the gain with which the pad gives way to what comes under it
@@ -15,22 +16,18 @@ SHORTEST = 0.5  # of the pad's half size, the edge that the force is spread over
 class ForceConfig:
     """Gains and bounds of the motion along the normal."""
 
-    gain: float = field(default=60.0, metadata={
-        'doc': 'rate at which an error of the force is made up', 'unit': '1/s',
-        'range': (1.0, 200.0)})
-    integral_gain: float = field(default=60.0, metadata={
-        'doc': 'integral gain of the force', 'unit': '1/s^2', 'range': (0.0, 1e4)})
-    stiffness: float = field(default=5000.0, metadata={
-        'doc': 'total stiffness of skin, finger and robot along the normal', 'unit': 'N/m',
-        'range': (10.0, 1e7)})
-    skin_stiffness: float = field(default=2.0e5, metadata={
-        'doc': 'line force per length and indentation, which tells the height of the edge',
-        'unit': 'N/m^2', 'range': (1e2, 1e9)})
-    press_acceleration: float = field(default=0.2, metadata={
-        'doc': 'deceleration along the normal that the robot is trusted with as it presses',
-        'unit': 'm/s^2', 'range': (1e-3, 100.0)})
-    max_speed: float = field(default=0.05, metadata={
-        'doc': 'largest speed along the normal', 'unit': 'm/s', 'range': (1e-4, 1.0)})
+    gain: float = bounded(
+        60.0, 'rate at which an error of the force is made up', '1/s', 1.0, 200.0)
+    integral_gain: float = bounded(
+        60.0, 'integral gain of the force', '1/s^2', 0.0, 1e4)
+    stiffness: float = bounded(
+        5000.0, 'total stiffness of skin, finger and robot along the normal', 'N/m', 10.0, 1e7)
+    skin_stiffness: float = bounded(
+        2.0e5, 'line force per length and indentation, which tells the height of the edge', 'N/m^2', 1e2, 1e9)
+    press_acceleration: float = bounded(
+        0.2, 'deceleration along the normal that the robot is trusted with as it presses', 'm/s^2', 1e-3, 100.0)
+    max_speed: float = bounded(
+        0.05, 'largest speed along the normal', 'm/s', 1e-4, 1.0)
 
 
 @dataclass(frozen=True)
@@ -106,4 +103,4 @@ class ForceController:
 
     def bounded(self, speed: float) -> float:
         """Speed along the normal within its bound [m/s]."""
-        return bounded(speed, -self._config.max_speed, self._config.max_speed)
+        return clipped(speed, -self._config.max_speed, self._config.max_speed)
