@@ -7,11 +7,11 @@ from rclpy.qos import qos_profile_sensor_data
 from tactile_tests.graph import bench, ROBOT, stamp_of
 
 from edge_tracking.composed import private_port
+from tactile_common.ros.conversions import pose_to_msg
 from tactile_msgs.msg import Contact, ServoStatus
 from tactile_sensing.nodes.contact_estimator import ContactEstimatorNode
 from tactile_sensing.nodes.driver import DriverNode
 from tactile_sensing.types.array import TactelArray
-from tactile_servo.conversions import pose_to_msg
 from tactile_servo.nodes.servo import EdgeServoNode
 from tactile_simulation.nodes.mock_robot import MockRobotNode
 from tactile_simulation.nodes.mock_sensor import MockSensorNode

@@ -14,13 +14,9 @@ from sensor_msgs.msg import JointState
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 from edge_tracking.recording.bag import describe_type
+from tactile_common.ros.conversions import stamp_from_ns
 from tactile_msgs.msg import Contact, SensorInfo, ServoStatus, TactileImage
-from tactile_sensing.conversions import (
-    contact_to_msg,
-    image_to_msg,
-    sensor_info_to_msg,
-    stamp_from_ns,
-)
+from tactile_sensing.conversions import contact_to_msg, image_to_msg, sensor_info_to_msg
 from tactile_sensing.moments.image_moments import image_moments
 from tactile_sensing.types.array import TactelArray
 from tactile_sensing.types.contact import Contact as ContactData

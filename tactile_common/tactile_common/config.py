@@ -1,16 +1,129 @@
-"""Checks of configuration dataclasses, whose metadata hold the bounds."""
+"""
+Fields of configuration dataclasses with their description, unit and bounds, and their check.
+
+A field's default stands in the dataclass, its bounds in the field's metadata: `doc`, `unit`,
+`range` (smallest and largest value, both allowed) and `choices`. `check_fields`, called in
+`__post_init__`, and the declaration of ROS parameters read both from there.
+"""
+from collections.abc import Mapping
 import dataclasses
+from functools import lru_cache
+import math
+from numbers import Integral, Real
+import types
+from typing import Any, get_args, get_origin, get_type_hints, Literal, Union
+
+import numpy as np
 
 from tactile_common.errors import ConfigurationError
 
+_KINDS = {bool: (bool, 'a boolean'), int: (Integral, 'an integer'), float: (Real, 'a number'),
+          str: (str, 'a text')}
 
-def check_fields(config):
-    """Raise ConfigurationError where a field is outside the `range` of its metadata."""
+
+def bounded(default: Any, doc: str = '', unit: str = '', low: float = -math.inf,
+            high: float = math.inf) -> Any:
+    """Return a dataclass field for numbers between two bounds, both allowed."""
+    return dataclasses.field(
+        default=default, metadata={'doc': doc, 'unit': unit, 'range': (low, high)})
+
+
+def one_of(default: str, doc: str, choices) -> Any:
+    """Return a dataclass field for one of several texts."""
+    return dataclasses.field(default=default, metadata={'doc': doc, 'choices': tuple(choices)})
+
+
+def check_fields(config: Any, prefix: str = '') -> None:
+    """
+    Check type and bounds of every field of a dataclass.
+
+    Checked are booleans, numbers (an integer is a number as well), texts, tuples of these, and
+    that a nested dataclass is one; fields of other types are left alone.
+
+    Parameters
+    ----------
+    config : dataclass
+    prefix : str, optional
+        What stands before the names of the fields in messages, such as `'skin.'`.
+
+    Raises
+    ------
+    ConfigurationError
+        A field has the wrong type, is outside its `range`, is not finite though it has one, or
+        is none of its `choices`. The message tells name, value, bounds and unit.
+    """
+    kinds = types_of(type(config))
     for field in dataclasses.fields(config):
-        if 'range' in field.metadata:
-            low, high = field.metadata['range']
-            value = getattr(config, field.name)
-            if not low <= value <= high:  # NaN fails as well
-                unit = f' {field.metadata["unit"]}' if 'unit' in field.metadata else ''
-                raise ConfigurationError(
-                    f'{field.name} is {value}, must be between {low:g} and {high:g}{unit}')
+        checked(prefix + field.name, getattr(config, field.name), kinds[field.name],
+                field.metadata)
+
+
+@lru_cache
+def types_of(config_class: type) -> dict[str, Any]:
+    """Types of the fields of a dataclass, by their names."""
+    return get_type_hints(config_class)
+
+
+def checked(name: str, value: Any, kind: Any, metadata: Mapping = types.MappingProxyType({})):
+    """
+    Check one value, as `check_fields` does, and return it as what it shall be.
+
+    Parameters
+    ----------
+    name : str
+        For messages.
+    value : object
+    kind : type
+        That is asked for: `bool`, `int`, `float`, `str`, a `tuple` or union of these, a
+        dataclass.
+    metadata : mapping, optional
+        `range`, `unit` and `choices`; for a tuple of its items.
+
+    Raises
+    ------
+    ConfigurationError
+    """
+    value = value.item() if isinstance(value, np.generic) else value
+    origin, metadata = get_origin(kind), dict(metadata)
+    if origin in (Union, types.UnionType):
+        if value is None and type(None) in get_args(kind):
+            return None
+        kind = next(item for item in get_args(kind) if item is not type(None))
+        return checked(name, value, kind, metadata)
+    if kind is tuple or origin is tuple:
+        if isinstance(value, (str, bytes)) or not hasattr(value, '__iter__'):
+            _refuse(name, value, 'a list')
+        item_kind = (get_args(kind) or (str,))[0]
+        return tuple(checked(f'{name}[{k}]', item, item_kind, metadata)
+                     for k, item in enumerate(value))
+    if origin is Literal:
+        kind, metadata['choices'] = type(get_args(kind)[0]), get_args(kind)
+    if kind in _KINDS:
+        accepted, expected = _KINDS[kind]
+        if not isinstance(value, accepted) or (isinstance(value, bool) and kind is not bool):
+            _refuse(name, value, expected)
+        value = kind(value)
+    elif dataclasses.is_dataclass(kind) and not isinstance(value, kind):
+        _refuse(name, value, f'a {kind.__name__}')
+    if 'range' in metadata and not _within(value, *metadata['range']):
+        _refuse(name, value, _bounds(*metadata['range'], metadata.get('unit', '')))
+    if 'choices' in metadata and value not in metadata['choices']:
+        _refuse(name, value, f'one of {", ".join(map(str, metadata["choices"]))}')
+    return value
+
+
+def _within(value, low, high):
+    return math.isfinite(value) and low <= value <= high
+
+
+def _bounds(low, high, unit):
+    if math.isinf(low) and math.isinf(high):
+        return 'finite'
+    if math.isinf(high):
+        return f'finite and at least {low:g} {unit}'.rstrip()
+    lowest = f'between {low:g} and' if math.isfinite(low) else 'at most'
+    return f'{lowest} {high:g} {unit}'.rstrip()
+
+
+def _refuse(name, value, expected):
+    raise ConfigurationError(f'{name} is {value!r:.60}, must be {expected}')

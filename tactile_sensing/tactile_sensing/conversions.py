@@ -8,91 +8,19 @@ from array import array
 from functools import lru_cache
 import math
 
-from builtin_interfaces.msg import Time
 from geometry_msgs.msg import WrenchStamped
 import numpy as np
-from rclpy.serialization import deserialize_message
 
 from tactile_common.errors import TactileError
+from tactile_common.ros.conversions import NS, stamp_from_ns, stamp_to_ns
 from tactile_msgs import msg as tactile_msgs
 from tactile_sensing.moments.image_moments import Moments
 from tactile_sensing.types.array import TactelArray
 from tactile_sensing.types.contact import Contact, ContactType, PARAMETERS, Reason
 from tactile_sensing.types.image import COMPONENTS, Layer, SensorInfo, TactileImage
 
-_NS = 1_000_000_000
-
 # Pictures of one sensor share their geometry, and with it the computed centres.
 _array = lru_cache(maxsize=16)(TactelArray)
-
-
-# --- raw messages -------------------------------------------------------------------------------
-
-def unpacked(raw, kind):
-    """
-    Return the message in the bytes of a raw subscription.
-
-    Who subscribes to raw bytes must do what the middleware does otherwise: pass over what is no
-    message.
-
-    Raises
-    ------
-    TactileError
-        The bytes are no message of this class.
-    """
-    try:
-        return deserialize_message(raw, kind)
-    except RuntimeError as error:  # the middleware's
-        raise TactileError(f'{len(raw)} bytes that are no {kind.__name__}') from error
-
-
-# --- time ---------------------------------------------------------------------------------------
-
-def stamp_from_ns(nanoseconds: int) -> Time:
-    """Return the stamp of an instant [ns]."""
-    seconds, rest = divmod(int(nanoseconds), _NS)
-    return Time(sec=seconds, nanosec=rest)
-
-
-def stamp_to_ns(stamp) -> int:
-    """Return a stamp, or a duration, as nanoseconds."""
-    return stamp.sec * _NS + stamp.nanosec
-
-
-def stamp_from_seconds(seconds: float) -> Time:
-    """Return the stamp of an instant [s]."""
-    return stamp_from_ns(round(seconds * _NS))
-
-
-def stamp_to_seconds(stamp) -> float:
-    """Return a stamp, or a duration, as seconds."""
-    return stamp.sec + 1e-9 * stamp.nanosec
-
-
-# --- poses --------------------------------------------------------------------------------------
-
-def pose_from_msg(pose):
-    """
-    Return a geometry_msgs/Pose as a homogeneous transform, shape `(4, 4)` [m].
-
-    Raises
-    ------
-    TactileError
-        The quaternion's length is not 1 within 1e-3, or a number is not finite.
-    """
-    x, y, z, w = (getattr(pose.orientation, axis) for axis in 'xyzw')
-    position = tuple(getattr(pose.position, axis) for axis in 'xyz')
-    square = x * x + y * y + z * z + w * w
-    if not (abs(square - 1.0) < 2e-3 and all(map(math.isfinite, position))):
-        raise TactileError(
-            f'pose: quaternion ({x:.4g}, {y:.4g}, {z:.4g}, {w:.4g}) at {position}, must be '
-            'finite and of length 1')
-    s = 2.0 / square
-    return np.array([
-        [1.0 - s * (y * y + z * z), s * (x * y - w * z), s * (x * z + w * y), position[0]],
-        [s * (x * y + w * z), 1.0 - s * (x * x + z * z), s * (y * z - w * x), position[1]],
-        [s * (x * z - w * y), s * (y * z + w * x), 1.0 - s * (x * x + y * y), position[2]],
-        [0.0, 0.0, 0.0, 1.0]])
 
 
 # --- TactileImage and SensorInfo ----------------------------------------------------------------
@@ -197,7 +125,7 @@ def contact_to_msg(contact: Contact, image_message, now_ns: int, into=None):
     centre.x, centre.y = float(x), float(y)
     centre.z = 0.0 if math.isfinite(x) else math.nan
     message.latency.sec, message.latency.nanosec = divmod(
-        now_ns - stamp_to_ns(image_message.header.stamp), _NS)
+        now_ns - stamp_to_ns(image_message.header.stamp), NS)
     return message
 
 

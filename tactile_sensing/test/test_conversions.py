@@ -1,7 +1,6 @@
 """Core data to ROS messages and back."""
 from dataclasses import replace
 
-from builtin_interfaces.msg import Duration, Time
 import numpy as np
 import pytest
 
@@ -14,10 +13,6 @@ from tactile_sensing.conversions import (
     image_to_msg,
     sensor_info_from_msg,
     sensor_info_to_msg,
-    stamp_from_ns,
-    stamp_from_seconds,
-    stamp_to_ns,
-    stamp_to_seconds,
 )
 from tactile_sensing.devices.calibration import Calibration
 from tactile_sensing.moments.image_moments import Moments
@@ -149,16 +144,3 @@ def test_malformed_messages(change, reason):
     change(message)
     with pytest.raises(TactileError, match=reason):
         image_from_msg(message)
-
-
-@pytest.mark.parametrize('nanoseconds', [0, 1, 999_999_999, 1_000_000_000, 17_000_000_000_000_001])
-def test_stamps(nanoseconds):
-    stamp = stamp_from_ns(nanoseconds)
-    assert stamp_to_ns(stamp) == nanoseconds
-    assert stamp_to_seconds(stamp) == pytest.approx(nanoseconds * 1e-9)
-    assert abs(stamp_to_ns(stamp_from_seconds(nanoseconds * 1e-9)) - nanoseconds) < 10
-
-
-def test_durations_are_stamps_as_well():
-    assert stamp_to_ns(Duration(sec=-1, nanosec=500_000_000)) == -500_000_000
-    assert stamp_from_ns(-500_000_000) == Time(sec=-1, nanosec=500_000_000)

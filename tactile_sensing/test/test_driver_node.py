@@ -24,8 +24,9 @@ from std_srvs.srv import Trigger
 
 from tactile_common.errors import ConfigurationError
 from tactile_common.ros import runner
+from tactile_common.ros.conversions import stamp_to_ns
 from tactile_msgs.msg import SensorInfo, TactileImage
-from tactile_sensing.conversions import image_from_msg, stamp_to_ns
+from tactile_sensing.conversions import image_from_msg
 from tactile_sensing.devices.calibration import Calibration
 from tactile_sensing.devices.flexitac import encode_frame, encode_payload, MARKER
 from tactile_sensing.nodes.driver import DriverNode

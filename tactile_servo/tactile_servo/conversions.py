@@ -7,15 +7,21 @@ one takes several times as long, and what has been published is free again.
 
 from array import array
 
-from geometry_msgs.msg import Pose, PoseStamped
+from geometry_msgs.msg import PoseStamped
 import numpy as np
 from sensor_msgs.msg import JointState
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 from tactile_common.errors import Rejected
+from tactile_common.ros.conversions import (
+    NS,
+    pose_to_msg,
+    set_stamp,
+    stamp_from_ns,
+    stamp_to_seconds,
+)
 from tactile_msgs.action import TrackEdge
 from tactile_msgs.msg import ServoStatus
-from tactile_sensing.conversions import stamp_from_ns, stamp_to_seconds
 from tactile_servo.motion.trajectory import Trajectory
 from tactile_servo.types import EdgeGoal
 
@@ -25,20 +31,16 @@ _NUMBERS = ('lateral_error', 'angle_error', 'normal_force', 'force_target', 'spe
             'limit_scale', 'manipulability')
 
 
-def _set_time(stamp, seconds):
-    stamp.sec, stamp.nanosec = divmod(round(seconds * 1e9), 1_000_000_000)
-
-
 def trajectory_to_msg(trajectory, into=None):
     """JointTrajectory message of a Trajectory."""
     message = JointTrajectory() if into is None else into
     message.joint_names = list(trajectory.joint_names)
-    _set_time(message.header.stamp, trajectory.stamp)
+    set_stamp(message.header.stamp, round(trajectory.stamp * NS))
     times = trajectory.times.tolist()
     if len(message.points) != len(times):
         message.points = [JointTrajectoryPoint() for _ in times]
     for point, time in zip(message.points, times, strict=True):
-        _set_time(point.time_from_start, time)
+        set_stamp(point.time_from_start, round(time * NS))
     for name in _FIELDS:
         values = getattr(trajectory, name)
         for k, point in enumerate(message.points):
@@ -114,32 +116,6 @@ def joint_positions(message, joint_names):
     return np.array(message.position)[order]
 
 
-def pose_to_msg(matrix, into=None):
-    """Pose message of a homogeneous transform (4, 4) [m]."""
-    pose = Pose() if into is None else into
-    place, turn = pose.position, pose.orientation
-    place.x, place.y, place.z = matrix[:3, 3].tolist()
-    turn.x, turn.y, turn.z, turn.w = _quaternion(matrix[:3, :3])
-    return pose
-
-
-def _quaternion(rotation):
-    """Quaternion (x, y, z, w) of a rotation matrix (3, 3), by its largest component."""
-    (a, b, c), (d, e, f), (g, h, i) = rotation.tolist()
-    squares = (1.0 + a - e - i, 1.0 - a + e - i, 1.0 - a - e + i, 1.0 + a + e + i)
-    largest = max(range(4), key=squares.__getitem__)
-    r = squares[largest] ** 0.5
-    s = 0.5 / r
-    half = 0.5 * r
-    if largest == 3:
-        return (h - f) * s, (c - g) * s, (d - b) * s, half
-    if largest == 0:
-        return half, (b + d) * s, (c + g) * s, (h - f) * s
-    if largest == 1:
-        return (b + d) * s, half, (f + h) * s, (c - g) * s
-    return (c + g) * s, (f + h) * s, half, (d - b) * s
-
-
 def goal_from_msg(message):
     """EdgeGoal of a TrackEdge goal message; direction 0 means +1."""
     return EdgeGoal(message.speed, message.force, message.direction or 1, message.length,
@@ -165,8 +141,7 @@ def status_to_msg(status, controller, cycle_time, missed_cycles, into=None):
     message = ServoStatus() if into is None else into
     message.controller, message.state, message.reason = (
         controller, int(status.state), status.reason)
-    stamp = message.contact_stamp
-    stamp.sec, stamp.nanosec = divmod(status.contact_stamp_ns, 1_000_000_000)
+    set_stamp(message.contact_stamp, status.contact_stamp_ns)
     message.contact_fresh, message.joints_fresh = status.contact_fresh, status.joints_fresh
     for name in _NUMBERS:
         setattr(message, name, float(getattr(status, name)))

@@ -1,19 +1,16 @@
 """Messages to core types and back."""
 
 from builtin_interfaces.msg import Time
-from geometry_msgs.msg import Pose
 import numpy as np
 import pytest
 from sensor_msgs.msg import JointState
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
-from tactile_common.errors import Rejected, TactileError
+from tactile_common.errors import Rejected
 from tactile_msgs.msg import ServoStatus
-from tactile_sensing.conversions import pose_from_msg
 from tactile_servo.conversions import (
     joint_positions,
     joint_state_to_msg,
-    pose_to_msg,
     status_to_msg,
     trajectory_from_msg,
     trajectory_to_msg,
@@ -131,34 +128,3 @@ def test_joint_state():
     JointState(name=['a', 'b'], position=[1.0])])
 def test_joint_state_without_a_joint(message):
     assert joint_positions(message, ('a', 'b')) is None
-
-
-def _rotation(axis, angle):
-    x, y, z = axis / np.linalg.norm(axis)
-    cross = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
-    return np.eye(3) + np.sin(angle) * cross + (1.0 - np.cos(angle)) * cross @ cross
-
-
-@pytest.mark.parametrize('angle', [0.0, 1e-9, 0.3, 2.0, np.pi - 1e-6, np.pi, -2.5])
-def test_pose_round_trip(angle):
-    for axis in [*np.eye(3), *RNG.normal(size=(20, 3))]:
-        matrix = np.eye(4)
-        matrix[:3, :3], matrix[:3, 3] = _rotation(axis, angle), RNG.normal(size=3)
-        np.testing.assert_allclose(pose_from_msg(pose_to_msg(matrix)), matrix, atol=1e-14)
-
-
-def test_quarter_turn_about_z_has_the_usual_quaternion():
-    matrix = np.eye(4)
-    matrix[:3, :3] = _rotation(np.array([0.0, 0.0, 1.0]), np.pi / 2)
-    q = pose_to_msg(matrix).orientation
-    np.testing.assert_allclose([q.x, q.y, q.z, q.w], [0, 0, 0.5**0.5, 0.5**0.5], atol=1e-15)
-
-
-def test_pose_without_orientation_is_refused():
-    pose = Pose()
-    pose.orientation.w = 0.0
-    with pytest.raises(TactileError, match='length 1'):
-        pose_from_msg(pose)
-    pose.orientation.w, pose.position.x = 1.0, float('nan')
-    with pytest.raises(TactileError, match='finite'):
-        pose_from_msg(pose)

@@ -2,12 +2,8 @@
 import struct
 
 from tactile_common.errors import ConfigurationError, TactileError
-from tactile_sensing.conversions import (
-    contact_from_msg,
-    image_from_msg,
-    pose_from_msg,
-    stamp_to_ns,
-)
+from tactile_common.ros.conversions import pose_from_msg, stamp_to_ns
+from tactile_sensing.conversions import contact_from_msg, image_from_msg
 from tactile_shape.contact_recording import place_contacts
 from tactile_shape.contour.contact_path import needs_picture
 

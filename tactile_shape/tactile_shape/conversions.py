@@ -1,14 +1,13 @@
 """Between the core's data and ROS messages; nothing else converts, but for bags."""
-from geometry_msgs.msg import Point, Pose, PoseStamped
+from geometry_msgs.msg import Point, PoseStamped
 from nav_msgs.msg import Path
 import numpy as np
-from scipy.spatial.transform import Rotation
 from std_msgs.msg import ColorRGBA
 from visualization_msgs.msg import Marker, MarkerArray
 
 from tactile_common.errors import TactileError
+from tactile_common.ros.conversions import pose_from_msg, pose_to_msg
 from tactile_msgs.msg import SurfacePatch
-from tactile_sensing.conversions import pose_from_msg
 from tactile_shape.contour.object_model import COLOURS
 from tactile_shape.types.patch import Kind, Patch
 
@@ -32,7 +31,7 @@ def patch_to_msg(patch, header, sensor=''):
     """
     message = SurfacePatch(
         header=header, sensor=sensor, kind=int(patch.kind), valid=bool(patch.valid),
-        reason=patch.reason, method=patch.method, frame=_pose_to_msg(patch.frame),
+        reason=patch.reason, method=patch.method, frame=pose_to_msg(patch.frame),
         extent=float(patch.extent), samples=int(patch.samples), residual=float(patch.residual))
     message.curvature = np.asarray(patch.curvature, dtype=float)
     message.curvature_seen = [bool(seen) for seen in patch.seen]
@@ -151,13 +150,3 @@ def _point(values):
 
 def _set_point(message, values):
     message.x, message.y, message.z = (float(value) for value in values)
-
-
-def _pose_to_msg(matrix):
-    pose = Pose()
-    _set_point(pose.position, matrix[:3, 3])
-    known = np.isfinite(matrix).all()
-    quaternion = Rotation.from_matrix(matrix[:3, :3]).as_quat() if known else np.full(4, np.nan)
-    orientation = pose.orientation
-    orientation.x, orientation.y, orientation.z, orientation.w = quaternion.tolist()
-    return pose

@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 from tactile_common.errors import ConfigurationError
+from tactile_common.ros.conversions import stamp_from_ns
 from tactile_msgs.msg import Contact as ContactMsg
-from tactile_sensing.conversions import stamp_from_ns
 from tactile_shape.cli import fit
 from tactile_shape.contact_recording import load_trace, Trace
 from tactile_shape.local_surface.local_quadric import LocalQuadric, LocalQuadricConfig

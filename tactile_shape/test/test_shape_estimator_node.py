@@ -15,10 +15,10 @@ from visualization_msgs.msg import MarkerArray
 
 from tactile_common.errors import ConfigurationError
 from tactile_common.errors import ConfigurationError as ParameterError
+from tactile_common.ros.conversions import stamp_from_ns, stamp_to_ns
 from tactile_common.ros.runner import make_executor
 from tactile_msgs.msg import Contact as ContactMsg
 from tactile_msgs.msg import SurfacePatch
-from tactile_sensing.conversions import stamp_from_ns, stamp_to_ns
 from tactile_shape.contour.outline import find_outline
 from tactile_shape.nodes.shape_estimator import ShapeEstimatorNode
 from tactile_simulation.surfaces import add_noise, sphere, Weave

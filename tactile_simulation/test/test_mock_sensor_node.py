@@ -13,8 +13,8 @@ from rclpy.parameter import Parameter
 from rclpy.qos import qos_profile_sensor_data
 
 from tactile_common.errors import ConfigurationError
+from tactile_common.ros.conversions import pose_from_msg
 from tactile_common.ros.runner import make_executor
-from tactile_sensing.conversions import pose_from_msg
 from tactile_sensing.devices.flexitac import FlexiTacDecoder, MARKER, NEED_DATA
 from tactile_sensing.types.array import TactelArray
 from tactile_simulation.nodes.mock_sensor import (

@@ -14,8 +14,8 @@ from std_srvs.srv import SetBool
 from edge_tracking.composed import add_mocks, add_sensing, add_servo, Graph, private_port
 from edge_tracking.resources import find_scene, share
 from edge_tracking.track import TrackNode
+from tactile_common.ros.conversions import pose_from_msg, stamp_to_seconds
 from tactile_msgs.msg import Contact, SensorInfo, ServoStatus, TactileImage
-from tactile_sensing.conversions import pose_from_msg, stamp_to_seconds
 from tactile_simulation.scene import load_scene
 
 DEADLINE = 20.0  # s, of every wait; generous, since a loaded machine is no fault

@@ -18,7 +18,7 @@ from edge_tracking.recording.run import (
     Wrenches,
 )
 from tactile_common.errors import ConfigurationError, TactileError
-from tactile_sensing.conversions import pose_from_msg
+from tactile_common.ros.conversions import pose_from_msg
 from tactile_sensing.types.array import TactelArray
 from tactile_shape.conversions import patch_from_msg
 

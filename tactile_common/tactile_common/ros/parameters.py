@@ -1,18 +1,19 @@
 """ROS parameters declared from a configuration dataclass, where the defaults live."""
 import dataclasses
-import typing
 
 from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor
 from rclpy.exceptions import ParameterException
 
+from tactile_common.config import checked, types_of
 from tactile_common.errors import ConfigurationError
 
-_NAMES = {bool: 'a boolean', int: 'an integer', float: 'a number', str: 'a text'}
 
-
-def declare_from(node, config_class, read_only=True):
+def declare_from(node, config_class, read_only=True, prefix=''):
     """
     Declare one parameter per field of a dataclass and return the dataclass that they make.
+
+    The fields of a nested dataclass become parameters of its name, a dot and theirs, such as
+    `force.gain`.
 
     Parameters
     ----------
@@ -20,10 +21,12 @@ def declare_from(node, config_class, read_only=True):
         Node that gets the parameters.
     config_class : type
         Frozen dataclass. Every field has a default and a type among `bool`, `int`, `float`,
-        `str` and `tuple` of one of them. Its metadata may hold `doc` (description), `unit` and
-        `range` (smallest and largest value, both allowed).
+        `str`, `tuple` of one of them, and such dataclasses. The metadata, see
+        `tactile_common.config`, become the parameters' descriptors.
     read_only : bool
         Whether the parameters can no longer be set once the node runs.
+    prefix : str
+        What stands before the names of the parameters.
 
     Returns
     -------
@@ -35,51 +38,50 @@ def declare_from(node, config_class, read_only=True):
     ConfigurationError
         A value has the wrong type, is out of range or is refused by `config_class`.
     """
-    types = typing.get_type_hints(config_class)
+    defaults = {field.name: field.default if field.default is not dataclasses.MISSING
+                else field.default_factory() for field in dataclasses.fields(config_class)}
+    return _declared(node, config_class, defaults, read_only, prefix)
+
+
+def _declared(node, config_class, defaults, read_only, prefix):
+    """As `declare_from`, with the defaults by name."""
     values = {}
     for field in dataclasses.fields(config_class):
-        default = field.default
-        if default is dataclasses.MISSING:
-            default = field.default_factory()
-        descriptor = _descriptor(field, types[field.name], read_only)
+        name, kind = prefix + field.name, types_of(config_class)[field.name]
+        default = defaults[field.name]
+        if dataclasses.is_dataclass(kind):
+            own = {inner.name: getattr(default, inner.name) for inner in dataclasses.fields(kind)}
+            values[field.name] = _declared(node, kind, own, read_only, f'{name}.')
+            continue
         try:
             parameter = node.declare_parameter(
-                field.name, list(default) if isinstance(default, tuple) else default, descriptor,
-            )
+                name, list(default) if isinstance(default, tuple) else default,
+                _descriptor(field.metadata, kind, read_only))
         except ParameterException as error:
-            raise ConfigurationError(f"parameter '{field.name}': {error}") from error
-        values[field.name] = _converted(field, types[field.name], parameter.value)
+            raise ConfigurationError(f"parameter '{name}': {error}") from error
+        values[field.name] = checked(f"parameter '{name}'", parameter.value, kind, field.metadata)
     return config_class(**values)
 
 
-def _descriptor(field, kind, read_only):
-    text = field.metadata.get('doc', '')
-    if field.metadata.get('unit'):
-        text = f'{text} [{field.metadata["unit"]}]'.lstrip()
-    # Dynamic typing lets a user write 30 where 30.0 is meant; `_converted` checks the type.
+def _descriptor(metadata, kind, read_only):
+    text = metadata.get('doc', '')
+    if metadata.get('unit'):
+        text = f'{text} [{metadata["unit"]}]'.lstrip()
+    # Dynamic typing lets a user write 30 where 30.0 is meant; `checked` looks at the type.
     descriptor = ParameterDescriptor(description=text, read_only=read_only, dynamic_typing=True)
-    if 'range' in field.metadata and kind in (int, float):
-        low, high = (kind(bound) for bound in field.metadata['range'])
+    if 'choices' in metadata:
+        descriptor.additional_constraints = f'one of {", ".join(map(str, metadata["choices"]))}'
+    if 'range' in metadata and kind in (int, float):
+        low, high = metadata['range']
         if kind is float:
-            descriptor.floating_point_range = [FloatingPointRange(from_value=low, to_value=high)]
+            descriptor.floating_point_range = [
+                FloatingPointRange(from_value=float(low), to_value=float(high))]
         else:
-            descriptor.integer_range = [IntegerRange(from_value=low, to_value=high)]
+            descriptor.integer_range = [
+                IntegerRange(from_value=_integer(low), to_value=_integer(high))]
     return descriptor
 
 
-def _converted(field, kind, value):
-    """Value of a parameter as `kind`, checked against the field's range."""
-    if kind is tuple or typing.get_origin(kind) is tuple:
-        item_kind = (typing.get_args(kind) or (str,))[0]
-        if isinstance(value, (str, bytes)) or not hasattr(value, '__iter__'):
-            raise ConfigurationError(f"parameter '{field.name}' is {value!r}, must be a list")
-        return tuple(_converted(field, item_kind, item) for item in value)
-    accepted = (int, float) if kind is float else kind
-    if not isinstance(value, accepted) or (isinstance(value, bool) and kind is not bool):
-        raise ConfigurationError(f"parameter '{field.name}' is {value!r}, must be {_NAMES[kind]}")
-    if 'range' in field.metadata:
-        low, high = field.metadata['range']
-        if not low <= value <= high:  # NaN fails as well
-            raise ConfigurationError(
-                f"parameter '{field.name}' is {value!r}, must be between {low} and {high}")
-    return kind(value)
+def _integer(bound):
+    """Bound of an integer parameter, which has 64 bits."""
+    return int(min(max(bound, -2**63), 2**63 - 1))

@@ -15,22 +15,16 @@ from std_srvs.srv import SetBool
 from trajectory_msgs.msg import JointTrajectory
 
 from tactile_common.errors import ConfigurationError, TactileError
+from tactile_common.ros.conversions import pose_to_msg, stamp_from_ns, stamp_to_ns, unpacked
 from tactile_common.ros.parameters import declare_from
 from tactile_common.ros.runner import plain, run
 from tactile_msgs.action import TrackEdge
 from tactile_msgs.msg import Contact as ContactMsg
 from tactile_msgs.msg import ServoStatus, TactileImage
-from tactile_sensing.conversions import (
-    contact_from_msg,
-    image_from_msg,
-    stamp_from_ns,
-    stamp_to_ns,
-    unpacked,
-)
+from tactile_sensing.conversions import contact_from_msg, image_from_msg
 from tactile_servo.conversions import (
     goal_from_msg,
     joint_positions,
-    pose_to_msg,
     result_to_msg,
     status_to_msg,
     trajectory_to_msg,

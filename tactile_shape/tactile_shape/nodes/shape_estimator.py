@@ -10,17 +10,12 @@ from std_msgs.msg import Header
 from visualization_msgs.msg import MarkerArray
 
 from tactile_common.errors import TactileError
+from tactile_common.ros.conversions import pose_from_msg, stamp_to_ns, unpacked
 from tactile_common.ros.parameters import declare_from
 from tactile_common.ros.runner import run
 from tactile_msgs.msg import Contact as ContactMsg
 from tactile_msgs.msg import SurfacePatch, TactileImage
-from tactile_sensing.conversions import (
-    contact_from_msg,
-    image_from_msg,
-    pose_from_msg,
-    stamp_to_ns,
-    unpacked,
-)
+from tactile_sensing.conversions import contact_from_msg, image_from_msg
 from tactile_shape.contour.contact_path import ContactPath, needs_picture
 from tactile_shape.contour.object_model import ModelConfig, ObjectModel
 from tactile_shape.conversions import (

@@ -6,9 +6,9 @@ from sensor_msgs.msg import JointState
 from trajectory_msgs.msg import JointTrajectory
 
 from tactile_common.errors import Rejected
+from tactile_common.ros.conversions import stamp_from_ns
 from tactile_common.ros.parameters import declare_from
 from tactile_common.ros.runner import plain, run
-from tactile_sensing.conversions import stamp_from_ns
 from tactile_servo.conversions import joint_state_to_msg, trajectory_from_msg
 from tactile_servo.motion.robot import RobotModel
 from tactile_simulation.joint_controller import MockController, MockRobotConfig

@@ -15,9 +15,9 @@ from rclpy.node import Node
 from rclpy.qos import qos_profile_sensor_data
 
 from tactile_common.errors import ConfigurationError, TactileError
+from tactile_common.ros.conversions import pose_from_msg
 from tactile_common.ros.parameters import declare_from
 from tactile_common.ros.runner import run
-from tactile_sensing.conversions import pose_from_msg
 from tactile_sensing.devices.flexitac import encode_payload, MARKER
 from tactile_sensing.devices.recording import load_recording
 from tactile_sensing.types.array import TactelArray

@@ -1,0 +1,136 @@
+"""
+Polylines: their length, the points along them, the nearest place on them.
+
+A station is the length of the way along a polyline from its first point [m]. Every function is
+for kernels and for Python.
+"""
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from tactile_common.kernels import njit
+
+
+class Projection(NamedTuple):
+    """
+    Nearest place of a polyline in the plane.
+
+    `station` [m]; the place `x`, `y` [m]; `offset` is the distance to it, positive where the
+    point lies to the left of the way [m]; `along_x`, `along_y` is the unit direction of the
+    (first) nearest chord, and `left` the distance from that chord's line, which beyond the end
+    of a chord is less than `offset` [m]. (0, 0) is the direction where no chord has a length.
+    """
+
+    station: float
+    x: float
+    y: float
+    offset: float
+    left: float
+    along_x: float
+    along_y: float
+
+
+@njit(cache=True)
+def arc_length(points, first=0.0):
+    """
+    Return the station of every point of a polyline.
+
+    Parameters
+    ----------
+    points : ndarray, shape (N, D)
+        Vertices [m], in the plane or in space.
+    first : float
+        Station of the first one [m].
+
+    Returns
+    -------
+    ndarray, shape (N,)
+        [m]
+    """
+    stations = np.empty(len(points))
+    way = 0.0
+    for k in range(len(points)):
+        if k:
+            squared = 0.0
+            for axis in range(points.shape[1]):
+                step = points[k, axis] - points[k - 1, axis]
+                squared += step * step
+            way += math.sqrt(squared)
+        stations[k] = first + way
+    return stations
+
+
+@njit(cache=True)
+def resample(points, stations, wanted):
+    """
+    Return the points of a polyline at given stations, its ends beyond them.
+
+    Parameters
+    ----------
+    points : ndarray, shape (N, D)
+        Vertices [m].
+    stations : ndarray, shape (N,)
+        Of the vertices, ascending [m].
+    wanted : ndarray, shape (M,)
+        [m]
+
+    Returns
+    -------
+    ndarray, shape (M, D)
+        [m]
+    """
+    found = np.empty((len(wanted), points.shape[1]))
+    for axis in range(points.shape[1]):
+        found[:, axis] = np.interp(wanted, stations, points[:, axis])
+    return found
+
+
+@njit(cache=True)
+def nearest_on_polyline(xs, ys, stations, x, y, first=-np.inf, last=np.inf):
+    """
+    Project a point onto a polyline in the plane.
+
+    Outside a corner two chords are equally near: the place is the same, and the side on which
+    the point lies is told by the chord that sees it more from the side.
+
+    Parameters
+    ----------
+    xs, ys : ndarray, shape (N,)
+        Vertices [m]; columns of a matrix or fields of records.
+    stations : ndarray, shape (N,)
+        Of the vertices, ascending; also those of a polyline in space, seen from above [m].
+    x, y : float
+        The point [m].
+    first, last : float, optional
+        Only the chords between these stations are looked at [m].
+
+    Returns
+    -------
+    Projection
+    """
+    best, seen = np.inf, -1.0
+    station, place_x, place_y, offset = max(first, stations[0]), x, y, 0.0
+    left = along_x = along_y = 0.0
+    for k in range(max(np.searchsorted(stations, first) - 1, 0), len(stations) - 1):
+        if stations[k] > last:
+            break
+        chord_x, chord_y = xs[k + 1] - xs[k], ys[k + 1] - ys[k]
+        length = math.hypot(chord_x, chord_y)
+        ux, uy = (chord_x / length, chord_y / length) if length > 0.0 else (0.0, 0.0)
+        share = ((x - xs[k]) * ux + (y - ys[k]) * uy) / length if length > 0.0 else 0.0
+        if share <= 0.0:
+            share, px, py = 0.0, xs[k], ys[k]
+        elif share >= 1.0:
+            share, px, py = 1.0, xs[k + 1], ys[k + 1]
+        else:
+            px, py = xs[k] + share * chord_x, ys[k] + share * chord_y
+        dx, dy = x - px, y - py
+        squared, cross = dx * dx + dy * dy, ux * dy - uy * dx
+        if squared < best or (squared == best and along_x == along_y == 0.0):
+            station = stations[k] + share * (stations[k + 1] - stations[k])
+            place_x, place_y, left, along_x, along_y = px, py, cross, ux, uy
+        if squared < best or (squared == best and abs(cross) > seen):
+            best, seen = squared, abs(cross)
+            offset = math.copysign(math.sqrt(squared), cross)
+    return Projection(station, place_x, place_y, offset, left, along_x, along_y)

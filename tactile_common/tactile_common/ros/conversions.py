@@ -1,0 +1,115 @@
+"""Between ROS messages of time and place and what the core reckons with."""
+import math
+
+from builtin_interfaces.msg import Time
+from geometry_msgs.msg import Pose
+import numpy as np
+from rclpy.serialization import deserialize_message
+
+from tactile_common.errors import TactileError
+
+NS = 1_000_000_000  # in a second
+
+
+def unpacked(raw: bytes, kind):
+    """
+    Return the message in the bytes of a raw subscription.
+
+    Who subscribes to raw bytes must do what the middleware does otherwise: pass over what is no
+    message.
+
+    Raises
+    ------
+    TactileError
+        The bytes are no message of this class.
+    """
+    try:
+        return deserialize_message(raw, kind)
+    except RuntimeError as error:  # the middleware's
+        raise TactileError(f'{len(raw)} bytes that are no {kind.__name__}') from error
+
+
+# --- time ---------------------------------------------------------------------------------------
+
+def set_stamp(stamp, nanoseconds: int) -> None:
+    """Set a stamp, or a duration, to an instant [ns]."""
+    stamp.sec, stamp.nanosec = divmod(nanoseconds, NS)
+
+
+def stamp_from_ns(nanoseconds: int) -> Time:
+    """Return the stamp of an instant [ns]."""
+    seconds, rest = divmod(int(nanoseconds), NS)
+    return Time(sec=seconds, nanosec=rest)
+
+
+def stamp_to_ns(stamp) -> int:
+    """Return a stamp, or a duration, as nanoseconds."""
+    return stamp.sec * NS + stamp.nanosec
+
+
+def stamp_from_seconds(seconds: float) -> Time:
+    """Return the stamp of an instant [s]."""
+    return stamp_from_ns(round(seconds * NS))
+
+
+def stamp_to_seconds(stamp) -> float:
+    """Return a stamp, or a duration, as seconds."""
+    return stamp.sec + 1e-9 * stamp.nanosec
+
+
+# --- poses --------------------------------------------------------------------------------------
+
+def pose_from_msg(pose) -> np.ndarray:
+    """
+    Return a geometry_msgs/Pose as a homogeneous transform, shape `(4, 4)` [m].
+
+    Raises
+    ------
+    TactileError
+        The quaternion's length is not 1 within 1e-3, or a number is not finite.
+    """
+    x, y, z, w = (getattr(pose.orientation, axis) for axis in 'xyzw')
+    position = tuple(getattr(pose.position, axis) for axis in 'xyz')
+    square = x * x + y * y + z * z + w * w
+    if not (abs(square - 1.0) < 2e-3 and all(map(math.isfinite, position))):
+        raise TactileError(
+            f'pose: quaternion ({x:.4g}, {y:.4g}, {z:.4g}, {w:.4g}) at {position}, must be '
+            'finite and of length 1')
+    s = 2.0 / square
+    return np.array([
+        [1.0 - s * (y * y + z * z), s * (x * y - w * z), s * (x * z + w * y), position[0]],
+        [s * (x * y + w * z), 1.0 - s * (x * x + z * z), s * (y * z - w * x), position[1]],
+        [s * (x * z - w * y), s * (y * z + w * x), 1.0 - s * (x * x + y * y), position[2]],
+        [0.0, 0.0, 0.0, 1.0]])
+
+
+def pose_to_msg(matrix: np.ndarray, into=None) -> Pose:
+    """
+    Return the Pose message of a homogeneous transform (4, 4) [m].
+
+    What is not known in the transform, NaN, makes NaN of the message's numbers.
+    """
+    pose = Pose() if into is None else into
+    place, turn = pose.position, pose.orientation
+    place.x, place.y, place.z = matrix[:3, 3].tolist()
+    turn.x, turn.y, turn.z, turn.w = quaternion(matrix[:3, :3])
+    return pose
+
+
+def quaternion(rotation: np.ndarray) -> tuple[float, float, float, float]:
+    """Return the quaternion (x, y, z, w) of a rotation matrix (3, 3), by its largest component."""
+    (a, b, c), (d, e, f), (g, h, i) = rotation.tolist()
+    squares = (1.0 + a - e - i, 1.0 - a + e - i, 1.0 - a - e + i, 1.0 + a + e + i)
+    if not all(map(math.isfinite, squares)):
+        return (math.nan,) * 4
+    largest = max(range(4), key=squares.__getitem__)
+    r = squares[largest] ** 0.5
+    s = 0.5 / r
+    half = 0.5 * r
+    if largest == 3:
+        return (h - f) * s, (c - g) * s, (d - b) * s, half
+    if largest == 0:
+        return half, (b + d) * s, (c + g) * s, (h - f) * s
+    if largest == 1:
+        return (b + d) * s, half, (f + h) * s, (c - g) * s
+    return (c + g) * s, (f + h) * s, half, (d - b) * s

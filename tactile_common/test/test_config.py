@@ -1,0 +1,92 @@
+"""Bounds of configuration fields: what is refused, with which words."""
+from dataclasses import dataclass, field, replace
+import math
+from typing import Literal
+
+import numpy as np
+import pytest
+
+from tactile_common.config import bounded, check_fields, checked, one_of
+from tactile_common.errors import ConfigurationError
+
+
+@dataclass(frozen=True)
+class Force:
+    gain: float = bounded(60.0, 'of the force loop', '1/s', 0.0, 1000.0)
+    limits: tuple[float, ...] = bounded((1.0, 2.0), 'from, to', 'N', 0.0, 10.0)
+
+    def __post_init__(self):
+        check_fields(self, 'force.')
+
+
+@dataclass(frozen=True)
+class Config:
+    rate: float = bounded(200.0, 'pictures', 'Hz', 1.0, 10000.0)
+    count: int = bounded(3, 'how many', low=1)
+    warmest: float = bounded(20.0, unit='K', high=300.0)
+    shift: float = bounded(0.0, unit='m')
+    method: str = one_of('fit', 'how', ['fit', 'moments'])
+    side: Literal['left', 'right'] = 'left'
+    loop: bool = False
+    port: str = ''
+    dead: tuple[int, ...] = ()
+    seed: int | None = None
+    free: float = math.inf  # no range: need not be finite
+    force: Force = field(default_factory=Force)
+    anything: object = None
+
+    def __post_init__(self):
+        check_fields(self)
+
+
+@pytest.mark.parametrize('change', [
+    {}, {'rate': 1}, {'rate': 10000.0}, {'rate': np.float32(5.0)}, {'count': np.int64(1)},
+    {'method': 'moments'}, {'side': 'right'}, {'dead': (1, 2)}, {'dead': [1, 2]}, {'seed': 4},
+    {'warmest': -1e9}, {'anything': 3}, {'loop': np.bool_(True)}])
+def test_accepted(change):
+    replace(Config(), **change)
+
+
+@pytest.mark.parametrize('change, message', [
+    ({'rate': 0.5}, 'rate is 0.5, must be between 1 and 10000 Hz'),
+    ({'rate': 10001}, 'rate is 10001.0, must be between 1 and 10000 Hz'),
+    ({'rate': math.nan}, 'rate is nan, must be between 1 and 10000 Hz'),
+    ({'rate': np.float64(0.5)}, 'rate is 0.5, must be between 1 and 10000 Hz'),
+    ({'rate': 'fast'}, "rate is 'fast', must be a number"),
+    ({'rate': True}, 'rate is True, must be a number'),
+    ({'rate': None}, 'rate is None, must be a number'),
+    ({'count': 0}, 'count is 0, must be finite and at least 1'),
+    ({'count': 2.0}, 'count is 2.0, must be an integer'),
+    ({'warmest': 301.0}, 'warmest is 301.0, must be at most 300 K'),
+    ({'shift': -math.inf}, 'shift is -inf, must be finite'),
+    ({'method': 'guess'}, "method is 'guess', must be one of fit, moments"),
+    ({'side': 'top'}, "side is 'top', must be one of left, right"),
+    ({'loop': 1}, 'loop is 1, must be a boolean'),
+    ({'port': 7}, 'port is 7, must be a text'),
+    ({'dead': 3}, 'dead is 3, must be a list'),
+    ({'dead': '3'}, "dead is '3', must be a list"),
+    ({'dead': (1, 2.5)}, 'dead[1] is 2.5, must be an integer'),
+    ({'seed': 'x'}, "seed is 'x', must be an integer"),
+    ({'force': 3.0}, 'force is 3.0, must be a Force')])
+def test_refused(change, message):
+    with pytest.raises(ConfigurationError) as error:
+        replace(Config(), **change)
+    assert str(error.value) == message
+
+
+def test_prefix_and_items():
+    with pytest.raises(ConfigurationError, match=r'^force\.gain is -1\.0, must be between 0 and'):
+        Force(gain=-1.0)
+    with pytest.raises(ConfigurationError, match=r'^force\.limits\[1\] is 11\.0, must be .* N$'):
+        Force(limits=(1.0, 11.0))
+
+
+def test_a_long_value_is_cut():
+    with pytest.raises(ConfigurationError) as error:
+        checked('port', 'x' * 1000, float)
+    assert len(str(error.value)) < 100
+
+
+def test_checked_returns_what_was_asked_for():
+    assert type(checked('rate', 3, float)) is float
+    assert checked('dead', [1, 2], tuple[int, ...]) == (1, 2)

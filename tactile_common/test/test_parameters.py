@@ -1,0 +1,91 @@
+"""Parameters of a node from a nested dataclass, as another process sees them."""
+from dataclasses import dataclass, field
+
+import pytest
+import rclpy
+from rclpy.node import Node
+from rclpy.parameter import Parameter
+
+from tactile_common.config import bounded, check_fields, one_of
+from tactile_common.errors import ConfigurationError
+from tactile_common.ros.parameters import declare_from
+
+
+@dataclass(frozen=True)
+class Force:
+    gain: float = bounded(60.0, 'of the force loop', '1/s', 0.0, 1000.0)
+    steps: int = bounded(2, low=1)
+
+    def __post_init__(self):
+        check_fields(self)
+
+
+@dataclass(frozen=True)
+class Path:
+    force: Force = field(default_factory=lambda: Force(steps=7))
+    cut: float = bounded(5e-5, 'distance from a corner', 'm', 0.0, 1e-3)
+
+
+@dataclass(frozen=True)
+class Config:
+    path: Path = field(default_factory=Path)
+    force: Force = field(default_factory=lambda: Force(gain=30.0))
+    method: str = one_of('fit', 'how', ('fit', 'moments'))
+    box: tuple[float, ...] = (1.0, 2.0)
+
+
+@pytest.fixture
+def declared():
+    context = rclpy.Context()
+    rclpy.init(context=context)
+    nodes = []
+
+    def declare(given=None, **options):
+        overrides = [Parameter(name, value=value) for name, value in (given or {}).items()]
+        nodes.append(Node('parameters', context=context, parameter_overrides=overrides))
+        return nodes[-1], declare_from(nodes[-1], Config, **options)
+    yield declare
+    for node in nodes:
+        node.destroy_node()
+    context.try_shutdown()
+
+
+def test_defaults_are_those_of_the_outer_class(declared):
+    node, config = declared()
+    assert config == Config() and config.path.force.steps == 7 and config.force.gain == 30.0
+    assert node.get_parameter('force.gain').value == 30.0
+    assert node.get_parameter('path.force.steps').value == 7
+
+
+def test_given_values_and_prefix(declared):
+    _, config = declared({'force.gain': 5, 'path.force.gain': 6.0, 'path.cut': 0.0,
+                          'method': 'moments', 'box': [3.0]})
+    assert config == Config(Path(Force(6.0, 7), 0.0), Force(5.0), 'moments', (3.0,))
+    node, config = declared({'law.path.cut': 1e-4}, prefix='law.')
+    assert config.path.cut == 1e-4 and node.has_parameter('law.force.gain')
+
+
+def test_descriptors(declared):
+    node, _ = declared()
+    gain, method = node.describe_parameters(['force.gain', 'method'])
+    assert gain.description == 'of the force loop [1/s]' and gain.read_only
+    assert (gain.floating_point_range[0].from_value,
+            gain.floating_point_range[0].to_value) == (0.0, 1000.0)
+    assert method.additional_constraints == 'one of fit, moments'
+    steps = node.describe_parameters(['path.force.steps'])[0].integer_range[0]
+    assert (steps.from_value, steps.to_value) == (1, 2**63 - 1)
+    changeable, _ = declared(read_only=False)
+    assert not changeable.describe_parameters(['force.gain'])[0].read_only
+
+
+@pytest.mark.parametrize('given, message', [
+    ({'force.gain': 'much'}, "parameter 'force.gain' is 'much', must be a number"),
+    ({'force.gain': -1.0}, "parameter 'force.gain'"),
+    ({'path.force.steps': 0}, "parameter 'path.force.steps'"),
+    ({'path.force.steps': 1.5}, "parameter 'path.force.steps'.*"),
+    ({'method': 'guess'}, "parameter 'method' is 'guess', must be one of fit, moments"),
+    ({'box': 'x'}, "parameter 'box' is 'x', must be a list"),
+    ({'box': ['x']}, r"parameter 'box'\[0\] is 'x', must be a number")])
+def test_refused(declared, given, message):
+    with pytest.raises(ConfigurationError, match=f'^{message}'):
+        declared(given)
