@@ -16,8 +16,8 @@ from tactile_servo.edge_map.path_queries import (
     rise,
     speed_profile,
 )
-from tactile_servo.edge_map.picture import Picture, Problem, read_picture
-from tactile_servo.edge_map.records import CLOUD_POINT, joined, nodes_of, places, points, ways
+from tactile_servo.edge_map.picture import Problem, read_picture
+from tactile_servo.edge_map.records import joined, nodes_of, places, points, ways
 from tactile_servo.edge_map.scale import PadScale
 from tactile_servo.edge_map.traced_path import BEHIND, PathEnd, TracedPath
 from tactile_servo.edge_map.tracing import into_plane, local_line, share_near, STEP

@@ -19,7 +19,6 @@ from tactile_servo.edge_map.ends import (
 from tactile_servo.edge_map.path import closing_node, FAR_TURN, unblurred
 from tactile_servo.edge_map.picture import Picture
 from tactile_servo.edge_map.records import joined, places, ways
-from tactile_servo.edge_map.scale import PadScale
 from tactile_servo.edge_map.tracing import STEP, trace
 
 DENIALS = 3  # pictures one after the other that show no such corner, until it is dropped
