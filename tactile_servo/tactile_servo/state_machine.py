@@ -36,7 +36,7 @@ TRANSITIONS: dict[State, dict[Event, State]] = {
                  Event.RESUME_RETREAT: State.RETREAT, Event.LIFT: State.RETREAT,
                  Event.STOP: State.HOLD, Event.REST: State.DONE},
     State.RETREAT: {Event.HOLD: State.HOLD, Event.STOP: State.HOLD, Event.REST: State.DONE},
-    State.DONE: {Event.START: State.APPROACH, Event.FINISH: State.IDLE},
+    State.DONE: {Event.FINISH: State.IDLE},
 }
 # What takes up again what a hold interrupted; the law says anew whether it is at a corner.
 RESUMPTION = {State.APPROACH: Event.RESUME_APPROACH, State.TRACK: Event.RESUME_TRACK,

@@ -145,9 +145,14 @@ class Supervisor:
         """Whether the last goal was met."""
         return self.task is not None and self.task.success
 
+    @property
+    def statistics(self) -> TrackStatistics | None:
+        """What the last goal has achieved so far."""
+        return None if self.task is None else self.task.statistics
+
     def check(self, goal: Any) -> Refusal | None:
         """Why a goal cannot be accepted now, or None if it can."""
-        if self.active:
+        if self.state != State.IDLE:
             return Refusal(ReasonCode.BUSY, 'cancel it first')
         if self.inputs.joints is None:
             return Refusal(ReasonCode.NO_JOINT_STATE, 'none has been received')
