@@ -28,7 +28,7 @@ from tactile_common.errors import TactileError
 from tactile_common.progress import Progress
 from tactile_common.ros.runner import stop_on_signals
 from tactile_sensing.devices.recording import load_recording
-from tactile_servo.laws.registry import DEFAULT, TRACKERS
+from tactile_servo.laws.registry import DEFAULT, LAWS
 from tactile_servo.types import State
 from tactile_simulation.scene import load_scene
 
@@ -46,7 +46,7 @@ def parser():
         'columns), rate_hz, optional pitch_m) run through driver and estimator instead.')
     arguments.add_argument('--scene', default='straight',
                            help=f'{", ".join(scene_names())}, or the path of a .yaml file')
-    arguments.add_argument('--controller', choices=tuple(TRACKERS), default=DEFAULT,
+    arguments.add_argument('--controller', choices=tuple(LAWS), default=DEFAULT,
                            help='how the edge is followed')
     arguments.add_argument('--speed', type=float, default=0.03, help='along the edge [m/s]')
     arguments.add_argument('--force', type=float, default=5.0, help='on the pad [N]')
@@ -122,7 +122,7 @@ def track_scene(options, folder, **common):
         track = graph.add(TrackNode, own={'on_feedback': show}, speed=options.speed,
                           force=options.force,
                           closed=edge.edge.closed
-                          and TRACKERS[options.controller].closes_contours)
+                          and LAWS[options.controller].closes_contours)
         graph.spin(lambda: track.finished or over())
         if stop.is_set():
             track.cancel()

@@ -59,7 +59,7 @@ def _follow_an_edge():
         if law.lacks(now) is None:
             law.assess(now, station, FORCE)
             law.reference(pose, pose, 0.0025)
-    law.edge.picture.pull  # of a search; computed where it is asked for
+    _ = law.edge.picture.pull  # of a search; computed where it is asked for
 
 
 def _layer(place, stations, pressure, noise):

@@ -66,9 +66,11 @@ class InputConfig:
     stale_joints: float = bounded(
         0.05, 'hold when no joint state came for this long', 's', 0.002, 10.0)
     max_stamp_age: float = bounded(
-        0.1, 'hold when the newest stamp is older, or further in the future, than this', 's', 0.005, 10.0)
+        0.1, 'hold when the newest stamp is older, or further in the future, than this',
+        's', 0.005, 10.0)
     lost_after: float = bounded(
-        0.05, 'what is tracked counts as lost when no image has shown it for this long', 's', 0.002, 10.0)
+        0.05, 'what is tracked counts as lost when no image has shown it for this long', 's',
+        0.002, 10.0)
     following_error: float = bounded(
         0.15, 'hold when a joint is this far from where it was commanded', 'rad', 0.001, 3.0)
 

@@ -31,8 +31,8 @@ from tactile_servo.types import EdgeGoal, Status
 
 _FIELDS = ('positions', 'velocities', 'accelerations')
 _EMPTY = array('d')
-_NUMBERS = ('lateral_error', 'longitudinal_error', 'angle_error', 'normal_force', 'force_target', 'speed', 'progress',
-            'limit_scale', 'manipulability')
+_NUMBERS = ('lateral_error', 'longitudinal_error', 'angle_error', 'normal_force', 'force_target',
+            'speed', 'progress', 'limit_scale', 'manipulability')
 
 
 def trajectory_to_msg(trajectory: Trajectory,

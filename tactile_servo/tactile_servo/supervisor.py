@@ -161,7 +161,8 @@ class Supervisor:
         for name, value, bound in (('speed', goal.speed, self.config.speed.max),
                                    ('force', goal.force, self.config.force.max)):
             if not 0.0 < value <= bound:
-                return Refusal(ReasonCode.INVALID_GOAL, f'{name} {value:g} is outside 0..{bound:g}')
+                return Refusal(ReasonCode.INVALID_GOAL,
+                               f'{name} {value:g} is outside 0..{bound:g}')
         least = self.config.approach.contact_force
         if goal.force <= least:
             return Refusal(ReasonCode.INVALID_GOAL,

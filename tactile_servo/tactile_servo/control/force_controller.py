@@ -23,9 +23,11 @@ class ForceConfig:
     stiffness: float = bounded(
         5000.0, 'total stiffness of skin, finger and robot along the normal', 'N/m', 10.0, 1e7)
     skin_stiffness: float = bounded(
-        2.0e5, 'line force per length and indentation, which tells the height of the edge', 'N/m^2', 1e2, 1e9)
+        2.0e5, 'line force per length and indentation, which tells the height of the edge',
+        'N/m^2', 1e2, 1e9)
     press_acceleration: float = bounded(
-        0.2, 'deceleration along the normal that the robot is trusted with as it presses', 'm/s^2', 1e-3, 100.0)
+        0.2, 'deceleration along the normal that the robot is trusted with as it presses',
+        'm/s^2', 1e-3, 100.0)
     max_speed: float = bounded(
         0.05, 'largest speed along the normal', 'm/s', 1e-4, 1.0)
 
