@@ -7,7 +7,6 @@ import numpy as np
 
 from tactile_sensing.contact.estimator import ContactEstimator
 from tactile_sensing.devices.calibration import Calibration
-from tactile_sensing.types.array import TactelArray
 from tactile_sensing.types.image import TactileImage
 from tactile_servo.config import ServoConfig
 from tactile_servo.laws.registry import DEFAULT, make_law
@@ -19,7 +18,6 @@ from tactile_simulation.renderer import EdgeRenderer
 
 STEP = 2.5e-3  # s; control at 400 Hz
 PICTURE_EVERY = 2  # steps; sensing at 200 Hz
-SIZE, PITCH = 16, 0.0254 / 16  # of the thesis' array: tactels a side, m
 TARE_FRAMES = 100
 
 
@@ -74,7 +72,7 @@ class Simulation:
                  settings=None, robot=None, seed_positions=None, workspace=None, clock=None):
         self.scene, plant = scene, scene.plant
         self.rng = np.random.default_rng(seed)
-        self.array = TactelArray(SIZE, SIZE, PITCH, PITCH)
+        self.array = scene.sensor.array
         self.renderer = EdgeRenderer(scene, self.array)
         self._convert, info = self._tared()
         self.model, self.limits = robot or gantry(plant.acceleration)

@@ -7,11 +7,13 @@ import numpy as np
 import yaml
 
 from tactile_common.errors import ConfigurationError
+from tactile_sensing.types.array import TactelArray
 from tactile_simulation.edge_path import EdgePath
 from tactile_simulation.edge_shapes import lifted, polygon, spline, Turtle
 
 # Longest element of a path [m], so that a slip of units cannot fill the memory.
 MAX_LENGTH = 10.0
+MOST_TACTELS = 256  # along one side
 
 
 @dataclass(frozen=True)
@@ -28,8 +30,12 @@ class Skin:
 
 @dataclass(frozen=True)
 class Sensor:
-    """How the tactels turn pressure into counts of eight bits."""
+    """The tactels, and how they turn pressure into counts of eight bits."""
 
+    rows: int = 16
+    columns: int = 16
+    pitch_x: float = 0.0254 / 16  # between columns [m]
+    pitch_y: float = 0.0254 / 16  # between rows [m]
     # Standard deviation of one tactel [Pa]: 40 dB below the peak of 5 N on a pad of 25.4 mm.
     noise_std: float = 630.0
     baseline: float = 10.0  # counts without load
@@ -38,11 +44,23 @@ class Sensor:
     dead: float = 0.0  # tactels that always report the baseline, unknown to the driver
 
     def __post_init__(self):
+        for name in ('rows', 'columns'):
+            value = _bounded(f'sensor.{name}', getattr(self, name), 3, MOST_TACTELS, 'tactels')
+            if value != int(value):
+                raise ConfigurationError(f'sensor.{name} is {value:g}, must be a whole number')
+            object.__setattr__(self, name, int(value))
+        _bounded('sensor.pitch_x', self.pitch_x, 1e-5, 0.1, 'm')
+        _bounded('sensor.pitch_y', self.pitch_y, 1e-5, 0.1, 'm')
         _bounded('sensor.noise_std', self.noise_std, 0.0, 1e7, 'Pa')
         _bounded('sensor.baseline', self.baseline, 0.0, 255.0, 'counts')
         _bounded('sensor.pa_per_count', self.pa_per_count, 1e-3, 1e7, 'Pa')
         _bounded('sensor.gain_spread', self.gain_spread, 0.0, 0.3, '')
         _bounded('sensor.dead', self.dead, 0, 64, 'tactels')
+
+    @property
+    def array(self) -> TactelArray:
+        """Geometry of the tactels."""
+        return TactelArray(self.rows, self.columns, self.pitch_x, self.pitch_y)
 
 
 @dataclass(frozen=True)
@@ -178,16 +196,34 @@ def _scene(tree):
             raise ConfigurationError(f'{key} is {values[key]!r}, must be a text')
     start = _numbers(values.get('start', {}), 'start', Start)
     start['yaw'] = math.radians(start.get('yaw', 0.0))
+    skin = Skin(**_numbers(values.get('skin', {}), 'skin', Skin))
     return Scene(
         name=values['name'],
         description=' '.join(values['description'].split()),
         edge=_edge(values['edge']),
-        skin=Skin(**_numbers(values.get('skin', {}), 'skin', Skin)),
-        sensor=Sensor(**_numbers(values.get('sensor', {}), 'sensor', Sensor)),
+        skin=skin,
+        sensor=_sensor(values.get('sensor', {}), skin),
         start=Start(**start),
         plant=Plant(**_numbers(values.get('plant', {}), 'plant', Plant)),
         slip=Slip(**_numbers(values['slip'], 'slip', Slip)) if 'slip' in values else None,
     )
+
+
+def _sensor(tree, skin):
+    """Sensor; one whose array is named has range and noise for the peak of 5 N on its pad."""
+    if isinstance(tree, dict) and 'pitch' in tree:
+        if 'pitch_x' in tree or 'pitch_y' in tree:
+            raise ConfigurationError('sensor has pitch and pitch_x or pitch_y, must have either')
+        tree = {**tree, 'pitch_x': tree['pitch'], 'pitch_y': tree['pitch']}
+        del tree['pitch']
+    values = _numbers(tree, 'sensor', Sensor)
+    if values.keys() & {'rows', 'columns', 'pitch_x', 'pitch_y'}:
+        # (3.1): the peak of a line load is as the load per length and the inverse of the depth.
+        usual, array = Sensor(), Sensor(**values).array
+        share = (Skin.depth * usual.array.size_y) / (skin.depth * array.size_y)
+        values = {'noise_std': share * usual.noise_std,
+                  'pa_per_count': share * usual.pa_per_count, **values}
+    return Sensor(**values)
 
 
 def _edge(tree):

@@ -4,7 +4,6 @@ import math
 
 import numpy as np
 
-from tactile_common.geometry import wrap_angle
 from tactile_common.kernels import njit
 from tactile_servo.edge_map.records import NODE
 
@@ -17,11 +16,7 @@ SAME_WAY = 0.8  # cosine of the angle at which a contour may meet its start
 @njit(cache=True)
 def headings(nodes):
     """Angles (N,) of the directions of nodes, without jumps of a turn [rad]."""
-    angles = np.empty(len(nodes))
-    for k in range(len(nodes)):
-        angle = math.atan2(nodes[k].ty, nodes[k].tx)
-        angles[k] = angles[k - 1] + wrap_angle(angle - angles[k - 1]) if k else angle
-    return angles
+    return np.unwrap(np.arctan2(nodes.ty, nodes.tx))
 
 
 @njit(cache=True)

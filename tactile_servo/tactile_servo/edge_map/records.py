@@ -46,7 +46,7 @@ def ways(records: np.ndarray) -> np.ndarray:
 
 
 def _columns(records):
-    return records.view(np.float64).reshape(len(records), -1)
+    return records.view(np.float64).reshape(-1, len(records.dtype))
 
 
 def joined(parts: Sequence[np.ndarray]) -> np.ndarray:
