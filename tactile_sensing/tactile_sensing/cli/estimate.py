@@ -4,7 +4,6 @@ import math
 import os
 from pathlib import Path
 import sys
-import threading
 import time
 
 import numpy as np

@@ -41,7 +41,7 @@ def _take_off_drift(stress, left, model, layers, values, first):
     """
     found = False
     for k in range(stress.shape[0]):
-        if layers[k].threshold > 0.0:  # a threshold leaves the upper part of the noise, not a drift
+        if layers[k].threshold > 0.0:  # it leaves the upper part of the noise, which is no drift
             continue
         noise, largest = layers[k].noise, max(model[k].max(), -model[k].min())
         median, n = _unloaded_median(left[k], model[k], max(noise, UNLOADED * largest), values)
