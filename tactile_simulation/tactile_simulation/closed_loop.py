@@ -84,7 +84,7 @@ class Simulation:
             self.model.joint_names, self.model.lower, self.model.upper,
             self.model.velocity_limit, initial_positions=start, dead_time=plant.dead_time,
             lag=plant.lag)
-        config = config or EdgeServoConfig()
+        config = config or EdgeServoConfig(array_half_width=self.array.half_width_y)
         self.servo = EdgeServo(self.model, self.limits, config,
                                make_tracker(tracker, config, settings), workspace)
         self.estimator = ContactEstimator()

@@ -37,8 +37,8 @@ class Sensor:
         0.0, "standard deviation of a tactel's gain that nobody calibrated", '', 0.0, 0.3)
     dead: int = bounded(
         0, 'tactels that always report the baseline, unknown to the driver', 'tactels', 0, 64)
-    rows: int = bounded(16, "along the pad's y", 'tactels', 2, 256)
-    columns: int = bounded(16, "along the pad's x", 'tactels', 2, 256)
+    rows: int = bounded(16, "along the pad's y", 'tactels', 3, 256)
+    columns: int = bounded(16, "along the pad's x", 'tactels', 3, 256)
     pitch_x: float = bounded(0.0254 / 16, 'distance of the columns', 'm', 1e-5, 0.1)
     pitch_y: float = bounded(0.0254 / 16, 'distance of the rows', 'm', 1e-5, 0.1)
 
@@ -183,16 +183,34 @@ def _scene(tree):
             raise ConfigurationError(f'{key} is {values[key]!r}, must be a text')
     start = _numbers(values.get('start', {}), 'start', Start)
     start['yaw'] = math.radians(start.get('yaw', 0.0))
+    skin = Skin(**_numbers(values.get('skin', {}), 'skin', Skin))
     return Scene(
         name=values['name'],
         description=' '.join(values['description'].split()),
         edge=edge_from(values['edge']),
-        skin=Skin(**_numbers(values.get('skin', {}), 'skin', Skin)),
-        sensor=Sensor(**_numbers(values.get('sensor', {}), 'sensor', Sensor)),
+        skin=skin,
+        sensor=_sensor(values.get('sensor', {}), skin),
         start=Start(**start),
         plant=Plant(**_numbers(values.get('plant', {}), 'plant', Plant)),
         slip=Slip(**_numbers(values['slip'], 'slip', Slip)) if 'slip' in values else None,
     )
+
+
+def _sensor(tree, skin):
+    """Sensor; one whose array is named has range and noise for the peak of 5 N on its pad."""
+    if isinstance(tree, dict) and 'pitch' in tree:
+        if 'pitch_x' in tree or 'pitch_y' in tree:
+            raise ConfigurationError('sensor has pitch and pitch_x or pitch_y, must have either')
+        tree = {**tree, 'pitch_x': tree['pitch'], 'pitch_y': tree['pitch']}
+        del tree['pitch']
+    values = _numbers(tree, 'sensor', Sensor)
+    if values.keys() & {'rows', 'columns', 'pitch_x', 'pitch_y'}:
+        # (3.1): the peak of a line load is as the load per length and the inverse of the depth.
+        usual, array = Sensor(), Sensor(**values).array
+        share = (Skin.depth * usual.array.size_y) / (skin.depth * array.size_y)
+        values = {'noise_std': share * usual.noise_std,
+                  'pa_per_count': share * usual.pa_per_count, **values}
+    return Sensor(**values)
 
 
 def _numbers(tree, name, kind):

@@ -209,7 +209,7 @@ def test_turning_is_bounded_and_levels_the_pad():
     """The rate of turn is n x t-shaped: see `Trace._rotate`."""
     loop = tracking()
     tracker = loop.servo.tracker
-    pose = tracker._plane @ loop.pose
+    pose = tracker.edge.to_plane(loop.pose)
     tilt = np.eye(4)
     angle = 0.05
     tilt[1:3, 1:3] = [[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]]

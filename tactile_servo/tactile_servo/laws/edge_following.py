@@ -5,23 +5,17 @@ import math
 
 import numpy as np
 
-from tactile_sensing.contact.ridge import centre_of_load, mend, ridge_points
+from tactile_common.geometry import wrap_angle
 from tactile_sensing.types.contact import ContactType
-from tactile_servo.edge_map.border import coming_length
-from tactile_servo.edge_map.corner import Picture
-from tactile_servo.edge_map.edge_map import CLOSED, END, TracedEdge, VIEW
-from tactile_servo.edge_map.tracing import into_plane, turned
+from tactile_servo.edge_map.edge_map import EdgeMap
+from tactile_servo.edge_map.traced_path import PathEnd
 from tactile_servo.laws.edge_following_config import TraceConfig
 from tactile_servo.laws.resolved_rate import AGE_SHARE, EdgeFeatures
 from tactile_servo.types import State, Verdict
 
 TRACK, COAST, PULL, PROBE_DOWN = 'track', 'coast', 'pull', 'probe'
 ON_EDGE = Verdict(State.TRACK, 'the edge goes on')
-IMPOSSIBLE = 1e9  # Pa
-LOADED = 0.3  # of the highest pressure, from which a tactel tells where the load is
 PRESSED = 0.6  # of the force, from which what is seen of the edge is all of it
-FEWEST_POINTS = 3  # of a ridge
-SURE_PICTURES = 3  # that show the edge elsewhere before it is believed to have slipped
 PROBE = 0.9  # of the depth to which the servo may press
 END_MARGIN = 4.0e-3  # m before the end of a ridge from which the pad coasts
 SLOPE_REACH = 10.0e-3  # m either side of the pad over which the edge's rise is measured
@@ -65,15 +59,13 @@ class Trace:
         """Forget the last goal."""
         self.goal = goal
         self.features, self.arrival, self.reason = None, -np.inf, 'no picture yet'
-        self.edge = None
-        self._plane = None  # base -> plane (4, 4)
+        self.edge = EdgeMap(self.config.skin_stiffness)
         self._here = self._ahead = 0.0  # stations of the measured and the commanded pad [m]
         self._force = self._seen_z = self._seen_station = self._coming = 0.0
         self._stamp, self._seen_length, self._slope = None, 0.0, 0.0
         self._half = (self.servo.array_half_width,) * 2
-        self._seeded = self._edge_seen = False
-        self._off_path = 0
-        self.looked, self._pull, self._age = -np.inf, None, 0.0
+        self._edge_seen = False
+        self.looked, self._age = -np.inf, 0.0
         self._coasted = 0.0
         self.resume()
 
@@ -98,101 +90,43 @@ class Trace:
 
     def see_image(self, image, pose, arrival, age=0.0):
         """Take a picture, the pose (4, 4) at its stamp, steady arrival time and age [s]."""
-        layer = next((one for one in image.layers if one.component == 'zz'), None)
-        if (layer is None or layer.unit != 'Pa' or not layer.depth > 0.0 or not image.tared
-                or layer.stress.shape != image.array.shape):
-            self.reason = 'picture without tared pressure'
+        edge = self.edge
+        problem = edge.see(image, pose)
+        if problem is not None:
+            self.reason = problem.value
             return
-        pressure = np.array(layer.stress, dtype=np.float64)
-        pressure[~(np.abs(pressure) < IMPOSSIBLE)] = np.nan
-        noise = float(layer.noise_std)
-        if not 0.0 < noise < IMPOSSIBLE:
-            noise = 1e-2 * float(np.nanmax(pressure, initial=1.0))
-        pressure = mend(pressure, noise)
-        if not np.isfinite(pressure).all():
-            self.reason = 'picture with too many invalid tactels'
-            return
-        array = image.array
-        self._stamp = image.stamp_ns
-        self._half = array.half_width_x, array.half_width_y
-        self._force = float(pressure.sum()) * array.pitch_x * array.pitch_y
-        if self._plane is None:
-            self._plane = np.linalg.inv(pose)
-            self.edge = TracedEdge(layer.depth)
-        placed = self._plane @ pose
-        self.looked, self._seen_z = arrival, placed[2, 3]
+        picture = edge.picture
+        self._stamp, self._coming = image.stamp_ns, picture.coming
+        self._half = picture.scale.half_x, picture.scale.half_y
+        self._force = picture.force
+        self.looked, self._seen_z = arrival, picture.height
         self._age += AGE_SHARE * (age - self._age)
-        self._pull = self._towards_pressure(pressure, array, placed)
-        points = ridge_points(pressure, array, noise, layer.depth)
-        self._coming = coming_length(pressure, array, points, noise, layer.depth)
-        self.reason, self._edge_seen = 'no ridge in the picture', False
-        if len(points) >= FEWEST_POINTS:
-            # (3.1) at its peak, 2 q / (pi d), gives the load, and that the indentation.
-            indentation = 0.5 * math.pi * layer.depth / self.config.skin_stiffness
-            self.edge.see(into_plane(points, placed, indentation),
-                          Picture(pressure, array, layer.depth, noise, placed[:2, 3],
-                                  math.atan2(placed[1, 0], placed[0, 0]), placed[2, 3]))
-            self._follow(placed)
-            if self._seeded and not self._off_path:
-                self.arrival, self.reason, self._edge_seen = arrival, '', True
-                self._describe(placed)
-        if self._seeded:
-            self._seen_length = self._on_pad(placed)
+        # Until the pad presses, the path is drawn anew with every picture.
+        settling = self._ahead == 0.0 and self._force < PRESSED * self.goal.force
+        sight = edge.follow(self.goal.direction, settling)
+        self._edge_seen = sight.problem is None
+        self.reason = '' if self._edge_seen else sight.problem.value
+        if sight.begun:
+            self._here = self._ahead = edge.station
+        elif self._edge_seen:
+            self._here = self._seen_station = edge.station
+            slope = edge.slope(self._ahead, SLOPE_REACH)
+            self._slope = slope if math.isfinite(slope) else self._slope
+        if self._edge_seen:
+            self.arrival = arrival
+            self._describe(picture.pose)
+        if edge.followed:
+            self._seen_length = edge.length_on_pad(picture.pose)
         if self.features is not None:
             self.features = replace(self.features, force=self._force)
 
-    def _towards_pressure(self, pressure, array, placed):
-        """Unit vector in the plane (2,) from the pad's centre to that of the pressure."""
-        x, y = centre_of_load(pressure, array.x, array.y, LOADED)
-        way = placed[:2, 0] * x + placed[:2, 1] * y
-        size = math.hypot(way[0], way[1])
-        return way / size if size > 0.0 else None
-
-    def _on_pad(self, placed, ahead=(0.0, 0.0)):
-        """Length of the edge on the pad at a pose in the plane, moved by `ahead` [m]."""
-        return self.edge.length_on_pad(
-            (placed[0, 3] + ahead[0], placed[1, 3] + ahead[1]),
-            math.atan2(placed[1, 0], placed[0, 0]), self._half)
-
-    def _heading(self, placed):
-        return self.goal.direction * placed[:2, 1] / np.linalg.norm(placed[:2, 1])
-
-    def _follow(self, placed):
-        """Extend the path by what the newest picture shows."""
-        edge = self.edge
-        if not self._seeded or self._settling():
-            self._seeded = edge.seed(placed[:2, 3], self._heading(placed), self._here)
-            self._ahead = self._here
-            self._off_path = 0
-            return
-        self._off_path = 0 if edge.agrees() else self._off_path + 1
-        if self._off_path >= SURE_PICTURES:  # the object has slipped
-            edge.forget()
-            self._seeded = edge.seed(placed[:2, 3], np.array(self._way(
-                self._here - TURN_REACH, self._here + TURN_REACH)), self._here)
-            self._ahead = self._here
-            self._off_path = 0
-        elif self._off_path == 0:
-            self._here = edge.place(placed[:2, 3], self._here, 15e-3)[0]
-            self._seen_station = self._here
-            edge.refine(self._here)
-            edge.extend(self._here)
-            slope = edge.slope(self._ahead, SLOPE_REACH)
-            self._slope = slope if math.isfinite(slope) else self._slope
-
-    def _settling(self):
-        """Until the pad presses, the path is drawn anew with every picture."""
-        return self._ahead == 0.0 and self._force < PRESSED * self.goal.force
-
     def _describe(self, placed):
-        station, x, y, left, ux, uy = self.edge.place(placed[:2, 3], self._here, 10e-3)
-        way = np.array([ux, uy]) * self.goal.direction
+        at = self.edge.place(placed[:2, 3].tolist(), self._here, 10e-3)
         yaw = math.atan2(placed[0, 1], placed[1, 1])
-        along = math.atan2(way[0], way[1])
-        angle = math.atan2(math.sin(yaw - along), math.cos(yaw - along))
+        along = math.atan2(at.along_x * self.goal.direction, at.along_y * self.goal.direction)
         self.features = EdgeFeatures(
-            self.goal.direction * left, angle, self._force,
-            self.goal.direction * (self.edge.tip - station))
+            self.goal.direction * at.left, wrap_angle(yaw - along), self._force,
+            self.goal.direction * (self.edge.path.tip - at.station))
 
     # Decision ----------------------------------------------------------------------------
 
@@ -210,9 +144,11 @@ class Trace:
         # The servo itself holds when contacts stay away; this is for pictures alone.
         if now - self.looked > 1.5 * self.servo.stale_image:
             return Verdict(State.HOLD, 'tactile image is stale')
-        if edge.end == CLOSED and self._here >= edge.closing:
+        if edge.closed and self._here >= edge.path.closing:
             return Verdict(State.DONE, 'the contour closed', True)
-        beyond = self._ahead - edge.tip if edge.end == END else -np.inf
+        beyond = -np.inf
+        if edge.path is not None and edge.path.end is PathEnd.RIDGE:
+            beyond = self._ahead - edge.path.tip
         # A lightly pressed pad touches a crest only, and an edge seems to end beside it.
         self._pressed = self._pressed or self._force >= PRESSED * self.goal.force
         if beyond >= -END_MARGIN and (self._pressed or not self.ready(now)):
@@ -226,7 +162,7 @@ class Trace:
                 State.CORNER, f'corner of {math.degrees(abs(corner.turn)):.0f} degrees')
         if load < self.servo.contact_force:
             return self._probe() or Verdict(State.HOLD, 'contact lost')
-        if self._pull is None or self._searched > c.search_distance:
+        if edge.picture.pull is None or self._searched > c.search_distance:
             return Verdict(State.HOLD, self.reason or 'edge lost')
         self._mode = PULL
         return Verdict(State.SEARCH, 'edge lost: moving to where the pressure is')
@@ -265,7 +201,7 @@ class Trace:
         pose, commanded : ndarray, shape (4, 4)
             Measured and commanded pose of the sensor.
         """
-        here, there = self._plane @ pose, self._plane @ commanded
+        here, there = self.edge.to_plane(pose), self.edge.to_plane(commanded)
         self._depth = there[2, 3]
         vx = vy = vz = 0.0
         if self._mode == PROBE_DOWN:
@@ -274,7 +210,7 @@ class Trace:
         elif self._mode == PULL:
             self.speed = min(self.config.search_speed, self.goal.speed)
             self._searched += self.speed * dt
-            vx, vy = (self.speed * self._pull).tolist()
+            vx, vy = (self.speed * self.edge.picture.pull).tolist()
         else:
             vx, vy = self._in_plane(here, there, dt)
             vz = self._along_normal(there, dt)
@@ -292,9 +228,9 @@ class Trace:
         """Velocity x, y along the path and back to it."""
         c, edge = self.config, self.edge
         px, py = here[:2, 3].tolist()
-        measured, x, y, _, _, _ = edge.place((px, py), self._here, 15e-3)
-        self._here = measured
-        self._ahead, _, _, _, _, _ = edge.place(there[:2, 3].tolist(), self._ahead, 5e-3)
+        at = edge.place((px, py), self._here, 15e-3)
+        self._here, x, y = at.station, at.x, at.y
+        self._ahead = edge.place(there[:2, 3].tolist(), self._ahead, 5e-3).station
         top = self.goal.speed
         if self._mode != COAST:
             top *= min(max(2.5 * self._force / self.goal.force - 0.75, 0.0), 1.0)
@@ -305,13 +241,14 @@ class Trace:
         top *= min(max(5.0 * (1.3 - self._force / self.goal.force), 0.0), 1.0)
         distance = math.hypot(x - px, y - py)
         top *= min(max(1.2 - distance / STRAY, 0.0), 1.0)
-        end_speed = {CLOSED: top, END: min(c.search_speed, top), VIEW: c.blind_speed}[edge.end]
+        end_speed = {PathEnd.CLOSED: top, PathEnd.RIDGE: min(c.search_speed, top),
+                     PathEnd.VIEW: c.blind_speed}[edge.path.end]
         limit = edge.speed_limit(self._ahead, top, c.acceleration, end_speed, c.corner_cut,
                                  c.corner_settle)
         self.speed = min(limit, self.speed + c.acceleration * dt)
         if self._mode == COAST:
             self._coasted += self.speed * dt
-        ux, uy = self._way(self._ahead, self._ahead + LOOK_AHEAD + self.speed * dt)
+        ux, uy = edge.way(self._ahead, self._ahead + LOOK_AHEAD + self.speed * dt)
         back = min(c.lateral_gain * distance, math.sqrt(c.acceleration * distance),
                    c.max_lateral_speed)
         back /= max(distance, 1e-9)
@@ -324,7 +261,8 @@ class Trace:
         moved = (there[2, 3] - self._seen_z) - slope * (self._ahead - self._seen_station)
         shortest = 0.5 * min(self._half)
         vx, vy = self._velocity
-        length = max(self._on_pad(there, (vx / c.force_gain, vy / c.force_gain)), shortest)
+        ahead = vx / c.force_gain, vy / c.force_gain
+        length = max(self.edge.length_on_pad(there, ahead), shortest)
         predicted = self._force / max(self._seen_length, shortest) + c.skin_stiffness * moved
         # A share of what is to come is given way to before: as much too little first as it
         # is too much then.
@@ -346,10 +284,10 @@ class Trace:
     def _rotate(self, there, dt):
         """Angular velocity x, y, z in the plane's frame that turns and levels the pad."""
         c = self.config
-        ux, uy = self._way(self._ahead - TURN_REACH, self._ahead + TURN_REACH)
+        ux, uy = self.edge.way(self._ahead - TURN_REACH, self._ahead + TURN_REACH)
         sign = self.goal.direction
         heading = math.atan2(sign * there[1, 1], sign * there[0, 1])
-        wanted = c.turn_gain * turned(heading, math.atan2(uy, ux))
+        wanted = c.turn_gain * wrap_angle(math.atan2(uy, ux) - heading)
         wanted = min(max(wanted, -c.max_turn_rate), c.max_turn_rate)
         yaw = math.atan2(there[1, 0], there[0, 0])
         if abs(yaw) > c.max_turn and wanted * yaw > 0.0:
@@ -367,33 +305,16 @@ class Trace:
             tilt * (nx * uy - ny * ux) + lean * (nx * ux + ny * uy)))
         return x, y, z + self._turn
 
-    def _way(self, first, last):
-        """Direction x, y of the path between two stations, beyond its end straight on."""
-        x0, y0, _ = self.edge.along(first)
-        x1, y1, _ = self.edge.along(last)
-        length = math.hypot(x1 - x0, y1 - y0)
-        if length < 0.1e-3:
-            return self.edge.nodes[-1, 3:5].tolist()
-        return (x1 - x0) / length, (y1 - y0) / length
-
     @property
     def closed(self):
         """Whether the path has met its start."""
-        return self.edge is not None and self.edge.end == CLOSED
+        return self.edge.closed
 
     def heading(self, pose):
         """Direction of travel in the base frame (3,)."""
-        if self.edge is None or not len(self.edge.nodes):
-            return self.goal.direction * pose[:3, 1]
-        place = (self._plane[:2] @ pose[:, 3]).tolist()
-        _, _, _, _, ux, uy = self.edge.place(place, self._here, 15e-3)
-        return ux * self._plane[0, :3] + uy * self._plane[1, :3]
+        heading = self.edge.heading(pose)
+        return self.goal.direction * pose[:3, 1] if heading is None else heading
 
     def contour(self):
         """Rebuilt edge in the base frame, shape (N, 3)."""
-        if self.edge is None or not len(self.edge.nodes):
-            return None
-        nodes = (self.edge.contour_nodes if self.edge.end == CLOSED
-                 else self.edge.nodes[self.edge.stations <= min(self._here, self.edge.tip)])[:, :3]
-        back = np.linalg.inv(self._plane)
-        return nodes @ back[:3, :3].T + back[:3, 3]
+        return self.edge.contour()
