@@ -74,18 +74,23 @@ class Decoder(Protocol):
     @property
     def buffered(self) -> int:
         """Bytes that are held at the moment."""
+        ...
 
     def receive_data(self, data: bytes) -> None:
         """Append what came from the port."""
+        ...
 
     def next_event(self) -> Frame | Resync | Signal:
         """Return the next event, or `NEED_DATA`."""
+        ...
 
     def reset(self) -> None:
         """Forget the buffer and the lock, as after the port was opened anew; counters stay."""
+        ...
 
     def explain(self, sample: bytes) -> str:
         """Say what is wrong with bytes that make no frame; empty if that does not show."""
+        ...
 
 
 @dataclass(frozen=True)

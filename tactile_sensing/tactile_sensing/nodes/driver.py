@@ -206,7 +206,7 @@ class DriverNode(Node):
     # --- both threads ---------------------------------------------------------------------------
 
     def _take_tare(self):
-        """Tare with the newest pictures; raises TareRefusedError."""
+        """Tare with the newest pictures and return it; raises TareRefusedError."""
         with self._lock:
             frames = list(self._recent)
             try:
@@ -215,14 +215,15 @@ class DriverNode(Node):
                         f'no frames: {len(frames)} of {self._config.tare_frames} have arrived')
                 if time.monotonic() - self._last_frame_at > _SILENCE:
                     raise TareRefusedError('no frames: the last one is older than a second')
-                self._tare = self._calibration.make_tare(frames)
+                tare = self._tare = self._calibration.make_tare(frames)
             except TareRefusedError as error:
                 self._tare_refusal = str(error)
                 raise
-            self._convert = self._calibration.converter(self._tare)
+            self._convert = self._calibration.converter(tare)
             self._frames_to_tare = 0
         self._publish_info()
-        self.get_logger().info(f'tared, noise {self._tare.noise_std:.2f} counts')
+        self.get_logger().info(f'tared, noise {tare.noise_std:.2f} counts')
+        return tare
 
     def _publish_info(self):
         now_ns = self.get_clock().now().nanoseconds
@@ -236,9 +237,8 @@ class DriverNode(Node):
         # Pictures that are already there answer at once: neither blocking nor awaiting new ones
         # in a callback lets a single-threaded executor serve the rest of the graph meanwhile.
         try:
-            self._take_tare()
+            response.message = f'noise {self._take_tare().noise_std:.2f} counts'
             response.success = True
-            response.message = f'noise {self._tare.noise_std:.2f} counts'
         except TareRefusedError as error:
             response.message = str(error)
         return response
@@ -293,7 +293,7 @@ class DriverNode(Node):
     def _no_frames(self):
         rows, columns = self._calibration.array.shape
         text = f'bytes arrive on {self._config.port}, but no frame of {rows}x{columns}'
-        told = self._decoder.explain(self._sample)
+        told = self._decoder.explain(bytes(self._sample))
         if told:
             return f'{text} = {rows * columns} bytes: {told}'
         return f'{text}: wrong sensor, size or baud rate'
