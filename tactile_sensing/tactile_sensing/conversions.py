@@ -15,7 +15,6 @@ import numpy as np
 from tactile_common.errors import TactileError
 from tactile_common.ros.conversions import NS, stamp_from_ns, stamp_to_ns
 from tactile_msgs import msg as tactile_msgs
-from tactile_sensing.moments.image_moments import Moments
 from tactile_sensing.types.array import TactelArray
 from tactile_sensing.types.contact import (
     Contact,
@@ -25,6 +24,7 @@ from tactile_sensing.types.contact import (
     Reason,
 )
 from tactile_sensing.types.image import COMPONENTS, Layer, SensorInfo, TactileImage
+from tactile_sensing.types.moments import Moments
 
 # Pictures of one sensor share their geometry, and with it the computed centres.
 _array = lru_cache(maxsize=16)(TactelArray)

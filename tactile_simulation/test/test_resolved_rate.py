@@ -6,8 +6,8 @@ import numpy as np
 from puma_loop import ROOT
 import pytest
 
-from tactile_sensing.moments.image_moments import Moments
 from tactile_sensing.types.contact import Contact, ContactType, Reason
+from tactile_sensing.types.moments import Moments
 from tactile_servo.laws.resolved_rate import (
     alignment_scale,
     contact_scale,

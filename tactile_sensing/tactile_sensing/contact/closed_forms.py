@@ -16,10 +16,11 @@ from tactile_sensing.moments.compensation import (
     window_arms,
     window_moments,
 )
-from tactile_sensing.moments.image_moments import image_moments, line_from_moments, Moments
+from tactile_sensing.moments.image_moments import image_moments, line_from_moments
 from tactile_sensing.moments.point_moments import basic, MomentFlag
 from tactile_sensing.types.contact import ContactType, PARAMETERS, Reason, ROW
 from tactile_sensing.types.image import COMPONENTS
+from tactile_sensing.types.moments import Moments
 
 THRESHOLD = 4.0  # standard deviations below which a line's tactels count as zero (3.5)
 MIN_ELONGATION = 3.0  # of second moments; less is no edge, whatever the closed form says

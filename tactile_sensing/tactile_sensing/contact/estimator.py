@@ -14,7 +14,6 @@ from tactile_sensing.contact.gauss_newton import LINE, POINT
 from tactile_sensing.contact.pipeline import ANY_MODEL, estimate_frames, PENDING, RULES
 from tactile_sensing.half_space.layers import Layer as FitLayer
 from tactile_sensing.half_space.layers import Sensor, sensor_of
-from tactile_sensing.moments.image_moments import Moments
 from tactile_sensing.types.array import TactelArray
 from tactile_sensing.types.contact import (
     COLUMNS,
@@ -30,6 +29,7 @@ from tactile_sensing.types.contact import (
     RECORD,
 )
 from tactile_sensing.types.image import Layer, TactileImage
+from tactile_sensing.types.moments import Moments
 
 METHODS = ('fit', 'compensated', 'moments')
 MODELS = {'auto': ANY_MODEL, 'point': POINT, 'line': LINE}

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from tactile_sensing.moments.image_moments import Moments
+from tactile_sensing.types.moments import Moments
 
 NAN = float('nan')
 
