@@ -5,9 +5,9 @@ import time
 import numpy as np
 
 from tactile_shape.local_surface.local_quadric import LocalQuadric, LocalQuadricConfig
-from tactile_shape.local_surface.tangent import principal_axes, tangent_frame
 from tactile_shape.surface_matrix.matrix_estimator import MatrixEstimator, MatrixEstimatorConfig
 from tactile_shape.types.patch import Kind, Patch
+from tactile_shape.types.tangent import principal_axes, tangent_frame
 
 WINDOW = 0.024  # m
 

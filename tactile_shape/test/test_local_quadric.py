@@ -12,8 +12,8 @@ from tactile_common.errors import ConfigurationError
 from tactile_shape.local_surface import quadric_kernel
 from tactile_shape.local_surface.contact_window import MAX_CELLS
 from tactile_shape.local_surface.local_quadric import LocalQuadric, LocalQuadricConfig
-from tactile_shape.surface_matrix.surface_matrix import SurfaceMatrix
 from tactile_shape.types.patch import Kind
+from tactile_shape.types.surface_matrix import SurfaceMatrix
 from tactile_simulation.surfaces import add_noise, cylinder, PLANE, sphere, Torus, Weave
 
 EXACT = [(PLANE, Kind.PLANE), (cylinder(0.0325), Kind.CYLINDER), (cylinder(0.1), Kind.CYLINDER),

@@ -119,7 +119,9 @@ class ContactWindow:
 
     def __init__(self, length: float, max_turn: float, cell: float):
         self._length, self._max_turn, self._cell = length, max_turn, cell
-        self._cells = _Cells(*np.zeros((3, MAX_CELLS, 3)), np.zeros(MAX_CELLS))
+        self._cells = _Cells(
+            np.zeros((MAX_CELLS, 3)), np.zeros((MAX_CELLS, 3)), np.zeros((MAX_CELLS, 3)),
+            np.zeros(MAX_CELLS))
         self.reset()
 
     def reset(self) -> None:
