@@ -8,6 +8,7 @@ lag, dead time and acceleration of the scene's plant, or that of a URDF.
 import argparse
 import sys
 import time
+from typing import Any
 
 import numpy as np
 
@@ -23,7 +24,7 @@ from tactile_simulation.scene import load_scene
 JOINT_ACCELERATION = 10.0  # rad/s^2, of a robot given by its URDF
 
 
-def parser():
+def parser() -> argparse.ArgumentParser:
     """Command line."""
     arguments = argparse.ArgumentParser(
         prog='simulate', description=__doc__.strip().splitlines()[0],
@@ -58,7 +59,7 @@ def robot_from(urdf):
                               np.full(len(model.joint_names), JOINT_ACCELERATION))
 
 
-def run(options):
+def run(options: argparse.Namespace) -> tuple[Simulation, dict[str, Any]]:
     """Simulate as the options say: Simulation and summary."""
     scene = load_scene(options.scene)
     goal = EdgeGoal(options.speed, options.force, options.direction, options.length,
@@ -74,7 +75,7 @@ def run(options):
         seed=options.seed, elapsed=time.perf_counter() - begin)
 
 
-def draw(simulation, path):
+def draw(simulation: Simulation, path) -> None:
     """Draw the way of the pad over the edge, and the lateral error along it."""
     import matplotlib
     matplotlib.use('Agg')
@@ -100,7 +101,7 @@ def draw(simulation, path):
     pyplot.close(figure)
 
 
-def main(argv=None) -> int:
+def main(argv: list[str] | None = None) -> int:
     """Run the command; 0 only if the edge was tracked as asked for."""
     options = parser().parse_args(argv)
     try:
