@@ -24,7 +24,7 @@ from launch_ros.parameter_descriptions import ParameterValue
 
 from edge_tracking.resources import find_scene, scene_names, share
 from tactile_sensing.devices.registry import PROTOCOLS
-from tactile_servo.laws.registry import DEFAULT, TRACKERS
+from tactile_servo.laws.registry import DEFAULT, LAWS
 from tactile_simulation.scene import load_scene
 from tactile_simulation.scene_calibration import write_calibration
 
@@ -37,7 +37,7 @@ ARGUMENTS = (
      'auto: mock with the mock sensor, else real', ('auto', 'mock', 'real')),
     ('scene', 'straight', f'what the mock sensor touches: {", ".join(scene_names())}, or the '
      'path of a .yaml file', None),
-    ('tracker', DEFAULT, 'law by which the edge is followed', tuple(TRACKERS)),
+    ('tracker', DEFAULT, 'law by which the edge is followed', tuple(LAWS)),
     ('speed', '0.03', 'along the edge [m/s]', None),
     ('force', '5.0', 'normal force on the pad [N]', None),
     ('length', '0.0', 'way to track [m]; 0 = until the edge ends', None),
@@ -110,7 +110,7 @@ def nodes(context):
     if start:
         # The nodes start along with it, and their first start ever compiles their kernels.
         closed = (scene is not None and scene.edge.closed
-                  and TRACKERS[value['tracker']].closes_contours)
+                  and LAWS[value['tracker']].closes_contours)
         track = node('edge_tracking', 'track', wait=60.0, closed=closed, **{
             name: number(name, value[name]) for name in ('speed', 'force', 'length')})
         actions.append(track)
