@@ -130,7 +130,8 @@ class ContactWindow:
 
     def add(self, point: np.ndarray, normal: np.ndarray) -> Stretch:
         """Add a contact (3,), (3,) and return the last stretch of the path."""
+        cells = self._cells
         self._used, first, extent = _take(
-            self._cells, self._used, point, normal, self._cell, self._length, self._max_turn)
-        points, normals, _, counts = (values[first:self._used] for values in self._cells)
-        return Stretch(points, normals, counts, extent)
+            cells, self._used, point, normal, self._cell, self._length, self._max_turn)
+        part = slice(first, self._used)
+        return Stretch(cells.points[part], cells.normals[part], cells.counts[part], extent)

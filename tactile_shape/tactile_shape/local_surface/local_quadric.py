@@ -15,7 +15,8 @@ import numpy as np
 
 from tactile_common.config import bounded, check_fields
 from tactile_shape.local_surface.contact_window import CELLS, ContactWindow, Stretch
-from tactile_shape.local_surface.quadric_kernel import ENOUGH, Fit, Noise, solve
+from tactile_shape.local_surface.normal_equations import Noise
+from tactile_shape.local_surface.quadric_kernel import ENOUGH, Fit, solve
 from tactile_shape.types.patch import certain_enough, Kind, Patch, refusal, usable_normal
 from tactile_shape.types.tangent import tangent_frame
 
