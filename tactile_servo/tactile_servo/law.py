@@ -9,6 +9,7 @@ import numpy as np
 
 from tactile_sensing.types.contact import Contact
 from tactile_sensing.types.image import SensorInfo, TactileImage
+from tactile_servo.config import ServoConfig
 from tactile_servo.reasons import Reason
 from tactile_servo.types import State, TaskError
 
@@ -121,6 +122,8 @@ class ServoLaw(Protocol):
     def touch_speed(self) -> float: ...
     @property
     def error(self) -> TaskError | None: ...
+
+    def __init__(self, servo: ServoConfig, config: Any = None) -> None: ...
 
     def validate(self, goal: Any) -> Refusal | None:
         """Why a goal is beyond this law, or None."""

@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass, field
 import math
+from typing import ClassVar
 
 import numpy as np
 
@@ -137,9 +138,11 @@ class EdgeFollowing:
     config : EdgeFollowingConfig, optional
     """
 
-    name = 'trace'
-    goal_type, config_type = EdgeGoal, EdgeFollowingConfig
-    sees_images = True
+    name: ClassVar[str] = 'trace'
+    goal_type: ClassVar[type] = EdgeGoal
+    config_type: ClassVar[type] = EdgeFollowingConfig
+    sees_images: ClassVar[bool] = True
+    goal: EdgeGoal  # since `begin`
     touch_speed = math.inf
 
     def __init__(self, servo: ServoConfig, config: EdgeFollowingConfig | None = None):
@@ -148,7 +151,6 @@ class EdgeFollowing:
         self._planner = SpeedPlanner(c.speed, c.path)
         self._path = PathController(c.path, c.speed.acceleration)
         self._force, self._attitude = ForceController(c.force), AttitudeController(c.attitude)
-        self.goal: EdgeGoal | None = None
         self._forget()
 
     def _forget(self):
@@ -318,7 +320,8 @@ class EdgeFollowing:
         elif going.mode == ReasonCode.SEARCHING:
             speed = self._planner.search(self.goal.speed)
             going.searched += speed * dt
-            velocity = self._path.change(*(speed * edge.picture.pull).tolist(), dt)
+            x, y = edge.picture.pull.tolist()
+            velocity = self._path.change(speed * x, speed * y, dt)
         else:
             before = self._path.velocity
             velocity = self._along(at, here, there, dt)

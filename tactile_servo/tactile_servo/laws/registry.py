@@ -14,14 +14,14 @@ class Row(NamedTuple):
     A servo law.
 
     law : type
-        With `goal_type` and `config_type`, its parameters.
+        A ServoLaw, made of a ServoConfig and a `config_type`.
     action : str
         Name of the action that takes its goals, see `tactile_servo.conversions.ACTIONS`.
     closes_contours : bool
         Whether it can track a contour until that closes.
     """
 
-    law: type
+    law: type[ServoLaw]
     action: str
     closes_contours: bool = False
 

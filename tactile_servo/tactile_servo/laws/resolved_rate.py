@@ -2,10 +2,12 @@
 
 from dataclasses import dataclass, field
 import math
+from typing import ClassVar
 
 import numpy as np
 
 from tactile_common.config import bounded
+from tactile_sensing.types.array import TactelArray
 from tactile_sensing.types.image import SensorInfo
 from tactile_servo.config import ServoConfig, WINDOW_PERIODS
 from tactile_servo.control.scaling import clipped, ramp, slewed
@@ -146,13 +148,15 @@ class ResolvedRate:
         Least T_seg for which the images do not come too late [s].
     """
 
-    name = 'resolved_rate'
-    goal_type, config_type = EdgeGoal, ResolvedRateConfig
-    sees_images = False
+    name: ClassVar[str] = 'resolved_rate'
+    goal_type: ClassVar[type] = EdgeGoal
+    config_type: ClassVar[type] = ResolvedRateConfig
+    sees_images: ClassVar[bool] = False
+    goal: EdgeGoal  # since `begin`
 
     def __init__(self, servo: ServoConfig, config: ResolvedRateConfig | None = None):
         self.servo, self.config = servo, config or ResolvedRateConfig()
-        self.goal: EdgeGoal | None = None
+        self._array: TactelArray | None = None  # before the first goal
         self.features: EdgeFeatures | None = None
         self._age, self.shortest, self._looked = servo.input.max_stamp_age, math.inf, -math.inf
         self._shown, self._problem, self._speed = -math.inf, '', 0.0
@@ -187,7 +191,7 @@ class ResolvedRate:
         delay = self._age + (0.5 + WINDOW_PERIODS) / self.servo.rate + DEAD_TIME
         self.shortest = 1.0 / (self.config.limit_share * gain_limit(delay, LAG))
         self._looked = arrival
-        if self.goal is None:
+        if self._array is None:
             return
         features, self._problem = edge_features(
             observation.contact, self._array, self.config.edge, self.config.force.stiffness)
