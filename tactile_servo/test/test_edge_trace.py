@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from tactile_common.polyline import arc_length
+from tactile_common.polyline import arc_length, Projection
 from tactile_sensing.contact.ridge import RIDGE_POINT
 from tactile_servo.edge_map.path_queries import (
     length_on_pad,
@@ -86,7 +86,7 @@ def test_the_length_and_a_crossing_ridge_are_heeded():
     s = np.arange(-0.01, 0.01, 0.4e-3)
     crossing = cloud_of(np.column_stack([0.005 + 0 * s, s, 0 * s]),
                         np.tile([0.0, 1.0], (len(s), 1)))
-    nodes = follow(joined([straight_cloud(), crossing]), 0.01)
+    nodes = follow(joined([straight_cloud(), crossing], CLOUD_POINT), 0.01)
     assert len(nodes) == 20
     np.testing.assert_allclose(nodes['y'], 0.0, atol=1e-6)
     assert len(follow(np.empty(0, CLOUD_POINT), 0.01)) == 0
@@ -106,13 +106,14 @@ def test_a_larger_skin_traces_the_same_larger(scale):
 
 def test_projection_and_place_are_inverse():
     nodes = straight_nodes()
-    at = project(nodes, 0.0052, 0.001, 0.0, 0.02)
+    at = Projection(*project(nodes, 0.0052, 0.001, 0.0, 0.02))
     assert (at.station, at.x, at.y, at.left) == pytest.approx((0.0052, 0.0052, 0.0, 0.001))
     assert (at.along_x, at.along_y) == pytest.approx((1.0, 0.0))
     assert place_at(nodes, 0.0052) == pytest.approx((0.0052, 0.0, 0.00052))
     assert place_at(nodes, 1.0) == pytest.approx((0.02, 0.0, 0.002))
     assert place_at(nodes, -1.0) == (0.0, 0.0, 0.0)
-    assert project(nodes, 0.0, 0.0, 0.008, 0.02).station >= 0.0075  # the window holds
+    held = Projection(*project(nodes, 0.0, 0.0, 0.008, 0.02))  # by the window
+    assert held.station >= 0.0075
 
 
 @pytest.mark.parametrize('angle', [0.0, 0.7, 2.0])

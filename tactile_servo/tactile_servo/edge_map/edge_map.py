@@ -10,6 +10,7 @@ from tactile_sensing.types.image import TactileImage
 from tactile_servo.edge_map.corner import Corner
 from tactile_servo.edge_map.path import nodes_from
 from tactile_servo.edge_map.path_queries import (
+    direction,
     length_on_pad,
     place_at,
     project,
@@ -17,8 +18,7 @@ from tactile_servo.edge_map.path_queries import (
     speed_profile,
 )
 from tactile_servo.edge_map.picture import Problem, read_picture
-from tactile_servo.edge_map.records import joined, nodes_of, places, points, ways
-from tactile_servo.edge_map.scale import PadScale
+from tactile_servo.edge_map.records import CLOUD_POINT, joined, nodes_of, places, points, ways
 from tactile_servo.edge_map.traced_path import BEHIND, PathEnd, TracedPath
 from tactile_servo.edge_map.tracing import into_plane, local_line, share_near, STEP
 
@@ -59,6 +59,8 @@ class EdgeMap:
         Base frame -> plane, once there was a picture.
     picture : Picture or None
         The newest one.
+    scale : PadScale or None
+        Lengths of the pad that took it.
     path : TracedPath or None
         The newest one; that of an edge that was lost stays until another begins.
     station : float
@@ -67,7 +69,7 @@ class EdgeMap:
 
     def __init__(self, skin_stiffness: float):
         self.skin_stiffness = skin_stiffness
-        self.plane = self.picture = self.path = None
+        self.plane = self.picture = self.path = self.scale = None
         self.station = 0.0
         self._clouds = []
         self._followed = False
@@ -82,7 +84,7 @@ class EdgeMap:
         picture = read_picture(image, plane @ pose)
         if isinstance(picture, Problem):
             return picture
-        self.plane, self.picture = plane, picture
+        self.plane, self.picture, self.scale = plane, picture, picture.scale
         return None
 
     def follow(self, direction: int, anew: bool = False) -> Sight:
@@ -106,7 +108,7 @@ class EdgeMap:
         if anew or not self._followed:
             heading = direction * picture.pose[:2, 1]
             return self._begin(heading / np.linalg.norm(heading), True)
-        if share_near(self._clouds[-1], self._near, OFF_PATH * picture.scale.grain) > AGREEING:
+        if share_near(self._clouds[-1], self._near, OFF_PATH * self.scale.grain) > AGREEING:
             self._off_path = 0
             self.station = self._project(picture).station
             self.path.refine(picture, self.station)
@@ -117,12 +119,12 @@ class EdgeMap:
             return Sight(Problem.ELSEWHERE)
         self._clouds = self._clouds[-1:]  # the object has slipped
         self.station = self._project(picture).station
-        chord = CHORD * picture.scale.grain
+        chord = CHORD * self.scale.grain
         return self._begin(np.array(self.way(self.station - chord, self.station + chord)), False)
 
     def _begin(self, heading, may_close):
         """Begin a path at the point of the ridge that is nearest to the pad's centre."""
-        picture, cloud = self.picture, joined(self._clouds)
+        picture, cloud = self.picture, joined(self._clouds, CLOUD_POINT)
         may_close = may_close and (self.path is None or self.path.may_close)
         self._off_path, self._followed = 0, False
         along = np.abs(ways(cloud) @ heading) > ROUGHLY_ALONG
@@ -130,7 +132,7 @@ class EdgeMap:
             return Sight(Problem.ELSEWHERE)
         place = places(cloud)[along]
         nearest = place[np.linalg.norm(place - picture.place, axis=1).argmin()]
-        line = local_line(cloud, *nearest, *heading, picture.scale.grain)
+        line = local_line(cloud, *nearest, *heading, self.scale.grain)
         if not line.found:
             return Sight(Problem.ELSEWHERE)
         start = nodes_of((line.x, line.y), line.z, (line.tx, line.ty))
@@ -141,16 +143,16 @@ class EdgeMap:
         return Sight(None, True)
 
     def _extend(self):
-        self.path.extend(joined(self._clouds), self.picture, self.station)
+        self.path.extend(joined(self._clouds, CLOUD_POINT), self.picture, self.station)
         self._take_near()
 
     def _take_near(self):
-        path, behind = self.path, BEHIND * self.picture.scale.half
-        self._near = nodes_from(path.nodes, self.station - behind, behind, path.open_start,
-                                path.end is PathEnd.VIEW)
+        path, behind = self.path, BEHIND * self.scale.half
+        self._near = joined([nodes_from(path.nodes, self.station - behind, behind,
+                                        path.open_start, path.end is PathEnd.VIEW)])
 
     def _project(self, picture):
-        return self.place(picture.place.tolist(), self.station, WINDOW * picture.scale.grain)
+        return self.place(picture.place.tolist(), self.station, WINDOW * self.scale.grain)
 
     # Frames ------------------------------------------------------------------------------
 
@@ -189,15 +191,10 @@ class EdgeMap:
         """Whether the path has met its start."""
         return self.path is not None and self.path.end is PathEnd.CLOSED
 
-    @property
-    def scale(self) -> PadScale:
-        """Lengths of the pad."""
-        return self.picture.scale
-
     def place(self, xy, station: float, window: float) -> Projection:
         """Project a point (2,) onto the path within a window about a station [m]."""
         x, y = xy
-        return project(self.path.nodes, x, y, station - window, station + window)
+        return Projection(*project(self.path.nodes, x, y, station - window, station + window))
 
     def along(self, station: float) -> tuple[float, float, float]:
         """Place (x, y, z) of the path at a station [m]."""
@@ -205,13 +202,7 @@ class EdgeMap:
 
     def way(self, first: float, last: float) -> tuple[float, float]:
         """Direction x, y of the path between two stations [m], beyond its end straight on."""
-        x0, y0, _ = self.along(first)
-        x1, y1, _ = self.along(last)
-        length = math.hypot(x1 - x0, y1 - y0)
-        if length < SHORTEST_CHORD * self.scale.grain:
-            last = self.path.nodes[-1]
-            return float(last['tx']), float(last['ty'])
-        return (x1 - x0) / length, (y1 - y0) / length
+        return direction(self.path.nodes, first, last, SHORTEST_CHORD * self.scale.grain)
 
     def speed_limit(self, station: float, top: float, acceleration: float, end_speed: float,
                     cut: float, settle: float) -> float:

@@ -16,7 +16,12 @@ SAME_WAY = 0.8  # cosine of the angle at which a contour may meet its start
 @njit(cache=True)
 def headings(nodes):
     """Angles (N,) of the directions of nodes, without jumps of a turn [rad]."""
-    return np.unwrap(np.arctan2(nodes.ty, nodes.tx))
+    angles = np.empty(len(nodes))
+    for k in range(len(nodes)):
+        angles[k] = math.atan2(nodes[k].ty, nodes[k].tx)
+        if k:  # whole turns are taken off exactly, so that equal turns stay equal
+            angles[k] -= 2.0 * math.pi * np.rint((angles[k] - angles[k - 1]) / (2.0 * math.pi))
+    return angles
 
 
 @njit(cache=True)

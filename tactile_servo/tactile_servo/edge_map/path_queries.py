@@ -17,8 +17,10 @@ SHARP_TURN = 0.25  # rad at one vertex that makes it a corner
 
 @njit(cache=True)
 def project(nodes, x, y, first, last):
-    """Nearest place of a path between two stations [m]: see `nearest_on_polyline`."""
-    return nearest_on_polyline(nodes.x, nodes.y, nodes.station, x, y, first, last)
+    """Values of the Projection onto a path between two stations [m], as a plain tuple."""
+    at = nearest_on_polyline(nodes.x, nodes.y, nodes.station, x, y, first, last)
+    # A named tuple takes Python longer to receive than this takes to compute.
+    return at.station, at.x, at.y, at.offset, at.left, at.along_x, at.along_y
 
 
 @njit(cache=True)
@@ -29,6 +31,17 @@ def place_at(nodes, station):
     length = b.station - a.station
     share = min(max((station - a.station) / length, 0.0), 1.0) if length > 0.0 else 0.0
     return a.x + share * (b.x - a.x), a.y + share * (b.y - a.y), a.z + share * (b.z - a.z)
+
+
+@njit(cache=True)
+def direction(nodes, first, last, shortest):
+    """Direction (x, y) between two stations of a path, or that of its end if none is."""
+    x0, y0, _ = place_at(nodes, first)
+    x1, y1, _ = place_at(nodes, last)
+    length = math.hypot(x1 - x0, y1 - y0)
+    if length < shortest:
+        return nodes[len(nodes) - 1].tx, nodes[len(nodes) - 1].ty
+    return (x1 - x0) / length, (y1 - y0) / length
 
 
 @njit(cache=True)

@@ -5,8 +5,9 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from tactile_common.kernels import njit
+from tactile_servo.motion.inverse import BoundedInverse
 from tactile_servo.motion.limits import JointLimits, limit_velocities, WorkspaceBox
-from tactile_servo.motion.robot import damped_least_squares, RobotModel
+from tactile_servo.motion.robot import RobotModel
 from tactile_servo.motion.trajectory import Trajectory
 from tactile_servo.motion.window import stopping_window
 
@@ -77,6 +78,7 @@ class Motion:
                  lookahead: float, workspace: WorkspaceBox | None = None):
         self._robot, self._limits, self._workspace = robot, limits, workspace
         self._config, self._lookahead = config, lookahead
+        self._inverse = BoundedInverse(limits, config.damping, config.rotation_length)
         unknown = np.full(len(limits.names), np.nan)
         self.positions, self.velocities, self.pose = unknown, unknown, np.full((4, 4), np.nan)
         self._held_back, self.blocked = 0.0, ''
@@ -113,13 +115,14 @@ class Motion:
             twist = np.concatenate([rotation.T @ linear, twist[3:]])
             at_wall = 'workspace' if clipped else ''
         jacobian = self._robot.jacobian(self.positions)
-        velocities, manipulability = damped_least_squares(
-            jacobian, twist, damping=c.damping, rotation_length=c.rotation_length)
+        velocities, bound, manipulability = self._inverse.solve(
+            jacobian, twist, self.positions, dt)
+        # Whatever that gave: no command passes a limit.
         self.velocities, scale, limited_by = limit_velocities(
             self._limits, self.positions, self.velocities, velocities, dt)
         self.positions = self.positions + self.velocities * dt
         self.pose = self._robot.pose(self.positions)
-        limited_by = at_wall or limited_by
+        limited_by = at_wall or bound or limited_by
         self._watch(_progress(jacobian, self.velocities, wanted, c.rotation_length),
                     limited_by, dt)
         window = stopping_window(self._limits, self.positions, self.velocities, self._lookahead)
