@@ -8,7 +8,7 @@ usage() {
 usage: ./ws COMMAND [ARGS]
 
   demo [ARGS]              a robot follows an edge by touch (./ws demo --help)
-  test [ARGS]              lint, then all tests; ARGS go to pytest (./ws test -k line)
+  test [ARGS]              lint and types, then all tests; ARGS go to pytest (./ws test -k line)
   build [ARGS]             build the packages; ARGS go to colcon build
   run PACKAGE EXECUTABLE [ARGS]
                            run one node or tool, like `ros2 run`
@@ -69,16 +69,18 @@ packages() {
         sed 's,^\./,,; s,/package\.xml$,,' | sort
 }
 
-# Changes with everything that a build copies, generates from or compiles. Other Python modules
-# are linked, not copied, so that an edit is live.
-sources_signature() {
+# Files of all packages but their tests; find's own conditions may follow.
+package_files() {
     packages | while IFS= read -r package; do
         find "$ROOT/$package" \( -name '.?*' -o -name __pycache__ \
-            -o -path "$ROOT/$package/test" \) -prune -o \
-            -type f \( ! -name '*.py' -o -name setup.py -o -exec grep -q '@njit' {} \; \) \
-            -exec cksum {} + | sort
-    done | checksum
+            -o -path "$ROOT/$package/test" \) -prune -o -type f "$@" -exec cksum {} + | sort
+    done
 }
+
+# Changes with everything that a build copies or generates from. Python modules are linked, not
+# copied, so that an edit is live.
+sources_signature() { package_files \( ! -name '*.py' -o -name setup.py \) | checksum; }
+kernels_signature() { package_files -name '*.py' -exec grep -q '@njit' {} \; | checksum; }
 
 # ---------------------------------------------------------------- which ROS 2
 
@@ -206,6 +208,7 @@ setup_bare() {
             'install ROS 2 (https://docs.ros.org) and call ./ws again' ;;
     esac
     unset PYTHONPATH PYTHONHOME
+    PATH=$(printf %s "$PATH" | sed "s,$ENV/bin:,,g") # of a shell with .ws/setup.sh: may go here
     export PYTHONNOUSERSITE=1 PIP_USER=0 PIP_DISABLE_PIP_VERSION_CHECK=1 PIP_NO_INPUT=1
     export _ROS_WHEELS_BOOTSTRAP_COMPLETE=1
     if stamped "$WS/env.stamp" "$(environment_signature)" &&
@@ -216,7 +219,7 @@ setup_bare() {
     install_debian_packages
     [ -n "$PYTHON" ] || find_python
     [ -n "$PYTHON" ] || die 'no python3 in PATH; name one in WS_PYTHON'
-    rm -rf "$WS/env.stamp" "$WS/build.stamp" "$ENV" "$BUILD" "$INSTALL"
+    rm -rf "$WS/env.stamp" "$WS/build.stamp" "$WS/kernels.stamp" "$ENV" "$BUILD" "$INSTALL"
     # shellcheck disable=SC2119
     step pip "installing $(grep -c '^[a-zA-Z]' "$LOCK") pinned packages for Python \
 $PYTHON_VERSION into .ws/env (a minute or two)" install_wheels
@@ -317,7 +320,6 @@ write_setup_ros() {
 
 # colcon_build [ARGS of colcon build]
 colcon_build() {
-    export NUMBA_CACHE_DIR="$BASE/numba"
     set -- build --base-paths "$ROOT" --build-base "$BUILD" --install-base "$INSTALL" \
         --merge-install --symlink-install "$@" --cmake-args -DBUILD_TESTING=OFF
     if [ "$FLAVOUR" != bare ]; then
@@ -361,14 +363,19 @@ prepare() {
     signature=$(sources_signature)
     if [ "$when" = always ] || ! stamped "$BASE/build.stamp" "$signature"; then
         [ -n "$(packages)" ] || die "no packages in $ROOT"
-        rm -rf "$BASE/build.stamp" "$BASE/numba" # one folder for each state of the sources
+        rm -f "$BASE/build.stamp"
         step build "building $(packages | tr '\n' ' ')" colcon_build "$@"
         write_setup >"$SETUP.new"
         mv "$SETUP.new" "$SETUP"
         [ $# -gt 0 ] || printf '%s\n' "$signature" >"$BASE/build.stamp" # a full build only
     fi
-    exec 9>&-
     source_file "$SETUP"
+    signature=$(kernels_signature)
+    if [ $# = 0 ] && ! stamped "$BASE/kernels.stamp" "$signature"; then
+        step kernels 'compiling kernels (a minute or two)' python3 -m tactile_common.kernels
+        printf '%s\n' "$signature" >"$BASE/kernels.stamp"
+    fi
+    exec 9>&-
 }
 
 # ------------------------------------------------------------------ commands
@@ -398,17 +405,22 @@ run() {
     exec "$executable" "$@"
 }
 
+lint() {
+    if command -v "$1" >/dev/null; then
+        say "$*" && "$@"
+    else
+        say "$1 is not installed, so no such step (python3 -m pip install $(pinned "$1"))"
+    fi
+}
+
 run_tests() {
     if [ -z "${ROS_DOMAIN_ID:-}" ]; then # so that two test runs on one network do not meet
         export ROS_DOMAIN_ID=$(($$ % 100 + 1))
     fi
     cd "$ROOT"
     status=0
-    if command -v ruff >/dev/null; then
-        say 'ruff check' && ruff check . || status=1
-    else
-        say "ruff is not installed, so no lint step (python3 -m pip install $(pinned ruff))"
-    fi
+    lint ruff check . || status=1
+    lint mypy || status=1
     explicit=no
     previous=
     for argument in "$@"; do

@@ -12,7 +12,6 @@ import json
 import math
 from pathlib import Path
 import platform
-import sys
 import time
 
 import numpy as np
@@ -23,16 +22,15 @@ ROOT = Path(__file__).resolve().parent.parent
 END = '<!-- end of print -->'
 
 
-class Steps:
+class Steps(Progress):
     """Progress bar of a known number of pieces of work."""
 
-    def __init__(self, bar, total):
-        self._bar, self._total, self._done = bar, total, 0
+    _begun = 0
 
     def step(self, what):
         """Count one piece, about to begin."""
-        self._bar.show(min(self._done / self._total, 1.0), 'bench', what)
-        self._done += 1
+        self.show(self._begun, 'bench', what)
+        self._begun += 1
 
 
 def run(name, description, measure, pieces, options=None):
@@ -61,8 +59,8 @@ def run(name, description, measure, pieces, options=None):
         parser.add_argument(flag, **keywords)
     arguments = parser.parse_args()
     begin = time.perf_counter()
-    with Progress(sys.stderr) as bar:
-        measured = measure(arguments, Steps(bar, pieces(arguments)))
+    with Steps(pieces(arguments)) as steps:
+        measured = measure(arguments, steps)
     versions = {'python': platform.python_version(), 'numpy': np.__version__,
                 **measured.pop('versions', {})}
     result = {'quick': arguments.quick, 'versions': versions, **measured,

@@ -1,14 +1,15 @@
-"""Installation of the package."""
+"""Installation of the package; what is known of it stands in package.xml."""
 from glob import glob
+from xml.etree import ElementTree
 
 from setuptools import find_packages, setup
 
 PACKAGE = 'edge_tracking'
 FOLDERS = ('launch', 'config', 'scenes', 'urdf', 'rviz')
+ABOUT = ElementTree.parse('package.xml').getroot()
 
 setup(
     name=PACKAGE,
-    version='0.1.0',
     packages=find_packages(include=[PACKAGE, f'{PACKAGE}.*']),
     data_files=[
         ('share/ament_index/resource_index/packages', [f'resource/{PACKAGE}']),
@@ -17,12 +18,10 @@ setup(
           for folder in FOLDERS if (files := glob(f'{folder}/*.*'))),
     ],
     install_requires=['setuptools'],
-    extras_require={'test': ['pytest']},
+    extras_require={'test': ['pytest']},  # colcon test looks here for the runner
     zip_safe=True,
-    maintainer='Tactile stack maintainers',
-    maintainer_email='maintainers@tactile.invalid',
-    description='A robot follows an edge by touch: launch files, scenes, robot and demo.',
-    license='Apache-2.0',
+    maintainer_email=ABOUT.find('maintainer').get('email'),
+    **{key: ABOUT.findtext(key) for key in ('version', 'description', 'license', 'maintainer')},
     entry_points={'console_scripts': [
         f'{name} = {PACKAGE}.{name}:main' for name in ('composed', 'demo', 'track')]},
 )

@@ -1,22 +1,24 @@
-"""Installation of the package."""
+"""Installation of the package; what is known of it stands in package.xml."""
+from xml.etree import ElementTree
+
 from setuptools import find_packages, setup
 
 PACKAGE = 'tactile_common'
-
+ABOUT = ElementTree.parse('package.xml').getroot()
 
 setup(
     name=PACKAGE,
-    version='0.1.0',
     packages=find_packages(exclude=['test']),
     data_files=[
         ('share/ament_index/resource_index/packages', [f'resource/{PACKAGE}']),
         (f'share/{PACKAGE}', ['package.xml']),
     ],
     install_requires=['setuptools'],
-    extras_require={'test': ['pytest']},
+    extras_require={'test': ['pytest']},  # colcon test looks here for the runner
     zip_safe=True,
-    maintainer='Tactile stack maintainers',
-    maintainer_email='maintainers@tactile.invalid',
-    description='What the packages of the tactile stack share.',
-    license='Apache-2.0',
+    maintainer_email=ABOUT.find('maintainer').get('email'),
+    **{key: ABOUT.findtext(key) for key in ('version', 'description', 'license', 'maintainer')},
+    entry_points={'console_scripts': [
+        f'compile_kernels = {PACKAGE}.kernels:main',
+    ]},
 )

@@ -1,20 +1,14 @@
-"""Installation of the package."""
+"""Installation of the package; what is known of it stands in package.xml."""
 from glob import glob
+from xml.etree import ElementTree
 
 from setuptools import find_packages, setup
 
-try:
-    from tactile_common.at_build import compile_kernels
-except ImportError:  # not built yet: here this package is only asked for its name
-    def compile_kernels(*_):
-        """Compile nothing."""
-
 PACKAGE = 'tactile_sensing'
+ABOUT = ElementTree.parse('package.xml').getroot()
 
-
-compile_kernels(setup(
+setup(
     name=PACKAGE,
-    version='0.1.0',
     packages=find_packages(exclude=['test']),
     data_files=[
         ('share/ament_index/resource_index/packages', [f'resource/{PACKAGE}']),
@@ -22,17 +16,13 @@ compile_kernels(setup(
         (f'share/{PACKAGE}/config', glob('config/*.yaml')),
     ],
     install_requires=['setuptools'],
-    extras_require={'test': ['pytest']},
+    extras_require={'test': ['pytest']},  # colcon test looks here for the runner
     zip_safe=True,
-    maintainer='Tactile stack maintainers',
-    maintainer_email='maintainers@tactile.invalid',
-    description='Drivers, calibration, contact estimation and a synthetic tactile array.',
-    license='Apache-2.0',
-    entry_points={
-        'console_scripts': [
-            f'driver = {PACKAGE}.nodes.driver:main',
-            f'contact_estimator = {PACKAGE}.nodes.contact_estimator:main',
-            f'estimate = {PACKAGE}.cli.estimate:main',
-        ],
-    },
-), f'{PACKAGE}.compiled')
+    maintainer_email=ABOUT.find('maintainer').get('email'),
+    **{key: ABOUT.findtext(key) for key in ('version', 'description', 'license', 'maintainer')},
+    entry_points={'console_scripts': [
+        f'driver = {PACKAGE}.nodes.driver:main',
+        f'contact_estimator = {PACKAGE}.nodes.contact_estimator:main',
+        f'estimate = {PACKAGE}.cli.estimate:main',
+    ]},
+)

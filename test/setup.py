@@ -1,12 +1,14 @@
-"""Installation of the package."""
-from setuptools import setup
+"""Installation of the package; what is known of it stands in package.xml."""
+from xml.etree import ElementTree
+
+from setuptools import find_packages, setup
 
 PACKAGE = 'tactile_tests'
+ABOUT = ElementTree.parse('package.xml').getroot()
 
 setup(
     name=PACKAGE,
-    version='0.1.0',
-    packages=[PACKAGE],
+    packages=find_packages(include=[PACKAGE]),
     data_files=[
         ('share/ament_index/resource_index/packages', [f'resource/{PACKAGE}']),
         (f'share/{PACKAGE}', ['package.xml']),
@@ -14,8 +16,6 @@ setup(
     install_requires=['setuptools'],
     extras_require={'test': ['pytest']},  # colcon test looks here for the runner
     zip_safe=True,
-    maintainer='Tactile stack maintainers',
-    maintainer_email='maintainers@tactile.invalid',
-    description='System tests of the tactile stack: the closed loop, faults, launch files.',
-    license='Apache-2.0',
+    maintainer_email=ABOUT.find('maintainer').get('email'),
+    **{key: ABOUT.findtext(key) for key in ('version', 'description', 'license', 'maintainer')},
 )

@@ -20,7 +20,7 @@ from edge_tracking.resources import find_scene, scene_names, share
 from tactile_common.ros.runner import make_executor, spin, stop_on_signals
 from tactile_sensing.nodes.contact_estimator import ContactEstimatorNode
 from tactile_sensing.nodes.driver import DriverNode
-from tactile_servo.laws.registry import DEFAULT, TRACKERS
+from tactile_servo.laws.registry import DEFAULT, LAWS
 from tactile_servo.nodes.servo import EdgeServoNode
 from tactile_shape.nodes.shape_estimator import ShapeEstimatorNode
 from tactile_simulation.nodes.mock_robot import MockRobotNode
@@ -125,7 +125,7 @@ def parser():
     arguments.add_argument('--port', default='', help='serial port of a real sensor')
     arguments.add_argument('--scene', default='straight', help='what the mock sensor touches: '
                            f'{", ".join(scene_names())}, or the path of a .yaml file')
-    arguments.add_argument('--tracker', choices=tuple(TRACKERS), default=DEFAULT,
+    arguments.add_argument('--tracker', choices=tuple(LAWS), default=DEFAULT,
                            help='how the edge is followed')
     arguments.add_argument('--robot-description', default=str(share('urdf', 'puma260.urdf')),
                            help='URDF of the robot, with a link tactile_pad')

@@ -28,7 +28,7 @@ from tactile_common.errors import TactileError
 from tactile_common.progress import Progress
 from tactile_common.ros.runner import stop_on_signals
 from tactile_sensing.devices.recording import load_recording
-from tactile_servo.laws.registry import DEFAULT, TRACKERS
+from tactile_servo.laws.registry import DEFAULT, LAWS
 from tactile_servo.types import State
 from tactile_simulation.scene import load_scene
 
@@ -46,7 +46,7 @@ def parser():
         'columns), rate_hz, optional pitch_m) run through driver and estimator instead.')
     arguments.add_argument('--scene', default='straight',
                            help=f'{", ".join(scene_names())}, or the path of a .yaml file')
-    arguments.add_argument('--controller', choices=tuple(TRACKERS), default=DEFAULT,
+    arguments.add_argument('--controller', choices=tuple(LAWS), default=DEFAULT,
                            help='how the edge is followed')
     arguments.add_argument('--speed', type=float, default=0.03, help='along the edge [m/s]')
     arguments.add_argument('--force', type=float, default=5.0, help='on the pad [N]')
@@ -93,7 +93,7 @@ def own_domain():
     return domain
 
 
-def track_scene(options, folder, progress, **common):
+def track_scene(options, folder, **common):
     """Run the scene; returns (success, reason)."""
     path = find_scene(options.scene)
     edge = load_scene(path)
@@ -101,13 +101,15 @@ def track_scene(options, folder, progress, **common):
     length = edge.edge.length - edge.start.s
 
     def show(feedback):
-        text = feedback.reason if feedback.state == State.HOLD else (
-            f'lateral {1e3 * feedback.lateral_error:+.3f} mm  '
-            f'force {feedback.normal_force:.2f} N')
-        progress.show(
-            min(feedback.progress / length, 1.0), State(feedback.state).name.lower(),
-            f'{1e3 * feedback.progress:5.0f} mm  {text}')
-    with private_port() as port, stop_on_signals() as stop, \
+        text = [f'{1e3 * feedback.progress:.0f} mm']
+        if feedback.state == State.HOLD:
+            text.append(feedback.reason)
+        else:  # what is not known, before the edge is felt, is left out
+            text += [form.format(factor * value) for form, factor, value in (
+                ('lateral {:+.3f} mm', 1e3, feedback.lateral_error),
+                ('force {:.2f} N', 1.0, feedback.normal_force)) if math.isfinite(value)]
+        progress.show(feedback.progress, State(feedback.state).name.lower(), ', '.join(text))
+    with private_port() as port, stop_on_signals() as stop, Progress(length) as progress, \
             apart('listeners', folder / 'bag', **common) as listeners, \
             apart('mocks', port, path, robot, options.seed, **common) as mocks, \
             apart('sensing', port, **common) as sensing, Graph(**common) as graph:
@@ -120,7 +122,7 @@ def track_scene(options, folder, progress, **common):
         track = graph.add(TrackNode, own={'on_feedback': show}, speed=options.speed,
                           force=options.force,
                           closed=edge.edge.closed
-                          and TRACKERS[options.controller].closes_contours)
+                          and LAWS[options.controller].closes_contours)
         graph.spin(lambda: track.finished or over())
         if stop.is_set():
             track.cancel()
@@ -183,13 +185,12 @@ def run(options):
     folder = out_folder(options.out, name)
     common = {'parameters': options.parameters, 'domain': own_domain()}
     report = folder / 'report.html'
-    with Progress(sys.stderr) as progress:
-        if options.recording:
-            success, reason = play(
-                options.recording, len(recording.frames) / recording.rate_hz, calibration,
-                folder, progress, **common)
-        else:
-            success, reason = track_scene(options, folder, progress, **common)
+    if options.recording:
+        success, reason = play(
+            options.recording, len(recording.frames) / recording.rate_hz, calibration,
+            folder, **common)
+    else:
+        success, reason = track_scene(options, folder, **common)
     try:
         data = read_run(folder / 'bag')
     except TactileError as error:  # what was recorded ended with its recorder

@@ -4,6 +4,7 @@ import time
 
 from edge_tracking.composed import Graph, linger, private_port
 from edge_tracking.process_group import record
+from tactile_common.progress import Progress
 from tactile_common.ros.runner import stop_on_signals
 from tactile_sensing.devices.calibration import Calibration, load_calibration
 from tactile_sensing.nodes.contact_estimator import ContactEstimatorNode
@@ -57,7 +58,7 @@ def live_window(text, shape):
                  if r not in rows or c not in columns)
 
 
-def play(path, duration, calibration, folder, progress, **common):
+def play(path, duration, calibration, folder, **common):
     """
     Stream a recording through driver and estimator, and record that.
 
@@ -70,7 +71,6 @@ def play(path, duration, calibration, folder, progress, **common):
     calibration : Calibration
     folder : Path
         That the bag is made in.
-    progress : Progress
     **common
         Of the `Graph`.
 
@@ -79,7 +79,8 @@ def play(path, duration, calibration, folder, progress, **common):
     success : bool
     reason : str
     """
-    with private_port() as port, stop_on_signals() as stop, Graph(**common) as graph:
+    with private_port() as port, stop_on_signals() as stop, Graph(**common) as graph, \
+            Progress(duration) as progress:
         record(graph, folder / 'bag')
         graph.add(ContactEstimatorNode)
         sensor = graph.add(MockSensorNode, port=str(port), recording=str(path))
@@ -89,7 +90,7 @@ def play(path, duration, calibration, folder, progress, **common):
 
         def until():
             gone = time.monotonic() - started
-            progress.show(min(gone / duration, 1.0), 'playing', f'{gone:.0f} of {duration:.0f} s')
+            progress.show(gone, 'playing', f'{gone:.0f} of {duration:.0f} s')
             return stop.is_set() or sensor.finished.is_set()
         graph.spin(until)
         if stop.is_set():

@@ -23,7 +23,7 @@ from launch_ros.actions import Node
 from launch_ros.parameter_descriptions import ParameterValue
 
 from edge_tracking.resources import find_scene, scene_names, share
-from tactile_servo.laws.registry import DEFAULT, TRACKERS
+from tactile_servo.laws.registry import DEFAULT, LAWS
 from tactile_simulation.scene import load_scene
 
 ARGUMENTS = (
@@ -36,7 +36,7 @@ ARGUMENTS = (
     ('scene', 'straight', f'what the mock sensor touches: {", ".join(scene_names())}, or the '
      'path of a .yaml file', None),
     ('tracker', DEFAULT, "how the edge is followed: traced in the robot's base, or by the "
-     "thesis' resolved-rate servo", tuple(TRACKERS)),
+     "thesis' resolved-rate servo", tuple(LAWS)),
     ('speed', '0.03', 'along the edge [m/s]', None),
     ('force', '5.0', 'normal force on the pad [N]', None),
     ('length', '0.0', 'way to track [m]; 0 = until the edge ends', None),
@@ -101,7 +101,7 @@ def nodes(context):
     if start:
         # The nodes start along with it, and their first start ever compiles their kernels.
         closed = (bool(scene) and load_scene(scene).edge.closed
-                  and TRACKERS[value['tracker']].closes_contours)
+                  and LAWS[value['tracker']].closes_contours)
         track = node('edge_tracking', 'track', wait=60.0, closed=closed, **{
             name: number(name, value[name]) for name in ('speed', 'force', 'length')})
         actions.append(track)

@@ -52,8 +52,9 @@ def check_fields(config: Any, prefix: str = '') -> None:
         A field has the wrong type, is outside its `range`, is not finite though it has one, or
         is none of its `choices`. The message tells name, value, bounds and unit.
     """
-    kinds = types_of(type(config))
-    for field in dataclasses.fields(config):
+    config_class: Any = type(config)
+    kinds = types_of(config_class)
+    for field in dataclasses.fields(config_class):
         checked(prefix + field.name, getattr(config, field.name), kinds[field.name],
                 field.metadata)
 
@@ -84,7 +85,7 @@ def checked(name: str, value: Any, kind: Any, metadata: Mapping = types.MappingP
     ConfigurationError
     """
     value = value.item() if isinstance(value, np.generic) else value
-    origin, metadata = get_origin(kind), dict(metadata)
+    origin = get_origin(kind)
     if origin in (Union, types.UnionType):
         if value is None and type(None) in get_args(kind):
             return None
@@ -97,23 +98,20 @@ def checked(name: str, value: Any, kind: Any, metadata: Mapping = types.MappingP
         return tuple(checked(f'{name}[{k}]', item, item_kind, metadata)
                      for k, item in enumerate(value))
     if origin is Literal:
-        kind, metadata['choices'] = type(get_args(kind)[0]), get_args(kind)
+        kind, metadata = type(get_args(kind)[0]), {**metadata, 'choices': get_args(kind)}
     if kind in _KINDS:
         accepted, expected = _KINDS[kind]
         if not isinstance(value, accepted) or (isinstance(value, bool) and kind is not bool):
             _refuse(name, value, expected)
         value = kind(value)
-    elif dataclasses.is_dataclass(kind) and not isinstance(value, kind):
-        _refuse(name, value, f'a {kind.__name__}')
-    if 'range' in metadata and not _within(value, *metadata['range']):
-        _refuse(name, value, _bounds(*metadata['range'], metadata.get('unit', '')))
+    elif dataclasses.is_dataclass(kind) and type(value) is not kind:
+        _refuse(name, value, f'a {getattr(kind, "__name__", kind)}')
+    low, high = metadata.get('range', (-math.inf, math.inf))
+    if 'range' in metadata and not (math.isfinite(value) and low <= value <= high):
+        _refuse(name, value, _bounds(low, high, metadata.get('unit', '')))
     if 'choices' in metadata and value not in metadata['choices']:
         _refuse(name, value, f'one of {", ".join(map(str, metadata["choices"]))}')
     return value
-
-
-def _within(value, low, high):
-    return math.isfinite(value) and low <= value <= high
 
 
 def _bounds(low, high, unit):

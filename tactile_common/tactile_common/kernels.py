@@ -4,11 +4,18 @@ Where numba keeps what it compiled: a folder named after the sources of all kern
 Numba looks at the file of the compiled function only, not at those of the functions that it
 calls; a folder of its own for every state of the sources makes its cache right. Every module
 with a kernel takes `njit` from here, so that the folder is set before anything is compiled.
-"""
 
+`compile_kernels`, also a command, fills that folder, so that no first start has to wait.
+"""
+from collections.abc import Iterator
+from importlib import import_module
 from importlib.util import find_spec
 import os
 from pathlib import Path
+import re
+import shutil
+import sys
+import time
 import zlib
 
 from numba import config, njit
@@ -26,7 +33,7 @@ def source_hash() -> str:
     digest = 0
     for name in PACKAGES:
         spec = find_spec(name)
-        for folder in spec.submodule_search_locations if spec else ():
+        for folder in (spec.submodule_search_locations or ()) if spec else ():
             for path in sorted(Path(folder).rglob('*.py')):
                 source = path.read_bytes()
                 if b'@njit' in source:
@@ -41,4 +48,42 @@ def cache_folder() -> Path:
     return Path(root, source_hash())
 
 
+def compile_kernels() -> Iterator[tuple[str, float]]:
+    """
+    Compile the kernels of every installed package, and forget those of earlier sources.
+
+    A package that has kernels has a module `compile_kernels` with a function of that name,
+    which calls each of them once.
+
+    Yields
+    ------
+    package : str
+    seconds : float
+        That its kernels took; little where they had been compiled before.
+    """
+    folder = cache_folder()
+    for other in folder.parent.glob('*'):
+        if other != folder and re.fullmatch('[0-9a-f]{8}', other.name):
+            shutil.rmtree(other, ignore_errors=True)
+    for package in PACKAGES:
+        if find_spec(package) and find_spec(f'{package}.compile_kernels'):
+            begin = time.perf_counter()
+            import_module(f'{package}.compile_kernels').compile_kernels()
+            yield package, time.perf_counter() - begin
+
+
+def main() -> int:
+    """Compile everything; one line for each package."""
+    from tqdm import tqdm  # only here: this module is imported by every kernel
+
+    print(f'kernels go to {cache_folder()}', file=sys.stderr)
+    with tqdm(compile_kernels(), unit=' packages', disable=None) as packages:
+        for package, seconds in packages:
+            packages.write(f'{package}: {seconds:.1f} s', file=sys.stderr)
+    return 0
+
+
 config.CACHE_DIR = str(cache_folder())
+
+if __name__ == '__main__':
+    sys.exit(main())

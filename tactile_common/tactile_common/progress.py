@@ -1,45 +1,56 @@
-"""One line of progress on a terminal."""
+"""One line of progress on a terminal, a line now and then in a log."""
+import math
+import sys
 
-import time
+from tqdm import tqdm
 
-_WIDTH = 30
-_PERIOD = 0.1  # s between lines on a terminal
-_QUIET_PERIOD = 2.0  # s where the output is no terminal: a log
+_PERIOD = 0.1  # s between redrawings on a terminal
+_QUIET_PERIOD = 2.0  # s between lines where the output is no terminal
 
 
-class Progress:
+class Progress(tqdm):
     """
-    Progress bar that rewrites its line on a terminal, and prints now and then elsewhere.
+    Progress bar; use as a context manager.
 
     Parameters
     ----------
-    stream : file
-        Where to, usually sys.stderr.
+    total : float
+        What there is to do, in any unit.
     delay : float, optional
         Nothing is shown of what takes less than this [s].
+    stream : file, optional
+        Where to; sys.stderr if missing.
     """
 
-    def __init__(self, stream, delay=0.0):
-        self._stream = stream
-        self._begin = time.monotonic() + delay
-        self._terminal = stream.isatty()
-        self._shown = -float('inf')
-        self._drawn = False
+    monitor_interval = 0  # no thread beside
 
-    def __enter__(self):
-        return self
+    def __init__(self, total: float, delay: float = 0.0, stream=None):
+        stream = stream or sys.stderr
+        self._terminal, self._drawn = stream.isatty(), False
+        super().__init__(
+            total=total, file=stream, delay=delay, miniters=0, leave=self._terminal,
+            mininterval=_PERIOD if self._terminal else _QUIET_PERIOD, dynamic_ncols=True,
+            bar_format='{desc:9} |{bar:30}| {percentage:3.0f} % {elapsed}<{remaining}{postfix}')
 
-    def __exit__(self, *_):
-        if self._terminal and self._drawn:
-            self._stream.write('\n')
+    def show(self, done: float, state: str, text: str = '') -> None:
+        """Show how much is done, the state and a text; what is NaN leaves the bar as it is."""
+        self.set_description_str(state, refresh=False)
+        self.set_postfix_str(text, refresh=False)
+        if math.isfinite(done):
+            self.n = min(max(done, 0.0), self.total)
+        self.update(0)
 
-    def show(self, fraction, state, text):
-        """Show the fraction done (0 to 1), the state and a text."""
-        now = time.monotonic()
-        if now < self._begin or now - self._shown < (_PERIOD if self._terminal else _QUIET_PERIOD):
-            return
-        self._shown, self._drawn = now, True
-        done = round(_WIDTH * fraction)
-        line = f'{state:9} [{"#" * done}{"." * (_WIDTH - done)}] {text}'
-        self._stream.write(f'\r\x1b[2K{line}' if self._terminal else f'{line}\n')
-        self._stream.flush()
+    def display(self, msg=None, pos=None):
+        """Draw the bar, in a log as a line of its own."""
+        self._drawn = True
+        if self._terminal:
+            return super().display(msg, pos)
+        if msg != '':  # which would erase the line
+            self.fp.write(f'{self if msg is None else msg}\n')
+        return False
+
+    def close(self):
+        """Draw what there is at the end, if anything was drawn before."""
+        if not self.disable and self._drawn and not self._terminal:
+            self.display()
+        super().close()

@@ -311,7 +311,7 @@ def test_progress_only_where_it_takes_long(there, capsys, monkeypatch):
     monkeypatch.setattr(estimate, 'QUIET', 0.0)
     monkeypatch.setattr(estimate, 'CHUNK_BYTES', frames[0].nbytes)
     assert run(frames=frames) == 0
-    assert '1 of 3 frames' in capsys.readouterr().err
+    assert '3 of 3 frames' in capsys.readouterr().err
 
 
 def test_help_names_everything(capsys):

@@ -37,19 +37,20 @@ def summarise(simulation, goal, status, *, name, tracker, seed, elapsed=NAN):
     lateral, force = np.abs(truth[settled, 1]), truth[settled, 2]
     first = simulation.log[0].time
     duration = simulation.log[-1].time - first
-    error, area = contour_errors(simulation.servo.tracker.contour(), simulation.scene.edge)
+    result = simulation.servo.result()
+    error, area = contour_errors(result.contour, simulation.scene.edge)
     costs = np.array(simulation.cycle_costs or [NAN])
-    closed = simulation.servo.closed
     return {
         'ok': bool(simulation.servo.success), 'state': status.state.name.lower(),
-        'reason': status.reason, 'scene': name, 'controller': tracker, 'seed': seed,
+        'reason': status.reason.text, 'reason_code': status.reason.code.name.lower(),
+        'scene': name, 'controller': tracker, 'seed': seed,
         'speed': goal.speed, 'tracked_length': status.progress,
         'lateral_rms': _rms(lateral), 'lateral_max': _largest(lateral),
         'lateral_steady': _rms(lateral[len(lateral) // 2:]),
         'lateral_transient_max': _largest(np.abs(truth[~settled, 1])),
         'force_target': goal.force, 'force_rms_error': _rms(force - goal.force),
         'force_max': max(cycle.force for cycle in simulation.log),
-        'closed': closed, 'contour_max_error': error, 'contour_area_error': area,
+        'closed': result.closed, 'contour_max_error': error, 'contour_area_error': area,
         'duration': duration,
         'real_time_factor': duration / elapsed, 'sensor_rate': simulation.sensor_rate,
         'control_rate': simulation.control_rate, 'latency_p50': simulation.latency,
@@ -66,7 +67,8 @@ def state_history(simulation):
         if cycle.status.state != last:
             last = cycle.status.state
             history.append({'time': cycle.time, 'state': State(last).name.lower(),
-                            'reason': cycle.status.reason})
+                            'reason': cycle.status.reason.text,
+                            'reason_code': cycle.status.reason.code.name.lower()})
     return history
 
 

@@ -17,6 +17,7 @@ from edge_tracking.report.style import (
     style,
     tactels,
 )
+from tactile_common.polyline import arc_length
 from tactile_sensing.types.contact import ContactType
 from tactile_servo.types import State
 from tactile_shape.cli.plots import draw_model
@@ -124,8 +125,7 @@ def outline(run, scene, found):
     plan.set_aspect('equal')
     style(plan, 'along the first edge [mm]', 'across [mm]',
           'True edge, contacts (dots), outline (line)')
-    way = np.concatenate([[0.0], np.cumsum(
-        np.linalg.norm(np.diff(run.contour, axis=0), axis=1))])
+    way = arc_length(run.contour)
     lateral, _ = scene.edge.nearest(run.contour)
     off.plot(1e3 * way, 1e3 * lateral, color=BLUE, linewidth=1.2)
     style(off, 'along the contour [mm]', 'contacts left of the edge [mm]',

@@ -16,7 +16,7 @@ from rclpy.signals import SignalHandlerOptions
 try:
     from rclpy.experimental import EventsExecutor
 except ImportError:
-    EventsExecutor = None
+    EventsExecutor = None  # type: ignore[assignment]
 
 # Longest wait for work before `until` and the signals are looked at again [s].
 _TICK = 0.05

@@ -292,13 +292,13 @@ def run(options):
     with RecordWriter(options.out, RECORD, total) as writer:
         estimator = make_estimator(config)
         begin = time.perf_counter()
-        with Progress(sys.stderr, delay=QUIET) as progress:
+        with Progress(total, QUIET) as progress:
             for frames in reader.chunks(chunk):
                 stress = np.array(frames, dtype=np.float64)
                 stress[..., dead] = np.nan
                 records = estimator.estimate_batch(stress, array, layers)
                 done += len(frames)
-                progress.show(done / total, 'estimate', f'{done} of {total} frames')
+                progress.show(done, 'estimate', f'{done} of {total} frames')
                 tally.add(records)
                 writer.append(records)
         rate = total / max(time.perf_counter() - begin, 1e-9)

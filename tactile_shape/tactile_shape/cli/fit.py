@@ -220,7 +220,7 @@ def fit_all(trace, tracker, quadric, writer):
     """
     records = np.zeros(len(trace), RECORD)
     errors, reasons, written = np.full(len(trace), np.nan), {}, 0
-    with Progress(sys.stderr, delay=QUIET) as progress:
+    with Progress(len(trace), QUIET) as progress:
         for k, patch in enumerate(patches(trace, tracker)):
             for name, (_, value, *_) in OUTPUT.items():
                 records[name][k] = trace.t[k] if value is None else value(patch)
@@ -228,7 +228,7 @@ def fit_all(trace, tracker, quadric, writer):
             if not patch.valid:
                 reason = _NUMBERS.sub('', patch.reason)
                 reasons[reason] = reasons.get(reason, 0) + 1
-            progress.show((k + 1) / len(trace), 'fit', f'{k + 1} of {len(trace)} contacts')
+            progress.show(k + 1, 'fit', f'{k + 1} of {len(trace)} contacts')
             if k + 1 - written == CHUNK or k + 1 == len(trace):
                 writer.append(records[written:k + 1])
                 written = k + 1

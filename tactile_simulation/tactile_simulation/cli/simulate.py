@@ -14,7 +14,7 @@ import time
 import numpy as np
 
 from tactile_common.errors import TactileError
-from tactile_servo.laws.registry import DEFAULT, TRACKERS
+from tactile_servo.laws.registry import DEFAULT, LAWS
 from tactile_servo.motion.limits import JointLimits
 from tactile_servo.motion.robot import RobotModel
 from tactile_servo.types import EdgeGoal
@@ -31,7 +31,7 @@ def parser():
         prog='simulate', description=__doc__.strip().splitlines()[0],
         formatter_class=argparse.ArgumentDefaultsHelpFormatter)
     arguments.add_argument('scene', help='YAML file of the scene')
-    arguments.add_argument('--controller', default=DEFAULT, choices=list(TRACKERS))
+    arguments.add_argument('--controller', default=DEFAULT, choices=list(LAWS))
     arguments.add_argument('--speed', type=float, default=0.03, help='along the edge [m/s]')
     arguments.add_argument('--force', type=float, default=5.0, help='on the pad [N]')
     arguments.add_argument('--direction', type=int, default=1, choices=(-1, 1),
@@ -65,7 +65,7 @@ def run(options):
     scene = load_scene(options.scene)
     goal = EdgeGoal(options.speed, options.force, options.direction, options.length,
                     closed=scene.edge.closed and options.length == 0.0
-                    and TRACKERS[options.controller].closes_contours)
+                    and LAWS[options.controller].closes_contours)
     simulation = Simulation(scene, options.controller, seed=options.seed,
                             latency=options.latency, robot=robot_from(options.robot),
                             clock=time.perf_counter)
@@ -115,7 +115,7 @@ def draw(simulation, path):
         edge.points, 2, axis=0)[1:-1], np.nan)
     plan.plot(1e3 * outline[:, 0], 1e3 * outline[:, 1], color='0.7', lw=4, label='edge')
     plan.plot(1e3 * way[:, 0], 1e3 * way[:, 1], 'C0', lw=1, label="pad's centre")
-    contour = simulation.servo.tracker.contour()
+    contour = simulation.servo.result().contour
     if contour is not None:
         plan.plot(1e3 * contour[:, 0], 1e3 * contour[:, 1], 'C3:', lw=1, label='rebuilt edge')
     plan.set(aspect='equal', xlabel='x [mm]', ylabel='y [mm]', title=simulation.scene.name)
