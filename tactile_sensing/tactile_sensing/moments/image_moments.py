@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from tactile_sensing.half_space.line import yaw_from_thesis
+from tactile_sensing.types.array import TactelArray
 from tactile_sensing.types.moments import Moments
 
 
@@ -17,7 +18,8 @@ class MomentLine:
     line_force: float
 
 
-def image_moments(pressure, array, *, threshold=0.0):
+def image_moments(
+        pressure: np.ndarray, array: TactelArray, *, threshold: float = 0.0) -> Moments:
     """
     Moments of a pressure image.
 
@@ -44,7 +46,8 @@ def image_moments(pressure, array, *, threshold=0.0):
         mxx=float(by_column @ x**2), myy=float(by_row @ y**2), mxy=float(y @ p @ x))
 
 
-def line_from_moments(moments, half_length, *, printed=False):
+def line_from_moments(
+        moments: Moments, half_length: float, *, printed: bool = False) -> MomentLine:
     """
     Line contact from the moments of a strip-cut window, (3.8) to (3.10).
 
