@@ -6,8 +6,8 @@ import pytest
 from rclpy.node import Node
 from rclpy.qos import qos_profile_sensor_data
 
-from edge_tracking.composed import add_mocks, add_sensing, add_servo, Graph, private_port
 from edge_tracking.demo import own_domain
+from edge_tracking.graph import add_mocks, add_sensing, add_servo, Graph, private_port
 from edge_tracking.process_group import record
 from edge_tracking.resources import find_scene, share
 from edge_tracking.track import TrackNode

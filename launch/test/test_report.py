@@ -119,6 +119,6 @@ def test_picture_is_a_png(run, scene, tmp_path):
 
 
 def test_graph_needs_neither_matplotlib_nor_rosbags():
-    code = ('import sys, edge_tracking.composed, edge_tracking.track; '
+    code = ('import sys, edge_tracking.graph, edge_tracking.track; '
             'sys.exit(bool({"matplotlib", "rosbags"} & set(sys.modules)))')
     assert subprocess.run([sys.executable, '-c', code], check=False).returncode == 0

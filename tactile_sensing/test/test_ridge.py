@@ -4,7 +4,7 @@ import math
 import numpy as np
 import pytest
 
-from tactile_sensing.contact.ridge import centre_of_load, mend, ridge_points
+from tactile_sensing.contact.ridge import mend, ridge_points
 from tactile_sensing.half_space.line import pressure as line_pressure
 from tactile_sensing.types.array import TactelArray
 
@@ -66,15 +66,6 @@ def test_an_invalid_neighbour_is_no_witness(columns):
     broken = picture.copy()
     broken[6, list(columns)] = np.nan
     np.testing.assert_allclose(mend(broken, 630.0), picture)
-
-
-def test_the_centre_of_the_load_is_that_of_its_stronger_part():
-    picture = np.zeros(PAD.shape)
-    picture[3, 5], picture[3, 7], picture[9, 2] = 4e4, 4e4, 1e4
-    assert centre_of_load(picture, PAD.x, PAD.y, 0.3) == pytest.approx((PAD.x[6], PAD.y[3]))
-    expected = (8 * PAD.x[6] + PAD.x[2]) / 9, (8 * PAD.y[3] + PAD.y[9]) / 9
-    assert centre_of_load(picture, PAD.x, PAD.y, 0.2) == pytest.approx(expected)
-    assert centre_of_load(0.0 * picture, PAD.x, PAD.y, 0.3) == (0.0, 0.0)
 
 
 def test_sound_pictures_are_left_alone():

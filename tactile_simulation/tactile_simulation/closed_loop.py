@@ -7,18 +7,18 @@ import numpy as np
 
 from tactile_sensing.contact.estimator import ContactEstimator
 from tactile_sensing.devices.calibration import Calibration
-from tactile_sensing.types.array import TactelArray
 from tactile_sensing.types.image import TactileImage
 from tactile_servo.laws.registry import make_tracker
 from tactile_servo.supervisor import EdgeServo
-from tactile_servo.types import EdgeServoConfig, State
+from tactile_servo.track_statistics import SETTLING_LENGTH
+from tactile_servo.types import EdgeServoConfig
 from tactile_simulation.gantry import gantry
 from tactile_simulation.joint_controller import MockController
+from tactile_simulation.metrics import ON_EDGE, Truth
 from tactile_simulation.renderer import EdgeRenderer
 
 STEP = 2.5e-3  # s; control at 400 Hz
 PICTURE_EVERY = 2  # steps; sensing at 200 Hz
-SIZE, PITCH = 16, 0.0254 / 16  # of the thesis' array: tactels a side, m
 TARE_FRAMES = 100
 
 
@@ -73,7 +73,7 @@ class Simulation:
                  settings=None, robot=None, seed_positions=None, workspace=None, clock=None):
         self.scene, plant = scene, scene.plant
         self.rng = np.random.default_rng(seed)
-        self.array = TactelArray(SIZE, SIZE, PITCH, PITCH)
+        self.array = scene.sensor.array
         self.renderer = EdgeRenderer(scene, self.array)
         self._convert = self._tared()
         self.model, self.limits = robot or gantry(plant.acceleration)
@@ -90,7 +90,7 @@ class Simulation:
         self.estimator = ContactEstimator()
         self.latency = plant.latency if latency is None else latency
         self.now, self.tick, self.pose = 1.0, 0, self.model.pose(start)
-        self._on_the_way = deque()
+        self._on_the_way: deque = deque()
         self.sensor_alive = self.robot_alive = True
         self.log = []
         self._clock = clock or (lambda: 0.0)
@@ -180,20 +180,13 @@ class Simulation:
             if self.servo.goal is None or (until and until(status)) or self.now >= end:
                 return status
 
-    def truth(self, states=(State.TRACK, State.CORNER)):
-        """
-        Where the pad really was while it tracked.
-
-        Returns
-        -------
-        ndarray, shape (N, 4)
-            Time [s], lateral error [m], force [N] and progress [m] of every cycle.
-        """
-        rows = [cycle for cycle in self.log if cycle.status.state in states]
-        if not rows:
-            return np.empty((0, 4))
-        places = np.array([cycle.pose[:3, 3] - cycle.shift for cycle in rows])
-        lateral, _ = self.scene.edge.nearest(places)
-        return np.column_stack([
-            [cycle.time for cycle in rows], lateral, [cycle.force for cycle in rows],
-            [cycle.status.progress for cycle in rows]])
+    def truth(self) -> Truth:
+        """Where the pad really was, at every cycle."""
+        lateral, along = self.scene.edge.nearest(
+            np.array([cycle.pose[:3, 3] - cycle.shift for cycle in self.log]))
+        progress = np.array([cycle.status.progress for cycle in self.log])
+        tracking = np.isin([cycle.status.state for cycle in self.log], ON_EDGE)
+        settled = tracking & (progress >= SETTLING_LENGTH)
+        return Truth(
+            np.array([cycle.time for cycle in self.log]), lateral, along,
+            np.array([cycle.force for cycle in self.log]), progress, tracking, settled, settled)

@@ -7,6 +7,8 @@ import numpy as np
 import yaml
 
 from tactile_common.errors import ConfigurationError
+from tactile_common.polyline import arc_length
+from tactile_sensing.types.array import TactelArray
 from tactile_simulation.edge_path import EdgePath
 from tactile_simulation.edge_shapes import lifted, polygon, spline, Turtle
 
@@ -28,7 +30,7 @@ class Skin:
 
 @dataclass(frozen=True)
 class Sensor:
-    """How the tactels turn pressure into counts of eight bits."""
+    """The array, and how its tactels turn pressure into counts of eight bits."""
 
     # Standard deviation of one tactel [Pa]: 40 dB below the peak of 5 N on a pad of 25.4 mm.
     noise_std: float = 630.0
@@ -36,13 +38,29 @@ class Sensor:
     pa_per_count: float = 627.45  # pressure of one count [Pa]: 160 kPa at 255
     gain_spread: float = 0.0  # standard deviation of a tactel's gain that nobody calibrated
     dead: float = 0.0  # tactels that always report the baseline, unknown to the driver
+    rows: int = 16  # tactels along the pad's y
+    columns: int = 16  # tactels along the pad's x
+    pitch_x: float = 0.0254 / 16  # distance of the columns [m]
+    pitch_y: float = 0.0254 / 16  # distance of the rows [m]
 
     def __post_init__(self):
+        for name in ('rows', 'columns'):
+            value = _bounded(f'sensor.{name}', getattr(self, name), 2, 256, 'tactels')
+            if value != int(value):
+                raise ConfigurationError(f'sensor.{name} is {value}, must be a whole number')
+            object.__setattr__(self, name, int(value))
+        for name in ('pitch_x', 'pitch_y'):
+            _bounded(f'sensor.{name}', getattr(self, name), 1e-5, 0.1, 'm')
         _bounded('sensor.noise_std', self.noise_std, 0.0, 1e7, 'Pa')
         _bounded('sensor.baseline', self.baseline, 0.0, 255.0, 'counts')
         _bounded('sensor.pa_per_count', self.pa_per_count, 1e-3, 1e7, 'Pa')
         _bounded('sensor.gain_spread', self.gain_spread, 0.0, 0.3, '')
         _bounded('sensor.dead', self.dead, 0, 64, 'tactels')
+
+    @property
+    def array(self) -> TactelArray:
+        """Geometry of the array."""
+        return TactelArray(self.rows, self.columns, self.pitch_x, self.pitch_y)
 
 
 @dataclass(frozen=True)
@@ -102,7 +120,7 @@ class Scene:
     sensor: Sensor = field(default_factory=Sensor)
     start: Start = field(default_factory=Start)
     plant: Plant = field(default_factory=Plant)
-    slip: Slip = None
+    slip: Slip | None = None
 
     def __post_init__(self):
         if self.start.s > self.edge.length:
@@ -203,9 +221,8 @@ def _edge(tree):
         z = _bounded('edge.z', values['z'], -MAX_LENGTH, MAX_LENGTH, 'm')
         make = _polygon if shape == 'polygon' else _spline
         plan = make(tree[shape], closed)
-    length = float(np.linalg.norm(np.diff(plan, axis=0), axis=1).sum())
     return lifted(plan, z, height=_height(values.get('height')), wave=_wave(values.get('wave')),
-                  gaps=_gaps(values.get('gaps', []), length))
+                  gaps=_gaps(values.get('gaps', []), arc_length(plan)[-1]))
 
 
 def _walk(values, path, closed):

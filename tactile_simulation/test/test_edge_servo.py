@@ -7,8 +7,8 @@ from puma_loop import puma_loop, tracked
 import pytest
 
 from tactile_common.errors import ConfigurationError
-from tactile_sensing.moments.image_moments import Moments
 from tactile_sensing.types.contact import Contact, ContactType, Reason
+from tactile_sensing.types.moments import Moments
 from tactile_servo.motion.limits import WorkspaceBox
 from tactile_servo.types import EdgeGoal, EdgeServoConfig, State
 

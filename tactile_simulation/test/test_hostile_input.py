@@ -13,10 +13,10 @@ import numpy as np
 from puma_loop import ELBOW, LIMITS, PUMA
 import pytest
 
-from tactile_sensing.moments.image_moments import Moments
 from tactile_sensing.types.array import TactelArray
 from tactile_sensing.types.contact import Contact, ContactType, Reason
 from tactile_sensing.types.image import Layer, TactileImage
+from tactile_sensing.types.moments import Moments
 from tactile_servo.laws.registry import make_tracker, TRACKERS
 from tactile_servo.motion.limits import WorkspaceBox
 from tactile_servo.supervisor import EdgeServo

@@ -6,8 +6,8 @@ import numpy as np
 from puma_loop import ROOT, tracked
 import pytest
 
-from tactile_sensing.moments.image_moments import Moments
 from tactile_sensing.types.contact import Contact, ContactType, Reason
+from tactile_sensing.types.moments import Moments
 from tactile_servo.control.stability import gain_limit
 from tactile_servo.laws.resolved_rate import ResolvedRate, ResolvedRateConfig
 from tactile_servo.types import EdgeGoal, EdgeServoConfig, State

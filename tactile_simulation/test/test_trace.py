@@ -151,8 +151,8 @@ def test_pictures_that_stop_hold_and_go_on():
     loop.sensor_alive = True
     loop.run(None, 20.0)
     assert loop.servo.success, loop.servo.reason
-    lateral = np.abs(loop.truth()[:, 1])
-    assert lateral[-400:].max() < 0.05e-3
+    truth = loop.truth()
+    assert np.abs(truth.lateral[truth.tracking][-400:]).max() < 0.05e-3
 
 
 def test_pause_and_resume_keep_the_edge():
@@ -171,7 +171,7 @@ def test_latency_is_no_part_of_the_lateral_loop():
     simulation.run(EdgeGoal(0.06, 5.0), 30.0)
     truth = simulation.truth()
     assert simulation.servo.success
-    assert np.abs(truth[truth[:, 3] > 0.02, 1]).max() < 0.05e-3
+    assert np.abs(truth.lateral[truth.tracking & (truth.progress > 0.02)]).max() < 0.05e-3
 
 
 @pytest.mark.parametrize('scene, latency', [('gap', 0.06), ('two_segments', 0.08)])
@@ -237,4 +237,4 @@ def test_a_corner_is_held_by_an_arm_whose_wrist_is_no_faster_than_its_other_join
     loop.run(EdgeGoal(speed, 5.0), 30.0)
     truth = loop.truth()
     assert loop.servo.success
-    assert np.abs(truth[truth[:, 3] > 0.01, 1]).max() < 2.5e-4
+    assert np.abs(truth.lateral[truth.settled]).max() < 2.5e-4

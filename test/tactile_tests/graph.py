@@ -11,7 +11,14 @@ from rclpy.qos import DurabilityPolicy, qos_profile_sensor_data, QoSProfile
 from sensor_msgs.msg import JointState
 from std_srvs.srv import SetBool
 
-from edge_tracking.composed import add_mocks, add_sensing, add_servo, Graph, private_port
+from edge_tracking.graph import (
+    add_mocks,
+    add_sensing,
+    add_servo,
+    calibrate,
+    Graph,
+    private_port,
+)
 from edge_tracking.resources import find_scene, share
 from edge_tracking.track import TrackNode
 from tactile_common.ros.conversions import pose_from_msg, stamp_to_seconds
@@ -96,7 +103,7 @@ class Bench:
     def add_all(self):
         """Add mocks, driver, estimator and servo."""
         self.robot = add_mocks(self.graph, self.port, self.scene_path, ROBOT)
-        add_sensing(self.graph, self.port)
+        add_sensing(self.graph, self.port, calibrate(self.port, self.scene))
         add_servo(self.graph, ROBOT)
         return self
 

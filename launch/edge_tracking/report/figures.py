@@ -44,7 +44,7 @@ def trajectory(run, scene, real):
         figure = new_figure(10.0, 5.6)
         whole, detail = figure.subplots(2, 1, height_ratios=(1, 1.5))
     whole.plot(*edge.T, color=EDGE_COLOUR, linewidth=6, solid_capstyle='butt')
-    whole.plot(*path[real.touching].T, color=BLUE, linewidth=1.6)
+    whole.plot(*path[real.tracking].T, color=BLUE, linewidth=1.6)
     _pads(whole, run, scene, real)
     whole.set_aspect('equal')
     style(whole, 'along the first edge [mm]', 'across [mm]',
@@ -63,7 +63,7 @@ def _from_above(scene, points):
 
 
 def _pads(axes, run, scene, real):
-    touching, array = np.flatnonzero(real.touching), run.images.array
+    touching, array = np.flatnonzero(real.tracking), run.images.array
     if not touching.size or array is None:
         return
     x, y = array.half_width_x, array.half_width_y
@@ -79,7 +79,7 @@ def _detail(axes, real):
     """Distance from the edge over the first way along it."""
     style(axes, 'along the edge since first contact [mm]', 'centre left of the edge [mm]',
           'The first part, across enlarged')
-    touching = np.flatnonzero(real.touching)
+    touching = np.flatnonzero(real.tracking)
     if not touching.size:
         note(axes, 0.0, 0.0, 'The edge was never touched.')
         return
@@ -125,9 +125,8 @@ def outline(run, scene, found):
     plan.set_aspect('equal')
     style(plan, 'along the first edge [mm]', 'across [mm]',
           'True edge, contacts (dots), outline (line)')
-    way = arc_length(run.contour)
     lateral, _ = scene.edge.nearest(run.contour)
-    off.plot(1e3 * way, 1e3 * lateral, color=BLUE, linewidth=1.2)
+    off.plot(1e3 * arc_length(run.contour), 1e3 * lateral, color=BLUE, linewidth=1.2)
     style(off, 'along the contour [mm]', 'contacts left of the edge [mm]',
           'Contacts against the true edge')
     return figure
@@ -149,13 +148,13 @@ def errors(run, summary, scene, real):
     figure = new_figure(10.0, 7.6)
     wide, narrow, force = figure.subplots(3, 1, sharex=True, height_ratios=(1, 1, 1.15))
     statuses = run.statuses
-    time, pose_time = run.seconds(statuses.stamp_ns), run.seconds(real.time_ns)
+    time = run.seconds(statuses.stamp_ns)
     tracking, settled = settled_cycles(statuses)
     measured = np.where(tracking, -1e3 * _left(run, scene, real) * statuses.lateral_error, np.nan)
-    true = np.where(real.touching, 1e3 * real.lateral, np.nan)
+    true = np.where(real.tracking, 1e3 * real.lateral, np.nan)
     for axes in (wide, narrow):
         axes.plot(time, measured, color=ORANGE, linewidth=0.7, label='measured by touch')
-        axes.plot(pose_time, true, color=BLUE, linewidth=1.5, label='true')
+        axes.plot(real.time, true, color=BLUE, linewidth=1.5, label='true')
     late = 1e3 * np.abs(real.lateral[real.settled])
     if late.size:
         seen = np.abs(measured[settled & np.isfinite(measured)])
@@ -180,14 +179,14 @@ def errors(run, summary, scene, real):
 def _left(run, scene, real):
     """+1 if the sensor's x points to the left of the edge, -1 if to the right."""
     along = np.einsum('ij,ij->i', run.poses.matrix[:, :3, 1], scene.edge.tangent_at(real.along))
-    return 1.0 if along[real.touching].sum() >= 0.0 else -1.0
+    return 1.0 if along[real.tracking].sum() >= 0.0 else -1.0
 
 
 def _force(axes, run, summary, real):
     axes.plot(run.seconds(run.contacts.stamp_ns),
               np.where(run.contacts.valid, run.contacts.normal_force, np.nan), color=ORANGE,
               linewidth=0.7)
-    axes.plot(run.seconds(real.time_ns), real.force, color=BLUE, linewidth=1.5)
+    axes.plot(real.time, real.force, color=BLUE, linewidth=1.5)
     target = summary['force_target']
     style(axes, 'time [s]', 'normal force [N]', 'Force on the pad')
     if np.isfinite(target):

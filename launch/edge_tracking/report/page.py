@@ -1,16 +1,16 @@
 """One self-contained HTML page about a run, with pictures; nothing is loaded from outside."""
 
 import base64
-from dataclasses import dataclass
 from html import escape
 import math
 from pathlib import Path
 
-from edge_tracking.recording.frames_summary import force_series
+from edge_tracking.recording.frames_summary import force_series, METRICS
 from edge_tracking.recording.summary import rebuilt_outline, truth
 from edge_tracking.report import figures
 from edge_tracking.report import frames_figures as recording_figures
 from edge_tracking.report.style import png
+from tactile_simulation.metrics import shown
 
 _CSS = """
 :root { color-scheme: light; }
@@ -35,46 +35,6 @@ img { display: block; width: 100%; height: auto; }
 figcaption, footer { font-size: .87rem; color: #555a61; }
 @media print { .picture img { min-width: 0; } }
 """
-
-
-@dataclass(frozen=True)
-class Row:
-    """How a number of the summary is shown: label, factor to the unit, decimals."""
-
-    key: str
-    label: str
-    unit: str
-    factor: float = 1.0
-    decimals: int = 1
-
-
-ROWS = (
-    Row('tracked_length', 'Tracked length', 'mm', 1e3),
-    Row('lateral_rms', 'Lateral error, RMS', 'mm', 1e3, 3),
-    Row('lateral_max', 'Lateral error, largest', 'mm', 1e3, 3),
-    Row('lateral_transient_max', 'Largest before settling', 'mm', 1e3, 2),
-    Row('force_target', 'Force wanted', 'N', 1.0, 2),
-    Row('force_rms_error', 'Force error, RMS', 'N', 1.0, 3),
-    Row('force_max', 'Largest force', 'N', 1.0, 2),
-    Row('contour_max_error', 'Rebuilt outline within', 'mm', 1e3, 3),
-    Row('speed', 'Speed', 'mm/s', 1e3),
-    Row('duration', 'Duration', 's', 1.0, 2),
-    Row('sensor_rate', 'Pictures', 'Hz'),
-    Row('control_rate', 'Control', 'Hz'),
-    Row('missed_cycles', 'Missed cycles', '', 1.0, 0),
-    Row('latency_p50', 'Latency, median', 'ms', 1e3, 2),
-    Row('latency_p99', 'Latency, 99 %', 'ms', 1e3, 2),
-    Row('cpu_per_cycle', 'CPU per control cycle', 'ms', 1e3, 3),
-)
-RECORDING_ROWS = (
-    Row('presses', 'Presses', '', 1.0, 0),
-    Row('duration', 'Duration', 's'),
-    Row('frames', 'Pictures', '', 1.0, 0),
-    Row('lost_frames', 'Lost pictures', '', 1.0, 0),
-    Row('sensor_rate', 'Rate', 'Hz', 1.0, 2),
-    Row('latency_p50', 'Estimate after, median', 'ms', 1e3, 2),
-    Row('latency_p99', 'Estimate after, 99 %', 'ms', 1e3, 2),
-)
 
 
 def make_report(run, summary, scene, path):
@@ -130,7 +90,7 @@ def make_report(run, summary, scene, path):
     if _known(rms):
         lead += (f" The pad's centre stayed within {1e3 * largest:.3f} mm of the true edge, "
                  f'{1e3 * rms:.3f} mm RMS, over {1e3 * summary["tracked_length"]:.0f} mm.')
-    _write(path, title, verdict, lead, _rows(summary, ROWS), sections,
+    _write(path, title, verdict, lead, shown(summary), sections,
            f'{scene.description} Controller: {summary["controller"]}. Last state: '
            f'{summary["state"]}.' + (f' Seed of the noise: {summary["seed"]}.'
                                      if summary.get('seed') is not None else ''))
@@ -144,7 +104,7 @@ def make_recording_report(run, summary, path):
     ----------
     run : RunData
     summary : dict
-        By `recording_summary.summarise_recording`.
+        By `frames_summary.summarise_recording`.
     path : str or os.PathLike
         HTML file to write.
     """
@@ -170,7 +130,7 @@ def make_recording_report(run, summary, path):
         lead += f'; the largest force is {factor * largest:.4g} {unit}'
     verdict = ('Recording played' if summary['ok'] else 'No pictures', summary['ok'])
     _write(path, f'Recording, {summary["rows"]} \u00d7 {summary["columns"]} tactels', verdict,
-           f'{lead}. Contacts by type: {types}.', _rows(summary, RECORDING_ROWS), sections,
+           f'{lead}. Contacts by type: {types}.', shown(summary, METRICS), sections,
            summary.get('reason', ''))
 
 
@@ -184,7 +144,8 @@ def picture(run, scene, path):
 def _write(path, title, verdict, lead, rows, sections, footer):
     text, good = verdict
     numbers = ''.join(
-        f'<div><dt>{escape(label)}</dt><dd>{escape(value)}</dd></div>' for label, value in rows)
+        f'<div><dt>{escape(name[0].upper() + name[1:])}</dt>'
+        f'<dd>{escape(f"{value} {unit}".strip())}</dd></div>' for name, value, unit in rows)
     parts = []
     for heading, figure, caption, kind in sections:
         data = base64.b64encode(png(figure)).decode('ascii')
@@ -201,18 +162,6 @@ def _write(path, title, verdict, lead, rows, sections, footer):
         f'<p>{escape(lead)}</p>\n<dl class="numbers">{numbers}</dl>\n'
         + '\n'.join(parts) + f'\n<footer><p>{escape(footer)}</p></footer>\n</body></html>\n',
         encoding='utf-8')
-
-
-def _rows(summary, rows):
-    """Return (label, value with unit) of what the summary has."""
-    shown = []
-    for row in rows:
-        value = summary.get(row.key)
-        if value is None:
-            continue
-        text = f'{row.factor * value:.{row.decimals}f}' if math.isfinite(value) else '\u2013'
-        shown.append((row.label, f'{text} {row.unit}'.strip()))
-    return shown
 
 
 def _known(value):

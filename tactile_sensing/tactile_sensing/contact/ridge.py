@@ -87,23 +87,6 @@ def mend(pressure, noise):
 
 
 @njit(cache=True)
-def centre_of_load(pressure, x, y, share):
-    """
-    Centre of pressure (x, y) of the tactels above a share of the peak [m].
-
-    The middle of the array where nothing presses.
-    """
-    floor = share * pressure.max()
-    total = mx = my = 0.0
-    for r in range(len(y)):
-        for c in range(len(x)):
-            p = pressure[r, c]
-            if p > floor:
-                total, mx, my = total + p, mx + p * x[c], my + p * y[r]
-    return (mx / total, my / total) if total > 0.0 else (0.0, 0.0)
-
-
-@njit(cache=True)
 def _smoothed(p):
     """Binomial mean over 3 x 3 tactels, mirrored at the border."""
     rows, columns = p.shape

@@ -5,7 +5,7 @@ import math
 import numpy as np
 
 from tactile_common.kernels import njit
-from tactile_sensing.half_space.segment import add_point, add_segment
+from tactile_sensing.half_space.kernels import add_point, add_segment
 
 PARAMETERS = 8  # vertex x, y, directions of the legs, radius, curvatures of the legs, load
 NEAR = 8.0e-3  # m from the vertex within which tactels count

@@ -20,7 +20,6 @@ from tactile_common.ros.parameters import declare_from
 from tactile_common.ros.runner import run
 from tactile_sensing.devices.flexitac import encode_payload, MARKER
 from tactile_sensing.devices.recording import load_recording
-from tactile_sensing.types.array import TactelArray
 from tactile_simulation.renderer import EdgeRenderer
 from tactile_simulation.scene import load_scene
 
@@ -50,12 +49,6 @@ class MockSensorConfig:
         'range': (0.0, 1.0)})
     seed: int = field(default=0, metadata={
         'doc': 'seed of the noise', 'range': (0, 2**31 - 1)})
-    rows: int = field(default=16, metadata={
-        'doc': 'tactels along y, of a scene', 'range': (1, 256)})
-    columns: int = field(default=16, metadata={
-        'doc': 'tactels along x, of a scene', 'range': (1, 256)})
-    pitch: float = field(default=0.0254 / 16, metadata={
-        'doc': 'distance between tactels, of a scene', 'unit': 'm', 'range': (1e-5, 0.1)})
 
 
 class PseudoTerminal:
@@ -76,7 +69,7 @@ class PseudoTerminal:
         The link cannot be made, or something else stands in its place.
     """
 
-    def __init__(self, link):
+    def __init__(self, link: str):
         if not link:
             raise ConfigurationError("parameter 'port' is '', must be the path of a link to make")
         self._link = Path(link)
@@ -111,7 +104,7 @@ class PseudoTerminal:
         """Whether somebody has the other end open."""
         return not any(event & select.POLLHUP for _, event in self._poll.poll(0))
 
-    def write(self, data) -> bool:
+    def write(self, data: bytes) -> bool:
         """Send all of `data`, now or before the next; False: no room, nothing was taken."""
         if self._unsent:
             self._unsent = self._unsent[self._put(self._unsent):]
@@ -121,11 +114,11 @@ class PseudoTerminal:
         self._unsent = data[sent:] if sent else b''
         return sent > 0
 
-    def forget(self):
+    def forget(self) -> None:
         """Drop the rest of a half-sent write, for the next listener."""
         self._unsent = b''
 
-    def close(self):
+    def close(self) -> None:
         """Remove the link, unless it is another's by now, and hang up."""
         try:
             if os.readlink(self._link) == self._target:
@@ -164,10 +157,9 @@ class MockSensorNode(Node):
         super().__init__('mock_sensor', **kwargs)
         self.finished = threading.Event()
         self.sent = self.dropped = self.late = 0
-        self._port = None
         self._in_step = False  # whether the listener has got the marker of the next frame
         self._stop = threading.Event()
-        self._thread = threading.Thread(target=self._run, name='mock_sensor', daemon=True)
+        self._thread: threading.Thread | None = None
         try:
             self._config = declare_from(self, MockSensorConfig)
             self._pose = None  # replaced as a whole by the callback, read by the thread
@@ -176,16 +168,16 @@ class MockSensorNode(Node):
         except BaseException:
             self.destroy_node()
             raise
+        self._thread = threading.Thread(target=self._run, name='mock_sensor', daemon=True)
         self._thread.start()
 
     def destroy_node(self):
         """Stop sending, hang up, remove the link and destroy the node."""
         self._stop.set()
-        if self._thread.is_alive():
-            self._thread.join()
-        port, self._port = self._port, None
-        if port is not None:
-            port.close()
+        thread, self._thread = self._thread, None
+        if thread is not None:  # else the port was never opened, or is closed already
+            thread.join()
+            self._port.close()
         super().destroy_node()
 
     def _open_source(self):
@@ -195,9 +187,8 @@ class MockSensorNode(Node):
                 f"parameters 'scene' and 'recording' are {config.scene!r} and "
                 f'{config.recording!r}, must be exactly one')
         if config.scene:
-            array = TactelArray(config.rows, config.columns, config.pitch, config.pitch)
             scene = load_scene(config.scene)
-            self._renderer = EdgeRenderer(scene, array)
+            self._renderer = EdgeRenderer(scene, scene.sensor.array)
             self._rng = np.random.default_rng(config.seed)
             # Compiled now rather than at the first touch.
             self._renderer.render(scene.start_pose())
@@ -235,7 +226,7 @@ class MockSensorNode(Node):
         begin = time.monotonic()
         number = 0  # of the next frame to take
         ended = False
-        waiting = deque()  # (instant to send at, bytes)
+        waiting: deque[tuple[float, bytes]] = deque()  # instants to send at
         while waiting or not ended:
             take_at = np.inf if ended else begin + number * self._period
             send_at = waiting[0][0] if waiting else np.inf

@@ -5,14 +5,18 @@ Same nodes, names, parameter file and scenes as `edge_tracking.launch.py`.
 """
 
 import argparse
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 import sys
 import tempfile
+from threading import Event
 import time
+from typing import Any
 
 import rclpy
 from rclpy.exceptions import ParameterException
+from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.signals import SignalHandlerOptions
 
@@ -25,6 +29,8 @@ from tactile_servo.nodes.servo import EdgeServoNode
 from tactile_shape.nodes.shape_estimator import ShapeEstimatorNode
 from tactile_simulation.nodes.mock_robot import MockRobotNode
 from tactile_simulation.nodes.mock_sensor import MockSensorNode
+from tactile_simulation.scene import load_scene, Scene
+from tactile_simulation.scene_calibration import write_calibration
 
 # Longest time that a thread keeps the interpreter while another waits for it; the default of
 # 5 ms is a whole sensor period.
@@ -46,12 +52,13 @@ class Graph:
         ROS domain; that of the environment if missing.
     """
 
-    def __init__(self, parameters=None, namespace='tactile', domain=None):
+    def __init__(self, parameters: str | Path | None = None, namespace: str = 'tactile',
+                 domain: int | None = None):
         self._domain = domain
         self._arguments = ['--ros-args', '--params-file',
                            str(parameters or share('config', 'edge_tracking.yaml'))]
         self.namespace = namespace
-        self.nodes = []
+        self.nodes: list[Node] = []
 
     def __enter__(self):
         sys.setswitchinterval(SWITCH_INTERVAL)
@@ -67,7 +74,8 @@ class Graph:
             node.destroy_node()
         self.context.try_shutdown()
 
-    def add(self, node_class, *, namespace=None, own=(), **parameters):
+    def add(self, node_class: Callable[..., Node], *, namespace: str | None = None, own=(),
+            **parameters) -> Any:
         """Make a node, with parameters that override those of the file, and return it."""
         node = node_class(
             context=self.context, **dict(own),
@@ -77,43 +85,48 @@ class Graph:
         self.executor.add_node(node)
         return node
 
-    def spin(self, until=None):
+    def spin(self, until: Callable[[], bool] | None = None) -> None:
         """Work off callbacks until the context is shut down or `until()` holds."""
         spin(self.executor, self.context, until)
 
 
-def add_mocks(graph, port, scene, robot, seed=0):
+def add_mocks(graph: Graph, port, scene, robot, seed: int = 0) -> Node:
     """Add the mock sensor on a pseudo-terminal and the mock robot, both in a scene."""
     graph.add(MockSensorNode, port=str(port), scene=str(scene), seed=seed)
     return graph.add(MockRobotNode, namespace='', robot_description=str(robot),
                      scene=str(scene))
 
 
-def add_sensing(graph, port):
+def add_sensing(graph: Graph, port, calibration='') -> None:
     """Add contact estimator and driver, in this order: then every picture is heard."""
     graph.add(ContactEstimatorNode)
-    graph.add(DriverNode, port=str(port))
+    graph.add(DriverNode, port=str(port), calibration=str(calibration))
 
 
-def add_servo(graph, robot, tracker=DEFAULT):
+def add_servo(graph: Graph, robot, tracker: str = DEFAULT) -> Node:
     """Add the servo; with sensing it is the loop, which runs on a real robot as well."""
     return graph.add(EdgeServoNode, robot_description=str(robot), tracker=tracker)
 
 
 @contextmanager
-def private_port():
+def private_port() -> Iterator[Path]:
     """Path for a pseudo-terminal's link, in a folder of its own."""
     with tempfile.TemporaryDirectory(prefix='tactile_') as folder:
         yield Path(folder, 'sensor')
 
 
-def linger(graph, stop):
+def calibrate(port: Path, scene: Scene) -> Path:
+    """Write the calibration that fits a scene's mock sensor beside its port; gives its path."""
+    return write_calibration(scene, port.with_name(f'{port.name}.yaml'))
+
+
+def linger(graph: Graph, stop: Event) -> None:
     """Spin a little longer."""
     end = time.monotonic() + SETTLE
     graph.spin(lambda: stop.is_set() or time.monotonic() > end)
 
 
-def parser():
+def parser() -> argparse.ArgumentParser:
     """Command line of the composed process."""
     arguments = argparse.ArgumentParser(
         prog='composed', formatter_class=argparse.ArgumentDefaultsHelpFormatter,
@@ -136,7 +149,7 @@ def parser():
     return arguments
 
 
-def main(args=None):
+def main(args: list[str] | None = None) -> int:
     """Run the graph until it is interrupted; exit status 1 if it cannot start."""
     options = parser().parse_args(args)
     try:
@@ -144,13 +157,13 @@ def main(args=None):
             raise ValueError('--sensor flexitac needs --port, for instance --port /dev/ttyUSB0')
         with private_port() as pty, stop_on_signals() as stop, \
                 Graph(options.parameters, options.namespace) as graph:
-            port = options.port or pty
+            port = Path(options.port or pty)
+            scene = find_scene(options.scene) if options.sensor == 'mock' else None
             add_servo(graph, options.robot_description, options.tracker)
             graph.add(ShapeEstimatorNode)
-            add_sensing(graph, port)
-            if options.sensor == 'mock':
-                add_mocks(graph, port, find_scene(options.scene), options.robot_description,
-                          options.seed)
+            add_sensing(graph, port, calibrate(pty, load_scene(scene)) if scene else '')
+            if scene:
+                add_mocks(graph, port, scene, options.robot_description, options.seed)
             graph.spin(stop.is_set)
     except (ValueError, RuntimeError, ParameterException) as error:
         print(f'composed: {" ".join(str(error).split())}', file=sys.stderr)

@@ -5,22 +5,8 @@ import math
 
 import numpy as np
 
-from tactile_sensing.contact.model_selection import FORCE_MISMATCH
-from tactile_sensing.contact.parameters import (
-    A,
-    B,
-    COUNT,
-    FORCE,
-    HAS_SHEAR,
-    LINE_FORCE,
-    RESIDUAL,
-    SHEAR_X,
-    SHEAR_Y,
-    SNR,
-    WINDOWED,
-    YAW,
-)
-from tactile_sensing.half_space.layers import COMPONENTS, Layer
+from tactile_sensing.contact.parameters import FORCE_MISMATCH, LINE_ROWS, POINT_ROWS
+from tactile_sensing.half_space.layers import first_pressure_layer, Layer
 from tactile_sensing.half_space.line import chord_length, pressure
 from tactile_sensing.half_space.point import average, stress
 from tactile_sensing.moments.compensation import (
@@ -30,9 +16,11 @@ from tactile_sensing.moments.compensation import (
     window_arms,
     window_moments,
 )
-from tactile_sensing.moments.image_moments import image_moments, line_from_moments, Moments
+from tactile_sensing.moments.image_moments import image_moments, line_from_moments
 from tactile_sensing.moments.point_moments import basic, MomentFlag
-from tactile_sensing.types.contact import ContactType, Reason
+from tactile_sensing.types.contact import ContactType, PARAMETERS, Reason, ROW
+from tactile_sensing.types.image import COMPONENTS
+from tactile_sensing.types.moments import Moments
 
 THRESHOLD = 4.0  # standard deviations below which a line's tactels count as zero (3.5)
 MIN_ELONGATION = 3.0  # of second moments; less is no edge, whatever the closed form says
@@ -40,96 +28,96 @@ UNEXPLAINED = 0.5  # share of the energy that the biased closed forms may leave 
 KNOWN_LAYERS = (('zz',), ('zz', 'zz'), ('zz', 'xz'), ('zz', 'xz', 'yz'))
 STEP = 1e-6  # m, for derivatives by the place
 
-_POINT_ROWS = [A, B, FORCE, SHEAR_X, SHEAR_Y]
-_LINE_ROWS = [A, YAW, LINE_FORCE, FORCE]
+_POINT_NAMES = tuple(PARAMETERS[i] for i in POINT_ROWS)
+_POINT, _LINE = np.ix_(POINT_ROWS, POINT_ROWS), np.ix_(LINE_ROWS[:4], LINE_ROWS[:4])
 
 
-def by_moments(frame, array, table, component, noise, config, values, covariance):
+def estimate_by_moments(frame, array, layers, config, estimate):
     """
-    Estimate a conditioned frame by 'moments' or 'compensated'.
+    Estimate a preprocessed frame by 'moments' or 'compensated'.
 
     Parameters
     ----------
     frame : ndarray, shape (layers, rows, columns)
         Stress [Pa], NaN where a tactel is not used.
-    array, table, component
-        From `fit_layers.sensor_of`.
-    noise : ndarray, shape (layers,)
+    array : TactelArray
+    layers : ndarray of layers.LAYER
+        With the frame's noise.
     config : EstimatorConfig
-    values, covariance : ndarray
-        Where the estimate is written, as by `explain.explain`.
-
-    Returns
-    -------
-    kind, reasons : ContactType, Reason
+    estimate : record of contact.ESTIMATE
+        Where the estimate is written.
     """
-    main = int(np.argmax(component == 0))
-    cleaned = image_moments(frame[main], array, threshold=THRESHOLD * noise[main])
+    main = first_pressure_layer.py_func(layers.view(np.recarray))
+    noise, image = layers['noise'][main], frame[main]
+    cleaned = image_moments(image, array, threshold=THRESHOLD * noise)
     is_line = config.model == 'line' or (
         config.model == 'auto' and cleaned.elongation() >= MIN_ELONGATION)
     if is_line:
-        kind, why, model = _line(frame[main], cleaned, array, table[main, 0], noise[main],
-                                 values, covariance)
+        kind, why, model = _line(image, cleaned, array, layers['depth'][main], noise, estimate)
     else:
-        layers = tuple(Layer(COMPONENTS[c], row[0], std)
-                       for c, row, std in zip(component, table.tolist(), noise, strict=True))
-        kind, why, model = _point(np.nan_to_num(frame), layers, array, config, values, covariance)
-    if model is None:
-        return kind, why
-    return _judge(kind, why, frame[main], model, noise[main], array, config, values, covariance)
+        known = tuple(Layer(COMPONENTS[layer['component']], float(layer['depth']),
+                            float(layer['noise'])) for layer in layers)
+        kind, why, model = _point(np.nan_to_num(frame), known, array, config, estimate)
+    if model is not None:
+        kind, why = _judge(kind, why, image, model, noise, array, config, estimate)
+    estimate['type'] = kind
+    estimate['reasons'] |= int(why)
 
 
-def _judge(kind, why, image, model, noise, array, config, values, covariance):
+def _judge(kind, why, image, model, noise, array, config, estimate):
     """Refuse what is too weak, off the pad or unlike its model; scale the covariance."""
     rest = image - model
     squared = np.nansum(rest**2)
-    top = model.max()
-    if not (top > 0.0 and np.isfinite(values[FORCE])):
+    top, force = model.max(), estimate['normal_force']
+    if not (top > 0.0 and np.isfinite(force)):
         return ContactType.OTHER, Reason.BAD_FIT
-    values[SNR] = 20.0 * math.log10(top / noise)
+    estimate['snr'] = 20.0 * math.log10(top / noise)
     live = np.isfinite(image)
-    values[RESIDUAL] = math.sqrt(squared / max(np.count_nonzero(live) - 5, 1)) / noise
-    if values[SNR] < config.min_snr:
+    estimate['residual'] = math.sqrt(squared / max(np.count_nonzero(live) - 5, 1)) / noise
+    if estimate['snr'] < config.min_snr:
         return ContactType.NONE, Reason.LOW_SNR
     if not squared <= UNEXPLAINED * np.nansum(image**2):
         return ContactType.OTHER, Reason.BAD_FIT
     if why:
         return kind, why
-    if abs(values[A]) > array.half_width_x or abs(values[B]) > array.half_width_y:
+    if abs(estimate['a']) > array.half_width_x or abs(estimate['b']) > array.half_width_y:
         return kind, Reason.OFF_PAD
-    covariance *= max(1.0, values[RESIDUAL]**2)
-    values[WINDOWED] = values[FORCE] * image[live].sum() / model[live].sum()
-    allowed = FORCE_MISMATCH * values[FORCE] + 3.0 * math.sqrt(covariance[FORCE, FORCE])
-    differs = abs(values[WINDOWED] - values[FORCE]) > allowed
+    covariance = estimate['covariance']
+    covariance *= max(1.0, estimate['residual']**2)
+    estimate['force_windowed'] = force * image[live].sum() / model[live].sum()
+    variance = covariance[ROW.normal_force, ROW.normal_force]
+    allowed = FORCE_MISMATCH * force + 3.0 * math.sqrt(variance)
+    differs = abs(estimate['force_windowed'] - force) > allowed
     return kind, Reason.FORCE_MISMATCH if differs else Reason(0)
 
 
-def _line(image, cleaned, array, depth, noise, values, covariance):
+def _line(image, cleaned, array, depth, noise, estimate):
     """(3.8) to (3.10), corrected, from the tactels above the threshold."""
     if not cleaned.m0 > 0.0:
         return ContactType.NONE, Reason.LOW_SNR, None
     if not cleaned.elongation() >= MIN_ELONGATION:
         return ContactType.OTHER, Reason.BAD_FIT, None
 
-    def closed(moments):
+    def closed(moments):  # in the order of LINE_ROWS
         line = line_from_moments(Moments(*moments[0]), array.half_width_y)
         length = chord_length(line.a * math.cos(line.yaw), line.yaw,
                               array.half_width_x, array.half_width_y)
-        return np.array([line.a, line.yaw, line.line_force, line.line_force * length])
+        return np.array([line.a, line.yaw, line.line_force * length, line.line_force])
 
     moments = np.array([astuple(cleaned)])
-    values[_LINE_ROWS], values[B] = closed(moments), 0.0
-    if not values[FORCE] > 0.0:
+    a, yaw, force, line_force = closed(moments)
+    estimate['a'], estimate['b'], estimate['yaw'] = a, 0.0, yaw
+    estimate['normal_force'], estimate['line_force'] = force, line_force
+    if not force > 0.0:
         return ContactType.LINE, Reason.OFF_PAD, None
     weights = _weights(array, 0.0, 0.0, np.inf)[:, (image >= THRESHOLD * noise).ravel()]
     spread = noise**2 * weights @ weights.T
-    covariance[np.ix_(_LINE_ROWS, _LINE_ROWS)] = _propagated(closed, moments, [spread])
-    a, yaw, line_force = values[[A, YAW, LINE_FORCE]]
+    estimate['covariance'][_LINE] = _propagated(closed, moments, [spread])
     model = pressure(array.x, array.y[:, None], a * math.cos(yaw), yaw, line_force, depth)
     return ContactType.LINE, Reason(0), model
 
 
-def _point(frame, layers, array, config, values, covariance):
+def _point(frame, layers, array, config, estimate):
     """(2.3), (2.4) or (2.6), at once or with the iteration of section 2.4."""
     if tuple(layer.component for layer in layers) not in KNOWN_LAYERS:
         main = [layer.component for layer in layers].index('zz')
@@ -138,7 +126,7 @@ def _point(frame, layers, array, config, values, covariance):
     iterated = config.method == 'compensated'
     method = compensated if iterated else basic
     found = method(frame, array, layers, averaging=averaging)
-    values[COUNT] = found.iterations
+    estimate['iterations'] = found.iterations
     if found.flags & MomentFlag.NO_FORCE:
         return ContactType.OTHER, Reason.BAD_FIT, None
     why = Reason(0)
@@ -146,22 +134,21 @@ def _point(frame, layers, array, config, values, covariance):
         why = Reason.NOT_CONVERGED
     if found.flags & MomentFlag.OFF_PAD:
         why = Reason.OFF_PAD
-    values[_POINT_ROWS] = _five(found)
-    values[HAS_SHEAR] = 1.0
+    for name in _POINT_NAMES:
+        estimate[name] = getattr(found, name)
+    estimate['has_shear'] = True
     main = [layer.component for layer in layers].index('zz')
     load = (array.x, array.y[:, None], *_five(found), layers[main].depth)
     model = average('zz', *load, array.pitch_x, array.pitch_y) if averaging else stress(
         'zz', *load)
     if not why:
         noisy = _iterated_noise if iterated else _basic_noise
-        covariance[np.ix_(_POINT_ROWS, _POINT_ROWS)] = noisy(
-            found, frame, layers, array, averaging)
+        estimate['covariance'][_POINT] = noisy(found, frame, layers, array, averaging)
     return ContactType.POINT, why, model
 
 
 def _five(found):
-    return np.array([found.a, found.b, found.normal_force, found.shear_force_x,
-                     found.shear_force_y])
+    return np.array([getattr(found, name) for name in _POINT_NAMES])
 
 
 def _basic_noise(found, frame, layers, array, averaging):

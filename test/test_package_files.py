@@ -1,0 +1,67 @@
+"""What a release needs of each package, and pins that stand in two places."""
+from pathlib import Path
+import re
+from xml.etree import ElementTree
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[1]
+PACKAGES = sorted(path.parent for path in ROOT.glob('*/package.xml'))
+
+
+def manifest(folder):
+    return ElementTree.parse(folder / 'package.xml').getroot()
+
+
+@pytest.mark.parametrize('folder', PACKAGES, ids=lambda folder: folder.name)
+def test_licence_and_changelog(folder):
+    about = manifest(folder)
+    licence = about.find('license')
+    assert licence.text == 'Apache-2.0'
+    text = (folder / licence.get('file')).read_text('utf-8')
+    assert text == (ROOT / 'LICENSE').read_text('utf-8')
+    title, heading = (folder / 'CHANGELOG.rst').read_text('utf-8').splitlines()[1:5:3]
+    assert title == f'Changelog for package {about.findtext("name")}'
+    assert heading == 'Forthcoming' or heading.startswith(about.findtext('version'))
+
+
+def test_one_version_and_one_maintainer():
+    for value in (lambda about: about.findtext('version'),
+                  lambda about: ElementTree.tostring(about.find('maintainer')).strip()):
+        assert len({value(manifest(folder)) for folder in PACKAGES}) == 1
+
+
+def test_pre_commit_has_the_pinned_versions():
+    hooks = (ROOT / '.pre-commit-config.yaml').read_text('utf-8')
+    lock = (ROOT / 'ws.lock').read_text('utf-8')
+    assert re.search(r'ruff-pre-commit\n +rev: v(.+)', hooks)[1] == re.search(
+        r'^ruff==(.+)', lock, re.M)[1]
+    assert re.search(r'mypy==([^,]+)', hooks)[1] == re.search(r'^mypy==(.+)', lock, re.M)[1]
+
+
+def modules_named(text):
+    """Modules that a text names: a path from its package on, or the name of a neighbour."""
+    folder = None
+    for name in re.findall(r'`([\w/]+\.py)`', text):
+        if '/' in name:
+            folder = name.rpartition('/')[0]
+        yield name if '/' in name else f'{folder}/{name}'
+
+
+def lies_somewhere(name):
+    return any((folder / name).is_file() for folder in (ROOT, *PACKAGES))
+
+
+def test_modules_that_the_readme_names_exist():
+    table = (ROOT / 'README.md').read_text('utf-8').partition('Where to look:')[2]
+    named = list(modules_named(table.partition('\n\nHow accurate')[0]))
+    assert len(named) > 30
+    assert [name for name in named if not lies_somewhere(name)] == []
+    assert not lies_somewhere('tactile_sensing/half_space/no_such_module.py')
+
+
+def test_files_that_contributing_names_exist():
+    text = (ROOT / 'CONTRIBUTING.md').read_text('utf-8')
+    named = re.findall(r'`((?:tactile_\w+|launch|test)/[\w/.]+)`', text)
+    assert len(named) > 6
+    assert [name for name in named if not ('NAME' in name or (ROOT / name).exists())] == []
