@@ -103,7 +103,7 @@ def test_silent_robot_means_hold_and_in_the_end_an_abort():
                   robot_description=str(ROBOT))
         graph.add(DriverNode, port=str(it.port))
         graph.add(ContactEstimatorNode)
-        graph.add(EdgeServoNode, robot_description=str(ROBOT), give_up=0.5)
+        graph.add(EdgeServoNode, robot_description=str(ROBOT), **{'hold.give_up': 0.5})
         client = it.start_tracking()
         wait_for_track(it)
         died = time.time()

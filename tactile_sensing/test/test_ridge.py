@@ -4,7 +4,7 @@ import math
 import numpy as np
 import pytest
 
-from tactile_sensing.contact.ridge import mend, ridge_points
+from tactile_sensing.contact.ridge import centre_of_load, mend, ridge_points
 from tactile_sensing.half_space.line import pressure as line_pressure
 from tactile_sensing.types.array import TactelArray
 
@@ -19,7 +19,7 @@ def line(yaw, rho=0.001, noise=0.0, seed=0):
 
 
 def distance(points, yaw, rho=0.001):
-    return points[:, 0] * math.cos(yaw) + points[:, 1] * math.sin(yaw) - rho
+    return points['x'] * math.cos(yaw) + points['y'] * math.sin(yaw) - rho
 
 
 @pytest.mark.parametrize('yaw', YAWS)
@@ -27,10 +27,10 @@ def test_points_lie_on_a_straight_edge_and_run_along_it(yaw):
     points = ridge_points(line(yaw), PAD, 1.0, 0.002)
     assert len(points) >= 12
     np.testing.assert_allclose(distance(points, yaw), 0.0, atol=1e-9)
-    along = points[:, 2] * -math.sin(yaw) + points[:, 3] * math.cos(yaw)
+    along = points['tx'] * -math.sin(yaw) + points['ty'] * math.cos(yaw)
     np.testing.assert_allclose(np.abs(along), 1.0, atol=1e-9)
-    np.testing.assert_allclose(points[:, 4], 2 * 200.0 / (math.pi * 0.002), rtol=1e-9)
-    np.testing.assert_allclose(points[:, 5], 1.0, atol=1e-6)
+    np.testing.assert_allclose(points['pressure'], 2 * 200.0 / (math.pi * 0.002), rtol=1e-9)
+    np.testing.assert_allclose(points['quality'], 1.0, atol=1e-6)
 
 
 @pytest.mark.parametrize('yaw', YAWS)
@@ -66,6 +66,15 @@ def test_an_invalid_neighbour_is_no_witness(columns):
     broken = picture.copy()
     broken[6, list(columns)] = np.nan
     np.testing.assert_allclose(mend(broken, 630.0), picture)
+
+
+def test_the_centre_of_the_load_is_that_of_its_stronger_part():
+    picture = np.zeros(PAD.shape)
+    picture[3, 5], picture[3, 7], picture[9, 2] = 4e4, 4e4, 1e4
+    assert centre_of_load(picture, PAD.x, PAD.y, 0.3) == pytest.approx((PAD.x[6], PAD.y[3]))
+    expected = (8 * PAD.x[6] + PAD.x[2]) / 9, (8 * PAD.y[3] + PAD.y[9]) / 9
+    assert centre_of_load(picture, PAD.x, PAD.y, 0.2) == pytest.approx(expected)
+    assert centre_of_load(0.0 * picture, PAD.x, PAD.y, 0.3) == (0.0, 0.0)
 
 
 def test_sound_pictures_are_left_alone():

@@ -4,7 +4,6 @@ import math
 import os
 from pathlib import Path
 import sys
-import threading
 import time
 
 import numpy as np
@@ -218,10 +217,11 @@ def make_sensor(options, reader):
         raise ConfigurationError(
             f'--layers names {len(layers)} (of {options.layers}), but frames has shape {shape}: '
             f'{there} layer{"s" * (there > 1)}')
-    array = TactelArray(*shape[-2:], pitch[0], pitch[-1])
+    *_, rows, columns = shape
+    array = TactelArray(rows, columns, pitch[0], pitch[-1])
     noise = number('--noise', options.noise, 0.0, 1e9, 'Pa')
     full_scale = number('--full-scale', options.full_scale, 0.0, 1e12, 'Pa')
-    return array, [Layer(component, depth, None, full_scale, noise)
+    return array, [Layer(component, depth, np.empty(0), full_scale, noise)
                    for component, depth in layers], parse_dead(options.dead, array)
 
 
@@ -244,8 +244,9 @@ class Tally:
                 self._refusals[reason] += int(np.count_nonzero(refused & int(reason)))
 
     def __str__(self):
-        types, reasons = (', '.join(f'{count} {key.name.lower()}' for key, count in counts.items()
-                                    if count) for counts in (self._types, self._refusals))
+        types, reasons = (', '.join(
+            f'{count} {str(key.name).lower()}' for key, count in counts.items() if count)
+            for counts in (self._types, self._refusals))
         return f'{types}; {self._invalid} not valid' + (f': {reasons}' if reasons else '')
 
 

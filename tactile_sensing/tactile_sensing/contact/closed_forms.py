@@ -6,9 +6,9 @@ import math
 import numpy as np
 
 from tactile_sensing.contact.parameters import FORCE_MISMATCH, LINE_ROWS, POINT_ROWS
+from tactile_sensing.half_space.forward_model import PointModel
 from tactile_sensing.half_space.layers import first_pressure_layer, Layer
 from tactile_sensing.half_space.line import chord_length, pressure
-from tactile_sensing.half_space.point import average, stress
 from tactile_sensing.moments.compensation import (
     compensated,
     from_window,
@@ -138,9 +138,7 @@ def _point(frame, layers, array, config, estimate):
         estimate[name] = getattr(found, name)
     estimate['has_shear'] = True
     main = [layer.component for layer in layers].index('zz')
-    load = (array.x, array.y[:, None], *_five(found), layers[main].depth)
-    model = average('zz', *load, array.pitch_x, array.pitch_y) if averaging else stress(
-        'zz', *load)
+    [model] = PointModel(array, layers[main:main + 1], averaging).image(_five(found))
     if not why:
         noisy = _iterated_noise if iterated else _basic_noise
         estimate['covariance'][_POINT] = noisy(found, frame, layers, array, averaging)
@@ -165,11 +163,12 @@ def _iterated_noise(found, frame, layers, array, averaging):
     at = np.array([found.a, found.b])
 
     def step(place):
-        mask = min(array.half_width_x - abs(place[0]), array.half_width_y - abs(place[1]))
+        x, y = place
+        mask = min(array.half_width_x - abs(x), array.half_width_y - abs(y))
         moved = from_window(
-            window_moments(frame, array, *place, mask), array, layers, mask,
+            window_moments(frame, array, x, y, mask), array, layers, mask,
             tuple(at - place), averaging=averaging)
-        return _five(moved) + np.array([*place, 0.0, 0.0, 0.0])
+        return _five(moved) + np.array([x, y, 0.0, 0.0, 0.0])
 
     by_place = np.stack([(step(at + shift) - step(at - shift)) / (2.0 * STEP)
                          for shift in STEP * np.eye(2)], axis=1)  # (5, 2)
@@ -185,12 +184,13 @@ def _iterated_noise(found, frame, layers, array, averaging):
 
 def _window_noise(at, mask, found, frame, layers, array, averaging):
     """Covariance of the closed form in a window that stays where it is."""
-    weights = _weights(array, *at, mask)
+    x, y = at
+    weights = _weights(array, x, y, mask)
     spread = [layer.noise_std**2 * weights @ weights.T for layer in layers]
     reach = min(mask, array.half_width_x + array.half_width_y)
-    moments = np.array([astuple(m) for m in window_moments(frame, array, *at, reach)])
-    peak = found.a - math.copysign(1e-9, found.shear_force_x) - at[0], (
-        found.b - math.copysign(1e-9, found.shear_force_y) - at[1])
+    moments = np.array([astuple(m) for m in window_moments(frame, array, x, y, reach)])
+    peak = found.a - math.copysign(1e-9, found.shear_force_x) - x, (
+        found.b - math.copysign(1e-9, found.shear_force_y) - y)
 
     def closed(changed):
         return _five(from_window([Moments(*m) for m in changed], array, layers, mask, peak,

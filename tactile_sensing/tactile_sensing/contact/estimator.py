@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import dataclass, field, fields
 from functools import lru_cache
+from typing import Any
 
 import numpy as np
 
@@ -35,6 +36,7 @@ MODELS = {'auto': ANY_MODEL, 'point': POINT, 'line': LINE}
 TACTELS = {'point': 1, 'area': 3}  # Gauss points along each side that stand for a tactel
 
 _MOMENTS = tuple(f.name for f in fields(Moments))
+_ESTIMATED = ESTIMATE.names or ()
 _INVALID = dict.fromkeys(PARAMETERS, np.nan)
 
 
@@ -112,7 +114,7 @@ class ContactEstimator:
         stress = np.array([[layer.stress for layer in layers]], dtype=np.float64)
         estimate = self._estimate(
             stress, array, layers, image.tared, image.saturated, main.unit == 'Pa')[0]
-        told = dict(zip(ESTIMATE.names, estimate.item(), strict=True))
+        told: dict[str, Any] = dict(zip(_ESTIMATED, estimate.item(), strict=True))
         kind, reasons = ContactType(told.pop('type')), Reason(told.pop('reasons'))
         moments = Moments(*(told.pop(name) for name in _MOMENTS))
         valid, model = _is_valid(kind, int(reasons)), ''
@@ -161,7 +163,7 @@ class ContactEstimator:
         records = np.zeros(len(stress), RECORD)
         records['valid'] = valid = _is_valid(estimates['type'], estimates['reasons'])
         for name, column in COLUMNS.items():
-            if column.name in ESTIMATE.names:
+            if column.name in _ESTIMATED:
                 records[name] = estimates[column.name]
                 if column.name == 'covariance' or column.name in REALS:
                     records[name][~valid] = np.nan

@@ -1,6 +1,6 @@
 """One load fitted to one frame: start, gather, Gauss-Newton; all compiled."""
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -22,7 +22,7 @@ from tactile_sensing.contact.variable_projection import (
     weigh,
 )
 from tactile_sensing.half_space import kernels
-from tactile_sensing.half_space.kernels import LOAD, LOAD_FIELDS, Q0, SHEAR_X, SHEAR_Y
+from tactile_sensing.half_space.kernels import LOAD, LOAD_OFFSETS, Q0, SHEAR_X, SHEAR_Y
 from tactile_sensing.types.contact import ContactType
 
 POINT, LINE = int(ContactType.POINT), int(ContactType.LINE)
@@ -36,12 +36,14 @@ STEP_BOUND = 1.0  # longest step [depths of the shallowest layer]
 # sum of (residual / noise)^2, that of residual^2 / (noise^2 + (model error)^2), tactels used,
 # length of the last step [m] (of a line at the pad's border), steps, and whether the force is
 # positive, the place where it can be and the last step short.
-_RESULT = {'normal': ('f8', (5, 5)), 'squared_error': 'f8', 'chi_square': 'f8', 'used': 'i8',
-           'last_step': 'f8', 'iterations': 'i8', 'converged': 'b1'}
-FIT = np.dtype({
-    'names': [*LOAD.names, *_RESULT],
-    'formats': [*(LOAD[name] for name in LOAD.names), *_RESULT.values()],
-    'offsets': [*LOAD_FIELDS.values(), 0, 40, 240, 248, 256, 264, 272, 280], 'itemsize': 288})
+_RESULT: dict[str, Any] = {
+    'normal': ('f8', (5, 5)), 'squared_error': 'f8', 'chi_square': 'f8', 'used': 'i8',
+    'last_step': 'f8', 'iterations': 'i8', 'converged': 'b1'}
+_FIELDS: Any = {
+    'names': [*LOAD_OFFSETS, *_RESULT],
+    'formats': [*(LOAD[name] for name in LOAD_OFFSETS), *_RESULT.values()],
+    'offsets': [*LOAD_OFFSETS.values(), 40, 240, 248, 256, 264, 272, 280]}
+FIT = np.dtype(_FIELDS)
 
 
 class Tactels(NamedTuple):

@@ -148,7 +148,7 @@ def _second_contact(kind, left, sensor, load, depth, threshold):
 
 
 @njit(error_model='numpy')
-def refute(kind, sensor, layers, rules, frame, estimate):
+def refute(kind, sensor, layers, rules, memory, estimate):
     """
     Hold the load that was fitted to a frame against what it leaves.
 
@@ -158,7 +158,7 @@ def refute(kind, sensor, layers, rules, frame, estimate):
         POINT or LINE.
     sensor, layers, rules
         As for `pipeline.estimate_frame`.
-    frame : pipeline.Memory
+    memory : pipeline.Memory
         With the mended stress and the fit.
     estimate : record of contact.ESTIMATE
         Gets the evidence: snr, residual, iterations, and in force_windowed a ratio of forces.
@@ -168,12 +168,12 @@ def refute(kind, sensor, layers, rules, frame, estimate):
     kind, reasons : int
         ContactType and Reason of a refusal; no reason if there is none.
     """
-    left, model, fit = frame.left, frame.model, frame.fit[0]
+    left, model, fit = memory.left, memory.model, memory.fit[0]
     if fit.used < (MIN_POINT_TACTELS if kind == POINT else MIN_LINE_TACTELS):
         return _OTHER, _BAD_FIT | _FEW
     main = first_pressure_layer(layers)
     depth, noise = layers[main].depth, layers[main].noise
-    compare(kind, frame.stress, sensor, layers, fit, left, model)
+    compare(kind, memory.stress, sensor, layers, fit, left, model)
     squared, chi, count = _sums_of_squares(left, model, layers, rules.model_error)
     peak = model[main].max()
     if not (peak > 0.0 and np.isfinite(chi + squared)):
@@ -195,7 +195,7 @@ def refute(kind, sensor, layers, rules, frame, estimate):
         return _OTHER, _BAD_FIT
     if weak:
         return _NONE, _LOW_SNR
-    lost = not (fit.converged and frame.regular[0])
+    lost = not (fit.converged and memory.regular[0])
     return kind, (_LOST if lost else 0) | (_OFF_PAD if _off_pad(kind, sensor, fit) else 0)
 
 

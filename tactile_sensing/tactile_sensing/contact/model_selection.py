@@ -79,7 +79,7 @@ def _shear_shows(kind, fit, forces, cov):
 
 
 @njit(error_model='numpy')
-def fit_without_idle_shear(kind, sensor, layers, forces, rules, frame):
+def fit_without_idle_shear(kind, sensor, layers, forces, rules, memory):
     """
     Fit again without shear where it does not show.
 
@@ -90,14 +90,14 @@ def fit_without_idle_shear(kind, sensor, layers, forces, rules, frame):
     -------
     fitted, shear : bool
     """
-    fit, moved = frame.fit[0], frame.moved
+    fit, moved = memory.fit[0], memory.moved
     moved[:] = 0.0
-    frame.regular[0] = invert(fit.normal, 2 + forces, frame.cov)
-    if frame.regular[0] and _shear_shows(kind, fit, forces, frame.cov):
+    memory.regular[0] = invert(fit.normal, 2 + forces, memory.cov)
+    if memory.regular[0] and _shear_shows(kind, fit, forces, memory.cov):
         return True, True
     moved[:] = fit.vector
-    if not fit_load(kind, frame.stress, sensor, layers, forces // 2, rules.model_error, np.inf,
-                    frame.tactels, fit):
+    if not fit_load(kind, memory.stress, sensor, layers, forces // 2, rules.model_error, np.inf,
+                    memory.tactels, fit):
         return False, False
     for i in range(5):
         moved[i] -= fit.vector[i]

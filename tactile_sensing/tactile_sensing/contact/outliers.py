@@ -41,7 +41,7 @@ def _take_off_drift(stress, left, model, layers, values, first):
     """
     found = False
     for k in range(stress.shape[0]):
-        if layers[k].threshold > 0.0:  # a threshold leaves the upper part of the noise, not a drift
+        if layers[k].threshold > 0.0:  # it leaves the upper part of the noise, which is no drift
             continue
         noise, largest = layers[k].noise, max(model[k].max(), -model[k].min())
         median, n = _unloaded_median(left[k], model[k], max(noise, UNLOADED * largest), values)
@@ -146,7 +146,7 @@ def fit_depth(kind, stress, sensor, layers, scaled, forces, model_error, tactels
 
 
 @njit(error_model='numpy')
-def fit_despite_faults(kind, sensor, layers, forces, rules, frame):
+def fit_despite_faults(kind, sensor, layers, forces, rules, memory):
     """
     Fit with shear, without drift of the baseline and tactels that contradict all others.
 
@@ -155,14 +155,14 @@ def fit_despite_faults(kind, sensor, layers, forces, rules, frame):
     fitted, left_out : bool
         Whether it worked, and whether tactels were left out.
     """
-    stress, left, model, fit = frame.stress, frame.left, frame.model, frame.fit[0]
-    model_error, tactels = rules.model_error, frame.tactels
+    stress, left, model, fit = memory.stress, memory.left, memory.model, memory.fit[0]
+    model_error, tactels = rules.model_error, memory.tactels
     for look in range(DRIFT_LOOKS + 1):
         if not fit_load(kind, stress, sensor, layers, forces, model_error, np.inf, tactels, fit):
             return False, False
         compare(kind, stress, sensor, layers, fit, left, model)
         if look == DRIFT_LOOKS or not _take_off_drift(
-                stress, left, model, layers, frame.unloaded, look == 0):
+                stress, left, model, layers, memory.unloaded, look == 0):
             break
     if not _any_off(left, model, layers, model_error):
         return True, False

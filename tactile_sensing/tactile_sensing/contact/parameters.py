@@ -1,6 +1,7 @@
 """Fitted load into the numbers of an estimate, and their covariance; all compiled."""
 
 import math
+from typing import Any
 
 import numpy as np
 
@@ -11,7 +12,7 @@ from tactile_sensing.types.contact import ROW
 
 FORCE_MISMATCH = 0.03  # relative difference of the two force estimates that is told
 
-chord = njit(error_model='numpy')(chord_length)
+chord: Any = njit(error_model='numpy')(chord_length)
 # Rows of an estimate's covariance for the parameters of a point's fit, and for what `_line_map`
 # makes of a line's: without shear the first four.
 POINT_ROWS = (ROW.a, ROW.b, ROW.normal_force, ROW.shear_force_x, ROW.shear_force_y)

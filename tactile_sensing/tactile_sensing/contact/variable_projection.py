@@ -1,10 +1,10 @@
 """
 Least squares for loads whose forces enter linearly: variable projection and Gauss-Newton.
 
-A load (`half_space.kernels.LOAD`) has two parameters of place, q0 and q1, and up to three forces.
-The model at every tactel is the sum of each force times the derivative by it. Everything is over
-the noise of a tactel; of normal equations the lower triangle is used. The best forces for each place come from a solve of
-their own, which needs no start and saves a step.
+A load (`half_space.kernels.LOAD`) has two parameters of place, q0 and q1, and up to three
+forces. The model at every tactel is the sum of each force times the derivative by it. Everything
+is over the noise of a tactel; of normal equations the lower triangle is used. The best forces
+for each place come from a solve of their own, which needs no start and saves a step.
 
 The loops run over rows of their own, indexed from 0, or they could not be vectorised.
 """

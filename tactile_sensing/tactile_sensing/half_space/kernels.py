@@ -6,6 +6,7 @@ x and y are arrays of their own, or the loops could not be vectorised.
 """
 
 import math
+from typing import Any
 
 import numpy as np
 
@@ -14,10 +15,12 @@ from tactile_common.kernels import FAST, njit
 # Place and forces of a load; fields with one offset are names for the same number. A point has
 # (a, b) [m], force, shear_x and shear_y [N]; a line rho [m], yaw [rad], force and shear across
 # it per length [N/m], and 0.
-LOAD_FIELDS = {'a': 0, 'b': 8, 'rho': 0, 'yaw': 8, 'force': 16, 'shear_x': 24, 'shear_y': 32,
-               'shear': 24}
-LOAD = np.dtype({'names': [*LOAD_FIELDS, 'vector'], 'offsets': [*LOAD_FIELDS.values(), 0],
-                 'formats': ['f8'] * len(LOAD_FIELDS) + [('f8', (5,))], 'itemsize': 40})
+LOAD_OFFSETS = {'a': 0, 'b': 8, 'rho': 0, 'yaw': 8, 'force': 16, 'shear_x': 24, 'shear_y': 32,
+                'shear': 24, 'vector': 0}
+_FIELDS: Any = {
+    'names': [*LOAD_OFFSETS], 'offsets': [*LOAD_OFFSETS.values()],
+    'formats': ['f8'] * (len(LOAD_OFFSETS) - 1) + [('f8', (5,))]}
+LOAD = np.dtype(_FIELDS)
 # Rows of a load's vector, and of its normal equations; Q0, Q1 are (a, b) or (rho, yaw).
 Q0, Q1, FORCE, SHEAR_X, SHEAR_Y = range(5)
 

@@ -4,18 +4,23 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
 import importlib
-import math
 
 import numpy as np
 
-from benchmarks.contact import peers as peer
-from benchmarks.contact.cases import DEPTH, layers_of, LINE_ARRAY, POINT_ARRAY
+from benchmarks.contact.cases.loads import (
+    layers_of,
+    LINE_ARRAY,
+    LINE_NAMES,
+    POINT_ARRAY,
+    POINT_NAMES,
+)
+from benchmarks.contact.methods import peers as peer
 from tactile_sensing.contact.estimator import ContactEstimator, EstimatorConfig
-from tactile_sensing.contact.line_fit import fit_line, fit_lines
-from tactile_sensing.contact.point_fit import fit_point, fit_points
+from tactile_sensing.contact.load_fits import fit_loads
 from tactile_sensing.moments.compensation import compensated
 from tactile_sensing.moments.image_moments import image_moments, line_from_moments
 from tactile_sensing.moments.point_moments import basic, MomentFlag
+from tactile_sensing.types.contact import COLUMNS, ContactType
 from tactile_sensing.types.image import Layer, TactileImage
 
 REFUSED = (MomentFlag.NO_FORCE | MomentFlag.SINGULAR | MomentFlag.OFF_PAD
@@ -53,11 +58,11 @@ class Method:
 # ----------------------------------------------------------------- the whole estimator
 
 def _contact(frame, estimator, layers, array, names):
-    """From a picture to the parameters, as the node does."""
+    """From a picture to the parameters, named as in a record, as the node does."""
     contact = estimator.estimate(TactileImage(0, 0, tuple(
         Layer(layer.component, layer.depth, stress, noise_std=layer.noise_std)
         for layer, stress in zip(layers, frame, strict=True)), array, tared=True))
-    return [getattr(contact, name) for name in names]
+    return [getattr(contact, COLUMNS[name].name) for name in names]
 
 
 def _records(frames, estimator, layers, array, names):
@@ -71,31 +76,30 @@ def _estimator(kind, method, layers, model=1):
     """Method of the whole estimator with the choice of model."""
     options = {'estimator': ContactEstimator(EstimatorConfig(method=method)), 'layers': layers}
     name = f'estimator, {method}'
-    if kind == 'point':
-        return Method(name, kind, partial(
-            _contact, array=POINT_ARRAY, **options, names=(
-                'a', 'b', 'normal_force', 'shear_force_x', 'shear_force_y')),
-            partial(_records, array=POINT_ARRAY, **options, names=('a', 'b', 'P', 'Qx', 'Qy')),
-            model=model)
-    one = partial(_contact, array=LINE_ARRAY, **options, names=('a', 'yaw', 'line_force'))
-    return Method(name, kind, lambda frame: one(frame[None]), partial(
-        _records, array=LINE_ARRAY, **options, names=('a', 'yaw', 'line_force')))
+    array, names = (POINT_ARRAY, POINT_NAMES) if kind == 'point' else (LINE_ARRAY, LINE_NAMES)
+    one = partial(_contact, array=array, names=names, **options)
+    many = partial(_records, array=array, names=names, **options)
+    if kind == 'line':  # whose frames have no axis of layers
+        return Method(name, kind, lambda frame: one(frame[None]), many)
+    return Method(name, kind, one, many, model=model)
 
 
 # --------------------------------------------------------------------------- its parts
 
-def _fit_point(frame, layers):
-    fit = fit_point(frame, POINT_ARRAY, layers)
-    if not fit.converged:
-        return [np.nan] * 5
-    return [fit.a, fit.b, fit.normal_force, fit.shear_force_x, fit.shear_force_y]
-
-
 def _fit_points(frames, layers):
-    fit = fit_points(frames, POINT_ARRAY, layers)
-    theta = np.column_stack([
-        fit.a, fit.b, fit.normal_force, fit.shear_force_x, fit.shear_force_y])
-    return np.where(fit.converged[:, None], theta, np.nan)
+    fit = fit_loads(ContactType.POINT, frames, POINT_ARRAY, layers)
+    return np.where(fit.converged[:, None], fit.vector, np.nan)
+
+
+def _fit_lines(images, layers):
+    fit = fit_loads(ContactType.LINE, images[:, None], LINE_ARRAY, layers, shear=False)
+    found = np.column_stack([fit.rho / np.cos(fit.yaw), fit.yaw, fit.force])
+    return np.where(fit.converged[:, None], found, np.nan)
+
+
+def _one(many):
+    """One frame at a time by a function of many."""
+    return lambda frame: many(frame[None])[0]
 
 
 def _closed_form(frame, layers, function, **options):
@@ -110,9 +114,8 @@ def _moment_parameters(found):
 
 def fit_method(model, noise_std):
     """The bare fit of a point."""
-    layers = layers_of(model, noise_std)
-    return Method('fit', 'point', partial(_fit_point, layers=layers),
-                  partial(_fit_points, layers=layers), model=model)
+    many = partial(_fit_points, layers=layers_of(model, noise_std))
+    return Method('fit', 'point', _one(many), many, model=model)
 
 
 def closed_forms(model, noise_std):
@@ -143,19 +146,6 @@ def point_methods(model, noise_std, peers):
     return methods
 
 
-def _fit_line(image, noise_std):
-    fit = fit_line(image, LINE_ARRAY, DEPTH, noise_std)
-    if not fit.converged:
-        return [np.nan] * 3
-    return [fit.rho / math.cos(fit.yaw), fit.yaw, fit.line_force]
-
-
-def _fit_lines(images, noise_std):
-    fit = fit_lines(images, LINE_ARRAY, DEPTH, noise_std)
-    found = np.column_stack([fit.rho / np.cos(fit.yaw), fit.yaw, fit.line_force])
-    return np.where(fit.converged[:, None], found, np.nan)
-
-
 def _line_moments(image, noise_std, printed):
     # The thesis' only preprocessing (3.5): a threshold of four times the noise.
     moments = image_moments(image, LINE_ARRAY, threshold=4.0 * noise_std)
@@ -165,8 +155,8 @@ def _line_moments(image, noise_std, printed):
 
 def line_fit_method(noise_std):
     """The bare fit of a line."""
-    return Method('fit', 'line', partial(_fit_line, noise_std=noise_std),
-                  partial(_fit_lines, noise_std=noise_std))
+    many = partial(_fit_lines, layers=layers_of(1, noise_std))
+    return Method('fit', 'line', _one(many), many)
 
 
 def line_methods(noise_std, peers):

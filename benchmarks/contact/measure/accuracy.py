@@ -5,8 +5,9 @@ import time
 
 import numpy as np
 
-from benchmarks.contact import cases, methods
-from benchmarks.contact import peers as peer
+from benchmarks.contact.cases import loads as cases
+from benchmarks.contact.methods import estimators as methods
+from benchmarks.contact.methods import peers as peer
 
 DECIBELS = 40.0
 LEVELS = (20.0, 30.0, 40.0, 50.0, 60.0)
@@ -35,13 +36,14 @@ def least_time(function, *, budget=0.15, repeats=5):
 def accuracy(method, contacts, frames, decibels):
     """RMS error, its ratio to the Cramer-Rao bound (geometric mean too), share refused."""
     found = method.run(frames)
-    done = np.isfinite(found[:, :2]).all(axis=1)
+    done = np.isfinite(found[:, :2]).all(axis=1)  # the place
     given = np.isfinite(found[done]).all(axis=0)
     error = (found - contacts.truth)[done][:, given]
     bound = (contacts.bound * contacts.noise(decibels)[:, None])[done][:, given]
     rms = np.sqrt((error**2).mean(axis=0))
     ratio = rms / np.sqrt((bound**2).mean(axis=0))
-    return {'rms': rms.tolist(), 'ratios': ratio.tolist(),
+    names = [name for name, is_given in zip(contacts.names, given, strict=True) if is_given]
+    return {'rms': dict(zip(names, rms.tolist(), strict=True)), 'ratios': ratio.tolist(),
             'ratio': float(np.exp(np.log(ratio).mean())), 'refused': float(1.0 - done.mean())}
 
 
@@ -215,12 +217,12 @@ def table_33(draws, peers, rng, progress):
         for method in methods.line_methods(noise, peers):
             if method.name.startswith('estimator'):
                 continue
-            b, yaw, line_force = method.run(contacts.clean[:1])[0]
+            [(b, yaw, line_force)] = method.run(contacts.clean[:1])
             error = method.run(noisy) - contacts.truth
-            rms = np.sqrt((error**2).mean(axis=0))
+            rms = contacts.told(np.sqrt((error**2).mean(axis=0)))
             rows.append({
                 'case': name, 'method': method.name, 'b_tactel': b / pitch,
                 'alpha_deg': -np.degrees(yaw), 'force': line_force,
-                'rms_b_tactel': rms[0] / pitch, 'rms_alpha_deg': np.degrees(rms[1]),
-                'rms_force_percent': 100.0 * rms[2] / force})
+                'rms_b_tactel': rms['a'] / pitch, 'rms_alpha_deg': np.degrees(rms['yaw']),
+                'rms_force_percent': 100.0 * rms['line_force'] / force})
     return rows

@@ -4,7 +4,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tactile_sensing.half_space import line, point
+from tactile_sensing.half_space import line
+from tactile_sensing.half_space.forward_model import PointModel
 from tactile_sensing.half_space.layers import Layer
 from tactile_sensing.types.array import TactelArray
 
@@ -14,6 +15,8 @@ DEPTH = 2e-3  # of the tactels [m]
 SECOND_DEPTH = 4e-3  # of model 2's second layer [m]
 STRUCTURES = {1: (('zz', DEPTH),), 2: (('zz', DEPTH), ('zz', SECOND_DEPTH)),
               3: (('zz', DEPTH), ('xz', DEPTH))}
+POINT_NAMES = 'a', 'b', 'P', 'Qx', 'Qy'
+LINE_NAMES = 'a', 'yaw', 'line_force'
 POINT_PEAK = 1.5 / (np.pi * DEPTH**2)  # pressure above a normal load of 1 N [Pa]
 
 
@@ -24,8 +27,9 @@ class Contacts:
 
     Attributes
     ----------
+    names : tuple of str
+        Of the parameters: POINT_NAMES [m, N] or LINE_NAMES [m, rad, N/m].
     truth : ndarray, shape (N, K)
-        Point: a, b, P, Qx, Qy [m, N]. Line: b, yaw, force per length [m, rad, N/m].
     clean : ndarray, shape (N, layers, rows, columns) or (N, rows, columns)
         Stress [Pa].
     bound : ndarray, shape (N, K)
@@ -34,10 +38,15 @@ class Contacts:
         Pressure above the same load without shear [Pa]; the signal of the peak SNR.
     """
 
+    names: tuple[str, ...]
     truth: np.ndarray
     clean: np.ndarray
     bound: np.ndarray
     peak: np.ndarray
+
+    def told(self, values):
+        """Numbers of the parameters by their names."""
+        return dict(zip(self.names, values, strict=True))
 
     def noise(self, decibels):
         """Standard deviation of one tactel [Pa], shape (N,)."""
@@ -57,17 +66,11 @@ def layers_of(model, noise_std):
 def point_contacts(truth, model):
     """Contacts of a model from their parameters (N, 5)."""
     truth = np.atleast_2d(truth)
-    x, y = np.meshgrid(POINT_ARRAY.x, POINT_ARRAY.y)
-    clean = np.empty((len(truth), len(STRUCTURES[model]), *POINT_ARRAY.shape))
-    bound = np.empty_like(truth)
-    for i, parameters in enumerate(truth):
-        jacobian = []
-        for k, (component, depth) in enumerate(STRUCTURES[model]):
-            clean[i, k] = point.stress(component, x, y, *parameters, depth)
-            jacobian.append(
-                point.stress_jacobian(component, x, y, *parameters, depth).reshape(-1, 5))
-        bound[i] = _bound(np.concatenate(jacobian))
-    return Contacts(truth, clean, bound, POINT_PEAK * truth[:, 2])
+    forward = PointModel(POINT_ARRAY, layers_of(model, 1.0))
+    clean = np.array([forward.image(state) for state in truth])
+    bound = np.array([_bound(forward.jacobian(state).reshape(-1, 5)) for state in truth])
+    _, _, force, _, _ = truth.T
+    return Contacts(POINT_NAMES, truth, clean, bound, POINT_PEAK * force)
 
 
 def random_points(count, model, rng, *, reach=8e-3, shear=0.5):
@@ -92,7 +95,8 @@ def line_contacts(truth):
         # rho = b cos(yaw): derivatives by (b, yaw) at constant yaw and b.
         change = np.array([[np.cos(yaw), -b * np.sin(yaw), 0.0], [0, 1, 0], [0, 0, 1]])
         bound[i] = _bound(jacobian @ change)
-    return Contacts(truth, clean, bound, line.peak_pressure(truth[:, 2], DEPTH))
+    _, _, force = truth.T
+    return Contacts(LINE_NAMES, truth, clean, bound, line.peak_pressure(force, DEPTH))
 
 
 def random_lines(count, rng):

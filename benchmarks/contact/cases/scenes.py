@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from benchmarks.contact.cases import DEPTH, POINT_ARRAY, POINT_PEAK
+from benchmarks.contact.cases.loads import DEPTH, POINT_ARRAY, POINT_PEAK
 from tactile_sensing.contact.estimator import ContactEstimator
 from tactile_sensing.half_space import line
 from tactile_sensing.types.contact import ContactType
@@ -15,9 +15,8 @@ LINE_FORCE = 200.0  # N/m
 
 def loads(points):
     """Pressure [Pa] of point loads (M, 5): a, b, P, Qx, Qy, shape (rows, columns)."""
-    u = POINT_ARRAY.x - points[:, 0, None, None]
-    v = POINT_ARRAY.y[:, None] - points[:, 1, None, None]
-    force, qx, qy = (points[:, i, None, None] for i in (2, 3, 4))
+    a, b, force, qx, qy = points.T[:, :, None, None]
+    u, v = POINT_ARRAY.x - a, POINT_ARRAY.y[:, None] - b
     root = 1.0 / np.sqrt(u * u + v * v + DEPTH**2)
     cube = root * root * root
     return 1.5 / np.pi * DEPTH**2 * (
@@ -105,7 +104,8 @@ SCENES = {  # name -> (picture, type)
 
 def pictures(name, count, rng):
     """Noise-free pictures of a scene (count, rows, columns) with the peak of 1 N [Pa]."""
-    clean = np.array([SCENES[name][0](rng) for _ in range(count)])
+    picture, _ = SCENES[name]
+    clean = np.array([picture(rng) for _ in range(count)])
     highest = clean.max(axis=(1, 2), keepdims=True)
     return clean * POINT_PEAK / np.where(highest > 0.0, highest, 1.0)
 

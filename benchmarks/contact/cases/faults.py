@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from benchmarks.contact.cases import DEPTH, LINE_ARRAY, POINT_ARRAY, POINT_PEAK
+from benchmarks.contact.cases.loads import DEPTH, LINE_ARRAY, POINT_ARRAY, POINT_PEAK
 from tactile_sensing.half_space import line, point
 from tactile_sensing.types.contact import ContactType
 
@@ -13,14 +13,18 @@ DECIBELS = 40.0
 REACH = 8e-3  # m
 LINE_FORCE = 200.0  # N/m
 
+# A point has a, b, P, Qx and Qy, a line a, yaw, line_force and line_shear (both per length), as
+# the estimator's records name them; the rest is 0.
+LOAD = np.dtype([(name, 'f8') for name in (
+    'a', 'b', 'yaw', 'P', 'Qx', 'Qy', 'line_force', 'line_shear')])
+
 
 @dataclass(frozen=True)
 class Sample:
     """
     Frames (N, rows, columns) [Pa] with what is known and what is told of them.
 
-    truth is (N, 5): a, b, P, Qx, Qy of a point, b, yaw, force and shear per length, 0 of a
-    line; noise, full_scale [Pa] and depth [m] are what the estimator is told.
+    truth are LOAD records; noise, full_scale [Pa] and depth [m] are what the estimator is told.
     """
 
     kind: ContactType
@@ -53,11 +57,13 @@ def peak_of(kind):
 
 def clean(kind, truth):
     """Noise-free frames of loads."""
-    p = [column[:, None, None] for column in truth.T]
+    t = truth[:, None, None]
     if kind == ContactType.POINT:
-        return point.stress('zz', POINT_ARRAY.x, POINT_ARRAY.y[:, None], *p, DEPTH)
-    return line.stress_with_shear(LINE_ARRAY.x, LINE_ARRAY.y[:, None], p[0] * np.cos(p[1]),
-                                  *p[1:4], DEPTH)
+        return point.stress('zz', POINT_ARRAY.x, POINT_ARRAY.y[:, None], t['a'], t['b'], t['P'],
+                            t['Qx'], t['Qy'], DEPTH)
+    return line.stress_with_shear(
+        LINE_ARRAY.x, LINE_ARRAY.y[:, None], t['a'] * np.cos(t['yaw']), t['yaw'],
+        t['line_force'], t['line_shear'], DEPTH)
 
 
 def noisy(kind, truth, rng, decibels=DECIBELS, pictures=None):
@@ -74,16 +80,17 @@ def draw(kind, count, rng, shear=(0.0, 0.5)):
     Shear is from so much to so much of the force: in any direction for a point, across a line
     with either sign.
     """
-    truth = np.zeros((count, 5))
+    truth = np.zeros(count, LOAD)
     ratio = rng.uniform(*shear, count)
-    truth[:, 0] = rng.uniform(-REACH, REACH, count)
+    truth['a'] = rng.uniform(-REACH, REACH, count)
     if kind == ContactType.POINT:
         turn = rng.uniform(-np.pi, np.pi, count)
-        truth[:, 1] = rng.uniform(-REACH, REACH, count)
-        truth[:, 2], truth[:, 3], truth[:, 4] = 1.0, ratio * np.cos(turn), ratio * np.sin(turn)
+        truth['b'], truth['P'] = rng.uniform(-REACH, REACH, count), 1.0
+        truth['Qx'], truth['Qy'] = ratio * np.cos(turn), ratio * np.sin(turn)
     else:
-        truth[:, 1] = np.radians(rng.uniform(-40.0, 40.0, count))
-        truth[:, 2], truth[:, 3] = LINE_FORCE, LINE_FORCE * ratio * rng.choice([-1, 1], count)
+        truth['yaw'] = np.radians(rng.uniform(-40.0, 40.0, count))
+        truth['line_force'] = LINE_FORCE
+        truth['line_shear'] = LINE_FORCE * ratio * rng.choice([-1, 1], count)
     return truth
 
 
@@ -99,9 +106,9 @@ def near_border(kind, count, rng, millimetres):
     """Point at a distance from the border; line at a distance from one that it is along."""
     truth = draw(kind, count, rng, (0.0, 0.5 if kind == ContactType.POINT else 0.0))
     half = (POINT_ARRAY if kind == ContactType.POINT else LINE_ARRAY).half_width_x
-    truth[:, 0] = rng.choice([-1.0, 1.0], count) * (half - 1e-3 * millimetres)
+    truth['a'] = rng.choice([-1.0, 1.0], count) * (half - 1e-3 * millimetres)
     if kind == ContactType.LINE:
-        truth[:, 1] = np.radians(rng.uniform(-2.0, 2.0, count))
+        truth['yaw'] = np.radians(rng.uniform(-2.0, 2.0, count))
     return noisy(kind, truth, rng)
 
 
@@ -183,14 +190,21 @@ def patch(kind, count, rng, millimetres):
         distance = radius * np.sqrt(1.0 - (1.0 - share) ** (2.0 / 3.0))
         turn = 2.0 * np.pi * (np.arange(8) + 0.5 * np.arange(12)[:, None]) / 8
         offsets = np.stack([distance * np.cos(turn), distance * np.sin(turn)], -1).reshape(-1, 2)
-        parts = [truth + [*offset, 0, 0, 0] for offset in offsets]
+        parts = [_changed(truth, a=truth['a'] + x, b=truth['b'] + y) for x, y in offsets]
     else:  # Gauss-Chebyshev of the second kind: exact for a half ellipse
         angle = np.pi * np.arange(1, 9) / 9
-        parts = [np.column_stack([
-            truth[:, 0] + radius * np.cos(t) / np.cos(truth[:, 1]), truth[:, 1],
-            truth[:, 2] * 16 / 9 * np.sin(t) ** 2, truth[:, 3:]]) for t in angle]
+        parts = [_changed(
+            truth, a=truth['a'] + radius * np.cos(t) / np.cos(truth['yaw']),
+            line_force=truth['line_force'] * 16 / 9 * np.sin(t) ** 2) for t in angle]
     pictures = sum(clean(kind, part) for part in parts) / len(parts)
     return noisy(kind, truth, rng, pictures=pictures)
+
+
+def _changed(truth, **columns):
+    changed = truth.copy()
+    for name, column in columns.items():
+        changed[name] = column
+    return changed
 
 
 @dataclass(frozen=True)

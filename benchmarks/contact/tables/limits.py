@@ -1,8 +1,8 @@
 """Tables of the contact benchmark's limits: goals, failure map, remedies, choice of model."""
 
-from benchmarks.contact.faults import FAULTS
-from benchmarks.contact.judge import METHODS
-from benchmarks.contact.scenes import ANSWERS
+from benchmarks.contact.cases.faults import FAULTS
+from benchmarks.contact.cases.scenes import ANSWERS
+from benchmarks.contact.measure.limits import METHODS
 
 REFUSED, WRONG = 0.05, 0.01  # shares of frames up to which a method is said to work
 
@@ -22,9 +22,9 @@ def goals(result, ratios):
             ('line fit, 20 to 50 dB: worst RMS / CRB', worst['line'], 1.05)]
     line = next(r['rms'] for r in result['speed_and_accuracy']
                 if r['label'] == 'fit' and r['contact'] == 'line')
-    rows += [('line fit at 40 dB: b [mm]', 1e3 * line[0], 0.005),
-             ('line fit at 40 dB: angle [degrees]', 57.29578 * line[1], 0.03),
-             ('line fit at 40 dB: force [%]', line[2] / 2.0, 0.25)]
+    rows += [('line fit at 40 dB: b [mm]', 1e3 * line['a'], 0.005),
+             ('line fit at 40 dB: angle [degrees]', 57.29578 * line['yaw'], 0.03),
+             ('line fit at 40 dB: force [%]', line['line_force'] / 2.0, 0.25)]
     failures = sum(r['failures'] for r in result['noise_free_loads'])
     largest = max(1e3 * r['largest_error_m'] for r in result['noise_free_loads'])
     rows += [('noise-free loads up to 12.5 mm: failures', failures, 0),

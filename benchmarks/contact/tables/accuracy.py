@@ -1,7 +1,7 @@
-"""Tables of the contact benchmark, as Markdown."""
+"""All tables of the contact benchmark, and those of its accuracy and speed."""
 
-from benchmarks.contact import limit_tables as limits
-from benchmarks.contact.limit_tables import table as _table
+from benchmarks.contact.tables import limits
+from benchmarks.contact.tables.limits import table as _table
 
 
 def everything(result):
@@ -36,10 +36,10 @@ def _speed(result):
         times = [f'{row[key] / unit:.2f}' if row[key] else '' for key in ('single_s', 'batched_s')]
         rms = row['rms']
         if row['contact'] == 'point':
-            error = f'{1e3 * rms[0]:.3f} mm, P {100 * rms[2]:.2f} %'
+            error = f'{1e3 * rms["a"]:.3f} mm, P {100 * rms["P"]:.2f} %'
         else:
-            error = f'{1e3 * rms[0]:.3f} mm, {57.29578 * rms[1]:.2f}°'
-            error += f', {rms[2] / 2:.2f} %' if len(rms) > 2 else ', no force'
+            error = f'{1e3 * rms["a"]:.3f} mm, {57.29578 * rms["yaw"]:.2f}°'
+            error += f', {rms["line_force"] / 2:.2f} %' if 'line_force' in rms else ', no force'
         rows.append([row['contact'], row['label'], *times, error, f'{row["ratio"]:.2f}',
                      f'{100 * row["refused"]:.1f} %'])
     return _table(['contact', 'method', 'one call / fit', 'batched / fit', 'RMS error',

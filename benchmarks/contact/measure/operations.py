@@ -4,9 +4,8 @@ import ast
 import inspect
 import textwrap
 
-from tactile_sensing.contact import gauss_newton as load_fit
-from tactile_sensing.contact import variable_projection as separable_fit
-from tactile_sensing.half_space import line_model, point_model
+from tactile_sensing.contact import gauss_newton, initial_guess, variable_projection
+from tactile_sensing.half_space import kernels
 
 TACTELS = 16 * 16
 WINDOW = 9 * 9
@@ -37,14 +36,17 @@ def _operations(loop):
 
 def counts():
     """Name -> operations per frame of 16x16 tactels (point: 9x9 of them in the window)."""
-    algebra = (innermost(separable_fit.normal_of_forces)
-               + innermost(separable_fit.normal_of_place))
-    passes = load_fit.STEPS + 1  # before the first step, and after each
-    once = innermost(separable_fit.chi_square)
-    per_tactel = {name: algebra + innermost(model.add_forces) + innermost(model.add_place)
-                  for name, model in (('line', line_model), ('point', point_model))}
-    before = {'line': TACTELS * (innermost(point_model.peak) + innermost(line_model.start)),
-              'point': TACTELS * innermost(point_model.peak)}
+    algebra = (innermost(variable_projection.normal_of_forces)
+               + innermost(variable_projection.normal_of_place))
+    passes = gauss_newton.STEPS + 1  # before the first step, and after each
+    once = innermost(variable_projection.chi_square)
+    per_tactel = {
+        'line': algebra + innermost(kernels.add_line_forces) + innermost(kernels.add_line_place),
+        'point': algebra + innermost(kernels.add_point_forces) + innermost(
+            kernels.add_point_place)}
+    peak = innermost(initial_guess.peak)
+    before = {'line': TACTELS * (peak + innermost(initial_guess.guess_line)),
+              'point': TACTELS * peak}
     return {
         **THESIS,
         # threshold; sums by row and column; y'Px; four products of length 16

@@ -2,11 +2,10 @@
 
 import numpy as np
 
-from benchmarks.contact import faults
-from benchmarks.contact.judge import estimates
-from benchmarks.contact.peers import numpy_gauss_newton
-from tactile_sensing.contact.line_fit import fit_lines
-from tactile_sensing.contact.point_fit import fit_points
+from benchmarks.contact.cases import faults
+from benchmarks.contact.measure.limits import estimates
+from benchmarks.contact.methods.peers import numpy_gauss_newton
+from tactile_sensing.contact.load_fits import fit_loads
 from tactile_sensing.half_space.layers import Layer
 from tactile_sensing.moments.point_moments import basic, MomentFlag
 from tactile_sensing.types.contact import ContactType, RECORD
@@ -16,14 +15,14 @@ POINT, LINE = ContactType.POINT, ContactType.LINE
 
 def plain(given):
     """Records of the bare fit, which takes the frames as they are; a line without shear."""
+    layers = (Layer('zz', given.depth, given.noise),)
+    fit = fit_loads(given.kind, given.frames[:, None], given.array, layers,
+                    shear=given.kind == POINT)
     if given.kind == LINE:
-        fit = fit_lines(given.frames, given.array, given.depth, given.noise)
         return _records(LINE, fit.converged, a=fit.rho / np.cos(fit.yaw), yaw=fit.yaw,
-                        line_force=fit.line_force)
-    fit = fit_points(given.frames[:, None], given.array,
-                     (Layer('zz', given.depth, given.noise),))
-    return _records(POINT, fit.converged, a=fit.a, b=fit.b, P=fit.normal_force,
-                    Qx=fit.shear_force_x, Qy=fit.shear_force_y)
+                        line_force=fit.force)
+    return _records(POINT, fit.converged, a=fit.a, b=fit.b, P=fit.force, Qx=fit.shear_x,
+                    Qy=fit.shear_y)
 
 
 def _records(kind, valid, **columns):
@@ -36,10 +35,9 @@ def _records(kind, valid, **columns):
 
 def rms(given, records, *names):
     """RMS errors of the valid estimates: a [mm], P and Qx [% of the force]."""
-    columns = {'a': (0, 1e3), 'P': (2, 100.0 / given.force), 'Qx': (3, 100.0 / given.force)}
     valid = records['valid'] & (records['type'] == given.kind)
-    return [float(np.sqrt(np.mean((records[name] - given.truth[:, column])[valid]**2)) * scale)
-            for name, (column, scale) in ((name, columns[name]) for name in names)]
+    return [float(np.sqrt(np.mean((records[name] - given.truth[name])[valid]**2))
+                  * (1e3 if name == 'a' else 100.0 / given.force)) for name in names]
 
 
 def _figures(values, *texts):
@@ -82,8 +80,8 @@ def remedies(count, rng, progress):
                     'drop the zeros', 'Qx 7.7 %', 'Qx 4.7 %', 'Qx')
     _depth_and_patch(count, rng, row)
     given = faults.noisy(POINT, faults.draw(POINT, count, rng, (2.0, 4.0)), rng)
-    two = _records(POINT, np.ones(count, bool), a=numpy_gauss_newton(
-        given.frames[:, None], steps=2)[:, 0])
+    place, *_ = numpy_gauss_newton(given.frames[:, None], steps=2).T
+    two = _records(POINT, np.ones(count, bool), a=place)
     found = estimates(given, {})
     row('shear of 2 to 4 P', 'after two steps ' + _figures(rms(given, two, 'a'), _A),
         'steps until the place rests', _figures(rms(given, found, 'a'), _A)
@@ -98,20 +96,21 @@ def remedies(count, rng, progress):
 
 def _depth_and_patch(count, rng, row):
     given = faults.sample(POINT, count, rng)
-    right = rms(given, estimates(given, {}), 'P')[0]
+    [right] = rms(given, estimates(given, {}), 'P')
     given = faults.wrong_depth(POINT, count, rng, 5.0)
-    found = rms(given, estimates(given, {'fit_depth': True}), 'P', 'Qx')
+    found = force, _ = rms(given, estimates(given, {'fit_depth': True}), 'P', 'Qx')
     row('depth wrong by 5 %', _figures(rms(given, plain(given), 'P', 'Qx'), _P, _QX),
-        'fit the depth too', _figures(found, _P, _QX) + f', P × {found[0] / right:.2f}',
+        'fit the depth too', _figures(found, _P, _QX) + f', P × {force / right:.2f}',
         'P 5 %, Qx 5–6 %', 'P × 1.5')
     given = faults.patch(POINT, count, rng, 1.0)
     bare, found = plain(given), estimates(given, {})
     valid = found['valid'] & (found['type'] == POINT)
-    off = 100.0 * (found['force_windowed'] - given.truth[:, 2])[valid]
+    off = 100.0 * (found['force_windowed'] - given.truth['P'])[valid]
     row('Hertz patch of 1 mm', 'P {:+.1f} %, false Qx {:.1f} %'.format(
-        100.0 * np.mean(bare['P'][bare['valid']] - 1.0), rms(given, bare, 'Qx')[0]),
+        100.0 * np.mean(bare['P'][bare['valid']] - 1.0), *rms(given, bare, 'Qx')),
         'P from M0 in a window of 8×8 mm (force_windowed)',
-        f'P {off.mean():+.1f} % ± {off.std():.1f} %, Qx {rms(given, found, "Qx")[0]:.1f} %',
+        'P {:+.1f} % ± {:.1f} %, Qx {:.1f} %'.format(
+            off.mean(), off.std(), *rms(given, found, 'Qx')),
         'P −7.7 %, false Q 4 %', 'no figure')
 
 
@@ -129,7 +128,7 @@ def _closed_form_and_noise(count, rng, row):
         given = faults.noise(POINT, 4 * count, rng, decibels)
         for text, options in zip(texts, ({'min_snr': 0.0}, {}), strict=True):
             found = estimates(given, options)
-            far = np.hypot(found['a'] - given.truth[:, 0], found['b'] - given.truth[:, 1]) > 1e-3
+            far = np.hypot(*(found[name] - given.truth[name] for name in 'ab')) > 1e-3
             wrong = found['valid'] & (far | (found['type'] != POINT))
             text.append('{:.0f} dB: valid {:.1f} %, off by 1 mm {:.2f} %'.format(
                 decibels, 100.0 * found['valid'].mean(), 100.0 * wrong.mean()))

@@ -5,7 +5,7 @@ import math
 
 import numpy as np
 
-from benchmarks.contact.cases import DEPTH, LINE_ARRAY, POINT_ARRAY
+from benchmarks.contact.cases.loads import DEPTH, LINE_ARRAY, POINT_ARRAY
 from tactile_sensing.half_space import point
 from tactile_sensing.moments.image_moments import line_from_moments
 from tactile_sensing.moments.point_moments import one_layer
@@ -41,11 +41,16 @@ def _windows(images):
     return row, column, *(a.reshape(n, 81) for a in (x, y, values))
 
 
+def _start(row, column):
+    """Parameters (N, 5) of loads at the peaks."""
+    nothing = np.zeros(len(row))
+    return np.column_stack([POINT_ARRAY.x[column], POINT_ARRAY.y[row], *[nothing] * 3])
+
+
 def numpy_gauss_newton(frames, *, steps=3):
     """Model 1 as one would write it: derivatives of the whole batch, 5x5 solves."""
     row, column, x, y, values = _windows(frames[:, 0])
-    theta = np.zeros((len(frames), 5))
-    theta[:, 0], theta[:, 1] = POINT_ARRAY.x[column], POINT_ARRAY.y[row]
+    theta = _start(row, column)
     for step in range(steps + 1):
         parameters = [value[:, None] for value in theta.T]
         jacobian = point.stress_jacobian('zz', x, y, *parameters, DEPTH)
@@ -63,19 +68,19 @@ def tuned_gauss_newton(frames, *, steps=3):
 
 def _tuned(images, steps):
     row, column, x, y, values = _windows(images)
-    theta = np.zeros((len(images), 5))
-    theta[:, 0], theta[:, 1] = POINT_ARRAY.x[column], POINT_ARRAY.y[row]
+    theta = _start(row, column)
     jacobian = np.empty((*x.shape, 5))
+    by_a, by_b, by_force, by_qx, by_qy = np.moveaxis(jacobian, -1, 0)
     for step in range(steps + 1):
         a, b, force, qx, qy = (value[:, None] for value in theta.T)
         u, v = x - a, y - b
         q = 1.0 / (u * u + v * v + DEPTH**2)
         shape = 1.5 / np.pi * DEPTH**2 * q * q * np.sqrt(q)
-        jacobian[..., 2], jacobian[..., 3], jacobian[..., 4] = shape * DEPTH, shape * u, shape * v
+        by_force[:], by_qx[:], by_qy[:] = shape * DEPTH, shape * u, shape * v
         load = force * DEPTH + qx * u + qy * v
         slope = 5.0 * q * load
-        jacobian[..., 0] = shape * (slope * u - qx)
-        jacobian[..., 1] = shape * (slope * v - qy)
+        by_a[:] = shape * (slope * u - qx)
+        by_b[:] = shape * (slope * v - qy)
         _add_step(theta, jacobian[..., 2:] if step == 0 else jacobian, values - shape * load)
     return theta
 

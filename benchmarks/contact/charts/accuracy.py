@@ -1,10 +1,11 @@
-"""Pictures of the contact benchmark."""
+"""All pictures of the contact benchmark, and those of its accuracy and speed."""
 
 import matplotlib
 import matplotlib.pyplot as plt
 import numpy as np
 
-from benchmarks.contact import maps, tables
+from benchmarks.contact.charts import limits
+from benchmarks.contact.tables import accuracy as tables
 
 matplotlib.use('Agg')
 ORDER = ('fit', 'compensated', 'compensated as printed', 'basic')
@@ -43,8 +44,8 @@ def draw(result, folder):
     """Write every picture into a folder."""
     plt.rcParams.update({'font.size': 9, 'axes.spines.top': False, 'axes.spines.right': False})
     for name, make in (('speed', _speed), ('noise', _noise), ('table_2_4', _table_24),
-                       ('table_3_3', _table_33), ('faults_point', maps.faults_of('point')),
-                       ('faults_line', maps.faults_of('line')), ('choice', maps.confusion)):
+                       ('table_3_3', _table_33), ('faults_point', limits.faults_of('point')),
+                       ('faults_line', limits.faults_of('line')), ('choice', limits.confusion)):
         figure = make(result)
         figure.savefig(folder / f'contact_{name}.png', dpi=110)
         plt.close(figure)

@@ -3,8 +3,8 @@
 import matplotlib.pyplot as plt
 import numpy as np
 
-from benchmarks.contact.faults import FAULTS
-from benchmarks.contact.scenes import ANSWERS
+from benchmarks.contact.cases.faults import FAULTS
+from benchmarks.contact.cases.scenes import ANSWERS
 
 STYLES = {  # method -> colour, marker, line width, drawn above others
     'moments': ('#999999', 'v', 1.0, 1), 'compensated': ('#c05a00', '^', 1.0, 2),

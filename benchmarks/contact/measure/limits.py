@@ -4,17 +4,18 @@ from dataclasses import replace
 
 import numpy as np
 
-from benchmarks.contact import scenes
-from benchmarks.contact.faults import FAULTS, noisy
+from benchmarks.contact.cases import scenes
+from benchmarks.contact.cases.faults import FAULTS, LOAD, noisy
 from tactile_sensing.contact.estimator import ContactEstimator, EstimatorConfig
-from tactile_sensing.types.contact import ContactType, Reason
+from tactile_sensing.types.contact import ContactType, Reason, ROW
 from tactile_sensing.types.image import Layer
 
 METHODS = {'fit': {}, 'fit with depth': {'fit_depth': True},
            'compensated': {'method': 'compensated'}, 'moments': {'method': 'moments'}}
 # What makes a valid estimate wrong, for place [m], force and shear [share of the force]: off by
 # more than so much and so many of the standard deviations that it claims itself, either way.
-LIMITS = (((1e-3, 0.1, np.inf), (0.0, 3.0, 0.0)), ((1e-4, 0.02, 0.1), (5.0, 5.0, 5.0)))
+LIMITS = tuple((np.array(least)[:, None], np.array(times)[:, None]) for least, times in (
+    ((1e-3, 0.1, np.inf), (0.0, 3.0, 0.0)), ((1e-4, 0.02, 0.1), (5.0, 5.0, 5.0))))
 
 
 def estimates(given, options, model='auto'):
@@ -25,26 +26,26 @@ def estimates(given, options, model='auto'):
 
 
 def errors(given, records):
-    """Errors of place, force and shear (N, 3), see LIMITS, and their claimed deviations."""
-    error = np.full((len(records), 3), np.nan)
-    claimed = error.copy()
-    variance = np.diagonal(records['covariance'], axis1=1, axis2=2)
-    truth = given.truth
+    """Errors of place, force and shear, shape (3, N), see LIMITS, and their claimed deviations."""
+    nothing, truth = np.full(len(records), np.nan), given.truth
+    variance = {name: records['covariance'][:, i, i] for name, i in ROW._asdict().items()}
+    shear, claimed_shear = nothing, nothing
     if given.kind == ContactType.POINT:
-        error[:, 0] = np.hypot(records['a'] - truth[:, 0], records['b'] - truth[:, 1])
-        claimed[:, 0] = np.sqrt(variance[:, 0] + variance[:, 1])
-        error[:, 1], claimed[:, 1] = np.abs(records['P'] - truth[:, 2]), np.sqrt(variance[:, 3])
-        error[:, 2] = np.hypot(records['Qx'] - truth[:, 3], records['Qy'] - truth[:, 4])
-        claimed[:, 2] = np.sqrt(variance[:, 4] + variance[:, 5])
+        place = np.hypot(records['a'] - truth['a'], records['b'] - truth['b'])
+        claimed_place = np.sqrt(variance['a'] + variance['b'])
+        force, claimed_force = records['P'] - truth['P'], np.sqrt(variance['normal_force'])
+        shear = np.hypot(records['Qx'] - truth['Qx'], records['Qy'] - truth['Qy'])
+        claimed_shear = np.sqrt(variance['shear_force_x'] + variance['shear_force_y'])
     else:  # farthest between the two lines within the circle in the pad
         cos, half = np.cos(records['yaw']), given.array.half_width_x
-        error[:, 0] = np.abs(records['a'] * cos - truth[:, 0] * np.cos(truth[:, 1])) + half * (
-            np.abs(np.sin(records['yaw'] - truth[:, 1])))
-        claimed[:, 0] = np.sqrt(variance[:, 0] * cos**2 + half**2 * variance[:, 2])
-        error[:, 1] = np.abs(records['line_force'] - truth[:, 2])
-        claimed[:, 1] = np.sqrt(variance[:, 6])
-    scale = np.array([1.0, given.force, given.force])
-    return error / scale, claimed / scale
+        place = np.abs(records['a'] * cos - truth['a'] * np.cos(truth['yaw'])) + half * (
+            np.abs(np.sin(records['yaw'] - truth['yaw'])))
+        claimed_place = np.sqrt(variance['a'] * cos**2 + half**2 * variance['yaw'])
+        force = records['line_force'] - truth['line_force']
+        claimed_force = np.sqrt(variance['line_force'])
+    scale = np.array([[1.0], [given.force], [given.force]])
+    return (np.array([place, np.abs(force), shear]) / scale,
+            np.array([claimed_place, claimed_force, claimed_shear]) / scale)
 
 
 def judge(given, records):
@@ -52,13 +53,13 @@ def judge(given, records):
     error, claimed = errors(given, records)
     valid, right = records['valid'], records['type'] == given.kind
     off = [(error > least) & (error > times * claimed) for least, times in LIMITS]
-    wrong = valid & (~right | np.any(off, axis=(0, 2)))
+    wrong = valid & (~right | np.any(off, axis=(0, 1)))
     told = wrong & ((records['flags'] & int(Reason.FORCE_MISMATCH)) > 0)
-    used = error[valid & right]
-    rms = np.sqrt((used**2).mean(axis=0)) if len(used) >= 10 else np.full(3, np.nan)
+    used = error[:, valid & right]
+    place, force, shear = np.sqrt((used**2).mean(axis=1)) if used.shape[1] >= 10 else (np.nan,) * 3
     return {'refused': float(1.0 - valid.mean()), 'wrong': float(wrong.mean()),
-            'wrong_but_told': float(told.mean()), 'rms_place_m': float(rms[0]),
-            'rms_force': float(rms[1]), 'rms_shear': float(rms[2])}
+            'wrong_but_told': float(told.mean()), 'rms_place_m': float(place),
+            'rms_force': float(force), 'rms_shear': float(shear)}
 
 
 def fault_map(count, few, rng, progress):
@@ -88,9 +89,9 @@ def wrong_type(count, few, rng, progress):
     rows = []
     for name, models in STRANGERS.items():
         progress.step(f'wrong type: {name}')
-        right = scenes.SCENES[name][1]
+        _, right = scenes.SCENES[name]
         clean_pictures = scenes.pictures(name, count, rng)
-        given = noisy(ContactType.POINT, np.zeros((count, 5)), rng, pictures=clean_pictures)
+        given = noisy(ContactType.POINT, np.zeros(count, LOAD), rng, pictures=clean_pictures)
         for model in models:
             for method, options in METHODS.items():
                 part = replace(given, frames=given.frames[:few]) if 'method' in options else given
