@@ -13,7 +13,7 @@ from tactile_servo.edge_map.path_queries import (
     rise,
     speed_profile,
 )
-from tactile_servo.edge_map.records import CLOUD_POINT, joined, nodes_of, places, points, ways
+from tactile_servo.edge_map.records import CLOUD_POINT, joined, nodes_of
 from tactile_servo.edge_map.tracing import into_plane, trace
 
 GRAIN, STEP = 2e-3, 0.5e-3
@@ -24,8 +24,8 @@ def cloud_of(places, directions, spread=0.0, seed=0):
     rng = np.random.default_rng(seed)
     sense = rng.choice([-1.0, 1.0], len(places))[:, None]
     cloud = np.ones(len(places), CLOUD_POINT)
-    points(cloud)[:] = places + spread * rng.standard_normal(places.shape)
-    ways(cloud)[:] = sense * directions
+    cloud['point'] = places + spread * rng.standard_normal(places.shape)
+    cloud['way'] = sense * directions
     return cloud
 
 
@@ -55,9 +55,9 @@ def test_points_of_a_picture_are_put_into_the_plane():
     pose[:3, 3] = [0.3, -0.1, 0.02]
     cloud = into_plane(ridge, pose, 0.05)
     there = np.column_stack([ridge['x'], ridge['y'], -0.05 * ridge['pressure'], np.ones(9)])
-    np.testing.assert_allclose(points(cloud), (there @ pose.T)[:, :3])
+    np.testing.assert_allclose(cloud['point'], (there @ pose.T)[:, :3])
     way = np.column_stack([ridge['tx'], ridge['ty']]) @ pose[:2, :2].T
-    np.testing.assert_allclose(ways(cloud), way / np.linalg.norm(way, axis=1, keepdims=True))
+    np.testing.assert_allclose(cloud['way'], way / np.linalg.norm(way, axis=1, keepdims=True))
     np.testing.assert_array_equal(cloud['weight'], ridge['quality'])
 
 
@@ -97,11 +97,11 @@ def test_a_larger_skin_traces_the_same_larger(scale):
     """All lengths of tracing are those of the picture's grain."""
     small = straight_cloud(spread=0.05e-3)
     large = small.copy()
-    points(large)[:] *= scale
+    large['point'] *= scale
     start = nodes_of((0.0, 0.0), 0.0, (1.0, 0.0))
     nodes = trace(small, start, 0.0151, GRAIN)
-    np.testing.assert_allclose(points(trace(large, start, 0.0151 * scale, GRAIN * scale)),
-                               scale * points(nodes), atol=1e-12)
+    np.testing.assert_allclose(trace(large, start, 0.0151 * scale, GRAIN * scale)['point'],
+                               scale * nodes['point'], atol=1e-12)
 
 
 def test_projection_and_place_are_inverse():
@@ -131,7 +131,7 @@ def test_length_on_the_pad(angle):
 def test_rise_is_that_of_the_nodes_and_unknown_near_turns():
     nodes = straight_nodes()
     assert rise(nodes, 0.01, 0.008, STEP, False) == pytest.approx(0.1)
-    ways(nodes)[15:] = [0.0, 1.0]
+    nodes['way'][15:] = [0.0, 1.0]
     assert np.isnan(rise(nodes, 0.008, 0.003, STEP, False))
 
 
@@ -141,8 +141,8 @@ def test_speed_allows_for_the_turn_ahead():
     stop = speed_profile(nodes, 0.015, 1.0, 2.0, 0.02, 5e-5, 3e-4)
     assert stop == pytest.approx(np.sqrt(0.02**2 + 2 * 2.0 * 0.005))
     corner = nodes.copy()
-    places(corner)[21:] = np.column_stack([0.01 + np.zeros(20), STEP * np.arange(1, 21)])
-    corner['station'] = arc_length(places(corner))
+    corner['place'][21:] = np.column_stack([0.01 + np.zeros(20), STEP * np.arange(1, 21)])
+    corner['station'] = arc_length(corner['place'])
     at = speed_profile(corner, 0.01, 1.0, 2.0, 1.0, 5e-5, 3e-4)
     assert at == pytest.approx(np.sqrt(2.0 * 5e-5 / (np.sqrt(2) - 1)))
     assert speed_profile(corner, 0.0102, 1.0, 2.0, 1.0, 5e-5, 3e-4) == at

@@ -9,7 +9,7 @@ from tactile_sensing.types.array import TactelArray
 from tactile_servo.edge_map.corner import Corner, fit, guess
 from tactile_servo.edge_map.corner_fit import CornerShape
 from tactile_servo.edge_map.picture import Picture
-from tactile_servo.edge_map.records import CLOUD_POINT, nodes_of, places
+from tactile_servo.edge_map.records import CLOUD_POINT, nodes_of
 from tactile_servo.edge_map.traced_path import DENIALS, TracedPath
 from tactile_simulation.edge_shapes import polygon
 from tactile_simulation.renderer import render
@@ -94,10 +94,10 @@ def test_guess_is_where_the_legs_meet():
 
 def test_path_through_a_corner_passes_its_vertex_or_its_fillet():
     shape = CornerShape(0.0, 0.0, 0.0, 0.5 * math.pi, 0.0)
-    path = places(Corner(shape, np.eye(7), DEPTH).nodes())
+    path = Corner(shape, np.eye(7), DEPTH).nodes()['place']
     assert (np.hypot(*path.T) < 1e-12).any()
     assert (np.diff(path.sum(axis=1)) > 0.0).all()
-    path = places(Corner(shape._replace(radius=1e-3), np.eye(7), DEPTH).nodes())
+    path = Corner(shape._replace(radius=1e-3), np.eye(7), DEPTH).nodes()['place']
     assert np.hypot(*path.T).min() == pytest.approx(1e-3 * (math.sqrt(2) - 1), rel=0.05)
 
 

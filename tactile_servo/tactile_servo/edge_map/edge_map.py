@@ -18,7 +18,7 @@ from tactile_servo.edge_map.path_queries import (
     speed_profile,
 )
 from tactile_servo.edge_map.picture import Problem, read_picture
-from tactile_servo.edge_map.records import CLOUD_POINT, joined, nodes_of, places, points, ways
+from tactile_servo.edge_map.records import CLOUD_POINT, joined, nodes_of
 from tactile_servo.edge_map.traced_path import BEHIND, PathEnd, TracedPath
 from tactile_servo.edge_map.tracing import into_plane, local_line, share_near, STEP
 
@@ -71,7 +71,8 @@ class EdgeMap:
         self.skin_stiffness = skin_stiffness
         self.plane = self.picture = self.path = self.scale = None
         self.station = 0.0
-        self._clouds = []
+        self._cloud = np.empty(0, CLOUD_POINT)  # of the last pictures,
+        self._counts = []  # so many points of each
         self._followed = False
         self._off_path = 0
         self._near = None  # nodes around the pad, an open end led on
@@ -103,34 +104,36 @@ class EdgeMap:
             return Sight(Problem.NO_RIDGE)
         # (3.1) at its peak, 2 q / (pi d), gives the load, and that the indentation.
         indentation = 0.5 * math.pi * picture.depth / self.skin_stiffness
-        self._clouds = [*self._clouds[1 - PICTURES:],
-                        into_plane(picture.ridge, picture.pose, indentation)]
+        seen = into_plane(picture.ridge, picture.pose, indentation)
+        self._remember(seen)
         if anew or not self._followed:
             heading = direction * picture.pose[:2, 1]
             return self._begin(heading / np.linalg.norm(heading), True)
-        if share_near(self._clouds[-1], self._near, OFF_PATH * self.scale.grain) > AGREEING:
+        if share_near(seen, self._near, OFF_PATH * self.scale.grain) > AGREEING:
             self._off_path = 0
             self.station = self._project(picture).station
             self.path.refine(picture, self.station)
-            self._extend()
+            self.path.extend(self._cloud, picture, self.station)
+            self._take_near()
             return Sight(None)
         self._off_path += 1
         if self._off_path < SURE_PICTURES:
             return Sight(Problem.ELSEWHERE)
-        self._clouds = self._clouds[-1:]  # the object has slipped
+        self._counts = []  # the object has slipped
+        self._remember(seen)
         self.station = self._project(picture).station
         chord = CHORD * self.scale.grain
         return self._begin(np.array(self.way(self.station - chord, self.station + chord)), False)
 
     def _begin(self, heading, may_close):
         """Begin a path at the point of the ridge that is nearest to the pad's centre."""
-        picture, cloud = self.picture, joined(self._clouds, CLOUD_POINT)
+        picture, cloud = self.picture, self._cloud
         may_close = may_close and (self.path is None or self.path.may_close)
         self._off_path, self._followed = 0, False
-        along = np.abs(ways(cloud) @ heading) > ROUGHLY_ALONG
+        along = np.abs(cloud['way'] @ heading) > ROUGHLY_ALONG
         if not along.any():
             return Sight(Problem.ELSEWHERE)
-        place = places(cloud)[along]
+        place = cloud['place'][along]
         nearest = place[np.linalg.norm(place - picture.place, axis=1).argmin()]
         line = local_line(cloud, *nearest, *heading, self.scale.grain)
         if not line.found:
@@ -142,9 +145,11 @@ class EdgeMap:
         self._take_near()
         return Sight(None, True)
 
-    def _extend(self):
-        self.path.extend(joined(self._clouds, CLOUD_POINT), self.picture, self.station)
-        self._take_near()
+    def _remember(self, seen):
+        """Put the points of a picture to those of the last ones."""
+        kept = self._counts[1 - PICTURES:]
+        self._cloud = joined([self._cloud[len(self._cloud) - sum(kept):], seen], CLOUD_POINT)
+        self._counts = [*kept, len(seen)]
 
     def _take_near(self):
         path, behind = self.path, BEHIND * self.scale.half
@@ -177,7 +182,7 @@ class EdgeMap:
         if nodes is None:
             nodes = path.nodes[path.nodes['station'] <= min(self.station, path.tip)]
         back = np.linalg.inv(self.plane)
-        return points(nodes) @ back[:3, :3].T + back[:3, 3]
+        return nodes['point'] @ back[:3, :3].T + back[:3, 3]
 
     # Path --------------------------------------------------------------------------------
 

@@ -5,7 +5,7 @@ import numpy as np
 from tactile_servo.edge_map.corner import guess, LEAST_TURN
 from tactile_servo.edge_map.corner_fit import CornerShape
 from tactile_servo.edge_map.path import sharpest_turn
-from tactile_servo.edge_map.records import joined, nodes_of, places, ways
+from tactile_servo.edge_map.records import joined, nodes_of
 from tactile_servo.edge_map.scale import PadScale
 from tactile_servo.edge_map.tracing import local_line, STEP
 
@@ -33,14 +33,14 @@ def left_of(way: np.ndarray) -> np.ndarray:
 def led_on(nodes: np.ndarray, reach: float) -> np.ndarray:
     """Lead a path straight on beyond the end of its ridge by a last node without material."""
     # Single nodes are uncertain where a ridge fades: means of several give the line.
-    tail, last = places(nodes[-2 * TIP:]), nodes[-1:]
+    tail, last = nodes[-2 * TIP:]['place'], nodes[-1:]
     half = len(tail) // 2
-    middle, way = tail[half:].mean(axis=0), ways(last)[0]
+    middle, way = tail[half:].mean(axis=0), last['way'][0]
     if half:
         chord = middle - tail[:half].mean(axis=0)
         size = np.hypot(*chord)
         way = chord / size if size > 0.0 else way
-    there = middle + (reach + (places(last)[0] - middle) @ way) * way
+    there = middle + (reach + (last['place'][0] - middle) @ way) * way
     return joined([nodes, nodes_of(there, last['z'], way, 0.0)])
 
 
@@ -63,15 +63,15 @@ def way_over_gap(cloud: np.ndarray, last: np.ndarray, scale: PadScale) -> np.nda
 
     cloud : ndarray of CLOUD_POINT; last : ndarray of NODE, shape (1,).
     """
-    step, (here,), (way,) = STEP * scale.grain, places(last), ways(last)
-    relative = places(cloud) - here
+    step, (here,), (way,) = STEP * scale.grain, last['place'], last['way']
+    relative = cloud['place'] - here
     ahead, aside = relative @ way, np.abs(relative @ left_of(way))
     on = ((ahead > 2.0 * step) & (ahead < GAP_REACH * scale.half)
           & (aside < GAP_ASIDE * scale.grain + GAP_SPREAD * ahead)
-          & (np.abs(ways(cloud) @ way) > STRAIGHT_ON))
+          & (np.abs(cloud['way'] @ way) > STRAIGHT_ON))
     if on.sum() < FEWEST:
         return None
-    nearest = places(cloud)[on][ahead[on].argmin()]
+    nearest = cloud['place'][on][ahead[on].argmin()]
     line = local_line(cloud, *nearest, *way, scale.grain)
     if not line.found:
         return None
@@ -87,7 +87,7 @@ def sharp_turn(leg: np.ndarray, depth: float) -> CornerShape | None:
     first, last = sharpest_turn(leg, SURE_TURN * LEAST_TURN)
     if first < 0:
         return None
-    place, way = places(leg), ways(leg)
+    place, way = leg['place'], leg['way']
     return guess(place[first], way[first], place[last], way[last], depth)
 
 
@@ -95,17 +95,17 @@ def acute_turn(cloud: np.ndarray, leg: np.ndarray, scale: PadScale) -> CornerSha
     """Guess an acute corner: another leg that begins where this one ends."""
     if len(leg) < TIP:
         return None
-    last = places(leg)[-1]
-    close = np.linalg.norm(places(cloud) - last, axis=1) < BRANCH_REACH * scale.grain
+    last = leg['place'][-1]
+    close = np.linalg.norm(cloud['place'] - last, axis=1) < BRANCH_REACH * scale.grain
     cloud = cloud[close]
-    gaps = np.linalg.norm(places(cloud)[:, None] - places(leg)[None, -CHECKED:], axis=2)
+    gaps = np.linalg.norm(cloud['place'][:, None] - leg['place'][None, -CHECKED:], axis=2)
     others = cloud[gaps.min(axis=1) > BESIDE * scale.grain]
     if len(others) < FEWEST:
         return None
-    centre, way = places(others).mean(axis=0), ways(others)
+    centre, way = others['place'].mean(axis=0), others['way']
     way = (way * np.sign(way @ way[0])[:, None]).mean(axis=0)
     way /= np.linalg.norm(way)
     if way @ (centre - last) < 0.0:
         way = -way
     before = max(len(leg) - BEFORE, 0)
-    return guess(places(leg)[before], ways(leg)[before], centre, way, scale.depth)
+    return guess(leg['place'][before], leg['way'][before], centre, way, scale.depth)

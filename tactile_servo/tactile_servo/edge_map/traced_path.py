@@ -18,7 +18,7 @@ from tactile_servo.edge_map.ends import (
 )
 from tactile_servo.edge_map.path import closing_node, FAR_TURN, unblurred
 from tactile_servo.edge_map.picture import Picture
-from tactile_servo.edge_map.records import joined, places, ways
+from tactile_servo.edge_map.records import joined
 from tactile_servo.edge_map.tracing import STEP, trace
 
 DENIALS = 3  # pictures one after the other that show no such corner, until it is dropped
@@ -87,9 +87,9 @@ class TracedPath:
                  may_close: bool = True):
         self.scale, self.may_close = picture.scale, may_close
         against = start.copy()
-        ways(against)[:] *= -1.0
+        against['way'] *= -1.0
         back = trace(cloud, against, AHEAD * self.scale.half, self.scale.grain)[::-1].copy()
-        ways(back)[:] *= -1.0
+        back['way'] *= -1.0
         self.open_start = not len(back) or not self._well_inside(picture, back[:1])
         self.nodes = joined([back, start])
         (self.began,) = start['station'].tolist()
@@ -103,11 +103,11 @@ class TracedPath:
         return STEP * self.scale.grain
 
     def _measure(self, first):
-        self.nodes['station'] = arc_length(places(self.nodes), first)
+        self.nodes['station'] = arc_length(self.nodes['place'], first)
 
     @staticmethod
     def _well_inside(picture, node):
-        return picture.covers(places(node), SEEN_BORDER * picture.depth)
+        return picture.covers(node['place'], SEEN_BORDER * picture.depth)
 
     # Ahead -------------------------------------------------------------------------------
 
@@ -168,13 +168,13 @@ class TracedPath:
                 if jump is None:
                     break
                 pieces.append(Piece(jump))
-                left -= np.hypot(*(places(jump)[-1] - places(jump)[0]))
+                left -= np.hypot(*(jump['place'][-1] - jump['place'][0]))
                 last = jump[-1:]
                 continue
             corners.remove(corner)
             turn = corner.nodes()
             # Of a corner that is found late a part lies behind: the path must not lead back.
-            turn = turn[int(((places(turn) - places(last)) @ ways(last)[0] > 0.0).argmax()):]
+            turn = turn[int(((turn['place'] - last['place']) @ last['way'][0] > 0.0).argmax()):]
             turn['z'] = last['z']
             pieces.append(Piece(turn, corner))
             left -= 2.0 * corner.reach
@@ -187,7 +187,7 @@ class TracedPath:
         """First corner whose zone a leg enters, and how many nodes lie before, after its start."""
         best, cut, grain = None, len(leg) - 1, self.scale.grain
         for corner in corners:
-            relative = places(leg) - corner.shape.vertex
+            relative = leg['place'] - corner.shape.vertex
             way = np.array([np.cos(corner.shape.first), np.sin(corner.shape.first)])
             ahead, aside = -(relative @ way), np.abs(relative @ left_of(way))
             inside = ((ahead < corner.reach) & (ahead > -ZONE_BEHIND * grain)
@@ -200,7 +200,7 @@ class TracedPath:
 
     def _jump(self, cloud, picture, last):
         """Nodes over a gap, or None: the path ends with the view or with the ridge."""
-        ahead_of_pad = (places(last)[0] - picture.place) @ ways(last)[0] > 0.0
+        ahead_of_pad = (last['place'][0] - picture.place) @ last['way'][0] > 0.0
         if ahead_of_pad and not self._well_inside(picture, last):
             return None
         jump = way_over_gap(cloud, last, self.scale)
