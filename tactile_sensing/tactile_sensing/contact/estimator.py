@@ -186,7 +186,7 @@ class ContactEstimator:
         step = count if config.method == 'fit' else 1  # the closed forms need a frame's noise
         for i in range(0, count, max(step, 1)):
             part = estimates[i:i + step]
-            estimate_frames(stress[i:i + step], sensor, table, self._rules, reasons, saturated,
+            estimate_frames(stress[i:i + step], *sensor, table, self._rules, reasons, saturated,
                             calibrated, part)
             if part[0]['type'] == PENDING:
                 estimate_by_moments(stress[i], array, table, config, part[0])
