@@ -22,12 +22,11 @@ def compiled():
             for f in gc.get_objects() if isinstance(f, Dispatcher)
             and f.py_func.__module__.startswith(OURS)}
 
+simulations = [Simulation(load_scene(scene), 'trace') for scene in sys.argv[1:]]
 compile_kernels()
 before = compiled()
-for scene in sys.argv[1:]:
-    scene = load_scene(scene)
-    simulation = Simulation(scene, 'trace')
-    simulation.run(EdgeGoal(0.1, 5.0, closed=scene.edge.closed), 20.0)
+for simulation in simulations:
+    simulation.run(EdgeGoal(0.1, 5.0, closed=simulation.scene.edge.closed), 20.0)
     assert simulation.servo.success, simulation.servo.reason
 after = compiled()
 print(json.dumps({'kernels': sum(map(bool, before.values())),
