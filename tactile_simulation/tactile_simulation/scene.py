@@ -120,7 +120,7 @@ class Scene:
     sensor: Sensor = field(default_factory=Sensor)
     start: Start = field(default_factory=Start)
     plant: Plant = field(default_factory=Plant)
-    slip: Slip = None
+    slip: Slip | None = None
 
     def __post_init__(self):
         if self.start.s > self.edge.length:
