@@ -5,14 +5,13 @@ import time
 import pytest
 from rclpy.node import Node
 from rclpy.qos import qos_profile_sensor_data
-from rosbags.rosbag2 import Reader
 
-from edge_tracking.composed import add_mocks, add_sensing, add_servo, Graph, private_port
 from edge_tracking.demo import own_domain
+from edge_tracking.graph import add_mocks, add_sensing, add_servo, Graph, private_port
 from edge_tracking.process_group import record
-from edge_tracking.recording.bag import open_bag
 from edge_tracking.resources import find_scene, share
 from edge_tracking.track import TrackNode
+from tactile_common.ros.bag_reader import open_bag
 from tactile_msgs.msg import Contact, TactileImage
 from tactile_sensing.nodes.contact_estimator import ContactEstimatorNode
 
@@ -67,9 +66,7 @@ def test_replayed_pictures_give_the_recorded_contacts(bag):
     with open_bag(bag) as recorded:
         before = {contact.sequence: contact
                   for _, _, contact in recorded.messages(['/tactile/contact'])}
-    with Reader(bag) as reader:
-        wanted = [c for c in reader.connections if c.topic == '/tactile/image']
-        pictures = [data for _, _, data in reader.messages(wanted)]
+        pictures = [data for _, _, data in recorded.messages(['/tactile/image'], raw=True)]
     assert len(pictures) > 100
 
     with Graph(namespace='replay', domain=own_domain()) as graph:

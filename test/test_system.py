@@ -6,12 +6,11 @@ import pytest
 from rclpy.qos import qos_profile_sensor_data
 from tactile_tests.graph import bench, ROBOT, stamp_of
 
-from edge_tracking.composed import private_port
+from edge_tracking.graph import private_port
 from tactile_common.ros.conversions import pose_to_msg
 from tactile_msgs.msg import Contact, ServoStatus
 from tactile_sensing.nodes.contact_estimator import ContactEstimatorNode
 from tactile_sensing.nodes.driver import DriverNode
-from tactile_sensing.types.array import TactelArray
 from tactile_servo.nodes.servo import EdgeServoNode
 from tactile_simulation.nodes.mock_robot import MockRobotNode
 from tactile_simulation.nodes.mock_sensor import MockSensorNode
@@ -67,7 +66,7 @@ def test_pad_stays_over_the_true_edge(tracked):
 
 
 def test_true_force_is_the_wanted_one(tracked):
-    renderer = EdgeRenderer(tracked.scene, TactelArray(16, 16, 0.0254 / 16, 0.0254 / 16))
+    renderer = EdgeRenderer(tracked.scene, tracked.scene.sensor.array)
     force = np.array([renderer.force(pose) for pose in settled(tracked)[::5]])
     assert force.mean() == pytest.approx(FORCE, rel=0.05)
     assert np.sqrt(np.mean((force - FORCE)**2)) < 0.1 * FORCE
@@ -124,6 +123,25 @@ def test_method_is_selected_by_a_parameter():
         lateral, _ = it.scene.edge.nearest(settled(it)[:, :3, 3])
         assert np.abs(lateral).max() < 1e-3  # the thesis' bar
         assert it.robot.rejected == 0
+
+
+def test_a_pad_of_another_size_needs_no_more_than_its_scene(tmp_path):
+    """24 columns every 1.0 mm and 12 rows every 1.5 mm; driver and servo hear of it."""
+    scene = tmp_path / 'oblong.yaml'
+    scene.write_text(SCENE.format(name='oblong', offset=0.003, yaw=0).replace(
+        'sensor: {', 'sensor: {rows: 12, columns: 24, pitch_x: 0.001, pitch_y: 0.0015, ').replace(
+        's: 0.1', 's: 0.05').replace('height: -0.001', 'height: 0.004'))
+    with bench(str(scene)) as it:
+        it.add_all()
+        client = it.track(length=LENGTH)
+        assert client.success, client.reason
+        info, image = it.listener.infos[-1], it.listener.images[-1]
+        for message in (info, image):
+            assert (message.rows, message.columns) == (12, 24)
+            assert (message.pitch_x, message.pitch_y) == pytest.approx((0.001, 0.0015))
+        lateral, _ = it.scene.edge.nearest(settled(it)[:, :3, 3])
+        assert np.abs(lateral).max() < 3e-4
+        assert it.robot.rejected == it.robot.controller.limit_violations == 0
 
 
 def edge_seen_from(pose, scene):

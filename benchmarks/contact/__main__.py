@@ -9,8 +9,9 @@ import sys
 
 import numpy as np
 
-from benchmarks.contact import accuracy, judge, operations, remedies, scenes
-from benchmarks.contact import peers as peer
+from benchmarks.contact.cases import scenes
+from benchmarks.contact.measure import accuracy, limits, operations, remedies
+from benchmarks.contact.methods import peers as peer
 from benchmarks.harness import finite, run
 
 PIECES = 111  # that call `Steps.step`
@@ -35,8 +36,8 @@ def measure(arguments, progress):
         'table_2_4': accuracy.table_24(max(2, int(10 * part)), rng, progress),
         'table_3_3': accuracy.table_33(int(500 * part), peers, rng, progress),
         'operations': operations.counts(),
-        'fault_map': judge.fault_map(many, few, rng, progress),
-        'wrong_type': judge.wrong_type(int(500 * part), few, rng, progress),
+        'fault_map': limits.fault_map(many, few, rng, progress),
+        'wrong_type': limits.wrong_type(int(500 * part), few, rng, progress),
         'remedies': remedies.remedies(many, rng, progress),
         'confusion': scenes.confusion(int(1000 * part), rng, progress)})
 

@@ -12,7 +12,7 @@ import yaml
 from tactile_servo.config import ServoConfig
 from tactile_servo.control.path_controller import PathConfig
 from tactile_servo.control.stability import gain_limit
-from tactile_servo.laws.edge_following import EdgeFollowingConfig
+from tactile_servo.laws.edge_following_config import EdgeFollowingConfig
 from tactile_servo.laws.resolved_rate import PositionConfig, ResolvedRateConfig
 from tactile_servo.types import EdgeGoal, State
 from tactile_simulation.closed_loop import PICTURE_EVERY, Simulation, STEP

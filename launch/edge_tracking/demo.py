@@ -12,30 +12,33 @@ import os
 from pathlib import Path
 import sys
 import time
+from typing import Any
 
 from rclpy.exceptions import ParameterException
 
-from edge_tracking.composed import add_servo, Graph, linger, private_port
+from edge_tracking.graph import add_servo, calibrate, Graph, linger, private_port
 from edge_tracking.playback import calibration_for, describe_recording, play
 from edge_tracking.process_group import apart
 from edge_tracking.recording.frames_summary import summarise_recording
-from edge_tracking.recording.read_run import read_run
-from edge_tracking.recording.summary import summarise, to_json
+from edge_tracking.recording.reader import read_run
+from edge_tracking.recording.summary import summarise
 from edge_tracking.report.page import make_recording_report, make_report, picture
 from edge_tracking.resources import find_scene, scene_names, share
 from edge_tracking.track import TrackNode
 from tactile_common.errors import TactileError
 from tactile_common.progress import Progress
 from tactile_common.ros.runner import stop_on_signals
+from tactile_msgs.action import TrackEdge
 from tactile_sensing.devices.recording import load_recording
 from tactile_servo.laws.registry import DEFAULT, LAWS
 from tactile_servo.types import State
+from tactile_simulation.metrics import describe, to_json
 from tactile_simulation.scene import load_scene
 
 DOMAINS = 100  # the demo picks one of the domains 1 to 100, unless told
 
 
-def parser():
+def parser() -> argparse.ArgumentParser:
     """Command line of the demo."""
     arguments = argparse.ArgumentParser(
         prog='demo', formatter_class=argparse.ArgumentDefaultsHelpFormatter,
@@ -70,7 +73,7 @@ def parser():
     return arguments
 
 
-def out_folder(wanted, name):
+def out_folder(wanted: str | None, name: str) -> Path:
     """Make the folder of the results."""
     folder = Path(wanted or f'runs/{name}-{datetime.now():%Y%m%d-%H%M%S}')
     try:
@@ -80,7 +83,7 @@ def out_folder(wanted, name):
     return folder
 
 
-def own_domain():
+def own_domain() -> int | None:
     """
     ROS domain of the demo: that of the environment, else one that no other demo is likely to use.
 
@@ -93,36 +96,42 @@ def own_domain():
     return domain
 
 
-def track_scene(options, folder, **common):
-    """Run the scene; returns (success, reason)."""
-    path = find_scene(options.scene)
-    edge = load_scene(path)
-    robot = share('urdf', 'puma260.urdf')
-    length = edge.edge.length - edge.start.s
+def feedback_text(feedback: TrackEdge.Feedback) -> str:
+    """What the progress bar says of the tracking."""
+    text = [f'{1e3 * feedback.progress:.0f} mm']
+    if feedback.state == State.HOLD:
+        text.append(feedback.reason)
+    else:  # what is not known, before the edge is felt, is left out
+        text += [form.format(value) for form, value in (
+            ('lateral {:+.3f} mm', 1e3 * feedback.lateral_error),
+            ('force {:.2f} N', feedback.normal_force)) if math.isfinite(value)]
+    return ', '.join(text)
 
-    def show(feedback):
-        text = [f'{1e3 * feedback.progress:.0f} mm']
-        if feedback.state == State.HOLD:
-            text.append(feedback.reason)
-        else:  # what is not known, before the edge is felt, is left out
-            text += [form.format(factor * value) for form, factor, value in (
-                ('lateral {:+.3f} mm', 1e3, feedback.lateral_error),
-                ('force {:.2f} N', 1.0, feedback.normal_force)) if math.isfinite(value)]
-        progress.show(feedback.progress, State(feedback.state).name.lower(), ', '.join(text))
-    with private_port() as port, stop_on_signals() as stop, Progress(length) as progress, \
+
+def track_scene(options: argparse.Namespace, folder: Path, **common) -> tuple[bool, str]:
+    """Run the scene; returns success and reason."""
+    path, robot = find_scene(options.scene), share('urdf', 'puma260.urdf')
+    scene = load_scene(path)
+    closed = scene.edge.closed and LAWS[options.controller].closes_contours
+    with private_port() as port, stop_on_signals() as stop, \
+            Progress(scene.edge.length - scene.start.s) as progress, \
             apart('listeners', folder / 'bag', **common) as listeners, \
             apart('mocks', port, path, robot, options.seed, **common) as mocks, \
-            apart('sensing', port, **common) as sensing, Graph(**common) as graph:
+            apart('sensing', port, calibrate(port, scene), **common) as sensing, \
+            Graph(**common) as graph:
         parts = {'listeners': listeners, 'mocks': mocks, 'sensing': sensing}
 
         def over():
             return stop.is_set() or any(part.poll() is not None for part in parts.values())
+
+        def show(feedback):
+            progress.show(feedback.progress, State(feedback.state).name.lower(),
+                          feedback_text(feedback))
+
         servo = add_servo(graph, robot, options.controller)
         graph.spin(lambda: over() or servo.count_subscribers('servo_status'))  # the recorder
         track = graph.add(TrackNode, own={'on_feedback': show}, speed=options.speed,
-                          force=options.force,
-                          closed=edge.edge.closed
-                          and LAWS[options.controller].closes_contours)
+                          force=options.force, closed=closed)
         graph.spin(lambda: track.finished or over())
         if stop.is_set():
             track.cancel()
@@ -138,40 +147,7 @@ def track_scene(options, folder, **common):
     return track.success, track.reason
 
 
-# Key, name, unit, factor from SI and decimals of what the terminal shows.
-_ROWS = (
-    ('tracked_length', 'tracked length', 'mm', 1e3, 1),
-    ('lateral_rms', 'lateral error, RMS', 'mm', 1e3, 4),
-    ('lateral_max', 'lateral error, largest', 'mm', 1e3, 4),
-    ('force_rms_error', 'force error, RMS', 'N', 1.0, 3),
-    ('force_max', 'force, largest', 'N', 1.0, 2),
-    ('contour_max_error', 'rebuilt outline within', 'mm', 1e3, 3),
-    ('duration', 'duration', 's', 1.0, 1),
-    ('sensor_rate', 'sensor rate', 'Hz', 1.0, 1),
-    ('control_rate', 'control rate', 'Hz', 1.0, 1),
-    ('missed_cycles', 'missed cycles', '', 1.0, 0),
-    ('latency_p50', 'frame to command, p50', 'ms', 1e3, 2),
-    ('latency_p99', 'frame to command, p99', 'ms', 1e3, 2))
-
-
-def describe(summary):
-    """Text of the summary of a scene for the terminal."""
-    verdict = 'tracked' if summary['ok'] else 'NOT TRACKED'
-    lines = [f'{verdict}: {summary["reason"]}']
-    for key, name, unit, factor, decimals in _ROWS:
-        value = summary[key]
-        if not math.isnan(value):
-            lines.append(f'  {name:24}{factor * value:10.{decimals}f} {unit}')
-    for number, side in enumerate(summary['sides'], 1):
-        radius = '' if side['kind'] == 'line' else f', radius {1e3 * side["radius"]:.2f} mm'
-        lines.append(f'  side {number}: {side["kind"]} of {1e3 * side["length"]:.2f} mm{radius}')
-    for number, corner in enumerate(summary['corners'], 1):
-        place = ', '.join(f'{1e3 * value:.2f}' for value in corner)
-        lines.append(f'  corner {number} at ({place}) mm')
-    return '\n'.join(lines)
-
-
-def run(options):
+def run(options: argparse.Namespace) -> tuple[dict[str, Any], Path]:
     """Run the demo; returns the summary and the folder of its results."""
     name = Path(options.recording or options.scene).stem
     # What cannot be read is refused before a folder is made, and once, not by every part.
@@ -207,7 +183,7 @@ def run(options):
     return summary, folder
 
 
-def main(args=None):
+def main(args: list[str] | None = None) -> int:
     """Run the demo; exit status 0 if the edge was tracked, or the recording played."""
     options = parser().parse_args(args)
     try:

@@ -1,18 +1,23 @@
 """The demo with a recording: its frames run through driver and estimator, as from the array."""
 
+from argparse import Namespace
+from collections.abc import Mapping
+from pathlib import Path
 import time
+from typing import Any
 
-from edge_tracking.composed import Graph, linger, private_port
+from edge_tracking.graph import Graph, linger, private_port
 from edge_tracking.process_group import record
 from tactile_common.progress import Progress
 from tactile_common.ros.runner import stop_on_signals
 from tactile_sensing.devices.calibration import Calibration, load_calibration
+from tactile_sensing.devices.recording import Recording
 from tactile_sensing.nodes.contact_estimator import ContactEstimatorNode
 from tactile_sensing.nodes.driver import DriverNode
 from tactile_simulation.nodes.mock_sensor import MockSensorNode
 
 
-def calibration_for(options, recording):
+def calibration_for(options: Namespace, recording: Recording) -> Calibration:
     """
     Calibration of a recording, as the options of the demo say.
 
@@ -36,7 +41,7 @@ def calibration_for(options, recording):
     return calibration
 
 
-def live_window(text, shape):
+def live_window(text: str, shape: tuple[int, int]) -> tuple[int, ...]:
     """
     Row-major indices of the tactels outside a window 'ROWS,COLUMNS' such as '15:26,15:26'.
 
@@ -45,29 +50,29 @@ def live_window(text, shape):
     ValueError
         The text is no window within the shape.
     """
+    height, width = shape
     try:
         rows, columns = (range(*map(int, part.split(':'))) for part in text.split(','))
-        inside = (0 <= rows.start < rows.stop <= shape[0]
-                  and 0 <= columns.start < columns.stop <= shape[1])
+        inside = (0 <= rows.start < rows.stop <= height
+                  and 0 <= columns.start < columns.stop <= width)
     except (TypeError, ValueError):
         inside = False
     if not inside:
         raise ValueError(f'--live {text}: must be ROWS,COLUMNS such as 15:26,15:26 within '
-                         f'{shape[0]} x {shape[1]}')
-    return tuple(r * shape[1] + c for r in range(shape[0]) for c in range(shape[1])
+                         f'{height} x {width}')
+    return tuple(r * width + c for r in range(height) for c in range(width)
                  if r not in rows or c not in columns)
 
 
-def play(path, duration, calibration, folder, **common):
+def play(path: str | Path, duration: float, calibration: Calibration, folder: Path,
+         **common) -> tuple[bool, str]:
     """
     Stream a recording through driver and estimator, and record that.
 
     Parameters
     ----------
-    path : str or Path
-        Of the recording.
-    duration : float
-        Of the recording [s].
+    path, duration
+        Of the recording; the duration in s.
     calibration : Calibration
     folder : Path
         That the bag is made in.
@@ -99,7 +104,7 @@ def play(path, duration, calibration, folder, **common):
     return True, 'recording played'
 
 
-def describe_recording(summary):
+def describe_recording(summary: Mapping[str, Any]) -> str:
     """Text of the summary of a recording for the terminal."""
     lines = [f'{summary["reason"]}: {summary["frames"]} pictures of {summary["rows"]} x '
              f'{summary["columns"]} at {summary["sensor_rate"]:.1f} Hz, '

@@ -5,6 +5,7 @@ The graph in parts, each a process of its own, so that none waits for another's 
 hardware, give way to the loop, and `listeners`, recorder and shape estimator, to both.
 """
 
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 import json
 import os
@@ -12,6 +13,7 @@ import signal
 import subprocess
 import sys
 import threading
+from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import PoseStamped, WrenchStamped
@@ -22,15 +24,15 @@ from sensor_msgs.msg import JointState
 from trajectory_msgs.msg import JointTrajectory
 from visualization_msgs.msg import MarkerArray
 
-from edge_tracking.composed import add_mocks, add_sensing, Graph
-from edge_tracking.recording.bag import RecorderNode
+from edge_tracking.graph import add_mocks, add_sensing, Graph
+from edge_tracking.recording.writer import RecorderNode
 from tactile_msgs.msg import Contact, SensorInfo, ServoStatus, SurfacePatch, TactileImage
 from tactile_shape.nodes.shape_estimator import ShapeEstimatorNode
 
 PATIENCE = 10.0  # s for a part to end by itself, its recording written
 
 
-def topics(namespace):
+def topics(namespace: str) -> list[tuple[str, type, QoSProfile]]:
     """Every topic of the graph, with its type and the quality of service to listen with."""
     deep = QoSProfile(depth=100)
     latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
@@ -46,23 +48,24 @@ def topics(namespace):
         ('/joint_trajectory_controller/joint_trajectory', JointTrajectory, deep)]
 
 
-def record(graph, bag):
+def record(graph: Graph, bag) -> RecorderNode:
     """Add a recorder of everything to a graph."""
     return graph.add(RecorderNode, own={'path': bag, 'topics': topics(graph.namespace)})
 
 
-def add_listeners(graph, bag):
+def add_listeners(graph: Graph, bag) -> None:
     """Add a recorder of everything and the shape estimator."""
     record(graph, bag)
     graph.add(ShapeEstimatorNode)
 
 
 # What makes each part, and its niceness.
-PARTS = {'sensing': (add_sensing, 0), 'mocks': (add_mocks, 5), 'listeners': (add_listeners, 10)}
+PARTS: dict[str, tuple[Callable[..., Any], int]] = {
+    'sensing': (add_sensing, 0), 'mocks': (add_mocks, 5), 'listeners': (add_listeners, 10)}
 
 
 @contextmanager
-def apart(part, *arguments, **graph):
+def apart(part: str, *arguments, **graph) -> Iterator[subprocess.Popen]:
     """
     Run a part of the graph in a process of its own while in a `with` statement.
 
@@ -89,22 +92,26 @@ def apart(part, *arguments, **graph):
     try:
         yield process
     finally:
-        process.stdin.close()
         try:
-            process.wait(PATIENCE)
+            process.communicate(timeout=PATIENCE)  # ends its standard input
         except subprocess.TimeoutExpired:
             process.kill()
             process.wait()
 
 
-def main():
+def main() -> int:
     """Run a part until the standard input ends."""
     part, arguments, options = json.loads(sys.argv[1])
     add, niceness = PARTS[part]
     for number in (signal.SIGINT, signal.SIGTERM):  # meant for the graph, which ends this as well
         signal.signal(number, signal.SIG_IGN)
     ended = threading.Event()
-    threading.Thread(target=lambda: (sys.stdin.read(), ended.set()), daemon=True).start()
+
+    def wait():
+        sys.stdin.read()
+        ended.set()
+
+    threading.Thread(target=wait, daemon=True).start()
     try:
         with Graph(**options) as graph:
             add(graph, *arguments)

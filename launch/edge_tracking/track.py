@@ -145,7 +145,7 @@ class TrackNode(Node):
 
 def main(args=None):
     """Track once; exit status 0 if the edge was tracked."""
-    outcome = []
+    outcome: list = []
 
     def until(node):
         outcome[:] = [node.success, node.reason]

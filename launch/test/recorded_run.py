@@ -13,8 +13,8 @@ from rosbags.rosbag2 import StoragePlugin, Writer
 from sensor_msgs.msg import JointState
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
-from edge_tracking.recording.bag import describe_type
 from tactile_common.ros.conversions import stamp_from_ns
+from tactile_common.ros.message_definitions import definition_of
 from tactile_msgs.msg import Contact, SensorInfo, ServoStatus, TactileImage
 from tactile_sensing.conversions import contact_to_msg, image_to_msg, sensor_info_to_msg
 from tactile_sensing.moments.image_moments import image_moments
@@ -191,7 +191,7 @@ def write_bag(path, scene, *, topics=TOPICS, storage=StoragePlugin.MCAP, rename=
     with Writer(path, version=9, storage_plugin=storage) as writer:
         connections = {}
         for name, message_class in known.items():
-            kind, definition, digest = describe_type(message_class)
+            kind, definition, digest = definition_of(message_class)
             connections[name] = writer.add_connection(
                 rename(name), kind, msgdef=definition, rihs01=digest)
         rows = [row for row in messages(scene) if row[0] in known]

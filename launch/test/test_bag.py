@@ -17,8 +17,10 @@ from rosbags.interfaces import QosDurability, QosReliability
 from rosbags.rosbag2 import Reader
 from rosbags.typesys import get_types_from_msg, get_typestore, Stores
 
-from edge_tracking.recording.bag import describe_type, open_bag, RecorderNode
+from edge_tracking.recording.writer import RecorderNode
 from tactile_common.errors import ConfigurationError
+from tactile_common.ros.bag_reader import open_bag
+from tactile_common.ros.message_definitions import definition_of
 from tactile_common.ros.runner import make_executor, spin
 from tactile_msgs.msg import SensorInfo
 
@@ -137,7 +139,7 @@ def test_latched_messages_of_before_are_recorded(context, tmp_path):
 
 @pytest.mark.parametrize('message_class', [row[1] for row in TOPICS])
 def test_definitions_and_hashes_are_those_of_the_installed_types(message_class):
-    name, definition, digest = describe_type(message_class)
+    name, definition, digest = definition_of(message_class)
     types = get_typestore(Stores.EMPTY)
     types.register(get_types_from_msg(definition, name))
     assert types.hash_rihs01(name) == digest
@@ -148,4 +150,4 @@ def test_definitions_and_hashes_are_those_of_the_installed_types(message_class):
 
 def test_types_that_are_not_installed_are_refused():
     with pytest.raises(ConfigurationError, match='is not installed'):
-        describe_type(type('Missing', (), {'__module__': 'geometry_msgs.msg._missing'}))
+        definition_of(type('Missing', (), {'__module__': 'geometry_msgs.msg._missing'}))

@@ -7,9 +7,9 @@ from rclpy.node import Node
 from rclpy.qos import qos_profile_sensor_data
 from sensor_msgs.msg import JointState
 
-from edge_tracking.composed import Graph, private_port
+from edge_tracking.graph import Graph, private_port
 from edge_tracking.process_group import apart
-from edge_tracking.recording.read_run import read_run
+from edge_tracking.recording.reader import read_run
 from edge_tracking.resources import find_scene, share
 from tactile_msgs.msg import Contact
 

@@ -5,7 +5,7 @@ import pytest
 from recorded_run import JOINTS, pose_at, START, TOPICS, write_bag
 from rosbags.rosbag2 import StoragePlugin
 
-from edge_tracking.recording.read_run import read_run
+from edge_tracking.recording.reader import read_run
 from tactile_common.errors import ConfigurationError
 
 

@@ -8,7 +8,7 @@ import pytest
 from recorded_run import ARRAY, FORCE, START, TRACK
 
 from edge_tracking.recording.frames_summary import force_series, presses, summarise_recording
-from edge_tracking.recording.summary import to_json
+from tactile_simulation.metrics import to_json
 
 
 def bumps(*centres, noise=0.0):

@@ -11,10 +11,10 @@ import pytest
 from recorded_run import TOPICS, write_bag
 
 from edge_tracking.recording.frames_summary import summarise_recording
-from edge_tracking.recording.read_run import read_run
+from edge_tracking.recording.reader import read_run
 from edge_tracking.recording.summary import summarise
-from edge_tracking.report.figures import surface
 from edge_tracking.report.page import make_recording_report, make_report, picture
+from edge_tracking.report.plans import surface
 from edge_tracking.report.style import png
 from tactile_servo.types import State
 from tactile_shape.local_surface.local_quadric import LocalQuadric
@@ -119,6 +119,6 @@ def test_picture_is_a_png(run, scene, tmp_path):
 
 
 def test_graph_needs_neither_matplotlib_nor_rosbags():
-    code = ('import sys, edge_tracking.composed, edge_tracking.track; '
+    code = ('import sys, edge_tracking.graph, edge_tracking.track; '
             'sys.exit(bool({"matplotlib", "rosbags"} & set(sys.modules)))')
     assert subprocess.run([sys.executable, '-c', code], check=False).returncode == 0

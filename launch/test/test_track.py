@@ -7,7 +7,7 @@ import pytest
 from rclpy.action import ActionServer, CancelResponse
 from rclpy.node import Node
 
-from edge_tracking.composed import Graph
+from edge_tracking.graph import Graph
 from edge_tracking.track import TrackNode
 from tactile_msgs.action import TrackEdge
 

@@ -1,17 +1,18 @@
 """The last poses of the sensor, and those in between."""
-from collections import deque
 import math
 
 import numpy as np
 
 from tactile_common.kernels import njit
+from tactile_common.state_buffer import StateBuffer
 
 NS = 1_000_000_000
+RESTART = 10  # gaps that a recording which begins anew is behind its end
 
 
-class PoseBuffer:
+class PoseBuffer(StateBuffer[np.ndarray]):
     """
-    The last poses of the sensor, and those in between.
+    The last poses (4, 4) of the sensor, and those in between.
 
     Parameters
     ----------
@@ -21,42 +22,13 @@ class PoseBuffer:
         Poses kept; at a kilohertz, half a second.
     """
 
-    def __init__(self, max_gap=0.1, size=500):
-        self._max_gap = round(max_gap * NS)
-        self._poses = deque(maxlen=size)
-
-    def clear(self):
-        """Forget all poses."""
-        self._poses.clear()
-
-    @property
-    def newest_ns(self):
-        """Stamp of the newest pose, None without one [ns]."""
-        return self._poses[-1][0] if self._poses else None
-
-    def add(self, stamp_ns, pose):
-        """Add a pose (4, 4); False, and it is left out, if it is no later than the newest."""
-        if self._poses and stamp_ns <= self._poses[-1][0]:
-            return False
-        self._poses.append((stamp_ns, pose))
-        return True
-
-    def at(self, stamp_ns):
-        """Pose (4, 4) at a stamp, None where there are no poses close on both sides."""
-        after = None
-        for stamp, pose in reversed(self._poses):
-            if stamp == stamp_ns:
-                return pose
-            if stamp < stamp_ns:
-                if after is None or after[0] - stamp > self._max_gap:
-                    return None
-                return pose_between(pose, after[1], (stamp_ns - stamp) / (after[0] - stamp))
-            after = stamp, pose
-        return None
+    def __init__(self, max_gap: float = 0.1, size: int = 500):
+        gap = round(max_gap * NS)
+        super().__init__(pose_between, size=size, max_gap_ns=gap, restart_ns=RESTART * gap)
 
 
 @njit(cache=True)
-def pose_between(one, other, share):
+def pose_between(one: np.ndarray, other: np.ndarray, share: float) -> np.ndarray:
     """
     Pose (4, 4) on the way between two: position and rotation each at constant velocity.
 

@@ -5,6 +5,7 @@ What is published for every picture can be filled `into` a message of the caller
 one takes several times as long, and what has been published is free again.
 """
 from array import array
+from dataclasses import fields
 from functools import lru_cache
 import math
 
@@ -14,10 +15,16 @@ import numpy as np
 from tactile_common.errors import TactileError
 from tactile_common.ros.conversions import NS, stamp_from_ns, stamp_to_ns
 from tactile_msgs import msg as tactile_msgs
-from tactile_sensing.moments.image_moments import Moments
 from tactile_sensing.types.array import TactelArray
-from tactile_sensing.types.contact import Contact, ContactType, PARAMETERS, Reason
+from tactile_sensing.types.contact import (
+    Contact,
+    ContactType,
+    PARAMETERS,
+    REALS,
+    Reason,
+)
 from tactile_sensing.types.image import COMPONENTS, Layer, SensorInfo, TactileImage
+from tactile_sensing.types.moments import Moments
 
 # Pictures of one sensor share their geometry, and with it the computed centres.
 _array = lru_cache(maxsize=16)(TactelArray)
@@ -91,10 +98,8 @@ def sensor_info_from_msg(message) -> SensorInfo:
 
 # --- Contact ------------------------------------------------------------------------------------
 
-_SCALARS = ('a', 'b', 'yaw', 'normal_force', 'shear_force_x', 'shear_force_y', 'line_force',
-            'snr', 'residual', 'force_windowed')
 _TYPES = frozenset(map(int, ContactType))
-_MOMENTS = ('m0', 'mx', 'my', 'mxx', 'myy', 'mxy')
+_MOMENTS = tuple(field.name for field in fields(Moments))
 
 
 def contact_to_msg(contact: Contact, image_message, now_ns: int, into=None):
@@ -116,7 +121,7 @@ def contact_to_msg(contact: Contact, image_message, now_ns: int, into=None):
     message.valid, message.reasons = bool(contact.valid), int(contact.reasons)
     message.method, message.model = contact.method, contact.model
     message.iterations = contact.iterations
-    for name in _SCALARS:
+    for name in REALS:
         setattr(message, name, float(getattr(contact, name)))
     message.covariance = contact.covariance.reshape(-1)
     message.moments = np.array([getattr(contact.moments, name) for name in _MOMENTS])
@@ -146,7 +151,7 @@ def contact_from_msg(message) -> Contact:
         method=message.method, model=message.model, iterations=message.iterations,
         covariance=np.array(message.covariance).reshape(len(PARAMETERS), -1),
         moments=Moments(*map(float, message.moments)),
-        **{name: getattr(message, name) for name in _SCALARS})
+        **{name: getattr(message, name) for name in REALS})
 
 
 def contact_to_wrench(contact: Contact, image_message, into=None):

@@ -15,10 +15,10 @@ from tactile_sensing.conversions import (
     sensor_info_to_msg,
 )
 from tactile_sensing.devices.calibration import Calibration
-from tactile_sensing.moments.image_moments import Moments
 from tactile_sensing.types.array import TactelArray
 from tactile_sensing.types.contact import Contact, ContactType, Reason
 from tactile_sensing.types.image import Layer, TactileImage
+from tactile_sensing.types.moments import Moments
 
 ARRAY = TactelArray(3, 4, 0.0015, 0.0025)
 

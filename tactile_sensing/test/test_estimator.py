@@ -5,9 +5,10 @@ import pytest
 
 from tactile_common.errors import ConfigurationError
 from tactile_sensing.contact.estimator import ContactEstimator, EstimatorConfig
-from tactile_sensing.contact.line_fit import fit_line
+from tactile_sensing.contact.load_fits import fit_loads
 from tactile_sensing.contact.preprocessing import noise_from_image
 from tactile_sensing.half_space import line, point
+from tactile_sensing.half_space.layers import Layer as FitLayer
 from tactile_sensing.types.array import TactelArray
 from tactile_sensing.types.contact import ContactType, Reason
 from tactile_sensing.types.image import Layer, TactileImage
@@ -253,5 +254,6 @@ def test_bad_configuration_is_refused_by_name(change):
 
 
 def test_normal_form_is_unique():
-    fit = fit_line(edge(0.0, np.pi / 2 - 0.01), ARRAY, DEPTH, NOISE)
+    fit = fit_loads(ContactType.LINE, edge(0.0, np.pi / 2 - 0.01)[None, None], ARRAY,
+                    [FitLayer('zz', DEPTH, NOISE)])[0]
     assert -np.pi / 2 < fit.yaw <= np.pi / 2

@@ -8,14 +8,13 @@ from tactile_common.errors import ConfigurationError
 from tactile_sensing.devices.flexitac import (
     AMBIGUOUS_PERIODS,
     encode_frame,
+    encode_next,
     encode_payload,
     FlexiTacDecoder,
-    Frame,
     MARKER,
-    NEED_DATA,
     payload_size,
-    Resync,
 )
+from tactile_sensing.devices.protocol import Frame, NEED_DATA, Resync
 
 ROWS, COLUMNS = 3, 4
 SIZE = ROWS * COLUMNS
@@ -59,6 +58,7 @@ def as_lists(pictures):
 def test_frame_is_marker_and_row_major_payload():
     counts = np.arange(6, dtype=np.uint8).reshape(2, 3)
     assert encode_frame(counts) == b'\xaa\x55\x00\x01\x02\x03\x04\x05'
+    assert encode_next(counts) == b'\x00\x01\x02\x03\x04\x05\xaa\x55'
     assert encode_payload(counts[:, ::-1]) == b'\x02\x01\x00\x05\x04\x03'
 
 

@@ -5,8 +5,9 @@ import pytest
 from scipy.integrate import dblquad, quad
 
 from tactile_sensing.half_space import line
-from tactile_sensing.moments.image_moments import image_moments, line_from_moments, Moments
+from tactile_sensing.moments.image_moments import image_moments, line_from_moments
 from tactile_sensing.types.array import TactelArray
+from tactile_sensing.types.moments import Moments
 
 DEPTH = 0.002
 ARRAY = TactelArray(16, 16, 0.0254 / 16, 0.0254 / 16)

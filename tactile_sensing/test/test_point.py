@@ -6,8 +6,9 @@ from scipy.integrate import dblquad
 
 from tactile_common.errors import ConfigurationError
 from tactile_sensing.half_space import point
-from tactile_sensing.moments.image_moments import image_moments, Moments
+from tactile_sensing.moments.image_moments import image_moments
 from tactile_sensing.types.array import TactelArray
+from tactile_sensing.types.moments import Moments
 
 DEPTH = 0.002
 PARAMETERS = np.array([0.0012, -0.0007, 5.0, 1.4, -0.8])

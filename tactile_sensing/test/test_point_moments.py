@@ -8,7 +8,6 @@ import pytest
 from tactile_common.errors import ConfigurationError
 from tactile_sensing.half_space import point
 from tactile_sensing.moments.compensation import compensated, compensation_factors
-from tactile_sensing.moments.image_moments import Moments
 from tactile_sensing.moments.point_moments import (
     basic,
     MomentFlag,
@@ -19,6 +18,7 @@ from tactile_sensing.moments.point_moments import (
     without_averaging,
 )
 from tactile_sensing.types.array import TactelArray
+from tactile_sensing.types.moments import Moments
 
 Layer = namedtuple('Layer', 'component depth')
 

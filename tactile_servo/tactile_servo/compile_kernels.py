@@ -3,7 +3,7 @@
 import numpy as np
 
 from tactile_sensing.devices.calibration import Calibration
-from tactile_sensing.half_space.segment import add_segment
+from tactile_sensing.half_space.kernels import add_segment
 from tactile_sensing.types.array import TactelArray
 from tactile_sensing.types.image import Layer, TactileImage
 from tactile_servo.config import ServoConfig

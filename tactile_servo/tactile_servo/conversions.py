@@ -73,7 +73,7 @@ def trajectory_from_msg(message: JointTrajectory) -> Trajectory:
                 raise Rejected(f'point {k} has {count} {name} for {len(names)} joints')
         if len(point.effort):
             raise Rejected(f'point {k} has effort, which a position controller does not take')
-    values = {}
+    values: dict[str, Any] = {}
     for name in _FIELDS:
         rows = [getattr(point, name) for point in message.points]
         given = [len(row) > 0 for row in rows]

@@ -32,8 +32,8 @@ class Inputs:
     ----------
     joints, contact : Sample or None
     sensor : SensorInfo or None
-    pose : ndarray, shape (4, 4), or None
-        Measured pose of the sensor.
+    pose : ndarray, shape (4, 4)
+        Measured pose of the sensor; NaN before the first joint state.
     load : float
         Force on the pad [N], the larger of what is fitted and summed.
     contact_fresh, joints_fresh : bool
@@ -41,12 +41,12 @@ class Inputs:
     """
 
     def __init__(self, robot: RobotModel, limits: JointLimits, config: InputConfig):
-        self._robot, self._config = robot, config
+        self._robot, self._config, self._names = robot, config, limits.names
         self._history = JointHistory(limits)
         self.joints: Sample | None = None
         self.contact: Sample | None = None
         self.sensor: SensorInfo | None = None
-        self.pose: np.ndarray | None = None
+        self.pose = np.full((4, 4), np.nan)
         self.load = 0.0
         self.contact_fresh = self.joints_fresh = False
 
@@ -99,6 +99,13 @@ class Inputs:
         if ContactReason.NOT_TARED in self.contact.value.reasons:
             return Reason(ReasonCode.NOT_TARED)
         return None
+
+    def astray(self, commanded: np.ndarray) -> Reason | None:
+        """Which joint is not where it was commanded (n,) [rad], or None."""
+        behind = np.abs(commanded - self.joints.value) if self.joints else np.zeros(1)
+        if behind.max() <= self._config.following_error:
+            return None
+        return Reason(ReasonCode.NOT_FOLLOWING, self._names[int(np.argmax(behind))])
 
     def known(self) -> dict[str, Any]:
         """What a status says of all this."""

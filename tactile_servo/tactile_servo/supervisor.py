@@ -6,7 +6,6 @@ supervisor reads no clock, stamps and steady times come in with the data; and it
 what is tracked, that is its law's affair.
 """
 
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -14,51 +13,19 @@ import numpy as np
 from tactile_sensing.types.contact import Contact
 from tactile_sensing.types.image import SensorInfo, TactileImage
 from tactile_servo.config import ServoConfig, WINDOW_PERIODS
+from tactile_servo.goal_run import GoalRun
 from tactile_servo.inputs import Inputs
-from tactile_servo.law import Goal, LawResult, Observation, Reference, Refusal, ServoLaw
+from tactile_servo.law import LawResult, Observation, Refusal, ServoLaw
 from tactile_servo.motion.limits import JointLimits, WorkspaceBox
 from tactile_servo.motion.motion import Motion, MotionStep
 from tactile_servo.motion.robot import RobotModel
 from tactile_servo.motion.trajectory import Trajectory
 from tactile_servo.reasons import GoalRefused, Reason, ReasonCode
-from tactile_servo.state_machine import ASSESSED, Event, RESUMPTION, StateMachine
+from tactile_servo.state_machine import Event, StateMachine
 from tactile_servo.track_statistics import along_contour, TrackStatistics
-from tactile_servo.types import State, Status, TRACKING
+from tactile_servo.types import NAN, State, Status, TaskError, TRACKING
 
-SOUND_FORCE = 0.5  # of the force, from which the depth of the pad is known to be sound
-OFFER = 'resume with ~/pause false'
-
-
-@dataclass(eq=False)
-class Task:
-    """
-    What belongs to one goal.
-
-    anchor : ndarray (4, 4)
-        Pose where the current way (approach, retreat, press depth) began.
-    resumption : Event
-        What takes up again what a hold interrupted.
-    cause : Reason
-        Of the hold.
-    outcome : Reason or None
-        Why the goal ends; None until then.
-    stopping : bool
-        It ends where the pad is.
-    observed : float
-        Steady time at which the law was last told something [s].
-    """
-
-    goal: Goal
-    statistics: TrackStatistics
-    anchor: np.ndarray
-    resumption: Event = Event.RESUME_APPROACH
-    cause: Reason = Reason(ReasonCode.NONE)
-    paused: bool = False
-    outcome: Reason | None = None
-    success: bool = False
-    stopping: bool = False
-    observed: float = -np.inf
-    reference: Reference | None = None
+UNKNOWN = TaskError()
 
 
 class Supervisor:
@@ -75,7 +42,7 @@ class Supervisor:
     config : ServoConfig
     inputs : Inputs
     motion : Motion
-    task : Task or None
+    run : GoalRun or None
         Of the goal that is worked on, or of the last one.
     """
 
@@ -85,8 +52,8 @@ class Supervisor:
         self.inputs = Inputs(robot, limits, self.config.input)
         self.motion = Motion(robot, limits, self.config.motion,
                              WINDOW_PERIODS / self.config.rate, workspace)
-        self.task: Task | None = None
-        self._machine, self._names = StateMachine(), limits.names
+        self.run: GoalRun | None = None
+        self._machine = StateMachine()
         self._last_ns: int | None = None
 
     # Input -------------------------------------------------------------------------------
@@ -120,8 +87,8 @@ class Supervisor:
 
     def _tell(self, observation):
         self.law.observe(observation)
-        if self.task is not None and self.law.sees_images == (observation.image is not None):
-            self.task.observed = observation.arrival
+        if self.run is not None and self.law.sees_images == (observation.image is not None):
+            self.run.observed = observation.arrival
 
     # Goal --------------------------------------------------------------------------------
 
@@ -143,12 +110,12 @@ class Supervisor:
     @property
     def success(self) -> bool:
         """Whether the last goal was met."""
-        return self.task is not None and self.task.success
+        return self.run is not None and self.run.ending.success
 
     @property
-    def statistics(self) -> TrackStatistics | None:
+    def statistics(self) -> TrackStatistics:
         """What the last goal has achieved so far."""
-        return None if self.task is None else self.task.statistics
+        return TrackStatistics(NAN) if self.run is None else self.run.statistics
 
     def check(self, goal: Any) -> Refusal | None:
         """Why a goal cannot be accepted now, or None if it can."""
@@ -183,28 +150,24 @@ class Supervisor:
         GoalRefused
             The goal cannot be accepted.
         """
-        refusal = self.check(goal)
-        if refusal is not None:
-            raise GoalRefused(refusal)
-        self.law.begin(goal, self.inputs.sensor)
-        self.motion.seed(self.inputs.joints.value)
-        self.task = Task(goal, TrackStatistics(goal.force), self.motion.pose)
+        refusal, inputs = self.check(goal), self.inputs
+        if refusal is not None or inputs.sensor is None or inputs.joints is None:
+            raise GoalRefused(refusal or Refusal(ReasonCode.BUSY))
+        self.law.begin(goal, inputs.sensor)
+        self.motion.seed(inputs.joints.value)
+        self.run = GoalRun(goal, self.config, self.law, inputs, self.motion, self._machine)
         self._machine.fire(Event.START, Reason(ReasonCode.GOAL_ACCEPTED), now)
 
     def cancel(self) -> None:
         """Stop within the robot's limits and end the goal."""
-        if self.active:
-            self._stop(Reason(ReasonCode.CANCELLED))
+        if self.run is not None and self.active:
+            self.run.cancel()
 
     def pause(self, paused: bool, now: float) -> bool:
         """Hold (true) or go on (false); returns whether there was a goal to act on."""
-        if not self.active:
+        if self.run is None or not self.active:
             return False
-        task = self.task
-        task.paused = paused
-        if not paused and self.state == State.HOLD and not task.stopping and (
-                self._standstill() is None):
-            self._resume(now, Reason(ReasonCode.RESUMED))
+        self.run.pause(paused, now)
         return True
 
     def result(self) -> LawResult:
@@ -213,7 +176,7 @@ class Supervisor:
 
     def contour(self) -> list[tuple[int, np.ndarray]]:
         """Stamps [ns] and poses (4, 4) of the sensor along what was tracked, in the base frame."""
-        visited = self.task.statistics.contour if self.task else []
+        visited = self.run.statistics.contour if self.run else []
         nodes = self.law.result().contour
         return visited if nodes is None else along_contour(nodes, visited)
 
@@ -242,16 +205,12 @@ class Supervisor:
         """
         dt = self._elapsed(now_ns)
         self.inputs.refresh(now, now_ns)
-        if not self.active or dt <= 0.0:
+        if self.run is None or not self.active or dt <= 0.0:
             return Status(self.state, self.reason, **self.inputs.known()), None
-        task = self.task
-        if self.state in TRACKING and task.reference is not None:
-            task.statistics.move(self.inputs.pose, task.reference.heading)
-        else:
-            task.statistics.stand()
-        self._decide(now)
-        step = self.motion.command(self._twist(dt), dt)
-        return self._status(step), step.trajectory
+        self.run.count()
+        self.run.decide(now)
+        step = self.motion.command(self.run.twist(dt), dt)
+        return self._status(self.run, step), step.trajectory
 
     def _elapsed(self, now_ns):
         """Time since the last cycle by the clock of the stamps, by which the robot moves [s]."""
@@ -260,167 +219,15 @@ class Supervisor:
         self._last_ns = now_ns
         return min(max(dt, 0.0), 2.0 * period)
 
-    def _status(self, step: MotionStep) -> Status:
-        task, errors, speed = self.task, {}, 0.0
-        if self.law.error is not None and self.state in (*TRACKING, State.HOLD):
-            error = self.law.error
-            errors = {'lateral_error': error.lateral, 'longitudinal_error': error.longitudinal,
-                      'angle_error': error.angle}
-        if self.state in TRACKING and task.reference is not None:
-            speed = task.reference.speed
+    def _status(self, run: GoalRun, step: MotionStep) -> Status:
+        error, speed = UNKNOWN, 0.0
+        if self.state in (*TRACKING, State.HOLD):
+            error = self.law.error or UNKNOWN
+        if self.state in TRACKING and run.reference is not None:
+            speed = run.reference.speed
         return Status(
-            self.state, self.reason, **self.inputs.known(), **errors, speed=speed,
-            force_target=task.goal.force, progress=task.statistics.length, twist=step.twist,
+            self.state, self.reason, **self.inputs.known(), lateral_error=error.lateral,
+            longitudinal_error=error.longitudinal, angle_error=error.angle, speed=speed,
+            force_target=run.goal.force, progress=run.statistics.length, twist=step.twist,
             limit_scale=step.scale, limited_by=step.limited_by,
             manipulability=step.manipulability)
-
-    # Decision ----------------------------------------------------------------------------
-
-    def _standstill(self) -> Reason | None:
-        """Why the robot must stand still whatever is tracked, or None."""
-        if self.task.paused:
-            return Reason(ReasonCode.PAUSED)
-        missing = self.inputs.joints_missing()
-        if missing is None and self.state != State.RETREAT:  # lifting off needs no image
-            missing = self.inputs.contact_missing()
-        if missing is not None:
-            return missing
-        behind = np.abs(self.motion.positions - self.inputs.joints.value)
-        if behind.max() > self.config.input.following_error:
-            return Reason(ReasonCode.NOT_FOLLOWING, self._names[int(np.argmax(behind))])
-        return None
-
-    def _decide(self, now):
-        why, most, task = self._standstill(), self.config.force.max_load, self.task
-        overload = self.inputs.load > most and self.state != State.RETREAT
-        if self.state == State.HOLD and not task.stopping:
-            self._decide_hold(now, why)
-        if task.stopping:
-            self._rest_when_standing()
-        elif self.state == State.HOLD and (why is not None or not overload):
-            return
-        elif why is not None:
-            self._hold(now, why)
-        elif self.motion.blocked:
-            self._end_blocked(now)
-        elif overload and self.state != State.RETREAT:
-            self._end(now, Reason(ReasonCode.OVERLOAD, f'{self.inputs.load:.1f} N'), lift=True)
-        elif self.state == State.APPROACH:
-            self._decide_approach(now)
-        elif self.state in TRACKING:
-            self._decide_track(now)
-        elif -self._advance() >= self.config.retreat.distance:
-            self._rest_when_standing()
-
-    def _decide_approach(self, now):
-        c, task, lacking = self.config, self.task, self.law.lacks(now)
-        since = self._machine.since
-        if self.inputs.load >= c.approach.contact_force and lacking is None:
-            task.anchor = self.motion.pose
-            self._machine.fire(Event.TOUCH, Reason(ReasonCode.CONTACT), now)
-        elif lacking is not None and self.inputs.load >= task.goal.force and (
-                task.observed > since or now - since > c.input.lost_after):
-            self._end(now, Reason(ReasonCode.NO_EDGE, lacking.text), lift=True)
-        elif self._advance() >= c.approach.distance:
-            self._end(now, Reason(ReasonCode.NO_CONTACT, f'within {c.approach.distance:g} m'),
-                      lift=True)
-
-    def _decide_track(self, now):
-        task, c = self.task, self.config
-        found = self.law.assess(now, task.statistics.length, self.inputs.load)
-        if found.state == State.HOLD:
-            self._hold(now, found.reason)
-            return
-        error = self.law.error
-        if error is not None:
-            task.statistics.see(error, self.inputs.pose, self.inputs.contact.stamp_ns)
-            if error.force >= SOUND_FORCE * task.goal.force:
-                task.anchor = self.motion.pose
-        if found.state == State.DONE:
-            self._end(now, found.reason, found.success, found.lift)
-        elif self._advance() > c.force.press_depth:
-            self._end(now, Reason(ReasonCode.TOO_DEEP, f'{c.force.press_depth:g} m'), lift=True)
-        elif found.state != self.state:
-            self._machine.fire(ASSESSED[found.state], found.reason, now)
-
-    def _advance(self):
-        """How far the commanded sensor stands beyond the anchor along its own normal [m]."""
-        way = self.motion.pose[:3, 3] - self.task.anchor[:3, 3]
-        return float(way @ self.task.anchor[:3, 2])
-
-    # Hold and end ------------------------------------------------------------------------
-
-    def _hold(self, now, reason):
-        self.task.resumption, self.task.cause = RESUMPTION[self.state], reason
-        self._machine.fire(Event.HOLD, reason, now)
-
-    def _decide_hold(self, now, why):
-        task, limits = self.task, self.config.hold
-        if why is not None:
-            task.cause = self._machine.reason = why
-        held = now - self._machine.since
-        back = why is None and (task.resumption != Event.RESUME_TRACK
-                                or self.law.lacks(now) is None)
-        if back and held <= limits.resume_within:
-            self._resume(now, Reason(ReasonCode.INPUT_BACK))
-        elif not task.paused and held > limits.give_up:
-            self._end(now, Reason(ReasonCode.GAVE_UP, task.cause.text))
-        elif back:
-            self._machine.reason = Reason(
-                ReasonCode.INPUT_BACK, f'{OFFER} (held: {task.cause.text})')
-
-    def _resume(self, now, reason):
-        """Go on from the measured state, or from the commanded one while that still moves."""
-        task = self.task
-        if self.motion.standing:
-            self.motion.seed(self.inputs.joints.value)
-        self.law.resume()
-        task.reference = None
-        self._machine.fire(task.resumption, task.outcome or reason, now)
-
-    def _end(self, now, reason, success=False, lift=False):
-        """End the goal: lift off where that is asked for or needed, else stop."""
-        task = self.task
-        task.success, task.outcome = success, reason
-        if (lift or task.goal.retreat) and self._standstill() is None:
-            task.anchor = self.motion.pose
-            self._machine.fire(Event.LIFT, reason, now)
-        else:
-            self._stop(reason)
-
-    def _end_blocked(self, now):
-        """End a goal whose motion a limit, a singularity or the workspace has held back."""
-        reason = Reason(ReasonCode.MOTION_BLOCKED, self.motion.blocked)
-        self.motion.reset_blocked()
-        if self.state == State.RETREAT:  # its outcome stands
-            self._stop(Reason(self.reason.code, f'{self.reason.detail}; {reason.text}'))
-        else:
-            self._end(now, reason)
-
-    def _stop(self, reason):
-        self.task.stopping = True
-        self._machine.fire(Event.STOP, reason)
-
-    def _rest_when_standing(self):
-        if self.motion.standing:
-            self._machine.fire(Event.REST, self.reason)
-
-    # Motion ------------------------------------------------------------------------------
-
-    def _twist(self, dt):
-        """Wanted twist of the sensor in its own frame (6,) [m/s, rad/s]."""
-        c, task, twist = self.config, self.task, np.zeros(6)
-        force = task.goal.force
-        if self.state == State.APPROACH and self.inputs.load < force:
-            # What is to be touched lightly is touched slowly: the pad stops late.
-            softly = c.approach.speed * min(force / c.approach.soft_touch, 1.0)
-            twist[2] = min(softly, self.law.touch_speed)
-        elif self.state == State.RETREAT and -self._advance() < c.retreat.distance:
-            twist[2] = -c.approach.speed
-        elif self.state in TRACKING:
-            task.reference = self.law.reference(self.inputs.pose, self.motion.pose, dt)
-            twist = task.reference.twist
-            if self.inputs.saturated and self.inputs.load >= c.approach.contact_force:
-                # The force is larger than it seems, nobody knows by how much: give way.
-                twist[2] = min(twist[2], -c.approach.speed)
-        return twist

@@ -35,8 +35,8 @@ class TrackStatistics:
         self.force_max = 0.0
         self.lateral_max = 0.0
         self.contour: list[tuple[int, np.ndarray]] = []
-        self._last_position = None
-        self._last_stamp = None
+        self._last_position: np.ndarray | None = None
+        self._last_stamp: int | None = None
         self._contour_length = -np.inf
         self._count = 0
         self._lateral_square = self._force_square = 0.0

@@ -1,20 +1,29 @@
 """A recorded path of contact: from arrays in a file, or from the topics of a bag."""
-from dataclasses import dataclass, replace
+from collections.abc import Iterable
+from dataclasses import dataclass, field, replace
 import math
+from os import PathLike
 from pathlib import Path
+from typing import TYPE_CHECKING
 import zipfile
 import zlib
 
 import numpy as np
 
 from tactile_common.errors import ConfigurationError
-from tactile_shape.contour.contact_path import ContactPath
+from tactile_shape.contour.contact_path import ContactPath, needs_picture
 
+if TYPE_CHECKING:
+    from tactile_sensing.observations import Observation
+
+NEEDED = ('contact', 'sensor_pose')  # topics; 'image', for bends and ends of edges, may be missing
+WAITING = 200  # pictures that are kept for their contacts: a second of them
+ROW = np.dtype([('t', float), ('position', float, 3), ('normal', float, 3), ('edge', bool)])
 OPTIONAL = ('finger_radius', 'position_noise', 'normal_noise', 'location_noise')
 
 
 @dataclass(frozen=True, eq=False)
-class Trace:
+class ContactRecording:
     """
     Contacts in the order of time.
 
@@ -39,7 +48,7 @@ class Trace:
     t: np.ndarray
     position: np.ndarray
     normal: np.ndarray
-    edge: np.ndarray | None = None
+    edge: np.ndarray = field(default_factory=lambda: np.zeros(0, bool))
     finger_radius: float | None = None
     position_noise: float | None = None
     normal_noise: float | None = None
@@ -55,7 +64,7 @@ class Trace:
             if value.dtype.kind not in 'uif':
                 raise ConfigurationError(f'{name} is of type {value.dtype}, must be real numbers')
             object.__setattr__(self, name, value.astype(float))
-        if self.edge is None:
+        if not len(self.edge):
             object.__setattr__(self, 'edge', np.zeros(count, bool))
         if not np.isfinite(self.t).all():
             raise ConfigurationError('t: a number is not finite')
@@ -67,13 +76,14 @@ class Trace:
         if not np.isfinite(self.position).all(axis=1).any():
             raise ConfigurationError('position: no row is finite')
 
-    def __len__(self):
+    def __len__(self) -> int:
         return len(self.t)
 
 
-def load_trace(path, namespace=None, finger_radius=None):
+def load_contacts(path: str | PathLike, namespace: str | None = None,
+                  finger_radius: float | None = None) -> ContactRecording:
     """
-    Read a trace: an `.npz` file, or a rosbag2 recording of `contact` and `sensor_pose`.
+    Read an `.npz` file, or a rosbag2 recording of `contact`, `sensor_pose` and maybe `image`.
 
     Parameters
     ----------
@@ -89,19 +99,17 @@ def load_trace(path, namespace=None, finger_radius=None):
         The file cannot be read, or something in it is missing or impossible.
     """
     path = Path(path)
+    if not path.exists():
+        raise ConfigurationError(f'{path}: there is no such file')
+    if path.suffix != '.npz':
+        return _from_bag(path, namespace, finger_radius or 0.0)
     try:
-        if not path.exists():
-            raise ConfigurationError('there is no such file')
-        if path.suffix == '.npz':
-            trace = _from_arrays(path)
-            return trace if finger_radius is None else replace(
-                trace, finger_radius=finger_radius)
-        from tactile_shape.bag import read_bag  # knows messages, which arrays do not need
-        return read_bag(path, namespace, finger_radius or 0.0)
+        recording = _from_arrays(path)
     except ConfigurationError as error:
         raise ConfigurationError(f'{path}: {error}') from error
     except OSError as error:
         raise ConfigurationError(f'{path}: cannot be read: {error.strerror or error}') from error
+    return recording if finger_radius is None else replace(recording, finger_radius=finger_radius)
 
 
 def _from_arrays(path):
@@ -117,7 +125,7 @@ def _from_arrays(path):
         raise
     except (ValueError, EOFError, zipfile.BadZipFile, zlib.error, MemoryError) as error:
         raise ConfigurationError('is not an .npz archive of numbers, or damaged') from error
-    return Trace(**arrays, **known)
+    return ContactRecording(**arrays, **known)
 
 
 def _scalar(name, value):
@@ -126,35 +134,82 @@ def _scalar(name, value):
     return float(value.item())
 
 
-def place_contacts(events, finger_radius=0.0):
+def _from_bag(path, namespace, finger_radius):
+    try:  # knows messages, which arrays do not need
+        from tactile_common.ros.bag_reader import open_bag
+        from tactile_sensing.observations import observations, TYPES
+    except ImportError as error:
+        raise ConfigurationError(f"{error}: reading a bag needs ROS 2's messages and rosbags: pip "
+                                 "install 'rosbags>=0.10'") from error
+    with open_bag(path) as bag:
+        prefix = _namespace(bag, {name: TYPES[name] for name in NEEDED}, namespace)
+        table = place_contacts(observations(
+            bag, {f'{prefix}/{name}': name for name in (*NEEDED, 'image')}), finger_radius)
+    if not len(table):
+        raise ConfigurationError(f'bag {path}: no contact with a pose of the sensor at its stamp')
+    return ContactRecording(table['t'], table['position'], table['normal'], table['edge'],
+                            finger_radius=finger_radius)
+
+
+def _namespace(bag, types, wanted):
+    """Namespace of the sensor in a bag, '' or with its slash."""
+    found = [prefix for prefix, names in bag.namespaces(types).items() if names == set(types)]
+    there = f'there are {sorted(bag.topics)}'
+    if wanted is not None:
+        prefix = f'/{wanted.strip("/")}'.rstrip('/')
+        if prefix not in found:
+            lacking = ' and '.join(f'{prefix}/{name}' for name in types)
+            raise ConfigurationError(f'bag {bag.path}: has no {lacking}, {there}')
+        return prefix
+    if len(found) != 1:
+        raise ConfigurationError(f'bag {bag.path}: has {len(found)} pairs of '
+                                 f'{" and ".join(types)}; name one by --namespace; {there}')
+    return found[0]
+
+
+def place_contacts(observations: Iterable['Observation'],
+                   finger_radius: float = 0.0) -> np.ndarray:
     """
-    Trace of contacts and poses as they were received.
+    Contacts in space from contacts on the pad, poses and pictures as they were received.
 
     Parameters
     ----------
-    events : iterable of (int, ndarray or None, Contact or None, TactileImage or None)
-        Stamp [ns], and either a pose (4, 4) of the sensor or a contact on the pad, with its
-        picture if there is one.
+    observations : iterable of Observation
+        Of the kinds contact, sensor_pose and image; a picture comes before its contact.
     finger_radius : float
         As of `contact_path.on_pad` [m].
 
     Returns
     -------
-    Trace
+    ndarray of ROW, shape (N,)
         With NaN where contact was lost.
+
+    Raises
+    ------
+    ConfigurationError
+        A message is damaged.
     """
-    path = ContactPath(finger_radius)
-    rows = []
-    lost = np.full(3, np.nan)
-    for stamp, pose, contact, picture in events:
-        placed = (path.add_contact(stamp, contact, stamp, picture) if pose is None
-                  else path.add_pose(stamp, pose))
-        for at, spatial, anew, _ in placed:
-            if anew and rows and not np.isnan(rows[-1][1][0]):
-                rows.append((1e-9 * at, lost, lost, False))
-            if spatial is not None:
-                rows.append((1e-9 * at, spatial.position, spatial.normal, spatial.edge))
-    if not rows:
-        raise ConfigurationError('no contact with a pose of the sensor at its stamp')
-    t, position, normal, edge = (np.array(column) for column in zip(*rows, strict=True))
-    return Trace(t, position, normal, edge, finger_radius=finger_radius)
+    path, lost = ContactPath(finger_radius), True
+    rows: list[tuple] = []
+    pictures: dict[int, Observation] = {}
+    for seen in observations:
+        placed = []
+        if seen.kind == 'image':
+            pictures[seen.stamp_ns] = seen
+            if len(pictures) > WAITING:
+                del pictures[next(iter(pictures))]
+        elif seen.kind == 'sensor_pose':
+            placed = path.add_pose(seen.stamp_ns, seen.value())
+        else:
+            contact, picture = seen.value(), pictures.get(seen.stamp_ns)
+            placed = path.add_contact(
+                seen.stamp_ns, contact, seen.stamp_ns,
+                picture.value() if picture is not None and needs_picture(contact) else None)
+        for stamp_ns, contact, anew, _ in placed:
+            if anew and not lost:
+                rows.append((1e-9 * stamp_ns, np.nan, np.nan, False))
+                lost = True
+            if contact is not None:
+                rows.append((1e-9 * stamp_ns, contact.position, contact.normal, contact.edge))
+                lost = False
+    return np.array(rows, dtype=ROW)

@@ -9,11 +9,11 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from tactile_common.errors import ConfigurationError
-from tactile_shape.local_surface import quadric_kernel
+from tactile_shape.local_surface import normal_equations
 from tactile_shape.local_surface.contact_window import MAX_CELLS
 from tactile_shape.local_surface.local_quadric import LocalQuadric, LocalQuadricConfig
-from tactile_shape.surface_matrix.surface_matrix import SurfaceMatrix
 from tactile_shape.types.patch import Kind
+from tactile_shape.types.surface_matrix import SurfaceMatrix
 from tactile_simulation.surfaces import add_noise, cylinder, PLANE, sphere, Torus, Weave
 
 EXACT = [(PLANE, Kind.PLANE), (cylinder(0.0325), Kind.CYLINDER), (cylinder(0.1), Kind.CYLINDER),
@@ -289,7 +289,8 @@ def test_equations_are_those_of_their_rows():
     u, z = rng.normal(0.0, 0.01, (7, 2)), rng.normal(0.0, 0.002, 7)
     n = np.column_stack([0.2 * rng.normal(size=(7, 2)), np.full(7, 0.9)])
     weights = rng.uniform(1.0, 4.0, 7)
-    noise, curvature = np.array([2e-5, 1.5e-4, 5e-4, 1e-5]), np.array([20.0, 3.0, -5.0])
+    noise = normal_equations.Noise(position=2e-5, location=1.5e-4, normal=5e-4, height=1e-5)
+    curvature = np.array([20.0, 3.0, -5.0])
     doubt = np.array([1.0, 4.0, 9.0])
     bend = np.array([[20.0, 3.0], [3.0, -5.0]])
     matrix, right, square = np.zeros((6, 6)), np.zeros(6), 0.0
@@ -299,19 +300,20 @@ def test_equations_are_those_of_their_rows():
         target = np.array([0.5 * height * (1 + nz), -nx, -ny])
         lean = nx**2 + ny**2
         covariance = np.zeros((3, 3))
-        covariance[0, 0] = (noise[0]**2 * (lean + 0.25 * (1 + nz)**2) + noise[3]**2
-                            + noise[1]**2 * lean * (0.5 * (1 - nz) / nz)**2)
-        covariance[1:, 1:] = (noise[2]**2 * np.eye(2)
-                              + (noise[0]**2 + noise[1]**2) * (
+        covariance[0, 0] = (noise.position**2 * (lean + 0.25 * (1 + nz)**2) + noise.height**2
+                            + noise.location**2 * lean * (0.5 * (1 - nz) / nz)**2)
+        covariance[1:, 1:] = (noise.normal**2 * np.eye(2)
+                              + (noise.position**2 + noise.location**2) * (
                                   bend @ bend + np.diag([1.0 + 4.0, 4.0 + 9.0])))
         inverse = weight * np.linalg.inv(covariance)
         matrix += rows.T @ inverse @ rows
         right += rows.T @ inverse @ target
         square += target @ inverse @ target
-    found = quadric_kernel.equations(u, z, n, weights, noise, curvature, doubt, 0.0)
-    np.testing.assert_allclose(found[0], matrix, rtol=1e-9, atol=1e-6)
-    np.testing.assert_allclose(found[1], right, rtol=1e-9)
-    assert found[2] == pytest.approx(square)
+    found = normal_equations.equations(
+        normal_equations.Cells(u, z, n, weights), noise, curvature, doubt, 0.0)
+    np.testing.assert_allclose(found.matrix, matrix, rtol=1e-9, atol=1e-6)
+    np.testing.assert_allclose(found.right, right, rtol=1e-9)
+    assert found.square == pytest.approx(square)
 
 
 @pytest.mark.parametrize('noise', [0.0, 3e-4])

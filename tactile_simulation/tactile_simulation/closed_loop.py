@@ -11,9 +11,10 @@ from tactile_sensing.types.image import TactileImage
 from tactile_servo.config import ServoConfig
 from tactile_servo.laws.registry import DEFAULT, make_law
 from tactile_servo.supervisor import Supervisor
-from tactile_servo.types import State
+from tactile_servo.track_statistics import SETTLING_LENGTH
 from tactile_simulation.gantry import gantry
 from tactile_simulation.joint_controller import MockController
+from tactile_simulation.metrics import ON_EDGE, Truth
 from tactile_simulation.renderer import EdgeRenderer
 
 STEP = 2.5e-3  # s; control at 400 Hz
@@ -54,7 +55,8 @@ class Simulation:
     robot : tuple of (RobotModel, JointLimits), optional
         Default a gantry with the acceleration of the scene's plant.
     seed_positions : array_like (n,), optional
-        Where the search for the joint positions of the start pose begins.
+        Where the search for the joint positions of the start pose begins; default zeros for
+        the gantry, else see `RobotModel.inverse`.
     workspace : WorkspaceBox, optional
     clock : callable, optional
         Returns seconds; the servo's own computation is then measured with it.
@@ -76,9 +78,9 @@ class Simulation:
         self.renderer = EdgeRenderer(scene, self.array)
         self._convert, info = self._tared()
         self.model, self.limits = robot or gantry(plant.acceleration)
-        start = self.model.inverse(
-            scene.start_pose(),
-            np.zeros(len(self.model.joint_names)) if seed_positions is None else seed_positions)
+        if robot is None and seed_positions is None:
+            seed_positions = np.zeros(len(self.model.joint_names))
+        start = self.model.inverse(scene.start_pose(), seed_positions)
         self.robot = MockController(
             self.model.joint_names, self.model.lower, self.model.upper,
             self.model.velocity_limit, initial_positions=start, dead_time=plant.dead_time,
@@ -90,7 +92,7 @@ class Simulation:
         self.estimator = ContactEstimator()
         self.latency = plant.latency if latency is None else latency
         self.now, self.tick, self.pose = 1.0, 0, self.model.pose(start)
-        self._on_the_way = deque()
+        self._on_the_way: deque = deque()
         self.sensor_alive = self.robot_alive = True
         self.log = []
         self._clock = clock or (lambda: 0.0)
@@ -180,20 +182,13 @@ class Simulation:
             if not self.servo.active or (until and until(status)) or self.now >= end:
                 return status
 
-    def truth(self, states=(State.TRACK, State.CORNER)):
-        """
-        Where the pad really was while it tracked.
-
-        Returns
-        -------
-        ndarray, shape (N, 4)
-            Time [s], lateral error [m], force [N] and progress [m] of every cycle.
-        """
-        rows = [cycle for cycle in self.log if cycle.status.state in states]
-        if not rows:
-            return np.empty((0, 4))
-        places = np.array([cycle.pose[:3, 3] - cycle.shift for cycle in rows])
-        lateral, _ = self.scene.edge.nearest(places)
-        return np.column_stack([
-            [cycle.time for cycle in rows], lateral, [cycle.force for cycle in rows],
-            [cycle.status.progress for cycle in rows]])
+    def truth(self) -> Truth:
+        """Where the pad really was, at every cycle."""
+        lateral, along = self.scene.edge.nearest(
+            np.array([cycle.pose[:3, 3] - cycle.shift for cycle in self.log]))
+        progress = np.array([cycle.status.progress for cycle in self.log])
+        tracking = np.isin([cycle.status.state for cycle in self.log], ON_EDGE)
+        settled = tracking & (progress >= SETTLING_LENGTH)
+        return Truth(
+            np.array([cycle.time for cycle in self.log]), lateral, along,
+            np.array([cycle.force for cycle in self.log]), progress, tracking, settled, settled)

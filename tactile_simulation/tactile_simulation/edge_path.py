@@ -1,12 +1,12 @@
 """Edge of a rigid object as a polyline in space."""
 from dataclasses import dataclass
 from functools import cached_property
-import math
 
 import numpy as np
 
 from tactile_common.errors import ConfigurationError
 from tactile_common.kernels import njit
+from tactile_common.polyline import arc_length, nearest_on_polyline, resample
 
 # An edge whose ends are nearer than this is a contour [m].
 CLOSED_WITHIN = 1e-6
@@ -31,7 +31,7 @@ class EdgePath:
     """
 
     points: np.ndarray
-    solid: np.ndarray = None
+    solid: np.ndarray | None = None
 
     def __post_init__(self):
         points = np.array(self.points, dtype=float)
@@ -56,15 +56,14 @@ class EdgePath:
     @cached_property
     def arclength(self) -> np.ndarray:
         """Length of the way from the first point to each point [m], shape `(N,)`."""
-        steps = np.linalg.norm(np.diff(self.points, axis=0), axis=1)
-        return np.concatenate(([0.0], np.cumsum(steps)))
+        return arc_length(self.points)
 
     @property
     def length(self) -> float:
         """Length of the whole edge [m]."""
         return float(self.arclength[-1])
 
-    def point_at(self, s):
+    def point_at(self, s) -> np.ndarray:
         """
         Return the point at arc length `s`, held between the ends of the edge.
 
@@ -78,7 +77,7 @@ class EdgePath:
         np.ndarray
             Point [m] in the base frame, shape `(3,)` or `s.shape + (3,)`.
         """
-        return np.stack([np.interp(s, self.arclength, axis) for axis in self.points.T], axis=-1)
+        return resample(self.points, self.arclength, np.ravel(s)).reshape(*np.shape(s), 3)
 
     def tangent_at(self, s) -> np.ndarray:
         """
@@ -99,7 +98,7 @@ class EdgePath:
         chord = self.points[index + 1] - self.points[index]
         return chord / np.linalg.norm(chord, axis=-1, keepdims=True)
 
-    def nearest(self, points):
+    def nearest(self, points) -> tuple[np.ndarray, np.ndarray]:
         """
         Project points onto the edge, seen from above (along base -z).
 
@@ -121,30 +120,10 @@ class EdgePath:
 
 
 @njit(cache=True)
-def _nearest(points, vertices, arclength):
-    lateral = np.empty(len(points))
-    along = np.empty(len(points))
+def _nearest(points, vertices, stations):
+    lateral, along = np.empty(len(points)), np.empty(len(points))
     for m in range(len(points)):
-        best, best_cross = np.inf, 0.0
-        for n in range(len(vertices) - 1):
-            ax, ay = points[m, 0] - vertices[n, 0], points[m, 1] - vertices[n, 1]
-            bx = vertices[n + 1, 0] - vertices[n, 0]
-            by = vertices[n + 1, 1] - vertices[n, 1]
-            squared = bx * bx + by * by
-            share = (ax * bx + ay * by) / squared if squared > 0.0 else 0.0
-            if share <= 0.0:
-                share, dx, dy = 0.0, ax, ay
-            elif share >= 1.0:
-                share = 1.0
-                dx, dy = points[m, 0] - vertices[n + 1, 0], points[m, 1] - vertices[n + 1, 1]
-            else:
-                dx, dy = ax - share * bx, ay - share * by
-            distance = dx * dx + dy * dy
-            cross = (bx * dy - by * dx) / np.sqrt(squared) if squared > 0.0 else 0.0
-            # Outside a sharp corner two chords are equally near; the one that sees the point
-            # more from the side knows on which side it is.
-            if distance < best or (distance == best and abs(cross) > abs(best_cross)):
-                best, best_cross = distance, cross
-                along[m] = arclength[n] + share * (arclength[n + 1] - arclength[n])
-        lateral[m] = math.copysign(math.sqrt(best), best_cross)
+        place = nearest_on_polyline(
+            vertices[:, 0], vertices[:, 1], stations, points[m, 0], points[m, 1])
+        lateral[m], along[m] = place.offset, place.station
     return lateral, along

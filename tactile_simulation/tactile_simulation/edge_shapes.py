@@ -5,6 +5,7 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 
 from tactile_common.errors import ConfigurationError
+from tactile_common.polyline import arc_length, resample
 from tactile_simulation.edge_path import CLOSED_WITHIN, EdgePath
 
 # Longest chord of an arc or spline [m]; at a radius of 60 mm it leaves the circle by 0.13 um.
@@ -14,19 +15,19 @@ ARC_STEP = 0.25e-3
 class Turtle:
     """Walks in a horizontal plane and remembers its vertices."""
 
-    def __init__(self, start, heading):
+    def __init__(self, start, heading: float):
         self.points = [np.array(start, dtype=float)]
         self.heading = heading
 
-    def straight(self, length):
+    def straight(self, length: float) -> None:
         """Walk ahead [m]."""
         self._step(length, self.heading)
 
-    def turn(self, angle):
+    def turn(self, angle: float) -> None:
         """Turn on the spot, to the left if positive [rad]."""
         self.heading += angle
 
-    def arc(self, radius, angle):
+    def arc(self, radius: float, angle: float) -> None:
         """Walk along a circle [m], to the left if the angle is positive [rad]."""
         count = math.ceil(radius * abs(angle) / ARC_STEP)
         step = angle / count
@@ -39,7 +40,7 @@ class Turtle:
         self.points.append(self.points[-1] + step)
 
 
-def polygon(points, radius, closed):
+def polygon(points, radius: float, closed: bool) -> np.ndarray:
     """
     Straight sides with a fillet of the same radius at every corner.
 
@@ -104,7 +105,7 @@ def _fillet(corner, arriving, leaving, turn, radius):
     return list(centre + np.column_stack([cos * x - sin * y, sin * x + cos * y]))
 
 
-def spline(points, closed):
+def spline(points, closed: bool) -> np.ndarray:
     """
     Smooth curve through points, cubic in the length of their polygon.
 
@@ -113,10 +114,9 @@ def spline(points, closed):
     knots = np.asarray(points, dtype=float)
     if closed:
         knots = np.vstack([knots, knots[:1]])
-    steps = np.linalg.norm(np.diff(knots, axis=0), axis=1)
-    if not steps.min() > 0.0:
+    parameter = arc_length(knots)
+    if not np.diff(parameter).min() > 0.0:
         raise ConfigurationError('two successive points are at one place')
-    parameter = np.concatenate([[0.0], np.cumsum(steps)])
     curve = CubicSpline(parameter, knots, bc_type='periodic' if closed else 'not-a-knot')
     # Between knots the curve is longer than the polygon, but never by half in a usable scene.
     count = math.ceil(1.5 * parameter[-1] / ARC_STEP)
@@ -126,7 +126,8 @@ def spline(points, closed):
     return vertices
 
 
-def lifted(plan, base_z, *, height=None, wave=None, gaps=()):
+def lifted(plan: np.ndarray, base_z: float, *, height=None,
+           wave: tuple[float, float] | None = None, gaps=()) -> EdgePath:
     """
     Edge in space above its plan.
 
@@ -144,8 +145,7 @@ def lifted(plan, base_z, *, height=None, wave=None, gaps=()):
     gaps : sequence of pairs
         Parts of the plan without material: from, to [m].
     """
-    steps = np.linalg.norm(np.diff(plan, axis=0), axis=1)
-    along = np.concatenate([[0.0], np.cumsum(steps)])
+    along = arc_length(plan)
     if abs(along[-1]) > 0.0 and np.linalg.norm(plan[-1] - plan[0]) < CLOSED_WITHIN:
         plan = np.vstack([plan[:-1], plan[:1]])
     knots = [along]
@@ -162,7 +162,7 @@ def lifted(plan, base_z, *, height=None, wave=None, gaps=()):
         z += 0.5 * wave[0] * np.sin(2.0 * np.pi * s / wave[1])
     if height is not None:
         s, z = _stepped(s, z, np.asarray(height, dtype=float))
-    x, y = (np.interp(s, along, axis) for axis in plan.T)
+    x, y = resample(plan, along, s).T
     middle = 0.5 * (s[1:] + s[:-1])
     solid = np.diff(s) > 0.0  # the face of a step is no edge
     for first, last in gaps:

@@ -1,20 +1,21 @@
 """
-A robot that is not there: a joint_trajectory_controller and joints that lag behind it.
+A robot that is not there: a joint_trajectory_controller over joints that lag behind it.
 
 The controller behaves as the documentation of ros2_controllers' joint_trajectory_controller
 says it does with position command interfaces: what it rejects, when a trajectory starts, how
 it interpolates (https://control.ros.org, "Trajectory Representation").
 """
 
-from collections import deque
 from dataclasses import dataclass, field
 from itertools import pairwise
-import math
+from typing import Any
 
 import numpy as np
 
 from tactile_common.errors import ConfigurationError, Rejected
 from tactile_common.kernels import njit
+from tactile_servo.motion.trajectory import Trajectory
+from tactile_simulation.plant import DelayedLag
 from tactile_simulation.spline import Spline
 
 _VELOCITY_AT_END = float(np.finfo(np.float32).eps)  # rad/s; what the controller takes for zero
@@ -71,9 +72,6 @@ class MockController:
     ----------
     limit_violations : int
         Steps whose command had to be clamped to a position or velocity limit.
-    peak_velocity, peak_acceleration : ndarray (n,)
-        Largest magnitudes that were commanded, from differences of the commands before any
-        clamping [rad/s], [rad/s^2].
 
     Raises
     ------
@@ -103,8 +101,6 @@ class MockController:
         self.interpolate_from_desired_state = interpolate_from_desired_state
         self._joints = DelayedLag(start, dead_time, lag)
         self.limit_violations = 0
-        self.peak_velocity = np.zeros(len(start))
-        self.peak_acceleration = np.zeros(len(start))
         self._restart(start)
 
     def _vector(self, name, values):
@@ -115,20 +111,19 @@ class MockController:
         return vector
 
     def _restart(self, positions):
-        self._time = None
-        self._spline = self._pending = None
+        self._time: float | None = None
+        self._spline: Spline | None = None
+        self._pending: tuple[Trajectory, Any] | None = None
         self._desired = np.zeros((3, len(positions)))
         self._desired[0] = positions
-        self._command = self._wanted = self._desired[0]
-        self._wanted_rate = None
-        self._period = None
+        self._command = self._desired[0]
 
     @property
-    def desired(self):
+    def desired(self) -> np.ndarray:
         """Desired position, velocity and acceleration (3, n) of the newest step."""
         return self._desired.copy()
 
-    def accept(self, trajectory, now):
+    def accept(self, trajectory: Trajectory, now: float) -> None:
         """
         Take a trajectory over at the next step, or leave everything as it is.
 
@@ -189,7 +184,7 @@ class MockController:
             raise Rejected('every joint must be named once; ' + (
                 f'missing: {", ".join(missing)}' if missing else f'{len(names)} names given'))
 
-    def step(self, now):
+    def step(self, now: float) -> tuple[np.ndarray, np.ndarray]:
         """
         Advance to a time, at the controller's rate.
 
@@ -210,44 +205,28 @@ class MockController:
                 self._joints.restart()
             else:
                 return self._joints.position, self._joints.velocity
-        period = None if self._time is None else now - self._time
+        period = 0.0 if self._time is None else now - self._time
         if self._pending is not None:
-            self._take_over(now)
+            self._take_over(*self._pending, now)
         if self._spline is not None:
             self._desired = self._spline.sample(now)
         self._time = now
         return self._joints.step(now, self._limited(self._desired[0], period))
 
-    def _take_over(self, now):
-        trajectory, order = self._pending
+    def _take_over(self, trajectory, order, now):
         self._pending = None
-        if self.interpolate_from_desired_state and self._time is not None:
-            before, state = self._time, self._desired
-        elif self.interpolate_from_desired_state:
-            before, state = now, self._desired
-        else:
-            before, state = now, np.array([self._joints.position, self._joints.velocity])
-        start = trajectory.stamp or now
-        self._spline = Spline(before, state, start, trajectory, order, now)
+        from_desired = self.interpolate_from_desired_state
+        before = self._time if from_desired and self._time is not None else now
+        state = self._desired if from_desired else np.array(
+            [self._joints.position, self._joints.velocity])
+        self._spline = Spline(before, state, trajectory.stamp or now, trajectory, order)
 
     def _limited(self, wanted, period):
         """Command (n,) within the limits; counts a step in which they had to act."""
-        self._observe(wanted, period)
         self._command, clamped = _clamp(
-            wanted, self._command, self._lower, self._upper, self._velocity_limit,
-            period or 0.0)
+            wanted, self._command, self._lower, self._upper, self._velocity_limit, period)
         self.limit_violations += clamped
         return self._command
-
-    def _observe(self, wanted, period):
-        if period is None:
-            return
-        rate = (wanted - self._wanted) / period
-        _keep_largest(self.peak_velocity, rate)
-        if self._wanted_rate is not None:
-            _keep_largest(self.peak_acceleration,
-                          (rate - self._wanted_rate) * (2.0 / (period + self._period)))
-        self._wanted, self._wanted_rate, self._period = wanted, rate, period
 
 
 @njit(cache=True)
@@ -260,72 +239,3 @@ def _clamp(wanted, before, lower, upper, fastest, period):
         command[k] = min(max(command[k], before[k] - reach), before[k] + reach)
         clamped = clamped or abs(command[k] - wanted[k]) > _TOLERANCE * reach + 1e-9
     return command, clamped
-
-
-@njit(cache=True)
-def _keep_largest(peak, values):
-    for k in range(len(peak)):
-        peak[k] = max(peak[k], abs(values[k]))
-
-
-class DelayedLag:
-    """
-    Joints that follow their command after a dead time with a first-order lag.
-
-    Exact for commands that run straight between the steps, whatever the steps' lengths.
-
-    Parameters
-    ----------
-    position : ndarray (n,)
-        At rest there at first.
-    dead_time, lag : float
-        [s], either may be 0.
-
-    """
-
-    def __init__(self, position, dead_time, lag):
-        self._dead_time, self._lag = dead_time, lag
-        self.position = np.array(position, dtype=float)
-        self.restart()
-
-    def restart(self):
-        """Forget the time and every command on its way; come to rest."""
-        self.velocity = np.zeros_like(self.position)
-        self._time = None
-        self._knots = deque()
-
-    def step(self, now, command):
-        """Advance to `now` [s], when `command` (n,) is given; position and velocity (n,)."""
-        arrival = now + self._dead_time
-        if self._time is None:
-            self._time = arrival
-            self._newest = arrival, command
-            return self.position, self.velocity
-        self._knots.append((arrival, command))
-        while self._knots and self._time < now:
-            since, start = self._newest
-            until, goal = self._knots[0]
-            end = min(until, now)
-            self.position, self.velocity = _follow(
-                self.position, start, (goal - start) / (until - since), end - since,
-                end - self._time, self._lag)
-            self._time = end
-            if until > now:
-                break
-            self._newest = self._knots.popleft()
-        return self.position, self.velocity
-
-
-@njit(cache=True)
-def _follow(position, start, slope, since, time, lag):
-    """
-    Position and velocity after `time` [s], exact, of joints that follow a command.
-
-    The command has run along start + slope t for `since` [s].
-    """
-    command = start + slope * since
-    if lag == 0.0:
-        return command, slope
-    settled = command - lag * slope
-    position = settled + (position - (settled - slope * time)) * math.exp(-time / lag)
-    return position, (command - position) / lag

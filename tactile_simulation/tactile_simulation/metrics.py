@@ -1,19 +1,196 @@
-"""What a simulated run achieved, measured against the truth of its scene."""
+"""
+What a run achieved against the truth of its scene, simulated or recorded: one table of numbers.
 
+`METRICS` holds what each key of a summary means and how it is shown; the commands' terminal
+output and JSON and the report all go by it.
+"""
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+import json
 import math
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from tactile_servo.track_statistics import SETTLING_LENGTH
-from tactile_servo.types import State
+from tactile_servo.types import EdgeGoal, State, Status
+from tactile_simulation.edge_path import EdgePath
 
 NAN = float('nan')
 SPACING = 0.25e-3  # m between the places at which outlines are compared
+# States in which the pad follows the edge.
+ON_EDGE = (State.TRACK, State.CORNER)  # while searching there is no edge to be near to
 
 
-def summarise(simulation, goal, status, *, name, tracker, seed, elapsed=NAN):
+# --- samples; NaN where there are too few -------------------------------------------------------
+
+def span(stamps: np.ndarray) -> float:
+    """Return the time between the first and the last stamp [ns], in seconds."""
+    return 1e-9 * float(stamps[-1] - stamps[0]) if len(stamps) > 1 else NAN
+
+
+def rate(stamps: np.ndarray) -> float:
+    """Return the mean rate of stamps [ns], in Hz."""
+    duration = span(stamps)
+    return (len(stamps) - 1) / duration if duration > 0.0 else NAN
+
+
+def rms(values: np.ndarray) -> float:
+    """Return the root of the mean square."""
+    return float(np.sqrt(np.mean(np.square(values)))) if len(values) else NAN
+
+
+def largest(values: np.ndarray) -> float:
+    """Return the largest finite magnitude."""
+    values = np.abs(values[np.isfinite(values)])
+    return float(values.max()) if len(values) else NAN
+
+
+def mean(values: np.ndarray) -> float:
+    """Return the mean."""
+    return float(np.mean(values)) if len(values) else NAN
+
+
+def median(values: Sequence[float]) -> float:
+    """Return the median."""
+    return float(np.median(values)) if len(values) else NAN
+
+
+def percentile(values: np.ndarray, percent: float) -> float:
+    """Return a percentile."""
+    return float(np.percentile(values, percent)) if len(values) else NAN
+
+
+# --- the truth and what follows from it ---------------------------------------------------------
+
+@dataclass(frozen=True, eq=False)
+class Truth:
     """
-    Summary of a run, with the keys and units of every command of this package set.
+    Where the pad really was, at each pose of a run; arrays `(N,)`.
+
+    time [s], lateral (of the edge, to its left) and along (arc length of the nearest point of
+    the edge) [m], force on the pad [N], progress that the servo had claimed [m]. tracking: the
+    servo followed the edge; settled: the part of it from `SETTLING_LENGTH` after first contact;
+    on_target: where the force can be and is held against its target.
+    """
+
+    time: np.ndarray
+    lateral: np.ndarray
+    along: np.ndarray
+    force: np.ndarray
+    progress: np.ndarray
+    tracking: np.ndarray
+    settled: np.ndarray
+    on_target: np.ndarray
+
+
+class OutlineError(NamedTuple):
+    """How far a rebuilt outline is from the true edge."""
+
+    largest: float = NAN  # m
+    area: float = NAN  # relative; of a closed edge
+
+
+class Evidence(NamedTuple):
+    """What the errors of a run are computed from."""
+
+    truth: Truth
+    force_target: float  # N
+    outline: OutlineError
+
+
+class Metric(NamedTuple):
+    """A number of a summary: how it is named, shown and, from the evidence, computed."""
+
+    key: str
+    name: str
+    unit: str = ''
+    factor: float = 1.0  # from SI to the unit
+    decimals: int = 1
+    compute: Callable[[Evidence], float] | None = None  # else known to whoever ran the servo
+
+
+METRICS = (
+    Metric('tracked_length', 'tracked length', 'mm', 1e3),
+    Metric('lateral_rms', 'lateral error, RMS', 'mm', 1e3, 3,
+           lambda e: rms(e.truth.lateral[e.truth.settled])),
+    Metric('lateral_max', 'lateral error, largest', 'mm', 1e3, 3,
+           lambda e: largest(e.truth.lateral[e.truth.settled])),
+    Metric('lateral_transient_max', 'largest before settling', 'mm', 1e3, 3,
+           lambda e: largest(e.truth.lateral[e.truth.tracking & ~e.truth.settled])),
+    Metric('force_target', 'force wanted', 'N', 1.0, 2, lambda e: e.force_target),
+    Metric('force_rms_error', 'force error, RMS', 'N', 1.0, 3,
+           lambda e: rms(e.truth.force[e.truth.on_target] - e.force_target)),
+    Metric('force_max', 'force, largest', 'N', 1.0, 2, lambda e: largest(e.truth.force)),
+    Metric('contour_max_error', 'rebuilt outline within', 'mm', 1e3, 3,
+           lambda e: e.outline.largest),
+    Metric('contour_area_error', 'area of the outline off by', '%', 100.0, 3,
+           lambda e: e.outline.area),
+    Metric('speed', 'speed', 'mm/s', 1e3),
+    Metric('duration', 'duration', 's', 1.0, 2),
+    Metric('real_time_factor', 'faster than real time', 'times'),
+    Metric('sensor_rate', 'sensor rate', 'Hz'),
+    Metric('control_rate', 'control rate', 'Hz'),
+    Metric('missed_cycles', 'missed cycles', '', 1.0, 0),
+    Metric('latency_p50', 'latency, median', 'ms', 1e3, 2),
+    Metric('latency_p99', 'latency, 99 %', 'ms', 1e3, 2),
+    Metric('cpu_per_cycle', 'CPU per control cycle', 'ms', 1e3, 3),
+)
+
+
+def measure(evidence: Evidence) -> dict[str, float]:
+    """Return the numbers of `METRICS` that follow from the evidence, SI units."""
+    return {row.key: row.compute(evidence) for row in METRICS if row.compute}
+
+
+def contour_errors(contour: np.ndarray | None, edge: EdgePath) -> OutlineError:
+    """
+    Compare a rebuilt contour with the true edge, seen from above.
+
+    Parameters
+    ----------
+    contour : ndarray, shape (N, 3), or None
+        Base frame [m].
+    edge : EdgePath
+
+    Returns
+    -------
+    OutlineError
+        Largest distance of either from the other; of an open edge, of the contour from the
+        edge. NaN without a contour.
+    """
+    if contour is None or len(contour) < 2:
+        return OutlineError()
+    if edge.closed:
+        contour = np.vstack([contour, contour[:1]])
+    contour = contour[np.concatenate([[True], (np.diff(contour, axis=0) != 0.0).any(axis=1)])]
+    lateral, _ = edge.nearest(_resampled(contour))
+    error = largest(lateral)
+    if not edge.closed:
+        return OutlineError(error)
+    lateral, _ = EdgePath(contour).nearest(_resampled(edge.points))
+    return OutlineError(max(error, largest(lateral)),
+                        area_of(contour) / area_of(edge.points) - 1.0)
+
+
+def area_of(points: np.ndarray) -> float:
+    """Area of a closed polyline (N, >= 2) seen from above [m^2]."""
+    x, y = (points[:, :2] - points[0, :2]).T
+    return abs(0.5 * float(x[:-1] @ y[1:] - x[1:] @ y[:-1]))
+
+
+def _resampled(points):
+    path = EdgePath(points)
+    s = np.linspace(0.0, path.length, math.ceil(path.length / SPACING) + 1)
+    return path.point_at(np.union1d(s, path.arclength))
+
+
+# --- summaries ----------------------------------------------------------------------------------
+
+def summarise(simulation, goal: EdgeGoal, status: Status, *, name: str, tracker: str,
+              seed: int, elapsed: float = NAN) -> dict[str, Any]:
+    """
+    Summary of a simulated run, with the keys and units of every command of this package set.
 
     Parameters
     ----------
@@ -27,40 +204,28 @@ def summarise(simulation, goal, status, *, name, tracker, seed, elapsed=NAN):
     seed : int
     elapsed : float
         Real time that the run took [s].
-
-    Returns
-    -------
-    dict
     """
     truth = simulation.truth()
-    settled = truth[:, 3] >= SETTLING_LENGTH
-    lateral, force = np.abs(truth[settled, 1]), truth[settled, 2]
-    first = simulation.log[0].time
-    duration = simulation.log[-1].time - first
-    result = simulation.servo.result()
-    error, area = contour_errors(result.contour, simulation.scene.edge)
-    costs = np.array(simulation.cycle_costs or [NAN])
+    duration, result = float(np.ptp(truth.time)), simulation.servo.result()
+    settled = truth.lateral[truth.settled]
     return {
         'ok': bool(simulation.servo.success), 'state': status.state.name.lower(),
         'reason': status.reason.text, 'reason_code': status.reason.code.name.lower(),
         'scene': name, 'controller': tracker, 'seed': seed,
         'speed': goal.speed, 'tracked_length': status.progress,
-        'lateral_rms': _rms(lateral), 'lateral_max': _largest(lateral),
-        'lateral_steady': _rms(lateral[len(lateral) // 2:]),
-        'lateral_transient_max': _largest(np.abs(truth[~settled, 1])),
-        'force_target': goal.force, 'force_rms_error': _rms(force - goal.force),
-        'force_max': max(cycle.force for cycle in simulation.log),
-        'closed': result.closed, 'contour_max_error': error, 'contour_area_error': area,
-        'duration': duration,
+        **measure(Evidence(
+            truth, goal.force, contour_errors(result.contour, simulation.scene.edge))),
+        'lateral_steady': rms(settled[len(settled) // 2:]),
+        'closed': result.closed, 'duration': duration,
         'real_time_factor': duration / elapsed, 'sensor_rate': simulation.sensor_rate,
         'control_rate': simulation.control_rate, 'latency_p50': simulation.latency,
         'latency_p99': simulation.latency,
-        'cpu_per_cycle': float(np.median(costs)),
-        'cpu_per_picture': float(np.median(simulation.picture_costs or [NAN])),
+        'cpu_per_cycle': median(simulation.cycle_costs),
+        'cpu_per_picture': median(simulation.picture_costs),
         'states': state_history(simulation)}
 
 
-def state_history(simulation):
+def state_history(simulation) -> list[dict[str, Any]]:
     """Every state that was entered: time [s], state and reason."""
     history, last = [], None
     for cycle in simulation.log:
@@ -72,54 +237,40 @@ def state_history(simulation):
     return history
 
 
-def contour_errors(contour, edge):
-    """
-    Compare a rebuilt contour with the true edge, seen from above.
-
-    Parameters
-    ----------
-    contour : ndarray, shape (N, 3), or None
-        Base frame [m].
-    edge : EdgePath
-
-    Returns
-    -------
-    largest : float
-        Largest distance of either from the other [m]; of an open edge, of the contour from
-        the edge. NaN without a contour.
-    area : float
-        Relative error of the area; NaN of an open edge.
-    """
-    if contour is None or len(contour) < 2:
-        return NAN, NAN
-    if edge.closed:
-        contour = np.vstack([contour, contour[:1]])
-    contour = contour[np.concatenate([[True], (np.diff(contour, axis=0) != 0.0).any(axis=1)])]
-    lateral, _ = edge.nearest(_resampled(contour))
-    largest = float(np.abs(lateral).max())
-    if not edge.closed:
-        return largest, NAN
-    lateral, _ = type(edge)(contour).nearest(_resampled(edge.points))
-    largest = max(largest, float(np.abs(lateral).max()))
-    return largest, area_of(contour) / area_of(edge.points) - 1.0
+def shown(summary: Mapping[str, Any], metrics=METRICS) -> Iterator[tuple[str, str, str]]:
+    """Give name, value and unit of every number that a summary has and knows."""
+    for row in metrics:
+        value = summary.get(row.key)
+        if value is not None and math.isfinite(value):
+            yield row.name, f'{row.factor * value:.{row.decimals}f}', row.unit
 
 
-def area_of(points):
-    """Area of a closed polyline (N, >= 2) seen from above [m^2]."""
-    x, y = points[:, 0] - points[0, 0], points[:, 1] - points[0, 1]
-    return abs(0.5 * float(x[:-1] @ y[1:] - x[1:] @ y[:-1]))
+def describe(summary: Mapping[str, Any]) -> str:
+    """Text of the summary of a run for the terminal."""
+    lines = [f'{summary["scene"]} with {summary["controller"]}, '
+             f'{"tracked" if summary["ok"] else "NOT TRACKED"}: {summary["reason"]}']
+    lines += [f'  {name:26}{value:>10} {unit}'.rstrip() for name, value, unit in shown(summary)]
+    for number, side in enumerate(summary.get('sides', ()), 1):
+        radius = '' if side['kind'] == 'line' else f', radius {1e3 * side["radius"]:.2f} mm'
+        lines.append(f'  side {number}: {side["kind"]} of {1e3 * side["length"]:.2f} mm{radius}')
+    for number, corner in enumerate(summary.get('corners', ()), 1):
+        place = ', '.join(f'{1e3 * value:.2f}' for value in corner)
+        lines.append(f'  corner {number} at ({place}) mm')
+    lines += [f'{entry["time"]:8.3f} s  {entry["state"]}: {entry["reason"]}'
+              for entry in summary.get('states', ())]
+    return '\n'.join(lines)
 
 
-def _resampled(points):
-    steps = np.linalg.norm(np.diff(points, axis=0), axis=1)
-    along = np.concatenate([[0.0], np.cumsum(steps)])
-    s = np.union1d(np.linspace(0.0, along[-1], math.ceil(along[-1] / SPACING) + 1), along)
-    return np.column_stack([np.interp(s, along, axis) for axis in points.T])
+def to_json(summary: Mapping[str, Any]) -> str:
+    """Return a summary as one line of JSON; NaN and infinity become null."""
+    return json.dumps(_jsonable(summary), allow_nan=False)
 
 
-def _rms(values):
-    return float(np.sqrt(np.mean(values**2))) if len(values) else NAN
-
-
-def _largest(values):
-    return float(values.max()) if len(values) else NAN
+def _jsonable(value):
+    if isinstance(value, Mapping):
+        return {str(key): _jsonable(item) for key, item in value.items()}
+    if isinstance(value, (list, tuple, np.ndarray)):
+        return [_jsonable(item) for item in value]
+    if isinstance(value, np.generic):
+        value = value.item()
+    return None if isinstance(value, float) and not math.isfinite(value) else value

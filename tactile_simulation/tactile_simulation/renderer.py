@@ -4,7 +4,9 @@ import math
 import numpy as np
 
 from tactile_common.kernels import njit
-from tactile_sensing.half_space.segment import add_point, add_segment
+from tactile_sensing.half_space.kernels import add_point, add_segment
+from tactile_sensing.types.array import TactelArray
+from tactile_simulation.scene import Scene, Skin
 
 # Chords up to this length, in depths of the skin, press at their middle [depths]; longer ones
 # are integrated in closed form.
@@ -14,7 +16,8 @@ REACH = 8.0
 COUNTS_MAX = 255
 
 
-def render(points, array, skin, solid=None):
+def render(points, array: TactelArray, skin: Skin,
+           solid: np.ndarray | None = None) -> tuple[np.ndarray, float]:
     """
     Pressure under a rigid edge that indents the skin.
 
@@ -142,7 +145,7 @@ class EdgeRenderer:
         where the scene says that it slips.
     """
 
-    def __init__(self, scene, array):
+    def __init__(self, scene: Scene, array: TactelArray):
         self._scene = scene
         self._array = array
         self.shift = np.zeros(3)
@@ -153,7 +156,7 @@ class EdgeRenderer:
         alive[flaws.permutation(alive.size)[:int(scene.sensor.dead)]] = 0.0
         self._gain *= alive.reshape(array.shape)
 
-    def render(self, pose):
+    def render(self, pose: np.ndarray) -> np.ndarray:
         """
         Return the pressure at the tactels, free of noise.
 
@@ -168,11 +171,11 @@ class EdgeRenderer:
             Pressure [Pa], shape `(rows, columns)`.
         """
         self._slip(pose)
-        skin = self._scene.skin
-        return _pressure(self._points(pose), self._scene.edge.solid, self._array.x,
-                         self._array.y, skin.depth, skin.stiffness)
+        pressure, _ = render(
+            self._points(pose), self._array, self._scene.skin, self._scene.edge.solid)
+        return pressure
 
-    def force(self, pose) -> float:
+    def force(self, pose: np.ndarray) -> float:
         """Return the normal force on the rectangle of the array at a pose [N]."""
         self._slip(pose)
         return self._load(pose)
@@ -181,7 +184,7 @@ class EdgeRenderer:
         return _force(self._points(pose), self._scene.edge.solid, self._array.half_width_x,
                       self._array.half_width_y, self._scene.skin.stiffness)
 
-    def counts(self, pose, rng) -> np.ndarray:
+    def counts(self, pose: np.ndarray | None, rng: np.random.Generator) -> np.ndarray:
         """
         Return one frame of raw counts: noise, baseline, quantisation and saturation.
 

@@ -26,4 +26,4 @@ def puma_loop(scene='straight', tracker='resolved_rate', *, latency=0.0025,
 def tracked(loop):
     """True lateral errors [m] and forces [N] while tracking, from 10 mm on."""
     truth = loop.truth()
-    return truth[truth[:, 3] >= 0.01, 1:3].T
+    return truth.lateral[truth.settled], truth.force[truth.settled]

@@ -14,10 +14,10 @@ from puma_loop import ELBOW, LIMITS, PUMA
 import pytest
 
 from tactile_sensing.devices.calibration import Calibration
-from tactile_sensing.moments.image_moments import Moments
 from tactile_sensing.types.array import TactelArray
 from tactile_sensing.types.contact import Contact, ContactType, Reason
 from tactile_sensing.types.image import Layer, TactileImage
+from tactile_sensing.types.moments import Moments
 from tactile_servo.config import ServoConfig
 from tactile_servo.laws.registry import LAWS, make_law
 from tactile_servo.motion.limits import WorkspaceBox

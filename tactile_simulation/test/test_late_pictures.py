@@ -7,9 +7,9 @@ from puma_loop import ROOT, tracked
 import pytest
 
 from tactile_sensing.devices.calibration import Calibration
-from tactile_sensing.moments.image_moments import Moments
 from tactile_sensing.types.array import TactelArray
 from tactile_sensing.types.contact import Contact, ContactType, Reason
+from tactile_sensing.types.moments import Moments
 from tactile_servo.config import HoldConfig, InputConfig, ServoConfig
 from tactile_servo.control.stability import gain_limit
 from tactile_servo.law import Observation

@@ -6,9 +6,9 @@ import numpy as np
 from puma_loop import ROOT
 import pytest
 
-from tactile_sensing.moments.image_moments import Moments
 from tactile_sensing.types.array import TactelArray
 from tactile_sensing.types.contact import Contact, ContactType, Reason
+from tactile_sensing.types.moments import Moments
 from tactile_servo.laws.edge_features import edge_features, edge_tilt, EdgeFeatures
 from tactile_servo.laws.resolved_rate import (
     alignment_scale,
@@ -20,6 +20,7 @@ from tactile_servo.laws.resolved_rate import (
 from tactile_servo.types import EdgeGoal
 from tactile_simulation.closed_loop import Simulation
 from tactile_simulation.edge_path import EdgePath
+from tactile_simulation.metrics import rms
 from tactile_simulation.scene import load_scene, Scene
 
 CONFIG = ResolvedRateConfig()
@@ -136,7 +137,7 @@ def tracked_with(scene, **gains):
     assert loop.servo.success, loop.servo.reason
     truth = loop.truth()
     rise = [math.asin(cycle.pose[2, 1]) for cycle in loop.log]
-    return np.sqrt(np.mean((truth[truth[:, 3] > 0.01, 2] - 5.0)**2)), np.array(rise)
+    return rms(truth.force[truth.settled] - 5.0), np.array(rise)
 
 
 def test_the_pad_levels_itself_on_an_edge_in_space():

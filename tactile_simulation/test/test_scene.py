@@ -162,7 +162,7 @@ def changed(path, value):
     (('sensor', 'baseline'), 256, 'sensor.baseline is 256'),
     (('sensor', 'pa_per_count'), 0, 'sensor.pa_per_count is 0'),
     (('sensor', 'rows'), 2, 'sensor.rows is 2'),
-    (('sensor', 'columns'), 8.5, 'sensor.columns is 8.5, must be a whole number'),
+    (('sensor', 'columns'), 8.5, 'sensor.columns is 8.5, must be an integer'),
     (('sensor', 'columns'), 1000, 'sensor.columns is 1000'),
     (('sensor', 'pitch_y'), 0, 'sensor.pitch_y is 0'),
     (('sensor', 'pitch'), 1.0, 'sensor.pitch_x is 1.0'),

@@ -12,7 +12,8 @@ from tactile_servo.config import ForceBounds, HoldConfig, ServoConfig
 from tactile_servo.control.attitude_controller import AttitudeConfig
 from tactile_servo.control.speed_planner import SpeedConfig
 from tactile_servo.law import Observation
-from tactile_servo.laws.edge_following import EdgeFollowing, EdgeFollowingConfig
+from tactile_servo.laws.edge_following import EdgeFollowing
+from tactile_servo.laws.edge_following_config import EdgeFollowingConfig
 from tactile_servo.reasons import ReasonCode
 from tactile_servo.types import EdgeGoal, State
 from tactile_simulation.closed_loop import Simulation
@@ -155,8 +156,8 @@ def test_pictures_that_stop_hold_and_go_on():
     loop.sensor_alive = True
     loop.run(None, 20.0)
     assert loop.servo.success, loop.servo.reason
-    lateral = np.abs(loop.truth()[:, 1])
-    assert lateral[-400:].max() < 0.05e-3
+    truth = loop.truth()
+    assert np.abs(truth.lateral[truth.tracking][-400:]).max() < 0.05e-3
 
 
 def test_pause_and_resume_keep_the_edge():
@@ -175,7 +176,7 @@ def test_latency_is_no_part_of_the_lateral_loop():
     simulation.run(EdgeGoal(0.06, 5.0), 30.0)
     truth = simulation.truth()
     assert simulation.servo.success
-    assert np.abs(truth[truth[:, 3] > 0.02, 1]).max() < 0.05e-3
+    assert np.abs(truth.lateral[truth.tracking & (truth.progress > 0.02)]).max() < 0.05e-3
 
 
 @pytest.mark.parametrize('scene, latency', [('gap', 0.06), ('two_segments', 0.08)])
@@ -201,14 +202,17 @@ def test_unusable_pictures_are_passed_over_with_a_reason():
     law.begin(EdgeGoal(0.03, 5.0), loop.servo.inputs.sensor)
     array = loop.array
     good = Layer('zz', 0.002, np.zeros(array.shape), noise_std=600.0)
-    for layers, tared in (((), True), ((good,), False), ((replace(good, unit='counts'),), True),
-                          ((replace(good, depth=0.0),), True),
-                          ((replace(good, stress=np.zeros((3, 3))),), True),
-                          ((replace(good, stress=np.full(array.shape, np.nan)),), True)):
+    for layers, tared, code in (
+            ((good,), True, ReasonCode.EDGE_LOST), ((), True, ReasonCode.BAD_IMAGE),
+            ((good,), False, ReasonCode.BAD_IMAGE),
+            ((replace(good, unit='counts'),), True, ReasonCode.BAD_IMAGE),
+            ((replace(good, depth=0.0),), True, ReasonCode.BAD_IMAGE),
+            ((replace(good, stress=np.zeros((3, 3))),), True, ReasonCode.BAD_IMAGE),
+            ((replace(good, stress=np.full(array.shape, np.nan)),), True,
+             ReasonCode.EDGE_LOST)):
         law.observe(Observation(1, 0.0, 0.0, lambda _: np.eye(4),
                                 image=TactileImage(1, 0, layers, array, tared=tared)))
-        assert law.lacks(0.0).detail and law.lacks(0.0).code == (
-            ReasonCode.EDGE_LOST if np.isnan(good.stress).all() else ReasonCode.BAD_IMAGE)
+        assert law.lacks(0.0).detail and law.lacks(0.0).code == code
 
 
 def test_a_closed_goal_has_no_length():
@@ -234,4 +238,4 @@ def test_a_corner_is_held_by_an_arm_whose_wrist_is_no_faster_than_its_other_join
     loop.run(EdgeGoal(speed, 5.0), 30.0)
     truth = loop.truth()
     assert loop.servo.success
-    assert np.abs(truth[truth[:, 3] > 0.01, 1]).max() < 2.5e-4
+    assert np.abs(truth.lateral[truth.settled]).max() < 2.5e-4

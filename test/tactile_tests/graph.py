@@ -11,15 +11,21 @@ from rclpy.qos import DurabilityPolicy, qos_profile_sensor_data, QoSProfile
 from sensor_msgs.msg import JointState
 from std_srvs.srv import SetBool
 
-from edge_tracking.composed import add_mocks, add_sensing, add_servo, Graph, private_port
+from edge_tracking.graph import (
+    add_mocks,
+    add_sensing,
+    add_servo,
+    calibrate,
+    Graph,
+    private_port,
+)
 from edge_tracking.resources import find_scene, share
 from edge_tracking.track import TrackNode
 from tactile_common.ros.conversions import pose_from_msg, stamp_to_seconds
-from tactile_msgs.msg import Contact, SensorInfo, ServoStatus, TactileImage
+from tactile_msgs.msg import Contact, SensorInfo, ServoReason, ServoStatus, TactileImage
 from tactile_simulation.scene import load_scene
 
 DEADLINE = 20.0  # s, of every wait; generous, since a loaded machine is no fault
-OFFER = 'resume with ~/pause false'  # in the reason of a hold that waits for a command
 ROBOT = share('urdf', 'puma260.urdf')
 _DEEP = QoSProfile(depth=1000)
 _SENSOR = QoSProfile(depth=1000, reliability=qos_profile_sensor_data.reliability)
@@ -67,6 +73,16 @@ class ListenerNode(Node):
         """The servo's newest reason."""
         return self.statuses[-1].reason if self.statuses else ''
 
+    @property
+    def code(self) -> int | None:
+        """Code of the servo's newest reason, None before the first."""
+        return self.statuses[-1].reason_code if self.statuses else None
+
+    @property
+    def offered(self) -> bool:
+        """Whether the servo holds, could go on, and waits for a command to."""
+        return (self.state, self.code) == (ServoStatus.HOLD, ServoReason.INPUT_BACK)
+
     def said(self, text):
         """Whether any node has logged a text that contains this one."""
         return any(text in log.msg for log in self.logs)
@@ -96,7 +112,7 @@ class Bench:
     def add_all(self):
         """Add mocks, driver, estimator and servo."""
         self.robot = add_mocks(self.graph, self.port, self.scene_path, ROBOT)
-        add_sensing(self.graph, self.port)
+        add_sensing(self.graph, self.port, calibrate(self.port, self.scene))
         add_servo(self.graph, ROBOT)
         return self
 
@@ -139,14 +155,14 @@ class Bench:
 
         Where the machine stalls for longer than a hold may end by itself, resume.
         """
-        def offered():
-            return self.listener.state == ServoStatus.HOLD and OFFER in self.listener.reason
+        def stopped():
+            return client.finished or self.listener.offered
 
-        self.wait(lambda: client.finished or offered(), 'the end of the goal', 2 * DEADLINE)
+        self.wait(stopped, 'the end of the goal', 2 * DEADLINE)
         while not client.finished:
             self.pause(False)
-            self.wait(lambda: client.finished or not offered(), 'the end of the hold')
-            self.wait(lambda: client.finished or offered(), 'the end of the goal', 2 * DEADLINE)
+            self.wait(lambda: client.finished or not self.listener.offered, 'the end of the hold')
+            self.wait(stopped, 'the end of the goal', 2 * DEADLINE)
 
     def pause(self, paused):
         """Call ~/pause and return the answer."""

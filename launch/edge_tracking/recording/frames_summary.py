@@ -1,16 +1,36 @@
 """What a recording that ran through driver and estimator holds: force over time, and presses."""
 
 from dataclasses import dataclass
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from edge_tracking.recording.samples import largest, NAN, percentile, rate, span
+from edge_tracking.recording.run import RunData
 from tactile_sensing.moments.image_moments import image_moments
 from tactile_sensing.types.contact import ContactType
+from tactile_simulation.metrics import largest, Metric, NAN, percentile, rate, span
 
 # A press begins above the upper and ends below the lower of these fractions of the force's
 # range; apart, so that noise does not split a press.
 PRESS_THRESHOLDS = (0.55, 0.45)
+# What the report shows of a summary.
+METRICS = (
+    Metric('presses', 'presses', '', 1.0, 0),
+    Metric('duration', 'duration', 's'),
+    Metric('frames', 'pictures', '', 1.0, 0),
+    Metric('lost_frames', 'lost pictures', '', 1.0, 0),
+    Metric('sensor_rate', 'rate', 'Hz', 1.0, 2),
+    Metric('latency_p50', 'estimate after, median', 'ms', 1e3, 2),
+    Metric('latency_p99', 'estimate after, 99 %', 'ms', 1e3, 2),
+)
+
+
+class Press(NamedTuple):
+    """Indices into a series: of the first datum, of the peak, and after the last."""
+
+    begin: int
+    peak: int
+    end: int
 
 
 @dataclass(frozen=True, eq=False)
@@ -30,7 +50,7 @@ class ForceSeries:
     stamp_ns: np.ndarray
 
 
-def force_series(run) -> ForceSeries:
+def force_series(run: RunData) -> ForceSeries:
     """
     Return force and centre of pressure over time, by the contact estimator.
 
@@ -51,7 +71,7 @@ def force_series(run) -> ForceSeries:
     return ForceSeries(time, force, unit, kind, centre, stamps)
 
 
-def presses(force):
+def presses(force: np.ndarray) -> list[Press]:
     """
     Return the presses in a series of forces, by a threshold with hysteresis.
 
@@ -59,11 +79,6 @@ def presses(force):
     ----------
     force : np.ndarray
         Forces in any unit, shape `(N,)`; NaN ends no press and starts none.
-
-    Returns
-    -------
-    list of (int, int, int)
-        First index, index of the peak and index after the last, of each press.
     """
     finite = force[np.isfinite(force)]
     if not finite.size or not np.ptp(finite) > 0.0:
@@ -79,10 +94,11 @@ def presses(force):
             begin = None
     if begin is not None:
         found.append((begin, len(force)))
-    return [(begin, begin + int(np.nanargmax(force[begin:end])), end) for begin, end in found]
+    return [Press(begin, begin + int(np.nanargmax(force[begin:end])), end)
+            for begin, end in found]
 
 
-def summarise_recording(run) -> dict:
+def summarise_recording(run: RunData) -> dict[str, Any]:
     """
     Return the summary of a recording that ran through driver and estimator.
 

@@ -1,94 +1,142 @@
-"""What happened in a run, as arrays."""
+"""What happened in a run, as arrays; how a column is read from its messages stands beside it."""
 
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, fields
+from operator import attrgetter
+from typing import Any
 
 import numpy as np
 
+from tactile_common.errors import TactileError
+from tactile_common.ros.bag_reader import Recorded
+from tactile_common.ros.conversions import pose_from_msg, stamp_to_ns, stamp_to_seconds
 from tactile_sensing.types.array import TactelArray
+
+_JOINTS = -1  # in a shape: as many as the table has names
+
+
+def _column(dtype: Any = float, shape: tuple[int, ...] = (),
+            read: str | Callable[[Any], Any] = '') -> Any:
+    """Column of a table: type and shape of a value, and where in a message it is."""
+    return field(metadata={'dtype': dtype, 'shape': shape, 'read': read})
+
+
+def _stamp():
+    return _column(np.int64, (), lambda message: stamp_to_ns(message.header.stamp))
+
+
+def xyz(vector) -> tuple[float, float, float]:
+    """Components of a vector or a point in a message."""
+    return vector.x, vector.y, vector.z
+
+
+def _matrix(message):
+    try:
+        return pose_from_msg(message.pose)
+    except TactileError:
+        return np.full((4, 4), np.nan)
 
 
 @dataclass(frozen=True, eq=False)
-class Images:
+class Table:
+    """Columns of N rows, one for each message; received_ns is its time of reception [ns]."""
+
+    received_ns: np.ndarray
+
+    @classmethod
+    def of(cls, rows: Sequence[Recorded], **known):
+        """Table of recorded messages; what is known otherwise is not read from them."""
+        known['received_ns'] = np.array([row.received_ns for row in rows], dtype=np.int64)
+        for item in fields(cls):
+            if item.name in known:
+                continue
+            dtype, shape, read = (item.metadata[key] for key in ('dtype', 'shape', 'read'))
+            read = read if callable(read) else attrgetter(read or item.name)
+            shape = [len(known['names']) if size == _JOINTS else size for size in shape]
+            known[item.name] = values = np.empty((len(rows), *shape), dtype=dtype)
+            for index, row in enumerate(rows):
+                values[index] = read(row.message)
+        return cls(**known)
+
+
+@dataclass(frozen=True, eq=False)
+class Images(Table):
     """
     Pictures of the pressure layer.
 
-    stamp_ns, received_ns, sequence: `(N,)`; frames: `(N, rows, columns)` in `unit`, NaN =
-    invalid tactel; array: their geometry, None without pictures; skipped: pictures left out for
-    another size than the first.
+    frames: `(N, rows, columns)` in `unit`, NaN = invalid tactel; array: their geometry, None
+    without pictures; skipped: pictures left out for another size than the first.
     """
 
-    stamp_ns: np.ndarray
-    received_ns: np.ndarray
-    sequence: np.ndarray
     frames: np.ndarray
     array: TactelArray | None
     unit: str
     skipped: int
+    stamp_ns: np.ndarray = _stamp()
+    sequence: np.ndarray = _column(np.int64)
 
 
 @dataclass(frozen=True, eq=False)
-class Contacts:
+class Contacts(Table):
     """
     Contact estimates, `(N,)` each; fields as in Contact.msg.
 
-    received_ns is the time of reception, within a fraction of a millisecond the publication's;
-    m0 is the zeroth moment [N, or counts m^2]; centre_of_pressure is `(N, 2)` [m].
+    received_ns is within a fraction of a millisecond the publication's; m0 is the zeroth moment
+    [N, or counts m^2]; centre_of_pressure is `(N, 2)` [m].
     """
 
-    stamp_ns: np.ndarray
-    received_ns: np.ndarray
-    sequence: np.ndarray
-    type: np.ndarray
-    valid: np.ndarray
-    reasons: np.ndarray
-    a: np.ndarray
-    yaw: np.ndarray
-    normal_force: np.ndarray
-    snr: np.ndarray
-    m0: np.ndarray
-    centre_of_pressure: np.ndarray
-    latency: np.ndarray
+    stamp_ns: np.ndarray = _stamp()
+    sequence: np.ndarray = _column(np.int64)
+    type: np.ndarray = _column(np.int64)
+    valid: np.ndarray = _column(bool)
+    reasons: np.ndarray = _column(np.int64)
+    a: np.ndarray = _column()
+    yaw: np.ndarray = _column()
+    normal_force: np.ndarray = _column()
+    snr: np.ndarray = _column()
+    m0: np.ndarray = _column(read=lambda message: message.moments[0])
+    centre_of_pressure: np.ndarray = _column(
+        shape=(2,), read=lambda message: xyz(message.centre_of_pressure)[:2])
+    latency: np.ndarray = _column(read=lambda message: stamp_to_seconds(message.latency))
 
 
 @dataclass(frozen=True, eq=False)
-class Wrenches:
+class Wrenches(Table):
     """Force [N] and torque [N m] of the object on the sensor, `(N, 3)` each."""
 
-    stamp_ns: np.ndarray
-    received_ns: np.ndarray
-    force: np.ndarray
-    torque: np.ndarray
+    stamp_ns: np.ndarray = _stamp()
+    force: np.ndarray = _column(shape=(3,), read=lambda message: xyz(message.wrench.force))
+    torque: np.ndarray = _column(shape=(3,), read=lambda message: xyz(message.wrench.torque))
 
 
 @dataclass(frozen=True, eq=False)
-class Statuses:
+class Statuses(Table):
     """Control cycles, `(N,)` each; fields as in ServoStatus.msg."""
 
-    stamp_ns: np.ndarray
-    received_ns: np.ndarray
-    controller: np.ndarray
-    state: np.ndarray
-    reason: np.ndarray
-    contact_stamp_ns: np.ndarray
-    lateral_error: np.ndarray
-    angle_error: np.ndarray
-    normal_force: np.ndarray
-    force_target: np.ndarray
-    speed: np.ndarray
-    progress: np.ndarray
-    limit_scale: np.ndarray
-    manipulability: np.ndarray
-    cycle_time: np.ndarray
-    missed_cycles: np.ndarray
+    stamp_ns: np.ndarray = _stamp()
+    controller: np.ndarray = _column(object)
+    state: np.ndarray = _column(np.int64)
+    reason: np.ndarray = _column(object)
+    contact_stamp_ns: np.ndarray = _column(
+        np.int64, read=lambda message: stamp_to_ns(message.contact_stamp))
+    lateral_error: np.ndarray = _column()
+    angle_error: np.ndarray = _column()
+    normal_force: np.ndarray = _column()
+    force_target: np.ndarray = _column()
+    speed: np.ndarray = _column()
+    progress: np.ndarray = _column()
+    limit_scale: np.ndarray = _column()
+    manipulability: np.ndarray = _column()
+    cycle_time: np.ndarray = _column()
+    missed_cycles: np.ndarray = _column(np.int64)
 
 
 @dataclass(frozen=True, eq=False)
-class Poses:
+class Poses(Table):
     """Poses of the sensor in the base frame, homogeneous transforms `(N, 4, 4)`."""
 
-    stamp_ns: np.ndarray
-    received_ns: np.ndarray
-    matrix: np.ndarray
+    stamp_ns: np.ndarray = _stamp()
+    matrix: np.ndarray = _column(shape=(4, 4), read=_matrix)
 
     @property
     def position(self) -> np.ndarray:
@@ -97,35 +145,36 @@ class Poses:
 
 
 @dataclass(frozen=True, eq=False)
-class Joints:
+class Joints(Table):
     """Joint states: names, positions `(N, n)` [rad]."""
 
-    stamp_ns: np.ndarray
-    received_ns: np.ndarray
     names: tuple
-    position: np.ndarray
+    stamp_ns: np.ndarray = _stamp()
+    position: np.ndarray = _column(shape=(_JOINTS,))
 
 
 @dataclass(frozen=True, eq=False)
-class Commands:
+class Commands(Table):
     """Trajectories sent to the robot: first and last point, `(N, n)` [rad]."""
 
-    received_ns: np.ndarray
     names: tuple
-    first: np.ndarray
-    last: np.ndarray
-    horizon: np.ndarray  # time of the last point [s]
+    first: np.ndarray = _column(
+        shape=(_JOINTS,), read=lambda message: message.points[0].positions)
+    last: np.ndarray = _column(
+        shape=(_JOINTS,), read=lambda message: message.points[-1].positions)
+    horizon: np.ndarray = _column(  # time of the last point [s]
+        read=lambda message: stamp_to_seconds(message.points[-1].time_from_start))
 
 
 @dataclass(frozen=True, eq=False)
-class Diagnostics:
+class Diagnostics(Table):
     """Diagnostic messages, `(N,)` each; values holds one dict of texts per message."""
 
-    received_ns: np.ndarray
-    name: np.ndarray
-    level: np.ndarray
-    message: np.ndarray
-    values: np.ndarray
+    name: np.ndarray = _column(object)
+    level: np.ndarray = _column(np.int64)
+    message: np.ndarray = _column(object)
+    values: np.ndarray = _column(
+        object, read=lambda status: {pair.key: pair.value for pair in status.values})
 
 
 @dataclass(frozen=True)

@@ -1,86 +1,70 @@
-"""A run in numbers: how well the edge was tracked."""
+"""A recorded run in numbers: how well the edge was tracked."""
 
-from dataclasses import dataclass
 from functools import lru_cache
-import json
-import math
+from typing import Any
 
 import numpy as np
 
-from edge_tracking.recording.samples import largest, mean, median, NAN, percentile, rate, rms, span
+from edge_tracking.recording.run import RunData, Statuses
 from tactile_common.errors import TactileError
 from tactile_servo.track_statistics import SETTLING_LENGTH
 from tactile_servo.types import State
 from tactile_shape.contour.outline import find_outline
-from tactile_simulation.metrics import contour_errors
+from tactile_simulation.metrics import (
+    contour_errors,
+    Evidence,
+    mean,
+    measure,
+    median,
+    NAN,
+    ON_EDGE,
+    percentile,
+    rate,
+    span,
+    Truth,
+)
 from tactile_simulation.renderer import EdgeRenderer
+from tactile_simulation.scene import Scene
 
 # The edge counts as tracked if the pad's centre kept this close to it once settled [m], RMS: the
 # object may slip further at once.
 LATERAL_BOUND = 3e-3
-# States in which the pad follows the edge.
-ON_EDGE = (State.TRACK, State.CORNER)  # while searching there is no edge to be near to
 
 
-@dataclass(frozen=True, eq=False)
-class Truth:
-    """
-    Where the pad really was, at each recorded pose.
-
-    time_ns, lateral [m], along (arc length of the nearest point of the edge) [m], force [N]:
-    `(N,)`. touching: between first contact and lift-off; settled: the part of it from
-    `SETTLING_LENGTH` after first contact; whole_edge: the edge crosses the whole pad.
-    """
-
-    time_ns: np.ndarray
-    lateral: np.ndarray
-    along: np.ndarray
-    force: np.ndarray
-    touching: np.ndarray
-    settled: np.ndarray
-    whole_edge: np.ndarray
-
-
-def settled_cycles(statuses):
+def settled_cycles(statuses: Statuses) -> tuple[np.ndarray, np.ndarray]:
     """Return which cycles track, and which of these come after the settling length: `(N,)`."""
     tracking = np.isin(statuses.state, ON_EDGE)
     settled = np.logical_or.accumulate(tracking & (statuses.progress >= SETTLING_LENGTH))
     return tracking, tracking & settled
 
 
-def truth(run, scene) -> Truth:
-    """
-    Compare the recorded poses of the pad with the scene.
-
-    Parameters
-    ----------
-    run : RunData
-    scene : Scene
-    """
+def truth(run: RunData, scene: Scene) -> Truth:
+    """Compare the recorded poses of the pad with the scene; time as of `run.seconds`."""
     poses, statuses, array = run.poses, run.statuses, _array(run)
-    force, shift = np.full(len(poses.stamp_ns), NAN), np.zeros((len(poses.stamp_ns), 3))
+    count = len(poses.stamp_ns)
+    force, shift = np.full(count, NAN), np.zeros((count, 3))
     if array:
         renderer = EdgeRenderer(scene, array)
         for index, pose in enumerate(poses.matrix):
             force[index], shift[index] = renderer.force(pose), renderer.shift  # it may slip
-    lateral, along = scene.edge.nearest(poses.position - shift) if len(force) else (
+    lateral, along = scene.edge.nearest(poses.position - shift) if count else (
         np.empty(0), np.empty(0))
     # The cycle that was the newest when the pose was taken tells the state.
-    index = np.searchsorted(statuses.stamp_ns, poses.stamp_ns, side='right') - 1
-    known = index >= 0
-    touching = np.zeros(len(index), bool)
-    settled = touching.copy()
+    newest = np.searchsorted(statuses.stamp_ns, poses.stamp_ns, side='right') - 1
+    known = newest >= 0
+    progress = np.zeros(count)
+    tracking, settled = np.zeros(count, bool), np.zeros(count, bool)
     if known.any():
-        tracking, late = settled_cycles(statuses)
-        touching[known], settled[known] = tracking[index[known]], late[index[known]]
+        progress[known] = statuses.progress[newest[known]]
+        for mask, cycles in zip((tracking, settled), settled_cycles(statuses), strict=True):
+            mask[known] = cycles[newest[known]]
     reach = array.half_width_y if array else 0.0
-    return Truth(
-        time_ns=poses.stamp_ns, lateral=lateral, along=along, force=force,
-        touching=touching, settled=settled,
-        whole_edge=(along >= reach) & (along <= scene.edge.length - reach))
+    whole_edge = (along >= reach) & (along <= scene.edge.length - reach)
+    return Truth(run.seconds(poses.stamp_ns), lateral, along, force, progress, tracking, settled,
+                 on_target=settled & whole_edge)
 
 
-def latencies(run):
+def latencies(run: RunData) -> tuple[np.ndarray, np.ndarray]:
     """
     Return the time from each picture's last byte to the command that first used it.
 
@@ -114,7 +98,9 @@ def rebuilt_outline(run):
         return None
 
 
-def summarise(run, scene, *, success, reason='', speed=None, force=None, seed=None) -> dict:
+def summarise(run: RunData, scene: Scene, *, success: bool, reason: str = '',
+              speed: float | None = None, force: float | None = None,
+              seed: int | None = None) -> dict[str, Any]:
     """
     Return the summary of a run along the edge of a scene, SI units, NaN = unknown.
 
@@ -144,10 +130,7 @@ def summarise(run, scene, *, success, reason='', speed=None, force=None, seed=No
     last = active[-1] if active.size else None
     _, latency = latencies(run)
     target = float(force) if force is not None else median(statuses.force_target[tracking])
-    lateral = real.lateral[real.settled]
-    on_target = real.force[real.settled & real.whole_edge] - target
     outline = rebuilt_outline(run)
-    contour_error, area_error = contour_errors(outline and outline.points, scene.edge)
     summary = {
         'ok': False,
         'state': State(int(statuses.state[last])).name.lower() if active.size else 'idle',
@@ -157,15 +140,9 @@ def summarise(run, scene, *, success, reason='', speed=None, force=None, seed=No
         'seed': seed,
         'speed': float(speed) if speed is not None else median(statuses.speed[settled]),
         'tracked_length': _tracked_length(real),
-        'lateral_rms': rms(lateral),
-        'lateral_max': largest(lateral),
-        'lateral_transient_max': largest(real.lateral[real.touching & ~real.settled]),
-        'force_target': target,
-        'force_rms_error': rms(on_target),
-        'force_max': largest(real.force),
+        **measure(Evidence(
+            real, target, contour_errors(outline and outline.points, scene.edge))),
         'closed': outline is not None and outline.closed,
-        'contour_max_error': contour_error,
-        'contour_area_error': area_error,
         'corners': outline.corners.tolist() if outline else [],
         'sides': [{'kind': side.kind, 'length': side.length, 'radius': side.radius}
                   for side in (outline.sides if outline else ())],
@@ -187,28 +164,13 @@ def summarise(run, scene, *, success, reason='', speed=None, force=None, seed=No
     return summary
 
 
-def to_json(summary) -> str:
-    """Return a summary as one line of JSON; NaN and infinity become null."""
-    return json.dumps(_jsonable(summary), allow_nan=False)
-
-
-def _jsonable(value):
-    if isinstance(value, dict):
-        return {str(key): _jsonable(item) for key, item in value.items()}
-    if isinstance(value, (list, tuple, np.ndarray)):
-        return [_jsonable(item) for item in value]
-    if isinstance(value, np.generic):
-        value = value.item()
-    return None if isinstance(value, float) and not math.isfinite(value) else value
-
-
 def _array(run):
     return run.images.array or (run.info.array if run.info else None)
 
 
 def _tracked_length(real):
     """Way along the true edge between the ends of the tracking [m]."""
-    along = real.along[real.touching]
+    along = real.along[real.tracking]
     return float(np.ptp(along)) if along.size else 0.0
 
 

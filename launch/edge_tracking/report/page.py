@@ -1,16 +1,20 @@
 """One self-contained HTML page about a run, with pictures; nothing is loaded from outside."""
 
 import base64
-from dataclasses import dataclass
+from collections.abc import Mapping
 from html import escape
 import math
 from pathlib import Path
+from typing import Any
 
-from edge_tracking.recording.frames_summary import force_series
+from edge_tracking.recording.frames_summary import force_series, METRICS
+from edge_tracking.recording.run import RunData
 from edge_tracking.recording.summary import rebuilt_outline, truth
-from edge_tracking.report import figures
+from edge_tracking.report import figures, plans
 from edge_tracking.report import frames_figures as recording_figures
 from edge_tracking.report.style import png
+from tactile_simulation.metrics import shown
+from tactile_simulation.scene import Scene
 
 _CSS = """
 :root { color-scheme: light; }
@@ -37,47 +41,7 @@ figcaption, footer { font-size: .87rem; color: #555a61; }
 """
 
 
-@dataclass(frozen=True)
-class Row:
-    """How a number of the summary is shown: label, factor to the unit, decimals."""
-
-    key: str
-    label: str
-    unit: str
-    factor: float = 1.0
-    decimals: int = 1
-
-
-ROWS = (
-    Row('tracked_length', 'Tracked length', 'mm', 1e3),
-    Row('lateral_rms', 'Lateral error, RMS', 'mm', 1e3, 3),
-    Row('lateral_max', 'Lateral error, largest', 'mm', 1e3, 3),
-    Row('lateral_transient_max', 'Largest before settling', 'mm', 1e3, 2),
-    Row('force_target', 'Force wanted', 'N', 1.0, 2),
-    Row('force_rms_error', 'Force error, RMS', 'N', 1.0, 3),
-    Row('force_max', 'Largest force', 'N', 1.0, 2),
-    Row('contour_max_error', 'Rebuilt outline within', 'mm', 1e3, 3),
-    Row('speed', 'Speed', 'mm/s', 1e3),
-    Row('duration', 'Duration', 's', 1.0, 2),
-    Row('sensor_rate', 'Pictures', 'Hz'),
-    Row('control_rate', 'Control', 'Hz'),
-    Row('missed_cycles', 'Missed cycles', '', 1.0, 0),
-    Row('latency_p50', 'Latency, median', 'ms', 1e3, 2),
-    Row('latency_p99', 'Latency, 99 %', 'ms', 1e3, 2),
-    Row('cpu_per_cycle', 'CPU per control cycle', 'ms', 1e3, 3),
-)
-RECORDING_ROWS = (
-    Row('presses', 'Presses', '', 1.0, 0),
-    Row('duration', 'Duration', 's'),
-    Row('frames', 'Pictures', '', 1.0, 0),
-    Row('lost_frames', 'Lost pictures', '', 1.0, 0),
-    Row('sensor_rate', 'Rate', 'Hz', 1.0, 2),
-    Row('latency_p50', 'Estimate after, median', 'ms', 1e3, 2),
-    Row('latency_p99', 'Estimate after, 99 %', 'ms', 1e3, 2),
-)
-
-
-def make_report(run, summary, scene, path):
+def make_report(run: RunData, summary: Mapping[str, Any], scene: Scene, path) -> None:
     """
     Write the report of a run along the edge of a scene.
 
@@ -92,7 +56,7 @@ def make_report(run, summary, scene, path):
     """
     real = truth(run, scene)
     sections = [
-        ('Path of the pad', figures.trajectory(run, scene, real),
+        ('Path of the pad', plans.trajectory(run, scene, real),
          'Centre of the pad over the true edge, with the outline of the pad at first contact '
          f'and at the end. The run begins '
          f'{1e3 * abs(scene.start.offset):.1f} mm beside the edge; the detail shows how touch '
@@ -113,13 +77,13 @@ def make_report(run, summary, scene, path):
     found = rebuilt_outline(run)
     if found is not None:
         sections.insert(2, (
-            'Rebuilt outline', figures.outline(run, scene, found),
+            'Rebuilt outline', plans.outline(run, scene, found),
             'Lines, arcs and corners, as few as the contacts along the edge allow. Each contact '
             'is a point of the fitted line or, on a curve and at a corner, of the ridge of the '
             'picture, put into the base by the pose of the robot.', ''))
     if run.patches:
         sections.append((
-            'Surface', figures.surface(run),
+            'Surface', plans.surface(run),
             'Where a surface was touched: patches of second order, coloured by the least one '
             'that explains the contacts, and the way of the contact.', 'narrow'))
     verdict = ('Edge tracked' if summary['ok'] else 'Edge not tracked', summary['ok'])
@@ -130,13 +94,13 @@ def make_report(run, summary, scene, path):
     if _known(rms):
         lead += (f" The pad's centre stayed within {1e3 * largest:.3f} mm of the true edge, "
                  f'{1e3 * rms:.3f} mm RMS, over {1e3 * summary["tracked_length"]:.0f} mm.')
-    _write(path, title, verdict, lead, _rows(summary, ROWS), sections,
+    _write(path, title, verdict, lead, shown(summary), sections,
            f'{scene.description} Controller: {summary["controller"]}. Last state: '
            f'{summary["state"]}.' + (f' Seed of the noise: {summary["seed"]}.'
                                      if summary.get('seed') is not None else ''))
 
 
-def make_recording_report(run, summary, path):
+def make_recording_report(run: RunData, summary: Mapping[str, Any], path) -> None:
     """
     Write the report of a recording that ran through driver and estimator.
 
@@ -144,7 +108,7 @@ def make_recording_report(run, summary, path):
     ----------
     run : RunData
     summary : dict
-        By `recording_summary.summarise_recording`.
+        By `frames_summary.summarise_recording`.
     path : str or os.PathLike
         HTML file to write.
     """
@@ -170,13 +134,13 @@ def make_recording_report(run, summary, path):
         lead += f'; the largest force is {factor * largest:.4g} {unit}'
     verdict = ('Recording played' if summary['ok'] else 'No pictures', summary['ok'])
     _write(path, f'Recording, {summary["rows"]} \u00d7 {summary["columns"]} tactels', verdict,
-           f'{lead}. Contacts by type: {types}.', _rows(summary, RECORDING_ROWS), sections,
+           f'{lead}. Contacts by type: {types}.', shown(summary, METRICS), sections,
            summary.get('reason', ''))
 
 
-def picture(run, scene, path):
+def picture(run: RunData, scene: Scene, path) -> None:
     """Save the main picture, the path of the pad over the true edge, as PNG."""
-    Path(path).write_bytes(png(figures.trajectory(run, scene, truth(run, scene))))
+    Path(path).write_bytes(png(plans.trajectory(run, scene, truth(run, scene))))
 
 
 # --- page ---------------------------------------------------------------------------------------
@@ -184,7 +148,8 @@ def picture(run, scene, path):
 def _write(path, title, verdict, lead, rows, sections, footer):
     text, good = verdict
     numbers = ''.join(
-        f'<div><dt>{escape(label)}</dt><dd>{escape(value)}</dd></div>' for label, value in rows)
+        f'<div><dt>{escape(name[0].upper() + name[1:])}</dt>'
+        f'<dd>{escape(f"{value} {unit}".strip())}</dd></div>' for name, value, unit in rows)
     parts = []
     for heading, figure, caption, kind in sections:
         data = base64.b64encode(png(figure)).decode('ascii')
@@ -201,18 +166,6 @@ def _write(path, title, verdict, lead, rows, sections, footer):
         f'<p>{escape(lead)}</p>\n<dl class="numbers">{numbers}</dl>\n'
         + '\n'.join(parts) + f'\n<footer><p>{escape(footer)}</p></footer>\n</body></html>\n',
         encoding='utf-8')
-
-
-def _rows(summary, rows):
-    """Return (label, value with unit) of what the summary has."""
-    shown = []
-    for row in rows:
-        value = summary.get(row.key)
-        if value is None:
-            continue
-        text = f'{row.factor * value:.{row.decimals}f}' if math.isfinite(value) else '\u2013'
-        shown.append((row.label, f'{text} {row.unit}'.strip()))
-    return shown
 
 
 def _known(value):

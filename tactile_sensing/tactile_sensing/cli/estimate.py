@@ -4,7 +4,6 @@ import math
 import os
 from pathlib import Path
 import sys
-import threading
 import time
 
 import numpy as np
@@ -20,32 +19,13 @@ from tactile_sensing.contact.estimator import (
     TACTELS,
 )
 from tactile_sensing.types.array import TactelArray
-from tactile_sensing.types.contact import ContactType, INFORMATION, Reason, RECORD
+from tactile_sensing.types.contact import COLUMNS, ContactType, INFORMATION, Reason, RECORD
 from tactile_sensing.types.image import COMPONENTS, Layer
 
 MAX_LENGTH = 0.1  # m; a larger pitch or depth was meant in millimetres
 CHUNK_BYTES = 1 << 20
 MAX_CHUNK = 1024  # frames
 QUIET = 1.0  # s without a progress bar
-# Output array: unit and meaning; its type is in RECORD.
-OUTPUT = {
-    'type': ('', 'least model that explains the frame; see Types'),
-    'valid': ('', 'whether the values of that type may be used'),
-    'flags': ('', 'why not valid, or what was left out; see Flags'),
-    'a': ('m', 'x of the contact; line: where the edge crosses y = 0'),
-    'b': ('m', 'y of the contact; line: 0'),
-    'yaw': ('rad', 'line: direction of the edge, right-handed about +z, 0 along +y'),
-    'P': ('N', 'normal force, positive into the skin; line: on the whole pad'),
-    'Qx': ('N', 'tangential force on the skin, +x; line: of the shear across it'),
-    'Qy': ('N', 'tangential force on the skin, +y; line: likewise'),
-    'line_force': ('N/m', 'line: normal force per length of edge'),
-    'covariance': ('SI', 'of (a, b, yaw, P, Qx, Qy, line_force)'),
-    'snr': ('dB', '20 log10 of the fitted peak over the noise of a tactel'),
-    'residual': ('', 'RMS of (frame - model) / noise'),
-    'force_windowed': ('N', 'second estimate of P, from the windowed zeroth moment'),
-    'iterations': ('', 'steps taken by the estimator'),
-}
-
 TYPES = {
     ContactType.NONE: 'nothing touches',
     ContactType.POINT: 'a point load',
@@ -94,8 +74,9 @@ def _shape(name):
 
 def parser():
     """Command line."""
-    arrays = _table(((name, f'{_shape(name):9} {RECORD[name].base.name:8} {unit:4} {text}')
-                     for name, (unit, text) in OUTPUT.items()), 16)
+    arrays = _table(
+        ((name, f'{_shape(name):9} {RECORD[name].base.name:8} {column.metadata["unit"]:4} '
+          f'{column.metadata["doc"]}') for name, column in COLUMNS.items()), 16)
     types = _table(
         ((int(kind), f'{kind.name.lower()}: {text}') for kind, text in TYPES.items()), 6)
     flags = _table(((int(flag), f'{flag.name}: {text}') for flag, text in FLAGS.items()), 6)
@@ -236,10 +217,11 @@ def make_sensor(options, reader):
         raise ConfigurationError(
             f'--layers names {len(layers)} (of {options.layers}), but frames has shape {shape}: '
             f'{there} layer{"s" * (there > 1)}')
-    array = TactelArray(*shape[-2:], pitch[0], pitch[-1])
+    *_, rows, columns = shape
+    array = TactelArray(rows, columns, pitch[0], pitch[-1])
     noise = number('--noise', options.noise, 0.0, 1e9, 'Pa')
     full_scale = number('--full-scale', options.full_scale, 0.0, 1e12, 'Pa')
-    return array, [Layer(component, depth, None, full_scale, noise)
+    return array, [Layer(component, depth, np.empty(0), full_scale, noise)
                    for component, depth in layers], parse_dead(options.dead, array)
 
 
@@ -262,20 +244,10 @@ class Tally:
                 self._refusals[reason] += int(np.count_nonzero(refused & int(reason)))
 
     def __str__(self):
-        types, reasons = (', '.join(f'{count} {key.name.lower()}' for key, count in counts.items()
-                                    if count) for counts in (self._types, self._refusals))
+        types, reasons = (', '.join(
+            f'{count} {str(key.name).lower()}' for key, count in counts.items() if count)
+            for counts in (self._types, self._refusals))
         return f'{types}; {self._invalid} not valid' + (f': {reasons}' if reasons else '')
-
-
-def make_estimator(config):
-    """Return the estimator, with a word where its kernels are not in numba's cache."""
-    word = threading.Timer(2.0, lambda: print(
-        'estimate: compiling, once, for half a minute ...', file=sys.stderr))
-    word.start()
-    try:
-        return ContactEstimator(config)
-    finally:
-        word.cancel()
 
 
 def run(options):
@@ -290,7 +262,7 @@ def run(options):
     chunk = min(max(CHUNK_BYTES // frame_size, 1), MAX_CHUNK)
     tally, done = Tally(), 0
     with RecordWriter(options.out, RECORD, total) as writer:
-        estimator = make_estimator(config)
+        estimator = ContactEstimator(config)
         begin = time.perf_counter()
         with Progress(total, QUIET) as progress:
             for frames in reader.chunks(chunk):

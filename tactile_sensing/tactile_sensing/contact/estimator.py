@@ -1,34 +1,43 @@
 """Contact estimation: the least model that explains a tactile image, or an honest refusal."""
 
-from dataclasses import dataclass, field
+from collections.abc import Sequence
+from dataclasses import dataclass, field, fields
 from functools import lru_cache
+from typing import Any
 
 import numpy as np
 
+from tactile_common.config import check_fields
 from tactile_common.errors import ConfigurationError
-from tactile_common.kernels import njit
-from tactile_sensing.contact.gauss_newton import LINE, make_work, POINT
-from tactile_sensing.contact.model_selection import DETECTION, explain, make_buffers
-from tactile_sensing.contact.parameters import COUNT, HAS_SHEAR, SNR, VALUES
-from tactile_sensing.contact.preprocessing import drop_unusable, noise_of, ridge_shape, survey
+from tactile_sensing.contact.closed_forms import estimate_by_moments
+from tactile_sensing.contact.gauss_newton import LINE, POINT
+from tactile_sensing.contact.pipeline import ANY_MODEL, estimate_frames, PENDING, RULES
 from tactile_sensing.half_space.layers import Layer as FitLayer
-from tactile_sensing.half_space.layers import sensor_of
-from tactile_sensing.half_space.point_model import peak
-from tactile_sensing.moments.closed_forms import by_moments
-from tactile_sensing.moments.image_moments import Moments
+from tactile_sensing.half_space.layers import Sensor, sensor_of
 from tactile_sensing.types.array import TactelArray
-from tactile_sensing.types.contact import Contact, ContactType, INFORMATION, Reason, RECORD
-from tactile_sensing.types.image import Layer
+from tactile_sensing.types.contact import (
+    COLUMNS,
+    Contact,
+    ContactType,
+    ESTIMATE,
+    INFORMATION,
+    no_covariance,
+    NOTHING,
+    PARAMETERS,
+    REALS,
+    Reason,
+    RECORD,
+)
+from tactile_sensing.types.image import Layer, TactileImage
+from tactile_sensing.types.moments import Moments
 
 METHODS = ('fit', 'compensated', 'moments')
-MODELS = {'auto': (POINT, LINE), 'point': (POINT, POINT), 'line': (LINE, LINE)}
+MODELS = {'auto': ANY_MODEL, 'point': POINT, 'line': LINE}
 TACTELS = {'point': 1, 'area': 3}  # Gauss points along each side that stand for a tactel
-MIN_TACTELS = 15  # live ones; three for each parameter of a point
-LINE_LENGTH = 1.0  # standard deviation along the ridge [depths] that makes a line the first guess
-CONTRADICTION = 1.5  # dB above min_snr that a second model needs to overrule a weak first
 
-_REAL = ('a', 'b', 'yaw', 'P', 'Qx', 'Qy', 'line_force', 'snr', 'residual', 'force_windowed')
-_PENDING = -1
+_MOMENTS = tuple(f.name for f in fields(Moments))
+_ESTIMATED = ESTIMATE.names or ()
+_INVALID = dict.fromkeys(PARAMETERS, np.nan)
 
 
 @dataclass(frozen=True)
@@ -64,11 +73,7 @@ class EstimatorConfig:
             value = getattr(self, name)
             if value not in known:
                 raise ConfigurationError(f'{name}: {value!r} is not one of {", ".join(known)}')
-        for name, low, high in (('noise_std', 0.0, 1e9), ('min_snr', 0.0, 100.0),
-                                ('model_error', 0.0, 1.0), ('max_chi_square', 1.0, 1e6)):
-            value = getattr(self, name)
-            if not low <= value <= high:
-                raise ConfigurationError(f'{name}: {value} is outside {low}..{high}')
+        check_fields(self)
         if self.fit_depth and self.method != 'fit':
             raise ConfigurationError(f'fit_depth: the method {self.method!r} has no such choice')
 
@@ -82,13 +87,13 @@ class ContactEstimator:
     config : EstimatorConfig, optional
     """
 
-    def __init__(self, config=None):
-        self.config = config or EstimatorConfig()
-        # Loads or compiles the kernels now, not under the first picture.
-        array = TactelArray(8, 8, 1e-3, 1e-3)
-        self.estimate_batch(np.zeros((1, *array.shape)), array, (Layer('zz', 1e-3, None),))
+    def __init__(self, config: EstimatorConfig | None = None):
+        self.config = config = config or EstimatorConfig()
+        self._rules = np.array([(
+            config.min_snr, config.model_error, config.max_chi_square, config.fit_depth,
+            MODELS[config.model], config.method == 'fit')], RULES)
 
-    def estimate(self, image):
+    def estimate(self, image: TactileImage) -> Contact:
         """
         Estimate the contact of one image.
 
@@ -107,20 +112,21 @@ class ContactEstimator:
                                for layer in layers):
             return self.refuse_malformed()
         stress = np.array([[layer.stress for layer in layers]], dtype=np.float64)
-        verdicts, values, covariance, moments = self._estimate(
-            stress, array, layers, image.tared, image.saturated, main.unit == 'Pa')
-        kind, reasons = ContactType(int(verdicts[0, 0])), Reason(int(verdicts[0, 1]))
-        valid = _is_valid(kind, int(reasons))
-        number = values[0].tolist()
-        if not valid:
-            number[:7] = [np.nan] * 7
-            covariance[0] = np.nan
-        model = self._model_name(kind, number, layers) if valid else ''
-        return Contact(
-            kind, valid, reasons, self.config.method, model, *number[:7], covariance[0],
-            *number[7:9], int(number[COUNT]), number[9], Moments(*moments[0].tolist()))
+        estimate = self._estimate(
+            stress, array, layers, image.tared, image.saturated, main.unit == 'Pa')[0]
+        told: dict[str, Any] = dict(zip(_ESTIMATED, estimate.item(), strict=True))
+        kind, reasons = ContactType(told.pop('type')), Reason(told.pop('reasons'))
+        moments = Moments(*(told.pop(name) for name in _MOMENTS))
+        valid, model = _is_valid(kind, int(reasons)), ''
+        shear = told.pop('has_shear')
+        if valid:
+            model = self._model_name(kind, shear, layers)
+        else:
+            told.update(_INVALID, covariance=no_covariance())
+        return Contact(kind, valid, reasons, self.config.method, model, moments=moments, **told)
 
-    def estimate_batch(self, frames, array, layers, *, tared=True):
+    def estimate_batch(self, frames: np.ndarray, array: TactelArray, layers: Sequence[Layer], *,
+                       tared: bool = True) -> np.ndarray:
         """
         Estimate the contact of many frames of one sensor.
 
@@ -153,53 +159,44 @@ class ContactEstimator:
             raise ConfigurationError(
                 f'frames has the shape {np.shape(frames)}, must be (N, '
                 f'{", ".join(map(str, expected))})')
-        verdicts, values, covariance, _ = self._estimate(stress, array, layers, tared, 0, True)
+        estimates = self._estimate(stress, array, layers, tared, 0, True)
         records = np.zeros(len(stress), RECORD)
-        records['type'], records['flags'] = verdicts.T
-        records['valid'] = _is_valid(verdicts[:, 0], verdicts[:, 1])
-        for name, column in zip(_REAL, values.T, strict=False):
-            records[name] = column
-        records['covariance'] = covariance
-        records['iterations'] = values[:, COUNT]
-        lost = ~records['valid']
-        for name in (*_REAL, 'covariance'):
-            records[name][lost] = np.nan
+        records['valid'] = valid = _is_valid(estimates['type'], estimates['reasons'])
+        for name, column in COLUMNS.items():
+            if column.name in _ESTIMATED:
+                records[name] = estimates[column.name]
+                if column.name == 'covariance' or column.name in REALS:
+                    records[name][~valid] = np.nan
         return records
 
-    def refuse_malformed(self):
+    def refuse_malformed(self) -> Contact:
         """Return what is said of a picture that could not even be read."""
         return Contact(ContactType.NONE, False, Reason.BAD_IMAGE, self.config.method)
 
     def _estimate(self, stress, array, layers, tared, saturated, calibrated):
-        """Type and reasons (N, 2), values, covariance and moments of conditioned frames."""
+        """Estimates of frames, which are preprocessed in place: ESTIMATE records (N,)."""
         config, count = self.config, len(stress)
-        given = np.array([config.noise_std or layer.noise_std for layer in layers], dtype=float)
-        full_scale = np.array([layer.full_scale for layer in layers], dtype=float)
         sensor, table = _sensor(array, tuple((layer.component, layer.depth) for layer in layers),
                                 TACTELS[config.tactel])
-        verdicts = np.zeros((count, 2), dtype=np.int64)
-        values = np.full((count, VALUES), np.nan)
-        values[:, COUNT] = 0.0
-        covariance = np.full((count, 7, 7), np.nan)
-        moments = np.empty((count, 6))
-        noise = np.empty((count, len(layers)))
-        _estimate_frames(
-            stress, sensor, table, given, full_scale,
-            (config.min_snr, config.model_error, config.max_chi_square, config.fit_depth),
-            MODELS[config.model], config.method == 'fit', calibrated,
-            (0 if tared else int(Reason.NOT_TARED), saturated), verdicts, values, covariance,
-            moments, noise)
-        for i in np.flatnonzero(verdicts[:, 0] == _PENDING):
-            kind, reasons = by_moments(stress[i], array, table, sensor[4], noise[i], config,
-                                       values[i], covariance[i])
-            verdicts[i] = kind, reasons | verdicts[i, 1]
-        return verdicts, values, covariance, moments
+        table = table.copy()
+        table['given_noise'] = [config.noise_std or layer.noise_std for layer in layers]
+        table['full_scale'] = [layer.full_scale for layer in layers]
+        estimates = NOTHING.repeat(count)
+        reasons = 0 if tared else int(Reason.NOT_TARED)
+        step = count if config.method == 'fit' else 1  # the closed forms need a frame's noise
+        for i in range(0, count, max(step, 1)):
+            part = estimates[i:i + step]
+            estimate_frames(stress[i:i + step], sensor, table, self._rules, reasons, saturated,
+                            calibrated, part)
+            if part[0]['type'] == PENDING:
+                estimate_by_moments(stress[i], array, table, config, part[0])
+        return estimates
 
-    def _model_name(self, kind, number, layers):
+    def _model_name(self, kind, shear, layers):
         names = '+'.join(layer.component for layer in layers
                          if kind == ContactType.POINT or layer.component == 'zz')
-        return (kind.name.lower() + '+shear' * (number[HAS_SHEAR] > 0.0)
-                + '+depth' * self.config.fit_depth + '/' + names)
+        return (kind.name.lower() + '+shear' * shear + '+depth' * self.config.fit_depth
+                + '/' + names)
 
 
 def _is_valid(kind, reasons):
@@ -208,101 +205,7 @@ def _is_valid(kind, reasons):
 
 
 @lru_cache(maxsize=64)
-def _sensor(array, plan, tactel_points):
+def _sensor(array: TactelArray, plan: tuple, tactel_points: int) -> tuple[Sensor, np.ndarray]:
     """Sensor and table of layers, with a noise of 1, see `sensor_of`."""
     return sensor_of(array, tuple(FitLayer(component, depth, 1.0) for component, depth in plan),
                      tactel_points)
-
-
-_NONE, _OTHER = int(ContactType.NONE), int(ContactType.OTHER)
-_NO_CONTACT, _LOW_SNR = int(Reason.NO_CONTACT), int(Reason.LOW_SNR)
-_BAD_FIT, _BAD_IMAGE = int(Reason.BAD_FIT), int(Reason.BAD_IMAGE)
-_FEW, _SATURATED, _DEAD = (
-    int(Reason.FEW_TACTELS), int(Reason.SATURATED), int(Reason.DEAD_TACTELS))
-
-
-@njit(error_model='numpy')
-def _condition(stress, sensor, layers, given, full_scale, calibrated, left_out, moments):
-    """Make a frame ready, in place; returns type, or _PENDING, and reasons."""
-    reasons, saturated = left_out
-    x, y, pitch_x, pitch_y, component, _, _ = sensor
-    missing, at_full_scale, main = 0, 0, -1
-    for k in range(stress.shape[0]):
-        gone, full, threshold = drop_unusable(stress[k], full_scale[k], component[k] != 0)
-        layers[k, 1], layers[k, 5] = noise_of(stress[k], given[k], threshold), threshold
-        missing += gone
-        at_full_scale += full
-        if main < 0 and component[k] == 0:
-            main = k
-    if at_full_scale > 0 or (missing > 0 and saturated > 0):
-        reasons |= _SATURATED
-    if missing > saturated:
-        reasons |= _DEAD
-    live, highest = survey(stress[main], x, y, pitch_x * pitch_y, moments)
-    if not calibrated:  # no force can be told, so nothing is called a contact estimate
-        return (_OTHER if moments[0] > 0.0 else _NONE), reasons | _BAD_IMAGE
-    if live < MIN_TACTELS:
-        if live == 0:
-            moments[:] = np.nan
-        return _NONE, reasons | _FEW
-    noise, total = layers[main, 1], moments[0] / (pitch_x * pitch_y)
-    if highest < DETECTION * noise and total < DETECTION * noise * np.sqrt(live):
-        if at_full_scale + saturated > 0:  # the loaded tactels are the ones that are missing
-            return _OTHER, reasons | _BAD_FIT
-        return _NONE, reasons | _NO_CONTACT
-    return _PENDING, reasons
-
-
-@njit(error_model='numpy')
-def _likelier(stress, sensor, layers):
-    """The model to try first: how far the tactels above half the peak spread."""
-    layer, row, column = peak(stress, sensor[4], layers[:, 1])
-    if layer < 0:
-        return POINT
-    image = stress[layer]
-    spread, elongation = ridge_shape(image, sensor[0], sensor[1], 0.5 * image[row, column])
-    is_long = spread > (LINE_LENGTH * layers[layer, 0]) ** 2 and not elongation < 2.0
-    return LINE if is_long else POINT
-
-
-@njit(cache=True, error_model='numpy')
-def _estimate_frames(stress, sensor, table, given, full_scale, rules, models, fit, calibrated,
-                    left_out, verdicts, values, covariance, moments, noise):
-    """Estimate every frame of stress (N, layers, rows, columns), conditioned in place."""
-    frames, count, rows, columns = stress.shape
-    work = make_work(count, count * rows * columns, sensor[5].shape[0])
-    buffers = make_buffers(count, rows, columns)
-    layers = table.copy()
-    second_values, second_covariance = np.empty(VALUES), np.empty((7, 7))
-    for f in range(frames):
-        kind, reasons = _condition(
-            stress[f], sensor, layers, given, full_scale, calibrated, left_out, moments[f])
-        for k in range(count):
-            noise[f, k] = layers[k, 1]
-        verdicts[f, 0], verdicts[f, 1] = kind, reasons
-        if kind != _PENDING or not fit:
-            continue
-        first = models[0]
-        if models[0] != models[1]:
-            first = _likelier(stress[f], sensor, layers)
-        kind, why = explain(first, stress[f], sensor, layers, rules, buffers, work, values[f],
-                            covariance[f])
-        if why & (_BAD_FIT | _LOW_SNR) and models[0] != models[1]:
-            second_values[:] = np.nan
-            second_values[COUNT] = 0.0
-            second_covariance[:] = np.nan
-            other, other_why = explain(
-                POINT + LINE - first, stress[f], sensor, layers, rules, buffers, work,
-                second_values, second_covariance)
-            unclear = other_why & (_BAD_FIT | _LOW_SNR)
-            weak = why & _LOW_SNR
-            # Where the likelier model is too weak, the other may contradict it, if it is
-            # strong enough to, but not convince.
-            if not weak or (
-                    unclear and second_values[SNR] >= rules[0] + CONTRADICTION):
-                kind, why = other, other_why | (_LOW_SNR if weak else 0)
-                for i in range(VALUES):
-                    values[f, i] = second_values[i]
-                for i in range(49):
-                    covariance[f].flat[i] = second_covariance.flat[i]
-        verdicts[f, 0], verdicts[f, 1] = kind, reasons | why

@@ -1,4 +1,4 @@
-"""What a load leaves of a frame, and what that says; all compiled."""
+"""What a load leaves of a frame, and whether that refutes it; all compiled."""
 
 import math
 
@@ -6,49 +6,61 @@ import numpy as np
 
 from tactile_common.kernels import njit
 from tactile_sensing.contact.gauss_newton import LINE, POINT
-from tactile_sensing.half_space import line_model, point_model
+from tactile_sensing.contact.parameters import chord
+from tactile_sensing.contact.preprocessing import DETECTION
+from tactile_sensing.half_space.kernels import line_stress, point_stress, Q0, Q1
+from tactile_sensing.half_space.layers import first_pressure_layer, half_sides, PRESSURE
+from tactile_sensing.types.contact import ContactType, Reason
 
 ELSEWHERE = 2.0  # depths from the load that are elsewhere
 FORCE_WINDOW = 2.0  # half side of the window of the second force estimate of a point [depths]
+# Tactels of a point around the peak, of a line: three to eight for each parameter.
+MIN_POINT_TACTELS, MIN_LINE_TACTELS = 15, 24
+SECOND_CONTACT = 0.15  # of the peak, left over elsewhere, that makes a second contact
+BORDER_STD = 0.1  # depths; a load under the outermost tactels must be located better than that
+
+_NONE, _OTHER = int(ContactType.NONE), int(ContactType.OTHER)
+_LOW_SNR, _OFF_PAD, _FEW = int(Reason.LOW_SNR), int(Reason.OFF_PAD), int(Reason.FEW_TACTELS)
+_LOST, _BAD_FIT = int(Reason.NOT_CONVERGED), int(Reason.BAD_FIT)
+_TWO = int(Reason.TWO_CONTACTS)
 
 
 @njit(error_model='numpy')
-def _measured(kind, x, y, cos, sin, theta, layer, nodes):
+def _measured(kind, x, y, cos, sin, load, layer, nodes):
     """Stress that a tactel measures under a load [Pa]."""
     total = 0.0
-    for j in range(nodes.shape[0]):
+    for j in range(nodes.size):
+        node = nodes[j]
         if kind == POINT:
-            total += nodes[j, 2] * point_model.stress_at(
-                x + nodes[j, 0], y + nodes[j, 1], theta, layer)
+            total += node.weight * point_stress(x + node.x, y + node.y, load, layer)
         else:
-            total += nodes[j, 2] * line_model.stress_at(
-                x + nodes[j, 0], y + nodes[j, 1], cos, sin, theta, layer[0])
+            total += node.weight * line_stress(x + node.x, y + node.y, cos, sin, load, layer)
     return total
 
 
 @njit(error_model='numpy')
-def compare(kind, stress, sensor, layers, theta, left, model):
+def compare(kind, stress, sensor, layers, load, left, model):
     """Load into model, and what it leaves; NaN in left for layers that do not show a line."""
-    x, y, _, _, component, nodes, _ = sensor
-    cos, sin = math.cos(theta[1]), math.sin(theta[1])
-    for k in range(stress.shape[0]):
-        if kind == LINE and component[k] != 0:
+    cos, sin = math.cos(load.yaw), math.sin(load.yaw)
+    for k in range(layers.size):
+        if kind == LINE and layers[k].component != PRESSURE:
             left[k], model[k] = np.nan, 0.0
             continue
         for r in range(stress.shape[1]):
             for c in range(stress.shape[2]):
-                expected = _measured(kind, x[c], y[r], cos, sin, theta, layers[k], nodes)
+                expected = _measured(
+                    kind, sensor.x[c], sensor.y[r], cos, sin, load, layers[k], sensor.nodes)
                 model[k, r, c] = expected
                 left[k, r, c] = stress[k, r, c] - expected
 
 
 @njit(error_model='numpy')
-def sums_of_squares(left, model, layers, model_error):
+def _sums_of_squares(left, model, layers, model_error):
     """Squared error, chi-square with the allowance of the model's error, and live tactels."""
     squared = chi = 0.0
     count = 0
-    for k in range(left.shape[0]):
-        noise = layers[k, 1]
+    for k in range(layers.size):
+        noise = layers[k].noise
         for r in range(left.shape[1]):
             for c in range(left.shape[2]):
                 rest = left[k, r, c] / noise
@@ -61,7 +73,7 @@ def sums_of_squares(left, model, layers, model_error):
 
 
 @njit(error_model='numpy')
-def window_ratio(kind, left, model, x, y, theta, depth):
+def _window_ratio(kind, left, model, sensor, load, depth):
     """
     Pressure seen over pressure expected, in a window around a point or on the whole pad.
 
@@ -71,8 +83,8 @@ def window_ratio(kind, left, model, x, y, theta, depth):
     for r in range(left.shape[0]):
         for c in range(left.shape[1]):
             if np.isfinite(left[r, c]) and (kind == LINE or (
-                    abs(x[c] - theta[0]) <= FORCE_WINDOW * depth
-                    and abs(y[r] - theta[1]) <= FORCE_WINDOW * depth)):
+                    abs(sensor.x[c] - load.a) <= FORCE_WINDOW * depth
+                    and abs(sensor.y[r] - load.b) <= FORCE_WINDOW * depth)):
                 seen += left[r, c] + model[r, c]
                 expected += model[r, c]
     return seen / expected if expected > 0.0 else np.nan
@@ -90,7 +102,7 @@ def _sum_around(image, row, column):
 
 
 @njit(error_model='numpy')
-def lacks_load(left, threshold):
+def _lacks_load(left, threshold):
     """Whether less than the load is seen somewhere, by a threshold, over 3x3 tactels."""
     for r in range(left.shape[0]):
         for c in range(left.shape[1]):
@@ -111,8 +123,9 @@ def _lowest_around(image, row, column):
 
 
 @njit(error_model='numpy')
-def second_contact(kind, left, x, y, theta, depth, threshold):
+def _second_contact(kind, left, sensor, load, depth, threshold):
     """Whether more than a threshold is left over away from the load, over 3x3 tactels."""
+    x, y = sensor.x, sensor.y
     rows, columns = left.shape
     highest = 0.0
     for rest in left.flat:
@@ -120,15 +133,90 @@ def second_contact(kind, left, x, y, theta, depth, threshold):
             highest = rest
     if highest <= threshold:  # then so is every mean
         return False
-    cos, sin = math.cos(theta[1]), math.sin(theta[1])
+    cos, sin = math.cos(load.yaw), math.sin(load.yaw)
     for r in range(rows):
         for c in range(columns):
             if kind == POINT:
-                away = math.hypot(x[c] - theta[0], y[r] - theta[1])
+                away = math.hypot(x[c] - load.a, y[r] - load.b)
             else:
-                away = abs(x[c] * cos + y[r] * sin - theta[0])
+                away = abs(x[c] * cos + y[r] * sin - load.rho)
             if away <= ELSEWHERE * depth:
                 continue
             if _sum_around(left, r, c) > 9.0 * threshold:
                 return True
     return False
+
+
+@njit(error_model='numpy')
+def refute(kind, sensor, layers, rules, memory, estimate):
+    """
+    Hold the load that was fitted to a frame against what it leaves.
+
+    Parameters
+    ----------
+    kind : int
+        POINT or LINE.
+    sensor, layers, rules
+        As for `pipeline.estimate_frame`.
+    memory : pipeline.Memory
+        With the mended stress and the fit.
+    estimate : record of contact.ESTIMATE
+        Gets the evidence: snr, residual, iterations, and in force_windowed a ratio of forces.
+
+    Returns
+    -------
+    kind, reasons : int
+        ContactType and Reason of a refusal; no reason if there is none.
+    """
+    left, model, fit = memory.left, memory.model, memory.fit[0]
+    if fit.used < (MIN_POINT_TACTELS if kind == POINT else MIN_LINE_TACTELS):
+        return _OTHER, _BAD_FIT | _FEW
+    main = first_pressure_layer(layers)
+    depth, noise = layers[main].depth, layers[main].noise
+    compare(kind, memory.stress, sensor, layers, fit, left, model)
+    squared, chi, count = _sums_of_squares(left, model, layers, rules.model_error)
+    peak = model[main].max()
+    if not (peak > 0.0 and np.isfinite(chi + squared)):
+        return _OTHER, _BAD_FIT
+    freedom = max(count - (5 if kind == POINT else 3), 1)
+    top = 2.0 * fit.force / (np.pi * depth) if kind == LINE else peak
+    estimate.snr = 20.0 * math.log10(top / noise)
+    estimate.residual = math.sqrt(squared / freedom)
+    estimate.iterations = fit.iterations
+    estimate.force_windowed = _window_ratio(kind, left[main], model[main], sensor, fit, depth)
+
+    weak = estimate.snr < rules.min_snr
+    if weak and kind == POINT:  # noise has peaks, but hardly ridges: a line is judged first
+        return _NONE, _LOW_SNR
+    threshold = max(DETECTION * noise / 3.0, SECOND_CONTACT * peak)
+    if _second_contact(kind, left[main], sensor, fit, depth, threshold):
+        return _OTHER, _BAD_FIT | _TWO
+    if chi > rules.max_chi_square * freedom or _lacks_load(left[main], threshold):
+        return _OTHER, _BAD_FIT
+    if weak:
+        return _NONE, _LOW_SNR
+    lost = not (fit.converged and memory.regular[0])
+    return kind, (_LOST if lost else 0) | (_OFF_PAD if _off_pad(kind, sensor, fit) else 0)
+
+
+@njit(error_model='numpy')
+def _off_pad(kind, sensor, load):
+    half_x, half_y = half_sides(sensor)
+    if kind == POINT:
+        return abs(load.a) > half_x or abs(load.b) > half_y
+    return not (abs(load.rho) <= half_x * math.cos(load.yaw)
+                and chord(load.rho, load.yaw, half_x, half_y) > 0.0)
+
+
+@njit(error_model='numpy')
+def beyond_sight(kind, sensor, depth, load, cov):
+    """Whether a load at the border, which shows one flank only, may as well be off the pad."""
+    half_x, half_y = half_sides(sensor)
+    last_x, last_y = half_x - sensor.pitch_x, half_y - sensor.pitch_y
+    if kind == POINT:
+        inside = abs(load.a) <= last_x and abs(load.b) <= last_y
+        variance = max(cov[Q0, Q0], cov[Q1, Q1])
+    else:
+        inside = abs(load.rho) <= last_x * math.cos(load.yaw)
+        variance = cov[Q0, Q0]
+    return not inside and variance > (BORDER_STD * depth) ** 2

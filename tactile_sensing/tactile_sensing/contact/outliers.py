@@ -1,9 +1,11 @@
-"""What mends a frame that a load explains but for a fault of the sensor; all compiled."""
+"""Faults of the sensor in a frame that a load explains: drift, outliers, depth; all compiled."""
 
 import numpy as np
 
 from tactile_common.kernels import njit
-from tactile_sensing.contact.gauss_newton import fit_frame, SQUARED
+from tactile_sensing.contact.gauss_newton import fit_load
+from tactile_sensing.contact.goodness_of_fit import compare
+from tactile_sensing.contact.variable_projection import TUKEY
 
 DRIFT_EVIDENCE = 4.0  # standard errors of the median that are a drift
 MAX_DRIFT = 0.1  # of the peak; more is a load of its own
@@ -12,6 +14,7 @@ MIN_UNLOADED = 8  # tactels that a median is taken of
 OUTLIER = 5.0  # standard deviations, model error included, that no tactel may be off
 MAX_OUTLIERS = 0.25  # of the loaded tactels; more is a contact of another kind
 MAX_OUTLIERS_AROUND = 3  # of the eight around one; likewise
+DRIFT_LOOKS = 3  # each leaves a part of the drift that it found
 DEPTH_STEPS = 0.05, 0.02, 0.01  # relative differences by which the depth is searched
 LONGEST_DEPTH_STEP = 0.15
 
@@ -29,7 +32,7 @@ def _unloaded_median(left, model, limit, values):
 
 
 @njit(error_model='numpy')
-def take_off_drift(stress, left, model, layers, values, first):
+def _take_off_drift(stress, left, model, layers, values, first):
     """
     Subtract from every layer the median of its unloaded tactels; whether it did.
 
@@ -38,9 +41,9 @@ def take_off_drift(stress, left, model, layers, values, first):
     """
     found = False
     for k in range(stress.shape[0]):
-        if layers[k, 5] > 0.0:  # a threshold leaves the upper part of the noise, not a drift
+        if layers[k].threshold > 0.0:  # it leaves the upper part of the noise, which is no drift
             continue
-        noise, largest = layers[k, 1], max(model[k].max(), -model[k].min())
+        noise, largest = layers[k].noise, max(model[k].max(), -model[k].min())
         median, n = _unloaded_median(left[k], model[k], max(noise, UNLOADED * largest), values)
         enough = DRIFT_EVIDENCE * 1.2533 * noise / np.sqrt(max(n, 1)) if first else 0.0
         if enough < abs(median) <= MAX_DRIFT * largest:
@@ -58,18 +61,18 @@ def _is_off(left, model, noise, model_error):
 
 
 @njit(error_model='numpy')
-def any_off(left, model, layers, model_error):
+def _any_off(left, model, layers, model_error):
     """Whether a tactel contradicts the load."""
     for k in range(left.shape[0]):
         for r in range(left.shape[1]):
             for c in range(left.shape[2]):
-                if _is_off(left[k, r, c], model[k, r, c], layers[k, 1], model_error):
+                if _is_off(left[k, r, c], model[k, r, c], layers[k].noise, model_error):
                     return True
     return False
 
 
 @njit(error_model='numpy')
-def leave_out_outliers(stress, left, model, layers, model_error):
+def _leave_out_outliers(stress, left, model, layers, model_error):
     """
     Set tactels that contradict the load to NaN.
 
@@ -80,16 +83,16 @@ def leave_out_outliers(stress, left, model, layers, model_error):
     for k in range(left.shape[0]):
         for r in range(left.shape[1]):
             for c in range(left.shape[2]):
-                wrong = _is_off(left[k, r, c], model[k, r, c], layers[k, 1], model_error)
+                wrong = _is_off(left[k, r, c], model[k, r, c], layers[k].noise, model_error)
                 off += wrong
-                loaded += wrong or abs(model[k, r, c]) > OUTLIER * layers[k, 1]
+                loaded += wrong or abs(model[k, r, c]) > OUTLIER * layers[k].noise
                 if not wrong:
                     continue
                 around = -1
                 for i in range(max(r - 1, 0), min(r + 2, left.shape[1])):
                     for j in range(max(c - 1, 0), min(c + 2, left.shape[2])):
                         around += _is_off(
-                            left[k, i, j], model[k, i, j], layers[k, 1], model_error)
+                            left[k, i, j], model[k, i, j], layers[k].noise, model_error)
                 if around > MAX_OUTLIERS_AROUND:
                     return False
     if off == 0 or off > MAX_OUTLIERS * loaded:
@@ -97,47 +100,75 @@ def leave_out_outliers(stress, left, model, layers, model_error):
     for k in range(left.shape[0]):
         for r in range(left.shape[1]):
             for c in range(left.shape[2]):
-                if _is_off(left[k, r, c], model[k, r, c], layers[k, 1], model_error):
+                if _is_off(left[k, r, c], model[k, r, c], layers[k].noise, model_error):
                     stress[k, r, c] = np.nan
     return True
 
 
 @njit(error_model='numpy')
-def at_depth(layers, factor, scaled):
+def scale_depths(layers, factor, scaled):
     """Layers with all depths multiplied."""
-    for k in range(layers.shape[0]):
-        scaled[k, 0] = layers[k, 0] * factor
-        scaled[k, 1], scaled[k, 2] = layers[k, 1], layers[k, 2]
-        scaled[k, 3], scaled[k, 4] = layers[k, 3] / factor, layers[k, 4] / factor
-        scaled[k, 5] = layers[k, 5]
+    for k in range(layers.size):
+        scaled[k] = layers[k]
+        scaled[k].depth = layers[k].depth * factor
+        scaled[k].gx, scaled[k].gy = layers[k].gx / factor, layers[k].gy / factor
 
 
 @njit(error_model='numpy')
-def fit_depth(kind, stress, sensor, layers, scaled, forces, model_error, work, found, slope):
+def fit_depth(kind, stress, sensor, layers, scaled, forces, model_error, tactels, fit, slope):
     """
-    Factor on all depths that leaves least, its variance, and how theta moves with it (slope).
+    Factor on all depths that leaves least, its variance, and how the load moves with it (slope).
 
     The squared error is a parabola about its least; three fits give it. NaN if it has none.
     """
     factor, variance = 1.0, np.inf
     errors = np.empty(3)
-    theta = found[0]
     for step in DEPTH_STEPS:
         for i in range(3):
-            at_depth(layers, factor + (i - 1) * step, scaled)
-            if not fit_frame(
-                    kind, stress, sensor, scaled, forces, model_error, np.inf, work, found):
+            scale_depths(layers, factor + (i - 1) * step, scaled)
+            if not fit_load(kind, stress, sensor, scaled, forces, model_error, np.inf, tactels,
+                            fit):
                 return np.nan, np.inf
-            errors[i] = found[2][SQUARED]
+            errors[i] = fit.squared_error
             for j in range(5):  # at last the slope between the outer two
                 if i == 0:
-                    slope[j] = theta[j]
+                    slope[j] = fit.vector[j]
                 elif i == 2:
-                    slope[j] = (theta[j] - slope[j]) / (2.0 * step)
-        curvature = (errors[0] - 2.0 * errors[1] + errors[2]) / step**2
+                    slope[j] = (fit.vector[j] - slope[j]) / (2.0 * step)
+        below, middle, above = errors
+        curvature = (below - 2.0 * middle + above) / step**2
         if not curvature > 0.0:
             return np.nan, np.inf
         variance = 2.0 / curvature
-        move = -(errors[2] - errors[0]) / (2.0 * step) / curvature
+        move = -(above - below) / (2.0 * step) / curvature
         factor += min(max(move, -LONGEST_DEPTH_STEP), LONGEST_DEPTH_STEP)
     return factor, variance
+
+
+@njit(error_model='numpy')
+def fit_despite_faults(kind, sensor, layers, forces, rules, memory):
+    """
+    Fit with shear, without drift of the baseline and tactels that contradict all others.
+
+    Returns
+    -------
+    fitted, left_out : bool
+        Whether it worked, and whether tactels were left out.
+    """
+    stress, left, model, fit = memory.stress, memory.left, memory.model, memory.fit[0]
+    model_error, tactels = rules.model_error, memory.tactels
+    for look in range(DRIFT_LOOKS + 1):
+        if not fit_load(kind, stress, sensor, layers, forces, model_error, np.inf, tactels, fit):
+            return False, False
+        compare(kind, stress, sensor, layers, fit, left, model)
+        if look == DRIFT_LOOKS or not _take_off_drift(
+                stress, left, model, layers, memory.unloaded, look == 0):
+            break
+    if not _any_off(left, model, layers, model_error):
+        return True, False
+    left_out = False
+    if fit_load(kind, stress, sensor, layers, forces, model_error, TUKEY, tactels, fit):
+        compare(kind, stress, sensor, layers, fit, left, model)
+        left_out = _leave_out_outliers(stress, left, model, layers, model_error)
+    fitted = fit_load(kind, stress, sensor, layers, forces, model_error, np.inf, tactels, fit)
+    return fitted, left_out

@@ -1,17 +1,23 @@
 """Fitted load into the numbers of an estimate, and their covariance; all compiled."""
 
 import math
+from typing import Any
 
 import numpy as np
 
 from tactile_common.kernels import njit
+from tactile_sensing.half_space.layers import half_sides
 from tactile_sensing.half_space.line import chord_length
+from tactile_sensing.types.contact import ROW
 
-chord = njit(error_model='numpy')(chord_length)
-# What is said of a frame, beside its type and reasons.
-VALUES = 12
-(A, B, YAW, FORCE, SHEAR_X, SHEAR_Y, LINE_FORCE,
- SNR, RESIDUAL, WINDOWED, COUNT, HAS_SHEAR) = range(VALUES)
+FORCE_MISMATCH = 0.03  # relative difference of the two force estimates that is told
+
+chord: Any = njit(error_model='numpy')(chord_length)
+# Rows of an estimate's covariance for the parameters of a point's fit, and for what `_line_map`
+# makes of a line's: without shear the first four.
+POINT_ROWS = (ROW.a, ROW.b, ROW.normal_force, ROW.shear_force_x, ROW.shear_force_y)
+LINE_ROWS = (ROW.a, ROW.yaw, ROW.normal_force, ROW.line_force,
+             ROW.shear_force_x, ROW.shear_force_y)
 
 
 @njit(error_model='numpy')
@@ -48,43 +54,55 @@ def invert(matrix, n, inverse):
 
 
 @njit(error_model='numpy')
-def tell_point(theta, cov, values, covariance):
-    """Point (a, b, P, Qx, Qy) into the values of an estimate."""
-    rows = (A, B, FORCE, SHEAR_X, SHEAR_Y)
+def write_point(load, cov, estimate):
+    """Point into an estimate."""
+    estimate.a, estimate.b, estimate.normal_force = load.a, load.b, load.force
+    estimate.shear_force_x, estimate.shear_force_y = load.shear_x, load.shear_y
     for i in range(5):
-        values[rows[i]] = theta[i]
         for j in range(5):
-            covariance[rows[i], rows[j]] = cov[i, j]
+            estimate.covariance[POINT_ROWS[i], POINT_ROWS[j]] = cov[i, j]
 
 
 @njit(error_model='numpy')
-def tell_line(theta, cov, with_shear, half_x, half_y, values, covariance):
-    """Line (rho, yaw, force, shear) into the values of an estimate: forces on the pad."""
-    rho, yaw, force, shear = theta[0], theta[1], theta[2], theta[3]
+def write_line(load, cov, with_shear, sensor, estimate):
+    """Line into an estimate: forces on the pad."""
+    half_x, half_y = half_sides(sensor)
+    rho, yaw, force, shear = load.rho, load.yaw, load.force, load.shear
     cos, sin = math.cos(yaw), math.sin(yaw)
     length, step = chord(rho, yaw, half_x, half_y), 1e-6
     by_rho = (chord(rho + step, yaw, half_x, half_y) - length) / step
     by_yaw = (chord(rho, yaw + step, half_x, half_y) - length) / step
-    values[A], values[B], values[YAW] = rho / cos, 0.0, yaw
-    values[FORCE], values[LINE_FORCE] = force * length, force
-    change = np.zeros((7, 4))
-    change[A, 0], change[A, 1] = 1.0 / cos, rho * sin / cos**2
-    change[YAW, 1] = 1.0
-    change[FORCE, 0], change[FORCE, 1], change[FORCE, 2] = force * by_rho, force * by_yaw, length
-    change[LINE_FORCE, 2] = 1.0
-    told = np.array([A, YAW, FORCE, LINE_FORCE, SHEAR_X, SHEAR_Y])
-    count = 4
+    estimate.a, estimate.b, estimate.yaw = rho / cos, 0.0, yaw
+    estimate.normal_force, estimate.line_force = force * length, force
     if with_shear:
-        count = 6
-        values[SHEAR_X], values[SHEAR_Y] = shear * length * cos, shear * length * sin
-        change[SHEAR_X, 0], change[SHEAR_X, 3] = shear * cos * by_rho, cos * length
-        change[SHEAR_X, 1] = shear * (cos * by_yaw - sin * length)
-        change[SHEAR_Y, 0], change[SHEAR_Y, 3] = shear * sin * by_rho, sin * length
-        change[SHEAR_Y, 1] = shear * (sin * by_yaw + cos * length)
-    for i in told[:count]:
-        for j in told[:count]:
+        estimate.shear_force_x = shear * length * cos
+        estimate.shear_force_y = shear * length * sin
+    change = np.array((  # by (rho, yaw, force, shear), in the order of LINE_ROWS
+        (1.0 / cos, rho * sin / cos**2, 0.0, 0.0),
+        (0.0, 1.0, 0.0, 0.0),
+        (force * by_rho, force * by_yaw, length, 0.0),
+        (0.0, 0.0, 1.0, 0.0),
+        (shear * cos * by_rho, shear * (cos * by_yaw - sin * length), 0.0, cos * length),
+        (shear * sin * by_rho, shear * (sin * by_yaw + cos * length), 0.0, sin * length)))
+    told = 6 if with_shear else 4
+    for i in range(told):
+        for j in range(told):
             total = 0.0
             for k in range(4):
                 for m in range(4):
                     total += change[i, k] * cov[k, m] * change[j, m]
-            covariance[i, j] = total
+            estimate.covariance[LINE_ROWS[i], LINE_ROWS[j]] = total
+
+
+@njit(error_model='numpy')
+def compare_forces(estimate):
+    """Second force estimate into the first's unit; whether it disagrees, and how far, is told."""
+    off, covariance = estimate.force_windowed - 1.0, estimate.covariance
+    estimate.force_windowed *= estimate.normal_force
+    disagrees = abs(off) * estimate.normal_force > (
+        FORCE_MISMATCH * estimate.normal_force
+        + 3.0 * math.sqrt(covariance[ROW.normal_force, ROW.normal_force]))
+    if disagrees:  # one of the two is wrong by as much
+        covariance[ROW.normal_force, ROW.normal_force] += (off * estimate.normal_force) ** 2
+        covariance[ROW.line_force, ROW.line_force] += (off * estimate.line_force) ** 2
+    return disagrees

@@ -3,10 +3,19 @@
 import numpy as np
 
 from tactile_common.kernels import njit
+from tactile_sensing.half_space.layers import first_pressure_layer, PRESSURE
+from tactile_sensing.types.contact import ContactType, Reason
 
+MIN_LIVE = 15  # tactels; three for each parameter of a point
+DETECTION = 5.0  # standard deviations
 IMPOSSIBLE = 1e12  # Pa; a tactel that reports more, or no number, is not read
 CENSORED = 0.25  # share of exact zeros, with nothing below them, that shows a threshold
 THRESHOLD_STD = 4.0  # standard deviations of noise at which a threshold is set (3.5)
+
+_NONE, _OTHER = int(ContactType.NONE), int(ContactType.OTHER)
+_NO_CONTACT, _FEW = int(Reason.NO_CONTACT), int(Reason.FEW_TACTELS)
+_BAD_FIT, _BAD_IMAGE = int(Reason.BAD_FIT), int(Reason.BAD_IMAGE)
+_SATURATED, _DEAD = int(Reason.SATURATED), int(Reason.DEAD_TACTELS)
 
 
 @njit(error_model='numpy')
@@ -77,7 +86,7 @@ def drop_unusable(image, full_scale, both_signs):
 
 
 @njit(error_model='numpy')
-def noise_of(image, given, threshold):
+def _noise_of(image, given, threshold):
     """Noise of a layer [Pa]: as given, or as it shows; never 0, not even of a perfect picture."""
     noise = given
     if not noise > 0.0:
@@ -91,12 +100,13 @@ def noise_of(image, given, threshold):
 
 
 @njit(error_model='numpy')
-def survey(image, x, y, area, moments):
+def _survey(image, sensor, calibrated, estimate):
     """
-    Moments (m0, mx, my, mxx, myy, mxy), live tactels and peak of the pressure.
+    Moments of the pressure into the estimate; live tactels, sum and peak.
 
     NaN tactels count as zero in the moments.
     """
+    x, y, area = sensor.x, sensor.y, sensor.pitch_x * sensor.pitch_y
     m0 = mx = my = mxx = myy = mxy = 0.0
     live = 0
     peak = -np.inf
@@ -116,28 +126,56 @@ def survey(image, x, y, area, moments):
         my += row * y[r]
         myy += row * y[r] * y[r]
         mxy += row_x * y[r]
-    moments[0], moments[1], moments[2] = m0 * area, mx * area, my * area
-    moments[3], moments[4], moments[5] = mxx * area, myy * area, mxy * area
-    return live, peak
+    if live == 0 and calibrated:
+        area = np.nan
+    estimate.m0, estimate.mx, estimate.my = m0 * area, mx * area, my * area
+    estimate.mxx, estimate.myy, estimate.mxy = mxx * area, myy * area, mxy * area
+    return live, m0, peak
 
 
 @njit(error_model='numpy')
-def ridge_shape(image, x, y, level):
-    """Spread [m^2] and elongation, see `Moments`, of the tactels at or above a level."""
-    m = mx = my = mxx = myy = mxy = 0.0
-    for r in range(image.shape[0]):
-        for c in range(image.shape[1]):
-            value = image[r, c]
-            if value >= level:  # false for NaN
-                value = min(value, 2.0 * level)  # a stuck tactel counts as the peak
-                m += value
-                mx += value * x[c]
-                my += value * y[r]
-                mxx += value * x[c] * x[c]
-                myy += value * y[r] * y[r]
-                mxy += value * x[c] * y[r]
-    if not m > 0.0:
-        return 0.0, np.nan
-    cxx, cyy, cxy = mxx / m - (mx / m)**2, myy / m - (my / m)**2, mxy / m - mx * my / m**2
-    mean, half = 0.5 * (cxx + cyy), np.hypot(0.5 * (cxx - cyy), cxy)
-    return cxx + cyy, (mean + half) / (mean - half) if mean > half else np.nan
+def preprocess(stress, sensor, layers, reasons, saturated, calibrated, estimate):
+    """
+    Make a frame ready, in place; its moments, type and reasons into the estimate.
+
+    Parameters
+    ----------
+    stress : ndarray, shape (layers, rows, columns)
+    sensor, layers
+        From `layers.sensor_of`; each layer's noise and threshold are set here.
+    reasons, saturated, calibrated : int, int, bool
+        Reasons that hold of the picture anyway, tactels that the driver has left out at full
+        scale, and whether the unit is Pa.
+    estimate : record of contact.ESTIMATE
+
+    Returns
+    -------
+    bool
+        Whether there is anything to be fitted.
+    """
+    missing, at_full_scale = 0, 0
+    for k in range(layers.size):
+        layer = layers[k]
+        gone, full, layer.threshold = drop_unusable(
+            stress[k], layer.full_scale, layer.component != PRESSURE)
+        layer.noise = _noise_of(stress[k], layer.given_noise, layer.threshold)
+        missing += gone
+        at_full_scale += full
+    if at_full_scale > 0 or (missing > 0 and saturated > 0):
+        reasons |= _SATURATED
+    if missing > saturated:
+        reasons |= _DEAD
+    main = first_pressure_layer(layers)
+    live, total, highest = _survey(stress[main], sensor, calibrated, estimate)
+    noise = layers[main].noise
+    kind, missed = _NONE, 0
+    if not calibrated:  # no force can be told, so nothing is called a contact estimate
+        kind, missed = (_OTHER if total > 0.0 else _NONE), _BAD_IMAGE
+    elif live < MIN_LIVE:
+        missed = _FEW
+    elif highest < DETECTION * noise and total < DETECTION * noise * np.sqrt(live):
+        missed = _NO_CONTACT
+        if at_full_scale + saturated > 0:  # the loaded tactels are the ones that are missing
+            kind, missed = _OTHER, _BAD_FIT
+    estimate.type, estimate.reasons = kind, reasons | missed
+    return missed == 0

@@ -77,9 +77,9 @@ class Calibration:
     """
 
     array: TactelArray
-    gain: np.ndarray = 1.0
+    gain: np.ndarray = 1.0  # type: ignore[assignment]  # becomes an array
     unit: str = 'Pa'
-    baseline: np.ndarray = 0.0
+    baseline: np.ndarray = 0.0  # type: ignore[assignment]
     saturation: int = 255
     dead_tactels: tuple = ()
     tare_tolerance: float = 5.0

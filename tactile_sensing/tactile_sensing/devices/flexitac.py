@@ -14,12 +14,10 @@ A picture that does not change and holds the marker looks the same from two phas
 the decoder then waits up to `AMBIGUOUS_PERIODS` for noise to tell them apart before it takes the
 earlier one. A wrong choice ends with the first change of the two tactels that mimic the marker.
 """
-from dataclasses import dataclass
-import enum
-
 import numpy as np
 
 from tactile_common.errors import ConfigurationError
+from tactile_sensing.devices.protocol import Frame, NEED_DATA, Resync, Signal
 
 MARKER = b'\xaa\x55'
 BAUD_RATE = 2_000_000
@@ -29,74 +27,33 @@ LOCK_PERIODS = 2
 AMBIGUOUS_PERIODS = 8
 
 
-class _Signal(enum.Enum):
-    NEED_DATA = 'need data'
-
-
-#: Returned by `FlexiTacDecoder.next_event` when it has seen all that was received.
-NEED_DATA = _Signal.NEED_DATA
-
-
-@dataclass(frozen=True, eq=False)
-class Frame:
-    """
-    One picture.
-
-    Parameters
-    ----------
-    counts : np.ndarray
-        Raw values, shape `(rows, columns)`, uint8, read-only.
-    sequence : int
-        Frames before this one, with an estimate of the lost ones.
-    """
-
-    counts: np.ndarray
-    sequence: int
-
-
-@dataclass(frozen=True)
-class Resync:
-    """
-    The decoder is in lock again after bytes that belong to no frame.
-
-    Parameters
-    ----------
-    dropped_bytes : int
-        How many were passed over since the last frame.
-    """
-
-    dropped_bytes: int
-
-
-def encode_frame(counts) -> bytes:
+def encode_frame(counts: np.ndarray) -> bytes:
     """Return marker and payload of one picture, `counts` of shape `(rows, columns)`, uint8."""
     return MARKER + encode_payload(counts)
 
 
-def encode_payload(counts) -> bytes:
-    """Return the payload alone: a device sends the next marker at once, see the module's text."""
+def encode_payload(counts: np.ndarray) -> bytes:
+    """Return the payload of one picture alone."""
     return np.ascontiguousarray(counts, dtype=np.uint8).tobytes()
+
+
+def encode_next(counts: np.ndarray) -> bytes:
+    """Return what a device sends once a marker is out: payload, and at once the next marker."""
+    return encode_payload(counts) + MARKER
 
 
 class FlexiTacDecoder:
     """
-    Turn received bytes into frames.
+    Turn received bytes into frames, see `protocol.Decoder`.
 
-    `receive_data` only buffers and `next_event` parses; call it until it returns `NEED_DATA`.
-    Then at most `buffer_bound` bytes are held: without lock the `AMBIGUOUS_PERIODS` that may be
-    needed to choose a phase, the marker behind them and one period in which candidates start.
+    `buffer_bound` is without lock the `AMBIGUOUS_PERIODS` that may be needed to choose a phase,
+    the marker behind them and one period in which candidates start. `lost_frames` is estimated
+    from the dropped bytes.
 
     Parameters
     ----------
     rows, columns : int
         Size of the array.
-
-    Attributes
-    ----------
-    frames, lost_frames, resyncs, dropped_bytes : int
-        Counters since the start; `lost_frames` is estimated from the dropped bytes.
-    locked : bool
-        Whether the byte stream is understood at the moment.
 
     Raises
     ------
@@ -104,7 +61,7 @@ class FlexiTacDecoder:
         `rows` or `columns` is not a positive integer.
     """
 
-    def __init__(self, rows, columns):
+    def __init__(self, rows: int, columns: int):
         for name, value in (('rows', rows), ('columns', columns)):
             if not isinstance(value, int) or value < 1:
                 raise ConfigurationError(f'{name} is {value!r}, must be an integer of at least 1')
@@ -115,7 +72,7 @@ class FlexiTacDecoder:
         self._buffer = bytearray()
         self.reset()
 
-    def reset(self):
+    def reset(self) -> None:
         """Forget the buffer and the lock, as after the port was opened anew; counters stay."""
         self.dropped_bytes += len(self._buffer)
         self._buffer.clear()
@@ -129,11 +86,11 @@ class FlexiTacDecoder:
         """Bytes that are held at the moment."""
         return len(self._buffer)
 
-    def receive_data(self, data):
+    def receive_data(self, data: bytes) -> None:
         """Append what came from the port; parsing is left to `next_event`."""
         self._buffer += data
 
-    def next_event(self):
+    def next_event(self) -> Frame | Resync | Signal:
         """Return the next `Frame` or `Resync`, or `NEED_DATA`."""
         if self.locked and self._held == 0:
             if len(self._buffer) < self._period + len(MARKER):
@@ -150,6 +107,13 @@ class FlexiTacDecoder:
             if self._gap:
                 return self._resync()
         return self._frame()
+
+    def explain(self, sample: bytes) -> str:
+        """Say how long the frames of a stream are that makes none of this array."""
+        size = payload_size(sample)
+        if size is None or size == self._period - len(MARKER):
+            return ''
+        return f'the sensor sends {size} bytes a frame'
 
     def _frame(self):
         payload = bytes(self._buffer[len(MARKER):self._period])
@@ -224,7 +188,7 @@ class FlexiTacDecoder:
         self.dropped_bytes += count
 
 
-def payload_size(sample):
+def payload_size(sample: bytes) -> int | None:
     """
     Guess from the distances of the markers how long the payload of a byte stream is.
 

@@ -1,19 +1,51 @@
-"""Layers and tactels as the compiled fits take them."""
+"""Sensor, layers and tactels as the compiled functions take them."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 import math
+from typing import NamedTuple
 
 import numpy as np
 
 from tactile_common.errors import ConfigurationError
-from tactile_sensing.half_space.point_model import WINDOW, WINDOW_DEPTHS
+from tactile_common.kernels import njit
+from tactile_sensing.types.array import TactelArray
+from tactile_sensing.types.image import COMPONENTS
 
-COMPONENTS = ('zz', 'xz', 'yz')
+WINDOW = 4.5  # least half side of a point's fitted window [pitches]: 9x9 tactels
+WINDOW_DEPTHS = 1.9  # the same in mean depths of the layers: deeper ones see further
+PRESSURE = COMPONENTS.index('zz')  # layer.component of pressure
 # Gauss-Legendre nodes for the average over a tactel [tactel sides] and their weights.
 _NODES = {1: ((0.0,), (1.0,)),
           2: ((-math.sqrt(1 / 12), math.sqrt(1 / 12)), (0.5, 0.5)),
           3: ((-math.sqrt(0.15), 0.0, math.sqrt(0.15)), (5 / 18, 8 / 18, 5 / 18))}
+_LEVERS = {'zz': (1.0, 0.0, 0.0), 'xz': (0.0, 1.0, 0.0), 'yz': (0.0, 0.0, 1.0)}
+
+# Points that stand for a tactel: offset from its centre [m] and weight.
+NODE = np.dtype([('x', 'f8'), ('y', 'f8'), ('weight', 'f8')])
+# Depth [m], noise of a tactel [Pa], index into COMPONENTS, the component as (gz + gx x' + gy y')
+# times the pressure, and the threshold below which the values are missing, 0 if there is none;
+# noise (0: unknown) and full scale (0: none) as given with a picture [Pa].
+LAYER = np.dtype([
+    ('depth', 'f8'), ('noise', 'f8'), ('component', 'i8'), ('gz', 'f8'), ('gx', 'f8'),
+    ('gy', 'f8'), ('threshold', 'f8'), ('given_noise', 'f8'), ('full_scale', 'f8')])
+
+
+class Sensor(NamedTuple):
+    """
+    Geometry of a sensor.
+
+    x, y: centres of the columns and rows [m]; pitch_x, pitch_y [m]; nodes: NODE records; window:
+    half side of the square of tactels around a point that its fit uses [pitches].
+    """
+
+    x: np.ndarray
+    y: np.ndarray
+    pitch_x: float
+    pitch_y: float
+    nodes: np.ndarray
+    window: float
 
 
 @dataclass(frozen=True)
@@ -51,9 +83,9 @@ class Layer:
                 raise ConfigurationError(f'{name} is {value!r}, must be positive [{unit}]')
 
 
-def tactel_nodes(tactel_points, pitch_x, pitch_y):
+def tactel_nodes(tactel_points: int, pitch_x: float, pitch_y: float) -> np.ndarray:
     """
-    Points that stand for a tactel: offsets along x and y [m] and weight, shape (n^2, 3).
+    Points that stand for a tactel: NODE records, shape (tactel_points^2,).
 
     Raises
     ------
@@ -63,11 +95,32 @@ def tactel_nodes(tactel_points, pitch_x, pitch_y):
     if tactel_points not in _NODES:
         raise ConfigurationError(f'tactel_points is {tactel_points!r}, must be 1, 2 or 3')
     nodes = list(zip(*_NODES[tactel_points], strict=True))
-    return np.array([(p * pitch_x, q * pitch_y, u * w) for p, u in nodes for q, w in nodes])
+    return np.array([(p * pitch_x, q * pitch_y, u * w) for p, u in nodes for q, w in nodes], NODE)
+
+
+def layer_table(layers: Sequence[Layer]) -> np.ndarray:
+    """
+    LAYER records of layers.
+
+    Raises
+    ------
+    ConfigurationError
+        No 'zz' layer.
+    """
+    table = np.zeros(len(layers), LAYER)
+    for record, layer in zip(table, layers, strict=True):
+        record['depth'], record['noise'] = layer.depth, layer.noise_std
+        record['component'] = COMPONENTS.index(layer.component)
+        record['gz'], by_x, by_y = _LEVERS[layer.component]
+        record['gx'], record['gy'] = by_x / layer.depth, by_y / layer.depth
+    if not (table['component'] == PRESSURE).any():
+        raise ConfigurationError("layers have no 'zz', must have at least one to start from")
+    return table
 
 
 @lru_cache(maxsize=64)
-def sensor_of(array, layers, tactel_points=1, window=None):
+def sensor_of(array: TactelArray, layers: tuple[Layer, ...], tactel_points: int = 1,
+              window: float | None = None) -> tuple[Sensor, np.ndarray]:
     """
     What the compiled functions know of a sensor.
 
@@ -83,32 +136,36 @@ def sensor_of(array, layers, tactel_points=1, window=None):
 
     Returns
     -------
-    sensor : tuple
-        x, y [m], pitch_x, pitch_y [m], component (index into COMPONENTS, shape (layers,)),
-        nodes, window [pitches].
-    table : ndarray, shape (layers, 6)
-        Depth, noise, the component as (gz + gx x' + gy y') times the pressure, and the
-        threshold below which the values are missing, 0 if there is none.
+    sensor : Sensor
+    table : ndarray of LAYER, shape (layers,)
 
     Raises
     ------
     ConfigurationError
         No 'zz' layer, a window of less than one pitch, or as `tactel_nodes`.
     """
-    levers = {'zz': (1.0, 0.0, 0.0), 'xz': (0.0, 1.0, 0.0), 'yz': (0.0, 0.0, 1.0)}
-    table = np.array([(layer.depth, layer.noise_std, *levers[layer.component], 0.0)
-                      for layer in layers]).reshape(-1, 6)
-    table[:, 3:5] /= table[:, :1]
-    component = np.array([COMPONENTS.index(layer.component) for layer in layers], np.int64)
-    if not (component == 0).any():
-        raise ConfigurationError("layers have no 'zz', must have at least one to start from")
+    table = layer_table(layers)
     whole = float(max(array.shape))
     if window is None:
-        depths = WINDOW_DEPTHS * table[:, 0].mean() / min(array.pitch_x, array.pitch_y)
+        depths = WINDOW_DEPTHS * table['depth'].mean() / min(array.pitch_x, array.pitch_y)
         window = max(WINDOW, min(depths, whole))
     elif not window >= 1.0:
         raise ConfigurationError(f'window is {window!r}, must be at least 1 [pitches]')
-    sensor = (array.x, array.y, float(array.pitch_x), float(array.pitch_y), component,
-              tactel_nodes(tactel_points, array.pitch_x, array.pitch_y),
-              min(float(window), max(WINDOW, whole)))
-    return sensor, table
+    nodes = tactel_nodes(tactel_points, array.pitch_x, array.pitch_y)
+    return Sensor(array.x, array.y, float(array.pitch_x), float(array.pitch_y), nodes,
+                  min(float(window), max(WINDOW, whole))), table
+
+
+@njit(error_model='numpy')
+def half_sides(sensor):
+    """Half of the array's extent along x and y [m]."""
+    return 0.5 * sensor.x.size * sensor.pitch_x, 0.5 * sensor.y.size * sensor.pitch_y
+
+
+@njit(error_model='numpy')
+def first_pressure_layer(layers):
+    """Index of the first layer of pressure."""
+    k = 0
+    while layers[k].component != PRESSURE:
+        k += 1
+    return k

@@ -13,7 +13,7 @@ tactels and the moments of finite windows are exact.
 import numpy as np
 
 from tactile_common.errors import ConfigurationError
-from tactile_sensing.moments.image_moments import Moments
+from tactile_sensing.types.moments import Moments
 
 # Powers (i, j) of (u / d)^i (v / d)^j that turn the pressure into the component.
 COMPONENTS = {'zz': (0, 0), 'xz': (1, 0), 'yz': (0, 1)}

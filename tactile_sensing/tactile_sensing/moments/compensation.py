@@ -5,7 +5,6 @@ from dataclasses import replace
 import numpy as np
 
 from tactile_common.errors import ConfigurationError
-from tactile_sensing.moments.image_moments import Moments
 from tactile_sensing.moments.point_moments import (
     basic,
     checked_images,
@@ -14,6 +13,7 @@ from tactile_sensing.moments.point_moments import (
     peak_position,
     without_averaging,
 )
+from tactile_sensing.types.moments import Moments
 
 MAX_STEPS = 30  # the thesis needs fewer than 10; more only helps the slow approach at a border
 MOMENT_ORDERS = (0, 0), (1, 0), (0, 1), (2, 0), (0, 2), (1, 1)  # of x and y, as in Moments

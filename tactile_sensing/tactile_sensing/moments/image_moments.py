@@ -5,43 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from tactile_sensing.half_space.line import yaw_from_thesis
-
-
-@dataclass(frozen=True)
-class Moments:
-    """
-    Moments of pressure over the array about its centre, compression positive.
-
-    m0 [N]; mx, my [N m]; mxx, myy, mxy [N m^2].
-    """
-
-    m0: float
-    mx: float
-    my: float
-    mxx: float
-    myy: float
-    mxy: float
-
-    @property
-    def centre_of_pressure(self):
-        """(x, y) of the centroid [m]; NaN where the force is not positive."""
-        if not self.m0 > 0.0:
-            return np.nan, np.nan
-        return self.mx / self.m0, self.my / self.m0
-
-    def elongation(self):
-        """
-        Ratio of the principal second moments about the centroid, >= 1; NaN without load.
-
-        An edge across the pad has L^2 / (3 d^2), about 13 on a 25 mm pad under 2 mm of
-        rubber; a point or a flat has 1.
-        """
-        x, y = self.centre_of_pressure
-        if np.isnan(x):
-            return np.nan
-        cxx, cyy, cxy = self.mxx - x * self.mx, self.myy - y * self.my, self.mxy - x * self.my
-        mean, spread = 0.5 * (cxx + cyy), np.hypot(0.5 * (cxx - cyy), cxy)
-        return (mean + spread) / (mean - spread) if mean > spread else np.nan
+from tactile_sensing.types.moments import Moments
 
 
 @dataclass(frozen=True)

@@ -95,7 +95,8 @@ def one_layer(moments, depth, peak):
         lever = math.copysign(math.sqrt(discriminant), first / moments.m0 - at)  # d Q
         shear.append(lever / depth)
         position.append((first - lever) / moments.m0)
-    return _finite_or_nothing(PointMoments(*position, moments.m0, *shear, flags))
+    (a, b), (shear_x, shear_y) = position, shear
+    return _finite_or_nothing(PointMoments(a, b, moments.m0, shear_x, shear_y, flags))
 
 
 def two_layers(first, second, depths):
@@ -247,11 +248,12 @@ def closed_form(moments, layers, peak):
     if components == ('zz',):
         return one_layer(moments[0], layers[0].depth, peak)
     if components == ('zz', 'zz'):
-        return two_layers(*moments, (layers[0].depth, layers[1].depth))
+        return two_layers(moments[0], moments[1], (layers[0].depth, layers[1].depth))
     if components in (('zz', 'xz'), ('zz', 'xz', 'yz')) \
             and all(layer.depth == layers[0].depth for layer in layers):
+        normal, shear_x, *shear_y = moments
         return normal_and_shear(
-            *moments[:2], layers[0].depth, shear_y=moments[2] if len(moments) > 2 else None)
+            normal, shear_x, layers[0].depth, shear_y=shear_y[0] if shear_y else None)
     given = ', '.join(f'{layer.component}@{layer.depth}' for layer in layers)
     raise ConfigurationError(
         f'layers are {given or "none"}, must be zz, two of zz, or zz with xz and yz at one depth')

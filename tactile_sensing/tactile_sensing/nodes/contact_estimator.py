@@ -11,6 +11,7 @@ from tactile_common.ros.parameters import declare_from
 from tactile_common.ros.runner import run
 from tactile_msgs.msg import Contact as ContactMsg
 from tactile_msgs.msg import TactileImage as TactileImageMsg
+from tactile_sensing.compile_kernels import compile_kernels
 from tactile_sensing.contact.estimator import ContactEstimator, EstimatorConfig
 from tactile_sensing.conversions import contact_to_msg, contact_to_wrench, image_from_msg
 
@@ -26,6 +27,7 @@ class ContactEstimatorNode(Node):
     def __init__(self, **kwargs):
         super().__init__('contact_estimator', **kwargs)
         begin = time.monotonic()
+        compile_kernels()
         self._estimator = ContactEstimator(declare_from(self, EstimatorConfig))
         if time.monotonic() - begin > 5.0:
             self.get_logger().info('kernels were compiled; they are kept for the next start')

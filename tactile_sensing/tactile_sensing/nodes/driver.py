@@ -1,4 +1,4 @@
-"""Driver of a FlexiTac array on a serial port: bytes in, tactile images out."""
+"""Driver of a tactile array on a serial port: bytes in, tactile images out."""
 from collections import deque
 from dataclasses import dataclass, field
 import os
@@ -18,13 +18,8 @@ from tactile_msgs.msg import SensorInfo as SensorInfoMsg
 from tactile_msgs.msg import TactileImage as TactileImageMsg
 from tactile_sensing.conversions import image_to_msg, sensor_info_to_msg
 from tactile_sensing.devices.calibration import load_calibration, MIN_TARE_FRAMES, TareRefusedError
-from tactile_sensing.devices.flexitac import (
-    BAUD_RATE,
-    FlexiTacDecoder,
-    Frame,
-    NEED_DATA,
-    payload_size,
-)
+from tactile_sensing.devices.protocol import Frame, NEED_DATA
+from tactile_sensing.devices.registry import protocol_named, PROTOCOLS
 from tactile_sensing.devices.serial_port import SensorPort
 from tactile_sensing.types.image import TactileImage
 
@@ -32,6 +27,7 @@ from tactile_sensing.types.image import TactileImage
 _SILENCE = 1.0
 # Bytes kept while they make no frame, to tell how long the frames of another array are.
 _SAMPLE_SIZE = 16384
+MIN_BAUD = 1200
 _LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 
 
@@ -41,12 +37,14 @@ class DriverConfig:
 
     port: str = field(default='', metadata={
         'doc': 'Serial port of the sensor, for instance /dev/ttyUSB0; must be given'})
-    baud: int = field(default=BAUD_RATE, metadata={
-        'doc': 'Line speed', 'unit': 'bit/s', 'range': (1200, 12_000_000)})
+    protocol: str = field(default='flexitac', metadata={
+        'doc': f'Byte protocol of the sensor: {", ".join(PROTOCOLS)}', 'choices': (*PROTOCOLS,)})
+    baud: int = field(default=0, metadata={
+        'doc': "Line speed; 0 = the protocol's", 'unit': 'bit/s', 'range': (0, 12_000_000)})
     sensor: str = field(default='flexitac', metadata={'doc': 'Name of the sensor'})
     frame_id: str = field(default='tactile_pad', metadata={'doc': 'Sensor frame'})
     calibration: str = field(default='', metadata={
-        'doc': 'Calibration file; empty = flexitac_16x16.yaml of this package'})
+        'doc': "Calibration file; empty = the protocol's, of this package"})
     tare_at_start: bool = field(default=True, metadata={
         'doc': 'Tare as soon as frames without load arrive'})
     tare_frames: int = field(default=50, metadata={
@@ -57,11 +55,14 @@ class DriverConfig:
     def __post_init__(self):
         if not self.port:
             raise ConfigurationError("parameter 'port' is empty, must name a serial port")
+        if 0 < self.baud < MIN_BAUD:
+            raise ConfigurationError(
+                f"parameter 'baud' is {self.baud}, must be 0 or at least {MIN_BAUD} bit/s")
 
 
 class DriverNode(Node):
     """
-    Publish the pictures of a FlexiTac array.
+    Publish the pictures of a tactile array.
 
     A thread reads the port, decodes, converts and publishes, so that a picture waits for nothing
     in the executor. The port may come and go; the tare is kept.
@@ -84,11 +85,13 @@ class DriverNode(Node):
         self._thread = threading.Thread(target=self._read_forever, name='tactile driver')
         super().__init__('driver', **kwargs)
         self._config = declare_from(self, DriverConfig)
+        protocol = protocol_named(self._config.protocol)
+        self._baud = self._config.baud or protocol.baud_rate
         self._calibration = calibration or load_calibration(
             self._config.calibration or os.path.join(
-                get_package_share_directory('tactile_sensing'), 'config', 'flexitac_16x16.yaml'))
+                get_package_share_directory('tactile_sensing'), 'config', protocol.calibration))
         geometry = self._calibration.array
-        self._decoder = FlexiTacDecoder(geometry.rows, geometry.columns)
+        self._decoder = protocol.decoder(geometry.rows, geometry.columns)
         self._delay_ns = round(self._calibration.acquisition_delay * 1e9)
         # The executor and the reader both tare: the lock guards these four.
         self._lock = threading.Lock()
@@ -127,7 +130,7 @@ class DriverNode(Node):
     def _read_forever(self):
         while not self._stop.is_set() and self.context.ok():
             try:
-                with SensorPort(self._config.port, self._config.baud) as port:
+                with SensorPort(self._config.port, self._baud) as port:
                     self._on_connected()
                     while not self._stop.is_set():
                         self._on_bytes(port.read())
@@ -203,7 +206,7 @@ class DriverNode(Node):
     # --- both threads ---------------------------------------------------------------------------
 
     def _take_tare(self):
-        """Tare with the newest pictures; raises TareRefusedError."""
+        """Tare with the newest pictures and return it; raises TareRefusedError."""
         with self._lock:
             frames = list(self._recent)
             try:
@@ -212,14 +215,15 @@ class DriverNode(Node):
                         f'no frames: {len(frames)} of {self._config.tare_frames} have arrived')
                 if time.monotonic() - self._last_frame_at > _SILENCE:
                     raise TareRefusedError('no frames: the last one is older than a second')
-                self._tare = self._calibration.make_tare(frames)
+                tare = self._tare = self._calibration.make_tare(frames)
             except TareRefusedError as error:
                 self._tare_refusal = str(error)
                 raise
-            self._convert = self._calibration.converter(self._tare)
+            self._convert = self._calibration.converter(tare)
             self._frames_to_tare = 0
         self._publish_info()
-        self.get_logger().info(f'tared, noise {self._tare.noise_std:.2f} counts')
+        self.get_logger().info(f'tared, noise {tare.noise_std:.2f} counts')
+        return tare
 
     def _publish_info(self):
         now_ns = self.get_clock().now().nanoseconds
@@ -233,9 +237,8 @@ class DriverNode(Node):
         # Pictures that are already there answer at once: neither blocking nor awaiting new ones
         # in a callback lets a single-threaded executor serve the rest of the graph meanwhile.
         try:
-            self._take_tare()
+            response.message = f'noise {self._take_tare().noise_std:.2f} counts'
             response.success = True
-            response.message = f'noise {self._tare.noise_std:.2f} counts'
         except TareRefusedError as error:
             response.message = str(error)
         return response
@@ -290,9 +293,9 @@ class DriverNode(Node):
     def _no_frames(self):
         rows, columns = self._calibration.array.shape
         text = f'bytes arrive on {self._config.port}, but no frame of {rows}x{columns}'
-        size = payload_size(self._sample)
-        if size is not None and size != rows * columns:
-            return f'{text} = {rows * columns} bytes: the sensor sends {size} bytes a frame'
+        told = self._decoder.explain(bytes(self._sample))
+        if told:
+            return f'{text} = {rows * columns} bytes: {told}'
         return f'{text}: wrong sensor, size or baud rate'
 
 

@@ -1,17 +1,15 @@
-"""What an estimator says about one tactile image."""
+"""What an estimator says about one tactile image: the one place where its fields are listed."""
 
-from dataclasses import dataclass, field
+from collections import namedtuple
+from dataclasses import dataclass, field, fields
 from enum import IntEnum, IntFlag
+from typing import Any
 
 import numpy as np
 
-from tactile_sensing.moments.image_moments import Moments
+from tactile_sensing.types.moments import Moments
 
 NAN = float('nan')
-
-# Order of the rows and columns of Contact.covariance.
-PARAMETERS = (
-    'a', 'b', 'yaw', 'normal_force', 'shear_force_x', 'shear_force_y', 'line_force')
 
 
 class ContactType(IntEnum):
@@ -39,18 +37,22 @@ class Reason(IntFlag):
     DEAD_TACTELS = 1024
     FORCE_MISMATCH = 2048
 
+
 # What says that something was left out, not that there is no estimate.
 INFORMATION = Reason.SATURATED | Reason.DEAD_TACTELS | Reason.FORCE_MISMATCH | Reason.NOT_TARED
 
-# One row of `ContactEstimator.estimate_batch`: the fields of Contact, SI units.
-RECORD = np.dtype([
-    ('type', np.uint8), ('valid', np.bool_), ('flags', np.uint32),
-    *((name, np.float64) for name in ('a', 'b', 'yaw', 'P', 'Qx', 'Qy', 'line_force')),
-    ('covariance', np.float64, (7, 7)), ('snr', np.float64), ('residual', np.float64),
-    ('force_windowed', np.float64), ('iterations', np.uint32)])
+
+def _told(unit: str, doc: str, *, name: str = '', dtype: str = 'f8', row: bool = False) -> dict:
+    """What of a field is written to files, under another name if one is given."""
+    return {'unit': unit, 'doc': doc, 'name': name, 'dtype': dtype, 'row': row}
 
 
-def no_covariance():
+def _parameter(unit: str, doc: str, name: str = '') -> dict:
+    """Likewise, of a parameter of the load, with a row and a column in the covariance."""
+    return _told(unit, doc, name=name, row=True)
+
+
+def no_covariance() -> np.ndarray:
     """Covariance of nothing: (7, 7) of NaN."""
     return np.full((len(PARAMETERS), len(PARAMETERS)), NAN)
 
@@ -63,21 +65,60 @@ class Contact:
     Parameters that the type does not have are NaN, and all of them are when not valid.
     """
 
-    type: ContactType
-    valid: bool
-    reasons: Reason
+    type: ContactType = field(metadata=_told(
+        '', 'least model that explains the frame; see Types', dtype='u1'))
+    valid: bool = field(metadata=_told(
+        '', 'whether the values of that type may be used', dtype='?'))
+    reasons: Reason = field(metadata=_told(
+        '', 'why not valid, or what was left out; see Flags', name='flags', dtype='u4'))
     method: str
     model: str = ''
-    a: float = NAN
-    b: float = NAN
-    yaw: float = NAN
-    normal_force: float = NAN
-    shear_force_x: float = NAN
-    shear_force_y: float = NAN
-    line_force: float = NAN
-    covariance: np.ndarray = field(default_factory=no_covariance)
-    snr: float = NAN
-    residual: float = NAN
-    iterations: int = 0
-    force_windowed: float = NAN
+    a: float = field(default=NAN, metadata=_parameter(
+        'm', 'x of the contact; line: where the edge crosses y = 0'))
+    b: float = field(default=NAN, metadata=_parameter('m', 'y of the contact; line: 0'))
+    yaw: float = field(default=NAN, metadata=_parameter(
+        'rad', 'line: direction of the edge, right-handed about +z, 0 along +y'))
+    normal_force: float = field(default=NAN, metadata=_parameter(
+        'N', 'normal force, positive into the skin; line: on the whole pad', 'P'))
+    shear_force_x: float = field(default=NAN, metadata=_parameter(
+        'N', 'tangential force on the skin, +x; line: of the shear across it', 'Qx'))
+    shear_force_y: float = field(default=NAN, metadata=_parameter(
+        'N', 'tangential force on the skin, +y; line: likewise', 'Qy'))
+    line_force: float = field(default=NAN, metadata=_parameter(
+        'N/m', 'line: normal force per length of edge'))
+    covariance: np.ndarray = field(default_factory=no_covariance, metadata=_told(
+        'SI', 'of (a, b, yaw, P, Qx, Qy, line_force)'))
+    snr: float = field(default=NAN, metadata=_told(
+        'dB', '20 log10 of the fitted peak over the noise of a tactel'))
+    residual: float = field(default=NAN, metadata=_told('', 'RMS of (frame - model) / noise'))
+    force_windowed: float = field(default=NAN, metadata=_told(
+        'N', 'second estimate of P, from the windowed zeroth moment'))
+    iterations: int = field(default=0, metadata=_told(
+        '', 'steps taken by the estimator', dtype='u4'))
     moments: Moments = Moments(NAN, NAN, NAN, NAN, NAN, NAN)
+
+
+# Order of the rows and columns of Contact.covariance, and the row of each: ROW.a ...
+PARAMETERS = tuple(f.name for f in fields(Contact) if f.metadata.get('row'))
+ROW: Any = namedtuple('ROW', PARAMETERS)(*range(len(PARAMETERS)))
+REALS = tuple(f.name for f in fields(Contact) if f.type is float)
+# Fields that are written to files: name there -> field.
+COLUMNS = {f.metadata['name'] or f.name: f for f in fields(Contact) if f.metadata}
+
+
+def _type_of(name: str, dtype: str) -> tuple:
+    shape = (len(PARAMETERS),) * 2 if name == 'covariance' else ()
+    return name, dtype, shape
+
+
+# One row of `ContactEstimator.estimate_batch` and of the command `estimate`.
+RECORD = np.dtype([_type_of(name, f.metadata['dtype']) for name, f in COLUMNS.items()])
+# The same as the compiled estimation writes it, under the names of Contact, and what else is
+# found on the way.
+ESTIMATE = np.dtype([
+    ('type', 'i8'), ('reasons', 'i8'), *(_type_of(name, 'f8') for name in REALS),
+    _type_of('covariance', 'f8'), ('iterations', 'i8'), ('has_shear', '?'),
+    *((name, 'f8') for name in Moments.__dataclass_fields__)])
+NOTHING = np.zeros(1, ESTIMATE)  # an estimate of nothing
+for _name in (*REALS, 'covariance'):
+    NOTHING[_name] = NAN

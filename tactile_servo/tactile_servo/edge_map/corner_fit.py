@@ -7,7 +7,7 @@ import numpy as np
 
 from tactile_common.geometry import wrap_angle
 from tactile_common.kernels import njit
-from tactile_sensing.half_space.segment import add_point, add_segment
+from tactile_sensing.half_space.kernels import add_point, add_segment
 
 # In skin depths, the width to which the skin blurs a line:
 NEAR = 4.0  # from the vertex within which tactels count: beyond, the legs alone tell

@@ -1,26 +1,26 @@
 """Law 'trace': the edge is mapped where the robot was when each image was taken, and followed."""
 
-from dataclasses import dataclass, field
 import math
 from typing import ClassVar
 
 import numpy as np
 
-from tactile_common.config import bounded
 from tactile_common.geometry import wrap_angle
 from tactile_common.polyline import Projection
 from tactile_sensing.types.contact import Contact, ContactType
 from tactile_sensing.types.image import SensorInfo, TactileImage
 from tactile_servo.config import ServoConfig
-from tactile_servo.control.attitude_controller import AttitudeConfig, AttitudeController
-from tactile_servo.control.force_controller import ForceConfig, ForceController, Load
-from tactile_servo.control.path_controller import PathConfig, PathController
-from tactile_servo.control.speed_planner import SpeedConfig, SpeedPlanner
+from tactile_servo.control.attitude_controller import AttitudeController
+from tactile_servo.control.force_controller import ForceController, Load
+from tactile_servo.control.path_controller import PathController
+from tactile_servo.control.speed_planner import SpeedPlanner
 from tactile_servo.control.stability import AGE_SHARE
 from tactile_servo.edge_map.edge_map import EdgeMap
 from tactile_servo.edge_map.picture import Problem
 from tactile_servo.edge_map.traced_path import PathEnd
 from tactile_servo.law import Assessment, LawResult, Observation, Reference, Refusal
+from tactile_servo.laws.edge_following_config import EdgeFollowingConfig
+from tactile_servo.laws.edge_following_state import Going, Seen
 from tactile_servo.laws.edge_goal import ended, refuse_edge_goal, unless_long_enough
 from tactile_servo.reasons import Reason, ReasonCode
 from tactile_servo.types import EdgeGoal, State, TaskError
@@ -41,88 +41,6 @@ STALE = 1.5  # times the age at which the supervisor holds: for images that stop
 PROBE = 0.9  # of the depth to which the pad may press
 PROBE_SPEED = 0.5  # of the speed of the approach
 UNFIT = {Problem.NO_RIDGE: ReasonCode.EDGE_LOST, Problem.ELSEWHERE: ReasonCode.EDGE_LOST}
-
-
-@dataclass(frozen=True)
-class SearchConfig:
-    """What is done where the edge is not seen."""
-
-    coast: float = bounded(
-        1.42, 'how far the pad goes on straight where the ridge ends, in halves of its longer '
-        'side: the edge has passed from under it', '', 0.0, 10.0)
-    distance: float = bounded(
-        1.18, 'how far the pad moves to where the pressure is when it shows no ridge, in halves '
-        'of its longer side', '', 0.0, 10.0)
-    stall_time: float = bounded(
-        5.0, 'the goal ends when the pad tracks, but has come no further in this time', 's',
-        0.5, 600.0)
-
-
-@dataclass(frozen=True)
-class EdgeFollowingConfig:
-    """Gains and bounds of the law 'trace'."""
-
-    speed: SpeedConfig = field(default_factory=SpeedConfig)
-    path: PathConfig = field(default_factory=PathConfig)
-    force: ForceConfig = field(default_factory=ForceConfig)
-    attitude: AttitudeConfig = field(default_factory=AttitudeConfig)
-    search: SearchConfig = field(default_factory=SearchConfig)
-
-
-@dataclass
-class Seen:
-    """
-    What images said last.
-
-    looked, shown: steady time of the last usable image, and of the last that shows the edge
-    [s]; age: mean [s]; problem: why the last one does not show it; load, height, station: as
-    it was taken; slope: of the edge along itself.
-    """
-
-    looked: float = -math.inf
-    shown: float = -math.inf
-    age: float = 0.0
-    problem: Reason | None = Reason(ReasonCode.NO_IMAGE)
-    load: Load = Load()
-    height: float = 0.0
-    station: float = 0.0
-    slope: float = 0.0
-
-
-@dataclass
-class Going:
-    """
-    Where the pad is, and what it is doing there.
-
-    mode : ReasonCode
-        TRACKING, COASTING, SEARCHING or REACHING_DOWN.
-    here, ahead : float
-        Stations of the measured and the commanded pad [m].
-    depth, probed_from : float
-        Commanded height along the plane's normal, and where a probe began [m].
-    coasted, searched : float
-        Ways so far [m].
-    reached, reached_at : float
-        Way at which there was progress last [m], and when [s].
-    begun, pressed : bool
-        The pad moves along the edge, and has pressed enough to see all of it.
-    """
-
-    here: float = 0.0
-    ahead: float = 0.0
-    begun: bool = False
-    coasted: float = 0.0
-    mode: ReasonCode = ReasonCode.TRACKING
-    searched: float = 0.0
-    depth: float = 0.0
-    probed_from: float | None = None
-    pressed: bool = False
-    reached: float = 0.0
-    reached_at: float | None = None
-
-    def anew(self) -> 'Going':
-        """After a standstill: at the same place."""
-        return Going(self.here, self.ahead, self.begun, self.coasted)
 
 
 class EdgeFollowing:
@@ -346,7 +264,8 @@ class EdgeFollowing:
         coasting = going.mode == ReasonCode.COASTING
         top = self._planner.top(
             self.goal.speed, pressed=self._seen.load.force / self.goal.force,
-            distance=math.hypot(*aside), edge=edge, age=self._seen.age, coasting=coasting)
+            distance=math.hypot(*aside), coming=self._seen.load.coming, scale=edge.scale,
+            age=self._seen.age, coasting=coasting)
         speed = self._planner.plan(edge, going.ahead, top, dt)
         if coasting:
             going.coasted += speed * dt

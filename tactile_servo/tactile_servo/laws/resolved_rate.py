@@ -23,6 +23,7 @@ OVERFORCE = 1.5  # of the wanted force, beyond which the goal ends
 ASIDE = 0.1  # of half the array; a pad further beside an edge's end may have missed its turn
 ALIGNED = 0.5  # of half the array, from which an edge off the centre slows the pad down
 FIRM = 0.5  # of the force, below which the pad is slowed down
+UNKNOWN = EdgeFeatures(math.nan, math.nan, math.nan, math.nan)
 
 
 @dataclass(frozen=True)
@@ -152,12 +153,12 @@ class ResolvedRate:
     goal_type: ClassVar[type] = EdgeGoal
     config_type: ClassVar[type] = ResolvedRateConfig
     sees_images: ClassVar[bool] = False
-    goal: EdgeGoal  # since `begin`
+    goal: EdgeGoal  # since `begin`, as well as
+    _array: TactelArray
 
     def __init__(self, servo: ServoConfig, config: ResolvedRateConfig | None = None):
         self.servo, self.config = servo, config or ResolvedRateConfig()
-        self._array: TactelArray | None = None  # before the first goal
-        self.features: EdgeFeatures | None = None
+        self.features, self._begun = UNKNOWN, False
         self._age, self.shortest, self._looked = servo.input.max_stamp_age, math.inf, -math.inf
         self._shown, self._problem, self._speed = -math.inf, '', 0.0
 
@@ -171,7 +172,7 @@ class ResolvedRate:
     def begin(self, goal: EdgeGoal, sensor: SensorInfo) -> None:
         """Forget the last goal and take a new one."""
         self.goal, self._array = goal, sensor.array
-        self.features, self._problem = None, ''
+        self.features, self._problem, self._begun = UNKNOWN, '', True
         self._looked = self._shown = -math.inf
         self.resume()
 
@@ -191,7 +192,7 @@ class ResolvedRate:
         delay = self._age + (0.5 + WINDOW_PERIODS) / self.servo.rate + DEAD_TIME
         self.shortest = 1.0 / (self.config.limit_share * gain_limit(delay, LAG))
         self._looked = arrival
-        if self._array is None:
+        if not self._begun:
             return
         features, self._problem = edge_features(
             observation.contact, self._array, self.config.edge, self.config.force.stiffness)
@@ -207,7 +208,7 @@ class ResolvedRate:
     def error(self) -> TaskError | None:
         """Where the edge is, as last observed."""
         seen = self.features
-        return None if seen is None else TaskError(
+        return None if seen is UNKNOWN else TaskError(
             seen.lateral, angle=seen.yaw, force=seen.force)
 
     def lacks(self, now: float) -> Reason | None:

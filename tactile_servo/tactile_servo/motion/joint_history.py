@@ -1,8 +1,8 @@
 """The last measured joint states that can be believed, and those in between."""
 
-from collections import deque
-
 import numpy as np
+
+from tactile_common.state_buffer import StateBuffer
 
 BEYOND_LIMITS = 0.5  # rad; a joint measured further out is a fault of its sensor or names
 SIZE = 256  # joint states that the one at a picture's stamp is looked up in
@@ -23,7 +23,7 @@ class JointHistory:
         self._believed = list(zip(
             (limits.lower - BEYOND_LIMITS).tolist(), (limits.upper + BEYOND_LIMITS).tolist(),
             strict=True))
-        self._states = deque(maxlen=SIZE)  # (stamp [ns], positions)
+        self._states = StateBuffer(_between, size=SIZE, max_ahead_ns=MAX_AHEAD_NS)
 
     def add(self, positions, stamp_ns):
         """
@@ -40,9 +40,7 @@ class JointHistory:
                 low <= angle <= high for (low, high), angle in zip(
                     self._believed, positions.tolist(), strict=True)):
             raise ValueError(self._why_not(positions))
-        if self._states and stamp_ns <= self._states[-1][0]:
-            self._states.clear()  # the clock went back: older stamps mean another time
-        self._states.append((stamp_ns, positions))
+        self._states.add(stamp_ns, positions)
         return positions
 
     def _why_not(self, positions):
@@ -55,18 +53,10 @@ class JointHistory:
         return (f'joint state has {limits.names[joint]} at {positions[joint]:g}, which is '
                 f'{beyond[joint]:g} beyond its limits')
 
-    def at(self, stamp_ns):
+    def at(self, stamp_ns: int) -> np.ndarray | None:
         """Joint positions (n,) at a stamp [ns]; None where they are not known."""
-        states = self._states
-        if not states or stamp_ns > states[-1][0] + MAX_AHEAD_NS:
-            return None
-        later = states[-1]
-        for earlier in reversed(states):
-            if earlier[0] <= stamp_ns:
-                break
-            later = earlier
-        else:
-            return None
-        span = later[0] - earlier[0]
-        share = min((stamp_ns - earlier[0]) / span, 1.0) if span else 0.0
-        return earlier[1] + share * (later[1] - earlier[1])
+        return self._states.at(stamp_ns)
+
+
+def _between(one, other, share):
+    return one + share * (other - one)

@@ -1,12 +1,14 @@
 """From the wanted twist of the sensor to joint commands that keep every limit."""
 
 from dataclasses import dataclass, field
+from typing import NamedTuple
 
 import numpy as np
 
 from tactile_common.kernels import njit
+from tactile_servo.motion.inverse import BoundedInverse
 from tactile_servo.motion.limits import JointLimits, limit_velocities, WorkspaceBox
-from tactile_servo.motion.robot import damped_least_squares, RobotModel
+from tactile_servo.motion.robot import RobotModel
 from tactile_servo.motion.trajectory import Trajectory
 from tactile_servo.motion.window import stopping_window
 
@@ -25,8 +27,7 @@ class MotionConfig:
         'range': (1e-3, 1.0)})
 
 
-@dataclass(frozen=True, eq=False)
-class MotionStep:
+class MotionStep(NamedTuple):
     """
     One command.
 
@@ -77,6 +78,7 @@ class Motion:
                  lookahead: float, workspace: WorkspaceBox | None = None):
         self._robot, self._limits, self._workspace = robot, limits, workspace
         self._config, self._lookahead = config, lookahead
+        self._inverse = BoundedInverse(limits, config.damping, config.rotation_length)
         unknown = np.full(len(limits.names), np.nan)
         self.positions, self.velocities, self.pose = unknown, unknown, np.full((4, 4), np.nan)
         self._held_back, self.blocked = 0.0, ''
@@ -113,15 +115,17 @@ class Motion:
             twist = np.concatenate([rotation.T @ linear, twist[3:]])
             at_wall = 'workspace' if clipped else ''
         jacobian = self._robot.jacobian(self.positions)
-        velocities, manipulability = damped_least_squares(
-            jacobian, twist, damping=c.damping, rotation_length=c.rotation_length)
+        velocities, bound, manipulability = self._inverse.solve(
+            jacobian, twist, self.positions, dt)
+        # Whatever that gave: no command passes a limit.
         self.velocities, scale, limited_by = limit_velocities(
             self._limits, self.positions, self.velocities, velocities, dt)
         self.positions = self.positions + self.velocities * dt
         self.pose = self._robot.pose(self.positions)
-        limited_by = at_wall or limited_by
-        self._watch(_progress(jacobian, self.velocities, wanted, c.rotation_length),
-                    limited_by, dt)
+        limited_by = at_wall or bound or limited_by
+        hindered = limited_by or manipulability < c.damping
+        self._watch(_progress(jacobian, self.velocities, wanted, c.rotation_length)
+                    if hindered else 1.0, limited_by, dt)
         window = stopping_window(self._limits, self.positions, self.velocities, self._lookahead)
         return MotionStep(window, twist, scale, limited_by, manipulability)
 

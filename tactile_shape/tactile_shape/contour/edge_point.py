@@ -1,13 +1,14 @@
 """The point of an edge under the pad, from the ridge in its picture: bends, corners, ends."""
 
 from tactile_sensing.contact.ridge import ridge_points
+from tactile_sensing.types.image import TactileImage
 
 STRAIGHT = 0.5  # quality from which a ridge point is of a line, not of a round spot
 FEWEST = 3  # of them that make an edge
 END = 0.5  # of the pressure along an edge is left where it ends
 
 
-def edge_point(image):
+def edge_point(image: TactileImage) -> tuple[float, float] | None:
     """
     Point of an edge under the pad that is nearest to the pad's centre.
 

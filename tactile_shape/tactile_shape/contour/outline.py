@@ -1,39 +1,36 @@
 """The outline of an object from the contour traced along its edge: corners, sides, their form."""
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import ArrayLike
 
-from tactile_common.config import check_fields
+from tactile_common.config import bounded, check_fields
 from tactile_common.errors import ConfigurationError
-from tactile_shape.contour.pieces import angle_between, divide, fit_piece
+from tactile_common.polyline import arc_length
+from tactile_shape.contour.curves import angle_between, Line, meeting
+from tactile_shape.contour.pieces import divide, Ends, fit_piece
 
 STRAIGHT = 0.1  # width per length of a contour that has no plane of its own
 LEAST_TURN = 0.05  # rad between two lines that is a corner
-CHORD = 1e-3  # m, of an arc as a polyline
 
 
 @dataclass(frozen=True)
 class OutlineConfig:
     """How corners are told from what lies between them."""
 
-    leg: float = field(default=6e-3, metadata={
-        'doc': 'length before and after a point over which the direction is taken', 'unit': 'm',
-        'range': (1e-5, 1.0)})
-    corner_angle: float = field(default=0.5, metadata={
-        'doc': 'a turn by more than this between the two legs is a corner', 'unit': 'rad',
-        'range': (0.05, 3.0)})
-    rounding: float = field(default=3e-3, metadata={
-        'doc': 'contour next to a corner that is not used: the skin rounds it', 'unit': 'm',
-        'range': (0.0, 1.0)})
-    tolerance: float = field(default=1e-4, metadata={
-        'doc': 'RMS distance of its points that a line or an arc may have, beyond their noise; '
-               'else it is divided', 'unit': 'm', 'range': (1e-9, 1.0)})
-    spacing: float = field(default=1e-3, metadata={
-        'doc': 'contour points nearer to each other are averaged', 'unit': 'm',
-        'range': (0.0, 1.0)})
-    closing: float = field(default=2e-3, metadata={
-        'doc': 'largest gap between the ends of a closed contour', 'unit': 'm',
-        'range': (0.0, 1.0)})
+    leg: float = bounded(
+        6e-3, 'length before and after a point over which the direction is taken', 'm', 1e-5, 1.0)
+    corner_angle: float = bounded(
+        0.5, 'a turn by more than this between the two legs is a corner', 'rad', 0.05, 3.0)
+    rounding: float = bounded(
+        3e-3, 'contour next to a corner that is not used: the skin rounds it', 'm', 0.0, 1.0)
+    tolerance: float = bounded(
+        1e-4, 'RMS distance of its points that a line or an arc may have, beyond their noise; '
+        'else it is divided', 'm', 1e-9, 1.0)
+    spacing: float = bounded(
+        1e-3, 'contour points nearer to each other are averaged', 'm', 0.0, 1.0)
+    closing: float = bounded(
+        2e-3, 'largest gap between the ends of a closed contour', 'm', 0.0, 1.0)
 
     def __post_init__(self):
         check_fields(self)
@@ -86,15 +83,15 @@ class Outline:
 
     corners: np.ndarray
     angles: np.ndarray
-    sides: tuple
+    sides: tuple[Side, ...]
     closed: bool
 
     @property
-    def points(self):
+    def points(self) -> np.ndarray:
         """The whole outline as a polyline, ndarray (N, 3) [m]; if closed, back at its start."""
         return np.concatenate([self.sides[0].points[:1], *(s.points[1:] for s in self.sides)])
 
-    def __str__(self):
+    def __str__(self) -> str:
         """Lines of text: sides and corners."""
         lines = [f'{"closed" if self.closed else "open"} outline, {len(self.corners)} corners']
         for k, side in enumerate(self.sides):
@@ -107,7 +104,7 @@ class Outline:
         return '\n'.join(lines)
 
 
-def find_outline(points, config=None):
+def find_outline(points: ArrayLike, config: OutlineConfig | None = None) -> Outline:
     """
     Find corners and sides of a contour.
 
@@ -132,10 +129,10 @@ def find_outline(points, config=None):
         raise ConfigurationError(f'contour has shape {points.shape}, must be (N, 3), N above 3')
     if not np.isfinite(points).all():
         raise ConfigurationError('contour: a number is not finite')
-    steps = np.linalg.norm(np.diff(points, axis=0), axis=1)
-    if steps.sum() < 2.0 * config.leg:
+    length = arc_length(points)[-1]
+    if length < 2.0 * config.leg:
         raise ConfigurationError(
-            f'contour is {1e3 * steps.sum():.3g} mm long, must be at least two legs, '
+            f'contour is {1e3 * length:.3g} mm long, must be at least two legs, '
             f'{2e3 * config.leg:.3g} mm')
     centre, axes = _plane(points)
     flat, closed = _cut_overlap((points - centre) @ axes[:, :2], config)
@@ -147,7 +144,7 @@ def find_outline(points, config=None):
     pieces = _pieces(flat, corners, closed, config.rounding, tolerance)
     # A contact that is off, beside a gap, is no corner.
     off = [other.points[0] for one, other in zip(pieces, pieces[1:], strict=False)
-           if other.ends[0] and _straight_on(one, other)]
+           if other.ends.start and _straight_on(one, other)]
     if off:
         corners = [k for k in corners if not (flat[k] == off).all(axis=1).any()]
         pieces = _pieces(flat, corners, closed, config.rounding, tolerance)
@@ -161,26 +158,29 @@ def find_outline(points, config=None):
 def _pieces(flat, corners, closed, rounding, tolerance):
     """Lines and arcs of a contour, from corner to corner."""
     pieces, runs = [], _runs(flat, corners, closed)
+    round_ends = bool(closed and corners)
     for k, run in enumerate(runs):
-        ends = (k > 0 or bool(closed and corners),
-                k < len(runs) - 1 or bool(closed and corners))
+        ends = Ends(k > 0 or round_ends, k < len(runs) - 1 or round_ends)
         pieces += divide(run, ends, rounding, tolerance)
     # Where one line follows another there is a corner, if it turns by less than the others.
     for k in range(1, len(pieces)):
-        one = fit_piece(pieces[k - 1].points, (pieces[k - 1].ends[0], True), rounding)
-        other = fit_piece(pieces[k].points, (True, pieces[k].ends[1]), rounding)
-        if not _straight_on(one, other) and np.isinf(
-                [one.fit['radius'], other.fit['radius']]).all():
-            joint = other.points[0]
-            if np.linalg.norm(_meet(one.fit, other.fit, joint) - joint) < rounding:
-                pieces[k - 1:k + 1] = one, other
+        one = fit_piece(pieces[k - 1].points, pieces[k - 1].ends._replace(end=True), rounding)
+        other = fit_piece(pieces[k].points, pieces[k].ends._replace(start=True), rounding)
+        joint = other.points[0]
+        if _are_lines(one, other) and not _straight_on(one, other) and np.linalg.norm(
+                meeting(one.curve, other.curve, joint) - joint) < rounding:
+            pieces[k - 1:k + 1] = one, other
     return pieces
+
+
+def _are_lines(one, other):
+    return isinstance(one.curve, Line) and isinstance(other.curve, Line)
 
 
 def _straight_on(one, other):
     """Whether one line goes on in the direction of another."""
-    return np.isinf([one.fit['radius'], other.fit['radius']]).all() and abs(angle_between(
-        one.fit['direction'], other.fit['direction'])) < LEAST_TURN
+    return _are_lines(one, other) and abs(angle_between(
+        one.curve.direction, other.curve.direction)) < LEAST_TURN
 
 
 def _plane(points):
@@ -203,7 +203,7 @@ def _plane(points):
 
 def _average(flat, spacing):
     """Points (n, 2), those within a spacing of each other averaged; the ends stay."""
-    travel = np.append(0.0, np.cumsum(np.linalg.norm(np.diff(flat, axis=0), axis=1)))
+    travel = arc_length(flat)
     if not spacing or travel[-1] < spacing:
         return flat
     cell = np.minimum((travel / spacing).astype(int), int(travel[-1] / spacing))
@@ -225,7 +225,7 @@ def _noise(flat):
 
 def _cut_overlap(flat, config):
     """Contour without what was traced twice, and whether it is closed."""
-    travel = np.append(0.0, np.cumsum(np.linalg.norm(np.diff(flat, axis=0), axis=1)))
+    travel = arc_length(flat)
     away = np.linalg.norm(flat - flat[0], axis=1)
     # The first return to the start, after having been a good way off it.
     far = np.flatnonzero(away > max(2.0 * config.leg, 0.1 * away.max()))
@@ -244,7 +244,7 @@ def _corners(flat, closed, config):
     count = len(flat)
     around = np.concatenate([flat, flat, flat]) if closed else flat
     offset = count if closed else 0
-    travel = np.append(0.0, np.cumsum(np.linalg.norm(np.diff(around, axis=0), axis=1)))
+    travel = arc_length(around)
     before = np.searchsorted(travel, travel - config.leg)
     after = np.minimum(np.searchsorted(travel, travel + config.leg), len(travel) - 1)
     turn = np.zeros(len(around))
@@ -277,72 +277,22 @@ def _runs(flat, corners, closed):
     return [around[a:b + 1] for a, b in zip(corners, ends, strict=True)]
 
 
-def _meet(first, second, corner):
-    """Where the lines, or tangents, of two sides meet."""
-    tangents = []
-    for fit in (first, second):
-        if np.isfinite(fit['radius']):
-            out = corner - fit['centre']
-            out = out / np.linalg.norm(out)
-            tangents.append((fit['centre'] + fit['radius'] * out, np.array([-out[1], out[0]])))
-        else:
-            tangents.append((fit['middle'], fit['direction']))
-    (p, d), (q, e) = tangents
-    cross = d[0] * e[1] - d[1] * e[0]
-    if abs(cross) < 1e-3:
-        return corner
-    along = ((q - p)[0] * e[1] - (q - p)[1] * e[0]) / cross
-    return p + along * d
-
-
 def _assemble(pieces, closed, lift):
     """Outline of pieces in the plane; `lift` brings points (..., 2) into space."""
-    joints = [_meet(pieces[k - 1].fit, piece.fit, piece.points[0]) if piece.ends[0]
-              else piece.points[0] for k, piece in enumerate(pieces)]
+    joints = [meeting(before.curve, piece.curve, piece.points[0]) if piece.ends.start
+              else piece.points[0] for before, piece in zip(
+                  [pieces[-1], *pieces], pieces, strict=False)]
     ends = joints[1:] + [joints[0] if closed else pieces[-1].points[-1]]
-    sides = tuple(Side(
-        'arc' if np.isfinite(piece.fit['radius']) else 'line', lift(start), lift(end),
-        _length(piece, start, end), float(piece.fit['radius']), float(piece.fit['residual']),
-        lift(_chords(piece, start, end)))
-        for piece, start, end in zip(pieces, joints, ends, strict=True))
-    sharp = [k for k, piece in enumerate(pieces) if piece.ends[0]]
-    turns = [float(angle_between(_heading(pieces[k - 1], -1, joints[k]),
-                                 _heading(pieces[k], 0, joints[k]))) for k in sharp]
-    return Outline(lift(np.array([joints[k] for k in sharp]).reshape(-1, 2)), np.array(turns),
-                   sides, closed)
-
-
-def _heading(piece, end, point):
-    """Direction of a piece at one of its ends."""
-    if np.isinf(piece.fit['radius']):
-        return piece.fit['direction']
-    away = point - piece.fit['centre']
-    along = piece.points[-1] - piece.points[-2] if end else piece.points[1] - piece.points[0]
-    across = np.array([-away[1], away[0]])
-    return across if across @ along >= 0.0 else -across
-
-
-def _sweep(piece, start, end):
-    """Angle from start to end of an arc, by steps so that more than half a circle counts."""
-    away = np.array([start, *piece.points[1:-1], end]) - piece.fit['centre']
-    return angle_between(away[:-1], away[1:]).sum()
-
-
-def _length(piece, start, end):
-    if not np.isfinite(piece.fit['radius']):
-        return float(np.linalg.norm(end - start))
-    return float(piece.fit['radius'] * abs(_sweep(piece, start, end)))
-
-
-def _chords(piece, start, end):
-    """Points (m, 2) from start to end along a piece."""
-    if not np.isfinite(piece.fit['radius']):
-        return np.array([start, end])
-    centre, sweep = piece.fit['centre'], _sweep(piece, start, end)
-    first, last = start - centre, end - centre
-    share = np.linspace(0.0, 1.0, int(abs(sweep) * piece.fit['radius'] / CHORD) + 2)
-    angle = np.arctan2(first[1], first[0]) + share * sweep
-    # The ends need not lie on the circle: they are where this side meets its neighbours.
-    radius = (1.0 - share) * np.linalg.norm(first) + share * np.linalg.norm(last)
-    between = centre + radius[:, None] * np.column_stack([np.cos(angle), np.sin(angle)])
-    return np.array([start, *between[1:-1], end])
+    sides, corners, turns = [], [], []
+    for k, (piece, start, end) in enumerate(zip(pieces, joints, ends, strict=True)):
+        path, curve = piece.between(start, end), piece.curve
+        sides.append(Side(
+            curve.kind, lift(start), lift(end), curve.length(path), curve.radius,
+            curve.residual, lift(curve.polyline(path))))
+        if piece.ends.start:
+            before = pieces[k - 1]
+            corners.append(start)
+            turns.append(angle_between(
+                before.curve.heading(start, before.points[-1] - before.points[-2]),
+                curve.heading(start, piece.points[1] - piece.points[0])))
+    return Outline(lift(np.reshape(corners, (-1, 2))), np.array(turns), tuple(sides), closed)

@@ -10,10 +10,20 @@ MAX_CELLS = 3 * CELLS  # noise makes cells shorter than they should be
 MAX_WEIGHT = 16.0  # samples of one cell that count as independent; a finger at rest adds no more
 
 
+class _Cells(NamedTuple):
+    """Means of points and normals (n, 3), where each cell began (n, 3), contacts in it (n,)."""
+
+    points: np.ndarray
+    normals: np.ndarray
+    starts: np.ndarray
+    counts: np.ndarray
+
+
 @njit(cache=True)
-def _add(points, normals, starts, counts, used, point, normal, cell):
+def _add(cells, used, point, normal, size):
     """Add a contact to the newest cell, or open one; returns how many cells there are."""
-    if used and ((point - starts[used - 1])**2).sum() < cell * cell:
+    points, normals, starts, counts = cells
+    if used and ((point - starts[used - 1])**2).sum() < size * size:
         k = used - 1
         counts[k] += 1.0
         points[k] += (point - points[k]) / counts[k]
@@ -29,8 +39,9 @@ def _add(points, normals, starts, counts, used, point, normal, cell):
 
 
 @njit(cache=True)
-def _span(points, normals, used, window, max_turn):
-    """First cell within the window, and the length of the path from there [m]."""
+def _span(cells, used, length, max_turn):
+    """First cell within a length of path, and the length of the path from there [m]."""
+    points, normals = cells.points, cells.normals
     first, travel = used - 1, 0.0
     newest = normals[used - 1]
     flattest = np.cos(max_turn) * np.sqrt((newest * newest).sum())
@@ -38,10 +49,18 @@ def _span(points, normals, used, window, max_turn):
         step = np.sqrt(((points[first] - points[first - 1])**2).sum())
         other = normals[first - 1]
         turned = (newest * other).sum() < flattest * np.sqrt((other * other).sum())
-        if travel + step > window or turned:
+        if travel + step > length or turned:
             break
         first, travel = first - 1, travel + step
     return first, travel
+
+
+@njit(cache=True)
+def _take(cells, used, point, normal, size, length, max_turn):
+    """Add a contact; returns how many cells there are, the first of the stretch, its length."""
+    used = _add(cells, used, point, normal, size)
+    first, extent = _span(cells, used, length, max_turn)
+    return used, first, extent
 
 
 class Stretch(NamedTuple):
@@ -64,16 +83,16 @@ class Stretch(NamedTuple):
     extent: float
 
     @property
-    def weights(self):
+    def weights(self) -> np.ndarray:
         """Contacts in each cell that count as independent, ndarray (m,)."""
         return np.minimum(self.counts, MAX_WEIGHT)
 
     @property
-    def samples(self):
+    def samples(self) -> int:
         """Contacts in all cells."""
         return int(self.counts.sum())
 
-    def newer_half(self):
+    def newer_half(self) -> 'Stretch':
         """Return the newer half of the cells."""
         first = (len(self.points) + 1) // 2
         steps = np.diff(self.points[first:], axis=0)
@@ -98,21 +117,21 @@ class ContactWindow:
         Distance within which contacts are averaged [m]; well above their noise.
     """
 
-    def __init__(self, length, max_turn, cell):
+    def __init__(self, length: float, max_turn: float, cell: float):
         self._length, self._max_turn, self._cell = length, max_turn, cell
-        self._points, self._normals, self._starts = np.zeros((3, MAX_CELLS, 3))
-        self._counts = np.zeros(MAX_CELLS)
+        self._cells = _Cells(
+            np.zeros((MAX_CELLS, 3)), np.zeros((MAX_CELLS, 3)), np.zeros((MAX_CELLS, 3)),
+            np.zeros(MAX_CELLS))
         self.reset()
 
-    def reset(self):
+    def reset(self) -> None:
         """Forget all contacts."""
         self._used = 0
 
-    def add(self, point, normal):
-        """Add a contact and return the last Stretch of the path."""
-        self._used = used = _add(
-            self._points, self._normals, self._starts, self._counts, self._used, point, normal,
-            self._cell)
-        first, extent = _span(self._points, self._normals, used, self._length, self._max_turn)
-        return Stretch(self._points[first:used], self._normals[first:used],
-                       self._counts[first:used], extent)
+    def add(self, point: np.ndarray, normal: np.ndarray) -> Stretch:
+        """Add a contact (3,), (3,) and return the last stretch of the path."""
+        cells = self._cells
+        self._used, first, extent = _take(
+            cells, self._used, point, normal, self._cell, self._length, self._max_turn)
+        part = slice(first, self._used)
+        return Stretch(cells.points[part], cells.normals[part], cells.counts[part], extent)

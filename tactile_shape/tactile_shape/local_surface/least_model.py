@@ -4,8 +4,10 @@ import math
 import numpy as np
 
 from tactile_common.kernels import njit
+from tactile_shape.types.patch import Kind
 
-PLANE, CYLINDER, SPHERE, GENERAL = 1, 2, 3, 4
+PLANE, CYLINDER, SPHERE, GENERAL = (
+    int(kind) for kind in (Kind.PLANE, Kind.CYLINDER, Kind.SPHERE, Kind.GENERAL))
 # Chi-square exceeded by 1 % of samples with 1, 2 and 3 degrees of freedom.
 LEVELS = np.array([0.0, 6.635, 9.210, 11.345])
 _HEADINGS = 48
@@ -46,7 +48,8 @@ def _cylinder(information, right):
 def _cylinder_gain(information, right, heading):
     c, s = math.cos(heading), math.sin(heading)
     d0, d1, d2 = c * c, c * s, s * s
-    slope = d0 * right[0] + d1 * right[1] + d2 * right[2]
+    r11, r12, r22 = right
+    slope = d0 * r11 + d1 * r12 + d2 * r22
     bend = (d0 * (information[0, 0] * d0 + 2.0 * information[0, 1] * d1
                   + 2.0 * information[0, 2] * d2)
             + d1 * (information[1, 1] * d1 + 2.0 * information[1, 2] * d2)
@@ -75,7 +78,7 @@ def least_model(information, right, count):
         if c * c > 0.5:
             return CYLINDER, cylinder
         return GENERAL, full
-    slope = right[0] + right[2]
+    slope = right[0] + right[2]  # along K11 and K22 alike
     bend = information[0, 0] + 2.0 * information[0, 2] + information[2, 2]
     sphere_gap, cylinder_gap = most - slope * slope / bend, most - gain
     if sphere_gap < LEVELS[2] and sphere_gap < cylinder_gap + LEVELS[1]:

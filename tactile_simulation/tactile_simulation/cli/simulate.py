@@ -6,10 +6,9 @@ lag, dead time and acceleration of the scene's plant, or that of a URDF.
 """
 
 import argparse
-import json
-import math
 import sys
 import time
+from typing import Any
 
 import numpy as np
 
@@ -19,13 +18,13 @@ from tactile_servo.motion.limits import JointLimits
 from tactile_servo.motion.robot import RobotModel
 from tactile_servo.types import EdgeGoal
 from tactile_simulation.closed_loop import Simulation
-from tactile_simulation.metrics import summarise
+from tactile_simulation.metrics import describe, summarise, to_json
 from tactile_simulation.scene import load_scene
 
 JOINT_ACCELERATION = 10.0  # rad/s^2, of a robot given by its URDF
 
 
-def parser():
+def parser() -> argparse.ArgumentParser:
     """Command line."""
     arguments = argparse.ArgumentParser(
         prog='simulate', description=__doc__.strip().splitlines()[0],
@@ -42,7 +41,12 @@ def parser():
     arguments.add_argument('--latency', type=float, default=None,
                            help='of a picture [s]; default as the scene says')
     arguments.add_argument('--robot', default=None, metavar='URDF',
-                           help='robot instead of the gantry; its sensor frame is tactile_pad')
+                           help='robot instead of the gantry')
+    arguments.add_argument('--tip', default='tactile_pad', metavar='FRAME',
+                           help="sensor frame of that robot: its link's z points out of the skin")
+    arguments.add_argument('--start', type=float, nargs='+', default=None, metavar='ANGLE',
+                           help='joint positions near which that robot starts [rad]; default: '
+                                'those farthest from singularities and limits')
     arguments.add_argument('--timeout', type=float, default=300.0, help='simulated time [s]')
     arguments.add_argument('--json', action='store_true',
                            help='print one JSON object, SI units')
@@ -51,24 +55,24 @@ def parser():
     return arguments
 
 
-def robot_from(urdf):
+def robot_from(urdf, tip='tactile_pad'):
     """RobotModel and JointLimits of a URDF, None for the gantry."""
     if urdf is None:
         return None
-    model = RobotModel.from_urdf(urdf, 'tactile_pad')
+    model = RobotModel.from_urdf(urdf, tip)
     return model, JointLimits(model.joint_names, model.lower, model.upper, model.velocity_limit,
                               np.full(len(model.joint_names), JOINT_ACCELERATION))
 
 
-def run(options):
+def run(options: argparse.Namespace) -> tuple[Simulation, dict[str, Any]]:
     """Simulate as the options say: Simulation and summary."""
     scene = load_scene(options.scene)
     goal = EdgeGoal(options.speed, options.force, options.direction, options.length,
                     closed=scene.edge.closed and options.length == 0.0
                     and LAWS[options.controller].closes_contours)
     simulation = Simulation(scene, options.controller, seed=options.seed,
-                            latency=options.latency, robot=robot_from(options.robot),
-                            clock=time.perf_counter)
+                            latency=options.latency, robot=robot_from(options.robot, options.tip),
+                            seed_positions=options.start, clock=time.perf_counter)
     begin = time.perf_counter()
     status = simulation.run(goal, options.timeout)
     return simulation, summarise(
@@ -76,32 +80,7 @@ def run(options):
         seed=options.seed, elapsed=time.perf_counter() - begin)
 
 
-def text_of(summary):
-    """Summary in words, for people."""
-    lines = [f'{summary["scene"]} with {summary["controller"]} at {1e3 * summary["speed"]:g} '
-             f'mm/s: {summary["reason"]} ({"ok" if summary["ok"] else "failed"})',
-             f'tracked {1e3 * summary["tracked_length"]:.1f} mm in {summary["duration"]:.2f} s, '
-             f'simulated {summary["real_time_factor"]:.1f} times faster than real time',
-             f'lateral error {1e3 * summary["lateral_rms"]:.3f} mm RMS, '
-             f'{1e3 * summary["lateral_max"]:.3f} mm largest '
-             f'({1e3 * summary["lateral_transient_max"]:.3f} mm in the first 10 mm)',
-             f'force {summary["force_target"]:g} N: error {summary["force_rms_error"]:.3f} N RMS, '
-             f'largest force {summary["force_max"]:.2f} N']
-    if math.isfinite(summary['contour_area_error']):
-        lines.append(f'rebuilt outline within {1e3 * summary["contour_max_error"]:.3f} mm, '
-                     f'area off by {100 * summary["contour_area_error"]:.3f} %')
-    lines += [f'{entry["time"]:8.3f} s  {entry["state"]}: {entry["reason"]}'
-              for entry in summary['states']]
-    return '\n'.join(lines)
-
-
-def to_json(summary):
-    """One strict JSON object; what is not a finite number is null."""
-    return json.dumps({key: None if isinstance(value, float) and not math.isfinite(value)
-                       else value for key, value in summary.items()}, allow_nan=False)
-
-
-def draw(simulation, path):
+def draw(simulation: Simulation, path) -> None:
     """Draw the way of the pad over the edge, and the lateral error along it."""
     import matplotlib
     matplotlib.use('Agg')
@@ -120,14 +99,14 @@ def draw(simulation, path):
         plan.plot(1e3 * contour[:, 0], 1e3 * contour[:, 1], 'C3:', lw=1, label='rebuilt edge')
     plan.set(aspect='equal', xlabel='x [mm]', ylabel='y [mm]', title=simulation.scene.name)
     plan.legend()
-    errors.plot(1e3 * truth[:, 3], 1e3 * truth[:, 1], 'C0')
+    errors.plot(1e3 * truth.progress[truth.tracking], 1e3 * truth.lateral[truth.tracking], 'C0')
     errors.set(xlabel='tracked length [mm]', ylabel='lateral error [mm]')
     errors.grid(alpha=0.3)
     figure.savefig(path, dpi=120)
     pyplot.close(figure)
 
 
-def main(argv=None) -> int:
+def main(argv: list[str] | None = None) -> int:
     """Run the command; 0 only if the edge was tracked as asked for."""
     options = parser().parse_args(argv)
     try:
@@ -137,7 +116,7 @@ def main(argv=None) -> int:
     except (TactileError, ValueError, OSError) as error:
         print(f'simulate: {error}', file=sys.stderr)
         return 2
-    print(to_json(summary) if options.json else text_of(summary))
+    print(to_json(summary) if options.json else describe(summary))
     return 0 if summary['ok'] else 1
 
 

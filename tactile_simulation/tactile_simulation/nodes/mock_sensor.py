@@ -18,9 +18,8 @@ from tactile_common.errors import ConfigurationError, TactileError
 from tactile_common.ros.conversions import pose_from_msg
 from tactile_common.ros.parameters import declare_from
 from tactile_common.ros.runner import run
-from tactile_sensing.devices.flexitac import encode_payload, MARKER
 from tactile_sensing.devices.recording import load_recording
-from tactile_sensing.types.array import TactelArray
+from tactile_sensing.devices.registry import protocol_named, PROTOCOLS
 from tactile_simulation.renderer import EdgeRenderer
 from tactile_simulation.scene import load_scene
 
@@ -37,6 +36,8 @@ class MockSensorConfig:
 
     port: str = field(default='', metadata={
         'doc': 'path of the link to the pseudo-terminal, which the driver opens'})
+    protocol: str = field(default=next(iter(PROTOCOLS)), metadata={
+        'doc': f'byte protocol to speak: {", ".join(PROTOCOLS)}', 'choices': (*PROTOCOLS,)})
     scene: str = field(default='', metadata={
         'doc': 'YAML file of the scene that the sensor touches'})
     recording: str = field(default='', metadata={
@@ -50,12 +51,6 @@ class MockSensorConfig:
         'range': (0.0, 1.0)})
     seed: int = field(default=0, metadata={
         'doc': 'seed of the noise', 'range': (0, 2**31 - 1)})
-    rows: int = field(default=16, metadata={
-        'doc': 'tactels along y, of a scene', 'range': (1, 256)})
-    columns: int = field(default=16, metadata={
-        'doc': 'tactels along x, of a scene', 'range': (1, 256)})
-    pitch: float = field(default=0.0254 / 16, metadata={
-        'doc': 'distance between tactels, of a scene', 'unit': 'm', 'range': (1e-5, 0.1)})
 
 
 class PseudoTerminal:
@@ -76,7 +71,7 @@ class PseudoTerminal:
         The link cannot be made, or something else stands in its place.
     """
 
-    def __init__(self, link):
+    def __init__(self, link: str):
         if not link:
             raise ConfigurationError("parameter 'port' is '', must be the path of a link to make")
         self._link = Path(link)
@@ -111,7 +106,7 @@ class PseudoTerminal:
         """Whether somebody has the other end open."""
         return not any(event & select.POLLHUP for _, event in self._poll.poll(0))
 
-    def write(self, data) -> bool:
+    def write(self, data: bytes) -> bool:
         """Send all of `data`, now or before the next; False: no room, nothing was taken."""
         if self._unsent:
             self._unsent = self._unsent[self._put(self._unsent):]
@@ -121,11 +116,11 @@ class PseudoTerminal:
         self._unsent = data[sent:] if sent else b''
         return sent > 0
 
-    def forget(self):
+    def forget(self) -> None:
         """Drop the rest of a half-sent write, for the next listener."""
         self._unsent = b''
 
-    def close(self):
+    def close(self) -> None:
         """Remove the link, unless it is another's by now, and hang up."""
         try:
             if os.readlink(self._link) == self._target:
@@ -145,8 +140,8 @@ class MockSensorNode(Node):
     """
     Sensor that exists only as bytes: renders a scene at the robot's pose, or plays a recording.
 
-    A frame is sent as its payload followed at once by the marker of the next one, as a device
-    does that runs free. The first frame waits for the first listener; before the first
+    A frame is sent as a device that runs free sends it behind the one before, with whatever
+    announces the next. The first frame waits for the first listener; before the first
     `sensor_pose` the sensor touches nothing.
 
     Attributes
@@ -164,28 +159,28 @@ class MockSensorNode(Node):
         super().__init__('mock_sensor', **kwargs)
         self.finished = threading.Event()
         self.sent = self.dropped = self.late = 0
-        self._port = None
-        self._in_step = False  # whether the listener has got the marker of the next frame
+        self._in_step = False  # whether the listener has got what precedes the next frame
         self._stop = threading.Event()
-        self._thread = threading.Thread(target=self._run, name='mock_sensor', daemon=True)
+        self._thread: threading.Thread | None = None
         try:
             self._config = declare_from(self, MockSensorConfig)
+            self._protocol = protocol_named(self._config.protocol)
             self._pose = None  # replaced as a whole by the callback, read by the thread
             self._open_source()
             self._port = PseudoTerminal(self._config.port)
         except BaseException:
             self.destroy_node()
             raise
+        self._thread = threading.Thread(target=self._run, name='mock_sensor', daemon=True)
         self._thread.start()
 
     def destroy_node(self):
         """Stop sending, hang up, remove the link and destroy the node."""
         self._stop.set()
-        if self._thread.is_alive():
-            self._thread.join()
-        port, self._port = self._port, None
-        if port is not None:
-            port.close()
+        thread, self._thread = self._thread, None
+        if thread is not None:  # else the port was never opened, or is closed already
+            thread.join()
+            self._port.close()
         super().destroy_node()
 
     def _open_source(self):
@@ -195,9 +190,8 @@ class MockSensorNode(Node):
                 f"parameters 'scene' and 'recording' are {config.scene!r} and "
                 f'{config.recording!r}, must be exactly one')
         if config.scene:
-            array = TactelArray(config.rows, config.columns, config.pitch, config.pitch)
             scene = load_scene(config.scene)
-            self._renderer = EdgeRenderer(scene, array)
+            self._renderer = EdgeRenderer(scene, scene.sensor.array)
             self._rng = np.random.default_rng(config.seed)
             # Compiled now rather than at the first touch.
             self._renderer.render(scene.start_pose())
@@ -235,7 +229,7 @@ class MockSensorNode(Node):
         begin = time.monotonic()
         number = 0  # of the next frame to take
         ended = False
-        waiting = deque()  # (instant to send at, bytes)
+        waiting: deque[tuple[float, bytes]] = deque()  # instants to send at
         while waiting or not ended:
             take_at = np.inf if ended else begin + number * self._period
             send_at = waiting[0][0] if waiting else np.inf
@@ -248,7 +242,7 @@ class MockSensorNode(Node):
             if counts is None:
                 ended = True
                 continue
-            waiting.append((take_at + self._config.latency, encode_payload(counts)))
+            waiting.append((take_at + self._config.latency, self._protocol.encode(counts)))
             number += 1
             behind = time.monotonic() - begin - number * self._period
             if self._recorded is None and behind > _CATCH_UP:
@@ -258,13 +252,13 @@ class MockSensorNode(Node):
         self.get_logger().info('recording ended')
         self.finished.set()
 
-    def _send(self, payload):
+    def _send(self, frame):
         if not self._port.listened:
             self._in_step = False
             self._port.forget()
             return
-        head = b'' if self._in_step else MARKER
-        if self._port.write(head + payload + MARKER):
+        head = b'' if self._in_step else self._protocol.preamble
+        if self._port.write(head + frame):
             self._in_step = True
             self.sent += 1
         else:

@@ -1,0 +1,1 @@
+"""What touches the pad, and what is wrong with it: loads with their bounds, faults, scenes."""

@@ -1,0 +1,1 @@
+"""What the contact benchmark measures: accuracy and speed, limits, remedies, operations."""

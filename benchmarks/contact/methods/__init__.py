@@ -1,0 +1,1 @@
+"""What the contact benchmark compares: our estimators, the thesis', and their peers."""

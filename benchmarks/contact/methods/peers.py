@@ -1,0 +1,183 @@
+"""What our estimators are compared with: other libraries, Berger-Khosla, plain numpy."""
+
+import importlib
+import math
+
+import numpy as np
+
+from benchmarks.contact.cases.loads import DEPTH, LINE_ARRAY, POINT_ARRAY
+from tactile_sensing.half_space import point
+from tactile_sensing.moments.image_moments import line_from_moments
+from tactile_sensing.moments.point_moments import one_layer
+from tactile_sensing.types.moments import Moments
+
+LINE_LEVEL = 0.5  # fraction of the peak above which other libraries see the line
+CHUNK = 256  # frames that stay in the cache
+PACKAGES = {'cv2': 'opencv-python-headless', 'skimage': 'scikit-image'}
+
+
+def load():
+    """Modules of other libraries that are installed, and the names of those left out."""
+    peers, missing = {}, []
+    for module, package in PACKAGES.items():
+        try:
+            peers[module] = importlib.import_module(module)
+        except ImportError:
+            missing.append(package)
+    if 'cv2' in peers:
+        peers['cv2'].setNumThreads(1)
+    return peers, missing
+
+
+def _windows(images):
+    """Row and column of the peaks, and x, y and pressure of 9x9 tactels around, (N, 81)."""
+    n, reach = len(images), np.arange(-4, 5)
+    row, column = np.divmod(images.reshape(n, -1).argmax(axis=1), POINT_ARRAY.columns)
+    rows = np.clip(row, 4, 21)[:, None] + reach
+    columns = np.clip(column, 4, 21)[:, None] + reach
+    values = images[np.arange(n)[:, None, None], rows[:, :, None], columns[:, None, :]]
+    x = np.repeat(POINT_ARRAY.x[columns][:, None, :], 9, axis=1)
+    y = np.repeat(POINT_ARRAY.y[rows][:, :, None], 9, axis=2)
+    return row, column, *(a.reshape(n, 81) for a in (x, y, values))
+
+
+def _start(row, column):
+    """Parameters (N, 5) of loads at the peaks."""
+    nothing = np.zeros(len(row))
+    return np.column_stack([POINT_ARRAY.x[column], POINT_ARRAY.y[row], *[nothing] * 3])
+
+
+def numpy_gauss_newton(frames, *, steps=3):
+    """Model 1 as one would write it: derivatives of the whole batch, 5x5 solves."""
+    row, column, x, y, values = _windows(frames[:, 0])
+    theta = _start(row, column)
+    for step in range(steps + 1):
+        parameters = [value[:, None] for value in theta.T]
+        jacobian = point.stress_jacobian('zz', x, y, *parameters, DEPTH)
+        model = point.stress('zz', x, y, *parameters, DEPTH)
+        used = jacobian[..., 2:] if step == 0 else jacobian  # forces first: linear
+        _add_step(theta, used, values - model)
+    return theta
+
+
+def tuned_gauss_newton(frames, *, steps=3):
+    """The same, in chunks that fit the cache, without powers and with shared terms."""
+    found = [_tuned(frames[i:i + CHUNK, 0], steps) for i in range(0, len(frames), CHUNK)]
+    return np.concatenate(found)
+
+
+def _tuned(images, steps):
+    row, column, x, y, values = _windows(images)
+    theta = _start(row, column)
+    jacobian = np.empty((*x.shape, 5))
+    by_a, by_b, by_force, by_qx, by_qy = np.moveaxis(jacobian, -1, 0)
+    for step in range(steps + 1):
+        a, b, force, qx, qy = (value[:, None] for value in theta.T)
+        u, v = x - a, y - b
+        q = 1.0 / (u * u + v * v + DEPTH**2)
+        shape = 1.5 / np.pi * DEPTH**2 * q * q * np.sqrt(q)
+        by_force[:], by_qx[:], by_qy[:] = shape * DEPTH, shape * u, shape * v
+        load = force * DEPTH + qx * u + qy * v
+        slope = 5.0 * q * load
+        by_a[:] = shape * (slope * u - qx)
+        by_b[:] = shape * (slope * v - qy)
+        _add_step(theta, jacobian[..., 2:] if step == 0 else jacobian, values - shape * load)
+    return theta
+
+
+def _add_step(theta, jacobian, rest):
+    scale = np.sqrt((jacobian**2).sum(axis=1))
+    unit = jacobian / scale[:, None, :]
+    transposed = unit.transpose(0, 2, 1)
+    step = np.linalg.solve(transposed @ unit, transposed @ rest[..., None])
+    theta[:, -jacobian.shape[-1]:] += step[..., 0] / scale
+
+
+def six_moments(frames):
+    """Six moments of the whole array as one matrix product; what the closed forms start from."""
+    x, y = (grid.ravel() for grid in np.meshgrid(POINT_ARRAY.x, POINT_ARRAY.y))
+    basis = np.column_stack([np.ones_like(x), x, y, x * x, y * y, x * y])
+    return frames.reshape(len(frames), -1) @ basis
+
+
+def opencv_point(cv2, image):
+    """OpenCV's moments of a frame through (2.3)."""
+    pitch, column, row = POINT_ARRAY.pitch_x, *cv2.minMaxLoc(image)[3]
+    return one_layer(_sensor_moments(cv2.moments(image), POINT_ARRAY), DEPTH,
+                     ((column - 12.5) * pitch, (row - 12.5) * pitch))
+
+
+def opencv_line(cv2, image, noise_std):
+    """OpenCV's moments above the thesis' threshold through (3.8) to (3.10), corrected."""
+    moments = cv2.moments(np.where(image > 4.0 * noise_std, image, 0.0))
+    found = line_from_moments(_sensor_moments(moments, LINE_ARRAY), LINE_ARRAY.half_width_y)
+    return [found.a, found.yaw, found.line_force]
+
+
+def _sensor_moments(m, array):
+    """Moments about the centre of the array in metres, from those in pixels."""
+    p, c = array.pitch_x, 0.5 * (array.columns - 1)
+    m0, mx, my = m['m00'], m['m10'], m['m01']
+    return Moments(
+        m0 * p**2, (mx - c * m0) * p**3, (my - c * m0) * p**3,
+        (m['m20'] - 2 * c * mx + c**2 * m0) * p**4, (m['m02'] - 2 * c * my + c**2 * m0) * p**4,
+        (m['m11'] - c * (mx + my) + c**2 * m0) * p**4)
+
+
+def line_points(image):
+    """Tactels above half the peak as (column, row), what cv2.fitLine takes."""
+    rows, columns = np.nonzero(image > LINE_LEVEL * image.max())
+    return np.column_stack([columns, rows]).astype(np.float32)
+
+
+def fit_line_call(cv2, points):
+    """Direction and a point of the line, float32."""
+    return cv2.fitLine(points, cv2.DIST_L2, 0, 0.01, 0.01)
+
+
+def opencv_fit_line(cv2, image):
+    """Line through the tactels above half the peak by cv2.fitLine."""
+    vx, vy, column, row = fit_line_call(cv2, line_points(image)).ravel().tolist()
+    return _through(column, row, vx, vy)
+
+
+def skimage_orientation(measure, image):
+    """Orientation of the region above half the peak, through its weighted centroid."""
+    mask = (image > LINE_LEVEL * image.max()).astype(np.uint8)
+    region = measure.regionprops(mask, intensity_image=image)[0]
+    row, column = region.centroid_weighted
+    return _through(column, row, math.sin(region.orientation), math.cos(region.orientation))
+
+
+def _through(column, row, vx, vy):
+    """Offset and yaw of the line through a tactel along (vx, vy); no force."""
+    if vy < 0.0:
+        vx, vy = -vx, -vy
+    centre, pitch = 0.5 * (LINE_ARRAY.columns - 1), LINE_ARRAY.pitch_x
+    slope = vx / vy if vy else math.inf
+    return [(column - centre - (row - centre) * slope) * pitch, math.atan2(-vx, vy), np.nan]
+
+
+_YAWS = np.radians(np.arange(-60.0, 60.5, 1.0))
+_NORMALS = np.stack([np.cos(_YAWS), np.sin(_YAWS)])
+HOUGH_STEP = 0.5e-3  # accuracy of the offset that the thesis assumes [m]
+
+
+def berger_khosla(image):
+    """Threshold, thinning to the largest tactel across the line, Hough transform."""
+    kept = image > LINE_LEVEL * image.max()
+    middle = image[:, 1:-1]
+    kept[:, 1:-1] &= (middle >= image[:, :-2]) & (middle >= image[:, 2:])
+    kept[:, 0] &= image[:, 0] >= image[:, 1]
+    kept[:, -1] &= image[:, -1] >= image[:, -2]
+    rows, columns = np.nonzero(kept)
+    rho = np.column_stack([LINE_ARRAY.x[columns], LINE_ARRAY.y[rows]]) @ _NORMALS
+    bins = np.rint(rho / HOUGH_STEP).astype(int) + 40
+    votes = np.zeros((82, len(_YAWS) + 2), dtype=int)
+    np.add.at(votes, (bins + 1, np.arange(len(_YAWS)) + 1), 1)
+    # Sums over 3x3 cells, and the middle of those that tie: three times nearer than one cell.
+    votes = votes[:-2] + votes[1:-1] + votes[2:]
+    votes = votes[:, :-2] + votes[:, 1:-1] + votes[:, 2:]
+    best_rho, best_yaw = np.nonzero(votes == votes.max())
+    yaw = _YAWS[best_yaw].mean()
+    return [(best_rho.mean() - 40) * HOUGH_STEP / math.cos(yaw), yaw, np.nan]

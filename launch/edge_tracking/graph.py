@@ -1,0 +1,177 @@
+"""
+The whole graph in one process: what the launch file starts, without launch.
+
+Same nodes, names, parameter file and scenes as `edge_tracking.launch.py`.
+"""
+
+import argparse
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+import sys
+import tempfile
+from threading import Event
+import time
+from typing import Any
+
+import rclpy
+from rclpy.exceptions import ParameterException
+from rclpy.node import Node
+from rclpy.parameter import Parameter
+from rclpy.signals import SignalHandlerOptions
+
+from edge_tracking.resources import find_scene, scene_names, share
+from tactile_common.ros.runner import make_executor, spin, stop_on_signals
+from tactile_sensing.devices.registry import PROTOCOLS
+from tactile_sensing.nodes.contact_estimator import ContactEstimatorNode
+from tactile_sensing.nodes.driver import DriverConfig, DriverNode
+from tactile_servo.laws.registry import DEFAULT, LAWS
+from tactile_servo.nodes.servo import EdgeServoNode
+from tactile_shape.nodes.shape_estimator import ShapeEstimatorNode
+from tactile_simulation.nodes.mock_robot import MockRobotNode
+from tactile_simulation.nodes.mock_sensor import MockSensorNode
+from tactile_simulation.scene import load_scene, Scene
+from tactile_simulation.scene_calibration import write_calibration
+
+# Longest time that a thread keeps the interpreter while another waits for it; the default of
+# 5 ms is a whole sensor period.
+SWITCH_INTERVAL = 2e-4
+SETTLE = 0.3  # s spun after the end, so that the last messages arrive
+
+
+class Graph:
+    """
+    Nodes of one process, their context and executor; use it in a `with` statement.
+
+    Parameters
+    ----------
+    parameters : str or Path, optional
+        Parameter file of all nodes; that of the package if missing.
+    namespace : str
+        Namespace of sensor, estimators and servo.
+    domain : int, optional
+        ROS domain; that of the environment if missing.
+    """
+
+    def __init__(self, parameters: str | Path | None = None, namespace: str = 'tactile',
+                 domain: int | None = None):
+        self._domain = domain
+        self._arguments = ['--ros-args', '--params-file',
+                           str(parameters or share('config', 'edge_tracking.yaml'))]
+        self.namespace = namespace
+        self.nodes: list[Node] = []
+
+    def __enter__(self):
+        sys.setswitchinterval(SWITCH_INTERVAL)
+        self.context = rclpy.Context()
+        rclpy.init(args=self._arguments, context=self.context, domain_id=self._domain,
+                   signal_handler_options=SignalHandlerOptions.NO)
+        self.executor = make_executor(self.context)
+        return self
+
+    def __exit__(self, *_):
+        self.executor.shutdown()  # first: nothing may be delivered to a node that is gone
+        for node in reversed(self.nodes):
+            node.destroy_node()
+        self.context.try_shutdown()
+
+    def add(self, node_class: Callable[..., Node], *, namespace: str | None = None, own=(),
+            **parameters) -> Any:
+        """Make a node, with parameters that override those of the file, and return it."""
+        node = node_class(
+            context=self.context, **dict(own),
+            namespace=self.namespace if namespace is None else namespace,
+            parameter_overrides=[Parameter(k, value=v) for k, v in parameters.items()])
+        self.nodes.append(node)
+        self.executor.add_node(node)
+        return node
+
+    def spin(self, until: Callable[[], bool] | None = None) -> None:
+        """Work off callbacks until the context is shut down or `until()` holds."""
+        spin(self.executor, self.context, until)
+
+
+def add_mocks(graph: Graph, port, scene, robot, seed: int = 0) -> Node:
+    """Add the mock sensor on a pseudo-terminal and the mock robot, both in a scene."""
+    graph.add(MockSensorNode, port=str(port), scene=str(scene), seed=seed)
+    return graph.add(MockRobotNode, namespace='', robot_description=str(robot),
+                     scene=str(scene))
+
+
+def add_sensing(graph: Graph, port, calibration='',
+                protocol: str = DriverConfig.protocol) -> None:
+    """Add contact estimator and driver, in this order: then every picture is heard."""
+    graph.add(ContactEstimatorNode)
+    graph.add(DriverNode, port=str(port), calibration=str(calibration), protocol=protocol)
+
+
+def add_servo(graph: Graph, robot, tracker: str = DEFAULT) -> Node:
+    """Add the servo; with sensing it is the loop, which runs on a real robot as well."""
+    return graph.add(EdgeServoNode, robot_description=str(robot), tracker=tracker)
+
+
+@contextmanager
+def private_port() -> Iterator[Path]:
+    """Path for a pseudo-terminal's link, in a folder of its own."""
+    with tempfile.TemporaryDirectory(prefix='tactile_') as folder:
+        yield Path(folder, 'sensor')
+
+
+def calibrate(port: Path, scene: Scene) -> Path:
+    """Write the calibration that fits a scene's mock sensor beside its port; gives its path."""
+    return write_calibration(scene, port.with_name(f'{port.name}.yaml'))
+
+
+def linger(graph: Graph, stop: Event) -> None:
+    """Spin a little longer."""
+    end = time.monotonic() + SETTLE
+    graph.spin(lambda: stop.is_set() or time.monotonic() > end)
+
+
+def parser() -> argparse.ArgumentParser:
+    """Command line of the composed process."""
+    arguments = argparse.ArgumentParser(
+        prog='composed', formatter_class=argparse.ArgumentDefaultsHelpFormatter,
+        description='Runs sensor, estimators, servo and, with the mock sensor, the mock robot '
+        'in one process. Send goals to the action track_edge, for instance with '
+        '`ros2 run edge_tracking track --ros-args -r __ns:=/tactile`.')
+    arguments.add_argument('--sensor', choices=('mock', *PROTOCOLS), default='mock',
+                           help='mock: synthetic sensor and robot; else the byte protocol of a '
+                           'real array')
+    arguments.add_argument('--port', default='', help='serial port of a real sensor')
+    arguments.add_argument('--scene', default='straight', help='what the mock sensor touches: '
+                           f'{", ".join(scene_names())}, or the path of a .yaml file')
+    arguments.add_argument('--tracker', choices=tuple(LAWS), default=DEFAULT,
+                           help='how the edge is followed')
+    arguments.add_argument('--robot-description', default=str(share('urdf', 'puma260.urdf')),
+                           help='URDF of the robot, with a link tactile_pad')
+    arguments.add_argument('--parameters', default=None, help='parameter file')
+    arguments.add_argument('--namespace', default='tactile',
+                           help='of sensor, estimators and servo')
+    arguments.add_argument('--seed', type=int, default=0, help="of the mock sensor's noise")
+    return arguments
+
+
+def main(args: list[str] | None = None) -> int:
+    """Run the graph until it is interrupted; exit status 1 if it cannot start."""
+    options = parser().parse_args(args)
+    try:
+        if options.sensor != 'mock' and not options.port:
+            raise ValueError(
+                f'--sensor {options.sensor} needs --port, for instance --port /dev/ttyUSB0')
+        with private_port() as pty, stop_on_signals() as stop, \
+                Graph(options.parameters, options.namespace) as graph:
+            port = Path(options.port or pty)
+            add_servo(graph, options.robot_description, options.tracker)
+            graph.add(ShapeEstimatorNode)
+            if options.sensor == 'mock':
+                scene = find_scene(options.scene)
+                add_sensing(graph, port, calibrate(pty, load_scene(scene)))
+                add_mocks(graph, port, scene, options.robot_description, options.seed)
+            else:
+                add_sensing(graph, port, protocol=options.sensor)
+            graph.spin(stop.is_set)
+    except (ValueError, RuntimeError, ParameterException) as error:
+        print(f'composed: {" ".join(str(error).split())}', file=sys.stderr)
+        return 1
+    return 0

@@ -1,0 +1,170 @@
+"""A run read from its recording: messages to arrays."""
+
+from collections import defaultdict
+
+import numpy as np
+
+from edge_tracking.recording.run import (
+    Commands,
+    Contacts,
+    Diagnostics,
+    Images,
+    Info,
+    Joints,
+    Poses,
+    RunData,
+    Statuses,
+    Wrenches,
+    xyz,
+)
+from tactile_common.errors import ConfigurationError
+from tactile_common.ros.bag_reader import open_bag
+from tactile_common.ros.conversions import stamp_to_ns
+from tactile_sensing.observations import TYPES
+from tactile_sensing.types.array import TactelArray
+from tactile_shape.conversions import patch_from_msg
+
+DEFAULT_NAMESPACE = '/tactile'
+TRAJECTORY_TOPIC = '/joint_trajectory_controller/joint_trajectory'
+_COMPONENT_ZZ = 0
+
+
+def read_run(path, namespace=None) -> RunData:
+    """
+    Read a run from a rosbag2 recording.
+
+    Parameters
+    ----------
+    path : str or os.PathLike
+        Folder of the recording, or one of its files.
+    namespace : str, optional
+        Namespace of the sensor; the one in the recording if missing.
+
+    Raises
+    ------
+    ConfigurationError
+        There is no such recording, or it holds several sensors and none is chosen.
+    """
+    with open_bag(path) as bag:
+        prefix = _namespace(bag, namespace)
+        topics = {f'{prefix}/{name}': name for name in _OF_THE_SENSOR}
+        topics |= {'/joint_states': 'joint_states', TRAJECTORY_TOPIC: 'trajectory'}
+        expected = {topic: name for topic, name in topics.items()
+                    if bag.topics.get(topic) == _TYPES[name]}
+        rows = defaultdict(list)
+        start = None
+        for row in bag.messages(expected):
+            start = row.received_ns if start is None else start
+            rows[expected[row.topic]].append(row)
+        with bag.clear_errors():
+            return RunData(
+                namespace=prefix,
+                start_ns=start or 0,
+                images=_images(rows['image']),
+                contacts=Contacts.of(rows['contact']),
+                wrenches=Wrenches.of(rows['wrench']),
+                statuses=Statuses.of(rows['servo_status']),
+                poses=Poses.of(rows['sensor_pose']),
+                joints=_joints(rows['joint_states']),
+                commands=_commands(rows['trajectory']),
+                diagnostics=_diagnostics(rows['diagnostics']),
+                contour=_contour(rows['contour']),
+                patches=[patch_from_msg(row.message) for row in rows['surface_patch']
+                         if row.message.valid],
+                info=_info(rows['sensor_info']),
+            )
+
+
+_TYPES = {
+    **TYPES,
+    'wrench': 'geometry_msgs/msg/WrenchStamped',
+    'servo_status': 'tactile_msgs/msg/ServoStatus',
+    'contour': 'nav_msgs/msg/Path',
+    'surface_patch': 'tactile_msgs/msg/SurfacePatch',
+    'diagnostics': 'diagnostic_msgs/msg/DiagnosticArray',
+    'trajectory': 'trajectory_msgs/msg/JointTrajectory',
+}
+_OF_THE_SENSOR = _TYPES.keys() - {'joint_states', 'trajectory'}
+
+
+def _namespace(bag, wanted):
+    if wanted is not None:
+        return f'/{wanted.strip("/")}'.rstrip('/')
+    found = list(bag.namespaces({
+        name: _TYPES[name] for name in ('image', 'contact', 'servo_status')}))
+    if DEFAULT_NAMESPACE in found or not found:
+        return DEFAULT_NAMESPACE
+    if len(found) == 1:
+        return found[0]
+    raise ConfigurationError(
+        f'bag {bag.path}: holds several sensors, {", ".join(found)}; choose a namespace')
+
+
+# --- messages to arrays -------------------------------------------------------------------------
+
+def _geometry(message):
+    return TactelArray(message.rows, message.columns, message.pitch_x, message.pitch_y)
+
+
+def _pressure(message):
+    """Return the shallowest pressure layer of a picture, None if it has none that is whole."""
+    layers = [layer for layer in message.layers if layer.component == _COMPONENT_ZZ
+              and layer.stress.size == message.rows * message.columns > 0]
+    return min(layers, key=lambda layer: layer.depth, default=None)
+
+
+def _images(rows):
+    kept, layers, array = [], [], None
+    for row in rows:
+        layer = _pressure(row.message)
+        if layer is None:
+            continue
+        if array is None:
+            array = _geometry(row.message)
+        if (row.message.rows, row.message.columns) == array.shape:
+            kept.append(row)
+            layers.append(layer)
+    shape = array.shape if array else (0, 0)
+    frames = np.empty((len(kept), *shape), dtype=np.float32)
+    for index, layer in enumerate(layers):
+        frames[index] = layer.stress.reshape(shape)
+    return Images.of(kept, frames=frames, array=array, unit=layers[0].unit if layers else '',
+                     skipped=len(rows) - len(kept))
+
+
+def _joints(rows):
+    names = tuple(rows[0].message.name) if rows else ()
+    return Joints.of([row for row in rows if tuple(row.message.name) == names
+                      and len(row.message.position) == len(names)], names=names)
+
+
+def _commands(rows):
+    names = tuple(rows[0].message.joint_names) if rows else ()
+    return Commands.of([row for row in rows if tuple(row.message.joint_names) == names
+                        and row.message.points and all(
+                            len(p.positions) == len(names) for p in row.message.points)],
+                       names=names)
+
+
+def _diagnostics(rows):
+    return Diagnostics.of([row._replace(message=status) for row in rows
+                           for status in row.message.status])
+
+
+def _contour(rows):
+    poses = rows[-1].message.poses if rows else []
+    return np.array([xyz(pose.pose.position) for pose in poses]).reshape(-1, 3)
+
+
+def _info(rows):
+    if not rows:
+        return None
+    message = rows[-1].message
+    layer = next((layer for layer in message.layers if layer.component == _COMPONENT_ZZ), None)
+    return Info(
+        sensor=message.sensor, model=message.model, array=_geometry(message),
+        nominal_rate=float(message.nominal_rate),
+        acquisition_delay=float(message.acquisition_delay),
+        unit=layer.unit if layer else '', full_scale=layer.full_scale if layer else 0.0,
+        noise_std=layer.noise_std if layer else 0.0, calibration=message.calibration,
+        tared=stamp_to_ns(message.tared_at) > 0)

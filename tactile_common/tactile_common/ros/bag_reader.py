@@ -1,0 +1,171 @@
+"""Reading rosbag2 recordings topic by topic; needs rosbags, and no running ROS."""
+from collections import defaultdict
+from collections.abc import Collection, Iterator, Mapping
+from contextlib import contextmanager
+from os import PathLike
+from pathlib import Path
+import struct
+from typing import Any, NamedTuple
+
+from rosbags.interfaces import MessageDefinitionFormat
+from rosbags.rosbag2 import Reader, ReaderError
+from rosbags.serde import SerdeError
+from rosbags.typesys import (
+    get_types_from_idl,
+    get_types_from_msg,
+    get_typestore,
+    Stores,
+    TypesysError,
+)
+
+from tactile_common.errors import ConfigurationError
+from tactile_common.ros.message_definitions import definition, SEPARATOR
+
+# What a damaged message raises, or one that lacks a field.
+DAMAGE = (SerdeError, struct.error, LookupError, AttributeError, TypeError, ValueError,
+          OverflowError)
+
+
+class Recorded(NamedTuple):
+    """
+    A message of a recording.
+
+    `received_ns` is the time of its reception [ns]; `message` has the fields of its type,
+    sequences of numbers are numpy arrays.
+    """
+
+    topic: str
+    received_ns: int
+    message: Any
+
+
+class Bag:
+    """
+    A rosbag2 recording, open for reading; made by `open_bag`, use it in a `with` statement.
+
+    Messages are read by the definitions in the bag, where it has them, else by the installed
+    ones, and one after the other: a bag may be larger than the memory.
+    """
+
+    def __init__(self, path: str | PathLike):
+        self.path = Path(path)
+        with self.clear_errors():
+            self._reader = Reader(self.path)
+            self._reader.open()
+        self._types = get_typestore(Stores.EMPTY)
+
+    def __enter__(self) -> 'Bag':
+        return self
+
+    def __exit__(self, *_) -> None:
+        self._reader.close()
+
+    @property
+    def topics(self) -> dict[str, str]:
+        """Message type by topic."""
+        return {connection.topic: connection.msgtype for connection in self._reader.connections}
+
+    def namespaces(self, types: Mapping[str, str]) -> dict[str, set[str]]:
+        """Return what each namespace holds, in order, of some names with their types."""
+        found = defaultdict(set)
+        for topic, kind in sorted(self.topics.items()):
+            prefix, _, name = topic.rpartition('/')
+            if name in types and types[name] == kind:
+                found[prefix].add(name)
+        return dict(found)
+
+    def messages(self, topics: Collection[str], *, raw: bool = False) -> Iterator[Recorded]:
+        """
+        Yield the messages of some topics in the order of their reception.
+
+        Parameters
+        ----------
+        topics : collection of str
+            Topics of the bag; others are ignored.
+        raw : bool
+            Whether `message` shall be the bytes, for who sends them on.
+
+        Raises
+        ------
+        ConfigurationError
+            The bag is damaged: one line with its path and, of a damaged message, its topic and
+            time.
+        """
+        wanted = [connection for connection in self._reader.connections
+                  if connection.topic in topics]
+        if not wanted:
+            return
+        with self.clear_errors():
+            for connection in wanted:
+                self._learn(connection)
+            missing = sum(connection.msgcount for connection in wanted)
+            for connection, time_ns, data in self._reader.messages(wanted):
+                missing -= 1
+                yield Recorded(connection.topic, time_ns,
+                               data if raw else self._deserialise(connection, time_ns, data))
+            if missing > 0:  # the reader skips what it does not understand
+                raise ReaderError(f'{missing} messages in it are lost')
+
+    def damaged(self, topic: str, time_ns: int, error: Exception) -> ConfigurationError:
+        """Return the error that says in one line which message is damaged, and how."""
+        return ConfigurationError(
+            f'bag {self.path}: the message on {topic} at {1e-9 * time_ns:.6f} s is damaged or of '
+            f'another kind: {_one_line(error)}')
+
+    def _deserialise(self, connection, time_ns, data):
+        # Not by deserialize_cdr, which refuses what middlewares do with empty sequences of
+        # doubles at the end of a message: bytes without meaning after the last value.
+        try:
+            encoding, little_endian = bytes(data[:2])
+            if encoding or little_endian > 1:
+                raise SerdeError(f'its first bytes are {bytes(data[:4]).hex()}, not those of CDR')
+            known = self._types.get_msgdef(connection.msgtype)
+            read = known.deserialize_cdr_le if little_endian else known.deserialize_cdr_be
+            return read(data[4:], 0, known.cls, self._types)[0]
+        except DAMAGE as error:
+            raise self.damaged(connection.topic, time_ns, error) from error
+
+    def _learn(self, connection):
+        name, (kind, text) = connection.msgtype, connection.msgdef
+        if kind == MessageDefinitionFormat.NONE:
+            types = get_types_from_msg(definition(name).text, name)
+        elif kind == MessageDefinitionFormat.MSG:
+            types = get_types_from_msg(text, name)
+        else:
+            types = {}
+            for part in text.split(f'{SEPARATOR}\n'):
+                body = part.split('\n', 1)[1] if part.startswith('IDL: ') else part
+                if body.strip():
+                    types |= get_types_from_idl(body)
+        self._types.register({name: fields for name, fields in types.items()
+                              if name not in self._types.fielddefs})
+
+    @contextmanager
+    def clear_errors(self) -> Iterator[None]:
+        """Turn whatever a damaged recording raises into a ConfigurationError of one line."""
+        try:
+            yield
+        except ConfigurationError:
+            raise
+        except FileNotFoundError as error:
+            missing = 'has no metadata.yaml' if self.path.is_dir() else 'there is no such bag'
+            raise ConfigurationError(f'bag {self.path}: {missing}') from error
+        except (OSError, ReaderError, TypesysError, *DAMAGE) as error:
+            raise ConfigurationError(
+                f'bag {self.path}: is not a rosbag2 recording: {_one_line(error)}') from error
+
+
+def _one_line(error):
+    return f'{" ".join(str(error).split()) or type(error).__name__:.200}'
+
+
+def open_bag(path: str | PathLike) -> Bag:
+    """
+    Open a rosbag2 recording: a folder, or one of its .mcap or .db3 files.
+
+    Raises
+    ------
+    ConfigurationError
+        There is no such bag.
+    """
+    return Bag(path)

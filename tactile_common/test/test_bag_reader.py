@@ -1,0 +1,101 @@
+"""Bags of one topic: as written, and every way to be damaged, each told in one line."""
+from geometry_msgs.msg import PoseStamped
+import pytest
+from rclpy.serialization import serialize_message
+
+from tactile_common.errors import ConfigurationError
+from tactile_common.ros.message_definitions import definition_of
+
+rosbag2 = pytest.importorskip('rosbags.rosbag2')
+from tactile_common.ros.bag_reader import open_bag  # noqa: E402
+
+TYPE = 'geometry_msgs/msg/PoseStamped'
+
+
+def pose(number):
+    message = PoseStamped()
+    message.header.frame_id, message.pose.position.x = 'base', float(number)
+    return serialize_message(message)
+
+
+@pytest.fixture
+def write(tmp_path):
+    """Write bytes on topics, a second apart, into a bag."""
+    def write(rows, storage=rosbag2.StoragePlugin.MCAP):
+        known = definition_of(PoseStamped)
+        with rosbag2.Writer(tmp_path / 'run', version=9, storage_plugin=storage) as writer:
+            topics = {topic: writer.add_connection(
+                topic, known.name, msgdef=known.text, rihs01=known.digest)
+                for topic in dict(rows)}
+            for second, (topic, data) in enumerate(rows):
+                writer.write(topics[topic], second * 1_000_000_000, data)
+        return tmp_path / 'run'
+    return write
+
+
+@pytest.mark.parametrize('storage', list(rosbag2.StoragePlugin))
+def test_messages_come_in_order_from_the_topics_that_are_asked_for(write, storage):
+    rows = [('/a/pose', pose(0)), ('/b/pose', pose(1)), ('/c', pose(2)), ('/a/pose', pose(3))]
+    with open_bag(write(rows, storage)) as bag:
+        assert bag.topics == dict.fromkeys(('/a/pose', '/b/pose', '/c'), TYPE)
+        found = list(bag.messages({'/a/pose', '/b/pose', '/none'}))
+        raw = list(bag.messages(['/c'], raw=True))
+        assert list(bag.messages(['/none'])) == []
+    assert [(row.topic, row.received_ns, row.message.pose.position.x) for row in found] == [
+        ('/a/pose', 0, 0.0), ('/b/pose', 1_000_000_000, 1.0), ('/a/pose', 3_000_000_000, 3.0)]
+    assert found[0].message.header.frame_id == 'base'
+    assert [bytes(row.message) for row in raw] == [rows[2][1]]
+
+
+def test_messages_are_read_one_after_the_other(write):
+    """The damage of a later message is met when that message is asked for, not before."""
+    with open_bag(write([('/pose', pose(0)), ('/pose', b'junk')])) as bag:
+        messages = bag.messages(['/pose'])
+        assert next(messages).message.pose.position.x == 0.0
+        with pytest.raises(ConfigurationError):
+            next(messages)
+
+
+def test_namespaces_hold_names_of_their_types(write):
+    with open_bag(write([(topic, pose(0)) for topic in (
+            '/right/pose', '/left/pose', '/left/tip', '/pose')])) as bag:
+        assert bag.namespaces({'pose': TYPE}) == {
+            '': {'pose'}, '/left': {'pose'}, '/right': {'pose'}}
+        assert bag.namespaces({'pose': TYPE, 'tip': TYPE})['/left'] == {'pose', 'tip'}
+        assert bag.namespaces({'pose': 'std_msgs/msg/Header'}) == {}
+
+
+def test_bytes_after_the_last_value_are_passed_over(write):
+    with open_bag(write([('/pose', pose(5) + b'\x00\x00\x00\x00')])) as bag:
+        (row,) = bag.messages(['/pose'])
+    assert row.message.pose.position.x == 5.0
+
+
+@pytest.mark.parametrize('data, why', [
+    (b'', ''), (b'\x00', ''), (b'\x07\x07\x00\x00' + bytes(80), '07070000'),
+    (pose(0)[:40], 'buffer'), (pose(0)[:5], '')])
+def test_a_damaged_message_is_told_with_its_topic_and_time(write, data, why):
+    path = write([('/pose', pose(0)), ('/pose', data)])
+    with open_bag(path) as bag, pytest.raises(ConfigurationError) as caught:
+        list(bag.messages(['/pose']))
+    text = str(caught.value)
+    assert text.startswith(f'bag {path}: the message on /pose at 1.000000 s is damaged')
+    assert '\n' not in text and why in text
+
+
+@pytest.mark.parametrize('name', ['none', 'empty'])
+def test_what_is_no_bag(tmp_path, name):
+    (tmp_path / 'empty').mkdir()
+    with pytest.raises(ConfigurationError, match=f'bag .*{name}: (there is|has) no'):
+        open_bag(tmp_path / name)
+
+
+def test_every_length_of_a_cut_file_is_read_or_refused(write):
+    path = write([('/pose', pose(k)) for k in range(50)])
+    (file,) = path.glob('*.mcap')
+    whole = file.read_bytes()
+    for length in range(0, len(whole), 97):
+        file.write_bytes(whole[:length])
+        with pytest.raises(ConfigurationError, match='is not a rosbag2 recording'):
+            with open_bag(path) as bag:
+                list(bag.messages(['/pose']))

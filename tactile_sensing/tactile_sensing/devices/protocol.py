@@ -1,0 +1,120 @@
+"""What a byte protocol of a sensor has to offer: bytes in, frames out, no input or output."""
+from collections.abc import Callable
+from dataclasses import dataclass
+import enum
+from typing import Protocol
+
+import numpy as np
+
+
+class Signal(enum.Enum):
+    """What `Decoder.next_event` returns beside events."""
+
+    NEED_DATA = 'need data'
+
+
+#: Returned by `Decoder.next_event` when it has seen all that was received.
+NEED_DATA = Signal.NEED_DATA
+
+
+@dataclass(frozen=True, eq=False)
+class Frame:
+    """
+    One picture.
+
+    Parameters
+    ----------
+    counts : np.ndarray
+        Raw values, shape `(rows, columns)`, unsigned integers, read-only.
+    sequence : int
+        Frames before this one, with an estimate of the lost ones.
+    """
+
+    counts: np.ndarray
+    sequence: int
+
+
+@dataclass(frozen=True)
+class Resync:
+    """
+    The decoder is in lock again after bytes that belong to no frame.
+
+    Parameters
+    ----------
+    dropped_bytes : int
+        How many were passed over since the last frame.
+    """
+
+    dropped_bytes: int
+
+
+class Decoder(Protocol):
+    """
+    Turns received bytes into frames.
+
+    `receive_data` only buffers and `next_event` parses; call it until it returns `NEED_DATA`.
+    Then at most `buffer_bound` bytes are held, whatever was received.
+
+    Attributes
+    ----------
+    frames, lost_frames, resyncs, dropped_bytes : int
+        Counters since the start; `lost_frames` may be an estimate.
+    locked : bool
+        Whether the byte stream is understood at the moment.
+    buffer_bound : int
+    """
+
+    frames: int
+    lost_frames: int
+    resyncs: int
+    dropped_bytes: int
+    locked: bool
+    buffer_bound: int
+
+    @property
+    def buffered(self) -> int:
+        """Bytes that are held at the moment."""
+        ...
+
+    def receive_data(self, data: bytes) -> None:
+        """Append what came from the port."""
+        ...
+
+    def next_event(self) -> Frame | Resync | Signal:
+        """Return the next event, or `NEED_DATA`."""
+        ...
+
+    def reset(self) -> None:
+        """Forget the buffer and the lock, as after the port was opened anew; counters stay."""
+        ...
+
+    def explain(self, sample: bytes) -> str:
+        """Say what is wrong with bytes that make no frame; empty if that does not show."""
+        ...
+
+
+@dataclass(frozen=True)
+class SensorProtocol:
+    """
+    One row of `registry.PROTOCOLS`.
+
+    Parameters
+    ----------
+    decoder : callable
+        Makes the decoder of an array of so many rows and columns.
+    encode : callable
+        Bytes that a device sends for one picture, `counts` of shape `(rows, columns)`, behind
+        those for the pictures before.
+    preamble : bytes
+        What a device sends before its first picture.
+    baud_rate : int
+        Line speed [bit/s].
+    calibration : str
+        Name of the file in `config/` that a driver takes where none is given.
+    """
+
+    decoder: Callable[[int, int], Decoder]
+    encode: Callable[[np.ndarray], bytes]
+    preamble: bytes
+    baud_rate: int
+    calibration: str

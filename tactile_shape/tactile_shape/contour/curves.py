@@ -1,0 +1,148 @@
+"""Lines and arcs through the points of a plane contour, as models with residuals."""
+from dataclasses import dataclass
+
+import numpy as np
+
+STEPS = 10  # of Gauss-Newton, at most
+CHORD = 1e-3  # m, of an arc as a polyline
+
+
+@dataclass(frozen=True, eq=False)
+class Line:
+    """
+    Straight line in the plane.
+
+    Attributes
+    ----------
+    middle : ndarray, shape (2,)
+        A point of it [m].
+    direction : ndarray, shape (2,)
+        Of length 1, along the points it was fitted to.
+    residual : float
+        RMS distance of those points [m].
+    """
+
+    middle: np.ndarray
+    direction: np.ndarray
+    residual: float
+
+    kind = 'line'
+    radius = np.inf
+
+    @classmethod
+    def fit(cls, points: np.ndarray) -> 'Line':
+        """Line through points (N, 2) by total least squares."""
+        middle = points.mean(axis=0)
+        direction = np.linalg.svd(points - middle)[2][0]
+        if direction @ (points[-1] - points[0]) < 0.0:
+            direction = -direction
+        off = (points - middle) @ [-direction[1], direction[0]]
+        return cls(middle, direction, float(np.sqrt(off @ off / len(points))))
+
+    def tangent(self, point: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Point (2,) and direction (2,) of the tangent nearest to a point."""
+        return self.middle, self.direction
+
+    def heading(self, point: np.ndarray, onward: np.ndarray) -> np.ndarray:
+        """Direction (2,) at a point of a path that goes onward (2,) there."""
+        return self.direction
+
+    def length(self, path: np.ndarray) -> float:
+        """Length from the first to the last point of a path (N, 2) along it [m]."""
+        return float(np.linalg.norm(path[-1] - path[0]))
+
+    def polyline(self, path: np.ndarray) -> np.ndarray:
+        """Points (m, 2) along it from the first to the last point of a path (N, 2) [m]."""
+        return path[[0, -1]]
+
+
+@dataclass(frozen=True, eq=False)
+class Arc:
+    """
+    Arc of a circle in the plane; methods as of `Line`.
+
+    Attributes
+    ----------
+    centre : ndarray, shape (2,)
+        [m].
+    radius : float
+        [m].
+    residual : float
+        RMS distance of the points that it was fitted to [m].
+    """
+
+    centre: np.ndarray
+    radius: float
+    residual: float
+
+    kind = 'arc'
+
+    @classmethod
+    def fit(cls, points: np.ndarray, steps: int = STEPS) -> 'Arc | None':
+        """Circle through points (N, 2) by least squares of the distance; None of a line."""
+        middle = points.mean(axis=0)
+        u = points - middle
+        scale = np.abs(u).max() or 1.0
+        u = u / scale
+        matrix = np.column_stack([2.0 * u, np.ones(len(u))])
+        solution, _, rank, _ = np.linalg.lstsq(matrix, (u**2).sum(axis=1), rcond=1e-12)
+        if rank < 3:
+            return None
+        centre, radius = solution[:2], np.sqrt(solution[2] + solution[:2] @ solution[:2])
+        for _ in range(steps):  # Gauss-Newton on the distance itself
+            away = u - centre
+            length = np.linalg.norm(away, axis=1)
+            jacobian = np.column_stack([away / length[:, None], np.ones(len(u))])
+            step = np.linalg.lstsq(jacobian, length - radius, rcond=None)[0]
+            centre, radius = centre + step[:2], radius + step[2]
+            if np.abs(step).max() < 1e-12 * radius:
+                break
+        centre, radius = middle + scale * centre, float(scale * radius)
+        off = np.linalg.norm(points - centre, axis=1) - radius
+        return cls(centre, radius, float(np.sqrt((off**2).sum() / len(points))))
+
+    def tangent(self, point):  # noqa: D102
+        out = point - self.centre
+        out = out / np.linalg.norm(out)
+        return self.centre + self.radius * out, np.array([-out[1], out[0]])
+
+    def heading(self, point, onward):  # noqa: D102
+        away = point - self.centre
+        across = np.array([-away[1], away[0]])
+        return across if across @ onward >= 0.0 else -across
+
+    def _sweep(self, path):
+        """Angle along a path, by steps so that more than half a circle counts [rad]."""
+        away = path - self.centre
+        return angle_between(away[:-1], away[1:]).sum()
+
+    def length(self, path):  # noqa: D102
+        return float(self.radius * abs(self._sweep(path)))
+
+    def polyline(self, path):  # noqa: D102
+        sweep = self._sweep(path)
+        first, last = path[0] - self.centre, path[-1] - self.centre
+        share = np.linspace(0.0, 1.0, int(abs(sweep) * self.radius / CHORD) + 2)
+        angle = np.arctan2(first[1], first[0]) + share * sweep
+        # The ends need not lie on the circle: they are where this side meets its neighbours.
+        radius = (1.0 - share) * np.linalg.norm(first) + share * np.linalg.norm(last)
+        between = self.centre + radius[:, None] * np.column_stack(
+            [np.cos(angle), np.sin(angle)])
+        return np.array([path[0], *between[1:-1], path[-1]])
+
+
+def angle_between(one: np.ndarray, other: np.ndarray) -> np.ndarray:
+    """Angle from directions (..., 2) to others, positive to the left [rad]."""
+    cross = one[..., 0] * other[..., 1] - one[..., 1] * other[..., 0]
+    return np.arctan2(cross, (one * other).sum(axis=-1))
+
+
+def meeting(first: Line | Arc, second: Line | Arc, corner: np.ndarray) -> np.ndarray:
+    """Where two lines, or tangents near a corner (2,), meet; the corner if nowhere."""
+    p, d = first.tangent(corner)
+    q, e = second.tangent(corner)
+    cross = d[0] * e[1] - d[1] * e[0]
+    if abs(cross) < 1e-3:
+        return corner
+    (x, y) = q - p
+    return p + (x * e[1] - y * e[0]) / cross * d
