@@ -191,12 +191,9 @@ def _within(jacobian, twist, positions, lower, upper, stopping_time, fastest, zo
 @njit(cache=True)
 def _hessian(jacobian, damping, light, rotation_length):
     """Matrix H (n, n)."""
-    joints = jacobian.shape[1]
-    weighted, squared, left = _decomposed(jacobian, rotation_length)
-    hessian = light**2 * np.eye(joints)
-    for i in range(6):
-        if squared[i] > 1e-8 * squared[5]:
-            row = weighted.T @ left[:, i].copy()  # of length s
-            share = (max(squared[i], damping**2) - light**2) / squared[i]
-            hessian += share * row * row.reshape(-1, 1)
-    return hessian
+    weighted = jacobian.copy()
+    weighted[3:] *= rotation_length
+    squared, right = np.linalg.eigh(weighted.T @ weighted)
+    weights = np.maximum(squared, damping**2)
+    weights[:max(len(weights) - 6, 0)] = light**2  # the null space
+    return (right * weights) @ right.T
