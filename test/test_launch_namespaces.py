@@ -64,9 +64,9 @@ def test_two_launches_side_by_side(processes, ports):
             assert parameters(it, f'/{name}/driver', 'port', 'frame_id') == [port, 'tactile_pad']
             scene = str(share('scenes', f'{SCENES[name]}.yaml'))
             assert parameters(it, f'/{name}/mock_sensor', 'port', 'scene') == [port, scene]
-            lower, rate = parameters(it, f'/{name}/edge_servo', 'workspace_lower', 'rate')
+            lower, rate = parameters(it, f'/{name}/edge_servo', 'workspace.lower', 'rate')
             of_file = shipped['/**/edge_servo']['ros__parameters']
-            assert list(lower) == of_file['workspace_lower']  # not the node's own default
+            assert list(lower) == of_file['workspace.lower']  # not the node's own default
             assert rate == of_file['rate']
         end = time.monotonic() + DEADLINE
         it.graph.spin(lambda: 'track' in processes.exits or time.monotonic() > end)

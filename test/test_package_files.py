@@ -37,3 +37,31 @@ def test_pre_commit_has_the_pinned_versions():
     assert re.search(r'ruff-pre-commit\n +rev: v(.+)', hooks)[1] == re.search(
         r'^ruff==(.+)', lock, re.M)[1]
     assert re.search(r'mypy==([^,]+)', hooks)[1] == re.search(r'^mypy==(.+)', lock, re.M)[1]
+
+
+def modules_named(text):
+    """Modules that a text names: a path from its package on, or the name of a neighbour."""
+    folder = None
+    for name in re.findall(r'`([\w/]+\.py)`', text):
+        if '/' in name:
+            folder = name.rpartition('/')[0]
+        yield name if '/' in name else f'{folder}/{name}'
+
+
+def lies_somewhere(name):
+    return any((folder / name).is_file() for folder in (ROOT, *PACKAGES))
+
+
+def test_modules_that_the_readme_names_exist():
+    table = (ROOT / 'README.md').read_text('utf-8').partition('Where to look:')[2]
+    named = list(modules_named(table.partition('\n\nHow accurate')[0]))
+    assert len(named) > 30
+    assert [name for name in named if not lies_somewhere(name)] == []
+    assert not lies_somewhere('tactile_sensing/half_space/no_such_module.py')
+
+
+def test_files_that_contributing_names_exist():
+    text = (ROOT / 'CONTRIBUTING.md').read_text('utf-8')
+    named = re.findall(r'`((?:tactile_\w+|launch|test)/[\w/.]+)`', text)
+    assert len(named) > 6
+    assert [name for name in named if not ('NAME' in name or (ROOT / name).exists())] == []

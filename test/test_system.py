@@ -138,7 +138,7 @@ def test_a_pad_of_another_size_needs_no_more_than_its_scene(tmp_path):
         info, image = it.listener.infos[-1], it.listener.images[-1]
         for message in (info, image):
             assert (message.rows, message.columns) == (12, 24)
-            assert (message.pitch_x, message.pitch_y) == (0.001, 0.0015)
+            assert (message.pitch_x, message.pitch_y) == pytest.approx((0.001, 0.0015))
         lateral, _ = it.scene.edge.nearest(settled(it)[:, :3, 3])
         assert np.abs(lateral).max() < 3e-4
         assert it.robot.rejected == it.robot.controller.limit_violations == 0

@@ -9,10 +9,12 @@ import time
 import numpy as np
 import yaml
 
+from tactile_servo.config import ServoConfig
+from tactile_servo.control.path_controller import PathConfig
 from tactile_servo.control.stability import gain_limit
-from tactile_servo.laws.edge_following_config import TraceConfig
-from tactile_servo.laws.resolved_rate import ResolvedRateConfig
-from tactile_servo.types import EdgeGoal, EdgeServoConfig, State
+from tactile_servo.laws.edge_following_config import EdgeFollowingConfig
+from tactile_servo.laws.resolved_rate import PositionConfig, ResolvedRateConfig
+from tactile_servo.types import EdgeGoal, State
 from tactile_simulation.closed_loop import PICTURE_EVERY, Simulation, STEP
 from tactile_simulation.metrics import summarise
 from tactile_simulation.scene import load_scene
@@ -87,15 +89,15 @@ def theoretical_gain(latency, dead_time, lag):
     of the windows that the servo sends.
     """
     return gain_limit(latency + dead_time + 0.5 * STEP * (1 + PICTURE_EVERY)
-                      + 2.0 / EdgeServoConfig.rate, lag)
+                      + 2.0 / ServoConfig.rate, lag)
 
 
 def is_stable(tracker, gain, latency):
     """Whether the pad comes to rest on a straight edge from a little beside it."""
     scene = shipped('straight')
     scene = replace(scene, start=replace(scene.start, offset=OFFSET))
-    settings = (ResolvedRateConfig(segment_time=1.0 / gain, limit_share=10.0)
-                if tracker == 'resolved_rate' else TraceConfig(lateral_gain=gain))
+    settings = (EdgeFollowingConfig(path=PathConfig(lateral_gain=gain)) if tracker == 'trace' else
+                ResolvedRateConfig(position=PositionConfig(1.0 / gain), limit_share=10.0))
     simulation, _ = follow(scene, tracker, 0.03, 0, latency=latency, settings=settings,
                            seconds=3.5)
     late = [cycle for cycle in simulation.log if cycle.status.state == State.TRACK][-200:]
@@ -109,5 +111,5 @@ def way_of(simulation):
     """Way of the pad and the rebuilt contour for a picture [m]."""
     way = np.array([cycle.pose[:3, 3] for cycle in simulation.log
                     if cycle.status.state not in (State.RETREAT, State.DONE)])
-    contour = simulation.servo.tracker.contour()
+    contour = simulation.servo.result().contour
     return {'_way': way[::4].tolist(), '_contour': None if contour is None else contour.tolist()}

@@ -15,8 +15,7 @@ from tactile_shape.types.patch import Kind
 
 SPEEDS = (1e-5, 5e-5, 2e-4, 1e-3, 5e-3, 2e-2, 5e-2)  # m/s, Table 4.1
 ACROSS = (1e-3, 1e-2, 5e-2)
-SWEPT = [case for case in cases.CASES if case.name in (
-    'plane', 'cylinder, radius 32.5 mm', 'sphere, radius 35 mm', 'torus, 60 and 25 mm')]
+SWEPT = (cases.PLANE_CASE, cases.CYLINDER_CASE, cases.SPHERE_CASE, cases.TORUS_CASE)
 PROBING = (0.005, 0.01, 0.02, 0.05, 0.1, 0.2, 0.5)  # m/s
 WINDOWS = (0.004, 0.008, 0.012, 0.018, 0.024, 0.036)  # m
 LOCATION = (0.0, 4e-5, 7e-5, 1.5e-4, 3e-4, 6e-4)  # m
@@ -74,7 +73,7 @@ def without_noise(progress):
     for method in (methods.local_quadric(), methods.Stream('surface_matrix, N = 6', exact)):
         progress.step(f'without noise, {method.name}')
         for case in cases.CASES:
-            errors = [cases.run(method, case, 1, None, noise=None, heading=heading)[0][0]
+            errors = [cases.run(method, case, 1, None, noise=None, heading=heading).errors.item()
                       for heading in np.radians(np.arange(0.0, 180.0, 7.5))]
             rows.append({'method': method.name, 'case': case.name,
                          **cases.spread(np.array(errors)), 'largest': float(np.max(errors))})
@@ -86,7 +85,7 @@ def error_and_time(trials, rng, progress):
     rows = []
     for method in methods.compared():
         progress.step(f'error and time, {method.name}')
-        points, normals, _ = cases.trial(cases.CASES[3], rng, length=0.1)
+        points, normals, _ = cases.trial(cases.SPHERE_CASE, rng, length=0.1)
         took = np.min([method.times(points, normals)[100:] for _ in range(5)], axis=0)
         for case in cases.CASES:
             errors, _ = cases.run(method, case, trials, rng)
@@ -130,19 +129,19 @@ def rank_map(progress):
     """Parameters that noise-free contacts see, by motion and number of contacts."""
     progress.step('rank map')
     rows = []
-    for name, surface, path in (
-            ('plane, zig-zag', 0, {'amplitude': 3e-3}),
-            ('cylinder, along the axis', 1, {'amplitude': 0.0, 'heading': 0.0}),
-            ('cylinder, straight round it', 1, {'amplitude': 0.0, 'heading': np.pi / 2}),
-            ('cylinder, straight and oblique', 1, {'amplitude': 0.0, 'heading': 0.6}),
-            ('cylinder, zig-zag', 1, {'amplitude': 3e-3, 'heading': np.pi / 2}),
-            ('sphere, great circle', 3, {'amplitude': 0.0}),
-            ('sphere, zig-zag', 3, {'amplitude': 3e-3}), ('pivot', 0, None)):
-        case = cases.CASES[surface]
+    plane, cylinder, sphere = cases.PLANE_CASE, cases.CYLINDER_CASE, cases.SPHERE_CASE
+    for name, case, path in (
+            ('plane, zig-zag', plane, {'amplitude': 3e-3}),
+            ('cylinder, along the axis', cylinder, {'amplitude': 0.0, 'heading': 0.0}),
+            ('cylinder, straight round it', cylinder, {'amplitude': 0.0, 'heading': np.pi / 2}),
+            ('cylinder, straight and oblique', cylinder, {'amplitude': 0.0, 'heading': 0.6}),
+            ('cylinder, zig-zag', cylinder, {'amplitude': 3e-3, 'heading': np.pi / 2}),
+            ('sphere, great circle', sphere, {'amplitude': 0.0}),
+            ('sphere, zig-zag', sphere, {'amplitude': 3e-3}), ('pivot', plane, None)):
         least = None
         if path is not None:
-            patch = methods.local_quadric()(*cases.trial(
-                case, np.random.default_rng(0), noise=None, **path)[:2])
+            touched = cases.trial(case, np.random.default_rng(0), noise=None, **path)
+            patch = methods.local_quadric()(touched.points, touched.normals)
             least = [bool(seen) for seen in patch.seen]
         for count in range(1, 9):
             if path is None:
@@ -166,7 +165,7 @@ def refusals(trials, rng, progress):
     """Share refused, and of patches that are wrong, by travel and breadth of the path."""
     rows = []
     for method in (methods.local_quadric(), methods.surface_matrix()):
-        for case in (cases.CASES[1], cases.CASES[3]):
+        for case in (cases.CYLINDER_CASE, cases.SPHERE_CASE):
             progress.step(f'refusals, {method.name}, {case.name}')
             for travel in TRAVELS:
                 for breadth in BREADTHS:

@@ -1,9 +1,10 @@
 """Surfaces, paths and noise of the shape benchmark, and how an error is taken."""
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
-from tactile_shape.types.patch import Kind
+from tactile_shape.types.patch import Kind, Patch
 from tactile_simulation.surfaces import add_noise, cylinder, PLANE, sphere, Torus, Weave
 
 PATCH = (0.02, 0.004)  # m
@@ -34,24 +35,43 @@ class Case:
     right: float
 
 
+PLANE_CASE = Case('plane', PLANE, Kind.PLANE, 12e-6, 3e-5, 0.95)
+CYLINDER_CASE = Case(
+    'cylinder, radius 32.5 mm', cylinder(0.0325), Kind.CYLINDER, 4e-5, 1e-4, 0.95)
+SPHERE_CASE = Case('sphere, radius 35 mm', sphere(0.035), Kind.SPHERE, 3.5e-5, 1e-4, 0.88)
+TORUS_CASE = Case(
+    'torus, 60 and 25 mm', Torus(0.06, 0.025), Kind.GENERAL, 4.5e-5, 1.1e-4, 0.98)
 CASES = (
-    Case('plane', PLANE, Kind.PLANE, 12e-6, 3e-5, 0.95),
-    Case('cylinder, radius 32.5 mm', cylinder(0.0325), Kind.CYLINDER, 4e-5, 1e-4, 0.95),
+    PLANE_CASE, CYLINDER_CASE,
     Case('cylinder, radius 100 mm', cylinder(0.1), Kind.CYLINDER, 4e-5, 1e-4, 0.95),
-    Case('sphere, radius 35 mm', sphere(0.035), Kind.SPHERE, 3.5e-5, 1e-4, 0.88),
-    Case('sphere, radius 63 mm', sphere(0.063), Kind.SPHERE, 3.5e-5, 1e-4, 0.88),
-    Case('torus, 60 and 25 mm', Torus(0.06, 0.025), Kind.GENERAL, 4.5e-5, 1.1e-4, 0.98))
+    SPHERE_CASE, Case('sphere, radius 63 mm', sphere(0.063), Kind.SPHERE, 3.5e-5, 1e-4, 0.88),
+    TORUS_CASE)
+
+
+class Trial(NamedTuple):
+    """Contacts (N, 3) and normals (N, 3) along a weave."""
+
+    points: np.ndarray
+    normals: np.ndarray
+    weave: Weave
+
+
+class Outcome(NamedTuple):
+    """Errors (trials,) [m], of `patch_error`, and the patches that have them."""
+
+    errors: np.ndarray
+    found: list[Patch]
 
 
 def trial(case, rng, *, length=TRACE, noise=NOISE, **path):
-    """Noisy contacts (N, 3) and normals (N, 3) along a weave of random heading, and the weave."""
+    """Trial of noisy contacts along a weave of random heading."""
     if 'heading' not in path:
         path['heading'] = rng.uniform(0.0, np.pi)
     weave = Weave(**path)
     points, normals = weave.trace(case.surface, length)
     if noise:
         points, normals = add_noise(points, normals, rng, **noise)
-    return points, normals, weave
+    return Trial(points, normals, weave)
 
 
 def patch_error(patch, case, weave):
@@ -70,7 +90,7 @@ def error_where_seen(patch, case):
     """The same along a principal direction that was seen; NaN if none was."""
     if not patch.valid:
         return np.nan
-    return _error(patch, case, patch.frame[:3, int(np.argmax(patch.seen))])
+    return _error(patch, case, patch.directions[np.argmax(patch.seen)])
 
 
 def _error(patch, case, direction):
@@ -79,21 +99,13 @@ def _error(patch, case, direction):
 
 
 def run(method, case, trials, rng, **options):
-    """
-    Errors of a method over many traces.
-
-    Returns
-    -------
-    errors : ndarray, shape (trials,)
-        [m], of `patch_error`.
-    found : list of Patch
-    """
+    """Outcome of a method over many traces."""
     errors, found = [], []
     for _ in range(trials):
         points, normals, weave = trial(case, rng, **options)
         found.append(method(points, normals))
         errors.append(patch_error(found[-1], case, weave))
-    return np.array(errors), found
+    return Outcome(np.array(errors), found)
 
 
 def spread(errors):

@@ -5,9 +5,10 @@ import time
 import numpy as np
 
 from tactile_shape.local_surface.local_quadric import LocalQuadric, LocalQuadricConfig
-from tactile_shape.local_surface.tangent import principal_axes, tangent_frame
+from tactile_shape.shape_estimator import SurfaceEstimator
 from tactile_shape.surface_matrix.matrix_estimator import MatrixEstimator, MatrixEstimatorConfig
-from tactile_shape.types.patch import Kind, Patch
+from tactile_shape.types.patch import Kind, Patch, refusal
+from tactile_shape.types.tangent import principal_axes, tangent_frame
 
 WINDOW = 0.024  # m
 
@@ -20,12 +21,11 @@ class Stream:
     Attributes
     ----------
     name : str
-    estimator : object
-        With `reset`, `add`, `estimate` and `update`.
+    estimator : SurfaceEstimator
     """
 
     name: str
-    estimator: object
+    estimator: SurfaceEstimator
 
     def __call__(self, points, normals):
         """Patch at the last contact of a trace."""
@@ -63,7 +63,7 @@ class Paraboloid:
     def estimate(self):
         points = np.array(self._points[-96:])
         if len(points) < 6:
-            return Patch(Kind.NONE, False, 'too few', 'paraboloid')
+            return refusal('too few', 'paraboloid')
         axes = tangent_frame(self._normal)
         x, y, z = ((points - points[-1]) @ axes).T
         rows = np.column_stack([np.ones(len(x)), x, y, 0.5 * x * x, x * y, 0.5 * y * y])
@@ -79,7 +79,8 @@ class Paraboloid:
             @ (axes[:, :2].T @ tilt[:, :2]) / long**3)
         frame[:3, :3] = tilt @ turn
         frame[:3, 3] = points[-1] + a * axes[:, 2]
-        return Patch(Kind.GENERAL, True, '', 'paraboloid', frame, curvature, np.ones(2, bool))
+        return Patch(Kind.GENERAL, True, '', 'paraboloid', frame=frame, curvature=curvature,
+                     seen=np.ones(2, bool))
 
 
 def local_quadric(name='local_quadric', **config):

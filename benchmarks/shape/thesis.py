@@ -1,4 +1,7 @@
 """The thesis' own simulation (section 4.5): a zig-zag on a cylinder, by velocities."""
+from collections.abc import Callable
+from typing import NamedTuple
+
 import numpy as np
 
 from tactile_common.errors import SurfaceError
@@ -14,10 +17,19 @@ RADIUS, FINGER = 0.1, 0.01  # m, Table 4.1
 STEPS = 5  # contacts, one a second
 NOISE = 0.15  # of the nominal velocity, uniform
 X = np.linspace(-0.01, 0.01, 41)  # m, cross-section of the patch of 20 x 4 mm
+
+
+class Form(NamedTuple):
+    """How contacts follow from motion, and whether the finger's rotation is told."""
+
+    contacts: Callable
+    rotation: bool
+
+
 FORMS = {
-    'printed, no rotation (4.38)': (printed_contacts, False),
-    'printed, with rotation': (printed_contacts, True),
-    'finite steps': (finite_contacts, True)}
+    'printed, no rotation (4.38)': Form(printed_contacts, False),
+    'printed, with rotation': Form(printed_contacts, True),
+    'finite steps': Form(finite_contacts, True)}
 
 
 def zigzag(along, across, *, rng=None, noisy='', frames_too=False, rotation=True):
@@ -61,7 +73,7 @@ def zigzag(along, across, *, rng=None, noisy='', frames_too=False, rotation=True
 
 def fit(form, motion):
     """MatrixFit of a motion, by one of `FORMS`."""
-    return fit_matrix(*FORMS[form][0](motion, 1.0 / FINGER))
+    return fit_matrix(*FORMS[form].contacts(motion, 1.0 / FINGER))
 
 
 def section(fitted, x=X):
@@ -90,4 +102,4 @@ def noisy_errors(form, along, across, noisy, trials, rng, frames_too=False):
     """Errors over the cross-section of many noisy runs, ndarray (trials, X) [m]."""
     return np.array([section_error(fit(form, zigzag(
         along, across, rng=rng, noisy=noisy, frames_too=frames_too,
-        rotation=FORMS[form][1]))) for _ in range(trials)])
+        rotation=FORMS[form].rotation))) for _ in range(trials)])

@@ -30,7 +30,7 @@ from tactile_common.progress import Progress
 from tactile_common.ros.runner import stop_on_signals
 from tactile_msgs.action import TrackEdge
 from tactile_sensing.devices.recording import load_recording
-from tactile_servo.laws.registry import DEFAULT, TRACKERS
+from tactile_servo.laws.registry import DEFAULT, LAWS
 from tactile_servo.types import State
 from tactile_simulation.metrics import describe, to_json
 from tactile_simulation.scene import load_scene
@@ -49,7 +49,7 @@ def parser() -> argparse.ArgumentParser:
         'columns), rate_hz, optional pitch_m) run through driver and estimator instead.')
     arguments.add_argument('--scene', default='straight',
                            help=f'{", ".join(scene_names())}, or the path of a .yaml file')
-    arguments.add_argument('--controller', choices=tuple(TRACKERS), default=DEFAULT,
+    arguments.add_argument('--controller', choices=tuple(LAWS), default=DEFAULT,
                            help='how the edge is followed')
     arguments.add_argument('--speed', type=float, default=0.03, help='along the edge [m/s]')
     arguments.add_argument('--force', type=float, default=5.0, help='on the pad [N]')
@@ -112,7 +112,7 @@ def track_scene(options: argparse.Namespace, folder: Path, **common) -> tuple[bo
     """Run the scene; returns success and reason."""
     path, robot = find_scene(options.scene), share('urdf', 'puma260.urdf')
     scene = load_scene(path)
-    closed = scene.edge.closed and TRACKERS[options.controller].closes_contours
+    closed = scene.edge.closed and LAWS[options.controller].closes_contours
     with private_port() as port, stop_on_signals() as stop, \
             Progress(scene.edge.length - scene.start.s) as progress, \
             apart('listeners', folder / 'bag', **common) as listeners, \

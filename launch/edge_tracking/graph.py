@@ -22,9 +22,10 @@ from rclpy.signals import SignalHandlerOptions
 
 from edge_tracking.resources import find_scene, scene_names, share
 from tactile_common.ros.runner import make_executor, spin, stop_on_signals
+from tactile_sensing.devices.registry import PROTOCOLS
 from tactile_sensing.nodes.contact_estimator import ContactEstimatorNode
-from tactile_sensing.nodes.driver import DriverNode
-from tactile_servo.laws.registry import DEFAULT, TRACKERS
+from tactile_sensing.nodes.driver import DriverConfig, DriverNode
+from tactile_servo.laws.registry import DEFAULT, LAWS
 from tactile_servo.nodes.servo import EdgeServoNode
 from tactile_shape.nodes.shape_estimator import ShapeEstimatorNode
 from tactile_simulation.nodes.mock_robot import MockRobotNode
@@ -97,10 +98,11 @@ def add_mocks(graph: Graph, port, scene, robot, seed: int = 0) -> Node:
                      scene=str(scene))
 
 
-def add_sensing(graph: Graph, port, calibration='') -> None:
+def add_sensing(graph: Graph, port, calibration='',
+                protocol: str = DriverConfig.protocol) -> None:
     """Add contact estimator and driver, in this order: then every picture is heard."""
     graph.add(ContactEstimatorNode)
-    graph.add(DriverNode, port=str(port), calibration=str(calibration))
+    graph.add(DriverNode, port=str(port), calibration=str(calibration), protocol=protocol)
 
 
 def add_servo(graph: Graph, robot, tracker: str = DEFAULT) -> Node:
@@ -133,12 +135,13 @@ def parser() -> argparse.ArgumentParser:
         description='Runs sensor, estimators, servo and, with the mock sensor, the mock robot '
         'in one process. Send goals to the action track_edge, for instance with '
         '`ros2 run edge_tracking track --ros-args -r __ns:=/tactile`.')
-    arguments.add_argument('--sensor', choices=('mock', 'flexitac'), default='mock',
-                           help='mock: synthetic sensor and robot; flexitac: a real array')
+    arguments.add_argument('--sensor', choices=('mock', *PROTOCOLS), default='mock',
+                           help='mock: synthetic sensor and robot; else the byte protocol of a '
+                           'real array')
     arguments.add_argument('--port', default='', help='serial port of a real sensor')
     arguments.add_argument('--scene', default='straight', help='what the mock sensor touches: '
                            f'{", ".join(scene_names())}, or the path of a .yaml file')
-    arguments.add_argument('--tracker', choices=tuple(TRACKERS), default=DEFAULT,
+    arguments.add_argument('--tracker', choices=tuple(LAWS), default=DEFAULT,
                            help='how the edge is followed')
     arguments.add_argument('--robot-description', default=str(share('urdf', 'puma260.urdf')),
                            help='URDF of the robot, with a link tactile_pad')
@@ -153,17 +156,20 @@ def main(args: list[str] | None = None) -> int:
     """Run the graph until it is interrupted; exit status 1 if it cannot start."""
     options = parser().parse_args(args)
     try:
-        if options.sensor == 'flexitac' and not options.port:
-            raise ValueError('--sensor flexitac needs --port, for instance --port /dev/ttyUSB0')
+        if options.sensor != 'mock' and not options.port:
+            raise ValueError(
+                f'--sensor {options.sensor} needs --port, for instance --port /dev/ttyUSB0')
         with private_port() as pty, stop_on_signals() as stop, \
                 Graph(options.parameters, options.namespace) as graph:
             port = Path(options.port or pty)
-            scene = find_scene(options.scene) if options.sensor == 'mock' else None
             add_servo(graph, options.robot_description, options.tracker)
             graph.add(ShapeEstimatorNode)
-            add_sensing(graph, port, calibrate(pty, load_scene(scene)) if scene else '')
-            if scene:
+            if options.sensor == 'mock':
+                scene = find_scene(options.scene)
+                add_sensing(graph, port, calibrate(pty, load_scene(scene)))
                 add_mocks(graph, port, scene, options.robot_description, options.seed)
+            else:
+                add_sensing(graph, port, protocol=options.sensor)
             graph.spin(stop.is_set)
     except (ValueError, RuntimeError, ParameterException) as error:
         print(f'composed: {" ".join(str(error).split())}', file=sys.stderr)

@@ -23,20 +23,21 @@ from launch_ros.actions import Node
 from launch_ros.parameter_descriptions import ParameterValue
 
 from edge_tracking.resources import find_scene, scene_names, share
-from tactile_servo.laws.registry import DEFAULT, TRACKERS
+from tactile_sensing.devices.registry import PROTOCOLS
+from tactile_servo.laws.registry import DEFAULT, LAWS
 from tactile_simulation.scene import load_scene
 from tactile_simulation.scene_calibration import write_calibration
 
 ARGUMENTS = (
-    ('sensor', 'mock', 'mock: synthetic array on a pseudo-terminal; flexitac: a real array on '
-     'a serial port', ('mock', 'flexitac')),
+    ('sensor', 'mock', 'mock: synthetic array on a pseudo-terminal; else the byte protocol of a '
+     'real array on a serial port', ('mock', *PROTOCOLS)),
     ('port', '', 'serial port of a real array; for the mock, the link to its pseudo-terminal '
      '(default: one of its own in the folder for temporary files)', None),
     ('robot', 'auto', 'mock: robot in software; real: a running joint_trajectory_controller; '
      'auto: mock with the mock sensor, else real', ('auto', 'mock', 'real')),
     ('scene', 'straight', f'what the mock sensor touches: {", ".join(scene_names())}, or the '
      'path of a .yaml file', None),
-    ('tracker', DEFAULT, 'law by which the edge is followed', tuple(TRACKERS)),
+    ('tracker', DEFAULT, 'law by which the edge is followed', tuple(LAWS)),
     ('speed', '0.03', 'along the edge [m/s]', None),
     ('force', '5.0', 'normal force on the pad [N]', None),
     ('length', '0.0', 'way to track [m]; 0 = until the edge ends', None),
@@ -74,7 +75,8 @@ def nodes(context):
     mock_robot = value['robot'] == 'mock' or (value['robot'] == 'auto' and mock_sensor)
     start = value['start'] == 'true' or (value['start'] == 'auto' and mock_robot)
     if not mock_sensor and not value['port']:
-        raise RuntimeError('sensor:=flexitac needs its port, for instance port:=/dev/ttyUSB0')
+        raise RuntimeError(
+            f'sensor:={value["sensor"]} needs its port, for instance port:=/dev/ttyUSB0')
     path = str(find_scene(value['scene'])) if mock_sensor or mock_robot else ''
     scene = load_scene(path) if path else None
     # Not only by its namespace: another launch on this machine must not take the link over.
@@ -90,15 +92,14 @@ def nodes(context):
                    for key, it in parameters.items()}}])
 
     robot = {'robot_description': value['robot_description']}
-    driver = {'port': port}
-    actions = []
-    if mock_sensor and scene:
+    actions, driver = [], {'protocol': value['sensor']}
+    if mock_sensor:
         calibration = write_calibration(scene, Path(f'{port}.yaml'))
-        driver['calibration'] = str(calibration)
+        driver = {'calibration': str(calibration)}
         actions.append(RegisterEventHandler(OnShutdown(
             on_shutdown=lambda *_: calibration.unlink(missing_ok=True))))
     actions += [
-        node('tactile_sensing', 'driver', **driver),
+        node('tactile_sensing', 'driver', port=port, **driver),
         node('tactile_sensing', 'contact_estimator'),
         node('tactile_shape', 'shape_estimator'),
         node('tactile_servo', 'edge_servo', tracker=value['tracker'], **robot)]
@@ -109,7 +110,7 @@ def nodes(context):
     if start:
         # The nodes start along with it, and their first start ever compiles their kernels.
         closed = (scene is not None and scene.edge.closed
-                  and TRACKERS[value['tracker']].closes_contours)
+                  and LAWS[value['tracker']].closes_contours)
         track = node('edge_tracking', 'track', wait=60.0, closed=closed, **{
             name: number(name, value[name]) for name in ('speed', 'force', 'length')})
         actions.append(track)

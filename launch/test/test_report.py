@@ -13,8 +13,8 @@ from recorded_run import TOPICS, write_bag
 from edge_tracking.recording.frames_summary import summarise_recording
 from edge_tracking.recording.reader import read_run
 from edge_tracking.recording.summary import summarise
-from edge_tracking.report.figures import surface
 from edge_tracking.report.page import make_recording_report, make_report, picture
+from edge_tracking.report.plans import surface
 from edge_tracking.report.style import png
 from tactile_servo.types import State
 from tactile_shape.local_surface.local_quadric import LocalQuadric

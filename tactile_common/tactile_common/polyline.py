@@ -116,9 +116,9 @@ def nearest_on_polyline(xs, ys, stations, x, y, first=-np.inf, last=np.inf):
         if stations[k] > last:
             break
         chord_x, chord_y = xs[k + 1] - xs[k], ys[k + 1] - ys[k]
-        length = math.hypot(chord_x, chord_y)
-        ux, uy = (chord_x / length, chord_y / length) if length > 0.0 else (0.0, 0.0)
-        share = ((x - xs[k]) * ux + (y - ys[k]) * uy) / length if length > 0.0 else 0.0
+        dx, dy = x - xs[k], y - ys[k]
+        length = chord_x * chord_x + chord_y * chord_y  # squared
+        share = (dx * chord_x + dy * chord_y) / length if length > 0.0 else 0.0
         if share <= 0.0:
             share, px, py = 0.0, xs[k], ys[k]
         elif share >= 1.0:
@@ -126,11 +126,16 @@ def nearest_on_polyline(xs, ys, stations, x, y, first=-np.inf, last=np.inf):
         else:
             px, py = xs[k] + share * chord_x, ys[k] + share * chord_y
         dx, dy = x - px, y - py
-        squared, cross = dx * dx + dy * dy, ux * dy - uy * dx
-        if squared < best or (squared == best and along_x == along_y == 0.0):
+        squared = dx * dx + dy * dy
+        if squared > best:
+            continue
+        length = math.sqrt(length)
+        ux, uy = (chord_x / length, chord_y / length) if length > 0.0 else (0.0, 0.0)
+        cross = ux * dy - uy * dx
+        if squared < best or along_x == along_y == 0.0:
             station = stations[k] + share * (stations[k + 1] - stations[k])
             place_x, place_y, left, along_x, along_y = px, py, cross, ux, uy
-        if squared < best or (squared == best and abs(cross) > seen):
+        if squared < best or abs(cross) > seen:
             best, seen = squared, abs(cross)
             offset = math.copysign(math.sqrt(squared), cross)
     return Projection(station, place_x, place_y, offset, left, along_x, along_y)

@@ -68,16 +68,16 @@ class StateBuffer(Generic[State]):
         """State at a stamp; None where there are none close enough on both sides."""
         if self.newest_ns is None or stamp_ns > self.newest_ns + self._max_ahead_ns:
             return None
-        later_ns, later = None, None
+        later_ns, later = self._states[-1]
         for earlier_ns, earlier in reversed(self._states):
             if earlier_ns <= stamp_ns:
                 break
             later_ns, later = earlier_ns, earlier
         else:
             return None
-        if later_ns is None or earlier_ns == stamp_ns:
-            return earlier
         span = later_ns - earlier_ns
+        if not span or earlier_ns == stamp_ns:
+            return earlier
         if span > self._max_gap_ns:
             return None
         return self._between(earlier, later, (stamp_ns - earlier_ns) / span)

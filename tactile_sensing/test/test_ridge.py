@@ -19,7 +19,7 @@ def line(yaw, rho=0.001, noise=0.0, seed=0):
 
 
 def distance(points, yaw, rho=0.001):
-    return points[:, 0] * math.cos(yaw) + points[:, 1] * math.sin(yaw) - rho
+    return points['x'] * math.cos(yaw) + points['y'] * math.sin(yaw) - rho
 
 
 @pytest.mark.parametrize('yaw', YAWS)
@@ -27,10 +27,10 @@ def test_points_lie_on_a_straight_edge_and_run_along_it(yaw):
     points = ridge_points(line(yaw), PAD, 1.0, 0.002)
     assert len(points) >= 12
     np.testing.assert_allclose(distance(points, yaw), 0.0, atol=1e-9)
-    along = points[:, 2] * -math.sin(yaw) + points[:, 3] * math.cos(yaw)
+    along = points['tx'] * -math.sin(yaw) + points['ty'] * math.cos(yaw)
     np.testing.assert_allclose(np.abs(along), 1.0, atol=1e-9)
-    np.testing.assert_allclose(points[:, 4], 2 * 200.0 / (math.pi * 0.002), rtol=1e-9)
-    np.testing.assert_allclose(points[:, 5], 1.0, atol=1e-6)
+    np.testing.assert_allclose(points['pressure'], 2 * 200.0 / (math.pi * 0.002), rtol=1e-9)
+    np.testing.assert_allclose(points['quality'], 1.0, atol=1e-6)
 
 
 @pytest.mark.parametrize('yaw', YAWS)

@@ -6,7 +6,10 @@ one takes several times as long, and what has been published is free again.
 """
 
 from array import array
+from collections.abc import Callable, Sequence
+from typing import Any, NamedTuple
 
+from builtin_interfaces.msg import Time
 from geometry_msgs.msg import PoseStamped
 import numpy as np
 from sensor_msgs.msg import JointState
@@ -23,15 +26,17 @@ from tactile_common.ros.conversions import (
 from tactile_msgs.action import TrackEdge
 from tactile_msgs.msg import ServoStatus
 from tactile_servo.motion.trajectory import Trajectory
-from tactile_servo.types import EdgeGoal
+from tactile_servo.supervisor import Supervisor
+from tactile_servo.types import EdgeGoal, Status
 
 _FIELDS = ('positions', 'velocities', 'accelerations')
 _EMPTY = array('d')
-_NUMBERS = ('lateral_error', 'angle_error', 'normal_force', 'force_target', 'speed', 'progress',
-            'limit_scale', 'manipulability')
+_NUMBERS = ('lateral_error', 'longitudinal_error', 'angle_error', 'normal_force', 'force_target',
+            'speed', 'progress', 'limit_scale', 'manipulability')
 
 
-def trajectory_to_msg(trajectory, into=None):
+def trajectory_to_msg(trajectory: Trajectory,
+                      into: JointTrajectory | None = None) -> JointTrajectory:
     """JointTrajectory message of a Trajectory."""
     message = JointTrajectory() if into is None else into
     message.joint_names = list(trajectory.joint_names)
@@ -48,7 +53,7 @@ def trajectory_to_msg(trajectory, into=None):
     return message
 
 
-def trajectory_from_msg(message):
+def trajectory_from_msg(message: JointTrajectory) -> Trajectory:
     """
     Trajectory of a JointTrajectory message.
 
@@ -68,7 +73,7 @@ def trajectory_from_msg(message):
                 raise Rejected(f'point {k} has {count} {name} for {len(names)} joints')
         if len(point.effort):
             raise Rejected(f'point {k} has effort, which a position controller does not take')
-    values = {}
+    values: dict[str, Any] = {}
     for name in _FIELDS:
         rows = [getattr(point, name) for point in message.points]
         given = [len(row) > 0 for row in rows]
@@ -82,7 +87,8 @@ def trajectory_from_msg(message):
         stamp=stamp_to_seconds(message.header.stamp), **values)
 
 
-def joint_state_to_msg(stamp, joint_names, positions, velocities, into=None):
+def joint_state_to_msg(stamp: Time, joint_names: Sequence[str], positions: np.ndarray,
+                       velocities: np.ndarray, into: JointState | None = None) -> JointState:
     """
     JointState message.
 
@@ -103,7 +109,7 @@ def joint_state_to_msg(stamp, joint_names, positions, velocities, into=None):
     return message
 
 
-def joint_positions(message, joint_names):
+def joint_positions(message: JointState, joint_names: Sequence[str]) -> np.ndarray | None:
     """
     Positions (n,) of the named joints [rad or m], None if the message lacks one of them.
 
@@ -116,19 +122,20 @@ def joint_positions(message, joint_names):
     return np.array(message.position)[order]
 
 
-def goal_from_msg(message):
+def edge_goal_from_msg(message: TrackEdge.Goal) -> EdgeGoal:
     """EdgeGoal of a TrackEdge goal message; direction 0 means +1."""
     return EdgeGoal(message.speed, message.force, message.direction or 1, message.length,
                     message.retreat, message.closed)
 
 
-def result_to_msg(servo, duration, base_frame):
+def edge_result_to_msg(servo: Supervisor, duration: float, base_frame: str) -> TrackEdge.Result:
     """TrackEdge result of a servo whose goal has ended after `duration` [s]."""
-    track = servo.statistics
+    track, reason = servo.statistics, servo.reason
     message = TrackEdge.Result(
-        success=servo.success, reason=servo.reason, tracked_length=track.length,
-        duration=duration, lateral_rms=track.lateral_rms, lateral_max=track.lateral_max,
-        force_rms_error=track.force_rms_error, force_max=track.force_max, closed=servo.closed)
+        success=servo.success, reason_code=int(reason.code), reason=reason.text,
+        tracked_length=track.length, duration=duration, lateral_rms=track.lateral_rms,
+        lateral_max=track.lateral_max, force_rms_error=track.force_rms_error,
+        force_max=track.force_max, closed=servo.result().closed)
     for stamp_ns, pose in servo.contour():
         stamped = PoseStamped(pose=pose_to_msg(pose))
         stamped.header.stamp, stamped.header.frame_id = stamp_from_ns(stamp_ns), base_frame
@@ -136,11 +143,36 @@ def result_to_msg(servo, duration, base_frame):
     return message
 
 
-def status_to_msg(status, controller, cycle_time, missed_cycles, into=None):
+def edge_feedback_to_msg(status: ServoStatus) -> TrackEdge.Feedback:
+    """TrackEdge feedback of a ServoStatus message."""
+    return TrackEdge.Feedback(
+        state=status.state, reason_code=status.reason_code, reason=status.reason,
+        progress=status.progress, lateral_error=status.lateral_error,
+        angle_error=status.angle_error, normal_force=status.normal_force)
+
+
+class Action(NamedTuple):
+    """An action of the servo: its type, and what its goal, result and feedback are in the core."""
+
+    type: Any
+    goal_from_msg: Callable
+    result_to_msg: Callable
+    feedback_to_msg: Callable
+
+
+# By the names that the registry of laws gives them.
+ACTIONS = {
+    'track_edge': Action(
+        TrackEdge, edge_goal_from_msg, edge_result_to_msg, edge_feedback_to_msg),
+}
+
+
+def status_to_msg(status: Status, controller: str, cycle_time: float, missed_cycles: int,
+                  into: ServoStatus | None = None) -> ServoStatus:
     """ServoStatus message of a Status, its header left as it is."""
     message = ServoStatus() if into is None else into
-    message.controller, message.state, message.reason = (
-        controller, int(status.state), status.reason)
+    message.controller, message.state = controller, int(status.state)
+    message.reason_code, message.reason = int(status.reason.code), status.reason.text
     set_stamp(message.contact_stamp, status.contact_stamp_ns)
     message.contact_fresh, message.joints_fresh = status.contact_fresh, status.joints_fresh
     for name in _NUMBERS:

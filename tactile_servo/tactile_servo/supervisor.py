@@ -1,72 +1,68 @@
 """
-Edge tracking by touch: the contact state machine around a tracker (chapter 5).
+When a servo moves: the contact state machine around a servo law (chapter 5).
 
 `idle -> approach -> track -> retreat -> done`, and from anywhere `hold` with its reason. The
-servo reads no clock: stamps and steady times come in with the data.
+supervisor reads no clock, stamps and steady times come in with the data; and it does not know
+what is tracked, that is its law's affair.
 """
 
-from collections import namedtuple
-import math
+from typing import Any
 
 import numpy as np
 
-from tactile_sensing.types.contact import Reason
-from tactile_servo.laws.resolved_rate import ResolvedRate
-from tactile_servo.motion.joint_history import JointHistory
-from tactile_servo.motion.limits import limit_velocities
-from tactile_servo.motion.robot import damped_least_squares
-from tactile_servo.motion.window import stopping_window
+from tactile_sensing.types.contact import Contact
+from tactile_sensing.types.image import SensorInfo, TactileImage
+from tactile_servo.config import ServoConfig, WINDOW_PERIODS
+from tactile_servo.goal_run import GoalRun
+from tactile_servo.inputs import Inputs
+from tactile_servo.law import LawResult, Observation, Refusal, ServoLaw
+from tactile_servo.motion.limits import JointLimits, WorkspaceBox
+from tactile_servo.motion.motion import Motion, MotionStep
+from tactile_servo.motion.robot import RobotModel
+from tactile_servo.motion.trajectory import Trajectory
+from tactile_servo.reasons import GoalRefused, Reason, ReasonCode
+from tactile_servo.state_machine import Event, StateMachine
 from tactile_servo.track_statistics import along_contour, TrackStatistics
-from tactile_servo.types import EdgeServoConfig, NAN, State, Status, TRACKING, WINDOW_PERIODS
+from tactile_servo.types import NAN, State, Status, TaskError, TRACKING
 
-# Newest datum of a kind: value, its own stamp [ns] and steady time of arrival [s].
-Sample = namedtuple('Sample', 'value stamp_ns arrival')
+UNKNOWN = TaskError()
 
 
-class EdgeServo:
+class Supervisor:
     """
-    Drive a robot along an edge by touch.
+    Drive a robot along something by touch.
 
-    Feed it with `see_joints`, `see_contact` and, if the tracker `sees_images`, `see_image`;
-    start it with `start`, call `cycle` at the control rate and send what it returns. How to
-    follow the edge is the tracker's affair, when to move at all is decided here.
-
-    Parameters
-    ----------
-    robot : RobotModel
-    limits : JointLimits
-    config : EdgeServoConfig
-    tracker : ResolvedRate or Trace, optional
-    workspace : WorkspaceBox, optional
+    Feed it with `see_sensor`, `see_joints`, `see_contact` and, if its law `sees_images`,
+    `see_image`; start it with `start`, call `cycle` at the control rate and send what it
+    returns.
 
     Attributes
     ----------
-    pose : ndarray, shape (4, 4)
-        Measured pose of the sensor; None before the first joint state.
+    law : ServoLaw
+    config : ServoConfig
+    inputs : Inputs
+    motion : Motion
+    run : GoalRun or None
+        Of the goal that is worked on, or of the last one.
     """
 
-    def __init__(self, robot, limits, config=None, tracker=None, workspace=None):
-        self.robot, self.limits, self.workspace = robot, limits, workspace
-        self.config = config or EdgeServoConfig()
-        self.tracker = tracker or ResolvedRate(self.config)
-        self.state, self.reason = State.IDLE, 'waiting for a goal'
-        self.goal = None
-        self.success = False
-        self.statistics = None
-        self.contact = self.joints = self.pose = None
-        self._load = 0.0
-        self._paused, self._stopping, self._outcome = False, '', ''
-        self._contact_fresh = self._joints_fresh = False
-        self._resume_state = State.APPROACH
-        self._history = JointHistory(limits)
-        self._state_since = -np.inf
-        self._commanded = self._commanded_pose = self._velocities = None
-        self._anchor = None  # where the current way (approach, retreat, press depth) began
-        self._last_ns = None
+    def __init__(self, robot: RobotModel, limits: JointLimits, law: ServoLaw,
+                 config: ServoConfig | None = None, workspace: WorkspaceBox | None = None):
+        self.law, self.config = law, config or ServoConfig()
+        self.inputs = Inputs(robot, limits, self.config.input)
+        self.motion = Motion(robot, limits, self.config.motion,
+                             WINDOW_PERIODS / self.config.rate, workspace)
+        self.run: GoalRun | None = None
+        self._machine = StateMachine()
+        self._last_ns: int | None = None
 
     # Input -------------------------------------------------------------------------------
 
-    def see_joints(self, positions, stamp_ns, arrival):
+    def see_sensor(self, sensor: SensorInfo) -> None:
+        """Take what is known of the sensor; a goal begins with it."""
+        self.inputs.sensor = sensor
+
+    def see_joints(self, positions: np.ndarray, stamp_ns: int, arrival: float) -> None:
         """
         Take a measured joint state (n,) [rad], its stamp [ns] and steady arrival time [s].
 
@@ -75,95 +71,122 @@ class EdgeServo:
         ValueError
             It cannot be believed, see `JointHistory.add`.
         """
-        positions = self._history.add(positions, stamp_ns)
-        self.joints = Sample(positions, stamp_ns, arrival)
-        self.pose = self.robot.pose(positions)
+        self.inputs.see_joints(positions, stamp_ns, arrival)
 
-    def see_contact(self, contact, stamp_ns, arrival):
+    def see_contact(self, contact: Contact, stamp_ns: int, arrival: float) -> None:
         """Take a contact estimate, its image's stamp [ns] and steady arrival time [s]."""
-        self.contact = Sample(contact, stamp_ns, arrival)
-        # The larger of what is fitted and summed.
-        self._load = max((force for force in (contact.normal_force, contact.moments.m0)
-                          if math.isfinite(force)), default=0.0)
-        self.tracker.see_contact(contact, stamp_ns, arrival, self._age(stamp_ns))
+        self.inputs.see_contact(contact, stamp_ns, arrival)
+        self._tell(Observation(stamp_ns, arrival, self.inputs.age(stamp_ns),
+                               self.inputs.pose_at, contact=contact))
 
-    def see_image(self, image, arrival):
-        """Take a TactileImage and its steady arrival time [s], for a tracker that sees them."""
-        if self.goal is None or not self.tracker.sees_images:
-            return
-        pose = self.pose_at(image.stamp_ns)
-        if pose is not None:
-            self.tracker.see_image(image, pose, arrival, self._age(image.stamp_ns))
+    def see_image(self, image: TactileImage, arrival: float) -> None:
+        """Take an image and its steady arrival time [s], for a law that sees them."""
+        if self._machine.active and self.law.sees_images:
+            self._tell(Observation(image.stamp_ns, arrival, self.inputs.age(image.stamp_ns),
+                                   self.inputs.pose_at, image=image))
 
-    def _age(self, stamp_ns):
-        """How much older than the newest joint state a picture is [s]; inf if there is none."""
-        return max(1e-9 * (self.joints.stamp_ns - stamp_ns), 0.0) if self.joints else math.inf
+    def _tell(self, observation):
+        self.law.observe(observation)
+        if self.run is not None and self.law.sees_images == (observation.image is not None):
+            self.run.observed = observation.arrival
 
-    def pose_at(self, stamp_ns):
-        """Measured pose (4, 4) of the sensor at a stamp [ns]; None where it is not known."""
-        positions = self._history.at(stamp_ns)
-        return None if positions is None else self.robot.pose(positions)
+    # Goal --------------------------------------------------------------------------------
 
-    def check(self, goal):
-        """Return why a goal cannot be accepted now, or '' if it can."""
-        c = self.config
-        if self.goal is not None:
-            return 'busy: a goal is active; cancel it first'
-        if self.joints is None:
-            return 'no joint state has been received'
-        for name, value, bound in (('speed', goal.speed, c.max_speed),
-                                   ('force', goal.force, c.max_force)):
+    @property
+    def state(self) -> State:
+        """State of the servo."""
+        return self._machine.state
+
+    @property
+    def reason(self) -> Reason:
+        """Why it is in that state."""
+        return self._machine.reason
+
+    @property
+    def active(self) -> bool:
+        """Whether a goal is being worked on."""
+        return self._machine.active
+
+    @property
+    def success(self) -> bool:
+        """Whether the last goal was met."""
+        return self.run is not None and self.run.ending.success
+
+    @property
+    def statistics(self) -> TrackStatistics:
+        """What the last goal has achieved so far."""
+        return TrackStatistics(NAN) if self.run is None else self.run.statistics
+
+    def check(self, goal: Any) -> Refusal | None:
+        """Why a goal cannot be accepted now, or None if it can."""
+        if self.state != State.IDLE:
+            return Refusal(ReasonCode.BUSY, 'cancel it first')
+        if self.inputs.joints is None:
+            return Refusal(ReasonCode.NO_JOINT_STATE, 'none has been received')
+        if self.inputs.sensor is None:
+            return Refusal(ReasonCode.NO_IMAGE, 'no sensor_info has been received')
+        for name, value, bound in (('speed', goal.speed, self.config.speed.max),
+                                   ('force', goal.force, self.config.force.max)):
             if not 0.0 < value <= bound:
-                return f'{name} {value:g} is outside 0..{bound:g}'
-        if goal.force <= c.contact_force:
-            return f'force {goal.force:g} N is not above contact_force, {c.contact_force:g} N'
-        if not 0.0 <= goal.length < np.inf:
-            return f'length {goal.length:g} is negative or not finite'
-        if goal.direction not in (-1, 1):
-            return f'direction {goal.direction} is neither +1 nor -1'
-        return self.tracker.refuse(goal)
+                return Refusal(ReasonCode.INVALID_GOAL,
+                               f'{name} {value:g} is outside 0..{bound:g}')
+        least = self.config.approach.contact_force
+        if goal.force <= least:
+            return Refusal(ReasonCode.INVALID_GOAL,
+                           f'force {goal.force:g} N is not above contact_force, {least:g} N')
+        return self.law.validate(goal)
 
-    def note(self, text):
-        """Put a text into the status of an idle servo: a rejected goal has no other answer."""
-        if self.goal is None:
-            self.reason = text
+    def note(self, refusal: Refusal) -> None:
+        """Put a refusal into the status of an idle servo: it has no other answer."""
+        if not self.active:
+            self._machine.reason = refusal
 
-    def start(self, goal, now):
+    def start(self, goal: Any, now: float) -> None:
         """
         Begin a goal at steady time `now` [s].
 
         Raises
         ------
-        ValueError
-            The goal cannot be accepted; the message says why.
+        GoalRefused
+            The goal cannot be accepted.
         """
-        why = self.check(goal)
-        if why:
-            raise ValueError(why)
-        self.goal, self.success = goal, False
-        self._paused, self._stopping, self._outcome = False, '', ''
-        self.statistics = TrackStatistics(goal.force)
-        self.tracker.begin(goal)
-        self._resume_state = State.APPROACH
-        self._seed()
-        self._enter(State.APPROACH, 'goal accepted', now)
+        refusal, inputs = self.check(goal), self.inputs
+        if refusal is not None or inputs.sensor is None or inputs.joints is None:
+            raise GoalRefused(refusal or Refusal(ReasonCode.BUSY))
+        self.law.begin(goal, inputs.sensor)
+        self.motion.seed(inputs.joints.value)
+        self.run = GoalRun(goal, self.config, self.law, inputs, self.motion, self._machine)
+        self._machine.fire(Event.START, Reason(ReasonCode.GOAL_ACCEPTED), now)
 
-    def cancel(self):
+    def cancel(self) -> None:
         """Stop within the robot's limits and end the goal."""
-        self._stopping = 'cancelled'
+        if self.run is not None and self.active:
+            self.run.cancel()
 
-    def pause(self, paused, now):
+    def pause(self, paused: bool, now: float) -> bool:
         """Hold (true) or go on (false); returns whether there was a goal to act on."""
-        if self.goal is None:
+        if self.run is None or not self.active:
             return False
-        self._paused = paused
-        if not paused and self.state == State.HOLD and not self._standstill_reason():
-            self._leave_hold(now, 'resumed')
+        self.run.pause(paused, now)
         return True
+
+    def result(self) -> LawResult:
+        """What the law has learnt."""
+        return self.law.result()
+
+    def contour(self) -> list[tuple[int, np.ndarray]]:
+        """Stamps [ns] and poses (4, 4) of the sensor along what was tracked, in the base frame."""
+        visited = self.run.statistics.contour if self.run else []
+        nodes = self.law.result().contour
+        return visited if nodes is None else along_contour(nodes, visited)
+
+    def finish(self) -> None:
+        """Go from done to idle, once the result has been taken."""
+        self._machine.fire(Event.FINISH, Reason(ReasonCode.WAITING, f'last: {self.reason.text}'))
 
     # Cycle -------------------------------------------------------------------------------
 
-    def cycle(self, now, now_ns):
+    def cycle(self, now: float, now_ns: int) -> tuple[Status, Trajectory | None]:
         """
         Decide one control cycle.
 
@@ -180,224 +203,31 @@ class EdgeServo:
         trajectory : Trajectory or None
             To send to the joint trajectory controller; None while no goal is active.
         """
+        dt = self._elapsed(now_ns)
+        self.inputs.refresh(now, now_ns)
+        if self.run is None or not self.active or dt <= 0.0:
+            return Status(self.state, self.reason, **self.inputs.known()), None
+        self.run.count()
+        self.run.decide(now)
+        step = self.motion.command(self.run.twist(dt), dt)
+        return self._status(self.run, step), step.trajectory
+
+    def _elapsed(self, now_ns):
+        """Time since the last cycle by the clock of the stamps, by which the robot moves [s]."""
         period = 1.0 / self.config.rate
-        # By the clock of the stamps: under simulated time the robot moves by that one.
         dt = period if self._last_ns is None else (now_ns - self._last_ns) * 1e-9
-        dt = min(max(dt, 0.0), 2.0 * period)
         self._last_ns = now_ns
-        self._contact_fresh = self._fresh(self.contact, self.config.stale_image, now, now_ns)
-        self._joints_fresh = self._fresh(self.joints, self.config.stale_joints, now, now_ns)
-        known = {'contact_fresh': self._contact_fresh, 'joints_fresh': self._joints_fresh,
-                 'contact_stamp_ns': self.contact.stamp_ns if self.contact else 0,
-                 'normal_force': self._load if self.contact else NAN}
-        if self.goal is None or dt <= 0.0:
-            return Status(self.state, self.reason, **known), None
-        pose = self.pose
-        if self.state in TRACKING:
-            self.statistics.move(pose, self.tracker.heading(pose))
-        else:
-            self.statistics.stand()
-        self._decide(now, pose)
-        status, trajectory = self._command(self._twist(pose, dt), dt, known)
-        if self.state == State.DONE:
-            self.goal = None
-        return status, trajectory
+        return min(max(dt, 0.0), 2.0 * period)
 
-    @property
-    def closed(self):
-        """Whether the contour closed."""
-        return self.tracker.closed
-
-    def contour(self):
-        """Stamps [ns] and poses (4, 4) of the sensor frame along the edge, in the base frame."""
-        nodes = self.tracker.contour()
-        if nodes is None:
-            return self.statistics.contour
-        return along_contour(nodes, self.statistics.contour)
-
-    def finish(self):
-        """Go from done to idle, once the result has been taken."""
-        self.state, self.reason = State.IDLE, f'waiting for a goal; last: {self.reason}'
-
-    @staticmethod
-    def _stamp_gap(sample, now_ns):
-        return abs(now_ns - sample.stamp_ns) * 1e-9
-
-    def _fresh(self, sample, limit, now, now_ns):
-        return (sample is not None and now - sample.arrival <= limit
-                and self._stamp_gap(sample, now_ns) <= self.config.max_stamp_age)
-
-    def _seed(self):
-        """Start from the measured state, never from an old target."""
-        self._commanded, self._commanded_pose = self.joints.value.copy(), self.pose
-        self._velocities = np.zeros_like(self._commanded)
-        self.tracker.resume()
-        self._anchor = self._commanded_pose
-
-    def _enter(self, state, reason, now):
-        self.state, self.reason, self._state_since = state, reason, now
-        self._anchor = self._commanded_pose
-
-    def _advance(self):
-        """How far the commanded sensor stands beyond the anchor along its own normal [m]."""
-        way = self._commanded_pose[:3, 3] - self._anchor[:3, 3]
-        return float(way @ self._anchor[:3, 2])
-
-    def _standstill_reason(self):
-        """Why the robot must stand still whatever the edge does, or ''."""
-        if self._paused:
-            return 'paused'
-        if not self._joints_fresh:
-            return 'joint state is stale' if self.joints else 'no joint state'
-        if self.state != State.RETREAT:  # lifting off needs no picture
-            if not self._contact_fresh:
-                return 'tactile image is stale' if self.contact else 'no tactile image'
-            if Reason.NOT_TARED in self.contact.value.reasons:
-                return 'sensor is not tared'
-        behind = np.abs(self._commanded - self.joints.value)
-        if behind.max() > self.config.following_error:
-            return f'robot does not follow: {self.limits.names[int(np.argmax(behind))]}'
-        return ''
-
-    def _decide(self, now, pose):
-        why = self._standstill_reason()
-        if self.state == State.HOLD and not self._stopping:
-            self._decide_hold(now, why)
-        if self._stopping:
-            self.state, self.reason = State.HOLD, self._stopping
-            self._done_when_standing()
-        elif self.state == State.HOLD and (why or self._load <= self.config.max_load):
-            return
-        elif why:
-            self._hold(now, why)
-        elif self._load > self.config.max_load and self.state != State.RETREAT:
-            self._end(now, False, f'overload: {self._load:.1f} N', lift=True)
-        elif self.state == State.APPROACH:
-            self._decide_approach(now)
-        elif self.state in TRACKING:
-            self._decide_track(now, pose)
-        elif self.state == State.RETREAT and -self._advance() >= self.config.retreat_distance:
-            self._done_when_standing()
-
-    def _decide_approach(self, now):
-        c = self.config
-        if self._load >= c.contact_force and self.tracker.ready(now):
-            self._enter(State.TRACK, 'contact', now)
-        elif self._load >= self.goal.force and (
-                self.tracker.looked > self._state_since
-                or now - self._state_since > c.edge_lost):
-            self._end(now, False, f'contact on approach, but {self.tracker.reason}', lift=True)
-        elif self._advance() >= c.approach_distance:
-            self._end(now, False, f'no contact within {c.approach_distance:g} m', lift=True)
-
-    def _decide_track(self, now, pose):
-        goal, c = self.goal, self.config
-        verdict = self.tracker.judge(now, pose, self.statistics.length, self._load)
-        if verdict.state == State.HOLD:
-            self._hold(now, verdict.reason)
-            return
-        features = self.tracker.features
-        self.statistics.see(features, pose, self.contact.stamp_ns)
-        if features.force >= 0.5 * goal.force:
-            self._anchor = self._commanded_pose  # as deep as is known to be sound
-        if goal.length and self.statistics.length >= goal.length:
-            self._end(now, True, 'length reached')
-        elif verdict.state == State.DONE:
-            self._end(now, verdict.success, verdict.reason, lift=verdict.lift)
-        elif self._advance() > c.press_depth:
-            self._end(now, False, f'went {c.press_depth:g} m deeper without meeting the force',
-                      lift=True)
-        elif verdict.state != self.state:
-            # After a hold the tracker no longer knows that it was searching.
-            self.state, self._state_since = verdict.state, now
-            self.reason = verdict.reason or 'the edge is back'
-
-    def _hold(self, now, reason):
-        self._resume_state = self.state
-        self.state, self.reason, self._state_since = State.HOLD, reason, now
-
-    def _decide_hold(self, now, why):
-        if why:
-            self.reason = why
-        held = now - self._state_since
-        edge_needed = self._resume_state in TRACKING
-        back = not why and (not edge_needed or self.tracker.ready(now))
-        if back and held <= self.config.resume_within:
-            self._leave_hold(now, 'input is back')
-        elif not self._paused and held > self.config.give_up:
-            self._end(now, False, f'gave up: {self.reason}')
-        elif back and 'resume' not in self.reason:
-            self.reason += '; input is back: resume with ~/pause false'
-
-    def _leave_hold(self, now, reason):
-        """Go on from the measured state, or from the commanded one while that still moves."""
-        anchor = self._anchor
-        if self._velocities.any():
-            self.tracker.resume()
-        else:
-            self._seed()
-        self._enter(self._resume_state, self._outcome or reason, now)
-        self._anchor = anchor  # the way already gone still counts
-
-    def _end(self, now, success, reason, lift=False):
-        """End the goal: lift off where that is asked for or needed, else stop."""
-        self.success, self._outcome = success, reason
-        if (lift or self.goal.retreat) and not self._standstill_reason():
-            self._enter(State.RETREAT, reason, now)
-        else:
-            self._stopping = reason
-
-    def _done_when_standing(self):
-        if not self._velocities.any():
-            self.state = State.DONE
-
-    # Motion ------------------------------------------------------------------------------
-
-    def _twist(self, pose, dt):
-        """Return the wanted twist of the sensor in its own frame (6,) [m/s, rad/s]."""
-        c, twist = self.config, np.zeros(6)
-        if self.state == State.APPROACH and self._load < self.goal.force:
-            # What is to be touched lightly is touched slowly: the pad stops late.
-            twist[2] = min(c.approach_speed * min(self.goal.force / c.soft_touch, 1.0),
-                           self.tracker.touch_speed)
-        elif self.state == State.RETREAT and -self._advance() < c.retreat_distance:
-            twist[2] = -c.approach_speed
-        elif self.state in TRACKING:
-            twist = self.tracker.twist(pose, self._commanded_pose, dt)
-            if (Reason.SATURATED in self.contact.value.reasons
-                    and self._load >= c.contact_force):
-                # The force is larger than it seems, nobody knows by how much: give way.
-                twist[2] = min(twist[2], -c.approach_speed)
-        if self.state not in TRACKING:
-            self.tracker.speed = 0.0
-        return twist
-
-    def _command(self, twist, dt, known):
-        """Turn a twist into joint velocities within every limit, and integrate them."""
-        c = self.config
-        limited_by = ''
-        if self.workspace is not None:
-            rotation = self._commanded_pose[:3, :3]
-            horizon = dt + 2.0 * self.limits.stopping_time
-            linear, clipped = self.workspace.limit(
-                self._commanded_pose[:3, 3], rotation @ twist[:3], horizon)
-            twist = np.concatenate([rotation.T @ linear, twist[3:]])
-            limited_by = 'workspace' if clipped else ''
-        wanted, manipulability = damped_least_squares(
-            self.robot.jacobian(self._commanded), twist, damping=c.damping,
-            rotation_length=c.rotation_length)
-        self._velocities, scale, joint_limit = limit_velocities(
-            self.limits, self._commanded, self._velocities, wanted, dt)
-        self._commanded = self._commanded + self._velocities * dt
-        self._commanded_pose = self.robot.pose(self._commanded)
-        features = self.tracker.features
-        tracking = features is not None and self.state in (*TRACKING, State.HOLD)
-        status = Status(
-            self.state, self.reason, **known,
-            lateral_error=features.lateral if tracking else NAN,
-            angle_error=features.yaw if tracking else NAN,
-            force_target=self.goal.force, speed=self.tracker.speed,
-            progress=self.statistics.length, twist=twist, limit_scale=scale,
-            limited_by=limited_by or joint_limit, manipulability=manipulability)
-        return status, stopping_window(
-            self.limits, self._commanded, self._velocities, lookahead=WINDOW_PERIODS / c.rate)
+    def _status(self, run: GoalRun, step: MotionStep) -> Status:
+        error, speed = UNKNOWN, 0.0
+        if self.state in (*TRACKING, State.HOLD):
+            error = self.law.error or UNKNOWN
+        if self.state in TRACKING and run.reference is not None:
+            speed = run.reference.speed
+        return Status(
+            self.state, self.reason, **self.inputs.known(), lateral_error=error.lateral,
+            longitudinal_error=error.longitudinal, angle_error=error.angle, speed=speed,
+            force_target=run.goal.force, progress=run.statistics.length, twist=step.twist,
+            limit_scale=step.scale, limited_by=step.limited_by,
+            manipulability=step.manipulability)

@@ -3,6 +3,8 @@
 import numpy as np
 from scipy.spatial import cKDTree
 
+from tactile_servo.types import TaskError
+
 SETTLING_LENGTH = 0.01  # m after first contact that the error statistics leave out
 CONTOUR_SPACING = 0.001  # m between poses of the contour
 
@@ -27,19 +29,19 @@ class TrackStatistics:
         the edge.
     """
 
-    def __init__(self, force):
+    def __init__(self, force: float):
         self.force = force
         self.length = 0.0
         self.force_max = 0.0
         self.lateral_max = 0.0
-        self.contour = []
-        self._last_position = None
-        self._last_stamp = None
+        self.contour: list[tuple[int, np.ndarray]] = []
+        self._last_position: np.ndarray | None = None
+        self._last_stamp: int | None = None
         self._contour_length = -np.inf
         self._count = 0
         self._lateral_square = self._force_square = 0.0
 
-    def move(self, pose, heading):
+    def move(self, pose: np.ndarray, heading: np.ndarray) -> None:
         """Take the measured pose of the sensor (4, 4) and the way it goes along the edge (3,)."""
         position = pose[:3, 3]
         if self._last_position is not None:
@@ -47,39 +49,39 @@ class TrackStatistics:
             self.length += float((position - self._last_position) @ heading)
         self._last_position = position.copy()
 
-    def stand(self):
+    def stand(self) -> None:
         """The way from here to where tracking goes on does not count."""
         self._last_position = None
 
-    def see(self, features, pose, stamp_ns):
-        """Take the features of one image, once."""
+    def see(self, error: TaskError, pose: np.ndarray, stamp_ns: int) -> None:
+        """Take the error of one image, once."""
         if stamp_ns == self._last_stamp:
             return
         self._last_stamp = stamp_ns
-        self.force_max = max(self.force_max, features.force)
+        self.force_max = max(self.force_max, error.force)
         if self.length >= self._contour_length + CONTOUR_SPACING:
             on_edge = pose.copy()
-            on_edge[:3, 3] += pose[:3, 0] * features.lateral
+            on_edge[:3, 3] += pose[:3, 0] * error.lateral
             self.contour.append((stamp_ns, on_edge))
             self._contour_length = self.length
         if self.length >= SETTLING_LENGTH:
             self._count += 1
-            self._lateral_square += features.lateral**2
-            self._force_square += (features.force - self.force)**2
-            self.lateral_max = max(self.lateral_max, abs(features.lateral))
+            self._lateral_square += error.lateral**2
+            self._force_square += (error.force - self.force)**2
+            self.lateral_max = max(self.lateral_max, abs(error.lateral))
 
     @property
-    def lateral_rms(self):
+    def lateral_rms(self) -> float:
         """RMS of the measured lateral error after settling [m]; NaN before."""
         return float(np.sqrt(self._lateral_square / self._count)) if self._count else np.nan
 
     @property
-    def force_rms_error(self):
+    def force_rms_error(self) -> float:
         """RMS of measured force - set-point after settling [N]; NaN before."""
         return float(np.sqrt(self._force_square / self._count)) if self._count else np.nan
 
 
-def along_contour(nodes, poses):
+def along_contour(nodes: np.ndarray, poses: list) -> list[tuple[int, np.ndarray]]:
     """
     Poses on a rebuilt contour: its places, the orientation and stamp of the nearest pose.
 

@@ -4,24 +4,34 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from tactile_servo.edge_map.tracing import (
-    into_plane,
+from tactile_common.polyline import arc_length, Projection
+from tactile_sensing.contact.ridge import RIDGE_POINT
+from tactile_servo.edge_map.path_queries import (
     length_on_pad,
     place_at,
     project,
     rise,
     speed_profile,
-    STEP,
-    trace,
 )
+from tactile_servo.edge_map.records import CLOUD_POINT, joined, nodes_of
+from tactile_servo.edge_map.tracing import into_plane, trace
+
+GRAIN, STEP = 2e-3, 0.5e-3
 
 
-def cloud_of(places, ways, spread=0.0, seed=0):
-    """Cloud (N, 6) of places (N, 3) with directions (N, 2) of random sense."""
+def cloud_of(places, directions, spread=0.0, seed=0):
+    """Cloud (N,) of places (N, 3) with directions (N, 2) of random sense."""
     rng = np.random.default_rng(seed)
     sense = rng.choice([-1.0, 1.0], len(places))[:, None]
-    noise = spread * rng.standard_normal(places.shape)
-    return np.column_stack([places + noise, sense * ways, np.ones(len(places))])
+    cloud = np.ones(len(places), CLOUD_POINT)
+    cloud['point'] = places + spread * rng.standard_normal(places.shape)
+    cloud['way'] = sense * directions
+    return cloud
+
+
+def follow(cloud, length):
+    """Trace from the origin along x."""
+    return trace(cloud, nodes_of((0.0, 0.0), 0.0, (1.0, 0.0)), length, GRAIN)
 
 
 def straight_cloud(**options):
@@ -32,44 +42,43 @@ def straight_cloud(**options):
 
 def straight_nodes(count=41):
     s = STEP * np.arange(count)
-    return np.column_stack([s, 0 * s, 0.1 * s, np.ones(count), np.zeros(count),
-                            np.ones(count)]), s
+    nodes = nodes_of(np.column_stack([s, 0 * s]), 0.1 * s, (1.0, 0.0))
+    nodes['station'] = s
+    return nodes
 
 
 def test_points_of_a_picture_are_put_into_the_plane():
     rng = np.random.default_rng(2)
-    points = np.column_stack([rng.normal(size=(9, 4)), rng.random((9, 2))])
+    ridge = rng.normal(size=(9, 6)).view(RIDGE_POINT)[:, 0]
     pose = np.eye(4)
     pose[:3, :3] = Rotation.from_rotvec([0.1, -0.2, 1.9]).as_matrix()
     pose[:3, 3] = [0.3, -0.1, 0.02]
-    cloud = into_plane(points, pose, 0.05)
-    places = np.column_stack([points[:, :2], -0.05 * points[:, 4], np.ones(9)]) @ pose.T
-    np.testing.assert_allclose(cloud[:, :3], places[:, :3])
-    ways = points[:, 2:4] @ pose[:2, :2].T
-    np.testing.assert_allclose(
-        cloud[:, 3:5], ways / np.linalg.norm(ways, axis=1, keepdims=True))
-    np.testing.assert_array_equal(cloud[:, 5], points[:, 5])
+    cloud = into_plane(ridge, pose, 0.05)
+    there = np.column_stack([ridge['x'], ridge['y'], -0.05 * ridge['pressure'], np.ones(9)])
+    np.testing.assert_allclose(cloud['point'], (there @ pose.T)[:, :3])
+    way = np.column_stack([ridge['tx'], ridge['ty']]) @ pose[:2, :2].T
+    np.testing.assert_allclose(cloud['way'], way / np.linalg.norm(way, axis=1, keepdims=True))
+    np.testing.assert_array_equal(cloud['weight'], ridge['quality'])
 
 
 def test_straight_ridge_is_followed_to_its_end_in_steps():
-    nodes = trace(straight_cloud(), 0.0, 0.0, 1.0, 0.0, 0.05)
-    np.testing.assert_allclose(nodes[:30, 0], STEP * np.arange(1, 31), atol=1e-5)
-    np.testing.assert_allclose(nodes[:, 1], 0.0, atol=1e-12)
-    np.testing.assert_allclose(nodes[4:30, 2], 0.1 * nodes[4:30, 0], atol=2e-5)
-    assert 0.019 < nodes[-1, 0] < 0.022
+    nodes = follow(straight_cloud(), 0.05)
+    np.testing.assert_allclose(nodes['x'][:30], STEP * np.arange(1, 31), atol=1e-5)
+    np.testing.assert_allclose(nodes['y'], 0.0, atol=1e-12)
+    np.testing.assert_allclose(nodes['z'][4:30], 0.1 * nodes['x'][4:30], atol=2e-5)
+    assert 0.019 < nodes['x'][-1] < 0.022
 
 
 def test_noise_of_the_points_is_averaged():
-    nodes = trace(straight_cloud(spread=0.05e-3), 0.0, 0.0, 1.0, 0.0, 0.015)
-    assert np.sqrt(np.mean(nodes[:, 1]**2)) < 0.04e-3
+    nodes = follow(straight_cloud(spread=0.05e-3), 0.015)
+    assert np.sqrt(np.mean(nodes['y']**2)) < 0.04e-3
 
 
 def test_a_circle_is_followed():
     angle = np.linspace(0, 2, 200)
-    places = 0.01 * np.column_stack([np.sin(angle), 1 - np.cos(angle), 0 * angle])
-    nodes = trace(cloud_of(places, np.column_stack([np.cos(angle), np.sin(angle)])),
-                  0.0, 0.0, 1.0, 0.0, 0.015)
-    radius = np.hypot(nodes[:, 0], nodes[:, 1] - 0.01)
+    circle = 0.01 * np.column_stack([np.sin(angle), 1 - np.cos(angle), 0 * angle])
+    nodes = follow(cloud_of(circle, np.column_stack([np.cos(angle), np.sin(angle)])), 0.015)
+    radius = np.hypot(nodes['x'], nodes['y'] - 0.01)
     assert len(nodes) == 30 and np.abs(radius - 0.01).max() < 0.05e-3
 
 
@@ -77,49 +86,64 @@ def test_the_length_and_a_crossing_ridge_are_heeded():
     s = np.arange(-0.01, 0.01, 0.4e-3)
     crossing = cloud_of(np.column_stack([0.005 + 0 * s, s, 0 * s]),
                         np.tile([0.0, 1.0], (len(s), 1)))
-    nodes = trace(np.vstack([straight_cloud(), crossing]), 0.0, 0.0, 1.0, 0.0, 0.01)
+    nodes = follow(joined([straight_cloud(), crossing], CLOUD_POINT), 0.01)
     assert len(nodes) == 20
-    np.testing.assert_allclose(nodes[:, 1], 0.0, atol=1e-6)
-    assert len(trace(np.empty((0, 6)), 0.0, 0.0, 1.0, 0.0, 0.01)) == 0
+    np.testing.assert_allclose(nodes['y'], 0.0, atol=1e-6)
+    assert len(follow(np.empty(0, CLOUD_POINT), 0.01)) == 0
+
+
+@pytest.mark.parametrize('scale', [0.5, 2.0])
+def test_a_larger_skin_traces_the_same_larger(scale):
+    """All lengths of tracing are those of the picture's grain."""
+    small = straight_cloud(spread=0.05e-3)
+    large = small.copy()
+    large['point'] *= scale
+    start = nodes_of((0.0, 0.0), 0.0, (1.0, 0.0))
+    nodes = trace(small, start, 0.0151, GRAIN)
+    np.testing.assert_allclose(trace(large, start, 0.0151 * scale, GRAIN * scale)['point'],
+                               scale * nodes['point'], atol=1e-12)
 
 
 def test_projection_and_place_are_inverse():
-    nodes, stations = straight_nodes()
-    station, x, y, left, ux, uy = project(nodes, stations, 0.0052, 0.001, 0.0, 0.02)
-    assert (station, x, y, left) == pytest.approx((0.0052, 0.0052, 0.0, 0.001))
-    assert (ux, uy) == pytest.approx((1.0, 0.0))
-    assert place_at(nodes, stations, 0.0052) == pytest.approx((0.0052, 0.0, 0.00052))
-    assert place_at(nodes, stations, 1.0)[0] == pytest.approx(0.02)
-    assert project(nodes, stations, 0.0, 0.0, 0.008, 0.02)[0] >= 0.0075  # the window holds
+    nodes = straight_nodes()
+    at = Projection(*project(nodes, 0.0052, 0.001, 0.0, 0.02))
+    assert (at.station, at.x, at.y, at.left) == pytest.approx((0.0052, 0.0052, 0.0, 0.001))
+    assert (at.along_x, at.along_y) == pytest.approx((1.0, 0.0))
+    assert place_at(nodes, 0.0052) == pytest.approx((0.0052, 0.0, 0.00052))
+    assert place_at(nodes, 1.0) == pytest.approx((0.02, 0.0, 0.002))
+    assert place_at(nodes, -1.0) == (0.0, 0.0, 0.0)
+    held = Projection(*project(nodes, 0.0, 0.0, 0.008, 0.02))  # by the window
+    assert held.station >= 0.0075
 
 
 @pytest.mark.parametrize('angle', [0.0, 0.7, 2.0])
 def test_length_on_the_pad(angle):
-    nodes, _ = straight_nodes()
+    nodes = straight_nodes()
     cos, sin = np.cos(angle), np.sin(angle)
     half = 0.004
     chord = 2 * half / max(abs(cos), abs(sin))
     assert length_on_pad(nodes, 0.01, 0.0, cos, sin, half, half) == pytest.approx(chord)
-    nodes[20:30, 5] = 0.0  # a gap of ten steps, of which the pad covers those it reaches
+    nodes['material'][20:30] = 0.0  # a gap of ten steps, of which the pad covers what it reaches
     covered = length_on_pad(nodes, 0.012, 0.0, 1.0, 0.0, half, half)
     assert covered == pytest.approx(2 * half - 10 * STEP)
 
 
 def test_rise_is_that_of_the_nodes_and_unknown_near_turns():
-    nodes, stations = straight_nodes()
-    assert rise(nodes, stations, 0.01, 0.008, False) == pytest.approx(0.1)
-    nodes[15:, 3:5] = [0.0, 1.0]
-    assert np.isnan(rise(nodes, stations, 0.008, 0.003, False))
+    nodes = straight_nodes()
+    assert rise(nodes, 0.01, 0.008, STEP, False) == pytest.approx(0.1)
+    nodes['way'][15:] = [0.0, 1.0]
+    assert np.isnan(rise(nodes, 0.008, 0.003, STEP, False))
 
 
 def test_speed_allows_for_the_turn_ahead():
-    nodes, stations = straight_nodes()
-    assert speed_profile(nodes, stations, 0.0, 0.1, 2.0, 0.1, 5e-5, 3e-4) == 0.1
-    stop = speed_profile(nodes, stations, 0.015, 1.0, 2.0, 0.02, 5e-5, 3e-4)
+    nodes = straight_nodes()
+    assert speed_profile(nodes, 0.0, 0.1, 2.0, 0.1, 5e-5, 3e-4) == 0.1
+    stop = speed_profile(nodes, 0.015, 1.0, 2.0, 0.02, 5e-5, 3e-4)
     assert stop == pytest.approx(np.sqrt(0.02**2 + 2 * 2.0 * 0.005))
-    corner = np.vstack([nodes[:21], nodes[1:21] * 0])
-    corner[21:, 0], corner[21:, 1] = 0.01, STEP * np.arange(1, 21)
-    at = speed_profile(corner, stations[:41], 0.01, 1.0, 2.0, 1.0, 5e-5, 3e-4)
+    corner = nodes.copy()
+    corner['place'][21:] = np.column_stack([0.01 + np.zeros(20), STEP * np.arange(1, 21)])
+    corner['station'] = arc_length(corner['place'])
+    at = speed_profile(corner, 0.01, 1.0, 2.0, 1.0, 5e-5, 3e-4)
     assert at == pytest.approx(np.sqrt(2.0 * 5e-5 / (np.sqrt(2) - 1)))
-    assert speed_profile(corner, stations[:41], 0.0102, 1.0, 2.0, 1.0, 5e-5, 3e-4) == at
-    assert speed_profile(corner, stations[:41], 0.012, 1.0, 2.0, 1.0, 5e-5, 3e-4) == 1.0
+    assert speed_profile(corner, 0.0102, 1.0, 2.0, 1.0, 5e-5, 3e-4) == at
+    assert speed_profile(corner, 0.012, 1.0, 2.0, 1.0, 5e-5, 3e-4) == 1.0

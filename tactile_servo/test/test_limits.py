@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from tactile_common.errors import ConfigurationError
-from tactile_servo.motion.limits import JointLimits, limit_velocities, WorkspaceBox
+from tactile_servo.motion.limits import JointLimits, limit_velocities, NEGLIGIBLE, WorkspaceBox
 from tactile_servo.motion.window import stopping_window
 
 DT = 0.0025
@@ -52,7 +52,8 @@ def by_arrays(limits, positions, previous, wanted, dt):
     up = np.clip((limits.upper - positions) / horizon, 0.0, limits.velocity)
     down = np.clip((limits.lower - positions) / horizon, -limits.velocity, 0.0)
     room = np.where(wanted > 0.0, up, -down)
-    shares = np.where(np.abs(wanted) > room, room / np.maximum(np.abs(wanted), 1e-12), 1.0)
+    beyond = np.abs(wanted) > room + NEGLIGIBLE
+    shares = np.where(beyond, room / np.maximum(np.abs(wanted), 1e-12), 1.0)
     scale, change = shares.min(), limits.acceleration * dt
     delta = scale * wanted - previous
     share = min(1.0, (change / np.maximum(np.abs(delta), 1e-12)).min())
@@ -109,6 +110,17 @@ def test_a_wish_that_is_no_number_is_a_stop():
     velocities, scale, limited_by = limit_velocities(
         LIMITS, np.zeros(3), np.zeros(3), np.array([np.nan, 1.0, 1.0]), DT)
     assert not velocities.any() and scale == 0.0 and limited_by == 'velocity not finite'
+
+
+def test_rounding_at_a_limit_does_not_hold_the_other_joints():
+    at_limit = np.array([1.0, 0.0, 0.0])
+    wanted = np.array([5e-17, 0.01, -0.01])
+    velocities, scale, limited_by = limit_velocities(LIMITS, at_limit, np.zeros(3), wanted, DT)
+    np.testing.assert_array_equal(velocities, [0.0, 0.01, -0.01])
+    assert (scale, limited_by) == (1.0, '')
+    _, scale, limited_by = limit_velocities(
+        LIMITS, at_limit, np.zeros(3), wanted + [0.01, 0.0, 0.0], DT)
+    assert (scale, limited_by) == (0.0, 'position of one')
 
 
 def test_outside_its_limit_a_joint_may_only_come_back():

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from tactile_common.errors import ConfigurationError, UnreachableError
-from tactile_servo.motion.robot import damped_least_squares, RobotModel
+from tactile_servo.motion.inverse import damped_least_squares
+from tactile_servo.motion.robot import RobotModel
 
 PUMA = Path(__file__).resolve().parents[2] / 'launch/urdf/puma260.urdf'
 INCH = 0.0254

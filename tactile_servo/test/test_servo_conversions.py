@@ -7,7 +7,7 @@ from sensor_msgs.msg import JointState
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 from tactile_common.errors import Rejected
-from tactile_msgs.msg import ServoStatus
+from tactile_msgs.msg import ServoReason, ServoStatus
 from tactile_servo.conversions import (
     joint_positions,
     joint_state_to_msg,
@@ -16,6 +16,7 @@ from tactile_servo.conversions import (
     trajectory_to_msg,
 )
 from tactile_servo.motion.trajectory import Trajectory
+from tactile_servo.reasons import Reason, ReasonCode
 from tactile_servo.types import State, Status
 
 RNG = np.random.default_rng(3)
@@ -48,9 +49,9 @@ def test_a_message_that_is_filled_again_is_as_a_new_one():
         assert message == trajectory_to_msg(sent)
     status = ServoStatus()
     for value in (0.25, -1.0):
-        told = Status(State.HOLD, f'because {value}', 12_000_000_034, True, value > 0,
-                      *[value] * 6, value * np.arange(6.0), 0.5, 'position of a' * (value > 0),
-                      value)
+        told = Status(State.HOLD, Reason(ReasonCode.NOT_FOLLOWING, f'joint {value}'),
+                      12_000_000_034, True, value > 0, *[value] * 7, value * np.arange(6.0), 0.5,
+                      'position of a' * (value > 0), value)
         assert status_to_msg(told, 'trace', 1e-3, 7, status) is status
         assert status == status_to_msg(told, 'trace', 1e-3, 7)
     state = JointState()
@@ -61,16 +62,17 @@ def test_a_message_that_is_filled_again_is_as_a_new_one():
 
 
 def test_status_says_every_field():
-    told = Status(State.TRACK, 'contact', 12_000_000_034, True, False, 0.1, 0.2, 0.3, 0.4, 0.5,
-                  0.6, np.arange(6.0), 0.7, 'position of a', 0.8)
+    told = Status(State.TRACK, Reason(ReasonCode.CONTACT), 12_000_000_034, True, False, 0.1, 0.15,
+                  0.2, 0.3, 0.4, 0.5, 0.6, np.arange(6.0), 0.7, 'position of a', 0.8)
     message = status_to_msg(told, 'trace', 0.9, 5)
-    assert (message.controller, message.state, message.reason) == ('trace', 2, 'contact')
+    assert (message.controller, message.state) == ('trace', 2)
+    assert (message.reason_code, message.reason) == (ServoReason.CONTACT, 'contact')
     assert (message.contact_stamp.sec, message.contact_stamp.nanosec) == (12, 34)
     assert (message.contact_fresh, message.joints_fresh) == (True, False)
     numbers = [getattr(message, name) for name in (
-        'lateral_error', 'angle_error', 'normal_force', 'force_target', 'speed', 'progress',
-        'limit_scale', 'manipulability', 'cycle_time')]
-    np.testing.assert_allclose(numbers, [0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9])
+        'lateral_error', 'longitudinal_error', 'angle_error', 'normal_force', 'force_target',
+        'speed', 'progress', 'limit_scale', 'manipulability', 'cycle_time')]
+    np.testing.assert_allclose(numbers, [0.1, 0.15, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9])
     assert (message.limited_by, message.missed_cycles) == ('position of a', 5)
     linear, angular = message.twist.linear, message.twist.angular
     assert [linear.x, linear.y, linear.z, angular.x, angular.y, angular.z] == [0, 1, 2, 3, 4, 5]

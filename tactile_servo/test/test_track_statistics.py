@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from tactile_servo.laws.resolved_rate import EdgeFeatures
 from tactile_servo.track_statistics import along_contour, TrackStatistics
+from tactile_servo.types import TaskError
 
 
 def pose_at(x, y):
@@ -36,7 +36,7 @@ def test_only_the_way_along_the_edge_and_each_picture_once_count():
     statistics.move(pose_at(0.5, 0.0), along)
     assert statistics.length == pytest.approx(0.02)
     for stamp, lateral, force in ((1, 1e-3, 5.5), (1, 9.0, 99.0), (2, -2e-3, 4.5)):
-        statistics.see(EdgeFeatures(lateral, 0.0, force, 0.0), pose_at(0.5, 0.0), stamp)
+        statistics.see(TaskError(lateral, force=force), pose_at(0.5, 0.0), stamp)
     assert statistics.force_max == 5.5 and statistics.lateral_max == 2e-3
     assert statistics.lateral_rms == pytest.approx(np.sqrt(2.5e-6))
     assert statistics.force_rms_error == pytest.approx(0.5)

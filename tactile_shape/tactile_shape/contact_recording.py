@@ -1,6 +1,6 @@
 """A recorded path of contact: from arrays in a file, or from the topics of a bag."""
 from collections.abc import Iterable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 import math
 from os import PathLike
 from pathlib import Path
@@ -48,7 +48,7 @@ class ContactRecording:
     t: np.ndarray
     position: np.ndarray
     normal: np.ndarray
-    edge: np.ndarray | None = None
+    edge: np.ndarray = field(default_factory=lambda: np.zeros(0, bool))
     finger_radius: float | None = None
     position_noise: float | None = None
     normal_noise: float | None = None
@@ -64,7 +64,7 @@ class ContactRecording:
             if value.dtype.kind not in 'uif':
                 raise ConfigurationError(f'{name} is of type {value.dtype}, must be real numbers')
             object.__setattr__(self, name, value.astype(float))
-        if self.edge is None:
+        if not len(self.edge):
             object.__setattr__(self, 'edge', np.zeros(count, bool))
         if not np.isfinite(self.t).all():
             raise ConfigurationError('t: a number is not finite')
@@ -189,7 +189,9 @@ def place_contacts(observations: Iterable['Observation'],
     ConfigurationError
         A message is damaged.
     """
-    path, pictures, rows, lost = ContactPath(finger_radius), {}, [], True
+    path, lost = ContactPath(finger_radius), True
+    rows: list[tuple] = []
+    pictures: dict[int, Observation] = {}
     for seen in observations:
         placed = []
         if seen.kind == 'image':

@@ -1,14 +1,16 @@
 """Between the core's data and ROS messages; nothing else converts, but for bags."""
+from collections.abc import Iterable
+
 from geometry_msgs.msg import Point, PoseStamped
 from nav_msgs.msg import Path
 import numpy as np
-from std_msgs.msg import ColorRGBA
+from std_msgs.msg import ColorRGBA, Header
 from visualization_msgs.msg import Marker, MarkerArray
 
 from tactile_common.errors import TactileError
 from tactile_common.ros.conversions import pose_from_msg, pose_to_msg
 from tactile_msgs.msg import SurfacePatch
-from tactile_shape.contour.object_model import COLOURS
+from tactile_shape.contour.object_model import COLOURS, ObjectModel
 from tactile_shape.types.patch import Kind, Patch
 
 # What markers show at most of a model, so that they cost little.
@@ -18,7 +20,7 @@ _LINE_WIDTH = 5e-4  # m
 _ALPHA = 0.6
 
 
-def patch_to_msg(patch, header, sensor=''):
+def patch_to_msg(patch: Patch, header: Header, sensor: str = '') -> SurfacePatch:
     """
     Return the SurfacePatch message of a patch; what it does not have is NaN.
 
@@ -62,14 +64,15 @@ def patch_from_msg(message) -> Patch:
         message.residual, np.array(message.surface_matrix).reshape(4, 4))
 
 
-def contour_point_to_msg(position, header):
+def contour_point_to_msg(position: np.ndarray, header: Header) -> PoseStamped:
     """PoseStamped of a point (3,) of a contour [m]; its orientation says nothing."""
     message = PoseStamped(header=header)
-    _set_point(message.pose.position, position)
+    place = message.pose.position
+    place.x, place.y, place.z = map(float, position)
     return message
 
 
-def contour_to_msg(points, header):
+def contour_to_msg(points: Iterable[PoseStamped], header: Header) -> Path:
     """
     Path message of a contour.
 
@@ -81,7 +84,7 @@ def contour_to_msg(points, header):
     return Path(header=header, poses=list(points))
 
 
-def model_to_markers(model, patch, header):
+def model_to_markers(model: ObjectModel, patch: Patch | None, header: Header) -> MarkerArray:
     """
     Return markers: the newest patch with its principal directions, the surface, the contour.
 
@@ -106,12 +109,12 @@ def model_to_markers(model, patch, header):
 
 def _mesh(model, patches, header, namespace):
     marker = _marker(header, namespace, Marker.TRIANGLE_LIST, 1.0)
-    vertices, colours, faces = model.mesh(patches)
-    corners = faces.reshape(-1)
-    marker.points = [_point(vertex) for vertex in vertices[corners].tolist()]
+    mesh = model.mesh(patches)
+    corners = mesh.faces.reshape(-1)
+    marker.points = [_point(vertex) for vertex in mesh.vertices[corners].tolist()]
     shades = {}  # of the few kinds, one message each
     marker.colors = [shades.setdefault(shade, _colour(shade)) for shade in
-                     map(tuple, colours[corners].tolist())]
+                     map(tuple, mesh.colours[corners].tolist())]
     return marker
 
 
@@ -124,10 +127,10 @@ def _lines(strokes, header):
 
 def _directions(patch, header, length):
     marker = _marker(header, 'principal directions', Marker.LINE_LIST, _LINE_WIDTH)
-    for axis, shade, seen in zip(patch.frame[:3, :2].T, (_RED, _GREEN), patch.seen, strict=True):
+    for axis, shade, seen in zip(patch.directions, (_RED, _GREEN), patch.seen, strict=True):
         if seen:
             for sign in (-1.0, 1.0):
-                marker.points.append(_point((patch.frame[:3, 3] + sign * length * axis).tolist()))
+                marker.points.append(_point((patch.origin + sign * length * axis).tolist()))
                 marker.colors.append(_colour(shade, 1.0))
     return marker
 
@@ -141,12 +144,10 @@ def _marker(header, namespace, kind, scale):
 
 
 def _colour(shade, alpha=_ALPHA):
-    return ColorRGBA(r=shade[0], g=shade[1], b=shade[2], a=alpha)
+    red, green, blue = shade
+    return ColorRGBA(r=red, g=green, b=blue, a=alpha)
 
 
 def _point(values):
-    return Point(x=values[0], y=values[1], z=values[2])
-
-
-def _set_point(message, values):
-    message.x, message.y, message.z = (float(value) for value in values)
+    x, y, z = values
+    return Point(x=x, y=y, z=z)

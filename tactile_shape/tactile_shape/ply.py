@@ -1,13 +1,16 @@
 """Polygons in the PLY format, which mesh viewers read."""
 import os
 from pathlib import Path
+from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from tactile_common.errors import ConfigurationError
 
 
-def write_ply(path, vertices, *, colours=None, faces=None, edges=None, comment=''):
+def write_ply(path: str | os.PathLike, vertices: ArrayLike, *, colours: ArrayLike | None = None,
+              faces: Any = None, edges: Any = None, comment: str = '') -> None:
     """
     Write vertices with what joins them, as text.
 

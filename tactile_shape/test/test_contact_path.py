@@ -7,10 +7,11 @@ from scipy.spatial.transform import Rotation, Slerp
 
 from tactile_common.pose_buffer import PoseBuffer
 from tactile_sensing.half_space.line import pressure as line_pressure
-from tactile_sensing.moments.image_moments import image_moments, Moments
+from tactile_sensing.moments.image_moments import image_moments
 from tactile_sensing.types.array import TactelArray
 from tactile_sensing.types.contact import Contact, ContactType, Reason
 from tactile_sensing.types.image import Layer, TactileImage
+from tactile_sensing.types.moments import Moments
 from tactile_shape.contour.contact_path import ContactPath, locate, needs_picture, on_pad
 from tactile_simulation.renderer import render
 from tactile_simulation.scene import Skin

@@ -8,6 +8,7 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as npst
 import numpy as np
 import pytest
+import quadrics
 
 from tactile_common.errors import ConfigurationError
 from tactile_common.ros.conversions import stamp_from_ns
@@ -15,7 +16,7 @@ from tactile_msgs.msg import Contact as ContactMsg
 from tactile_shape.cli import fit
 from tactile_shape.contact_recording import ContactRecording, load_contacts
 from tactile_shape.local_surface.local_quadric import LocalQuadric, LocalQuadricConfig
-from tactile_shape.surface_matrix.surface_matrix import SurfaceMatrix
+from tactile_shape.patch_table import COLUMNS
 from tactile_shape.types.patch import Kind
 from tactile_simulation.surfaces import add_noise, cylinder, sphere, Weave
 
@@ -50,7 +51,7 @@ def test_same_as_the_estimator(there, capsys):
     arrays = contacts()
     assert run(**arrays) == 0
     found = result()
-    assert list(found) == list(fit.OUTPUT)
+    assert list(found) == list(COLUMNS)
     assert all(len(values) == len(arrays['t']) for values in found.values())
     estimator = LocalQuadric()
     for k, (point, normal) in enumerate(
@@ -94,7 +95,7 @@ def test_options_then_arrays_then_defaults(there):
 
 
 def test_surface_matrix_against_the_true_quadric(there, capsys):
-    parameters = ','.join(f'{v:.17g}' for v in SurfaceMatrix.sphere(RADIUS).parameters)
+    parameters = ','.join(f'{v:.17g}' for v in quadrics.sphere(RADIUS).parameters)
     arrays = contacts(noise=False)
     assert run('--method', 'surface_matrix', f'--quadric={parameters}', **arrays) == 0
     err = capsys.readouterr().err
@@ -116,7 +117,7 @@ def test_the_example_of_the_help(there, capsys):
     with pytest.raises(SystemExit):
         fit.main(['--help'])
     text = capsys.readouterr().out
-    for name in (*fit.OUTPUT, 'position', 'normal', 'finger_radius', 'location_noise'):
+    for name in (*COLUMNS, 'position', 'normal', 'finger_radius', 'location_noise'):
         assert re.search(rf'^  (\w+, )*{name}\b', text, re.M), name
     exec(textwrap.dedent(re.search(r'-c "\n(.*?)\n  "\n', fit.EXAMPLE, re.S)[1]), {})
     assert fit.main(['trace.npz', '-o', 'patches.npz']) == 0

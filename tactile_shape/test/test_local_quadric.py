@@ -9,11 +9,11 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from tactile_common.errors import ConfigurationError
-from tactile_shape.local_surface import quadric_kernel
+from tactile_shape.local_surface import normal_equations
 from tactile_shape.local_surface.contact_window import MAX_CELLS
 from tactile_shape.local_surface.local_quadric import LocalQuadric, LocalQuadricConfig
-from tactile_shape.surface_matrix.surface_matrix import SurfaceMatrix
 from tactile_shape.types.patch import Kind
+from tactile_shape.types.surface_matrix import SurfaceMatrix
 from tactile_simulation.surfaces import add_noise, cylinder, PLANE, sphere, Torus, Weave
 
 EXACT = [(PLANE, Kind.PLANE), (cylinder(0.0325), Kind.CYLINDER), (cylinder(0.1), Kind.CYLINDER),
@@ -289,7 +289,7 @@ def test_equations_are_those_of_their_rows():
     u, z = rng.normal(0.0, 0.01, (7, 2)), rng.normal(0.0, 0.002, 7)
     n = np.column_stack([0.2 * rng.normal(size=(7, 2)), np.full(7, 0.9)])
     weights = rng.uniform(1.0, 4.0, 7)
-    noise = quadric_kernel.Noise(position=2e-5, location=1.5e-4, normal=5e-4, height=1e-5)
+    noise = normal_equations.Noise(position=2e-5, location=1.5e-4, normal=5e-4, height=1e-5)
     curvature = np.array([20.0, 3.0, -5.0])
     doubt = np.array([1.0, 4.0, 9.0])
     bend = np.array([[20.0, 3.0], [3.0, -5.0]])
@@ -309,8 +309,8 @@ def test_equations_are_those_of_their_rows():
         matrix += rows.T @ inverse @ rows
         right += rows.T @ inverse @ target
         square += target @ inverse @ target
-    found = quadric_kernel.equations(
-        quadric_kernel.Cells(u, z, n, weights), noise, curvature, doubt, 0.0)
+    found = normal_equations.equations(
+        normal_equations.Cells(u, z, n, weights), noise, curvature, doubt, 0.0)
     np.testing.assert_allclose(found.matrix, matrix, rtol=1e-9, atol=1e-6)
     np.testing.assert_allclose(found.right, right, rtol=1e-9)
     assert found.square == pytest.approx(square)

@@ -3,6 +3,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 import numpy as np
 import pytest
+from quadrics import sphere
 
 from tactile_common.errors import ConfigurationError
 from tactile_shape.surface_matrix.matrix_fit import design_matrix, fit_matrix
@@ -13,7 +14,6 @@ from tactile_shape.surface_matrix.motion import (
     RelativeMotion,
     screw_motion,
 )
-from tactile_shape.surface_matrix.surface_matrix import SurfaceMatrix
 
 R = 0.1  # m, of the thesis' cylinder and of the sphere
 SPEEDS = (1e-5, 2e-4, 1e-3, 5e-3, 2e-2, 5e-2)  # m/s, Table 4.1
@@ -158,7 +158,7 @@ def test_a_sliding_finger_that_does_not_move():
     motion = RelativeMotion(np.tile(np.eye(4), (3, 1, 1)), np.zeros((3, 3)), np.zeros((3, 3)),
                             sliding, 0.5)
     points, normals = finite_contacts(motion, 1.0 / radius)
-    imprint = SurfaceMatrix.sphere(-radius)
+    imprint = sphere(-radius)
     np.testing.assert_allclose(imprint.value(points), 0.0, atol=1e-15)
     np.testing.assert_allclose(imprint.normal(points), normals, atol=1e-12)
 

@@ -8,10 +8,10 @@ import numpy as np
 from tactile_sensing.contact.estimator import ContactEstimator
 from tactile_sensing.devices.calibration import Calibration
 from tactile_sensing.types.image import TactileImage
-from tactile_servo.laws.registry import make_tracker
-from tactile_servo.supervisor import EdgeServo
+from tactile_servo.config import ServoConfig
+from tactile_servo.laws.registry import DEFAULT, make_law
+from tactile_servo.supervisor import Supervisor
 from tactile_servo.track_statistics import SETTLING_LENGTH
-from tactile_servo.types import EdgeServoConfig
 from tactile_simulation.gantry import gantry
 from tactile_simulation.joint_controller import MockController
 from tactile_simulation.metrics import ON_EDGE, Truth
@@ -44,14 +44,14 @@ class Simulation:
     ----------
     scene : Scene
     tracker : str
-        'resolved_rate' or 'trace'.
+        Name of the servo law.
     seed : int
         Of the sensor's noise.
     latency : float, optional
         From the instant that a picture shows to its arrival [s]; default as the scene says.
-    config : EdgeServoConfig, optional
+    config : ServoConfig, optional
     settings : object, optional
-        Configuration of the tracker.
+        Configuration of the law.
     robot : tuple of (RobotModel, JointLimits), optional
         Default a gantry with the acceleration of the scene's plant.
     seed_positions : array_like (n,), optional
@@ -69,13 +69,13 @@ class Simulation:
         Computation of every control cycle and picture [s], if there is a clock.
     """
 
-    def __init__(self, scene, tracker='trace', *, seed=0, latency=None, config=None,
+    def __init__(self, scene, tracker=DEFAULT, *, seed=0, latency=None, config=None,
                  settings=None, robot=None, seed_positions=None, workspace=None, clock=None):
         self.scene, plant = scene, scene.plant
         self.rng = np.random.default_rng(seed)
         self.array = scene.sensor.array
         self.renderer = EdgeRenderer(scene, self.array)
-        self._convert = self._tared()
+        self._convert, info = self._tared()
         self.model, self.limits = robot or gantry(plant.acceleration)
         start = self.model.inverse(
             scene.start_pose(),
@@ -84,9 +84,10 @@ class Simulation:
             self.model.joint_names, self.model.lower, self.model.upper,
             self.model.velocity_limit, initial_positions=start, dead_time=plant.dead_time,
             lag=plant.lag)
-        config = config or EdgeServoConfig()
-        self.servo = EdgeServo(self.model, self.limits, config,
-                               make_tracker(tracker, config, settings), workspace)
+        config = config or ServoConfig()
+        self.servo = Supervisor(self.model, self.limits, make_law(tracker, config, settings),
+                                config, workspace)
+        self.servo.see_sensor(info)
         self.estimator = ContactEstimator()
         self.latency = plant.latency if latency is None else latency
         self.now, self.tick, self.pose = 1.0, 0, self.model.pose(start)
@@ -111,8 +112,9 @@ class Simulation:
         calibration = Calibration(
             self.array, gain=sensor.pa_per_count, baseline=sensor.baseline, depth=skin.depth,
             skin_stiffness=skin.stiffness)
-        return calibration.converter(calibration.make_tare(np.array(
-            [self.renderer.counts(None, self.rng) for _ in range(TARE_FRAMES)])))
+        tare = calibration.make_tare(np.array(
+            [self.renderer.counts(None, self.rng) for _ in range(TARE_FRAMES)]))
+        return calibration.converter(tare), calibration.sensor_info('pad', '', 0, tare)
 
     def picture(self, pose):
         """Take a picture at a pose: TactileImage."""
@@ -140,8 +142,7 @@ class Simulation:
         while self._on_the_way and self._on_the_way[0][0] <= self.now + 1e-9:
             _, image, contact = self._on_the_way.popleft()
             before = self._clock()
-            if self.servo.tracker.sees_images:
-                self.servo.see_image(image, self.now)
+            self.servo.see_image(image, self.now)
             self.servo.see_contact(contact, image.stamp_ns, self.now)
             self.picture_costs.append(self._clock() - before)
         before = self._clock()
@@ -171,13 +172,13 @@ class Simulation:
             The last one.
         """
         if goal is not None:
-            while not (self.servo.joints and self.servo.contact):
+            while not (self.servo.inputs.joints and self.servo.inputs.contact):
                 self.step()
             self.servo.start(goal, self.now)
         end = self.now + seconds
         while True:
             status = self.step()
-            if self.servo.goal is None or (until and until(status)) or self.now >= end:
+            if not self.servo.active or (until and until(status)) or self.now >= end:
                 return status
 
     def truth(self) -> Truth:

@@ -206,16 +206,17 @@ def summarise(simulation, goal: EdgeGoal, status: Status, *, name: str, tracker:
         Real time that the run took [s].
     """
     truth = simulation.truth()
-    duration = float(np.ptp(truth.time))
+    duration, result = float(np.ptp(truth.time)), simulation.servo.result()
     settled = truth.lateral[truth.settled]
     return {
         'ok': bool(simulation.servo.success), 'state': status.state.name.lower(),
-        'reason': status.reason, 'scene': name, 'controller': tracker, 'seed': seed,
+        'reason': status.reason.text, 'reason_code': status.reason.code.name.lower(),
+        'scene': name, 'controller': tracker, 'seed': seed,
         'speed': goal.speed, 'tracked_length': status.progress,
-        **measure(Evidence(truth, goal.force, contour_errors(
-            simulation.servo.tracker.contour(), simulation.scene.edge))),
+        **measure(Evidence(
+            truth, goal.force, contour_errors(result.contour, simulation.scene.edge))),
         'lateral_steady': rms(settled[len(settled) // 2:]),
-        'closed': simulation.servo.closed, 'duration': duration,
+        'closed': result.closed, 'duration': duration,
         'real_time_factor': duration / elapsed, 'sensor_rate': simulation.sensor_rate,
         'control_rate': simulation.control_rate, 'latency_p50': simulation.latency,
         'latency_p99': simulation.latency,
@@ -231,7 +232,8 @@ def state_history(simulation) -> list[dict[str, Any]]:
         if cycle.status.state != last:
             last = cycle.status.state
             history.append({'time': cycle.time, 'state': State(last).name.lower(),
-                            'reason': cycle.status.reason})
+                            'reason': cycle.status.reason.text,
+                            'reason_code': cycle.status.reason.code.name.lower()})
     return history
 
 

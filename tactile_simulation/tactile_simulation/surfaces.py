@@ -2,8 +2,10 @@
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from tactile_common.errors import ConfigurationError
+from tactile_common.polyline import arc_length
 
 
 @dataclass(frozen=True)
@@ -36,11 +38,11 @@ class Torus:
                 f'torus: ring {self.ring} m, tube {self.tube} m, must be at least 0 and above 0')
 
     @property
-    def curvature(self):
+    def curvature(self) -> np.ndarray:
         """K at the contact frame's origin, ndarray (2, 2) [1/m]."""
         return np.diag([1.0 / (self.ring + self.tube), 1.0 / self.tube])
 
-    def at(self, along, across):
+    def at(self, along: np.ndarray, across: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """
         Points and inward normals where arcs along the ring and across it lead.
 
@@ -68,7 +70,7 @@ class Torus:
         y = across if np.isinf(self.tube) else self.tube * np.sin(latitude)
         return np.column_stack([side, y, height]), inward
 
-    def distance(self, points):
+    def distance(self, points: ArrayLike) -> np.ndarray:
         """Signed distance of points (..., 3) from the surface [m], positive outside."""
         x, y, z = np.moveaxis(np.asarray(points, dtype=float), -1, 0)
         outer = self.ring + self.tube
@@ -81,12 +83,12 @@ class Torus:
 PLANE = Torus(np.inf, np.inf)
 
 
-def cylinder(radius):
+def cylinder(radius: float) -> Torus:
     """Cylinder with its axis along x [m]."""
     return Torus(np.inf, radius)
 
 
-def sphere(radius):
+def sphere(radius: float) -> Torus:
     """Sphere [m]."""
     return Torus(0.0, radius)
 
@@ -118,7 +120,7 @@ class Weave:
     speed: float = 0.05
     rate: float = 200.0
 
-    def trace(self, surface, length):
+    def trace(self, surface: Torus, length: float) -> tuple[np.ndarray, np.ndarray]:
         """
         Contacts along a path that ends at the surface's origin, near enough.
 
@@ -134,7 +136,7 @@ class Weave:
         """
         fine = np.linspace(-length, 0.0, max(2, int(length / 2e-5)))
         swing = self.amplitude * np.sin(2.0 * np.pi * fine / self.wavelength)
-        travel = np.append(0.0, np.cumsum(np.hypot(np.diff(fine), np.diff(swing))))
+        travel = arc_length(np.column_stack([fine, swing]))
         count = int(length / self.speed * self.rate)
         wanted = travel[-1] - self.speed / self.rate * np.arange(count)[::-1]
         s, w = np.interp(wanted, travel, fine), np.interp(wanted, travel, swing)
@@ -142,8 +144,10 @@ class Weave:
         return surface.at(c * s - d * w, d * s + c * w)
 
 
-def add_noise(points, normals, rng, *, position=2e-5, normal=5e-4, location=1.5e-4,
-              finger_radius=0.0):
+def add_noise(
+        points: np.ndarray, normals: np.ndarray, rng: np.random.Generator, *,
+        position: float = 2e-5, normal: float = 5e-4, location: float = 1.5e-4,
+        finger_radius: float = 0.0) -> tuple[np.ndarray, np.ndarray]:
     """
     Contacts as a robot with a tactile pad would report them.
 

@@ -16,10 +16,11 @@ LIMITS = JointLimits(PUMA.joint_names, PUMA.lower + 0.05, PUMA.upper - 0.05,
 ELBOW = np.radians([-22, 35, -172, 0, -48, -22])
 
 
-def puma_loop(scene='straight', tracker='resolved_rate', *, latency=0.0025, **options):
+def puma_loop(scene='straight', tracker='resolved_rate', *, latency=0.0025,
+              robot=(PUMA, LIMITS), **options):
     """Simulation of a PUMA 260 on a shipped scene."""
     return Simulation(load_scene(ROOT / f'launch/scenes/{scene}.yaml'), tracker,
-                      robot=(PUMA, LIMITS), seed_positions=ELBOW, latency=latency, **options)
+                      robot=robot, seed_positions=ELBOW, latency=latency, **options)
 
 
 def tracked(loop):

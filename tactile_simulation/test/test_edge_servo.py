@@ -3,14 +3,16 @@
 from dataclasses import replace
 
 import numpy as np
-from puma_loop import puma_loop, tracked
+from puma_loop import LIMITS, PUMA, puma_loop, tracked
 import pytest
 
 from tactile_common.errors import ConfigurationError
-from tactile_sensing.moments.image_moments import Moments
 from tactile_sensing.types.contact import Contact, ContactType, Reason
+from tactile_sensing.types.moments import Moments
+from tactile_servo.config import ForceBounds, HoldConfig, ServoConfig
 from tactile_servo.motion.limits import WorkspaceBox
-from tactile_servo.types import EdgeGoal, EdgeServoConfig, State
+from tactile_servo.reasons import GoalRefused, ReasonCode
+from tactile_servo.types import EdgeGoal, State
 
 GOAL = EdgeGoal(speed=0.03, force=5.0, length=0.05)
 
@@ -25,6 +27,11 @@ def tracking(loop, progress=0.02, goal=GOAL):
 def along(loop):
     """Where the pad stands along the edge [m]."""
     return float(loop.scene.edge.nearest(loop.pose[None, :3, 3])[1][0])
+
+
+def held(loop, code):
+    """Whether the servo holds, and for that reason."""
+    return (loop.servo.state, loop.servo.reason.code) == (State.HOLD, code)
 
 
 def moved(loop, seconds):
@@ -63,7 +70,7 @@ def test_states_run_in_order_and_the_contour_lies_on_the_edge():
     states = [row.status.state for row in loop.log if row.status.state != State.IDLE]
     order = [s for k, s in enumerate(states) if k == 0 or s != states[k - 1]]
     assert order == [State.APPROACH, State.TRACK, State.RETREAT, State.DONE]
-    assert status.reason == 'length reached' and loop.servo.success
+    assert status.reason == (ReasonCode.LENGTH_REACHED, '') and loop.servo.success
     contour = np.array([pose[:3, 3] for _, pose in loop.servo.statistics.contour])
     lateral, _ = loop.scene.edge.nearest(contour)
     assert np.abs(lateral[10:]).max() < 0.1e-3 and len(contour) > 45
@@ -74,7 +81,7 @@ def test_pad_is_lifted_off_at_the_end():
     loop.run(GOAL, 20.0)
     loop.run(None, 0.2)
     assert loop.log[-1].force == 0.0
-    assert loop.servo.goal is None
+    assert not loop.servo.active
 
 
 def test_direction_can_be_reversed():
@@ -93,12 +100,12 @@ def test_dead_sensor_holds_within_150_ms_and_resumes_on_command():
     loop.sensor_alive = False
     died = loop.now
     loop.run(None, 0.15)
-    assert loop.servo.state == State.HOLD and 'image is stale' in loop.servo.reason
+    assert held(loop, ReasonCode.STALE_IMAGE)
     assert loop.now - died == pytest.approx(0.15, abs=0.01)
     assert moved(loop, 1.0) < 1e-4
     loop.sensor_alive = True
     assert moved(loop, 0.3) < 1e-4  # after a long hold nothing moves unasked
-    assert 'resume' in loop.servo.reason
+    assert held(loop, ReasonCode.INPUT_BACK) and 'resume' in loop.servo.reason.detail
     assert loop.servo.pause(False, loop.now)
     loop.run(None, 5.0)
     assert loop.servo.success
@@ -125,7 +132,7 @@ def test_too_much_load_in_a_hold_lifts_off_once_it_is_known():
     loop.servo.see_contact(Contact(ContactType.LINE, True, Reason(0), 'fit', a=0.0, yaw=0.0,
                                    normal_force=100.0), stamp, loop.now)
     status, _ = loop.servo.cycle(loop.now + 0.0025, stamp + 2_500_000)
-    assert status.state == State.RETREAT and 'overload' in status.reason
+    assert status.state == State.RETREAT and status.reason.code == ReasonCode.OVERLOAD
 
 
 @pytest.mark.parametrize('tracker', ['resolved_rate', 'trace'])
@@ -150,10 +157,11 @@ def test_reason_of_the_end_outlives_a_hold_on_the_way_up():
     loop.run(GOAL, 20.0, lambda s: s.state == State.RETREAT)
     loop.robot_alive = False
     status = loop.run(None, 0.2)
-    assert status.state == State.HOLD and status.reason == 'joint state is stale'
+    assert status.state == State.HOLD
+    assert status.reason.code == ReasonCode.STALE_JOINT_STATE
     loop.robot_alive = True
     status = loop.run(None, 5.0)
-    assert (status.state, status.reason) == (State.DONE, 'length reached')
+    assert (status.state, status.reason.code) == (State.DONE, ReasonCode.LENGTH_REACHED)
     assert loop.servo.success
 
 
@@ -171,8 +179,8 @@ def test_stale_joint_state_holds():
     tracking(loop)
     loop.robot_alive = False
     loop.run(None, 0.15)
-    assert loop.servo.state == State.HOLD and 'joint state is stale' in loop.servo.reason
-    assert not loop.servo._velocities.any()
+    assert held(loop, ReasonCode.STALE_JOINT_STATE)
+    assert loop.servo.motion.standing
 
 
 @pytest.mark.parametrize('offset_ns', [-200_000_000, 200_000_000])
@@ -190,7 +198,7 @@ def test_pause_and_resume():
     tracking(loop)
     assert loop.servo.pause(True, loop.now)
     loop.run(None, 0.2)
-    assert loop.servo.reason == 'paused' and moved(loop, 0.5) < 1e-4
+    assert held(loop, ReasonCode.PAUSED) and moved(loop, 0.5) < 1e-4
     assert loop.servo.pause(False, loop.now)
     loop.run(None, 5.0)
     assert loop.servo.success
@@ -199,13 +207,13 @@ def test_pause_and_resume():
 def test_a_pause_during_a_search_ends_with_a_reason():
     loop = puma_loop(tracker='trace')
     tracking(loop)
-    loop.servo.state = State.SEARCH  # what a late picture makes of it
+    loop.servo._machine.state = State.SEARCH  # what a late picture makes of it
     loop.servo.pause(True, loop.now)
     loop.run(None, 0.05)
     loop.servo.pause(False, loop.now)
     told = [loop.step() for _ in range(5)]
     assert told[-1].state == State.TRACK
-    assert all(status.reason for status in told)
+    assert all(status.reason.text for status in told)
 
 
 def test_cancel_stops_and_ends():
@@ -214,24 +222,24 @@ def test_cancel_stops_and_ends():
     loop.servo.cancel()
     status = loop.run(None, 0.5)
     assert status.state == State.DONE and not loop.servo.success
-    assert loop.servo.reason == 'cancelled'
+    assert loop.servo.reason.code == ReasonCode.CANCELLED
     assert moved(loop, 0.3) < 1e-4
 
 
 def test_unending_hold_gives_up():
-    loop = puma_loop(config=EdgeServoConfig(give_up=0.5))
+    loop = puma_loop(config=ServoConfig(hold=HoldConfig(give_up=0.5)))
     tracking(loop)
     loop.sensor_alive = False
     status = loop.run(None, 2.0)
     assert status.state == State.DONE and not loop.servo.success
-    assert 'gave up' in loop.servo.reason and 'stale' in loop.servo.reason
+    assert loop.servo.reason == (ReasonCode.GAVE_UP, 'tactile image is stale')
 
 
 def test_nothing_to_touch_gives_up_within_the_approach_distance():
     loop = puma_loop()
     loop.renderer.counts = lambda pose, rng, real=loop.renderer.counts: real(None, rng)
     loop.run(GOAL, 20.0)
-    assert not loop.servo.success and 'no contact' in loop.servo.reason
+    assert not loop.servo.success and loop.servo.reason.code == ReasonCode.NO_CONTACT
     deepest = min(row.pose[2, 3] for row in loop.log)
     assert loop.log[0].pose[2, 3] - deepest < 0.032
 
@@ -247,7 +255,8 @@ def test_a_flat_under_the_pad_is_not_pressed_on():
     loop.estimate = lambda _: press(6.0 if loop.pose[2, 3] < loop.scene.edge.points[0, 2] else 0.0,
                                        elongated=False)
     loop.run(GOAL, 20.0)
-    assert not loop.servo.success and 'elongation' in loop.servo.reason
+    assert not loop.servo.success and loop.servo.reason.code == ReasonCode.NO_EDGE
+    assert 'elongation' in loop.servo.reason.text
 
 
 def test_lost_edge_with_contact_held_never_presses():
@@ -256,7 +265,7 @@ def test_lost_edge_with_contact_held_never_presses():
     depth = loop.pose[2, 3]
     loop.estimate = lambda _: press(1.0, elongated=False)  # light, and no edge
     loop.run(None, 2.0)
-    assert loop.servo.state == State.HOLD and 'elongation' in loop.servo.reason
+    assert held(loop, ReasonCode.EDGE_LOST) and 'elongation' in loop.servo.reason.text
     assert depth - loop.pose[2, 3] < 0.2e-3
 
 
@@ -266,7 +275,7 @@ def test_force_that_does_not_rise_is_not_chased_beyond_the_press_depth():
     depth = loop.pose[2, 3]
     loop.estimate = lambda _: press(1.0)  # an edge, whose force stays low
     loop.run(None, 3.0)
-    assert not loop.servo.success and 'deeper' in loop.servo.reason
+    assert not loop.servo.success and loop.servo.reason.code == ReasonCode.TOO_DEEP
     assert depth - min(row.pose[2, 3] for row in loop.log) < 3.5e-3
 
 
@@ -276,7 +285,7 @@ def test_untared_sensor_holds():
     real = loop.estimate
     loop.estimate = lambda image: replace(real(image), reasons=Reason.NOT_TARED)
     loop.run(None, 0.2)
-    assert loop.servo.state == State.HOLD and loop.servo.reason == 'sensor is not tared'
+    assert held(loop, ReasonCode.NOT_TARED)
     assert moved(loop, 0.5) < 1e-4
 
 
@@ -285,7 +294,7 @@ def test_overload_lifts_off():
     tracking(loop)
     loop.estimate = lambda _: press(20.0)
     status = loop.run(None, 3.0)
-    assert status.state == State.DONE and 'overload' in loop.servo.reason
+    assert status.state == State.DONE and status.reason.code == ReasonCode.OVERLOAD
     assert loop.log[-1].force == 0.0 and not loop.servo.success
 
 
@@ -295,7 +304,8 @@ def test_workspace_box_is_not_left():
     wall = start[1] + 0.03
     loop = puma_loop(workspace=WorkspaceBox(start - [0.1, 0.1, 0.1], [1.0, wall, 1.0]))
     loop.run(EdgeGoal(0.05, 5.0), 5.0)
-    assert loop.log[-1].status.limited_by == 'workspace'
+    assert any(row.status.limited_by == 'workspace' for row in loop.log)
+    assert loop.servo.reason == (ReasonCode.MOTION_BLOCKED, 'workspace')
     reach = max(row.pose[1, 3] for row in loop.log)
     assert wall - 0.005 < reach <= wall + 1e-5
 
@@ -323,19 +333,37 @@ def test_joint_states_that_are_no_numbers_are_refused():
     (EdgeGoal(0.03, 5.0, length=-1.0), 'length'), (EdgeGoal(0.03, 5.0, direction=2), 'direction')])
 def test_bad_goals_are_refused_by_name_and_bound(goal, text):
     loop = puma_loop()
-    with pytest.raises(ValueError, match='no joint state'):
+    with pytest.raises(GoalRefused, match='no joint state') as refused:
         loop.servo.start(GOAL, 0.0)
+    assert refused.value.reason.code == ReasonCode.NO_JOINT_STATE
     loop.run(None, 0.01)
-    with pytest.raises(ValueError, match=text):
+    with pytest.raises(GoalRefused, match=text) as refused:
         loop.servo.start(goal, loop.now)
+    assert refused.value.reason.code == ReasonCode.INVALID_GOAL
 
 
 def test_second_goal_is_refused_while_one_is_active():
     loop = puma_loop()
     tracking(loop)
-    assert 'busy' in loop.servo.check(GOAL)
+    assert loop.servo.check(GOAL).code == ReasonCode.BUSY
 
 
 def test_configuration_is_checked():
-    with pytest.raises(ConfigurationError, match='max_force'):
-        EdgeServoConfig(max_force=20.0, max_load=10.0)
+    with pytest.raises(ConfigurationError, match='force.max'):
+        ForceBounds(max=20.0, max_load=10.0)
+
+
+def test_an_arm_that_starts_at_a_joint_limit_says_so():
+    """The approach turns joint_2 down, beyond its limit; with or without a retreat it ends."""
+    start = puma_loop().robot.step(0.0)[0]
+    lower = LIMITS.lower.copy()
+    lower[1] = start[1]
+    robot, config = (PUMA, replace(LIMITS, lower=lower)), ServoConfig()
+    lifting = config.retreat.distance / config.approach.speed
+    for retreat in (False, True):
+        loop = puma_loop(robot=robot)
+        status = loop.run(replace(GOAL, retreat=retreat), 10.0)
+        assert status.state == State.DONE and not loop.servo.success
+        assert status.reason == (
+            ReasonCode.MOTION_BLOCKED, f'joint_2 is at its lower limit, {start[1]:g}')
+        assert 1.0 <= loop.now - 1.0 - retreat * lifting <= 1.4

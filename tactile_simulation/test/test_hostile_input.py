@@ -13,14 +13,17 @@ import numpy as np
 from puma_loop import ELBOW, LIMITS, PUMA
 import pytest
 
-from tactile_sensing.moments.image_moments import Moments
+from tactile_sensing.devices.calibration import Calibration
 from tactile_sensing.types.array import TactelArray
 from tactile_sensing.types.contact import Contact, ContactType, Reason
 from tactile_sensing.types.image import Layer, TactileImage
-from tactile_servo.laws.registry import make_tracker, TRACKERS
+from tactile_sensing.types.moments import Moments
+from tactile_servo.config import ServoConfig
+from tactile_servo.laws.registry import LAWS, make_law
 from tactile_servo.motion.limits import WorkspaceBox
-from tactile_servo.supervisor import EdgeServo
-from tactile_servo.types import EdgeGoal, EdgeServoConfig, State, TRACKING
+from tactile_servo.reasons import GoalRefused, ReasonCode
+from tactile_servo.supervisor import Supervisor
+from tactile_servo.types import EdgeGoal, State, TRACKING
 from tactile_simulation.renderer import render
 from tactile_simulation.scene import Skin
 
@@ -130,8 +133,9 @@ class Watched:
         pose = PUMA.pose(start)
         here = pose[:3, 3]
         self.box = WorkspaceBox(here - margin, here + margin)
-        config = EdgeServoConfig()
-        self.servo = EdgeServo(PUMA, LIMITS, config, make_tracker(tracker, config), self.box)
+        config = ServoConfig()
+        self.servo = Supervisor(PUMA, LIMITS, make_law(tracker, config), config, self.box)
+        self.servo.see_sensor(Calibration(ARRAY).sensor_info('pad', '', 0))
         self.now, self.now_ns, self.count = 100.0, 10**12, 0
         self.positions, self.velocities = start, np.zeros(6)
         self.measured = start
@@ -173,10 +177,10 @@ class Watched:
         if isinstance(action, EdgeGoal):
             try:
                 servo.start(action, self.now)
-            except ValueError as refusal:
-                assert str(refusal)
+            except GoalRefused as refusal:
+                assert str(refusal) and refusal.reason.code >= 200
             else:
-                self.positions, self.velocities = servo.joints.value, np.zeros(6)
+                self.positions, self.velocities = servo.inputs.joints.value, np.zeros(6)
         elif action == 'cancel':
             servo.cancel()
         elif action == 'finish' and servo.state == State.DONE:
@@ -201,15 +205,16 @@ class Watched:
         self.now, self.now_ns = self.now + 1e-9 * PERIOD_NS, self.now_ns + PERIOD_NS
         before = self.servo.state
         status, window = self.servo.cycle(self.now, self.now_ns)
-        assert status.reason or status.state != State.HOLD
+        assert status.reason.code >= 200 or status.state != State.HOLD or (
+            status.reason.code == ReasonCode.INPUT_BACK)
         if window is None:
             return
         if not status.contact_fresh or not status.joints_fresh or status.normal_force > (
-                self.servo.config.max_load):
+                self.servo.config.force.max_load):
             assert status.state not in TRACKING
         if (before == State.HOLD and status.state not in (State.HOLD, State.DONE)
                 and not self.velocities.any()):
-            self.positions = self.servo.joints.value  # it starts anew from where it is
+            self.positions = self.servo.inputs.joints.value  # it starts anew from where it is
         self.check(window, braking=status.state == before == State.HOLD)
         self.positions, self.velocities = window.positions[0], window.velocities[0]
 
@@ -234,7 +239,7 @@ def beyond(place, bounds):
     return np.maximum(np.maximum(place - bounds.upper, bounds.lower - place), 0.0)
 
 
-@pytest.mark.parametrize('tracker', list(TRACKERS))
+@pytest.mark.parametrize('tracker', list(LAWS))
 @settings(max_examples=(SEQUENCES + 1) // 2 or 60, derandomize=not SEQUENCES, deadline=None,
           print_blob=True)
 @given(start=places, margin=st.sampled_from([1e-9, 1e-3, 0.4, 0.4]), goal=goals,
@@ -255,7 +260,7 @@ def test_commands_stay_within_every_limit(tracker, start, margin, goal, prelude,
             watched.step()
 
 
-@pytest.mark.parametrize('tracker', list(TRACKERS))
+@pytest.mark.parametrize('tracker', list(LAWS))
 def test_what_is_attacked_does_track(tracker):
     watched = Watched(tracker, np.clip(ELBOW, LIMITS.lower, LIMITS.upper), 0.4)
     watched.act(EdgeGoal(0.03, 5.0))

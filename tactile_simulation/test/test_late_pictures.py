@@ -6,18 +6,24 @@ import numpy as np
 from puma_loop import ROOT, tracked
 import pytest
 
-from tactile_sensing.moments.image_moments import Moments
+from tactile_sensing.devices.calibration import Calibration
+from tactile_sensing.types.array import TactelArray
 from tactile_sensing.types.contact import Contact, ContactType, Reason
+from tactile_sensing.types.moments import Moments
+from tactile_servo.config import HoldConfig, InputConfig, ServoConfig
 from tactile_servo.control.stability import gain_limit
+from tactile_servo.law import Observation
 from tactile_servo.laws.resolved_rate import ResolvedRate, ResolvedRateConfig
-from tactile_servo.types import EdgeGoal, EdgeServoConfig, State
+from tactile_servo.reasons import ReasonCode
+from tactile_servo.types import EdgeGoal, State
 from tactile_simulation.closed_loop import Simulation
 from tactile_simulation.edge_path import EdgePath
 from tactile_simulation.scene import load_scene, Scene
 
 GOAL = EdgeGoal(0.03, 5.0, length=0.05)
 PICTURE = 0.005  # s between two
-HALF = EdgeServoConfig.array_half_width
+PAD = Calibration(TactelArray(16, 16, 0.0254 / 16, 0.0254 / 16)).sensor_info('pad', '', 0)
+HALF = PAD.array.half_width_y
 
 
 def scanned_limit(delay, lag):
@@ -40,34 +46,33 @@ def line(lateral=0.001, remaining=0.0, force=4.9):
                    yaw=0.02, normal_force=force)
 
 
-def seen_late(age, contact=None, pictures=100):
-    """Tracker that has seen pictures of an age [s], and the time of the last."""
-    tracker = ResolvedRate(EdgeServoConfig())
-    tracker.begin(GOAL)
+def seen_late(age, contact=None, pictures=100, goal=GOAL):
+    """Law that has seen pictures of an age [s], and the time of the last."""
+    law = ResolvedRate(ServoConfig())
+    law.begin(goal, PAD)
     for k in range(pictures):
-        tracker.see_contact(contact or line(), 0, k * PICTURE, age)
-    return tracker, (pictures - 1) * PICTURE
+        law.observe(Observation(0, k * PICTURE, age, lambda _: None, contact=contact or line()))
+    return law, (pictures - 1) * PICTURE
 
 
 @pytest.mark.parametrize('age', [0.0, 0.01, 0.04, 0.08])
 def test_gains_are_the_lesser_of_what_is_asked_for_and_what_the_age_allows(age):
-    tracker, _ = seen_late(age)
-    tracker.speed = 0.0
-    lateral, _, normal, _, _, turn = tracker.twist(np.eye(4), np.eye(4), 0.0025)
+    law, _ = seen_late(age)
+    lateral, _, normal, _, _, turn = law.reference(np.eye(4), np.eye(4), 0.0025).twist
     # A picture is used for a period, a command for one at 400 Hz, and reached after two.
     delay = age + 0.5 * PICTURE + 0.5 / 400 + 2.0 / 400 + 0.0025
     allowed = scanned_limit(delay, 0.010) / 2.5
     c = ResolvedRateConfig()
-    assert lateral / 0.001 == pytest.approx(min(1.0 / c.segment_time, allowed), rel=1e-3)
-    assert turn / 0.02 == pytest.approx(min(1.0 / c.segment_time, allowed), rel=1e-3)
-    assert normal * c.stiffness / 0.1 == pytest.approx(
-        min(1.0 / c.force_segment_time, allowed), rel=1e-3)
-    assert (allowed > 1.0 / c.force_segment_time) == (age <= 0.01)
+    assert lateral / 0.001 == pytest.approx(min(1.0 / c.position.segment_time, allowed), rel=1e-3)
+    assert turn / 0.02 == pytest.approx(min(1.0 / c.position.segment_time, allowed), rel=1e-3)
+    assert normal * c.force.stiffness / 0.1 == pytest.approx(
+        min(1.0 / c.force.segment_time, allowed), rel=1e-3)
+    assert (allowed > 1.0 / c.force.segment_time) == (age <= 0.01)
 
 
 def test_an_age_that_is_not_known_is_taken_for_the_worst():
     worst, _ = seen_late(np.inf)
-    oldest, _ = seen_late(EdgeServoConfig.max_stamp_age)
+    oldest, _ = seen_late(InputConfig.max_stamp_age)
     assert worst.shortest == oldest.shortest > seen_late(0.08)[0].shortest
     young, _ = seen_late(0.0, pictures=1)
     assert young.shortest > 0.9 * worst.shortest  # one picture proves little
@@ -96,11 +101,13 @@ def test_late_pictures_do_not_make_it_swing(scene, length, largest, latency):
 
 
 def test_pictures_that_are_too_late_are_refused_where_nobody_allows_them():
-    late = EdgeServoConfig(give_up=0.2)
+    late = ServoConfig(hold=HoldConfig(give_up=0.2))
     loop, most = simulated(latency=0.12, config=late)
-    assert not loop.servo.success and 'tactile image is stale' in loop.servo.reason
+    assert not loop.servo.success
+    assert loop.servo.reason == (ReasonCode.GAVE_UP, 'tactile image is stale')
     assert most == 0.0
-    loop, most = simulated(latency=0.12, config=replace(late, max_stamp_age=0.2))
+    loop, most = simulated(latency=0.12, config=replace(
+        late, input=InputConfig(max_stamp_age=0.2)))
     assert loop.servo.success and most <= 1.5
     lateral, _ = tracked(loop)
     assert np.abs(lateral[len(lateral) // 2:]).max() <= 0.2e-3
@@ -109,7 +116,8 @@ def test_pictures_that_are_too_late_are_refused_where_nobody_allows_them():
 def test_a_loop_that_swings_ends_in_a_refusal():
     loop, _ = simulated(latency=0.08, settings=ResolvedRateConfig(limit_share=10.0))
     assert not loop.servo.success
-    assert 'beyond 1.5 times the 5 N asked for' in loop.servo.reason
+    assert loop.servo.reason.code == ReasonCode.OVERFORCE
+    assert 'beyond 1.5 times the 5 N asked for' in loop.servo.reason.text
     assert loop.log[-1].force == 0.0  # lifted off
 
 
@@ -123,19 +131,21 @@ def test_a_corner_that_was_missed_is_no_end_of_the_edge():
     corner = Scene('corner', 'corner', EdgePath(np.array([
         [0.0, 0.0, 0.0], [0.07, 0.0, 0.0], [0.07, 0.07, 0.0]])))
     loop, _ = simulated(corner, EdgeGoal(0.1, 5.0), latency=0.04)
-    assert not loop.servo.success and 'edge lost: it ended' in loop.servo.reason
+    assert not loop.servo.success and loop.servo.reason.code == ReasonCode.ENDED_BESIDE
 
 
 @pytest.mark.parametrize('lateral, success', [(0.0, True), (0.5e-3, True), (2e-3, False)])
 def test_an_edge_ends_under_the_pad(lateral, success):
-    tracker, now = seen_late(0.01, line(lateral=lateral, remaining=-0.4 * HALF))
-    tracker.goal = EdgeGoal(0.03, 5.0)
-    verdict = tracker.judge(now, np.eye(4), 0.1, 5.0)
-    assert verdict.state == State.DONE and verdict.success == success
+    law, now = seen_late(0.01, line(lateral=lateral, remaining=-0.4 * HALF),
+                         goal=EdgeGoal(0.03, 5.0))
+    found = law.assess(now, 0.1, 5.0)
+    assert found.state == State.DONE and found.success == success
+    assert found.reason.code == (
+        ReasonCode.EDGE_ENDED if success else ReasonCode.ENDED_BESIDE)
 
 
 def test_a_contact_that_is_lost_is_no_end_of_the_edge():
-    tracker, now = seen_late(0.01)
-    tracker.goal = EdgeGoal(0.03, 5.0)
-    assert tracker.judge(now, np.eye(4), 0.1, 4.9).state == State.TRACK
-    assert tracker.judge(now + 0.1, np.eye(4), 0.1, 0.0).state == State.HOLD
+    law, now = seen_late(0.01, goal=EdgeGoal(0.03, 5.0))
+    assert law.assess(now, 0.1, 4.9).state == State.TRACK
+    lost = law.assess(now + 0.1, 0.1, 0.0)
+    assert (lost.state, lost.reason.code) == (State.HOLD, ReasonCode.CONTACT_LOST)

@@ -274,6 +274,7 @@ def test_nothing_else_is_overwritten(mock, scene, tmp_path, make):
     ({'recording': '/none/recording.npz'}, 'No such file'),
     ({'port': '', 'scene': True}, 'scene'),
     ({'rate': 0.0}, 'rate'),
+    ({'protocol': 'morse'}, 'protocol'),
     ({'latency': -1.0}, 'latency'),
 ])
 def test_wrong_parameters_are_named(mock, parameters, words):

@@ -6,16 +6,16 @@ import numpy as np
 from puma_loop import ROOT
 import pytest
 
-from tactile_sensing.moments.image_moments import Moments
+from tactile_sensing.types.array import TactelArray
 from tactile_sensing.types.contact import Contact, ContactType, Reason
+from tactile_sensing.types.moments import Moments
+from tactile_servo.laws.edge_features import edge_features, edge_tilt, EdgeFeatures
 from tactile_servo.laws.resolved_rate import (
     alignment_scale,
     contact_scale,
-    edge_features,
-    edge_tilt,
     edge_twist,
-    EdgeFeatures,
     ResolvedRateConfig,
+    TiltConfig,
 )
 from tactile_servo.types import EdgeGoal
 from tactile_simulation.closed_loop import Simulation
@@ -24,12 +24,14 @@ from tactile_simulation.metrics import rms
 from tactile_simulation.scene import load_scene, Scene
 
 CONFIG = ResolvedRateConfig()
-HALF = 0.0127
+ARRAY = TactelArray(16, 16, 0.0254 / 16, 0.0254 / 16)
+HALF = ARRAY.half_width_y
+STIFFNESS = CONFIG.force.stiffness
 EDGE_MOMENTS = Moments(5.0, 0.005, 0.0, 25e-6, 260e-6, 0.0)
 
 
-def contact(kind=ContactType.LINE, valid=True, moments=EDGE_MOMENTS, **known):
-    return Contact(kind, valid, Reason(0), 'fit', moments=moments, **known)
+def contact(kind=ContactType.LINE, valid=True, moments=EDGE_MOMENTS, reasons=0, **known):
+    return Contact(kind, valid, Reason(reasons), 'fit', moments=moments, **known)
 
 
 def test_twist_moves_the_pad_onto_the_edge():
@@ -45,42 +47,43 @@ def test_twist_moves_the_pad_onto_the_edge():
 def test_error_vanishes_in_one_segment():
     features = EdgeFeatures(lateral=0.0005, yaw=0.01, force=4.9, remaining=0.0)
     twist = edge_twist(features, 0.0, 5.0, CONFIG)
-    assert twist[0] * CONFIG.segment_time == pytest.approx(0.0005)
-    assert twist[5] * CONFIG.segment_time == pytest.approx(0.01)
-    assert twist[2] * CONFIG.force_segment_time * CONFIG.stiffness == pytest.approx(0.1)
+    assert twist[0] * CONFIG.position.segment_time == pytest.approx(0.0005)
+    assert twist[5] * CONFIG.position.segment_time == pytest.approx(0.01)
+    assert twist[2] * CONFIG.force.segment_time * STIFFNESS == pytest.approx(0.1)
 
 
 def test_every_rate_is_bounded():
     wild = EdgeFeatures(lateral=1.0, yaw=-3.0, force=1e6, remaining=0.0)
     twist = edge_twist(wild, 0.0, 5.0, CONFIG)
-    assert twist[0] == CONFIG.max_lateral_speed
-    assert twist[2] == -CONFIG.max_normal_speed
-    assert twist[5] == -CONFIG.max_turn_rate
+    assert twist[0] == CONFIG.position.max_speed
+    assert twist[2] == -CONFIG.force.max_speed
+    assert twist[5] == -CONFIG.position.max_rate
 
 
 def test_a_valid_line_is_taken_as_fitted():
     features, why = edge_features(
-        contact(a=0.002, yaw=0.1, normal_force=5.0), HALF, CONFIG)
+        contact(a=0.002, yaw=0.1, normal_force=5.0), ARRAY, CONFIG.edge, STIFFNESS)
     assert (features.lateral, features.yaw, features.force, why) == (0.002, 0.1, 5.0, '')
 
 
 def test_an_elongated_contact_is_followed_by_its_moments():
-    features, _ = edge_features(contact(ContactType.OTHER, False), HALF, CONFIG)
+    features, _ = edge_features(contact(ContactType.OTHER, False), ARRAY, CONFIG.edge, STIFFNESS)
     assert features.lateral == pytest.approx(0.001)
     assert features.force == 5.0 and features.yaw == pytest.approx(0.0)
 
 
 @pytest.mark.parametrize('seen, text', [
-    (contact(ContactType.NONE, False), 'no edge'),
-    (contact(ContactType.LINE, False), 'no edge'),
+    (contact(ContactType.NONE, False, reasons=Reason.NO_CONTACT), 'no_contact'),
+    (contact(ContactType.LINE, False, reasons=Reason.BAD_FIT), 'bad_fit'),
     (contact(ContactType.OTHER, False, Moments(5.0, 0, 0, 2e-4, 2e-4, 0)), 'elongation'),
-    (contact(ContactType.OTHER, False, Moments(-5.0, 0, 0, 2e-4, 2e-4, 0)), 'no edge'),
+    (contact(ContactType.OTHER, False, Moments(-5.0, 0, 0, 2e-4, 2e-4, 0),
+             reasons=Reason.LOW_SNR), 'low_snr'),
     (contact(a=0.0, yaw=1.3, normal_force=5.0), 'across the pad'),
     (contact(a=0.02, yaw=0.0, normal_force=5.0), 'impossible'),
     (contact(a=0.0, yaw=0.0, normal_force=-1.0), 'impossible'),
     (contact(a=float('nan'), yaw=0.0, normal_force=5.0), 'not finite')])
 def test_what_is_no_edge_is_refused_with_its_reason(seen, text):
-    features, why = edge_features(seen, HALF, CONFIG)
+    features, why = edge_features(seen, ARRAY, CONFIG.edge, STIFFNESS)
     assert features is None and text in why
 
 
@@ -99,14 +102,15 @@ def test_speed_falls_towards_the_border_and_without_force():
 def even_load(tilt=0.0, first=-HALF, last=HALF):
     """Moments of an edge along y between two places, on a pad that it rises towards by `tilt`."""
     y = np.linspace(first, last, 20001)
-    stiffness = CONFIG.stiffness / (2.0 * HALF)  # per length
+    stiffness = STIFFNESS / (2.0 * HALF)  # per length
     load = stiffness * (1e-3 + tilt * y) * (y[1] - y[0])
     return Moments(load.sum(), 0.0, load @ y, 0.0, load @ y**2, 0.0)
 
 
 @pytest.mark.parametrize('tilt', [-0.05, 0.0, 0.02])
 def test_tilt_is_told_by_the_first_moment(tilt):
-    assert edge_tilt(even_load(tilt), HALF, CONFIG) == pytest.approx(tilt, rel=1e-2, abs=1e-9)
+    told = edge_tilt(even_load(tilt), HALF, CONFIG.edge.uneven, STIFFNESS)
+    assert told == pytest.approx(tilt, rel=1e-2, abs=1e-9)
 
 
 def test_tilt_is_turned_away_within_its_bound():
@@ -115,15 +119,15 @@ def test_tilt_is_turned_away_within_its_bound():
     rise_of_pad = -twist[3] * 1e-3  # z points at the object: a fall along +z is a rise
     assert 0.0 < rise_of_pad < 0.01
     wild = edge_twist(EdgeFeatures(0.0, 0.0, 5.0, 0.0, tilt=-9.0), 0.0, 5.0, CONFIG)
-    assert wild[3] == CONFIG.max_tilt_rate
+    assert wild[3] == CONFIG.tilt.max_rate
 
 
 def test_an_edge_that_ends_is_no_tilt():
     for last in (0.8 * HALF, 0.3 * HALF, -0.5 * HALF):
-        assert edge_tilt(even_load(last=last), HALF, CONFIG) == 0.0
+        assert edge_tilt(even_load(last=last), HALF, CONFIG.edge.uneven, STIFFNESS) == 0.0
     for broken in (Moments(5.0, 0, float('nan'), 0, 3e-4, 0), Moments(5.0, 0, 1, 0, np.inf, 0),
                    Moments(0.0, 0, 0, 0, 0, 0), Moments(-1.0, 0, 1, 0, 1, 0)):
-        assert edge_tilt(broken, HALF, CONFIG) == 0.0
+        assert edge_tilt(broken, HALF, CONFIG.edge.uneven, STIFFNESS) == 0.0
 
 
 def tracked_with(scene, **gains):
@@ -140,7 +144,7 @@ def test_the_pad_levels_itself_on_an_edge_in_space():
     scene = load_scene(ROOT / 'launch/scenes/straight_3d.yaml')  # rises by 10 %
     error, rise = tracked_with(scene)
     assert rise[-1] == pytest.approx(math.atan(0.1), abs=0.01)
-    without, flat = tracked_with(scene, max_tilt_rate=0.0)
+    without, flat = tracked_with(scene, tilt=TiltConfig(max_rate=0.0))
     assert np.abs(flat).max() < 1e-3
     assert error < 0.25 < without  # 5 % of 5 N
 

@@ -7,6 +7,7 @@ import pytest
 import yaml
 
 from tactile_common.errors import ConfigurationError
+from tactile_sensing.types.array import TactelArray
 from tactile_simulation.edge_path import EdgePath
 from tactile_simulation.edge_shapes import ARC_STEP
 from tactile_simulation.scene import load_scene
@@ -160,6 +161,13 @@ def changed(path, value):
     (('sensor', 'noise_std'), -1, 'sensor.noise_std is -1'),
     (('sensor', 'baseline'), 256, 'sensor.baseline is 256'),
     (('sensor', 'pa_per_count'), 0, 'sensor.pa_per_count is 0'),
+    (('sensor', 'rows'), 2, 'sensor.rows is 2'),
+    (('sensor', 'columns'), 8.5, 'sensor.columns is 8.5, must be an integer'),
+    (('sensor', 'columns'), 1000, 'sensor.columns is 1000'),
+    (('sensor', 'pitch_y'), 0, 'sensor.pitch_y is 0'),
+    (('sensor', 'pitch'), 1.0, 'sensor.pitch_x is 1.0'),
+    (('sensor',), {'pitch': 0.001, 'pitch_x': 0.001}, 'must have either'),
+    (('sensor',), 3, 'sensor: is 3'),
     (('start', 's'), 0.21, 'start.s is 0.21, must be at most the length of the edge, 0.2 m'),
     (('start', 'offset'), 1.0, 'start.offset is 1.0'),
     (('start', 'yaw'), None, 'start.yaw is None'),
@@ -171,6 +179,23 @@ def test_wrong_values_are_named_in_one_line(tmp_path, path, value, words):
     assert words in text
     assert 'scene.yaml' in text
     assert '\n' not in text
+
+
+def test_a_scene_names_its_array(tmp_path):
+    def sensor(values, depth=0.002):
+        tree = {**TREE, 'sensor': values, 'skin': {'depth': depth}}
+        return load_scene(write(tmp_path, tree)).sensor
+    usual = sensor({})
+    assert usual.array == TactelArray(16, 16, 0.0254 / 16, 0.0254 / 16)
+    assert sensor({'rows': 16}) == usual
+    other = sensor({'rows': 12, 'columns': 24, 'pitch_x': 0.001, 'pitch_y': 0.0015})
+    assert other.array == TactelArray(12, 24, 0.001, 0.0015)
+    # A shorter edge under the pad has more load per length, a deeper tactel less pressure.
+    assert other.noise_std / usual.noise_std == pytest.approx(0.0254 / 0.018)
+    deep = sensor({'pitch': 0.004}, 0.006)
+    assert deep.array.pitch_x == deep.array.pitch_y == 0.004
+    assert deep.pa_per_count / usual.pa_per_count == pytest.approx(0.0254 / 0.064 / 3.0)
+    assert sensor({'pitch': 0.004, 'noise_std': 600.0}).noise_std == 600.0
 
 
 @pytest.mark.parametrize('text', [

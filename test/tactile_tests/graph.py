@@ -22,11 +22,10 @@ from edge_tracking.graph import (
 from edge_tracking.resources import find_scene, share
 from edge_tracking.track import TrackNode
 from tactile_common.ros.conversions import pose_from_msg, stamp_to_seconds
-from tactile_msgs.msg import Contact, SensorInfo, ServoStatus, TactileImage
+from tactile_msgs.msg import Contact, SensorInfo, ServoReason, ServoStatus, TactileImage
 from tactile_simulation.scene import load_scene
 
 DEADLINE = 20.0  # s, of every wait; generous, since a loaded machine is no fault
-OFFER = 'resume with ~/pause false'  # in the reason of a hold that waits for a command
 ROBOT = share('urdf', 'puma260.urdf')
 _DEEP = QoSProfile(depth=1000)
 _SENSOR = QoSProfile(depth=1000, reliability=qos_profile_sensor_data.reliability)
@@ -70,9 +69,19 @@ class ListenerNode(Node):
         return self.statuses[-1].state if self.statuses else None
 
     @property
+    def code(self):
+        """The code of the servo's newest reason."""
+        return self.statuses[-1].reason_code if self.statuses else ServoReason.NONE
+
+    @property
     def reason(self):
         """The servo's newest reason."""
         return self.statuses[-1].reason if self.statuses else ''
+
+    @property
+    def offered(self):
+        """Whether the servo holds only until it is told to go on."""
+        return self.state == ServoStatus.HOLD and self.code == ServoReason.INPUT_BACK
 
     def said(self, text):
         """Whether any node has logged a text that contains this one."""
@@ -146,14 +155,14 @@ class Bench:
 
         Where the machine stalls for longer than a hold may end by itself, resume.
         """
-        def offered():
-            return self.listener.state == ServoStatus.HOLD and OFFER in self.listener.reason
+        def over():
+            return client.finished or self.listener.offered
 
-        self.wait(lambda: client.finished or offered(), 'the end of the goal', 2 * DEADLINE)
+        self.wait(over, 'the end of the goal', 2 * DEADLINE)
         while not client.finished:
             self.pause(False)
-            self.wait(lambda: client.finished or not offered(), 'the end of the hold')
-            self.wait(lambda: client.finished or offered(), 'the end of the goal', 2 * DEADLINE)
+            self.wait(lambda: client.finished or not self.listener.offered, 'the end of the hold')
+            self.wait(over, 'the end of the goal', 2 * DEADLINE)
 
     def pause(self, paused):
         """Call ~/pause and return the answer."""

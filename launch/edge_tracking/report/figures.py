@@ -1,12 +1,15 @@
-"""Pictures of a run along the edge of a scene."""
+"""What happened along the edge of a scene over time: errors, force, pictures, latency."""
 
-from matplotlib.patches import Polygon
+from collections.abc import Mapping
+from typing import Any
+
+from matplotlib.figure import Figure
 import numpy as np
 
+from edge_tracking.recording.run import RunData
 from edge_tracking.recording.summary import latencies, settled_cycles
 from edge_tracking.report.style import (
     BLUE,
-    EDGE_COLOUR,
     ESTIMATE_COLOUR,
     GREY,
     INK,
@@ -17,133 +20,19 @@ from edge_tracking.report.style import (
     style,
     tactels,
 )
-from tactile_common.polyline import arc_length
 from tactile_sensing.types.contact import ContactType
 from tactile_servo.types import State
-from tactile_shape.cli.plots import draw_model
-from tactile_shape.contour.object_model import ObjectModel
+from tactile_simulation.metrics import Truth
+from tactile_simulation.scene import Scene
 
 _SHADES = {
     State.APPROACH: ('#eaf0f8', 'approach'), State.CORNER: ('#fff4d6', 'corner'),
     State.SEARCH: ('#fdebd3', 'search'), State.RETREAT: ('#eaf0f8', 'lift off'),
     State.HOLD: ('#fadcd9', 'hold'), State.TRACK: (None, 'track'),
 }
-# Of the run, shown enlarged [mm].
-DETAIL_LENGTH = 30.0
 
 
-def trajectory(run, scene, real):
-    """Path of the pad over the true edge, seen from above, and its first part enlarged."""
-    edge, path = (_from_above(scene, points) for points in (
-        scene.edge.points, run.poses.position))
-    height = np.ptp(edge[:, 1])
-    if height > 0.4 * np.ptp(edge[:, 0]):
-        figure = new_figure(10.0, 4.8)
-        whole, detail = figure.subplots(1, 2, width_ratios=(1, 1.2))
-    else:
-        figure = new_figure(10.0, 5.6)
-        whole, detail = figure.subplots(2, 1, height_ratios=(1, 1.5))
-    whole.plot(*edge.T, color=EDGE_COLOUR, linewidth=6, solid_capstyle='butt')
-    whole.plot(*path[real.tracking].T, color=BLUE, linewidth=1.6)
-    _pads(whole, run, scene, real)
-    whole.set_aspect('equal')
-    style(whole, 'along the first edge [mm]', 'across [mm]',
-          'From above, equal axes')
-    _detail(detail, real)
-    return figure
-
-
-def _from_above(scene, points):
-    """Return horizontal coordinates [mm], `(N, 2)`, in which the first chord runs along x."""
-    along = scene.edge.tangent_at(0.0)[:2]
-    along = along / np.linalg.norm(along)
-    across = np.array([-along[1], along[0]])
-    relative = 1e3 * (np.asarray(points)[:, :2] - scene.edge.points[0, :2])
-    return relative @ np.stack([along, across], axis=1)
-
-
-def _pads(axes, run, scene, real):
-    touching, array = np.flatnonzero(real.tracking), run.images.array
-    if not touching.size or array is None:
-        return
-    x, y = array.half_width_x, array.half_width_y
-    corners = np.array([[-x, -y, 0, 1], [x, -y, 0, 1], [x, y, 0, 1], [-x, y, 0, 1]])
-    for index in touching[[0, -1]]:
-        outline = (corners @ run.poses.matrix[index].T)[:, :3]
-        axes.add_patch(Polygon(_from_above(scene, outline), closed=True, facecolor='#1f5fa812',
-                               edgecolor=BLUE, linewidth=1.0))
-    axes.autoscale_view()
-
-
-def _detail(axes, real):
-    """Distance from the edge over the first way along it."""
-    style(axes, 'along the edge since first contact [mm]', 'centre left of the edge [mm]',
-          'The first part, across enlarged')
-    touching = np.flatnonzero(real.tracking)
-    if not touching.size:
-        note(axes, 0.0, 0.0, 'The edge was never touched.')
-        return
-    first = touching[0]
-    way = 1e3 * np.abs(real.along - real.along[first])
-    lateral = 1e3 * real.lateral
-    axes.axhline(0.0, color=EDGE_COLOUR, linewidth=6, zorder=1)
-    axes.plot(way[touching], lateral[touching], color=BLUE, linewidth=1.8)
-    axes.plot(way[first], lateral[first], 'o', color=BLUE, markersize=6)
-    axes.set_xlim(-0.03 * DETAIL_LENGTH, DETAIL_LENGTH)
-    near = lateral[touching][way[touching] <= DETAIL_LENGTH]
-    low, high = min(near.min(), 0.0), max(near.max(), 0.0)
-    spread = max(high - low, 0.1)
-    axes.set_ylim(low - 0.2 * spread, high + 0.2 * spread)
-    down = abs(low) > high
-    note(axes, 0.02 * DETAIL_LENGTH, lateral[first] + (-0.1 if down else 0.1) * spread,
-          f'first contact, {abs(lateral[first]):.2f} mm off', BLUE)
-    note(axes, DETAIL_LENGTH, 0.1 * spread if down else -0.1 * spread, 'true edge', GREY,
-          ha='right')
-    settled = np.flatnonzero(real.settled)
-    if settled.size:
-        axes.axvline(way[settled[0]], color=GREY, linewidth=1.0, linestyle=':')
-        note(axes, way[settled[0]] + 0.01 * DETAIL_LENGTH, low + 0.6 * spread,
-              'the statistics count from here', GREY)
-
-
-def outline(run, scene, found):
-    """Outline rebuilt from touch over the true edge, and how far it is from it."""
-    figure = new_figure(10.0, 4.6)
-    plan, off = figure.subplots(1, 2, width_ratios=(1.2, 1))
-    plan.plot(*_from_above(scene, scene.edge.points).T, color=EDGE_COLOUR, linewidth=6,
-              solid_capstyle='butt')
-    plan.plot(*_from_above(scene, run.contour).T, '.', color=BLUE, markersize=2.5)
-    plan.plot(*_from_above(scene, found.points).T, color=ORANGE, linewidth=1.2)
-    plan.plot(*_from_above(scene, found.corners).T, 'o', color=ORANGE, markersize=5)
-    for side in found.sides:
-        x, y = _from_above(scene, side.points).mean(axis=0)
-        text = f'{1e3 * side.length:.2f} mm'
-        if side.kind == 'arc':
-            text += f', R {1e3 * side.radius:.1f}'
-        note(plan, x, y, text, ha='center')
-    plan.margins(0.1)
-    plan.set_aspect('equal')
-    style(plan, 'along the first edge [mm]', 'across [mm]',
-          'True edge, contacts (dots), outline (line)')
-    lateral, _ = scene.edge.nearest(run.contour)
-    off.plot(1e3 * arc_length(run.contour), 1e3 * lateral, color=BLUE, linewidth=1.2)
-    style(off, 'along the contour [mm]', 'contacts left of the edge [mm]',
-          'Contacts against the true edge')
-    return figure
-
-
-def surface(run):
-    """Patches of the surface that was touched, coloured by what they are."""
-    model = ObjectModel()
-    for patch in run.patches:
-        model.add_contact(patch.frame[:3, 3])
-        model.add_patch(patch)
-    figure = new_figure(7.0, 6.0)
-    draw_model(figure.add_subplot(projection='3d'), model)
-    return figure
-
-
-def errors(run, summary, scene, real):
+def errors(run: RunData, summary: Mapping[str, Any], scene: Scene, real: Truth) -> Figure:
     """Lateral error, true and measured, and force against its target, over time."""
     figure = new_figure(10.0, 7.6)
     wide, narrow, force = figure.subplots(3, 1, sharex=True, height_ratios=(1, 1, 1.15))
@@ -218,7 +107,7 @@ def _shade(axes, run, time, named):
                           rotation=90 if share < 0.1 else 0, color=GREY)
 
 
-def pictures(run):
+def pictures(run: RunData) -> Figure:
     """Tactile pictures of approach, first contact, steady tracking and the end."""
     figure, images = new_figure(10.0, 3.0), run.images
     chosen = [(f'{name}, {run.seconds(images.stamp_ns[index]):.2f} s', index)
@@ -273,7 +162,7 @@ def _estimate(axes, run, index):
                                'pad': 2.0})
 
 
-def latency(run, summary):
+def latency(run: RunData, summary: Mapping[str, Any]) -> Figure:
     """Histogram of the time from a picture's last byte to the command that used it."""
     figure = new_figure(7.5, 3.4)
     axes = figure.subplots()

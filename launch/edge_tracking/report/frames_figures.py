@@ -1,8 +1,10 @@
 """Pictures of a recording that ran through driver and estimator."""
 
+from matplotlib.figure import Figure
 import numpy as np
 
-from edge_tracking.recording.frames_summary import presses
+from edge_tracking.recording.frames_summary import ForceSeries, presses
+from edge_tracking.recording.run import RunData
 from edge_tracking.report.style import (
     BLUE,
     EDGE_COLOUR,
@@ -20,7 +22,7 @@ def _loaded(series):
     return series.force > 0.1 * np.nanmax(series.force, initial=0.0)
 
 
-def force_over_time(series):
+def force_over_time(series: ForceSeries) -> Figure:
     """Force, with the presses, and centre of pressure over time."""
     figure = new_figure(10.0, 5.6)
     force, centre = figure.subplots(2, 1, sharex=True)
@@ -50,12 +52,12 @@ def force_over_time(series):
     return figure
 
 
-def press_pictures(run, series, limit=8):
+def press_pictures(run: RunData, series: ForceSeries, limit: int = 8) -> Figure:
     """Pictures at the peaks of presses, evenly chosen, with the centre of pressure."""
     images = run.images
     found = presses(series.force) if images.array is not None else []
     keep = np.unique(np.linspace(0, len(found) - 1, min(limit, len(found))).round().astype(int))
-    peaks = [found[number][1] for number in keep]
+    peaks = [found[number].peak for number in keep]
     chosen = [(f'press {number + 1}, {series.time[peak]:.1f} s', _picture_at(images, series, peak))
               for number, peak in zip(keep, peaks, strict=True)]
     figure = new_figure(10.0, 0.5 + 2.45 * max(-(-len(keep) // IN_A_ROW), 1))
@@ -70,7 +72,7 @@ def _picture_at(images, series, at):
     return int(np.argmin(np.abs(images.stamp_ns - series.stamp_ns[at])))
 
 
-def centre_path(run, series):
+def centre_path(run: RunData, series: ForceSeries) -> Figure:
     """Path of the centre of pressure on the array, coloured by the force, and enlarged."""
     figure, array, loaded = new_figure(10.0, 4.4), run.images.array, _loaded(series)
     x, y = 1e3 * series.centre_of_pressure[loaded].T
@@ -96,7 +98,7 @@ def centre_path(run, series):
     return figure
 
 
-def force_unit(series):
+def force_unit(series: ForceSeries) -> tuple[float, str]:
     """Return factor and unit in which forces are shown: N, or counts mm^2."""
     if series.unit == 'N':
         return 1.0, 'N'

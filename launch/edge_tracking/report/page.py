@@ -1,16 +1,20 @@
 """One self-contained HTML page about a run, with pictures; nothing is loaded from outside."""
 
 import base64
+from collections.abc import Mapping
 from html import escape
 import math
 from pathlib import Path
+from typing import Any
 
 from edge_tracking.recording.frames_summary import force_series, METRICS
+from edge_tracking.recording.run import RunData
 from edge_tracking.recording.summary import rebuilt_outline, truth
-from edge_tracking.report import figures
+from edge_tracking.report import figures, plans
 from edge_tracking.report import frames_figures as recording_figures
 from edge_tracking.report.style import png
 from tactile_simulation.metrics import shown
+from tactile_simulation.scene import Scene
 
 _CSS = """
 :root { color-scheme: light; }
@@ -37,7 +41,7 @@ figcaption, footer { font-size: .87rem; color: #555a61; }
 """
 
 
-def make_report(run, summary, scene, path):
+def make_report(run: RunData, summary: Mapping[str, Any], scene: Scene, path) -> None:
     """
     Write the report of a run along the edge of a scene.
 
@@ -52,7 +56,7 @@ def make_report(run, summary, scene, path):
     """
     real = truth(run, scene)
     sections = [
-        ('Path of the pad', figures.trajectory(run, scene, real),
+        ('Path of the pad', plans.trajectory(run, scene, real),
          'Centre of the pad over the true edge, with the outline of the pad at first contact '
          f'and at the end. The run begins '
          f'{1e3 * abs(scene.start.offset):.1f} mm beside the edge; the detail shows how touch '
@@ -73,13 +77,13 @@ def make_report(run, summary, scene, path):
     found = rebuilt_outline(run)
     if found is not None:
         sections.insert(2, (
-            'Rebuilt outline', figures.outline(run, scene, found),
+            'Rebuilt outline', plans.outline(run, scene, found),
             'Lines, arcs and corners, as few as the contacts along the edge allow. Each contact '
             'is a point of the fitted line or, on a curve and at a corner, of the ridge of the '
             'picture, put into the base by the pose of the robot.', ''))
     if run.patches:
         sections.append((
-            'Surface', figures.surface(run),
+            'Surface', plans.surface(run),
             'Where a surface was touched: patches of second order, coloured by the least one '
             'that explains the contacts, and the way of the contact.', 'narrow'))
     verdict = ('Edge tracked' if summary['ok'] else 'Edge not tracked', summary['ok'])
@@ -96,7 +100,7 @@ def make_report(run, summary, scene, path):
                                      if summary.get('seed') is not None else ''))
 
 
-def make_recording_report(run, summary, path):
+def make_recording_report(run: RunData, summary: Mapping[str, Any], path) -> None:
     """
     Write the report of a recording that ran through driver and estimator.
 
@@ -134,9 +138,9 @@ def make_recording_report(run, summary, path):
            summary.get('reason', ''))
 
 
-def picture(run, scene, path):
+def picture(run: RunData, scene: Scene, path) -> None:
     """Save the main picture, the path of the pad over the true edge, as PNG."""
-    Path(path).write_bytes(png(figures.trajectory(run, scene, truth(run, scene))))
+    Path(path).write_bytes(png(plans.trajectory(run, scene, truth(run, scene))))
 
 
 # --- page ---------------------------------------------------------------------------------------

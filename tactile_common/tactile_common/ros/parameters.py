@@ -38,8 +38,8 @@ def declare_from(node, config_class, read_only=True, prefix=''):
     ConfigurationError
         A value has the wrong type, is out of range or is refused by `config_class`.
     """
-    defaults = {field.name: field.default if field.default is not dataclasses.MISSING
-                else field.default_factory() for field in dataclasses.fields(config_class)}
+    defaults = {field.name: field.default_factory() if callable(field.default_factory)
+                else field.default for field in dataclasses.fields(config_class)}
     return _declared(node, config_class, defaults, read_only, prefix)
 
 

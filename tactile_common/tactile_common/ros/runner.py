@@ -70,7 +70,7 @@ def plain(callback):
     """
     def call():
         callback()
-    call.__signature__ = inspect.Signature()
+    call.__signature__ = inspect.Signature()  # type: ignore[attr-defined]
     return call
 
 

@@ -5,6 +5,7 @@ import math
 import numpy as np
 
 from tactile_common.kernels import njit
+from tactile_sensing.types.array import TactelArray
 
 DETECTION = 5.0  # standard deviations of one tactel that a ridge must reach
 FAINT = 0.12  # of the highest pressure; less is no ridge beside a stronger one
@@ -12,10 +13,14 @@ OFFSET = 0.6  # pitches from the middle of a tactel within which its ridge point
 NOISY = 0.05  # noise, of the peak, from which the picture is smoothed first
 WIDEST = 3.0  # depths that the width d of (3.1) may seem to be, of two legs that merge as well
 _DIRECTIONS = ((0, 1), (1, 0), (1, 1), (1, -1))  # steps to a neighbour: row, column
-COLUMNS = 6  # x, y, direction x, y, pressure, quality
+# Place [m] and direction (of either sense) in the sensor frame, pressure on the ridge [Pa], and
+# quality: 1 for a straight ridge, 0 for a round spot.
+RIDGE_POINT = np.dtype([(name, np.float64) for name in (
+    'x', 'y', 'tx', 'ty', 'pressure', 'quality')])
 
 
-def ridge_points(pressure, array, noise, depth):
+def ridge_points(pressure: np.ndarray, array: TactelArray, noise: float,
+                 depth: float) -> np.ndarray:
     """
     Points of the ridge of a pressure picture.
 
@@ -36,14 +41,12 @@ def ridge_points(pressure, array, noise, depth):
 
     Returns
     -------
-    ndarray, shape (N, 6)
-        Position x, y [m], direction x, y (of either sense), pressure on the ridge [Pa] and
-        quality: 1 for a straight ridge, 0 for a round spot.
+    ndarray of RIDGE_POINT, shape (N,)
     """
     mended = mend(np.ascontiguousarray(pressure, dtype=np.float64), noise)
     peak = float(mended.max(initial=0.0))
     if not peak > DETECTION * noise or min(mended.shape) < 3:
-        return np.empty((0, COLUMNS))
+        return np.empty(0, RIDGE_POINT)
     if noise > NOISY * peak:
         mended, noise = _smoothed(mended), 0.375 * noise
     floor = max(DETECTION * noise, FAINT * peak)
@@ -122,7 +125,7 @@ def _smoothed(p):
 @njit(cache=True)
 def _ridge(p, x, y, floor, noise, widest):
     rows, columns = p.shape
-    found = np.empty((rows * columns, 6))
+    found = np.empty(rows * columns, RIDGE_POINT)
     count = 0
     pitch_x, pitch_y = x[1] - x[0], y[1] - y[0]
     for r in range(1, rows - 1):
@@ -145,10 +148,10 @@ def _ridge(p, x, y, floor, noise, widest):
             # Across a line load p^(-1/2) is as v^2 + d^2.
             if not (least > 0.0 and 2.0 * least < widest * steep):
                 continue
-            found[count, 0], found[count, 1] = x[c] + dx, y[r] + dy
-            found[count, 2], found[count, 3] = -ny, nx
-            found[count, 4] = 1.0 / least**2
-            found[count, 5] = max(1.0 - abs(flat) / steep, 0.0)
+            point = found[count]
+            point.x, point.y, point.tx, point.ty = x[c] + dx, y[r] + dy, -ny, nx
+            point.pressure = 1.0 / least**2
+            point.quality = max(1.0 - abs(flat) / steep, 0.0)
             count += 1
     return found[:count].copy()
 

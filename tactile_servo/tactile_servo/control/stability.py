@@ -4,8 +4,10 @@ import math
 
 from scipy.optimize import brentq
 
+AGE_SHARE = 0.1  # of an image's age in their running mean
 
-def gain_limit(delay, lag):
+
+def gain_limit(delay: float, lag: float) -> float:
     """
     Gain of an integrating loop at the limit of stability [1/s].
 

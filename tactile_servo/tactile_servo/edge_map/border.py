@@ -3,26 +3,28 @@
 import numpy as np
 
 from tactile_common.kernels import njit
+from tactile_sensing.types.array import TactelArray
 
 FEWEST = 4  # tactels in a row along the border
-FAINT, PLAIN = 0.02, 0.06  # of the ridge's pressure: a leg 4 mm and 2.5 mm away under 2 mm of skin
+FAINT, PLAIN = 0.02, 0.06  # of the ridge's pressure: a leg 2 and 1.25 depths away
 CLEAR = 2.5  # depths from the line of a ridge within which the border sees that ridge
 SIGNIFICANT = 2.0  # standard deviations of the noise
 
 
-def coming_length(pressure, array, points, noise, depth):
+def coming_length(pressure: np.ndarray, array: TactelArray, points: np.ndarray, noise: float,
+                  depth: float) -> float:
     """
     Length of a leg of the edge that is about to come under the pad [m].
 
     A leg that lies along the border comes under the pad at once, with half of the load again;
-    the skin shows it on the tactels of the border some 3 mm before.
+    the skin shows it on the tactels of the border some 1.5 depths before.
 
     Parameters
     ----------
     pressure : ndarray, shape (rows, columns)
         [Pa], all finite.
     array : TactelArray
-    points : ndarray, shape (N, 6)
+    points : ndarray of RIDGE_POINT, shape (N,)
         Ridge of the picture, see `ridge_points`.
     noise, depth : float
         Of one tactel [Pa], of the tactels [m].
@@ -47,7 +49,7 @@ def coming_length(pressure, array, points, noise, depth):
 def _longest_run(pressure, x, y, points, clear, noise):
     """Tactels of the longest loaded run of the border off the ridge; their share of its load."""
     rows, columns = pressure.shape
-    ridge = np.median(points[:, 4])
+    ridge = np.median(points.pressure)
     level = max(FAINT * ridge, SIGNIFICANT * noise)
     around = 2 * (rows + columns) - 4
     best, best_sum = 0, 0.0
@@ -67,7 +69,8 @@ def _longest_run(pressure, x, y, points, clear, noise):
             if own:
                 break
             # Beyond the pad the ridge goes on as it points.
-            aside = (x[c] - points[n, 0]) * points[n, 3] - (y[r] - points[n, 1]) * points[n, 2]
+            point = points[n]
+            aside = (x[c] - point.x) * point.ty - (y[r] - point.y) * point.tx
             own = abs(aside) < clear
         run, total = (0, 0.0) if own else (run + 1, total + pressure[r, c])
         if run > best and run <= around:

@@ -1,68 +1,159 @@
 """A corner under the pad, fitted to the picture itself: vertex, two legs and fillet."""
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 
+from tactile_common.geometry import wrap_angle
 from tactile_common.kernels import njit
 from tactile_sensing.half_space.kernels import add_point, add_segment
 
-PARAMETERS = 8  # vertex x, y, directions of the legs, radius, curvatures of the legs, load
-NEAR = 8.0e-3  # m from the vertex within which tactels count
-LEG = 15.0e-3  # m of each leg that presses
+# In skin depths, the width to which the skin blurs a line:
+NEAR = 4.0  # from the vertex within which tactels count: beyond, the legs alone tell
+LEG = 7.5  # of each leg that presses on them
+RADIUS_PRIOR = 1.5  # standard deviation of the radius before anything is seen
+CURVATURE_PRIOR = 0.03  # that of the legs' curvature, per depth
+LENGTH_STEP, RADIUS_STEP, CURVATURE_STEP = 0.01, 0.025, 0.001  # of the differences
+FARTHEST, LEAST_RADIUS = 0.75, 0.05  # change of a round; radius that is no vertex for the fit
+WIDEST_TURN, ANGLE_STEP = 0.3, 2e-3  # rad: change of a round, step of the differences
+STRAIGHT = 2.9  # rad, beyond which the legs lie on each other
 CHORDS = 5  # of a leg
 ARC_CHORDS = 6  # of a fillet; even, so that a node is at its middle
 ROUNDS = 4
-RADIUS_PRIOR = 3.0e-3  # m, standard deviation of the radius before anything is seen
-CURVATURE_PRIOR = 15.0  # 1/m, that of the legs' curvature
-STEPS = np.array([2e-5, 2e-5, 2e-3, 2e-3, 5e-5, 0.5])  # of the differences; last curvature
+FEWEST = 20  # tactels
+
+
+class CornerShape(NamedTuple):
+    """
+    A corner: two legs and the fillet between them.
+
+    The vertex x, y, where the legs would meet [m]; direction of travel on the first and on the
+    second leg [rad]; radius of the fillet [m]; curvatures of the legs [1/m], left positive.
+    Vectors and information matrices of a corner have this order.
+    """
+
+    x: float
+    y: float
+    first: float
+    second: float
+    radius: float
+    first_bend: float = 0.0
+    second_bend: float = 0.0
+
+    @property
+    def vertex(self) -> np.ndarray:
+        """Where the legs would meet (2,) [m]."""
+        return np.array([self.x, self.y])
+
+    @property
+    def turn(self) -> float:
+        """Angle from the first leg to the second [rad]."""
+        return wrap_angle(self.second - self.first)
+
+    @property
+    def setback(self) -> float:
+        """Distance from the vertex to the fillet [m]."""
+        return self.radius * math.tan(0.5 * min(abs(self.turn), STRAIGHT))
+
+    def moved(self, place: np.ndarray, yaw: float) -> 'CornerShape':
+        """Shape in the frame in which that of this one lies at a place (2,), turned by yaw."""
+        cos, sin = math.cos(yaw), math.sin(yaw)
+        x, y = place
+        return self._replace(x=cos * self.x - sin * self.y + x, y=sin * self.x + cos * self.y + y,
+                             first=self.first + yaw, second=self.second + yaw)
+
+
+SIZE = len(CornerShape._fields)
+
+
+class CornerFit(NamedTuple):
+    """
+    A corner fitted to a picture.
+
+    Its information (7, 7), the inverse covariance without the priors; chi-square per tactel;
+    force per length [N/m], 0 where too few tactels are near.
+    """
+
+    shape: CornerShape
+    information: np.ndarray
+    chi_square: float
+    load: float
+
+
+def difference(vector: np.ndarray, reference: np.ndarray) -> np.ndarray:
+    """Difference of two corners (7,), their angles within half a turn."""
+    gap = vector - reference
+    gap[2:4] = wrap_angle(gap[2:4])
+    return gap
+
+
+def turned(information: np.ndarray, yaw: float) -> np.ndarray:
+    """Information (7, 7) of a corner that is turned with its frame."""
+    cos, sin = math.cos(yaw), math.sin(yaw)
+    rotation = np.eye(SIZE)
+    rotation[:2, :2] = [[cos, -sin], [sin, cos]]
+    return rotation @ information @ rotation.T
+
+
+def vertex_spread(information: np.ndarray) -> float:
+    """Standard deviation of the vertex [m]; infinite where nothing is known of it."""
+    try:
+        return math.sqrt(np.trace(np.linalg.inv(information)[:2, :2]))
+    except (np.linalg.LinAlgError, ValueError):
+        return math.inf
 
 
 @njit(cache=True)
-def corner_points(p):
+def _shape(p):
+    return CornerShape(p[0], p[1], p[2], p[3], p[4], p[5], p[6])
+
+
+@njit(cache=True)
+def corner_points(corner, depth):
     """
-    Polyline of a corner in the order of travel, and the index of its fillet's middle.
+    Polyline of a corner in the order of travel.
 
     Parameters
     ----------
-    p : ndarray, shape (>= 7,)
-        Vertex x, y [m], direction of travel on the first and on the second leg [rad], radius
-        of the fillet [m], curvatures of the legs [1/m], left positive.
+    corner : CornerShape
+    depth : float
+        Of the tactels [m], by which the length of the legs is measured.
 
     Returns
     -------
     ndarray, shape (2 CHORDS + ARC_CHORDS + 1, 2)
     """
-    turn = math.atan2(math.sin(p[3] - p[2]), math.cos(p[3] - p[2]))
-    radius = max(p[4], 0.0)
-    setback = radius * math.tan(0.5 * min(abs(turn), 2.9))
+    turn = wrap_angle(corner.second - corner.first)
+    radius = max(corner.radius, 0.0)
+    setback = radius * math.tan(0.5 * min(abs(turn), STRAIGHT))
     points = np.empty((2 * CHORDS + ARC_CHORDS + 1, 2))
-    spacing = LEG / CHORDS
+    spacing = LEG * depth / CHORDS
     # First leg, backwards from where the fillet begins.
-    x, y = p[0] - setback * math.cos(p[2]), p[1] - setback * math.sin(p[2])
-    points[CHORDS, 0], points[CHORDS, 1] = x, y
+    x = begin_x = corner.x - setback * math.cos(corner.first)
+    y = begin_y = corner.y - setback * math.sin(corner.first)
+    points[CHORDS] = x, y
     for k in range(CHORDS):
-        angle = p[2] - p[5] * spacing * (k + 0.5)
+        angle = corner.first - corner.first_bend * spacing * (k + 0.5)
         x, y = x - spacing * math.cos(angle), y - spacing * math.sin(angle)
-        points[CHORDS - 1 - k, 0], points[CHORDS - 1 - k, 1] = x, y
-    x, y = points[CHORDS, 0], points[CHORDS, 1]
+        points[CHORDS - 1 - k] = x, y
+    x, y = begin_x, begin_y
     chord = 2.0 * radius * math.sin(0.5 * abs(turn) / ARC_CHORDS)
     for k in range(ARC_CHORDS):
-        angle = p[2] + turn * (k + 0.5) / ARC_CHORDS
+        angle = corner.first + turn * (k + 0.5) / ARC_CHORDS
         x, y = x + chord * math.cos(angle), y + chord * math.sin(angle)
-        points[CHORDS + 1 + k, 0], points[CHORDS + 1 + k, 1] = x, y
+        points[CHORDS + 1 + k] = x, y
     for k in range(CHORDS):
-        angle = p[3] + p[6] * spacing * (k + 0.5)
+        angle = corner.second + corner.second_bend * spacing * (k + 0.5)
         x, y = x + spacing * math.cos(angle), y + spacing * math.sin(angle)
-        points[CHORDS + ARC_CHORDS + 1 + k, 0] = x
-        points[CHORDS + ARC_CHORDS + 1 + k, 1] = y
+        points[CHORDS + ARC_CHORDS + 1 + k] = x, y
     return points
 
 
 @njit(cache=True)
-def corner_pressure(p, x, y, depth):
+def corner_pressure(corner, x, y, depth):
     """Pressure of a corner of unit load per length at tactels x, y [m] (rows, columns)."""
-    points = corner_points(p)
+    points = corner_points(corner, depth)
     pressure = np.zeros((len(y), len(x)))
     for k in range(len(points) - 1):
         x0, y0, x1, y1 = points[k, 0], points[k, 1], points[k + 1, 0], points[k + 1, 1]
@@ -88,63 +179,60 @@ def fit_corner(pressure, x, y, depth, noise, model_error, start):
     depth, noise, model_error : float
         Depth of the tactels [m], noise of one [Pa], what the model may leave out as a
         fraction of the pressure.
-    start : ndarray, shape (7,)
-        First guess, see `corner_points`; the sensor frame.
+    start : CornerShape
+        First guess, in the sensor frame.
 
     Returns
     -------
-    p : ndarray, shape (7,)
-    information : ndarray, shape (7, 7)
-        Inverse covariance of the fit without its priors.
-    chi_square : float
-        Per tactel.
-    load : float
-        Force per length [N/m].
+    CornerFit
     """
-    p = start.copy()
-    information = np.zeros((7, 7))
+    p = np.array([start.x, start.y, start.first, start.second, start.radius, start.first_bend,
+                  start.second_bend])
+    information = np.zeros((SIZE, SIZE))
     chi_square, load = np.inf, 0.0
-    prior = np.array([0.0, 0.0, 0.0, 0.0, RADIUS_PRIOR**-2, CURVATURE_PRIOR**-2,
-                      CURVATURE_PRIOR**-2])
+    steps = np.array([LENGTH_STEP * depth, LENGTH_STEP * depth, ANGLE_STEP, ANGLE_STEP,
+                      RADIUS_STEP * depth, CURVATURE_STEP / depth, CURVATURE_STEP / depth])
+    prior = np.zeros(SIZE)
+    prior[4] = (RADIUS_PRIOR * depth)**-2
+    prior[5:] = (CURVATURE_PRIOR / depth)**-2
     rows, columns = pressure.shape
     weight = np.zeros((rows, columns))
     count = 0
     for r in range(rows):
         for c in range(columns):
-            if (x[c] - start[0])**2 + (y[r] - start[1])**2 < NEAR * NEAR:
+            if (x[c] - start.x)**2 + (y[r] - start.y)**2 < (NEAR * depth)**2:
                 weight[r, c] = 1.0 / (noise**2 + (model_error * pressure[r, c])**2)
                 count += 1
-    if count < 20:
-        return p, information, chi_square, load
-    jacobian = np.empty((7, rows, columns))
+    if count < FEWEST:
+        return CornerFit(start, information, chi_square, load)
+    jacobian = np.empty((SIZE, rows, columns))
     for step in range(ROUNDS + 1):
-        shape = corner_pressure(p, x, y, depth)
+        shape = corner_pressure(_shape(p), x, y, depth)
         own = (weight * shape * shape).sum()
         load = (weight * shape * pressure).sum() / own
         error = pressure - load * shape
         chi_square = (weight * error * error).sum() / count
         if step == ROUNDS or not load > 0.0:
             break
-        for k in range(7):
-            h = STEPS[min(k, 5)]
+        gradient = np.empty(SIZE)
+        for k in range(SIZE):
             other = p.copy()
-            other[k] += h
-            slope = (corner_pressure(other, x, y, depth) - shape) / h
+            other[k] += steps[k]
+            slope = (corner_pressure(_shape(other), x, y, depth) - shape) / steps[k]
             # What a change of the load would do as well is not the parameter's doing.
             slope -= shape * ((weight * shape * slope).sum() / own)
             jacobian[k] = load * slope
-        gradient = np.empty(7)
-        for k in range(7):
             gradient[k] = (weight * jacobian[k] * error).sum() - prior[k] * p[k]
             for m in range(k + 1):
                 information[k, m] = (weight * jacobian[k] * jacobian[m]).sum()
                 information[m, k] = information[k, m]
         normal = information.copy()
-        for k in range(7):
+        for k in range(SIZE):
             normal[k, k] += prior[k] + 1e-9 * information[k, k] + 1e-12
         change = np.linalg.solve(normal, gradient)
-        largest = max(math.hypot(change[0], change[1]) / 1.5e-3, abs(change[4]) / 1.5e-3,
-                      max(abs(change[2]), abs(change[3])) / 0.3, 1.0)
-        p += change / largest
-        p[4] = max(p[4], 1e-4)
-    return p, information, chi_square, load
+        ask = _shape(change)
+        p += change / max(math.hypot(ask.x, ask.y) / (FARTHEST * depth),
+                          abs(ask.radius) / (FARTHEST * depth),
+                          max(abs(ask.first), abs(ask.second)) / WIDEST_TURN, 1.0)
+        p[4] = max(p[4], LEAST_RADIUS * depth)
+    return CornerFit(_shape(p), information, chi_square, load)

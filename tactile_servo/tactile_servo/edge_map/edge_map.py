@@ -1,396 +1,235 @@
-"""The edge as traced so far: a path behind and under the pad, and what is seen ahead."""
+"""Map of an edge: pictures and poses in; path, corners and ends out."""
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 
-from tactile_servo.edge_map.corner import Corner, guess, LEAST_TURN
-from tactile_servo.edge_map.path import (
-    closing_node,
-    FAR_TURN,
-    nodes_from,
-    sharpest_turn,
-    stations_of,
-    unblurred,
-)
-from tactile_servo.edge_map.tracing import (
+from tactile_common.polyline import Projection
+from tactile_sensing.types.image import TactileImage
+from tactile_servo.edge_map.corner import Corner
+from tactile_servo.edge_map.path import nodes_from
+from tactile_servo.edge_map.path_queries import (
+    direction,
     length_on_pad,
-    local_line,
     place_at,
     project,
     rise,
-    share_near,
     speed_profile,
-    STEP,
-    trace,
 )
+from tactile_servo.edge_map.picture import Problem, read_picture
+from tactile_servo.edge_map.records import CLOUD_POINT, joined, nodes_of
+from tactile_servo.edge_map.traced_path import BEHIND, PathEnd, TracedPath
+from tactile_servo.edge_map.tracing import into_plane, local_line, share_near, STEP
 
-KEEP_BEHIND = 2.0e-3  # m behind the pad's centre the path is no longer changed
-AHEAD = 22.0e-3  # m of path traced at the most
 PICTURES = 10  # whose points make the cloud
-SEEN_BORDER = 3.3e-3  # m from the pad's border where a ridge can no longer be told from its end
-BLUR = 0.6  # of the squared depth over the radius: how far a ridge lies inside of a curve [m^2]
-BRANCH_REACH = 6.0e-3  # m from the end of a ridge within which another leg is looked for
-TIP = 8  # nodes at the end of a ridge among which it fades
-DENIALS = 3  # pictures one after the other that show no such corner, until it is dropped
-OFF_PATH = 2.0e-3  # m from the path beyond which a point is not of it
-GAP_REACH = 18.0e-3  # m ahead over which a ridge may go on
-BESIDE = 1.3e-3  # m from the path beyond which a point belongs to another leg
-BEHIND = 30.0e-3  # m around the pad of which the load is reckoned
-CLOSING = 1.2e-3  # m from the start within which a contour closes
-UNSURE_START = 4.0e-3  # m of a path at its start that a moving pad has not seen long enough
-SHORTEST_CONTOUR = 0.05  # m
-VIEW, END, CLOSED = 'view', 'end', 'closed'
+FEWEST_POINTS = 3  # of a ridge
+ROUGHLY_ALONG = 0.5  # cosine of the largest angle between a heading and the edge
+AGREEING = 0.4  # share of a picture's points that are on the path where it shows the path
+SURE_PICTURES = 3  # that show the edge elsewhere before it is believed to have slipped
+OFF_PATH = 1.0  # grains from the path beyond which a point is not of it
+CHORD = 2.0  # grains either way over which the path is pointing where the edge has slipped
+WINDOW = 7.5  # grains either way within which the pad is looked for on the path
+SHORTEST_CHORD = 0.05  # grains that tell a direction
 
 
-class TracedEdge:
+class Sight(NamedTuple):
+    """What became of a picture: why it does not show the edge; whether a path began with it."""
+
+    problem: Problem | None
+    begun: bool = False
+
+
+class EdgeMap:
     """
-    Path of an edge in a plane, traced picture by picture.
+    Edge in a plane of the base frame, traced where the robot was when pictures were taken.
+
+    The plane is that of the first picture: its x and y are the sensor's, its z the pad's
+    normal. Pictures are put into it by the pose at their stamps, so that latency only ages
+    what is seen ahead.
+
+    Parameters
+    ----------
+    skin_stiffness : float
+        Line force per length and indentation, which tells the height of the edge [N/m^2].
 
     Attributes
     ----------
-    nodes : ndarray, shape (N, 6)
-        x, y, z (along the plane's normal) [m], direction x, y, and whether there is material
-        between the node and the one before: 1 or 0.
-    stations : ndarray, shape (N,)
-        Way along the path [m].
-    end : str
-        Why the path ends: VIEW (the pad sees no further), END (the ridge ends; the last chord
-        only leads straight on), CLOSED.
-    tip : float
-        Station of the last node that was seen [m].
+    plane : ndarray, shape (4, 4) or None
+        Base frame -> plane, once there was a picture.
+    picture : Picture or None
+        The newest one.
+    scale : PadScale or None
+        Lengths of the pad that took it.
+    path : TracedPath or None
+        The newest one; that of an edge that was lost stays until another begins.
+    station : float
+        Way along the path of the pad at the newest picture that shows it [m].
     """
 
-    def __init__(self, depth):
-        self.blur = BLUR * depth**2
-        self.nodes = np.empty((0, 6))
-        self.stations = np.empty(0)
-        self.corners = []
-        self.end, self.tip = VIEW, 0.0
-        self.past = []  # nodes of earlier paths, before a slip
-        self._clouds = []
-        self._cloud = np.empty((0, 6))
-        self._picture = None
-        self._near = np.empty((0, 6))
+    def __init__(self, skin_stiffness: float):
+        self.skin_stiffness = skin_stiffness
+        self.plane = self.picture = self.path = self.scale = None
+        self.station = 0.0
+        self._cloud = np.empty(0, CLOUD_POINT)  # of the last pictures,
+        self._counts = []  # so many points of each
+        self._followed = False
+        self._off_path = 0
+        self._near = None  # nodes around the pad, an open end led on
 
-    # Input -------------------------------------------------------------------------------
+    # Pictures ----------------------------------------------------------------------------
 
-    def see(self, cloud, picture):
-        """Take the points (N, 6) of a picture, see `edge_trace`, and the Picture itself."""
-        self._clouds = [*self._clouds[1 - PICTURES:], cloud]
-        self._cloud = np.concatenate(self._clouds)
-        self._picture = picture
+    def see(self, image: TactileImage, pose: np.ndarray) -> Problem | None:
+        """Take an image and the pose (4, 4) of the sensor in the base frame at its stamp."""
+        plane = np.linalg.inv(pose) if self.plane is None else self.plane
+        picture = read_picture(image, plane @ pose)
+        if isinstance(picture, Problem):
+            return picture
+        self.plane, self.picture, self.scale = plane, picture, picture.scale
+        return None
 
-    def forget(self):
-        """Drop what earlier pictures showed: the object has moved."""
-        self._clouds = self._clouds[-1:]
-        self._cloud = np.concatenate(self._clouds) if self._clouds else np.empty((0, 6))
-        self.past.append(self.nodes)
-        self.corners = []
-
-    def agrees(self):
-        """Whether the newest picture shows the path where it is thought to be."""
-        points = self._clouds[-1]
-        return share_near(points, self._near, OFF_PATH) > 0.4
-
-    def seed(self, place, heading, station=0.0):
+    def follow(self, direction: int, anew: bool = False) -> Sight:
         """
-        Begin a path at the point of the ridge that is nearest to a place (2,).
+        Extend the path by what the newest picture shows.
 
-        Returns
-        -------
-        bool
-            Whether there is one whose ridge runs roughly along `heading` (2,).
+        Parameters
+        ----------
+        direction : int
+            +1 or -1: the way to begin a path, along the sensor's y.
+        anew : bool
+            Begin a path whatever is known.
         """
-        cloud = self._cloud
-        along = np.abs(cloud[:, 3:5] @ heading) > 0.5
+        picture = self.picture
+        if len(picture.ridge) < FEWEST_POINTS:
+            return Sight(Problem.NO_RIDGE)
+        # (3.1) at its peak, 2 q / (pi d), gives the load, and that the indentation.
+        indentation = 0.5 * math.pi * picture.depth / self.skin_stiffness
+        seen = into_plane(picture.ridge, picture.pose, indentation)
+        self._remember(seen)
+        if anew or not self._followed:
+            heading = direction * picture.pose[:2, 1]
+            return self._begin(heading / np.linalg.norm(heading), True)
+        if share_near(seen, self._near, OFF_PATH * self.scale.grain) > AGREEING:
+            self._off_path = 0
+            self.station = self._project(picture).station
+            self.path.refine(picture, self.station)
+            self.path.extend(self._cloud, picture, self.station)
+            self._take_near()
+            return Sight(None)
+        self._off_path += 1
+        if self._off_path < SURE_PICTURES:
+            return Sight(Problem.ELSEWHERE)
+        self._counts = []  # the object has slipped
+        self._remember(seen)
+        self.station = self._project(picture).station
+        chord = CHORD * self.scale.grain
+        return self._begin(np.array(self.way(self.station - chord, self.station + chord)), False)
+
+    def _begin(self, heading, may_close):
+        """Begin a path at the point of the ridge that is nearest to the pad's centre."""
+        picture, cloud = self.picture, self._cloud
+        may_close = may_close and (self.path is None or self.path.may_close)
+        self._off_path, self._followed = 0, False
+        along = np.abs(cloud['way'] @ heading) > ROUGHLY_ALONG
         if not along.any():
-            return False
-        cloud = cloud[along]
-        nearest = cloud[np.linalg.norm(cloud[:, :2] - place, axis=1).argmin()]
-        found, x, y, z, tx, ty = local_line(self._cloud, *nearest[:2], *heading)
-        if not found:
-            return False
-        back = trace(self._cloud, x, y, -tx, -ty, AHEAD)[::-1]
-        self._began = station
-        self._open_start = not len(back) or not self._picture.covers(back[:1, :2], SEEN_BORDER)
-        back[:, 3:5] *= -1.0
-        self.end = VIEW
-        self.nodes = np.vstack([back, [[x, y, z, tx, ty, 1.0]]])
-        self._measure(station - len(back) * STEP)
-        self.corners = []
-        self.extend(station)
-        return True
+            return Sight(Problem.ELSEWHERE)
+        place = cloud['place'][along]
+        nearest = place[np.linalg.norm(place - picture.place, axis=1).argmin()]
+        line = local_line(cloud, *nearest, *heading, self.scale.grain)
+        if not line.found:
+            return Sight(Problem.ELSEWHERE)
+        start = nodes_of((line.x, line.y), line.z, (line.tx, line.ty))
+        start['station'] = self.station
+        self.path = TracedPath(start, cloud, picture, may_close)
+        self._followed = True
+        self._take_near()
+        return Sight(None, True)
+
+    def _remember(self, seen):
+        """Put the points of a picture to those of the last ones."""
+        kept = self._counts[1 - PICTURES:]
+        self._cloud = joined([self._cloud[len(self._cloud) - sum(kept):], seen], CLOUD_POINT)
+        self._counts = [*kept, len(seen)]
+
+    def _take_near(self):
+        path, behind = self.path, BEHIND * self.scale.half
+        self._near = joined([nodes_from(path.nodes, self.station - behind, behind,
+                                        path.open_start, path.end is PathEnd.VIEW)])
+
+    def _project(self, picture):
+        return self.place(picture.place.tolist(), self.station, WINDOW * self.scale.grain)
+
+    # Frames ------------------------------------------------------------------------------
+
+    def to_plane(self, pose: np.ndarray) -> np.ndarray:
+        """Pose (4, 4) of the base frame in the plane's."""
+        return self.plane @ pose
+
+    def heading(self, pose: np.ndarray) -> np.ndarray | None:
+        """Direction of the path in the base frame (3,) where a sensor is; None without a path."""
+        if self.path is None:
+            return None
+        place = self.plane[:2] @ pose[:, 3]
+        at = self.place(place.tolist(), self.station, WINDOW * self.scale.grain)
+        return np.array([at.along_x, at.along_y]) @ self.plane[:2, :3]
+
+    def contour(self) -> np.ndarray | None:
+        """Edge as far as the pad has come, in the base frame (N, 3) [m]; None without a path."""
+        path = self.path
+        if path is None:
+            return None
+        nodes = path.contour
+        if nodes is None:
+            nodes = path.nodes[path.nodes['station'] <= min(self.station, path.tip)]
+        back = np.linalg.inv(self.plane)
+        return nodes['point'] @ back[:3, :3].T + back[:3, 3]
 
     # Path --------------------------------------------------------------------------------
 
-    def _measure(self, first=None):
-        if first is None:
-            first = self.stations[0] if len(self.stations) else 0.0
-        self.stations = stations_of(self.nodes, first)
+    @property
+    def followed(self) -> bool:
+        """Whether the newest path is one that pictures still extend."""
+        return self._followed
 
-    def extend(self, station):
-        """Trace anew what lies ahead of a station [m]."""
-        if self.end == CLOSED:
-            self._take_near(station)
-            return
-        kept = max(int(np.searchsorted(self.stations, station - KEEP_BEHIND)), 1)
-        for corner in self.corners:
-            entry, leave = corner.span
-            if entry < self.stations[kept - 1] < leave:
-                kept = max(int(np.searchsorted(self.stations, entry + 1e-9)), 1)
-        head = self.nodes[:kept]
-        ended = self.end == END and station - KEEP_BEHIND > self.tip
-        ways, found = self._trace_on(head, station)
-        for _ in range(2):
-            if not self._find_corner(head, ways):
-                break
-            ways, found = self._trace_on(head, station)
-        if ended and sum(len(way) for way in ways) < TIP:
-            # A few nodes where the ridge faded do not say that it goes on, nor where to.
-            ways, found, self.end = [], [], END
-        self.nodes = np.vstack([head, *ways])
-        self._measure()
-        at = kept
-        for way, corner in zip(ways, found, strict=True):
-            if corner is not None:
-                corner.span = self.stations[at - 1], self.stations[at + len(way) - 1]
-            at += len(way)
-        self.tip = self.stations[-1]
-        self._close(station)
-        self._go_on()
-        self._take_near(station)
+    @property
+    def closed(self) -> bool:
+        """Whether the path has met its start."""
+        return self.path is not None and self.path.end is PathEnd.CLOSED
 
-    def _trace_on(self, head, station):
-        """Legs and corners (each (M, 6)) that follow, and the Corner that each one is."""
-        x, y, z, tx, ty, _ = head[-1]
-        ways, found, left = [], [], AHEAD
-        # Not those just passed; one passed long ago may come again, round a contour.
-        open_corners = [corner for corner in self.corners
-                        if not -SHORTEST_CONTOUR < corner.span[1] - station < -KEEP_BEHIND]
-        self.end = VIEW
-        while left > 0.0:
-            leg = trace(self._cloud, x, y, tx, ty, left)
-            start = np.array([[x, y, z, tx, ty, 1.0]])
-            corner, cut = self._next_corner(np.vstack([start, leg]), open_corners)
-            leg = leg[:cut]
-            if len(leg):
-                ways.append(unblurred(np.vstack([start, leg]), self.blur, STEP)[1:])
-                found.append(None)
-                x, y, z, tx, ty, _ = leg[-1]
-            left -= len(leg) * STEP
-            if corner is None:
-                jump = None if left <= 0.0 else self._jump(ways[-1][-1] if ways else head[-1])
-                if jump is None:
-                    break
-                ways.append(jump)
-                found.append(None)
-                left -= np.linalg.norm(jump[-1, :2] - jump[0, :2])
-                x, y, z, tx, ty, _ = jump[-1]
-                continue
-            open_corners.remove(corner)
-            turn = corner.nodes()
-            # Of a corner that is found late a part lies behind: the path must not lead back.
-            turn = turn[int(((turn[:, :2] - (x, y)) @ (tx, ty) > 0.0).argmax()):]
-            way = np.column_stack([
-                turn[:, :2], np.full(len(turn), z), turn[:, 2:], np.ones(len(turn))])
-            ways.append(way)
-            found.append(corner)
-            left -= 2.0 * corner.reach
-            x, y, _, tx, ty, _ = way[-1]
-        self._trim(head, ways, found)
-        return ways, found
+    def place(self, xy, station: float, window: float) -> Projection:
+        """Project a point (2,) onto the path within a window about a station [m]."""
+        x, y = xy
+        return Projection(*project(self.path.nodes, x, y, station - window, station + window))
 
-    @staticmethod
-    def _next_corner(leg, corners):
-        """First corner whose zone a leg enters, and how many nodes lie before."""
-        best = None, len(leg) - 1
-        for corner in corners:
-            relative = leg[:, :2] - corner.vertex
-            way = corner.arriving
-            ahead = -(relative @ way)
-            aside = np.abs(relative @ np.array([-way[1], way[0]]))
-            inside = (ahead < corner.reach) & (ahead > -2e-3) & (aside < 2.5e-3)
-            if inside.any():
-                first = int(inside.argmax())
-                if best[0] is None or first - 1 < best[1]:
-                    best = corner, max(first - 1, 0)
-        return best
-
-    # Ends --------------------------------------------------------------------------------
-
-    def _go_on(self):
-        """Lead the path straight on beyond the end of the ridge, for the pad to coast along."""
-        if self.end != END:
-            return
-        # Single nodes are uncertain where a ridge fades: means of several give the line.
-        last, tail = self.nodes[-1], self.nodes[-2 * TIP:, :2]
-        half = len(tail) // 2
-        middle = tail[half:].mean(axis=0)
-        way = middle - tail[:half].mean(axis=0) if half else last[3:5]
-        size = np.hypot(*way)
-        way = way / size if size > 0.0 else last[3:5]
-        there = middle + (BEHIND + (last[:2] - middle) @ way) * way
-        self.nodes = np.vstack([self.nodes, [*there, last[2], *way, 0.0]])
-        self._measure()
-
-    def _trim(self, head, ways, found):
-        """Take off the tip of a ridge that ends: it reaches beyond the edge by its blur."""
-        if self.end != END or not ways:
-            return
-        leg = np.vstack([head, *ways])[-3 * TIP:]
-        indentation = self._picture.depth_of_pad - leg[:, 2]
-        if len(leg) < 3 * TIP:
-            return
-        # At the end of a line load its pressure is half of that along it.
-        faint = indentation < 0.5 * np.median(indentation[:2 * TIP])
-        count = int(faint[::-1].argmin()) if not faint.all() else 0
-        while count and ways:
-            taken = min(count, len(ways[-1]))
-            ways[-1] = ways[-1][:len(ways[-1]) - taken]
-            count -= taken
-            if not len(ways[-1]):
-                ways.pop()
-                found.pop()
-
-    def _jump(self, last):
-        """Way over a gap to where the ridge goes on straight ahead, or None."""
-        ahead_of_pad = (last[:2] - self._picture.place) @ last[3:5] > 0.0
-        if ahead_of_pad and not self._picture.covers(last[None, :2], SEEN_BORDER):
-            return None
-        self.end = END
-        relative = self._cloud[:, :2] - last[:2]
-        way = last[3:5]
-        ahead = relative @ way
-        aside = np.abs(relative @ np.array([-way[1], way[0]]))
-        on = ((ahead > 2.0 * STEP) & (ahead < GAP_REACH) & (aside < 0.8e-3 + 0.08 * ahead)
-              & (np.abs(self._cloud[:, 3:5] @ way) > 0.92))
-        if on.sum() < 3:
-            return None
-        nearest = self._cloud[on][ahead[on].argmin()]
-        found, x, y, z, tx, ty = local_line(self._cloud, *nearest[:2], *way)
-        if not found:
-            return None
-        self.end = VIEW
-        count = max(int(np.hypot(x - last[0], y - last[1]) / STEP), 1)
-        share = np.linspace(0.0, 1.0, count + 1)[1:, None]
-        nodes = last + share * (np.array([x, y, z, tx, ty, 0.0]) - last)
-        nodes[:, 3:] = tx, ty, 0.0
-        return nodes
-
-    def _find_corner(self, head, ways):
-        """Look for a corner in the last leg, or beyond its end; whether one was added."""
-        if not ways or self._picture is None:
-            return False
-        behind = head[-FAR_TURN:] if len(ways) == 1 else ways[-2][-FAR_TURN:]
-        leg = np.vstack([behind, ways[-1]])
-        guesses = [self._sharp_turn(leg), self._branch(leg)]
-        for p in guesses:
-            if p is None or any(np.hypot(*(p[:2] - other.vertex)) < 3e-3
-                                for other in self.corners):
-                continue
-            fitted = self._picture.fit(p)
-            if fitted is None:
-                continue
-            corner = Corner(*fitted)
-            corner.span = np.inf, np.inf
-            # The zones of two corners must not overlap, or the path would lead back.
-            if all(np.hypot(*(corner.vertex - other.vertex)) > corner.reach + other.reach
-                   for other in self.corners):
-                self.corners.append(corner)
-                return True
-        return False
-
-    @staticmethod
-    def _sharp_turn(leg):
-        """Guess of a corner where a leg turns most, or None."""
-        first, last = sharpest_turn(leg, 0.8 * LEAST_TURN)
-        if first < 0:
-            return None
-        return guess(leg[first, :2], leg[first, 3:5], leg[last, :2], leg[last, 3:5])
-
-    def _branch(self, leg):
-        """Guess of an acute corner: another leg that begins where this one ends, or None."""
-        if self.end != END or len(leg) < 8:
-            return None
-        last = leg[-1, :2]
-        cloud = self._cloud
-        close = np.linalg.norm(cloud[:, :2] - last, axis=1) < BRANCH_REACH
-        away = np.min(np.linalg.norm(
-            cloud[:, None, :2] - leg[None, -30:, :2], axis=2), axis=1) > BESIDE
-        others = cloud[close & away]
-        if len(others) < 3:
-            return None
-        centre = others[:, :2].mean(axis=0)
-        way = others[0, 3:5]
-        way = (others[:, 3:5] * np.sign(others[:, 3:5] @ way)[:, None]).mean(axis=0)
-        way /= np.linalg.norm(way)
-        if way @ (centre - last) < 0.0:
-            way = -way
-        before = leg[max(len(leg) - 10, 0)]
-        return guess(before[:2], before[3:5], centre, way)
-
-    def refine(self, station):
-        """Fit the corners in view to the newest picture; drop those ahead that it denies."""
-        for corner in list(self.corners):
-            if corner.span[1] < station - 4e-3 or not self._picture.shows(corner.p):
-                continue
-            fitted = self._picture.fit(corner.p)
-            if fitted is not None:
-                corner.merge(*fitted)
-                corner.denied = 0
-            elif sum(corner.span) > 2.0 * station:  # its vertex is still ahead
-                corner.denied += 1
-                if corner.denied >= DENIALS:
-                    self.corners.remove(corner)
-
-    def _close(self, station):
-        """Close the contour where the path meets its start."""
-        if station - self._began < SHORTEST_CONTOUR or self.past:
-            return
-        # Behind where it began the path was seen from one place only.
-        begin = max(self.stations[0], self._began) + UNSURE_START
-        k = closing_node(self.nodes, self.stations, station, begin, CLOSING)
-        if k < 0:
-            return
-        again = (self.stations >= begin) & (self.stations < begin + BEHIND)
-        self.closing = self.stations[k] - UNSURE_START  # where the pad itself began
-        self.contour_nodes = self.nodes[:k][self.stations[:k] >= begin]
-        self.nodes = np.vstack([self.nodes[:k], self.nodes[again]])
-        self._measure()
-        self.end = CLOSED
-
-    # Use ---------------------------------------------------------------------------------
-
-    def place(self, xy, station, window):
-        """Project a point (2,) onto the path near a station; see `edge_trace.project`."""
-        return project(self.nodes, self.stations, xy[0], xy[1], station - window,
-                       station + window)
-
-    def speed_limit(self, station, top, acceleration, end_speed, cut, settle):
-        """Largest speed at a station [m/s]; see `edge_trace.speed_profile`."""
-        seen = len(self.nodes) - (self.end == END)
-        return speed_profile(self.nodes[:seen], self.stations[:seen], station, top,
-                             acceleration, end_speed, cut, settle)
-
-    def along(self, station):
+    def along(self, station: float) -> tuple[float, float, float]:
         """Place (x, y, z) of the path at a station [m]."""
-        return place_at(self.nodes, self.stations, station)
+        return place_at(self.path.nodes, station)
 
-    def corner_at(self, station):
-        """Corner that stands for the edge at a station [m], or None."""
-        return next((corner for corner in self.corners
-                     if corner.span[0] <= station <= corner.span[1]), None)
+    def way(self, first: float, last: float) -> tuple[float, float]:
+        """Direction x, y of the path between two stations [m], beyond its end straight on."""
+        return direction(self.path.nodes, first, last, SHORTEST_CHORD * self.scale.grain)
 
-    def slope(self, station, reach):
-        """Rise of the edge along itself around a station; see `edge_trace.rise`."""
-        return rise(self.nodes, self.stations, station, reach, self.end == END)
+    def speed_limit(self, station: float, top: float, acceleration: float, end_speed: float,
+                    cut: float, settle: float) -> float:
+        """Largest speed at a station [m/s]; see `speed_profile`."""
+        nodes = self.path.nodes
+        seen = len(nodes) - (self.path.end is PathEnd.RIDGE)
+        return speed_profile(nodes[:seen], station, top, acceleration, end_speed, cut, settle)
 
-    def length_on_pad(self, place, yaw, half):
-        """Length of the traced edge under a pad at a place (2,) and yaw, half (2,) its size."""
-        return length_on_pad(self._near, *place, math.cos(yaw), math.sin(yaw), *half)
+    def corner_at(self, station: float) -> Corner | None:
+        """Corner that stands for the edge at a station [m]."""
+        return next((corner for corner in self.path.corners
+                     if corner.entry <= station <= corner.leave), None)
 
-    def _take_near(self, station):
-        """Remember the path around the pad, and beyond what is seen of it straight on."""
-        self._near = nodes_from(self.nodes, self.stations, station - BEHIND, BEHIND,
-                                self._open_start, self.end == VIEW)
+    def slope(self, station: float, reach: float) -> float:
+        """Rise of the edge along itself around a station; see `rise`."""
+        return rise(self.path.nodes, station, reach, STEP * self.scale.grain,
+                    self.path.end is PathEnd.RIDGE)
+
+    def length_on_pad(self, placed: np.ndarray, ahead=(0.0, 0.0)) -> float:
+        """Length of the edge on the pad at a pose (4, 4) in the plane, moved by `ahead` [m]."""
+        dx, dy = ahead
+        x, y = placed[:2, 3].tolist()
+        yaw = math.atan2(placed[1, 0], placed[0, 0])
+        return length_on_pad(self._near, x + dx, y + dy, math.cos(yaw), math.sin(yaw),
+                             self.scale.half_x, self.scale.half_y)

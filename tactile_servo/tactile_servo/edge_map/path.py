@@ -1,72 +1,62 @@
-"""What the path of a traced edge is asked for: stations, turns, where it closes, what is near."""
+"""Form of a path: its headings, its sharpest turn, where it closes, what of it is near."""
 
 import math
 
 import numpy as np
 
 from tactile_common.kernels import njit
+from tactile_servo.edge_map.records import NODE
 
 NEAR_TURN, FAR_TURN = 4, 9  # nodes either side over which a turn is measured
 SHARPNESS = 0.58  # share of the turn that the near nodes must see for a corner
-BENT = 300.0  # 1/m, largest curvature that is believed
+BENT = 0.6  # per skin depth, largest curvature that is believed: the skin blurs a sharper one
 SAME_WAY = 0.8  # cosine of the angle at which a contour may meet its start
 
 
 @njit(cache=True)
-def stations_of(nodes, first):
-    """Way along nodes (N, >= 2) from a first station on: shape (N,) [m]."""
-    stations = np.empty(len(nodes))
-    way = 0.0
-    for k in range(len(nodes)):
-        if k:
-            dx, dy = nodes[k, 0] - nodes[k - 1, 0], nodes[k, 1] - nodes[k - 1, 1]
-            way += math.sqrt(dx * dx + dy * dy)
-        stations[k] = first + way
-    return stations
-
-
-@njit(cache=True)
 def headings(nodes):
-    """Angles (N,) of the nodes' directions, columns 3 and 4, without jumps of a turn [rad]."""
+    """Angles (N,) of the directions of nodes, without jumps of a turn [rad]."""
     angles = np.empty(len(nodes))
     for k in range(len(nodes)):
-        angles[k] = math.atan2(nodes[k, 4], nodes[k, 3])
-        if k:
-            turns = np.rint((angles[k] - angles[k - 1]) / (2.0 * math.pi))
-            angles[k] -= 2.0 * math.pi * turns
+        angles[k] = math.atan2(nodes[k].ty, nodes[k].tx)
+        if k:  # whole turns are taken off exactly, so that equal turns stay equal
+            angles[k] -= 2.0 * math.pi * np.rint((angles[k] - angles[k - 1]) / (2.0 * math.pi))
     return angles
 
 
 @njit(cache=True)
-def unblurred(leg, blur, step):
+def unblurred(leg, blur, step, depth):
     """
     Move the nodes of a curve out to where the edge must lie: the skin blurs it in.
 
     Parameters
     ----------
-    leg : ndarray, shape (N, 6)
-        Nodes, see `edge_trace`, one `step` [m] apart.
+    leg : ndarray of NODE, shape (N,)
+        One `step` [m] apart.
     blur : float
         How far a ridge lies inside of a curve, times the curve's radius [m^2].
+    step, depth : float
+        Of the nodes and of the tactels [m].
     """
     count = len(leg)
     moved = leg.copy()
     if count < 6:
         return moved
+    most = BENT / depth
     angles, span = headings(leg), min(5, (count - 1) // 2)
     for k in range(count):
         middle = min(max(k, span), count - 1 - span)
         curvature = (angles[middle + span] - angles[middle - span]) / (2 * span * step)
-        curvature = min(max(curvature, -BENT), BENT)
-        moved[k, 0] += blur * curvature * leg[k, 4]
-        moved[k, 1] -= blur * curvature * leg[k, 3]
+        curvature = min(max(curvature, -most), most)
+        moved[k].x += blur * curvature * leg[k].ty
+        moved[k].y -= blur * curvature * leg[k].tx
     return moved
 
 
 @njit(cache=True)
 def sharpest_turn(leg, least):
     """
-    Nodes before and after the sharpest turn of a leg (N, 6), or -1, -1.
+    Indices of the nodes before and after the sharpest turn of a leg (N,), or -1, -1.
 
     There is none where it turns by less than `least` [rad], or as evenly as a curve does.
     """
@@ -86,13 +76,13 @@ def sharpest_turn(leg, least):
 
 
 @njit(cache=True)
-def closing_node(nodes, stations, station, begin, reach):
+def closing_node(nodes, station, begin, reach):
     """
-    Node beyond a station at which the path meets its start, or -1.
+    Index of the node beyond a station at which the path meets its start, or -1.
 
     Parameters
     ----------
-    nodes, stations : ndarray, shape (N, 6), (N,)
+    nodes : ndarray of NODE, shape (N,)
     station : float
         Of the pad [m].
     begin : float
@@ -100,41 +90,41 @@ def closing_node(nodes, stations, station, begin, reach):
     reach : float
         Largest distance from the node there [m].
     """
-    start = nodes[min(np.searchsorted(stations, begin), len(nodes) - 1)]
+    start = nodes[min(np.searchsorted(nodes.station, begin), len(nodes) - 1)]
     nearest, best = np.inf, -1
     for k in range(len(nodes)):
-        if stations[k] > station:
-            gap = math.hypot(nodes[k, 0] - start[0], nodes[k, 1] - start[1])
+        if nodes[k].station > station:
+            gap = math.hypot(nodes[k].x - start.x, nodes[k].y - start.y)
             if gap < nearest:
                 nearest, best = gap, k
     if nearest > reach or best == len(nodes) - 1:
         return -1
-    same_way = nodes[best, 3] * start[3] + nodes[best, 4] * start[4]
+    same_way = nodes[best].tx * start.tx + nodes[best].ty * start.ty
     return best if same_way >= SAME_WAY else -1
 
 
 @njit(cache=True)
-def nodes_from(nodes, stations, station, reach, open_start, open_end):
+def nodes_from(nodes, station, reach, open_start, open_end):
     """
-    Nodes (M, 6) from a station on, an open start and end led straight on by `reach` [m].
+    Nodes (M,) from a station on, an open start and end led straight on by `reach` [m].
 
     A start that lies before the station is not led on; the last node is always among them.
     """
-    first = min(np.searchsorted(stations, station, side='right'), len(nodes) - 1)
+    first = min(np.searchsorted(nodes.station, station, side='right'), len(nodes) - 1)
     before = 1 if open_start and first == 0 else 0
     count = len(nodes) - first
-    near = np.empty((before + count + (1 if open_end else 0), 6))
+    near = np.empty(before + count + (1 if open_end else 0), NODE)
     near[before:before + count] = nodes[first:]
     if before:
-        _lead_on(near[0], near[1], -reach)
+        _lead_on(near, 0, 1, -reach)
     if open_end:
-        _lead_on(near[-1], near[-2], reach)
+        _lead_on(near, len(near) - 1, len(near) - 2, reach)
     return near
 
 
 @njit(cache=True)
-def _lead_on(node, last, distance):
-    node[:] = last
-    node[0] += distance * last[3]
-    node[1] += distance * last[4]
-    node[5] = 1.0
+def _lead_on(nodes, k, last, distance):
+    nodes[k] = nodes[last]
+    nodes[k].x += distance * nodes[last].tx
+    nodes[k].y += distance * nodes[last].ty
+    nodes[k].material = 1.0

@@ -1,399 +1,288 @@
-"""Pose-stamped tracing: the edge is mapped where the robot was when each picture was taken."""
+"""Law 'trace': the edge is mapped where the robot was when each image was taken, and followed."""
 
-from dataclasses import replace
 import math
+from typing import ClassVar
 
 import numpy as np
 
-from tactile_sensing.contact.ridge import centre_of_load, mend, ridge_points
-from tactile_sensing.types.contact import ContactType
-from tactile_servo.edge_map.border import coming_length
-from tactile_servo.edge_map.corner import Picture
-from tactile_servo.edge_map.edge_map import CLOSED, END, TracedEdge, VIEW
-from tactile_servo.edge_map.tracing import into_plane, turned
-from tactile_servo.laws.edge_following_config import TraceConfig
-from tactile_servo.laws.resolved_rate import AGE_SHARE, EdgeFeatures
-from tactile_servo.types import State, Verdict
+from tactile_common.geometry import wrap_angle
+from tactile_common.polyline import Projection
+from tactile_sensing.types.contact import Contact, ContactType
+from tactile_sensing.types.image import SensorInfo, TactileImage
+from tactile_servo.config import ServoConfig
+from tactile_servo.control.attitude_controller import AttitudeController
+from tactile_servo.control.force_controller import ForceController, Load
+from tactile_servo.control.path_controller import PathController
+from tactile_servo.control.speed_planner import SpeedPlanner
+from tactile_servo.control.stability import AGE_SHARE
+from tactile_servo.edge_map.edge_map import EdgeMap
+from tactile_servo.edge_map.picture import Problem
+from tactile_servo.edge_map.traced_path import PathEnd
+from tactile_servo.law import Assessment, LawResult, Observation, Reference, Refusal
+from tactile_servo.laws.edge_following_config import EdgeFollowingConfig
+from tactile_servo.laws.edge_following_state import Going, Seen
+from tactile_servo.laws.edge_goal import ended, refuse_edge_goal, unless_long_enough
+from tactile_servo.reasons import Reason, ReasonCode
+from tactile_servo.types import EdgeGoal, State, TaskError
 
-TRACK, COAST, PULL, PROBE_DOWN = 'track', 'coast', 'pull', 'probe'
-ON_EDGE = Verdict(State.TRACK, 'the edge goes on')
-IMPOSSIBLE = 1e9  # Pa
-LOADED = 0.3  # of the highest pressure, from which a tactel tells where the load is
-PRESSED = 0.6  # of the force, from which what is seen of the edge is all of it
-FEWEST_POINTS = 3  # of a ridge
-SURE_PICTURES = 3  # that show the edge elsewhere before it is believed to have slipped
-PROBE = 0.9  # of the depth to which the servo may press
-END_MARGIN = 4.0e-3  # m before the end of a ridge from which the pad coasts
-SLOPE_REACH = 10.0e-3  # m either side of the pad over which the edge's rise is measured
-LOOK_AHEAD = 0.4e-3  # m along the path over which its direction is taken
-TURN_REACH = 4.0e-3  # m either side of the pad's centre over which the pad is turned
-ENTRY_SPEED = 0.03  # m/s at which a second leg may come under the pad
-COMING_SHARE = 0.35  # of its length that is given way to before
-ANSWER = 5.0e-3  # s until the robot answers to what a picture showed
-GIVE_WAY = 5.0  # times the gain of the force with which the pad gives way to a second leg
-STRAY = 1.0e-3  # m from the path at which the pad no longer goes ahead
+# Of the force
+PRESSED = 0.6  # from which what is seen of the edge is all of it
+FITTED = 0.1  # within which the force of a fitted line is believed beside the sum's
+# Grains, lengths that an image resolves
+END_MARGIN = 2.0  # before the end of a ridge from which the pad coasts
+SLOPE_REACH = 5.0  # either side of the pad over which the edge's rise is measured
+LOOK_AHEAD = 0.2  # along the path over which its direction is taken
+TURN_REACH = 2.0  # either side of the pad's centre over which the pad is turned
+MEASURED_WINDOW, COMMANDED_WINDOW = 7.5, 2.5  # either way in which the pad is looked for
+SHOWN_WINDOW = 5.0  # the same at an image
+ADVANCE = 0.5  # that is progress
+# Others
+STALE = 1.5  # times the age at which the supervisor holds: for images that stop alone
+PROBE = 0.9  # of the depth to which the pad may press
+PROBE_SPEED = 0.5  # of the speed of the approach
+UNFIT = {Problem.NO_RIDGE: ReasonCode.EDGE_LOST, Problem.ELSEWHERE: ReasonCode.EDGE_LOST}
 
 
-class Trace:
+class EdgeFollowing:
     """
-    Follow the edge that the pictures drew, with the robot's own pose.
+    Follow the edge that the images drew, with the robot's own pose.
 
-    The points of every picture are put into a plane fixed in the base by the pose at the
-    picture's stamp, so that latency only ages what is seen ahead and is no part of the loop.
+    The points of every image are put into a plane fixed in the base by the pose at the image's
+    stamp, so that latency only ages what is seen ahead and is no part of the loop.
 
     Parameters
     ----------
-    servo : EdgeServoConfig
-    config : TraceConfig, optional
+    servo : ServoConfig
+    config : EdgeFollowingConfig, optional
     """
 
-    name = 'trace'
-    sees_images = True
-    closes_contours = True
+    name: ClassVar[str] = 'trace'
+    goal_type: ClassVar[type] = EdgeGoal
+    config_type: ClassVar[type] = EdgeFollowingConfig
+    sees_images: ClassVar[bool] = True
+    goal: EdgeGoal  # since `begin`
     touch_speed = math.inf
-    config_type = TraceConfig
 
-    def __init__(self, servo, config=None):
-        self.servo, self.config = servo, config or TraceConfig()
-        self.begin(None)
+    def __init__(self, servo: ServoConfig, config: EdgeFollowingConfig | None = None):
+        self.servo, self.config = servo, config or EdgeFollowingConfig()
+        c = self.config
+        self._planner = SpeedPlanner(c.speed, c.path)
+        self._path = PathController(c.path, c.speed.acceleration)
+        self._force, self._attitude = ForceController(c.force), AttitudeController(c.attitude)
+        self._forget()
 
-    def refuse(self, goal):
-        """Return why a goal is beyond this tracker, or ''."""
-        return 'a closed contour has no length; let it be 0' * (goal.closed and goal.length > 0.0)
+    def _forget(self):
+        self.edge = EdgeMap(self.config.force.skin_stiffness)
+        self.error: TaskError | None = None
+        self._seen, self._going = Seen(), Going()
 
-    def begin(self, goal):
-        """Forget the last goal."""
+    def validate(self, goal: EdgeGoal) -> Refusal | None:
+        """Why a goal is beyond this law, or None."""
+        if goal.closed and goal.length > 0.0:
+            return Refusal(ReasonCode.INVALID_GOAL,
+                           'a closed contour has no length; let it be 0')
+        return refuse_edge_goal(goal)
+
+    def begin(self, goal: EdgeGoal, sensor: SensorInfo) -> None:
+        """Forget the last goal and take a new one."""
         self.goal = goal
-        self.features, self.arrival, self.reason = None, -np.inf, 'no picture yet'
-        self.edge = None
-        self._plane = None  # base -> plane (4, 4)
-        self._here = self._ahead = 0.0  # stations of the measured and the commanded pad [m]
-        self._force = self._seen_z = self._seen_station = self._coming = 0.0
-        self._stamp, self._seen_length, self._slope = None, 0.0, 0.0
-        self._half = (self.servo.array_half_width,) * 2
-        self._seeded = self._edge_seen = False
-        self._off_path = 0
-        self.looked, self._pull, self._age = -np.inf, None, 0.0
-        self._coasted = 0.0
+        self._forget()
         self.resume()
 
-    def resume(self):
-        """Go on from a standstill: from the measured pose, with the edge known so far."""
-        self.speed = 0.0
-        self._velocity = 0.0, 0.0  # in the plane
-        self._turn = 0.0
-        self._integral = 0.0
-        self._mode = TRACK
-        self._searched, self._probe_from = 0.0, None
-        self._pressed = False
-        self._reached, self._reached_at = 0.0, None
+    def resume(self) -> None:
+        """Go on from a standstill, with the edge known so far."""
+        self._going = self._going.anew()
+        for controller in (self._planner, self._path, self._force, self._attitude):
+            controller.reset()
 
-    def see_contact(self, contact, stamp_ns, arrival, age):
-        """Take a contact estimate: a fitted line tells the force better than the sum does."""
-        if (stamp_ns == self._stamp and contact.valid and contact.type == ContactType.LINE
-                and abs(contact.normal_force - self._force) < 0.1 * self._force):
-            self._force = contact.normal_force
+    # Observation -------------------------------------------------------------------------
 
-    # Picture -----------------------------------------------------------------------------
+    def observe(self, observation: Observation) -> None:
+        """Take an image; or a contact, whose fitted line tells the force better than a sum."""
+        if observation.image is not None and observation.pose is not None:
+            self._see_image(observation.image, observation)
+        elif observation.contact is not None and self.edge.picture is not None and (
+                observation.stamp_ns == self.edge.picture.stamp_ns):
+            self._refine_force(observation.contact)
 
-    def see_image(self, image, pose, arrival, age=0.0):
-        """Take a picture, the pose (4, 4) at its stamp, steady arrival time and age [s]."""
-        layer = next((one for one in image.layers if one.component == 'zz'), None)
-        if (layer is None or layer.unit != 'Pa' or not layer.depth > 0.0 or not image.tared
-                or layer.stress.shape != image.array.shape):
-            self.reason = 'picture without tared pressure'
+    def _refine_force(self, contact: Contact):
+        load = self._seen.load
+        if (contact.valid and contact.type == ContactType.LINE
+                and abs(contact.normal_force - load.force) < FITTED * load.force):
+            self._seen.load = Load(contact.normal_force, load.length, load.coming)
+
+    def _see_image(self, image: TactileImage, observation: Observation):
+        seen, going, edge = self._seen, self._going, self.edge
+        problem = edge.see(image, observation.pose)
+        if problem is not None:
+            seen.problem = Reason(ReasonCode.BAD_IMAGE, problem.value)
             return
-        pressure = np.array(layer.stress, dtype=np.float64)
-        pressure[~(np.abs(pressure) < IMPOSSIBLE)] = np.nan
-        noise = float(layer.noise_std)
-        if not 0.0 < noise < IMPOSSIBLE:
-            noise = 1e-2 * float(np.nanmax(pressure, initial=1.0))
-        pressure = mend(pressure, noise)
-        if not np.isfinite(pressure).all():
-            self.reason = 'picture with too many invalid tactels'
-            return
-        array = image.array
-        self._stamp = image.stamp_ns
-        self._half = array.half_width_x, array.half_width_y
-        self._force = float(pressure.sum()) * array.pitch_x * array.pitch_y
-        if self._plane is None:
-            self._plane = np.linalg.inv(pose)
-            self.edge = TracedEdge(layer.depth)
-        placed = self._plane @ pose
-        self.looked, self._seen_z = arrival, placed[2, 3]
-        self._age += AGE_SHARE * (age - self._age)
-        self._pull = self._towards_pressure(pressure, array, placed)
-        points = ridge_points(pressure, array, noise, layer.depth)
-        self._coming = coming_length(pressure, array, points, noise, layer.depth)
-        self.reason, self._edge_seen = 'no ridge in the picture', False
-        if len(points) >= FEWEST_POINTS:
-            # (3.1) at its peak, 2 q / (pi d), gives the load, and that the indentation.
-            indentation = 0.5 * math.pi * layer.depth / self.config.skin_stiffness
-            self.edge.see(into_plane(points, placed, indentation),
-                          Picture(pressure, array, layer.depth, noise, placed[:2, 3],
-                                  math.atan2(placed[1, 0], placed[0, 0]), placed[2, 3]))
-            self._follow(placed)
-            if self._seeded and not self._off_path:
-                self.arrival, self.reason, self._edge_seen = arrival, '', True
-                self._describe(placed)
-        if self._seeded:
-            self._seen_length = self._on_pad(placed)
-        if self.features is not None:
-            self.features = replace(self.features, force=self._force)
+        picture = edge.picture
+        seen.looked, seen.height = observation.arrival, picture.height
+        seen.age += AGE_SHARE * (observation.age - seen.age)
+        # Until the pad presses, the path is drawn anew with every image.
+        settling = not going.begun and picture.force < PRESSED * self.goal.force
+        sight = edge.follow(self.goal.direction, anew=settling)
+        if sight.begun:
+            going.ahead = going.here = edge.station
+        elif sight.problem is None:
+            slope = edge.slope(going.ahead, SLOPE_REACH * edge.scale.grain)
+            seen.slope = slope if math.isfinite(slope) else seen.slope
+        length = edge.length_on_pad(picture.pose) if edge.followed else seen.load.length
+        seen.load = Load(picture.force, length, picture.coming)
+        seen.problem = None
+        if sight.problem is None:
+            seen.shown, seen.station = observation.arrival, edge.station
+            self.error = self._error(picture)
+        else:
+            seen.problem = Reason(UNFIT[sight.problem], sight.problem.value)
+            if self.error is not None:
+                self.error = TaskError(self.error.lateral, angle=self.error.angle,
+                                       force=picture.force)
 
-    def _towards_pressure(self, pressure, array, placed):
-        """Unit vector in the plane (2,) from the pad's centre to that of the pressure."""
-        x, y = centre_of_load(pressure, array.x, array.y, LOADED)
-        way = placed[:2, 0] * x + placed[:2, 1] * y
-        size = math.hypot(way[0], way[1])
-        return way / size if size > 0.0 else None
-
-    def _on_pad(self, placed, ahead=(0.0, 0.0)):
-        """Length of the edge on the pad at a pose in the plane, moved by `ahead` [m]."""
-        return self.edge.length_on_pad(
-            (placed[0, 3] + ahead[0], placed[1, 3] + ahead[1]),
-            math.atan2(placed[1, 0], placed[0, 0]), self._half)
-
-    def _heading(self, placed):
-        return self.goal.direction * placed[:2, 1] / np.linalg.norm(placed[:2, 1])
-
-    def _follow(self, placed):
-        """Extend the path by what the newest picture shows."""
-        edge = self.edge
-        if not self._seeded or self._settling():
-            self._seeded = edge.seed(placed[:2, 3], self._heading(placed), self._here)
-            self._ahead = self._here
-            self._off_path = 0
-            return
-        self._off_path = 0 if edge.agrees() else self._off_path + 1
-        if self._off_path >= SURE_PICTURES:  # the object has slipped
-            edge.forget()
-            self._seeded = edge.seed(placed[:2, 3], np.array(self._way(
-                self._here - TURN_REACH, self._here + TURN_REACH)), self._here)
-            self._ahead = self._here
-            self._off_path = 0
-        elif self._off_path == 0:
-            self._here = edge.place(placed[:2, 3], self._here, 15e-3)[0]
-            self._seen_station = self._here
-            edge.refine(self._here)
-            edge.extend(self._here)
-            slope = edge.slope(self._ahead, SLOPE_REACH)
-            self._slope = slope if math.isfinite(slope) else self._slope
-
-    def _settling(self):
-        """Until the pad presses, the path is drawn anew with every picture."""
-        return self._ahead == 0.0 and self._force < PRESSED * self.goal.force
-
-    def _describe(self, placed):
-        station, x, y, left, ux, uy = self.edge.place(placed[:2, 3], self._here, 10e-3)
-        way = np.array([ux, uy]) * self.goal.direction
-        yaw = math.atan2(placed[0, 1], placed[1, 1])
-        along = math.atan2(way[0], way[1])
-        angle = math.atan2(math.sin(yaw - along), math.cos(yaw - along))
-        self.features = EdgeFeatures(
-            self.goal.direction * left, angle, self._force,
-            self.goal.direction * (self.edge.tip - station))
+    def _error(self, picture) -> TaskError:
+        sign, edge = self.goal.direction, self.edge
+        at = edge.place(picture.place.tolist(), edge.station, SHOWN_WINDOW * edge.scale.grain)
+        yaw = math.atan2(picture.pose[0, 1], picture.pose[1, 1])
+        along = math.atan2(sign * at.along_x, sign * at.along_y)
+        return TaskError(sign * at.left, angle=float(wrap_angle(yaw - along)), force=picture.force)
 
     # Decision ----------------------------------------------------------------------------
 
-    def ready(self, now):
-        """Whether there is an edge to track."""
-        return now - self.arrival < self.servo.edge_lost
+    def lacks(self, now: float) -> Reason | None:
+        """What keeps the law from tracking, or None."""
+        if now - self._seen.shown < self.servo.input.lost_after:
+            return None
+        return self._seen.problem or Reason(ReasonCode.EDGE_LOST)
 
-    def judge(self, now, pose, length, load):
-        """Decide whether to go on tracking: Verdict."""
-        edge, c = self.edge, self.config
-        if length > self._reached + 1e-3 or self._mode != TRACK or not self._reached_at:
-            self._reached, self._reached_at = length, now
-        elif now - self._reached_at > c.stall_time:
-            return Verdict(State.DONE, 'no progress along the edge', False, lift=True)
-        # The servo itself holds when contacts stay away; this is for pictures alone.
-        if now - self.looked > 1.5 * self.servo.stale_image:
-            return Verdict(State.HOLD, 'tactile image is stale')
-        if edge.end == CLOSED and self._here >= edge.closing:
-            return Verdict(State.DONE, 'the contour closed', True)
-        beyond = self._ahead - edge.tip if edge.end == END else -np.inf
+    def assess(self, now: float, progress: float, load: float) -> Assessment:
+        """Decide whether to go on."""
+        return unless_long_enough(self.goal, progress, self._assess(now, progress, load))
+
+    def _assess(self, now, progress, load):
+        going, edge = self._going, self.edge
+        path, grain = edge.path, edge.scale.grain
+        if self._stalled(now, progress):
+            return Assessment(State.DONE, Reason(ReasonCode.NO_PROGRESS), lift=True)
+        if now - self._seen.looked > STALE * self.servo.input.stale_image:
+            return Assessment(State.HOLD, Reason(ReasonCode.STALE_IMAGE))
+        if edge.closed and going.here >= path.closing:
+            return Assessment(State.DONE, Reason(ReasonCode.CONTOUR_CLOSED), True)
+        lacking, touching = self.lacks(now), load >= self.servo.approach.contact_force
         # A lightly pressed pad touches a crest only, and an edge seems to end beside it.
-        self._pressed = self._pressed or self._force >= PRESSED * self.goal.force
-        if beyond >= -END_MARGIN and (self._pressed or not self.ready(now)):
-            return self._judge_end(length, load)
-        self._coasted = 0.0
-        if self.ready(now):
-            self._searched, self._probe_from = 0.0, None
-            self._mode = TRACK
-            corner = edge.corner_at(self._ahead)
-            return ON_EDGE if corner is None else Verdict(
-                State.CORNER, f'corner of {math.degrees(abs(corner.turn)):.0f} degrees')
-        if load < self.servo.contact_force:
-            return self._probe() or Verdict(State.HOLD, 'contact lost')
-        if self._pull is None or self._searched > c.search_distance:
-            return Verdict(State.HOLD, self.reason or 'edge lost')
-        self._mode = PULL
-        return Verdict(State.SEARCH, 'edge lost: moving to where the pressure is')
+        going.pressed = going.pressed or (
+            self._seen.load.force >= PRESSED * self.goal.force)
+        if path.end is PathEnd.RIDGE and going.ahead >= path.tip - END_MARGIN * grain and (
+                going.pressed or lacking is not None):
+            return self._at_end(progress, touching)
+        going.coasted = 0.0
+        if lacking is None:
+            going.searched, going.probed_from = 0.0, None
+            going.mode = ReasonCode.TRACKING
+            corner = edge.corner_at(going.ahead)
+            return Assessment(State.TRACK, Reason(ReasonCode.TRACKING)) if corner is None else (
+                Assessment(State.CORNER, Reason(
+                    ReasonCode.CORNER, f'{math.degrees(abs(corner.turn)):.0f} degrees')))
+        if not touching:
+            return self._probe() or Assessment(State.HOLD, Reason(ReasonCode.CONTACT_LOST))
+        if edge.picture.pull is None or (
+                going.searched > self.config.search.distance * edge.scale.half):
+            return Assessment(State.HOLD, lacking)
+        return self._search(ReasonCode.SEARCHING)
 
-    def _judge_end(self, length, load):
+    def _stalled(self, now, progress):
+        going, advance = self._going, ADVANCE * self.edge.scale.grain
+        if (progress > going.reached + advance or going.mode != ReasonCode.TRACKING
+                or going.reached_at is None):
+            going.reached, going.reached_at = progress, now
+        return now - going.reached_at > self.config.search.stall_time
+
+    def _at_end(self, progress, touching):
         """Decide where the ridge ends: coast over a gap, go down a step, or end."""
-        c = self.config
-        if self._coasted < c.coast + END_MARGIN and not (
-                load < self.servo.contact_force and self._coasted > END_MARGIN):
-            self._mode = COAST
-            return Verdict(State.SEARCH, 'the ridge ends: coasting')
-        if load < self.servo.contact_force:
-            verdict = self._probe()
-            if verdict is not None:
-                return verdict
-        if load >= self.servo.contact_force:
-            return Verdict(State.DONE, 'edge lost: no ridge goes on, but the pad is pressed')
-        whole = (self.goal.length == 0.0 and not self.goal.closed
-                 and length > 2.0 * self.servo.array_half_width)
-        return Verdict(State.DONE, 'the edge ended', whole)
+        going, scale = self._going, self.edge.scale
+        margin = END_MARGIN * scale.grain
+        if going.coasted < self.config.search.coast * scale.half + margin and (
+                touching or going.coasted <= margin):
+            return self._search(ReasonCode.COASTING)
+        if touching:
+            return Assessment(State.DONE, Reason(
+                ReasonCode.EDGE_LOST, 'no ridge goes on, but the pad is pressed'))
+        return self._probe() or ended(self.goal, progress, 2.0 * scale.half)
 
     def _probe(self):
         """Go down for contact while the depth allows it, else None."""
-        if self._probe_from is not None and self._depth - self._probe_from > (
-                PROBE * self.servo.press_depth):
+        begin = self._going.probed_from
+        if begin is not None and (
+                self._going.depth - begin > PROBE * self.servo.force.press_depth):
             return None
-        self._mode = PROBE_DOWN
-        return Verdict(State.SEARCH, 'contact lost: going down')
+        return self._search(ReasonCode.REACHING_DOWN)
+
+    def _search(self, mode):
+        self._going.mode = mode
+        return Assessment(State.SEARCH, Reason(mode))
 
     # Motion ------------------------------------------------------------------------------
 
-    def twist(self, pose, commanded, dt):
-        """
-        Wanted twist of the sensor in its own frame (6,) [m/s, rad/s].
-
-        pose, commanded : ndarray, shape (4, 4)
-            Measured and commanded pose of the sensor.
-        """
-        here, there = self._plane @ pose, self._plane @ commanded
-        self._depth = there[2, 3]
-        vx = vy = vz = 0.0
-        if self._mode == PROBE_DOWN:
-            self._probe_from = self._depth if self._probe_from is None else self._probe_from
-            self.speed, vz = 0.0, 0.5 * self.servo.approach_speed
-        elif self._mode == PULL:
-            self.speed = min(self.config.search_speed, self.goal.speed)
-            self._searched += self.speed * dt
-            vx, vy = (self.speed * self._pull).tolist()
+    def reference(self, pose: np.ndarray, commanded: np.ndarray, dt: float) -> Reference:
+        """Wanted motion from the measured and the commanded pose (4, 4) of the sensor."""
+        edge, going = self.edge, self._going
+        here, there = edge.to_plane(pose), edge.to_plane(commanded)
+        at = edge.place(here[:2, 3].tolist(), going.here, MEASURED_WINDOW * edge.scale.grain)
+        going.depth, going.begun = float(there[2, 3]), True
+        normal, turn = 0.0, (0.0, 0.0, 0.0)
+        if going.mode == ReasonCode.REACHING_DOWN:
+            going.probed_from = going.depth if going.probed_from is None else going.probed_from
+            self._planner.reset()
+            velocity = self._path.change(0.0, 0.0, dt)
+            normal = PROBE_SPEED * self.servo.approach.speed
+        elif going.mode == ReasonCode.SEARCHING:
+            speed = self._planner.search(self.goal.speed)
+            going.searched += speed * dt
+            x, y = edge.picture.pull.tolist()
+            velocity = self._path.change(speed * x, speed * y, dt)
         else:
-            vx, vy = self._in_plane(here, there, dt)
-            vz = self._along_normal(there, dt)
-        before_x, before_y = self._velocity
-        most = self.config.acceleration * dt
-        size = math.hypot(vx - before_x, vy - before_y)
-        if size > most:
-            vx = before_x + (vx - before_x) * (most / size)
-            vy = before_y + (vy - before_y) * (most / size)
-        self._velocity = vx, vy
-        turn = self._rotate(there, dt) if self._mode == TRACK else (0.0, 0.0, 0.0)
-        return (np.array([(vx, vy, vz), turn]) @ there[:3, :3]).reshape(6)
+            before = self._path.velocity
+            velocity = self._along(at, here, there, dt)
+            normal = self._normal(there, before, dt)
+        if going.mode == ReasonCode.TRACKING:
+            reach = TURN_REACH * edge.scale.grain
+            turn = self._attitude.rate(
+                there[:3, :3], edge.way(going.ahead - reach, going.ahead + reach),
+                self._seen.slope, self.goal.direction, dt)
+        twist = np.array([(*velocity, normal), turn]) @ there[:3, :3]
+        heading = np.array([at.along_x, at.along_y]) @ edge.plane[:2, :3]
+        return Reference(twist.reshape(6), self._planner.speed, heading)
 
-    def _in_plane(self, here, there, dt):
+    def _along(self, at: Projection, here, there, dt):
         """Velocity x, y along the path and back to it."""
-        c, edge = self.config, self.edge
+        going, edge, grain = self._going, self.edge, self.edge.scale.grain
+        going.here = at.station
+        going.ahead = edge.place(there[:2, 3].tolist(), going.ahead,
+                                 COMMANDED_WINDOW * grain).station
         px, py = here[:2, 3].tolist()
-        measured, x, y, _, _, _ = edge.place((px, py), self._here, 15e-3)
-        self._here = measured
-        self._ahead, _, _, _, _, _ = edge.place(there[:2, 3].tolist(), self._ahead, 5e-3)
-        top = self.goal.speed
-        if self._mode != COAST:
-            top *= min(max(2.5 * self._force / self.goal.force - 0.75, 0.0), 1.0)
-        # Pictures that come late show late what lies ahead.
-        top = min(top, max(c.unseen / (self._age + ANSWER), ENTRY_SPEED))
-        # A second leg that comes under the pad adds its load at once: give way first.
-        top -= max(top - ENTRY_SPEED, 0.0) * min(self._coming / min(self._half), 1.0)
-        top *= min(max(5.0 * (1.3 - self._force / self.goal.force), 0.0), 1.0)
-        distance = math.hypot(x - px, y - py)
-        top *= min(max(1.2 - distance / STRAY, 0.0), 1.0)
-        end_speed = {CLOSED: top, END: min(c.search_speed, top), VIEW: c.blind_speed}[edge.end]
-        limit = edge.speed_limit(self._ahead, top, c.acceleration, end_speed, c.corner_cut,
-                                 c.corner_settle)
-        self.speed = min(limit, self.speed + c.acceleration * dt)
-        if self._mode == COAST:
-            self._coasted += self.speed * dt
-        ux, uy = self._way(self._ahead, self._ahead + LOOK_AHEAD + self.speed * dt)
-        back = min(c.lateral_gain * distance, math.sqrt(c.acceleration * distance),
-                   c.max_lateral_speed)
-        back /= max(distance, 1e-9)
-        return self.speed * ux + back * (x - px), self.speed * uy + back * (y - py)
+        aside = at.x - px, at.y - py
+        coasting = going.mode == ReasonCode.COASTING
+        top = self._planner.top(
+            self.goal.speed, pressed=self._seen.load.force / self.goal.force,
+            distance=math.hypot(*aside), edge=edge, age=self._seen.age, coasting=coasting)
+        speed = self._planner.plan(edge, going.ahead, top, dt)
+        if coasting:
+            going.coasted += speed * dt
+        way = edge.way(going.ahead, going.ahead + LOOK_AHEAD * grain + speed * dt)
+        return self._path.follow(way, speed, aside, dt)
 
-    def _along_normal(self, there, dt):
+    def _normal(self, there, velocity, dt):
         """Velocity along the plane's normal that keeps the force."""
-        c = self.config
-        slope = self._slope
-        moved = (there[2, 3] - self._seen_z) - slope * (self._ahead - self._seen_station)
-        shortest = 0.5 * min(self._half)
-        vx, vy = self._velocity
-        length = max(self._on_pad(there, (vx / c.force_gain, vy / c.force_gain)), shortest)
-        predicted = self._force / max(self._seen_length, shortest) + c.skin_stiffness * moved
-        # A share of what is to come is given way to before: as much too little first as it
-        # is too much then.
-        error = (self.goal.force / (length + COMING_SHARE * self._coming)
-                 - max(predicted, 0.0)) / c.skin_stiffness
-        if abs(self.goal.force - self._force) < 0.2 * self.goal.force:
-            self._integral += (self.goal.force - self._force) / c.stiffness * dt
-        # There is not much time, and what was moved since the picture is known: give way fast.
-        gain = c.force_gain * (GIVE_WAY if self._coming > 0.0 and error < 0.0 else 1.0)
-        give = gain * error + c.force_integral * self._integral
-        # Pressing ends in time even for a robot that brakes this hard only.
-        give = min(give, math.sqrt(2.0 * c.press_acceleration * max(error, 0.0))
-                   + c.force_integral * abs(self._integral))
-        if self._mode == COAST or not self._edge_seen:
-            give = min(give, 0.0)  # what touches, and is no edge, is no reason to press
-        speed = give + slope * self.speed
-        return min(max(speed, -c.max_normal_speed), c.max_normal_speed)
+        seen, going, scale = self._seen, self._going, self.edge.scale
+        soon = 1.0 / self.config.force.gain
+        give = self._force.speed(
+            self.goal.force, seen.load, half=min(scale.half_x, scale.half_y),
+            length=self.edge.length_on_pad(there, (velocity[0] * soon, velocity[1] * soon)),
+            pressed=going.depth - seen.height - seen.slope * (going.ahead - seen.station), dt=dt,
+            # What touches, and is no edge, is no reason to press.
+            may_press=going.mode != ReasonCode.COASTING and seen.problem is None)
+        return self._force.bounded(give + seen.slope * self._planner.speed)
 
-    def _rotate(self, there, dt):
-        """Angular velocity x, y, z in the plane's frame that turns and levels the pad."""
-        c = self.config
-        ux, uy = self._way(self._ahead - TURN_REACH, self._ahead + TURN_REACH)
-        sign = self.goal.direction
-        heading = math.atan2(sign * there[1, 1], sign * there[0, 1])
-        wanted = c.turn_gain * turned(heading, math.atan2(uy, ux))
-        wanted = min(max(wanted, -c.max_turn_rate), c.max_turn_rate)
-        yaw = math.atan2(there[1, 0], there[0, 0])
-        if abs(yaw) > c.max_turn and wanted * yaw > 0.0:
-            wanted = 0.0
-        change = c.turn_acceleration * dt
-        self._turn += min(max(wanted - self._turn, -change), change)
-        # The pad's normal n is brought square to the edge, t, and to what lies across it, s:
-        # n turns by -(n t) t with the rate of turn -(n t) n x t.
-        nx, ny, nz = there[:3, 2].tolist()
-        tilt = (nx * ux + ny * uy + nz * self._slope) / (1.0 + self._slope**2)
-        lean = ny * ux - nx * uy
-        x, y, z = (min(max(-c.turn_gain * rate, -c.max_turn_rate), c.max_turn_rate) for rate in (
-            tilt * (ny * self._slope - nz * uy) - lean * nz * ux,
-            tilt * (nz * ux - nx * self._slope) - lean * nz * uy,
-            tilt * (nx * uy - ny * ux) + lean * (nx * ux + ny * uy)))
-        return x, y, z + self._turn
-
-    def _way(self, first, last):
-        """Direction x, y of the path between two stations, beyond its end straight on."""
-        x0, y0, _ = self.edge.along(first)
-        x1, y1, _ = self.edge.along(last)
-        length = math.hypot(x1 - x0, y1 - y0)
-        if length < 0.1e-3:
-            return self.edge.nodes[-1, 3:5].tolist()
-        return (x1 - x0) / length, (y1 - y0) / length
-
-    @property
-    def closed(self):
-        """Whether the path has met its start."""
-        return self.edge is not None and self.edge.end == CLOSED
-
-    def heading(self, pose):
-        """Direction of travel in the base frame (3,)."""
-        if self.edge is None or not len(self.edge.nodes):
-            return self.goal.direction * pose[:3, 1]
-        place = (self._plane[:2] @ pose[:, 3]).tolist()
-        _, _, _, _, ux, uy = self.edge.place(place, self._here, 15e-3)
-        return ux * self._plane[0, :3] + uy * self._plane[1, :3]
-
-    def contour(self):
-        """Rebuilt edge in the base frame, shape (N, 3)."""
-        if self.edge is None or not len(self.edge.nodes):
-            return None
-        nodes = (self.edge.contour_nodes if self.edge.end == CLOSED
-                 else self.edge.nodes[self.edge.stations <= min(self._here, self.edge.tip)])[:, :3]
-        back = np.linalg.inv(self._plane)
-        return nodes @ back[:3, :3].T + back[:3, 3]
+    def result(self) -> LawResult:
+        """Whether the contour closed, and the edge in the base frame."""
+        return LawResult(self.edge.closed, self.edge.contour())

@@ -1,42 +1,60 @@
-"""The ways to follow an edge, by name."""
+"""The servo laws there are: one row each, and nothing else knows one by its name."""
+
+from typing import Any, NamedTuple
 
 from tactile_common.errors import ConfigurationError
-from tactile_servo.laws.edge_following import Trace
+from tactile_servo.config import ServoConfig
+from tactile_servo.law import ServoLaw
+from tactile_servo.laws.edge_following import EdgeFollowing
 from tactile_servo.laws.resolved_rate import ResolvedRate
 
-TRACKERS = {tracker.name: tracker for tracker in (Trace, ResolvedRate)}
-DEFAULT = Trace.name
 
-
-def check_name(name):
+class Row(NamedTuple):
     """
-    Return the class of a tracker.
+    A servo law.
+
+    law : type
+        A ServoLaw, made of a ServoConfig and a `config_type`.
+    action : str
+        Name of the action that takes its goals, see `tactile_servo.conversions.ACTIONS`.
+    closes_contours : bool
+        Whether it can track a contour until that closes.
+    """
+
+    law: type[ServoLaw]
+    action: str
+    closes_contours: bool = False
+
+
+_ROWS = (
+    Row(EdgeFollowing, 'track_edge', closes_contours=True),
+    Row(ResolvedRate, 'track_edge'),
+)
+LAWS: dict[str, Row] = {row.law.name: row for row in _ROWS}
+DEFAULT: str = _ROWS[0].law.name
+
+
+def law_named(name: str) -> Row:
+    """
+    Row of a law.
 
     Raises
     ------
     ConfigurationError
         There is none of that name.
     """
-    if name not in TRACKERS:
-        raise ConfigurationError(f'tracker: {name!r} is not one of {", ".join(TRACKERS)}')
-    return TRACKERS[name]
+    if name not in LAWS:
+        raise ConfigurationError(f'tracker: {name!r} is not one of {", ".join(LAWS)}')
+    return LAWS[name]
 
 
-def make_tracker(name, servo, settings=None):
+def make_law(name: str, servo: ServoConfig, settings: Any = None) -> ServoLaw:
     """
-    Return a tracker.
-
-    Parameters
-    ----------
-    name : str
-        One of TRACKERS.
-    servo : EdgeServoConfig
-    settings : object, optional
-        Configuration of that tracker.
+    Make a law, with its parameters or the defaults of these.
 
     Raises
     ------
     ConfigurationError
         There is none of that name.
     """
-    return check_name(name)(servo, settings)
+    return law_named(name).law(servo, settings)

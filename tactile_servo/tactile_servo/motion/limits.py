@@ -11,6 +11,7 @@ from tactile_common.kernels import njit
 
 # What bounds a motion most; those that end with a space are of one joint.
 KINDS = ('', 'velocity of ', 'position of ', 'acceleration of ', 'velocity not finite')
+NEGLIGIBLE = 1e-9  # rad/s
 _FREE, _VELOCITY, _POSITION, _ACCELERATION, _NOT_FINITE = range(len(KINDS))
 
 
@@ -55,14 +56,14 @@ class JointLimits:
         """Time to stop any joint from its velocity limit [s]."""
         return float(np.max(self.velocity / self.acceleration))
 
+
 def limit_velocities(limits, positions, previous, wanted, dt):
     """
     Nearest joint velocities to the wanted ones that keep every limit.
 
     The wanted velocities are first scaled as a whole, which keeps the direction of motion,
-    then their change is, to what the accelerations allow. Towards a position limit the
-    velocity falls with the distance left, a velocity damper (Faverjon and Tournassoud, 1987):
-    with distance / (dt + stopping_time) the joints can always stop together in time.
+    then their change is, to what the accelerations allow. What a joint is asked beyond its
+    limits by less than NEGLIGIBLE does not scale the others, it is cut off.
 
     Parameters
     ----------
@@ -92,11 +93,26 @@ def limit_velocities(limits, positions, previous, wanted, dt):
 
 
 @njit(cache=True)
+def room(lower, upper, stopping_time, positions, dt):
+    """
+    Joint velocities (n,) <= 0 and (n,) >= 0 that position limits leave room for [rad/s].
+
+    They fall with the distance left, a velocity damper (Faverjon and Tournassoud, 1987): at
+    distance / (dt + stopping_time) the joints can always stop together in time.
+    """
+    down, up, horizon = np.empty(len(lower)), np.empty(len(lower)), dt + stopping_time
+    for k in range(len(lower)):
+        up[k] = max((upper[k] - positions[k]) / horizon, 0.0)
+        down[k] = min((lower[k] - positions[k]) / horizon, 0.0)
+    return down, up
+
+
+@njit(cache=True)
 def _nearest(lower, upper, fastest, acceleration, stopping_time, positions, previous, wanted, dt):
     """Law of `limit_velocities`: velocities, scale, index of the kind of limit and joint."""
     count = len(wanted)
-    horizon = dt + stopping_time
-    up, down, velocities = np.empty(count), np.empty(count), np.empty(count)
+    down, up = room(lower, upper, stopping_time, positions, dt)
+    velocities = np.empty(count)
     scale, kind, joint = 1.0, _FREE, 0
     for k in range(count):
         if not math.isfinite(wanted[k]):
@@ -104,13 +120,11 @@ def _nearest(lower, upper, fastest, acceleration, stopping_time, positions, prev
             break
     finite = kind == _FREE
     for k in range(count):
-        up[k] = min(max((upper[k] - positions[k]) / horizon, 0.0), fastest[k])
-        down[k] = max(min((lower[k] - positions[k]) / horizon, 0.0), -fastest[k])
-        room, asked = up[k] if wanted[k] > 0.0 else -down[k], abs(wanted[k])
-        # A joint that hardly moves needs no room, and may not divide by it.
-        if asked > room and room / max(asked, 1e-12) < scale:
-            scale, joint = room / max(asked, 1e-12), k
-            kind = _VELOCITY if room == fastest[k] else _POSITION
+        up[k], down[k] = min(up[k], fastest[k]), max(down[k], -fastest[k])
+        most, asked = up[k] if wanted[k] > 0.0 else -down[k], abs(wanted[k])
+        if asked > most + NEGLIGIBLE and most / asked < scale:
+            scale, joint = most / asked, k
+            kind = _VELOCITY if most == fastest[k] else _POSITION
     # All joints change in proportion: one that lags behind would bend the motion.
     share = 1.0
     for k in range(count):

@@ -1,73 +1,13 @@
-"""A robot arm from a URDF: forward kinematics, Jacobian, inverse, damped least squares."""
+"""A robot arm from a URDF: forward kinematics, Jacobian, inverse."""
 
-import math
 from pathlib import Path
 
 import numpy as np
 import pinocchio
 
 from tactile_common.errors import ConfigurationError, UnreachableError
-from tactile_common.kernels import njit
+from tactile_servo.motion.inverse import damped_least_squares
 from tactile_servo.motion.urdf import chain_to, limits_of, MOVING, parse, pinocchio_model
-
-
-def damped_least_squares(jacobian, twist, *, damping=0.01, rotation_length=0.04):
-    """
-    Joint velocities for a twist; exact away from singularities, bounded at them.
-
-    With ``W = diag(1, 1, 1, l, l, l)`` (l = `rotation_length`) and the singular values s of
-    ``W J``, this is ``dq = (W J)^T U diag(1 / max(s^2, damping^2)) U^T W twist``: the damping
-    factor ``lambda^2 = damping^2 (1 - (s / damping)^2)`` of Chiaverini, Siciliano and Egeland
-    (IEEE T-CST 2(2), 1994) with the size of the singular region equal to the damping,
-    applied to each singular direction of its own (their numerical filtering). Directions with
-    ``s >= damping`` therefore carry no velocity error, and ``|dq| <= |W twist| / damping``
-    always. A small rotation_length lets orientation give way before position does.
-
-    Parameters
-    ----------
-    jacobian : ndarray (6, n)
-        Rows linear [m/rad], then angular [rad/rad].
-    twist : array_like (6,)
-        Linear [m/s], then angular [rad/s] velocity in the Jacobian's frame.
-    damping : float
-        Smallest singular value [m/rad] of the weighted Jacobian that is inverted in full.
-    rotation_length : float
-        Weight of rotation against translation [m/rad].
-
-    Returns
-    -------
-    dq : ndarray (n,)
-        Joint velocities [rad/s or m/s].
-    smallest : float
-        Smallest singular value of the weighted Jacobian [m/rad].
-
-    """
-    return _damped(np.ascontiguousarray(jacobian, dtype=float),
-                   np.ascontiguousarray(twist, dtype=float), damping, rotation_length)
-
-
-@njit(cache=True)
-def _damped(jacobian, twist, damping, rotation_length):
-    joints = jacobian.shape[1]
-    weighted, wanted = jacobian.copy(), twist.copy()
-    weighted[3:] *= rotation_length
-    wanted[3:] *= rotation_length
-    square = np.zeros((6, 6))
-    for i in range(6):
-        for k in range(i + 1):
-            square[i, k] = square[k, i] = (weighted[i] * weighted[k]).sum()
-    if not np.isfinite(square).all():  # LAPACK takes no such matrix
-        return np.full(joints, np.nan), np.nan
-    # Squared singular values and left singular vectors: a third of the time of an SVD.
-    squared, left = np.linalg.eigh(square)
-    shares = np.zeros(6)
-    for i in range(6):
-        along = (left[:, i] * wanted).sum() / max(squared[i], damping * damping)
-        shares += along * left[:, i]
-    velocities = np.zeros(joints)
-    for i in range(6):
-        velocities += shares[i] * weighted[i]
-    return velocities, math.sqrt(max(squared[max(0, 6 - joints)], 0.0))
 
 
 class RobotModel:

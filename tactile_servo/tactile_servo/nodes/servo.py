@@ -1,7 +1,8 @@
-"""Edge servo node: contacts and joint states in, joint trajectories out (chapter 5)."""
+"""Servo node: images, contacts and joint states in, joint trajectories out (chapter 5)."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from time import perf_counter
+from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from geometry_msgs.msg import PoseStamped
@@ -9,7 +10,7 @@ import numpy as np
 from rclpy.action import ActionServer, CancelResponse, GoalResponse
 from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
-from rclpy.qos import qos_profile_sensor_data
+from rclpy.qos import DurabilityPolicy, qos_profile_sensor_data, QoSProfile
 from sensor_msgs.msg import JointState
 from std_srvs.srv import SetBool
 from trajectory_msgs.msg import JointTrajectory
@@ -18,195 +19,226 @@ from tactile_common.errors import ConfigurationError, TactileError
 from tactile_common.ros.conversions import pose_to_msg, stamp_from_ns, stamp_to_ns, unpacked
 from tactile_common.ros.parameters import declare_from
 from tactile_common.ros.runner import plain, run
-from tactile_msgs.action import TrackEdge
 from tactile_msgs.msg import Contact as ContactMsg
-from tactile_msgs.msg import ServoStatus, TactileImage
-from tactile_sensing.conversions import contact_from_msg, image_from_msg
-from tactile_servo.conversions import (
-    goal_from_msg,
-    joint_positions,
-    result_to_msg,
-    status_to_msg,
-    trajectory_to_msg,
-)
-from tactile_servo.laws.registry import check_name, DEFAULT, make_tracker, TRACKERS
+from tactile_msgs.msg import SensorInfo, ServoStatus, TactileImage
+from tactile_sensing.conversions import contact_from_msg, image_from_msg, sensor_info_from_msg
+from tactile_servo.compile_kernels import compile_kernels
+from tactile_servo.config import ServoConfig
+from tactile_servo.conversions import ACTIONS, joint_positions, status_to_msg, trajectory_to_msg
+from tactile_servo.laws.registry import law_named
 from tactile_servo.motion.limits import JointLimits, WorkspaceBox
 from tactile_servo.motion.robot import RobotModel
-from tactile_servo.supervisor import EdgeServo
-from tactile_servo.types import EdgeServoConfig, State
-from tactile_simulation.warm_up import warm_up
+from tactile_servo.nodes.parameters import NodeConfig, refuse_old_names
+from tactile_servo.supervisor import Supervisor
+from tactile_servo.types import State
 
 FEEDBACK_PERIOD = 0.05  # s; the status topic has every cycle
+_LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 
 
-@dataclass(frozen=True)
-class RobotConfig:
-    """Robot that the servo moves, and the limits it must keep beyond those of its URDF."""
+@dataclass
+class Pace:
+    """How well the cycles keep their period: steady times [s] and counts."""
 
-    robot_description: str = field(default='', metadata={
-        'doc': 'URDF of the robot with the sensor: its text, or the path of a file'})
-    tracker: str = field(default=DEFAULT, metadata={
-        'doc': 'how the edge is followed: ' + ' or '.join(TRACKERS)})
-    tip_frame: str = field(default='tactile_pad', metadata={
-        'doc': 'frame of the sensor: x along columns, y along rows, z out of the skin'})
-    controller: str = field(default='/joint_trajectory_controller', metadata={
-        'doc': 'name of the joint trajectory controller'})
-    velocity_scale: float = field(default=1.0, metadata={
-        'doc': "fraction of the URDF's joint velocities that may be used",
-        'range': (0.01, 1.0)})
-    joint_acceleration: float = field(default=10.0, metadata={
-        'doc': 'largest acceleration of every joint', 'unit': 'rad/s^2', 'range': (0.1, 1e3)})
-    position_margin: float = field(default=0.05, metadata={
-        'doc': "distance kept from the URDF's joint limits", 'unit': 'rad',
-        'range': (0.0, 1.0)})
-    workspace_lower: tuple[float, ...] = field(default=(-10.0, -10.0, -10.0), metadata={
-        'doc': 'corner of the box that the sensor stays in, in the base frame', 'unit': 'm'})
-    workspace_upper: tuple[float, ...] = field(default=(10.0, 10.0, 10.0), metadata={
-        'doc': 'opposite corner', 'unit': 'm'})
+    period: float
+    first: float | None = None
+    last: float = 0.0
+    cycles: int = 0
+    missed: int = 0
+    longest: float = 0.0
+    reported: float = -np.inf
+
+    def tick(self, now: float) -> None:
+        """Count a cycle that begins."""
+        self.first = now if self.first is None else self.first
+        due = int((now - self.first) / self.period)
+        self.missed = max(self.missed, due - self.cycles)
+        self.cycles, self.last = self.cycles + 1, now
+
+    def took(self) -> float:
+        """How long the cycle took [s]."""
+        duration = perf_counter() - self.last
+        self.longest = max(self.longest, duration)
+        return duration
+
+
+@dataclass
+class Heard:
+    """Newest image and contact that the servo has not seen: message as it came and arrival."""
+
+    image: tuple[Any, float] | None = None
+    contact: tuple[Any, float] | None = None
+
+
+@dataclass(eq=False)
+class Execution:
+    """A goal of the action, since when it is worked on [s], and whether it has ended."""
+
+    handle: Any
+    started: float
+    ended: bool = False
+
+
+def _supervisor(node: Node) -> tuple[Supervisor, RobotModel, NodeConfig]:
+    """Declare the parameters and make the servo that they ask for."""
+    refuse_old_names(node)
+    c, config = declare_from(node, NodeConfig), declare_from(node, ServoConfig)
+    law = law_named(c.tracker).law
+    settings = declare_from(node, law.config_type)
+    if not c.robot_description:
+        raise ConfigurationError(
+            'robot_description: no URDF given; pass its text or the path of a file')
+    model = RobotModel.from_urdf(c.robot_description, c.tip_frame)
+    limits = JointLimits(
+        tuple(model.joint_names), model.lower + c.joints.position_margin,
+        model.upper - c.joints.position_margin,
+        model.velocity_limit * c.joints.velocity_scale,
+        np.full(len(model.joint_names), c.joints.acceleration))
+    box = WorkspaceBox(c.workspace.lower, c.workspace.upper)
+    return Supervisor(model, limits, law(config, settings), config, box), model, c
 
 
 class EdgeServoNode(Node):
     """
-    Track an edge by touch.
+    Track something by touch.
 
-    Subscribes to `contact` and `/joint_states`; streams windows to the joint trajectory
-    controller while a goal of the action `track_edge` is active; publishes `servo_status` every
-    cycle, `sensor_pose` at every joint state and `diagnostics`; `~/pause` holds and resumes.
-    Parameters: `RobotConfig`, `EdgeServoConfig`, and those of the tracker, `ResolvedRateConfig`
-    or `TraceConfig`; the latter's tracker subscribes to `image` as well. A cycle looks at the
-    newest contact and the newest image alone, so that a fast sensor takes no time from it.
+    Subscribes to `sensor_info`, `contact` and `/joint_states`, and to `image` if the law sees
+    images; streams windows to the joint trajectory controller while a goal of the law's action
+    is active; publishes `servo_status` every cycle, `sensor_pose` at every joint state and
+    `diagnostics`; `~/pause` holds and resumes. Parameters: `NodeConfig`, `ServoConfig`, and
+    those of the law. A cycle looks at the newest contact and the newest image alone, so that a
+    fast sensor takes no time from it.
     """
 
     def __init__(self, **kwargs):
-        self._action = None  # until the parameters have proved right
+        self._server = None  # until the parameters have proved right
         super().__init__('edge_servo', **kwargs)
-        robot, config = declare_from(self, RobotConfig), declare_from(self, EdgeServoConfig)
-        tracker = check_name(robot.tracker)
-        settings = declare_from(self, tracker.config_type)
-        if not robot.robot_description:
-            raise ConfigurationError(
-                'robot_description: no URDF given; pass its text or the path of a file')
-        model = RobotModel.from_urdf(robot.robot_description, robot.tip_frame)
-        limits = JointLimits(
-            tuple(model.joint_names), model.lower + robot.position_margin,
-            model.upper - robot.position_margin, model.velocity_limit * robot.velocity_scale,
-            np.full(len(model.joint_names), robot.joint_acceleration))
-        self._model, self._base_frame = model, model.root_frame
-        self._servo = EdgeServo(
-            model, limits, config, make_tracker(robot.tracker, config, settings),
-            WorkspaceBox(robot.workspace_lower, robot.workspace_upper))
-        warm_up(robot.tracker)
-        self._goal_handle, self._started = None, 0.0
-        self._first_tick, self._cycles, self._missed = None, 0, 0
-        self._longest, self._last_tick = 0.0, None
-        self._raw_contact = self._raw_image = None  # message and arrival of the newest
-        self._reported, self._tip_frame = None, robot.tip_frame
-        self._period = 1.0 / config.rate
-        self._trajectory_msg, self._status_msg = JointTrajectory(), ServoStatus()
-        self._pose_msg = PoseStamped()
-        self._pose_msg.header.frame_id = self._base_frame
-        self._status_msg.header.frame_id = self._tip_frame
+        self._servo, self._model, config = _supervisor(self)
+        compile_kernels()
+        self._pace, self._heard = Pace(1.0 / self._servo.config.rate), Heard()
+        self._execution: Execution | None = None
+        self._status_msg, self._pose_msg = ServoStatus(), PoseStamped()
+        self._trajectory_msg = JointTrajectory()
+        self._status_msg.header.frame_id = config.tip_frame
+        self._pose_msg.header.frame_id = self._model.root_frame
 
         self._trajectory = self.create_publisher(
-            JointTrajectory, f'{robot.controller}/joint_trajectory', 1)
+            JointTrajectory, f'{config.controller}/joint_trajectory', 1)
         self._status = self.create_publisher(ServoStatus, 'servo_status', 10)
         self._pose = self.create_publisher(PoseStamped, 'sensor_pose', qos_profile_sensor_data)
         self._diagnostics = self.create_publisher(DiagnosticArray, 'diagnostics', 10)
+        self.create_subscription(SensorInfo, 'sensor_info', self._on_sensor, _LATCHED)
         self.create_subscription(
             ContactMsg, 'contact', self._on_contact, qos_profile_sensor_data, raw=True)
-        if self._servo.tracker.sees_images:
+        if self._servo.law.sees_images:
             self.create_subscription(
                 TactileImage, 'image', self._on_image, qos_profile_sensor_data, raw=True)
         self.create_subscription(
             JointState, '/joint_states', self._on_joints, qos_profile_sensor_data)
         self.create_service(SetBool, '~/pause', self._on_pause)
-        self._action = ActionServer(
-            self, TrackEdge, 'track_edge', self._finish, goal_callback=self._on_goal,
+        name = law_named(config.tracker).action
+        self._action = ACTIONS[name]
+        self._server = ActionServer(
+            self, self._action.type, name, self._finish, goal_callback=self._on_goal,
             handle_accepted_callback=self._on_accepted, cancel_callback=self._on_cancel)
         # Steady, so that the watchdogs run even where simulated time stands still.
         steady = Clock(clock_type=ClockType.STEADY_TIME)
-        self.create_timer(self._period, plain(self._on_cycle), clock=steady)
+        self.create_timer(self._pace.period, plain(self._on_cycle), clock=steady)
         self.create_timer(1.0, self._on_diagnose, clock=steady)
+
+    def _warn(self, text):
+        self.get_logger().warning(text, throttle_duration_sec=5.0)
+
+    # Input -------------------------------------------------------------------------------
+
+    def _check_frame(self, msg):
+        tip = self._status_msg.header.frame_id
+        if msg.header.frame_id != tip:
+            raise TactileError(
+                f'its frame is {msg.header.frame_id!r}, must be tip_frame, {tip!r}')
+
+    def _on_sensor(self, msg):
+        try:
+            self._check_frame(msg)
+            self._servo.see_sensor(sensor_info_from_msg(msg))
+        except TactileError as error:
+            self._warn(f'sensor_info passed over: {error}')
 
     def _on_joints(self, msg):
         positions = joint_positions(msg, self._model.joint_names)
         if positions is None:
-            self.get_logger().warning(
-                'joint state without all of ' + ', '.join(self._model.joint_names),
-                throttle_duration_sec=5.0)
+            self._warn('joint state without all of ' + ', '.join(self._model.joint_names))
             return
         try:
             self._servo.see_joints(positions, stamp_to_ns(msg.header.stamp), perf_counter())
         except ValueError as error:
-            self.get_logger().warning(str(error), throttle_duration_sec=5.0)
+            self._warn(str(error))
             return
-        pose_to_msg(self._servo.pose, self._pose_msg.pose)
+        pose_to_msg(self._servo.inputs.pose, self._pose_msg.pose)
         self._pose_msg.header.stamp = msg.header.stamp
         self._pose.publish(self._pose_msg)
 
     def _on_contact(self, raw):
-        self._raw_contact = raw, perf_counter()
+        self._heard.contact = raw, perf_counter()
 
     def _on_image(self, raw):
-        self._raw_image = raw, perf_counter()
+        self._heard.image = raw, perf_counter()
 
     def _look(self):
         """Unpack the newest image and the newest contact and give them to the servo."""
-        # The image first: what a contact tells the tracker belongs to a picture it has seen.
-        if self._raw_image is not None:
-            (raw, arrival), self._raw_image = self._raw_image, None
+        # The image first: what a contact tells the law belongs to an image it has seen.
+        heard, self._heard = self._heard, Heard()
+        if heard.image is not None:
+            raw, arrival = heard.image
             try:
-                image = image_from_msg(unpacked(raw, TactileImage))
+                self._servo.see_image(image_from_msg(unpacked(raw, TactileImage)), arrival)
             except TactileError as error:
-                self.get_logger().warning(
-                    f'image passed over: {error}', throttle_duration_sec=5.0)
-            else:
-                self._servo.see_image(image, arrival)
-        if self._raw_contact is not None:
-            (raw, arrival), self._raw_contact = self._raw_contact, None
+                self._warn(f'image passed over: {error}')
+        if heard.contact is not None:
+            raw, arrival = heard.contact
             try:
                 msg = unpacked(raw, ContactMsg)
-                if msg.header.frame_id != self._tip_frame:
-                    raise TactileError(
-                        f'its frame is {msg.header.frame_id!r}, must be tip_frame, '
-                        f'{self._tip_frame!r}')
-                contact = contact_from_msg(msg)
+                self._check_frame(msg)
+                self._servo.see_contact(
+                    contact_from_msg(msg), stamp_to_ns(msg.header.stamp), arrival)
             except TactileError as error:
-                self.get_logger().warning(
-                    f'contact passed over: {error}', throttle_duration_sec=5.0)
-            else:
-                self._servo.see_contact(contact, stamp_to_ns(msg.header.stamp), arrival)
+                self._warn(f'contact passed over: {error}')
+
+    # Cycle -------------------------------------------------------------------------------
 
     def _on_cycle(self):
-        now = perf_counter()
-        if self._first_tick is None:
-            self._first_tick = now
-        due = int((now - self._first_tick) / self._period)
-        self._missed = max(self._missed, due - self._cycles)
-        self._cycles, self._last_tick = self._cycles + 1, now
+        now, pace = perf_counter(), self._pace
+        pace.tick(now)
         self._look()
         now_ns = self.get_clock().now().nanoseconds
         status, trajectory = self._servo.cycle(now, now_ns)
         if trajectory is not None:
             self._trajectory.publish(trajectory_to_msg(trajectory, self._trajectory_msg))
-        took = perf_counter() - now
-        self._longest = max(self._longest, took)
-        msg = status_to_msg(status, self._servo.tracker.name, took, self._missed,
+        msg = status_to_msg(status, self._servo.law.name, pace.took(), pace.missed,
                             self._status_msg)
         msg.header.stamp = stamp_from_ns(now_ns)
         self._status.publish(msg)
-        if self._goal_handle is not None:
+        if self._execution is not None and not self._execution.ended:
             self._report(status, msg)
+
+    def _report(self, status, msg):
+        handle = self._execution.handle
+        if status.state == State.DONE:
+            self._execution.ended = True
+            handle.execute()
+        elif self._pace.last - self._pace.reported >= FEEDBACK_PERIOD:
+            self._pace.reported = self._pace.last
+            handle.publish_feedback(self._action.feedback_to_msg(msg))
 
     # Action ------------------------------------------------------------------------------
 
     def _on_goal(self, request):
-        why = self._servo.check(goal_from_msg(request))
-        if why:
-            self.get_logger().error(f'track_edge goal rejected: {why}')
-            self._servo.note(f'goal rejected: {why}')
-            return GoalResponse.REJECT
-        return GoalResponse.ACCEPT
+        refusal = self._servo.check(self._action.goal_from_msg(request))
+        if refusal is None:
+            return GoalResponse.ACCEPT
+        self.get_logger().error(refusal.text)
+        self._servo.note(refusal)
+        return GoalResponse.REJECT
 
     def _on_cancel(self, _):
         self._servo.cancel()
@@ -219,34 +251,24 @@ class EdgeServoNode(Node):
         An execute callback would have to block or to await, and rclpy's executors poll a
         callback that awaits without a pause, at the cost of a whole core.
         """
-        self._goal_handle, self._started = goal_handle, perf_counter()
-        self._servo.start(goal_from_msg(goal_handle.request), self._started)
+        self._execution = Execution(goal_handle, perf_counter())
+        self._servo.start(
+            self._action.goal_from_msg(goal_handle.request), self._execution.started)
 
     def _finish(self, goal_handle):
         servo = self._servo
-        result = result_to_msg(servo, perf_counter() - self._started, self._base_frame)
+        result = self._action.result_to_msg(
+            servo, perf_counter() - self._execution.started, self._model.root_frame)
+        self._execution = None
         if goal_handle.is_cancel_requested:
             goal_handle.canceled()
         elif servo.success:
             goal_handle.succeed()
         else:
             goal_handle.abort()
-        self.get_logger().info(f'track_edge ended: {result.reason}')
+        self.get_logger().info(f'goal ended: {result.reason}')
         servo.finish()
         return result
-
-    def _report(self, status, msg):
-        if status.state == State.DONE:
-            goal_handle, self._goal_handle = self._goal_handle, None
-            goal_handle.execute()
-            return
-        if self._reported is not None and self._last_tick - self._reported < FEEDBACK_PERIOD:
-            return
-        self._reported = self._last_tick
-        self._goal_handle.publish_feedback(TrackEdge.Feedback(
-            state=msg.state, reason=msg.reason, progress=msg.progress,
-            lateral_error=msg.lateral_error, angle_error=msg.angle_error,
-            normal_force=msg.normal_force))
 
     def _on_pause(self, request, response):
         response.success = self._servo.pause(request.data, perf_counter())
@@ -255,24 +277,24 @@ class EdgeServoNode(Node):
         return response
 
     def _on_diagnose(self):
-        servo = self._servo
-        late = self._longest > self._period
+        servo, pace = self._servo, self._pace
+        late = pace.longest > pace.period
         status = DiagnosticStatus(
             name=f'{self.get_fully_qualified_name()}: servo',
             level=DiagnosticStatus.WARN if late or servo.state == State.HOLD
             else DiagnosticStatus.OK,
-            message=f'{servo.state.name.lower()}: {servo.reason}',
-            values=[KeyValue(key='missed_cycles', value=str(self._missed)),
-                    KeyValue(key='longest_cycle_s', value=f'{self._longest:.6f}')])
-        self._longest = 0.0
+            message=f'{servo.state.name.lower()}: {servo.reason.text}',
+            values=[KeyValue(key='missed_cycles', value=str(pace.missed)),
+                    KeyValue(key='longest_cycle_s', value=f'{pace.longest:.6f}')])
+        pace.longest = 0.0
         msg = DiagnosticArray(status=[status])
         msg.header.stamp = self.get_clock().now().to_msg()
         self._diagnostics.publish(msg)
 
     def destroy_node(self):
         """Release the action server with the node."""
-        if self._action is not None:
-            self._action.destroy()
+        if self._server is not None:
+            self._server.destroy()
         super().destroy_node()
 
 

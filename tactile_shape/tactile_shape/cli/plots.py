@@ -1,13 +1,18 @@
 """Pictures of patches and contours; the only module that needs matplotlib."""
+from os import PathLike
+
 from matplotlib.figure import Figure
 import numpy as np
 
 from tactile_common.errors import ConfigurationError
-from tactile_shape.contour.object_model import COLOURS
+from tactile_shape.contact_recording import ContactRecording
+from tactile_shape.contour.object_model import COLOURS, ObjectModel
+from tactile_shape.patch_table import PatchTable
 from tactile_shape.types.patch import Kind
 
 
-def draw_patches(path, trace, records, model, errors):
+def draw_patches(path: str | PathLike, recording: ContactRecording, table: PatchTable,
+                 model: ObjectModel) -> None:
     """
     Draw samples and patches, curvatures, and the error where it is known.
 
@@ -15,26 +20,24 @@ def draw_patches(path, trace, records, model, errors):
     ----------
     path : str or os.PathLike
         Of a picture, in a format of matplotlib's.
-    trace : Trace
-    records : ndarray, shape (N,)
-        Output rows of the command `fit`.
+    recording : ContactRecording
+    table : PatchTable
+        Of the recording.
     model : ObjectModel
-    errors : ndarray, shape (N,)
-        [m]; NaN where not known.
 
     Raises
     ------
     ConfigurationError
         The file cannot be written, or its format is not known.
     """
-    known = np.isfinite(errors).any()
+    known = np.isfinite(table.errors).any()
     figure = Figure(figsize=(11, 6 if known else 4.5), layout='constrained')
     grid = figure.add_gridspec(2 if known else 1, 2, width_ratios=(1.1, 1.0))
-    draw_model(figure.add_subplot(grid[:, 0], projection='3d'), model, trace.position)
-    _curvature(figure.add_subplot(grid[0, 1]), trace, records)
+    draw_model(figure.add_subplot(grid[:, 0], projection='3d'), model, recording.position)
+    _curvature(figure.add_subplot(grid[0, 1]), table.records)
     if known:
         axis = figure.add_subplot(grid[1, 1])
-        axis.semilogy(trace.t, 1e3 * errors, '.', ms=2, color='#0b6e99')
+        axis.semilogy(recording.t, 1e3 * table.errors, '.', ms=2, color='#0b6e99')
         axis.set(xlabel='time [s]', ylabel='error over 20×4 mm [mm]')
         axis.grid(alpha=0.3)
     try:
@@ -43,7 +46,7 @@ def draw_patches(path, trace, records, model, errors):
         raise ConfigurationError(f'{path}: cannot be drawn: {error}') from error
 
 
-def draw_model(axis, model, samples=None):
+def draw_model(axis, model: ObjectModel, samples: np.ndarray | None = None) -> None:
     """
     Draw an object model into 3-D axes, in mm.
 
@@ -80,18 +83,19 @@ def draw_model(axis, model, samples=None):
     axis.legend(loc='upper left', fontsize=8)
 
 
-def _curvature(axis, trace, records):
+def _curvature(axis, records):
+    t = records['t']
     for column, colour in ((0, '#0b6e99'), (1, '#c05a00')):
         good = records['valid'] & records['seen'][:, column]
         value = np.where(good, records['curvature'][:, column], np.nan)
         std = np.sqrt(np.where(good, records['covariance'][:, column, column], np.nan))
-        axis.fill_between(trace.t, value - 2 * std, value + 2 * std, color=colour, alpha=0.25,
+        axis.fill_between(t, value - 2 * std, value + 2 * std, color=colour, alpha=0.25,
                           lw=0)
-        axis.plot(trace.t, value, '.', ms=2, color=colour,
+        axis.plot(t, value, '.', ms=2, color=colour,
                   label=f'{("first", "second")[column]}, ±2 standard deviations')
     bottom = axis.get_ylim()[0]
     for kind in Kind:
-        here = trace.t[records['kind'] == kind]
+        here = t[records['kind'] == kind]
         if len(here):
             axis.plot(here, np.full(len(here), bottom), 's', ms=4, color=COLOURS[kind])
     axis.set(xlabel='time [s]', ylabel='curvature seen [1/m]')

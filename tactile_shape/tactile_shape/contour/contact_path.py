@@ -1,19 +1,23 @@
 """Where in space a contact on the pad is: on the pad's surface, at the contact's stamp."""
 from collections import deque
 from dataclasses import dataclass
-from typing import NamedTuple
+import math
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from tactile_common.pose_buffer import NS, PoseBuffer
+from tactile_sensing.types.contact import Contact, ContactType, Reason
+from tactile_sensing.types.image import TactileImage
 from tactile_shape.contour.edge_point import edge_point
 
-NONE, POINT, LINE, OTHER = range(4)  # numbers of Contact.msg
 ELONGATED = 4.0  # ratio of second moments; a straight edge has 10 and more, a round contact 1
 MIDDLE = 2e-3  # m from its nearest point that the pressure of a whole line may be centred
 BEYOND = 1e-3  # m between a fitted line and its ridge from which the ridge is believed
 FARTHEST = 1.0  # m from the middle of a pad
-TWO_CONTACTS = 128  # flag of Contact.msg
+
+
+Place = tuple[float, float]  # x, y on the array [m]
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,21 +58,21 @@ class Placed(NamedTuple):
         Why there is no contact in space.
     """
 
-    extra: object
+    extra: Any
     contact: SpatialContact | None
     anew: bool
     reason: str
 
 
-def needs_picture(contact):
+def needs_picture(contact: Contact) -> bool:
     """Whether a contact is to be located in its picture: bends, corners and ends of edges."""
-    if contact.type == LINE and np.isfinite(contact.yaw):
+    if contact.type == ContactType.LINE and np.isfinite(contact.yaw):
         x, y = contact.moments.centre_of_pressure
         return not abs(y * np.cos(contact.yaw) - x * np.sin(contact.yaw)) < MIDDLE
-    return contact.type == OTHER
+    return contact.type == ContactType.OTHER
 
 
-def locate(contact, picture=None):
+def locate(contact: Contact, picture: TactileImage | None = None) -> tuple[Place | None, bool]:
     """
     Where a contact is on the array, and whether it is with an edge.
 
@@ -87,7 +91,7 @@ def locate(contact, picture=None):
     edge : bool
     """
     seen = edge_point(picture) if picture is not None and needs_picture(contact) else None
-    if contact.type == LINE and contact.valid and np.isfinite(contact.a + contact.yaw):
+    if contact.type == ContactType.LINE and contact.valid and np.isfinite(contact.a + contact.yaw):
         c, s = np.cos(contact.yaw), np.sin(contact.yaw)
         place = (contact.a * c * c, contact.a * c * s)
         if picture is None or not needs_picture(contact):
@@ -95,23 +99,24 @@ def locate(contact, picture=None):
         if seen is None:
             return None, False
         # The line goes on where the edge has ended.
-        near = np.hypot(seen[0] - place[0], seen[1] - place[1]) < BEYOND
+        near = math.dist(seen, place) < BEYOND
         return (place if near else seen), True
-    if contact.type == OTHER:
+    if contact.type == ContactType.OTHER:
         if seen is not None:
             return seen, True
         # No model explains it, but force and moments hold. Of a bent edge they tell a place
         # that is millimetres off it.
         place, long = contact.moments.centre_of_pressure, contact.moments.elongation()
-        if contact.reasons & TWO_CONTACTS or long > ELONGATED or not np.isfinite(place).all():
+        two = contact.reasons & Reason.TWO_CONTACTS
+        if two or long > ELONGATED or not np.isfinite(place).all():
             return None, False
         return place, False
-    if contact.type == POINT and contact.valid:
+    if contact.type == ContactType.POINT and contact.valid:
         return (contact.a, contact.b), False
     return None, False
 
 
-def on_pad(place, finger_radius=0.0):
+def on_pad(place: Place, finger_radius: float = 0.0) -> tuple:
     """
     Position and outward normal of the pad's surface, which is the object's inward one.
 
@@ -139,6 +144,15 @@ def on_pad(place, finger_radius=0.0):
     return finger_radius * (normal - [0.0, 0.0, 1.0]), normal
 
 
+class _Waiting(NamedTuple):
+    """A contact whose later pose has not come yet."""
+
+    stamp_ns: int
+    contact: Contact
+    extra: object
+    picture: TactileImage | None
+
+
 class ContactPath:
     """
     Contacts and poses, in whatever order they come, to contacts in space.
@@ -153,34 +167,35 @@ class ContactPath:
         Contacts farther apart are not of one path, poses are not interpolated [s].
     """
 
-    def __init__(self, finger_radius=0.0, max_gap=0.1):
+    def __init__(self, finger_radius: float = 0.0, max_gap: float = 0.1):
         self._finger_radius, self._max_gap = finger_radius, round(max_gap * NS)
         self._poses = PoseBuffer(max_gap)
-        self._waiting = deque(maxlen=100)  # contacts whose later pose has not come yet
+        self._waiting: deque[_Waiting] = deque(maxlen=100)
         self.lost = 0  # contacts that no pose came for
-        self._last = None
+        self._last: int | None = None  # stamp of the last contact [ns]
 
-    def clear(self):
+    def clear(self) -> None:
         """Forget poses and waiting contacts: another frame, or a recording that restarts."""
         self._poses.clear()
         self._waiting.clear()
         self._last = None
 
-    def add_pose(self, stamp_ns, pose):
+    def add_pose(self, stamp_ns: int, pose: np.ndarray) -> list[Placed]:
         """Add a pose (4, 4) of the sensor; returns the contacts that it places, as `settle`."""
         if self._poses.went_back(stamp_ns):  # a recording restarts
             self.clear()
         self._poses.add(stamp_ns, pose)
         return self.settle()
 
-    def add_contact(self, stamp_ns, contact, extra=None, picture=None):
+    def add_contact(self, stamp_ns: int, contact: Contact, extra: Any = None,
+                    picture: TactileImage | None = None) -> list[Placed]:
         """Add a contact, see `locate`; returns the contacts that can be placed, as `settle`."""
         if len(self._waiting) == self._waiting.maxlen:
             self.lost += 1
-        self._waiting.append((stamp_ns, contact, extra, picture))
+        self._waiting.append(_Waiting(stamp_ns, contact, extra, picture))
         return self.settle()
 
-    def settle(self):
+    def settle(self) -> list[Placed]:
         """
         Place the waiting contacts for which the poses are there.
 
@@ -190,24 +205,27 @@ class ContactPath:
         """
         placed = []
         newest = self._poses.newest_ns
-        while self._waiting and newest is not None and self._waiting[0][0] <= newest:
-            stamp, contact, extra, picture = self._waiting.popleft()
-            pose = self._poses.at(stamp)
-            place, edge = locate(contact, picture)
-            position, normal = (None, None) if place is None else on_pad(
-                place, self._finger_radius)
-            if contact.type == NONE:
-                self._last = None
-                placed.append(Placed(extra, None, True, 'nothing is touched'))
-            elif position is None:
-                placed.append(Placed(extra, None, False, 'the contact is not located'))
-            elif pose is None:
-                self.lost += 1
-                placed.append(Placed(extra, None, False, 'no pose of the sensor at its stamp'))
-            else:
-                anew = self._last is None or not 0 <= stamp - self._last <= self._max_gap
-                self._last = stamp
-                placed.append(Placed(extra, SpatialContact(
-                    stamp, pose[:3, :3] @ position + pose[:3, 3], pose[:3, :3] @ normal,
-                    edge), anew, ''))
+        while self._waiting and newest is not None and self._waiting[0].stamp_ns <= newest:
+            waiting = self._waiting.popleft()
+            contact, anew, reason = self._place(waiting)
+            placed.append(Placed(waiting.extra, contact, anew, reason))
         return placed
+
+    def _place(self, waiting):
+        """Contact in space, whether the path begins anew with it, and why there is none."""
+        stamp = waiting.stamp_ns
+        place, edge = locate(waiting.contact, waiting.picture)
+        position, normal = (None, None) if place is None else on_pad(place, self._finger_radius)
+        if waiting.contact.type == ContactType.NONE:
+            self._last = None
+            return None, True, 'nothing is touched'
+        if position is None:
+            return None, False, 'the contact is not located'
+        pose = self._poses.at(stamp)
+        if pose is None:
+            self.lost += 1
+            return None, False, 'no pose of the sensor at its stamp'
+        anew = self._last is None or not 0 <= stamp - self._last <= self._max_gap
+        self._last = stamp
+        return SpatialContact(stamp, pose[:3, :3] @ position + pose[:3, 3],
+                              pose[:3, :3] @ normal, edge), anew, ''

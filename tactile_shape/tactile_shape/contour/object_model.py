@@ -1,12 +1,14 @@
 """What touching an object has told of it: an outline of its edges, a surface of its patches."""
 from collections import deque
-from dataclasses import dataclass, field
+from dataclasses import dataclass
+from os import PathLike
+from typing import NamedTuple
 
 import numpy as np
 
-from tactile_common.config import check_fields
+from tactile_common.config import bounded, check_fields
 from tactile_shape.ply import write_ply
-from tactile_shape.types.patch import Kind
+from tactile_shape.types.patch import Kind, Patch
 
 # Red, green and blue of each kind of patch.
 COLOURS = {Kind.NONE: (0.6, 0.6, 0.6), Kind.PLANE: (0.30, 0.55, 0.80),
@@ -20,19 +22,24 @@ RECENT = 20  # contour points that a new one is compared with
 class ModelConfig:
     """How much of what was touched is kept."""
 
-    spacing: float = field(default=1e-3, metadata={
-        'doc': 'distance between the contour points that are kept', 'unit': 'm',
-        'range': (1e-5, 0.1)})
-    patch_spacing: float = field(default=4e-3, metadata={
-        'doc': 'distance between the patches that are kept', 'unit': 'm', 'range': (1e-4, 1.0)})
-    patch_size: float = field(default=6e-3, metadata={
-        'doc': 'side of a patch that is drawn', 'unit': 'm', 'range': (1e-4, 1.0)})
-    max_points: int = field(default=5000, metadata={
-        'doc': 'contour points, and patches, that are kept; the oldest go first',
-        'range': (10, 1000000)})
+    spacing: float = bounded(
+        1e-3, 'distance between the contour points that are kept', 'm', 1e-5, 0.1)
+    patch_spacing: float = bounded(
+        4e-3, 'distance between the patches that are kept', 'm', 1e-4, 1.0)
+    patch_size: float = bounded(6e-3, 'side of a patch that is drawn', 'm', 1e-4, 1.0)
+    max_points: int = bounded(
+        5000, 'contour points, and patches, that are kept; the oldest go first', '', 10, 1000000)
 
     def __post_init__(self):
         check_fields(self)
+
+
+class Mesh(NamedTuple):
+    """Vertices (V, 3) [m] with their colours (V, 3), and vertices of each triangle (F, 3)."""
+
+    vertices: np.ndarray
+    colours: np.ndarray
+    faces: np.ndarray
 
 
 class ObjectModel:
@@ -52,18 +59,19 @@ class ObjectModel:
         Contour points ever kept.
     """
 
-    def __init__(self, config=None):
+    def __init__(self, config: ModelConfig | None = None):
         self.config = config or ModelConfig()
-        self.strokes, self.patches = [], []
+        self.strokes: list[list[np.ndarray]] = []
+        self.patches: list[Patch] = []
         self.total = self._count = 0
-        self._recent = deque(maxlen=RECENT)
+        self._recent: deque[np.ndarray] = deque(maxlen=RECENT)
         self._anew = True
 
-    def begin_stroke(self):
+    def begin_stroke(self) -> None:
         """Contact was lost: what comes next does not join what came before."""
         self._anew = True
 
-    def add_contact(self, position):
+    def add_contact(self, position: np.ndarray) -> bool:
         """
         Add a point (3,) of the contour [m]; returns whether it was far enough to be kept.
 
@@ -88,12 +96,12 @@ class ObjectModel:
                 self.strokes.pop(0)
         return True
 
-    def add_patch(self, patch):
+    def add_patch(self, patch: Patch) -> bool:
         """Add a valid patch; returns whether it was far enough from the last to be kept."""
         if not patch.valid:
             return False
         if self.patches and np.linalg.norm(
-                patch.frame[:3, 3] - self.patches[-1].frame[:3, 3]) < self.config.patch_spacing:
+                patch.origin - self.patches[-1].origin) < self.config.patch_spacing:
             return False
         self.patches.append(patch)
         if len(self.patches) > self.config.max_points:
@@ -101,18 +109,17 @@ class ObjectModel:
         return True
 
     @property
-    def contour(self):
+    def contour(self) -> np.ndarray:
         """All contour points, ndarray (N, 3)."""
         return np.array([point for stroke in self.strokes for point in stroke]).reshape(-1, 3)
 
-    def mesh(self, patches=None):
+    def mesh(self, patches: list[Patch] | None = None) -> Mesh:
         """
         Triangles of the patches, coloured by kind.
 
         Returns
         -------
-        vertices, colours : ndarray, shape (V, 3)
-        faces : ndarray of int, shape (F, 3)
+        Mesh
         """
         vertices, colours, faces = [np.zeros((0, 3))], [np.zeros((0, 3))], [np.zeros((0, 3), int)]
         rows, columns = STEPS
@@ -123,17 +130,17 @@ class ObjectModel:
             sheet = patch.sheet(size, size, steps=STEPS).reshape(-1, 3)
             whole = squares[np.isfinite(sheet).all(axis=1)[squares].all(axis=1)]
             faces.append(whole + sum(map(len, vertices)))
-            vertices.append(np.where(np.isfinite(sheet), sheet, patch.frame[:3, 3]))
+            vertices.append(np.where(np.isfinite(sheet), sheet, patch.origin))
             colours.append(np.tile(COLOURS[patch.kind], (len(sheet), 1)))
-        return np.concatenate(vertices), np.concatenate(colours), np.concatenate(faces)
+        return Mesh(np.concatenate(vertices), np.concatenate(colours), np.concatenate(faces))
 
-    def save_surface(self, path):
+    def save_surface(self, path: str | PathLike) -> None:
         """Write the patches as a coloured mesh, PLY; ConfigurationError if it cannot be."""
-        vertices, colours, faces = self.mesh()
-        write_ply(path, vertices, colours=colours, faces=faces,
+        mesh = self.mesh()
+        write_ply(path, mesh.vertices, colours=mesh.colours, faces=mesh.faces,
                   comment='patches: blue plane, green cylinder, orange sphere, red general; m')
 
-    def save_contour(self, path):
+    def save_contour(self, path: str | PathLike) -> None:
         """Write the contour as vertices and edges, PLY; ConfigurationError if it cannot be."""
         edges, first = [], 0
         for stroke in self.strokes:

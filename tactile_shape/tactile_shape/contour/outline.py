@@ -1,10 +1,12 @@
 """The outline of an object from the contour traced along its edge: corners, sides, their form."""
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import ArrayLike
 
-from tactile_common.config import check_fields
+from tactile_common.config import bounded, check_fields
 from tactile_common.errors import ConfigurationError
+from tactile_common.polyline import arc_length
 from tactile_shape.contour.curves import angle_between, Line, meeting
 from tactile_shape.contour.pieces import divide, Ends, fit_piece
 
@@ -16,24 +18,19 @@ LEAST_TURN = 0.05  # rad between two lines that is a corner
 class OutlineConfig:
     """How corners are told from what lies between them."""
 
-    leg: float = field(default=6e-3, metadata={
-        'doc': 'length before and after a point over which the direction is taken', 'unit': 'm',
-        'range': (1e-5, 1.0)})
-    corner_angle: float = field(default=0.5, metadata={
-        'doc': 'a turn by more than this between the two legs is a corner', 'unit': 'rad',
-        'range': (0.05, 3.0)})
-    rounding: float = field(default=3e-3, metadata={
-        'doc': 'contour next to a corner that is not used: the skin rounds it', 'unit': 'm',
-        'range': (0.0, 1.0)})
-    tolerance: float = field(default=1e-4, metadata={
-        'doc': 'RMS distance of its points that a line or an arc may have, beyond their noise; '
-               'else it is divided', 'unit': 'm', 'range': (1e-9, 1.0)})
-    spacing: float = field(default=1e-3, metadata={
-        'doc': 'contour points nearer to each other are averaged', 'unit': 'm',
-        'range': (0.0, 1.0)})
-    closing: float = field(default=2e-3, metadata={
-        'doc': 'largest gap between the ends of a closed contour', 'unit': 'm',
-        'range': (0.0, 1.0)})
+    leg: float = bounded(
+        6e-3, 'length before and after a point over which the direction is taken', 'm', 1e-5, 1.0)
+    corner_angle: float = bounded(
+        0.5, 'a turn by more than this between the two legs is a corner', 'rad', 0.05, 3.0)
+    rounding: float = bounded(
+        3e-3, 'contour next to a corner that is not used: the skin rounds it', 'm', 0.0, 1.0)
+    tolerance: float = bounded(
+        1e-4, 'RMS distance of its points that a line or an arc may have, beyond their noise; '
+        'else it is divided', 'm', 1e-9, 1.0)
+    spacing: float = bounded(
+        1e-3, 'contour points nearer to each other are averaged', 'm', 0.0, 1.0)
+    closing: float = bounded(
+        2e-3, 'largest gap between the ends of a closed contour', 'm', 0.0, 1.0)
 
     def __post_init__(self):
         check_fields(self)
@@ -86,15 +83,15 @@ class Outline:
 
     corners: np.ndarray
     angles: np.ndarray
-    sides: tuple
+    sides: tuple[Side, ...]
     closed: bool
 
     @property
-    def points(self):
+    def points(self) -> np.ndarray:
         """The whole outline as a polyline, ndarray (N, 3) [m]; if closed, back at its start."""
         return np.concatenate([self.sides[0].points[:1], *(s.points[1:] for s in self.sides)])
 
-    def __str__(self):
+    def __str__(self) -> str:
         """Lines of text: sides and corners."""
         lines = [f'{"closed" if self.closed else "open"} outline, {len(self.corners)} corners']
         for k, side in enumerate(self.sides):
@@ -107,7 +104,7 @@ class Outline:
         return '\n'.join(lines)
 
 
-def find_outline(points, config=None):
+def find_outline(points: ArrayLike, config: OutlineConfig | None = None) -> Outline:
     """
     Find corners and sides of a contour.
 
@@ -132,10 +129,10 @@ def find_outline(points, config=None):
         raise ConfigurationError(f'contour has shape {points.shape}, must be (N, 3), N above 3')
     if not np.isfinite(points).all():
         raise ConfigurationError('contour: a number is not finite')
-    steps = np.linalg.norm(np.diff(points, axis=0), axis=1)
-    if steps.sum() < 2.0 * config.leg:
+    length = arc_length(points)[-1]
+    if length < 2.0 * config.leg:
         raise ConfigurationError(
-            f'contour is {1e3 * steps.sum():.3g} mm long, must be at least two legs, '
+            f'contour is {1e3 * length:.3g} mm long, must be at least two legs, '
             f'{2e3 * config.leg:.3g} mm')
     centre, axes = _plane(points)
     flat, closed = _cut_overlap((points - centre) @ axes[:, :2], config)
@@ -206,7 +203,7 @@ def _plane(points):
 
 def _average(flat, spacing):
     """Points (n, 2), those within a spacing of each other averaged; the ends stay."""
-    travel = np.append(0.0, np.cumsum(np.linalg.norm(np.diff(flat, axis=0), axis=1)))
+    travel = arc_length(flat)
     if not spacing or travel[-1] < spacing:
         return flat
     cell = np.minimum((travel / spacing).astype(int), int(travel[-1] / spacing))
@@ -228,7 +225,7 @@ def _noise(flat):
 
 def _cut_overlap(flat, config):
     """Contour without what was traced twice, and whether it is closed."""
-    travel = np.append(0.0, np.cumsum(np.linalg.norm(np.diff(flat, axis=0), axis=1)))
+    travel = arc_length(flat)
     away = np.linalg.norm(flat - flat[0], axis=1)
     # The first return to the start, after having been a good way off it.
     far = np.flatnonzero(away > max(2.0 * config.leg, 0.1 * away.max()))
@@ -247,7 +244,7 @@ def _corners(flat, closed, config):
     count = len(flat)
     around = np.concatenate([flat, flat, flat]) if closed else flat
     offset = count if closed else 0
-    travel = np.append(0.0, np.cumsum(np.linalg.norm(np.diff(around, axis=0), axis=1)))
+    travel = arc_length(around)
     before = np.searchsorted(travel, travel - config.leg)
     after = np.minimum(np.searchsorted(travel, travel + config.leg), len(travel) - 1)
     turn = np.zeros(len(around))

@@ -4,6 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from tactile_common.polyline import arc_length
 from tactile_shape.contour.curves import Arc, Line, STEPS
 
 _JOINTS = 30  # places at which a division is tried
@@ -76,7 +77,7 @@ def _two(points, ends, rounding, joint, steps=STEPS):
 
 def fit_piece(points: np.ndarray, ends: Ends, rounding: float, steps: int = STEPS) -> Piece:
     """Line or arc through points (N, 2), without what the corners have rounded [m]."""
-    travel = np.append(0.0, np.cumsum(np.linalg.norm(np.diff(points, axis=0), axis=1)))
+    travel = arc_length(points)
     keep = (travel >= rounding * ends.start) & (travel <= travel[-1] - rounding * ends.end)
     return Piece(points, ends, _fit_curve(points[keep] if keep.sum() >= 3 else points, steps))
 

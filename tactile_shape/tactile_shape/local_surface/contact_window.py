@@ -119,7 +119,9 @@ class ContactWindow:
 
     def __init__(self, length: float, max_turn: float, cell: float):
         self._length, self._max_turn, self._cell = length, max_turn, cell
-        self._cells = _Cells(*np.zeros((3, MAX_CELLS, 3)), np.zeros(MAX_CELLS))
+        self._cells = _Cells(
+            np.zeros((MAX_CELLS, 3)), np.zeros((MAX_CELLS, 3)), np.zeros((MAX_CELLS, 3)),
+            np.zeros(MAX_CELLS))
         self.reset()
 
     def reset(self) -> None:
@@ -128,7 +130,8 @@ class ContactWindow:
 
     def add(self, point: np.ndarray, normal: np.ndarray) -> Stretch:
         """Add a contact (3,), (3,) and return the last stretch of the path."""
+        cells = self._cells
         self._used, first, extent = _take(
-            self._cells, self._used, point, normal, self._cell, self._length, self._max_turn)
-        points, normals, _, counts = (values[first:self._used] for values in self._cells)
-        return Stretch(points, normals, counts, extent)
+            cells, self._used, point, normal, self._cell, self._length, self._max_turn)
+        part = slice(first, self._used)
+        return Stretch(cells.points[part], cells.normals[part], cells.counts[part], extent)

@@ -6,18 +6,22 @@ newest contact, only the three numbers of the curvature K are asked of a whole w
 height and slope are by-products. A round finger feels the surface of its centre, which has no
 error of location; the curvature is converted at the end.
 """
-from dataclasses import dataclass, field
+from dataclasses import dataclass
+from functools import partial
 import math
+from typing import Any
 
 import numpy as np
 
-from tactile_common.config import check_fields
+from tactile_common.config import bounded, check_fields
 from tactile_shape.local_surface.contact_window import CELLS, ContactWindow, Stretch
-from tactile_shape.local_surface.quadric_kernel import ENOUGH, Fit, Noise, solve
-from tactile_shape.local_surface.tangent import tangent_frame
-from tactile_shape.types.patch import certain_enough, Kind, Patch, usable_normal
+from tactile_shape.local_surface.normal_equations import Noise
+from tactile_shape.local_surface.quadric_kernel import ENOUGH, Fit, solve
+from tactile_shape.types.patch import certain_enough, Kind, Patch, refusal, usable_normal
+from tactile_shape.types.tangent import tangent_frame
 
 METHOD = 'local_quadric'
+_refusal = partial(refusal, method=METHOD)
 QUIET = 5.0  # times the noise of location that a cell of the window is long, at least
 MISFIT = 2.0  # times the noise of position: then the newer half of the window is tried
 BETTER = 0.6  # of the scatter that it must leave, to be taken
@@ -30,29 +34,22 @@ _SHARP = 0.98  # of 1 / finger radius; a surface of the centre that curves more 
 class LocalQuadricConfig:
     """How local curvature is estimated."""
 
-    window: float = field(default=0.024, metadata={
-        'doc': 'length of the path that a patch is fitted to', 'unit': 'm',
-        'range': (1e-4, 1.0)})
-    max_turn: float = field(default=0.7, metadata={
-        'doc': 'the path is cut shorter where the normal turns by more than this', 'unit': 'rad',
-        'range': (0.01, 1.2)})
-    finger_radius: float = field(default=0.0, metadata={
-        'doc': 'radius of a round finger; 0 = flat pad', 'unit': 'm', 'range': (0.0, 1.0)})
-    position_noise: float = field(default=2e-5, metadata={
-        'doc': "standard deviation of the pose's position, per axis", 'unit': 'm',
-        'range': (1e-9, 0.1)})
-    normal_noise: float = field(default=5e-4, metadata={
-        'doc': "standard deviation of the normal's direction, per axis", 'unit': 'rad',
-        'range': (1e-7, 1.0)})
-    location_noise: float = field(default=1.5e-4, metadata={
-        'doc': 'standard deviation of the contact on the pad, per axis', 'unit': 'm',
-        'range': (0.0, 0.1)})
-    max_curvature_std: float = field(default=2.5, metadata={
-        'doc': 'a curvature less certain than this, and than a tenth of itself, is called unseen',
-        'unit': '1/m', 'range': (1e-6, 1e6)})
-    prior_curvature: float = field(default=100.0, metadata={
-        'doc': 'standard deviation of curvature before anything is touched', 'unit': '1/m',
-        'range': (1e-3, 1e6)})
+    window: float = bounded(
+        0.024, 'length of the path that a patch is fitted to', 'm', 1e-4, 1.0)
+    max_turn: float = bounded(
+        0.7, 'the path is cut shorter where the normal turns by more than this', 'rad', 0.01, 1.2)
+    finger_radius: float = bounded(0.0, 'radius of a round finger; 0 = flat pad', 'm', 0.0, 1.0)
+    position_noise: float = bounded(
+        2e-5, "standard deviation of the pose's position, per axis", 'm', 1e-9, 0.1)
+    normal_noise: float = bounded(
+        5e-4, "standard deviation of the normal's direction, per axis", 'rad', 1e-7, 1.0)
+    location_noise: float = bounded(
+        1.5e-4, 'standard deviation of the contact on the pad, per axis', 'm', 0.0, 0.1)
+    max_curvature_std: float = bounded(
+        2.5, 'a curvature less certain than this, and than a tenth of itself, is called unseen',
+        '1/m', 1e-6, 1e6)
+    prior_curvature: float = bounded(
+        100.0, 'standard deviation of curvature before anything is touched', '1/m', 1e-3, 1e6)
 
     def __post_init__(self):
         check_fields(self)
@@ -81,7 +78,7 @@ class LocalQuadric:
     def reset(self) -> None:
         """Forget the path: contact was lost."""
         self._window.reset()
-        self._stretch = None
+        self._stretch: Stretch | None = None
 
     def add(self, position: np.ndarray, normal: np.ndarray) -> bool:
         """
@@ -99,11 +96,11 @@ class LocalQuadric:
         bool
             False if it is not finite or the normal's length not 1; then it is left out.
         """
-        normal = usable_normal(position, normal)
-        if normal is None:
+        unit = usable_normal(position, normal)
+        if unit is None:
             return False
-        self._normal = normal
-        self._centre = position - self.config.finger_radius * self._normal
+        self._normal = unit
+        self._centre = position - self.config.finger_radius * unit
         self._stretch = self._window.add(self._centre, self._normal)
         return True
 
@@ -124,35 +121,28 @@ class LocalQuadric:
         """
         if self._stretch is None:
             return _refusal('no contact yet')
-        stretch = self._stretch
-        fit = self._fit(stretch)
-        if fit.scatter > MISFIT * self._noise.position and len(stretch.points) >= 2 * ENOUGH:
-            # Where the window reaches back over another surface, its newer half fits far better.
-            newer = stretch.newer_half()
-            fit_of_newer = self._fit(newer)
-            if fit_of_newer.scatter < BETTER * fit.scatter:
-                stretch, fit = newer, fit_of_newer
-        radius, principal = self.config.finger_radius, fit.principal
-        covariance, seen = fit.covariance, fit.seen
-        known = {'extent': stretch.extent, 'samples': stretch.samples, 'residual': fit.residual,
-                 'frame': _frame(self._centre, fit, radius)}
+        stretch, fit = self._best_fit(self._stretch)
+        known: dict[str, Any] = {
+            'extent': stretch.extent, 'samples': stretch.samples, 'residual': fit.residual,
+            'frame': _frame(self._centre, fit, self.config.finger_radius)}
         if fit.scatter > SCATTERED * self._cell or fit.residual > MAX_RESIDUAL:
             return _refusal(
                 'the contacts lie on no surface of second order, or have far more noise than '
                 f'told: they scatter by {1e3 * fit.scatter:.2g} mm, residuals are '
                 f'{fit.residual:.2g} standard deviations', **known)
+        curvature, covariance, variance = fit.principal, fit.covariance, fit.seen
+        radius, enough = self.config.finger_radius, self.config.max_curvature_std
         if radius:
             # The centre moves on a surface whose radii are larger by the finger's.
-            shrink = 1.0 - radius * principal
+            shrink = 1.0 - radius * curvature
             if shrink.min() < 1.0 - _SHARP:
                 return _refusal('an edge or a point: its curvature is above what a finger of '
                                 'this radius can tell', **known)
-            principal = principal / shrink
+            curvature = curvature / shrink
             covariance = covariance / np.outer(shrink, shrink)**2
-            seen = seen / shrink**4
-        known |= {'curvature': principal, 'covariance': covariance}
-        enough = self.config.max_curvature_std
-        seen = certain_enough(seen, principal, enough)
+            variance = variance / shrink**4
+        known |= {'curvature': curvature, 'covariance': covariance}
+        seen = certain_enough(variance, curvature, enough)
         if seen.any():
             return Patch(Kind(fit.kind), True, '', METHOD, seen=seen, **known)
         why = 'too short, or too noisy, to show any curvature'
@@ -160,14 +150,20 @@ class LocalQuadric:
             why = 'straight and along no principal direction: the curvature across is unseen'
         return _refusal(f'the path of {1e3 * stretch.extent:.2g} mm is {why}', **known)
 
+    def _best_fit(self, stretch: Stretch) -> tuple[Stretch, Fit]:
+        """Fit to a stretch, or to its newer half where it reaches back over another surface."""
+        fit = self._fit(stretch)
+        if fit.scatter > MISFIT * self._noise.position and len(stretch.points) >= 2 * ENOUGH:
+            newer = stretch.newer_half()
+            fit_of_newer = self._fit(newer)
+            if fit_of_newer.scatter < BETTER * fit.scatter:
+                return newer, fit_of_newer
+        return stretch, fit
+
     def _fit(self, stretch: Stretch) -> Fit:
         return solve(
             stretch.points, stretch.normals, stretch.weights, self._centre,
             tangent_frame(self._normal), self._noise, self.config.prior_curvature)
-
-
-def _refusal(reason, **known):
-    return Patch(Kind.NONE, False, reason, METHOD, **known)
 
 
 def _frame(centre, fit, radius):

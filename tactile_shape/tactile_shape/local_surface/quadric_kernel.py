@@ -1,12 +1,4 @@
-"""
-Compiled kernel of `local_quadric`: weighted least squares, then the least sufficient model.
-
-In a tangent frame with inward normal n and u = (x, y), any plane, sphere or cylinder satisfies
-
-    -n_xy = b + K u    and    z (1 + n_z) / 2 = a + b u + u' K u / 2
-
-however large the arc. Both are linear in the height a, the slope b and the curvature K.
-"""
+"""Compiled kernel of `local_quadric`: weighted least squares, then the least sufficient model."""
 import math
 from typing import NamedTuple
 
@@ -20,6 +12,7 @@ from tactile_shape.local_surface.least_model import (
     least_model,
     principal_curvatures,
 )
+from tactile_shape.local_surface.normal_equations import Cells, curvature_equations, Noise
 
 PASSES = 3  # weights depend on K: by the third pass they no longer change
 # A path's breadth counts where its variance is that many times the variance of noise.
@@ -29,52 +22,6 @@ CLEAR = 9.0
 MODEL_ERROR = 0.1
 ENOUGH = 10  # cells whose residuals tell their noise
 _HEIGHTS_SPENT = 2.0  # of the six parameters, what the heights alone have paid for, about
-
-
-class Noise(NamedTuple):
-    """Standard deviations of one contact; of the normal [rad], else [m]."""
-
-    position: float
-    location: float  # of what moves along the surface
-    normal: float
-    height: float  # beyond that of position
-
-
-class Cells(NamedTuple):
-    """Contacts in a tangent frame: u (m, 2), z (m,) [m], normals (m, 3), weights (m,)."""
-
-    u: np.ndarray
-    z: np.ndarray
-    n: np.ndarray
-    weights: np.ndarray  # independent samples in each row
-
-
-class NormalEquations(NamedTuple):
-    """Of (a, b1, b2, K11, K12, K22): matrix (6, 6), right side (6,), its square weighted."""
-
-    matrix: np.ndarray
-    right: np.ndarray
-    square: float
-
-
-class CurvatureEquations(NamedTuple):
-    """
-    Of K alone, height and slope eliminated: K = information^-1 right.
-
-    Attributes
-    ----------
-    information, right : ndarray, shapes (3, 3) and (3,)
-    flat, lift : ndarray, shapes (3,) and (3, 3)
-        (a, b1, b2) = flat - lift K.
-    rest : float
-        Chi-square with K = 0.
-    """
-
-    information: np.ndarray
-    right: np.ndarray
-    flat: np.ndarray
-    lift: np.ndarray
-    rest: float
 
 
 class Fit(NamedTuple):
@@ -117,73 +64,6 @@ class Fit(NamedTuple):
 
 
 @njit(cache=True)
-def equations(cells, noise, curvature, doubt, model_error):
-    """
-    Normal equations of (a, b1, b2, K11, K12, K22).
-
-    Parameters
-    ----------
-    cells : Cells
-    noise : Noise
-    curvature : ndarray, shape (3,)
-        K11, K12, K22: with them, a displacement along the surface is an error of the normal.
-    doubt : ndarray, shape (3,)
-        Variances of K11, K12, K22, since what is not known of K makes errors as well.
-    model_error : float
-        What the model leaves out, over the third-order term |K u|^3 of a normal, and over the
-        same of height.
-
-    Returns
-    -------
-    NormalEquations
-    """
-    matrix, right, square = np.zeros((6, 6)), np.zeros(6), 0.0
-    row = np.zeros((3, 6))
-    slide = noise.position**2 + noise.location**2
-    k11, k12, k22 = curvature
-    d11, d12, d22 = doubt
-    q11, q12, q22 = k11 * k11 + k12 * k12, k12 * (k11 + k22), k12 * k12 + k22 * k22
-    r11 = noise.normal**2 + slide * (q11 + d11 + d12)
-    r22 = noise.normal**2 + slide * (q22 + d12 + d22)
-    r12 = slide * q12
-    row[0, 0] = row[1, 1] = row[2, 2] = 1.0
-    for i in range(len(cells.z)):
-        x, y = cells.u[i]
-        z, (nx, ny, nz), weight = cells.z[i], cells.n[i], cells.weights[i]
-        up, lean = max(nz, 0.1), nx**2 + ny**2
-        upright = 0.5 * (1.0 + up)
-        # Along the surface, height and slope move together and cancel up to the second order.
-        left_over = 0.5 * (1.0 - up) / up
-        variance = (noise.position**2 * (lean + upright**2) + noise.height**2
-                    + noise.location**2 * lean * left_over**2)
-        turn = (k11 * x + k12 * y)**2 + (k12 * x + k22 * y)**2
-        variance += weight * (model_error * turn * z)**2
-        unlike = weight * model_error**2 * turn**3
-        s11, s22 = r11 + unlike, r22 + unlike
-        determinant = s11 * s22 - r12 * r12
-        row[0, 1], row[0, 2] = x, y
-        row[0, 3], row[0, 4], row[0, 5] = 0.5 * x * x, x * y, 0.5 * y * y
-        row[1, 3], row[1, 4] = x, y
-        row[2, 4], row[2, 5] = x, y
-        w00 = weight / variance
-        w11, w12, w22 = (
-            weight * s22 / determinant, -weight * r12 / determinant, weight * s11 / determinant)
-        t0, t1, t2 = z * 0.5 * (1.0 + nz), -nx, -ny
-        for p in range(6):
-            a0 = w00 * row[0, p]
-            a1 = w11 * row[1, p] + w12 * row[2, p]
-            a2 = w12 * row[1, p] + w22 * row[2, p]
-            right[p] += a0 * t0 + a1 * t1 + a2 * t2
-            for q in range(p, 6):
-                matrix[p, q] += a0 * row[0, q] + a1 * row[1, q] + a2 * row[2, q]
-        square += w00 * t0 * t0 + w11 * t1 * t1 + 2.0 * w12 * t1 * t2 + w22 * t2 * t2
-    for p in range(6):
-        for q in range(p):
-            matrix[p, q] = matrix[q, p]
-    return NormalEquations(matrix, right, square)
-
-
-@njit(cache=True)
 def _path_frame(points, weights, origin, axes, spread_noise):
     """Tangent frame with x along the path, and how many of K11, K12, K22 the path can see."""
     u = (points - origin) @ axes
@@ -197,27 +77,6 @@ def _path_frame(points, weights, origin, axes, spread_noise):
     turned = axes @ np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
     fuzz = CLEAR * spread_noise**2 * len(weights) / total + 1e-24
     return turned, 0 if large < fuzz else 2 if small < fuzz else 3
-
-
-@njit(cache=True)
-def _curvature_equations(cells, noise, curvature, doubt, model_error, count, prior):
-    """
-    CurvatureEquations; parameters as of `equations`.
-
-    Of K11, K12, K22 the first `count` are seen; of the others there is a prior.
-    """
-    matrix, right, square = equations(cells, noise, curvature, doubt, model_error)
-    first = np.linalg.inv(matrix[:3, :3].copy())
-    flat, lift = first @ right[:3].copy(), first @ matrix[:3, 3:].copy()
-    information = matrix[3:, 3:] - matrix[3:, :3].copy() @ lift
-    reduced = right[3:] - matrix[3:, :3].copy() @ flat
-    information[count:, :] = 0.0
-    information[:, count:] = 0.0
-    reduced[count:] = 0.0
-    for p in range(count, 3):
-        information[p, p] = 1.0 / prior**2
-    rest = square - (right[:3] * flat).sum()
-    return CurvatureEquations(information, reduced, flat, lift, rest)
 
 
 @njit(cache=True)
@@ -251,13 +110,13 @@ def _excess(found, freedom):
 def _weighted(cells, noise, count, prior):
     """CurvatureEquations with the weights that K itself gives, and the noise found with them."""
     curvature, doubt, told = np.zeros(3), np.zeros(3), noise.position
-    found = _curvature_equations(cells, noise, curvature, doubt, 0.0, count, prior)
+    found = curvature_equations(cells, noise, curvature, doubt, 0.0, count, prior)
     for _ in range(PASSES - 1 if count else 0):
         covariance = np.linalg.inv(found.information)
         curvature, doubt = covariance @ found.right, np.diag(covariance).copy()
         position = _position_noise(cells, found.flat - found.lift @ curvature, curvature, told)
         noise = Noise(position, noise.location, noise.normal, noise.height)
-        found = _curvature_equations(cells, noise, curvature, doubt, 0.0, count, prior)
+        found = curvature_equations(cells, noise, curvature, doubt, 0.0, count, prior)
     return found, noise, doubt
 
 
@@ -294,7 +153,7 @@ def solve(points, normals, weights, origin, axes, noise, prior):
         kind, curvature = least_model(found.information / excess, found.right / excess, count)
         if kind == GENERAL:
             for _ in range(2):
-                found = _curvature_equations(
+                found = curvature_equations(
                     cells, noise, curvature, doubt, MODEL_ERROR, count, prior)
                 curvature = np.linalg.solve(found.information, found.right)
             excess, residual = _excess(found, freedom)

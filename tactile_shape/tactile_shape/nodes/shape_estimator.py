@@ -1,6 +1,6 @@
 """Shape estimator node: contacts and the sensor's pose in, surface patches and contour out."""
 from collections import deque
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 from geometry_msgs.msg import PoseStamped
 from nav_msgs.msg import Path
@@ -9,6 +9,7 @@ from rclpy.qos import DurabilityPolicy, qos_profile_sensor_data, QoSProfile
 from std_msgs.msg import Header
 from visualization_msgs.msg import MarkerArray
 
+from tactile_common.config import bounded
 from tactile_common.errors import TactileError
 from tactile_common.ros.conversions import pose_from_msg, stamp_to_ns, unpacked
 from tactile_common.ros.parameters import declare_from
@@ -26,7 +27,12 @@ from tactile_shape.conversions import (
     patch_to_msg,
 )
 from tactile_shape.local_surface.local_quadric import LocalQuadricConfig
-from tactile_shape.shape_estimator import make_estimator, no_patch, ShapeTracker, TrackerConfig
+from tactile_shape.shape_estimator import (
+    make_surface_estimator,
+    ShapeEstimator,
+    ShapeEstimatorConfig,
+)
+from tactile_shape.types.patch import refusal
 
 PICTURES = 8  # that wait for their contact
 _LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
@@ -36,9 +42,9 @@ _LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 class PublishConfig:
     """How often what accumulates is published; patches come with every contact."""
 
-    publish_period: float = field(default=1.0, metadata={
-        'doc': 'time between two contours, and two sets of markers, by the stamps of contacts',
-        'unit': 's', 'range': (0.0, 1000.0)})
+    publish_period: float = bounded(
+        1.0, 'time between two contours, and two sets of markers, by the stamps of contacts', 's',
+        0.0, 1000.0)
 
 
 class ShapeEstimatorNode(Node):
@@ -47,22 +53,22 @@ class ShapeEstimatorNode(Node):
 
     Subscribes to `contact`, `sensor_pose` and, for bends and ends of edges, `image`, which
     it matches by their stamps: no clock is looked at, so that a replayed recording gives what
-    the run gave. Publishes `surface_patch`
-    for every contact, and `contour` and `markers` now and then. Parameters: `TrackerConfig`,
-    `LocalQuadricConfig`, `ModelConfig`, `PublishConfig`.
+    the run gave. Publishes `surface_patch` for every contact, and `contour` and `markers` now
+    and then. Parameters: `ShapeEstimatorConfig`, `LocalQuadricConfig`, `ModelConfig`,
+    `PublishConfig`.
     """
 
     def __init__(self, **kwargs):
         super().__init__('shape_estimator', **kwargs)
         compile_kernels()
-        tracking = declare_from(self, TrackerConfig)
+        tracking = declare_from(self, ShapeEstimatorConfig)
         config = declare_from(self, LocalQuadricConfig)
         self._model_config = declare_from(self, ModelConfig)
         self._period_ns = round(1e9 * declare_from(self, PublishConfig).publish_period)
         self._path = ContactPath(config.finger_radius, tracking.max_gap)
         self._pictures = deque(maxlen=PICTURES)
-        self._none = patch_to_msg(no_patch(''), Header())
-        self._estimator = make_estimator(tracking.method, config)
+        self._none = patch_to_msg(refusal(''), Header())
+        self._surface = make_surface_estimator(tracking.method, config)
         self._frame = None
         self._begin_model()
 
@@ -77,8 +83,8 @@ class ShapeEstimatorNode(Node):
             PoseStamped, 'sensor_pose', self._on_pose, qos_profile_sensor_data)
 
     def _begin_model(self):
-        self._estimator.reset()
-        self._tracker = ShapeTracker(self._estimator, ObjectModel(self._model_config))
+        self._surface.reset()
+        self._shape = ShapeEstimator(self._surface, ObjectModel(self._model_config))
         self._contour = deque(maxlen=self._model_config.max_points)
         self._newest, self._total = None, 0
         self._changed, self._published_ns = False, None
@@ -129,14 +135,14 @@ class ShapeEstimatorNode(Node):
 
     def _take(self, all_placed):
         for placed in all_placed:
-            patch = self._tracker.take(placed)
+            patch = self._shape.take(placed)
             msg = placed.extra
             header = Header(stamp=msg.header.stamp, frame_id=self._frame)
             self._patches.publish(self._message_of(patch, header, msg.sensor))
             if patch.valid:
                 self._newest, self._changed = patch, True
-            if self._tracker.model.total > self._total:
-                self._total, self._changed = self._tracker.model.total, True
+            if self._shape.model.total > self._total:
+                self._total, self._changed = self._shape.model.total, True
                 self._contour.append(contour_point_to_msg(placed.contact.position, header))
             self._publish_model(header, placed.contact is None and placed.anew)
 
@@ -156,7 +162,7 @@ class ShapeEstimatorNode(Node):
             return
         self._changed, self._published_ns = False, stamp
         self._contours.publish(contour_to_msg(self._contour, header))
-        self._markers.publish(model_to_markers(self._tracker.model, self._newest, header))
+        self._markers.publish(model_to_markers(self._shape.model, self._newest, header))
 
 
 def main(args=None):

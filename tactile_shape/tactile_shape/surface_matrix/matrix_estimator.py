@@ -1,21 +1,25 @@
 """The thesis' estimator on a stream of contacts: ten parameters from the last few of them."""
 from collections import deque
 from dataclasses import dataclass, field
+from functools import partial
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from tactile_common.config import check_fields
+from tactile_common.config import bounded, check_fields
 from tactile_common.errors import SurfaceError
 from tactile_shape.local_surface.local_quadric import LocalQuadricConfig
 from tactile_shape.surface_matrix.matrix_fit import fit_matrix
 from tactile_shape.surface_matrix.motion import contacts_in_frame
-from tactile_shape.types.patch import certain_enough, Kind, Patch, usable_normal
+from tactile_shape.types.patch import certain_enough, Kind, Patch, refusal, usable_normal
+from tactile_shape.types.surface_matrix import PARAMETERS
 
 METHOD = 'surface_matrix'
-_CURVATURE = [0, 1, 4]  # c11, c12, c22 among the ten parameters
+_refusal = partial(refusal, method=METHOD)
+_CURVATURE = [PARAMETERS.index(name) for name in ('c11', 'c12', 'c22')]
 
 
-def _as_of_local_quadric(name, **other):
+def _as_of_local_quadric(name: str, **other) -> Any:
     """Field as of LocalQuadricConfig, but for what of its description differs."""
     of = LocalQuadricConfig.__dataclass_fields__[name]
     return field(default=of.default, metadata={**of.metadata, **other})
@@ -25,9 +29,8 @@ def _as_of_local_quadric(name, **other):
 class MatrixEstimatorConfig:
     """How a surface matrix is estimated; what both estimators know is of `LocalQuadricConfig`."""
 
-    contacts: int = field(default=6, metadata={
-        'doc': 'contacts that a surface matrix is fitted to; the thesis takes 5',
-        'range': (4, 100)})
+    contacts: int = bounded(
+        6, 'contacts that a surface matrix is fitted to; the thesis takes 5', '', 4, 100)
     window: float = _as_of_local_quadric(
         'window', doc='length of the path that they are spread over', range=(1e-6, 1.0))
     position_noise: float = _as_of_local_quadric('position_noise', range=(0.0, 0.1))
@@ -39,6 +42,11 @@ class MatrixEstimatorConfig:
         check_fields(self)
 
 
+class _Contact(NamedTuple):
+    position: np.ndarray
+    normal: np.ndarray
+
+
 class MatrixEstimator:
     """
     Estimate the surface matrix at each new contact of a path; same interface as `LocalQuadric`.
@@ -48,34 +56,35 @@ class MatrixEstimator:
     config : MatrixEstimatorConfig, optional
     """
 
-    def __init__(self, config=None):
+    def __init__(self, config: MatrixEstimatorConfig | None = None):
         self.config = config or MatrixEstimatorConfig()
         self._spacing = self.config.window / (self.config.contacts - 1)
-        self._kept = deque(maxlen=self.config.contacts)
+        self._kept: deque[_Contact] = deque(maxlen=self.config.contacts)
         self.reset()
 
-    def reset(self):
+    def reset(self) -> None:
         """Forget the path: contact was lost."""
         self._kept.clear()
-        self._newest = None
+        self._newest: _Contact | None = None
 
-    def add(self, position, normal):
+    def add(self, position: np.ndarray, normal: np.ndarray) -> bool:
         """Add a contact; False if it is not finite or the normal's length not 1."""
-        normal = usable_normal(position, normal)
-        if normal is None:
+        unit = usable_normal(position, normal)
+        if unit is None:
             return False
-        self._newest = position, normal
-        if not self._kept or np.linalg.norm(position - self._kept[-1][0]) >= self._spacing:
-            self._kept.append(self._newest)
+        newest = self._newest = _Contact(position, unit)
+        if not self._kept or (
+                np.linalg.norm(position - self._kept[-1].position) >= self._spacing):
+            self._kept.append(newest)
         return True
 
-    def update(self, position, normal):
+    def update(self, position: np.ndarray, normal: np.ndarray) -> Patch:
         """Add a contact and return the Patch there; of an unusable contact, one not valid."""
         if self.add(position, normal):
             return self.estimate()
         return _refusal('contact is not finite or its normal not of length 1')
 
-    def estimate(self):
+    def estimate(self) -> Patch:
         """Patch at the newest contact; not valid where anything is unseen."""
         if self._newest is None:
             return _refusal('no contact yet')
@@ -87,12 +96,14 @@ class MatrixEstimator:
         fit = fit_matrix(points, normals, position_noise=self.config.position_noise,
                          normal_noise=self.config.normal_noise)
         steps = np.linalg.norm(np.diff(positions, axis=0), axis=1)
-        known = {'extent': float(steps.sum()), 'samples': len(contacts),
-                 'residual': fit.residual / max(self.config.normal_noise, 1e-12)}
+        known: dict[str, Any] = {'extent': float(steps.sum()), 'samples': len(contacts),
+                                 'residual': fit.residual / max(self.config.normal_noise, 1e-12)}
         try:
+            if fit.surface is None:
+                raise SurfaceError('no normal was seen')
             local = fit.surface.normalised()
             curvature, axes = local.curvatures()
-        except (AttributeError, SurfaceError):
+        except SurfaceError:
             return _refusal('the fitted surface has no normal at the contact', **known)
         pose = frame.copy()
         pose[:3, :3] = frame[:3, :3] @ axes
@@ -120,7 +131,3 @@ class MatrixEstimator:
         covariance = gradient @ fit.covariance @ gradient.T
         return (covariance + np.diag(blind * 0.5 * self.config.prior_curvature)**2,
                 blind < 0.1)
-
-
-def _refusal(reason, **known):
-    return Patch(Kind.NONE, False, reason, METHOD, **known)

@@ -2,12 +2,14 @@
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from tactile_common.errors import ConfigurationError, SurfaceError
-from tactile_shape.surface_matrix.surface_matrix import PARAMETERS, SurfaceMatrix
+from tactile_shape.types.surface_matrix import PARAMETERS, SurfaceMatrix
 
 ROUNDING = 1e-12  # least singular value, of the largest, that is more than rounding
 SAME_POINT = 1e-12  # m; contacts nearer to each other than that are one
+_NO_UNIT = [PARAMETERS.index(name) for name in ('c14', 'c24', 'c34')]
 _KNOWN = PARAMETERS.index('c44')  # 0: the contact lies at the origin
 
 
@@ -41,14 +43,15 @@ class MatrixFit:
     parameters: np.ndarray
     rank: int
     unseen: np.ndarray
-    unseen_names: tuple
+    unseen_names: tuple[str, ...]
     covariance: np.ndarray
     condition: float
     residual: float
     samples: int
 
 
-def fit_matrix(points, normals, *, position_noise=0.0, normal_noise=0.0):
+def fit_matrix(points: ArrayLike, normals: ArrayLike, *, position_noise: float = 0.0,
+               normal_noise: float = 0.0) -> MatrixFit:
     """
     Fit a surface matrix to points and normals by 2 L S X = n.
 
@@ -90,7 +93,7 @@ def fit_matrix(points, normals, *, position_noise=0.0, normal_noise=0.0):
     floor = max(ROUNDING * values[0], 2.0 * np.sqrt(len(points)) * position_noise / unit)
     rank = int(np.count_nonzero(values > floor))
     scale = np.full(10, 1.0 / unit)
-    scale[[3, 6, 8]] = 1.0  # c14, c24, c34 have no unit
+    scale[_NO_UNIT] = 1.0
     scale[_KNOWN] = unit
     keep = right[:rank] / values[:rank, None]
     target = 0.5 * normals.reshape(-1)
@@ -103,7 +106,7 @@ def fit_matrix(points, normals, *, position_noise=0.0, normal_noise=0.0):
     covariance[:_KNOWN, :_KNOWN] = variance * keep.T @ keep
     unseen = np.zeros((9 - rank, 10))
     unseen[:, :_KNOWN] = right[rank:]
-    shares = (np.abs(unseen) > 0.1).any(axis=0)
+    shares = np.any(np.abs(unseen) > 0.1, axis=0).tolist()
     try:
         surface = SurfaceMatrix.from_parameters(scaled * scale)
     except SurfaceError:
@@ -115,7 +118,7 @@ def fit_matrix(points, normals, *, position_noise=0.0, normal_noise=0.0):
         float(2.0 * np.sqrt(np.mean(rest**2))), len(points))
 
 
-def design_matrix(points):
+def design_matrix(points: np.ndarray) -> np.ndarray:
     """
     A of (4.32) without the known c44: rows 3 i to 3 i + 2 give S y_i from the nine parameters.
 

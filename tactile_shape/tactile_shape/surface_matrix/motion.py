@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from tactile_common.errors import ConfigurationError
-from tactile_shape.local_surface.tangent import tangent_frame
+from tactile_shape.types.tangent import tangent_frame
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,7 +60,9 @@ class RelativeMotion:
             raise ConfigurationError(f'period is {self.period}, must be above 0 s')
 
 
-def printed_contacts(motion, finger_curvature=0.0):
+def printed_contacts(
+        motion: RelativeMotion,
+        finger_curvature: float = 0.0) -> tuple[np.ndarray, np.ndarray]:
     """
     Contacts after each step to the first order, as the thesis prints it (4.30, 4.31).
 
@@ -88,7 +90,9 @@ def printed_contacts(motion, finger_curvature=0.0):
     return _in_current(motion.to_current, moved, turned)
 
 
-def finite_contacts(motion, finger_curvature=0.0):
+def finite_contacts(
+        motion: RelativeMotion,
+        finger_curvature: float = 0.0) -> tuple[np.ndarray, np.ndarray]:
     """
     Contacts after each step, exactly: parameters and returns as of `printed_contacts`.
 
@@ -109,7 +113,7 @@ def finite_contacts(motion, finger_curvature=0.0):
     return _in_current(motion.to_current, moved, np.einsum('nij,nj->ni', turn, outward))
 
 
-def screw_motion(shift, turn):
+def screw_motion(shift: np.ndarray, turn: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """
     Finite motion by constant velocities.
 
@@ -140,7 +144,9 @@ def screw_motion(shift, turn):
     return rotations, np.einsum('nij,nj->ni', average, shift)
 
 
-def contacts_in_frame(positions, normals):
+def contacts_in_frame(
+        positions: np.ndarray,
+        normals: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """
     Contacts in the frame of the last one, from its position and normal.
 

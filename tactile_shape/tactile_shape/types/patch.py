@@ -1,11 +1,13 @@
 """What an estimator says about the surface at a contact."""
 from dataclasses import dataclass, field
 from enum import IntEnum
+from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
-from tactile_shape.local_surface.tangent import height
-from tactile_shape.surface_matrix.surface_matrix import SurfaceMatrix
+from tactile_shape.types.surface_matrix import SurfaceMatrix
+from tactile_shape.types.tangent import height
 
 
 class Kind(IntEnum):
@@ -23,7 +25,7 @@ _FAR = 1e6  # m; no contact is there
 _LENGTH = 1e-3  # largest difference of a normal's length from 1
 
 
-def usable_normal(position, normal):
+def usable_normal(position: np.ndarray, normal: np.ndarray) -> np.ndarray | None:
     """Normal scaled to length 1; None if a contact is not finite or the length far from it."""
     # NaN fails these comparisons as well.
     if not (np.abs(position).max() < _FAR and np.abs(normal).max() < 2.0):
@@ -32,12 +34,12 @@ def usable_normal(position, normal):
     return normal / length if abs(length - 1.0) < _LENGTH else None
 
 
-def certain_enough(variance, curvature, std):
+def certain_enough(variance: np.ndarray, curvature: np.ndarray, std: float) -> np.ndarray:
     """Whether variances are below those of a standard deviation, or of a tenth of the value."""
     return variance < np.maximum(std, RELATIVE * np.abs(curvature))**2
 
 
-def _nan(*shape):
+def _nan(*shape: int) -> Any:
     return field(default_factory=lambda: np.full(shape, np.nan))
 
 
@@ -87,19 +89,30 @@ class Patch:
     matrix: np.ndarray | None = None
 
     @property
-    def surface_matrix(self):
+    def origin(self) -> np.ndarray:
+        """Contact on the fitted surface, ndarray (3,) [m]."""
+        return self.frame[:3, 3]
+
+    @property
+    def directions(self) -> np.ndarray:
+        """Principal directions, a row each, ndarray (2, 3)."""
+        return self.frame[:3, :2].T
+
+    @property
+    def surface_matrix(self) -> np.ndarray:
         """S in the frame of the positions, ndarray (4, 4); NaN where there is no patch."""
         if self.matrix is not None:
             return self.matrix
         if not np.isfinite(self.curvature).all():
             return np.full((4, 4), np.nan)
         local = SurfaceMatrix.from_curvature(np.diag(self.curvature))
-        rotation, origin = self.frame[:3, :3], self.frame[:3, 3]
+        rotation, origin = self.frame[:3, :3], self.origin
         back = np.eye(4)
         back[:3, :3], back[:3, 3] = rotation.T, -rotation.T @ origin
         return local.in_frame(back).matrix
 
-    def sheet(self, length, width, direction=None, steps=(21, 5)):
+    def sheet(self, length: float, width: float, direction: ArrayLike | None = None,
+              steps: tuple[int, int] = (21, 5)) -> np.ndarray:
         """
         Points of the patch over a rectangle of its tangent plane.
 
@@ -124,4 +137,9 @@ class Patch:
                          for side, count in zip((length, width), steps, strict=True))
         u = np.stack(np.meshgrid(along, across, indexing='ij'), axis=-1) @ turn
         z = height(np.diag(self.curvature), u)
-        return self.frame[:3, 3] + u @ axes[:, :2].T + z[..., None] * axes[:, 2]
+        return self.origin + u @ axes[:, :2].T + z[..., None] * axes[:, 2]
+
+
+def refusal(reason: str, method: str = '', **known) -> Patch:
+    """Patch that is not valid, and why, with what is known all the same."""
+    return Patch(Kind.NONE, False, reason, method, **known)

@@ -8,11 +8,12 @@ lag, dead time and acceleration of the scene's plant, or that of a URDF.
 import argparse
 import sys
 import time
+from typing import Any
 
 import numpy as np
 
 from tactile_common.errors import TactileError
-from tactile_servo.laws.registry import DEFAULT, TRACKERS
+from tactile_servo.laws.registry import DEFAULT, LAWS
 from tactile_servo.motion.limits import JointLimits
 from tactile_servo.motion.robot import RobotModel
 from tactile_servo.types import EdgeGoal
@@ -23,13 +24,13 @@ from tactile_simulation.scene import load_scene
 JOINT_ACCELERATION = 10.0  # rad/s^2, of a robot given by its URDF
 
 
-def parser():
+def parser() -> argparse.ArgumentParser:
     """Command line."""
     arguments = argparse.ArgumentParser(
         prog='simulate', description=__doc__.strip().splitlines()[0],
         formatter_class=argparse.ArgumentDefaultsHelpFormatter)
     arguments.add_argument('scene', help='YAML file of the scene')
-    arguments.add_argument('--controller', default=DEFAULT, choices=list(TRACKERS))
+    arguments.add_argument('--controller', default=DEFAULT, choices=list(LAWS))
     arguments.add_argument('--speed', type=float, default=0.03, help='along the edge [m/s]')
     arguments.add_argument('--force', type=float, default=5.0, help='on the pad [N]')
     arguments.add_argument('--direction', type=int, default=1, choices=(-1, 1),
@@ -58,12 +59,12 @@ def robot_from(urdf):
                               np.full(len(model.joint_names), JOINT_ACCELERATION))
 
 
-def run(options):
+def run(options: argparse.Namespace) -> tuple[Simulation, dict[str, Any]]:
     """Simulate as the options say: Simulation and summary."""
     scene = load_scene(options.scene)
     goal = EdgeGoal(options.speed, options.force, options.direction, options.length,
                     closed=scene.edge.closed and options.length == 0.0
-                    and TRACKERS[options.controller].closes_contours)
+                    and LAWS[options.controller].closes_contours)
     simulation = Simulation(scene, options.controller, seed=options.seed,
                             latency=options.latency, robot=robot_from(options.robot),
                             clock=time.perf_counter)
@@ -74,7 +75,7 @@ def run(options):
         seed=options.seed, elapsed=time.perf_counter() - begin)
 
 
-def draw(simulation, path):
+def draw(simulation: Simulation, path) -> None:
     """Draw the way of the pad over the edge, and the lateral error along it."""
     import matplotlib
     matplotlib.use('Agg')
@@ -88,7 +89,7 @@ def draw(simulation, path):
         edge.points, 2, axis=0)[1:-1], np.nan)
     plan.plot(1e3 * outline[:, 0], 1e3 * outline[:, 1], color='0.7', lw=4, label='edge')
     plan.plot(1e3 * way[:, 0], 1e3 * way[:, 1], 'C0', lw=1, label="pad's centre")
-    contour = simulation.servo.tracker.contour()
+    contour = simulation.servo.result().contour
     if contour is not None:
         plan.plot(1e3 * contour[:, 0], 1e3 * contour[:, 1], 'C3:', lw=1, label='rebuilt edge')
     plan.set(aspect='equal', xlabel='x [mm]', ylabel='y [mm]', title=simulation.scene.name)
@@ -100,7 +101,7 @@ def draw(simulation, path):
     pyplot.close(figure)
 
 
-def main(argv=None) -> int:
+def main(argv: list[str] | None = None) -> int:
     """Run the command; 0 only if the edge was tracked as asked for."""
     options = parser().parse_args(argv)
     try:

@@ -18,8 +18,8 @@ from tactile_common.errors import ConfigurationError, TactileError
 from tactile_common.ros.conversions import pose_from_msg
 from tactile_common.ros.parameters import declare_from
 from tactile_common.ros.runner import run
-from tactile_sensing.devices.flexitac import encode_payload, MARKER
 from tactile_sensing.devices.recording import load_recording
+from tactile_sensing.devices.registry import protocol_named, PROTOCOLS
 from tactile_simulation.renderer import EdgeRenderer
 from tactile_simulation.scene import load_scene
 
@@ -36,6 +36,8 @@ class MockSensorConfig:
 
     port: str = field(default='', metadata={
         'doc': 'path of the link to the pseudo-terminal, which the driver opens'})
+    protocol: str = field(default=next(iter(PROTOCOLS)), metadata={
+        'doc': f'byte protocol to speak: {", ".join(PROTOCOLS)}', 'choices': (*PROTOCOLS,)})
     scene: str = field(default='', metadata={
         'doc': 'YAML file of the scene that the sensor touches'})
     recording: str = field(default='', metadata={
@@ -138,8 +140,8 @@ class MockSensorNode(Node):
     """
     Sensor that exists only as bytes: renders a scene at the robot's pose, or plays a recording.
 
-    A frame is sent as its payload followed at once by the marker of the next one, as a device
-    does that runs free. The first frame waits for the first listener; before the first
+    A frame is sent as a device that runs free sends it behind the one before, with whatever
+    announces the next. The first frame waits for the first listener; before the first
     `sensor_pose` the sensor touches nothing.
 
     Attributes
@@ -157,11 +159,12 @@ class MockSensorNode(Node):
         super().__init__('mock_sensor', **kwargs)
         self.finished = threading.Event()
         self.sent = self.dropped = self.late = 0
-        self._in_step = False  # whether the listener has got the marker of the next frame
+        self._in_step = False  # whether the listener has got what precedes the next frame
         self._stop = threading.Event()
         self._thread: threading.Thread | None = None
         try:
             self._config = declare_from(self, MockSensorConfig)
+            self._protocol = protocol_named(self._config.protocol)
             self._pose = None  # replaced as a whole by the callback, read by the thread
             self._open_source()
             self._port = PseudoTerminal(self._config.port)
@@ -239,7 +242,7 @@ class MockSensorNode(Node):
             if counts is None:
                 ended = True
                 continue
-            waiting.append((take_at + self._config.latency, encode_payload(counts)))
+            waiting.append((take_at + self._config.latency, self._protocol.encode(counts)))
             number += 1
             behind = time.monotonic() - begin - number * self._period
             if self._recorded is None and behind > _CATCH_UP:
@@ -249,13 +252,13 @@ class MockSensorNode(Node):
         self.get_logger().info('recording ended')
         self.finished.set()
 
-    def _send(self, payload):
+    def _send(self, frame):
         if not self._port.listened:
             self._in_step = False
             self._port.forget()
             return
-        head = b'' if self._in_step else MARKER
-        if self._port.write(head + payload + MARKER):
+        head = b'' if self._in_step else self._protocol.preamble
+        if self._port.write(head + frame):
             self._in_step = True
             self.sent += 1
         else:

@@ -10,9 +10,10 @@ printed matrices of sphere and cylinder are these times -2 r; its plane is not s
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from tactile_common.errors import SurfaceError
-from tactile_shape.local_surface.tangent import principal_axes, tangent_frame
+from tactile_shape.types.tangent import principal_axes, tangent_frame
 
 # Order of the ten parameters (4.33): row and column of each in the matrix.
 ROWS, COLUMNS = np.triu_indices(4)
@@ -59,40 +60,7 @@ class SurfaceMatrix:
     # --- construction ---------------------------------------------------------------------------
 
     @classmethod
-    def plane(cls, normal=(0.0, 0.0, 1.0), offset=0.0):
-        """
-        Plane normal . x = offset.
-
-        Parameters
-        ----------
-        normal : array_like, shape (3,)
-            Inward normal, of any length but 0.
-        offset : float
-            Distance from the origin along the normal [m].
-        """
-        normal = np.asarray(normal, dtype=float)
-        length = np.linalg.norm(normal)
-        if not (0.0 < length < np.inf):
-            raise SurfaceError(f'plane: normal is {normal.tolist()}, must be finite and not 0')
-        matrix = np.zeros((4, 4))
-        matrix[3, :3] = matrix[:3, 3] = 0.5 * normal / length
-        matrix[3, 3] = -float(offset)
-        return cls(matrix)
-
-    @classmethod
-    def sphere(cls, radius):
-        """Sphere in its contact frame; a negative radius is a hollow [m]."""
-        return cls.from_curvature(np.eye(2) / _length('sphere: radius', radius))
-
-    @classmethod
-    def cylinder(cls, radius, yaw=0.0):
-        """Cylinder in its contact frame [m]; yaw [rad] turns its axis from y towards -x."""
-        across = np.array([np.cos(yaw), np.sin(yaw)])
-        return cls.from_curvature(
-            np.outer(across, across) / _length('cylinder: radius', radius))
-
-    @classmethod
-    def from_curvature(cls, curvature):
+    def from_curvature(cls, curvature: ArrayLike) -> 'SurfaceMatrix':
         """
         Quadric with a given local form in its contact frame.
 
@@ -118,34 +86,20 @@ class SurfaceMatrix:
         return cls(matrix)
 
     @classmethod
-    def from_parameters(cls, parameters):
+    def from_parameters(cls, parameters: ArrayLike) -> 'SurfaceMatrix':
         """Surface of the ten parameters in the order of `PARAMETERS` (4.33)."""
         matrix = np.zeros((4, 4))
         matrix[ROWS, COLUMNS] = matrix[COLUMNS, ROWS] = np.asarray(parameters, dtype=float)
         return cls(matrix)
 
     @property
-    def parameters(self):
+    def parameters(self) -> np.ndarray:
         """The ten parameters, ndarray of shape (10,), in the order of `PARAMETERS`."""
         return self.matrix[ROWS, COLUMNS]
 
     # --- operations -----------------------------------------------------------------------------
 
-    def __add__(self, other):
-        """
-        Sum of two surface functions (4.7).
-
-        The sum of two surfaces that touch in one contact frame touches them there; `normalised`,
-        its curvature is the mean of theirs. The two cylinders of radius r/2, across each other,
-        make the sphere-like quadric of curvature 1/r in both directions.
-        """
-        return SurfaceMatrix(self.matrix + other.matrix)
-
-    def __sub__(self, other):
-        """Difference of two surface functions (4.7); SurfaceError if nothing is left."""
-        return SurfaceMatrix(self.matrix - other.matrix)
-
-    def in_frame(self, transform):
+    def in_frame(self, transform: ArrayLike) -> 'SurfaceMatrix':
         """
         Return the same surface in another frame (4.8).
 
@@ -159,23 +113,23 @@ class SurfaceMatrix:
             raise SurfaceError('transform: must be 4 x 4 and finite')
         return SurfaceMatrix(transform.T @ self.matrix @ transform)
 
-    def normalised(self, point=(0.0, 0.0, 0.0)):
+    def normalised(self, point: ArrayLike = (0.0, 0.0, 0.0)) -> 'SurfaceMatrix':
         """Return the same surface scaled so that the normal at a point has length 1."""
         length = np.linalg.norm(self.gradient(np.asarray(point, dtype=float)))
         if not length > 0.0:
             raise SurfaceError(f'surface has no normal at {np.asarray(point).tolist()}')
         return SurfaceMatrix(self.matrix / length)
 
-    def value(self, points):
+    def value(self, points: ArrayLike) -> np.ndarray:
         """X' S X at points (..., 3): 0 on the surface, positive inside the object."""
         x = _homogeneous(points)
         return np.einsum('...i,ij,...j', x, self.matrix, x)
 
-    def gradient(self, points):
+    def gradient(self, points: ArrayLike) -> np.ndarray:
         """Normal 2 L S X (4.12) at points (..., 3), not scaled to length 1."""
         return 2.0 * _homogeneous(points) @ self.matrix[:, :3]
 
-    def normal(self, points):
+    def normal(self, points: ArrayLike) -> np.ndarray:
         """
         Inward unit normal at points (..., 3).
 
@@ -190,7 +144,7 @@ class SurfaceMatrix:
             raise SurfaceError('surface has no normal at one of the points')
         return gradient / length
 
-    def curvatures(self, point=(0.0, 0.0, 0.0)):
+    def curvatures(self, point: ArrayLike = (0.0, 0.0, 0.0)) -> tuple[np.ndarray, np.ndarray]:
         """
         Principal curvatures at a point of the surface.
 
@@ -214,23 +168,7 @@ class SurfaceMatrix:
         curvature, turn = principal_axes(local)
         return curvature, tangent @ turn
 
-    def local_form(self, point=(0.0, 0.0, 0.0)):
-        """
-        Contact frame and curvature at a point of the surface.
-
-        Returns
-        -------
-        frame : ndarray, shape (4, 4)
-            Pose of the contact frame: origin at the point, x and y principal directions, z inward.
-        curvature : ndarray, shape (2,)
-            Principal curvatures along x and y [1/m]; `from_curvature(diag)` goes back.
-        """
-        curvature, axes = self.curvatures(point)
-        frame = np.eye(4)
-        frame[:3, :3], frame[:3, 3] = axes, point
-        return frame, curvature
-
-    def distance(self, points):
+    def distance(self, points: ArrayLike) -> np.ndarray:
         """
         Signed Euclidean distance of points (..., 3) from the surface [m], positive outside.
 
@@ -254,7 +192,8 @@ class SurfaceMatrix:
 
         for _ in range(_BISECTIONS):
             middle = 0.5 * (low + high)
-            inside = foot_of(middle)[1] > 0.0
+            _, rest = foot_of(middle)
+            inside = rest > 0.0
             low, high = np.where(inside, middle, low), np.where(inside, high, middle)
         foot, rest = foot_of(0.5 * (low + high))
         square = ((foot - flat)**2).sum(axis=-1)
@@ -264,12 +203,6 @@ class SurfaceMatrix:
                 square += np.where(stuck, np.maximum(0.0, -rest / bend), 0.0)
         outside = self.value(points).reshape(-1) < 0.0
         return (np.where(outside, 1.0, -1.0) * np.sqrt(square)).reshape(points.shape[:-1])
-
-
-def _length(name, value):
-    if not 0.0 < abs(value) < np.inf:
-        raise SurfaceError(f'{name} is {value}, must be finite and not 0')
-    return float(value)
 
 
 def _homogeneous(points):

@@ -1,0 +1,72 @@
+"""Compiling the kernels of this package: by the build, and by the node before it begins."""
+
+import numpy as np
+
+from tactile_sensing.devices.calibration import Calibration
+from tactile_sensing.half_space.kernels import add_segment
+from tactile_sensing.types.array import TactelArray
+from tactile_sensing.types.image import Layer, TactileImage
+from tactile_servo.config import ServoConfig
+from tactile_servo.law import Observation
+from tactile_servo.laws.edge_following import EdgeFollowing
+from tactile_servo.motion.limits import JointLimits, WorkspaceBox
+from tactile_servo.motion.motion import Motion, MotionConfig
+from tactile_servo.motion.robot import RobotModel
+from tactile_servo.types import EdgeGoal
+
+ARRAY, DEPTH, NOISE = TactelArray(16, 16, 0.0254 / 16, 0.0254 / 16), 0.002, 600.0  # m, m, Pa
+LOAD, FORCE = 200.0, 5.0  # N/m, N
+# m; a contour of three sides, tracked once round and on past a gap and an end
+PATH = np.array([(0.0, 0.0), (0.0, 0.05), (0.04, 0.025), (0.0, 0.0), (0.0, 0.04)])
+GAPS = ((0.02, 0.026),)  # stations [m]
+STRIDE = 1.0e-3  # m between images
+ROBOT = """<robot name="two_joints"><link name="base"/>
+  <joint name="slide" type="prismatic"><parent link="base"/><child link="carriage"/>
+    <axis xyz="0 1 0"/><limit lower="-1" upper="1" velocity="1" effort="1"/></joint>
+  <link name="carriage"/>
+  <joint name="turn" type="revolute"><parent link="carriage"/><child link="tip"/>
+    <axis xyz="0 0 1"/><limit lower="-1" upper="1" velocity="1" effort="1"/></joint>
+  <link name="tip"/></robot>"""
+
+
+def compile_kernels() -> None:
+    """Compile what is not in numba's cache yet: of the robot's motion, and of the edge map."""
+    model = RobotModel.from_urdf(ROBOT, 'tip')
+    limits = JointLimits(tuple(model.joint_names), model.lower, model.upper,
+                         model.velocity_limit, np.ones(2))
+    motion = Motion(model, limits, MotionConfig(), 0.005,
+                    WorkspaceBox(-np.ones(3), np.ones(3)))
+    motion.seed(np.zeros(2))
+    motion.command(np.full(6, 0.01), 0.0025)
+    _follow_an_edge()
+
+
+def _follow_an_edge():
+    """Lead a law along an edge with corners, a gap and an end that closes, by images of it."""
+    law, goal = EdgeFollowing(ServoConfig()), EdgeGoal(0.1, FORCE, closed=True)
+    law.begin(goal, Calibration(ARRAY, depth=DEPTH).sensor_info('pad', '', 0))
+    stations = np.append(0.0, np.cumsum(np.linalg.norm(np.diff(PATH, axis=0), axis=1)))
+    rng, pose = np.random.default_rng(0), np.eye(4)
+    for count, station in enumerate(np.arange(0.0, stations[-1] + 0.02, STRIDE)):
+        pose = pose.copy()
+        pose[:2, 3] = [np.interp(station, stations, axis) for axis in PATH.T]
+        now = STRIDE / goal.speed * count
+        # In the end so much noise that the images are smoothed.
+        noise = NOISE if station < stations[-1] else 10.0 * NOISE
+        layer = _layer(pose[:2, 3], stations, noise * rng.standard_normal(ARRAY.shape), noise)
+        image = TactileImage(count, count, (layer,), ARRAY, True)
+        law.observe(Observation(count, now, 0.0, lambda _, at=pose: at, image=image))
+        if law.lacks(now) is None:
+            law.assess(now, station, FORCE)
+            law.reference(pose, pose, 0.0025)
+    _ = law.edge.picture.pull  # of a search; computed where it is asked for
+
+
+def _layer(place, stations, pressure, noise):
+    """What the array feels of the edge at a place (2,), added to a pressure."""
+    cuts = np.union1d(stations, np.ravel(GAPS))
+    corners = np.column_stack([np.interp(cuts, stations, axis) for axis in PATH.T]) - place
+    for begin, first, last in zip(cuts, corners, corners[1:], strict=False):
+        if not any(gap[0] <= begin < gap[1] for gap in GAPS):
+            add_segment(pressure, ARRAY.x, ARRAY.y, DEPTH, *first, *last, LOAD, LOAD)
+    return Layer('zz', DEPTH, pressure, noise_std=noise)

@@ -1,0 +1,101 @@
+"""Bounds of the supervisor; the gains are those of its servo law."""
+
+from dataclasses import dataclass, field
+
+from tactile_common.config import bounded
+from tactile_common.errors import ConfigurationError
+from tactile_servo.motion.motion import MotionConfig
+
+WINDOW_PERIODS = 2.0  # control periods that a window of commands looks ahead
+
+
+@dataclass(frozen=True)
+class SpeedBounds:
+    """What a goal may ask for."""
+
+    max: float = bounded(
+        0.2, 'largest speed that a goal may ask for', 'm/s', 0.001, 2.0)
+
+
+@dataclass(frozen=True)
+class ForceBounds:
+    """What the pad may bear."""
+
+    max: float = bounded(
+        10.0, 'largest force that a goal may ask for', 'N', 0.1, 1e3)
+    max_load: float = bounded(
+        12.0, 'the pad is lifted off above this force', 'N', 0.1, 1e4)
+    press_depth: float = bounded(
+        0.003, 'the force loop may press this much deeper than where it last met half of the '
+        'force', 'm', 1e-4, 0.1)
+
+    def __post_init__(self):
+        if not self.max < self.max_load:
+            raise ConfigurationError(
+                f'force.max: {self.max} N is not below force.max_load, {self.max_load} N')
+
+
+@dataclass(frozen=True)
+class ApproachConfig:
+    """Way to the object."""
+
+    speed: float = bounded(
+        0.01, 'speed along the normal towards the object, and away from it', 'm/s', 1e-4, 0.1)
+    contact_force: float = bounded(
+        0.5, 'force that ends the approach', 'N', 0.01, 100.0)
+    soft_touch: float = bounded(
+        2.5, 'a goal of less force than this approaches slower, in proportion', 'N', 0.01, 100.0)
+    distance: float = bounded(
+        0.03, 'the approach gives up after this way', 'm', 0.001, 1.0)
+
+
+@dataclass(frozen=True)
+class RetreatConfig:
+    """Way back from the object."""
+
+    distance: float = bounded(
+        0.01, 'how far the pad lifts off at the end', 'm', 0.0, 1.0)
+
+
+@dataclass(frozen=True)
+class InputConfig:
+    """How old an input may be."""
+
+    stale_image: float = bounded(
+        0.05, 'hold when no image came for this long', 's', 0.002, 10.0)
+    stale_joints: float = bounded(
+        0.05, 'hold when no joint state came for this long', 's', 0.002, 10.0)
+    max_stamp_age: float = bounded(
+        0.1, 'hold when the newest stamp is older, or further in the future, than this',
+        's', 0.005, 10.0)
+    lost_after: float = bounded(
+        0.05, 'what is tracked counts as lost when no image has shown it for this long', 's',
+        0.002, 10.0)
+    following_error: float = bounded(
+        0.15, 'hold when a joint is this far from where it was commanded', 'rad', 0.001, 3.0)
+
+
+@dataclass(frozen=True)
+class HoldConfig:
+    """How a hold ends."""
+
+    resume_within: float = bounded(
+        0.5, 'a hold whose cause goes away within this time ends by itself; a longer one '
+        'waits for ~/pause false', 's', 0.0, 60.0)
+    give_up: float = bounded(
+        30.0, 'a hold that nobody ended by then aborts the goal', 's', 0.1, 3600.0)
+
+
+@dataclass(frozen=True)
+class ServoConfig:
+    """Bounds of the supervisor, whatever its law."""
+
+    rate: float = bounded(
+        400.0, 'control cycles per second', 'Hz', 10.0, 2000.0)
+    speed: SpeedBounds = field(default_factory=SpeedBounds)
+    force: ForceBounds = field(default_factory=ForceBounds)
+    approach: ApproachConfig = field(default_factory=ApproachConfig)
+    retreat: RetreatConfig = field(default_factory=RetreatConfig)
+    input: InputConfig = field(default_factory=InputConfig)
+    hold: HoldConfig = field(default_factory=HoldConfig)
+    motion: MotionConfig = field(default_factory=MotionConfig)

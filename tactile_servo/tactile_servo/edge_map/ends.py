@@ -1,0 +1,111 @@
+"""Where a leg of the path ends: it fades, goes on beyond a gap, or turns into another leg."""
+
+import numpy as np
+
+from tactile_servo.edge_map.corner import guess, LEAST_TURN
+from tactile_servo.edge_map.corner_fit import CornerShape
+from tactile_servo.edge_map.path import sharpest_turn
+from tactile_servo.edge_map.records import joined, nodes_of
+from tactile_servo.edge_map.scale import PadScale
+from tactile_servo.edge_map.tracing import local_line, STEP
+
+TIP = 8  # nodes at the end of a ridge among which it fades
+HALF = 0.5  # of the pressure along a line load is at its end
+SURE_TURN = 0.8  # of the least turn of a corner, from which one is looked for
+FEWEST = 3  # points of another leg
+BEFORE, CHECKED = 10, 30  # nodes before the end of a leg: its direction; beside none of which
+
+# In grains, see `PadScale`:
+BRANCH_REACH = 3.0  # from the end of a ridge within which another leg is looked for
+BESIDE = 0.65  # from the path beyond which a point belongs to another leg
+GAP_ASIDE, GAP_SPREAD = 0.4, 0.08  # beside the way over a gap, and per length of it
+
+GAP_REACH = 18.0 / 12.7  # of half the pad: a gap that it spans, corner to corner
+STRAIGHT_ON = 0.92  # cosine of the largest angle at which a ridge goes on beyond a gap
+
+
+def left_of(way: np.ndarray) -> np.ndarray:
+    """Unit vector (2,) to the left of a direction (2,)."""
+    x, y = way
+    return np.array([-y, x])
+
+
+def led_on(nodes: np.ndarray, reach: float) -> np.ndarray:
+    """Lead a path straight on beyond the end of its ridge by a last node without material."""
+    # Single nodes are uncertain where a ridge fades: means of several give the line.
+    tail, last = nodes[-2 * TIP:]['place'], nodes[-1:]
+    half = len(tail) // 2
+    middle, way = tail[half:].mean(axis=0), last['way'][0]
+    if half:
+        chord = middle - tail[:half].mean(axis=0)
+        size = np.hypot(*chord)
+        way = chord / size if size > 0.0 else way
+    there = middle + (reach + (last['place'][0] - middle) @ way) * way
+    return joined([nodes, nodes_of(there, last['z'], way, 0.0)])
+
+
+def faded(leg: np.ndarray, height: float) -> int:
+    """
+    Count the nodes at the tip of a ridge that reach beyond the edge by its blur.
+
+    leg : ndarray of NODE, shape (N,); height of the pad's surface [m].
+    """
+    if len(leg) < 3 * TIP:
+        return 0
+    indentation = height - leg['z'][-3 * TIP:]
+    faint = indentation < HALF * np.median(indentation[:2 * TIP])
+    return int(faint[::-1].argmin()) if not faint.all() else 0
+
+
+def way_over_gap(cloud: np.ndarray, last: np.ndarray, scale: PadScale) -> np.ndarray | None:
+    """
+    Nodes from the end of a ridge to where it goes on straight ahead, or None.
+
+    cloud : ndarray of CLOUD_POINT; last : ndarray of NODE, shape (1,).
+    """
+    step, (here,), (way,) = STEP * scale.grain, last['place'], last['way']
+    relative = cloud['place'] - here
+    ahead, aside = relative @ way, np.abs(relative @ left_of(way))
+    on = ((ahead > 2.0 * step) & (ahead < GAP_REACH * scale.half)
+          & (aside < GAP_ASIDE * scale.grain + GAP_SPREAD * ahead)
+          & (np.abs(cloud['way'] @ way) > STRAIGHT_ON))
+    if on.sum() < FEWEST:
+        return None
+    nearest = cloud['place'][on][ahead[on].argmin()]
+    line = local_line(cloud, *nearest, *way, scale.grain)
+    if not line.found:
+        return None
+    there = np.array([line.x, line.y])
+    count = max(int(np.hypot(*(there - here)) / step), 1)
+    share = np.linspace(0.0, 1.0, count + 1)[1:]
+    height = last['z'] + share * (line.z - last['z'])
+    return nodes_of(here + share[:, None] * (there - here), height, (line.tx, line.ty), 0.0)
+
+
+def sharp_turn(leg: np.ndarray, depth: float) -> CornerShape | None:
+    """Guess a corner where a leg turns most, if it turns as a corner does."""
+    first, last = sharpest_turn(leg, SURE_TURN * LEAST_TURN)
+    if first < 0:
+        return None
+    place, way = leg['place'], leg['way']
+    return guess(place[first], way[first], place[last], way[last], depth)
+
+
+def acute_turn(cloud: np.ndarray, leg: np.ndarray, scale: PadScale) -> CornerShape | None:
+    """Guess an acute corner: another leg that begins where this one ends."""
+    if len(leg) < TIP:
+        return None
+    last = leg['place'][-1]
+    close = np.linalg.norm(cloud['place'] - last, axis=1) < BRANCH_REACH * scale.grain
+    cloud = cloud[close]
+    gaps = np.linalg.norm(cloud['place'][:, None] - leg['place'][None, -CHECKED:], axis=2)
+    others = cloud[gaps.min(axis=1) > BESIDE * scale.grain]
+    if len(others) < FEWEST:
+        return None
+    centre, way = others['place'].mean(axis=0), others['way']
+    way = (way * np.sign(way @ way[0])[:, None]).mean(axis=0)
+    way /= np.linalg.norm(way)
+    if way @ (centre - last) < 0.0:
+        way = -way
+    before = max(len(leg) - BEFORE, 0)
+    return guess(leg['place'][before], leg['way'][before], centre, way, scale.depth)

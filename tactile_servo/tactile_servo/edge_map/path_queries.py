@@ -1,0 +1,161 @@
+"""What a path is asked for at a station: place, rise, length on a pad, speed."""
+
+import math
+
+import numpy as np
+
+from tactile_common.geometry import wrap_angle
+from tactile_common.kernels import njit
+from tactile_common.polyline import nearest_on_polyline
+
+CLEAR = 7  # nodes either side of a turn whose pressure does not tell their height
+BLURRING_TURN = 0.15  # rad over four nodes that makes such a turn
+STEEPEST = 0.5  # rise per length that is believed
+FEWEST = 12  # nodes that tell a rise
+SHARP_TURN = 0.25  # rad at one vertex that makes it a corner
+
+
+@njit(cache=True)
+def project(nodes, x, y, first, last):
+    """Values of the Projection onto a path between two stations [m], as a plain tuple."""
+    at = nearest_on_polyline(nodes.x, nodes.y, nodes.station, x, y, first, last)
+    # A named tuple takes Python longer to receive than this takes to compute.
+    return at.station, at.x, at.y, at.offset, at.left, at.along_x, at.along_y
+
+
+@njit(cache=True)
+def place_at(nodes, station):
+    """Place (x, y, z) of a path at a station [m], its ends beyond them."""
+    last = min(max(np.searchsorted(nodes.station, station), 1), len(nodes) - 1)
+    a, b = nodes[max(last - 1, 0)], nodes[last]
+    length = b.station - a.station
+    share = min(max((station - a.station) / length, 0.0), 1.0) if length > 0.0 else 0.0
+    return a.x + share * (b.x - a.x), a.y + share * (b.y - a.y), a.z + share * (b.z - a.z)
+
+
+@njit(cache=True)
+def direction(nodes, first, last, shortest):
+    """Direction (x, y) between two stations of a path, or that of its end if none is."""
+    x0, y0, _ = place_at(nodes, first)
+    x1, y1, _ = place_at(nodes, last)
+    length = math.hypot(x1 - x0, y1 - y0)
+    if length < shortest:
+        return nodes[len(nodes) - 1].tx, nodes[len(nodes) - 1].ty
+    return (x1 - x0) / length, (y1 - y0) / length
+
+
+@njit(cache=True)
+def rise(nodes, station, reach, step, ends):
+    """
+    Rise of an edge along itself around a station, from the heights of its nodes.
+
+    Left out is what lies near a turn, a gap or, if it `ends`, the end: there the pressure does
+    not tell the height. NaN where too little is left.
+
+    Parameters
+    ----------
+    nodes : ndarray of NODE, shape (N,)
+    station, reach : float
+        Where, and how far to either side [m].
+    step : float
+        Distance of the nodes [m].
+    ends : bool
+    """
+    count = len(nodes)
+    first = np.searchsorted(nodes.station, station - reach)
+    last = min(np.searchsorted(nodes.station, station + reach, side='right'),
+               count - 2 * CLEAR if ends else count)
+    begin = max(first - CLEAR, 0)
+    bent = np.empty(max(min(last + CLEAR, count) - begin, 0), np.bool_)
+    for m in range(begin, begin + len(bent)):
+        a, b = nodes[max(m - 2, 0)], nodes[min(m + 2, count - 1)]
+        turn = math.atan2(b.ty, b.tx) - math.atan2(a.ty, a.tx)
+        bent[m - begin] = abs(wrap_angle(turn)) > BLURRING_TURN
+    n = ss = sz = sss = ssz = 0.0
+    for k in range(first, last):
+        clear = True
+        for m in range(max(k - CLEAR, 0), min(k + CLEAR + 1, count)):
+            away = abs(nodes[m].station - nodes[k].station)
+            if nodes[m].material == 0.0 or (bent[m - begin] and away <= CLEAR * step):
+                clear = False
+                break
+        if clear:
+            s, z = nodes[k].station - station, nodes[k].z
+            n, ss, sz, sss, ssz = n + 1.0, ss + s, sz + z, sss + s * s, ssz + s * z
+    spread = n * sss - ss * ss
+    if n < FEWEST or spread <= 0.0:
+        return np.nan
+    return min(max((n * ssz - ss * sz) / spread, -STEEPEST), STEEPEST)
+
+
+@njit(cache=True)
+def speed_profile(nodes, here, top, acceleration, end_speed, cut, settle):
+    """
+    Largest speed at a station from which every turn ahead can be taken.
+
+    A vertex that turns by phi between chords of mean length l is passed as a circle of
+    radius l / phi; a sharp one at the speed of the circle that cuts it by `cut`, and over a
+    distance `settle` either side of it, so that a robot that lags does not cut it either.
+
+    Parameters
+    ----------
+    nodes : ndarray of NODE, shape (M,)
+        The path.
+    here, top, acceleration, end_speed, cut, settle : float
+        Station [m], speed asked for [m/s], largest acceleration [m/s^2], speed allowed at the
+        end of the path [m/s], allowed distance from a corner [m], see above [m].
+    """
+    left = max(nodes[len(nodes) - 1].station - here, 0.0)
+    squared = end_speed * end_speed + 2.0 * acceleration * left
+    for k in range(max(np.searchsorted(nodes.station, here - settle), 1), len(nodes) - 1):
+        before, at, after = nodes[k - 1], nodes[k], nodes[k + 1]
+        ahead = at.station - here
+        ax, ay = at.x - before.x, at.y - before.y
+        bx, by = after.x - at.x, after.y - at.y
+        turn = abs(math.atan2(ax * by - ay * bx, ax * bx + ay * by))
+        if turn < 1e-3:
+            continue
+        radius = 0.5 * (math.hypot(ax, ay) + math.hypot(bx, by)) / turn
+        if turn > SHARP_TURN:
+            radius = min(radius, cut / (1.0 / math.cos(0.5 * min(turn, 2.9)) - 1.0))
+            ahead -= settle
+        elif ahead < 0.0:
+            continue
+        squared = min(squared, acceleration * radius + 2.0 * acceleration * max(ahead, 0.0))
+    return min(top, math.sqrt(max(squared, 0.0)))
+
+
+@njit(cache=True)
+def length_on_pad(nodes, x, y, cos, sin, half_x, half_y):
+    """
+    Length of a path on the pad [m], chords without material left out.
+
+    Parameters
+    ----------
+    nodes : ndarray of NODE, shape (M,)
+    x, y, cos, sin : float
+        Centre of the pad [m] and its orientation in the plane.
+    half_x, half_y : float
+        Half the size of the pad [m].
+    """
+    total = 0.0
+    for k in range(len(nodes) - 1):
+        if nodes[k + 1].material == 0.0:
+            continue
+        ax, ay = nodes[k].x - x, nodes[k].y - y
+        bx, by = nodes[k + 1].x - x, nodes[k + 1].y - y
+        ax, ay = cos * ax + sin * ay, cos * ay - sin * ax
+        bx, by = cos * bx + sin * by, cos * by - sin * bx
+        first, last = 0.0, 1.0
+        for position, slope, half in ((ax, bx - ax, half_x), (-ax, ax - bx, half_x),
+                                      (ay, by - ay, half_y), (-ay, ay - by, half_y)):
+            # position + share slope <= half
+            if slope > 0.0:
+                last = min(last, (half - position) / slope)
+            elif slope < 0.0:
+                first = max(first, (half - position) / slope)
+            elif position > half:
+                last = -1.0
+        if last > first:
+            total += (last - first) * math.hypot(bx - ax, by - ay)
+    return total

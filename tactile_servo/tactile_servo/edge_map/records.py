@@ -1,0 +1,56 @@
+"""Records of the edge map: a point of the cloud, a node of the path, and arrays of them."""
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+# These types are compiled into kernels: the word @njit makes their cache heed this file as well.
+# Both kinds of record begin with a place in the plane, its height along the normal [m] and a
+# unit direction.
+_COMMON = ('x', 'y', 'z', 'tx', 'ty')
+
+
+def _record(*names):
+    """Type of numbers with names; place, point, way and row are several of them at once."""
+    names = (*_COMMON, *names)
+    at = {name: 8 * k for k, name in enumerate(names)}
+    views = {'place': ('x', 2), 'point': ('x', 3), 'way': ('tx', 2), 'row': ('x', len(names))}
+    return np.dtype({
+        'names': [*names, *views],
+        'formats': [np.float64] * len(names) + [(np.float64, n) for _, n in views.values()],
+        'offsets': [*at.values(), *(at[first] for first, _ in views.values())]})
+
+
+# Ridge point of a picture, its direction of either sense; weight: quality of the ridge, 0 to 1.
+CLOUD_POINT = _record('weight')
+# Node of a path, its direction that of travel; station: way along the path [m]; material: 1 if
+# there is any between the node and the one before, else 0.
+NODE = _record('station', 'material')
+
+
+class LocalLine(NamedTuple):
+    """Mean place (x, y, z) [m] and direction of the ridge near a place, if one was found."""
+
+    found: bool
+    x: float
+    y: float
+    z: float
+    tx: float
+    ty: float
+
+
+def joined(parts: Sequence[np.ndarray], kind: np.dtype = NODE) -> np.ndarray:
+    """Records of one kind, one array after the other."""
+    # As numbers: numpy compares record types field by field at every join, for 0.1 ms. And of
+    # this very type: numba takes longer to recognise an equal one, such as kernels return.
+    rows = np.concatenate([part['row'] for part in parts])
+    return np.ndarray(len(rows), kind, rows)
+
+
+def nodes_of(place, z, way, material=1.0) -> np.ndarray:
+    """Nodes at places (N, 2) with directions (N, 2); stations are still to be measured."""
+    place = np.atleast_2d(place)
+    nodes = np.zeros(len(place), NODE)
+    nodes['place'], nodes['z'], nodes['way'], nodes['material'] = place, z, way, material
+    return nodes

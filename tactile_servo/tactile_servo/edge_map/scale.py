@@ -1,0 +1,37 @@
+"""What the lengths of the edge map are measured by: skin depth, pitches and size of the pad."""
+
+from typing import NamedTuple
+
+from tactile_sensing.types.array import TactelArray
+
+COARSE = 1.25  # pitches from which the tactels, and no longer the skin, limit what is told apart
+
+
+class PadScale(NamedTuple):
+    """
+    Lengths of a pad [m]: depth of its tactels, its pitches and half of its size.
+
+    A *grain* is the length that a picture resolves: the skin blurs an edge to a width of its
+    depth, and tactels that are coarser than that sample it no finer than their pitch.
+    """
+
+    depth: float
+    pitch_x: float
+    pitch_y: float
+    half_x: float
+    half_y: float
+
+    @classmethod
+    def of(cls, array: TactelArray, depth: float) -> 'PadScale':
+        """Scale of an array whose tactels lie at a depth [m]."""
+        return cls(depth, array.pitch_x, array.pitch_y, array.half_width_x, array.half_width_y)
+
+    @property
+    def grain(self) -> float:
+        """Length that a picture resolves [m]."""
+        return max(self.depth, COARSE * max(self.pitch_x, self.pitch_y))
+
+    @property
+    def half(self) -> float:
+        """Half of the pad's longer side [m]."""
+        return max(self.half_x, self.half_y)

@@ -1,0 +1,114 @@
+"""What a servo has heard last, and how fresh that is."""
+
+import math
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from tactile_sensing.types.contact import Contact
+from tactile_sensing.types.contact import Reason as ContactReason
+from tactile_sensing.types.image import SensorInfo
+from tactile_servo.config import InputConfig
+from tactile_servo.motion.joint_history import JointHistory
+from tactile_servo.motion.limits import JointLimits
+from tactile_servo.motion.robot import RobotModel
+from tactile_servo.reasons import Reason, ReasonCode
+from tactile_servo.types import NAN
+
+
+class Sample(NamedTuple):
+    """Newest datum of a kind: value, its own stamp [ns] and steady time of arrival [s]."""
+
+    value: Any
+    stamp_ns: int
+    arrival: float
+
+
+class Inputs:
+    """
+    What a servo has heard last: joint state, contact, sensor.
+
+    Attributes
+    ----------
+    joints, contact : Sample or None
+    sensor : SensorInfo or None
+    pose : ndarray, shape (4, 4)
+        Measured pose of the sensor; NaN before the first joint state.
+    load : float
+        Force on the pad [N], the larger of what is fitted and summed.
+    contact_fresh, joints_fresh : bool
+        As of the last `refresh`.
+    """
+
+    def __init__(self, robot: RobotModel, limits: JointLimits, config: InputConfig):
+        self._robot, self._config, self._names = robot, config, limits.names
+        self._history = JointHistory(limits)
+        self.joints: Sample | None = None
+        self.contact: Sample | None = None
+        self.sensor: SensorInfo | None = None
+        self.pose = np.full((4, 4), np.nan)
+        self.load = 0.0
+        self.contact_fresh = self.joints_fresh = False
+
+    def see_joints(self, positions: np.ndarray, stamp_ns: int, arrival: float) -> None:
+        """Take a measured joint state; ValueError if it cannot be believed."""
+        positions = self._history.add(positions, stamp_ns)
+        self.joints = Sample(positions, stamp_ns, arrival)
+        self.pose = self._robot.pose(positions)
+
+    def see_contact(self, contact: Contact, stamp_ns: int, arrival: float) -> None:
+        """Take a contact estimate."""
+        self.contact = Sample(contact, stamp_ns, arrival)
+        self.load = max((force for force in (contact.normal_force, contact.moments.m0)
+                         if math.isfinite(force)), default=0.0)
+
+    def age(self, stamp_ns: int) -> float:
+        """How much older than the newest joint state a stamp is [s]; inf if there is none."""
+        return max(1e-9 * (self.joints.stamp_ns - stamp_ns), 0.0) if self.joints else math.inf
+
+    def pose_at(self, stamp_ns: int) -> np.ndarray | None:
+        """Measured pose (4, 4) of the sensor at a stamp [ns]; None where it is not known."""
+        positions = self._history.at(stamp_ns)
+        return None if positions is None else self._robot.pose(positions)
+
+    def refresh(self, now: float, now_ns: int) -> None:
+        """Judge anew what is fresh."""
+        self.contact_fresh = self._fresh(self.contact, self._config.stale_image, now, now_ns)
+        self.joints_fresh = self._fresh(self.joints, self._config.stale_joints, now, now_ns)
+
+    def _fresh(self, sample, limit, now, now_ns):
+        return (sample is not None and now - sample.arrival <= limit
+                and abs(now_ns - sample.stamp_ns) * 1e-9 <= self._config.max_stamp_age)
+
+    @property
+    def saturated(self) -> bool:
+        """Whether the pad feels more than it can tell."""
+        return (self.contact is not None
+                and ContactReason.SATURATED in self.contact.value.reasons)
+
+    def joints_missing(self) -> Reason | None:
+        """What is wrong with the joint states, or None."""
+        if self.joints_fresh:
+            return None
+        return Reason(ReasonCode.STALE_JOINT_STATE if self.joints else ReasonCode.NO_JOINT_STATE)
+
+    def contact_missing(self) -> Reason | None:
+        """What is wrong with the contacts, or None."""
+        if not self.contact_fresh or self.contact is None:
+            return Reason(ReasonCode.STALE_IMAGE if self.contact else ReasonCode.NO_IMAGE)
+        if ContactReason.NOT_TARED in self.contact.value.reasons:
+            return Reason(ReasonCode.NOT_TARED)
+        return None
+
+    def astray(self, commanded: np.ndarray) -> Reason | None:
+        """Which joint is not where it was commanded (n,) [rad], or None."""
+        behind = np.abs(commanded - self.joints.value) if self.joints else np.zeros(1)
+        if behind.max() <= self._config.following_error:
+            return None
+        return Reason(ReasonCode.NOT_FOLLOWING, self._names[int(np.argmax(behind))])
+
+    def known(self) -> dict[str, Any]:
+        """What a status says of all this."""
+        return {'contact_fresh': self.contact_fresh, 'joints_fresh': self.joints_fresh,
+                'contact_stamp_ns': self.contact.stamp_ns if self.contact else 0,
+                'normal_force': self.load if self.contact else NAN}

@@ -1,0 +1,158 @@
+"""What a servo law is to the supervisor, and what passes between them."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any, ClassVar, Protocol
+
+import numpy as np
+
+from tactile_sensing.types.contact import Contact
+from tactile_sensing.types.image import SensorInfo, TactileImage
+from tactile_servo.config import ServoConfig
+from tactile_servo.reasons import Reason
+from tactile_servo.types import State, TaskError
+
+Refusal = Reason  # of a code from 400 on, or of the input that is missing
+
+
+@dataclass(frozen=True, eq=False)
+class Observation:
+    """
+    An image, or the contact estimated in one.
+
+    stamp_ns : int
+        Of the image [ns].
+    arrival : float
+        Steady time [s].
+    age : float
+        How much older than the newest joint state it was as it came [s]; inf if unknown.
+    locate : callable
+        Measured pose of the sensor at a stamp [ns].
+    """
+
+    stamp_ns: int
+    arrival: float
+    age: float
+    locate: Callable[[int], np.ndarray | None]
+    image: TactileImage | None = None
+    contact: Contact | None = None
+
+    @cached_property
+    def pose(self) -> np.ndarray | None:
+        """Pose of the sensor (4, 4) at the stamp in the base frame; None if it is not known."""
+        return self.locate(self.stamp_ns)
+
+
+@dataclass(frozen=True)
+class Assessment:
+    """
+    What a law decides about the next cycle.
+
+    state : State
+        One of TRACKING, or HOLD, or DONE to end the goal.
+    reason : Reason
+    success : bool
+        Of an end: whether the goal was met.
+    lift : bool
+        Of an end: whether to lift off whatever the goal says.
+    """
+
+    state: State
+    reason: Reason
+    success: bool = False
+    lift: bool = False
+
+
+@dataclass(frozen=True, eq=False)
+class Reference:
+    """
+    Wanted motion of the next cycle.
+
+    twist : ndarray (6,)
+        Of the sensor in its own frame [m/s, rad/s].
+    speed : float
+        Along what is tracked [m/s].
+    heading : ndarray (3,)
+        Unit vector of travel in the base frame, along which progress counts.
+    """
+
+    twist: np.ndarray
+    speed: float
+    heading: np.ndarray
+
+
+@dataclass(frozen=True, eq=False)
+class LawResult:
+    """What a law has learnt: whether the contour closed, and its points (N, 3) [m] if it maps."""
+
+    closed: bool = False
+    contour: np.ndarray | None = None
+
+
+class Goal(Protocol):
+    """What every goal has: speed [m/s], force [N], whether to lift off at the end."""
+
+    @property
+    def speed(self) -> float: ...
+    @property
+    def force(self) -> float: ...
+    @property
+    def retreat(self) -> bool: ...
+
+
+class ServoLaw(Protocol):
+    """
+    How to follow something by touch; when to move at all is the supervisor's affair.
+
+    sees_images : bool
+        Whether images are observed beside contacts.
+    touch_speed : float
+        Speed at which the law would press a pad that feels nothing yet [m/s].
+    error : TaskError or None
+        As last observed, None before.
+    """
+
+    name: ClassVar[str]
+    goal_type: ClassVar[type]
+    config_type: ClassVar[type]
+    sees_images: ClassVar[bool]
+
+    @property
+    def touch_speed(self) -> float: ...
+    @property
+    def error(self) -> TaskError | None: ...
+
+    def __init__(self, servo: ServoConfig, config: Any = None) -> None: ...
+
+    def validate(self, goal: Any) -> Refusal | None:
+        """Why a goal is beyond this law, or None."""
+        ...
+
+    def begin(self, goal: Any, sensor: SensorInfo) -> None:
+        """Forget the last goal and take a new one."""
+        ...
+
+    def resume(self) -> None:
+        """Go on from a standstill, with what is known so far."""
+        ...
+
+    def observe(self, observation: Observation) -> None:
+        """Take an image or a contact; before the first goal only its age says something."""
+        ...
+
+    def lacks(self, now: float) -> Reason | None:
+        """What keeps the law from tracking at steady time `now` [s], or None."""
+        ...
+
+    def assess(self, now: float, progress: float, load: float) -> Assessment:
+        """Decide whether to go on, after a way of `progress` [m] and at a load [N]."""
+        ...
+
+    def reference(self, pose: np.ndarray, commanded: np.ndarray, dt: float) -> Reference:
+        """Wanted motion from the measured and the commanded pose (4, 4) of the sensor."""
+        ...
+
+    def result(self) -> LawResult:
+        """What has been learnt."""
+        ...

@@ -1,0 +1,31 @@
+"""What every law that follows an edge asks of its goal."""
+
+import math
+
+from tactile_servo.law import Assessment, Refusal
+from tactile_servo.reasons import Reason, ReasonCode
+from tactile_servo.types import EdgeGoal, State
+
+
+def refuse_edge_goal(goal: EdgeGoal) -> Refusal | None:
+    """Why a goal makes no sense, or None."""
+    if not 0.0 <= goal.length < math.inf:
+        return Refusal(ReasonCode.INVALID_GOAL,
+                       f'length {goal.length:g} is negative or not finite')
+    if goal.direction not in (-1, 1):
+        return Refusal(ReasonCode.INVALID_GOAL,
+                       f'direction {goal.direction} is neither +1 nor -1')
+    return None
+
+
+def unless_long_enough(goal: EdgeGoal, progress: float, found: Assessment) -> Assessment:
+    """End a goal that is going well once its length is reached."""
+    if found.state is not State.HOLD and 0.0 < goal.length <= progress:
+        return Assessment(State.DONE, Reason(ReasonCode.LENGTH_REACHED), True)
+    return found
+
+
+def ended(goal: EdgeGoal, progress: float, shortest: float) -> Assessment:
+    """End where the edge ends: a success if none but that was asked for, and it was an edge."""
+    asked = goal.length == 0.0 and not goal.closed
+    return Assessment(State.DONE, Reason(ReasonCode.EDGE_ENDED), asked and progress > shortest)

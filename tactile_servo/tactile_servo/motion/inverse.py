@@ -1,0 +1,196 @@
+"""
+Joint velocities for a twist of the sensor, and the nearest ones within the position limits.
+
+`BoundedInverse` minimises ``(q - a - z)^T H (q - a - z)`` over joint velocities q that the
+position limits leave room for (`JointLimits.room`): `a` is the damped least squares solution of
+the twist, z moves a redundant arm away from its limits in its null space. With the weighted
+Jacobian ``G = W J``, its singular values s, right singular vectors v and the damping d,
+
+    H = sum of max(s^2, d^2) v v^T + (TAKE_OVER d)^2 (I - sum of v v^T)
+
+so that away from singularities the cost is the squared weighted error of the twist. Where a + z
+lies within the bounds it is the solution: the gradient is zero there, so that the
+Karush-Kuhn-Tucker conditions hold with multipliers that are all zero, and H is positive
+definite. No solver is needed then.
+"""
+
+import math
+
+import daqp
+import numpy as np
+
+from tactile_common.kernels import njit
+from tactile_servo.motion.limits import JointLimits, NEGLIGIBLE, room
+
+TAKE_OVER = 0.1  # of the damping; weighs the null space, which is free to stand in for a joint
+PUSH_ZONE = 0.15  # of a joint's range at either end, which a redundant arm is moved out of
+PUSH = 4.0  # rad of a joint at its limit per metre of (weighted) way
+PUSH_SPEED = 0.1  # of a joint's velocity limit
+
+
+def damped_least_squares(jacobian: np.ndarray, twist: np.ndarray, *, damping: float = 0.01,
+                         rotation_length: float = 0.04) -> tuple[np.ndarray, float]:
+    """
+    Joint velocities for a twist; exact away from singularities, bounded at them.
+
+    With ``W = diag(1, 1, 1, l, l, l)`` (l = `rotation_length`) and the singular values s of
+    ``W J``, this is ``dq = (W J)^T U diag(1 / max(s^2, damping^2)) U^T W twist``: the damping
+    factor ``lambda^2 = damping^2 (1 - (s / damping)^2)`` of Chiaverini, Siciliano and Egeland
+    (IEEE T-CST 2(2), 1994) with the size of the singular region equal to the damping,
+    applied to each singular direction of its own (their numerical filtering). Directions with
+    ``s >= damping`` therefore carry no velocity error, and ``|dq| <= |W twist| / damping``
+    always. A small rotation_length lets orientation give way before position does.
+
+    Parameters
+    ----------
+    jacobian : ndarray (6, n)
+        Rows linear [m/rad], then angular [rad/rad].
+    twist : array_like (6,)
+        Linear [m/s], then angular [rad/s] velocity in the Jacobian's frame.
+    damping : float
+        Smallest singular value [m/rad] of the weighted Jacobian that is inverted in full.
+    rotation_length : float
+        Weight of rotation against translation [m/rad].
+
+    Returns
+    -------
+    dq : ndarray (n,)
+        Joint velocities [rad/s or m/s].
+    smallest : float
+        Smallest singular value of the weighted Jacobian [m/rad].
+
+    """
+    jacobian = np.ascontiguousarray(jacobian, dtype=float)
+    wanted, _, smallest = _free(
+        jacobian, np.ascontiguousarray(twist, dtype=float), np.zeros(jacobian.shape[1]),
+        damping, rotation_length)
+    return wanted, smallest
+
+
+class BoundedInverse:
+    """
+    Joint velocities for a twist within the room that the position limits leave.
+
+    Parameters
+    ----------
+    limits : JointLimits
+    damping, rotation_length : float
+        See `damped_least_squares`.
+    """
+
+    def __init__(self, limits: JointLimits, damping: float, rotation_length: float):
+        self._limits, self._damping, self._length = limits, damping, rotation_length
+        joints, span = len(limits.names), limits.upper - limits.lower
+        self._zone = np.where(np.isfinite(span) & (joints > 6), PUSH_ZONE * span, 0.0)
+        self._no_rows, self._sense = np.empty((0, joints)), np.zeros(joints, np.int32)
+
+    def solve(self, jacobian: np.ndarray, twist: np.ndarray, positions: np.ndarray,
+              dt: float) -> tuple[np.ndarray, str, float]:
+        """
+        Joint velocities (n,) [rad/s] for a twist (6,) at joint positions (n,).
+
+        Returns
+        -------
+        velocities : ndarray (n,)
+            Within the room of the position limits; those of damped least squares where the
+            solver fails, not finite where the twist or the Jacobian is not.
+        limited_by : str
+            The position limit that costs most, empty if none does.
+        smallest : float
+            Smallest singular value of the weighted Jacobian [m/rad].
+        """
+        limits = self._limits
+        wanted, down, up, inside, smallest = _within(
+            jacobian, twist, positions, limits.lower, limits.upper, limits.stopping_time,
+            limits.velocity, self._zone, dt, self._damping, self._length)
+        if inside:
+            return wanted, '', smallest
+        matrix = _hessian(jacobian, self._damping, self._length)
+        self._sense[:] = 0
+        velocities, _, flag, info = daqp.solve(
+            matrix, -matrix @ wanted, self._no_rows, up, down, self._sense)
+        if flag != 1 or not np.isfinite(velocities).all():
+            return wanted, '', smallest
+        joint = np.abs(info['lam']).argmax()
+        return velocities, f'position of {limits.names[joint]}', smallest
+
+
+@njit(cache=True)
+def _decomposed(jacobian, rotation_length):
+    """Weighted Jacobian, its squared singular values and left singular vectors."""
+    weighted, square = jacobian.copy(), np.zeros((6, 6))
+    weighted[3:] *= rotation_length
+    for i in range(6):
+        for k in range(i + 1):
+            square[i, k] = square[k, i] = (weighted[i] * weighted[k]).sum()
+    if not np.isfinite(square).all():  # LAPACK takes no such matrix
+        return weighted, np.full(6, np.nan), square
+    # A third of the time of an SVD.
+    squared, left = np.linalg.eigh(square)
+    return weighted, squared, left
+
+
+@njit(cache=True)
+def _free(jacobian, twist, push, damping, rotation_length):
+    """Velocities for the twist, those beside it, and the smallest singular value."""
+    joints = jacobian.shape[1]
+    weighted, squared, left = _decomposed(jacobian, rotation_length)
+    if not np.isfinite(squared[0]):
+        return np.full(joints, np.nan), np.zeros(joints), np.nan
+    wanted = twist.copy()
+    wanted[3:] *= rotation_length
+    shares, pushes, pushed = np.zeros(6), np.zeros(6), push.any()
+    for i in range(6):
+        shares += ((left[:, i] * wanted).sum() / max(squared[i], damping * damping)
+                   * left[:, i])
+        if pushed and squared[i] > 1e-8 * squared[5]:
+            along = 0.0
+            for j in range(6):
+                along += left[j, i] * (weighted[j] * push).sum()
+            pushes += along / squared[i] * left[:, i]
+    velocities, beside = np.zeros(joints), push.copy()
+    for i in range(6):
+        velocities += shares[i] * weighted[i]
+        if pushed:
+            beside -= pushes[i] * weighted[i]
+    return velocities, beside, math.sqrt(max(squared[max(0, 6 - joints)], 0.0))
+
+
+@njit(cache=True)
+def _within(jacobian, twist, positions, lower, upper, stopping_time, fastest, zone, dt, damping,
+            rotation_length):
+    """Unconstrained velocities, bounds, whether they are kept (or no number), smallest s."""
+    joints = len(positions)
+    way = math.sqrt((twist[:3]**2).sum() + rotation_length**2 * (twist[3:]**2).sum())
+    push = np.zeros(joints)
+    for k in range(joints):
+        speed = min(PUSH * way, PUSH_SPEED * fastest[k])
+        if positions[k] - lower[k] < zone[k]:
+            push[k] = speed * min(1.0 - (positions[k] - lower[k]) / zone[k], 1.0)
+        elif upper[k] - positions[k] < zone[k]:
+            push[k] = -speed * min(1.0 - (upper[k] - positions[k]) / zone[k], 1.0)
+    wanted, beside, smallest = _free(jacobian, twist, push, damping, rotation_length)
+    down, up = room(lower, upper, stopping_time, positions, dt)
+    inside = True
+    for k in range(joints):
+        wanted[k] += beside[k]
+        inside &= down[k] - NEGLIGIBLE <= wanted[k] <= up[k] + NEGLIGIBLE
+    return wanted, down, up, inside or not np.isfinite(wanted).all(), smallest
+
+
+@njit(cache=True)
+def _hessian(jacobian, damping, rotation_length):
+    """Matrix H (n, n)."""
+    joints = jacobian.shape[1]
+    weighted, squared, left = _decomposed(jacobian, rotation_length)
+    light = (TAKE_OVER * damping)**2
+    hessian = light * np.eye(joints)
+    for i in range(6):
+        if squared[i] > 1e-8 * squared[5]:
+            row = np.zeros(joints)  # of length s
+            for j in range(6):
+                row += left[j, i] * weighted[j]
+            share = (max(squared[i], damping * damping) - light) / squared[i]
+            for k in range(joints):
+                hessian[k] += share * row[k] * row
+    return hessian

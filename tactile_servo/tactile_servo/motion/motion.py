@@ -1,0 +1,159 @@
+"""From the wanted twist of the sensor to joint commands that keep every limit."""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from tactile_common.kernels import njit
+from tactile_servo.motion.inverse import BoundedInverse
+from tactile_servo.motion.limits import JointLimits, limit_velocities, WorkspaceBox
+from tactile_servo.motion.robot import RobotModel
+from tactile_servo.motion.trajectory import Trajectory
+from tactile_servo.motion.window import stopping_window
+
+HELD_BACK = 0.05  # of the wanted motion; with less than this left the robot does not get on
+BLOCKED_AFTER = 1.0  # s held back until the motion counts as blocked
+
+
+@dataclass(frozen=True)
+class MotionConfig:
+    """How a twist becomes joint velocities."""
+
+    damping: float = field(default=0.01, metadata={
+        'doc': 'damping of the inverse Jacobian near a singularity', 'range': (1e-6, 1.0)})
+    rotation_length: float = field(default=0.04, metadata={
+        'doc': 'length that weighs rotation against position', 'unit': 'm/rad',
+        'range': (1e-3, 1.0)})
+
+
+@dataclass(frozen=True, eq=False)
+class MotionStep:
+    """
+    One command.
+
+    trajectory : Trajectory
+        Window through the commanded state to a stop.
+    twist : ndarray (6,)
+        Wanted twist that the workspace let through, in the sensor's frame [m/s, rad/s].
+    scale : float
+        Fraction of the wanted motion that the joint limits let through.
+    limited_by : str
+        What bound most, empty if nothing did.
+    manipulability : float
+        Smallest singular value of the weighted Jacobian [m/rad].
+    """
+
+    trajectory: Trajectory
+    twist: np.ndarray
+    scale: float
+    limited_by: str
+    manipulability: float
+
+
+class Motion:
+    """
+    Commanded state of the robot, and how a twist moves it on.
+
+    Parameters
+    ----------
+    robot : RobotModel
+    limits : JointLimits
+    config : MotionConfig
+    lookahead : float
+        When the commanded state is to be reached, from now [s].
+    workspace : WorkspaceBox, optional
+
+    Attributes
+    ----------
+    positions, velocities : ndarray (n,)
+        Commanded [rad, rad/s]; NaN before the first `seed`.
+    pose : ndarray (4, 4)
+        Commanded pose of the sensor in the base frame.
+    blocked : str
+        Which limit, of which joint, has held back (nearly) all of the wanted motion for a
+        second, or the singularity or workspace that has; empty while the robot gets on.
+    """
+
+    def __init__(self, robot: RobotModel, limits: JointLimits, config: MotionConfig,
+                 lookahead: float, workspace: WorkspaceBox | None = None):
+        self._robot, self._limits, self._workspace = robot, limits, workspace
+        self._config, self._lookahead = config, lookahead
+        self._inverse = BoundedInverse(limits, config.damping, config.rotation_length)
+        unknown = np.full(len(limits.names), np.nan)
+        self.positions, self.velocities, self.pose = unknown, unknown, np.full((4, 4), np.nan)
+        self._held_back, self.blocked = 0.0, ''
+
+    @property
+    def standing(self) -> bool:
+        """Whether no joint is commanded to move."""
+        return not self.velocities.any()
+
+    def seed(self, positions: np.ndarray) -> None:
+        """Start at rest from measured joint positions (n,), never from an old target."""
+        self.positions = np.array(positions, dtype=float)
+        self.velocities = np.zeros_like(self.positions)
+        self.pose = self._robot.pose(self.positions)
+        self.reset_blocked()
+
+    def reset_blocked(self) -> None:
+        """Forget what was held back, because another motion is wanted from now on."""
+        self._held_back, self.blocked = 0.0, ''
+
+    def command(self, twist: np.ndarray, dt: float) -> MotionStep:
+        """
+        Move on by a twist (6,) of the sensor in its own frame [m/s, rad/s] for `dt` > 0 [s].
+
+        The joints that it takes are limited and integrated; a twist that is not finite counts
+        as a stop.
+        """
+        c, wanted, at_wall = self._config, twist, ''
+        if self._workspace is not None:
+            rotation = self.pose[:3, :3]
+            horizon = dt + 2.0 * self._limits.stopping_time
+            linear, clipped = self._workspace.limit(
+                self.pose[:3, 3], rotation @ twist[:3], horizon)
+            twist = np.concatenate([rotation.T @ linear, twist[3:]])
+            at_wall = 'workspace' if clipped else ''
+        jacobian = self._robot.jacobian(self.positions)
+        velocities, bound, manipulability = self._inverse.solve(
+            jacobian, twist, self.positions, dt)
+        # Whatever that gave: no command passes a limit.
+        self.velocities, scale, limited_by = limit_velocities(
+            self._limits, self.positions, self.velocities, velocities, dt)
+        self.positions = self.positions + self.velocities * dt
+        self.pose = self._robot.pose(self.positions)
+        limited_by = at_wall or bound or limited_by
+        self._watch(_progress(jacobian, self.velocities, wanted, c.rotation_length),
+                    limited_by, dt)
+        window = stopping_window(self._limits, self.positions, self.velocities, self._lookahead)
+        return MotionStep(window, twist, scale, limited_by, manipulability)
+
+    def _watch(self, progress, limited_by, dt):
+        """Count for how long the wanted motion has been held back."""
+        if progress > HELD_BACK:
+            self.reset_blocked()
+            return
+        self._held_back += dt
+        if self._held_back >= BLOCKED_AFTER:
+            self.blocked = limited_by or 'singularity'
+            kind, _, joint = limited_by.partition(' of ')
+            if kind == 'position':
+                index = self._limits.names.index(joint)
+                low, high = self._limits.lower[index], self._limits.upper[index]
+                side, end = (('lower', low) if self.positions[index] - low
+                             < high - self.positions[index] else ('upper', high))
+                self.blocked = f'{joint} is at its {side} limit, {end:g}'
+
+
+@njit(cache=True)
+def _progress(jacobian, velocities, wanted, rotation_length):
+    """Share of a wanted twist that joint velocities bring; 1 if none is wanted."""
+    along = square = 0.0
+    for i in range(6):
+        weight = 1.0 if i < 3 else rotation_length**2
+        achieved = 0.0
+        for k in range(len(velocities)):
+            achieved += jacobian[i, k] * velocities[k]
+        along += weight * achieved * wanted[i]
+        square += weight * wanted[i]**2
+    return 1.0 if square < 1e-12 else along / square

@@ -1,0 +1,87 @@
+"""Force of a pad along an edge: prediction, gains, bounds."""
+
+import math
+
+import pytest
+
+from tactile_servo.control.force_controller import (
+    COMING_SHARE,
+    ForceConfig,
+    ForceController,
+    GIVE_WAY,
+    Load,
+)
+
+C = ForceConfig(integral_gain=0.0, press_acceleration=100.0)
+HALF, DT = 0.0127, 0.0025
+
+
+def speed(load, force=5.0, config=C, length=2 * HALF, pressed=0.0, **options):
+    return ForceController(config).speed(
+        force, load, half=HALF, length=length, pressed=pressed, dt=DT, **options)
+
+
+def indentation(force, length):
+    return force / length / C.skin_stiffness
+
+
+def test_at_its_force_the_pad_stands():
+    assert speed(Load(5.0, 2 * HALF)) == pytest.approx(0.0, abs=1e-12)
+
+
+@pytest.mark.parametrize('force', [4.0, 4.9, 5.1, 7.0])
+def test_a_missing_indentation_is_made_up_at_its_gain(force):
+    missing = indentation(5.0 - force, 2 * HALF)
+    assert speed(Load(force, 2 * HALF)) == pytest.approx(C.gain * missing)
+
+
+def test_what_was_moved_since_the_image_counts():
+    """A pad that has gone just as deep as it lacked wants no more."""
+    missing = indentation(1.0, 2 * HALF)
+    assert speed(Load(4.0, 2 * HALF), pressed=missing) == pytest.approx(0.0, abs=1e-12)
+
+
+def test_force_spreads_over_the_length_that_is_under_the_pad_soon():
+    """On half of the edge the same line force is half of the force: press deeper."""
+    assert speed(Load(5.0, 2 * HALF), length=HALF) == pytest.approx(
+        C.gain * indentation(5.0, 2 * HALF))
+    # A sliver of an edge is no reason to press without bound.
+    assert speed(Load(5.0, 2 * HALF), length=0.0) == speed(Load(5.0, 2 * HALF), length=HALF / 2)
+
+
+def test_a_leg_that_comes_is_given_way_to_fast():
+    coming = 0.01
+    wanted = 5.0 / (2 * HALF + COMING_SHARE * coming)
+    error = (wanted - 5.0 / (2 * HALF)) / C.skin_stiffness
+    assert error < 0.0
+    assert speed(Load(5.0, 2 * HALF, coming)) == pytest.approx(GIVE_WAY * C.gain * error)
+
+
+def test_pressing_can_be_braked():
+    missing = indentation(5.0, 2 * HALF)
+    hard = ForceConfig(gain=200.0, integral_gain=0.0, press_acceleration=1e-3)
+    assert speed(Load(0.0, 2 * HALF), config=hard) == pytest.approx(
+        math.sqrt(2.0 * 1e-3 * missing))
+
+
+def test_what_is_no_edge_is_no_reason_to_press():
+    assert speed(Load(1.0, 2 * HALF), may_press=False) == 0.0
+    assert speed(Load(9.0, 2 * HALF), may_press=False) < 0.0
+
+
+def test_the_integral_takes_what_remains_but_nothing_of_a_start():
+    controller = ForceController(ForceConfig())
+    near, far = Load(4.5, 2 * HALF), Load(1.0, 2 * HALF)
+    def told(load):
+        return controller.speed(5.0, load, half=HALF, length=2 * HALF, pressed=0.0, dt=DT)
+    first = told(far)
+    assert told(far) == first
+    second = told(near)
+    assert told(near) > second
+    controller.reset()
+    assert told(near) == second
+
+
+@pytest.mark.parametrize('wanted', [-1.0, 1.0])
+def test_the_speed_is_bounded(wanted):
+    assert ForceController(C).bounded(wanted) == wanted * C.max_speed

@@ -1,0 +1,91 @@
+"""From a twist to commands: what is held back is noticed and named."""
+
+import numpy as np
+import pytest
+
+from tactile_servo.motion.limits import JointLimits, WorkspaceBox
+from tactile_servo.motion.motion import BLOCKED_AFTER, Motion, MotionConfig
+from tactile_servo.motion.robot import RobotModel
+
+DT = 0.0025
+AXES = {'x': '1 0 0', 'y': '0 1 0', 'z': '0 0 1'}
+SECOND = round(BLOCKED_AFTER / DT) + 1  # cycles that are a second for certain
+
+
+def slides():
+    """Three slides and three turns that cross in one point; singular at a pitch of 90 deg."""
+    joints, parent = '', 'base'
+    for kind, axes in (('prismatic', 'xyz'), ('revolute', 'zyx')):
+        for axis in axes:
+            joints += f"""<link name="{kind}_{axis}_link"/>
+                <joint name="{kind}_{axis}" type="{kind}"><parent link="{parent}"/>
+                <child link="{kind}_{axis}_link"/><axis xyz="{AXES[axis]}"/>
+                <limit lower="-1" upper="2" velocity="0.5" effort="1"/></joint>"""
+            parent = f'{kind}_{axis}_link'
+    return RobotModel.from_urdf(
+        f'<robot name="slides"><link name="base"/>{joints}</robot>', 'revolute_x_link')
+
+
+ROBOT = slides()
+LIMITS = JointLimits(ROBOT.joint_names, ROBOT.lower, ROBOT.upper, ROBOT.velocity_limit,
+                     np.full(6, 5.0))
+
+
+def motion_at(positions, workspace=None):
+    motion = Motion(ROBOT, LIMITS, MotionConfig(), 2 * DT, workspace)
+    motion.seed(np.array(positions, dtype=float))
+    return motion
+
+
+def driven(motion, twist, cycles):
+    for _ in range(cycles):
+        step = motion.command(np.array(twist, dtype=float), DT)
+    return step
+
+
+def test_a_twist_moves_the_pose():
+    motion = motion_at(np.zeros(6))
+    step = driven(motion, [0.1, 0.0, 0.0, 0.0, 0.0, 0.2], 400)
+    assert motion.pose[0, 3] == pytest.approx(np.sin(0.2) * 0.5, rel=0.02)
+    assert motion.positions[3] == pytest.approx(0.2, rel=0.03)  # speeds up first
+    assert (step.scale, step.limited_by, motion.blocked) == (1.0, '', '')
+    np.testing.assert_array_equal(step.trajectory.positions[0], motion.positions)
+    assert not motion.standing
+
+
+@pytest.mark.parametrize('start, way, text', [
+    (2.0, 0.1, 'prismatic_y is at its upper limit, 2'),
+    (-1.0, -0.1, 'prismatic_y is at its lower limit, -1')])
+def test_a_joint_at_its_limit_is_named_after_a_second(start, way, text):
+    motion = motion_at([0.0, start, 0.0, 0.0, 0.0, 0.0])
+    driven(motion, [0.0, way, 0.0, 0.0, 0.0, 0.0], SECOND - 3)
+    assert motion.blocked == ''
+    driven(motion, [0.0, way, 0.0, 0.0, 0.0, 0.0], 3)
+    assert motion.blocked == text
+    driven(motion, [0.0, -way, 0.0, 0.0, 0.0, 0.0], 1)
+    assert motion.blocked == ''
+
+
+def test_the_wall_of_the_workspace_is_named():
+    motion = motion_at(np.zeros(6), WorkspaceBox([-1.0, -1.0, -1.0], [1.0, 1.0, 0.0]))
+    driven(motion, [0.0, 0.0, 0.1, 0.0, 0.0, 0.0], SECOND)
+    assert motion.blocked == 'workspace'
+
+
+def test_a_singular_direction_is_named():
+    motion = motion_at([0.0, 0.0, 0.0, 0.0, np.pi / 2, 0.0])
+    driven(motion, [0.0, 0.0, 0.0, 0.0, 0.0, 0.1], SECOND)
+    assert motion.blocked == 'singularity'
+
+
+def test_no_wish_is_not_blocked():
+    motion = motion_at([2.0, 2.0, 2.0, 2.0, 2.0, 2.0])
+    driven(motion, np.zeros(6), 2 * SECOND)
+    assert motion.blocked == '' and motion.standing
+
+
+def test_a_new_start_forgets_what_was_held_back():
+    motion = motion_at([2.0, 0.0, 0.0, 0.0, 0.0, 0.0])
+    driven(motion, [0.1, 0.0, 0.0, 0.0, 0.0, 0.0], SECOND)
+    motion.seed(motion.positions)
+    assert motion.blocked == ''

@@ -1,0 +1,119 @@
+"""The surface at every contact of a recording, as rows of a table."""
+from collections import Counter
+from collections.abc import Callable, Iterator
+import re
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from tactile_shape.contact_recording import ContactRecording
+from tactile_shape.shape_estimator import ShapeEstimator
+from tactile_shape.types.patch import Kind, Patch
+from tactile_shape.types.surface_matrix import SurfaceMatrix
+
+SHEET = (0.02, 0.004)  # m, over which an error is taken
+# What of a reason differs from contact to contact.
+_NUMBERS = re.compile(
+    '^the path of [^ ]+ mm is |^[0-9]+ contacts see |, not all of .*|: they scatter by .*')
+
+
+class Column(NamedTuple):
+    """Type and shape of a value, how a patch gives it, unit and meaning."""
+
+    kind: Any
+    shape: tuple[int, ...]
+    value: Callable[[Patch], Any] | None  # None: not of the patch
+    unit: str
+    text: str
+
+
+COLUMNS = {
+    't': Column(float, (), None, 's', 'time of the contact'),
+    'origin': Column(float, (3,), lambda p: p.origin, 'm', 'contact on the fitted surface'),
+    'frame': Column(
+        float, (4, 4), lambda p: p.frame, 'm',
+        'pose of the contact frame: x, y principal directions, z inward normal'),
+    'kind': Column(np.uint8, (), lambda p: p.kind, '',
+                   'least surface that explains the path; see Kinds'),
+    'valid': Column(np.bool_, (), lambda p: p.valid, '', 'whether the row may be used'),
+    'curvature': Column(
+        float, (2,), lambda p: p.curvature, '1/m',
+        'principal curvatures, the larger in magnitude first, positive for convex'),
+    'seen': Column(np.bool_, (2,), lambda p: p.seen, '',
+                   'whether the path could see each; if not, it is a prior'),
+    'directions': Column(float, (2, 3), lambda p: p.directions, '',
+                         'principal directions, a row each'),
+    'covariance': Column(float, (2, 2), lambda p: p.covariance, '1/m^2', 'of the curvatures'),
+    'surface_matrix': Column(float, (4, 4), lambda p: p.surface_matrix, 'm',
+                             "S of X' S X = 0, X = [x y z 1]', in the frame of the positions"),
+    'n': Column(np.uint32, (), lambda p: p.samples, '', 'contacts used'),
+    'window': Column(float, (), lambda p: p.extent, 'm', 'length of the path that was used'),
+    'residual': Column(float, (), lambda p: p.residual, '', 'RMS in standard deviations'),
+}
+RECORD = np.dtype([(name, column.kind, column.shape) for name, column in COLUMNS.items()])
+KINDS = {
+    Kind.NONE: 'not determined: the row is not valid', Kind.PLANE: 'plane',
+    Kind.CYLINDER: 'cylinder: curved in one direction', Kind.SPHERE: 'sphere',
+    Kind.GENERAL: 'curved differently in the two directions'}
+
+
+class PatchTable:
+    """
+    The surface at every contact of a recording.
+
+    Parameters
+    ----------
+    recording : ContactRecording
+    estimator : ShapeEstimator
+    truth : SurfaceMatrix, optional
+        Surface that the errors are taken against.
+
+    Attributes
+    ----------
+    records : ndarray of RECORD, shape (N,)
+    errors : ndarray, shape (N,)
+        Largest distance of each patch of 20 x 4 mm from the true surface [m]; NaN where there is
+        none.
+    reasons : Counter
+        How often a patch was not valid, by reason.
+    """
+
+    def __init__(self, recording: ContactRecording, estimator: ShapeEstimator,
+                 truth: SurfaceMatrix | None = None):
+        self._recording, self._estimator, self._truth = recording, estimator, truth
+        self.records = np.zeros(len(recording), RECORD)
+        self.records['t'] = recording.t
+        self.errors = np.full(len(recording), np.nan)
+        self.reasons: Counter[str] = Counter()
+
+    def fill(self) -> Iterator[int]:
+        """Fit contact after contact; yields how many are done."""
+        recording = self._recording
+        for k, (position, normal, edge) in enumerate(zip(
+                recording.position, recording.normal, recording.edge, strict=True)):
+            if np.isnan(position).any():
+                patch = self._estimator.lose()
+            else:
+                patch = self._estimator.touch(position, normal, edge)
+            for name, column in COLUMNS.items():
+                if column.value is not None:
+                    self.records[name][k] = column.value(patch)
+            if not patch.valid:
+                self.reasons[_NUMBERS.sub('', patch.reason)] += 1
+            elif self._truth is not None:
+                away = np.abs(self._truth.distance(patch.sheet(*SHEET)))
+                self.errors[k] = np.nanmax(away)
+            yield k + 1
+
+    def __str__(self) -> str:
+        """Counts of what was found, and the middle of its curvatures."""
+        valid = self.records[self.records['valid']]
+        parts = []
+        for kind in Kind:
+            some = valid[valid['kind'] == kind]
+            if len(some):
+                one, other = np.median(some['curvature'], axis=0)
+                parts.append(f'{len(some)} {kind.name.lower()} ({one:.4g}, {other:.4g} 1/m)')
+        parts.append(f'{len(self.records) - len(valid)} not valid' + ''.join(
+            f'; {count} {reason}' for reason, count in self.reasons.items()))
+        return ', '.join(parts)

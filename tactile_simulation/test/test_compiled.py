@@ -1,0 +1,44 @@
+"""After `compile_kernels` a servo that tracks compiles nothing: in a process of its own."""
+
+import json
+import subprocess
+import sys
+
+from puma_loop import ROOT
+
+PROGRAM = """
+import gc, json, sys
+from numba.core.dispatcher import Dispatcher
+from tactile_servo.compile_kernels import compile_kernels
+from tactile_simulation.closed_loop import Simulation
+from tactile_simulation.scene import load_scene
+from tactile_servo.types import EdgeGoal
+
+# What the servo calls; contacts are estimated by another node, and pads simulated by none.
+OURS = ('tactile_common', 'tactile_servo', 'tactile_sensing.contact.ridge')
+
+def compiled():
+    return {(f.py_func.__module__, f.py_func.__name__): [str(s) for s in f.signatures]
+            for f in gc.get_objects() if isinstance(f, Dispatcher)
+            and f.py_func.__module__.startswith(OURS)}
+
+compile_kernels()
+before = compiled()
+for scene in sys.argv[1:]:
+    scene = load_scene(scene)
+    simulation = Simulation(scene, 'trace')
+    simulation.run(EdgeGoal(0.1, 5.0, closed=scene.edge.closed), 20.0)
+    assert simulation.servo.success, simulation.servo.reason
+after = compiled()
+print(json.dumps({'kernels': sum(map(bool, before.values())),
+                  'new': ['.'.join(name) for name in after if after[name] != before.get(name)]}))
+"""
+
+
+def test_a_servo_that_tracks_compiles_nothing():
+    scenes = [str(ROOT / f'launch/scenes/{name}.yaml')
+              for name in ('course', 'gap', 'noise', 'tape_case')]
+    told = subprocess.run([sys.executable, '-c', PROGRAM, *scenes], check=True,
+                          capture_output=True, text=True, timeout=300)
+    told = json.loads(told.stdout)
+    assert told['new'] == [] and told['kernels'] > 20

@@ -1,0 +1,84 @@
+"""The table of numbers: what follows from the truth, and how it is shown."""
+
+import json
+
+import numpy as np
+import pytest
+
+from tactile_simulation.metrics import (
+    describe,
+    Evidence,
+    measure,
+    Metric,
+    METRICS,
+    NAN,
+    OutlineError,
+    shown,
+    to_json,
+    Truth,
+)
+
+NONE = np.zeros(4, bool)
+
+
+def truth(**changes):
+    """Four poses: one on the way, one that settles, two that are settled."""
+    columns = {
+        'time': np.arange(4.0), 'lateral': np.array([9.0, 4.0, -3.0, 1.0]),
+        'along': np.arange(4.0), 'force': np.array([0.0, 1.0, 6.0, 8.0]),
+        'progress': np.arange(4.0), 'tracking': np.array([0, 1, 1, 1], bool),
+        'settled': np.array([0, 0, 1, 1], bool), 'on_target': np.array([0, 0, 1, 0], bool)}
+    return Truth(**columns | changes)
+
+
+def test_errors_count_where_their_masks_say():
+    found = measure(Evidence(truth(), 5.0, OutlineError(0.1, -0.2)))
+    assert found['lateral_rms'] == pytest.approx(np.sqrt(5.0))
+    assert found['lateral_max'] == 3.0
+    assert found['lateral_transient_max'] == 4.0
+    assert found['force_rms_error'] == 1.0
+    assert found['force_max'] == 8.0
+    assert (found['contour_max_error'], found['contour_area_error']) == (0.1, -0.2)
+
+
+def test_what_never_happened_is_not_known():
+    found = measure(Evidence(truth(tracking=NONE, settled=NONE, on_target=NONE), 5.0,
+                             OutlineError()))
+    unknown = {key for key, value in found.items() if np.isnan(value)}
+    assert unknown == set(found) - {'force_target', 'force_max'}
+
+
+def test_every_number_has_one_row():
+    keys = [row.key for row in METRICS]
+    assert len(set(keys)) == len(keys)
+
+
+def test_numbers_are_shown_in_their_units_if_they_are_known():
+    rows = (Metric('way', 'way', 'mm', 1e3, 2), Metric('count', 'count', '', 1.0, 0),
+            Metric('rest', 'rest', 's'))
+    summary = {'way': 0.0123456, 'count': 3, 'rest': NAN}
+    assert list(shown(summary, rows)) == [('way', '12.35', 'mm'), ('count', '3', '')]
+    assert list(shown({'rest': None}, rows)) == []
+
+
+def test_text_tells_verdict_numbers_and_outline():
+    text = describe({
+        'scene': 'square', 'controller': 'law', 'ok': False, 'reason': 'lost',
+        'lateral_rms': 1.26e-5, 'lateral_max': NAN,
+        'sides': [{'kind': 'arc', 'length': 0.02, 'radius': 0.005}],
+        'corners': [[0.1, 0.2, 0.3]],
+        'states': [{'time': 1.5, 'state': 'hold', 'reason': 'stale'}]})
+    assert text.splitlines() == [
+        'square with law, NOT TRACKED: lost',
+        '  lateral error, RMS             0.013 mm',
+        '  side 1: arc of 20.00 mm, radius 5.00 mm',
+        '  corner 1 at (100.00, 200.00, 300.00) mm',
+        '   1.500 s  hold: stale']
+
+
+def test_json_is_one_object_without_nan():
+    text = to_json({'a': NAN, 'b': [np.float64(1.5), np.inf], 'c': np.int64(2),
+                    'd': {'e': np.bool_(True)}, 'f': np.array([1.0, np.nan])})
+    assert '\n' not in text
+    assert json.loads(text) == {
+        'a': None, 'b': [1.5, None], 'c': 2, 'd': {'e': True}, 'f': [1.0, None]}
