@@ -4,14 +4,14 @@ from typing import NamedTuple
 
 import numpy as np
 
-from tactile_common.errors import SurfaceError
-from tactile_shape.surface_matrix.matrix_fit import fit_matrix
-from tactile_shape.surface_matrix.motion import (
+from benchmarks.shape.motion import (
     finite_contacts,
     printed_contacts,
     RelativeMotion,
     screw_motion,
 )
+from tactile_common.errors import SurfaceError
+from tactile_shape.surface_matrix.matrix_fit import fit_matrix
 
 RADIUS, FINGER = 0.1, 0.01  # m, Table 4.1
 STEPS = 5  # contacts, one a second

@@ -125,7 +125,7 @@ class RecordWriter:
             raise ConfigurationError(
                 f'{path}: folder {self._path.parent}: {error.strerror}') from error
         # Entries of a zip archive follow each other, hence a file for each until the end.
-        names = ['table'] if self._is_table else dtype.names
+        names = ('table',) if self._is_table else dtype.names or ()
         self._parts = {name: open(Path(self._folder.name, name), 'wb') for name in names}
         if self._is_table:
             header = ['frame', *(name for name, _ in _columns(np.empty(0, dtype)))]

@@ -1,55 +1,20 @@
 """From contacts in space to patches and a model of the object, with either surface estimator."""
-from dataclasses import dataclass, fields
-from typing import Protocol
+from dataclasses import fields
 
 import numpy as np
 
-from tactile_common.config import bounded, check_fields, one_of
 from tactile_shape.contour.contact_path import Placed
 from tactile_shape.contour.object_model import ObjectModel
-from tactile_shape.local_surface import local_quadric
 from tactile_shape.local_surface.local_quadric import LocalQuadric, LocalQuadricConfig
-from tactile_shape.surface_matrix import matrix_estimator
 from tactile_shape.surface_matrix.matrix_estimator import MatrixEstimator, MatrixEstimatorConfig
-from tactile_shape.types.patch import Patch, refusal
+from tactile_shape.types.patch import Patch, refusal, SurfaceEstimator
 
-METHODS = (local_quadric.METHOD, matrix_estimator.METHOD)
-
-
-class SurfaceEstimator(Protocol):
-    """Surface at the newest of the contacts of a path."""
-
-    def reset(self) -> None:
-        """Forget the path: contact was lost."""
-
-    def add(self, position: np.ndarray, normal: np.ndarray) -> bool:
-        """Add a contact (3,) [m] with its inward normal (3,); False if it is not usable."""
-
-    def estimate(self) -> Patch:
-        """Patch at the newest contact; what cannot be estimated is not valid."""
-
-    def update(self, position: np.ndarray, normal: np.ndarray) -> Patch:
-        """Add a contact and return the Patch there."""
-
-
-@dataclass(frozen=True)
-class ShapeEstimatorConfig:
-    """How contacts become patches."""
-
-    method: str = one_of(
-        local_quadric.METHOD, "'local_quadric' (least model over a window of travel) or "
-        "'surface_matrix' (the thesis' ten parameters)", METHODS)
-    max_gap: float = bounded(
-        0.1, 'contacts farther apart in time are not of one path; poses of the sensor are not '
-        'interpolated across more', 's', 1e-4, 100.0)
-
-    def __post_init__(self):
-        check_fields(self)
+METHODS = (LocalQuadric.method, MatrixEstimator.method)
 
 
 def make_surface_estimator(method: str, config: LocalQuadricConfig) -> SurfaceEstimator:
     """Return the estimator of a method, with what it knows of a LocalQuadricConfig."""
-    if method == local_quadric.METHOD:
+    if method == LocalQuadric.method:
         return LocalQuadric(config)
     shared = {item.name for item in fields(MatrixEstimatorConfig)} & {
         item.name for item in fields(LocalQuadricConfig)}
@@ -58,18 +23,7 @@ def make_surface_estimator(method: str, config: LocalQuadricConfig) -> SurfaceEs
 
 
 class ShapeEstimator:
-    """
-    Patches and the model of an object, contact by contact.
-
-    Parameters
-    ----------
-    estimator : SurfaceEstimator
-    model : ObjectModel, optional
-
-    Attributes
-    ----------
-    model : ObjectModel
-    """
+    """Patches and the model of an object, contact by contact."""
 
     def __init__(self, estimator: SurfaceEstimator, model: ObjectModel | None = None):
         self._estimator = estimator
@@ -92,14 +46,9 @@ class ShapeEstimator:
 
     def touch(self, position: np.ndarray, normal: np.ndarray, edge: bool = False) -> Patch:
         """
-        Take in a contact and return the Patch there; of an edge, one that is not valid.
+        Take in a contact (3,) [m] with the object's inward normal (3,); returns the Patch there.
 
-        Parameters
-        ----------
-        position, normal : ndarray, shape (3,)
-            Contact [m] and the object's inward unit normal.
-        edge : bool
-            Whether it is a contact with an edge: it makes the contour, and no surface.
+        A contact with an edge makes the contour, and no surface: its Patch is not valid.
         """
         if edge:
             self._estimator.reset()

@@ -95,7 +95,7 @@ def test_options_then_arrays_then_defaults(there):
 
 
 def test_surface_matrix_against_the_true_quadric(there, capsys):
-    parameters = ','.join(f'{v:.17g}' for v in quadrics.sphere(RADIUS).parameters)
+    parameters = ','.join(f'{v:.17g}' for v in quadrics.sphere(RADIUS).matrix[np.triu_indices(4)])
     arrays = contacts(noise=False)
     assert run('--method', 'surface_matrix', f'--quadric={parameters}', **arrays) == 0
     err = capsys.readouterr().err

@@ -24,7 +24,9 @@ _TICK = 0.05
 
 def make_executor(context=None):
     """Return the cheapest executor that this rclpy offers for nodes of a context, for `spin`."""
-    return (EventsExecutor or SingleThreadedExecutor)(context=context)
+    if EventsExecutor is not None:
+        return EventsExecutor(context=context)
+    return SingleThreadedExecutor(context=context)
 
 
 def spin(executor, context=None, until=None):

@@ -106,7 +106,8 @@ class ContactWindow:
 
     def __init__(self, length: float, max_turn: float, cell: float):
         self._length, self._max_turn, self._cell = length, max_turn, cell
-        self._cells = _Cells(*np.zeros((3, MAX_CELLS, 3)), np.zeros(MAX_CELLS))
+        points, normals, starts = np.zeros((3, MAX_CELLS, 3))
+        self._cells = _Cells(points, normals, starts, np.zeros(MAX_CELLS))
         self.reset()
 
     def reset(self) -> None:

@@ -7,7 +7,6 @@ height and slope are by-products. A round finger feels the surface of its centre
 error of location; the curvature is converted at the end.
 """
 from dataclasses import dataclass
-from functools import partial
 import math
 from typing import Any
 
@@ -17,11 +16,9 @@ from tactile_common.config import bounded, check_fields
 from tactile_shape.local_surface.contact_window import CELLS, ContactWindow, Stretch
 from tactile_shape.local_surface.normal_equations import Noise
 from tactile_shape.local_surface.quadric_kernel import ENOUGH, Fit, solve
-from tactile_shape.types.patch import certain_enough, Kind, Patch, refusal, usable_normal
+from tactile_shape.types.patch import certain_enough, Kind, Patch, SurfaceEstimator, usable_normal
 from tactile_shape.types.tangent import tangent_frame
 
-METHOD = 'local_quadric'
-_refusal = partial(refusal, method=METHOD)
 QUIET = 5.0  # times the noise of location that a cell of the window is long, at least
 MISFIT = 2.0  # times the noise of position: then the newer half of the window is tried
 BETTER = 0.6  # of the scatter that it must leave, to be taken
@@ -55,14 +52,10 @@ class LocalQuadricConfig:
         check_fields(self)
 
 
-class LocalQuadric:
-    """
-    Estimate the surface at each new contact of a path; time and memory do not grow.
+class LocalQuadric(SurfaceEstimator):
+    """Estimate the surface at each new contact of a path."""
 
-    Parameters
-    ----------
-    config : LocalQuadricConfig, optional
-    """
+    method = 'local_quadric'
 
     def __init__(self, config: LocalQuadricConfig | None = None):
         self.config = config or LocalQuadricConfig()
@@ -75,27 +68,11 @@ class LocalQuadric:
         self._window = ContactWindow(c.window, c.max_turn, self._cell)
         self.reset()
 
-    def reset(self) -> None:
-        """Forget the path: contact was lost."""
+    def reset(self) -> None:  # noqa: D102
         self._window.reset()
         self._stretch: Stretch | None = None
 
-    def add(self, position: np.ndarray, normal: np.ndarray) -> bool:
-        """
-        Add a contact.
-
-        Parameters
-        ----------
-        position : ndarray, shape (3,)
-            Of the contact, in a frame in which the object is at rest [m].
-        normal : ndarray, shape (3,)
-            The object's inward unit normal there, in that frame.
-
-        Returns
-        -------
-        bool
-            False if it is not finite or the normal's length not 1; then it is left out.
-        """
+    def add(self, position: np.ndarray, normal: np.ndarray) -> bool:  # noqa: D102
         unit = usable_normal(position, normal)
         if unit is None:
             return False
@@ -104,29 +81,15 @@ class LocalQuadric:
         self._stretch = self._window.add(self._centre, self._normal)
         return True
 
-    def update(self, position: np.ndarray, normal: np.ndarray) -> Patch:
-        """Add a contact and return the Patch there; of an unusable contact, one not valid."""
-        if self.add(position, normal):
-            return self.estimate()
-        return _refusal('contact is not finite or its normal not of length 1')
-
-    def estimate(self) -> Patch:
-        """
-        Estimate the surface at the newest contact.
-
-        Returns
-        -------
-        Patch
-            Always: what cannot be estimated is not valid, with its reason.
-        """
+    def estimate(self) -> Patch:  # noqa: D102
         if self._stretch is None:
-            return _refusal('no contact yet')
+            return self.refused('no contact yet')
         stretch, fit = self._best_fit(self._stretch)
         known: dict[str, Any] = {
             'extent': stretch.extent, 'samples': stretch.samples, 'residual': fit.residual,
             'frame': _frame(self._centre, fit, self.config.finger_radius)}
         if fit.scatter > SCATTERED * self._cell or fit.residual > MAX_RESIDUAL:
-            return _refusal(
+            return self.refused(
                 'the contacts lie on no surface of second order, or have far more noise than '
                 f'told: they scatter by {1e3 * fit.scatter:.2g} mm, residuals are '
                 f'{fit.residual:.2g} standard deviations', **known)
@@ -136,7 +99,7 @@ class LocalQuadric:
             # The centre moves on a surface whose radii are larger by the finger's.
             shrink = 1.0 - radius * curvature
             if shrink.min() < 1.0 - _SHARP:
-                return _refusal('an edge or a point: its curvature is above what a finger of '
+                return self.refused('an edge or a point: its curvature is above what a finger of '
                                 'this radius can tell', **known)
             curvature = curvature / shrink
             covariance = covariance / np.outer(shrink, shrink)**2
@@ -144,11 +107,11 @@ class LocalQuadric:
         known |= {'curvature': curvature, 'covariance': covariance}
         seen = certain_enough(variance, curvature, enough)
         if seen.any():
-            return Patch(Kind(fit.kind), True, '', METHOD, seen=seen, **known)
+            return Patch(Kind(fit.kind), True, '', self.method, seen=seen, **known)
         why = 'too short, or too noisy, to show any curvature'
         if fit.along < enough**2:
             why = 'straight and along no principal direction: the curvature across is unseen'
-        return _refusal(f'the path of {1e3 * stretch.extent:.2g} mm is {why}', **known)
+        return self.refused(f'the path of {1e3 * stretch.extent:.2g} mm is {why}', **known)
 
     def _best_fit(self, stretch: Stretch) -> tuple[Stretch, Fit]:
         """Fit to a stretch, or to its newer half where it reaches back over another surface."""

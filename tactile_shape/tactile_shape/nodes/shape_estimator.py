@@ -9,7 +9,7 @@ from rclpy.qos import DurabilityPolicy, qos_profile_sensor_data, QoSProfile
 from std_msgs.msg import Header
 from visualization_msgs.msg import MarkerArray
 
-from tactile_common.config import bounded
+from tactile_common.config import bounded, one_of
 from tactile_common.errors import TactileError
 from tactile_common.ros.conversions import pose_from_msg, stamp_to_ns, unpacked
 from tactile_common.ros.parameters import declare_from
@@ -27,11 +27,7 @@ from tactile_shape.conversions import (
     patch_to_msg,
 )
 from tactile_shape.local_surface.local_quadric import LocalQuadricConfig
-from tactile_shape.shape_estimator import (
-    make_surface_estimator,
-    ShapeEstimator,
-    ShapeEstimatorConfig,
-)
+from tactile_shape.shape_estimator import make_surface_estimator, METHODS, ShapeEstimator
 from tactile_shape.types.patch import refusal
 
 PICTURES = 8  # that wait for their contact
@@ -39,9 +35,15 @@ _LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 
 
 @dataclass(frozen=True)
-class PublishConfig:
-    """How often what accumulates is published; patches come with every contact."""
+class ShapeEstimatorConfig:
+    """How contacts become patches, and how often what accumulates is published."""
 
+    method: str = one_of(
+        METHODS[0], "'local_quadric' (least model over a window of travel) or "
+        "'surface_matrix' (the thesis' ten parameters)", METHODS)
+    max_gap: float = bounded(
+        0.1, 'contacts farther apart in time are not of one path; poses of the sensor are not '
+        'interpolated across more', 's', 1e-4, 100.0)
     publish_period: float = bounded(
         1.0, 'time between two contours, and two sets of markers, by the stamps of contacts', 's',
         0.0, 1000.0)
@@ -87,22 +89,20 @@ class ShapeEstimatorNode(Node):
     Subscribes to `contact`, `sensor_pose` and, for bends and ends of edges, `image`, which
     it matches by their stamps: no clock is looked at, so that a replayed recording gives what
     the run gave. Publishes `surface_patch` for every contact, and `contour` and `markers` now
-    and then. Parameters: `ShapeEstimatorConfig`, `LocalQuadricConfig`, `ModelConfig`,
-    `PublishConfig`.
+    and then. Parameters: `ShapeEstimatorConfig`, `LocalQuadricConfig`, `ModelConfig`.
     """
 
     def __init__(self, **kwargs):
         super().__init__('shape_estimator', **kwargs)
         compile_kernels()
-        tracking = declare_from(self, ShapeEstimatorConfig)
+        own = declare_from(self, ShapeEstimatorConfig)
         config = declare_from(self, LocalQuadricConfig)
         self._model_config = declare_from(self, ModelConfig)
-        self._model = _ModelPublisher(
-            self, declare_from(self, PublishConfig).publish_period, self._model_config.max_points)
-        self._path = ContactPath(config.finger_radius, tracking.max_gap)
+        self._model = _ModelPublisher(self, own.publish_period, self._model_config.max_points)
+        self._path = ContactPath(config.finger_radius, own.max_gap)
         self._pictures: deque[bytes] = deque(maxlen=PICTURES)
         self._none = patch_to_msg(refusal(''), Header())
-        self._surface = make_surface_estimator(tracking.method, config)
+        self._surface = make_surface_estimator(own.method, config)
         self._frame: str | None = None
         self._begin_model()
         self._patches = self.create_publisher(SurfacePatch, 'surface_patch', 10)

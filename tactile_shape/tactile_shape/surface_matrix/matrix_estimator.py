@@ -1,7 +1,6 @@
 """The thesis' estimator on a stream of contacts: ten parameters from the last few of them."""
 from collections import deque
 from dataclasses import dataclass, field
-from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -10,12 +9,10 @@ from tactile_common.config import bounded, check_fields
 from tactile_common.errors import SurfaceError
 from tactile_shape.local_surface.local_quadric import LocalQuadricConfig
 from tactile_shape.surface_matrix.matrix_fit import fit_matrix
-from tactile_shape.surface_matrix.motion import contacts_in_frame
-from tactile_shape.types.patch import certain_enough, Kind, Patch, refusal, usable_normal
+from tactile_shape.types.patch import certain_enough, Kind, Patch, SurfaceEstimator, usable_normal
 from tactile_shape.types.surface_matrix import PARAMETERS
+from tactile_shape.types.tangent import tangent_frame
 
-METHOD = 'surface_matrix'
-_refusal = partial(refusal, method=METHOD)
 _CURVATURE = [PARAMETERS.index(name) for name in ('c11', 'c12', 'c22')]
 
 
@@ -47,14 +44,10 @@ class _Contact(NamedTuple):
     normal: np.ndarray
 
 
-class MatrixEstimator:
-    """
-    Estimate the surface matrix at each new contact of a path; same interface as `LocalQuadric`.
+class MatrixEstimator(SurfaceEstimator):
+    """Estimate the surface matrix at each new contact of a path."""
 
-    Parameters
-    ----------
-    config : MatrixEstimatorConfig, optional
-    """
+    method = 'surface_matrix'
 
     def __init__(self, config: MatrixEstimatorConfig | None = None):
         self.config = config or MatrixEstimatorConfig()
@@ -62,13 +55,11 @@ class MatrixEstimator:
         self._kept: deque[_Contact] = deque(maxlen=self.config.contacts)
         self.reset()
 
-    def reset(self) -> None:
-        """Forget the path: contact was lost."""
+    def reset(self) -> None:  # noqa: D102
         self._kept.clear()
         self._newest: _Contact | None = None
 
-    def add(self, position: np.ndarray, normal: np.ndarray) -> bool:
-        """Add a contact; False if it is not finite or the normal's length not 1."""
+    def add(self, position: np.ndarray, normal: np.ndarray) -> bool:  # noqa: D102
         unit = usable_normal(position, normal)
         if unit is None:
             return False
@@ -78,16 +69,10 @@ class MatrixEstimator:
             self._kept.append(newest)
         return True
 
-    def update(self, position: np.ndarray, normal: np.ndarray) -> Patch:
-        """Add a contact and return the Patch there; of an unusable contact, one not valid."""
-        if self.add(position, normal):
-            return self.estimate()
-        return _refusal('contact is not finite or its normal not of length 1')
-
     def estimate(self) -> Patch:
         """Patch at the newest contact; not valid where anything is unseen."""
         if self._newest is None:
-            return _refusal('no contact yet')
+            return self.refused('no contact yet')
         contacts = list(self._kept)
         if contacts[-1] is not self._newest:
             contacts = [*contacts[-self.config.contacts + 1:], self._newest]
@@ -104,7 +89,7 @@ class MatrixEstimator:
             local = fit.surface.normalised()
             curvature, axes = local.curvatures()
         except SurfaceError:
-            return _refusal('the fitted surface has no normal at the contact', **known)
+            return self.refused('the fitted surface has no normal at the contact', **known)
         pose = frame.copy()
         pose[:3, :3] = frame[:3, :3] @ axes
         covariance, seen = self._certainty(fit, axes)
@@ -114,13 +99,13 @@ class MatrixEstimator:
                   'matrix': local.in_frame(back).matrix}
         if fit.rank < 9:
             # With noise, what is left out bends the rest: none of it is to be used.
-            return _refusal(
+            return self.refused(
                 f'{len(contacts)} contacts see {fit.rank} of 9 parameters, not all of '
                 + ', '.join(fit.unseen_names), **known)
         if not seen.all():
-            return _refusal('the contacts are too near to each other, or too noisy, to show '
+            return self.refused('the contacts are too near to each other, or too noisy, to show '
                             'curvature', **known)
-        return Patch(Kind.GENERAL, True, '', METHOD, **known)
+        return Patch(Kind.GENERAL, True, '', self.method, **known)
 
     def _certainty(self, fit, axes):
         """Covariance of the principal curvatures, with the prior where unseen; which are seen."""
@@ -131,3 +116,11 @@ class MatrixEstimator:
         covariance = gradient @ fit.covariance @ gradient.T
         return (covariance + np.diag(blind * 0.5 * self.config.prior_curvature)**2,
                 blind < 0.1)
+
+
+def contacts_in_frame(positions: np.ndarray, normals: np.ndarray) -> tuple[np.ndarray, ...]:
+    """Points and normals (N, 3) in the frame of the last contact, and its pose (4, 4)."""
+    axes = tangent_frame(normals[-1])
+    frame = np.eye(4)
+    frame[:3, :3], frame[:3, 3] = axes, positions[-1]
+    return (positions - positions[-1]) @ axes, normals @ axes, frame

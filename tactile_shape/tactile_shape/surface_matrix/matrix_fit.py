@@ -15,39 +15,15 @@ _KNOWN = PARAMETERS.index('c44')  # 0: the contact lies at the origin
 
 @dataclass(frozen=True, eq=False)
 class MatrixFit:
-    """
-    Surface matrix in the current contact frame, and what of it the data saw.
+    """Surface matrix in the current contact frame, and what of it the data saw."""
 
-    Attributes
-    ----------
-    surface : SurfaceMatrix or None
-        None where not even a normal was seen. Unseen directions are 0.
-    parameters : ndarray, shape (10,)
-        In the order of `surface_matrix.PARAMETERS`; c44 is 0 by definition of the frame.
-    rank : int
-        Independent combinations seen of the nine other parameters.
-    unseen : ndarray, shape (9 - rank, 10)
-        Combinations of parameters, of length 1, that these contacts cannot see.
-    unseen_names : tuple of str
-        Parameters with a share in an unseen combination.
-    covariance : ndarray, shape (10, 10)
-        Of what was seen, from the residuals, or from `normal_noise` where there is none to spare.
-    condition : float
-        Largest over least singular value that counts; lengths in units of the contacts' spread.
-    residual : float
-        RMS of the normals' residuals [rad].
-    samples : int
-    """
-
-    surface: SurfaceMatrix | None
-    parameters: np.ndarray
-    rank: int
-    unseen: np.ndarray
-    unseen_names: tuple[str, ...]
-    covariance: np.ndarray
-    condition: float
-    residual: float
-    samples: int
+    surface: SurfaceMatrix | None  # None where not even a normal was seen; unseen directions are 0
+    parameters: np.ndarray  # (10,), as PARAMETERS; c44 is 0 by definition of the frame
+    rank: int  # independent combinations seen of the nine other parameters
+    unseen: np.ndarray  # (9 - rank, 10), combinations, of length 1, that the contacts cannot see
+    unseen_names: tuple[str, ...]  # parameters with a share in these
+    covariance: np.ndarray  # (10, 10), of what was seen, from residuals, else `normal_noise`
+    residual: float  # RMS of the normals' residuals [rad]
 
 
 def fit_matrix(points: ArrayLike, normals: ArrayLike, *, position_noise: float = 0.0,
@@ -67,10 +43,6 @@ def fit_matrix(points: ArrayLike, normals: ArrayLike, *, position_noise: float =
         clearer than that are not seen.
     normal_noise : float, optional
         Standard deviation of a normal's component [rad].
-
-    Returns
-    -------
-    MatrixFit
 
     Raises
     ------
@@ -114,19 +86,11 @@ def fit_matrix(points: ArrayLike, normals: ArrayLike, *, position_noise: float =
     return MatrixFit(
         surface, scaled * scale, rank, unseen,
         tuple(name for name, share in zip(PARAMETERS, shares, strict=True) if share),
-        covariance * np.outer(scale, scale), float(values[0] / values[max(rank - 1, 0)]),
-        float(2.0 * np.sqrt(np.mean(rest**2))), len(points))
+        covariance * np.outer(scale, scale), float(2.0 * np.sqrt(np.mean(rest**2))))
 
 
 def design_matrix(points: np.ndarray) -> np.ndarray:
-    """
-    A of (4.32) without the known c44: rows 3 i to 3 i + 2 give S y_i from the nine parameters.
-
-    Parameters
-    ----------
-    points : ndarray, shape (N, 3)
-        The first three components of y_i; the fourth is 1.
-    """
+    """A of (4.32) without the known c44: rows 3 i to 3 i + 2 give S y_i, y_i of points (N, 3)."""
     matrix = np.zeros((len(points), 3, 9))
     x, y, z = points.T
     for row, columns in enumerate(((0, 1, 2, 3), (1, 4, 5, 6), (2, 5, 7, 8))):

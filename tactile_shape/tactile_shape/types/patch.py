@@ -1,7 +1,7 @@
 """What an estimator says about the surface at a contact."""
 from dataclasses import dataclass, field
 from enum import IntEnum
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -45,48 +45,23 @@ def _nan(*shape: int) -> Any:
 
 @dataclass(frozen=True, eq=False)
 class Patch:
-    """
-    Second-order surface at the newest contact; SI, in the frame of the positions given.
-
-    Attributes
-    ----------
-    kind : Kind
-    valid : bool
-    reason : str
-        Why not valid, one line; empty if valid.
-    method : str
-        'local_quadric' or 'surface_matrix'.
-    frame : ndarray, shape (4, 4)
-        Contact frame: origin on the surface, x and y principal directions, z the inward normal.
-    curvature : ndarray, shape (2,)
-        Principal curvatures along x and y [1/m], the larger in magnitude first, positive for a
-        convex object.
-    seen : ndarray of bool, shape (2,)
-        Whether the path could see each; where false the value is a prior, not a measurement.
-    covariance : ndarray, shape (2, 2)
-        Of the curvatures [1/m^2]; of an unseen one, the prior's.
-    extent : float
-        Length of the path that was used [m].
-    samples : int
-        Contacts used.
-    residual : float
-        RMS of the residuals in standard deviations; NaN where none is left over.
-    matrix : ndarray, shape (4, 4), optional
-        Surface matrix, of a method that has more of it than frame and curvature tell.
-    """
+    """Second-order surface at the newest contact; SI, in the frame of the positions given."""
 
     kind: Kind
     valid: bool
-    reason: str
-    method: str
+    reason: str  # why not valid, one line; empty if valid
+    method: str  # 'local_quadric' or 'surface_matrix'
+    # Contact frame: origin on the surface, x and y principal directions, z the inward normal.
     frame: np.ndarray = _nan(4, 4)
+    # Principal curvatures along x and y, the larger in magnitude first, positive if convex [1/m].
     curvature: np.ndarray = _nan(2)
+    # Whether the path could see each; where not, the value is a prior, not a measurement.
     seen: np.ndarray = field(default_factory=lambda: np.zeros(2, bool))
-    covariance: np.ndarray = _nan(2, 2)
-    extent: float = 0.0
-    samples: int = 0
-    residual: float = float('nan')
-    matrix: np.ndarray | None = None
+    covariance: np.ndarray = _nan(2, 2)  # of the curvatures; of an unseen one, the prior's
+    extent: float = 0.0  # length of the path that was used [m]
+    samples: int = 0  # contacts used
+    residual: float = float('nan')  # RMS in standard deviations; NaN where none is left over
+    matrix: np.ndarray | None = None  # S, of a method that has more than frame and curvature tell
 
     @property
     def origin(self) -> np.ndarray:
@@ -114,21 +89,10 @@ class Patch:
     def sheet(self, length: float, width: float, direction: ArrayLike | None = None,
               steps: tuple[int, int] = (21, 5)) -> np.ndarray:
         """
-        Points of the patch over a rectangle of its tangent plane.
+        Points (*steps, 3) of the patch over a rectangle of its tangent plane about the contact.
 
-        Parameters
-        ----------
-        length, width : float
-            Sides of the rectangle, the contact in its middle [m].
-        direction : array_like, shape (3,), optional
-            Of the length, as near as the tangent plane allows; x of the frame if missing.
-        steps : (int, int), optional
-            Points along the two sides.
-
-        Returns
-        -------
-        ndarray, shape (*steps, 3)
-            NaN where the surface would have turned upright.
+        The length [m] goes along a direction (3,), as near as the tangent plane allows, else
+        along x. NaN where the surface would have turned upright.
         """
         axes = self.frame[:3, :3]
         x, y = (1.0, 0.0) if direction is None else np.asarray(direction) @ axes[:, :2]
@@ -143,3 +107,34 @@ class Patch:
 def refusal(reason: str, method: str = '', **known) -> Patch:
     """Patch that is not valid, and why, with what is known all the same."""
     return Patch(Kind.NONE, False, reason, method, **known)
+
+
+class SurfaceEstimator(Protocol):
+    """Surface at the newest of the contacts of a path; time and memory do not grow."""
+
+    method: str
+
+    def reset(self) -> None:
+        """Forget the path: contact was lost."""
+
+    def add(self, position: np.ndarray, normal: np.ndarray) -> bool:
+        """
+        Add a contact (3,) [m] with the object's inward unit normal (3,), both at rest with it.
+
+        False, and it is left out, if it is not finite or the normal's length not 1.
+        """
+        raise NotImplementedError
+
+    def estimate(self) -> Patch:
+        """Patch at the newest contact; what cannot be estimated is not valid, with its reason."""
+        raise NotImplementedError
+
+    def update(self, position: np.ndarray, normal: np.ndarray) -> Patch:
+        """Add a contact and return the Patch there; of an unusable contact, one not valid."""
+        if self.add(position, normal):
+            return self.estimate()
+        return self.refused('contact is not finite or its normal not of length 1')
+
+    def refused(self, reason: str, **known) -> Patch:
+        """Patch of this method that is not valid, as `refusal`."""
+        return refusal(reason, self.method, **known)

@@ -29,18 +29,13 @@ class SurfaceMatrix:
     """
     A second-order surface in some frame.
 
-    Parameters
-    ----------
-    matrix : array_like, shape (4, 4)
-        S of X' S X = 0; lengths in m.
-
     Raises
     ------
     SurfaceError
         Not 4 x 4, not finite, not symmetric, or without any term in x, y or z.
     """
 
-    matrix: np.ndarray
+    matrix: np.ndarray  # S of X' S X = 0; lengths in m
 
     def __post_init__(self):
         matrix = np.array(self.matrix, dtype=float)
@@ -57,20 +52,13 @@ class SurfaceMatrix:
             raise SurfaceError('surface matrix is degenerate: it has no term in x, y or z')
         object.__setattr__(self, 'matrix', 0.5 * (matrix + matrix.T))
 
-    # --- construction ---------------------------------------------------------------------------
-
     @classmethod
     def from_curvature(cls, curvature: ArrayLike) -> 'SurfaceMatrix':
         """
-        Quadric with a given local form in its contact frame.
+        Quadric of z = u' K u / 2 + ... in its contact frame, K (2, 2) symmetric [1/m].
 
         Its coefficient of z^2 is half the larger curvature, which is exact for plane, sphere and
         cylinder, and keeps the quadric near the reduced form of `height` otherwise.
-
-        Parameters
-        ----------
-        curvature : array_like, shape (2, 2)
-            K of z = u' K u / 2 + ..., symmetric [1/m].
         """
         curvature = np.array(curvature, dtype=float)
         if curvature.shape != (2, 2):
@@ -92,22 +80,8 @@ class SurfaceMatrix:
         matrix[ROWS, COLUMNS] = matrix[COLUMNS, ROWS] = np.asarray(parameters, dtype=float)
         return cls(matrix)
 
-    @property
-    def parameters(self) -> np.ndarray:
-        """The ten parameters, ndarray of shape (10,), in the order of `PARAMETERS`."""
-        return self.matrix[ROWS, COLUMNS]
-
-    # --- operations -----------------------------------------------------------------------------
-
     def in_frame(self, transform: ArrayLike) -> 'SurfaceMatrix':
-        """
-        Return the same surface in another frame (4.8).
-
-        Parameters
-        ----------
-        transform : array_like, shape (4, 4)
-            Homogeneous transform from coordinates in the new frame to those in this one.
-        """
+        """Return the surface in another frame, by the transform (4, 4) from that to this (4.8)."""
         transform = np.asarray(transform, dtype=float)
         if transform.shape != (4, 4) or not np.isfinite(transform).all():
             raise SurfaceError('transform: must be 4 x 4 and finite')
@@ -133,10 +107,7 @@ class SurfaceMatrix:
         """
         Inward unit normal at points (..., 3).
 
-        Raises
-        ------
-        SurfaceError
-            The surface has no normal there: the apex of a cone, the centre of a sphere.
+        SurfaceError where there is none: the apex of a cone, the centre of a sphere.
         """
         gradient = self.gradient(points)
         length = np.linalg.norm(gradient, axis=-1, keepdims=True)
@@ -146,19 +117,10 @@ class SurfaceMatrix:
 
     def curvatures(self, point: ArrayLike = (0.0, 0.0, 0.0)) -> tuple[np.ndarray, np.ndarray]:
         """
-        Principal curvatures at a point of the surface.
+        Principal curvatures at a point of the surface, the larger in magnitude first [1/m].
 
-        Returns
-        -------
-        curvature : ndarray, shape (2,)
-            The larger in magnitude first, positive for a convex object [1/m].
-        frame : ndarray, shape (3, 3)
-            Columns: the two principal directions and the inward normal, right-handed.
-
-        Raises
-        ------
-        SurfaceError
-            The surface has no normal there.
+        Also returns the frame (3, 3): the two principal directions and the inward normal.
+        SurfaceError where there is no normal.
         """
         point = np.asarray(point, dtype=float)
         tangent = tangent_frame(self.normal(point))

@@ -17,14 +17,9 @@ def tangent_frame(normal: np.ndarray) -> np.ndarray:
 
 def principal_axes(curvature: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """
-    Principal curvatures and directions of K (2, 2).
+    Principal curvatures of K (2, 2), the larger in magnitude first.
 
-    Returns
-    -------
-    values : ndarray, shape (2,)
-        The larger in magnitude first [1/m].
-    turn : ndarray, shape (3, 3)
-        Rotation about z that brings x and y to the principal directions.
+    Also returns the rotation (3, 3) about z that brings x and y to the principal directions.
     """
     values, vectors = np.linalg.eigh(0.5 * (curvature + np.transpose(curvature)))
     if abs(values[1]) >= abs(values[0]):
@@ -37,19 +32,8 @@ def height(curvature: ArrayLike, points: ArrayLike) -> np.ndarray:
     """
     Height z over the tangent plane of the reduced form: z (1 + n_z) / 2 = u' K u / 2, n_xy = -K u.
 
-    It is exact for plane, sphere and cylinder however large the arc.
-
-    Parameters
-    ----------
-    curvature : array_like, shape (2, 2)
-        K [1/m].
-    points : array_like, shape (..., 2)
-        u [m].
-
-    Returns
-    -------
-    ndarray, shape (...)
-        NaN beyond the surface's border, where it would stand upright.
+    K is (2, 2) [1/m], points u are (..., 2) [m]. It is exact for plane, sphere and cylinder
+    however large the arc, and NaN beyond the surface's border, where it would stand upright.
     """
     points = np.asarray(points, dtype=float)
     slope = points @ np.asarray(curvature, dtype=float)

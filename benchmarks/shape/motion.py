@@ -9,7 +9,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from tactile_common.errors import ConfigurationError
-from tactile_shape.types.tangent import tangent_frame
 
 
 @dataclass(frozen=True, eq=False)
@@ -142,30 +141,6 @@ def screw_motion(shift: np.ndarray, turn: np.ndarray) -> tuple[np.ndarray, np.nd
     rotations = np.eye(3) + sine * cross + cosine * square
     average = np.eye(3) + cosine * cross + rest * square
     return rotations, np.einsum('nij,nj->ni', average, shift)
-
-
-def contacts_in_frame(
-        positions: np.ndarray,
-        normals: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """
-    Contacts in the frame of the last one, from its position and normal.
-
-    Parameters
-    ----------
-    positions, normals : ndarray, shape (N, 3)
-        In one fixed frame, the oldest first; normals inward, of length 1.
-
-    Returns
-    -------
-    points, normals : ndarray, shape (N, 3)
-        In the last contact's frame.
-    frame : ndarray, shape (4, 4)
-        Pose of that frame in the fixed one.
-    """
-    axes = tangent_frame(normals[-1])
-    frame = np.eye(4)
-    frame[:3, :3], frame[:3, 3] = axes, positions[-1]
-    return (positions - positions[-1]) @ axes, normals @ axes, frame
 
 
 def _in_current(frames, points, normals):
