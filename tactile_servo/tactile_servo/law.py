@@ -16,7 +16,7 @@ from tactile_servo.types import State, TaskError
 Refusal = Reason  # of a code from 400 on, or of the input that is missing
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(eq=False)  # not frozen: two are made for every image
 class Observation:
     """
     An image, or the contact estimated in one.

@@ -59,7 +59,7 @@ class TaskError(NamedTuple):
     force: float = NAN
 
 
-@dataclass(frozen=True)
+@dataclass(eq=False)  # not frozen: one is made every cycle
 class Status:
     """One control cycle, as in ServoStatus.msg; SI units, NaN = unknown."""
 
