@@ -256,4 +256,17 @@ def test_bad_configuration_is_refused_by_name(change):
 def test_normal_form_is_unique():
     fit = fit_loads(ContactType.LINE, edge(0.0, np.pi / 2 - 0.01)[None, None], ARRAY,
                     [FitLayer('zz', DEPTH, NOISE)])[0]
-    assert -np.pi / 2 < fit.yaw <= np.pi / 2
+    assert -np.pi / 2 < fit['yaw'] <= np.pi / 2
+
+
+@pytest.mark.parametrize('method', ['moments', 'compensated'])
+@pytest.mark.parametrize('second', [('zz', 1.0), ('zz', 0.5), ('xz', 1.5)])
+def test_layers_without_a_closed_form_leave_the_pressure_alone(method, second):
+    component, ratio = second
+    estimator = ContactEstimator(EstimatorConfig(method=method, model='point'))
+    picture = noisy(point.stress('zz', ARRAY.x, ARRAY.y[:, None], 3e-4, -2e-4, 20.0, 0.0, 0.0,
+                                 DEPTH), np.random.default_rng(3))
+    layers = [Layer('zz', DEPTH, picture), Layer(component, ratio * DEPTH, picture)]
+    both = estimator.estimate_batch(np.stack([picture, picture])[None], ARRAY, layers)
+    alone = estimator.estimate_batch(picture[None], ARRAY, layers[:1])
+    assert both['valid'].all() and both['P'] == alone['P'] and both['a'] == alone['a']

@@ -25,7 +25,7 @@ from tactile_sensing.types.moments import Moments
 THRESHOLD = 4.0  # standard deviations below which a line's tactels count as zero (3.5)
 MIN_ELONGATION = 3.0  # of second moments; less is no edge, whatever the closed form says
 UNEXPLAINED = 0.5  # share of the energy that the biased closed forms may leave unexplained
-KNOWN_LAYERS = (('zz',), ('zz', 'zz'), ('zz', 'xz'), ('zz', 'xz', 'yz'))
+KNOWN_LAYERS = (('zz',), ('zz', 'xz'), ('zz', 'xz', 'yz'))  # at one depth
 STEP = 1e-6  # m, for derivatives by the place
 
 _POINT_NAMES = tuple(PARAMETERS[i] for i in POINT_ROWS)
@@ -119,7 +119,7 @@ def _line(image, cleaned, array, depth, noise, estimate):
 
 def _point(frame, layers, array, config, estimate):
     """(2.3), (2.4) or (2.6), at once or with the iteration of section 2.4."""
-    if tuple(layer.component for layer in layers) not in KNOWN_LAYERS:
+    if not _has_closed_form(layers):
         main = [layer.component for layer in layers].index('zz')
         frame, layers = frame[main:main + 1], layers[main:main + 1]
     averaging = config.tactel == 'area'
@@ -143,6 +143,15 @@ def _point(frame, layers, array, config, estimate):
         noisy = _iterated_noise if iterated else _basic_noise
         estimate['covariance'][_POINT] = noisy(found, frame, layers, array, averaging)
     return ContactType.POINT, why, model
+
+
+def _has_closed_form(layers):
+    """Whether these layers have a closed form: (2.3), (2.4) or (2.6)."""
+    depths = [layer.depth for layer in layers]
+    if tuple(layer.component for layer in layers) == ('zz', 'zz'):
+        return depths[0] < depths[1]
+    return (tuple(layer.component for layer in layers) in KNOWN_LAYERS
+            and len(set(depths)) == 1)
 
 
 def _five(found):

@@ -17,7 +17,8 @@ class MomentLine:
     line_force: float
 
 
-def image_moments(pressure, array, *, threshold=0.0):
+def image_moments(
+        pressure: np.ndarray, array, *, threshold: float = 0.0) -> Moments:
     """
     Moments of a pressure image.
 
@@ -44,7 +45,8 @@ def image_moments(pressure, array, *, threshold=0.0):
         mxx=float(by_column @ x**2), myy=float(by_row @ y**2), mxy=float(y @ p @ x))
 
 
-def line_from_moments(moments, half_length, *, printed=False):
+def line_from_moments(
+        moments: Moments, half_length: float, *, printed: bool = False) -> MomentLine:
     """
     Line contact from the moments of a strip-cut window, (3.8) to (3.10).
 

@@ -1,4 +1,5 @@
-"""Moments of the pressure over an array."""
+"""Moments of the pressure on an array."""
+
 from dataclasses import dataclass
 
 import numpy as np
@@ -20,13 +21,13 @@ class Moments:
     mxy: float
 
     @property
-    def centre_of_pressure(self):
+    def centre_of_pressure(self) -> tuple[float, float]:
         """(x, y) of the centroid [m]; NaN where the force is not positive."""
         if not self.m0 > 0.0:
             return np.nan, np.nan
         return self.mx / self.m0, self.my / self.m0
 
-    def elongation(self):
+    def elongation(self) -> float:
         """
         Ratio of the principal second moments about the centroid, >= 1; NaN without load.
 

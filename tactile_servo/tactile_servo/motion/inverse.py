@@ -22,7 +22,7 @@ import numpy as np
 from tactile_common.kernels import njit
 from tactile_servo.motion.limits import JointLimits, NEGLIGIBLE, room
 
-TAKE_OVER = 0.3  # of the damping; weighs the null space, which is free to stand in for a joint
+TAKE_OVER = 0.5  # of the damping; weighs the null space, which is free to stand in for a joint
 PUSH_ZONE = 0.15  # of a joint's range at either end, which a redundant arm is moved out of
 PUSH = 4.0  # rad of a joint at its limit per metre of (weighted) way
 PUSH_SPEED = 0.1  # of a joint's velocity limit

@@ -1,6 +1,7 @@
 """Where in space a contact on the pad is: on the pad's surface, at the contact's stamp."""
 from collections import deque
 from dataclasses import dataclass
+import math
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -98,7 +99,7 @@ def locate(contact: Contact, picture: TactileImage | None = None) -> tuple[Place
         if seen is None:
             return None, False
         # The line goes on where the edge has ended.
-        near = np.hypot(seen[0] - place[0], seen[1] - place[1]) < BEYOND
+        near = math.dist(seen, place) < BEYOND
         return (place if near else seen), True
     if contact.type == ContactType.OTHER:
         if seen is not None:

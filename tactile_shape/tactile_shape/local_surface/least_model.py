@@ -1,5 +1,6 @@
 """Compiled choice of the least surface: plane, sphere, cylinder or general, by chi-square."""
 import math
+from typing import NamedTuple
 
 import numpy as np
 
@@ -21,31 +22,17 @@ def principal_curvatures(c11, c12, c22):
     return mean + radius, mean - radius, 0.5 * math.atan2(c12, half)
 
 
-@njit(cache=True)
-def _cylinder(information, right):
-    """Heading and curvature of the best cylinder, and the chi-square that it takes away."""
-    best, heading = -1.0, 0.0
-    width = math.pi / _HEADINGS
-    low, high = 0.0, 0.0
-    for i in range(_HEADINGS):
-        gain = _cylinder_gain(information, right, i * width)[0]
-        if gain > best:
-            best, heading = gain, i * width
-    low, high = heading - width, heading + width
-    for _ in range(40):
-        left, other = low + 0.382 * (high - low), low + 0.618 * (high - low)
-        if (_cylinder_gain(information, right, left)[0]
-                > _cylinder_gain(information, right, other)[0]):
-            high = other
-        else:
-            low = left
-    heading = 0.5 * (low + high)
-    gain, curvature = _cylinder_gain(information, right, heading)
-    return gain, curvature, heading
+class _Cylinder(NamedTuple):
+    """Chi-square that a cylinder takes away, its curvature and the heading of that [rad]."""
+
+    gain: float
+    curvature: float
+    heading: float
 
 
 @njit(cache=True)
-def _cylinder_gain(information, right, heading):
+def _cylinder(information, right, heading):
+    """Best cylinder of a heading."""
     c, s = math.cos(heading), math.sin(heading)
     d0, d1, d2 = c * c, c * s, s * s
     r11, r12, r22 = right
@@ -54,7 +41,27 @@ def _cylinder_gain(information, right, heading):
                   + 2.0 * information[0, 2] * d2)
             + d1 * (information[1, 1] * d1 + 2.0 * information[1, 2] * d2)
             + information[2, 2] * d2 * d2)
-    return slope * slope / bend, slope / bend
+    return _Cylinder(slope * slope / bend, slope / bend, heading)
+
+
+@njit(cache=True)
+def _best_cylinder(information, right):
+    """Best cylinder of any heading: the best of a grid, then by golden section."""
+    best = _cylinder(information, right, 0.0)
+    width = math.pi / _HEADINGS
+    for i in range(1, _HEADINGS):
+        other = _cylinder(information, right, i * width)
+        if other.gain > best.gain:
+            best = other
+    low, high = best.heading - width, best.heading + width
+    for _ in range(40):
+        left, right_of_it = low + 0.382 * (high - low), low + 0.618 * (high - low)
+        if (_cylinder(information, right, left).gain
+                > _cylinder(information, right, right_of_it).gain):
+            high = right_of_it
+        else:
+            low = left
+    return _cylinder(information, right, 0.5 * (low + high))
 
 
 @njit(cache=True)
@@ -69,9 +76,9 @@ def least_model(information, right, count):
     most = full @ right
     if most < LEVELS[count]:
         return PLANE, np.zeros(3)
-    gain, curvature, heading = _cylinder(information, right)
-    c, s = math.cos(heading), math.sin(heading)
-    cylinder = curvature * np.array([c * c, c * s, s * s])
+    best = _best_cylinder(information, right)
+    c, s = math.cos(best.heading), math.sin(best.heading)
+    cylinder = best.curvature * np.array([c * c, c * s, s * s])
     if count < 3:
         # A cylinder tells the curvature across the path from the other two, as long as it leans
         # little on what was not seen.
@@ -80,7 +87,7 @@ def least_model(information, right, count):
         return GENERAL, full
     slope = right[0] + right[2]  # along K11 and K22 alike
     bend = information[0, 0] + 2.0 * information[0, 2] + information[2, 2]
-    sphere_gap, cylinder_gap = most - slope * slope / bend, most - gain
+    sphere_gap, cylinder_gap = most - slope * slope / bend, most - best.gain
     if sphere_gap < LEVELS[2] and sphere_gap < cylinder_gap + LEVELS[1]:
         return SPHERE, slope / bend * np.array([1.0, 0.0, 1.0])
     if cylinder_gap < LEVELS[1]:

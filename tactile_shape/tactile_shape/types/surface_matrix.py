@@ -192,7 +192,8 @@ class SurfaceMatrix:
 
         for _ in range(_BISECTIONS):
             middle = 0.5 * (low + high)
-            inside = foot_of(middle)[1] > 0.0
+            _, rest = foot_of(middle)
+            inside = rest > 0.0
             low, high = np.where(inside, middle, low), np.where(inside, high, middle)
         foot, rest = foot_of(0.5 * (low + high))
         square = ((foot - flat)**2).sum(axis=-1)
