@@ -8,6 +8,7 @@ from array import array
 from dataclasses import fields
 from functools import lru_cache
 import math
+from typing import Any
 
 from geometry_msgs.msg import WrenchStamped
 import numpy as np
@@ -32,7 +33,7 @@ _array = lru_cache(maxsize=16)(TactelArray)
 
 # --- TactileImage and SensorInfo ----------------------------------------------------------------
 
-def image_to_msg(image: TactileImage, into=None):
+def image_to_msg(image: TactileImage, into: Any = None) -> Any:
     """Return the TactileImage message of a picture; the device's own time stays as it is."""
     message = tactile_msgs.TactileImage() if into is None else into
     message.sensor, message.sequence = image.sensor, image.sequence
@@ -63,7 +64,7 @@ def image_from_msg(message) -> TactileImage:
         frame_id=message.header.frame_id, sensor=message.sensor)
 
 
-def sensor_info_to_msg(info: SensorInfo):
+def sensor_info_to_msg(info: SensorInfo) -> Any:
     """Return the SensorInfo message of what is known of a sensor."""
     message = tactile_msgs.SensorInfo(
         sensor=info.sensor, model=info.model, serial_number=info.serial_number,
@@ -102,7 +103,8 @@ _TYPES = frozenset(map(int, ContactType))
 _MOMENTS = tuple(field.name for field in fields(Moments))
 
 
-def contact_to_msg(contact: Contact, image_message, now_ns: int, into=None):
+def contact_to_msg(
+        contact: Contact, image_message: Any, now_ns: int, into: Any = None) -> Any:
     """
     Return the Contact message of an estimate.
 
@@ -154,7 +156,7 @@ def contact_from_msg(message) -> Contact:
         **{name: getattr(message, name) for name in REALS})
 
 
-def contact_to_wrench(contact: Contact, image_message, into=None):
+def contact_to_wrench(contact: Contact, image_message: Any, into: Any = None) -> WrenchStamped:
     """
     Return the force of the object on the sensor, at the origin of the sensor frame.
 

@@ -256,7 +256,7 @@ def test_bad_configuration_is_refused_by_name(change):
 def test_normal_form_is_unique():
     fit = fit_loads(ContactType.LINE, edge(0.0, np.pi / 2 - 0.01)[None, None], ARRAY,
                     [FitLayer('zz', DEPTH, NOISE)])[0]
-    assert -np.pi / 2 < fit.yaw <= np.pi / 2
+    assert -np.pi / 2 < fit['yaw'] <= np.pi / 2
 
 
 @pytest.mark.parametrize('method', ['moments', 'compensated'])

@@ -71,7 +71,7 @@ def random_loads(rng, count, half):
 
 
 def fit_points(stress, array, layers, **options):
-    return fit_loads(ContactType.POINT, stress, array, layers, **options)
+    return fit_loads(ContactType.POINT, stress, array, layers, **options).view(np.recarray)
 
 
 def fit_point(stress, array, layers, **options):
@@ -335,7 +335,7 @@ def test_batch_of_lines_is_the_same_as_one_at_a_time(shear):
     frames[3, 0, 2:5] = np.nan
     layers = [Layer('zz', 2e-3, 600.0)]
     batch = fit_loads(ContactType.LINE, frames, LINE_ARRAY, layers, shear=shear)
-    assert batch.converged.mean() > 0.9
+    assert batch['converged'].mean() > 0.9
     for i in range(len(frames)):
         fit = fit_loads(
             ContactType.LINE, frames[i:i + 1], LINE_ARRAY, layers, shear=shear)[0]
@@ -349,7 +349,7 @@ def test_noise_free_lines_with_shear_are_exact():
     frames = np.stack([line.stress_with_shear(
         LINE_ARRAY.x, LINE_ARRAY.y[:, None], *load, 2e-3) for load in loads])[:, None]
     fit = fit_loads(ContactType.LINE, frames, LINE_ARRAY, [Layer('zz', 2e-3, 100.0)])
-    assert fit.converged.all()
+    assert fit['converged'].all()
     for name, values, tolerance in zip(
             ('rho', 'yaw', 'force', 'shear'), loads.T, (1e-7, 1e-5, 1e-2, 1e-2), strict=True):
         np.testing.assert_allclose(fit[name], values, atol=tolerance)

@@ -19,10 +19,10 @@ def plain(given):
     fit = fit_loads(given.kind, given.frames[:, None], given.array, layers,
                     shear=given.kind == POINT)
     if given.kind == LINE:
-        return _records(LINE, fit.converged, a=fit.rho / np.cos(fit.yaw), yaw=fit.yaw,
-                        line_force=fit.force)
-    return _records(POINT, fit.converged, a=fit.a, b=fit.b, P=fit.force, Qx=fit.shear_x,
-                    Qy=fit.shear_y)
+        return _records(LINE, fit['converged'], a=fit['rho'] / np.cos(fit['yaw']),
+                        yaw=fit['yaw'], line_force=fit['force'])
+    return _records(POINT, fit['converged'], a=fit['a'], b=fit['b'], P=fit['force'],
+                    Qx=fit['shear_x'], Qy=fit['shear_y'])
 
 
 def _records(kind, valid, **columns):

@@ -88,13 +88,13 @@ def _estimator(kind, method, layers, model=1):
 
 def _fit_points(frames, layers):
     fit = fit_loads(ContactType.POINT, frames, POINT_ARRAY, layers)
-    return np.where(fit.converged[:, None], fit.vector, np.nan)
+    return np.where(fit['converged'][:, None], fit['vector'], np.nan)
 
 
 def _fit_lines(images, layers):
     fit = fit_loads(ContactType.LINE, images[:, None], LINE_ARRAY, layers, shear=False)
-    found = np.column_stack([fit.rho / np.cos(fit.yaw), fit.yaw, fit.force])
-    return np.where(fit.converged[:, None], found, np.nan)
+    found = np.column_stack([fit['rho'] / np.cos(fit['yaw']), fit['yaw'], fit['force']])
+    return np.where(fit['converged'][:, None], found, np.nan)
 
 
 def _one(many):

@@ -72,7 +72,7 @@ def _shape(name):
     return '(N, 7, 7)' if RECORD[name].shape else '(N,)'
 
 
-def parser():
+def parser() -> argparse.ArgumentParser:
     """Command line."""
     arrays = _table(
         ((name, f'{_shape(name):9} {RECORD[name].base.name:8} {column.metadata["unit"]:4} '
@@ -138,7 +138,7 @@ Exit status: 0, or 1 after one line that says what is wrong; then nothing is wri
     return arguments
 
 
-def parse(args=None):
+def parse(args: list[str] | None = None) -> argparse.Namespace:
     """Parse the command line; the input may also stand behind `--pitch`."""
     options = parser().parse_args(args)
     if options.frames is None and len(options.pitch) > 1:
@@ -148,7 +148,7 @@ def parse(args=None):
     return options
 
 
-def number(name, text, low, high, unit):
+def number(name: str, text: str, low: float, high: float, unit: str) -> float:
     """Return the number in a text, at least `low` and below `high`."""
     try:
         value = float(text)
@@ -160,7 +160,7 @@ def number(name, text, low, high, unit):
     return value
 
 
-def parse_layers(text):
+def parse_layers(text: str) -> tuple[tuple[str, float], ...]:
     """Return the component and depth [m] of each layer of `COMPONENT@DEPTH,...`."""
     layers = []
     for layer in text.split(','):
@@ -175,7 +175,7 @@ def parse_layers(text):
     return tuple(layers)
 
 
-def parse_dead(text, array):
+def parse_dead(text: str, array: TactelArray) -> np.ndarray:
     """Return where the tactels of `R,C;R,C` are, shape `(rows, columns)`, bool."""
     dead = np.zeros(array.shape, bool)
     for pair in filter(None, text.split(';')):
@@ -191,14 +191,14 @@ def parse_dead(text, array):
     return dead
 
 
-def make_config(options):
+def make_config(options: argparse.Namespace) -> EstimatorConfig:
     """Return the estimator's configuration with the options that were given."""
     given = {name: getattr(options, name) for name in ('method', 'model', 'tactel')}
     return EstimatorConfig(
         fit_depth=options.fit_depth, **{name: value for name, value in given.items() if value})
 
 
-def make_sensor(options, reader):
+def make_sensor(options: argparse.Namespace, reader: ArrayReader) -> tuple:
     """Array, layers and dead tactels of the options, checked against the input."""
     layers = parse_layers(options.layers)
     if len(options.pitch) > 2:
@@ -250,7 +250,7 @@ class Tally:
         return f'{types}; {self._invalid} not valid' + (f': {reasons}' if reasons else '')
 
 
-def run(options):
+def run(options: argparse.Namespace) -> str:
     """Estimate every frame of the input; returns the summary."""
     config = make_config(options)
     reader = ArrayReader(options.frames, 'frames')
@@ -277,7 +277,7 @@ def run(options):
     return f'{options.out}: {total} frames, {rate:.0f} frames/s; {tally}'
 
 
-def main(args=None):
+def main(args: list[str] | None = None) -> int:
     """Run the command; exit status 0 if the output was written."""
     try:
         print(f'estimate: {run(parse(args))}', file=sys.stderr)

@@ -46,12 +46,15 @@ class EstimatorConfig:
 
     method: str = field(default='fit', metadata={
         'doc': "'fit' (least squares, at the noise limit), or the closed forms of the thesis: "
-               "'moments', or with the iteration of its section 2.4, 'compensated'"})
+               "'moments', or with the iteration of its section 2.4, 'compensated'",
+        'choices': METHODS})
     model: str = field(default='auto', metadata={
-        'doc': "'auto' (the least model that explains the image), 'point' or 'line' alone"})
+        'doc': "'auto' (the least model that explains the image), 'point' or 'line' alone",
+        'choices': (*MODELS,)})
     tactel: str = field(default='point', metadata={
         'doc': "a tactel measures the stress at its centre ('point') or the mean over its area "
-               "('area')"})
+               "('area')",
+        'choices': (*TACTELS,)})
     fit_depth: bool = field(default=False, metadata={
         'doc': "find the tactels' depth from each image, near the one given; costs half of the "
                "force's accuracy (only 'fit')"})
@@ -69,10 +72,6 @@ class EstimatorConfig:
         'range': (1.0, 1e6)})
 
     def __post_init__(self):
-        for name, known in (('method', METHODS), ('model', MODELS), ('tactel', TACTELS)):
-            value = getattr(self, name)
-            if value not in known:
-                raise ConfigurationError(f'{name}: {value!r} is not one of {", ".join(known)}')
         check_fields(self)
         if self.fit_depth and self.method != 'fit':
             raise ConfigurationError(f'fit_depth: the method {self.method!r} has no such choice')
@@ -186,7 +185,7 @@ class ContactEstimator:
         step = count if config.method == 'fit' else 1  # the closed forms need a frame's noise
         for i in range(0, count, max(step, 1)):
             part = estimates[i:i + step]
-            estimate_frames(stress[i:i + step], sensor, table, self._rules, reasons, saturated,
+            estimate_frames(stress[i:i + step], *sensor, table, self._rules, reasons, saturated,
                             calibrated, part)
             if part[0]['type'] == PENDING:
                 estimate_by_moments(stress[i], array, table, config, part[0])

@@ -10,11 +10,13 @@ from tactile_sensing.contact.initial_guess import (
     gather_window,
     guess_line,
     guess_point,
+    VALUE,
+    X,
+    Y,
 )
 from tactile_sensing.contact.variable_projection import (
     best_forces,
     chi_square,
-    Derivatives,
     normal_of_forces,
     normal_of_place,
     place_step,
@@ -22,10 +24,19 @@ from tactile_sensing.contact.variable_projection import (
     weigh,
 )
 from tactile_sensing.half_space import kernels
-from tactile_sensing.half_space.kernels import LOAD, LOAD_OFFSETS, Q0, SHEAR_X, SHEAR_Y
+from tactile_sensing.half_space.kernels import (
+    FORCE,
+    LOAD,
+    LOAD_OFFSETS,
+    Q0,
+    Q1,
+    SHEAR_X,
+    SHEAR_Y,
+)
 from tactile_sensing.types.contact import ContactType
 
 POINT, LINE = int(ContactType.POINT), int(ContactType.LINE)
+RESIDUAL, WEIGHTED, ROOT = range(VALUE + 1, VALUE + 4)  # further rows of `Tactels.at`
 STEPS = 3  # Gauss-Newton steps; from the start they reach the Cramer-Rao bound
 MAX_STEPS = 10  # where the place has not settled by then: shear beyond friction, outliers
 SETTLED = 0.005  # step after which none is needed [depths]; what it leaves is its square
@@ -47,17 +58,15 @@ FIT = np.dtype(_FIELDS)
 
 
 class Tactels(NamedTuple):
-    """Memory of `fit_load`: gathered tactels, and what is known at each; values over the noise."""
+    """
+    Memory of `fit_load`: gathered tactels, and what is known at each.
 
-    x: np.ndarray
-    y: np.ndarray
-    value: np.ndarray
-    residual: np.ndarray
-    weighted: np.ndarray
-    root: np.ndarray  # of the weight
-    by: Derivatives
-    shape: np.ndarray  # (nodes, most): what the derivatives by the forces keep for those by place
-    q: np.ndarray  # likewise
+    Few arrays with named rows: every array costs whoever is handed it.
+    """
+
+    at: np.ndarray  # rows X, Y [m]; VALUE, RESIDUAL, WEIGHTED over the noise; ROOT of the weight
+    by: np.ndarray  # derivatives over the noise, rows as in `kernels.LOAD.vector`
+    kept: np.ndarray  # (2, nodes, most): what those by the forces keep for those by the place
     ends: np.ndarray  # (layers,): where each layer's tactels end
     vector: np.ndarray  # right side of the normal equations
 
@@ -65,33 +74,25 @@ class Tactels(NamedTuple):
 @njit(error_model='numpy')
 def make_tactels(layers, most, nodes):
     """Memory for `fit_load` with at most so many tactels of so many nodes."""
-    rows, by = np.empty((6, most)), np.empty((5, most))
-    return Tactels(rows[0], rows[1], rows[2], rows[3], rows[4], rows[5],
-                   Derivatives(by[0], by[1], by[2], by[3], by[4]), np.empty((nodes, most)),
-                   np.empty((nodes, most)), np.zeros(layers, dtype=np.int64), np.zeros(5))
+    return Tactels(np.empty((6, most)), np.empty((5, most)), np.empty((2, nodes, most)),
+                   np.zeros(layers, dtype=np.int64), np.zeros(5))
 
 
 @njit(error_model='numpy')
-def _derivatives(kind, sensor, layers, load, of_forces, tactels):
+def _derivatives(kind, nodes, layers, load, of_forces, at, by, kept, ends):
     """By the forces, or by the place with what those by the forces have kept of it."""
-    n, by, nodes = tactels.ends[-1], tactels.by, sensor.nodes
-    if of_forces:
-        by.force[:n] = 0.0
-        by.shear_x[:n] = 0.0
-        by.shear_y[:n] = 0.0
-    else:
-        by.q0[:n] = 0.0
-        by.q1[:n] = 0.0
+    for i in range(FORCE, SHEAR_Y + 1) if of_forces else range(Q0, Q1 + 1):
+        by[i][:ends[-1]] = 0.0
     cos, sin = np.cos(load.yaw), np.sin(load.yaw)
     begin = 0
     for k in range(layers.size):
-        end, layer = tactels.ends[k], layers[k]
-        x, y = tactels.x[begin:end], tactels.y[begin:end]
-        by_q0, by_q1 = by.q0[begin:end], by.q1[begin:end]
-        by_force, by_x, by_y = by.force[begin:end], by.shear_x[begin:end], by.shear_y[begin:end]
+        end, layer = ends[k], layers[k]
+        x, y = at[X][begin:end], at[Y][begin:end]
+        by_q0, by_q1 = by[Q0][begin:end], by[Q1][begin:end]
+        by_force, by_x, by_y = by[FORCE][begin:end], by[SHEAR_X][begin:end], by[SHEAR_Y][begin:end]
         for j in range(nodes.size):
             node = nodes[j]
-            shape, q = tactels.shape[j][begin:end], tactels.q[j][begin:end]
+            shape, q = kept[0, j][begin:end], kept[1, j][begin:end]
             scale = node.weight / layer.noise
             if kind == POINT:  # the load moved back, in place of the part of the tactel
                 a, b = load.a - node.x, load.b - node.y
@@ -130,7 +131,7 @@ def _turn_upright(load, matrix):
 
 
 @njit(error_model='numpy')
-def _begin(kind, stress, sensor, layers, tactels, load):
+def _begin(kind, stress, sensor, layers, at, ends, load):
     """First guess into the load, and tactels gathered: their number, and q1 as a length."""
     x, y = sensor.x, sensor.y
     if kind == POINT:
@@ -138,11 +139,11 @@ def _begin(kind, stress, sensor, layers, tactels, load):
         if row < 0:
             return 0, 1.0
         load.a, load.b = x[column] + w * sensor.pitch_x, y[row] + v * sensor.pitch_y
-        return gather_window(stress, sensor, layers, row, column, v, w, tactels), 1.0
+        return gather_window(stress, sensor, layers, row, column, v, w, at, ends), 1.0
     load.rho, load.yaw = guess_line(stress, sensor, layers)
     if np.isnan(load.rho):
         return 0, 1.0
-    return gather_pressure(stress, sensor, layers, tactels), (
+    return gather_pressure(stress, sensor, layers, at, ends), (
         0.5 * np.hypot(x[-1] - x[0], y[-1] - y[0]))
 
 
@@ -155,16 +156,16 @@ def _shallowest(layers):
 
 
 @njit(error_model='numpy')
-def _weigh_forces(tactels, load, n, model_error, tukey):
+def _weigh_forces(at, by, load, n, model_error, tukey):
     """Tukey's weights of what the last load leaves, on the values and derivatives by forces."""
-    by = tactels.by
+    values, residual, weighted = at[VALUE], at[RESIDUAL], at[WEIGHTED]
+    by_force, by_x, by_y = by[FORCE], by[SHEAR_X], by[SHEAR_Y]
     for i in range(n):
-        tactels.residual[i] = tactels.value[i] - (
-            by.force[i] * load.force + by.shear_x[i] * load.shear_x
-            + by.shear_y[i] * load.shear_y)
-        tactels.weighted[i] = tactels.value[i]
-    tukey_weights(tactels.value, tactels.residual, n, model_error, tukey, tactels.root)
-    weigh((tactels.weighted, by.force, by.shear_x, by.shear_y), tactels.root, n)
+        residual[i] = values[i] - (
+            by_force[i] * load.force + by_x[i] * load.shear_x + by_y[i] * load.shear_y)
+        weighted[i] = values[i]
+    tukey_weights(values, residual, n, model_error, tukey, at[ROOT])
+    weigh((weighted, by_force, by_x, by_y), at[ROOT], n)
 
 
 @njit(error_model='numpy')
@@ -195,25 +196,26 @@ def fit_load(kind, stress, sensor, layers, forces, model_error, tukey, tactels, 
     bool
         False where it did not work: the load and its normal equations are of no use.
     """
-    matrix, vector, by = fit.normal, tactels.vector, tactels.by
+    at, by, kept, ends, vector = tactels
+    matrix, nodes = fit.normal, sensor.nodes
     fit.squared_error = fit.chi_square = 0.0
     fit.iterations, fit.last_step, fit.converged = 0, np.inf, False
-    n, lever = _begin(kind, stress, sensor, layers, tactels, fit)
+    n, lever = _begin(kind, stress, sensor, layers, at, ends, fit)
     fit.used = n
     if n <= 2 + forces:
         return False
     start_0, start_1 = fit.a, fit.b
     depth, robust = _shallowest(layers), tukey < np.inf
     for iteration in range(MAX_STEPS + 1):
-        _derivatives(kind, sensor, layers, fit, True, tactels)
+        _derivatives(kind, nodes, layers, fit, True, at, by, kept, ends)
         if forces < 3:
-            by.shear_y[:n] = 0.0
+            by[SHEAR_Y][:n] = 0.0
         if forces < 2:
-            by.shear_x[:n] = 0.0
-        data, weighing = tactels.value, robust and iteration > 0
+            by[SHEAR_X][:n] = 0.0
+        data, weighing = at[VALUE], robust and iteration > 0
         if weighing:
-            _weigh_forces(tactels, fit, n, model_error, tukey)
-            data = tactels.weighted
+            _weigh_forces(at, by, fit, n, model_error, tukey)
+            data = at[WEIGHTED]
         normal_of_forces(data, by, n, matrix, vector)
         if forces < 3:
             matrix[SHEAR_Y, SHEAR_Y] = 1.0
@@ -222,10 +224,10 @@ def fit_load(kind, stress, sensor, layers, forces, model_error, tukey, tactels, 
         inverse, regular = best_forces(matrix, vector, fit)
         if not regular:
             return False
-        _derivatives(kind, sensor, layers, fit, False, tactels)
+        _derivatives(kind, nodes, layers, fit, False, at, by, kept, ends)
         if weighing:
-            weigh((by.q0, by.q1), tactels.root, n)
-        normal_of_place(data, by, fit, n, tactels.residual, matrix, vector)
+            weigh((by[Q0], by[Q1]), at[ROOT], n)
+        normal_of_place(data, by, fit, n, at[RESIDUAL], matrix, vector)
         if iteration >= (MAX_STEPS if robust else STEPS) and (
                 fit.last_step <= SETTLED * depth or iteration >= MAX_STEPS):
             break
@@ -238,7 +240,7 @@ def fit_load(kind, stress, sensor, layers, forces, model_error, tukey, tactels, 
         fit.b += shorter * step_1
         fit.last_step = shorter * length
         fit.iterations = iteration + 1
-    fit.squared_error, fit.chi_square = chi_square(data, tactels.residual, n, model_error)
+    fit.squared_error, fit.chi_square = chi_square(data, at[RESIDUAL], n, model_error)
     if not (fit.squared_error < np.inf and fit.force > 0.0):
         return False
     if kind == POINT:

@@ -7,6 +7,7 @@ from tactile_sensing.half_space.layers import PRESSURE
 
 SPIKE = 0.05  # share of a tactel that one of those around it has, unless it is stuck
 MIN_AROUND = 3  # live tactels around one that tell
+X, Y, VALUE = range(3)  # rows of `gauss_newton.Tactels.at`
 START_LEVEL = 0.25  # tactels above this fraction of the peak give the principal axis
 
 
@@ -97,8 +98,8 @@ def guess_line(stress, sensor, layers):
 
 
 @njit(error_model='numpy')
-def gather_window(stress, sensor, layers, row, column, v, w, tactels):
-    """Finite tactels of all layers around a point into `gauss_newton.Tactels`; their number."""
+def gather_window(stress, sensor, layers, row, column, v, w, at, ends):
+    """Finite tactels of all layers around a point; their number."""
     # Relative to the peak, so that whole-tactel shifts cannot change the window.
     r0 = max(row + int(np.ceil(v - sensor.window)), 0)
     r1 = min(row + int(np.floor(v + sensor.window)) + 1, stress.shape[1])
@@ -106,31 +107,31 @@ def gather_window(stress, sensor, layers, row, column, v, w, tactels):
     c1 = min(column + int(np.floor(w + sensor.window)) + 1, stress.shape[2])
     n = 0
     for k in range(stress.shape[0]):
-        n = _gather(stress[k], sensor, layers[k].noise, r0, r1, c0, c1, tactels, n)
-        tactels.ends[k] = n
+        n = _gather(stress[k], sensor, layers[k].noise, r0, r1, c0, c1, at, n)
+        ends[k] = n
     return n
 
 
 @njit(error_model='numpy')
-def gather_pressure(stress, sensor, layers, tactels):
-    """Finite tactels of the pressure layers into `gauss_newton.Tactels`; their number."""
+def gather_pressure(stress, sensor, layers, at, ends):
+    """Finite tactels of the pressure layers; their number."""
     n = 0
     for k in range(stress.shape[0]):
         if layers[k].component == PRESSURE:
             n = _gather(stress[k], sensor, layers[k].noise, 0, stress.shape[1], 0,
-                        stress.shape[2], tactels, n)
-        tactels.ends[k] = n
+                        stress.shape[2], at, n)
+        ends[k] = n
     return n
 
 
 @njit(error_model='numpy')
-def _gather(image, sensor, noise, r0, r1, c0, c1, tactels, n):
+def _gather(image, sensor, noise, r0, r1, c0, c1, at, n):
     for r in range(r0, r1):
         for c in range(c0, c1):
             value = image[r, c]
             if np.isfinite(value):
-                tactels.x[n] = sensor.x[c]
-                tactels.y[n] = sensor.y[r]
-                tactels.value[n] = value / noise
+                at[X, n] = sensor.x[c]
+                at[Y, n] = sensor.y[r]
+                at[VALUE, n] = value / noise
                 n += 1
     return n

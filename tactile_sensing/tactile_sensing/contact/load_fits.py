@@ -8,13 +8,15 @@ from tactile_common.errors import ConfigurationError
 from tactile_common.kernels import njit
 from tactile_sensing.contact.gauss_newton import FIT, fit_load, make_tactels, POINT
 from tactile_sensing.contact.variable_projection import TUKEY
-from tactile_sensing.half_space.layers import Layer, sensor_of
+from tactile_sensing.half_space.layers import Layer, Sensor, sensor_of
 from tactile_sensing.types.array import TactelArray
 
 
 @njit(cache=True, error_model='numpy')
-def _fit_frames(kind, stress, sensor, layers, forces, model_error, tukey, fits):
+def _fit_frames(kind, stress, x, y, pitch_x, pitch_y, nodes, window, layers, forces, model_error,
+                tukey, fits):
     """Fit every frame of stress (N, layers, rows, columns), see `fit_load`."""
+    sensor = Sensor(x, y, pitch_x, pitch_y, nodes, window)
     most = stress.shape[1] * stress.shape[2] * stress.shape[3]
     if kind == POINT:
         side = int(2.0 * sensor.window) + 2
@@ -35,7 +37,7 @@ def _fit_frames(kind, stress, sensor, layers, forces, model_error, tukey, fits):
 
 def fit_loads(kind: int, stress: np.ndarray, array: TactelArray, layers: Sequence[Layer], *,
               shear: bool = True, window: float | None = None, model_error: float = 0.07,
-              robust: bool = False, tactel_points: int = 1) -> np.recarray:
+              robust: bool = False, tactel_points: int = 1) -> np.ndarray:
     """
     Fit one load to every frame by Gauss-Newton, in one compiled loop.
 
@@ -70,7 +72,7 @@ def fit_loads(kind: int, stress: np.ndarray, array: TactelArray, layers: Sequenc
 
     Returns
     -------
-    recarray of gauss_newton.FIT, shape (N,)
+    ndarray of gauss_newton.FIT, shape (N,)
         The leading 5x5, 4x4 (line) or 3x3 (without shear) of `normal` is the Fisher information
         of (a, b, force, shear_x, shear_y), or of (rho, yaw, force, shear). Where the fit did not
         work, `converged` is false, the numbers are NaN and `last_step` is infinite.
@@ -87,6 +89,6 @@ def fit_loads(kind: int, stress: np.ndarray, array: TactelArray, layers: Sequenc
     sensor, table = sensor_of(array, layers, tactel_points, window)
     forces = 1 + int(shear) * (2 if kind == POINT else 1)
     fits = np.zeros(len(stress), FIT)
-    _fit_frames(int(kind), stress, sensor, table, forces, float(model_error),
+    _fit_frames(int(kind), stress, *sensor, table, forces, float(model_error),
                 TUKEY if robust else np.inf, fits)
-    return fits.view(np.recarray)
+    return fits

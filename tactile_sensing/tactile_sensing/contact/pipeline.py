@@ -22,7 +22,7 @@ from tactile_sensing.contact.model_selection import (
 from tactile_sensing.contact.outliers import fit_depth, fit_despite_faults, scale_depths
 from tactile_sensing.contact.parameters import compare_forces, write_line, write_point
 from tactile_sensing.contact.preprocessing import preprocess
-from tactile_sensing.half_space.layers import LAYER
+from tactile_sensing.half_space.layers import LAYER, Sensor
 from tactile_sensing.types.contact import ContactType, ESTIMATE, Reason
 
 ANY_MODEL, PENDING = 0, -1  # rules.model, estimate.type
@@ -63,7 +63,8 @@ def make_memory(layers, rows, columns, nodes):
 
 
 @njit(cache=True, error_model='numpy')
-def estimate_frames(stress, sensor, layers, rules, reasons, saturated, calibrated, estimates):
+def estimate_frames(stress, x, y, pitch_x, pitch_y, nodes, window, layers, rules, reasons,
+                    saturated, calibrated, estimates):
     """
     Estimate every frame, see `estimate_frame`.
 
@@ -71,9 +72,9 @@ def estimate_frames(stress, sensor, layers, rules, reasons, saturated, calibrate
     ----------
     stress : ndarray, shape (N, layers, rows, columns)
         [Pa]; preprocessed in place.
-    sensor, layers
+    x, y, pitch_x, pitch_y, nodes, window, layers
         From `layers.sensor_of`, with the given noise and full scale; the last frame's noise
-        stays in `layers`.
+        stays in `layers`. One by one: a named tuple from Python costs some microseconds.
     rules : ndarray of RULES, shape (1,)
     reasons, saturated, calibrated : int, int, bool
         Reasons that hold of the pictures anyway, tactels that the driver has left out at full
@@ -81,7 +82,8 @@ def estimate_frames(stress, sensor, layers, rules, reasons, saturated, calibrate
     estimates : ndarray of contact.ESTIMATE, shape (N,)
         On entry of nothing; type PENDING if rules.fit is false and there is a load.
     """
-    memory = make_memory(layers.size, stress.shape[2], stress.shape[3], sensor.nodes.size)
+    sensor = Sensor(x, y, pitch_x, pitch_y, nodes, window)
+    memory = make_memory(layers.size, stress.shape[2], stress.shape[3], nodes.size)
     for f in range(stress.shape[0]):
         memory.estimates[0] = estimates[f]
         best = estimate_frame(

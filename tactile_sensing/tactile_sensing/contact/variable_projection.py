@@ -20,16 +20,6 @@ SINGULAR = 1e-12  # smallest pivot of normal equations with a unit diagonal
 TUKEY = 4.685  # scales at which a tactel loses all weight: 95 % efficient without outliers
 
 
-class Derivatives(NamedTuple):
-    """Derivatives at the gathered tactels, one array each."""
-
-    q0: np.ndarray
-    q1: np.ndarray
-    force: np.ndarray
-    shear_x: np.ndarray
-    shear_y: np.ndarray
-
-
 class ForceInverse(NamedTuple):
     """Inverse of the forces' block of the normal equations: force, shear x and y."""
 
@@ -92,7 +82,7 @@ def place_step(matrix, vector, forces):
 @njit(error_model='numpy', fastmath=FAST)
 def normal_of_forces(values, by, n, matrix, vector):
     """Normal equations of the forces alone."""
-    by_force, by_x, by_y = by.force, by.shear_x, by.shear_y
+    by_force, by_x, by_y = by[FORCE], by[SHEAR_X], by[SHEAR_Y]
     ff = fx = xx = fy = xy = yy = f = x = y = 0.0
     for i in range(n):
         value, jf, jx, jy = values[i], by_force[i], by_x[i], by_y[i]
@@ -114,7 +104,8 @@ def normal_of_forces(values, by, n, matrix, vector):
 @njit(error_model='numpy', fastmath=FAST)
 def normal_of_place(values, by, load, n, residual, matrix, vector):
     """Complete the normal equations with the place, at the best forces; leaves the residuals."""
-    by_q0, by_q1, by_force, by_x, by_y = by
+    by_q0, by_q1 = by[Q0], by[Q1]
+    by_force, by_x, by_y = by[FORCE], by[SHEAR_X], by[SHEAR_Y]
     force, qx, qy = load.force, load.shear_x, load.shear_y
     aa = ab = bb = fa = fb = xa = xb = ya = yb = a = b = 0.0
     for i in range(n):

@@ -148,7 +148,7 @@ class Calibration:
         return live.reshape(self.array.shape)
 
     @classmethod
-    def uncalibrated(cls, rows, columns, pitch, **values):
+    def uncalibrated(cls, rows: int, columns: int, pitch, **values) -> 'Calibration':
         """
         Return a calibration that passes the counts through.
 

@@ -54,7 +54,7 @@ class Recording:
         """Shape of one frame, `(rows, columns)`."""
         return self.frames.shape[1:]
 
-    def counts(self):
+    def counts(self) -> tuple[np.ndarray, int]:
         """
         Return the frames as bytes that a sensor of eight bits could have sent.
 

@@ -25,7 +25,7 @@ class SensorPort:
         The port is absent, in use or gone; `read` raises it as well.
     """
 
-    def __init__(self, path, baud):
+    def __init__(self, path: str, baud: int):
         self._path = path
         self._device = os.path.realpath(path)
         try:

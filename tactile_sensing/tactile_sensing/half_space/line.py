@@ -5,7 +5,7 @@ import math
 import numpy as np
 
 
-def signed_distance(x, y, rho, yaw):
+def signed_distance(x: np.ndarray, y: np.ndarray, rho: float, yaw: float) -> np.ndarray:
     """
     Signed distance of points from a line, positive on its right (+x side at yaw 0).
 
@@ -21,7 +21,8 @@ def signed_distance(x, y, rho, yaw):
     return x * np.cos(yaw) + y * np.sin(yaw) - rho
 
 
-def pressure(x, y, rho, yaw, line_force, depth):
+def pressure(x: np.ndarray, y: np.ndarray, rho: float, yaw: float, line_force: float,
+             depth: float) -> np.ndarray:
     """
     Pressure at a depth below an infinite line load, compression positive.
 
@@ -47,7 +48,8 @@ def pressure(x, y, rho, yaw, line_force, depth):
     return 2.0 * line_force * depth**3 / (np.pi * (v**2 + depth**2) ** 2)
 
 
-def pressure_jacobian(x, y, rho, yaw, line_force, depth):
+def pressure_jacobian(x: np.ndarray, y: np.ndarray, rho: float, yaw: float, line_force: float,
+                      depth: float) -> np.ndarray:
     """
     Derivatives of `pressure` by (rho, yaw, line_force).
 
@@ -63,7 +65,8 @@ def pressure_jacobian(x, y, rho, yaw, line_force, depth):
     return np.stack([-by_distance, by_yaw, shape], axis=-1)
 
 
-def stress_with_shear(x, y, rho, yaw, line_force, line_shear, depth):
+def stress_with_shear(x: np.ndarray, y: np.ndarray, rho: float, yaw: float, line_force: float,
+                      line_shear: float, depth: float) -> np.ndarray:
     """
     Pressure below an infinite line load with shear across it (Flamant), compression positive.
 
@@ -86,7 +89,8 @@ def stress_with_shear(x, y, rho, yaw, line_force, line_shear, depth):
     return _flamant(signed_distance(x, y, rho, yaw), line_force, line_shear, depth)
 
 
-def stress_with_shear_jacobian(x, y, rho, yaw, line_force, line_shear, depth):
+def stress_with_shear_jacobian(x: np.ndarray, y: np.ndarray, rho: float, yaw: float,
+                               line_force: float, line_shear: float, depth: float) -> np.ndarray:
     """
     Derivatives of `stress_with_shear` by (rho, yaw, line_force, line_shear).
 
@@ -102,7 +106,9 @@ def stress_with_shear_jacobian(x, y, rho, yaw, line_force, line_shear, depth):
         _flamant(v, 1.0, 0.0, depth), _flamant(v, 0.0, 1.0, depth)], axis=-1)
 
 
-def average_with_shear(x, y, rho, yaw, line_force, line_shear, depth, size_x, size_y):
+def average_with_shear(x: np.ndarray, y: np.ndarray, rho: float, yaw: float, line_force: float,
+                       line_shear: float, depth: float, size_x: float,
+                       size_y: float) -> np.ndarray:
     """
     Exact average of `stress_with_shear` over rectangles size_x by size_y [m] at (x, y).
 
@@ -131,7 +137,9 @@ def average_with_shear(x, y, rho, yaw, line_force, line_shear, depth, size_x, si
     return total / (side * projection)
 
 
-def average_with_shear_jacobian(x, y, rho, yaw, line_force, line_shear, depth, size_x, size_y):
+def average_with_shear_jacobian(x: np.ndarray, y: np.ndarray, rho: float, yaw: float,
+                                line_force: float, line_shear: float, depth: float, size_x: float,
+                                size_y: float) -> np.ndarray:
     """
     Derivatives of `average_with_shear` by (rho, yaw, line_force, line_shear).
 
@@ -170,17 +178,17 @@ def average_with_shear_jacobian(x, y, rho, yaw, line_force, line_shear, depth, s
     return np.stack([by_rho, by_yaw, by_force, by_shear], axis=-1)
 
 
-def peak_pressure(line_force, depth):
+def peak_pressure(line_force: float, depth: float) -> float:
     """Pressure right under a line load [Pa], from equation (3.1) at v = 0."""
     return 2.0 * line_force / (np.pi * depth)
 
 
-def chord_length(rho, yaw, half_width_x, half_width_y):
+def chord_length(rho: float, yaw: float, half_width_x: float, half_width_y: float) -> float:
     """
     Length of a line within a rectangle centred on the origin [m]; 0 if it misses.
 
     The strip that (3.2) assumes, 2L / cos(yaw), is the case of a line that leaves
-    through the two sides y = +-L. (`telling` compiles it as well, as if it were @njit.)
+    through the two sides y = +-L. (`contact.parameters` compiles it as well, as if it were @njit.)
     """
     cos, sin = math.cos(yaw), math.sin(yaw)
     enter, leave = -math.inf, math.inf
@@ -194,7 +202,7 @@ def chord_length(rho, yaw, half_width_x, half_width_y):
     return max(leave - enter, 0.0)
 
 
-def yaw_from_thesis(alpha):
+def yaw_from_thesis(alpha: float) -> float:
     """
     Convert the thesis' edge angle to yaw, and back [rad].
 

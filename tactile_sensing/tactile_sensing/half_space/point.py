@@ -10,6 +10,8 @@ u^i v^j s^(-5/2). Their integrals over rectangles are elementary, hence the aver
 tactels and the moments of finite windows are exact.
 """
 
+from typing import Any
+
 import numpy as np
 
 from tactile_common.errors import ConfigurationError
@@ -19,7 +21,8 @@ from tactile_sensing.types.moments import Moments
 COMPONENTS = {'zz': (0, 0), 'xz': (1, 0), 'yz': (0, 1)}
 
 
-def stress(component, x, y, a, b, normal_force, shear_x, shear_y, depth):
+def stress(component: str, x: np.ndarray, y: np.ndarray, a: float, b: float, normal_force: float,
+           shear_x: float, shear_y: float, depth: float) -> np.ndarray:
     """
     Stress at a depth below a frictional point load, compression positive.
 
@@ -55,7 +58,9 @@ def stress(component, x, y, a, b, normal_force, shear_x, shear_y, depth):
     return _scale(i, j, depth) * u**i * v**j * force * (u**2 + v**2 + depth**2)**-2.5
 
 
-def stress_jacobian(component, x, y, a, b, normal_force, shear_x, shear_y, depth):
+def stress_jacobian(component: str, x: np.ndarray, y: np.ndarray, a: float, b: float,
+                    normal_force: float, shear_x: float, shear_y: float,
+                    depth: float) -> np.ndarray:
     """
     Derivatives of `stress` by (a, b, normal_force, shear_x, shear_y).
 
@@ -77,7 +82,9 @@ def stress_jacobian(component, x, y, a, b, normal_force, shear_x, shear_y, depth
     return np.stack([-by_u, -by_v, kernel * depth, kernel * u, kernel * v], axis=-1)
 
 
-def average(component, x, y, a, b, normal_force, shear_x, shear_y, depth, size_x, size_y):
+def average(component: str, x: np.ndarray, y: np.ndarray, a: float, b: float, normal_force: float,
+            shear_x: float, shear_y: float, depth: float, size_x: float,
+            size_y: float) -> np.ndarray:
     """
     Exact average of `stress` over rectangles size_x by size_y [m] centred on (x, y).
 
@@ -96,8 +103,9 @@ def average(component, x, y, a, b, normal_force, shear_x, shear_y, depth, size_x
     return _scale(i, j, depth) / (size_x * size_y) * total
 
 
-def average_jacobian(
-        component, x, y, a, b, normal_force, shear_x, shear_y, depth, size_x, size_y):
+def average_jacobian(component: str, x: np.ndarray, y: np.ndarray, a: float, b: float,
+                     normal_force: float, shear_x: float, shear_y: float, depth: float,
+                     size_x: float, size_y: float) -> np.ndarray:
     """
     Derivatives of `average` by (a, b, normal_force, shear_x, shear_y).
 
@@ -120,8 +128,9 @@ def average_jacobian(
     return _scale(i, j, depth) / (size_x * size_y) * np.stack(columns, axis=-1)
 
 
-def rectangle_moments(
-        x_limits, y_limits, a, b, normal_force, shear_x, shear_y, depth, *, component='zz'):
+def rectangle_moments(x_limits: tuple[float, float], y_limits: tuple[float, float], a: float,
+                      b: float, normal_force: float, shear_x: float, shear_y: float, depth: float,
+                      *, component: str = 'zz') -> Moments:
     """
     Exact moments of a component over a rectangle, about the origin of the sensor frame.
 
@@ -155,7 +164,8 @@ def rectangle_moments(
         mxy=about_contact(1, 1) + a * c01 + b * c10 + a * b * c00)
 
 
-def plane_moments(a, b, normal_force, shear_x, shear_y, depth, *, component='zz'):
+def plane_moments(a: float, b: float, normal_force: float, shear_x: float, shear_y: float,
+                  depth: float, *, component: str = 'zz') -> Moments:
     """
     Moments over the infinite plane: Tables 2.2 and 2.3, compression positive.
 
@@ -190,7 +200,7 @@ def _scale(i, j, depth):
     return 1.5 / np.pi * depth**(2 - i - j)
 
 
-def _corners(u, v, size_x, size_y):
+def _corners(u, v, size_x, size_y) -> tuple[Any, Any, Any, Any]:
     return u - 0.5 * size_x, u + 0.5 * size_x, v - 0.5 * size_y, v + 0.5 * size_y
 
 

@@ -1,6 +1,8 @@
 """Point contact from moments of a moving window: the iteration of section 2.4 (2.7)."""
 
+from collections.abc import Sequence
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
@@ -11,8 +13,10 @@ from tactile_sensing.moments.point_moments import (
     closed_form,
     MomentFlag,
     peak_position,
+    PointMoments,
     without_averaging,
 )
+from tactile_sensing.types.array import TactelArray
 from tactile_sensing.types.moments import Moments
 
 MAX_STEPS = 30  # the thesis needs fewer than 10; more only helps the slow approach at a border
@@ -20,7 +24,7 @@ MOMENT_ORDERS = (0, 0), (1, 0), (0, 1), (2, 0), (0, 2), (1, 1)  # of x and y, as
 SMALLEST_MASK = 1.5  # half side of the smallest mask [pitches]
 
 
-def compensation_factors(half_side, depth):
+def compensation_factors(half_side: float, depth: float) -> tuple[float, float]:
     """
     Compensation factors (2.7) in closed form: (K0, K1).
 
@@ -36,9 +40,9 @@ def compensation_factors(half_side, depth):
     return 2.0 / np.pi * (angle + 2.0 * rest), 2.0 / np.pi * (angle - rest)
 
 
-def compensated(
-        images, array, layers, *, averaging=False, printed=False, tolerance=1e-6,
-        max_steps=MAX_STEPS):
+def compensated(images: np.ndarray, array: TactelArray, layers: Sequence[Any], *,
+                averaging: bool = False, printed: bool = False, tolerance: float = 1e-6,
+                max_steps: int = MAX_STEPS) -> PointMoments:
     """
     Closed form of the layers given, with the iteration of section 2.4.
 
@@ -97,7 +101,8 @@ def compensated(
     return replace(estimate, flags=estimate.flags | MomentFlag.NOT_CONVERGED)
 
 
-def window_moments(images, array, x, y, mask):
+def window_moments(
+        images: np.ndarray, array: TactelArray, x: float, y: float, mask: float) -> list[Moments]:
     """
     Moments about (x, y) of the part of images within |x' - x|, |y' - y| <= mask [m].
 
@@ -117,7 +122,9 @@ def window_moments(images, array, x, y, mask):
         for p, q in MOMENT_ORDERS)) for image in images]
 
 
-def from_window(moments, array, layers, mask, peak, *, averaging=False, printed=False):
+def from_window(moments: Sequence[Moments], array: TactelArray, layers: Sequence[Any],
+                mask: float, peak: tuple[float, float], *, averaging: bool = False,
+                printed: bool = False) -> PointMoments:
     """
     Point contact, about the centre of a window, from the moments within it.
 
@@ -143,7 +150,7 @@ def from_window(moments, array, layers, mask, peak, *, averaging=False, printed=
     return found if printed else _without_overshoot(found, layers, mask)
 
 
-def window_arms(centres, pitch, mask):
+def window_arms(centres: np.ndarray, pitch: float, mask: float) -> tuple:
     """Length of every tactel within [-mask, mask] and the centre of that part."""
     first = np.clip(centres - 0.5 * pitch, -mask, mask)
     last = np.clip(centres + 0.5 * pitch, -mask, mask)

@@ -5,7 +5,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from tactile_sensing.half_space.line import yaw_from_thesis
-from tactile_sensing.types.array import TactelArray
 from tactile_sensing.types.moments import Moments
 
 
@@ -19,7 +18,7 @@ class MomentLine:
 
 
 def image_moments(
-        pressure: np.ndarray, array: TactelArray, *, threshold: float = 0.0) -> Moments:
+        pressure: np.ndarray, array, *, threshold: float = 0.0) -> Moments:
     """
     Moments of a pressure image.
 

@@ -6,14 +6,18 @@ published images, compression positive (M0 = +P); against the thesis every momen
 its sign and no result does.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from enum import IntFlag
 import math
+from typing import Any
 
 import numpy as np
 
 from tactile_common.errors import ConfigurationError
 from tactile_sensing.moments.image_moments import image_moments
+from tactile_sensing.types.array import TactelArray
+from tactile_sensing.types.moments import Moments
 
 MIN_SHEAR_RATIO = 1e-3  # |Qx| / P below which b = SMy / SM0 of (2.6) is singular
 NAN = float('nan')
@@ -52,7 +56,7 @@ class PointMoments:
 NOTHING = PointMoments(NAN, NAN, NAN, NAN, NAN, MomentFlag.NO_FORCE)
 
 
-def one_layer(moments, depth, peak):
+def one_layer(moments: Moments, depth: float, peak: tuple[float, float]) -> PointMoments:
     """
     Point contact from one layer of pressure, (2.3): model 1.
 
@@ -99,7 +103,8 @@ def one_layer(moments, depth, peak):
     return _finite_or_nothing(PointMoments(a, b, moments.m0, shear_x, shear_y, flags))
 
 
-def two_layers(first, second, depths):
+def two_layers(
+        first: Moments, second: Moments, depths: tuple[float, float]) -> PointMoments:
     """
     Point contact from two layers of pressure, (2.4): model 2.
 
@@ -137,8 +142,9 @@ def two_layers(first, second, depths):
         shear_force_y=(second.my - first.my) / span))
 
 
-def normal_and_shear(
-        normal, shear_x, depth, *, shear_y=None, min_shear_ratio=MIN_SHEAR_RATIO):
+def normal_and_shear(normal: Moments, shear_x: Moments, depth: float, *,
+                     shear_y: Moments | None = None,
+                     min_shear_ratio: float = MIN_SHEAR_RATIO) -> PointMoments:
     """
     Point contact from pressure and shear stress in one layer, (2.6) corrected: model 3.
 
@@ -184,7 +190,7 @@ def normal_and_shear(
     return _finite_or_nothing(PointMoments(a, b, normal.m0, shear_x.m0, force_y, flags))
 
 
-def without_averaging(moments, size_x, size_y):
+def without_averaging(moments: Moments, size_x: float, size_y: float) -> Moments:
     """
     Moments with side^2 / 12 M0 taken off the second ones (Sheppard's correction).
 
@@ -196,7 +202,7 @@ def without_averaging(moments, size_x, size_y):
         myy=moments.myy - size_y**2 / 12.0 * moments.m0)
 
 
-def peak_position(pressure, array):
+def peak_position(pressure: np.ndarray, array: TactelArray) -> tuple[float, float]:
     """
     Position (x, y) of the largest pressure [m]; NaN where no tactel is finite.
 
@@ -211,7 +217,8 @@ def peak_position(pressure, array):
             array.y[row] + array.pitch_y * _vertex(image[:, column], row))
 
 
-def basic(images, array, layers, *, averaging=False):
+def basic(images: np.ndarray, array: TactelArray, layers: Sequence[Any], *,
+          averaging: bool = False) -> PointMoments:
     """
     Closed form of the layers given, from the moments of the whole images.
 
@@ -243,7 +250,8 @@ def basic(images, array, layers, *, averaging=False):
     return closed_form(moments, layers, peak_position(images[0], array))
 
 
-def closed_form(moments, layers, peak):
+def closed_form(moments: Sequence[Moments], layers: Sequence[Any],
+                peak: tuple[float, float]) -> PointMoments:
     components = tuple(layer.component for layer in layers)
     if components == ('zz',):
         return one_layer(moments[0], layers[0].depth, peak)

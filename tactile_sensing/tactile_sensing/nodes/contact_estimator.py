@@ -52,6 +52,6 @@ class ContactEstimatorNode(Node):
             self._wrench.publish(contact_to_wrench(contact, msg, self._wrench_msg))
 
 
-def main(args=None):
+def main(args: list[str] | None = None) -> int:
     """Run the contact estimator node."""
     return run(ContactEstimatorNode, args)

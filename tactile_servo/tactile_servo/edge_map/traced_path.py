@@ -96,8 +96,10 @@ class TracedPath:
         self.nodes = joined([back, start])
         (self.began,) = start['station'].tolist()
         self._measure(self.began - len(back) * self._step)
-        self.end, self.corners = PathEnd.VIEW, []
-        self.closing = self.contour = None
+        self.end, self.tip = PathEnd.VIEW, 0.0
+        self.corners: list[Corner] = []
+        self.closing: float | None = None
+        self.contour: np.ndarray | None = None
         self.extend(cloud, picture, self.began)
 
     @property

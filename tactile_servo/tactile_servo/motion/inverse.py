@@ -22,7 +22,7 @@ import numpy as np
 from tactile_common.kernels import njit
 from tactile_servo.motion.limits import JointLimits, NEGLIGIBLE, room
 
-TAKE_OVER = 0.3  # of the damping; weighs the null space, which is free to stand in for a joint
+TAKE_OVER = 0.5  # of the damping; weighs the null space, which is free to stand in for a joint
 PUSH_ZONE = 0.15  # of a joint's range at either end, which a redundant arm is moved out of
 PUSH = 4.0  # rad of a joint at its limit per metre of (weighted) way
 PUSH_SPEED = 0.1  # of a joint's velocity limit
@@ -191,12 +191,9 @@ def _within(jacobian, twist, positions, lower, upper, stopping_time, fastest, zo
 @njit(cache=True)
 def _hessian(jacobian, damping, light, rotation_length):
     """Matrix H (n, n)."""
-    joints = jacobian.shape[1]
-    weighted, squared, left = _decomposed(jacobian, rotation_length)
-    hessian = light**2 * np.eye(joints)
-    for i in range(6):
-        if squared[i] > 1e-8 * squared[5]:
-            row = weighted.T @ left[:, i].copy()  # of length s
-            share = (max(squared[i], damping**2) - light**2) / squared[i]
-            hessian += share * row * row.reshape(-1, 1)
-    return hessian
+    weighted = jacobian.copy()
+    weighted[3:] *= rotation_length
+    squared, right = np.linalg.eigh(weighted.T @ weighted)
+    weights = np.maximum(squared, damping**2)
+    weights[:max(len(weights) - 6, 0)] = light**2  # the null space
+    return (right * weights) @ right.T
