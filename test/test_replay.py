@@ -11,7 +11,7 @@ from edge_tracking.graph import add_mocks, add_sensing, add_servo, Graph, privat
 from edge_tracking.process_group import record
 from edge_tracking.resources import find_scene, share
 from edge_tracking.track import TrackNode
-from tactile_common.ros.bag_reader import open_bag
+from tactile_common.ros.bag_reader import Bag
 from tactile_msgs.msg import Contact, TactileImage
 from tactile_sensing.nodes.contact_estimator import ContactEstimatorNode
 
@@ -63,7 +63,7 @@ def bag(tmp_path_factory):
 
 
 def test_replayed_pictures_give_the_recorded_contacts(bag):
-    with open_bag(bag) as recorded:
+    with Bag(bag) as recorded:
         before = {contact.sequence: contact
                   for _, _, contact in recorded.messages(['/tactile/contact'])}
         pictures = [data for _, _, data in recorded.messages(['/tactile/image'], raw=True)]

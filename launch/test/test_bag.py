@@ -19,7 +19,7 @@ from rosbags.typesys import get_types_from_msg, get_typestore, Stores
 
 from edge_tracking.recording.writer import RecorderNode
 from tactile_common.errors import ConfigurationError
-from tactile_common.ros.bag_reader import open_bag
+from tactile_common.ros.bag_reader import Bag
 from tactile_common.ros.message_definitions import definition_of
 from tactile_common.ros.runner import make_executor, spin
 from tactile_msgs.msg import SensorInfo
@@ -76,7 +76,7 @@ POSE = [('/pose', PoseStamped, QoSProfile(depth=100))]
 def test_recorder_writes_every_message_in_order(context, tmp_path, make):
     recorder = record(context, tmp_path / 'bag', POSE, numbered(50), make=make)
     assert (recorder.written, recorder.dropped) == (50, 0)
-    with open_bag(tmp_path / 'bag') as bag:
+    with Bag(tmp_path / 'bag') as bag:
         assert bag.topics == {'/pose': 'geometry_msgs/msg/PoseStamped'}
         rows = list(bag.messages(['/pose']))
     assert [message.pose.position.x for _, _, message in rows] == list(range(50))
@@ -132,7 +132,7 @@ def test_latched_messages_of_before_are_recorded(context, tmp_path):
             SensorInfo(sensor='pad'))
         yield
     record(context, tmp_path / 'bag', TOPICS[1:2], publish)
-    with open_bag(tmp_path / 'bag') as bag:
+    with Bag(tmp_path / 'bag') as bag:
         (_, _, message), = bag.messages(bag.topics)
     assert message.sensor == 'pad'
 

@@ -35,16 +35,10 @@ def one_of(default: str, doc: str, choices) -> Any:
 
 def check_fields(config: Any, prefix: str = '') -> None:
     """
-    Check type and bounds of every field of a dataclass.
+    Check type and bounds of every field of a dataclass; in messages a prefix precedes its name.
 
     Checked are booleans, numbers (an integer is a number as well), texts, tuples of these, and
     that a nested dataclass is one; fields of other types are left alone.
-
-    Parameters
-    ----------
-    config : dataclass
-    prefix : str, optional
-        What stands before the names of the fields in messages, such as `'skin.'`.
 
     Raises
     ------
@@ -69,20 +63,8 @@ def checked(name: str, value: Any, kind: Any, metadata: Mapping = types.MappingP
     """
     Check one value, as `check_fields` does, and return it as what it shall be.
 
-    Parameters
-    ----------
-    name : str
-        For messages.
-    value : object
-    kind : type
-        That is asked for: `bool`, `int`, `float`, `str`, a `tuple` or union of these, a
-        dataclass.
-    metadata : mapping, optional
-        `range`, `unit` and `choices`; for a tuple of its items.
-
-    Raises
-    ------
-    ConfigurationError
+    `kind` is `bool`, `int`, `float`, `str`, a `tuple` or union of these, or a dataclass; the
+    metadata of a tuple are those of its items.
     """
     value = value.item() if isinstance(value, np.generic) else value
     origin = get_origin(kind)

@@ -53,13 +53,7 @@ def compile_kernels() -> Iterator[tuple[str, float]]:
     Compile the kernels of every installed package, and forget those of earlier sources.
 
     A package that has kernels has a module `compile_kernels` with a function of that name,
-    which calls each of them once.
-
-    Yields
-    ------
-    package : str
-    seconds : float
-        That its kernels took; little where they had been compiled before.
+    which calls each of them once. Yields each package, and the seconds that it took.
     """
     folder = cache_folder()
     for other in folder.parent.glob('*'):

@@ -1,4 +1,5 @@
 """Arrays in `.npz` archives, read and written a few rows at a time."""
+from collections.abc import Iterator
 from contextlib import contextmanager
 import lzma
 import math
@@ -26,8 +27,7 @@ def _clear_errors(path):
     except ConfigurationError as error:
         raise ConfigurationError(f'{path}: {error}') from error
     except OSError as error:
-        raise ConfigurationError(
-            f'{path}: cannot be read: {error.strerror or error}') from error
+        raise ConfigurationError(f'{path}: cannot be read: {error.strerror or error}') from error
     except _DAMAGED as error:
         raise ConfigurationError(
             f'{path}: is not an .npz archive of numbers, or damaged') from error
@@ -35,19 +35,7 @@ def _clear_errors(path):
 
 class ArrayReader:
     """
-    One array of an `.npz` archive, compressed or not, in chunks along its first axis.
-
-    Parameters
-    ----------
-    path : str or os.PathLike
-        Archive, as numpy.savez or numpy.savez_compressed write it.
-    name : str
-        Which array.
-
-    Attributes
-    ----------
-    shape : tuple of int
-    dtype : np.dtype
+    Array `name` of an `.npz` archive, compressed or not, in chunks along its first axis.
 
     Raises
     ------
@@ -55,7 +43,7 @@ class ArrayReader:
         The file cannot be read, is no archive, is damaged or lacks the array.
     """
 
-    def __init__(self, path, name):
+    def __init__(self, path: str | os.PathLike, name: str):
         self._path, self._name = path, name
         with _clear_errors(path), zipfile.ZipFile(path) as archive:
             members = archive.namelist()
@@ -79,20 +67,8 @@ class ArrayReader:
             raise ConfigurationError(f'.npy format {version} is not of plain numbers')
         return _HEADERS[version](stream)
 
-    def chunks(self, rows):
-        """
-        Yield the array in order, `rows` at a time; the last chunk may be shorter.
-
-        Parameters
-        ----------
-        rows : int
-            Rows in a chunk.
-
-        Raises
-        ------
-        ConfigurationError
-            The archive is damaged.
-        """
+    def chunks(self, rows: int) -> Iterator[np.ndarray]:
+        """Yield the array in order, `rows` at a time, the last ones fewer; errors as above."""
         with _clear_errors(self._path), zipfile.ZipFile(self._path) as archive, \
                 archive.open(f'{self._name}.npy') as stream:
             self._header(stream)
@@ -117,17 +93,16 @@ class ArrayReader:
 
 class RecordWriter:
     """
-    Rows of a table, appended chunk by chunk; the file appears when all of them are written.
+    Rows of a structured type, appended chunk by chunk; the file appears when all are written.
 
     Use as a context manager: after an exception no file is left, and an old one stays.
 
     Parameters
     ----------
     path : str or os.PathLike
-        File to write: `.npz`, one array per field (uncompressed, so that they can be mapped),
-        or `.csv`, one line per row.
+        `.npz`, one array per field (uncompressed, so that they can be mapped), or `.csv`.
     dtype : np.dtype
-        Structured type of a row.
+        Of a row.
     count : int
         Rows that will be appended.
 
@@ -137,8 +112,8 @@ class RecordWriter:
         The ending is neither of the two, or the folder does not exist or cannot be written.
     """
 
-    def __init__(self, path, dtype, count):
-        self._path, self._dtype, self._count = Path(path), dtype, count
+    def __init__(self, path: str | os.PathLike, dtype: np.dtype, count: int):
+        self._path, self._is_table, self._row = Path(path), Path(path).suffix == '.csv', 0
         if self._path.suffix not in ('.npz', '.csv'):
             raise ConfigurationError(f'{path}: must end in .npz or .csv')
         if self._path.is_dir():
@@ -149,84 +124,58 @@ class RecordWriter:
         except OSError as error:
             raise ConfigurationError(
                 f'{path}: folder {self._path.parent}: {error.strerror}') from error
-        self._table = self._path.suffix == '.csv'
-        names = ['table'] if self._table else dtype.names
-        self._parts = {name: open(self._part(name), 'wb') for name in names}
-        self._row = 0
+        # Entries of a zip archive follow each other, hence a file for each until the end.
+        names = ['table'] if self._is_table else dtype.names
+        self._parts = {name: open(Path(self._folder.name, name), 'wb') for name in names}
+        if self._is_table:
+            header = ['frame', *(name for name, _ in _columns(np.empty(0, dtype)))]
+            self._parts['table'].write(f'{",".join(header)}\n'.encode())
+            return
+        for name, part in self._parts.items():
+            npy.write_array_header_1_0(part, {
+                'descr': npy.dtype_to_descr(dtype[name].base), 'fortran_order': False,
+                'shape': (count, *dtype[name].shape)})
 
-    def _part(self, name):
-        return Path(self._folder.name, name)
-
-    def __enter__(self):
-        if self._table:
-            header = ','.join(['frame', *csv_columns(self._dtype)])
-            self._parts['table'].write(f'{header}\n'.encode())
+    def __enter__(self) -> 'RecordWriter':
         return self
 
-    def __exit__(self, kind, *_):
+    def __exit__(self, kind, *_) -> None:
         with self._folder:
             for part in self._parts.values():
                 part.close()
             if kind is None:
-                if not self._table:
-                    self._gather()
-                os.replace(self._part('table'), self._path)
+                table = Path(self._folder.name, 'table')
+                if not self._is_table:
+                    self._gather(table)
+                os.replace(table, self._path)
 
-    def append(self, records):
-        """
-        Append rows.
+    def _gather(self, table):
+        with zipfile.ZipFile(table, 'w') as archive:
+            for name, part in self._parts.items():
+                with archive.open(f'{name}.npy', 'w', force_zip64=True) as member, \
+                        open(part.name, 'rb') as values:
+                    shutil.copyfileobj(values, member, 1 << 20)
+                os.unlink(part.name)
 
-        Parameters
-        ----------
-        records : np.ndarray
-            Structured array, shape `(n,)`.
-        """
-        if self._table:
-            self._parts['table'].write(self._lines(records).encode())
+    def append(self, records: np.ndarray) -> None:
+        """Append rows (n,)."""
+        if self._is_table:
+            columns = (values.tolist() for _, values in _columns(records))
+            rows = enumerate(zip(*columns, strict=True), start=self._row)
+            self._parts['table'].write(''.join(
+                f'{row},{",".join(map(repr, values))}\n' for row, values in rows).encode())
         else:
             for name, part in self._parts.items():
                 part.write(np.ascontiguousarray(records[name]).data)
         self._row += len(records)
 
-    def _lines(self, records):
-        fields = []
-        for name in self._dtype.names:
-            values = records[name]
-            if values.dtype == bool:
-                values = values.astype(np.uint8)
-            if values.ndim > 1:
-                upper = np.triu_indices(values.shape[1])
-                fields += values[:, upper[0], upper[1]].T.tolist()
-            else:
-                fields.append(values.tolist())
-        rows = enumerate(zip(*fields, strict=True), start=self._row)
-        return ''.join(f'{row},{",".join(map(repr, values))}\n' for row, values in rows)
 
-    def _gather(self):
-        # Entries of a zip archive follow each other, hence a file for each until now.
-        with zipfile.ZipFile(self._part('table'), 'w') as archive:
-            for name in self._dtype.names:
-                item, shape = self._dtype[name].base, self._dtype[name].shape
-                with archive.open(f'{name}.npy', 'w', force_zip64=True) as member:
-                    npy.write_array_header_1_0(member, {
-                        'descr': npy.dtype_to_descr(item), 'fortran_order': False,
-                        'shape': (self._count, *shape)})
-                    with open(self._part(name), 'rb') as part:
-                        shutil.copyfileobj(part, member, 1 << 20)
-                self._part(name).unlink()
-
-
-def csv_columns(dtype):
-    """
-    Names of the columns that a row becomes in a `.csv` file.
-
-    Of a symmetric matrix only the upper triangle: `NAME_0_0, NAME_0_1, ...`.
-    """
-    names = []
-    for name in dtype.names:
-        if dtype[name].shape:
-            pairs = zip(*np.triu_indices(dtype[name].shape[0]), strict=True)
-            names += [f'{name}_{row}_{column}' for row, column in pairs]
+def _columns(records):
+    """Names and values of the columns of a `.csv` file: of a matrix, the upper triangle."""
+    for name in records.dtype.names:
+        values = records[name]
+        if values.ndim > 1:
+            for row, column in zip(*np.triu_indices(values.shape[1]), strict=True):
+                yield f'{name}_{row}_{column}', values[:, row, column]
         else:
-            names.append(name)
-    return names
+            yield name, values.astype(np.uint8) if values.dtype == bool else values

@@ -1,8 +1,8 @@
 """
-Polylines: their length, the points along them, the nearest place on them.
+Polylines: their length, the points along them, the nearest place on them; all in metres.
 
-A station is the length of the way along a polyline from its first point [m]. Every function is
-for kernels and for Python.
+A station is the length of the way along a polyline from its first point. Every function is for
+kernels and for Python.
 """
 import math
 from typing import NamedTuple
@@ -13,41 +13,20 @@ from tactile_common.kernels import njit
 
 
 class Projection(NamedTuple):
-    """
-    Nearest place of a polyline in the plane.
-
-    `station` [m]; the place `x`, `y` [m]; `offset` is the distance to it, positive where the
-    point lies to the left of the way [m]; `along_x`, `along_y` is the unit direction of the
-    (first) nearest chord, and `left` the distance from that chord's line, which beyond the end
-    of a chord is less than `offset` [m]. (0, 0) is the direction where no chord has a length.
-    """
+    """Nearest place of a polyline in the plane."""
 
     station: float
     x: float
     y: float
-    offset: float
-    left: float
-    along_x: float
+    offset: float  # distance, positive where the point lies to the left of the way
+    left: float  # from the line of the (first) nearest chord: beyond its end less than offset
+    along_x: float  # unit direction of that chord; (0, 0) where no chord has a length
     along_y: float
 
 
 @njit(cache=True)
 def arc_length(points, first=0.0):
-    """
-    Return the station of every point of a polyline.
-
-    Parameters
-    ----------
-    points : ndarray, shape (N, D)
-        Vertices [m], in the plane or in space.
-    first : float
-        Station of the first one [m].
-
-    Returns
-    -------
-    ndarray, shape (N,)
-        [m]
-    """
+    """Stations (N,) of the vertices (N, D) of a polyline, of which the first is at `first`."""
     stations = np.empty(len(points))
     way = 0.0
     for k in range(len(points)):
@@ -64,21 +43,9 @@ def arc_length(points, first=0.0):
 @njit(cache=True)
 def resample(points, stations, wanted):
     """
-    Return the points of a polyline at given stations, its ends beyond them.
+    Points (M, D) of a polyline of vertices (N, D) at the wanted stations (M,), else its ends.
 
-    Parameters
-    ----------
-    points : ndarray, shape (N, D)
-        Vertices [m].
-    stations : ndarray, shape (N,)
-        Of the vertices, ascending [m].
-    wanted : ndarray, shape (M,)
-        [m]
-
-    Returns
-    -------
-    ndarray, shape (M, D)
-        [m]
+    The stations (N,) of the vertices ascend.
     """
     found = np.empty((len(wanted), points.shape[1]))
     for axis in range(points.shape[1]):
@@ -97,17 +64,13 @@ def nearest_on_polyline(xs, ys, stations, x, y, first=-np.inf, last=np.inf):
     Parameters
     ----------
     xs, ys : ndarray, shape (N,)
-        Vertices [m]; columns of a matrix or fields of records.
+        Vertices; columns of a matrix or fields of records.
     stations : ndarray, shape (N,)
-        Of the vertices, ascending; also those of a polyline in space, seen from above [m].
+        Of the vertices, ascending; also those of a polyline in space, seen from above.
     x, y : float
-        The point [m].
+        The point.
     first, last : float, optional
-        Only the chords between these stations are looked at [m].
-
-    Returns
-    -------
-    Projection
+        Only the chords between these stations are looked at.
     """
     best, seen = np.inf, -1.0
     station, place_x, place_y, offset = max(first, stations[0]), x, y, 0.0

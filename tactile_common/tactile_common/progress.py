@@ -19,7 +19,7 @@ class Progress(tqdm):
     delay : float, optional
         Nothing is shown of what takes less than this [s].
     stream : file, optional
-        Where to; sys.stderr if missing.
+        sys.stderr if missing.
     """
 
     monitor_interval = 0  # no thread beside

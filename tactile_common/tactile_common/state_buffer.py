@@ -1,9 +1,16 @@
 """The last states of something that moves, by their stamps, and those in between."""
 from collections import deque
 from collections.abc import Callable
+import math
 from typing import Generic, TypeVar
 
+import numpy as np
+
+from tactile_common.kernels import njit
+
 State = TypeVar('State')
+NS = 1_000_000_000
+RESTART = 10  # gaps that a recording which begins anew is behind its end
 
 
 class StateBuffer(Generic[State]):
@@ -17,23 +24,17 @@ class StateBuffer(Generic[State]):
     size : int
         States kept.
     max_gap_ns : float
-        Between states farther apart nothing is interpolated [ns].
+        Between states farther apart nothing is interpolated.
     max_ahead_ns : int
-        How much newer than the newest state a stamp may be, which then stands for it [ns].
+        How much newer than the newest state a stamp may be, which then stands for it.
     restart_ns : int
-        A stamp older than the newest by this, or by more, means that the clock went back [ns].
-
-    Attributes
-    ----------
-    newest_ns : int or None
-        Stamp of the newest state [ns].
+        A stamp older than the newest by this, or by more, means that the clock went back.
     """
 
     def __init__(self, between: Callable[[State, State, float], State], *, size: int,
-                 max_gap_ns: float = float('inf'), max_ahead_ns: int = 0, restart_ns: int = 0):
-        self._between = between
+                 max_gap_ns: float = math.inf, max_ahead_ns: int = 0, restart_ns: int = 0):
+        self._between, self._restart_ns = between, restart_ns
         self._max_gap_ns, self._max_ahead_ns = max_gap_ns, max_ahead_ns
-        self._restart_ns = restart_ns
         self._states: deque[tuple[int, State]] = deque(maxlen=size)
         self.newest_ns: int | None = None
 
@@ -81,3 +82,42 @@ class StateBuffer(Generic[State]):
         if span > self._max_gap_ns:
             return None
         return self._between(earlier, later, (stamp_ns - earlier_ns) / span)
+
+
+class PoseBuffer(StateBuffer[np.ndarray]):
+    """The last poses (4, 4), as many as `size`; none between those `max_gap` apart [s]."""
+
+    def __init__(self, max_gap: float = 0.1, size: int = 500):
+        gap = round(max_gap * NS)
+        super().__init__(pose_between, size=size, max_gap_ns=gap, restart_ns=RESTART * gap)
+
+
+@njit(cache=True)
+def pose_between(one: np.ndarray, other: np.ndarray, share: float) -> np.ndarray:
+    """
+    Pose (4, 4) on the way between two: position and rotation each at constant velocity.
+
+    Half a turn between them has no direction; neither is there one in practice.
+    """
+    turn = np.zeros((3, 3))
+    for i in range(3):
+        for j in range(3):
+            for k in range(3):
+                turn[i, j] += one[k, i] * other[k, j]
+    x, y = 0.5 * (turn[2, 1] - turn[1, 2]), 0.5 * (turn[0, 2] - turn[2, 0])
+    z = 0.5 * (turn[1, 0] - turn[0, 1])
+    sine, angle = math.sqrt(x * x + y * y + z * z), 0.0
+    if sine > 1e-12:
+        angle = share * math.atan2(sine, 0.5 * (turn[0, 0] + turn[1, 1] + turn[2, 2] - 1.0))
+        x, y, z = x / sine, y / sine, z / sine
+    pose = np.eye(4)
+    s, c = math.sin(angle), math.cos(angle)
+    rows = ((c + (1.0 - c) * x * x, (1.0 - c) * x * y - s * z, (1.0 - c) * x * z + s * y),
+            ((1.0 - c) * x * y + s * z, c + (1.0 - c) * y * y, (1.0 - c) * y * z - s * x),
+            ((1.0 - c) * x * z - s * y, (1.0 - c) * y * z + s * x, c + (1.0 - c) * z * z))
+    for i in range(3):
+        for j in range(3):
+            pose[i, j] = (one[i, 0] * rows[0][j] + one[i, 1] * rows[1][j]
+                          + one[i, 2] * rows[2][j])
+        pose[i, 3] = one[i, 3] + share * (other[i, 3] - one[i, 3])
+    return pose

@@ -7,7 +7,7 @@ from tactile_common.errors import ConfigurationError
 from tactile_common.ros.message_definitions import definition_of
 
 rosbag2 = pytest.importorskip('rosbags.rosbag2')
-from tactile_common.ros.bag_reader import open_bag  # noqa: E402
+from tactile_common.ros.bag_reader import Bag  # noqa: E402
 
 TYPE = 'geometry_msgs/msg/PoseStamped'
 
@@ -36,7 +36,7 @@ def write(tmp_path):
 @pytest.mark.parametrize('storage', list(rosbag2.StoragePlugin))
 def test_messages_come_in_order_from_the_topics_that_are_asked_for(write, storage):
     rows = [('/a/pose', pose(0)), ('/b/pose', pose(1)), ('/c', pose(2)), ('/a/pose', pose(3))]
-    with open_bag(write(rows, storage)) as bag:
+    with Bag(write(rows, storage)) as bag:
         assert bag.topics == dict.fromkeys(('/a/pose', '/b/pose', '/c'), TYPE)
         found = list(bag.messages({'/a/pose', '/b/pose', '/none'}))
         raw = list(bag.messages(['/c'], raw=True))
@@ -49,7 +49,7 @@ def test_messages_come_in_order_from_the_topics_that_are_asked_for(write, storag
 
 def test_messages_are_read_one_after_the_other(write):
     """The damage of a later message is met when that message is asked for, not before."""
-    with open_bag(write([('/pose', pose(0)), ('/pose', b'junk')])) as bag:
+    with Bag(write([('/pose', pose(0)), ('/pose', b'junk')])) as bag:
         messages = bag.messages(['/pose'])
         assert next(messages).message.pose.position.x == 0.0
         with pytest.raises(ConfigurationError):
@@ -57,7 +57,7 @@ def test_messages_are_read_one_after_the_other(write):
 
 
 def test_namespaces_hold_names_of_their_types(write):
-    with open_bag(write([(topic, pose(0)) for topic in (
+    with Bag(write([(topic, pose(0)) for topic in (
             '/right/pose', '/left/pose', '/left/tip', '/pose')])) as bag:
         assert bag.namespaces({'pose': TYPE}) == {
             '': {'pose'}, '/left': {'pose'}, '/right': {'pose'}}
@@ -66,7 +66,7 @@ def test_namespaces_hold_names_of_their_types(write):
 
 
 def test_bytes_after_the_last_value_are_passed_over(write):
-    with open_bag(write([('/pose', pose(5) + b'\x00\x00\x00\x00')])) as bag:
+    with Bag(write([('/pose', pose(5) + b'\x00\x00\x00\x00')])) as bag:
         (row,) = bag.messages(['/pose'])
     assert row.message.pose.position.x == 5.0
 
@@ -76,7 +76,7 @@ def test_bytes_after_the_last_value_are_passed_over(write):
     (pose(0)[:40], 'buffer'), (pose(0)[:5], '')])
 def test_a_damaged_message_is_told_with_its_topic_and_time(write, data, why):
     path = write([('/pose', pose(0)), ('/pose', data)])
-    with open_bag(path) as bag, pytest.raises(ConfigurationError) as caught:
+    with Bag(path) as bag, pytest.raises(ConfigurationError) as caught:
         list(bag.messages(['/pose']))
     text = str(caught.value)
     assert text.startswith(f'bag {path}: the message on /pose at 1.000000 s is damaged')
@@ -87,7 +87,7 @@ def test_a_damaged_message_is_told_with_its_topic_and_time(write, data, why):
 def test_what_is_no_bag(tmp_path, name):
     (tmp_path / 'empty').mkdir()
     with pytest.raises(ConfigurationError, match=f'bag .*{name}: (there is|has) no'):
-        open_bag(tmp_path / name)
+        Bag(tmp_path / name)
 
 
 def test_every_length_of_a_cut_file_is_read_or_refused(write):
@@ -97,5 +97,5 @@ def test_every_length_of_a_cut_file_is_read_or_refused(write):
     for length in range(0, len(whole), 97):
         file.write_bytes(whole[:length])
         with pytest.raises(ConfigurationError, match='is not a rosbag2 recording'):
-            with open_bag(path) as bag:
+            with Bag(path) as bag:
                 list(bag.messages(['/pose']))

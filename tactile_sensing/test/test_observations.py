@@ -14,7 +14,7 @@ from tactile_sensing.types.contact import Contact, ContactType, Reason
 from tactile_sensing.types.image import Layer, SensorInfo, TactileImage
 
 rosbag2 = pytest.importorskip('rosbags.rosbag2')
-from tactile_common.ros.bag_reader import open_bag  # noqa: E402
+from tactile_common.ros.bag_reader import Bag  # noqa: E402
 from tactile_sensing.observations import observations, TYPES  # noqa: E402
 
 ARRAY = TactelArray(3, 4, 1e-3, 2e-3)
@@ -59,7 +59,7 @@ def kind_of(topic):
 
 def test_every_kind_comes_back_in_the_order_of_its_reception(write):
     rows = messages()
-    with open_bag(write(rows)) as bag:
+    with Bag(write(rows)) as bag:
         assert set(TYPES.items()) == {(kind_of(topic), kind) for topic, kind in bag.topics.items()}
         seen = list(observations(bag, {topic: kind_of(topic) for topic in rows}))
     assert [item.kind for item in seen] == [kind_of(topic) for topic in rows]
@@ -76,7 +76,7 @@ def test_every_kind_comes_back_in_the_order_of_its_reception(write):
 
 
 def test_topics_that_are_not_asked_for_or_missing_are_passed_over(write):
-    with open_bag(write(messages())) as bag:
+    with Bag(write(messages())) as bag:
         seen = list(observations(bag, {'/left/contact': 'contact', '/right/contact': 'contact'}))
     assert [item.kind for item in seen] == ['contact']
 
@@ -104,7 +104,7 @@ def test_an_impossible_message_is_refused_when_its_value_is_asked_for(write, top
     message = messages()[topic]
     change(message)
     path = write({topic: message})
-    with open_bag(path) as bag:
+    with Bag(path) as bag:
         (seen,) = observations(bag, {topic: kind_of(topic)})
         with pytest.raises(ConfigurationError, match=why) as caught:
             seen.value()
@@ -120,7 +120,7 @@ def test_a_message_of_an_older_definition_is_refused_with_what_it_lacks(tmp_path
             '/left/contact', TYPES['contact'], msgdef=text, rihs01='RIHS01_' + 64 * '0')
         writer.write(connection, 1000, b'\x00\x01\x00\x00' + 8 * b'\x00'
                      + b'\x01\x00\x00\x00\x00\x01')
-    with open_bag(tmp_path / 'run') as bag:
+    with Bag(tmp_path / 'run') as bag:
         (seen,) = observations(bag, {'/left/contact': 'contact'})
         with pytest.raises(ConfigurationError, match="no attribute 'valid'"):
             seen.value()

@@ -1,7 +1,7 @@
 """Compiling every kernel of the package: at the build, and before contacts come."""
 import numpy as np
 
-from tactile_common.pose_buffer import pose_between
+from tactile_common.state_buffer import pose_between
 from tactile_sensing.types.array import TactelArray
 from tactile_sensing.types.image import Layer, TactileImage
 from tactile_shape.contour.edge_point import edge_point

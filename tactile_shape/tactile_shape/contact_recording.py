@@ -136,12 +136,12 @@ def _scalar(name, value):
 
 def _from_bag(path, namespace, finger_radius):
     try:  # knows messages, which arrays do not need
-        from tactile_common.ros.bag_reader import open_bag
+        from tactile_common.ros.bag_reader import Bag
         from tactile_sensing.observations import observations, TYPES
     except ImportError as error:
         raise ConfigurationError(f"{error}: reading a bag needs ROS 2's messages and rosbags: pip "
                                  "install 'rosbags>=0.10'") from error
-    with open_bag(path) as bag:
+    with Bag(path) as bag:
         prefix = _namespace(bag, {name: TYPES[name] for name in NEEDED}, namespace)
         table = place_contacts(observations(
             bag, {f'{prefix}/{name}': name for name in (*NEEDED, 'image')}), finger_radius)

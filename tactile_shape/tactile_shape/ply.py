@@ -12,26 +12,10 @@ from tactile_common.errors import ConfigurationError
 def write_ply(path: str | os.PathLike, vertices: ArrayLike, *, colours: ArrayLike | None = None,
               faces: Any = None, edges: Any = None, comment: str = '') -> None:
     """
-    Write vertices with what joins them, as text.
+    Write vertices (N, 3) with what joins them, as text; an old file is replaced when it is whole.
 
-    Parameters
-    ----------
-    path : str or os.PathLike
-        Replaced, when all of it is written, if it exists.
-    vertices : array_like, shape (N, 3)
-        [m].
-    colours : array_like, shape (N, 3), optional
-        Red, green, blue of each vertex, 0 to 1.
-    faces : array_like, shape (F, 3), optional
-        Vertices of each triangle.
-    edges : array_like, shape (E, 2), optional
-        Vertices of each edge.
-    comment : str, optional
-
-    Raises
-    ------
-    ConfigurationError
-        The folder does not exist or cannot be written.
+    Colours (N, 3) are red, green and blue from 0 to 1, faces (F, 3) and edges (E, 2) indices of
+    vertices. ConfigurationError if the folder does not exist or cannot be written.
     """
     vertices = np.asarray(vertices, dtype=float).reshape(-1, 3)
     header = ['ply', 'format ascii 1.0', *(f'comment {line}' for line in comment.splitlines()),

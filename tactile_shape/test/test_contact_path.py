@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation, Slerp
 
-from tactile_common.pose_buffer import PoseBuffer
+from tactile_common.state_buffer import PoseBuffer
 from tactile_sensing.half_space.line import pressure as line_pressure
 from tactile_sensing.moments.image_moments import image_moments
 from tactile_sensing.types.array import TactelArray

@@ -18,7 +18,7 @@ from edge_tracking.recording.run import (
     xyz,
 )
 from tactile_common.errors import ConfigurationError
-from tactile_common.ros.bag_reader import open_bag
+from tactile_common.ros.bag_reader import Bag
 from tactile_common.ros.conversions import stamp_to_ns
 from tactile_sensing.observations import TYPES
 from tactile_sensing.types.array import TactelArray
@@ -45,7 +45,7 @@ def read_run(path, namespace=None) -> RunData:
     ConfigurationError
         There is no such recording, or it holds several sensors and none is chosen.
     """
-    with open_bag(path) as bag:
+    with Bag(path) as bag:
         prefix = _namespace(bag, namespace)
         topics = {f'{prefix}/{name}': name for name in _OF_THE_SENSOR}
         topics |= {'/joint_states': 'joint_states', TRAJECTORY_TOPIC: 'trajectory'}

@@ -27,24 +27,24 @@ DAMAGE = (SerdeError, struct.error, LookupError, AttributeError, TypeError, Valu
 
 
 class Recorded(NamedTuple):
-    """
-    A message of a recording.
-
-    `received_ns` is the time of its reception [ns]; `message` has the fields of its type,
-    sequences of numbers are numpy arrays.
-    """
+    """A message of a recording."""
 
     topic: str
-    received_ns: int
-    message: Any
+    received_ns: int  # time of its reception
+    message: Any  # with the fields of its type; sequences of numbers are numpy arrays
 
 
 class Bag:
     """
-    A rosbag2 recording, open for reading; made by `open_bag`, use it in a `with` statement.
+    A rosbag2 recording, a folder or one of its .mcap or .db3 files, open in a `with` statement.
 
     Messages are read by the definitions in the bag, where it has them, else by the installed
     ones, and one after the other: a bag may be larger than the memory.
+
+    Raises
+    ------
+    ConfigurationError
+        There is no such bag, or it is damaged.
     """
 
     def __init__(self, path: str | PathLike):
@@ -78,18 +78,9 @@ class Bag:
         """
         Yield the messages of some topics in the order of their reception.
 
-        Parameters
-        ----------
-        topics : collection of str
-            Topics of the bag; others are ignored.
-        raw : bool
-            Whether `message` shall be the bytes, for who sends them on.
-
-        Raises
-        ------
-        ConfigurationError
-            The bag is damaged: one line with its path and, of a damaged message, its topic and
-            time.
+        Topics that the bag lacks are ignored. Of `raw` messages are the bytes, for who sends them
+        on. ConfigurationError of a damaged bag: one line with its path and, of a damaged message,
+        its topic and time.
         """
         wanted = [connection for connection in self._reader.connections
                   if connection.topic in topics]
@@ -157,15 +148,3 @@ class Bag:
 
 def _one_line(error):
     return f'{" ".join(str(error).split()) or type(error).__name__:.200}'
-
-
-def open_bag(path: str | PathLike) -> Bag:
-    """
-    Open a rosbag2 recording: a folder, or one of its .mcap or .db3 files.
-
-    Raises
-    ------
-    ConfigurationError
-        There is no such bag.
-    """
-    return Bag(path)

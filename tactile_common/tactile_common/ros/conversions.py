@@ -13,23 +13,15 @@ NS = 1_000_000_000  # in a second
 
 def unpacked(raw: bytes, kind):
     """
-    Return the message in the bytes of a raw subscription.
+    Return the message in the bytes of a raw subscription; TactileError of bytes that are none.
 
-    Who subscribes to raw bytes must do what the middleware does otherwise: pass over what is no
-    message.
-
-    Raises
-    ------
-    TactileError
-        The bytes are no message of this class.
+    Who subscribes to raw bytes must do what the middleware does otherwise: pass over these.
     """
     try:
         return deserialize_message(raw, kind)
     except RuntimeError as error:  # the middleware's
         raise TactileError(f'{len(raw)} bytes that are no {kind.__name__}') from error
 
-
-# --- time ---------------------------------------------------------------------------------------
 
 def set_stamp(stamp, nanoseconds: int) -> None:
     """Set a stamp, or a duration, to an instant [ns]."""
@@ -47,26 +39,16 @@ def stamp_to_ns(stamp) -> int:
     return stamp.sec * NS + stamp.nanosec
 
 
-def stamp_from_seconds(seconds: float) -> Time:
-    """Return the stamp of an instant [s]."""
-    return stamp_from_ns(round(seconds * NS))
-
-
 def stamp_to_seconds(stamp) -> float:
     """Return a stamp, or a duration, as seconds."""
     return stamp.sec + 1e-9 * stamp.nanosec
 
 
-# --- poses --------------------------------------------------------------------------------------
-
 def pose_from_msg(pose) -> np.ndarray:
     """
-    Return a geometry_msgs/Pose as a homogeneous transform, shape `(4, 4)` [m].
+    Return a geometry_msgs/Pose as a homogeneous transform (4, 4) [m].
 
-    Raises
-    ------
-    TactileError
-        The quaternion's length is not 1 within 1e-3, or a number is not finite.
+    TactileError if the quaternion's length is not 1 within 1e-3, or a number not finite.
     """
     x, y, z, w = (getattr(pose.orientation, axis) for axis in 'xyzw')
     position = tuple(getattr(pose.position, axis) for axis in 'xyz')
@@ -84,11 +66,7 @@ def pose_from_msg(pose) -> np.ndarray:
 
 
 def pose_to_msg(matrix: np.ndarray, into=None) -> Pose:
-    """
-    Return the Pose message of a homogeneous transform (4, 4) [m].
-
-    What is not known in the transform, NaN, makes NaN of the message's numbers.
-    """
+    """Return the Pose message of a homogeneous transform (4, 4) [m]; of NaN, one of NaN."""
     pose = Pose() if into is None else into
     place, turn = pose.position, pose.orientation
     place.x, place.y, place.z = matrix[:3, 3].tolist()

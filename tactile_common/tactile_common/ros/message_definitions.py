@@ -12,16 +12,11 @@ SEPARATOR = '=' * 80
 
 
 class MessageDefinition(NamedTuple):
-    """
-    Definition of a message type.
+    """Definition of a message type."""
 
-    `name`, for instance 'std_msgs/msg/Header'; `text`, its .msg file and those of all types in
-    it, comments included; `digest`, its hash RIHS01.
-    """
-
-    name: str
-    text: str
-    digest: str
+    name: str  # for instance 'std_msgs/msg/Header'
+    text: str  # its .msg file and those of all types in it, comments included
+    digest: str  # its hash RIHS01
 
 
 def definition_of(message_class: type) -> MessageDefinition:
@@ -32,14 +27,7 @@ def definition_of(message_class: type) -> MessageDefinition:
 
 @cache
 def definition(name: str) -> MessageDefinition:
-    """
-    Return the definition of a type by its name.
-
-    Raises
-    ------
-    ConfigurationError
-        The files of the type are not installed.
-    """
+    """Return the definition of a type by name; ConfigurationError if it is not installed."""
     try:
         description = json.loads(_interface_file(name, 'json').read_text(encoding='utf-8'))
         inner = [part['type_name'] for part in

@@ -10,7 +10,7 @@ from tactile_common.errors import ConfigurationError
 
 def declare_from(node, config_class, read_only=True, prefix=''):
     """
-    Declare one parameter per field of a dataclass and return the dataclass that they make.
+    Declare one parameter per field of a dataclass; returns it with the values of the user.
 
     The fields of a nested dataclass become parameters of its name, a dot and theirs, such as
     `force.gain`.
@@ -18,7 +18,6 @@ def declare_from(node, config_class, read_only=True, prefix=''):
     Parameters
     ----------
     node : rclpy.node.Node
-        Node that gets the parameters.
     config_class : type
         Frozen dataclass. Every field has a default and a type among `bool`, `int`, `float`,
         `str`, `tuple` of one of them, and such dataclasses. The metadata, see
@@ -26,12 +25,7 @@ def declare_from(node, config_class, read_only=True, prefix=''):
     read_only : bool
         Whether the parameters can no longer be set once the node runs.
     prefix : str
-        What stands before the names of the parameters.
-
-    Returns
-    -------
-    config_class
-        Instance with the values given by the user, else the defaults.
+        Of the names of the parameters.
 
     Raises
     ------

@@ -23,17 +23,8 @@ _TICK = 0.05
 
 
 def make_executor(context=None):
-    """
-    Return the cheapest executor that this rclpy offers, to be driven by `spin`.
-
-    Parameters
-    ----------
-    context : rclpy.context.Context, optional
-        Context of the nodes that will be added; the default context if missing.
-    """
-    if EventsExecutor is not None:
-        return EventsExecutor(context=context)
-    return SingleThreadedExecutor(context=context)
+    """Return the cheapest executor that this rclpy offers for nodes of a context, for `spin`."""
+    return (EventsExecutor or SingleThreadedExecutor)(context=context)
 
 
 def spin(executor, context=None, until=None):
@@ -46,12 +37,11 @@ def spin(executor, context=None, until=None):
     Parameters
     ----------
     executor : rclpy.executors.Executor
-        Executor made by `make_executor`.
+        Of `make_executor`.
     context : rclpy.context.Context, optional
-        Its context; the default one if missing.
+        Of the executor; the default one if missing.
     until : callable, optional
-        Takes nothing and returns whether to stop; asked after every callback and at least
-        every 0.05 s.
+        Returns whether to stop; asked after every callback and at least every 0.05 s.
     """
     context = context or rclpy.get_default_context()
     try:
@@ -65,8 +55,7 @@ def plain(callback):
     """
     Return a callback of a fast timer that says at once that it takes nothing.
 
-    rclpy looks up the signature of a timer's callback at every call, which takes longer than
-    many a callback.
+    rclpy looks up its signature at every call, which takes longer than many a callback.
     """
     def call():
         callback()
@@ -83,10 +72,8 @@ def stop_on_signals():
     word nor be destroyed undisturbed. Use it with `SignalHandlerOptions.NO`, in the main thread.
     """
     stop = threading.Event()
-    previous = {
-        number: signal.signal(number, lambda *_: stop.set())
-        for number in (signal.SIGINT, signal.SIGTERM)
-    }
+    previous = {number: signal.signal(number, lambda *_: stop.set())
+                for number in (signal.SIGINT, signal.SIGTERM)}
     try:
         yield stop
     finally:
@@ -96,22 +83,17 @@ def stop_on_signals():
 
 def run(node_class, args=None, until=None) -> int:
     """
-    Run one node until SIGINT, SIGTERM or the shutdown of its context.
+    Run one node until SIGINT, SIGTERM or the shutdown of its context; returns the exit status.
 
     Parameters
     ----------
     node_class : callable
         Makes the node; called with `context` alone. A `ValueError`, of which every
-        configuration error is one, means that a parameter is wrong.
+        configuration error is one, means that a parameter is wrong: exit status 1.
     args : list of str, optional
         Command line with ROS arguments; that of the process if missing.
     until : callable, optional
         Takes the node and returns whether its work is done.
-
-    Returns
-    -------
-    int
-        Exit status: 0 after a clean stop, 1 if the node could not start.
     """
     context = rclpy.Context()
     with stop_on_signals() as stop:
@@ -129,8 +111,7 @@ def run(node_class, args=None, until=None) -> int:
         executor = make_executor(context)
         try:
             executor.add_node(node)
-            spin(executor, context,
-                 lambda: stop.is_set() or (until is not None and until(node)))
+            spin(executor, context, lambda: stop.is_set() or bool(until and until(node)))
         finally:
             executor.shutdown()  # first: nothing may be delivered to a node that is gone
             node.destroy_node()

@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from tactile_common.pose_buffer import NS, PoseBuffer
+from tactile_common.state_buffer import NS, PoseBuffer
 from tactile_sensing.types.contact import Contact, ContactType, Reason
 from tactile_sensing.types.image import TactileImage
 from tactile_shape.contour.edge_point import edge_point
@@ -15,53 +15,26 @@ ELONGATED = 4.0  # ratio of second moments; a straight edge has 10 and more, a r
 MIDDLE = 2e-3  # m from its nearest point that the pressure of a whole line may be centred
 BEYOND = 1e-3  # m between a fitted line and its ridge from which the ridge is believed
 FARTHEST = 1.0  # m from the middle of a pad
-
-
 Place = tuple[float, float]  # x, y on the array [m]
 
 
 @dataclass(frozen=True, eq=False)
 class SpatialContact:
-    """
-    A contact in the base frame.
-
-    Attributes
-    ----------
-    stamp_ns : int
-    position : ndarray, shape (3,)
-        [m].
-    normal : ndarray, shape (3,)
-        The object's inward unit normal.
-    edge : bool
-        Whether it is of an edge, the position being the point of it nearest to the pad's centre.
-    """
+    """A contact in the base frame; of an edge, the point of it nearest to the pad's centre."""
 
     stamp_ns: int
-    position: np.ndarray
-    normal: np.ndarray
+    position: np.ndarray  # (3,) [m]
+    normal: np.ndarray  # (3,), the object's inward unit normal
     edge: bool
 
 
 class Placed(NamedTuple):
-    """
-    A contact that has been looked up.
+    """A contact that has been looked up."""
 
-    Attributes
-    ----------
-    extra : object
-        What was given with it.
-    contact : SpatialContact or None
-        None if nothing is touched, or where is not known.
-    anew : bool
-        Whether the path begins anew with it.
-    reason : str
-        Why there is no contact in space.
-    """
-
-    extra: Any
-    contact: SpatialContact | None
-    anew: bool
-    reason: str
+    extra: Any  # what was given with it
+    contact: SpatialContact | None  # None if nothing is touched, or where is not known
+    anew: bool  # whether the path begins anew with it
+    reason: str  # why there is no contact in space
 
 
 def needs_picture(contact: Contact) -> bool:
@@ -74,21 +47,10 @@ def needs_picture(contact: Contact) -> bool:
 
 def locate(contact: Contact, picture: TactileImage | None = None) -> tuple[Place | None, bool]:
     """
-    Where a contact is on the array, and whether it is with an edge.
+    Where a contact is on the array, if it is located, and whether it is with an edge.
 
-    Parameters
-    ----------
-    contact : tactile_sensing.types.contact.Contact
-    picture : tactile_sensing.types.image.TactileImage, optional
-        Of the contact, if it `needs_picture`.
-
-    Returns
-    -------
-    place : (float, float) or None
-        x, y [m]; of an edge, the point nearest to the pad's centre. A large area, which is
-        neither point nor edge, is where its centre of pressure is. None where nothing is
-        located.
-    edge : bool
+    Of an edge it is the point nearest to the pad's centre, of a large area, which is neither
+    point nor edge, its centre of pressure. The picture is the contact's, if it `needs_picture`.
     """
     seen = edge_point(picture) if picture is not None and needs_picture(contact) else None
     if contact.type == ContactType.LINE and contact.valid and np.isfinite(contact.a + contact.yaw):
@@ -118,19 +80,10 @@ def locate(contact: Contact, picture: TactileImage | None = None) -> tuple[Place
 
 def on_pad(place: Place, finger_radius: float = 0.0) -> tuple:
     """
-    Position and outward normal of the pad's surface, which is the object's inward one.
+    Position (3,) [m] and outward normal (3,) of the pad, which is the object's inward one.
 
-    Parameters
-    ----------
-    place : (float, float)
-        On the array [m].
-    finger_radius : float
-        Of a pad that is a sphere touching the plane z = 0 of the sensor frame; 0 = flat [m].
-
-    Returns
-    -------
-    position, normal : ndarray, shape (3,)
-        In the sensor frame. None, None for a place off the finger, or on no pad at all.
+    Both are in the sensor frame; None for a place off the finger, or on no pad at all. A round
+    finger is a sphere that touches the plane z = 0, a radius of 0 [m] means a flat pad.
     """
     x, y = place
     if not abs(x) + abs(y) < FARTHEST:  # NaN neither
@@ -145,8 +98,6 @@ def on_pad(place: Place, finger_radius: float = 0.0) -> tuple:
 
 
 class _Waiting(NamedTuple):
-    """A contact whose later pose has not come yet."""
-
     stamp_ns: int
     contact: Contact
     extra: object
@@ -196,13 +147,7 @@ class ContactPath:
         return self.settle()
 
     def settle(self) -> list[Placed]:
-        """
-        Place the waiting contacts for which the poses are there.
-
-        Returns
-        -------
-        list of Placed
-        """
+        """Place the waiting contacts for which the poses are there."""
         placed = []
         newest = self._poses.newest_ns
         while self._waiting and newest is not None and self._waiting[0].stamp_ns <= newest:

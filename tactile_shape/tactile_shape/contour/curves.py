@@ -9,22 +9,11 @@ CHORD = 1e-3  # m, of an arc as a polyline
 
 @dataclass(frozen=True, eq=False)
 class Line:
-    """
-    Straight line in the plane.
+    """Straight line in the plane, fitted to points."""
 
-    Attributes
-    ----------
-    middle : ndarray, shape (2,)
-        A point of it [m].
-    direction : ndarray, shape (2,)
-        Of length 1, along the points it was fitted to.
-    residual : float
-        RMS distance of those points [m].
-    """
-
-    middle: np.ndarray
-    direction: np.ndarray
-    residual: float
+    middle: np.ndarray  # (2,), a point of it [m]
+    direction: np.ndarray  # (2,), of length 1, along the points
+    residual: float  # RMS distance of the points [m]
 
     kind = 'line'
     radius = np.inf
@@ -58,22 +47,11 @@ class Line:
 
 @dataclass(frozen=True, eq=False)
 class Arc:
-    """
-    Arc of a circle in the plane; methods as of `Line`.
+    """Arc of a circle in the plane, fitted to points; methods as of `Line`."""
 
-    Attributes
-    ----------
-    centre : ndarray, shape (2,)
-        [m].
-    radius : float
-        [m].
-    residual : float
-        RMS distance of the points that it was fitted to [m].
-    """
-
-    centre: np.ndarray
-    radius: float
-    residual: float
+    centre: np.ndarray  # (2,) [m]
+    radius: float  # [m]
+    residual: float  # RMS distance of the points [m]
 
     kind = 'arc'
 
@@ -126,8 +104,7 @@ class Arc:
         angle = np.arctan2(first[1], first[0]) + share * sweep
         # The ends need not lie on the circle: they are where this side meets its neighbours.
         radius = (1.0 - share) * np.linalg.norm(first) + share * np.linalg.norm(last)
-        between = self.centre + radius[:, None] * np.column_stack(
-            [np.cos(angle), np.sin(angle)])
+        between = self.centre + radius[:, None] * np.column_stack([np.cos(angle), np.sin(angle)])
         return np.array([path[0], *between[1:-1], path[-1]])
 
 

@@ -1,5 +1,4 @@
 """The point of an edge under the pad, from the ridge in its picture: bends, corners, ends."""
-
 from tactile_sensing.contact.ridge import ridge_points
 from tactile_sensing.types.image import TactileImage
 
@@ -10,16 +9,9 @@ END = 0.5  # of the pressure along an edge is left where it ends
 
 def edge_point(image: TactileImage) -> tuple[float, float] | None:
     """
-    Point of an edge under the pad that is nearest to the pad's centre.
+    Point x, y [m] of an edge under the pad that is nearest to the pad's centre.
 
-    Parameters
-    ----------
-    image : tactile_sensing.types.image.TactileImage
-
-    Returns
-    -------
-    (float, float) or None
-        x, y [m]; None where the picture shows no edge, or is no tared pressure.
+    None where the picture shows no edge, or is no tared pressure.
     """
     layer = next((layer for layer in image.layers if layer.component == 'zz'), None)
     if layer is None or layer.unit != 'Pa' or not layer.depth > 0.0 or not image.tared:

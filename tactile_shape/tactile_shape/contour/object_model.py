@@ -35,35 +35,22 @@ class ModelConfig:
 
 
 class Mesh(NamedTuple):
-    """Vertices (V, 3) [m] with their colours (V, 3), and vertices of each triangle (F, 3)."""
+    """Coloured triangles."""
 
-    vertices: np.ndarray
-    colours: np.ndarray
-    faces: np.ndarray
+    vertices: np.ndarray  # (V, 3) [m]
+    colours: np.ndarray  # (V, 3), red, green and blue
+    faces: np.ndarray  # (F, 3), vertices of each triangle
 
 
 class ObjectModel:
-    """
-    Contour and patches as they accumulate; memory is bounded.
-
-    Parameters
-    ----------
-    config : ModelConfig, optional
-
-    Attributes
-    ----------
-    strokes : list of list of ndarray (3,)
-        Contour points [m] of each stretch of unbroken contact.
-    patches : list of Patch
-    total : int
-        Contour points ever kept.
-    """
+    """Contour and patches as they accumulate; memory is bounded."""
 
     def __init__(self, config: ModelConfig | None = None):
         self.config = config or ModelConfig()
+        # Contour points (3,) [m] of each stretch of unbroken contact, and how many were ever kept.
         self.strokes: list[list[np.ndarray]] = []
-        self.patches: list[Patch] = []
         self.total = self._count = 0
+        self.patches: list[Patch] = []
         self._recent: deque[np.ndarray] = deque(maxlen=RECENT)
         self._anew = True
 
@@ -114,13 +101,7 @@ class ObjectModel:
         return np.array([point for stroke in self.strokes for point in stroke]).reshape(-1, 3)
 
     def mesh(self, patches: list[Patch] | None = None) -> Mesh:
-        """
-        Triangles of the patches, coloured by kind.
-
-        Returns
-        -------
-        Mesh
-        """
+        """Triangles of the patches, coloured by kind."""
         vertices, colours, faces = [np.zeros((0, 3))], [np.zeros((0, 3))], [np.zeros((0, 3), int)]
         rows, columns = STEPS
         corner = (np.arange(rows - 1)[:, None] * columns + np.arange(columns - 1)).reshape(-1, 1)

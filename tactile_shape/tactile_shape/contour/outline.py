@@ -38,51 +38,23 @@ class OutlineConfig:
 
 @dataclass(frozen=True, eq=False)
 class Side:
-    """
-    Piece of an outline: between corners, or where a line goes over into an arc.
+    """Piece of an outline: between corners, or where a line goes over into an arc; in metres."""
 
-    Attributes
-    ----------
-    kind : str
-        'line' or 'arc', the least that explains its points.
-    start, end : ndarray, shape (3,)
-        The corners, or the ends of an open contour [m].
-    length : float
-        From start to end, along the arc [m].
-    radius : float
-        Of an arc [m]; inf for a line.
-    residual : float
-        RMS distance of the points used [m].
-    points : ndarray, shape (m, 3)
-        From start to end, an arc as chords of at most 1 mm [m].
-    """
-
-    kind: str
-    start: np.ndarray
+    kind: str  # 'line' or 'arc', the least that explains its points
+    start: np.ndarray  # (3,), corner, or end of an open contour
     end: np.ndarray
-    length: float
-    radius: float
-    residual: float
-    points: np.ndarray
+    length: float  # from start to end, along the arc
+    radius: float  # of an arc; inf for a line
+    residual: float  # RMS distance of the points used
+    points: np.ndarray  # (m, 3), from start to end, an arc as chords of at most 1 mm
 
 
 @dataclass(frozen=True, eq=False)
 class Outline:
-    """
-    Outline in the plane of its contour.
+    """Outline in the plane of its contour."""
 
-    Attributes
-    ----------
-    corners : ndarray, shape (c, 3)
-        Where neighbouring sides would meet if the skin did not round them [m].
-    angles : ndarray, shape (c,)
-        Turn at each corner, positive to the left about the plane's normal [rad].
-    sides : tuple of Side
-    closed : bool
-    """
-
-    corners: np.ndarray
-    angles: np.ndarray
+    corners: np.ndarray  # (c, 3), where sides would meet if the skin did not round them [m]
+    angles: np.ndarray  # (c,), turn, positive to the left about the plane's normal [rad]
     sides: tuple[Side, ...]
     closed: bool
 
@@ -106,17 +78,9 @@ class Outline:
 
 def find_outline(points: ArrayLike, config: OutlineConfig | None = None) -> Outline:
     """
-    Find corners and sides of a contour.
+    Find corners and sides of a contour: points (N, 3) along the edge, in order [m].
 
-    Parameters
-    ----------
-    points : array_like, shape (N, 3)
-        Along the edge, in order [m]; an overlap at the end of a closed contour may be there.
-    config : OutlineConfig, optional
-
-    Returns
-    -------
-    Outline
+    An overlap at the end of a closed contour may be there.
 
     Raises
     ------
@@ -184,11 +148,7 @@ def _straight_on(one, other):
 
 
 def _plane(points):
-    """
-    Centre and axes (3, 3) of the best plane, its normal nearest to +z of the frame.
-
-    Any plane through a straight contour is as good: then it is the one seen from +z.
-    """
+    """Centre and axes (3, 3) of the best plane, of a straight contour that seen from +z."""
     centre = points.mean(axis=0)
     _, spread, axes = np.linalg.svd(points - centre, full_matrices=False)
     axes = axes.T

@@ -11,12 +11,10 @@ MAX_WEIGHT = 16.0  # samples of one cell that count as independent; a finger at 
 
 
 class _Cells(NamedTuple):
-    """Means of points and normals (n, 3), where each cell began (n, 3), contacts in it (n,)."""
-
-    points: np.ndarray
-    normals: np.ndarray
-    starts: np.ndarray
-    counts: np.ndarray
+    points: np.ndarray  # (n, 3), means
+    normals: np.ndarray  # (n, 3), means
+    starts: np.ndarray  # (n, 3), where each cell began
+    counts: np.ndarray  # (n,), contacts in it
 
 
 @njit(cache=True)
@@ -64,23 +62,12 @@ def _take(cells, used, point, normal, size, length, max_turn):
 
 
 class Stretch(NamedTuple):
-    """
-    Contacts of a stretch of path, averaged in cells, the oldest first.
+    """Contacts in cells, the oldest first: views, valid until the next contact is added."""
 
-    Attributes
-    ----------
-    points, normals : ndarray, shape (m, 3)
-        Views, valid until the next contact is added.
-    counts : ndarray, shape (m,)
-        Contacts in each cell.
-    extent : float
-        Length of the path [m].
-    """
-
-    points: np.ndarray
-    normals: np.ndarray
-    counts: np.ndarray
-    extent: float
+    points: np.ndarray  # (m, 3) [m]
+    normals: np.ndarray  # (m, 3)
+    counts: np.ndarray  # (m,), contacts in each cell
+    extent: float  # length of the path [m]
 
     @property
     def weights(self) -> np.ndarray:
@@ -96,8 +83,8 @@ class Stretch(NamedTuple):
         """Return the newer half of the cells."""
         first = (len(self.points) + 1) // 2
         steps = np.diff(self.points[first:], axis=0)
-        return Stretch(self.points[first:], self.normals[first:], self.counts[first:],
-                       float(np.sqrt((steps**2).sum(axis=1)).sum()))
+        extent = float(np.sqrt((steps**2).sum(axis=1)).sum())
+        return Stretch(self.points[first:], self.normals[first:], self.counts[first:], extent)
 
 
 class ContactWindow:
@@ -119,9 +106,7 @@ class ContactWindow:
 
     def __init__(self, length: float, max_turn: float, cell: float):
         self._length, self._max_turn, self._cell = length, max_turn, cell
-        self._cells = _Cells(
-            np.zeros((MAX_CELLS, 3)), np.zeros((MAX_CELLS, 3)), np.zeros((MAX_CELLS, 3)),
-            np.zeros(MAX_CELLS))
+        self._cells = _Cells(*np.zeros((3, MAX_CELLS, 3)), np.zeros(MAX_CELLS))
         self.reset()
 
     def reset(self) -> None:

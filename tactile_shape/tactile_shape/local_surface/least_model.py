@@ -23,16 +23,13 @@ def principal_curvatures(c11, c12, c22):
 
 
 class _Cylinder(NamedTuple):
-    """Chi-square that a cylinder takes away, its curvature and the heading of that [rad]."""
-
-    gain: float
+    gain: float  # chi-square that it takes away
     curvature: float
-    heading: float
+    heading: float  # of that curvature [rad]
 
 
 @njit(cache=True)
 def _cylinder(information, right, heading):
-    """Best cylinder of a heading."""
     c, s = math.cos(heading), math.sin(heading)
     d0, d1, d2 = c * c, c * s, s * s
     r11, r12, r22 = right
@@ -97,11 +94,7 @@ def least_model(information, right, count):
 
 @njit(cache=True)
 def curvature_covariance(kind, information, k1, heading):
-    """
-    Covariance of the principal curvatures under a model, and the variances without it.
-
-    Of what a model fixes, the covariance is the data's as well.
-    """
+    """Covariance of the principal curvatures, of what a model fixes the data's; variances."""
     covariance = np.linalg.inv(information)
     c, s = math.cos(heading), math.sin(heading)
     along, across = np.array([c * c, 2 * c * s, s * s]), np.array([s * s, -2 * c * s, c * c])

@@ -24,12 +24,12 @@ class Noise(NamedTuple):
 
 
 class Cells(NamedTuple):
-    """Contacts in a tangent frame: u (m, 2), z (m,) [m], normals (m, 3), weights (m,)."""
+    """Contacts in a tangent frame."""
 
-    u: np.ndarray
-    z: np.ndarray
-    n: np.ndarray
-    weights: np.ndarray  # independent samples in each row
+    u: np.ndarray  # (m, 2) [m]
+    z: np.ndarray  # (m,) [m]
+    n: np.ndarray  # (m, 3)
+    weights: np.ndarray  # (m,), independent samples in each row
 
 
 class NormalEquations(NamedTuple):
@@ -41,45 +41,28 @@ class NormalEquations(NamedTuple):
 
 
 class CurvatureEquations(NamedTuple):
-    """
-    Of K alone, height and slope eliminated: K = information^-1 right.
+    """Of K alone: K = information^-1 right, and height and slope (a, b1, b2) = flat - lift K."""
 
-    Attributes
-    ----------
-    information, right : ndarray, shapes (3, 3) and (3,)
-    flat, lift : ndarray, shapes (3,) and (3, 3)
-        (a, b1, b2) = flat - lift K.
-    rest : float
-        Chi-square with K = 0.
-    """
-
-    information: np.ndarray
-    right: np.ndarray
-    flat: np.ndarray
-    lift: np.ndarray
-    rest: float
+    information: np.ndarray  # (3, 3)
+    right: np.ndarray  # (3,)
+    flat: np.ndarray  # (3,)
+    lift: np.ndarray  # (3, 3)
+    rest: float  # chi-square with K = 0
 
 
 @njit(cache=True)
 def equations(cells, noise, curvature, doubt, model_error):
     """
-    Normal equations of (a, b1, b2, K11, K12, K22).
+    NormalEquations of Cells with a Noise.
 
     Parameters
     ----------
-    cells : Cells
-    noise : Noise
     curvature : ndarray, shape (3,)
         K11, K12, K22: with them, a displacement along the surface is an error of the normal.
     doubt : ndarray, shape (3,)
-        Variances of K11, K12, K22, since what is not known of K makes errors as well.
+        Their variances, since what is not known of K makes errors as well.
     model_error : float
-        What the model leaves out, over the third-order term |K u|^3 of a normal, and over the
-        same of height.
-
-    Returns
-    -------
-    NormalEquations
+        What the model leaves out, over the third-order term |K u|^3 of normal and height.
     """
     matrix, right, square = np.zeros((6, 6)), np.zeros(6), 0.0
     row = np.zeros((3, 6))
@@ -129,11 +112,7 @@ def equations(cells, noise, curvature, doubt, model_error):
 
 @njit(cache=True)
 def curvature_equations(cells, noise, curvature, doubt, model_error, count, prior):
-    """
-    CurvatureEquations; parameters as of `equations`.
-
-    Of K11, K12, K22 the first `count` are seen; of the others there is a prior.
-    """
+    """CurvatureEquations, see `equations`; the first `count` of K are seen, else the prior's."""
     matrix, right, square = equations(cells, noise, curvature, doubt, model_error)
     first = np.linalg.inv(matrix[:3, :3].copy())
     flat, lift = first @ right[:3].copy(), first @ matrix[:3, 3:].copy()

@@ -25,42 +25,19 @@ _HEIGHTS_SPENT = 2.0  # of the six parameters, what the heights alone have paid 
 
 
 class Fit(NamedTuple):
-    """
-    What `solve` returns.
+    """Least model of contacts; height and slope in the frame `axes`."""
 
-    Attributes
-    ----------
-    kind : int
-        0 where the path is too short to see any curvature.
-    axes : ndarray, shape (3, 3)
-        Tangent frame turned so that x is the path's direction.
-    height, slope : float, ndarray (2,)
-        a, b of that model, in that frame.
-    principal, heading : ndarray (2,), float
-        Principal curvatures and the angle of the first.
-    covariance : ndarray, shape (2, 2)
-        Of the principal curvatures.
-    seen : ndarray, shape (2,)
-        Variance of each as the data alone tell it.
-    along : float
-        Variance of the curvature along the path.
-    residual : float
-        RMS in standard deviations.
-    scatter : float
-        Standard deviation of positions about the surface, or what was told if it is larger [m].
-    """
-
-    kind: int
-    axes: np.ndarray
-    height: float
-    slope: np.ndarray
-    principal: np.ndarray
-    heading: float
-    covariance: np.ndarray
-    seen: np.ndarray
-    along: float
-    residual: float
-    scatter: float
+    kind: int  # 0 where the path is too short to see any curvature
+    axes: np.ndarray  # (3, 3), tangent frame turned so that x is the path's direction
+    height: float  # a [m]
+    slope: np.ndarray  # b, (2,)
+    principal: np.ndarray  # (2,), principal curvatures [1/m]
+    heading: float  # of the first [rad]
+    covariance: np.ndarray  # (2, 2), of the principal curvatures
+    seen: np.ndarray  # (2,), variance of each as the data alone tell it
+    along: float  # variance of the curvature along the path
+    residual: float  # RMS in standard deviations
+    scatter: float  # standard deviation of positions about the surface, at least that told [m]
 
 
 @njit(cache=True)
@@ -123,23 +100,16 @@ def _weighted(cells, noise, count, prior):
 @njit(cache=True)
 def solve(points, normals, weights, origin, axes, noise, prior):
     """
-    Fit the least model to contacts in a tangent frame.
+    Fit of the least model to points and normals (m, 3), each the mean of `weights` (m,) samples.
 
     Parameters
     ----------
-    points, normals : ndarray, shape (m, 3)
-    weights : ndarray, shape (m,)
-        Independent samples that each row is the mean of.
     origin, axes : ndarray, shapes (3,) and (3, 3)
         Tangent frame: columns x, y and the inward normal.
     noise : Noise
         Of one sample; what it has along the surface may fake a path's breadth.
     prior : float
         Standard deviation of curvature before anything was touched [1/m].
-
-    Returns
-    -------
-    Fit
     """
     spread = math.sqrt(noise.position**2 + noise.location**2)
     axes, count = _path_frame(points, weights, origin, axes, spread)
