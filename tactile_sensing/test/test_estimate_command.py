@@ -189,7 +189,7 @@ WORDS = {
     'dead outside': ({'frames': FRAMES}, ['--dead', '1,1;2,8'], 'row 2, column 8 is outside'),
     'dead < 0': ({'frames': FRAMES}, ['--dead=-1,0'], 'row -1, column 0 is outside'),
     'dead text': ({'frames': FRAMES}, ['--dead', '1'], "'1' is not R,C"),
-    'method': ({'frames': FRAMES}, ['--method', 'guess'], "'guess' is not one of"),
+    'method': ({'frames': FRAMES}, ['--method', 'guess'], "method is 'guess', must be one of"),
     'model': ({'frames': FRAMES}, ['--model', 'sphere'], 'sphere'),
     'tactel': ({'frames': FRAMES}, ['--tactel', 'round'], 'round'),
     'noise': ({'frames': FRAMES}, ['--noise', '-1'], "--noise is '-1'"),

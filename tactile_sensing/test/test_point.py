@@ -1,5 +1,6 @@
 """Point model: quadrature, derivatives, invariances and moments."""
 
+from moments_of_a_point import plane_moments, rectangle_moments
 import numpy as np
 import pytest
 from scipy.integrate import dblquad
@@ -108,7 +109,7 @@ def test_models_broadcast_over_an_array():
 @pytest.mark.parametrize('limits', [
     ((-0.013, 0.013), (-0.013, 0.013)), ((0.002, 0.009), (-0.004, 0.011))])
 def test_rectangle_moments_against_quadrature(component, limits):
-    got = as_array(point.rectangle_moments(*limits, *PARAMETERS, DEPTH, component=component))
+    got = as_array(rectangle_moments(*limits, *PARAMETERS, DEPTH, component=component))
     # Gauss-Legendre on pieces shorter than the depth; dblquad would take seconds.
     nodes, weights = np.polynomial.legendre.leggauss(200)
     (x1, x2), (y1, y2) = limits
@@ -123,7 +124,7 @@ def test_rectangle_moments_against_quadrature(component, limits):
 
 def test_rectangle_moments_against_adaptive_quadrature():
     limits = (0.002, 0.009), (-0.004, 0.011)
-    got = point.rectangle_moments(*limits, *PARAMETERS, DEPTH)
+    got = rectangle_moments(*limits, *PARAMETERS, DEPTH)
     for name, (p, q) in zip(FIELDS, ORDERS, strict=True):
         expected = quadrature(
             lambda x, y, p=p, q=q: x**p * y**q * point.stress(
@@ -134,7 +135,7 @@ def test_rectangle_moments_against_adaptive_quadrature():
 @pytest.mark.parametrize('component', COMPONENTS)
 def test_rectangle_moments_add_up(component):
     def moments(x_limits):
-        return as_array(point.rectangle_moments(
+        return as_array(rectangle_moments(
             x_limits, (-0.005, 0.007), *PARAMETERS, DEPTH, component=component))
     whole = moments((-0.01, 0.01))
     np.testing.assert_allclose(
@@ -147,7 +148,7 @@ def test_rectangle_moments_are_the_sum_over_averaging_tactels():
     picture = point.average(
         'zz', array.x[None, :], array.y[:, None], *PARAMETERS, DEPTH, 0.001, 0.001)
     got = image_moments(picture, array)
-    expected = point.rectangle_moments(
+    expected = rectangle_moments(
         (-0.013, 0.013), (-0.013, 0.013), *PARAMETERS, DEPTH)
     assert got.m0 == pytest.approx(expected.m0, rel=1e-12)
 
@@ -155,9 +156,9 @@ def test_rectangle_moments_are_the_sum_over_averaging_tactels():
 def test_moments_of_a_large_window_are_those_of_the_plane():
     half = 2.0e3 * DEPTH
     for component in COMPONENTS:
-        got = as_array(point.rectangle_moments(
+        got = as_array(rectangle_moments(
             (-half, half), (-half, half), *PARAMETERS, DEPTH, component=component))
-        expected = as_array(point.plane_moments(*PARAMETERS, DEPTH, component=component))
+        expected = as_array(plane_moments(*PARAMETERS, DEPTH, component=component))
         known = np.isfinite(expected)
         assert known.sum() == (6 if component == 'zz' else 3)
         np.testing.assert_allclose(got[known], expected[known], rtol=3e-3)
@@ -165,19 +166,19 @@ def test_moments_of_a_large_window_are_those_of_the_plane():
 
 def test_plane_moments_including_mxy():
     a, b, p, qx, qy = PARAMETERS
-    assert point.plane_moments(*PARAMETERS, DEPTH) == Moments(
+    assert plane_moments(*PARAMETERS, DEPTH) == Moments(
         p, DEPTH * qx + a * p, DEPTH * qy + b * p, 2 * a * DEPTH * qx + p * (DEPTH**2 + a**2),
         2 * b * DEPTH * qy + p * (DEPTH**2 + b**2), a * b * p + DEPTH * (a * qy + b * qx))
-    m = point.plane_moments(*PARAMETERS, DEPTH)
+    m = plane_moments(*PARAMETERS, DEPTH)
     # Central: -d^2 Qx Qy / P for pressure, so its sign couples the signs of the shear.
     assert m.mxy - m.mx * m.my / m.m0 == pytest.approx(-DEPTH**2 * qx * qy / p, rel=1e-9)
 
 
 def test_shear_moment_identity_holds_on_any_window():
     limits = (-0.002, 0.007), (-0.009, 0.004)
-    normal = point.rectangle_moments(*limits, *PARAMETERS, DEPTH)
+    normal = rectangle_moments(*limits, *PARAMETERS, DEPTH)
     for component, first, at in (('xz', 'mx', 0), ('yz', 'my', 1)):
-        shear = point.rectangle_moments(*limits, *PARAMETERS, DEPTH, component=component)
+        shear = rectangle_moments(*limits, *PARAMETERS, DEPTH, component=component)
         assert DEPTH * shear.m0 == pytest.approx(
             getattr(normal, first) - PARAMETERS[at] * normal.m0, rel=1e-10)
 

@@ -2,6 +2,7 @@
 
 from collections import namedtuple
 
+from moments_of_a_point import plane_moments, rectangle_moments
 import numpy as np
 import pytest
 
@@ -65,7 +66,7 @@ def errors(estimate, load):
 @pytest.mark.parametrize('load', LOADS)
 def test_one_layer_is_exact_on_plane_moments(load):
     a, b, _, qx, qy = load
-    moments = point.plane_moments(*load, DEPTH)
+    moments = plane_moments(*load, DEPTH)
     # The peak lies from the contact towards the centroid, but not as far.
     peak = a + 0.1 * DEPTH * qx / load[2], b + 0.1 * DEPTH * qy / load[2]
     estimate = one_layer(moments, DEPTH, peak)
@@ -75,7 +76,7 @@ def test_one_layer_is_exact_on_plane_moments(load):
 
 @pytest.mark.parametrize('load', LOADS)
 def test_two_layers_are_exact_on_plane_moments(load):
-    estimate = two_layers(point.plane_moments(*load, DEPTH), point.plane_moments(*load, DEEPER),
+    estimate = two_layers(plane_moments(*load, DEPTH), plane_moments(*load, DEEPER),
                           (DEPTH, DEEPER))
     np.testing.assert_allclose(parameters(estimate), load, rtol=1e-9, atol=1e-12)
     assert estimate.flags == 0
@@ -85,7 +86,7 @@ def test_two_layers_are_exact_on_plane_moments(load):
 @pytest.mark.parametrize('with_yz', [False, True])
 def test_normal_and_shear_are_exact_on_plane_moments(load, with_yz):
     normal, shear_x, shear_y = (
-        point.plane_moments(*load, DEPTH, component=c) for c in ('zz', 'xz', 'yz'))
+        plane_moments(*load, DEPTH, component=c) for c in ('zz', 'xz', 'yz'))
     estimate = normal_and_shear(normal, shear_x, DEPTH, shear_y=shear_y if with_yz else None)
     np.testing.assert_allclose(parameters(estimate), load, rtol=1e-9, atol=1e-12)
     assert estimate.flags == 0
@@ -94,7 +95,7 @@ def test_normal_and_shear_are_exact_on_plane_moments(load, with_yz):
 def test_shear_layer_gives_a_on_any_window():
     load, limits = LOADS[0], ((-0.002, 0.007), (-0.009, 0.004))
     normal, shear_x, shear_y = (
-        point.rectangle_moments(*limits, *load, DEPTH, component=c) for c in ('zz', 'xz', 'yz'))
+        rectangle_moments(*limits, *load, DEPTH, component=c) for c in ('zz', 'xz', 'yz'))
     estimate = normal_and_shear(normal, shear_x, DEPTH, shear_y=shear_y)
     assert (estimate.a, estimate.b) == pytest.approx(load[:2], rel=1e-9)
 
@@ -103,7 +104,7 @@ def test_peak_lies_on_the_contact_s_side_of_the_centroid():
     for load in random_loads(50, 0.006, seed=3, least_shear=0.05):
         (image,) = pictures(STRUCTURES['one layer'], load)
         peak = peak_position(image, ARRAY)
-        plane = point.plane_moments(*load, DEPTH)
+        plane = plane_moments(*load, DEPTH)
         assert np.sign(plane.mx / plane.m0 - peak[0]) == np.sign(load[3])
         assert np.sign(plane.my / plane.m0 - peak[1]) == np.sign(load[4])
 
@@ -176,7 +177,7 @@ def test_estimates_follow_a_half_turn_and_the_scale_of_force(structure):
 
 def test_averaging_tactels_make_the_discriminant_negative_unless_corrected():
     load = (0.0, 0.0, 5.0, 0.3, 0.3)  # below P h / (sqrt(12) d) = 0.72 N
-    plane = point.plane_moments(*load, DEPTH)
+    plane = plane_moments(*load, DEPTH)
     widened = Moments(plane.m0, plane.mx, plane.my, plane.mxx + 1e-6 / 12 * plane.m0,
                       plane.myy + 1e-6 / 12 * plane.m0, plane.mxy)
     flagged = one_layer(widened, DEPTH, (0.0, 0.0))
@@ -190,7 +191,7 @@ def test_averaging_tactels_make_the_discriminant_negative_unless_corrected():
 
 
 def test_one_negative_discriminant_leaves_the_other_axis_alone():
-    plane = point.plane_moments(*LOADS[0], DEPTH)
+    plane = plane_moments(*LOADS[0], DEPTH)
     wide = Moments(plane.m0, plane.mx, plane.my, plane.mxx * 2.0, plane.myy, plane.mxy)
     estimate = one_layer(wide, DEPTH, LOADS[0][:2])
     assert estimate.flags == MomentFlag.NEGATIVE_DISCRIMINANT_X
@@ -200,7 +201,7 @@ def test_one_negative_discriminant_leaves_the_other_axis_alone():
 def test_singular_without_shear_along_x():
     load = (0.001, -0.002, 5.0, 0.0, 0.9)
     normal, shear_x, shear_y = (
-        point.plane_moments(*load, DEPTH, component=c) for c in ('zz', 'xz', 'yz'))
+        plane_moments(*load, DEPTH, component=c) for c in ('zz', 'xz', 'yz'))
     estimate = normal_and_shear(normal, shear_x, DEPTH)
     assert estimate.flags == MomentFlag.SINGULAR
     assert np.isfinite(parameters(estimate)).all()
@@ -222,7 +223,7 @@ def test_no_force_is_flagged(structure, value):
 
 
 def test_no_force_from_moments_that_are_not_finite():
-    plane = point.plane_moments(*LOADS[0], DEPTH)
+    plane = plane_moments(*LOADS[0], DEPTH)
     broken = Moments(plane.m0, np.nan, plane.my, plane.mxx, plane.myy, plane.mxy)
     assert one_layer(broken, DEPTH, (0.0, 0.0)).flags == MomentFlag.NO_FORCE
     assert one_layer(plane, DEPTH, (np.nan, 0.0)).flags == MomentFlag.NO_FORCE
@@ -311,4 +312,4 @@ def test_peak_position_takes_the_vertex_and_skips_nan():
      'max_steps is 0')])
 def test_bad_configuration_is_refused(call, message):
     with pytest.raises(ConfigurationError, match=message):
-        call(point.plane_moments(*LOADS[0], DEPTH))
+        call(plane_moments(*LOADS[0], DEPTH))

@@ -3,7 +3,7 @@
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, ClassVar, Protocol
+from typing import Any, ClassVar, NamedTuple, Protocol
 
 import numpy as np
 
@@ -16,7 +16,7 @@ from tactile_servo.types import State, TaskError
 Refusal = Reason  # of a code from 400 on, or of the input that is missing
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(eq=False)  # not frozen: two are made for every image
 class Observation:
     """
     An image, or the contact estimated in one.
@@ -44,8 +44,7 @@ class Observation:
         return self.locate(self.stamp_ns)
 
 
-@dataclass(frozen=True)
-class Assessment:
+class Assessment(NamedTuple):
     """
     What a law decides about the next cycle.
 
@@ -64,8 +63,7 @@ class Assessment:
     lift: bool = False
 
 
-@dataclass(frozen=True, eq=False)
-class Reference:
+class Reference(NamedTuple):
     """
     Wanted motion of the next cycle.
 

@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass, field
 from enum import IntEnum
+from typing import NamedTuple
 
 import numpy as np
 
@@ -44,8 +45,7 @@ class EdgeGoal:
     closed: bool = False
 
 
-@dataclass(frozen=True)
-class TaskError:
+class TaskError(NamedTuple):
     """
     Where what is tracked lies in the sensor frame, as last observed; NaN = unknown.
 
@@ -59,7 +59,7 @@ class TaskError:
     force: float = NAN
 
 
-@dataclass(frozen=True)
+@dataclass(eq=False)  # not frozen: one is made every cycle
 class Status:
     """One control cycle, as in ServoStatus.msg; SI units, NaN = unknown."""
 

@@ -205,8 +205,8 @@ class Watched:
         self.now, self.now_ns = self.now + 1e-9 * PERIOD_NS, self.now_ns + PERIOD_NS
         before = self.servo.state
         status, window = self.servo.cycle(self.now, self.now_ns)
-        assert status.reason.code >= 200 or status.state != State.HOLD or (
-            status.reason.code == ReasonCode.INPUT_BACK)
+        # A hold says what is wrong, or which end it comes to rest for.
+        assert status.state != State.HOLD or status.reason.code >= ReasonCode.INPUT_BACK
         if window is None:
             return
         if not status.contact_fresh or not status.joints_fresh or status.normal_force > (

@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass
 import math
+from typing import NamedTuple
 
 from tactile_common.config import bounded
 from tactile_servo.control.scaling import clipped
@@ -32,8 +33,7 @@ class ForceConfig:
         0.05, 'largest speed along the normal', 'm/s', 1e-4, 1.0)
 
 
-@dataclass(frozen=True)
-class Load:
+class Load(NamedTuple):
     """
     What an image says of the load along an edge.
 

@@ -65,6 +65,7 @@ class CornerShape(NamedTuple):
 
 
 SIZE = len(CornerShape._fields)
+RADIUS = CornerShape._fields.index('radius')  # the curvatures come after it
 
 
 class CornerFit(NamedTuple):
@@ -166,6 +167,17 @@ def corner_pressure(corner, x, y, depth):
 
 
 @njit(cache=True)
+def _weights(pressure, x, y, near, noise, model_error, start):
+    """Inverse variances of the tactels near the vertex, 0 elsewhere (rows, columns)."""
+    weight = np.zeros(pressure.shape)
+    for r in range(len(y)):
+        for c in range(len(x)):
+            if (x[c] - start.x)**2 + (y[r] - start.y)**2 < near**2:
+                weight[r, c] = 1.0 / (noise**2 + (model_error * pressure[r, c])**2)
+    return weight
+
+
+@njit(cache=True)
 def fit_corner(pressure, x, y, depth, noise, model_error, start):
     """
     Fit a corner to a picture by Gauss-Newton, the load eliminated in closed form.
@@ -193,19 +205,13 @@ def fit_corner(pressure, x, y, depth, noise, model_error, start):
     steps = np.array([LENGTH_STEP * depth, LENGTH_STEP * depth, ANGLE_STEP, ANGLE_STEP,
                       RADIUS_STEP * depth, CURVATURE_STEP / depth, CURVATURE_STEP / depth])
     prior = np.zeros(SIZE)
-    prior[4] = (RADIUS_PRIOR * depth)**-2
-    prior[5:] = (CURVATURE_PRIOR / depth)**-2
-    rows, columns = pressure.shape
-    weight = np.zeros((rows, columns))
-    count = 0
-    for r in range(rows):
-        for c in range(columns):
-            if (x[c] - start.x)**2 + (y[r] - start.y)**2 < (NEAR * depth)**2:
-                weight[r, c] = 1.0 / (noise**2 + (model_error * pressure[r, c])**2)
-                count += 1
+    prior[RADIUS] = (RADIUS_PRIOR * depth)**-2
+    prior[RADIUS + 1:] = (CURVATURE_PRIOR / depth)**-2
+    weight = _weights(pressure, x, y, NEAR * depth, noise, model_error, start)
+    count = np.count_nonzero(weight)
     if count < FEWEST:
         return CornerFit(start, information, chi_square, load)
-    jacobian = np.empty((SIZE, rows, columns))
+    jacobian = np.empty((SIZE, len(y), len(x)))
     for step in range(ROUNDS + 1):
         shape = corner_pressure(_shape(p), x, y, depth)
         own = (weight * shape * shape).sum()
@@ -234,5 +240,5 @@ def fit_corner(pressure, x, y, depth, noise, model_error, start):
         p += change / max(math.hypot(ask.x, ask.y) / (FARTHEST * depth),
                           abs(ask.radius) / (FARTHEST * depth),
                           max(abs(ask.first), abs(ask.second)) / WIDEST_TURN, 1.0)
-        p[4] = max(p[4], LEAST_RADIUS * depth)
+        p[RADIUS] = max(p[RADIUS], LEAST_RADIUS * depth)
     return CornerFit(_shape(p), information, chi_square, load)

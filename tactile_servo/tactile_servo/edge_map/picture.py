@@ -116,7 +116,8 @@ def read_picture(image: TactileImage, pose: np.ndarray) -> Picture | Problem:
     noise = float(layer.noise_std)
     if not 0.0 < noise < IMPOSSIBLE:
         noise = UNKNOWN_NOISE * float(np.nanmax(pressure, initial=1.0))
-    if np.isnan(pressure).mean() > MOST_INVALID:  # what is mended would be made up
+    # What is mended of more than that would be made up.
+    if np.count_nonzero(np.isnan(pressure)) > MOST_INVALID * pressure.size:
         return Problem.INVALID_TACTELS
     return Picture(mend(pressure, noise), image.array, layer.depth, noise, pose, image.stamp_ns)
 

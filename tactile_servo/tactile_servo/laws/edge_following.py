@@ -40,6 +40,7 @@ ADVANCE = 0.5  # that is progress
 STALE = 1.5  # times the age at which the supervisor holds: for images that stop alone
 PROBE = 0.9  # of the depth to which the pad may press
 PROBE_SPEED = 0.5  # of the speed of the approach
+ON_EDGE = Assessment(State.TRACK, Reason(ReasonCode.TRACKING))
 UNFIT = {Problem.NO_RIDGE: ReasonCode.EDGE_LOST, Problem.ELSEWHERE: ReasonCode.EDGE_LOST}
 
 
@@ -180,7 +181,7 @@ class EdgeFollowing:
             going.searched, going.probed_from = 0.0, None
             going.mode = ReasonCode.TRACKING
             corner = edge.corner_at(going.ahead)
-            return Assessment(State.TRACK, Reason(ReasonCode.TRACKING)) if corner is None else (
+            return ON_EDGE if corner is None else (
                 Assessment(State.CORNER, Reason(
                     ReasonCode.CORNER, f'{math.degrees(abs(corner.turn)):.0f} degrees')))
         if not touching:

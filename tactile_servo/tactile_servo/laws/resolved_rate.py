@@ -23,6 +23,7 @@ OVERFORCE = 1.5  # of the wanted force, beyond which the goal ends
 ASIDE = 0.1  # of half the array; a pad further beside an edge's end may have missed its turn
 ALIGNED = 0.5  # of half the array, from which an edge off the centre slows the pad down
 FIRM = 0.5  # of the force, below which the pad is slowed down
+ON_EDGE = Assessment(State.TRACK, Reason(ReasonCode.TRACKING))
 UNKNOWN = EdgeFeatures(math.nan, math.nan, math.nan, math.nan)
 
 
@@ -240,7 +241,7 @@ class ResolvedRate:
                 return Assessment(State.DONE, Reason(
                     ReasonCode.ENDED_BESIDE, f'{1e3 * aside:.1f} mm'))
             return ended(goal, progress, shortest)
-        return Assessment(State.TRACK, Reason(ReasonCode.TRACKING))
+        return ON_EDGE
 
     def reference(self, pose: np.ndarray, commanded: np.ndarray, dt: float) -> Reference:
         """Wanted motion from the measured and the commanded pose (4, 4) of the sensor."""

@@ -104,7 +104,7 @@ class BoundedInverse:
         if inside:
             return wanted, '', smallest
         down, up = room(limits.lower, limits.upper, limits.stopping_time, positions, dt)
-        matrix = _hessian(jacobian, self._damping, TAKE_OVER * self._damping, self._length)
+        matrix = hessian(jacobian, self._damping, TAKE_OVER * self._damping, self._length)
         self._sense[:] = 0
         velocities, _, flag, info = daqp.solve(
             matrix, -matrix @ wanted, self._no_rows, up, down, self._sense)
@@ -189,7 +189,7 @@ def _within(jacobian, twist, positions, lower, upper, stopping_time, fastest, zo
 
 
 @njit(cache=True)
-def _hessian(jacobian, damping, light, rotation_length):
+def hessian(jacobian, damping, light, rotation_length):
     """Matrix H (n, n)."""
     weighted = jacobian.copy()
     weighted[3:] *= rotation_length

@@ -29,7 +29,7 @@ class JointLimits:
         Largest magnitudes, > 0 [rad/s, rad/s^2].
     """
 
-    names: tuple
+    names: tuple[str, ...]
     lower: np.ndarray
     upper: np.ndarray
     velocity: np.ndarray
@@ -52,12 +52,13 @@ class JointLimits:
                     f'{joint}: velocity {fast} and acceleration {hard} must be above 0')
 
     @cached_property
-    def stopping_time(self):
+    def stopping_time(self) -> float:
         """Time to stop any joint from its velocity limit [s]."""
         return float(np.max(self.velocity / self.acceleration))
 
 
-def limit_velocities(limits, positions, previous, wanted, dt):
+def limit_velocities(limits: JointLimits, positions: np.ndarray, previous: np.ndarray,
+                     wanted: np.ndarray, dt: float) -> tuple[np.ndarray, float, str]:
     """
     Nearest joint velocities to the wanted ones that keep every limit.
 
@@ -169,7 +170,8 @@ class WorkspaceBox:
             raise ConfigurationError(
                 f'workspace: lower {self.lower} is not below upper {self.upper}')
 
-    def limit(self, position, velocity, horizon):
+    def limit(self, position: np.ndarray, velocity: np.ndarray,
+              horizon: float) -> tuple[np.ndarray, bool]:
         """
         Clip a velocity so that it cannot leave the box within `horizon` [m, m/s, s].
 

@@ -1,5 +1,6 @@
 """A robot arm from a URDF: forward kinematics, Jacobian, inverse."""
 
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -29,7 +30,7 @@ class RobotModel:
 
     """
 
-    def __init__(self, xml, tip_frame, joint_names=None):
+    def __init__(self, xml: str, tip_frame: str, joint_names: Sequence[str] | None = None):
         robot = parse(xml)
         chain, self.root_frame = chain_to(robot, tip_frame)
         moving = [joint for joint in chain if joint.get('type') in MOVING]
@@ -54,14 +55,15 @@ class RobotModel:
         self._inverse_order = None if self._order is None else np.argsort(order)
 
     @property
-    def middle(self):
+    def middle(self) -> np.ndarray:
         """Middle (n,) of the position limits; 0 where a joint has none [rad or m]."""
         bounded = np.isfinite(self.lower) & np.isfinite(self.upper)
         return np.where(bounded, 0.5 * (np.where(bounded, self.lower, 0.0)
                                         + np.where(bounded, self.upper, 0.0)), 0.0)
 
     @classmethod
-    def from_urdf(cls, urdf, tip_frame, joint_names=None):
+    def from_urdf(cls, urdf: str | Path, tip_frame: str,
+                  joint_names: Sequence[str] | None = None) -> 'RobotModel':
         """
         Read a URDF.
 
@@ -92,7 +94,7 @@ class RobotModel:
                 raise ConfigurationError(f'robot description {text!r}: {reason}') from None
         return cls(text, tip_frame, joint_names)
 
-    def pose(self, q):
+    def pose(self, q: np.ndarray) -> np.ndarray:
         """
         Homogeneous transform (4, 4) from the tip frame to the root frame [m].
 
@@ -108,7 +110,7 @@ class RobotModel:
         pinocchio.framesForwardKinematics(self._model, self._data, q)
         return self._data.oMf[self._frame].homogeneous
 
-    def jacobian(self, q):
+    def jacobian(self, q: np.ndarray) -> np.ndarray:
         """
         Jacobian (6, n) of the tip frame, expressed in the tip frame, rows linear then angular.
 
@@ -125,12 +127,9 @@ class RobotModel:
             self._model, self._data, q, self._frame, pinocchio.LOCAL)
         return jacobian if self._order is None else jacobian[:, self._inverse_order]
 
-    def within_limits(self, q):
-        """Whether every joint position of q (n,) lies within its limits."""
-        return bool(np.all(q >= self.lower) and np.all(q <= self.upper))
-
-    def inverse(self, pose, seed=None, *, position_tolerance=1e-8, rotation_tolerance=1e-7,
-                restarts=40, iterations=100):
+    def inverse(self, pose: np.ndarray, seed: Sequence[float] | np.ndarray | None = None, *,
+                position_tolerance: float = 1e-8, rotation_tolerance: float = 1e-7,
+                restarts: int = 40, iterations: int = 100) -> np.ndarray:
         """
         Joint positions (n,) within the limits that bring the tip frame to a pose.
 

@@ -32,7 +32,7 @@ class Trajectory:
 
     """
 
-    joint_names: tuple
+    joint_names: tuple[str, ...]
     times: np.ndarray
     positions: np.ndarray
     velocities: np.ndarray | None = None

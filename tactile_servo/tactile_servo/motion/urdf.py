@@ -11,7 +11,7 @@ MOVING = ('revolute', 'prismatic', 'continuous')
 _UNBOUNDED = 1e6  # rad; stands for "no limit" where the parser wants a number
 
 
-def parse(xml):
+def parse(xml: str) -> ElementTree.Element:
     """Return the <robot> element of a URDF."""
     try:
         robot = ElementTree.fromstring(xml)
@@ -23,20 +23,21 @@ def parse(xml):
     return robot
 
 
-def chain_to(robot, tip_frame):
+def chain_to(robot: ElementTree.Element,
+             tip_frame: str) -> tuple[list[ElementTree.Element], str]:
     """Joint elements from the root link to the tip frame, and the root link's name."""
-    links = [link.get('name') for link in robot.findall('link')]
+    links = [link.get('name', '') for link in robot.findall('link')]
     if tip_frame not in links:
         raise ConfigurationError(
             f'tip_frame {tip_frame!r}: the robot has no such frame; it has {", ".join(links)}')
-    parents = {}
+    parents: dict[str, ElementTree.Element] = {}
     for joint in robot.findall('joint'):
-        ends = [joint.find(end) for end in ('parent', 'child')]
-        if any(end is None or end.get('link') not in links for end in ends):
+        if not {_end(joint, 'parent'), _end(joint, 'child')} <= set(links):
             raise ConfigurationError(
                 f'joint {joint.get("name")!r}: needs a parent and a child link of the robot')
-        parents[ends[1].get('link')] = joint
-    chain, link = [], tip_frame
+        parents[_end(joint, 'child')] = joint
+    chain: list[ElementTree.Element] = []
+    link = tip_frame
     while link in parents:
         joint = parents[link]
         if joint in chain:
@@ -50,11 +51,17 @@ def chain_to(robot, tip_frame):
             raise ConfigurationError(
                 f'joint {joint.get("name")!r}: mimic joints are not supported')
         chain.insert(0, joint)
-        link = joint.find('parent').get('link')
+        link = _end(joint, 'parent')
     return chain, link
 
 
-def limits_of(joint):
+def _end(joint, kind):
+    """Name of a joint's 'parent' or 'child' link, empty if it has none."""
+    element = joint.find(kind)
+    return '' if element is None else element.get('link', '')
+
+
+def limits_of(joint: ElementTree.Element) -> tuple[float, float, float]:
     """Lower, upper and velocity limit of a moving joint's element."""
     name, limit = joint.get('name'), joint.find('limit')
     needed = ['velocity'] if joint.get('type') == 'continuous' else ['lower', 'upper', 'velocity']
@@ -79,13 +86,14 @@ def limits_of(joint):
     return lower, upper, values['velocity']
 
 
-def pinocchio_model(robot, chain, root):
+def pinocchio_model(robot: ElementTree.Element, chain: list[ElementTree.Element],
+                    root: str) -> pinocchio.Model:
     """Build the chain alone: no side branches, no inertias, no meshes to look for."""
     stripped = ElementTree.Element('robot', name=robot.get('name', 'robot'))
-    for name in [root] + [joint.find('child').get('link') for joint in chain]:
+    for name in [root] + [_end(joint, 'child') for joint in chain]:
         ElementTree.SubElement(stripped, 'link', name=name)
     for joint in chain:
-        kind = joint.get('type')
+        kind = joint.get('type', '')
         element = ElementTree.SubElement(
             stripped, 'joint', name=joint.get('name', ''),
             type='revolute' if kind == 'continuous' else kind)

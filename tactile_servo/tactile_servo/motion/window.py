@@ -3,12 +3,14 @@
 import numpy as np
 
 from tactile_common.kernels import njit
+from tactile_servo.motion.limits import JointLimits
 from tactile_servo.motion.trajectory import Trajectory
 
 MIN_STOP = 0.01  # s, so that the times of a window at rest still increase
 
 
-def stopping_window(limits, positions, velocities, lookahead):
+def stopping_window(limits: JointLimits, positions: np.ndarray, velocities: np.ndarray,
+                    lookahead: float) -> Trajectory:
     """
     Trajectory through the commanded state and then to a stop within the limits.
 

@@ -1,0 +1,1 @@
+"""Solvers of quadratic programs for the differential inverse kinematics."""
