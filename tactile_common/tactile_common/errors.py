@@ -18,9 +18,4 @@ class UnreachableError(TactileError, ValueError):
 
 
 class Rejected(TactileError, ValueError):
-    """A trajectory that a joint_trajectory_controller does not accept."""
-
-    @property
-    def reason(self):
-        """Why it was rejected, one line."""
-        return str(self)
+    """A trajectory that a joint_trajectory_controller does not accept; one line says why."""

@@ -28,8 +28,12 @@ PACKAGES = ('tactile_common', 'tactile_sensing', 'tactile_shape', 'tactile_servo
 FAST = {'reassoc', 'contract', 'nsz', 'arcp'}
 
 
-def source_hash() -> str:
-    """Return a name that changes with every module of these packages that has a kernel."""
+def cache_folder() -> Path:
+    """
+    Folder of the compiled kernels: below NUMBA_CACHE_DIR, else in the user's cache.
+
+    Its name changes with every module of these packages that has a kernel.
+    """
     digest = 0
     for name in PACKAGES:
         spec = find_spec(name)
@@ -38,14 +42,9 @@ def source_hash() -> str:
                 source = path.read_bytes()
                 if b'@njit' in source:
                     digest = zlib.crc32(source, digest)
-    return f'{digest:08x}'
-
-
-def cache_folder() -> Path:
-    """Folder of the compiled kernels: below NUMBA_CACHE_DIR, else in the user's cache."""
     root = os.environ.get('NUMBA_CACHE_DIR') or Path(
         os.environ.get('XDG_CACHE_HOME') or '~/.cache', 'tactile_kernels').expanduser()
-    return Path(root, source_hash())
+    return Path(root, f'{digest:08x}')
 
 
 def compile_kernels() -> Iterator[tuple[str, float]]:

@@ -16,12 +16,13 @@ from numpy.lib import format as npy
 from tactile_common.errors import ConfigurationError
 
 _HEADERS = {(1, 0): npy.read_array_header_1_0, (2, 0): npy.read_array_header_2_0}
-_DAMAGED = (ValueError, EOFError, RuntimeError, zipfile.BadZipFile, zlib.error, lzma.LZMAError)
+_DAMAGED = (ValueError, EOFError, RuntimeError, MemoryError, zipfile.BadZipFile, zlib.error,
+            lzma.LZMAError)
 
 
 @contextmanager
-def _clear_errors(path):
-    """Tell what is wrong with an archive in one line that names it."""
+def clear_errors(path: str | os.PathLike) -> Iterator[None]:
+    """Tell what is wrong with an archive by a ConfigurationError of one line that names it."""
     try:
         yield
     except ConfigurationError as error:
@@ -45,7 +46,7 @@ class ArrayReader:
 
     def __init__(self, path: str | os.PathLike, name: str):
         self._path, self._name = path, name
-        with _clear_errors(path), zipfile.ZipFile(path) as archive:
+        with clear_errors(path), zipfile.ZipFile(path) as archive:
             members = archive.namelist()
             if f'{name}.npy' not in members:
                 there = sorted(member.removesuffix('.npy') for member in members)
@@ -69,7 +70,7 @@ class ArrayReader:
 
     def chunks(self, rows: int) -> Iterator[np.ndarray]:
         """Yield the array in order, `rows` at a time, the last ones fewer; errors as above."""
-        with _clear_errors(self._path), zipfile.ZipFile(self._path) as archive, \
+        with clear_errors(self._path), zipfile.ZipFile(self._path) as archive, \
                 archive.open(f'{self._name}.npy') as stream:
             self._header(stream)
             yield from (self._mapped if self._column_major else self._streamed)(stream, rows)
@@ -93,18 +94,10 @@ class ArrayReader:
 
 class RecordWriter:
     """
-    Rows of a structured type, appended chunk by chunk; the file appears when all are written.
+    `count` rows of a structured type, appended in chunks; the file appears when all are written.
 
+    It is an `.npz`, one array per field (uncompressed, so that they can be mapped), or a `.csv`.
     Use as a context manager: after an exception no file is left, and an old one stays.
-
-    Parameters
-    ----------
-    path : str or os.PathLike
-        `.npz`, one array per field (uncompressed, so that they can be mapped), or `.csv`.
-    dtype : np.dtype
-        Of a row.
-    count : int
-        Rows that will be appended.
 
     Raises
     ------

@@ -10,16 +10,9 @@ _QUIET_PERIOD = 2.0  # s between lines where the output is no terminal
 
 class Progress(tqdm):
     """
-    Progress bar; use as a context manager.
+    Progress bar of a total in any unit; use as a context manager.
 
-    Parameters
-    ----------
-    total : float
-        What there is to do, in any unit.
-    delay : float, optional
-        Nothing is shown of what takes less than this [s].
-    stream : file, optional
-        sys.stderr if missing.
+    Nothing is shown of what takes less than the delay [s]. The stream is sys.stderr if missing.
     """
 
     monitor_interval = 0  # no thread beside

@@ -15,14 +15,12 @@ RESTART = 10  # gaps that a recording which begins anew is behind its end
 
 class StateBuffer(Generic[State]):
     """
-    The last states by their stamps, and those in between.
+    The last states, as many as `size`, by their stamps, and those in between.
 
     Parameters
     ----------
     between : callable
         Of two states and a share from 0 to 1: the state on the way from one to the other.
-    size : int
-        States kept.
     max_gap_ns : float
         Between states farther apart nothing is interpolated.
     max_ahead_ns : int

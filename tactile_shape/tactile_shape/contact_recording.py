@@ -5,12 +5,11 @@ import math
 from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING
-import zipfile
-import zlib
 
 import numpy as np
 
 from tactile_common.errors import ConfigurationError
+from tactile_common.npz_stream import clear_errors
 from tactile_shape.contour.contact_path import ContactPath, needs_picture
 
 if TYPE_CHECKING:
@@ -25,19 +24,7 @@ OPTIONAL = ('finger_radius', 'position_noise', 'normal_noise', 'location_noise')
 @dataclass(frozen=True, eq=False)
 class ContactRecording:
     """
-    Contacts in the order of time.
-
-    Parameters
-    ----------
-    t : ndarray, shape (N,)
-        Time, not falling [s].
-    position, normal : ndarray, shape (N, 3)
-        Contact [m] and the object's inward unit normal, in a frame in which the object is at
-        rest; NaN where nothing is touched.
-    edge : ndarray of bool, shape (N,), optional
-        Contacts with an edge: they make the outline, and no surface.
-    finger_radius, position_noise, normal_noise, location_noise : float, optional
-        As in `LocalQuadricConfig`; None where the recording does not say.
+    Contacts in the order of time, in a frame in which the object is at rest.
 
     Raises
     ------
@@ -45,10 +32,12 @@ class ContactRecording:
         A shape or a type is wrong, time falls or is not finite, or nothing is touched.
     """
 
-    t: np.ndarray
-    position: np.ndarray
-    normal: np.ndarray
+    t: np.ndarray  # (N,), not falling [s]
+    position: np.ndarray  # (N, 3) [m]; NaN where nothing is touched
+    normal: np.ndarray  # (N, 3), the object's inward unit normal
+    # (N,), contacts with an edge: they make the outline, and no surface.
     edge: np.ndarray = field(default_factory=lambda: np.zeros(0, bool))
+    # As in `LocalQuadricConfig`; None where the recording does not say.
     finger_radius: float | None = None
     position_noise: float | None = None
     normal_noise: float | None = None
@@ -87,7 +76,6 @@ def load_contacts(path: str | PathLike, namespace: str | None = None,
 
     Parameters
     ----------
-    path : str or os.PathLike
     namespace : str, optional
         Of the sensor in a bag; may be left out where there is one.
     finger_radius : float, optional
@@ -103,29 +91,15 @@ def load_contacts(path: str | PathLike, namespace: str | None = None,
         raise ConfigurationError(f'{path}: there is no such file')
     if path.suffix != '.npz':
         return _from_bag(path, namespace, finger_radius or 0.0)
-    try:
-        recording = _from_arrays(path)
-    except ConfigurationError as error:
-        raise ConfigurationError(f'{path}: {error}') from error
-    except OSError as error:
-        raise ConfigurationError(f'{path}: cannot be read: {error.strerror or error}') from error
+    with clear_errors(path), np.load(path, allow_pickle=False) as archive:
+        for name in ('t', 'position', 'normal'):
+            if name not in archive:
+                raise ConfigurationError(
+                    f'array {name!r} is missing, there are {sorted(archive.files)}')
+        arrays = {name: archive[name] for name in ('t', 'position', 'normal')}
+        known = {name: _scalar(name, archive[name]) for name in OPTIONAL if name in archive}
+        recording = ContactRecording(**arrays, **known)
     return recording if finger_radius is None else replace(recording, finger_radius=finger_radius)
-
-
-def _from_arrays(path):
-    try:
-        with np.load(path, allow_pickle=False) as archive:
-            for name in ('t', 'position', 'normal'):
-                if name not in archive:
-                    raise ConfigurationError(
-                        f'array {name!r} is missing, there are {sorted(archive.files)}')
-            arrays = {name: archive[name] for name in ('t', 'position', 'normal')}
-            known = {name: _scalar(name, archive[name]) for name in OPTIONAL if name in archive}
-    except ConfigurationError:
-        raise
-    except (ValueError, EOFError, zipfile.BadZipFile, zlib.error, MemoryError) as error:
-        raise ConfigurationError('is not an .npz archive of numbers, or damaged') from error
-    return ContactRecording(**arrays, **known)
 
 
 def _scalar(name, value):
@@ -170,24 +144,10 @@ def _namespace(bag, types, wanted):
 def place_contacts(observations: Iterable['Observation'],
                    finger_radius: float = 0.0) -> np.ndarray:
     """
-    Contacts in space from contacts on the pad, poses and pictures as they were received.
+    Contacts in space, records of ROW with NaN where contact was lost.
 
-    Parameters
-    ----------
-    observations : iterable of Observation
-        Of the kinds contact, sensor_pose and image; a picture comes before its contact.
-    finger_radius : float
-        As of `contact_path.on_pad` [m].
-
-    Returns
-    -------
-    ndarray of ROW, shape (N,)
-        With NaN where contact was lost.
-
-    Raises
-    ------
-    ConfigurationError
-        A message is damaged.
+    They are made of contacts on the pad, poses and pictures as they were received, a picture
+    before its contact. ConfigurationError of a damaged message.
     """
     path, lost = ContactPath(finger_radius), True
     rows: list[tuple] = []

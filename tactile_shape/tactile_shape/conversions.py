@@ -21,16 +21,7 @@ _ALPHA = 0.6
 
 
 def patch_to_msg(patch: Patch, header: Header, sensor: str = '') -> SurfacePatch:
-    """
-    Return the SurfacePatch message of a patch; what it does not have is NaN.
-
-    Parameters
-    ----------
-    patch : Patch
-    header : std_msgs.msg.Header
-        Stamp of the newest contact, frame of the patch.
-    sensor : str, optional
-    """
+    """SurfacePatch message of a patch, NaN what it lacks; header of its newest contact."""
     message = SurfacePatch(
         header=header, sensor=sensor, kind=int(patch.kind), valid=bool(patch.valid),
         reason=patch.reason, method=patch.method, frame=pose_to_msg(patch.frame),
@@ -43,16 +34,7 @@ def patch_to_msg(patch: Patch, header: Header, sensor: str = '') -> SurfacePatch
 
 
 def patch_from_msg(message) -> Patch:
-    """
-    Return the patch of a SurfacePatch message.
-
-    Raises
-    ------
-    TactileError
-        The kind is none of KIND_*.
-    TactileError
-        The pose of a valid patch is none.
-    """
+    """Patch of a SurfacePatch message; TactileError of a kind or a valid pose that is none."""
     if message.kind not in list(Kind):
         raise TactileError(f'kind of patch is {message.kind}, must be at most {max(Kind)}')
     known = np.isfinite(message.frame.position.x)
@@ -73,32 +55,12 @@ def contour_point_to_msg(position: np.ndarray, header: Header) -> PoseStamped:
 
 
 def contour_to_msg(points: Iterable[PoseStamped], header: Header) -> Path:
-    """
-    Path message of a contour.
-
-    Parameters
-    ----------
-    points : sequence of geometry_msgs.msg.PoseStamped
-    header : std_msgs.msg.Header
-    """
+    """Path message of the points of a contour."""
     return Path(header=header, poses=list(points))
 
 
 def model_to_markers(model: ObjectModel, patch: Patch | None, header: Header) -> MarkerArray:
-    """
-    Return markers: the newest patch with its principal directions, the surface, the contour.
-
-    Parameters
-    ----------
-    model : ObjectModel
-    patch : Patch or None
-        The newest that is valid.
-    header : std_msgs.msg.Header
-
-    Returns
-    -------
-    visualization_msgs.msg.MarkerArray
-    """
+    """Markers: the newest valid patch with its principal directions, the surface, the contour."""
     markers = [_mesh(model, model.patches[-MAX_PATCHES:], header, 'surface'),
                _lines(model.strokes, header)]
     if patch is not None:

@@ -58,33 +58,16 @@ KINDS = {
 
 
 class PatchTable:
-    """
-    The surface at every contact of a recording.
-
-    Parameters
-    ----------
-    recording : ContactRecording
-    estimator : ShapeEstimator
-    truth : SurfaceMatrix, optional
-        Surface that the errors are taken against.
-
-    Attributes
-    ----------
-    records : ndarray of RECORD, shape (N,)
-    errors : ndarray, shape (N,)
-        Largest distance of each patch of 20 x 4 mm from the true surface [m]; NaN where there is
-        none.
-    reasons : Counter
-        How often a patch was not valid, by reason.
-    """
+    """The surface at every contact of a recording, with its error if the truth is known."""
 
     def __init__(self, recording: ContactRecording, estimator: ShapeEstimator,
                  truth: SurfaceMatrix | None = None):
         self._recording, self._estimator, self._truth = recording, estimator, truth
         self.records = np.zeros(len(recording), RECORD)
         self.records['t'] = recording.t
+        # Largest distance of each SHEET from the true surface [m]; NaN where there is none.
         self.errors = np.full(len(recording), np.nan)
-        self.reasons: Counter[str] = Counter()
+        self._reasons: Counter[str] = Counter()  # how often a patch was not valid
 
     def fill(self) -> Iterator[int]:
         """Fit contact after contact; yields how many are done."""
@@ -99,10 +82,9 @@ class PatchTable:
                 if column.value is not None:
                     self.records[name][k] = column.value(patch)
             if not patch.valid:
-                self.reasons[_NUMBERS.sub('', patch.reason)] += 1
+                self._reasons[_NUMBERS.sub('', patch.reason)] += 1
             elif self._truth is not None:
-                away = np.abs(self._truth.distance(patch.sheet(*SHEET)))
-                self.errors[k] = np.nanmax(away)
+                self.errors[k] = np.nanmax(np.abs(self._truth.distance(patch.sheet(*SHEET))))
             yield k + 1
 
     def __str__(self) -> str:
@@ -115,5 +97,5 @@ class PatchTable:
                 one, other = np.median(some['curvature'], axis=0)
                 parts.append(f'{len(some)} {kind.name.lower()} ({one:.4g}, {other:.4g} 1/m)')
         parts.append(f'{len(self.records) - len(valid)} not valid' + ''.join(
-            f'; {count} {reason}' for reason, count in self.reasons.items()))
+            f'; {count} {reason}' for reason, count in self._reasons.items()))
         return ', '.join(parts)

@@ -1,22 +1,9 @@
 """A run read from its recording: messages to arrays."""
-
 from collections import defaultdict
 
 import numpy as np
 
-from edge_tracking.recording.run import (
-    Commands,
-    Contacts,
-    Diagnostics,
-    Images,
-    Info,
-    Joints,
-    Poses,
-    RunData,
-    Statuses,
-    Wrenches,
-    xyz,
-)
+from edge_tracking.recording import run
 from tactile_common.errors import ConfigurationError
 from tactile_common.ros.bag_reader import Bag
 from tactile_common.ros.conversions import stamp_to_ns
@@ -29,21 +16,11 @@ TRAJECTORY_TOPIC = '/joint_trajectory_controller/joint_trajectory'
 _COMPONENT_ZZ = 0
 
 
-def read_run(path, namespace=None) -> RunData:
+def read_run(path, namespace=None) -> run.RunData:
     """
-    Read a run from a rosbag2 recording.
+    Read a run from a rosbag2 recording: its folder, or one of its files.
 
-    Parameters
-    ----------
-    path : str or os.PathLike
-        Folder of the recording, or one of its files.
-    namespace : str, optional
-        Namespace of the sensor; the one in the recording if missing.
-
-    Raises
-    ------
-    ConfigurationError
-        There is no such recording, or it holds several sensors and none is chosen.
+    ConfigurationError if there is none, or it holds several sensors and no namespace is chosen.
     """
     with Bag(path) as bag:
         prefix = _namespace(bag, namespace)
@@ -57,14 +34,14 @@ def read_run(path, namespace=None) -> RunData:
             start = row.received_ns if start is None else start
             rows[expected[row.topic]].append(row)
         with bag.clear_errors():
-            return RunData(
+            return run.RunData(
                 namespace=prefix,
                 start_ns=start or 0,
                 images=_images(rows['image']),
-                contacts=Contacts.of(rows['contact']),
-                wrenches=Wrenches.of(rows['wrench']),
-                statuses=Statuses.of(rows['servo_status']),
-                poses=Poses.of(rows['sensor_pose']),
+                contacts=run.Contacts.of(rows['contact']),
+                wrenches=run.Wrenches.of(rows['wrench']),
+                statuses=run.Statuses.of(rows['servo_status']),
+                poses=run.Poses.of(rows['sensor_pose']),
                 joints=_joints(rows['joint_states']),
                 commands=_commands(rows['trajectory']),
                 diagnostics=_diagnostics(rows['diagnostics']),
@@ -100,8 +77,6 @@ def _namespace(bag, wanted):
         f'bag {bag.path}: holds several sensors, {", ".join(found)}; choose a namespace')
 
 
-# --- messages to arrays -------------------------------------------------------------------------
-
 def _geometry(message):
     return TactelArray(message.rows, message.columns, message.pitch_x, message.pitch_y)
 
@@ -128,32 +103,32 @@ def _images(rows):
     frames = np.empty((len(kept), *shape), dtype=np.float32)
     for index, layer in enumerate(layers):
         frames[index] = layer.stress.reshape(shape)
-    return Images.of(kept, frames=frames, array=array, unit=layers[0].unit if layers else '',
-                     skipped=len(rows) - len(kept))
+    return run.Images.of(kept, frames=frames, array=array, unit=layers[0].unit if layers else '',
+                         skipped=len(rows) - len(kept))
 
 
 def _joints(rows):
     names = tuple(rows[0].message.name) if rows else ()
-    return Joints.of([row for row in rows if tuple(row.message.name) == names
-                      and len(row.message.position) == len(names)], names=names)
+    return run.Joints.of([row for row in rows if tuple(row.message.name) == names
+                          and len(row.message.position) == len(names)], names=names)
 
 
 def _commands(rows):
     names = tuple(rows[0].message.joint_names) if rows else ()
-    return Commands.of([row for row in rows if tuple(row.message.joint_names) == names
-                        and row.message.points and all(
-                            len(p.positions) == len(names) for p in row.message.points)],
-                       names=names)
+    return run.Commands.of([row for row in rows if tuple(row.message.joint_names) == names
+                            and row.message.points and all(
+                                len(p.positions) == len(names) for p in row.message.points)],
+                           names=names)
 
 
 def _diagnostics(rows):
-    return Diagnostics.of([row._replace(message=status) for row in rows
-                           for status in row.message.status])
+    return run.Diagnostics.of([row._replace(message=status) for row in rows
+                               for status in row.message.status])
 
 
 def _contour(rows):
     poses = rows[-1].message.poses if rows else []
-    return np.array([xyz(pose.pose.position) for pose in poses]).reshape(-1, 3)
+    return np.array([run.xyz(pose.pose.position) for pose in poses]).reshape(-1, 3)
 
 
 def _info(rows):
@@ -161,7 +136,7 @@ def _info(rows):
         return None
     message = rows[-1].message
     layer = next((layer for layer in message.layers if layer.component == _COMPONENT_ZZ), None)
-    return Info(
+    return run.Info(
         sensor=message.sensor, model=message.model, array=_geometry(message),
         nominal_rate=float(message.nominal_rate),
         acquisition_delay=float(message.acquisition_delay),

@@ -1,5 +1,4 @@
 """What happened in a run, as arrays; how a column is read from its messages stands beside it."""
-
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, fields
 from operator import attrgetter
@@ -39,9 +38,9 @@ def _matrix(message):
 
 @dataclass(frozen=True, eq=False)
 class Table:
-    """Columns of N rows, one for each message; received_ns is its time of reception [ns]."""
+    """Columns of N rows, one for each message."""
 
-    received_ns: np.ndarray
+    received_ns: np.ndarray  # time of reception
 
     @classmethod
     def of(cls, rows: Sequence[Recorded], **known):
@@ -61,29 +60,19 @@ class Table:
 
 @dataclass(frozen=True, eq=False)
 class Images(Table):
-    """
-    Pictures of the pressure layer.
+    """Pictures of the pressure layer."""
 
-    frames: `(N, rows, columns)` in `unit`, NaN = invalid tactel; array: their geometry, None
-    without pictures; skipped: pictures left out for another size than the first.
-    """
-
-    frames: np.ndarray
-    array: TactelArray | None
+    frames: np.ndarray  # (N, rows, columns), NaN = invalid tactel
+    array: TactelArray | None  # None without pictures
     unit: str
-    skipped: int
+    skipped: int  # pictures left out for another size than the first
     stamp_ns: np.ndarray = _stamp()
     sequence: np.ndarray = _column(np.int64)
 
 
 @dataclass(frozen=True, eq=False)
 class Contacts(Table):
-    """
-    Contact estimates, `(N,)` each; fields as in Contact.msg.
-
-    received_ns is within a fraction of a millisecond the publication's; m0 is the zeroth moment
-    [N, or counts m^2]; centre_of_pressure is `(N, 2)` [m].
-    """
+    """Contact estimates, as in Contact.msg; received within a fraction of a ms of publication."""
 
     stamp_ns: np.ndarray = _stamp()
     sequence: np.ndarray = _column(np.int64)
@@ -94,8 +83,8 @@ class Contacts(Table):
     yaw: np.ndarray = _column()
     normal_force: np.ndarray = _column()
     snr: np.ndarray = _column()
-    m0: np.ndarray = _column(read=lambda message: message.moments[0])
-    centre_of_pressure: np.ndarray = _column(
+    m0: np.ndarray = _column(read=lambda message: message.moments[0])  # [N, or counts m^2]
+    centre_of_pressure: np.ndarray = _column(  # [m]
         shape=(2,), read=lambda message: xyz(message.centre_of_pressure)[:2])
     latency: np.ndarray = _column(read=lambda message: stamp_to_seconds(message.latency))
 
@@ -195,12 +184,7 @@ class Info:
 
 @dataclass(frozen=True, eq=False)
 class RunData:
-    """
-    One run of a sensor and its servo, read from a recording.
-
-    A topic that the recording lacks gives empty arrays; `info` is then None. `contour` holds
-    the points of the newest contour, `(N, 3)` [m], `patches` every valid Patch of a surface.
-    """
+    """One run of a sensor and its servo; empty arrays of topics that the recording lacks."""
 
     namespace: str
     start_ns: int
@@ -212,9 +196,9 @@ class RunData:
     joints: Joints
     commands: Commands
     diagnostics: Diagnostics
-    contour: np.ndarray
-    patches: list
-    info: Info | None
+    contour: np.ndarray  # (N, 3), points of the newest contour [m]
+    patches: list  # every valid Patch of a surface
+    info: Info | None  # None if the recording lacks it
 
     def seconds(self, time_ns) -> np.ndarray:
         """Return times [ns] as seconds since the first message of the recording."""

@@ -1,5 +1,4 @@
 """Recording topics into a rosbag2 folder with MCAP storage."""
-
 from collections import deque
 from pathlib import Path
 import threading
@@ -32,22 +31,17 @@ _INFINITE = QosTime(9223372036, 854775807)
 
 class RecorderNode(Node):
     """
-    Record topics as they come over the wire, without deserialising them.
+    Record topics as they come over the wire, without deserialising them, into a new folder.
 
     The callbacks only append to a queue; a thread writes. `ros2 bag info` and `ros2 bag play`
     open the result.
 
     Parameters
     ----------
-    path : str or os.PathLike
-        Folder to make.
     topics : list of (str, type, QoSProfile)
-        Name, message class and quality of service of each topic. The last is also what a
-        player will offer.
+        Name, message class and quality of service, also what a player will offer, of each.
     max_waiting : int
         Messages that may wait to be written; what comes on top is dropped and counted.
-    **kwargs
-        Passed to `rclpy.node.Node`.
 
     Raises
     ------
@@ -65,8 +59,7 @@ class RecorderNode(Node):
         self._thread = threading.Thread(target=self._write_forever, name='bag writer')
         super().__init__('recorder', **kwargs)
         for index, (name, message_class, qos) in enumerate(topics):
-            self.create_subscription(
-                message_class, name, self._callback(index), qos, raw=True)
+            self.create_subscription(message_class, name, self._callback(index), qos, raw=True)
         self._thread.start()
 
     def _callback(self, index):

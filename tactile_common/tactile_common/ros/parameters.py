@@ -8,7 +8,7 @@ from tactile_common.config import checked, types_of
 from tactile_common.errors import ConfigurationError
 
 
-def declare_from(node, config_class, read_only=True, prefix=''):
+def declare_from(node, config_class, read_only=True, prefix='', defaults=None):
     """
     Declare one parameter per field of a dataclass; returns it with the values of the user.
 
@@ -17,7 +17,6 @@ def declare_from(node, config_class, read_only=True, prefix=''):
 
     Parameters
     ----------
-    node : rclpy.node.Node
     config_class : type
         Frozen dataclass. Every field has a default and a type among `bool`, `int`, `float`,
         `str`, `tuple` of one of them, and such dataclasses. The metadata, see
@@ -26,26 +25,22 @@ def declare_from(node, config_class, read_only=True, prefix=''):
         Whether the parameters can no longer be set once the node runs.
     prefix : str
         Of the names of the parameters.
+    defaults : config_class, optional
+        In place of the fields' own.
 
     Raises
     ------
     ConfigurationError
         A value has the wrong type, is out of range or is refused by `config_class`.
     """
-    defaults = {field.name: field.default_factory() if callable(field.default_factory)
-                else field.default for field in dataclasses.fields(config_class)}
-    return _declared(node, config_class, defaults, read_only, prefix)
-
-
-def _declared(node, config_class, defaults, read_only, prefix):
-    """As `declare_from`, with the defaults by name."""
     values = {}
     for field in dataclasses.fields(config_class):
         name, kind = prefix + field.name, types_of(config_class)[field.name]
-        default = defaults[field.name]
+        default = field.default if defaults is None else getattr(defaults, field.name)
+        if callable(field.default_factory) and default is dataclasses.MISSING:
+            default = field.default_factory()
         if dataclasses.is_dataclass(kind):
-            own = {inner.name: getattr(default, inner.name) for inner in dataclasses.fields(kind)}
-            values[field.name] = _declared(node, kind, own, read_only, f'{name}.')
+            values[field.name] = declare_from(node, kind, read_only, f'{name}.', default)
             continue
         try:
             parameter = node.declare_parameter(

@@ -36,14 +36,8 @@ def spin(executor, context=None, until=None):
     `EventsExecutor.spin` burns a whole core in some builds, and waiting for a future for a
     short time again and again starves its timers on a busy machine; hence a loop of `spin_once`.
 
-    Parameters
-    ----------
-    executor : rclpy.executors.Executor
-        Of `make_executor`.
-    context : rclpy.context.Context, optional
-        Of the executor; the default one if missing.
-    until : callable, optional
-        Returns whether to stop; asked after every callback and at least every 0.05 s.
+    `until()` is asked after every callback and at least every 0.05 s; the context is that of the
+    executor, the default one if missing.
     """
     context = context or rclpy.get_default_context()
     try:
@@ -87,15 +81,9 @@ def run(node_class, args=None, until=None) -> int:
     """
     Run one node until SIGINT, SIGTERM or the shutdown of its context; returns the exit status.
 
-    Parameters
-    ----------
-    node_class : callable
-        Makes the node; called with `context` alone. A `ValueError`, of which every
-        configuration error is one, means that a parameter is wrong: exit status 1.
-    args : list of str, optional
-        Command line with ROS arguments; that of the process if missing.
-    until : callable, optional
-        Takes the node and returns whether its work is done.
+    `node_class` is called with `context` alone; a `ValueError`, of which every configuration
+    error is one, means that a parameter is wrong. Without ROS arguments those of the process are
+    taken. `until(node)` tells whether its work is done.
     """
     context = rclpy.Context()
     with stop_on_signals() as stop:

@@ -16,19 +16,7 @@ def draw_patches(path: str | PathLike, recording: ContactRecording, table: Patch
     """
     Draw samples and patches, curvatures, and the error where it is known.
 
-    Parameters
-    ----------
-    path : str or os.PathLike
-        Of a picture, in a format of matplotlib's.
-    recording : ContactRecording
-    table : PatchTable
-        Of the recording.
-    model : ObjectModel
-
-    Raises
-    ------
-    ConfigurationError
-        The file cannot be written, or its format is not known.
+    ConfigurationError if the file cannot be written, or matplotlib does not know its format.
     """
     known = np.isfinite(table.errors).any()
     figure = Figure(figsize=(11, 6 if known else 4.5), layout='constrained')
@@ -47,16 +35,7 @@ def draw_patches(path: str | PathLike, recording: ContactRecording, table: Patch
 
 
 def draw_model(axis, model: ObjectModel, samples: np.ndarray | None = None) -> None:
-    """
-    Draw an object model into 3-D axes, in mm.
-
-    Parameters
-    ----------
-    axis : mpl_toolkits.mplot3d.Axes3D
-    model : ObjectModel
-    samples : ndarray, shape (N, 3), optional
-        Contacts [m].
-    """
+    """Draw an object model, and contacts (N, 3) [m] if given, into 3-D axes, in mm."""
     vertices, colours, faces = model.mesh()
     shown = [vertices, model.contour]
     if samples is not None:
@@ -76,9 +55,8 @@ def draw_model(axis, model: ObjectModel, samples: np.ndarray | None = None) -> N
     if len(points):
         middle = 0.5 * (points.min(axis=0) + points.max(axis=0))
         half = 0.5 * max(np.ptp(points, axis=0).max(), 1.0)
-        axis.set(xlim=middle[0] + half * np.array([-1, 1]),
-                 ylim=middle[1] + half * np.array([-1, 1]),
-                 zlim=middle[2] + half * np.array([-1, 1]))
+        axis.set(**{f'{name}lim': (place - half, place + half)
+                    for name, place in zip('xyz', middle, strict=True)})
     axis.set(xlabel='x [mm]', ylabel='y [mm]', zlabel='z [mm]')
     axis.legend(loc='upper left', fontsize=8)
 
@@ -89,8 +67,7 @@ def _curvature(axis, records):
         good = records['valid'] & records['seen'][:, column]
         value = np.where(good, records['curvature'][:, column], np.nan)
         std = np.sqrt(np.where(good, records['covariance'][:, column, column], np.nan))
-        axis.fill_between(t, value - 2 * std, value + 2 * std, color=colour, alpha=0.25,
-                          lw=0)
+        axis.fill_between(t, value - 2 * std, value + 2 * std, color=colour, alpha=0.25, lw=0)
         axis.plot(t, value, '.', ms=2, color=colour,
                   label=f'{("first", "second")[column]}, ±2 standard deviations')
     bottom = axis.get_ylim()[0]
@@ -101,5 +78,3 @@ def _curvature(axis, records):
     axis.set(xlabel='time [s]', ylabel='curvature seen [1/m]')
     axis.legend(fontsize=8)
     axis.grid(alpha=0.3)
-
-

@@ -100,7 +100,7 @@ class LocalQuadric(SurfaceEstimator):
             shrink = 1.0 - radius * curvature
             if shrink.min() < 1.0 - _SHARP:
                 return self.refused('an edge or a point: its curvature is above what a finger of '
-                                'this radius can tell', **known)
+                                    'this radius can tell', **known)
             curvature = curvature / shrink
             covariance = covariance / np.outer(shrink, shrink)**2
             variance = variance / shrink**4

@@ -104,7 +104,7 @@ class MatrixEstimator(SurfaceEstimator):
                 + ', '.join(fit.unseen_names), **known)
         if not seen.all():
             return self.refused('the contacts are too near to each other, or too noisy, to show '
-                            'curvature', **known)
+                                'curvature', **known)
         return Patch(Kind.GENERAL, True, '', self.method, **known)
 
     def _certainty(self, fit, axes):

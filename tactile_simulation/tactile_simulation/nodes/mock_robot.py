@@ -45,7 +45,7 @@ class MockRobotNode(Node):
         except Rejected as error:
             self.rejected += 1
             self.get_logger().error(
-                f'trajectory rejected ({self.rejected} so far): {error.reason}',
+                f'trajectory rejected ({self.rejected} so far): {error}',
                 throttle_duration_sec=1.0)
 
     def _on_timer(self):
