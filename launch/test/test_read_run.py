@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from recorded_run import JOINTS, pose_at, START, TOPICS, write_bag
+from recorded_run import pose_at, START, TOPICS, write_bag
 from rosbags.rosbag2 import StoragePlugin
 
 from edge_tracking.recording.reader import read_run
@@ -15,19 +15,14 @@ def test_run_reads_back_as_written(bag, scene):
     assert run.info.acquisition_delay == pytest.approx(0.0025)
     images = run.images
     assert images.frames.shape == (len(images.stamp_ns), 16, 16)
-    assert images.unit == 'Pa' and images.skipped == 0 and images.array.pitch_x > 0
+    assert images.unit == 'Pa' and images.array.pitch_x > 0
     assert (images.sequence == np.arange(len(images.sequence))).all()
-    assert len(run.contacts.stamp_ns) == len(run.wrenches.stamp_ns) == len(images.stamp_ns)
+    assert len(run.contacts.stamp_ns) == len(images.stamp_ns)
     touching = run.contacts.valid
-    np.testing.assert_allclose(
-        -run.wrenches.force[touching, 2], run.contacts.normal_force[touching])
+    assert (run.contacts.normal_force[touching] > 0.0).all()
     assert np.isnan(run.contacts.a[~touching]).all()
     assert run.poses.matrix.shape == (len(run.statuses.stamp_ns), 4, 4)
     np.testing.assert_allclose(run.poses.matrix[200], pose_at(scene, 0.5), atol=1e-12)
-    assert run.joints.names == run.commands.names == JOINTS
-    np.testing.assert_allclose(run.commands.horizon, 0.08)
-    assert run.diagnostics.values.tolist() == [{'lost': '3'}]
-    assert run.diagnostics.level.tolist() == [1]
     assert run.start_ns == START
     assert run.seconds(START + 1_500_000_000) == pytest.approx(1.5)
 

@@ -71,7 +71,7 @@ def test_lost_frames_are_jumps_of_the_sequence(run):
     keep[[10, 50, 51]] = False
     images = dataclasses.replace(
         run.images, **{name: getattr(run.images, name)[keep]
-                       for name in ('stamp_ns', 'received_ns', 'sequence', 'frames')})
+                       for name in ('stamp_ns', 'sequence', 'frames')})
     assert summarise_recording(dataclasses.replace(run, images=images))['lost_frames'] == 3
 
 

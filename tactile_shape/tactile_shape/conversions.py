@@ -1,8 +1,5 @@
 """Between the core's data and ROS messages; nothing else converts, but for bags."""
-from collections.abc import Iterable
-
 from geometry_msgs.msg import Point, PoseStamped
-from nav_msgs.msg import Path
 import numpy as np
 from std_msgs.msg import ColorRGBA, Header
 from visualization_msgs.msg import Marker, MarkerArray
@@ -52,11 +49,6 @@ def contour_point_to_msg(position: np.ndarray, header: Header) -> PoseStamped:
     place = message.pose.position
     place.x, place.y, place.z = map(float, position)
     return message
-
-
-def contour_to_msg(points: Iterable[PoseStamped], header: Header) -> Path:
-    """Path message of the points of a contour."""
-    return Path(header=header, poses=list(points))
 
 
 def model_to_markers(model: ObjectModel, patch: Patch | None, header: Header) -> MarkerArray:

@@ -6,13 +6,11 @@ import numpy as np
 from edge_tracking.recording import run
 from tactile_common.errors import ConfigurationError
 from tactile_common.ros.bag_reader import Bag
-from tactile_common.ros.conversions import stamp_to_ns
 from tactile_sensing.observations import TYPES
 from tactile_sensing.types.array import TactelArray
 from tactile_shape.conversions import patch_from_msg
 
 DEFAULT_NAMESPACE = '/tactile'
-TRAJECTORY_TOPIC = '/joint_trajectory_controller/joint_trajectory'
 _COMPONENT_ZZ = 0
 
 
@@ -24,8 +22,7 @@ def read_run(path, namespace=None) -> run.RunData:
     """
     with Bag(path) as bag:
         prefix = _namespace(bag, namespace)
-        topics = {f'{prefix}/{name}': name for name in _OF_THE_SENSOR}
-        topics |= {'/joint_states': 'joint_states', TRAJECTORY_TOPIC: 'trajectory'}
+        topics = {f'{prefix}/{name}': name for name in _TYPES.keys() - {'joint_states'}}
         expected = {topic: name for topic, name in topics.items()
                     if bag.topics.get(topic) == _TYPES[name]}
         rows = defaultdict(list)
@@ -39,12 +36,8 @@ def read_run(path, namespace=None) -> run.RunData:
                 start_ns=start or 0,
                 images=_images(rows['image']),
                 contacts=run.Contacts.of(rows['contact']),
-                wrenches=run.Wrenches.of(rows['wrench']),
                 statuses=run.Statuses.of(rows['servo_status']),
                 poses=run.Poses.of(rows['sensor_pose']),
-                joints=_joints(rows['joint_states']),
-                commands=_commands(rows['trajectory']),
-                diagnostics=_diagnostics(rows['diagnostics']),
                 contour=_contour(rows['contour']),
                 patches=[patch_from_msg(row.message) for row in rows['surface_patch']
                          if row.message.valid],
@@ -54,14 +47,10 @@ def read_run(path, namespace=None) -> run.RunData:
 
 _TYPES = {
     **TYPES,
-    'wrench': 'geometry_msgs/msg/WrenchStamped',
     'servo_status': 'tactile_msgs/msg/ServoStatus',
     'contour': 'nav_msgs/msg/Path',
     'surface_patch': 'tactile_msgs/msg/SurfacePatch',
-    'diagnostics': 'diagnostic_msgs/msg/DiagnosticArray',
-    'trajectory': 'trajectory_msgs/msg/JointTrajectory',
 }
-_OF_THE_SENSOR = _TYPES.keys() - {'joint_states', 'trajectory'}
 
 
 def _namespace(bag, wanted):
@@ -103,27 +92,7 @@ def _images(rows):
     frames = np.empty((len(kept), *shape), dtype=np.float32)
     for index, layer in enumerate(layers):
         frames[index] = layer.stress.reshape(shape)
-    return run.Images.of(kept, frames=frames, array=array, unit=layers[0].unit if layers else '',
-                         skipped=len(rows) - len(kept))
-
-
-def _joints(rows):
-    names = tuple(rows[0].message.name) if rows else ()
-    return run.Joints.of([row for row in rows if tuple(row.message.name) == names
-                          and len(row.message.position) == len(names)], names=names)
-
-
-def _commands(rows):
-    names = tuple(rows[0].message.joint_names) if rows else ()
-    return run.Commands.of([row for row in rows if tuple(row.message.joint_names) == names
-                            and row.message.points and all(
-                                len(p.positions) == len(names) for p in row.message.points)],
-                           names=names)
-
-
-def _diagnostics(rows):
-    return run.Diagnostics.of([row._replace(message=status) for row in rows
-                               for status in row.message.status])
+    return run.Images.of(kept, frames=frames, array=array, unit=layers[0].unit if layers else '')
 
 
 def _contour(rows):
@@ -135,11 +104,5 @@ def _info(rows):
     if not rows:
         return None
     message = rows[-1].message
-    layer = next((layer for layer in message.layers if layer.component == _COMPONENT_ZZ), None)
-    return run.Info(
-        sensor=message.sensor, model=message.model, array=_geometry(message),
-        nominal_rate=float(message.nominal_rate),
-        acquisition_delay=float(message.acquisition_delay),
-        unit=layer.unit if layer else '', full_scale=layer.full_scale if layer else 0.0,
-        noise_std=layer.noise_std if layer else 0.0, calibration=message.calibration,
-        tared=stamp_to_ns(message.tared_at) > 0)
+    return run.Info(sensor=message.sensor, array=_geometry(message),
+                    acquisition_delay=float(message.acquisition_delay))

@@ -20,12 +20,7 @@ from tactile_sensing.conversions import contact_from_msg, image_from_msg
 from tactile_shape.compile_kernels import compile_kernels
 from tactile_shape.contour.contact_path import ContactPath, needs_picture
 from tactile_shape.contour.object_model import ModelConfig, ObjectModel
-from tactile_shape.conversions import (
-    contour_point_to_msg,
-    contour_to_msg,
-    model_to_markers,
-    patch_to_msg,
-)
+from tactile_shape.conversions import contour_point_to_msg, model_to_markers, patch_to_msg
 from tactile_shape.local_surface.local_quadric import LocalQuadricConfig
 from tactile_shape.shape_estimator import make_surface_estimator, METHODS, ShapeEstimator
 from tactile_shape.types.patch import refusal
@@ -78,7 +73,7 @@ class _ModelPublisher:
                 lost or waited is None or waited < 0 or waited >= self._period_ns):
             return
         self._changed, self._published_ns = False, stamp
-        self._contours.publish(contour_to_msg(self._contour, header))
+        self._contours.publish(Path(header=header, poses=list(self._contour)))
         self._markers.publish(model_to_markers(model, self._newest, header))
 
 
