@@ -304,10 +304,10 @@ require_modules() {
     has_module pinocchio ||
         die "the robot model needs pinocchio; run: sudo apt-get install -y ros-$FLAVOUR-pinocchio" \
             "(or: $pip $(pinned pin))"
+    has_module daqp || die "the servo needs daqp; run: $pip $(pinned daqp)"
     has_module numba ||
         die "the estimators need numba; run: sudo apt-get install -y python3-numba" \
             "(or: $pip $(pinned numba))"
-    has_module daqp || die "the servo needs daqp; run: $pip $(pinned daqp)"
     has_module rosbags || say "recording and replay need rosbags; run: $pip $(pinned rosbags)"
 }
 

@@ -114,6 +114,7 @@ def test_silent_robot_means_hold_and_in_the_end_an_abort():
         assert not listener.statuses[-1].joints_fresh
         it.wait(lambda: client.finished, 'the end of the goal')
         assert not client.success
+        assert client.result.reason_code == ServoReason.GAVE_UP
         assert client.reason == 'gave up: joint state is stale'
 
 

@@ -120,6 +120,8 @@ def test_a_sound_tree_passes(rule, tmp_path):
      'tactile_servo declares, but does not import nav_msgs'),
     ('manifests', {'tactile_servo/.xml': 'tactile_sensing test:python3-pytest'},
      'tactile_servo declares for tests, which do not import python3-pytest'),
+    ('manifests', {'tactile_servo/.xml': 'tactile_sensing test:tactile_sensing'},
+     'tactile_servo declares twice tactile_sensing'),
     ('manifests', {'tactile_sensing/.xml': SOUND['tactile_sensing/.xml'] + ' test:tactile_servo'},
      'circle of packages: tactile_sensing <-> tactile_servo')])
 def test_each_rule_sees_what_breaks_it(rule, files, message, tmp_path):

@@ -21,12 +21,12 @@ NAMED = {'sensor', 'port', 'scene', 'speed', 'force', 'robot_description', 'use_
          'namespace'}
 
 
-def launch(*arguments):
+def launch(*arguments, **environment):
     """Run the launch service as a process of its own; returns exit status and lines."""
     done = subprocess.run(
         [sys.executable, launching.__file__, *arguments], stdout=subprocess.PIPE,
         stderr=subprocess.STDOUT, text=True, timeout=launching.DEADLINE, check=False,
-        env={**os.environ, 'RCUTILS_COLORIZED_OUTPUT': '0'})
+        env={**os.environ, 'RCUTILS_COLORIZED_OUTPUT': '0', **environment})
     return done.returncode, done.stdout.splitlines()
 
 
@@ -47,18 +47,21 @@ def test_every_argument_has_a_description_and_a_default():
     ('speed:=fast', 'speed:=fast is not a number'),
     ('sensor:=other', "Valid options are: ['mock', 'flexitac']"),
 ])
-def test_wrong_argument_ends_the_launch_with_a_clear_line(argument, text):
-    status, lines = launch(argument)
+def test_wrong_argument_ends_the_launch_with_a_clear_line(argument, text, tmp_path):
+    status, lines = launch(argument, TMPDIR=str(tmp_path))
     assert status == 1
+    assert not list(tmp_path.glob('tactile_*'))
     errors = [line for line in lines if '[ERROR]' in line]
     assert text in errors[-1]
     assert not any('Traceback' in line for line in lines)
     assert not any('process started' in line for line in lines)
 
 
-def test_a_launch_service_tracks_without_the_ros2_command():
-    status, lines = launch('shutdown:=true', 'length:=0.01', 'namespace:=elsewhere')
+def test_a_launch_service_tracks_without_the_ros2_command(tmp_path):
+    status, lines = launch(
+        'shutdown:=true', 'length:=0.01', 'namespace:=elsewhere', TMPDIR=str(tmp_path))
     assert status == 0
+    assert not list(tmp_path.glob('tactile_*'))
     assert any('track: length reached' in line for line in lines), '\n'.join(lines)
     started = sum('process started' in line for line in lines)
     assert sum('process has finished cleanly' in line for line in lines) == started == 7

@@ -9,6 +9,7 @@ from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, qos_profile_sensor_data, QoSProfile
 
+from tactile_common.config import bounded
 from tactile_common.ros.parameters import declare_from
 from tactile_common.ros.runner import run
 from tactile_msgs.action import TrackEdge
@@ -21,16 +22,14 @@ class TrackConfig:
 
     speed: float = field(default=0.03, metadata={'doc': 'along the edge', 'unit': 'm/s'})
     force: float = field(default=5.0, metadata={'doc': 'normal force on the pad', 'unit': 'N'})
-    direction: int = field(default=1, metadata={
-        'doc': "+1 or -1 along the sensor's y", 'range': (-1, 1)})
+    direction: int = bounded(1, "+1 or -1 along the sensor's y", '', -1, 1)
     length: float = field(default=0.0, metadata={
         'doc': 'way to track; 0 = until the edge ends', 'unit': 'm'})
     closed: bool = field(default=False, metadata={
         'doc': 'end when the contour closes on its start'})
     retreat: bool = field(default=True, metadata={'doc': 'lift off at the end'})
-    wait: float = field(default=15.0, metadata={
-        'doc': 'give up when sensor and servo are not ready within this time', 'unit': 's',
-        'range': (0.1, 3600.0)})
+    wait: float = bounded(
+        15.0, 'give up when sensor and servo are not ready within this time', 's', 0.1, 3600.0)
 
 
 class TrackNode(Node):

@@ -94,10 +94,16 @@ def nodes(context):
     robot = {'robot_description': value['robot_description']}
     actions, driver = [], {'protocol': value['sensor']}
     if mock_sensor:
-        calibration = write_calibration(scene, Path(f'{port}.yaml'))
+        calibration = Path(f'{port}.yaml')
         driver = {'calibration': str(calibration)}
-        actions.append(RegisterEventHandler(OnShutdown(
-            on_shutdown=lambda *_: calibration.unlink(missing_ok=True))))
+
+        def write(_):
+            write_calibration(scene, calibration)
+
+        actions += [
+            OpaqueFunction(function=write),  # once every argument has proved right
+            RegisterEventHandler(OnShutdown(
+                on_shutdown=lambda *_: calibration.unlink(missing_ok=True)))]
     actions += [
         node('tactile_sensing', 'driver', port=port, **driver),
         node('tactile_sensing', 'contact_estimator'),

@@ -6,10 +6,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 import rclpy
+from rclpy.action import GoalResponse
 from rclpy.parameter import Parameter
 from rclpy.serialization import serialize_message
 
+from tactile_common.errors import ConfigurationError
+from tactile_msgs.action import TrackEdge
 from tactile_msgs.msg import Contact as ContactMsg
+from tactile_msgs.msg import ServoReason
 from tactile_sensing.conversions import image_to_msg
 from tactile_sensing.types.array import TactelArray
 from tactile_sensing.types.image import Layer, TactileImage
@@ -27,6 +31,34 @@ def node():
     yield made
     made.destroy_node()
     context.try_shutdown()
+
+
+@pytest.mark.parametrize('old, new', [
+    ('stiffness', 'force.stiffness'), ('max_speed', 'speed.max'),
+    ('array_half_width', 'nothing: the size of the array comes from sensor_info')])
+def test_a_former_name_of_a_parameter_is_refused_with_its_new_one(old, new):
+    context = rclpy.Context()
+    rclpy.init(context=context, domain_id=os.getpid() % 100 + 1)
+    try:
+        with pytest.raises(ConfigurationError, match=f'{old} is now {new}'):
+            EdgeServoNode(context=context, parameter_overrides=[
+                Parameter('robot_description', value=str(PUMA)), Parameter(old, value=1.0)])
+    finally:
+        context.try_shutdown()
+
+
+def test_nested_names_set_what_they_say(node):
+    assert node.get_parameter('force.gain').value == 60.0
+    assert not node.has_parameter('stiffness')
+
+
+def test_a_refused_goal_leaves_code_and_text_in_the_status(node):
+    published = []
+    node._status.publish = lambda msg: published.append((msg.reason_code, msg.reason))
+    assert node._on_goal(TrackEdge.Goal(speed=0.03, force=5.0)) == GoalResponse.REJECT
+    node._on_cycle()
+    assert published == [(ServoReason.NO_JOINT_STATE,
+                          'no joint state: none has been received')]
 
 
 def test_a_fast_sensor_takes_no_time_from_the_cycles(node, monkeypatch):

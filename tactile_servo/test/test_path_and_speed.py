@@ -23,22 +23,19 @@ SCALE = PadScale(0.002, 0.0254 / 16, 0.0254 / 16, 0.0127, 0.0127)
 S, P = SpeedConfig(), PathConfig()
 
 
-def edge(end=PathEnd.VIEW, coming=0.0, limit=math.inf):
+def edge(end=PathEnd.VIEW, limit=math.inf):
     """An edge map as far as the planner looks at one."""
     asked = []
 
     def speed_limit(station, top, acceleration, end_speed, cut, settle):
         asked.append(end_speed)
         return min(top, limit)
-    return SimpleNamespace(
-        scale=SCALE, picture=SimpleNamespace(coming=coming), path=SimpleNamespace(end=end),
-        speed_limit=speed_limit, asked=asked)
+    return SimpleNamespace(path=SimpleNamespace(end=end), speed_limit=speed_limit, asked=asked)
 
 
 def top(speed=0.2, pressed=1.0, distance=0.0, age=0.0, **options):
-    coming = options.pop('coming', 0.0)
-    return SpeedPlanner(S, P).top(speed, pressed=pressed, distance=distance,
-                                  edge=edge(coming=coming), age=age, **options)
+    return SpeedPlanner(S, P).top(speed, pressed=pressed, distance=distance, scale=SCALE, age=age,
+                                  **{'coming': 0.0, **options})
 
 
 @pytest.mark.parametrize('scale, none, all_', [

@@ -55,7 +55,8 @@ class Simulation:
     robot : tuple of (RobotModel, JointLimits), optional
         Default a gantry with the acceleration of the scene's plant.
     seed_positions : array_like (n,), optional
-        Where the search for the joint positions of the start pose begins.
+        Where the search for the joint positions of the start pose begins; default zeros for
+        the gantry, else see `RobotModel.inverse`.
     workspace : WorkspaceBox, optional
     clock : callable, optional
         Returns seconds; the servo's own computation is then measured with it.
@@ -77,9 +78,9 @@ class Simulation:
         self.renderer = EdgeRenderer(scene, self.array)
         self._convert, info = self._tared()
         self.model, self.limits = robot or gantry(plant.acceleration)
-        start = self.model.inverse(
-            scene.start_pose(),
-            np.zeros(len(self.model.joint_names)) if seed_positions is None else seed_positions)
+        if robot is None and seed_positions is None:
+            seed_positions = np.zeros(len(self.model.joint_names))
+        start = self.model.inverse(scene.start_pose(), seed_positions)
         self.robot = MockController(
             self.model.joint_names, self.model.lower, self.model.upper,
             self.model.velocity_limit, initial_positions=start, dead_time=plant.dead_time,

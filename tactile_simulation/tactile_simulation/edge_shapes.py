@@ -177,18 +177,8 @@ def _stepped(s, z, height):
     order = np.argsort(np.concatenate([s, steps]), kind='stable')
     s, z = np.concatenate([s, steps])[order], np.concatenate([z, np.interp(steps, s, z)])[order]
     after = np.concatenate([[False], np.diff(s) == 0.0])
-    left = np.array([_value(height, at, 'left') for at in s])
-    right = np.array([_value(height, at, 'right') for at in s])
+    # At a step `np.interp` takes the height behind it; seen the other way, that before it.
+    right = np.interp(s, *height.T)
+    left = np.interp(-s, -height[::-1, 0], height[::-1, 1])
     before = np.concatenate([after[1:], [False]])
     return s, z + np.where(before, left, right)
-
-
-def _value(height, at, side):
-    """Height at a distance, on one side of a step."""
-    k = int(np.searchsorted(height[:, 0], at, side=side))
-    if k == 0:
-        return height[0, 1]
-    if k == len(height):
-        return height[-1, 1]
-    (s0, z0), (s1, z1) = height[k - 1], height[k]
-    return z0 if s1 == s0 else z0 + (z1 - z0) * (at - s0) / (s1 - s0)

@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 
+from tactile_common.config import bounded
 from tactile_common.errors import ConfigurationError, Rejected
 from tactile_common.kernels import njit
 from tactile_servo.motion.trajectory import Trajectory
@@ -35,14 +36,11 @@ class MockRobotConfig:
     initial_positions: tuple[float, ...] = field(default=(), metadata={
         'doc': 'joint positions at the start or, with a scene, where the search for those of '
                'its start pose begins; [] = chosen', 'unit': 'rad'})
-    rate: float = field(default=500.0, metadata={
-        'doc': 'rate of the controller and of the joint states', 'unit': 'Hz',
-        'range': (10.0, 2000.0)})
-    dead_time: float = field(default=0.0025, metadata={
-        'doc': 'time from a command to the first motion', 'unit': 's', 'range': (0.0, 1.0)})
-    lag: float = field(default=0.010, metadata={
-        'doc': 'time constant with which a joint follows its command', 'unit': 's',
-        'range': (0.0, 1.0)})
+    rate: float = bounded(
+        500.0, 'rate of the controller and of the joint states', 'Hz', 10.0, 2000.0)
+    dead_time: float = bounded(0.0025, 'time from a command to the first motion', 's', 0.0, 1.0)
+    lag: float = bounded(
+        0.010, 'time constant with which a joint follows its command', 's', 0.0, 1.0)
     interpolate_from_desired_state: bool = field(default=True, metadata={
         'doc': 'start a new trajectory from the desired, not from the measured state'})
     controller: str = field(default='/joint_trajectory_controller', metadata={

@@ -1,7 +1,9 @@
 """Interpolation of joint trajectories as a joint_trajectory_controller does it."""
 
+from bisect import bisect_right
+
 import numpy as np
-from scipy.interpolate import BPoly, CubicHermiteSpline, PPoly
+from scipy.interpolate import BPoly, PPoly
 
 from tactile_servo.motion.trajectory import Trajectory
 
@@ -36,17 +38,15 @@ class Spline:
             rows.append(trajectory.velocities)
             if trajectory.accelerations is not None:
                 rows.append(trajectory.accelerations)
-        points = np.stack(rows, axis=1)[:, :, order]
-        times = start + np.asarray(trajectory.times, dtype=float)
-        self._ends = times  # of the segments
-        self._begins = np.concatenate([[before], times[:-1]])
-        self._states = [state, *points]
+        times = (start + np.asarray(trajectory.times, dtype=float)).tolist()
+        self._ends, self._begins = times, [before, *times[:-1]]  # of the segments
+        self._states = [state, *np.stack(rows, axis=1)[:, :, order]]
         self._segment = -1  # that the polynomial is of
         self._polynomial: PPoly
 
     def sample(self, now: float) -> np.ndarray:
         """Position, velocity and acceleration (3, n) at a time [s]."""
-        segment = int(np.searchsorted(self._ends, now, side='right'))
+        segment = bisect_right(self._ends, now)
         if segment == len(self._ends):
             last = self._states[-1]
             return np.concatenate([last, np.zeros((3 - len(last), last.shape[1]))])
@@ -58,6 +58,19 @@ class Spline:
         return np.stack([self._polynomial(since, order) for order in range(3)])
 
 
+def _basis(known):
+    """Coefficients of the polynomials on [0, 1] that each meet one of 2 * known conditions."""
+    unit = np.eye(2 * known)
+    return PPoly.from_bernstein_basis(
+        BPoly.from_derivatives([0.0, 1.0], [unit[:known], unit[known:]])).c[:, 0]
+
+
+# By the number of known derivatives. scipy makes them once, not every segment anew: that takes
+# it as long as all else of a cycle of a simulation.
+_BASES = {known: _basis(known) for known in (1, 2, 3)}
+_POWERS = {known: np.arange(2.0 * known)[:, None] for known in _BASES}
+
+
 def hermite(first: np.ndarray, last: np.ndarray, duration: float) -> PPoly:
     """
     Polynomial (n values) of the least degree between two states, its time counted from the first.
@@ -66,7 +79,7 @@ def hermite(first: np.ndarray, last: np.ndarray, duration: float) -> PPoly:
     has is not used. `duration` [s].
     """
     known = min(len(first), len(last))
-    if known == 2:  # what servos stream; BPoly takes three times as long
-        return CubicHermiteSpline([0.0, duration], [first[0], last[0]], [first[1], last[1]])
-    return PPoly.from_bernstein_basis(
-        BPoly.from_derivatives([0.0, duration], [first[:known], last[:known]]))
+    scale = duration**_POWERS[known]
+    conditions = np.concatenate([scale[:known] * first[:known], scale[:known] * last[:known]])
+    coefficients = (_BASES[known] @ conditions) / scale[::-1]
+    return PPoly.construct_fast(coefficients[:, None], np.array([0.0, duration]))

@@ -1,6 +1,7 @@
 """The servo in a closed loop, and where input, robot or scene fail it."""
 
 from dataclasses import replace
+import re
 
 import numpy as np
 from puma_loop import LIMITS, PUMA, puma_loop, tracked
@@ -354,16 +355,15 @@ def test_configuration_is_checked():
 
 
 def test_an_arm_that_starts_at_a_joint_limit_says_so():
-    """The approach turns joint_2 down, beyond its limit; with or without a retreat it ends."""
+    """Three joints of a PUMA 260 lift the pad; all at their limits, nothing can take over."""
     start = puma_loop().robot.step(0.0)[0]
-    lower = LIMITS.lower.copy()
-    lower[1] = start[1]
-    robot, config = (PUMA, replace(LIMITS, lower=lower)), ServoConfig()
-    lifting = config.retreat.distance / config.approach.speed
+    held = np.isin(np.arange(6), [1, 2, 4])
+    limits = replace(LIMITS, lower=np.where(held, start - 1e-9, LIMITS.lower),
+                     upper=np.where(held, start + 1e-9, LIMITS.upper))
     for retreat in (False, True):
-        loop = puma_loop(robot=robot)
+        loop = puma_loop(robot=(PUMA, limits))
         status = loop.run(replace(GOAL, retreat=retreat), 10.0)
         assert status.state == State.DONE and not loop.servo.success
-        assert status.reason == (
-            ReasonCode.MOTION_BLOCKED, f'joint_2 is at its lower limit, {start[1]:g}')
-        assert 1.0 <= loop.now - 1.0 - retreat * lifting <= 1.4
+        assert status.reason.code == ReasonCode.MOTION_BLOCKED
+        assert re.match(r'joint_[235] is at its (lower|upper) limit, -?\d', status.reason.detail)
+        assert 1.0 <= loop.now - 1.0 <= 1.4 + retreat  # the retreat is blocked as well

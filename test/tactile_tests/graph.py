@@ -69,19 +69,19 @@ class ListenerNode(Node):
         return self.statuses[-1].state if self.statuses else None
 
     @property
-    def code(self):
-        """The code of the servo's newest reason."""
-        return self.statuses[-1].reason_code if self.statuses else ServoReason.NONE
-
-    @property
     def reason(self):
         """The servo's newest reason."""
         return self.statuses[-1].reason if self.statuses else ''
 
     @property
-    def offered(self):
-        """Whether the servo holds only until it is told to go on."""
-        return self.state == ServoStatus.HOLD and self.code == ServoReason.INPUT_BACK
+    def code(self) -> int | None:
+        """Code of the servo's newest reason, None before the first."""
+        return self.statuses[-1].reason_code if self.statuses else None
+
+    @property
+    def offered(self) -> bool:
+        """Whether the servo holds, could go on, and waits for a command to."""
+        return (self.state, self.code) == (ServoStatus.HOLD, ServoReason.INPUT_BACK)
 
     def said(self, text):
         """Whether any node has logged a text that contains this one."""
@@ -155,14 +155,14 @@ class Bench:
 
         Where the machine stalls for longer than a hold may end by itself, resume.
         """
-        def over():
+        def stopped():
             return client.finished or self.listener.offered
 
-        self.wait(over, 'the end of the goal', 2 * DEADLINE)
+        self.wait(stopped, 'the end of the goal', 2 * DEADLINE)
         while not client.finished:
             self.pause(False)
             self.wait(lambda: client.finished or not self.listener.offered, 'the end of the hold')
-            self.wait(over, 'the end of the goal', 2 * DEADLINE)
+            self.wait(stopped, 'the end of the goal', 2 * DEADLINE)
 
     def pause(self, paused):
         """Call ~/pause and return the answer."""

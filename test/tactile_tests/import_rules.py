@@ -135,7 +135,8 @@ def manifests(tree: Tree) -> list[str]:
                 ('does not declare', used[False] - run),
                 ('does not declare for its tests', used[True] - run - test),
                 ('declares, but does not import', run - used[False]),
-                ('declares for tests, which do not import', test - used[True])):
+                ('declares for tests, which do not import', test - used[True]),
+                ('declares twice', run & test)):
             found += [f'{package} {text} {name}' for name in sorted(names & checked)]
     edges = {package: set().union(*kinds.values()) & set(tree.declared)
              for package, kinds in tree.declared.items()}

@@ -62,7 +62,8 @@ def force_series(run: RunData) -> ForceSeries:
         stamps, force, kind = contacts.stamp_ns, contacts.m0, contacts.type
         centre = contacts.centre_of_pressure
     else:
-        moments = [image_moments(frame, run.images.array) for frame in run.images.frames]
+        array = run.images.array  # None where there is no frame either
+        moments = [image_moments(frame, array) for frame in run.images.frames] if array else []
         stamps = run.images.stamp_ns
         force = np.array([each.m0 for each in moments])
         centre = np.array([each.centre_of_pressure for each in moments]).reshape(-1, 2)

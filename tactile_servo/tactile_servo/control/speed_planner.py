@@ -6,6 +6,7 @@ from tactile_common.config import bounded
 from tactile_servo.control.path_controller import PathConfig
 from tactile_servo.control.scaling import ramp
 from tactile_servo.edge_map.edge_map import EdgeMap
+from tactile_servo.edge_map.scale import PadScale
 from tactile_servo.edge_map.traced_path import PathEnd
 
 ANSWER = 5.0e-3  # s until the robot answers to what an image showed
@@ -67,8 +68,8 @@ class SpeedPlanner:
         """Stand still."""
         self.speed = 0.0
 
-    def top(self, speed: float, *, pressed: float, distance: float, edge: EdgeMap, age: float,
-            coasting: bool = False) -> float:
+    def top(self, speed: float, *, pressed: float, distance: float, coming: float,
+            scale: PadScale, age: float, coasting: bool = False) -> float:
         """
         Speed that is safe here, whatever lies ahead [m/s].
 
@@ -80,19 +81,21 @@ class SpeedPlanner:
             Share of the wanted force.
         distance : float
             From the path [m].
-        edge : EdgeMap
+        coming : float
+            Length of a second leg that is about to come under the pad [m].
+        scale : PadScale
         age : float
             Of the images, on average [s].
         coasting : bool
             The pad need not press.
         """
-        c, scale = self._config, edge.scale
+        c = self._config
         top = speed if coasting else speed * contact_scale(pressed)
         # Images that come late show late what lies ahead.
         top = min(top, max(c.unseen * scale.grain / (age + ANSWER), c.entry))
         # A second leg that comes under the pad adds its load at once: give way first.
-        coming = min(edge.picture.coming / min(scale.half_x, scale.half_y), 1.0)
-        top -= max(top - c.entry, 0.0) * coming
+        share = min(coming / min(scale.half_x, scale.half_y), 1.0)
+        top -= max(top - c.entry, 0.0) * share
         return top * overload_scale(pressed) * stray_scale(distance, scale.grain)
 
     def plan(self, edge: EdgeMap, station: float, top: float, dt: float) -> float:

@@ -150,5 +150,5 @@ def guess(first: np.ndarray, first_way: np.ndarray, second: np.ndarray, second_w
     back = (gap_x * ay - gap_y * ax) / cross
     if along < 0.0 or back > 0.0:
         return None
-    return CornerShape(*(first + along * first_way), math.atan2(ay, ax), math.atan2(by, bx),
-                       FIRST_RADIUS * depth)
+    x, y = first + along * first_way
+    return CornerShape(x, y, math.atan2(ay, ax), math.atan2(by, bx), FIRST_RADIUS * depth)

@@ -17,8 +17,9 @@ from tactile_servo.edge_map.path_queries import (
     rise,
     speed_profile,
 )
-from tactile_servo.edge_map.picture import Problem, read_picture
+from tactile_servo.edge_map.picture import Picture, Problem, read_picture
 from tactile_servo.edge_map.records import CLOUD_POINT, joined, nodes_of
+from tactile_servo.edge_map.scale import PadScale
 from tactile_servo.edge_map.traced_path import BEHIND, PathEnd, TracedPath
 from tactile_servo.edge_map.tracing import into_plane, local_line, share_near, STEP
 
@@ -69,10 +70,14 @@ class EdgeMap:
 
     def __init__(self, skin_stiffness: float):
         self.skin_stiffness = skin_stiffness
-        self.plane = self.picture = self.path = self.scale = None
+        # None until there was a picture, and a ridge in it: whoever asks for more knows that.
+        self.plane: np.ndarray = None  # type: ignore[assignment]
+        self.picture: Picture = None  # type: ignore[assignment]
+        self.scale: PadScale = None  # type: ignore[assignment]
+        self.path: TracedPath = None  # type: ignore[assignment]
         self.station = 0.0
         self._cloud = np.empty(0, CLOUD_POINT)  # of the last pictures,
-        self._counts = []  # so many points of each
+        self._counts: list[int] = []  # so many points of each
         self._followed = False
         self._off_path = 0
         self._near = None  # nodes around the pad, an open end led on

@@ -15,6 +15,7 @@ from tactile_servo.edge_map.border import coming_length
 from tactile_servo.edge_map.scale import PadScale
 
 IMPOSSIBLE = 1e9  # Pa
+MOST_INVALID = 0.5  # share of the tactels
 LOADED = 0.3  # of the highest pressure, from which a tactel tells where the load is
 UNKNOWN_NOISE = 1e-2  # of the highest pressure, where the sensor does not know its noise
 
@@ -115,10 +116,9 @@ def read_picture(image: TactileImage, pose: np.ndarray) -> Picture | Problem:
     noise = float(layer.noise_std)
     if not 0.0 < noise < IMPOSSIBLE:
         noise = UNKNOWN_NOISE * float(np.nanmax(pressure, initial=1.0))
-    pressure = mend(pressure, noise)
-    if not np.isfinite(pressure).all():
+    if np.isnan(pressure).mean() > MOST_INVALID:  # what is mended would be made up
         return Problem.INVALID_TACTELS
-    return Picture(pressure, image.array, layer.depth, noise, pose, image.stamp_ns)
+    return Picture(mend(pressure, noise), image.array, layer.depth, noise, pose, image.stamp_ns)
 
 
 @njit(cache=True)

@@ -34,6 +34,8 @@ PASSED = 2.0  # behind the pad a corner is no longer fitted
 CLOSING = 0.6  # from the start within which a contour closes
 UNSURE_START = 2.0  # of a path at its start that a moving pad has not seen long enough
 
+PAST_CORNER = 11.0  # depths of path traced at the least: through a corner and out of it again
+
 # In half sizes of the pad: what it can see, and what it must have left behind.
 AHEAD = 22.0 / 12.7  # of path traced at the most: to a corner of the pad, and a share more
 BEHIND = 30.0 / 12.7  # around the pad of which the load is reckoned
@@ -88,19 +90,25 @@ class TracedPath:
         self.scale, self.may_close = picture.scale, may_close
         against = start.copy()
         against['way'] *= -1.0
-        back = trace(cloud, against, AHEAD * self.scale.half, self.scale.grain)[::-1].copy()
+        back = trace(cloud, against, self._ahead, self.scale.grain)[::-1].copy()
         back['way'] *= -1.0
         self.open_start = not len(back) or not self._well_inside(picture, back[:1])
         self.nodes = joined([back, start])
         (self.began,) = start['station'].tolist()
         self._measure(self.began - len(back) * self._step)
-        self.end, self.corners = PathEnd.VIEW, []
-        self.closing = self.contour = None
+        self.end, self.tip = PathEnd.VIEW, 0.0
+        self.corners: list[Corner] = []
+        self.closing: float | None = None
+        self.contour: np.ndarray | None = None
         self.extend(cloud, picture, self.began)
 
     @property
     def _step(self):
         return STEP * self.scale.grain
+
+    @property
+    def _ahead(self):
+        return max(AHEAD * self.scale.half, PAST_CORNER * self.scale.depth)
 
     def _measure(self, first):
         self.nodes['station'] = arc_length(self.nodes['place'], first)
@@ -147,7 +155,7 @@ class TracedPath:
 
     def _trace_on(self, cloud, picture, head, station):
         """Legs, corners and ways over gaps that follow: list of Piece."""
-        scale, last, pieces, left = self.scale, head[-1:], [], AHEAD * self.scale.half
+        scale, last, pieces, left = self.scale, head[-1:], [], self._ahead
         # Not those just passed; one passed long ago may come again, round a contour.
         passed, again = -KEEP_BEHIND * scale.grain, -SHORTEST_CONTOUR * scale.half
         corners = [corner for corner in self.corners

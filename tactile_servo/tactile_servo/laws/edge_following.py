@@ -264,7 +264,8 @@ class EdgeFollowing:
         coasting = going.mode == ReasonCode.COASTING
         top = self._planner.top(
             self.goal.speed, pressed=self._seen.load.force / self.goal.force,
-            distance=math.hypot(*aside), edge=edge, age=self._seen.age, coasting=coasting)
+            distance=math.hypot(*aside), coming=self._seen.load.coming, scale=edge.scale,
+            age=self._seen.age, coasting=coasting)
         speed = self._planner.plan(edge, going.ahead, top, dt)
         if coasting:
             going.coasted += speed * dt

@@ -22,7 +22,7 @@ import numpy as np
 from tactile_common.kernels import njit
 from tactile_servo.motion.limits import JointLimits, NEGLIGIBLE, room
 
-TAKE_OVER = 0.1  # of the damping; weighs the null space, which is free to stand in for a joint
+TAKE_OVER = 0.5  # of the damping; weighs the null space, which is free to stand in for a joint
 PUSH_ZONE = 0.15  # of a joint's range at either end, which a redundant arm is moved out of
 PUSH = 4.0  # rad of a joint at its limit per metre of (weighted) way
 PUSH_SPEED = 0.1  # of a joint's velocity limit
@@ -61,10 +61,8 @@ def damped_least_squares(jacobian: np.ndarray, twist: np.ndarray, *, damping: fl
 
     """
     jacobian = np.ascontiguousarray(jacobian, dtype=float)
-    wanted, _, smallest = _free(
-        jacobian, np.ascontiguousarray(twist, dtype=float), np.zeros(jacobian.shape[1]),
-        damping, rotation_length)
-    return wanted, smallest
+    return _free(jacobian, np.ascontiguousarray(twist, dtype=float),
+                 np.zeros(jacobian.shape[1]), damping, rotation_length)
 
 
 class BoundedInverse:
@@ -100,12 +98,13 @@ class BoundedInverse:
             Smallest singular value of the weighted Jacobian [m/rad].
         """
         limits = self._limits
-        wanted, down, up, inside, smallest = _within(
+        wanted, smallest, inside = _within(
             jacobian, twist, positions, limits.lower, limits.upper, limits.stopping_time,
             limits.velocity, self._zone, dt, self._damping, self._length)
         if inside:
             return wanted, '', smallest
-        matrix = _hessian(jacobian, self._damping, self._length)
+        down, up = room(limits.lower, limits.upper, limits.stopping_time, positions, dt)
+        matrix = _hessian(jacobian, self._damping, TAKE_OVER * self._damping, self._length)
         self._sense[:] = 0
         velocities, _, flag, info = daqp.solve(
             matrix, -matrix @ wanted, self._no_rows, up, down, self._sense)
@@ -119,11 +118,17 @@ class BoundedInverse:
 def _decomposed(jacobian, rotation_length):
     """Weighted Jacobian, its squared singular values and left singular vectors."""
     weighted, square = jacobian.copy(), np.zeros((6, 6))
-    weighted[3:] *= rotation_length
+    finite = True
     for i in range(6):
-        for k in range(i + 1):
-            square[i, k] = square[k, i] = (weighted[i] * weighted[k]).sum()
-    if not np.isfinite(square).all():  # LAPACK takes no such matrix
+        for k in range(jacobian.shape[1]):
+            if i >= 3:
+                weighted[i, k] *= rotation_length
+            finite &= math.isfinite(weighted[i, k])
+        for j in range(i + 1):
+            for k in range(jacobian.shape[1]):
+                square[i, j] += weighted[i, k] * weighted[j, k]
+            square[j, i] = square[i, j]
+    if not finite:  # LAPACK takes no such matrix
         return weighted, np.full(6, np.nan), square
     # A third of the time of an SVD.
     squared, left = np.linalg.eigh(square)
@@ -132,65 +137,63 @@ def _decomposed(jacobian, rotation_length):
 
 @njit(cache=True)
 def _free(jacobian, twist, push, damping, rotation_length):
-    """Velocities for the twist, those beside it, and the smallest singular value."""
+    """Velocities for the twist, with the part of `push` that moves no tip; smallest s."""
     joints = jacobian.shape[1]
     weighted, squared, left = _decomposed(jacobian, rotation_length)
-    if not np.isfinite(squared[0]):
-        return np.full(joints, np.nan), np.zeros(joints), np.nan
-    wanted = twist.copy()
-    wanted[3:] *= rotation_length
-    shares, pushes, pushed = np.zeros(6), np.zeros(6), push.any()
+    if not math.isfinite(squared[0]):
+        return np.full(joints, np.nan), np.nan
+    # Along each left singular vector: share of the twist, less what the push would bring.
+    shares, velocities = np.zeros(6), push.copy()
+    redundant = joints > 6 and push.any()
     for i in range(6):
-        shares += ((left[:, i] * wanted).sum() / max(squared[i], damping * damping)
-                   * left[:, i])
-        if pushed and squared[i] > 1e-8 * squared[5]:
-            along = 0.0
-            for j in range(6):
-                along += left[j, i] * (weighted[j] * push).sum()
-            pushes += along / squared[i] * left[:, i]
-    velocities, beside = np.zeros(joints), push.copy()
-    for i in range(6):
-        velocities += shares[i] * weighted[i]
-        if pushed:
-            beside -= pushes[i] * weighted[i]
-    return velocities, beside, math.sqrt(max(squared[max(0, 6 - joints)], 0.0))
+        along = pushed = 0.0
+        for j in range(6):
+            along += left[j, i] * twist[j] * (rotation_length if j >= 3 else 1.0)
+            if redundant:
+                for k in range(joints):
+                    pushed += left[j, i] * weighted[j, k] * push[k]
+        along /= max(squared[i], damping * damping)
+        if redundant and squared[i] > 1e-8 * squared[5]:
+            along -= pushed / squared[i]
+        for j in range(6):
+            shares[j] += along * left[j, i]
+    for j in range(6):
+        for k in range(joints):
+            velocities[k] += shares[j] * weighted[j, k]
+    return velocities, math.sqrt(max(squared[max(0, 6 - joints)], 0.0))
 
 
 @njit(cache=True)
 def _within(jacobian, twist, positions, lower, upper, stopping_time, fastest, zone, dt, damping,
             rotation_length):
-    """Unconstrained velocities, bounds, whether they are kept (or no number), smallest s."""
+    """Unconstrained velocities, smallest s, and whether they are within bounds (or no number)."""
     joints = len(positions)
-    way = math.sqrt((twist[:3]**2).sum() + rotation_length**2 * (twist[3:]**2).sum())
     push = np.zeros(joints)
-    for k in range(joints):
-        speed = min(PUSH * way, PUSH_SPEED * fastest[k])
-        if positions[k] - lower[k] < zone[k]:
-            push[k] = speed * min(1.0 - (positions[k] - lower[k]) / zone[k], 1.0)
-        elif upper[k] - positions[k] < zone[k]:
-            push[k] = -speed * min(1.0 - (upper[k] - positions[k]) / zone[k], 1.0)
-    wanted, beside, smallest = _free(jacobian, twist, push, damping, rotation_length)
+    if joints > 6:
+        way = 0.0
+        for i in range(6):
+            way += (twist[i] * (rotation_length if i >= 3 else 1.0))**2
+        for k in range(joints):
+            speed = min(PUSH * math.sqrt(way), PUSH_SPEED * fastest[k])
+            if positions[k] - lower[k] < zone[k]:
+                push[k] = speed * min(1.0 - (positions[k] - lower[k]) / zone[k], 1.0)
+            elif upper[k] - positions[k] < zone[k]:
+                push[k] = -speed * min(1.0 - (upper[k] - positions[k]) / zone[k], 1.0)
+    wanted, smallest = _free(jacobian, twist, push, damping, rotation_length)
     down, up = room(lower, upper, stopping_time, positions, dt)
-    inside = True
+    inside = finite = True
     for k in range(joints):
-        wanted[k] += beside[k]
         inside &= down[k] - NEGLIGIBLE <= wanted[k] <= up[k] + NEGLIGIBLE
-    return wanted, down, up, inside or not np.isfinite(wanted).all(), smallest
+        finite &= math.isfinite(wanted[k])
+    return wanted, smallest, inside or not finite
 
 
 @njit(cache=True)
-def _hessian(jacobian, damping, rotation_length):
+def _hessian(jacobian, damping, light, rotation_length):
     """Matrix H (n, n)."""
-    joints = jacobian.shape[1]
-    weighted, squared, left = _decomposed(jacobian, rotation_length)
-    light = (TAKE_OVER * damping)**2
-    hessian = light * np.eye(joints)
-    for i in range(6):
-        if squared[i] > 1e-8 * squared[5]:
-            row = np.zeros(joints)  # of length s
-            for j in range(6):
-                row += left[j, i] * weighted[j]
-            share = (max(squared[i], damping * damping) - light) / squared[i]
-            for k in range(joints):
-                hessian[k] += share * row[k] * row
-    return hessian
+    weighted = jacobian.copy()
+    weighted[3:] *= rotation_length
+    squared, right = np.linalg.eigh(weighted.T @ weighted)
+    weights = np.maximum(squared, damping**2)
+    weights[:max(len(weights) - 6, 0)] = light**2  # the null space
+    return (right * weights) @ right.T

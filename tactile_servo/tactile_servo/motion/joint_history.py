@@ -1,6 +1,7 @@
 """The last measured joint states that can be believed, and those in between."""
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from tactile_common.state_buffer import StateBuffer
 
@@ -25,7 +26,7 @@ class JointHistory:
             strict=True))
         self._states = StateBuffer(_between, size=SIZE, max_ahead_ns=MAX_AHEAD_NS)
 
-    def add(self, positions, stamp_ns):
+    def add(self, positions: ArrayLike, stamp_ns: int) -> np.ndarray:
         """
         Take a joint state (n,) [rad] and its stamp [ns]; returns it as an ndarray.
 

@@ -1,6 +1,7 @@
 """From the wanted twist of the sensor to joint commands that keep every limit."""
 
 from dataclasses import dataclass, field
+from typing import NamedTuple
 
 import numpy as np
 
@@ -26,8 +27,7 @@ class MotionConfig:
         'range': (1e-3, 1.0)})
 
 
-@dataclass(frozen=True, eq=False)
-class MotionStep:
+class MotionStep(NamedTuple):
     """
     One command.
 
@@ -123,8 +123,9 @@ class Motion:
         self.positions = self.positions + self.velocities * dt
         self.pose = self._robot.pose(self.positions)
         limited_by = at_wall or bound or limited_by
-        self._watch(_progress(jacobian, self.velocities, wanted, c.rotation_length),
-                    limited_by, dt)
+        hindered = limited_by or manipulability < c.damping
+        self._watch(_progress(jacobian, self.velocities, wanted, c.rotation_length)
+                    if hindered else 1.0, limited_by, dt)
         window = stopping_window(self._limits, self.positions, self.velocities, self._lookahead)
         return MotionStep(window, twist, scale, limited_by, manipulability)
 

@@ -47,6 +47,39 @@ class PublishConfig:
         0.0, 1000.0)
 
 
+class _ModelPublisher:
+    """Publishes contour and markers if they have changed and it is time, or contact is lost."""
+
+    def __init__(self, node, period, max_points):
+        self._contours = node.create_publisher(Path, 'contour', _LATCHED)
+        self._markers = node.create_publisher(MarkerArray, 'markers', _LATCHED)
+        self._period_ns, self._max_points = round(1e9 * period), max_points
+        self.begin()
+
+    def begin(self):
+        """Forget what was touched."""
+        self._contour = deque(maxlen=self._max_points)
+        self._newest, self._total = None, 0
+        self._changed, self._published_ns = False, None
+
+    def take(self, model, patch, placed, header):
+        """Take in the patch of a contact, and what the model has become by it."""
+        if patch.valid:
+            self._newest, self._changed = patch, True
+        if model.total > self._total:
+            self._total, self._changed = model.total, True
+            self._contour.append(contour_point_to_msg(placed.contact.position, header))
+        lost = placed.contact is None and placed.anew
+        stamp = stamp_to_ns(header.stamp)
+        waited = None if self._published_ns is None else stamp - self._published_ns
+        if not self._changed or not (
+                lost or waited is None or waited < 0 or waited >= self._period_ns):
+            return
+        self._changed, self._published_ns = False, stamp
+        self._contours.publish(contour_to_msg(self._contour, header))
+        self._markers.publish(model_to_markers(model, self._newest, header))
+
+
 class ShapeEstimatorNode(Node):
     """
     Estimate the surface at every contact, and gather what was touched.
@@ -64,17 +97,15 @@ class ShapeEstimatorNode(Node):
         tracking = declare_from(self, ShapeEstimatorConfig)
         config = declare_from(self, LocalQuadricConfig)
         self._model_config = declare_from(self, ModelConfig)
-        self._period_ns = round(1e9 * declare_from(self, PublishConfig).publish_period)
+        self._model = _ModelPublisher(
+            self, declare_from(self, PublishConfig).publish_period, self._model_config.max_points)
         self._path = ContactPath(config.finger_radius, tracking.max_gap)
-        self._pictures = deque(maxlen=PICTURES)
+        self._pictures: deque[bytes] = deque(maxlen=PICTURES)
         self._none = patch_to_msg(refusal(''), Header())
         self._surface = make_surface_estimator(tracking.method, config)
-        self._frame = None
+        self._frame: str | None = None
         self._begin_model()
-
         self._patches = self.create_publisher(SurfacePatch, 'surface_patch', 10)
-        self._contours = self.create_publisher(Path, 'contour', _LATCHED)
-        self._markers = self.create_publisher(MarkerArray, 'markers', _LATCHED)
         self.create_subscription(
             ContactMsg, 'contact', self._on_contact, qos_profile_sensor_data)
         self.create_subscription(
@@ -85,9 +116,7 @@ class ShapeEstimatorNode(Node):
     def _begin_model(self):
         self._surface.reset()
         self._shape = ShapeEstimator(self._surface, ObjectModel(self._model_config))
-        self._contour = deque(maxlen=self._model_config.max_points)
-        self._newest, self._total = None, 0
-        self._changed, self._published_ns = False, None
+        self._model.begin()
 
     def _on_pose(self, msg):
         try:
@@ -139,12 +168,7 @@ class ShapeEstimatorNode(Node):
             msg = placed.extra
             header = Header(stamp=msg.header.stamp, frame_id=self._frame)
             self._patches.publish(self._message_of(patch, header, msg.sensor))
-            if patch.valid:
-                self._newest, self._changed = patch, True
-            if self._shape.model.total > self._total:
-                self._total, self._changed = self._shape.model.total, True
-                self._contour.append(contour_point_to_msg(placed.contact.position, header))
-            self._publish_model(header, placed.contact is None and placed.anew)
+            self._model.take(self._shape.model, patch, placed, header)
 
     def _message_of(self, patch, header, sensor):
         if patch.method:
@@ -152,17 +176,6 @@ class ShapeEstimatorNode(Node):
         message = self._none  # of an edge every contact has none
         message.header, message.sensor, message.reason = header, sensor, patch.reason
         return message
-
-    def _publish_model(self, header, now):
-        """Publish contour and markers if they have changed and it is time, or contact is lost."""
-        stamp = stamp_to_ns(header.stamp)
-        waited = None if self._published_ns is None else stamp - self._published_ns
-        if not self._changed or not (
-                now or waited is None or waited < 0 or waited >= self._period_ns):
-            return
-        self._changed, self._published_ns = False, stamp
-        self._contours.publish(contour_to_msg(self._contour, header))
-        self._markers.publish(model_to_markers(self._shape.model, self._newest, header))
 
 
 def main(args=None):

@@ -41,7 +41,12 @@ def parser() -> argparse.ArgumentParser:
     arguments.add_argument('--latency', type=float, default=None,
                            help='of a picture [s]; default as the scene says')
     arguments.add_argument('--robot', default=None, metavar='URDF',
-                           help='robot instead of the gantry; its sensor frame is tactile_pad')
+                           help='robot instead of the gantry')
+    arguments.add_argument('--tip', default='tactile_pad', metavar='FRAME',
+                           help="sensor frame of that robot: its link's z points out of the skin")
+    arguments.add_argument('--start', type=float, nargs='+', default=None, metavar='ANGLE',
+                           help='joint positions near which that robot starts [rad]; default: '
+                                'those farthest from singularities and limits')
     arguments.add_argument('--timeout', type=float, default=300.0, help='simulated time [s]')
     arguments.add_argument('--json', action='store_true',
                            help='print one JSON object, SI units')
@@ -50,11 +55,11 @@ def parser() -> argparse.ArgumentParser:
     return arguments
 
 
-def robot_from(urdf):
+def robot_from(urdf, tip='tactile_pad'):
     """RobotModel and JointLimits of a URDF, None for the gantry."""
     if urdf is None:
         return None
-    model = RobotModel.from_urdf(urdf, 'tactile_pad')
+    model = RobotModel.from_urdf(urdf, tip)
     return model, JointLimits(model.joint_names, model.lower, model.upper, model.velocity_limit,
                               np.full(len(model.joint_names), JOINT_ACCELERATION))
 
@@ -66,8 +71,8 @@ def run(options: argparse.Namespace) -> tuple[Simulation, dict[str, Any]]:
                     closed=scene.edge.closed and options.length == 0.0
                     and LAWS[options.controller].closes_contours)
     simulation = Simulation(scene, options.controller, seed=options.seed,
-                            latency=options.latency, robot=robot_from(options.robot),
-                            clock=time.perf_counter)
+                            latency=options.latency, robot=robot_from(options.robot, options.tip),
+                            seed_positions=options.start, clock=time.perf_counter)
     begin = time.perf_counter()
     status = simulation.run(goal, options.timeout)
     return simulation, summarise(

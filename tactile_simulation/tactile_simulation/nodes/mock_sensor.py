@@ -14,6 +14,7 @@ import numpy as np
 from rclpy.node import Node
 from rclpy.qos import qos_profile_sensor_data
 
+from tactile_common.config import bounded, one_of
 from tactile_common.errors import ConfigurationError, TactileError
 from tactile_common.ros.conversions import pose_from_msg
 from tactile_common.ros.parameters import declare_from
@@ -36,21 +37,17 @@ class MockSensorConfig:
 
     port: str = field(default='', metadata={
         'doc': 'path of the link to the pseudo-terminal, which the driver opens'})
-    protocol: str = field(default=next(iter(PROTOCOLS)), metadata={
-        'doc': f'byte protocol to speak: {", ".join(PROTOCOLS)}', 'choices': (*PROTOCOLS,)})
+    protocol: str = one_of(next(iter(PROTOCOLS)), 'byte protocol to speak', PROTOCOLS)
     scene: str = field(default='', metadata={
         'doc': 'YAML file of the scene that the sensor touches'})
     recording: str = field(default='', metadata={
         'doc': '.npz file to play instead, from the moment the port is opened, at its own rate'})
     loop: bool = field(default=False, metadata={
         'doc': 'whether a recording starts again at its end'})
-    rate: float = field(default=200.0, metadata={
-        'doc': 'frames per second of a scene', 'unit': 'Hz', 'range': (0.1, 2000.0)})
-    latency: float = field(default=0.0025, metadata={
-        'doc': 'from the instant that a frame shows to its last byte', 'unit': 's',
-        'range': (0.0, 1.0)})
-    seed: int = field(default=0, metadata={
-        'doc': 'seed of the noise', 'range': (0, 2**31 - 1)})
+    rate: float = bounded(200.0, 'frames per second of a scene', 'Hz', 0.1, 2000.0)
+    latency: float = bounded(
+        0.0025, 'from the instant that a frame shows to its last byte', 's', 0.0, 1.0)
+    seed: int = bounded(0, 'seed of the noise', '', 0, 2**31 - 1)
 
 
 class PseudoTerminal:

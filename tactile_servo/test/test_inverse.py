@@ -1,0 +1,179 @@
+"""Joint velocities within the position limits: the nearest ones, whatever is asked."""
+
+import daqp
+from hypothesis import given, settings
+from hypothesis import strategies as st
+import numpy as np
+import pytest
+from scipy.optimize import lsq_linear
+
+from tactile_servo.motion.inverse import (
+    BoundedInverse,
+    damped_least_squares,
+    PUSH,
+    PUSH_SPEED,
+    TAKE_OVER,
+)
+from tactile_servo.motion.limits import JointLimits, room
+from tactile_servo.motion.motion import Motion, MotionConfig
+
+DT, DAMPING, LENGTH = 0.0025, 0.01, 0.04
+WEIGHT = np.repeat([1.0, LENGTH], 3)
+
+
+def limits_of(joints, reach=2.0):
+    return JointLimits(tuple(f'joint{k}' for k in range(joints)), np.full(joints, -reach),
+                       np.full(joints, reach), np.full(joints, 2.0), np.full(joints, 10.0))
+
+
+def solve(limits, jacobian, twist, positions):
+    return BoundedInverse(limits, DAMPING, LENGTH).solve(jacobian, twist, positions, DT)
+
+
+def by_least_squares(jacobian, wanted, bounds):
+    """Nearest velocities to the wanted ones: H's root from an SVD, then bounded least squares."""
+    _, values, right = np.linalg.svd(WEIGHT[:, None] * jacobian)
+    scales = np.full(len(right), TAKE_OVER * DAMPING)
+    scales[:len(values)] = np.maximum(values, DAMPING)
+    root = scales[:, None] * right
+    return lsq_linear(root, root @ wanted, bounds, method='bvls', tol=1e-14, max_iter=500).x
+
+
+@pytest.mark.parametrize('joints', [6, 7])
+def test_at_a_limit_the_nearest_velocities_are_found(joints):
+    rng, limits = np.random.default_rng(3), limits_of(joints)
+    for _ in range(50):
+        jacobian, twist = rng.normal(size=(6, joints)), rng.normal(size=6)
+        wanted, _ = damped_least_squares(jacobian, twist, damping=DAMPING,
+                                         rotation_length=LENGTH)
+        positions = np.zeros(joints)
+        held = rng.integers(joints)
+        positions[held] = 2.0 * np.sign(wanted[held])
+        velocities, limited_by, smallest = solve(limits, jacobian, twist, positions)
+        bounds = room(limits.lower, limits.upper, limits.stopping_time, positions, DT)
+        expected = by_least_squares(jacobian, _pushed(jacobian, twist, positions, limits),
+                                    (bounds[0] - 1e-15, bounds[1] + 1e-15))
+        np.testing.assert_allclose(velocities, expected, atol=1e-7)
+        assert velocities[held] * np.sign(wanted[held]) <= 1e-12 and 'position of' in limited_by
+        assert smallest == pytest.approx(np.linalg.svd(
+            WEIGHT[:, None] * jacobian, compute_uv=False)[-1], rel=1e-6)
+
+
+def _pushed(jacobian, twist, positions, limits):
+    """Least squares of the twist with a joint at its limit pushed back in the null space."""
+    wanted, _ = damped_least_squares(jacobian, twist, damping=DAMPING, rotation_length=LENGTH)
+    if len(positions) <= 6:
+        return wanted
+    speed = min(PUSH * np.linalg.norm(WEIGHT * twist), PUSH_SPEED * limits.velocity[0])
+    push = np.where(np.abs(positions) == 2.0, -np.sign(positions) * speed, 0.0)
+    weighted = WEIGHT[:, None] * jacobian
+    return wanted + push - np.linalg.pinv(weighted) @ weighted @ push
+
+
+def test_a_seventh_joint_takes_over_for_one_at_its_limit():
+    rng, limits = np.random.default_rng(4), limits_of(7)
+    jacobian = rng.normal(size=(6, 7)) / np.array([1, 1, 1, LENGTH, LENGTH, LENGTH])[:, None]
+    twist = 0.01 * rng.normal(size=6)
+    wanted, _ = damped_least_squares(jacobian, twist, rotation_length=LENGTH)
+    positions = np.zeros(7)
+    positions[2] = 2.0 * np.sign(wanted[2])
+    velocities, _, _ = solve(limits, jacobian, twist, positions)
+    error = WEIGHT * (jacobian @ velocities - twist)
+    assert np.linalg.norm(error) < 1e-3 * np.linalg.norm(WEIGHT * twist)
+
+
+def test_away_from_limits_a_redundant_arm_is_not_pushed():
+    jacobian, twist = np.random.default_rng(5).normal(size=(6, 7)), np.ones(6) * 0.01
+    velocities, limited_by, _ = solve(limits_of(7), jacobian, twist, np.zeros(7))
+    wanted, _ = damped_least_squares(jacobian, twist)
+    np.testing.assert_allclose(velocities, wanted, atol=1e-15)
+    assert limited_by == ''
+
+
+def test_near_a_limit_a_redundant_arm_moves_out_without_moving_the_tip():
+    jacobian, twist = np.random.default_rng(6).normal(size=(6, 7)), np.ones(6) * 0.01
+    positions = np.array([0.0, 0.0, 0.0, 1.9, 0.0, 0.0, 0.0])
+    velocities, _, _ = solve(limits_of(7), jacobian, twist, positions)
+    np.testing.assert_allclose(jacobian @ velocities, twist, atol=1e-12)
+    assert velocities[3] < damped_least_squares(jacobian, twist)[0][3]
+    still, _, _ = solve(limits_of(7), jacobian, np.zeros(6), positions)
+    assert not still.any()
+
+
+def test_position_is_kept_where_orientation_gives_way():
+    """One joint of six at its limit: most of what is missing is rotation."""
+    rng, limits, positions = np.random.default_rng(7), limits_of(6), np.zeros(6)
+    kept = []
+    for _ in range(30):
+        jacobian, twist = rng.normal(size=(6, 6)), np.array([*rng.normal(size=3), 0, 0, 0]) * 0.02
+        wanted, _ = damped_least_squares(jacobian, twist)
+        positions[:] = 0.0
+        positions[0] = 2.0 * np.sign(wanted[0])
+        velocities, _, _ = solve(limits, jacobian, twist, positions)
+        error = jacobian @ velocities - twist
+        kept.append(np.linalg.norm(error[:3]) / max(np.linalg.norm(error[3:]), 1e-12))
+    assert np.median(kept) < LENGTH
+
+
+@pytest.mark.parametrize('answer', [
+    (np.zeros(6), 0.0, -1, {'lam': np.zeros(6)}),
+    (np.full(6, np.nan), 0.0, 1, {'lam': np.zeros(6)}),
+    (np.full(6, 1e9), 0.0, 1, {'lam': np.zeros(6)})])
+def test_whatever_the_solver_answers_no_limit_is_passed(monkeypatch, answer):
+    monkeypatch.setattr(daqp, 'solve', lambda *_: answer)
+    motion = _motion_at(np.array([2.0, 0.0, 0.0, 0.0, 0.0, -2.0]))
+    for _ in range(1000):
+        _step_within(motion, np.array([1.0, 1.0, 1.0, 0.0, 0.0, -1.0]))
+
+
+class _Slides:
+    """Six joints, each along or about one axis of the tip."""
+
+    def __init__(self, jacobian):
+        self._jacobian = np.ascontiguousarray(jacobian)
+
+    def jacobian(self, positions):
+        return self._jacobian
+
+    def pose(self, positions):
+        return np.eye(4)
+
+
+def _motion_at(positions, jacobian=None, limits=None):
+    joints = len(positions)
+    motion = Motion(_Slides(np.eye(6) if jacobian is None else jacobian),
+                    limits or limits_of(joints), MotionConfig(), 2 * DT)
+    motion.seed(positions)
+    return motion
+
+
+def _step_within(motion, twist):
+    before, limits = motion.velocities, limits_of(len(motion.positions))
+    step = motion.command(twist, DT)
+    assert (np.abs(motion.velocities) <= limits.velocity + 1e-12).all()
+    assert (np.abs(motion.velocities - before) <= limits.acceleration * DT + 1e-12).all()
+    assert (np.abs(step.trajectory.positions) <= 2.0 + 1e-9).all()
+    assert 0.0 <= step.scale <= 1.0
+
+
+numbers = st.floats(-20.0, 20.0) | st.sampled_from([0.0, float('nan'), float('inf'), 1e300, 5e-17])
+
+
+@settings(max_examples=150, deadline=None)
+@given(joints=st.sampled_from([5, 6, 7]), seed=st.integers(0, 2**31),
+       starts=st.lists(st.sampled_from([-2.0, 2.0, 0.0, 1.999]), min_size=7, max_size=7),
+       twists=st.lists(st.lists(numbers, min_size=6, max_size=6), min_size=1, max_size=6),
+       rank=st.integers(0, 6))
+def test_any_twist_from_any_start_keeps_every_limit(joints, seed, starts, twists, rank):
+    rng = np.random.default_rng(seed)
+    jacobian = rng.normal(size=(6, rank)) @ rng.normal(size=(rank, joints))
+    motion = _motion_at(np.array(starts[:joints]), jacobian)
+    for twist in twists:
+        for _ in range(40):
+            _step_within(motion, np.array(twist))
+
+
+def test_a_jacobian_that_is_no_number_stops():
+    motion = _motion_at(np.zeros(6), np.full((6, 6), np.nan))
+    step = motion.command(np.ones(6), DT)
+    assert motion.standing and step.limited_by == 'velocity not finite'

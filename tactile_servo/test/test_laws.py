@@ -1,0 +1,83 @@
+"""The registry of laws, and the parameters that node, supervisor and law share."""
+
+import ast
+from dataclasses import fields, is_dataclass
+from importlib import import_module
+import inspect
+from pathlib import Path
+
+import pytest
+
+from tactile_common.config import types_of
+from tactile_common.errors import ConfigurationError
+from tactile_servo import laws
+from tactile_servo.config import ServoConfig
+from tactile_servo.conversions import ACTIONS
+from tactile_servo.law import ServoLaw
+from tactile_servo.laws.registry import DEFAULT, law_named, LAWS, make_law
+from tactile_servo.nodes.parameters import NodeConfig, RENAMED
+from tactile_servo.types import EdgeGoal
+
+MEMBERS = [name for name, _ in inspect.getmembers(ServoLaw) if not name.startswith('_')]
+
+
+def names(config, prefix=''):
+    """Names of the parameters that a configuration declares."""
+    for field in fields(config):
+        kind = types_of(config)[field.name]
+        if is_dataclass(kind):
+            yield from names(kind, f'{prefix}{field.name}.')
+        else:
+            yield prefix + field.name
+
+
+@pytest.mark.parametrize('name', LAWS)
+def test_a_row_has_what_supervisor_and_node_ask_for(name):
+    row, law = law_named(name), make_law(name, ServoConfig())
+    assert law.name == row.law.name == name
+    assert isinstance(row.law.config_type(), row.law.config_type)
+    assert row.action in ACTIONS
+    missing = [member for member in (*MEMBERS, 'name', 'goal_type', 'config_type', 'sees_images')
+               if member not in dir(row.law) and not hasattr(law, member)]
+    assert 'observe' in MEMBERS and missing == []
+    for member in MEMBERS:
+        wanted, own = (inspect.getattr_static(kind, member, None) for kind in (ServoLaw, row.law))
+        if inspect.isfunction(wanted):
+            assert (list(inspect.signature(own).parameters)
+                    == list(inspect.signature(wanted).parameters)), member
+
+
+def test_the_goals_of_an_action_are_those_of_its_laws():
+    for row in LAWS.values():
+        goal = ACTIONS[row.action].goal_from_msg(ACTIONS[row.action].type.Goal())
+        assert isinstance(goal, row.law.goal_type) and isinstance(goal, EdgeGoal)
+
+
+def test_an_unknown_law_is_refused_by_name():
+    with pytest.raises(ConfigurationError, match="'telepathy' is not one of trace"):
+        law_named('telepathy')
+    assert DEFAULT in LAWS
+
+
+@pytest.mark.parametrize('name', LAWS)
+def test_no_parameter_has_two_meanings_or_a_former_name(name):
+    declared = [*names(NodeConfig), *names(ServoConfig), *names(LAWS[name].law.config_type)]
+    assert len(declared) == len(set(declared))
+    assert not set(declared) & set(RENAMED)
+
+
+def test_every_former_name_became_one_that_there_is():
+    declared = {*names(NodeConfig), *names(ServoConfig)}.union(
+        *(names(row.law.config_type) for row in LAWS.values()))
+    gone = [old for old, new in RENAMED.items()
+            if not any(word.strip(',') in declared for word in new.split())]
+    assert gone == ['array_half_width']
+
+
+def test_laws_do_not_import_each_other():
+    modules = {row.law.__module__ for row in LAWS.values()}
+    assert len(modules) == len(LAWS)
+    for module in modules:
+        tree = ast.parse(Path(import_module(module).__file__).read_text(encoding='utf-8'))
+        imported = {node.module for node in ast.walk(tree) if isinstance(node, ast.ImportFrom)}
+        assert not imported & (modules - {module} | {f'{laws.__name__}.registry'})

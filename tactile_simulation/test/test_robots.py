@@ -1,0 +1,112 @@
+"""
+The course by arms of six and seven joints, each from three starts, one at a joint's limit.
+
+The URDFs of the UR5 and the Panda are those of the package example-robot-data of the Python
+index; the pad sits on their flange, 50 mm before it.
+"""
+
+from importlib import metadata
+import json
+from pathlib import Path
+from xml.etree import ElementTree
+
+import numpy as np
+import pytest
+
+from tactile_servo.motion.robot import RobotModel
+from tactile_simulation.cli.simulate import main
+from tactile_simulation.scene import load_scene
+
+ROOT = Path(__file__).resolve().parents[2]
+COURSE = ROOT / 'launch/scenes/course.yaml'
+POSE = load_scene(COURSE).start_pose()
+FLANGES = {'ur5_robot': 'tool0', 'panda': 'panda_link8'}
+PAD = """<joint name="pad_mount" type="fixed"><parent link="{}"/><child link="pad"/>
+    <origin xyz="0 0 0.05" rpy="0 0 0"/></joint>"""
+LARGEST = 0.3e-3  # m, lateral
+
+
+def robot(name):
+    """URDF of a robot as an element, and its sensor frame."""
+    if name == 'puma260':
+        return ElementTree.parse(ROOT / 'launch/urdf/puma260.urdf').getroot(), 'tactile_pad'
+    try:
+        files = metadata.files('example-robot-data') or ()
+    except metadata.PackageNotFoundError:
+        pytest.skip('the Python package example-robot-data is not installed')
+    path = next(file for file in files if file.name == f'{name}.urdf').locate()
+    urdf = ElementTree.parse(path).getroot()
+    urdf.append(ElementTree.Element('link', name='pad'))
+    urdf.append(ElementTree.fromstring(PAD.format(FLANGES[name])))
+    return urdf, 'pad'
+
+
+def model_of(urdf, tip):
+    return RobotModel.from_urdf(ElementTree.tostring(urdf, encoding='unicode'), tip)
+
+
+def simulated(urdf, tip, start, folder, capsys):
+    """Summary of `simulate` on the course at 50 mm/s."""
+    path = folder / 'robot.urdf'
+    path.write_bytes(ElementTree.tostring(urdf))
+    status = main([str(COURSE), '--speed', '0.05', '--robot', str(path), '--tip', tip, '--json',
+                   '--start', *(f'{angle:.12f}' for angle in start)])
+    summary = json.loads(capsys.readouterr().out)
+    assert (status == 0) == summary['ok']
+    return summary
+
+
+@pytest.mark.parametrize('name, near', [
+    ('puma260', (-0.5, 0.5, -2.7, 0.0, -1.0, -0.5)),
+    ('puma260', (-0.5, 0.5, -2.7, -3.1, 1.0, 2.6)),
+    ('ur5_robot', (-0.5, 0.4, -2.3, 0.4, -1.6, 1.1)),
+    ('ur5_robot', (-0.5, -1.3, 1.9, 1.0, 1.6, -2.0)),
+    ('panda', (-1.9, 1.3, 1.5, -2.7, -1.5, 1.9, -2.4)),
+    ('panda', (1.3, -0.5, -1.7, -2.8, -1.0, 2.6, -2.6))])
+def test_course_is_tracked(name, near, tmp_path, capsys):
+    urdf, tip = robot(name)
+    start = model_of(urdf, tip).inverse(POSE, near)
+    assert np.abs(start - near).max() < 0.6  # the configuration that is meant
+    summary = simulated(urdf, tip, start, tmp_path, capsys)
+    assert summary['ok'] and summary['lateral_max'] <= LARGEST, summary['reason']
+
+
+@pytest.mark.parametrize('name, near, joint', [
+    ('puma260', (-0.5, 0.5, -2.7, 0.0, -1.0, -0.5), 4),
+    ('ur5_robot', (-0.5, 0.4, -2.3, 0.4, -1.6, 1.1), 2)])
+def test_course_is_tracked_by_six_joints_from_a_limit(name, near, joint, tmp_path, capsys):
+    """The limit is moved to where the joint starts; the course would take it beyond."""
+    urdf, tip = robot(name)
+    model = model_of(urdf, tip)
+    start = model.inverse(POSE, near)
+    element = next(e for e in urdf.findall('joint') if e.get('name') == model.joint_names[joint])
+    element.find('limit').set('upper', f'{start[joint]:.12f}')
+    assert model_of(urdf, tip).upper[joint] == float(f'{start[joint]:.12f}')
+    summary = simulated(urdf, tip, start, tmp_path, capsys)
+    assert summary['ok'] and summary['lateral_max'] <= LARGEST, summary['reason']
+
+
+@pytest.mark.parametrize('joint', [0, 4, 6])
+def test_course_is_tracked_by_seven_joints_from_a_limit(joint, tmp_path, capsys):
+    """The limits are the robot's own; the other joints solve for the start."""
+    urdf, tip = robot('panda')
+    held = model_of(urdf, tip)
+    held.upper[joint] = held.lower[joint]
+    start = held.inverse(POSE)
+    assert start[joint] == held.lower[joint]
+    summary = simulated(urdf, tip, start, tmp_path, capsys)
+    assert summary['ok'] and summary['lateral_max'] <= LARGEST, summary['reason']
+
+
+def test_another_frame_has_to_exist(tmp_path, capsys):
+    path = tmp_path / 'robot.urdf'
+    path.write_bytes(ElementTree.tostring(robot('puma260')[0]))
+    assert main([str(COURSE), '--robot', str(path), '--tip', 'hand']) == 2
+    assert "tip_frame 'hand': the robot has no such frame" in capsys.readouterr().err
+
+
+def test_a_start_has_as_many_angles_as_joints(tmp_path, capsys):
+    path = tmp_path / 'robot.urdf'
+    path.write_bytes(ElementTree.tostring(robot('puma260')[0]))
+    assert main([str(COURSE), '--robot', str(path), '--start', '0', '0']) == 2
+    assert '6 finite joint positions are needed' in capsys.readouterr().err
