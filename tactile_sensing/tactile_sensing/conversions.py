@@ -17,21 +17,13 @@ from tactile_common.errors import TactileError
 from tactile_common.ros.conversions import NS, stamp_from_ns, stamp_to_ns
 from tactile_msgs import msg as tactile_msgs
 from tactile_sensing.types.array import TactelArray
-from tactile_sensing.types.contact import (
-    Contact,
-    ContactType,
-    PARAMETERS,
-    REALS,
-    Reason,
-)
+from tactile_sensing.types.contact import Contact, ContactType, PARAMETERS, REALS, Reason
 from tactile_sensing.types.image import COMPONENTS, Layer, SensorInfo, TactileImage
 from tactile_sensing.types.moments import Moments
 
 # Pictures of one sensor share their geometry, and with it the computed centres.
 _array = lru_cache(maxsize=16)(TactelArray)
 
-
-# --- TactileImage and SensorInfo ----------------------------------------------------------------
 
 def image_to_msg(image: TactileImage, into: Any = None) -> Any:
     """Return the TactileImage message of a picture; the device's own time stays as it is."""
@@ -51,10 +43,7 @@ def image_from_msg(message) -> TactileImage:
     """
     Return the picture of a TactileImage message; its stress shares the message's memory.
 
-    Raises
-    ------
-    TactileError
-        The geometry is impossible or a layer does not hold `rows * columns` values.
+    Raises a TactileError where the geometry is impossible, or a layer has another size.
     """
     geometry = _array_from_msg(message)
     return TactileImage(
@@ -82,10 +71,7 @@ def sensor_info_from_msg(message) -> SensorInfo:
     """
     Return what a SensorInfo message says; floats come back in single precision.
 
-    Raises
-    ------
-    TactileError
-        The geometry is impossible.
+    Raises a TactileError where the geometry is impossible.
     """
     return SensorInfo(
         stamp_ns=stamp_to_ns(message.header.stamp), frame_id=message.header.frame_id,
@@ -97,8 +83,6 @@ def sensor_info_from_msg(message) -> SensorInfo:
         calibration=message.calibration, tared_at_ns=stamp_to_ns(message.tared_at))
 
 
-# --- Contact ------------------------------------------------------------------------------------
-
 _TYPES = frozenset(map(int, ContactType))
 _MOMENTS = tuple(field.name for field in fields(Moments))
 
@@ -108,14 +92,7 @@ def contact_to_msg(
     """
     Return the Contact message of an estimate.
 
-    Parameters
-    ----------
-    contact : Contact
-    image_message : tactile_msgs.msg.TactileImage
-        The source image; gives header, sensor and sequence.
-    now_ns : int
-        Time of publication [ns].
-    into : tactile_msgs.msg.Contact, optional
+    Header, sensor and sequence are those of the source image; now_ns is the time of publication.
     """
     message = tactile_msgs.Contact() if into is None else into
     message.header, message.sensor = image_message.header, image_message.sensor
@@ -137,14 +114,7 @@ def contact_to_msg(
 
 
 def contact_from_msg(message) -> Contact:
-    """
-    Return the estimate of a Contact message.
-
-    Raises
-    ------
-    TactileError
-        The type is none of TYPE_*.
-    """
+    """Return the estimate of a Contact message; TactileError: the type is none of TYPE_*."""
     if message.type not in _TYPES:
         raise TactileError(
             f'contact type is {message.type}, must be at most {max(ContactType)}')

@@ -8,6 +8,7 @@ from tactile_sensing.contact.estimator import ContactEstimator, EstimatorConfig
 from tactile_sensing.contact.load_fits import fit_loads
 from tactile_sensing.contact.preprocessing import noise_from_image
 from tactile_sensing.half_space import line, point
+from tactile_sensing.half_space.forward_model import LineModel
 from tactile_sensing.half_space.layers import Layer as FitLayer
 from tactile_sensing.types.array import TactelArray
 from tactile_sensing.types.contact import ContactType, Reason
@@ -51,10 +52,9 @@ def test_line_is_at_the_cramer_rao_bound(decibels):
     rho = truth[:, 0] * np.cos(truth[:, 1])
     error = np.column_stack([found['a'] * np.cos(found['yaw']) - rho, found['yaw'] - truth[:, 1],
                              found['line_force'] - FORCE])
-    bound = []
+    bound, model = [], LineModel(ARRAY, (DEPTH,))
     for distance, yaw in zip(rho, truth[:, 1], strict=True):
-        j = line.pressure_jacobian(
-            ARRAY.x[None, :], ARRAY.y[:, None], distance, yaw, FORCE, DEPTH).reshape(-1, 3)
+        j = model.jacobian((distance, yaw, FORCE, 0.0)).reshape(-1, 4)[:, :3]
         bound.append(np.diag(noise**2 * np.linalg.inv(j.T @ j)))
     rms = np.sqrt(np.mean(error**2, axis=0))
     assert (rms / np.sqrt(np.mean(bound, axis=0)) < 1.05).all()

@@ -15,10 +15,9 @@ LAYERS = tuple(Layer(component, depth, 1.0) for component, depth in (
     ('zz', 2e-3), ('xz', 2e-3), ('yz', 3e-3)))
 POINT_STATE = np.array([1.1e-3, -0.7e-3, 5.0, 1.2, -1.8])
 LINE_STATE = np.array([1.2e-3, 0.4, 200.0, 50.0])
-MODELS = [(PointModel(ARRAY, LAYERS), POINT_STATE), (PointModel(ARRAY, LAYERS, True), POINT_STATE),
-          (LineModel(ARRAY, (2e-3, 4e-3)), LINE_STATE),
-          (LineModel(ARRAY, (2e-3, 4e-3), True), LINE_STATE)]
-IDS = ('point', 'point, averaging', 'line', 'line, averaging')
+MODELS = [(PointModel(ARRAY, LAYERS), POINT_STATE),
+          (LineModel(ARRAY, (2e-3, 4e-3)), LINE_STATE)]
+IDS = ('point', 'line')
 
 
 @pytest.mark.parametrize(('model', 'state'), MODELS, ids=IDS)

@@ -1,5 +1,6 @@
 """Line load with shear across it: quadrature, derivatives, averages and invariances."""
 
+from averages_over_tactels import line_average, line_average_jacobian
 import numpy as np
 import pytest
 from scipy.integrate import dblquad, quad
@@ -52,7 +53,7 @@ def test_shear_shifts_the_centroid_as_it_does_for_a_point():
 @pytest.mark.parametrize('size', [(), SIZE], ids=['sampling', 'averaging'])
 def test_jacobian_against_finite_differences(yaw, size):
     x, y = points()
-    model, jacobian = (line.average_with_shear, line.average_with_shear_jacobian) if size \
+    model, jacobian = (line_average, line_average_jacobian) if size \
         else (line.stress_with_shear, line.stress_with_shear_jacobian)
     at = with_yaw(yaw)
     analytic = jacobian(x, y, *at, DEPTH, *size)
@@ -74,7 +75,7 @@ def test_average_against_quadrature(yaw):
             lambda v, u: line.stress_with_shear(u, v, *at, DEPTH),
             x - SIZE[0] / 2, x + SIZE[0] / 2, y - SIZE[1] / 2, y + SIZE[1] / 2,
             epsrel=1e-11)[0] / (SIZE[0] * SIZE[1])
-        got = line.average_with_shear(x, y, *at, DEPTH, *SIZE)
+        got = line_average(x, y, *at, DEPTH, *SIZE)
         assert got == pytest.approx(expected, rel=1e-9)
 
 
@@ -83,7 +84,7 @@ def test_average_over_a_large_tactel_is_exact():
     expected = dblquad(
         lambda v, u: line.stress_with_shear(u, v, *at, DEPTH),
         -0.01, 0.01, -0.01, 0.01, epsrel=1e-9)[0] / 0.02**2
-    assert line.average_with_shear(0.0, 0.0, *at, DEPTH, 0.02, 0.02) == pytest.approx(
+    assert line_average(0.0, 0.0, *at, DEPTH, 0.02, 0.02) == pytest.approx(
         expected, rel=1e-8)
 
 

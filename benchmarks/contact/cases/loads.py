@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from tactile_sensing.half_space import line
-from tactile_sensing.half_space.forward_model import PointModel
+from tactile_sensing.half_space.forward_model import LineModel, PointModel
 from tactile_sensing.half_space.layers import Layer
 from tactile_sensing.types.array import TactelArray
 
@@ -88,10 +88,11 @@ def line_contacts(truth):
     x, y = np.meshgrid(LINE_ARRAY.x, LINE_ARRAY.y)
     clean = np.empty((len(truth), *LINE_ARRAY.shape))
     bound = np.empty_like(truth)
+    forward = LineModel(LINE_ARRAY, (DEPTH,))
     for i, (b, yaw, force) in enumerate(truth):
         rho = b * np.cos(yaw)
         clean[i] = line.pressure(x, y, rho, yaw, force, DEPTH)
-        jacobian = line.pressure_jacobian(x, y, rho, yaw, force, DEPTH).reshape(-1, 3)
+        jacobian = forward.jacobian(np.array([rho, yaw, force, 0.0])).reshape(-1, 4)[:, :3]
         # rho = b cos(yaw): derivatives by (b, yaw) at constant yaw and b.
         change = np.array([[np.cos(yaw), -b * np.sin(yaw), 0.0], [0, 1, 0], [0, 0, 1]])
         bound[i] = _bound(jacobian @ change)

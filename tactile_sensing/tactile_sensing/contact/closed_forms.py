@@ -6,7 +6,7 @@ import math
 import numpy as np
 
 from tactile_sensing.contact.parameters import FORCE_MISMATCH, LINE_ROWS, POINT_ROWS
-from tactile_sensing.half_space.forward_model import PointModel
+from tactile_sensing.half_space import point
 from tactile_sensing.half_space.layers import first_pressure_layer, Layer
 from tactile_sensing.half_space.line import chord_length, pressure
 from tactile_sensing.moments.compensation import (
@@ -34,18 +34,10 @@ _POINT, _LINE = np.ix_(POINT_ROWS, POINT_ROWS), np.ix_(LINE_ROWS[:4], LINE_ROWS[
 
 def estimate_by_moments(frame, array, layers, config, estimate):
     """
-    Estimate a preprocessed frame by 'moments' or 'compensated'.
+    Estimate a preprocessed frame (layers, rows, columns) [Pa] by 'moments' or 'compensated'.
 
-    Parameters
-    ----------
-    frame : ndarray, shape (layers, rows, columns)
-        Stress [Pa], NaN where a tactel is not used.
-    array : TactelArray
-    layers : ndarray of layers.LAYER
-        With the frame's noise.
-    config : EstimatorConfig
-    estimate : record of contact.ESTIMATE
-        Where the estimate is written.
+    NaN marks tactels that are not used; layers are `layers.LAYER` records with the frame's noise;
+    the estimate, a `contact.ESTIMATE` record, is written.
     """
     main = first_pressure_layer.py_func(layers.view(np.recarray))
     noise, image = layers['noise'][main], frame[main]
@@ -124,8 +116,7 @@ def _point(frame, layers, array, config, estimate):
         frame, layers = frame[main:main + 1], layers[main:main + 1]
     averaging = config.tactel == 'area'
     iterated = config.method == 'compensated'
-    method = compensated if iterated else basic
-    found = method(frame, array, layers, averaging=averaging)
+    found = (compensated if iterated else basic)(frame, array, layers, averaging=averaging)
     estimate['iterations'] = found.iterations
     if found.flags & MomentFlag.NO_FORCE:
         return ContactType.OTHER, Reason.BAD_FIT, None
@@ -137,30 +128,27 @@ def _point(frame, layers, array, config, estimate):
     for name in _POINT_NAMES:
         estimate[name] = getattr(found, name)
     estimate['has_shear'] = True
-    main = [layer.component for layer in layers].index('zz')
-    [model] = PointModel(array, layers[main:main + 1], averaging).image(_five(found))
+    depth = next(layer.depth for layer in layers if layer.component == 'zz')
+    stress, area = (point.average, (array.pitch_x, array.pitch_y)) if averaging else (
+        point.stress, ())
+    model = stress('zz', array.x, array.y[:, None], *_five(found), depth, *area)
     if not why:
-        noisy = _iterated_noise if iterated else _basic_noise
-        estimate['covariance'][_POINT] = noisy(found, frame, layers, array, averaging)
+        estimate['covariance'][_POINT] = (
+            _iterated_noise(found, frame, layers, array, averaging) if iterated else
+            _window_noise(np.zeros(2), np.inf, found, frame, layers, array, averaging))
     return ContactType.POINT, why, model
 
 
 def _has_closed_form(layers):
     """Whether these layers have a closed form: (2.3), (2.4) or (2.6)."""
-    depths = [layer.depth for layer in layers]
-    if tuple(layer.component for layer in layers) == ('zz', 'zz'):
+    components, depths = zip(*((layer.component, layer.depth) for layer in layers), strict=True)
+    if components == ('zz', 'zz'):
         return depths[0] < depths[1]
-    return (tuple(layer.component for layer in layers) in KNOWN_LAYERS
-            and len(set(depths)) == 1)
+    return components in KNOWN_LAYERS and len(set(depths)) == 1
 
 
 def _five(found):
     return np.array([getattr(found, name) for name in _POINT_NAMES])
-
-
-def _basic_noise(found, frame, layers, array, averaging):
-    """Covariance (5, 5) of the closed form, by the noise of the moments."""
-    return _window_noise(np.zeros(2), np.inf, found, frame, layers, array, averaging)
 
 
 def _iterated_noise(found, frame, layers, array, averaging):
@@ -192,7 +180,7 @@ def _iterated_noise(found, frame, layers, array, averaging):
 
 
 def _window_noise(at, mask, found, frame, layers, array, averaging):
-    """Covariance of the closed form in a window that stays where it is."""
+    """Covariance (5, 5) of the closed form in a window that stays, by the noise of the moments."""
     x, y = at
     weights = _weights(array, x, y, mask)
     spread = [layer.noise_std**2 * weights @ weights.T for layer in layers]

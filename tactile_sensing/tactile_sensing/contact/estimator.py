@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from tactile_common.config import check_fields
+from tactile_common.config import bounded, check_fields, one_of
 from tactile_common.errors import ConfigurationError
 from tactile_sensing.contact.closed_forms import estimate_by_moments
 from tactile_sensing.contact.gauss_newton import LINE, POINT
@@ -44,32 +44,28 @@ _INVALID = dict.fromkeys(PARAMETERS, np.nan)
 class EstimatorConfig:
     """How contacts are estimated."""
 
-    method: str = field(default='fit', metadata={
-        'doc': "'fit' (least squares, at the noise limit), or the closed forms of the thesis: "
-               "'moments', or with the iteration of its section 2.4, 'compensated'",
-        'choices': METHODS})
-    model: str = field(default='auto', metadata={
-        'doc': "'auto' (the least model that explains the image), 'point' or 'line' alone",
-        'choices': (*MODELS,)})
-    tactel: str = field(default='point', metadata={
-        'doc': "a tactel measures the stress at its centre ('point') or the mean over its area "
-               "('area')",
-        'choices': (*TACTELS,)})
+    method: str = one_of(
+        'fit', "'fit' (least squares, at the noise limit), or the closed forms of the thesis: "
+        "'moments', or with the iteration of its section 2.4, 'compensated'", METHODS)
+    model: str = one_of(
+        'auto', "'auto' (the least model that explains the image), 'point' or 'line' alone",
+        MODELS)
+    tactel: str = one_of(
+        'point', "a tactel measures the stress at its centre ('point') or the mean over its area "
+        "('area')", TACTELS)
     fit_depth: bool = field(default=False, metadata={
         'doc': "find the tactels' depth from each image, near the one given; costs half of the "
                "force's accuracy (only 'fit')"})
-    noise_std: float = field(default=0.0, metadata={
-        'doc': 'standard deviation of one tactel; 0 = as the image says, or as its finest '
-               'detail shows', 'unit': 'Pa', 'range': (0.0, 1e9)})
-    min_snr: float = field(default=16.0, metadata={
-        'doc': 'weaker contacts are reported but not valid', 'unit': 'dB',
-        'range': (0.0, 100.0)})
-    model_error: float = field(default=0.07, metadata={
-        'doc': 'what a model may leave out, as a fraction of its pressure',
-        'range': (0.0, 1.0)})
-    max_chi_square: float = field(default=2.0, metadata={
-        'doc': 'chi-square per degree of freedom above which a model does not explain the image',
-        'range': (1.0, 1e6)})
+    noise_std: float = bounded(
+        0.0, 'standard deviation of one tactel; 0 = as the image says, or as its finest detail '
+        'shows', 'Pa', 0.0, 1e9)
+    min_snr: float = bounded(
+        16.0, 'weaker contacts are reported but not valid', 'dB', 0.0, 100.0)
+    model_error: float = bounded(
+        0.07, 'what a model may leave out, as a fraction of its pressure', '', 0.0, 1.0)
+    max_chi_square: float = bounded(
+        2.0, 'chi-square per degree of freedom above which a model does not explain the image',
+        '', 1.0, 1e6)
 
     def __post_init__(self):
         check_fields(self)
@@ -78,13 +74,7 @@ class EstimatorConfig:
 
 
 class ContactEstimator:
-    """
-    Estimate the contact in one tactile image after the other; holds no state between them.
-
-    Parameters
-    ----------
-    config : EstimatorConfig, optional
-    """
+    """Estimate the contact in one tactile image after the other; holds no state between them."""
 
     def __init__(self, config: EstimatorConfig | None = None):
         self.config = config = config or EstimatorConfig()
@@ -93,18 +83,7 @@ class ContactEstimator:
             MODELS[config.model], config.method == 'fit')], RULES)
 
     def estimate(self, image: TactileImage) -> Contact:
-        """
-        Estimate the contact of one image.
-
-        Parameters
-        ----------
-        image : TactileImage
-
-        Returns
-        -------
-        Contact
-            Always: what cannot be estimated is not valid, with its reasons.
-        """
+        """Estimate the contact of one image; what cannot be is not valid, with its reasons."""
         layers, array = image.layers, image.array
         main = next((layer for layer in layers if layer.component == 'zz'), None)
         if main is None or any(layer.stress.shape != array.shape or not 0.0 < layer.depth < np.inf
@@ -134,9 +113,8 @@ class ContactEstimator:
         frames : ndarray, shape (N, layers, rows, columns) or, of one layer, (N, rows, columns)
             Stress [Pa]; NaN marks invalid tactels.
         array : TactelArray
-            Geometry of the tactels.
         layers : sequence of image.Layer
-            Component, depth, full scale and noise of each; their stress is not read.
+            Their stress is not read.
         tared : bool
             Whether the no-load picture has been subtracted.
 
@@ -175,8 +153,8 @@ class ContactEstimator:
     def _estimate(self, stress, array, layers, tared, saturated, calibrated):
         """Estimates of frames, which are preprocessed in place: ESTIMATE records (N,)."""
         config, count = self.config, len(stress)
-        sensor, table = _sensor(array, tuple((layer.component, layer.depth) for layer in layers),
-                                TACTELS[config.tactel])
+        plan = tuple((layer.component, layer.depth) for layer in layers)
+        sensor, table = _sensor(array, plan, TACTELS[config.tactel])
         table = table.copy()
         table['given_noise'] = [config.noise_std or layer.noise_std for layer in layers]
         table['full_scale'] = [layer.full_scale for layer in layers]

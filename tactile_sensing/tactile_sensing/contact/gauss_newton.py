@@ -24,15 +24,7 @@ from tactile_sensing.contact.variable_projection import (
     weigh,
 )
 from tactile_sensing.half_space import kernels
-from tactile_sensing.half_space.kernels import (
-    FORCE,
-    LOAD,
-    LOAD_OFFSETS,
-    Q0,
-    Q1,
-    SHEAR_X,
-    SHEAR_Y,
-)
+from tactile_sensing.half_space.kernels import FORCE, LOAD, LOAD_OFFSETS, Q0, Q1, SHEAR_X, SHEAR_Y
 from tactile_sensing.types.contact import ContactType
 
 POINT, LINE = int(ContactType.POINT), int(ContactType.LINE)
@@ -58,11 +50,7 @@ FIT = np.dtype(_FIELDS)
 
 
 class Tactels(NamedTuple):
-    """
-    Memory of `fit_load`: gathered tactels, and what is known at each.
-
-    Few arrays with named rows: every array costs whoever is handed it.
-    """
+    """Memory of `fit_load`: few arrays with named rows, as every array costs whoever gets it."""
 
     at: np.ndarray  # rows X, Y [m]; VALUE, RESIDUAL, WEIGHTED over the noise; ROOT of the weight
     by: np.ndarray  # derivatives over the noise, rows as in `kernels.LOAD.vector`
@@ -115,11 +103,7 @@ def _derivatives(kind, nodes, layers, load, of_forces, at, by, kept, ends):
 
 @njit(error_model='numpy')
 def _turn_upright(load, matrix):
-    """
-    Turn a line so that yaw is in (-pi/2, pi/2].
-
-    A half turn exchanges the two normals of a line: rho and the shear change their signs.
-    """
+    """Turn a line so that yaw is in (-pi/2, pi/2]; a half turn exchanges its two normals."""
     turns = np.ceil(load.yaw / np.pi - 0.5)
     load.yaw -= turns * np.pi
     if turns % 2.0 != 0.0:
@@ -187,7 +171,6 @@ def fit_load(kind, stress, sensor, layers, forces, model_error, tukey, tactels, 
     tukey : float
         Scales at which a tactel has lost all weight (Tukey's biweight); infinite: all are equal.
     tactels : Tactels
-        From `make_tactels`.
     fit : record of FIT
         Result.
 

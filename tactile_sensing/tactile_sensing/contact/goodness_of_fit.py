@@ -75,7 +75,7 @@ def _sums_of_squares(left, model, layers, model_error):
 @njit(error_model='numpy')
 def _window_ratio(kind, left, model, sensor, load, depth):
     """
-    Pressure seen over pressure expected, in a window around a point or on the whole pad.
+    Pressure seen over expected in a window around a point, or of a line on the whole pad.
 
     The zeroth moment and its compensation factor (2.7), for any window and any gaps.
     """
@@ -152,21 +152,8 @@ def refute(kind, sensor, layers, rules, memory, estimate):
     """
     Hold the load that was fitted to a frame against what it leaves.
 
-    Parameters
-    ----------
-    kind : int
-        POINT or LINE.
-    sensor, layers, rules
-        As for `pipeline.estimate_frame`.
-    memory : pipeline.Memory
-        With the mended stress and the fit.
-    estimate : record of contact.ESTIMATE
-        Gets the evidence: snr, residual, iterations, and in force_windowed a ratio of forces.
-
-    Returns
-    -------
-    kind, reasons : int
-        ContactType and Reason of a refusal; no reason if there is none.
+    The estimate, a `contact.ESTIMATE` record, gets the evidence: snr, residual, iterations, and in
+    force_windowed a ratio of forces. Returns ContactType and Reason; no reason if it stands.
     """
     left, model, fit = memory.left, memory.model, memory.fit[0]
     if fit.used < (MIN_POINT_TACTELS if kind == POINT else MIN_LINE_TACTELS):

@@ -54,21 +54,16 @@ def fit_loads(kind: int, stress: np.ndarray, array: TactelArray, layers: Sequenc
         Pressure of a 'zz' layer, -tau_xz and -tau_yz of the others [Pa]; tactels that are not
         finite have weight 0.
     array : TactelArray
-        Geometry of the tactels.
     layers : sequence of Layer
-        What each layer measures; at least one 'zz'.
+        At least one 'zz'.
     shear : bool
         False fits the place and the normal force alone.
-    window : float, optional
-        Half side of the square of tactels around a point's peak that are used [pitches]; by
-        default 4.5, or 1.9 mean depths of the layers where that is more.
+    window, tactel_points
+        As for `layers.sensor_of`.
     model_error : float
         Allowance for what the model leaves out, as a fraction of the modelled stress.
     robust : bool
         With Tukey's biweights, for tactels that are wrong without a word.
-    tactel_points : int
-        1: tactels sample a point; 2 or 3: they average over their area, by so many Gauss
-        points along each side.
 
     Returns
     -------

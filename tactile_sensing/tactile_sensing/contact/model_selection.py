@@ -56,10 +56,9 @@ def likelier_model(stress, sensor, layers):
 @njit(error_model='numpy')
 def overrules(first, second, min_snr):
     """
-    Whether the second estimate takes the place of an unconvincing first.
+    Whether the second estimate replaces an unconvincing first.
 
-    Where the likelier model is too weak, the other may contradict it, if it is strong enough
-    to, but not convince.
+    Where the first is too weak, the second must be strong enough to contradict it.
     """
     return not first.reasons & _LOW_SNR or (
         second.reasons & UNCONVINCING != 0 and second.snr >= min_snr + CONTRADICTION)
@@ -84,11 +83,7 @@ def fit_without_idle_shear(kind, sensor, layers, forces, rules, memory):
     Fit again without shear where it does not show.
 
     Leaves the covariance of the fit with shear, whether there is one, and how far the load moved:
-    shear that does not show may still be there.
-
-    Returns
-    -------
-    fitted, shear : bool
+    shear that does not show may still be there. Returns whether it worked, and has shear.
     """
     fit, moved = memory.fit[0], memory.moved
     moved[:] = 0.0

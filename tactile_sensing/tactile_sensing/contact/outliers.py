@@ -36,8 +36,7 @@ def _take_off_drift(stress, left, model, layers, values, first):
     """
     Subtract from every layer the median of its unloaded tactels; whether it did.
 
-    The first time only where that is more than noise; then to its end. In place of the
-    border's median, which has fewer tactels and, under an edge, loaded ones.
+    The first time only where that is more than noise; then to its end.
     """
     found = False
     for k in range(stress.shape[0]):
@@ -74,10 +73,9 @@ def _any_off(left, model, layers, model_error):
 @njit(error_model='numpy')
 def _leave_out_outliers(stress, left, model, layers, model_error):
     """
-    Set tactels that contradict the load to NaN.
+    Set tactels that contradict the load to NaN; whether it did.
 
-    False, and nothing done, where they are many or close together: then it is the load that
-    is wrong.
+    Not where they are many or close together: then it is the load that is wrong.
     """
     off = loaded = 0
     for k in range(left.shape[0]):
@@ -150,10 +148,7 @@ def fit_despite_faults(kind, sensor, layers, forces, rules, memory):
     """
     Fit with shear, without drift of the baseline and tactels that contradict all others.
 
-    Returns
-    -------
-    fitted, left_out : bool
-        Whether it worked, and whether tactels were left out.
+    Returns whether it worked, and whether tactels were left out.
     """
     stress, left, model, fit = memory.stress, memory.left, memory.model, memory.fit[0]
     model_error, tactels = rules.model_error, memory.tactels

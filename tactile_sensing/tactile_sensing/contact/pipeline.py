@@ -151,12 +151,8 @@ def _fit_mended(kind, sensor, given_layers, forces, rules, memory):
     """
     Fit at the given depth, or at that which the frame shows, despite faults of the sensor.
 
-    Returns
-    -------
-    fitted, left_out : bool
-        As `fit_despite_faults`.
-    variance : float
-        Of the factor on the depth; 0 for the given one.
+    Returns what `fit_despite_faults` does, and the variance of the factor on the depth, 0 for the
+    given one.
     """
     layers, stress, fit = memory.layers, memory.stress, memory.fit[0]
     scale_depths(given_layers, 1.0, layers)

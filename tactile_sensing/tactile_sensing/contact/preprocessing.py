@@ -21,10 +21,10 @@ _SATURATED, _DEAD = int(Reason.SATURATED), int(Reason.DEAD_TACTELS)
 @njit(error_model='numpy')
 def noise_from_image(pressure):
     """
-    Noise of one tactel, from the picture alone [Pa].
+    Noise of one tactel, from the picture alone [Pa]; NaN if no tactel is left.
 
     Median absolute second difference, along the axis where it is smaller: an edge is
-    smooth along itself. NaN tactels are left out; NaN if nothing is left.
+    smooth along itself.
     """
     rows, columns = pressure.shape
     second = np.empty(rows * columns)
@@ -49,12 +49,8 @@ def drop_unusable(image, full_scale, both_signs):
     """
     Set to NaN, in place, what cannot be read: impossible, saturated or thresholded away.
 
-    Returns
-    -------
-    missing, saturated : int
-        Tactels without a possible number, and at full scale.
-    threshold : float
-        Least value above the zeros that were dropped [Pa]; 0 if none were.
+    Returns how many are impossible and saturated, and the least value above the zeros that were
+    dropped [Pa]; 0 if none were.
     """
     missing = saturated = zeros = live = 0
     negative = False
@@ -101,11 +97,7 @@ def _noise_of(image, given, threshold):
 
 @njit(error_model='numpy')
 def _survey(image, sensor, calibrated, estimate):
-    """
-    Moments of the pressure into the estimate; live tactels, sum and peak.
-
-    NaN tactels count as zero in the moments.
-    """
+    """Moments of the pressure (NaN as zero) into the estimate; live tactels, sum and peak."""
     x, y, area = sensor.x, sensor.y, sensor.pitch_x * sensor.pitch_y
     m0 = mx = my = mxx = myy = mxy = 0.0
     live = 0
@@ -136,22 +128,10 @@ def _survey(image, sensor, calibrated, estimate):
 @njit(error_model='numpy')
 def preprocess(stress, sensor, layers, reasons, saturated, calibrated, estimate):
     """
-    Make a frame ready, in place; its moments, type and reasons into the estimate.
+    Make a frame ready, in place, and set its layers' noise and threshold.
 
-    Parameters
-    ----------
-    stress : ndarray, shape (layers, rows, columns)
-    sensor, layers
-        From `layers.sensor_of`; each layer's noise and threshold are set here.
-    reasons, saturated, calibrated : int, int, bool
-        Reasons that hold of the picture anyway, tactels that the driver has left out at full
-        scale, and whether the unit is Pa.
-    estimate : record of contact.ESTIMATE
-
-    Returns
-    -------
-    bool
-        Whether there is anything to be fitted.
+    Its moments, type and reasons go into the estimate; returns whether anything is to be fitted.
+    For the parameters see `pipeline.estimate_frames`.
     """
     missing, at_full_scale = 0, 0
     for k in range(layers.size):

@@ -91,11 +91,7 @@ def mend(pressure, noise):
 
 @njit(cache=True)
 def centre_of_load(pressure, x, y, share):
-    """
-    Centre of pressure (x, y) of the tactels above a share of the peak [m].
-
-    The middle of the array where nothing presses.
-    """
+    """Centre of pressure (x, y) of tactels above a share of the peak [m]; (0, 0) for no load."""
     floor = share * pressure.max()
     total = mx = my = 0.0
     for r in range(len(y)):

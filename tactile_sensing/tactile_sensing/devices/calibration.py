@@ -1,5 +1,5 @@
 """From raw counts to pressure: calibration file, tare, invalid tactels."""
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 import math
 
 import numpy as np
@@ -21,19 +21,10 @@ class TareRefusedError(TactileError):
 
 @dataclass(frozen=True, eq=False)
 class Tare:
-    """
-    Picture of the unloaded pad.
+    """Picture of the unloaded pad."""
 
-    Parameters
-    ----------
-    offset : np.ndarray
-        Mean counts, shape `(rows, columns)`, float32.
-    noise_std : float
-        Standard deviation of one tactel from frame to frame [counts].
-    """
-
-    offset: np.ndarray
-    noise_std: float
+    offset: np.ndarray  # mean counts, shape (rows, columns), float32
+    noise_std: float  # standard deviation of one tactel from frame to frame [counts]
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,58 +32,28 @@ class Calibration:
     """
     What turns the counts of one array into a picture, and what is known of its sensor.
 
-    Parameters
-    ----------
-    array : TactelArray
-        Geometry.
-    gain : float or array_like
-        Pressure per count [unit/count], for all tactels or one each, `(rows, columns)`.
-    unit : str
-        'Pa', or 'counts' if nothing is known.
-    baseline : float or array_like
-        Counts of the unloaded pad as the maker or an earlier tare found them.
-    saturation : int
-        Counts from which on a tactel is at full scale and its value unknown.
-    dead_tactels : tuple of int
-        Row-major indices of tactels that are never used.
-    tare_tolerance : float
-        Largest distance of an unloaded tactel from `baseline` [counts]; more is a load.
-    component, depth
-        Stress component, and depth of the tactels below the surface of the skin [m].
-    skin_stiffness : float
-        Line force per length and indentation [N/m^2]; 0 = unknown.
-    max_load : float
-        Largest normal force on the pad [N]; 0 = unknown.
-    acquisition_delay : float
-        From the middle of the acquisition to the arrival of the last byte [s].
-    nominal_rate : float
-        Pictures per second [Hz]; 0 = unknown.
-    model, serial_number, source : str
-        Kind of device, its number and where these values come from.
-
-    Raises
-    ------
-    ConfigurationError
-        A value is out of bounds.
+    `gain`, pressure per count [unit/count], and `baseline`, the counts of the unloaded pad as the
+    maker or an earlier tare found them, are given for all tactels or one each, `(rows, columns)`.
+    Raises a ConfigurationError where a value is out of bounds.
     """
 
     array: TactelArray
     gain: np.ndarray = 1.0  # type: ignore[assignment]  # becomes an array
-    unit: str = 'Pa'
+    unit: str = 'Pa'  # or 'counts' if nothing is known
     baseline: np.ndarray = 0.0  # type: ignore[assignment]
-    saturation: int = 255
-    dead_tactels: tuple = ()
-    tare_tolerance: float = 5.0
-    component: str = 'zz'
-    depth: float = 0.0
-    skin_stiffness: float = 0.0
-    max_load: float = 0.0
-    acquisition_delay: float = 0.0
-    nominal_rate: float = 0.0
-    model: str = 'flexitac'
+    saturation: int = 255  # counts from which on a tactel is at full scale, its value unknown
+    dead_tactels: tuple = ()  # row-major indices of tactels that are never used
+    tare_tolerance: float = 5.0  # of an unloaded tactel, from `baseline` [counts]; more is a load
+    component: str = 'zz'  # of the stress
+    depth: float = 0.0  # of the tactels below the surface of the skin [m]
+    skin_stiffness: float = 0.0  # line force per length and indentation [N/m^2]; 0 = unknown
+    max_load: float = 0.0  # largest normal force on the pad [N]; 0 = unknown
+    acquisition_delay: float = 0.0  # from its middle to the arrival of the last byte [s]
+    nominal_rate: float = 0.0  # pictures per second [Hz]; 0 = unknown
+    model: str = 'flexitac'  # kind of device
     serial_number: str = ''
-    source: str = ''
-    live: np.ndarray = field(init=False, repr=False)
+    source: str = ''  # where these values come from
+    live: np.ndarray = field(init=False, repr=False)  # (rows, columns): whether a tactel is used
 
     def __post_init__(self):
         for name in ('tare_tolerance', 'depth', 'skin_stiffness', 'max_load',
@@ -152,14 +113,7 @@ class Calibration:
         """
         Return a calibration that passes the counts through.
 
-        Parameters
-        ----------
-        rows, columns : int
-            Size of the array.
-        pitch : float or sequence of two floats
-            Distance of the tactels, along x and along y if there are two [m].
-        **values
-            Other fields of the class.
+        The pitch is one length or two, along x and y [m]; values are other fields of the class.
         """
         pitch_x, pitch_y = _pair(pitch)
         values = {'unit': 'counts', 'model': 'uncalibrated', 'source': 'none', **values}
@@ -167,12 +121,7 @@ class Calibration:
 
     def make_tare(self, frames) -> Tare:
         """
-        Average frames of the unloaded pad.
-
-        Parameters
-        ----------
-        frames : array_like
-            Raw counts, shape `(n, rows, columns)`.
+        Average frames of the unloaded pad, raw counts `(n, rows, columns)`.
 
         Raises
         ------
@@ -213,18 +162,10 @@ class Calibration:
 
     def converter(self, tare=None):
         """
-        Return the function that turns raw counts into a picture.
+        Return the function that turns raw counts into a picture; without tare, by the baseline.
 
-        Parameters
-        ----------
-        tare : Tare, optional
-            Picture of the unloaded pad; the nominal baseline stands in for it if missing.
-
-        Returns
-        -------
-        callable
-            Takes counts `(rows, columns)`, uint8, and returns `(Layer, saturated)`: stress with
-            NaN for dead and saturated tactels, and the number of live ones that are saturated.
+        It takes counts `(rows, columns)`, uint8, and returns `(Layer, saturated)`: stress with
+        NaN for dead and saturated tactels, and the number of live ones that are saturated.
         """
         offset = self.baseline if tare is None else tare.offset
         zero = np.where(self.live, self.gain * offset, np.nan).astype(np.float32)
@@ -262,22 +203,16 @@ class Calibration:
             calibration=self.source, tared_at_ns=tared_at_ns)
 
 
-_FILE_KEYS = frozenset({
-    'rows', 'columns', 'pitch', 'gain', 'unit', 'baseline', 'saturation', 'dead_tactels',
-    'tare_tolerance', 'component', 'depth', 'skin_stiffness', 'max_load', 'acquisition_delay',
-    'nominal_rate', 'model', 'serial_number',
-})
+_FILE_KEYS = {'rows', 'columns', 'pitch', *(f.name for f in fields(Calibration))} - {
+    'array', 'source', 'live'}
 
 
 def load_calibration(path) -> Calibration:
     """
     Read a calibration file.
 
-    Parameters
-    ----------
-    path : str or os.PathLike
-        YAML file with the fields of `Calibration` as keys, but `rows`, `columns` and `pitch`
-        ([m], one value or x and y) for the array and `[row, column]` pairs for `dead_tactels`.
+    YAML with the fields of `Calibration` as keys, but `rows`, `columns` and `pitch` ([m], one
+    value or x and y) for the array and `[row, column]` pairs for `dead_tactels`.
 
     Raises
     ------

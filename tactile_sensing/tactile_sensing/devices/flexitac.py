@@ -21,10 +21,8 @@ from tactile_sensing.devices.protocol import Frame, NEED_DATA, Resync, Signal
 
 MARKER = b'\xaa\x55'
 BAUD_RATE = 2_000_000
-# Frame periods that must be confirmed before the decoder is in lock.
-LOCK_PERIODS = 2
-# Frame periods to wait for while several phases are confirmed.
-AMBIGUOUS_PERIODS = 8
+LOCK_PERIODS = 2  # frame periods that must be confirmed before the decoder is in lock
+AMBIGUOUS_PERIODS = 8  # frame periods to wait for while several phases are confirmed
 
 
 def encode_frame(counts: np.ndarray) -> bytes:
@@ -48,17 +46,7 @@ class FlexiTacDecoder:
 
     `buffer_bound` is without lock the `AMBIGUOUS_PERIODS` that may be needed to choose a phase,
     the marker behind them and one period in which candidates start. `lost_frames` is estimated
-    from the dropped bytes.
-
-    Parameters
-    ----------
-    rows, columns : int
-        Size of the array.
-
-    Raises
-    ------
-    ConfigurationError
-        `rows` or `columns` is not a positive integer.
+    from the dropped bytes. Raises a ConfigurationError where a size is not a positive integer.
     """
 
     def __init__(self, rows: int, columns: int):
@@ -190,17 +178,9 @@ class FlexiTacDecoder:
 
 def payload_size(sample: bytes) -> int | None:
     """
-    Guess from the distances of the markers how long the payload of a byte stream is.
+    Guess from some periods of a byte stream how long its payload is: bytes between two markers.
 
-    Parameters
-    ----------
-    sample : bytes
-        Some periods of the stream.
-
-    Returns
-    -------
-    int or None
-        Bytes between two markers, None if at least four in five distances are not the same.
+    None unless at least four in five distances are the same.
     """
     raw = np.frombuffer(bytes(sample), np.uint8)
     distances = np.diff(np.flatnonzero((raw[:-1] == MARKER[0]) & (raw[1:] == MARKER[1])))

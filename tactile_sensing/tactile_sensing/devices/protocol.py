@@ -19,33 +19,17 @@ NEED_DATA = Signal.NEED_DATA
 
 @dataclass(frozen=True, eq=False)
 class Frame:
-    """
-    One picture.
+    """One picture."""
 
-    Parameters
-    ----------
-    counts : np.ndarray
-        Raw values, shape `(rows, columns)`, unsigned integers, read-only.
-    sequence : int
-        Frames before this one, with an estimate of the lost ones.
-    """
-
-    counts: np.ndarray
-    sequence: int
+    counts: np.ndarray  # raw values, shape (rows, columns), unsigned integers, read-only
+    sequence: int  # frames before this one, with an estimate of the lost ones
 
 
 @dataclass(frozen=True)
 class Resync:
-    """
-    The decoder is in lock again after bytes that belong to no frame.
+    """The decoder is in lock again after bytes that belong to no frame."""
 
-    Parameters
-    ----------
-    dropped_bytes : int
-        How many were passed over since the last frame.
-    """
-
-    dropped_bytes: int
+    dropped_bytes: int  # passed over since the last frame
 
 
 class Decoder(Protocol):
@@ -54,21 +38,13 @@ class Decoder(Protocol):
 
     `receive_data` only buffers and `next_event` parses; call it until it returns `NEED_DATA`.
     Then at most `buffer_bound` bytes are held, whatever was received.
-
-    Attributes
-    ----------
-    frames, lost_frames, resyncs, dropped_bytes : int
-        Counters since the start; `lost_frames` may be an estimate.
-    locked : bool
-        Whether the byte stream is understood at the moment.
-    buffer_bound : int
     """
 
-    frames: int
-    lost_frames: int
+    frames: int  # this and the next three: counted since the start
+    lost_frames: int  # may be an estimate
     resyncs: int
     dropped_bytes: int
-    locked: bool
+    locked: bool  # whether the byte stream is understood at the moment
     buffer_bound: int
 
     @property
@@ -95,26 +71,10 @@ class Decoder(Protocol):
 
 @dataclass(frozen=True)
 class SensorProtocol:
-    """
-    One row of `registry.PROTOCOLS`.
+    """One row of `registry.PROTOCOLS`."""
 
-    Parameters
-    ----------
-    decoder : callable
-        Makes the decoder of an array of so many rows and columns.
-    encode : callable
-        Bytes that a device sends for one picture, `counts` of shape `(rows, columns)`, behind
-        those for the pictures before.
-    preamble : bytes
-        What a device sends before its first picture.
-    baud_rate : int
-        Line speed [bit/s].
-    calibration : str
-        Name of the file in `config/` that a driver takes where none is given.
-    """
-
-    decoder: Callable[[int, int], Decoder]
-    encode: Callable[[np.ndarray], bytes]
-    preamble: bytes
-    baud_rate: int
-    calibration: str
+    decoder: Callable[[int, int], Decoder]  # of an array of so many rows and columns
+    encode: Callable[[np.ndarray], bytes]  # counts (rows, columns): what a device sends for them
+    preamble: bytes  # what a device sends before its first picture
+    baud_rate: int  # [bit/s]
+    calibration: str  # name of the file in `config/` that a driver takes where none is given

@@ -16,24 +16,12 @@ class Recording:
     """
     Frames of one sensor, evenly spaced in time.
 
-    Parameters
-    ----------
-    frames : np.ndarray
-        Values in the unit of the recorder, shape `(N, rows, columns)`, N >= 1; NaN = no tactel.
-    rate_hz : float
-        Frames per second [Hz].
-    pitch : float, optional
-        Distance between tactels [m]; None = unknown.
-
-    Raises
-    ------
-    ConfigurationError
-        A shape, type or value is impossible.
+    Raises a ConfigurationError where a shape, type or value is impossible.
     """
 
-    frames: np.ndarray
-    rate_hz: float
-    pitch: float | None = None
+    frames: np.ndarray  # in the recorder's unit, shape (N, rows, columns), N >= 1; NaN = no tactel
+    rate_hz: float  # frames per second [Hz]
+    pitch: float | None = None  # distance between tactels [m]; None = unknown
 
     def __post_init__(self):
         frames = np.asarray(self.frames)
@@ -58,14 +46,8 @@ class Recording:
         """
         Return the frames as bytes that a sensor of eight bits could have sent.
 
-        NaN becomes 0; everything else is rounded and clipped to 0..255.
-
-        Returns
-        -------
-        counts : np.ndarray
-            Shape `(N, rows, columns)`, uint8.
-        clipped : int
-            How many values were clipped by more than rounding.
+        NaN becomes 0; everything else is rounded and clipped to 0..255. The second item is how
+        many values were clipped by more than rounding.
         """
         with np.errstate(invalid='ignore'):
             values = np.where(np.isnan(self.frames), 0, np.rint(self.frames))
@@ -75,16 +57,7 @@ class Recording:
 
 def load_recording(path) -> Recording:
     """
-    Read a recording.
-
-    Parameters
-    ----------
-    path : str or os.PathLike
-        NumPy archive with `frames` `(N, rows, columns)`, `rate_hz` and, optionally, `pitch_m`.
-
-    Returns
-    -------
-    Recording
+    Read a NumPy archive with `frames` `(N, rows, columns)`, `rate_hz` and perhaps `pitch_m`.
 
     Raises
     ------
@@ -101,10 +74,8 @@ def load_recording(path) -> Recording:
                     raise ConfigurationError(
                         f"array '{name}' is missing, there are {sorted(archive.files)}")
             return Recording(
-                frames=archive['frames'],
-                rate_hz=_scalar('rate_hz', archive['rate_hz']),
-                pitch=_scalar('pitch_m', archive['pitch_m']) if 'pitch_m' in archive else None,
-            )
+                archive['frames'], _scalar('rate_hz', archive['rate_hz']),
+                _scalar('pitch_m', archive['pitch_m']) if 'pitch_m' in archive else None)
     except ConfigurationError as error:
         raise ConfigurationError(f'recording {path}: {error}') from error
     except OSError as error:

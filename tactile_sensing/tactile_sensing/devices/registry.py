@@ -11,14 +11,7 @@ PROTOCOLS = {
 
 
 def protocol_named(name: str) -> SensorProtocol:
-    """
-    Return the protocol of a name.
-
-    Raises
-    ------
-    ConfigurationError
-        There is none.
-    """
+    """Return the protocol of a name; ConfigurationError where there is none."""
     if name not in PROTOCOLS:
         raise ConfigurationError(f'protocol is {name!r}, must be one of {", ".join(PROTOCOLS)}')
     return PROTOCOLS[name]

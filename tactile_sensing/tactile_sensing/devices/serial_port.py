@@ -12,17 +12,8 @@ class SensorPort:
     """
     An open serial port, 8N1, to be used as a context manager.
 
-    Parameters
-    ----------
-    path : str
-        Device or a link to one.
-    baud : int
-        Line speed [bit/s].
-
-    Raises
-    ------
-    OSError
-        The port is absent, in use or gone; `read` raises it as well.
+    The path is a device or a link to one, baud the line speed [bit/s]. Raises an OSError where
+    the port is absent, in use or gone; `read` as well.
     """
 
     def __init__(self, path: str, baud: int):

@@ -25,8 +25,6 @@ LOAD = np.dtype(_FIELDS)
 Q0, Q1, FORCE, SHEAR_X, SHEAR_Y = range(5)
 
 
-# ------------------------------------------------------------------------------ point (2.2, 2.5)
-
 @njit(error_model='numpy')
 def point_stress(x, y, load, layer):
     """Stress of a layer at one place [Pa]."""
@@ -69,8 +67,6 @@ def add_point_place(x, y, a, b, load, layer, shape, q, by_a, by_b):
         by_b[i] += shape[i] * (by * v - shear_y * lever - gy * lifted)
 
 
-# --------------------------------------------------------------------------- line, Flamant (3.1)
-
 @njit(error_model='numpy')
 def line_stress(x, y, cos, sin, load, layer):
     """Pressure at one place [Pa]; cos and sin are those of yaw."""
@@ -107,8 +103,6 @@ def add_line_place(x, y, cos, sin, rho, along, load, layer, shape, q, by_rho, by
         by_rho[i] += by
         by_yaw[i] -= by * (y[i] * cos - x[i] * sin + along)
 
-
-# --------------------------------------------------------------------- added into a whole picture
 
 @njit(cache=True, nogil=True, error_model='numpy')
 def add_point(pressure, x, y, depth, px, py, load):

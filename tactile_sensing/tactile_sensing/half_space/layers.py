@@ -1,6 +1,5 @@
 """Sensor, layers and tactels as the compiled functions take them."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 import math
@@ -33,19 +32,14 @@ LAYER = np.dtype([
 
 
 class Sensor(NamedTuple):
-    """
-    Geometry of a sensor.
+    """Geometry of a sensor."""
 
-    x, y: centres of the columns and rows [m]; pitch_x, pitch_y [m]; nodes: NODE records; window:
-    half side of the square of tactels around a point that its fit uses [pitches].
-    """
-
-    x: np.ndarray
-    y: np.ndarray
-    pitch_x: float
+    x: np.ndarray  # centres of the columns [m]
+    y: np.ndarray  # centres of the rows [m]
+    pitch_x: float  # [m]
     pitch_y: float
-    nodes: np.ndarray
-    window: float
+    nodes: np.ndarray  # NODE records
+    window: float  # half side of the square of tactels around a point that its fit uses [pitches]
 
 
 @dataclass(frozen=True)
@@ -53,24 +47,15 @@ class Layer:
     """
     One layer of tactels.
 
-    Parameters
-    ----------
-    component : str
-        Measured stress: 'zz' (pressure), 'xz' or 'yz' (shear).
-    depth : float
-        Depth below the surface of the skin [m].
-    noise_std : float
-        Standard deviation of one tactel [Pa].
-
     Raises
     ------
     ConfigurationError
         Unknown component, or a depth or noise that is not positive.
     """
 
-    component: str
-    depth: float
-    noise_std: float
+    component: str  # measured stress: 'zz' (pressure), 'xz' or 'yz' (shear)
+    depth: float  # below the surface of the skin [m]
+    noise_std: float  # standard deviation of one tactel [Pa]
 
     def __post_init__(self):
         if self.component not in COMPONENTS:
@@ -83,30 +68,16 @@ class Layer:
                 raise ConfigurationError(f'{name} is {value!r}, must be positive [{unit}]')
 
 
-def tactel_nodes(tactel_points: int, pitch_x: float, pitch_y: float) -> np.ndarray:
-    """
-    Points that stand for a tactel: NODE records, shape (tactel_points^2,).
-
-    Raises
-    ------
-    ConfigurationError
-        tactel_points is not 1 (a tactel samples its centre), 2 or 3 (it averages its area).
-    """
+def _tactel_nodes(tactel_points, pitch_x, pitch_y):
+    """Points that stand for a tactel: NODE records, shape (tactel_points^2,)."""
     if tactel_points not in _NODES:
         raise ConfigurationError(f'tactel_points is {tactel_points!r}, must be 1, 2 or 3')
     nodes = list(zip(*_NODES[tactel_points], strict=True))
     return np.array([(p * pitch_x, q * pitch_y, u * w) for p, u in nodes for q, w in nodes], NODE)
 
 
-def layer_table(layers: Sequence[Layer]) -> np.ndarray:
-    """
-    LAYER records of layers.
-
-    Raises
-    ------
-    ConfigurationError
-        No 'zz' layer.
-    """
+def _layer_table(layers):
+    """LAYER records of layers."""
     table = np.zeros(len(layers), LAYER)
     for record, layer in zip(table, layers, strict=True):
         record['depth'], record['noise'] = layer.depth, layer.noise_std
@@ -129,10 +100,9 @@ def sensor_of(array: TactelArray, layers: tuple[Layer, ...], tactel_points: int 
     array : TactelArray
     layers : tuple of Layer
     tactel_points : int
-        As for `tactel_nodes`.
+        1: a tactel samples its centre; 2, 3: it averages its area, by so many points a side.
     window : float, optional
-        Half side of the square of tactels around a point that its fit uses [pitches]; by
-        default WINDOW, or WINDOW_DEPTHS mean depths of the layers where that is more.
+        `Sensor.window`; default: WINDOW, or WINDOW_DEPTHS mean depths where that is more.
 
     Returns
     -------
@@ -142,16 +112,16 @@ def sensor_of(array: TactelArray, layers: tuple[Layer, ...], tactel_points: int 
     Raises
     ------
     ConfigurationError
-        No 'zz' layer, a window of less than one pitch, or as `tactel_nodes`.
+        No 'zz' layer, a window of less than one pitch, or another number of points.
     """
-    table = layer_table(layers)
+    table = _layer_table(layers)
     whole = float(max(array.shape))
     if window is None:
         depths = WINDOW_DEPTHS * table['depth'].mean() / min(array.pitch_x, array.pitch_y)
         window = max(WINDOW, min(depths, whole))
     elif not window >= 1.0:
         raise ConfigurationError(f'window is {window!r}, must be at least 1 [pitches]')
-    nodes = tactel_nodes(tactel_points, array.pitch_x, array.pitch_y)
+    nodes = _tactel_nodes(tactel_points, array.pitch_x, array.pitch_y)
     return Sensor(array.x, array.y, float(array.pitch_x), float(array.pitch_y), nodes,
                   min(float(window), max(WINDOW, whole))), table
 

@@ -64,11 +64,7 @@ def compensated(images: np.ndarray, array: TactelArray, layers: Sequence[Any], *
     tolerance : float
         Largest last movement along either axis [m].
     max_steps : int
-        Largest number of steps, at least 1.
-
-    Returns
-    -------
-    PointMoments
+        At least 1.
 
     Raises
     ------
@@ -104,16 +100,9 @@ def compensated(images: np.ndarray, array: TactelArray, layers: Sequence[Any], *
 def window_moments(
         images: np.ndarray, array: TactelArray, x: float, y: float, mask: float) -> list[Moments]:
     """
-    Moments about (x, y) of the part of images within |x' - x|, |y' - y| <= mask [m].
+    Moments about (x, y) of the part of each image within |x' - x|, |y' - y| <= mask [m].
 
-    Parameters
-    ----------
-    images : ndarray, shape (layers, rows, columns)
-        Finite ones.
-
-    Returns
-    -------
-    list of Moments
+    The images (layers, rows, columns) are finite.
     """
     weight_x, arm_x = window_arms(array.x - x, array.pitch_x, mask)
     weight_y, arm_y = window_arms(array.y - y, array.pitch_y, mask)
@@ -136,10 +125,6 @@ def from_window(moments: Sequence[Moments], array: TactelArray, layers: Sequence
         Half side of the window [m]; infinite: nothing to compensate.
     peak : (float, float)
         Position of the largest pressure about the centre of the window [m].
-
-    Returns
-    -------
-    PointMoments
     """
     if averaging:
         moments = [without_averaging(m, array.pitch_x, array.pitch_y) for m in moments]

@@ -4,36 +4,25 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tactile_sensing.half_space.line import yaw_from_thesis
+from tactile_sensing.types.array import TactelArray
 from tactile_sensing.types.moments import Moments
 
 
 @dataclass(frozen=True)
 class MomentLine:
-    """Line contact from moments: a [m], yaw [rad], line_force [N/m]."""
+    """Line contact from moments."""
 
-    a: float
-    yaw: float
-    line_force: float
+    a: float  # [m]
+    yaw: float  # [rad]
+    line_force: float  # [N/m]
 
 
 def image_moments(
-        pressure: np.ndarray, array, *, threshold: float = 0.0) -> Moments:
+        pressure: np.ndarray, array: TactelArray, *, threshold: float = 0.0) -> Moments:
     """
-    Moments of a pressure image.
+    Moments of a pressure image (rows, columns) [Pa]; NaN counts as zero.
 
-    Parameters
-    ----------
-    pressure : ndarray, shape (rows, columns)
-        Pressure [Pa]; NaN tactels count as zero.
-    array : TactelArray
-        Geometry of the tactels.
-    threshold : float
-        Smaller values count as zero [Pa]; the thesis' only preprocessing (3.5).
-
-    Returns
-    -------
-    Moments
+    So do values below the threshold [Pa], the thesis' only preprocessing (3.5).
     """
     p = np.where(pressure >= threshold, pressure, 0.0) if threshold > 0.0 else np.nan_to_num(
         np.asarray(pressure, dtype=float))
@@ -74,4 +63,5 @@ def line_from_moments(
         alpha = 0.5 * np.arctan2(
             2.0 * moments.mxy, moments.myy - moments.mxx + b**2 * moments.m0)
     line_force = moments.m0 * np.cos(alpha) / (2.0 * half_length)
-    return MomentLine(a=b, yaw=yaw_from_thesis(alpha), line_force=line_force)
+    # The thesis turns +y towards +x, a left-handed rotation about +z; yaw is right-handed.
+    return MomentLine(a=b, yaw=-alpha, line_force=line_force)

@@ -36,21 +36,16 @@ class MomentFlag(IntFlag):
 
 @dataclass(frozen=True)
 class PointMoments:
-    """
-    Point contact from moments.
+    """Point contact from moments."""
 
-    a, b [m]; normal_force, shear_force_x, shear_force_y [N]; flags; iterations of
-    `compensated`, 0 for a closed form; mask, the half side of its last window [m].
-    """
-
-    a: float
+    a: float  # [m]
     b: float
-    normal_force: float
+    normal_force: float  # [N]
     shear_force_x: float
     shear_force_y: float
     flags: MomentFlag = MomentFlag(0)
-    iterations: int = 0
-    mask: float = NAN
+    iterations: int = 0  # of `compensated`
+    mask: float = NAN  # half side of its last window [m]
 
 
 NOTHING = PointMoments(NAN, NAN, NAN, NAN, NAN, MomentFlag.NO_FORCE)
@@ -63,25 +58,16 @@ def one_layer(moments: Moments, depth: float, peak: tuple[float, float]) -> Poin
     The thesis takes the signs of the shear from the peaks of compression and tension;
     where tension is not measured, sign(centroid - peak) gives the same.
 
+    Flagged where a discriminant is negative, as noise makes it under little shear.
+
     Parameters
     ----------
     moments : Moments
-        Of the pressure, up to the second order; of area-averaging tactels after
-        `without_averaging`.
+        Of the pressure; of area-averaging tactels after `without_averaging`.
     depth : float
-        Depth of the tactels [m].
+        Of the tactels [m]; a ConfigurationError where it is not positive.
     peak : (float, float)
         Position of the largest pressure [m], see `peak_position`.
-
-    Returns
-    -------
-    PointMoments
-        Flagged where a discriminant is negative, as noise makes it under little shear.
-
-    Raises
-    ------
-    ConfigurationError
-        The depth is not a positive length.
     """
     _require_depth(depth)
     if not _has_force(moments, second_order=True) or not np.all(np.isfinite(peak)):
@@ -108,23 +94,8 @@ def two_layers(
     """
     Point contact from two layers of pressure, (2.4): model 2.
 
-    M0 is that of the first, shallower layer, which loses less at the border.
-
-    Parameters
-    ----------
-    first, second : Moments
-        Of the two layers; the zeroth and first orders are used.
-    depths : (float, float)
-        Their depths [m], increasing.
-
-    Returns
-    -------
-    PointMoments
-
-    Raises
-    ------
-    ConfigurationError
-        The depths are not positive and increasing.
+    M0 is that of the first, shallower layer, which loses less at the border. Raises a
+    ConfigurationError where the depths [m] are not positive and increasing.
     """
     _require_depth(depths[0])
     _require_depth(depths[1])
@@ -143,8 +114,7 @@ def two_layers(
 
 
 def normal_and_shear(normal: Moments, shear_x: Moments, depth: float, *,
-                     shear_y: Moments | None = None,
-                     min_shear_ratio: float = MIN_SHEAR_RATIO) -> PointMoments:
+                     shear_y: Moments | None = None) -> PointMoments:
     """
     Point contact from pressure and shear stress in one layer, (2.6) corrected: model 3.
 
@@ -153,25 +123,12 @@ def normal_and_shear(normal: Moments, shear_x: Moments, depth: float, *,
 
     Parameters
     ----------
-    normal : Moments
-        Of the pressure; the zeroth and first orders are used.
-    shear_x : Moments
-        Of the 'xz' layer, likewise.
+    normal, shear_x : Moments
+        Of the pressure and of the 'xz' layer; the zeroth and first orders are used.
     depth : float
-        Depth of both layers [m].
+        Of all layers [m]; a ConfigurationError where it is not positive.
     shear_y : Moments, optional
         Of the 'yz' layer. Then b = (My - d SM0) / M0 as for a, and nothing is singular.
-    min_shear_ratio : float
-        Without it, b is singular where |Qx| is at most this fraction of P.
-
-    Returns
-    -------
-    PointMoments
-
-    Raises
-    ------
-    ConfigurationError
-        The depth is not a positive length.
     """
     _require_depth(depth)
     if not (_has_force(normal) and _finite(shear_x) and (shear_y is None or _finite(shear_y))):
@@ -180,7 +137,7 @@ def normal_and_shear(normal: Moments, shear_x: Moments, depth: float, *,
     if shear_y is not None:
         force_y = shear_y.m0
         b = (normal.my - depth * force_y) / normal.m0
-    elif abs(shear_x.m0) > min_shear_ratio * normal.m0:
+    elif abs(shear_x.m0) > MIN_SHEAR_RATIO * normal.m0:
         b = shear_x.my / shear_x.m0
         force_y = (normal.my - b * normal.m0) / depth
     else:
@@ -209,10 +166,10 @@ def peak_position(pressure: np.ndarray, array: TactelArray) -> tuple[float, floa
     The vertex of the parabola through the tactel and its neighbours along each axis.
     """
     image = np.asarray(pressure, dtype=float)
-    if not np.isfinite(image).any():
+    live = np.isfinite(image)
+    if not live.any():
         return NAN, NAN
-    row, column = np.unravel_index(
-        np.argmax(np.where(np.isfinite(image), image, -np.inf)), image.shape)
+    row, column = np.unravel_index(np.argmax(np.where(live, image, -np.inf)), image.shape)
     return (array.x[column] + array.pitch_x * _vertex(image[row, :], column),
             array.y[row] + array.pitch_y * _vertex(image[:, column], row))
 
@@ -227,16 +184,11 @@ def basic(images: np.ndarray, array: TactelArray, layers: Sequence[Any], *,
     images : ndarray, shape (layers, rows, columns)
         One image per layer [Pa]; tactels that are not finite count as zero.
     array : TactelArray
-        Geometry of the tactels.
     layers : sequence
         Objects with `component` and `depth` [m]: one 'zz' (2.3), two 'zz' of increasing
         depth (2.4), or 'zz', 'xz' and, where measured, 'yz' of one depth (2.6).
     averaging : bool
         The tactels average over their area instead of sampling at their centre.
-
-    Returns
-    -------
-    PointMoments
 
     Raises
     ------

@@ -11,6 +11,7 @@ from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, qos_profile_sensor_data, QoSProfile
 from std_srvs.srv import Trigger
 
+from tactile_common.config import bounded, one_of
 from tactile_common.errors import ConfigurationError
 from tactile_common.ros.parameters import declare_from
 from tactile_common.ros.runner import run
@@ -37,20 +38,18 @@ class DriverConfig:
 
     port: str = field(default='', metadata={
         'doc': 'Serial port of the sensor, for instance /dev/ttyUSB0; must be given'})
-    protocol: str = field(default='flexitac', metadata={
-        'doc': f'Byte protocol of the sensor: {", ".join(PROTOCOLS)}', 'choices': (*PROTOCOLS,)})
-    baud: int = field(default=0, metadata={
-        'doc': "Line speed; 0 = the protocol's", 'unit': 'bit/s', 'range': (0, 12_000_000)})
+    protocol: str = one_of(
+        'flexitac', f'Byte protocol of the sensor: {", ".join(PROTOCOLS)}', PROTOCOLS)
+    baud: int = bounded(0, "Line speed; 0 = the protocol's", 'bit/s', 0, 12_000_000)
     sensor: str = field(default='flexitac', metadata={'doc': 'Name of the sensor'})
     frame_id: str = field(default='tactile_pad', metadata={'doc': 'Sensor frame'})
     calibration: str = field(default='', metadata={
         'doc': "Calibration file; empty = the protocol's, of this package"})
     tare_at_start: bool = field(default=True, metadata={
         'doc': 'Tare as soon as frames without load arrive'})
-    tare_frames: int = field(default=50, metadata={
-        'doc': 'Frames averaged by a tare', 'range': (MIN_TARE_FRAMES, 10000)})
-    reconnect_period: float = field(default=0.1, metadata={
-        'doc': 'Time between attempts to open the port', 'unit': 's', 'range': (0.01, 60.0)})
+    tare_frames: int = bounded(50, 'Frames averaged by a tare', '', MIN_TARE_FRAMES, 10000)
+    reconnect_period: float = bounded(
+        0.1, 'Time between attempts to open the port', 's', 0.01, 60.0)
 
     def __post_init__(self):
         if not self.port:
@@ -65,19 +64,8 @@ class DriverNode(Node):
     Publish the pictures of a tactile array.
 
     A thread reads the port, decodes, converts and publishes, so that a picture waits for nothing
-    in the executor. The port may come and go; the tare is kept.
-
-    Parameters
-    ----------
-    calibration : Calibration, optional
-        Takes the place of the calibration file.
-    **kwargs
-        Passed to `rclpy.node.Node`.
-
-    Raises
-    ------
-    ConfigurationError
-        A parameter or the calibration is missing or wrong.
+    in the executor. The port may come and go; the tare is kept. A `calibration` that is given
+    takes the place of the file; raises a ConfigurationError where it or a parameter is wrong.
     """
 
     def __init__(self, calibration=None, **kwargs):
@@ -125,9 +113,7 @@ class DriverNode(Node):
             self._thread.join()
         super().destroy_node()
 
-    # --- reader thread --------------------------------------------------------------------------
-
-    def _read_forever(self):
+    def _read_forever(self):  # in the reader thread, as what it calls
         while not self._stop.is_set() and self.context.ok():
             try:
                 with SensorPort(self._config.port, self._baud) as port:
@@ -203,10 +189,8 @@ class DriverNode(Node):
             except TareRefusedError:
                 self._frames_to_tare = self._config.tare_frames
 
-    # --- both threads ---------------------------------------------------------------------------
-
     def _take_tare(self):
-        """Tare with the newest pictures and return it; raises TareRefusedError."""
+        """Tare with the newest pictures, in either thread; raises TareRefusedError."""
         with self._lock:
             frames = list(self._recent)
             try:
@@ -230,8 +214,6 @@ class DriverNode(Node):
         self._infos.publish(sensor_info_to_msg(self._calibration.sensor_info(
             self._config.sensor, self._config.frame_id, now_ns, self._tare,
             now_ns if self._tare else 0)))
-
-    # --- executor -------------------------------------------------------------------------------
 
     def _on_tare(self, _, response):
         # Pictures that are already there answer at once: neither blocking nor awaiting new ones

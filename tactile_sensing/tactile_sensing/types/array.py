@@ -16,23 +16,16 @@ class TactelArray:
     Images of it have the shape `(rows, columns)`; x runs along increasing column and y along
     increasing row.
 
-    Parameters
-    ----------
-    rows, columns : int
-        Tactels along y and along x.
-    pitch_x, pitch_y : float
-        Distance between columns and between rows [m].
-
     Raises
     ------
     ConfigurationError
         A size is not a positive integer or a pitch is not a positive length.
     """
 
-    rows: int
-    columns: int
-    pitch_x: float
-    pitch_y: float
+    rows: int  # tactels along y
+    columns: int  # tactels along x
+    pitch_x: float  # distance between columns [m]
+    pitch_y: float  # distance between rows [m]
 
     def __post_init__(self):
         for name in ('rows', 'columns'):

@@ -10,76 +10,33 @@ COMPONENTS = ('zz', 'xz', 'yz')
 
 @dataclass(frozen=True, eq=False)
 class Layer:
-    """
-    One stress component, sampled at one depth below the surface of the skin.
+    """One stress component, sampled at one depth below the surface of the skin."""
 
-    Parameters
-    ----------
-    component : str
-        'zz' (pressure, compression positive), 'xz' or 'yz' (shear, see TactileLayer.msg).
-    depth : float
-        Depth of the tactels below the surface of the skin [m].
-    stress : np.ndarray
-        Values in `unit`, shape `(rows, columns)`, float32; NaN = invalid tactel.
-    full_scale : float
-        Largest value that the tactels can report, in `unit`; 0 = unknown.
-    noise_std : float
-        Standard deviation of one tactel without load, in `unit`; 0 = unknown.
-    unit : str
-        'Pa', or 'counts' if uncalibrated.
-    """
-
-    component: str
-    depth: float
-    stress: np.ndarray
-    full_scale: float = 0.0
-    noise_std: float = 0.0
-    unit: str = 'Pa'
+    component: str  # 'zz' (pressure, compression positive), 'xz' or 'yz' (see TactileLayer.msg)
+    depth: float  # of the tactels below the surface of the skin [m]
+    stress: np.ndarray  # in `unit`, shape (rows, columns), float32; NaN = invalid tactel
+    full_scale: float = 0.0  # largest value that a tactel can report, in `unit`; 0 = unknown
+    noise_std: float = 0.0  # of one tactel without load, in `unit`; 0 = unknown
+    unit: str = 'Pa'  # or 'counts' if uncalibrated
 
 
 @dataclass(frozen=True, eq=False)
 class TactileImage:
-    """
-    Every layer of one sensor at one instant.
+    """Every layer of one sensor at one instant."""
 
-    Parameters
-    ----------
-    stamp_ns : int
-        Middle of the acquisition [ns].
-    sequence : int
-        Frames since the driver started, lost ones included.
-    layers : tuple of Layer
-        One per stress component and depth.
-    array : TactelArray
-        Geometry of the array.
-    tared : bool
-        Whether the no-load picture has been subtracted.
-    saturated : int
-        Tactels at full scale, over all layers (NaN in the stress).
-    frame_id : str
-        Sensor frame.
-    sensor : str
-        Name of the sensor.
-    """
-
-    stamp_ns: int
-    sequence: int
-    layers: tuple
+    stamp_ns: int  # middle of the acquisition [ns]
+    sequence: int  # frames since the driver started, lost ones included
+    layers: tuple  # of Layer, one per stress component and depth
     array: TactelArray
-    tared: bool = False
-    saturated: int = 0
-    frame_id: str = ''
-    sensor: str = ''
+    tared: bool = False  # whether the no-load picture has been subtracted
+    saturated: int = 0  # tactels at full scale, over all layers (NaN in the stress)
+    frame_id: str = ''  # sensor frame
+    sensor: str = ''  # its name
 
 
 @dataclass(frozen=True, eq=False)
 class SensorInfo:
-    """
-    What a driver knows of its sensor; units and meaning as in SensorInfo.msg.
-
-    `stamp_ns` and `tared_at_ns` are times [ns] (0 = never tared), `layers` hold no stress,
-    `dead_tactels` are row-major indices.
-    """
+    """What a driver knows of its sensor; units and meaning as in SensorInfo.msg."""
 
     stamp_ns: int
     frame_id: str
@@ -91,7 +48,7 @@ class SensorInfo:
     acquisition_delay: float
     skin_stiffness: float
     max_load: float
-    layers: tuple
-    dead_tactels: tuple
+    layers: tuple  # of Layer without stress
+    dead_tactels: tuple  # row-major indices
     calibration: str
-    tared_at_ns: int
+    tared_at_ns: int  # 0 = never

@@ -7,16 +7,12 @@ import numpy as np
 
 @dataclass(frozen=True)
 class Moments:
-    """
-    Moments of pressure over the array about its centre, compression positive.
+    """Moments of pressure over the array about its centre, compression positive."""
 
-    m0 [N]; mx, my [N m]; mxx, myy, mxy [N m^2].
-    """
-
-    m0: float
-    mx: float
+    m0: float  # [N]
+    mx: float  # [N m]
     my: float
-    mxx: float
+    mxx: float  # [N m^2]
     myy: float
     mxy: float
 
