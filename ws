@@ -80,7 +80,9 @@ package_files() {
 # Changes with everything that a build copies or generates from. Python modules are linked, not
 # copied, so that an edit is live.
 sources_signature() { package_files \( ! -name '*.py' -o -name setup.py \) | checksum; }
-kernels_signature() { package_files -name '*.py' -exec grep -q '@njit' {} \; | checksum; }
+kernels_signature() { # see COMPILED in tactile_common/kernels.py
+    package_files -name '*.py' -exec grep -qE '@njit|dtype\(|NamedTuple|IntEnum' {} \; | checksum
+}
 
 # ---------------------------------------------------------------- which ROS 2
 

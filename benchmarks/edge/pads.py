@@ -3,8 +3,8 @@
 from dataclasses import replace
 
 import numpy as np
-from runs import follow, shipped
 
+from benchmarks.edge.runs import follow, shipped
 from tactile_simulation.scene import Sensor, Skin
 
 DEEP = 1.5  # pitches, the larger one of two

@@ -24,6 +24,8 @@ __all__ = ['FAST', 'njit']
 
 PACKAGES = ('tactile_common', 'tactile_sensing', 'tactile_shape', 'tactile_servo',
             'tactile_simulation')
+# What makes a module a part of what is compiled; `ws` knows it as well.
+COMPILED = re.compile(rb'@njit|dtype\(|NamedTuple|IntEnum')
 # Reassociation lets sums be vectorised; NaN and infinity keep their meaning.
 FAST = {'reassoc', 'contract', 'nsz', 'arcp'}
 
@@ -32,7 +34,8 @@ def cache_folder() -> Path:
     """
     Folder of the compiled kernels: below NUMBA_CACHE_DIR, else in the user's cache.
 
-    Its name changes with every module of these packages that has a kernel.
+    Its name changes with every module of these packages that has kernels, or the records, tuples
+    and enumerations that become a part of kernels.
     """
     digest = 0
     for name in PACKAGES:
@@ -40,7 +43,7 @@ def cache_folder() -> Path:
         for folder in (spec.submodule_search_locations or ()) if spec else ():
             for path in sorted(Path(folder).rglob('*.py')):
                 source = path.read_bytes()
-                if b'@njit' in source:
+                if COMPILED.search(source):
                     digest = zlib.crc32(source, digest)
     root = os.environ.get('NUMBA_CACHE_DIR') or Path(
         os.environ.get('XDG_CACHE_HOME') or '~/.cache', 'tactile_kernels').expanduser()
