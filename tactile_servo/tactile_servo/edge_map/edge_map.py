@@ -39,10 +39,8 @@ class EdgeMap:
 
     The plane is that of the first picture: its x and y are the sensor's, its z the pad's
     normal. Pictures are put into it by the pose at their stamps, so that latency only ages
-    what is seen ahead.
-
-    The stiffness of the skin, line force per length and indentation [N/m^2], tells the height of
-    the edge.
+    what is seen ahead. The stiffness of the skin, line force per length and indentation [N/m^2],
+    tells the height of the edge.
 
     Attributes
     ----------
@@ -100,7 +98,7 @@ class EdgeMap:
             return self._begin(heading / np.linalg.norm(heading), True)
         if share_near(seen, self._near, OFF_PATH * self.scale.grain) > AGREEING:
             self._off_path = 0
-            self.station = self._project(picture).station
+            self.station = self._project(picture.place).station
             self.path.refine(picture, self.station)
             self.path.extend(self._cloud, picture, self.station)
             self._take_near()
@@ -110,7 +108,7 @@ class EdgeMap:
             return Sight(Problem.ELSEWHERE)
         self._counts = []  # the object has slipped
         self._remember(seen)
-        self.station = self._project(picture).station
+        self.station = self._project(picture.place).station
         chord = CHORD * self.scale.grain
         return self._begin(np.array(self.way(self.station - chord, self.station + chord)), False)
 
@@ -145,8 +143,8 @@ class EdgeMap:
         self._near = joined([nodes_from(path.nodes, self.station - behind, behind,
                                         path.open_start, path.end is PathEnd.VIEW)])
 
-    def _project(self, picture):
-        return self.place(picture.place.tolist(), self.station, WINDOW * self.scale.grain)
+    def _project(self, place):
+        return self.place(place.tolist(), self.station, WINDOW * self.scale.grain)
 
     def to_plane(self, pose: np.ndarray) -> np.ndarray:
         """Pose (4, 4) of the base frame in the plane's."""
@@ -156,8 +154,7 @@ class EdgeMap:
         """Direction of the path in the base frame (3,) where a sensor is; None without a path."""
         if self.path is None:
             return None
-        place = self.plane[:2] @ pose[:, 3]
-        at = self.place(place.tolist(), self.station, WINDOW * self.scale.grain)
+        at = self._project(self.plane[:2] @ pose[:, 3])
         return np.array([at.along_x, at.along_y]) @ self.plane[:2, :3]
 
     def contour(self) -> np.ndarray | None:
@@ -184,7 +181,8 @@ class EdgeMap:
     def place(self, xy, station: float, window: float) -> Projection:
         """Project a point (2,) onto the path within a window about a station [m]."""
         x, y = xy
-        return Projection(*path_queries.project(self.path.nodes, x, y, station - window, station + window))
+        return Projection(
+            *path_queries.project(self.path.nodes, x, y, station - window, station + window))
 
     def along(self, station: float) -> tuple[float, float, float]:
         """Place (x, y, z) of the path at a station [m]."""
@@ -192,14 +190,16 @@ class EdgeMap:
 
     def way(self, first: float, last: float) -> tuple[float, float]:
         """Direction x, y of the path between two stations [m], beyond its end straight on."""
-        return path_queries.direction(self.path.nodes, first, last, SHORTEST_CHORD * self.scale.grain)
+        shortest = SHORTEST_CHORD * self.scale.grain
+        return path_queries.direction(self.path.nodes, first, last, shortest)
 
     def speed_limit(self, station: float, top: float, acceleration: float, end_speed: float,
                     cut: float, settle: float) -> float:
         """Largest speed at a station [m/s]; see `speed_profile`."""
         nodes = self.path.nodes
         seen = len(nodes) - (self.path.end is PathEnd.RIDGE)
-        return path_queries.speed_profile(nodes[:seen], station, top, acceleration, end_speed, cut, settle)
+        return path_queries.speed_profile(
+            nodes[:seen], station, top, acceleration, end_speed, cut, settle)
 
     def corner_at(self, station: float) -> Corner | None:
         """Corner that stands for the edge at a station [m]."""

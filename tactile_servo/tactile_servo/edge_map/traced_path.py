@@ -55,37 +55,25 @@ class TracedPath:
     Path that begins at a node (1,) of the ridge, whose station counts, traced through a cloud.
 
     It may not close if it does not begin at the start of the contour.
-
-    Attributes
-    ----------
-    nodes : ndarray of NODE, shape (N,)
-    end : PathEnd
-    tip : float
-        Station of the last node that was seen [m].
-    corners : list of Corner
-    open_start : bool
-        Whether the edge may go on before the first node.
-    closing : float or None
-        Station at which the pad meets its own start [m].
-    contour : ndarray of NODE or None
-        One round of a closed path.
     """
 
     def __init__(self, start: np.ndarray, cloud: np.ndarray, picture: Picture,
                  may_close: bool = True):
         self.scale, self.may_close = picture.scale, may_close
+        self.corners: list[Corner] = []
+        self.end = PathEnd.VIEW
+        self.closing: float | None = None  # station at which the pad meets its own start [m]
+        self.contour: np.ndarray | None = None  # NODE (N,), one round of a closed path
         against = start.copy()
         against['way'] *= -1.0
         back = trace(cloud, against, self._ahead, self.scale.grain)[::-1].copy()
         back['way'] *= -1.0
+        # Whether the edge may go on before the first node.
         self.open_start = not len(back) or not self._well_inside(picture, back[:1])
         self.nodes = joined([back, start])
         (self.began,) = start['station'].tolist()
         self._measure(self.began - len(back) * self._step)
-        self.end, self.tip = PathEnd.VIEW, 0.0
-        self.corners: list[Corner] = []
-        self.closing: float | None = None
-        self.contour: np.ndarray | None = None
+        self.tip = 0.0  # station of the last node that was seen [m]
         self.extend(cloud, picture, self.began)
 
     @property

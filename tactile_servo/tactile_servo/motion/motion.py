@@ -135,12 +135,7 @@ class Motion:
 @njit(cache=True)
 def _progress(jacobian, velocities, wanted, rotation_length):
     """Share of a wanted twist that joint velocities bring; 1 if none is wanted."""
-    along = square = 0.0
-    for i in range(6):
-        weight = 1.0 if i < 3 else rotation_length**2
-        achieved = 0.0
-        for k in range(len(velocities)):
-            achieved += jacobian[i, k] * velocities[k]
-        along += weight * achieved * wanted[i]
-        square += weight * wanted[i]**2
+    weighted = wanted.copy()
+    weighted[3:] *= rotation_length**2
+    along, square = weighted @ (jacobian @ velocities), weighted @ wanted
     return 1.0 if square < 1e-12 else along / square
