@@ -33,19 +33,12 @@ class Corner:
 
     Begins with a fit: its shape and the inverse covariance (7, 7) of that; `depth` is that of
     the tactels [m].
-
-    Attributes
-    ----------
-    entry, leave : float
-        Stations of the path between which the corner stands for the edge [m].
-    denied : int
-        Pictures since the last one that it could be fitted to.
     """
 
     def __init__(self, shape: CornerShape, information: np.ndarray, depth: float):
         self.shape, self.depth = shape, depth
-        self.entry = self.leave = math.inf
-        self.denied = 0
+        self.entry = self.leave = math.inf  # stations between which it stands for the edge [m]
+        self.denied = 0  # pictures since the last one that it could be fitted to
         self._information = information.copy()
         self._moment = np.zeros(SIZE)
         self._reference = np.array(shape)

@@ -41,29 +41,17 @@ class EdgeMap:
     normal. Pictures are put into it by the pose at their stamps, so that latency only ages
     what is seen ahead. The stiffness of the skin, line force per length and indentation [N/m^2],
     tells the height of the edge.
-
-    Attributes
-    ----------
-    plane : ndarray, shape (4, 4) or None
-        Base frame -> plane, once there was a picture.
-    picture : Picture or None
-        The newest one.
-    scale : PadScale or None
-        Lengths of the pad that took it.
-    path : TracedPath or None
-        The newest one; that of an edge that was lost stays until another begins.
-    station : float
-        Way along the path of the pad at the newest picture that shows it [m].
     """
 
     def __init__(self, skin_stiffness: float):
         self.skin_stiffness = skin_stiffness
         # None until there was a picture, and a ridge in it: whoever asks for more knows that.
-        self.plane: np.ndarray = None  # type: ignore[assignment]
-        self.picture: Picture = None  # type: ignore[assignment]
-        self.scale: PadScale = None  # type: ignore[assignment]
+        self.plane: np.ndarray = None  # type: ignore[assignment]  # (4, 4), base frame -> plane
+        self.picture: Picture = None  # type: ignore[assignment]  # the newest one,
+        self.scale: PadScale = None  # type: ignore[assignment]  # lengths of its pad
+        # The newest one; that of an edge that was lost stays until another begins.
         self.path: TracedPath = None  # type: ignore[assignment]
-        self.station = 0.0
+        self.station = 0.0  # of the pad on the path at the newest picture that shows it [m]
         self._cloud = np.empty(0, CLOUD_POINT)  # of the last pictures,
         self._counts: list[int] = []  # so many points of each
         self._followed = False

@@ -40,14 +40,7 @@ class Motion:
     """
     Commanded state of the robot, and how a twist moves it on.
 
-    Parameters
-    ----------
-    robot : RobotModel
-    limits : JointLimits
-    config : MotionConfig
-    lookahead : float
-        When the commanded state is to be reached, from now [s].
-    workspace : WorkspaceBox, optional
+    The commanded state is to be reached after the `lookahead` [s].
 
     Attributes
     ----------

@@ -24,15 +24,8 @@ class RobotModel:
     Continuous joints count as revolute joints without position limits, so that a joint has
     one coordinate whatever its type.
 
-    Attributes
-    ----------
-    joint_names : tuple of str
-        Order of every joint vector.
-    lower, upper : ndarray (n,)
-        Position limits [rad or m]; infinite for continuous joints.
-    velocity_limit : ndarray (n,)
-        [rad/s or m/s].
-    tip_frame, root_frame : str
+    The vectors `lower`, `upper` (positions [rad or m], infinite for continuous joints) and
+    `velocity_limit` [rad/s or m/s] have the order of `joint_names`, as every joint vector.
     """
 
     def __init__(self, xml: str, tip_frame: str, joint_names: Sequence[str] | None = None):
