@@ -102,20 +102,29 @@ class BoundedInverse:
 @njit(cache=True)
 def _free(jacobian, twist, push, damping, rotation_length):
     """Velocities for the twist, with the part of `push` that moves no tip; smallest s."""
-    joints, weighted, wanted = jacobian.shape[1], jacobian.copy(), twist.copy()
+    joints, weighted, square = jacobian.shape[1], jacobian.copy(), np.zeros((6, 6))
     weighted[3:] *= rotation_length
-    wanted[3:] *= rotation_length
-    if not math.isfinite(weighted.sum()):  # LAPACK takes no such matrix
+    for i in range(6):  # loops: a call of BLAS costs more than this does
+        for j in range(6):
+            for k in range(joints):
+                square[i, j] += weighted[i, k] * weighted[j, k]
+    if not math.isfinite(square.sum()):  # LAPACK takes no such matrix
         return np.full(joints, np.nan), np.nan
-    squared, left = np.linalg.eigh(weighted @ weighted.T)  # a third of the time of an SVD
+    squared, left = np.linalg.eigh(square)  # a third of the time of an SVD
+    velocities, redundant = push.copy(), joints > 6 and push.any()
+    pushed = weighted @ push if redundant else np.zeros(6)
     # Along each left singular vector: share of the twist, less what the push would bring.
-    shares = (left.T @ wanted) / np.maximum(squared, damping**2)
-    if joints > 6 and push.any():
-        pushed = left.T @ (weighted @ push)
-        for i in range(6):
-            if squared[i] > 1e-8 * squared[5]:
-                shares[i] -= pushed[i] / squared[i]
-    velocities = push + weighted.T @ (left @ shares)
+    for i in range(6):
+        share = less = 0.0
+        for j in range(6):
+            share += left[j, i] * twist[j] * (rotation_length if j >= 3 else 1.0)
+            less += left[j, i] * pushed[j]
+        share /= max(squared[i], damping * damping)
+        if redundant and squared[i] > 1e-8 * squared[5]:
+            share -= less / squared[i]
+        for j in range(6):
+            for k in range(joints):
+                velocities[k] += share * left[j, i] * weighted[j, k]
     return velocities, math.sqrt(max(squared[max(0, 6 - joints)], 0.0))
 
 

@@ -54,9 +54,15 @@ def stopping_window(limits: JointLimits, positions: np.ndarray, velocities: np.n
 @njit(cache=True)
 def _braking(acceleration, positions, velocities, lookahead):
     """Times (3,), positions and velocities (3, n) of the way to a stop."""
-    stop = max(MIN_STOP, np.max(np.abs(velocities) / acceleration))
-    share = np.array([0.0, 0.5, 1.0])  # of the time to the stop; the speed falls evenly with it
-    times, share = lookahead + share * stop, share.reshape(3, 1)
-    speeds = (1.0 - share) * velocities
-    places = positions + share * (1.0 - 0.5 * share) * stop * velocities
+    stop = MIN_STOP
+    for k in range(len(velocities)):
+        stop = max(stop, abs(velocities[k]) / acceleration[k])
+    times, places = np.empty(3), np.empty((3, len(positions)))
+    speeds = np.empty_like(places)
+    for i in range(3):
+        share = 0.5 * i  # of the time to the stop; the speed falls evenly with it
+        times[i] = lookahead + share * stop
+        for k in range(len(positions)):
+            speeds[i, k] = (1.0 - share) * velocities[k]
+            places[i, k] = positions[k] + share * (1.0 - 0.5 * share) * stop * velocities[k]
     return times, places, speeds

@@ -99,8 +99,8 @@ def pinocchio_model(robot: ElementTree.Element, chain: list[ElementTree.Element]
                        if joint.find(part) is not None)
         if kind != 'fixed':
             bounds = np.clip(limits_of(joint), -_UNBOUNDED, _UNBOUNDED).tolist()
-            ElementTree.SubElement(element, 'limit', effort='0', **{
-                key: repr(bound) for key, bound in zip(LIMITS, bounds, strict=True)})
+            values = dict(zip(LIMITS, map(repr, bounds), strict=True))
+            ElementTree.SubElement(element, 'limit', {'effort': '0', **values})
     try:
         return pinocchio.buildModelFromXML(ElementTree.tostring(stripped, encoding='unicode'))
     except (ValueError, RuntimeError) as error:
