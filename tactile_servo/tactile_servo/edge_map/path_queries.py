@@ -49,17 +49,9 @@ def rise(nodes, station, reach, step, ends):
     """
     Rise of an edge along itself around a station, from the heights of its nodes.
 
-    Left out is what lies near a turn, a gap or, if it `ends`, the end: there the pressure does
-    not tell the height. NaN where too little is left.
-
-    Parameters
-    ----------
-    nodes : ndarray of NODE, shape (N,)
-    station, reach : float
-        Where, and how far to either side [m].
-    step : float
-        Distance of the nodes [m].
-    ends : bool
+    Over `reach` [m] to either side; nodes (N,) are a `step` [m] apart. Left out is what lies near
+    a turn, a gap or, if it `ends`, the end: there the pressure does not tell the height. NaN where
+    too little is left.
     """
     count = len(nodes)
     first = np.searchsorted(nodes.station, station - reach)
@@ -99,11 +91,11 @@ def speed_profile(nodes, here, top, acceleration, end_speed, cut, settle):
 
     Parameters
     ----------
-    nodes : ndarray of NODE, shape (M,)
-        The path.
-    here, top, acceleration, end_speed, cut, settle : float
-        Station [m], speed asked for [m/s], largest acceleration [m/s^2], speed allowed at the
-        end of the path [m/s], allowed distance from a corner [m], see above [m].
+    nodes : ndarray of NODE (M,)
+    here, top, acceleration, end_speed : float
+        Station [m], speed asked for [m/s], largest acceleration [m/s^2], speed at the end [m/s].
+    cut, settle : float
+        Allowed distance from a corner [m], see above [m].
     """
     left = max(nodes[len(nodes) - 1].station - here, 0.0)
     squared = end_speed * end_speed + 2.0 * acceleration * left
@@ -128,15 +120,9 @@ def speed_profile(nodes, here, top, acceleration, end_speed, cut, settle):
 @njit(cache=True)
 def length_on_pad(nodes, x, y, cos, sin, half_x, half_y):
     """
-    Length of a path on the pad [m], chords without material left out.
+    Length of a path, nodes (M,), on the pad [m], chords without material left out.
 
-    Parameters
-    ----------
-    nodes : ndarray of NODE, shape (M,)
-    x, y, cos, sin : float
-        Centre of the pad [m] and its orientation in the plane.
-    half_x, half_y : float
-        Half the size of the pad [m].
+    The pad: its centre x, y, its yaw's cosine and sine in the plane, half of its sides [m].
     """
     total = 0.0
     for k in range(len(nodes) - 1):
