@@ -5,7 +5,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-# These types are compiled into kernels: the word @njit makes their cache heed this file as well.
 # Both kinds of record begin with a place in the plane, its height along the normal [m] and a
 # unit direction.
 _COMMON = ('x', 'y', 'z', 'tx', 'ty')
