@@ -158,8 +158,8 @@ class GoalRun:
 
     def _advance(self) -> float:
         """How far the commanded sensor stands beyond the anchor along its own normal [m]."""
-        way = self._motion.pose[:3, 3] - self._anchor[:3, 3]
-        return float(way @ self._anchor[:3, 2])
+        pose, anchor = self._motion.pose, self._anchor
+        return 0.0 if pose is anchor else float((pose[:3, 3] - anchor[:3, 3]) @ anchor[:3, 2])
 
     # Hold and end ------------------------------------------------------------------------
 

@@ -1,6 +1,6 @@
 """What a servo law is to the supervisor, and what passes between them."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, ClassVar, NamedTuple, Protocol
@@ -71,13 +71,13 @@ class Reference(NamedTuple):
         Of the sensor in its own frame [m/s, rad/s].
     speed : float
         Along what is tracked [m/s].
-    heading : ndarray (3,)
+    heading : sequence of float (3,)
         Unit vector of travel in the base frame, along which progress counts.
     """
 
     twist: np.ndarray
     speed: float
-    heading: np.ndarray
+    heading: Sequence[float]
 
 
 @dataclass(frozen=True, eq=False)

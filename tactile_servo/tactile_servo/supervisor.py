@@ -206,11 +206,13 @@ class Supervisor:
         dt = self._elapsed(now_ns)
         self.inputs.refresh(now, now_ns)
         if self.run is None or not self.active or dt <= 0.0:
-            return Status(self.state, self.reason, **self.inputs.known()), None
+            return self._status(), None
         self.run.count()
         self.run.decide(now)
         step = self.motion.command(self.run.twist(dt), dt)
-        return self._status(self.run, step), step.trajectory
+        status = self._status()
+        self._add(status, self.run, step)
+        return status, step.trajectory
 
     def _elapsed(self, now_ns):
         """Time since the last cycle by the clock of the stamps, by which the robot moves [s]."""
@@ -219,15 +221,22 @@ class Supervisor:
         self._last_ns = now_ns
         return min(max(dt, 0.0), 2.0 * period)
 
-    def _status(self, run: GoalRun, step: MotionStep) -> Status:
-        error, speed = UNKNOWN, 0.0
-        if self.state in (*TRACKING, State.HOLD):
-            error = self.law.error or UNKNOWN
-        if self.state in TRACKING and run.reference is not None:
-            speed = run.reference.speed
-        return Status(
-            self.state, self.reason, **self.inputs.known(), lateral_error=error.lateral,
-            longitudinal_error=error.longitudinal, angle_error=error.angle, speed=speed,
-            force_target=run.goal.force, progress=run.statistics.length, twist=step.twist,
-            limit_scale=step.scale, limited_by=step.limited_by,
-            manipulability=step.manipulability)
+    def _status(self) -> Status:
+        inputs, machine = self.inputs, self._machine
+        status = Status(machine.state, machine.reason, contact_fresh=inputs.contact_fresh,
+                        joints_fresh=inputs.joints_fresh)
+        if inputs.contact is not None:
+            status.contact_stamp_ns, status.normal_force = inputs.contact.stamp_ns, inputs.load
+        return status
+
+    def _add(self, status: Status, run: GoalRun, step: MotionStep) -> None:
+        """Put to a status what there is while a goal is worked on."""
+        if status.state in TRACKING or status.state == State.HOLD:
+            error = self.law.error
+            if error is not None:
+                (status.lateral_error, status.longitudinal_error, status.angle_error,
+                 _) = error
+        if status.state in TRACKING and run.reference is not None:
+            status.speed = run.reference.speed
+        status.force_target, status.progress = run.goal.force, run.statistics.length
+        status.twist, status.limit_scale, status.limited_by, status.manipulability = step[1:]

@@ -1,5 +1,7 @@
 """What a goal has achieved so far: length, errors, contour."""
 
+from collections.abc import Sequence
+
 import numpy as np
 from scipy.spatial import cKDTree
 
@@ -35,19 +37,21 @@ class TrackStatistics:
         self.force_max = 0.0
         self.lateral_max = 0.0
         self.contour: list[tuple[int, np.ndarray]] = []
-        self._last_position: np.ndarray | None = None
+        self._last_position: list[float] | None = None
         self._last_stamp: int | None = None
         self._contour_length = -np.inf
         self._count = 0
         self._lateral_square = self._force_square = 0.0
 
-    def move(self, pose: np.ndarray, heading: np.ndarray) -> None:
+    def move(self, pose: np.ndarray, heading: Sequence[float]) -> None:
         """Take the measured pose of the sensor (4, 4) and the way it goes along the edge (3,)."""
-        position = pose[:3, 3]
+        position = pose[:3, 3].tolist()
         if self._last_position is not None:
             # Along the edge only: the way across it is correction.
-            self.length += float((position - self._last_position) @ heading)
-        self._last_position = position.copy()
+            (x, y, z), (last_x, last_y, last_z), (ux, uy, uz) = (
+                position, self._last_position, heading)
+            self.length += (x - last_x) * ux + (y - last_y) * uy + (z - last_z) * uz
+        self._last_position = position
 
     def stand(self) -> None:
         """The way from here to where tracking goes on does not count."""

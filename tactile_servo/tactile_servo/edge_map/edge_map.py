@@ -14,6 +14,7 @@ from tactile_servo.edge_map.path_queries import (
     length_on_pad,
     place_at,
     project,
+    project_origin,
     rise,
     speed_profile,
 )
@@ -76,6 +77,7 @@ class EdgeMap:
         self.scale: PadScale = None  # type: ignore[assignment]
         self.path: TracedPath = None  # type: ignore[assignment]
         self.station = 0.0
+        self._axes: list[list[float]] = []  # of the plane, x and y, in the base frame
         self._cloud = np.empty(0, CLOUD_POINT)  # of the last pictures,
         self._counts: list[int] = []  # so many points of each
         self._followed = False
@@ -90,7 +92,9 @@ class EdgeMap:
         picture = read_picture(image, plane @ pose)
         if isinstance(picture, Problem):
             return picture
-        self.plane, self.picture, self.scale = plane, picture, picture.scale
+        if self.plane is None:
+            self.plane, self._axes = plane, plane[:2, :3].tolist()
+        self.picture, self.scale = picture, picture.scale
         return None
 
     def follow(self, direction: int, anew: bool = False) -> Sight:
@@ -170,13 +174,10 @@ class EdgeMap:
         """Pose (4, 4) of the base frame in the plane's."""
         return self.plane @ pose
 
-    def heading(self, pose: np.ndarray) -> np.ndarray | None:
-        """Direction of the path in the base frame (3,) where a sensor is; None without a path."""
-        if self.path is None:
-            return None
-        place = self.plane[:2] @ pose[:, 3]
-        at = self.place(place.tolist(), self.station, WINDOW * self.scale.grain)
-        return np.array([at.along_x, at.along_y]) @ self.plane[:2, :3]
+    def way_in_base(self, x: float, y: float) -> tuple[float, float, float]:
+        """Direction x, y of the plane in the base frame."""
+        (ax, ay, az), (bx, by, bz) = self._axes
+        return x * ax + y * bx, x * ay + y * by, x * az + y * bz
 
     def contour(self) -> np.ndarray | None:
         """Edge as far as the pad has come, in the base frame (N, 3) [m]; None without a path."""
@@ -206,6 +207,13 @@ class EdgeMap:
         x, y = xy
         return Projection(*project(self.path.nodes, x, y, station - window, station + window))
 
+    def place_of(self, pose: np.ndarray, station: float,
+                 window: float) -> tuple[tuple[float, float], Projection]:
+        """Place x, y of a pose (4, 4) of the base frame in the plane, and `place` of that."""
+        origin, values = project_origin(
+            self.path.nodes, self.plane, pose, station - window, station + window)
+        return origin, Projection(*values)
+
     def along(self, station: float) -> tuple[float, float, float]:
         """Place (x, y, z) of the path at a station [m]."""
         return place_at(self.path.nodes, station)
@@ -223,8 +231,10 @@ class EdgeMap:
 
     def corner_at(self, station: float) -> Corner | None:
         """Corner that stands for the edge at a station [m]."""
-        return next((corner for corner in self.path.corners
-                     if corner.entry <= station <= corner.leave), None)
+        for corner in self.path.corners:
+            if corner.entry <= station <= corner.leave:
+                return corner
+        return None
 
     def slope(self, station: float, reach: float) -> float:
         """Rise of the edge along itself around a station; see `rise`."""
@@ -234,7 +244,4 @@ class EdgeMap:
     def length_on_pad(self, placed: np.ndarray, ahead=(0.0, 0.0)) -> float:
         """Length of the edge on the pad at a pose (4, 4) in the plane, moved by `ahead` [m]."""
         dx, dy = ahead
-        x, y = placed[:2, 3].tolist()
-        yaw = math.atan2(placed[1, 0], placed[0, 0])
-        return length_on_pad(self._near, x + dx, y + dy, math.cos(yaw), math.sin(yaw),
-                             self.scale.half_x, self.scale.half_y)
+        return length_on_pad(self._near, placed, dx, dy, self.scale.half_x, self.scale.half_y)

@@ -9,7 +9,7 @@ COARSE = 1.25  # pitches from which the tactels, and no longer the skin, limit w
 
 class PadScale(NamedTuple):
     """
-    Lengths of a pad [m]: depth of its tactels, its pitches and half of its size.
+    Lengths of a pad [m]: depth of its tactels, its pitches, half of its size and longer side.
 
     A *grain* is the length that a picture resolves: the skin blurs an edge to a width of its
     depth, and tactels that are coarser than that sample it no finer than their pitch.
@@ -20,18 +20,12 @@ class PadScale(NamedTuple):
     pitch_y: float
     half_x: float
     half_y: float
+    half: float
+    grain: float
 
     @classmethod
     def of(cls, array: TactelArray, depth: float) -> 'PadScale':
         """Scale of an array whose tactels lie at a depth [m]."""
-        return cls(depth, array.pitch_x, array.pitch_y, array.half_width_x, array.half_width_y)
-
-    @property
-    def grain(self) -> float:
-        """Length that a picture resolves [m]."""
-        return max(self.depth, COARSE * max(self.pitch_x, self.pitch_y))
-
-    @property
-    def half(self) -> float:
-        """Half of the pad's longer side [m]."""
-        return max(self.half_x, self.half_y)
+        half_x, half_y = array.half_width_x, array.half_width_y
+        return cls(depth, array.pitch_x, array.pitch_y, half_x, half_y, max(half_x, half_y),
+                   max(depth, COARSE * max(array.pitch_x, array.pitch_y)))

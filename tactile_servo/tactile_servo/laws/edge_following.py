@@ -16,6 +16,7 @@ from tactile_servo.control.path_controller import PathController
 from tactile_servo.control.speed_planner import SpeedPlanner
 from tactile_servo.control.stability import AGE_SHARE
 from tactile_servo.edge_map.edge_map import EdgeMap
+from tactile_servo.edge_map.path_queries import to_sensor
 from tactile_servo.edge_map.picture import Problem
 from tactile_servo.edge_map.traced_path import PathEnd
 from tactile_servo.law import Assessment, LawResult, Observation, Reference, Refusal
@@ -227,9 +228,10 @@ class EdgeFollowing:
     def reference(self, pose: np.ndarray, commanded: np.ndarray, dt: float) -> Reference:
         """Wanted motion from the measured and the commanded pose (4, 4) of the sensor."""
         edge, going = self.edge, self._going
-        here, there = edge.to_plane(pose), edge.to_plane(commanded)
-        at = edge.place(here[:2, 3].tolist(), going.here, MEASURED_WINDOW * edge.scale.grain)
-        going.depth, going.begun = float(there[2, 3]), True
+        grain = edge.scale.grain
+        here, at = edge.place_of(pose, going.here, MEASURED_WINDOW * grain)
+        there = edge.to_plane(commanded)
+        going.depth, going.begun = there.item(2, 3), True
         normal, turn = 0.0, (0.0, 0.0, 0.0)
         if going.mode == ReasonCode.REACHING_DOWN:
             going.probed_from = going.depth if going.probed_from is None else going.probed_from
@@ -243,24 +245,22 @@ class EdgeFollowing:
             velocity = self._path.change(speed * x, speed * y, dt)
         else:
             before = self._path.velocity
-            velocity = self._along(at, here, there, dt)
+            velocity = self._along(at, here, commanded, dt)
             normal = self._normal(there, before, dt)
         if going.mode == ReasonCode.TRACKING:
-            reach = TURN_REACH * edge.scale.grain
+            reach = TURN_REACH * grain
             turn = self._attitude.rate(
-                there[:3, :3], edge.way(going.ahead - reach, going.ahead + reach),
+                there, edge.way(going.ahead - reach, going.ahead + reach),
                 self._seen.slope, self.goal.direction, dt)
-        twist = np.array([(*velocity, normal), turn]) @ there[:3, :3]
-        heading = np.array([at.along_x, at.along_y]) @ edge.plane[:2, :3]
-        return Reference(twist.reshape(6), self._planner.speed, heading)
+        return Reference(to_sensor(there, *velocity, normal, *turn), self._planner.speed,
+                         edge.way_in_base(at.along_x, at.along_y))
 
-    def _along(self, at: Projection, here, there, dt):
+    def _along(self, at: Projection, here, commanded, dt):
         """Velocity x, y along the path and back to it."""
         going, edge, grain = self._going, self.edge, self.edge.scale.grain
         going.here = at.station
-        going.ahead = edge.place(there[:2, 3].tolist(), going.ahead,
-                                 COMMANDED_WINDOW * grain).station
-        px, py = here[:2, 3].tolist()
+        going.ahead = edge.place_of(commanded, going.ahead, COMMANDED_WINDOW * grain)[1].station
+        px, py = here
         aside = at.x - px, at.y - py
         coasting = going.mode == ReasonCode.COASTING
         top = self._planner.top(
