@@ -2,7 +2,6 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from functools import cached_property
 from typing import Any, ClassVar, NamedTuple, Protocol
 
 import numpy as np
@@ -38,7 +37,6 @@ class Observation:
     image: TactileImage | None = None
     contact: Contact | None = None
 
-    @cached_property
     def pose(self) -> np.ndarray | None:
         """Pose of the sensor (4, 4) at the stamp in the base frame; None if it is not known."""
         return self.locate(self.stamp_ns)

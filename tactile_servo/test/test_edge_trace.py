@@ -3,7 +3,6 @@
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
-from scipy.spatial.transform import Rotation
 
 from tactile_common.polyline import arc_length, Projection
 from tactile_sensing.contact.ridge import RIDGE_POINT

@@ -2,8 +2,6 @@
 
 import math
 
-from scipy.optimize import brentq
-
 AGE_SHARE = 0.1  # of an image's age in their running mean
 
 
@@ -21,6 +19,10 @@ def gain_limit(delay: float, lag: float) -> float:
     lag : float
         tau, of the robot [s].
     """
-    omega = brentq(lambda w: w * delay + math.atan(w * lag) - 0.5 * math.pi, 0.0,
-                   math.pi / delay)
+    omega, step = 0.0, math.inf
+    # The phase is concave in omega: Newton's method climbs to the limit from below.
+    while step > 1e-12 * omega:
+        step = (0.5 * math.pi - omega * delay - math.atan(omega * lag)) / (
+            delay + lag / (1.0 + (omega * lag)**2))
+        omega += step
     return omega * math.hypot(1.0, omega * lag)

@@ -19,7 +19,7 @@ from tactile_servo.edge_map.path_queries import (
     speed_profile,
 )
 from tactile_servo.edge_map.picture import Picture, Problem, read_picture
-from tactile_servo.edge_map.records import CLOUD_POINT, joined, nodes_of
+from tactile_servo.edge_map.records import CLOUD_POINT, joined, nodes_of, retyped
 from tactile_servo.edge_map.scale import PadScale
 from tactile_servo.edge_map.traced_path import BEHIND, PathEnd, TracedPath
 from tactile_servo.edge_map.tracing import into_plane, local_line, share_near, STEP
@@ -162,8 +162,8 @@ class EdgeMap:
 
     def _take_near(self):
         path, behind = self.path, BEHIND * self.scale.half
-        self._near = joined([nodes_from(path.nodes, self.station - behind, behind,
-                                        path.open_start, path.end is PathEnd.VIEW)])
+        self._near = retyped(nodes_from(path.nodes, self.station - behind, behind,
+                                        path.open_start, path.end is PathEnd.VIEW))
 
     def _project(self, picture):
         return self.place(picture.place.tolist(), self.station, WINDOW * self.scale.grain)

@@ -30,7 +30,7 @@ class Problem(Enum):
     ELSEWHERE = 'the picture shows no ridge along the path'
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(eq=False)  # not frozen: one is made of every image
 class Picture:
     """
     A pressure picture and the pose at which it was taken.
@@ -45,6 +45,18 @@ class Picture:
     pose : ndarray, shape (4, 4)
         Of the sensor in the plane's frame.
     stamp_ns : int
+
+    Attributes
+    ----------
+    scale : PadScale
+        Lengths of the pad.
+    force, height : float
+        Of the pressure on the pad [N]; of the pad's surface along the plane's normal [m].
+    place, yaw : ndarray of shape (2,), float
+        Centre of the pad in the plane [m], and its angle there [rad].
+    ridge : ndarray of RIDGE_POINT, shape (N,)
+    coming : float
+        Length of a leg of the edge that is about to come under the pad [m].
     """
 
     pressure: np.ndarray
@@ -54,25 +66,14 @@ class Picture:
     pose: np.ndarray
     stamp_ns: int = 0
 
-    @cached_property
-    def scale(self) -> PadScale:
-        """Lengths of the pad."""
-        return PadScale.of(self.array, self.depth)
-
-    @cached_property
-    def force(self) -> float:
-        """Force of the pressure on the pad [N]."""
-        return float(self.pressure.sum()) * self.array.pitch_x * self.array.pitch_y
-
-    @cached_property
-    def ridge(self) -> np.ndarray:
-        """Points of the ridge: RIDGE_POINT (N,)."""
-        return ridge_points(self.pressure, self.array, self.noise, self.depth)
-
-    @cached_property
-    def coming(self) -> float:
-        """Length of a leg of the edge that is about to come under the pad [m]."""
-        return coming_length(self.pressure, self.array, self.ridge, self.noise, self.depth)
+    def __post_init__(self):
+        array, pressure, noise, depth = self.array, self.pressure, self.noise, self.depth
+        self.scale = PadScale.of(array, depth)
+        self.force = float(pressure.sum()) * array.pitch_x * array.pitch_y
+        self.place, self.height = self.pose[:2, 3], self.pose.item(2, 3)
+        self.yaw = math.atan2(self.pose[1, 0], self.pose[0, 0])
+        self.ridge = ridge_points(pressure, array, noise, depth)
+        self.coming = coming_length(pressure, array, self.ridge, noise, depth)
 
     @cached_property
     def pull(self) -> np.ndarray | None:
@@ -81,21 +82,6 @@ class Picture:
                                                  LOADED)
         size = np.hypot(*way)
         return way / size if size > 0.0 else None
-
-    @property
-    def place(self) -> np.ndarray:
-        """Centre of the pad in the plane (2,) [m]."""
-        return self.pose[:2, 3]
-
-    @property
-    def height(self) -> float:
-        """Of the pad's surface along the plane's normal [m]."""
-        return float(self.pose[2, 3])
-
-    @cached_property
-    def yaw(self) -> float:
-        """Angle of the pad in the plane [rad]."""
-        return math.atan2(self.pose[1, 0], self.pose[0, 0])
 
     def covers(self, points: np.ndarray, margin: float = 0.0) -> bool:
         """Whether every point (M, 2) of the plane lies on the pad, off its border [m]."""
@@ -111,15 +97,29 @@ def read_picture(image: TactileImage, pose: np.ndarray) -> Picture | Problem:
         return Problem.NO_PRESSURE
     if not image.tared:
         return Problem.NOT_TARED
-    pressure = np.array(layer.stress, dtype=np.float64)
-    pressure[~(np.abs(pressure) < IMPOSSIBLE)] = np.nan
+    pressure = np.array(layer.stress, dtype=np.float64, order='C')
+    invalid, peak = _drop_impossible(pressure)
     noise = float(layer.noise_std)
     if not 0.0 < noise < IMPOSSIBLE:
-        noise = UNKNOWN_NOISE * float(np.nanmax(pressure, initial=1.0))
+        noise = UNKNOWN_NOISE * max(peak, 1.0)
     # What is mended of more than that would be made up.
-    if np.count_nonzero(np.isnan(pressure)) > MOST_INVALID * pressure.size:
+    if invalid > MOST_INVALID * pressure.size:
         return Problem.INVALID_TACTELS
     return Picture(mend(pressure, noise), image.array, layer.depth, noise, pose, image.stamp_ns)
+
+
+@njit(cache=True)
+def _drop_impossible(pressure):
+    """Make impossible values NaN; how many there were, and the highest of the others."""
+    invalid, peak = 0, 0.0
+    for r in range(pressure.shape[0]):
+        for c in range(pressure.shape[1]):
+            if abs(pressure[r, c]) < IMPOSSIBLE:
+                peak = max(peak, pressure[r, c])
+            else:
+                pressure[r, c] = np.nan
+                invalid += 1
+    return invalid, peak
 
 
 @njit(cache=True)

@@ -1,5 +1,6 @@
 """What the lengths of the edge map are measured by: skin depth, pitches and size of the pad."""
 
+from functools import lru_cache
 from typing import NamedTuple
 
 from tactile_sensing.types.array import TactelArray
@@ -24,6 +25,7 @@ class PadScale(NamedTuple):
     grain: float
 
     @classmethod
+    @lru_cache  # asked for with every picture
     def of(cls, array: TactelArray, depth: float) -> 'PadScale':
         """Scale of an array whose tactels lie at a depth [m]."""
         half_x, half_y = array.half_width_x, array.half_width_y

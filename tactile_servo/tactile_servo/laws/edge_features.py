@@ -1,8 +1,7 @@
 """Where an edge is, from a contact estimate: the inverse model of the thesis (5.1), (5.6)."""
 
 from dataclasses import dataclass
-
-import numpy as np
+import math
 
 from tactile_common.config import bounded
 from tactile_sensing.moments.image_moments import line_from_moments, Moments
@@ -68,8 +67,8 @@ def edge_features(contact: Contact, array: TactelArray, config: EdgeFeatureConfi
     tilt = edge_tilt(moments, half, config.uneven, stiffness)
     if contact.type == ContactType.LINE and contact.valid:
         features = EdgeFeatures(contact.a, contact.yaw, contact.normal_force, remaining, tilt)
-    elif (contact.type == ContactType.OTHER and ContactReason.LOW_SNR not in contact.reasons
-          and moments.m0 > 0.0):
+    elif (contact.type == ContactType.OTHER and moments.m0 > 0.0
+          and ContactReason.LOW_SNR not in contact.reasons):
         elongation = moments.elongation()
         if not elongation >= config.min_elongation:
             return None, f'contact is no edge, elongation {elongation:.1f}'
@@ -77,13 +76,13 @@ def edge_features(contact: Contact, array: TactelArray, config: EdgeFeatureConfi
         features = EdgeFeatures(line.a, line.yaw, moments.m0, remaining, tilt)
     else:
         return None, (contact.reasons.name or '').lower().replace('|', ', ')
-    if not np.isfinite([features.lateral, features.yaw, features.force, remaining]).all():
+    if not math.isfinite(features.lateral + features.yaw + features.force + remaining):
         return None, 'estimate is not finite'
     if abs(features.lateral) > array.half_width_x or features.force < 0.0:
         return None, (f'estimate of {1e3 * features.lateral:.3g} mm, '
                       f'{features.force:.3g} N is impossible')
     if abs(features.yaw) > config.max_yaw:
-        return None, f'it lies {np.degrees(features.yaw):.0f} degrees across the pad'
+        return None, f'it lies {math.degrees(features.yaw):.0f} degrees across the pad'
     return features, ''
 
 
@@ -107,7 +106,7 @@ def edge_tilt(moments: Moments, half_length: float, uneven: float, stiffness: fl
         K_z [N/m].
     """
     even = moments.m0 * half_length**2 / 3.0
-    if not (even > 0.0 and np.isfinite(moments.my) and np.isfinite(moments.myy)):
+    if not (even > 0.0 and math.isfinite(moments.my) and math.isfinite(moments.myy)):
         return 0.0
     trust = ramp(abs(moments.myy / even - 1.0), uneven, 0.0)
     return trust * 3.0 * moments.my / (stiffness * half_length**2)

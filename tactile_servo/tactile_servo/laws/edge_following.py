@@ -101,8 +101,10 @@ class EdgeFollowing:
 
     def observe(self, observation: Observation) -> None:
         """Take an image; or a contact, whose fitted line tells the force better than a sum."""
-        if observation.image is not None and observation.pose is not None:
-            self._see_image(observation.image, observation)
+        if observation.image is not None:
+            pose = observation.pose()
+            if pose is not None:
+                self._see_image(observation.image, pose, observation)
         elif observation.contact is not None and self.edge.picture is not None and (
                 observation.stamp_ns == self.edge.picture.stamp_ns):
             self._refine_force(observation.contact)
@@ -113,9 +115,9 @@ class EdgeFollowing:
                 and abs(contact.normal_force - load.force) < FITTED * load.force):
             self._seen.load = Load(contact.normal_force, load.length, load.coming)
 
-    def _see_image(self, image: TactileImage, observation: Observation):
+    def _see_image(self, image: TactileImage, pose: np.ndarray, observation: Observation):
         seen, going, edge = self._seen, self._going, self.edge
-        problem = edge.see(image, observation.pose)
+        problem = edge.see(image, pose)
         if problem is not None:
             seen.problem = Reason(ReasonCode.BAD_IMAGE, problem.value)
             return

@@ -148,6 +148,8 @@ class ResolvedRate:
     ----------
     shortest : float
         Least T_seg for which the images do not come too late [s].
+    error : TaskError or None
+        Where the edge is, as last observed.
     """
 
     name: ClassVar[str] = 'resolved_rate'
@@ -160,6 +162,7 @@ class ResolvedRate:
     def __init__(self, servo: ServoConfig, config: ResolvedRateConfig | None = None):
         self.servo, self.config = servo, config or ResolvedRateConfig()
         self.features, self._begun = UNKNOWN, False
+        self.error: TaskError | None = None
         self._age, self.shortest, self._looked = servo.input.max_stamp_age, math.inf, -math.inf
         self._shown, self._problem, self._speed = -math.inf, '', 0.0
 
@@ -174,6 +177,7 @@ class ResolvedRate:
         """Forget the last goal and take a new one."""
         self.goal, self._array = goal, sensor.array
         self.features, self._problem, self._begun = UNKNOWN, '', True
+        self.error = None
         self._looked = self._shown = -math.inf
         self.resume()
 
@@ -199,18 +203,12 @@ class ResolvedRate:
             observation.contact, self._array, self.config.edge, self.config.force.stiffness)
         if features is not None:
             self.features, self._shown = features, arrival
+            self.error = TaskError(features.lateral, angle=features.yaw, force=features.force)
 
     @property
     def touch_speed(self) -> float:
         """Speed at which the force loop would press a pad that feels nothing yet [m/s]."""
         return self.goal.force / (self.config.force.stiffness * self.shortest)
-
-    @property
-    def error(self) -> TaskError | None:
-        """Where the edge is, as last observed."""
-        seen = self.features
-        return None if seen is UNKNOWN else TaskError(
-            seen.lateral, angle=seen.yaw, force=seen.force)
 
     def lacks(self, now: float) -> Reason | None:
         """What keeps the law from tracking, or None."""
@@ -251,7 +249,8 @@ class ResolvedRate:
         self._speed = slewed(self._speed, speed, self.config.speed.acceleration * dt)
         twist = edge_twist(features, goal.direction * self._speed, goal.force, self.config,
                            self.shortest)
-        return Reference(twist, self._speed, goal.direction * pose[:3, 1])
+        return Reference(twist, self._speed,
+                         [goal.direction * way for way in pose[:3, 1].tolist()])
 
     def result(self) -> LawResult:
         """Nothing beyond the poses of the sensor."""
