@@ -97,21 +97,23 @@ class GoalRun:
     def decide(self, now: float) -> None:
         """Change the state where there is reason to."""
         why, overload = self._standstill(), self._inputs.load > self._config.force.max_load
-        if self._state == State.HOLD and not self.ending.stopping:
+        if self._machine.state is State.HOLD and not self.ending.stopping:
             self._decide_hold(now, why)
         if self.ending.stopping:
             self._rest_when_standing()
-        elif self._state == State.HOLD and (why is not None or not overload):
             return
-        elif why is not None:
+        state = self._machine.state
+        if state is State.HOLD and (why is not None or not overload):
+            return
+        if why is not None:
             self._hold(now, why)
         elif self._motion.blocked:
             self._end_blocked(now)
-        elif overload and self._state != State.RETREAT:
+        elif overload and state is not State.RETREAT:
             self._end(now, Reason(ReasonCode.OVERLOAD, f'{self._inputs.load:.1f} N'), lift=True)
-        elif self._state == State.APPROACH:
+        elif state is State.APPROACH:
             self._decide_approach(now)
-        elif self._state in TRACKING:
+        elif state in TRACKING:
             self._decide_track(now)
         elif -self._advance() >= self._config.retreat.distance:
             self._rest_when_standing()
@@ -221,17 +223,19 @@ class GoalRun:
 
     def twist(self, dt: float) -> np.ndarray:
         """Wanted twist of the sensor in its own frame (6,) [m/s, rad/s]."""
-        c, twist, force = self._config, np.zeros(6), self.goal.force
-        if self._state == State.APPROACH and self._inputs.load < force:
-            # What is to be touched lightly is touched slowly: the pad stops late.
-            softly = c.approach.speed * min(force / c.approach.soft_touch, 1.0)
-            twist[2] = min(softly, self._law.touch_speed)
-        elif self._state == State.RETREAT and -self._advance() < c.retreat.distance:
-            twist[2] = -c.approach.speed
-        elif self._state in TRACKING:
+        c, state = self._config, self._machine.state
+        if state in TRACKING:
             self.reference = self._law.reference(self._inputs.pose, self._motion.pose, dt)
             twist = self.reference.twist
             if self._inputs.saturated and self._inputs.load >= c.approach.contact_force:
                 # The force is larger than it seems, nobody knows by how much: give way.
                 twist[2] = min(twist[2], -c.approach.speed)
+            return twist
+        twist, force = np.zeros(6), self.goal.force
+        if state is State.APPROACH and self._inputs.load < force:
+            # What is to be touched lightly is touched slowly: the pad stops late.
+            softly = c.approach.speed * min(force / c.approach.soft_touch, 1.0)
+            twist[2] = min(softly, self._law.touch_speed)
+        elif state is State.RETREAT and -self._advance() < c.retreat.distance:
+            twist[2] = -c.approach.speed
         return twist

@@ -13,6 +13,7 @@ import numpy as np
 from tactile_sensing.types.contact import Contact
 from tactile_sensing.types.image import SensorInfo, TactileImage
 from tactile_servo.config import ServoConfig, WINDOW_PERIODS
+from tactile_servo.control.scaling import clipped
 from tactile_servo.goal_run import GoalRun
 from tactile_servo.inputs import Inputs
 from tactile_servo.law import LawResult, Observation, Refusal, ServoLaw
@@ -54,7 +55,7 @@ class Supervisor:
                              WINDOW_PERIODS / self.config.rate, workspace)
         self.run: GoalRun | None = None
         self._machine = StateMachine()
-        self._last_ns: int | None = None
+        self._period, self._last_ns = 1.0 / self.config.rate, None
 
     # Input -------------------------------------------------------------------------------
 
@@ -216,10 +217,9 @@ class Supervisor:
 
     def _elapsed(self, now_ns):
         """Time since the last cycle by the clock of the stamps, by which the robot moves [s]."""
-        period = 1.0 / self.config.rate
-        dt = period if self._last_ns is None else (now_ns - self._last_ns) * 1e-9
+        dt = self._period if self._last_ns is None else (now_ns - self._last_ns) * 1e-9
         self._last_ns = now_ns
-        return min(max(dt, 0.0), 2.0 * period)
+        return clipped(dt, 0.0, 2.0 * self._period)
 
     def _status(self) -> Status:
         inputs, machine = self.inputs, self._machine

@@ -165,6 +165,7 @@ class ResolvedRate:
         self.error: TaskError | None = None
         self._age, self.shortest, self._looked = servo.input.max_stamp_age, math.inf, -math.inf
         self._shown, self._problem, self._speed = -math.inf, '', 0.0
+        self._twist, self._slowed = np.zeros(6), 0.0
 
     def validate(self, goal: EdgeGoal) -> Refusal | None:
         """Why a goal is beyond this law, or None."""
@@ -204,6 +205,11 @@ class ResolvedRate:
         if features is not None:
             self.features, self._shown = features, arrival
             self.error = TaskError(features.lateral, angle=features.yaw, force=features.force)
+        if self.features is not UNKNOWN:  # until the next one this stays, whatever the speed
+            self._twist = edge_twist(self.features, 0.0, self.goal.force, self.config,
+                                     self.shortest)
+            self._slowed = min(alignment_scale(self.features, self._array.half_width_x),
+                               contact_scale(self.features, self.goal.force))
 
     @property
     def touch_speed(self) -> float:
@@ -243,12 +249,10 @@ class ResolvedRate:
 
     def reference(self, pose: np.ndarray, commanded: np.ndarray, dt: float) -> Reference:
         """Wanted motion from the measured and the commanded pose (4, 4) of the sensor."""
-        goal, features = self.goal, self.features
-        speed = goal.speed * min(alignment_scale(features, self._array.half_width_x),
-                                 contact_scale(features, goal.force))
-        self._speed = slewed(self._speed, speed, self.config.speed.acceleration * dt)
-        twist = edge_twist(features, goal.direction * self._speed, goal.force, self.config,
-                           self.shortest)
+        goal, twist = self.goal, self._twist.copy()
+        self._speed = slewed(self._speed, self._slowed * goal.speed,
+                             self.config.speed.acceleration * dt)
+        twist[1] = goal.direction * self._speed
         return Reference(twist, self._speed,
                          [goal.direction * way for way in pose[:3, 1].tolist()])
 
