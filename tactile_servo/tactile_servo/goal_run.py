@@ -19,16 +19,11 @@ OFFER = 'resume with ~/pause false'
 
 @dataclass
 class Hold:
-    """
-    What a hold is about.
+    """What a hold is about."""
 
-    paused: it was asked for; resumption: what takes up again what it interrupted; cause: what
-    is wrong.
-    """
-
-    paused: bool = False
-    resumption: Event = Event.RESUME_APPROACH
-    cause: Reason = Reason(ReasonCode.NONE)
+    paused: bool = False  # it was asked for
+    resumption: Event = Event.RESUME_APPROACH  # what takes up again what it interrupted
+    cause: Reason = Reason(ReasonCode.NONE)  # what is wrong
 
 
 @dataclass
@@ -45,34 +40,17 @@ class GoalRun:
     One goal, from its acceptance to its end.
 
     Every change of state goes through the table of `state_machine`.
-
-    Attributes
-    ----------
-    goal : Goal
-    statistics : TrackStatistics
-    hold : Hold
-    ending : Ending
-    reference : Reference or None
-        Last one, None unless the law moves the pad.
-    observed : float
-        Steady time at which the law was last told something [s].
     """
 
     def __init__(self, goal: Goal, config: ServoConfig, law: ServoLaw, inputs: Inputs,
                  motion: Motion, machine: StateMachine):
         self.goal, self.statistics = goal, TrackStatistics(goal.force)
         self.hold, self.ending = Hold(), Ending()
-        self.reference: Reference | None = None
-        self.observed = -np.inf
+        self.reference: Reference | None = None  # last one, None unless the law moves the pad
+        self.observed = -np.inf  # steady time at which the law was last told something [s]
         self._config, self._law, self._inputs = config, law, inputs
         self._motion, self._machine = motion, machine
         self._anchor = motion.pose  # where the current way (approach, retreat, press) began
-
-    @property
-    def _state(self) -> State:
-        return self._machine.state
-
-    # What is asked for -------------------------------------------------------------------
 
     def cancel(self) -> None:
         """Stop within the robot's limits and end the goal."""
@@ -81,15 +59,13 @@ class GoalRun:
     def pause(self, paused: bool, now: float) -> None:
         """Hold (true) or go on (false)."""
         self.hold.paused = paused
-        if (not paused and self._state == State.HOLD and not self.ending.stopping
+        if (not paused and self._machine.state == State.HOLD and not self.ending.stopping
                 and self._standstill() is None):
             self._resume(now, Reason(ReasonCode.RESUMED))
 
-    # Decision ----------------------------------------------------------------------------
-
     def count(self) -> None:
         """Count the way since the last cycle."""
-        if self._state in TRACKING and self.reference is not None:
+        if self._machine.state in TRACKING and self.reference is not None:
             self.statistics.move(self._inputs.pose, self.reference.heading)
         else:
             self.statistics.stand()
@@ -123,7 +99,7 @@ class GoalRun:
         if self.hold.paused:
             return Reason(ReasonCode.PAUSED)
         missing = self._inputs.joints_missing()
-        if missing is None and self._state != State.RETREAT:  # lifting off needs no image
+        if missing is None and self._machine.state != State.RETREAT:  # lifting off needs no image
             missing = self._inputs.contact_missing()
         return missing or self._inputs.astray(self._motion.positions)
 
@@ -155,7 +131,7 @@ class GoalRun:
             self._end(now, found.reason, found.success, found.lift)
         elif self._advance() > deepest:
             self._end(now, Reason(ReasonCode.TOO_DEEP, f'{deepest:g} m'), lift=True)
-        elif found.state != self._state:
+        elif found.state != self._machine.state:
             self._machine.fire(ASSESSED[found.state], found.reason, now)
 
     def _advance(self) -> float:
@@ -163,10 +139,8 @@ class GoalRun:
         pose, anchor = self._motion.pose, self._anchor
         return 0.0 if pose is anchor else float((pose[:3, 3] - anchor[:3, 3]) @ anchor[:3, 2])
 
-    # Hold and end ------------------------------------------------------------------------
-
     def _hold(self, now, reason):
-        self.hold.resumption, self.hold.cause = RESUMPTION[self._state], reason
+        self.hold.resumption, self.hold.cause = RESUMPTION[self._machine.state], reason
         self._machine.fire(Event.HOLD, reason, now)
 
     def _decide_hold(self, now, why):
@@ -205,7 +179,7 @@ class GoalRun:
         """End a goal whose motion a limit, a singularity or the workspace has held back."""
         reason = Reason(ReasonCode.MOTION_BLOCKED, self._motion.blocked)
         self._motion.reset_blocked()
-        if self._state == State.RETREAT:  # its outcome stands
+        if self._machine.state == State.RETREAT:  # its outcome stands
             code, detail = self._machine.reason
             self._stop(Reason(code, f'{detail}; {reason.text}' if detail else reason.text))
         else:
@@ -218,8 +192,6 @@ class GoalRun:
     def _rest_when_standing(self):
         if self._motion.standing:
             self._machine.fire(Event.REST, self._machine.reason)
-
-    # Motion ------------------------------------------------------------------------------
 
     def twist(self, dt: float) -> np.ndarray:
         """Wanted twist of the sensor in its own frame (6,) [m/s, rad/s]."""

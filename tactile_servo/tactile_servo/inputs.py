@@ -27,22 +27,7 @@ class Sample(NamedTuple):
 
 
 class Inputs:
-    """
-    What a servo has heard last: joint state, contact, sensor.
-
-    Attributes
-    ----------
-    joints, contact : Sample or None
-    sensor : SensorInfo or None
-    pose : ndarray, shape (4, 4)
-        Measured pose of the sensor; NaN before the first joint state.
-    load : float
-        Force on the pad [N], the larger of what is fitted and summed.
-    saturated : bool
-        Whether the pad feels more than it can tell.
-    contact_fresh, joints_fresh : bool
-        As of the last `refresh`.
-    """
+    """What a servo has heard last: joint state, contact, sensor."""
 
     def __init__(self, robot: RobotModel, limits: JointLimits, config: InputConfig):
         self._robot, self._config, self._names = robot, config, limits.names
@@ -50,8 +35,9 @@ class Inputs:
         self.joints: Sample | None = None
         self.contact: Sample | None = None
         self.sensor: SensorInfo | None = None
-        self.pose = np.full((4, 4), np.nan)
-        self.load = 0.0
+        self.pose = np.full((4, 4), np.nan)  # measured, of the sensor
+        self.load = 0.0  # force on the pad [N], the larger of what is fitted and summed
+        # As of the last `refresh`; and whether the pad feels more than it can tell.
         self.contact_fresh = self.joints_fresh = self.saturated = False
         self._tared = True
 
@@ -64,11 +50,8 @@ class Inputs:
     def see_contact(self, contact: Contact, stamp_ns: int, arrival: float) -> None:
         """Take a contact estimate."""
         self.contact = Sample(contact, stamp_ns, arrival)
-        fitted, summed = contact.normal_force, contact.moments.m0
-        self.load = max(fitted if math.isfinite(fitted) else -math.inf,
-                        summed if math.isfinite(summed) else -math.inf)
-        if self.load == -math.inf:
-            self.load = 0.0
+        self.load = max(filter(math.isfinite, (contact.normal_force, contact.moments.m0)),
+                        default=0.0)
         reasons = int(contact.reasons)  # a set of flags is slow to ask
         self.saturated = bool(reasons & _SATURATED)
         self._tared = not reasons & _NOT_TARED

@@ -36,15 +36,6 @@ class Supervisor:
     Feed it with `see_sensor`, `see_joints`, `see_contact` and, if its law `sees_images`,
     `see_image`; start it with `start`, call `cycle` at the control rate and send what it
     returns.
-
-    Attributes
-    ----------
-    law : ServoLaw
-    config : ServoConfig
-    inputs : Inputs
-    motion : Motion
-    run : GoalRun or None
-        Of the goal that is worked on, or of the last one.
     """
 
     def __init__(self, robot: RobotModel, limits: JointLimits, law: ServoLaw,
@@ -53,11 +44,9 @@ class Supervisor:
         self.inputs = Inputs(robot, limits, self.config.input)
         self.motion = Motion(robot, limits, self.config.motion,
                              WINDOW_PERIODS / self.config.rate, workspace)
-        self.run: GoalRun | None = None
+        self.run: GoalRun | None = None  # of the goal that is worked on, or of the last one
         self._machine = StateMachine()
         self._period, self._last_ns = 1.0 / self.config.rate, None
-
-    # Input -------------------------------------------------------------------------------
 
     def see_sensor(self, sensor: SensorInfo) -> None:
         """Take what is known of the sensor; a goal begins with it."""
@@ -67,10 +56,7 @@ class Supervisor:
         """
         Take a measured joint state (n,) [rad], its stamp [ns] and steady arrival time [s].
 
-        Raises
-        ------
-        ValueError
-            It cannot be believed, see `JointHistory.add`.
+        ValueError if it cannot be believed, see `JointHistory.add`.
         """
         self.inputs.see_joints(positions, stamp_ns, arrival)
 
@@ -90,8 +76,6 @@ class Supervisor:
         self.law.observe(observation)
         if self.run is not None and self.law.sees_images == (observation.image is not None):
             self.run.observed = observation.arrival
-
-    # Goal --------------------------------------------------------------------------------
 
     @property
     def state(self) -> State:
@@ -143,14 +127,7 @@ class Supervisor:
             self._machine.reason = refusal
 
     def start(self, goal: Any, now: float) -> None:
-        """
-        Begin a goal at steady time `now` [s].
-
-        Raises
-        ------
-        GoalRefused
-            The goal cannot be accepted.
-        """
+        """Begin a goal at steady time `now` [s]; GoalRefused if it cannot be accepted."""
         refusal, inputs = self.check(goal), self.inputs
         if refusal is not None or inputs.sensor is None or inputs.joints is None:
             raise GoalRefused(refusal or Refusal(ReasonCode.BUSY))
@@ -185,35 +162,20 @@ class Supervisor:
         """Go from done to idle, once the result has been taken."""
         self._machine.fire(Event.FINISH, Reason(ReasonCode.WAITING, f'last: {self.reason.text}'))
 
-    # Cycle -------------------------------------------------------------------------------
-
     def cycle(self, now: float, now_ns: int) -> tuple[Status, Trajectory | None]:
         """
-        Decide one control cycle.
+        Decide one control cycle at a steady time [s] and one of the clock of the stamps [ns].
 
-        Parameters
-        ----------
-        now : float
-            Steady time [s].
-        now_ns : int
-            Time of the clock that stamps images and joint states [ns].
-
-        Returns
-        -------
-        status : Status
-        trajectory : Trajectory or None
-            To send to the joint trajectory controller; None while no goal is active.
+        The trajectory is for the joint trajectory controller; None while no goal is active.
         """
         dt = self._elapsed(now_ns)
         self.inputs.refresh(now, now_ns)
         if self.run is None or not self.active or dt <= 0.0:
-            return self._status(), None
+            return self._status(self.run), None
         self.run.count()
         self.run.decide(now)
         step = self.motion.command(self.run.twist(dt), dt)
-        status = self._status()
-        self._add(status, self.run, step)
-        return status, step.trajectory
+        return self._status(self.run, step), step.trajectory
 
     def _elapsed(self, now_ns):
         """Time since the last cycle by the clock of the stamps, by which the robot moves [s]."""
@@ -221,22 +183,22 @@ class Supervisor:
         self._last_ns = now_ns
         return clipped(dt, 0.0, 2.0 * self._period)
 
-    def _status(self) -> Status:
+    def _status(self, run: GoalRun | None, step: MotionStep | None = None) -> Status:
         inputs, machine = self.inputs, self._machine
         status = Status(machine.state, machine.reason, contact_fresh=inputs.contact_fresh,
                         joints_fresh=inputs.joints_fresh)
         if inputs.contact is not None:
             status.contact_stamp_ns, status.normal_force = inputs.contact.stamp_ns, inputs.load
-        return status
-
-    def _add(self, status: Status, run: GoalRun, step: MotionStep) -> None:
-        """Put to a status what there is while a goal is worked on."""
+        if run is None or step is None:
+            return status
         if status.state in TRACKING or status.state == State.HOLD:
             error = self.law.error
             if error is not None:
-                (status.lateral_error, status.longitudinal_error, status.angle_error,
-                 _) = error
+                status.lateral_error, status.longitudinal_error = error.lateral, error.longitudinal
+                status.angle_error = error.angle
         if status.state in TRACKING and run.reference is not None:
             status.speed = run.reference.speed
         status.force_target, status.progress = run.goal.force, run.statistics.length
-        status.twist, status.limit_scale, status.limited_by, status.manipulability = step[1:]
+        status.twist, status.limit_scale = step.twist, step.scale
+        status.limited_by, status.manipulability = step.limited_by, step.manipulability
+        return status

@@ -14,10 +14,8 @@ from tactile_common.kernels import njit
 class AttitudeConfig:
     """Gains and bounds of the pad's rotation."""
 
-    gain: float = bounded(
-        5.0, 'rate at which the pad is turned along the edge', '1/s', 0.0, 50.0)
-    max_rate: float = bounded(
-        1.5, 'largest rate of turn', 'rad/s', 0.0, 20.0)
+    gain: float = bounded(5.0, 'rate at which the pad is turned along the edge', '1/s', 0.0, 50.0)
+    max_rate: float = bounded(1.5, 'largest rate of turn', 'rad/s', 0.0, 20.0)
     acceleration: float = bounded(
         5.0, 'acceleration of that turn; a wrist that is asked for more than it can holds '
         'back the whole pad, off the edge at every corner', 'rad/s^2', 0.1, 1000.0)
@@ -27,13 +25,7 @@ class AttitudeConfig:
 
 
 class AttitudeController:
-    """
-    Proportional control of the pad's attitude in a plane's frame.
-
-    Parameters
-    ----------
-    config : AttitudeConfig
-    """
+    """Proportional control of the pad's attitude in a plane's frame."""
 
     def __init__(self, config: AttitudeConfig):
         self._config, self._rate = config, 0.0
@@ -49,16 +41,13 @@ class AttitudeController:
 
         Parameters
         ----------
-        rotation : ndarray, shape (3, 3)
+        rotation : ndarray, shape (3, 3) or more
             Of the commanded pad in the plane.
-        way : tuple of float
-            Unit vector x, y in which the edge runs.
-        slope : float
-            Its rise along itself.
+        way, slope : tuple of float, float
+            Unit vector x, y in which the edge runs, and its rise along itself.
         direction : int
             +1 or -1, of the pad's y along the edge.
-        dt : float
-            [s]
+        dt : float, s
         """
         c = self._config
         self._rate, x, y, z = _rates(

@@ -9,15 +9,9 @@ def gain_limit(delay: float, lag: float) -> float:
     """
     Gain of an integrating loop at the limit of stability [1/s].
 
-    There the loop g exp(-j omega d) / (j omega (1 + j omega tau)) has gain 1 and phase -pi:
+    Of a loop g exp(-j omega d) / (j omega (1 + j omega tau)) of the dead time d > 0 and the
+    robot's lag tau [s]. At the limit it has gain 1 and phase -pi:
     omega d + atan(omega tau) = pi / 2 and g = omega sqrt(1 + omega^2 tau^2).
-
-    Parameters
-    ----------
-    delay : float
-        d, positive: all dead time in the loop [s].
-    lag : float
-        tau, of the robot [s].
     """
     omega, step = 0.0, math.inf
     # The phase is concave in omega: Newton's method climbs to the limit from below.

@@ -13,20 +13,15 @@ from tactile_servo.control.scaling import ramp
 
 @dataclass(frozen=True)
 class EdgeFeatures:
-    """
-    Pose of the edge in the sensor frame, X_a of (5.6).
+    """Pose of the edge in the sensor frame, X_a of (5.6)."""
 
-    lateral [m]: where the edge crosses y = 0; yaw [rad]; force [N] on the pad;
-    remaining [m]: how far the centre of pressure stands ahead of the pad's centre along +y,
-    negative once the edge ends ahead; tilt [rad]: rise of the edge towards +y, by which the
-    pad is not level with it.
-    """
-
-    lateral: float
-    yaw: float
-    force: float
+    lateral: float  # where the edge crosses y = 0 [m]
+    yaw: float  # rad
+    force: float  # on the pad [N]
+    # How far the centre of pressure stands ahead of the pad's centre along +y, negative once the
+    # edge ends ahead [m].
     remaining: float
-    tilt: float = 0.0
+    tilt: float = 0.0  # rise of the edge towards +y, by which the pad is not level with it [rad]
 
 
 @dataclass(frozen=True)
@@ -53,14 +48,7 @@ def edge_features(contact: Contact, array: TactelArray, config: EdgeFeatureConfi
     A valid line is taken as fitted. Anything else that is elongated enough to be an edge (a
     curve, a corner under the pad) is taken by its moments, as in (5.6).
 
-    Parameters
-    ----------
-    contact : Contact
-    array : TactelArray
-        Half its size along y is the thesis' L.
-    config : EdgeFeatureConfig
-    stiffness : float
-        K_z of (5.5), total [N/m].
+    Half the array's size along y is the thesis' L, the stiffness [N/m] K_z of (5.5), total.
     """
     moments, half = contact.moments, array.half_width_y
     remaining = moments.centre_of_pressure[1]
@@ -94,16 +82,7 @@ def edge_tilt(moments: Moments, half_length: float, uneven: float, stiffness: fl
     My = K_z theta L^2 / 3 with K_z = 2 L k, and the second moment L^2 / 3 of an even one. Where
     an edge ends, or turns under the pad, My says nothing of its rise, and the second moment
     tells so: the angle counts in full where that is right, and not at all where it differs by
-    the fraction `uneven`.
-
-    Parameters
-    ----------
-    moments : Moments
-    half_length : float
-        Half the size of the array along y, the thesis' L [m].
-    uneven : float
-    stiffness : float
-        K_z [N/m].
+    the fraction `uneven`. `half_length` is the thesis' L [m], the stiffness K_z [N/m].
     """
     even = moments.m0 * half_length**2 / 3.0
     if not (even > 0.0 and math.isfinite(moments.my) and math.isfinite(moments.myy)):

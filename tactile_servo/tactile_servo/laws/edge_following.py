@@ -51,11 +51,6 @@ class EdgeFollowing:
 
     The points of every image are put into a plane fixed in the base by the pose at the image's
     stamp, so that latency only ages what is seen ahead and is no part of the loop.
-
-    Parameters
-    ----------
-    servo : ServoConfig
-    config : EdgeFollowingConfig, optional
     """
 
     name: ClassVar[str] = 'trace'
@@ -81,8 +76,7 @@ class EdgeFollowing:
     def validate(self, goal: EdgeGoal) -> Refusal | None:
         """Why a goal is beyond this law, or None."""
         if goal.closed and goal.length > 0.0:
-            return Refusal(ReasonCode.INVALID_GOAL,
-                           'a closed contour has no length; let it be 0')
+            return Refusal(ReasonCode.INVALID_GOAL, 'a closed contour has no length; let it be 0')
         return refuse_edge_goal(goal)
 
     def begin(self, goal: EdgeGoal, sensor: SensorInfo) -> None:
@@ -96,8 +90,6 @@ class EdgeFollowing:
         self._going = self._going.anew()
         for controller in (self._planner, self._path, self._force, self._attitude):
             controller.reset()
-
-    # Observation -------------------------------------------------------------------------
 
     def observe(self, observation: Observation) -> None:
         """Take an image; or a contact, whose fitted line tells the force better than a sum."""
@@ -151,8 +143,6 @@ class EdgeFollowing:
         along = math.atan2(sign * at.along_x, sign * at.along_y)
         return TaskError(sign * at.left, angle=float(wrap_angle(yaw - along)), force=picture.force)
 
-    # Decision ----------------------------------------------------------------------------
-
     def lacks(self, now: float) -> Reason | None:
         """What keeps the law from tracking, or None."""
         if now - self._seen.shown < self.servo.input.lost_after:
@@ -174,8 +164,7 @@ class EdgeFollowing:
             return Assessment(State.DONE, Reason(ReasonCode.CONTOUR_CLOSED), True)
         lacking, touching = self.lacks(now), load >= self.servo.approach.contact_force
         # A lightly pressed pad touches a crest only, and an edge seems to end beside it.
-        going.pressed = going.pressed or (
-            self._seen.load.force >= PRESSED * self.goal.force)
+        going.pressed = going.pressed or (self._seen.load.force >= PRESSED * self.goal.force)
         if path.end is PathEnd.RIDGE and going.ahead >= path.tip - END_MARGIN * grain and (
                 going.pressed or lacking is not None):
             return self._at_end(progress, touching)
@@ -224,8 +213,6 @@ class EdgeFollowing:
     def _search(self, mode):
         self._going.mode = mode
         return Assessment(State.SEARCH, Reason(mode))
-
-    # Motion ------------------------------------------------------------------------------
 
     def reference(self, pose: np.ndarray, commanded: np.ndarray, dt: float) -> Reference:
         """Wanted motion from the measured and the commanded pose (4, 4) of the sensor."""

@@ -35,16 +35,14 @@ class PositionConfig:
         0.08, 'T_seg of (5.3) for position and angle across the edge: gain 1 / T_seg', 's',
         0.01, 10.0)
     max_speed: float = bounded(0.1, 'largest speed across the edge', 'm/s', 1e-4, 1.0)
-    max_rate: float = bounded(
-        2.0, 'largest rate of turn about the normal', 'rad/s', 1e-3, 20.0)
+    max_rate: float = bounded(2.0, 'largest rate of turn about the normal', 'rad/s', 1e-3, 20.0)
 
 
 @dataclass(frozen=True)
 class ForceConfig:
     """Motion along the normal."""
 
-    segment_time: float = bounded(
-        0.06, 'T_seg of (5.3) for the contact force', 's', 0.01, 10.0)
+    segment_time: float = bounded(0.06, 'T_seg of (5.3) for the contact force', 's', 0.01, 10.0)
     stiffness: float = bounded(
         5000.0, 'K_z of (5.5): total stiffness of skin, finger and robot along the normal',
         'N/m', 10.0, 1e7)
@@ -107,12 +105,8 @@ def edge_twist(features: EdgeFeatures, speed: float, force: float, config: Resol
 
     Parameters
     ----------
-    features : EdgeFeatures
-    speed : float
-        Along the sensor's y, signed [m/s].
-    force : float
-        Wanted normal force [N].
-    config : ResolvedRateConfig
+    speed, force : float
+        Along the sensor's y, signed [m/s]; wanted normal force [N].
     shortest : float
         Least T_seg that every one is raised to [s].
 
@@ -137,19 +131,8 @@ class ResolvedRate:
     """
     What the newest contact says is servoed to where it should be.
 
-    The age of the images is part of its loops, so it lengthens T_seg with their age.
-
-    Parameters
-    ----------
-    servo : ServoConfig
-    config : ResolvedRateConfig, optional
-
-    Attributes
-    ----------
-    shortest : float
-        Least T_seg for which the images do not come too late [s].
-    error : TaskError or None
-        Where the edge is, as last observed.
+    The age of the images is part of its loops, so it lengthens T_seg with their age: `shortest`
+    is the least for which they do not come too late [s].
     """
 
     name: ClassVar[str] = 'resolved_rate'

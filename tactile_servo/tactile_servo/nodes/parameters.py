@@ -51,8 +51,7 @@ class JointsConfig:
 
     velocity_scale: float = bounded(
         1.0, "fraction of the URDF's joint velocities that may be used", '', 0.01, 1.0)
-    acceleration: float = bounded(
-        10.0, 'largest acceleration of every joint', 'rad/s^2', 0.1, 1e3)
+    acceleration: float = bounded(10.0, 'largest acceleration of every joint', 'rad/s^2', 0.1, 1e3)
     position_margin: float = bounded(
         0.05, "distance kept from the URDF's joint limits", 'rad', 0.0, 1.0)
 
@@ -86,10 +85,7 @@ def refuse_old_names(node: Node) -> None:
     """
     Look for parameters that have another name now: passed over, they would do harm silently.
 
-    Raises
-    ------
-    ConfigurationError
-        There are some; the message says what each became.
+    ConfigurationError if there are some; its message says what each became.
     """
     given = []
     for old, new in RENAMED.items():
