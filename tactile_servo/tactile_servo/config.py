@@ -13,18 +13,15 @@ WINDOW_PERIODS = 2.0  # control periods that a window of commands looks ahead
 class SpeedBounds:
     """What a goal may ask for."""
 
-    max: float = bounded(
-        0.2, 'largest speed that a goal may ask for', 'm/s', 0.001, 2.0)
+    max: float = bounded(0.2, 'largest speed that a goal may ask for', 'm/s', 0.001, 2.0)
 
 
 @dataclass(frozen=True)
 class ForceBounds:
     """What the pad may bear."""
 
-    max: float = bounded(
-        10.0, 'largest force that a goal may ask for', 'N', 0.1, 1e3)
-    max_load: float = bounded(
-        12.0, 'the pad is lifted off above this force', 'N', 0.1, 1e4)
+    max: float = bounded(10.0, 'largest force that a goal may ask for', 'N', 0.1, 1e3)
+    max_load: float = bounded(12.0, 'the pad is lifted off above this force', 'N', 0.1, 1e4)
     press_depth: float = bounded(
         0.003, 'the force loop may press this much deeper than where it last met half of the '
         'force', 'm', 1e-4, 0.1)
@@ -41,28 +38,24 @@ class ApproachConfig:
 
     speed: float = bounded(
         0.01, 'speed along the normal towards the object, and away from it', 'm/s', 1e-4, 0.1)
-    contact_force: float = bounded(
-        0.5, 'force that ends the approach', 'N', 0.01, 100.0)
+    contact_force: float = bounded(0.5, 'force that ends the approach', 'N', 0.01, 100.0)
     soft_touch: float = bounded(
         2.5, 'a goal of less force than this approaches slower, in proportion', 'N', 0.01, 100.0)
-    distance: float = bounded(
-        0.03, 'the approach gives up after this way', 'm', 0.001, 1.0)
+    distance: float = bounded(0.03, 'the approach gives up after this way', 'm', 0.001, 1.0)
 
 
 @dataclass(frozen=True)
 class RetreatConfig:
     """Way back from the object."""
 
-    distance: float = bounded(
-        0.01, 'how far the pad lifts off at the end', 'm', 0.0, 1.0)
+    distance: float = bounded(0.01, 'how far the pad lifts off at the end', 'm', 0.0, 1.0)
 
 
 @dataclass(frozen=True)
 class InputConfig:
     """How old an input may be."""
 
-    stale_image: float = bounded(
-        0.05, 'hold when no image came for this long', 's', 0.002, 10.0)
+    stale_image: float = bounded(0.05, 'hold when no image came for this long', 's', 0.002, 10.0)
     stale_joints: float = bounded(
         0.05, 'hold when no joint state came for this long', 's', 0.002, 10.0)
     max_stamp_age: float = bounded(
@@ -90,8 +83,7 @@ class HoldConfig:
 class ServoConfig:
     """Bounds of the supervisor, whatever its law."""
 
-    rate: float = bounded(
-        400.0, 'control cycles per second', 'Hz', 10.0, 2000.0)
+    rate: float = bounded(400.0, 'control cycles per second', 'Hz', 10.0, 2000.0)
     speed: SpeedBounds = field(default_factory=SpeedBounds)
     force: ForceBounds = field(default_factory=ForceBounds)
     approach: ApproachConfig = field(default_factory=ApproachConfig)

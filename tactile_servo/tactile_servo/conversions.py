@@ -57,13 +57,9 @@ def trajectory_from_msg(message: JointTrajectory) -> Trajectory:
     """
     Trajectory of a JointTrajectory message.
 
-    Raises
-    ------
-    Rejected
-        No Trajectory holds it: a field's length is not that of the joint names, positions are
-        missing, there are efforts, or a field is given for some points only (which a
-        joint_trajectory_controller takes, but nobody means).
-
+    Rejected where none holds it: a field's length is not that of the joint names, positions are
+    missing, there are efforts, or a field is given for some points only (which a
+    joint_trajectory_controller takes, but nobody means).
     """
     names = tuple(message.joint_names)
     for k, point in enumerate(message.points):
@@ -89,18 +85,7 @@ def trajectory_from_msg(message: JointTrajectory) -> Trajectory:
 
 def joint_state_to_msg(stamp: Time, joint_names: Sequence[str], positions: np.ndarray,
                        velocities: np.ndarray, into: JointState | None = None) -> JointState:
-    """
-    JointState message.
-
-    Parameters
-    ----------
-    stamp : builtin_interfaces.msg.Time
-    joint_names : sequence of str
-    positions, velocities : ndarray (n,)
-        [rad or m], [rad/s or m/s].
-    into : JointState, optional
-
-    """
+    """JointState message of positions and velocities (n,) [rad or m, rad/s or m/s]."""
     message = JointState() if into is None else into
     message.name = list(joint_names)
     message.header.stamp = stamp
@@ -161,10 +146,8 @@ class Action(NamedTuple):
 
 
 # By the names that the registry of laws gives them.
-ACTIONS = {
-    'track_edge': Action(
-        TrackEdge, edge_goal_from_msg, edge_result_to_msg, edge_feedback_to_msg),
-}
+ACTIONS = {'track_edge': Action(
+    TrackEdge, edge_goal_from_msg, edge_result_to_msg, edge_feedback_to_msg)}
 
 
 def status_to_msg(status: Status, controller: str, cycle_time: float, missed_cycles: int,

@@ -19,16 +19,11 @@ OFFER = 'resume with ~/pause false'
 
 @dataclass
 class Hold:
-    """
-    What a hold is about.
+    """What a hold is about."""
 
-    paused: it was asked for; resumption: what takes up again what it interrupted; cause: what
-    is wrong.
-    """
-
-    paused: bool = False
-    resumption: Event = Event.RESUME_APPROACH
-    cause: Reason = Reason(ReasonCode.NONE)
+    paused: bool = False  # it was asked for
+    resumption: Event = Event.RESUME_APPROACH  # what takes up again what it interrupted
+    cause: Reason = Reason(ReasonCode.NONE)  # what is wrong
 
 
 @dataclass
@@ -45,34 +40,17 @@ class GoalRun:
     One goal, from its acceptance to its end.
 
     Every change of state goes through the table of `state_machine`.
-
-    Attributes
-    ----------
-    goal : Goal
-    statistics : TrackStatistics
-    hold : Hold
-    ending : Ending
-    reference : Reference or None
-        Last one, None unless the law moves the pad.
-    observed : float
-        Steady time at which the law was last told something [s].
     """
 
     def __init__(self, goal: Goal, config: ServoConfig, law: ServoLaw, inputs: Inputs,
                  motion: Motion, machine: StateMachine):
         self.goal, self.statistics = goal, TrackStatistics(goal.force)
         self.hold, self.ending = Hold(), Ending()
-        self.reference: Reference | None = None
-        self.observed = -np.inf
+        self.reference: Reference | None = None  # last one, None unless the law moves the pad
+        self.observed = -np.inf  # steady time at which the law was last told something [s]
         self._config, self._law, self._inputs = config, law, inputs
         self._motion, self._machine = motion, machine
         self._anchor = motion.pose  # where the current way (approach, retreat, press) began
-
-    @property
-    def _state(self) -> State:
-        return self._machine.state
-
-    # What is asked for -------------------------------------------------------------------
 
     def cancel(self) -> None:
         """Stop within the robot's limits and end the goal."""
@@ -81,15 +59,13 @@ class GoalRun:
     def pause(self, paused: bool, now: float) -> None:
         """Hold (true) or go on (false)."""
         self.hold.paused = paused
-        if (not paused and self._state == State.HOLD and not self.ending.stopping
+        if (not paused and self._machine.state == State.HOLD and not self.ending.stopping
                 and self._standstill() is None):
             self._resume(now, Reason(ReasonCode.RESUMED))
 
-    # Decision ----------------------------------------------------------------------------
-
     def count(self) -> None:
         """Count the way since the last cycle."""
-        if self._state in TRACKING and self.reference is not None:
+        if self._machine.state in TRACKING and self.reference is not None:
             self.statistics.move(self._inputs.pose, self.reference.heading)
         else:
             self.statistics.stand()
@@ -97,21 +73,23 @@ class GoalRun:
     def decide(self, now: float) -> None:
         """Change the state where there is reason to."""
         why, overload = self._standstill(), self._inputs.load > self._config.force.max_load
-        if self._state == State.HOLD and not self.ending.stopping:
+        if self._machine.state is State.HOLD and not self.ending.stopping:
             self._decide_hold(now, why)
         if self.ending.stopping:
             self._rest_when_standing()
-        elif self._state == State.HOLD and (why is not None or not overload):
             return
-        elif why is not None:
+        state = self._machine.state
+        if state is State.HOLD and (why is not None or not overload):
+            return
+        if why is not None:
             self._hold(now, why)
         elif self._motion.blocked:
             self._end_blocked(now)
-        elif overload and self._state != State.RETREAT:
+        elif overload and state is not State.RETREAT:
             self._end(now, Reason(ReasonCode.OVERLOAD, f'{self._inputs.load:.1f} N'), lift=True)
-        elif self._state == State.APPROACH:
+        elif state is State.APPROACH:
             self._decide_approach(now)
-        elif self._state in TRACKING:
+        elif state in TRACKING:
             self._decide_track(now)
         elif -self._advance() >= self._config.retreat.distance:
             self._rest_when_standing()
@@ -121,7 +99,7 @@ class GoalRun:
         if self.hold.paused:
             return Reason(ReasonCode.PAUSED)
         missing = self._inputs.joints_missing()
-        if missing is None and self._state != State.RETREAT:  # lifting off needs no image
+        if missing is None and self._machine.state != State.RETREAT:  # lifting off needs no image
             missing = self._inputs.contact_missing()
         return missing or self._inputs.astray(self._motion.positions)
 
@@ -153,18 +131,16 @@ class GoalRun:
             self._end(now, found.reason, found.success, found.lift)
         elif self._advance() > deepest:
             self._end(now, Reason(ReasonCode.TOO_DEEP, f'{deepest:g} m'), lift=True)
-        elif found.state != self._state:
+        elif found.state != self._machine.state:
             self._machine.fire(ASSESSED[found.state], found.reason, now)
 
     def _advance(self) -> float:
         """How far the commanded sensor stands beyond the anchor along its own normal [m]."""
-        way = self._motion.pose[:3, 3] - self._anchor[:3, 3]
-        return float(way @ self._anchor[:3, 2])
-
-    # Hold and end ------------------------------------------------------------------------
+        pose, anchor = self._motion.pose, self._anchor
+        return 0.0 if pose is anchor else float((pose[:3, 3] - anchor[:3, 3]) @ anchor[:3, 2])
 
     def _hold(self, now, reason):
-        self.hold.resumption, self.hold.cause = RESUMPTION[self._state], reason
+        self.hold.resumption, self.hold.cause = RESUMPTION[self._machine.state], reason
         self._machine.fire(Event.HOLD, reason, now)
 
     def _decide_hold(self, now, why):
@@ -203,7 +179,7 @@ class GoalRun:
         """End a goal whose motion a limit, a singularity or the workspace has held back."""
         reason = Reason(ReasonCode.MOTION_BLOCKED, self._motion.blocked)
         self._motion.reset_blocked()
-        if self._state == State.RETREAT:  # its outcome stands
+        if self._machine.state == State.RETREAT:  # its outcome stands
             code, detail = self._machine.reason
             self._stop(Reason(code, f'{detail}; {reason.text}' if detail else reason.text))
         else:
@@ -217,21 +193,21 @@ class GoalRun:
         if self._motion.standing:
             self._machine.fire(Event.REST, self._machine.reason)
 
-    # Motion ------------------------------------------------------------------------------
-
     def twist(self, dt: float) -> np.ndarray:
         """Wanted twist of the sensor in its own frame (6,) [m/s, rad/s]."""
-        c, twist, force = self._config, np.zeros(6), self.goal.force
-        if self._state == State.APPROACH and self._inputs.load < force:
-            # What is to be touched lightly is touched slowly: the pad stops late.
-            softly = c.approach.speed * min(force / c.approach.soft_touch, 1.0)
-            twist[2] = min(softly, self._law.touch_speed)
-        elif self._state == State.RETREAT and -self._advance() < c.retreat.distance:
-            twist[2] = -c.approach.speed
-        elif self._state in TRACKING:
+        c, state = self._config, self._machine.state
+        if state in TRACKING:
             self.reference = self._law.reference(self._inputs.pose, self._motion.pose, dt)
             twist = self.reference.twist
             if self._inputs.saturated and self._inputs.load >= c.approach.contact_force:
                 # The force is larger than it seems, nobody knows by how much: give way.
                 twist[2] = min(twist[2], -c.approach.speed)
+            return twist
+        twist, force = np.zeros(6), self.goal.force
+        if state is State.APPROACH and self._inputs.load < force:
+            # What is to be touched lightly is touched slowly: the pad stops late.
+            softly = c.approach.speed * min(force / c.approach.soft_touch, 1.0)
+            twist[2] = min(softly, self._law.touch_speed)
+        elif state is State.RETREAT and -self._advance() < c.retreat.distance:
+            twist[2] = -c.approach.speed
         return twist

@@ -5,6 +5,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from tactile_common.kernels import njit
 from tactile_sensing.types.contact import Contact
 from tactile_sensing.types.contact import Reason as ContactReason
 from tactile_sensing.types.image import SensorInfo
@@ -13,7 +14,8 @@ from tactile_servo.motion.joint_history import JointHistory
 from tactile_servo.motion.limits import JointLimits
 from tactile_servo.motion.robot import RobotModel
 from tactile_servo.reasons import Reason, ReasonCode
-from tactile_servo.types import NAN
+
+_SATURATED, _NOT_TARED = int(ContactReason.SATURATED), int(ContactReason.NOT_TARED)
 
 
 class Sample(NamedTuple):
@@ -25,20 +27,7 @@ class Sample(NamedTuple):
 
 
 class Inputs:
-    """
-    What a servo has heard last: joint state, contact, sensor.
-
-    Attributes
-    ----------
-    joints, contact : Sample or None
-    sensor : SensorInfo or None
-    pose : ndarray, shape (4, 4)
-        Measured pose of the sensor; NaN before the first joint state.
-    load : float
-        Force on the pad [N], the larger of what is fitted and summed.
-    contact_fresh, joints_fresh : bool
-        As of the last `refresh`.
-    """
+    """What a servo has heard last: joint state, contact, sensor."""
 
     def __init__(self, robot: RobotModel, limits: JointLimits, config: InputConfig):
         self._robot, self._config, self._names = robot, config, limits.names
@@ -46,9 +35,11 @@ class Inputs:
         self.joints: Sample | None = None
         self.contact: Sample | None = None
         self.sensor: SensorInfo | None = None
-        self.pose = np.full((4, 4), np.nan)
-        self.load = 0.0
-        self.contact_fresh = self.joints_fresh = False
+        self.pose = np.full((4, 4), np.nan)  # measured, of the sensor
+        self.load = 0.0  # force on the pad [N], the larger of what is fitted and summed
+        # As of the last `refresh`; and whether the pad feels more than it can tell.
+        self.contact_fresh = self.joints_fresh = self.saturated = False
+        self._tared = True
 
     def see_joints(self, positions: np.ndarray, stamp_ns: int, arrival: float) -> None:
         """Take a measured joint state; ValueError if it cannot be believed."""
@@ -59,8 +50,11 @@ class Inputs:
     def see_contact(self, contact: Contact, stamp_ns: int, arrival: float) -> None:
         """Take a contact estimate."""
         self.contact = Sample(contact, stamp_ns, arrival)
-        self.load = max((force for force in (contact.normal_force, contact.moments.m0)
-                         if math.isfinite(force)), default=0.0)
+        self.load = max(filter(math.isfinite, (contact.normal_force, contact.moments.m0)),
+                        default=0.0)
+        reasons = int(contact.reasons)  # a set of flags is slow to ask
+        self.saturated = bool(reasons & _SATURATED)
+        self._tared = not reasons & _NOT_TARED
 
     def age(self, stamp_ns: int) -> float:
         """How much older than the newest joint state a stamp is [s]; inf if there is none."""
@@ -80,12 +74,6 @@ class Inputs:
         return (sample is not None and now - sample.arrival <= limit
                 and abs(now_ns - sample.stamp_ns) * 1e-9 <= self._config.max_stamp_age)
 
-    @property
-    def saturated(self) -> bool:
-        """Whether the pad feels more than it can tell."""
-        return (self.contact is not None
-                and ContactReason.SATURATED in self.contact.value.reasons)
-
     def joints_missing(self) -> Reason | None:
         """What is wrong with the joint states, or None."""
         if self.joints_fresh:
@@ -96,19 +84,22 @@ class Inputs:
         """What is wrong with the contacts, or None."""
         if not self.contact_fresh or self.contact is None:
             return Reason(ReasonCode.STALE_IMAGE if self.contact else ReasonCode.NO_IMAGE)
-        if ContactReason.NOT_TARED in self.contact.value.reasons:
-            return Reason(ReasonCode.NOT_TARED)
-        return None
+        return None if self._tared else Reason(ReasonCode.NOT_TARED)
 
     def astray(self, commanded: np.ndarray) -> Reason | None:
         """Which joint is not where it was commanded (n,) [rad], or None."""
-        behind = np.abs(commanded - self.joints.value) if self.joints else np.zeros(1)
-        if behind.max() <= self._config.following_error:
+        if self.joints is None:
             return None
-        return Reason(ReasonCode.NOT_FOLLOWING, self._names[int(np.argmax(behind))])
+        joint = _farthest(commanded, self.joints.value, self._config.following_error)
+        return None if joint < 0 else Reason(ReasonCode.NOT_FOLLOWING, self._names[joint])
 
-    def known(self) -> dict[str, Any]:
-        """What a status says of all this."""
-        return {'contact_fresh': self.contact_fresh, 'joints_fresh': self.joints_fresh,
-                'contact_stamp_ns': self.contact.stamp_ns if self.contact else 0,
-                'normal_force': self.load if self.contact else NAN}
+
+@njit(cache=True)
+def _farthest(commanded, measured, bound):
+    """Index of the joint that is farthest off, or of none known; -1 if all are within bounds."""
+    joint, most = -1, bound
+    for k in range(len(commanded)):
+        behind = abs(commanded[k] - measured[k])
+        if not behind <= most:
+            joint, most = k, behind
+    return joint

@@ -1,8 +1,7 @@
 """What a servo law is to the supervisor, and what passes between them."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from functools import cached_property
 from typing import Any, ClassVar, NamedTuple, Protocol
 
 import numpy as np
@@ -18,66 +17,35 @@ Refusal = Reason  # of a code from 400 on, or of the input that is missing
 
 @dataclass(eq=False)  # not frozen: two are made for every image
 class Observation:
-    """
-    An image, or the contact estimated in one.
+    """An image, or the contact estimated in one."""
 
-    stamp_ns : int
-        Of the image [ns].
-    arrival : float
-        Steady time [s].
-    age : float
-        How much older than the newest joint state it was as it came [s]; inf if unknown.
-    locate : callable
-        Measured pose of the sensor at a stamp [ns].
-    """
-
-    stamp_ns: int
-    arrival: float
-    age: float
-    locate: Callable[[int], np.ndarray | None]
+    stamp_ns: int  # of the image
+    arrival: float  # steady time [s]
+    age: float  # how much older than the newest joint state it was as it came [s]; inf if unknown
+    locate: Callable[[int], np.ndarray | None]  # measured pose of the sensor at a stamp [ns]
     image: TactileImage | None = None
     contact: Contact | None = None
 
-    @cached_property
     def pose(self) -> np.ndarray | None:
         """Pose of the sensor (4, 4) at the stamp in the base frame; None if it is not known."""
         return self.locate(self.stamp_ns)
 
 
 class Assessment(NamedTuple):
-    """
-    What a law decides about the next cycle.
+    """What a law decides about the next cycle."""
 
-    state : State
-        One of TRACKING, or HOLD, or DONE to end the goal.
-    reason : Reason
-    success : bool
-        Of an end: whether the goal was met.
-    lift : bool
-        Of an end: whether to lift off whatever the goal says.
-    """
-
-    state: State
+    state: State  # one of TRACKING, or HOLD, or DONE to end the goal
     reason: Reason
-    success: bool = False
-    lift: bool = False
+    success: bool = False  # of an end: whether the goal was met
+    lift: bool = False  # of an end: whether to lift off whatever the goal says
 
 
 class Reference(NamedTuple):
-    """
-    Wanted motion of the next cycle.
+    """Wanted motion of the next cycle."""
 
-    twist : ndarray (6,)
-        Of the sensor in its own frame [m/s, rad/s].
-    speed : float
-        Along what is tracked [m/s].
-    heading : ndarray (3,)
-        Unit vector of travel in the base frame, along which progress counts.
-    """
-
-    twist: np.ndarray
-    speed: float
-    heading: np.ndarray
+    twist: np.ndarray  # (6,) of the sensor in its own frame [m/s, rad/s]
+    speed: float  # along what is tracked [m/s]
+    heading: Sequence[float]  # (3,) unit vector of travel in the base: progress counts along it
 
 
 @dataclass(frozen=True, eq=False)
@@ -100,57 +68,40 @@ class Goal(Protocol):
 
 
 class ServoLaw(Protocol):
-    """
-    How to follow something by touch; when to move at all is the supervisor's affair.
-
-    sees_images : bool
-        Whether images are observed beside contacts.
-    touch_speed : float
-        Speed at which the law would press a pad that feels nothing yet [m/s].
-    error : TaskError or None
-        As last observed, None before.
-    """
+    """How to follow something by touch; when to move at all is the supervisor's affair."""
 
     name: ClassVar[str]
     goal_type: ClassVar[type]
     config_type: ClassVar[type]
-    sees_images: ClassVar[bool]
+    sees_images: ClassVar[bool]  # whether images are observed beside contacts
 
     @property
-    def touch_speed(self) -> float: ...
+    def touch_speed(self) -> float: ...  # at which it presses a pad that feels nothing yet [m/s]
     @property
-    def error(self) -> TaskError | None: ...
+    def error(self) -> TaskError | None: ...  # as last observed, None before
 
     def __init__(self, servo: ServoConfig, config: Any = None) -> None: ...
 
     def validate(self, goal: Any) -> Refusal | None:
         """Why a goal is beyond this law, or None."""
-        ...
 
     def begin(self, goal: Any, sensor: SensorInfo) -> None:
         """Forget the last goal and take a new one."""
-        ...
 
     def resume(self) -> None:
         """Go on from a standstill, with what is known so far."""
-        ...
 
     def observe(self, observation: Observation) -> None:
         """Take an image or a contact; before the first goal only its age says something."""
-        ...
 
     def lacks(self, now: float) -> Reason | None:
         """What keeps the law from tracking at steady time `now` [s], or None."""
-        ...
 
     def assess(self, now: float, progress: float, load: float) -> Assessment:
         """Decide whether to go on, after a way of `progress` [m] and at a load [N]."""
-        ...
 
     def reference(self, pose: np.ndarray, commanded: np.ndarray, dt: float) -> Reference:
         """Wanted motion from the measured and the commanded pose (4, 4) of the sensor."""
-        ...
 
     def result(self) -> LawResult:
         """What has been learnt."""
-        ...

@@ -51,16 +51,7 @@ class IllegalTransition(TactileError):
 
 
 class StateMachine:
-    """
-    State of a servo, why it is so, and since when.
-
-    Attributes
-    ----------
-    state : State
-    reason : Reason
-    since : float
-        Steady time of the last event [s].
-    """
+    """State of a servo, why it is so, and since when (steady time of the last event [s])."""
 
     def __init__(self) -> None:
         self.state, self.reason = State.IDLE, Reason(ReasonCode.WAITING)
@@ -72,14 +63,7 @@ class StateMachine:
         return self.state not in (State.IDLE, State.DONE)
 
     def fire(self, event: Event, reason: Reason, now: float | None = None) -> None:
-        """
-        Change the state by the table.
-
-        Raises
-        ------
-        IllegalTransition
-            The state knows no such event.
-        """
+        """Change the state by the table; IllegalTransition if it knows no such event."""
         following = TRANSITIONS[self.state].get(event)
         if following is None:
             raise IllegalTransition(f'{event.name} while {self.state.name}')

@@ -13,6 +13,7 @@ import numpy as np
 from tactile_sensing.types.contact import Contact
 from tactile_sensing.types.image import SensorInfo, TactileImage
 from tactile_servo.config import ServoConfig, WINDOW_PERIODS
+from tactile_servo.control.scaling import clipped
 from tactile_servo.goal_run import GoalRun
 from tactile_servo.inputs import Inputs
 from tactile_servo.law import LawResult, Observation, Refusal, ServoLaw
@@ -35,15 +36,6 @@ class Supervisor:
     Feed it with `see_sensor`, `see_joints`, `see_contact` and, if its law `sees_images`,
     `see_image`; start it with `start`, call `cycle` at the control rate and send what it
     returns.
-
-    Attributes
-    ----------
-    law : ServoLaw
-    config : ServoConfig
-    inputs : Inputs
-    motion : Motion
-    run : GoalRun or None
-        Of the goal that is worked on, or of the last one.
     """
 
     def __init__(self, robot: RobotModel, limits: JointLimits, law: ServoLaw,
@@ -52,11 +44,9 @@ class Supervisor:
         self.inputs = Inputs(robot, limits, self.config.input)
         self.motion = Motion(robot, limits, self.config.motion,
                              WINDOW_PERIODS / self.config.rate, workspace)
-        self.run: GoalRun | None = None
+        self.run: GoalRun | None = None  # of the goal that is worked on, or of the last one
         self._machine = StateMachine()
-        self._last_ns: int | None = None
-
-    # Input -------------------------------------------------------------------------------
+        self._period, self._last_ns = 1.0 / self.config.rate, None
 
     def see_sensor(self, sensor: SensorInfo) -> None:
         """Take what is known of the sensor; a goal begins with it."""
@@ -66,10 +56,7 @@ class Supervisor:
         """
         Take a measured joint state (n,) [rad], its stamp [ns] and steady arrival time [s].
 
-        Raises
-        ------
-        ValueError
-            It cannot be believed, see `JointHistory.add`.
+        ValueError if it cannot be believed, see `JointHistory.add`.
         """
         self.inputs.see_joints(positions, stamp_ns, arrival)
 
@@ -89,8 +76,6 @@ class Supervisor:
         self.law.observe(observation)
         if self.run is not None and self.law.sees_images == (observation.image is not None):
             self.run.observed = observation.arrival
-
-    # Goal --------------------------------------------------------------------------------
 
     @property
     def state(self) -> State:
@@ -142,14 +127,7 @@ class Supervisor:
             self._machine.reason = refusal
 
     def start(self, goal: Any, now: float) -> None:
-        """
-        Begin a goal at steady time `now` [s].
-
-        Raises
-        ------
-        GoalRefused
-            The goal cannot be accepted.
-        """
+        """Begin a goal at steady time `now` [s]; GoalRefused if it cannot be accepted."""
         refusal, inputs = self.check(goal), self.inputs
         if refusal is not None or inputs.sensor is None or inputs.joints is None:
             raise GoalRefused(refusal or Refusal(ReasonCode.BUSY))
@@ -184,29 +162,16 @@ class Supervisor:
         """Go from done to idle, once the result has been taken."""
         self._machine.fire(Event.FINISH, Reason(ReasonCode.WAITING, f'last: {self.reason.text}'))
 
-    # Cycle -------------------------------------------------------------------------------
-
     def cycle(self, now: float, now_ns: int) -> tuple[Status, Trajectory | None]:
         """
-        Decide one control cycle.
+        Decide one control cycle at a steady time [s] and one of the clock of the stamps [ns].
 
-        Parameters
-        ----------
-        now : float
-            Steady time [s].
-        now_ns : int
-            Time of the clock that stamps images and joint states [ns].
-
-        Returns
-        -------
-        status : Status
-        trajectory : Trajectory or None
-            To send to the joint trajectory controller; None while no goal is active.
+        The trajectory is for the joint trajectory controller; None while no goal is active.
         """
         dt = self._elapsed(now_ns)
         self.inputs.refresh(now, now_ns)
         if self.run is None or not self.active or dt <= 0.0:
-            return Status(self.state, self.reason, **self.inputs.known()), None
+            return self._status(self.run), None
         self.run.count()
         self.run.decide(now)
         step = self.motion.command(self.run.twist(dt), dt)
@@ -214,20 +179,26 @@ class Supervisor:
 
     def _elapsed(self, now_ns):
         """Time since the last cycle by the clock of the stamps, by which the robot moves [s]."""
-        period = 1.0 / self.config.rate
-        dt = period if self._last_ns is None else (now_ns - self._last_ns) * 1e-9
+        dt = self._period if self._last_ns is None else (now_ns - self._last_ns) * 1e-9
         self._last_ns = now_ns
-        return min(max(dt, 0.0), 2.0 * period)
+        return clipped(dt, 0.0, 2.0 * self._period)
 
-    def _status(self, run: GoalRun, step: MotionStep) -> Status:
-        error, speed = UNKNOWN, 0.0
-        if self.state in (*TRACKING, State.HOLD):
-            error = self.law.error or UNKNOWN
-        if self.state in TRACKING and run.reference is not None:
-            speed = run.reference.speed
-        return Status(
-            self.state, self.reason, **self.inputs.known(), lateral_error=error.lateral,
-            longitudinal_error=error.longitudinal, angle_error=error.angle, speed=speed,
-            force_target=run.goal.force, progress=run.statistics.length, twist=step.twist,
-            limit_scale=step.scale, limited_by=step.limited_by,
-            manipulability=step.manipulability)
+    def _status(self, run: GoalRun | None, step: MotionStep | None = None) -> Status:
+        inputs, machine = self.inputs, self._machine
+        status = Status(machine.state, machine.reason, contact_fresh=inputs.contact_fresh,
+                        joints_fresh=inputs.joints_fresh)
+        if inputs.contact is not None:
+            status.contact_stamp_ns, status.normal_force = inputs.contact.stamp_ns, inputs.load
+        if run is None or step is None:
+            return status
+        if status.state in TRACKING or status.state == State.HOLD:
+            error = self.law.error
+            if error is not None:
+                status.lateral_error, status.longitudinal_error = error.lateral, error.longitudinal
+                status.angle_error = error.angle
+        if status.state in TRACKING and run.reference is not None:
+            status.speed = run.reference.speed
+        status.force_target, status.progress = run.goal.force, run.statistics.length
+        status.twist, status.limit_scale = step.twist, step.scale
+        status.limited_by, status.manipulability = step.limited_by, step.manipulability
+        return status

@@ -1,5 +1,7 @@
 """What a goal has achieved so far: length, errors, contour."""
 
+from collections.abc import Sequence
+
 import numpy as np
 from scipy.spatial import cKDTree
 
@@ -10,44 +12,29 @@ CONTOUR_SPACING = 0.001  # m between poses of the contour
 
 
 class TrackStatistics:
-    """
-    Running statistics of one goal, from measured poses and contacts.
-
-    Parameters
-    ----------
-    force : float
-        Set-point of the normal force [N].
-
-    Attributes
-    ----------
-    length : float
-        Way of the sensor since first contact [m].
-    force_max : float
-        Largest measured force [N].
-    contour : list of (int, ndarray)
-        Stamp [ns] of the image and pose (4, 4) of the sensor in the base frame, moved onto
-        the edge.
-    """
+    """Running statistics of one goal, from measured poses and contacts."""
 
     def __init__(self, force: float):
-        self.force = force
-        self.length = 0.0
-        self.force_max = 0.0
-        self.lateral_max = 0.0
+        self.force = force  # set-point of the normal force [N]
+        self.length = 0.0  # way of the sensor since first contact [m]
+        self.force_max = self.lateral_max = 0.0  # largest measured values [N], [m]
+        # Stamps of images [ns] and poses (4, 4) of the sensor in the base, moved onto the edge.
         self.contour: list[tuple[int, np.ndarray]] = []
-        self._last_position: np.ndarray | None = None
+        self._last_position: list[float] | None = None
         self._last_stamp: int | None = None
         self._contour_length = -np.inf
         self._count = 0
         self._lateral_square = self._force_square = 0.0
 
-    def move(self, pose: np.ndarray, heading: np.ndarray) -> None:
+    def move(self, pose: np.ndarray, heading: Sequence[float]) -> None:
         """Take the measured pose of the sensor (4, 4) and the way it goes along the edge (3,)."""
-        position = pose[:3, 3]
+        position = pose[:3, 3].tolist()
         if self._last_position is not None:
             # Along the edge only: the way across it is correction.
-            self.length += float((position - self._last_position) @ heading)
-        self._last_position = position.copy()
+            (x, y, z), (last_x, last_y, last_z), (ux, uy, uz) = (
+                position, self._last_position, heading)
+            self.length += (x - last_x) * ux + (y - last_y) * uy + (z - last_z) * uz
+        self._last_position = position
 
     def stand(self) -> None:
         """The way from here to where tracking goes on does not count."""
@@ -85,16 +72,7 @@ def along_contour(nodes: np.ndarray, poses: list) -> list[tuple[int, np.ndarray]
     """
     Poses on a rebuilt contour: its places, the orientation and stamp of the nearest pose.
 
-    Parameters
-    ----------
-    nodes : ndarray, shape (N, 3)
-        Base frame [m].
-    poses : list of (int, ndarray)
-        Stamps [ns] and poses (4, 4) of the sensor on its way.
-
-    Returns
-    -------
-    list of (int, ndarray)
+    Of nodes (N, 3) in the base frame [m], and stamps [ns] and poses (4, 4) on the way of a sensor.
     """
     if not poses:
         return []

@@ -30,33 +30,23 @@ TRACKING = (State.TRACK, State.CORNER, State.SEARCH)
 
 @dataclass(frozen=True)
 class EdgeGoal:
-    """
-    What to track, as in TrackEdge.action.
+    """What to track, as in TrackEdge.action."""
 
-    speed [m/s]; force [N]; direction +1 or -1 along the sensor's y; length [m], 0 = until the
-    edge ends; retreat at the end; closed: end when the contour closes on its start.
-    """
-
-    speed: float
-    force: float
-    direction: int = 1
-    length: float = 0.0
-    retreat: bool = True
-    closed: bool = False
+    speed: float  # m/s
+    force: float  # N
+    direction: int = 1  # or -1, along the sensor's y
+    length: float = 0.0  # m; 0 = until the edge ends
+    retreat: bool = True  # at the end
+    closed: bool = False  # end when the contour closes on its start
 
 
 class TaskError(NamedTuple):
-    """
-    Where what is tracked lies in the sensor frame, as last observed; NaN = unknown.
+    """Where what is tracked lies in the sensor frame, as last observed; NaN = unknown."""
 
-    lateral, longitudinal: along the sensor's x and y [m]; angle: yaw [rad]; force: on the pad
-    [N].
-    """
-
-    lateral: float = NAN
-    longitudinal: float = NAN
-    angle: float = NAN
-    force: float = NAN
+    lateral: float = NAN  # along the sensor's x [m]
+    longitudinal: float = NAN  # along its y [m]
+    angle: float = NAN  # yaw [rad]
+    force: float = NAN  # on the pad [N]
 
 
 @dataclass(eq=False)  # not frozen: one is made every cycle

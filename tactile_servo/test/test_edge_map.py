@@ -88,7 +88,9 @@ def test_a_straight_edge_is_mapped_in_the_base_frame():
     np.testing.assert_allclose(contour[:, 0], 0.0, atol=0.02e-3)
     # As high as the load tells: the indentation of the skin, away from the sensor's z.
     np.testing.assert_allclose(contour[:, 2], -LOAD / STIFFNESS, atol=0.05e-3)
-    heading = edge_map.heading(pose_at((5e-4, 19e-3), base))
+    (x, y), at = edge_map.place_of(pose_at((5e-4, 19e-3), base), edge_map.station, 5e-3)
+    assert (x, y) == pytest.approx((0.0, 19e-3), abs=1e-9)
+    heading = edge_map.way_in_base(at.along_x, at.along_y)
     np.testing.assert_allclose(heading, base[:3, 1], atol=0.02)
     at = edge_map.place((0.0, 19e-3), edge_map.station, 5e-3)  # of the plane, the first pad's
     assert at.left == pytest.approx(-5e-4, abs=0.02e-3)

@@ -119,12 +119,12 @@ def test_projection_and_place_are_inverse():
 @pytest.mark.parametrize('angle', [0.0, 0.7, 2.0])
 def test_length_on_the_pad(angle):
     nodes = straight_nodes()
-    cos, sin = np.cos(angle), np.sin(angle)
-    half = 0.004
-    chord = 2 * half / max(abs(cos), abs(sin))
-    assert length_on_pad(nodes, 0.01, 0.0, cos, sin, half, half) == pytest.approx(chord)
+    pose, half = np.eye(4), 0.004
+    pose[:3, :3] = Rotation.from_rotvec([0.0, 0.0, angle]).as_matrix()
+    chord = 2 * half / max(abs(np.cos(angle)), abs(np.sin(angle)))
+    assert length_on_pad(nodes, pose, 0.01, 0.0, half, half) == pytest.approx(chord)
     nodes['material'][20:30] = 0.0  # a gap of ten steps, of which the pad covers what it reaches
-    covered = length_on_pad(nodes, 0.012, 0.0, 1.0, 0.0, half, half)
+    covered = length_on_pad(nodes, np.eye(4), 0.012, 0.0, half, half)
     assert covered == pytest.approx(2 * half - 10 * STEP)
 
 

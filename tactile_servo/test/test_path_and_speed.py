@@ -6,6 +6,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from tactile_sensing.types.array import TactelArray
 from tactile_servo.control.path_controller import PathConfig, PathController
 from tactile_servo.control.scaling import ramp, slewed
 from tactile_servo.control.speed_planner import (
@@ -19,7 +20,7 @@ from tactile_servo.edge_map.picture import PadScale
 from tactile_servo.edge_map.traced_path import PathEnd
 
 DT, ACCELERATION = 0.0025, 2.0
-SCALE = PadScale(0.002, 0.0254 / 16, 0.0254 / 16, 0.0127, 0.0127)
+SCALE = PadScale.of(TactelArray(16, 16, 0.0254 / 16, 0.0254 / 16), 0.002)
 S, P = SpeedConfig(), PathConfig()
 
 

@@ -19,8 +19,7 @@ class ForceConfig:
 
     gain: float = bounded(
         60.0, 'rate at which an error of the force is made up', '1/s', 1.0, 200.0)
-    integral_gain: float = bounded(
-        60.0, 'integral gain of the force', '1/s^2', 0.0, 1e4)
+    integral_gain: float = bounded(60.0, 'integral gain of the force', '1/s^2', 0.0, 1e4)
     stiffness: float = bounded(
         5000.0, 'total stiffness of skin, finger and robot along the normal', 'N/m', 10.0, 1e7)
     skin_stiffness: float = bounded(
@@ -29,21 +28,15 @@ class ForceConfig:
     press_acceleration: float = bounded(
         0.2, 'deceleration along the normal that the robot is trusted with as it presses',
         'm/s^2', 1e-3, 100.0)
-    max_speed: float = bounded(
-        0.05, 'largest speed along the normal', 'm/s', 1e-4, 1.0)
+    max_speed: float = bounded(0.05, 'largest speed along the normal', 'm/s', 1e-4, 1.0)
 
 
 class Load(NamedTuple):
-    """
-    What an image says of the load along an edge.
+    """What an image says of the load along an edge."""
 
-    force [N]; length: of the edge on the pad [m]; coming: length that is about to come under
-    the pad all at once [m].
-    """
-
-    force: float = 0.0
-    length: float = 0.0
-    coming: float = 0.0
+    force: float = 0.0  # N
+    length: float = 0.0  # of the edge on the pad [m]
+    coming: float = 0.0  # length that is about to come under the pad all at once [m]
 
 
 class ForceController:
@@ -52,10 +45,6 @@ class ForceController:
 
     The line force of the image and the way of the pad since give the line force now; with the
     length that is under the pad in a moment, it gives the indentation that is missing.
-
-    Parameters
-    ----------
-    config : ForceConfig
     """
 
     def __init__(self, config: ForceConfig):
@@ -72,18 +61,13 @@ class ForceController:
 
         Parameters
         ----------
-        force : float
-            Wanted [N].
-        load : Load
-            Of the newest image.
-        half : float
-            Half the pad's smaller size [m].
-        length : float
-            Of the edge that is under the pad in a moment [m].
+        force, load : float, Load
+            Wanted [N], and that of the newest image.
+        half, length : float
+            Half the pad's smaller size, and length of the edge under the pad in a moment [m].
         pressed : float
             How much deeper in the edge the pad stands than as the image was taken [m].
-        dt : float
-            [s]
+        dt : float, s
         may_press : bool
             Otherwise the pad only gives way.
         """

@@ -23,15 +23,7 @@ class PathConfig:
 
 
 class PathController:
-    """
-    Velocity in the plane, of bounded acceleration.
-
-    Parameters
-    ----------
-    config : PathConfig
-    acceleration : float
-        Largest of the pad in the plane [m/s^2].
-    """
+    """Velocity in the plane, of bounded acceleration: the pad's largest there [m/s^2]."""
 
     def __init__(self, config: PathConfig, acceleration: float):
         self._config, self._acceleration = config, acceleration
@@ -48,14 +40,10 @@ class PathController:
 
         Parameters
         ----------
-        way : tuple of float
-            Unit vector x, y of the path.
-        speed : float
-            Along it [m/s].
-        aside : tuple of float
-            Way x, y from the pad to the path [m].
-        dt : float
-            [s]
+        way, aside : tuple of float
+            Unit vector x, y of the path, and way x, y from the pad to it [m].
+        speed, dt : float
+            Along the path [m/s]; [s].
         """
         c, (ux, uy), (x, y) = self._config, way, aside
         distance = math.hypot(x, y)

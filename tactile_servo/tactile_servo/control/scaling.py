@@ -3,7 +3,7 @@
 
 def clipped(value: float, low: float, high: float) -> float:
     """Value within bounds; NaN stays."""
-    return min(max(value, low), high)
+    return low if value < low else high if value > high else value
 
 
 def ramp(value: float, zero_at: float, one_at: float) -> float:

@@ -27,8 +27,7 @@ class SpeedConfig:
     entry: float = bounded(
         0.03, 'speed at which a second leg may come under the pad: its load comes at once, and '
         'the force controller must follow', 'm/s', 1e-3, 1.0)
-    search: float = bounded(
-        0.02, 'largest speed while the edge is searched', 'm/s', 1e-3, 0.5)
+    search: float = bounded(0.02, 'largest speed while the edge is searched', 'm/s', 1e-3, 0.5)
     unseen: float = bounded(
         1.0, 'way that the pad may go until the robot answers to an image, in lengths that an '
         'image resolves (depth of the tactels, or 1.25 pitches): the pad is slower where images '
@@ -51,14 +50,7 @@ def stray_scale(distance: float, grain: float) -> float:
 
 
 class SpeedPlanner:
-    """
-    Speed along an edge: as asked for, unless something slows it down.
-
-    Parameters
-    ----------
-    config : SpeedConfig
-    path : PathConfig
-    """
+    """Speed along an edge: as asked for, unless something slows it down."""
 
     def __init__(self, config: SpeedConfig, path: PathConfig):
         self._config, self._path = config, path
@@ -75,15 +67,10 @@ class SpeedPlanner:
 
         Parameters
         ----------
-        speed : float
-            Asked for [m/s].
-        pressed : float
-            Share of the wanted force.
-        distance : float
-            From the path [m].
-        coming : float
-            Length of a second leg that is about to come under the pad [m].
-        scale : PadScale
+        speed, pressed : float
+            Asked for [m/s]; share of the wanted force.
+        distance, coming : float
+            From the path, and length of a second leg that is about to come under the pad [m].
         age : float
             Of the images, on average [s].
         coasting : bool

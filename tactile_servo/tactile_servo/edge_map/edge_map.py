@@ -11,7 +11,7 @@ from tactile_servo.edge_map import path_queries
 from tactile_servo.edge_map.corner import Corner
 from tactile_servo.edge_map.path import nodes_from
 from tactile_servo.edge_map.picture import PadScale, Picture, Problem, read_picture
-from tactile_servo.edge_map.records import CLOUD_POINT, joined, nodes_of
+from tactile_servo.edge_map.records import CLOUD_POINT, joined, nodes_of, retyped
 from tactile_servo.edge_map.traced_path import BEHIND, PathEnd, TracedPath
 from tactile_servo.edge_map.tracing import into_plane, local_line, share_near, STEP
 
@@ -52,6 +52,7 @@ class EdgeMap:
         # The newest one; that of an edge that was lost stays until another begins.
         self.path: TracedPath = None  # type: ignore[assignment]
         self.station = 0.0  # of the pad on the path at the newest picture that shows it [m]
+        self._axes: list[list[float]] = []  # of the plane, x and y, in the base frame
         self._cloud = np.empty(0, CLOUD_POINT)  # of the last pictures,
         self._counts: list[int] = []  # so many points of each
         self._followed = False
@@ -64,7 +65,9 @@ class EdgeMap:
         picture = read_picture(image, plane @ pose)
         if isinstance(picture, Problem):
             return picture
-        self.plane, self.picture, self.scale = plane, picture, picture.scale
+        if self.plane is None:
+            self.plane, self._axes = plane, plane[:2, :3].tolist()
+        self.picture, self.scale = picture, picture.scale
         return None
 
     def follow(self, direction: int, anew: bool = False) -> Sight:
@@ -128,8 +131,8 @@ class EdgeMap:
 
     def _take_near(self):
         path, behind = self.path, BEHIND * self.scale.half
-        self._near = joined([nodes_from(path.nodes, self.station - behind, behind,
-                                        path.open_start, path.end is PathEnd.VIEW)])
+        self._near = retyped(nodes_from(path.nodes, self.station - behind, behind,
+                                        path.open_start, path.end is PathEnd.VIEW))
 
     def _project(self, place):
         return self.place(place.tolist(), self.station, WINDOW * self.scale.grain)
@@ -138,12 +141,10 @@ class EdgeMap:
         """Pose (4, 4) of the base frame in the plane's."""
         return self.plane @ pose
 
-    def heading(self, pose: np.ndarray) -> np.ndarray | None:
-        """Direction of the path in the base frame (3,) where a sensor is; None without a path."""
-        if self.path is None:
-            return None
-        at = self._project(self.plane[:2] @ pose[:, 3])
-        return np.array([at.along_x, at.along_y]) @ self.plane[:2, :3]
+    def way_in_base(self, x: float, y: float) -> tuple[float, float, float]:
+        """Direction x, y of the plane in the base frame."""
+        (ax, ay, az), (bx, by, bz) = self._axes
+        return x * ax + y * bx, x * ay + y * by, x * az + y * bz
 
     def contour(self) -> np.ndarray | None:
         """Edge as far as the pad has come, in the base frame (N, 3) [m]; None without a path."""
@@ -172,6 +173,13 @@ class EdgeMap:
         return Projection(
             *path_queries.project(self.path.nodes, x, y, station - window, station + window))
 
+    def place_of(self, pose: np.ndarray, station: float,
+                 window: float) -> tuple[tuple[float, float], Projection]:
+        """Place x, y of a pose (4, 4) of the base frame in the plane, and `place` of that."""
+        origin, values = path_queries.project_origin(
+            self.path.nodes, self.plane, pose, station - window, station + window)
+        return origin, Projection(*values)
+
     def along(self, station: float) -> tuple[float, float, float]:
         """Place (x, y, z) of the path at a station [m]."""
         return path_queries.place_at(self.path.nodes, station)
@@ -191,8 +199,10 @@ class EdgeMap:
 
     def corner_at(self, station: float) -> Corner | None:
         """Corner that stands for the edge at a station [m]."""
-        return next((corner for corner in self.path.corners
-                     if corner.entry <= station <= corner.leave), None)
+        for corner in self.path.corners:
+            if corner.entry <= station <= corner.leave:
+                return corner
+        return None
 
     def slope(self, station: float, reach: float) -> float:
         """Rise of the edge along itself around a station; see `rise`."""
@@ -202,7 +212,5 @@ class EdgeMap:
     def length_on_pad(self, placed: np.ndarray, ahead=(0.0, 0.0)) -> float:
         """Length of the edge on the pad at a pose (4, 4) in the plane, moved by `ahead` [m]."""
         dx, dy = ahead
-        x, y = placed[:2, 3].tolist()
-        yaw = math.atan2(placed[1, 0], placed[0, 0])
-        return path_queries.length_on_pad(self._near, x + dx, y + dy, math.cos(yaw), math.sin(yaw),
-                             self.scale.half_x, self.scale.half_y)
+        return path_queries.length_on_pad(
+            self._near, placed, dx, dy, self.scale.half_x, self.scale.half_y)

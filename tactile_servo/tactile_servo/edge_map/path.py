@@ -70,6 +70,29 @@ def sharpest_turn(leg, least):
 
 
 @njit(cache=True)
+def measure(nodes, first):
+    """Set the stations of nodes (N,), that of the first one given [m]."""
+    station = first
+    for k in range(len(nodes)):
+        if k:
+            x, y = nodes[k].x - nodes[k - 1].x, nodes[k].y - nodes[k - 1].y
+            station += math.sqrt(x * x + y * y)
+        nodes[k].station = station
+
+
+@njit(cache=True)
+def entry_node(leg, x, y, way, ahead, behind, aside):
+    """Index of the first node of a leg in the zone of a place with a direction [rad], or -1."""
+    cos, sin = math.cos(way), math.sin(way)
+    for k in range(len(leg)):
+        dx, dy = leg[k].x - x, leg[k].y - y
+        along = cos * dx + sin * dy
+        if -ahead < along < behind and abs(cos * dy - sin * dx) < aside:
+            return k
+    return -1
+
+
+@njit(cache=True)
 def closing_node(nodes, station, begin, reach):
     """
     Index of the node beyond a station at which the path meets its start, or -1.

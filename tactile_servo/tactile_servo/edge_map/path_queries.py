@@ -24,6 +24,26 @@ def project(nodes, x, y, first, last):
 
 
 @njit(cache=True)
+def project_origin(nodes, plane, pose, first, last):
+    """Origin (x, y) of a pose (4, 4) of the base frame in a plane, and values as of `project`."""
+    x = y = 0.0
+    for k in range(4):
+        x += plane[0, k] * pose[k, 3]
+        y += plane[1, k] * pose[k, 3]
+    return (x, y), project(nodes, x, y, first, last)
+
+
+@njit(cache=True)
+def to_sensor(pose, *twist):
+    """Twist (6,) in the frame of a pose, from its six components in the frame around it."""
+    turned = np.empty(6)
+    for k in range(3):
+        turned[k] = pose[0, k] * twist[0] + pose[1, k] * twist[1] + pose[2, k] * twist[2]
+        turned[3 + k] = pose[0, k] * twist[3] + pose[1, k] * twist[4] + pose[2, k] * twist[5]
+    return turned
+
+
+@njit(cache=True)
 def place_at(nodes, station):
     """Place (x, y, z) of a path at a station [m], its ends beyond them."""
     last = min(max(np.searchsorted(nodes.station, station), 1), len(nodes) - 1)
@@ -118,13 +138,15 @@ def speed_profile(nodes, here, top, acceleration, end_speed, cut, settle):
 
 
 @njit(cache=True)
-def length_on_pad(nodes, x, y, cos, sin, half_x, half_y):
+def length_on_pad(nodes, pose, dx, dy, half_x, half_y):
     """
     Length of a path, nodes (M,), on the pad [m], chords without material left out.
 
-    The pad: its centre x, y, its yaw's cosine and sine in the plane, half of its sides [m].
+    The pad: its pose (4, 4) in the plane, moved by dx, dy, and half of its sides [m].
     """
-    total = 0.0
+    x, y = pose[0, 3] + dx, pose[1, 3] + dy
+    yaw = math.atan2(pose[1, 0], pose[0, 0])
+    cos, sin, total = math.cos(yaw), math.sin(yaw), 0.0
     for k in range(len(nodes) - 1):
         if nodes[k + 1].material == 0.0:
             continue

@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 from enum import Enum
-from functools import cached_property
+from functools import cached_property, lru_cache
 import math
 from typing import NamedTuple
 
@@ -23,7 +23,7 @@ UNKNOWN_NOISE = 1e-2  # of the highest pressure, where the sensor does not know 
 
 class PadScale(NamedTuple):
     """
-    Lengths of a pad [m]: depth of its tactels, its pitches and half of its size.
+    Lengths of a pad [m]: depth of its tactels, its pitches, half of its size and longer side.
 
     A *grain* is the length that a picture resolves: the skin blurs an edge to a width of its
     depth, and tactels that are coarser than that sample it no finer than their pitch.
@@ -34,21 +34,16 @@ class PadScale(NamedTuple):
     pitch_y: float
     half_x: float
     half_y: float
+    half: float
+    grain: float
 
     @classmethod
+    @lru_cache  # asked for with every picture
     def of(cls, array: TactelArray, depth: float) -> 'PadScale':
         """Scale of an array whose tactels lie at a depth [m]."""
-        return cls(depth, array.pitch_x, array.pitch_y, array.half_width_x, array.half_width_y)
-
-    @property
-    def grain(self) -> float:
-        """Length that a picture resolves [m]."""
-        return max(self.depth, COARSE * max(self.pitch_x, self.pitch_y))
-
-    @property
-    def half(self) -> float:
-        """Half of the pad's longer side [m]."""
-        return max(self.half_x, self.half_y)
+        half_x, half_y = array.half_width_x, array.half_width_y
+        return cls(depth, array.pitch_x, array.pitch_y, half_x, half_y, max(half_x, half_y),
+                   max(depth, COARSE * max(array.pitch_x, array.pitch_y)))
 
 
 class Problem(Enum):
@@ -61,7 +56,7 @@ class Problem(Enum):
     ELSEWHERE = 'the picture shows no ridge along the path'
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(eq=False)  # not frozen: one is made of every image
 class Picture:
     """A pressure picture and the pose at which it was taken."""
 
@@ -72,25 +67,14 @@ class Picture:
     pose: np.ndarray  # (4, 4) of the sensor in the plane's frame
     stamp_ns: int = 0
 
-    @cached_property
-    def scale(self) -> PadScale:
-        """Lengths of the pad."""
-        return PadScale.of(self.array, self.depth)
-
-    @cached_property
-    def force(self) -> float:
-        """Force of the pressure on the pad [N]."""
-        return float(self.pressure.sum()) * self.array.pitch_x * self.array.pitch_y
-
-    @cached_property
-    def ridge(self) -> np.ndarray:
-        """Points of the ridge: RIDGE_POINT (N,)."""
-        return ridge_points(self.pressure, self.array, self.noise, self.depth)
-
-    @cached_property
-    def coming(self) -> float:
-        """Length of a leg of the edge that is about to come under the pad [m]."""
-        return coming_length(self.pressure, self.array, self.ridge, self.noise, self.depth)
+    def __post_init__(self):
+        array, pressure, noise, depth = self.array, self.pressure, self.noise, self.depth
+        self.scale = PadScale.of(array, depth)
+        self.force = float(pressure.sum()) * array.pitch_x * array.pitch_y
+        self.place, self.height = self.pose[:2, 3], self.pose.item(2, 3)
+        self.yaw = math.atan2(self.pose[1, 0], self.pose[0, 0])
+        self.ridge = ridge_points(pressure, array, noise, depth)
+        self.coming = coming_length(pressure, array, self.ridge, noise, depth)
 
     @cached_property
     def pull(self) -> np.ndarray | None:
@@ -99,21 +83,6 @@ class Picture:
                                                  LOADED)
         size = np.hypot(*way)
         return way / size if size > 0.0 else None
-
-    @property
-    def place(self) -> np.ndarray:
-        """Centre of the pad in the plane (2,) [m]."""
-        return self.pose[:2, 3]
-
-    @property
-    def height(self) -> float:
-        """Of the pad's surface along the plane's normal [m]."""
-        return float(self.pose[2, 3])
-
-    @cached_property
-    def yaw(self) -> float:
-        """Angle of the pad in the plane [rad]."""
-        return math.atan2(self.pose[1, 0], self.pose[0, 0])
 
     def covers(self, points: np.ndarray, margin: float = 0.0) -> bool:
         """Whether every point (M, 2) of the plane lies on the pad, off its border [m]."""
@@ -129,15 +98,29 @@ def read_picture(image: TactileImage, pose: np.ndarray) -> Picture | Problem:
         return Problem.NO_PRESSURE
     if not image.tared:
         return Problem.NOT_TARED
-    pressure = np.array(layer.stress, dtype=np.float64)
-    pressure[~(np.abs(pressure) < IMPOSSIBLE)] = np.nan
+    pressure = np.array(layer.stress, dtype=np.float64, order='C')
+    invalid, peak = _drop_impossible(pressure)
     noise = float(layer.noise_std)
     if not 0.0 < noise < IMPOSSIBLE:
-        noise = UNKNOWN_NOISE * float(np.nanmax(pressure, initial=1.0))
+        noise = UNKNOWN_NOISE * max(peak, 1.0)
     # What is mended of more than that would be made up.
-    if np.count_nonzero(np.isnan(pressure)) > MOST_INVALID * pressure.size:
+    if invalid > MOST_INVALID * pressure.size:
         return Problem.INVALID_TACTELS
     return Picture(mend(pressure, noise), image.array, layer.depth, noise, pose, image.stamp_ns)
+
+
+@njit(cache=True)
+def _drop_impossible(pressure):
+    """Make impossible values NaN; how many there were, and the highest of the others."""
+    invalid, peak = 0, 0.0
+    for r in range(pressure.shape[0]):
+        for c in range(pressure.shape[1]):
+            if abs(pressure[r, c]) < IMPOSSIBLE:
+                peak = max(peak, pressure[r, c])
+            else:
+                pressure[r, c] = np.nan
+                invalid += 1
+    return invalid, peak
 
 
 @njit(cache=True)

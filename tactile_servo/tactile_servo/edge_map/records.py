@@ -47,6 +47,11 @@ def joined(parts: Sequence[np.ndarray], kind: np.dtype = NODE) -> np.ndarray:
     return np.ndarray(len(rows), kind, rows)
 
 
+def retyped(records: np.ndarray, kind: np.dtype = NODE) -> np.ndarray:
+    """Records of a kernel, of this very type: see `joined`."""
+    return np.ndarray(len(records), kind, records)
+
+
 def nodes_of(place, z, way, material=1.0) -> np.ndarray:
     """Nodes at places (N, 2) with directions (N, 2); stations are still to be measured."""
     place = np.atleast_2d(place)

@@ -5,11 +5,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from tactile_common.polyline import arc_length
 from tactile_servo.edge_map import ends
 from tactile_servo.edge_map.corner import Corner, fit, shown
 from tactile_servo.edge_map.ends import TIP
-from tactile_servo.edge_map.path import closing_node, FAR_TURN, unblurred
+from tactile_servo.edge_map.path import closing_node, entry_node, FAR_TURN, measure, unblurred
 from tactile_servo.edge_map.picture import Picture
 from tactile_servo.edge_map.records import joined
 from tactile_servo.edge_map.tracing import STEP, trace
@@ -85,7 +84,7 @@ class TracedPath:
         return max(AHEAD * self.scale.half, PAST_CORNER * self.scale.depth)
 
     def _measure(self, first):
-        self.nodes['station'] = arc_length(self.nodes['place'], first)
+        measure(self.nodes, first)
 
     @staticmethod
     def _well_inside(picture, node):
@@ -167,21 +166,17 @@ class TracedPath:
         """First corner whose zone a leg enters, and how many nodes lie before, after its start."""
         best, cut, grain = None, len(leg) - 1, self.scale.grain
         for corner in corners:
-            relative = leg['place'] - corner.shape.vertex
-            way = np.array([np.cos(corner.shape.first), np.sin(corner.shape.first)])
-            ahead, aside = -(relative @ way), np.abs(relative @ ends.left_of(way))
-            inside = ((ahead < corner.reach) & (ahead > -ZONE_BEHIND * grain)
-                      & (aside < ZONE_ASIDE * grain))
-            if inside.any():
-                first = int(inside.argmax())
-                if best is None or first - 1 < cut:
-                    best, cut = corner, max(first - 1, 0)
+            shape = corner.shape
+            first = entry_node(leg, shape.x, shape.y, shape.first, corner.reach,
+                               ZONE_BEHIND * grain, ZONE_ASIDE * grain)
+            if first >= 0 and (best is None or first - 1 < cut):
+                best, cut = corner, max(first - 1, 0)
         return best, cut
 
     def _jump(self, cloud, picture, last):
         """Nodes over a gap, or None: the path ends with the view or with the ridge."""
-        ahead_of_pad = (last['place'][0] - picture.place) @ last['way'][0] > 0.0
-        if ahead_of_pad and not self._well_inside(picture, last):
+        if not self._well_inside(picture, last) and (
+                (last['place'][0] - picture.place) @ last['way'][0] > 0.0):  # ahead of the pad
             return None
         jump = ends.way_over_gap(cloud, last, self.scale)
         self.end = PathEnd.RIDGE if jump is None else PathEnd.VIEW

@@ -1,8 +1,7 @@
 """Where an edge is, from a contact estimate: the inverse model of the thesis (5.1), (5.6)."""
 
 from dataclasses import dataclass
-
-import numpy as np
+import math
 
 from tactile_common.config import bounded
 from tactile_sensing.moments.image_moments import line_from_moments, Moments
@@ -14,20 +13,15 @@ from tactile_servo.control.scaling import ramp
 
 @dataclass(frozen=True)
 class EdgeFeatures:
-    """
-    Pose of the edge in the sensor frame, X_a of (5.6).
+    """Pose of the edge in the sensor frame, X_a of (5.6)."""
 
-    lateral [m]: where the edge crosses y = 0; yaw [rad]; force [N] on the pad;
-    remaining [m]: how far the centre of pressure stands ahead of the pad's centre along +y,
-    negative once the edge ends ahead; tilt [rad]: rise of the edge towards +y, by which the
-    pad is not level with it.
-    """
-
-    lateral: float
-    yaw: float
-    force: float
+    lateral: float  # where the edge crosses y = 0 [m]
+    yaw: float  # rad
+    force: float  # on the pad [N]
+    # How far the centre of pressure stands ahead of the pad's centre along +y, negative once the
+    # edge ends ahead [m].
     remaining: float
-    tilt: float = 0.0
+    tilt: float = 0.0  # rise of the edge towards +y, by which the pad is not level with it [rad]
 
 
 @dataclass(frozen=True)
@@ -54,22 +48,15 @@ def edge_features(contact: Contact, array: TactelArray, config: EdgeFeatureConfi
     A valid line is taken as fitted. Anything else that is elongated enough to be an edge (a
     curve, a corner under the pad) is taken by its moments, as in (5.6).
 
-    Parameters
-    ----------
-    contact : Contact
-    array : TactelArray
-        Half its size along y is the thesis' L.
-    config : EdgeFeatureConfig
-    stiffness : float
-        K_z of (5.5), total [N/m].
+    Half the array's size along y is the thesis' L, the stiffness [N/m] K_z of (5.5), total.
     """
     moments, half = contact.moments, array.half_width_y
     remaining = moments.centre_of_pressure[1]
     tilt = edge_tilt(moments, half, config.uneven, stiffness)
     if contact.type == ContactType.LINE and contact.valid:
         features = EdgeFeatures(contact.a, contact.yaw, contact.normal_force, remaining, tilt)
-    elif (contact.type == ContactType.OTHER and ContactReason.LOW_SNR not in contact.reasons
-          and moments.m0 > 0.0):
+    elif (contact.type == ContactType.OTHER and moments.m0 > 0.0
+          and ContactReason.LOW_SNR not in contact.reasons):
         elongation = moments.elongation()
         if not elongation >= config.min_elongation:
             return None, f'contact is no edge, elongation {elongation:.1f}'
@@ -77,13 +64,13 @@ def edge_features(contact: Contact, array: TactelArray, config: EdgeFeatureConfi
         features = EdgeFeatures(line.a, line.yaw, moments.m0, remaining, tilt)
     else:
         return None, (contact.reasons.name or '').lower().replace('|', ', ')
-    if not np.isfinite([features.lateral, features.yaw, features.force, remaining]).all():
+    if not math.isfinite(features.lateral + features.yaw + features.force + remaining):
         return None, 'estimate is not finite'
     if abs(features.lateral) > array.half_width_x or features.force < 0.0:
         return None, (f'estimate of {1e3 * features.lateral:.3g} mm, '
                       f'{features.force:.3g} N is impossible')
     if abs(features.yaw) > config.max_yaw:
-        return None, f'it lies {np.degrees(features.yaw):.0f} degrees across the pad'
+        return None, f'it lies {math.degrees(features.yaw):.0f} degrees across the pad'
     return features, ''
 
 
@@ -95,19 +82,10 @@ def edge_tilt(moments: Moments, half_length: float, uneven: float, stiffness: fl
     My = K_z theta L^2 / 3 with K_z = 2 L k, and the second moment L^2 / 3 of an even one. Where
     an edge ends, or turns under the pad, My says nothing of its rise, and the second moment
     tells so: the angle counts in full where that is right, and not at all where it differs by
-    the fraction `uneven`.
-
-    Parameters
-    ----------
-    moments : Moments
-    half_length : float
-        Half the size of the array along y, the thesis' L [m].
-    uneven : float
-    stiffness : float
-        K_z [N/m].
+    the fraction `uneven`. `half_length` is the thesis' L [m], the stiffness K_z [N/m].
     """
     even = moments.m0 * half_length**2 / 3.0
-    if not (even > 0.0 and np.isfinite(moments.my) and np.isfinite(moments.myy)):
+    if not (even > 0.0 and math.isfinite(moments.my) and math.isfinite(moments.myy)):
         return 0.0
     trust = ramp(abs(moments.myy / even - 1.0), uneven, 0.0)
     return trust * 3.0 * moments.my / (stiffness * half_length**2)

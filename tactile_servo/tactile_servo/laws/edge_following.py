@@ -16,6 +16,7 @@ from tactile_servo.control.path_controller import PathController
 from tactile_servo.control.speed_planner import SpeedPlanner
 from tactile_servo.control.stability import AGE_SHARE
 from tactile_servo.edge_map.edge_map import EdgeMap
+from tactile_servo.edge_map.path_queries import to_sensor
 from tactile_servo.edge_map.picture import Problem
 from tactile_servo.edge_map.traced_path import PathEnd
 from tactile_servo.law import Assessment, LawResult, Observation, Reference, Refusal
@@ -50,11 +51,6 @@ class EdgeFollowing:
 
     The points of every image are put into a plane fixed in the base by the pose at the image's
     stamp, so that latency only ages what is seen ahead and is no part of the loop.
-
-    Parameters
-    ----------
-    servo : ServoConfig
-    config : EdgeFollowingConfig, optional
     """
 
     name: ClassVar[str] = 'trace'
@@ -80,8 +76,7 @@ class EdgeFollowing:
     def validate(self, goal: EdgeGoal) -> Refusal | None:
         """Why a goal is beyond this law, or None."""
         if goal.closed and goal.length > 0.0:
-            return Refusal(ReasonCode.INVALID_GOAL,
-                           'a closed contour has no length; let it be 0')
+            return Refusal(ReasonCode.INVALID_GOAL, 'a closed contour has no length; let it be 0')
         return refuse_edge_goal(goal)
 
     def begin(self, goal: EdgeGoal, sensor: SensorInfo) -> None:
@@ -96,12 +91,12 @@ class EdgeFollowing:
         for controller in (self._planner, self._path, self._force, self._attitude):
             controller.reset()
 
-    # Observation -------------------------------------------------------------------------
-
     def observe(self, observation: Observation) -> None:
         """Take an image; or a contact, whose fitted line tells the force better than a sum."""
-        if observation.image is not None and observation.pose is not None:
-            self._see_image(observation.image, observation)
+        if observation.image is not None:
+            pose = observation.pose()
+            if pose is not None:
+                self._see_image(observation.image, pose, observation)
         elif observation.contact is not None and self.edge.picture is not None and (
                 observation.stamp_ns == self.edge.picture.stamp_ns):
             self._refine_force(observation.contact)
@@ -112,9 +107,9 @@ class EdgeFollowing:
                 and abs(contact.normal_force - load.force) < FITTED * load.force):
             self._seen.load = Load(contact.normal_force, load.length, load.coming)
 
-    def _see_image(self, image: TactileImage, observation: Observation):
+    def _see_image(self, image: TactileImage, pose: np.ndarray, observation: Observation):
         seen, going, edge = self._seen, self._going, self.edge
-        problem = edge.see(image, observation.pose)
+        problem = edge.see(image, pose)
         if problem is not None:
             seen.problem = Reason(ReasonCode.BAD_IMAGE, problem.value)
             return
@@ -148,8 +143,6 @@ class EdgeFollowing:
         along = math.atan2(sign * at.along_x, sign * at.along_y)
         return TaskError(sign * at.left, angle=float(wrap_angle(yaw - along)), force=picture.force)
 
-    # Decision ----------------------------------------------------------------------------
-
     def lacks(self, now: float) -> Reason | None:
         """What keeps the law from tracking, or None."""
         if now - self._seen.shown < self.servo.input.lost_after:
@@ -171,8 +164,7 @@ class EdgeFollowing:
             return Assessment(State.DONE, Reason(ReasonCode.CONTOUR_CLOSED), True)
         lacking, touching = self.lacks(now), load >= self.servo.approach.contact_force
         # A lightly pressed pad touches a crest only, and an edge seems to end beside it.
-        going.pressed = going.pressed or (
-            self._seen.load.force >= PRESSED * self.goal.force)
+        going.pressed = going.pressed or (self._seen.load.force >= PRESSED * self.goal.force)
         if path.end is PathEnd.RIDGE and going.ahead >= path.tip - END_MARGIN * grain and (
                 going.pressed or lacking is not None):
             return self._at_end(progress, touching)
@@ -222,14 +214,13 @@ class EdgeFollowing:
         self._going.mode = mode
         return Assessment(State.SEARCH, Reason(mode))
 
-    # Motion ------------------------------------------------------------------------------
-
     def reference(self, pose: np.ndarray, commanded: np.ndarray, dt: float) -> Reference:
         """Wanted motion from the measured and the commanded pose (4, 4) of the sensor."""
         edge, going = self.edge, self._going
-        here, there = edge.to_plane(pose), edge.to_plane(commanded)
-        at = edge.place(here[:2, 3].tolist(), going.here, MEASURED_WINDOW * edge.scale.grain)
-        going.depth, going.begun = float(there[2, 3]), True
+        grain = edge.scale.grain
+        here, at = edge.place_of(pose, going.here, MEASURED_WINDOW * grain)
+        there = edge.to_plane(commanded)
+        going.depth, going.begun = there.item(2, 3), True
         normal, turn = 0.0, (0.0, 0.0, 0.0)
         if going.mode == ReasonCode.REACHING_DOWN:
             going.probed_from = going.depth if going.probed_from is None else going.probed_from
@@ -243,24 +234,22 @@ class EdgeFollowing:
             velocity = self._path.change(speed * x, speed * y, dt)
         else:
             before = self._path.velocity
-            velocity = self._along(at, here, there, dt)
+            velocity = self._along(at, here, commanded, dt)
             normal = self._normal(there, before, dt)
         if going.mode == ReasonCode.TRACKING:
-            reach = TURN_REACH * edge.scale.grain
+            reach = TURN_REACH * grain
             turn = self._attitude.rate(
-                there[:3, :3], edge.way(going.ahead - reach, going.ahead + reach),
+                there, edge.way(going.ahead - reach, going.ahead + reach),
                 self._seen.slope, self.goal.direction, dt)
-        twist = np.array([(*velocity, normal), turn]) @ there[:3, :3]
-        heading = np.array([at.along_x, at.along_y]) @ edge.plane[:2, :3]
-        return Reference(twist.reshape(6), self._planner.speed, heading)
+        return Reference(to_sensor(there, *velocity, normal, *turn), self._planner.speed,
+                         edge.way_in_base(at.along_x, at.along_y))
 
-    def _along(self, at: Projection, here, there, dt):
+    def _along(self, at: Projection, here, commanded, dt):
         """Velocity x, y along the path and back to it."""
         going, edge, grain = self._going, self.edge, self.edge.scale.grain
         going.here = at.station
-        going.ahead = edge.place(there[:2, 3].tolist(), going.ahead,
-                                 COMMANDED_WINDOW * grain).station
-        px, py = here[:2, 3].tolist()
+        going.ahead = edge.place_of(commanded, going.ahead, COMMANDED_WINDOW * grain)[1].station
+        px, py = here
         aside = at.x - px, at.y - py
         coasting = going.mode == ReasonCode.COASTING
         top = self._planner.top(

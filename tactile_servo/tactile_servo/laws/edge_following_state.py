@@ -9,54 +9,33 @@ from tactile_servo.reasons import Reason, ReasonCode
 
 @dataclass
 class Seen:
-    """
-    What images said last.
+    """What images said last."""
 
-    looked, shown: steady time of the last usable image, and of the last that shows the edge
-    [s]; age: mean [s]; problem: why the last one does not show it; load, height, station: as
-    it was taken; slope: of the edge along itself.
-    """
-
-    looked: float = -math.inf
-    shown: float = -math.inf
-    age: float = 0.0
-    problem: Reason | None = Reason(ReasonCode.NO_IMAGE)
+    looked: float = -math.inf  # steady time of the last usable image [s],
+    shown: float = -math.inf  # and of the last that shows the edge
+    age: float = 0.0  # mean [s]
+    problem: Reason | None = Reason(ReasonCode.NO_IMAGE)  # why the last does not show it
     load: Load = Load()
-    height: float = 0.0
-    station: float = 0.0
-    slope: float = 0.0
+    height: float = 0.0  # of the pad as it was taken [m],
+    station: float = 0.0  # and where on the path
+    slope: float = 0.0  # of the edge along itself
 
 
 @dataclass
 class Going:
-    """
-    Where the pad is, and what it is doing there.
+    """Where the pad is, and what it is doing there."""
 
-    mode : ReasonCode
-        TRACKING, COASTING, SEARCHING or REACHING_DOWN.
-    here, ahead : float
-        Stations of the measured and the commanded pad [m].
-    depth, probed_from : float
-        Commanded height along the plane's normal, and where a probe began [m].
-    coasted, searched : float
-        Ways so far [m].
-    reached, reached_at : float
-        Way at which there was progress last [m], and when [s].
-    begun, pressed : bool
-        The pad moves along the edge, and has pressed enough to see all of it.
-    """
-
-    here: float = 0.0
-    ahead: float = 0.0
-    begun: bool = False
-    coasted: float = 0.0
-    mode: ReasonCode = ReasonCode.TRACKING
-    searched: float = 0.0
-    depth: float = 0.0
-    probed_from: float | None = None
-    pressed: bool = False
-    reached: float = 0.0
-    reached_at: float | None = None
+    here: float = 0.0  # station of the measured pad [m],
+    ahead: float = 0.0  # and of the commanded one
+    begun: bool = False  # the pad moves along the edge
+    coasted: float = 0.0  # way so far [m]
+    mode: ReasonCode = ReasonCode.TRACKING  # or COASTING, SEARCHING, REACHING_DOWN
+    searched: float = 0.0  # way so far [m]
+    depth: float = 0.0  # commanded height along the plane's normal [m],
+    probed_from: float | None = None  # and where a probe began
+    pressed: bool = False  # it has pressed enough to see all of the edge
+    reached: float = 0.0  # way at which there was progress last [m],
+    reached_at: float | None = None  # and when [s]
 
     def anew(self) -> 'Going':
         """After a standstill: at the same place."""

@@ -13,8 +13,7 @@ def refuse_edge_goal(goal: EdgeGoal) -> Refusal | None:
         return Refusal(ReasonCode.INVALID_GOAL,
                        f'length {goal.length:g} is negative or not finite')
     if goal.direction not in (-1, 1):
-        return Refusal(ReasonCode.INVALID_GOAL,
-                       f'direction {goal.direction} is neither +1 nor -1')
+        return Refusal(ReasonCode.INVALID_GOAL, f'direction {goal.direction} is neither +1 nor -1')
     return None
 
 

@@ -10,20 +10,11 @@ from tactile_servo.laws.resolved_rate import ResolvedRate
 
 
 class Row(NamedTuple):
-    """
-    A servo law.
+    """A servo law."""
 
-    law : type
-        A ServoLaw, made of a ServoConfig and a `config_type`.
-    action : str
-        Name of the action that takes its goals, see `tactile_servo.conversions.ACTIONS`.
-    closes_contours : bool
-        Whether it can track a contour until that closes.
-    """
-
-    law: type[ServoLaw]
-    action: str
-    closes_contours: bool = False
+    law: type[ServoLaw]  # made of a ServoConfig and its `config_type`
+    action: str  # that takes its goals, see `tactile_servo.conversions.ACTIONS`
+    closes_contours: bool = False  # whether it tracks a contour until that closes
 
 
 _ROWS = (
@@ -35,26 +26,12 @@ DEFAULT: str = _ROWS[0].law.name
 
 
 def law_named(name: str) -> Row:
-    """
-    Row of a law.
-
-    Raises
-    ------
-    ConfigurationError
-        There is none of that name.
-    """
+    """Row of a law; ConfigurationError if there is none of that name."""
     if name not in LAWS:
         raise ConfigurationError(f'tracker: {name!r} is not one of {", ".join(LAWS)}')
     return LAWS[name]
 
 
 def make_law(name: str, servo: ServoConfig, settings: Any = None) -> ServoLaw:
-    """
-    Make a law, with its parameters or the defaults of these.
-
-    Raises
-    ------
-    ConfigurationError
-        There is none of that name.
-    """
+    """Make a law, with its parameters or the defaults of these, as `law_named`."""
     return law_named(name).law(servo, settings)

@@ -35,16 +35,14 @@ class PositionConfig:
         0.08, 'T_seg of (5.3) for position and angle across the edge: gain 1 / T_seg', 's',
         0.01, 10.0)
     max_speed: float = bounded(0.1, 'largest speed across the edge', 'm/s', 1e-4, 1.0)
-    max_rate: float = bounded(
-        2.0, 'largest rate of turn about the normal', 'rad/s', 1e-3, 20.0)
+    max_rate: float = bounded(2.0, 'largest rate of turn about the normal', 'rad/s', 1e-3, 20.0)
 
 
 @dataclass(frozen=True)
 class ForceConfig:
     """Motion along the normal."""
 
-    segment_time: float = bounded(
-        0.06, 'T_seg of (5.3) for the contact force', 's', 0.01, 10.0)
+    segment_time: float = bounded(0.06, 'T_seg of (5.3) for the contact force', 's', 0.01, 10.0)
     stiffness: float = bounded(
         5000.0, 'K_z of (5.5): total stiffness of skin, finger and robot along the normal',
         'N/m', 10.0, 1e7)
@@ -107,12 +105,8 @@ def edge_twist(features: EdgeFeatures, speed: float, force: float, config: Resol
 
     Parameters
     ----------
-    features : EdgeFeatures
-    speed : float
-        Along the sensor's y, signed [m/s].
-    force : float
-        Wanted normal force [N].
-    config : ResolvedRateConfig
+    speed, force : float
+        Along the sensor's y, signed [m/s]; wanted normal force [N].
     shortest : float
         Least T_seg that every one is raised to [s].
 
@@ -137,17 +131,8 @@ class ResolvedRate:
     """
     What the newest contact says is servoed to where it should be.
 
-    The age of the images is part of its loops, so it lengthens T_seg with their age.
-
-    Parameters
-    ----------
-    servo : ServoConfig
-    config : ResolvedRateConfig, optional
-
-    Attributes
-    ----------
-    shortest : float
-        Least T_seg for which the images do not come too late [s].
+    The age of the images is part of its loops, so it lengthens T_seg with their age: `shortest`
+    is the least for which they do not come too late [s].
     """
 
     name: ClassVar[str] = 'resolved_rate'
@@ -160,8 +145,10 @@ class ResolvedRate:
     def __init__(self, servo: ServoConfig, config: ResolvedRateConfig | None = None):
         self.servo, self.config = servo, config or ResolvedRateConfig()
         self.features, self._begun = UNKNOWN, False
+        self.error: TaskError | None = None
         self._age, self.shortest, self._looked = servo.input.max_stamp_age, math.inf, -math.inf
         self._shown, self._problem, self._speed = -math.inf, '', 0.0
+        self._twist, self._slowed = np.zeros(6), 0.0
 
     def validate(self, goal: EdgeGoal) -> Refusal | None:
         """Why a goal is beyond this law, or None."""
@@ -174,6 +161,7 @@ class ResolvedRate:
         """Forget the last goal and take a new one."""
         self.goal, self._array = goal, sensor.array
         self.features, self._problem, self._begun = UNKNOWN, '', True
+        self.error = None
         self._looked = self._shown = -math.inf
         self.resume()
 
@@ -199,18 +187,17 @@ class ResolvedRate:
             observation.contact, self._array, self.config.edge, self.config.force.stiffness)
         if features is not None:
             self.features, self._shown = features, arrival
+            self.error = TaskError(features.lateral, angle=features.yaw, force=features.force)
+        if self.features is not UNKNOWN:  # until the next one this stays, whatever the speed
+            self._twist = edge_twist(self.features, 0.0, self.goal.force, self.config,
+                                     self.shortest)
+            self._slowed = min(alignment_scale(self.features, self._array.half_width_x),
+                               contact_scale(self.features, self.goal.force))
 
     @property
     def touch_speed(self) -> float:
         """Speed at which the force loop would press a pad that feels nothing yet [m/s]."""
         return self.goal.force / (self.config.force.stiffness * self.shortest)
-
-    @property
-    def error(self) -> TaskError | None:
-        """Where the edge is, as last observed."""
-        seen = self.features
-        return None if seen is UNKNOWN else TaskError(
-            seen.lateral, angle=seen.yaw, force=seen.force)
 
     def lacks(self, now: float) -> Reason | None:
         """What keeps the law from tracking, or None."""
@@ -245,13 +232,12 @@ class ResolvedRate:
 
     def reference(self, pose: np.ndarray, commanded: np.ndarray, dt: float) -> Reference:
         """Wanted motion from the measured and the commanded pose (4, 4) of the sensor."""
-        goal, features = self.goal, self.features
-        speed = goal.speed * min(alignment_scale(features, self._array.half_width_x),
-                                 contact_scale(features, goal.force))
-        self._speed = slewed(self._speed, speed, self.config.speed.acceleration * dt)
-        twist = edge_twist(features, goal.direction * self._speed, goal.force, self.config,
-                           self.shortest)
-        return Reference(twist, self._speed, goal.direction * pose[:3, 1])
+        goal, twist = self.goal, self._twist.copy()
+        self._speed = slewed(self._speed, self._slowed * goal.speed,
+                             self.config.speed.acceleration * dt)
+        twist[1] = goal.direction * self._speed
+        return Reference(twist, self._speed,
+                         [goal.direction * way for way in pose[:3, 1].tolist()])
 
     def result(self) -> LawResult:
         """Nothing beyond the poses of the sensor."""

@@ -14,20 +14,18 @@ RENAMED = {
     'array_half_width': 'nothing: the size of the array comes from sensor_info',
     'velocity_scale': 'joints.velocity_scale', 'joint_acceleration': 'joints.acceleration',
     'position_margin': 'joints.position_margin', 'workspace_lower': 'workspace.lower',
-    'workspace_upper': 'workspace.upper',
-    'max_speed': 'speed.max', 'max_force': 'force.max', 'max_load': 'force.max_load',
-    'press_depth': 'force.press_depth', 'contact_force': 'approach.contact_force',
-    'approach_speed': 'approach.speed', 'soft_touch': 'approach.soft_touch',
-    'approach_distance': 'approach.distance', 'retreat_distance': 'retreat.distance',
-    'stale_image': 'input.stale_image', 'stale_joints': 'input.stale_joints',
-    'max_stamp_age': 'input.max_stamp_age', 'edge_lost': 'input.lost_after',
-    'following_error': 'input.following_error', 'resume_within': 'hold.resume_within',
-    'give_up': 'hold.give_up', 'damping': 'motion.damping',
-    'rotation_length': 'motion.rotation_length',
-    'stiffness': 'force.stiffness', 'skin_stiffness': 'force.skin_stiffness',
-    'force_gain': 'force.gain', 'force_integral': 'force.integral_gain',
-    'press_acceleration': 'force.press_acceleration', 'max_normal_speed': 'force.max_speed',
-    'force_segment_time': 'force.segment_time',
+    'workspace_upper': 'workspace.upper', 'max_speed': 'speed.max', 'max_force': 'force.max',
+    'max_load': 'force.max_load', 'press_depth': 'force.press_depth',
+    'contact_force': 'approach.contact_force', 'approach_speed': 'approach.speed',
+    'soft_touch': 'approach.soft_touch', 'approach_distance': 'approach.distance',
+    'retreat_distance': 'retreat.distance', 'stale_image': 'input.stale_image',
+    'stale_joints': 'input.stale_joints', 'max_stamp_age': 'input.max_stamp_age',
+    'edge_lost': 'input.lost_after', 'following_error': 'input.following_error',
+    'resume_within': 'hold.resume_within', 'give_up': 'hold.give_up', 'damping': 'motion.damping',
+    'rotation_length': 'motion.rotation_length', 'stiffness': 'force.stiffness',
+    'skin_stiffness': 'force.skin_stiffness', 'force_gain': 'force.gain',
+    'force_integral': 'force.integral_gain', 'press_acceleration': 'force.press_acceleration',
+    'max_normal_speed': 'force.max_speed', 'force_segment_time': 'force.segment_time',
     'acceleration': 'speed.acceleration', 'max_acceleration': 'speed.acceleration',
     'blind_speed': 'speed.blind', 'search_speed': 'speed.search',
     'unseen': 'speed.unseen, in lengths that an image resolves',
@@ -51,8 +49,7 @@ class JointsConfig:
 
     velocity_scale: float = bounded(
         1.0, "fraction of the URDF's joint velocities that may be used", '', 0.01, 1.0)
-    acceleration: float = bounded(
-        10.0, 'largest acceleration of every joint', 'rad/s^2', 0.1, 1e3)
+    acceleration: float = bounded(10.0, 'largest acceleration of every joint', 'rad/s^2', 0.1, 1e3)
     position_margin: float = bounded(
         0.05, "distance kept from the URDF's joint limits", 'rad', 0.0, 1.0)
 
@@ -86,10 +83,7 @@ def refuse_old_names(node: Node) -> None:
     """
     Look for parameters that have another name now: passed over, they would do harm silently.
 
-    Raises
-    ------
-    ConfigurationError
-        There are some; the message says what each became.
+    ConfigurationError if there are some; its message says what each became.
     """
     given = []
     for old, new in RENAMED.items():

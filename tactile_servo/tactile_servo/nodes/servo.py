@@ -149,13 +149,10 @@ class EdgeServoNode(Node):
     def _warn(self, text):
         self.get_logger().warning(text, throttle_duration_sec=5.0)
 
-    # Input -------------------------------------------------------------------------------
-
     def _check_frame(self, msg):
         tip = self._status_msg.header.frame_id
         if msg.header.frame_id != tip:
-            raise TactileError(
-                f'its frame is {msg.header.frame_id!r}, must be tip_frame, {tip!r}')
+            raise TactileError(f'its frame is {msg.header.frame_id!r}, must be tip_frame, {tip!r}')
 
     def _on_sensor(self, msg):
         try:
@@ -204,8 +201,6 @@ class EdgeServoNode(Node):
             except TactileError as error:
                 self._warn(f'contact passed over: {error}')
 
-    # Cycle -------------------------------------------------------------------------------
-
     def _on_cycle(self):
         now, pace = perf_counter(), self._pace
         pace.tick(now)
@@ -230,8 +225,6 @@ class EdgeServoNode(Node):
             self._pace.reported = self._pace.last
             handle.publish_feedback(self._action.feedback_to_msg(msg))
 
-    # Action ------------------------------------------------------------------------------
-
     def _on_goal(self, request):
         refusal = self._servo.check(self._action.goal_from_msg(request))
         if refusal is None:
@@ -252,8 +245,7 @@ class EdgeServoNode(Node):
         callback that awaits without a pause, at the cost of a whole core.
         """
         self._execution = Execution(goal_handle, perf_counter())
-        self._servo.start(
-            self._action.goal_from_msg(goal_handle.request), self._execution.started)
+        self._servo.start(self._action.goal_from_msg(goal_handle.request), self._execution.started)
 
     def _finish(self, goal_handle):
         servo = self._servo
