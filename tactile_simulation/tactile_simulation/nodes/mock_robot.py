@@ -36,12 +36,10 @@ class MockRobotNode(Node):
             QoSProfile(depth=10))
         self.create_timer(1.0 / config.rate, plain(self._on_timer))
 
-    def _seconds(self):
-        return 1e-9 * self.get_clock().now().nanoseconds
-
     def _on_trajectory(self, message):
         try:
-            self.controller.accept(trajectory_from_msg(message), self._seconds())
+            self.controller.accept(
+                trajectory_from_msg(message), 1e-9 * self.get_clock().now().nanoseconds)
         except Rejected as error:
             self.rejected += 1
             self.get_logger().error(
