@@ -5,15 +5,8 @@ from matplotlib.patches import Polygon
 import numpy as np
 
 from edge_tracking.recording.run import RunData
-from edge_tracking.report.style import (
-    BLUE,
-    EDGE_COLOUR,
-    GREY,
-    new_figure,
-    note,
-    ORANGE,
-    style,
-)
+from edge_tracking.report import style
+from edge_tracking.report.style import BLUE, GREY, label, new_figure, note, ORANGE
 from tactile_common.polyline import arc_length
 from tactile_shape.cli.plots import draw_model
 from tactile_shape.contour.object_model import ObjectModel
@@ -36,11 +29,11 @@ def trajectory(run: RunData, scene: Scene, real: Truth) -> Figure:
     else:
         figure = new_figure(10.0, 5.6)
         whole, detail = figure.subplots(2, 1, height_ratios=(1, 1.5))
-    whole.plot(*edge.T, color=EDGE_COLOUR, linewidth=6, solid_capstyle='butt')
+    whole.plot(*edge.T, color=style.EDGE_COLOUR, linewidth=6, solid_capstyle='butt')
     whole.plot(*path[real.tracking].T, color=BLUE, linewidth=1.6)
     _pads(whole, run, scene, real)
     whole.set_aspect('equal')
-    style(whole, 'along the first edge [mm]', 'across [mm]',
+    label(whole, 'along the first edge [mm]', 'across [mm]',
           'From above, equal axes')
     _detail(detail, real)
     return figure
@@ -70,7 +63,7 @@ def _pads(axes, run, scene, real):
 
 def _detail(axes, real):
     """Distance from the edge over the first way along it."""
-    style(axes, 'along the edge since first contact [mm]', 'centre left of the edge [mm]',
+    label(axes, 'along the edge since first contact [mm]', 'centre left of the edge [mm]',
           'The first part, across enlarged')
     touching = np.flatnonzero(real.tracking)
     if not touching.size:
@@ -79,7 +72,7 @@ def _detail(axes, real):
     first = touching[0]
     way = 1e3 * np.abs(real.along - real.along[first])
     lateral = 1e3 * real.lateral
-    axes.axhline(0.0, color=EDGE_COLOUR, linewidth=6, zorder=1)
+    axes.axhline(0.0, color=style.EDGE_COLOUR, linewidth=6, zorder=1)
     axes.plot(way[touching], lateral[touching], color=BLUE, linewidth=1.8)
     axes.plot(way[first], lateral[first], 'o', color=BLUE, markersize=6)
     axes.set_xlim(-0.03 * DETAIL_LENGTH, DETAIL_LENGTH)
@@ -103,7 +96,7 @@ def outline(run: RunData, scene: Scene, found: Outline) -> Figure:
     """Outline rebuilt from touch over the true edge, and how far it is from it."""
     figure = new_figure(10.0, 4.6)
     plan, off = figure.subplots(1, 2, width_ratios=(1.2, 1))
-    plan.plot(*_from_above(scene, scene.edge.points).T, color=EDGE_COLOUR, linewidth=6,
+    plan.plot(*_from_above(scene, scene.edge.points).T, color=style.EDGE_COLOUR, linewidth=6,
               solid_capstyle='butt')
     plan.plot(*_from_above(scene, run.contour).T, '.', color=BLUE, markersize=2.5)
     plan.plot(*_from_above(scene, found.points).T, color=ORANGE, linewidth=1.2)
@@ -116,11 +109,11 @@ def outline(run: RunData, scene: Scene, found: Outline) -> Figure:
         note(plan, x, y, text, ha='center')
     plan.margins(0.1)
     plan.set_aspect('equal')
-    style(plan, 'along the first edge [mm]', 'across [mm]',
+    label(plan, 'along the first edge [mm]', 'across [mm]',
           'True edge, contacts (dots), outline (line)')
     lateral, _ = scene.edge.nearest(run.contour)
     off.plot(1e3 * arc_length(run.contour), 1e3 * lateral, color=BLUE, linewidth=1.2)
-    style(off, 'along the contour [mm]', 'contacts left of the edge [mm]',
+    label(off, 'along the contour [mm]', 'contacts left of the edge [mm]',
           'Contacts against the true edge')
     return figure
 
