@@ -9,7 +9,6 @@ With a real array and a real robot, whose joint_trajectory_controller is running
 
 There nothing moves before a goal is sent to the action track_edge, or with start:=true.
 """
-
 import os
 from pathlib import Path
 import tempfile

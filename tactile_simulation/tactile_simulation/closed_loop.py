@@ -1,5 +1,4 @@
 """The whole loop without ROS: scene, sensor, estimator, servo and robot on one clock."""
-
 from collections import deque
 from typing import NamedTuple
 

@@ -1,5 +1,4 @@
 """The plainest robot that can move a pad anywhere: a gantry with a wrist, for simulations."""
-
 import numpy as np
 
 from tactile_servo.motion.limits import JointLimits

@@ -5,7 +5,6 @@ The controller behaves as the documentation of ros2_controllers' joint_trajector
 says it does with position command interfaces: what it rejects, when a trajectory starts, how
 it interpolates (https://control.ros.org, "Trajectory Representation").
 """
-
 from dataclasses import dataclass, field
 from itertools import pairwise
 from typing import Any

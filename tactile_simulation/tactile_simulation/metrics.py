@@ -1,5 +1,4 @@
 """What a run achieved against the truth of its scene, simulated or recorded, in numbers."""
-
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from itertools import groupby
 import json

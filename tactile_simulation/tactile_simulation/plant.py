@@ -1,5 +1,4 @@
 """Joints that follow their command after a dead time, with a first-order lag."""
-
 from collections import deque
 import math
 

@@ -1,7 +1,5 @@
 """Interpolation of joint trajectories as a joint_trajectory_controller does it."""
-
 from bisect import bisect_right
-from itertools import takewhile
 
 import numpy as np
 from scipy.interpolate import BPoly, PPoly
@@ -32,8 +30,11 @@ class Spline:
 
     def __init__(self, before: float, state: np.ndarray, start: float, trajectory: Trajectory,
                  order: list[int] | slice):
-        rows = [trajectory.positions, trajectory.velocities, trajectory.accelerations]
-        rows = list(takewhile(lambda row: row is not None, rows))
+        rows = [trajectory.positions]
+        if trajectory.velocities is not None:
+            rows.append(trajectory.velocities)
+            if trajectory.accelerations is not None:
+                rows.append(trajectory.accelerations)
         times = (start + np.asarray(trajectory.times, dtype=float)).tolist()
         self._ends, self._begins = times, [before, *times[:-1]]  # of the segments
         self._states = [state, *np.stack(rows, axis=1)[:, :, order]]

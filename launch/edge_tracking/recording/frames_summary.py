@@ -1,5 +1,4 @@
 """What a recording that ran through driver and estimator holds: force over time, and presses."""
-
 from typing import Any, NamedTuple
 
 import numpy as np

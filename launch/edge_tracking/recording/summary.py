@@ -1,5 +1,4 @@
 """A recorded run in numbers: how well the edge was tracked."""
-
 from functools import lru_cache
 from typing import Any
 
@@ -7,6 +6,7 @@ import numpy as np
 
 from edge_tracking.recording.run import RunData, Statuses
 from tactile_common.errors import TactileError
+from tactile_servo.reasons import ReasonCode
 from tactile_servo.track_statistics import SETTLING_LENGTH
 from tactile_servo.types import State
 from tactile_shape.contour.outline import find_outline
@@ -78,8 +78,8 @@ def rebuilt_outline(run):
 
 
 def summarise(run: RunData, scene: Scene, *, success: bool, reason: str = '',
-              speed: float | None = None, force: float | None = None,
-              seed: int | None = None) -> dict[str, Any]:
+              reason_code: int = ReasonCode.NONE, speed: float | None = None,
+              force: float | None = None, seed: int | None = None) -> dict[str, Any]:
     """
     Return the summary of a run along the edge of a scene, SI units, NaN = unknown.
 
@@ -88,7 +88,7 @@ def summarise(run: RunData, scene: Scene, *, success: bool, reason: str = '',
 
     Parameters
     ----------
-    success, reason : bool, str
+    success, reason, reason_code : bool, str, int
         Of the action; the reason is that of the last control cycle if empty.
     speed, force : float, optional
         What the goal asked for [m/s], [N]; else from the control cycles.
@@ -108,6 +108,7 @@ def summarise(run: RunData, scene: Scene, *, success: bool, reason: str = '',
         'ok': False,
         'state': State(int(statuses.state[last])).name.lower() if active.size else 'idle',
         'reason': reason or (statuses.reason[last] if active.size else 'the servo did not run'),
+        'reason_code': ReasonCode(reason_code).name.lower(),  # type: ignore[call-arg]
         'scene': scene.name,
         'controller': str(statuses.controller[0]) if len(statuses.controller) else '',
         'seed': seed,

@@ -1,5 +1,4 @@
 """What happened along the edge of a scene over time: errors, force, pictures, latency."""
-
 from collections.abc import Mapping
 from itertools import pairwise
 from typing import Any

@@ -1,5 +1,4 @@
 """Pictures of a recording that ran through driver and estimator."""
-
 from matplotlib.figure import Figure
 import numpy as np
 

@@ -1,5 +1,4 @@
 """One self-contained HTML page about a run, with pictures; nothing is loaded from outside."""
-
 import base64
 from collections.abc import Mapping
 from html import escape

@@ -1,5 +1,4 @@
 """A run along the edge of a scene, seen from above: path, rebuilt outline, surface."""
-
 from matplotlib.figure import Figure
 from matplotlib.patches import Polygon
 import numpy as np

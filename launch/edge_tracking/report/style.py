@@ -1,5 +1,4 @@
 """How pictures look: every axis has a unit, and what can be labelled directly is."""
-
 from io import BytesIO
 
 from matplotlib.backends.backend_agg import FigureCanvasAgg

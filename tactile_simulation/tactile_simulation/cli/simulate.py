@@ -4,7 +4,6 @@ Command `simulate`: a servo follows the edge of a scene, without ROS and faster 
 The servo, estimator, limits and scene are those of the nodes; the robot is a gantry with the
 lag, dead time and acceleration of the scene's plant, or that of a URDF.
 """
-
 import argparse
 import sys
 import time

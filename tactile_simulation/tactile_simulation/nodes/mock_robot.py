@@ -1,5 +1,4 @@
 """A robot that is not there, behind a joint_trajectory_controller's topics."""
-
 from rclpy.node import Node
 from rclpy.qos import QoSProfile
 from sensor_msgs.msg import JointState
