@@ -46,9 +46,9 @@ def topics(namespace: str) -> list[tuple[str, type, QoSProfile]]:
         ('/joint_trajectory_controller/joint_trajectory', JointTrajectory, deep)]
 
 
-def record(graph: Graph, bag) -> RecorderNode:
+def record(graph: Graph, bag) -> None:
     """Add a recorder of everything to a graph."""
-    return graph.add(RecorderNode, own={'path': bag, 'topics': topics(graph.namespace)})
+    graph.add(RecorderNode, own={'path': bag, 'topics': topics(graph.namespace)})
 
 
 def add_listeners(graph: Graph, bag) -> None:
@@ -92,12 +92,7 @@ def main() -> int:
     for number in (signal.SIGINT, signal.SIGTERM):  # meant for the graph, which ends this as well
         signal.signal(number, signal.SIG_IGN)
     ended = threading.Event()
-
-    def wait():
-        sys.stdin.read()
-        ended.set()
-
-    threading.Thread(target=wait, daemon=True).start()
+    threading.Thread(target=lambda: (sys.stdin.read(), ended.set()), daemon=True).start()
     try:
         with Graph(**options) as graph:
             add(graph, *arguments)

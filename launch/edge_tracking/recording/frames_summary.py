@@ -24,11 +24,11 @@ METRICS = (
 
 
 class Press(NamedTuple):
-    """Indices into a series: of the first datum, of the peak, and after the last."""
+    """Indices into a series."""
 
     begin: int
     peak: int
-    end: int
+    end: int  # after the last datum
 
 
 class ForceSeries(NamedTuple):
@@ -50,9 +50,8 @@ def force_series(run: RunData) -> ForceSeries:
         stamps, force, kind = contacts.stamp_ns, contacts.m0, contacts.type
         centre = contacts.centre_of_pressure
     else:
-        array = run.images.array  # None where there is no frame either
+        stamps, array = run.images.stamp_ns, run.images.array  # None without frames
         moments = [image_moments(frame, array) for frame in run.images.frames] if array else []
-        stamps = run.images.stamp_ns
         force = np.array([each.m0 for each in moments])
         centre = np.array([each.centre_of_pressure for each in moments]).reshape(-1, 2)
         kind = np.full(len(stamps), int(ContactType.OTHER))
@@ -88,15 +87,12 @@ def summarise_recording(run: RunData) -> dict[str, Any]:
         'reason': '' if len(images.stamp_ns) else 'no pictures arrived',
         'sensor': run.info.sensor if run.info else '',
         'rows': images.frames.shape[1], 'columns': images.frames.shape[2],
-        'force_unit': series.unit,
-        'force_max': largest(series.force),
-        'presses': len(found),
+        'force_unit': series.unit, 'force_max': largest(series.force), 'presses': len(found),
         'press_peaks': [float(series.force[peak]) for _, peak, _ in found],
         'press_times': [float(series.time[peak]) for _, peak, _ in found],
         'press_durations': [float((end - begin) * period) for begin, _, end in found],
         'press_centres': [series.centre_of_pressure[peak].tolist() for _, peak, _ in found],
-        'duration': span(images.stamp_ns),
-        'frames': len(images.stamp_ns),
+        'duration': span(images.stamp_ns), 'frames': len(images.stamp_ns),
         'lost_frames': int((steps[steps > 0] - 1).sum()),
         'sensor_rate': rate(images.stamp_ns),
         'contact_types': {kind.name.lower(): int(np.count_nonzero(series.type == kind))

@@ -21,19 +21,16 @@ def trajectory(run: RunData, scene: Scene, real: Truth) -> Figure:
     """Path of the pad over the true edge, seen from above, and its first part enlarged."""
     edge, path = (_from_above(scene, points) for points in (
         scene.edge.points, run.poses.position))
-    height = np.ptp(edge[:, 1])
-    if height > 0.4 * np.ptp(edge[:, 0]):
-        figure = new_figure(10.0, 4.8)
-        whole, detail = figure.subplots(1, 2, width_ratios=(1, 1.2))
-    else:
-        figure = new_figure(10.0, 5.6)
-        whole, detail = figure.subplots(2, 1, height_ratios=(1, 1.5))
+    width, height = np.ptp(edge, axis=0)
+    beside = height > 0.4 * width
+    figure = new_figure(10.0, 4.8 if beside else 5.6)
+    whole, detail = figure.subplots(1, 2, width_ratios=(1, 1.2)) if beside else figure.subplots(
+        2, 1, height_ratios=(1, 1.5))
     whole.plot(*edge.T, color=style.EDGE_COLOUR, linewidth=6, solid_capstyle='butt')
     whole.plot(*path[real.tracking].T, color=BLUE, linewidth=1.6)
     _pads(whole, run, scene, real)
     whole.set_aspect('equal')
-    label(whole, 'along the first edge [mm]', 'across [mm]',
-          'From above, equal axes')
+    label(whole, 'along the first edge [mm]', 'across [mm]', 'From above, equal axes')
     _detail(detail, real)
     return figure
 
@@ -79,11 +76,10 @@ def _detail(axes, real):
     low, high = min(near.min(), 0.0), max(near.max(), 0.0)
     spread = max(high - low, 0.1)
     axes.set_ylim(low - 0.2 * spread, high + 0.2 * spread)
-    down = abs(low) > high
-    note(axes, 0.02 * DETAIL_LENGTH, lateral[first] + (-0.1 if down else 0.1) * spread,
-          f'first contact, {abs(lateral[first]):.2f} mm off', BLUE)
-    note(axes, DETAIL_LENGTH, 0.1 * spread if down else -0.1 * spread, 'true edge', GREY,
-          ha='right')
+    beyond = -0.1 * spread if abs(low) > high else 0.1 * spread
+    note(axes, 0.02 * DETAIL_LENGTH, lateral[first] + beyond,
+         f'first contact, {abs(lateral[first]):.2f} mm off', BLUE)
+    note(axes, DETAIL_LENGTH, -beyond, 'true edge', GREY, ha='right')
     settled = np.flatnonzero(real.settled)
     if settled.size:
         axes.axvline(way[settled[0]], color=GREY, linewidth=1.0, linestyle=':')
@@ -95,11 +91,12 @@ def outline(run: RunData, scene: Scene, found: Outline) -> Figure:
     """Outline rebuilt from touch over the true edge, and how far it is from it."""
     figure = new_figure(10.0, 4.6)
     plan, off = figure.subplots(1, 2, width_ratios=(1.2, 1))
-    plan.plot(*_from_above(scene, scene.edge.points).T, color=style.EDGE_COLOUR, linewidth=6,
-              solid_capstyle='butt')
-    plan.plot(*_from_above(scene, run.contour).T, '.', color=BLUE, markersize=2.5)
-    plan.plot(*_from_above(scene, found.points).T, color=ORANGE, linewidth=1.2)
-    plan.plot(*_from_above(scene, found.corners).T, 'o', color=ORANGE, markersize=5)
+    edge, contour, rebuilt, corners = (_from_above(scene, points).T for points in (
+        scene.edge.points, run.contour, found.points, found.corners))
+    plan.plot(*edge, color=style.EDGE_COLOUR, linewidth=6, solid_capstyle='butt')
+    plan.plot(*contour, '.', color=BLUE, markersize=2.5)
+    plan.plot(*rebuilt, color=ORANGE, linewidth=1.2)
+    plan.plot(*corners, 'o', color=ORANGE, markersize=5)
     for side in found.sides:
         x, y = _from_above(scene, side.points).mean(axis=0)
         text = f'{1e3 * side.length:.2f} mm'
