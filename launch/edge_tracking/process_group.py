@@ -92,7 +92,12 @@ def main() -> int:
     for number in (signal.SIGINT, signal.SIGTERM):  # meant for the graph, which ends this as well
         signal.signal(number, signal.SIG_IGN)
     ended = threading.Event()
-    threading.Thread(target=lambda: (sys.stdin.read(), ended.set()), daemon=True).start()
+
+    def wait():
+        sys.stdin.read()
+        ended.set()
+
+    threading.Thread(target=wait, daemon=True).start()
     try:
         with Graph(**options) as graph:
             add(graph, *arguments)
