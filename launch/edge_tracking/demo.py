@@ -1,17 +1,10 @@
-"""
-The demo: a mock robot follows an edge by touch, recorded and reported.
-
-Sensor bytes run over a pseudo-terminal through driver, estimator and servo to a mock robot;
-everything that is reported is computed from the recorded bag.
-"""
-
+"""The demo: a mock robot follows an edge by touch; all of its report is computed from the bag."""
 import argparse
 from datetime import datetime
 import math
 import os
 from pathlib import Path
 import sys
-import time
 from typing import Any
 
 from rclpy.exceptions import ParameterException
@@ -33,7 +26,7 @@ from tactile_sensing.devices.recording import load_recording
 from tactile_servo.laws.registry import DEFAULT, LAWS
 from tactile_servo.types import State
 from tactile_simulation.metrics import describe, to_json
-from tactile_simulation.scene import load_scene
+from tactile_simulation.scene import load_scene, Scene
 
 DOMAINS = 100  # the demo picks one of the domains 1 to 100, unless told
 
@@ -47,29 +40,25 @@ def parser() -> argparse.ArgumentParser:
         '(report.html, picture.png). Exit status 0 only if the edge was tracked.',
         epilog='With --recording FILE.npz the frames of a real array (frames (N, rows, '
         'columns), rate_hz, optional pitch_m) run through driver and estimator instead.')
-    arguments.add_argument('--scene', default='straight',
-                           help=f'{", ".join(scene_names())}, or the path of a .yaml file')
-    arguments.add_argument('--controller', choices=tuple(LAWS), default=DEFAULT,
-                           help='how the edge is followed')
-    arguments.add_argument('--speed', type=float, default=0.03, help='along the edge [m/s]')
-    arguments.add_argument('--force', type=float, default=5.0, help='on the pad [N]')
-    arguments.add_argument('--seed', type=int, default=0, help="of the sensor's noise")
-    arguments.add_argument('--parameters', default=None, metavar='FILE.yaml',
-                           help='parameter file of all nodes; default edge_tracking.yaml of '
-                           'this package')
-    arguments.add_argument('--recording', default=None, metavar='FILE.npz',
-                           help='play a recording instead of a scene')
-    arguments.add_argument('--calibration', default=None, metavar='FILE.yaml',
-                           help='counts -> pressure of the recording; without it, raw counts')
-    arguments.add_argument('--pitch', type=float, default=None,
-                           help='of the recording, where it does not say it itself [m]')
-    arguments.add_argument('--live', default=None, metavar='ROWS,COLUMNS',
-                           help='use these tactels of the recording only, for instance '
-                           '15:26,15:26 (first:end, from 0)')
-    arguments.add_argument('--out', default=None, metavar='FOLDER',
-                           help='new folder for recording and report; default runs/NAME-TIME')
-    arguments.add_argument('--json', action='store_true',
-                           help='print the summary as one JSON object, all else to stderr')
+    add = arguments.add_argument
+    add('--scene', default='straight',
+        help=f'{", ".join(scene_names())}, or the path of a .yaml file')
+    add('--controller', choices=tuple(LAWS), default=DEFAULT, help='how the edge is followed')
+    add('--speed', type=float, default=0.03, help='along the edge [m/s]')
+    add('--force', type=float, default=5.0, help='on the pad [N]')
+    add('--seed', type=int, default=0, help="of the sensor's noise")
+    add('--parameters', metavar='FILE.yaml',
+        help='parameter file of all nodes; default edge_tracking.yaml of this package')
+    add('--recording', metavar='FILE.npz', help='play a recording instead of a scene')
+    add('--calibration', metavar='FILE.yaml',
+        help='counts -> pressure of the recording; without it, raw counts')
+    add('--pitch', type=float, help='of the recording, where it does not say it itself [m]')
+    add('--live', metavar='ROWS,COLUMNS', help='use these tactels of the recording only, for '
+        'instance 15:26,15:26 (first:end, from 0)')
+    add('--out', metavar='FOLDER',
+        help='new folder for recording and report; default runs/NAME-TIME')
+    add('--json', action='store_true',
+        help='print the summary as one JSON object, all else to stderr')
     return arguments
 
 
@@ -84,11 +73,7 @@ def out_folder(wanted: str | None, name: str) -> Path:
 
 
 def own_domain() -> int | None:
-    """
-    ROS domain of the demo: that of the environment, else one that no other demo is likely to use.
-
-    Two graphs in one domain would hear each other's sensors.
-    """
+    """ROS domain, None for the environment's: two graphs in one hear each other's sensors."""
     if os.environ.get('ROS_DOMAIN_ID'):
         return None
     domain = os.getpid() % DOMAINS + 1
@@ -100,18 +85,18 @@ def feedback_text(feedback: TrackEdge.Feedback) -> str:
     """What the progress bar says of the tracking."""
     text = [f'{1e3 * feedback.progress:.0f} mm']
     if feedback.state == State.HOLD:
-        text.append(feedback.reason)
-    else:  # what is not known, before the edge is felt, is left out
-        text += [form.format(value) for form, value in (
-            ('lateral {:+.3f} mm', 1e3 * feedback.lateral_error),
-            ('force {:.2f} N', feedback.normal_force)) if math.isfinite(value)]
+        return f'{text[0]}, {feedback.reason}'
+    if math.isfinite(feedback.lateral_error):  # not before the edge is felt
+        text.append(f'lateral {1e3 * feedback.lateral_error:+.3f} mm')
+    if math.isfinite(feedback.normal_force):
+        text.append(f'force {feedback.normal_force:.2f} N')
     return ', '.join(text)
 
 
-def track_scene(options: argparse.Namespace, folder: Path, **common) -> tuple[bool, str]:
-    """Run the scene; returns success and reason."""
-    path, robot = find_scene(options.scene), share('urdf', 'puma260.urdf')
-    scene = load_scene(path)
+def track_scene(options: argparse.Namespace, path: Path, scene: Scene, folder: Path,
+                **common) -> tuple[bool, str, int]:
+    """Run the scene of a file; returns success, reason and its code."""
+    robot = share('urdf', 'puma260.urdf')
     closed = scene.edge.closed and LAWS[options.controller].closes_contours
     with private_port() as port, stop_on_signals() as stop, \
             Progress(scene.edge.length - scene.start.s) as progress, \
@@ -136,15 +121,14 @@ def track_scene(options: argparse.Namespace, folder: Path, **common) -> tuple[bo
         if stop.is_set():
             track.cancel()
             stop.clear()
-            end = time.monotonic() + 2.0
-            graph.spin(lambda: track.finished or stop.is_set() or time.monotonic() > end)
-            return False, 'interrupted'
+            linger(graph, lambda: track.finished or stop.is_set(), 2.0)
+            return False, 'interrupted', 0
         if over():
             return False, ', '.join(
                 f'{name} ended by itself, with status {part.returncode}'
-                for name, part in parts.items() if part.returncode is not None)
-        linger(graph, stop)
-    return track.success, track.reason
+                for name, part in parts.items() if part.returncode is not None), 0
+        linger(graph, stop.is_set)
+    return track.success, track.reason, track.reason_code
 
 
 def run(options: argparse.Namespace) -> tuple[dict[str, Any], Path]:
@@ -155,18 +139,18 @@ def run(options: argparse.Namespace) -> tuple[dict[str, Any], Path]:
         recording = load_recording(options.recording)
         calibration = calibration_for(options, recording)
     else:
-        scene = load_scene(find_scene(options.scene))
+        path = find_scene(options.scene)
+        scene = load_scene(path)
     with Graph(options.parameters):
         pass
     folder = out_folder(options.out, name)
     common = {'parameters': options.parameters, 'domain': own_domain()}
-    report = folder / 'report.html'
     if options.recording:
         success, reason = play(
             options.recording, len(recording.frames) / recording.rate_hz, calibration,
             folder, **common)
     else:
-        success, reason = track_scene(options, folder, **common)
+        success, reason, code = track_scene(options, path, scene, folder, **common)
     try:
         data = read_run(folder / 'bag')
     except TactileError as error:  # what was recorded ended with its recorder
@@ -174,11 +158,11 @@ def run(options: argparse.Namespace) -> tuple[dict[str, Any], Path]:
     if options.recording:
         summary = summarise_recording(data)
         summary |= {'ok': success and summary['ok'], 'reason': reason}
-        make_recording_report(data, summary, report)
+        make_recording_report(data, summary, folder / 'report.html')
     else:
-        summary = summarise(data, scene, success=success, reason=reason, speed=options.speed,
-                            force=options.force, seed=options.seed)
-        make_report(data, summary, scene, report)
+        summary = summarise(data, scene, success=success, reason=reason, reason_code=code,
+                            speed=options.speed, force=options.force, seed=options.seed)
+        make_report(data, summary, scene, folder / 'report.html')
         picture(data, scene, folder / 'picture.png')
     return summary, folder
 
@@ -194,9 +178,7 @@ def main(args: list[str] | None = None) -> int:
     except KeyboardInterrupt:  # while the report is made; before, the graph takes it
         print('demo: interrupted', file=sys.stderr)
         return 1
-    if options.json:
-        print(to_json(summary))
-    else:
-        print((describe_recording if options.recording else describe)(summary))
+    text = to_json if options.json else describe_recording if options.recording else describe
+    print(text(summary))
     print(f'recording {folder / "bag"}\nreport    {folder / "report.html"}', file=sys.stderr)
     return 0 if summary['ok'] else 1

@@ -1,16 +1,10 @@
-"""
-The whole graph in one process: what the launch file starts, without launch.
-
-Same nodes, names, parameter file and scenes as `edge_tracking.launch.py`.
-"""
-
+"""The whole graph in one process: all that `edge_tracking.launch.py` starts, without launch."""
 import argparse
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 import sys
 import tempfile
-from threading import Event
 import time
 from typing import Any
 
@@ -43,14 +37,7 @@ class Graph:
     """
     Nodes of one process, their context and executor; use it in a `with` statement.
 
-    Parameters
-    ----------
-    parameters : str or Path, optional
-        Parameter file of all nodes; that of the package if missing.
-    namespace : str
-        Namespace of sensor, estimators and servo.
-    domain : int, optional
-        ROS domain; that of the environment if missing.
+    Without a parameter file or ROS domain, those of the package and of the environment hold.
     """
 
     def __init__(self, parameters: str | Path | None = None, namespace: str = 'tactile',
@@ -94,8 +81,7 @@ class Graph:
 def add_mocks(graph: Graph, port, scene, robot, seed: int = 0) -> Node:
     """Add the mock sensor on a pseudo-terminal and the mock robot, both in a scene."""
     graph.add(MockSensorNode, port=str(port), scene=str(scene), seed=seed)
-    return graph.add(MockRobotNode, namespace='', robot_description=str(robot),
-                     scene=str(scene))
+    return graph.add(MockRobotNode, namespace='', robot_description=str(robot), scene=str(scene))
 
 
 def add_sensing(graph: Graph, port, calibration='',
@@ -122,10 +108,10 @@ def calibrate(port: Path, scene: Scene) -> Path:
     return write_calibration(scene, port.with_name(f'{port.name}.yaml'))
 
 
-def linger(graph: Graph, stop: Event) -> None:
+def linger(graph: Graph, until: Callable[[], bool], seconds: float = SETTLE) -> None:
     """Spin a little longer."""
-    end = time.monotonic() + SETTLE
-    graph.spin(lambda: stop.is_set() or time.monotonic() > end)
+    end = time.monotonic() + seconds
+    graph.spin(lambda: until() or time.monotonic() > end)
 
 
 def parser() -> argparse.ArgumentParser:
@@ -135,20 +121,18 @@ def parser() -> argparse.ArgumentParser:
         description='Runs sensor, estimators, servo and, with the mock sensor, the mock robot '
         'in one process. Send goals to the action track_edge, for instance with '
         '`ros2 run edge_tracking track --ros-args -r __ns:=/tactile`.')
-    arguments.add_argument('--sensor', choices=('mock', *PROTOCOLS), default='mock',
-                           help='mock: synthetic sensor and robot; else the byte protocol of a '
-                           'real array')
-    arguments.add_argument('--port', default='', help='serial port of a real sensor')
-    arguments.add_argument('--scene', default='straight', help='what the mock sensor touches: '
-                           f'{", ".join(scene_names())}, or the path of a .yaml file')
-    arguments.add_argument('--tracker', choices=tuple(LAWS), default=DEFAULT,
-                           help='how the edge is followed')
-    arguments.add_argument('--robot-description', default=str(share('urdf', 'puma260.urdf')),
-                           help='URDF of the robot, with a link tactile_pad')
-    arguments.add_argument('--parameters', default=None, help='parameter file')
-    arguments.add_argument('--namespace', default='tactile',
-                           help='of sensor, estimators and servo')
-    arguments.add_argument('--seed', type=int, default=0, help="of the mock sensor's noise")
+    add = arguments.add_argument
+    add('--sensor', choices=('mock', *PROTOCOLS), default='mock',
+        help='mock: synthetic sensor and robot; else the byte protocol of a real array')
+    add('--port', default='', help='serial port of a real sensor')
+    add('--scene', default='straight', help='what the mock sensor touches: '
+        f'{", ".join(scene_names())}, or the path of a .yaml file')
+    add('--tracker', choices=tuple(LAWS), default=DEFAULT, help='how the edge is followed')
+    add('--robot-description', default=str(share('urdf', 'puma260.urdf')),
+        help='URDF of the robot, with a link tactile_pad')
+    add('--parameters', help='parameter file')
+    add('--namespace', default='tactile', help='of sensor, estimators and servo')
+    add('--seed', type=int, default=0, help="of the mock sensor's noise")
     return arguments
 
 

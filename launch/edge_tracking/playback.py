@@ -1,5 +1,4 @@
 """The demo with a recording: its frames run through driver and estimator, as from the array."""
-
 from argparse import Namespace
 from collections.abc import Mapping
 from pathlib import Path
@@ -18,14 +17,7 @@ from tactile_simulation.nodes.mock_sensor import MockSensorNode
 
 
 def calibration_for(options: Namespace, recording: Recording) -> Calibration:
-    """
-    Calibration of a recording, as the options of the demo say.
-
-    Raises
-    ------
-    ValueError
-        An option is missing or does not fit the recording.
-    """
+    """Calibration of a recording by options of the demo; ValueError where they do not fit it."""
     rows, columns = recording.shape
     if options.calibration:
         calibration = load_calibration(options.calibration)
@@ -42,14 +34,7 @@ def calibration_for(options: Namespace, recording: Recording) -> Calibration:
 
 
 def live_window(text: str, shape: tuple[int, int]) -> tuple[int, ...]:
-    """
-    Row-major indices of the tactels outside a window 'ROWS,COLUMNS' such as '15:26,15:26'.
-
-    Raises
-    ------
-    ValueError
-        The text is no window within the shape.
-    """
+    """Row-major indices of the tactels outside a window 'ROWS,COLUMNS', see `--live`."""
     height, width = shape
     try:
         rows, columns = (range(*map(int, part.split(':'))) for part in text.split(','))
@@ -67,22 +52,9 @@ def live_window(text: str, shape: tuple[int, int]) -> tuple[int, ...]:
 def play(path: str | Path, duration: float, calibration: Calibration, folder: Path,
          **common) -> tuple[bool, str]:
     """
-    Stream a recording through driver and estimator, and record that.
+    Stream a recording of some duration [s] through driver and estimator; success and reason.
 
-    Parameters
-    ----------
-    path, duration
-        Of the recording; the duration in s.
-    calibration : Calibration
-    folder : Path
-        That the bag is made in.
-    **common
-        Of the `Graph`.
-
-    Returns
-    -------
-    success : bool
-    reason : str
+    That is recorded in the folder's `bag`; `common` is of the `Graph`.
     """
     with private_port() as port, stop_on_signals() as stop, Graph(**common) as graph, \
             Progress(duration) as progress:
@@ -100,7 +72,7 @@ def play(path: str | Path, duration: float, calibration: Calibration, folder: Pa
         graph.spin(until)
         if stop.is_set():
             return False, 'interrupted'
-        linger(graph, stop)
+        linger(graph, stop.is_set)
     return True, 'recording played'
 
 

@@ -4,7 +4,6 @@ The graph in parts, each a process of its own, so that none waits for another's 
 `sensing` is driver and contact estimator. Where processors are few, `mocks`, which stand in for
 hardware, give way to the loop, and `listeners`, recorder and shape estimator, to both.
 """
-
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 import json
@@ -40,17 +39,16 @@ def topics(namespace: str) -> list[tuple[str, type, QoSProfile]]:
     own = [('image', TactileImage, sensor), ('sensor_info', SensorInfo, latched),
            ('contact', Contact, sensor), ('wrench', WrenchStamped, sensor),
            ('surface_patch', SurfacePatch, deep), ('contour', Path, latched),
-           ('markers', MarkerArray, latched),
-           ('servo_status', ServoStatus, deep), ('sensor_pose', PoseStamped, sensor),
-           ('diagnostics', DiagnosticArray, deep)]
+           ('markers', MarkerArray, latched), ('servo_status', ServoStatus, deep),
+           ('sensor_pose', PoseStamped, sensor), ('diagnostics', DiagnosticArray, deep)]
     return [(f'/{namespace}/{name}', kind, qos) for name, kind, qos in own] + [
         ('/joint_states', JointState, deep),
         ('/joint_trajectory_controller/joint_trajectory', JointTrajectory, deep)]
 
 
-def record(graph: Graph, bag) -> RecorderNode:
+def record(graph: Graph, bag) -> None:
     """Add a recorder of everything to a graph."""
-    return graph.add(RecorderNode, own={'path': bag, 'topics': topics(graph.namespace)})
+    graph.add(RecorderNode, own={'path': bag, 'topics': topics(graph.namespace)})
 
 
 def add_listeners(graph: Graph, bag) -> None:
@@ -67,21 +65,9 @@ PARTS: dict[str, tuple[Callable[..., Any], int]] = {
 @contextmanager
 def apart(part: str, *arguments, **graph) -> Iterator[subprocess.Popen]:
     """
-    Run a part of the graph in a process of its own while in a `with` statement.
+    Run one of `PARTS` in a process that ends with this one, however this one ends.
 
-    Parameters
-    ----------
-    part : str
-        One of `PARTS`.
-    *arguments
-        Of the part's function, after the graph: paths and numbers.
-    **graph
-        Of its `Graph`.
-
-    Yields
-    ------
-    subprocess.Popen
-        The process; it ends with this one, however this one ends.
+    The arguments, paths and numbers, are of the part's function, `graph` of its `Graph`.
     """
     call = json.dumps([part, arguments, graph], default=str)
     # A process group of its own: Ctrl-C is meant for this process, which ends the part, and would

@@ -1,5 +1,4 @@
 """Files that the package ships: scenes, the robot, parameters."""
-
 from pathlib import Path
 
 from ament_index_python.packages import get_package_share_directory
@@ -18,14 +17,7 @@ def scene_names():
 
 
 def find_scene(name):
-    """
-    Path of a scene: a file as it stands, or the name of a shipped one.
-
-    Raises
-    ------
-    ConfigurationError
-        There is neither.
-    """
+    """Path of a scene: a file, or a shipped one by name; ConfigurationError if there is none."""
     path = Path(name)
     if path.suffix in ('.yaml', '.yml'):
         if path.is_file():

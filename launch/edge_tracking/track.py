@@ -1,5 +1,4 @@
 """Send one track_edge goal and follow it to its end."""
-
 from dataclasses import dataclass, field
 import sys
 
@@ -36,21 +35,14 @@ class TrackNode(Node):
     """
     Wait until sensor and servo are ready, send a goal, report its progress.
 
-    Attributes
-    ----------
-    finished : bool
-        The goal has ended, or was never accepted.
-    success : bool
-    reason : str
-    result : TrackEdge.Result or None
-    feedback : TrackEdge.Feedback or None
-        The newest.
+    `finished` tells that the goal has ended or was never accepted; `success`, `reason`
+    and its code, `result` and the newest `feedback`, None at first, go with it.
     """
 
     def __init__(self, on_feedback=None, **kwargs):
         super().__init__('track', **kwargs)
         self.config = declare_from(self, TrackConfig)
-        self.finished, self.success, self.reason = False, False, ''
+        self.finished, self.success, self.reason, self.reason_code = False, False, '', 0
         self.result = self.feedback = None
         self._on_feedback = on_feedback or self._log_feedback
         self._handle, self._cancelled = None, False
@@ -106,17 +98,17 @@ class TrackNode(Node):
         if not self._handle.accepted:
             # A rejection carries no reason; the status does.
             self.create_subscription(
-                ServoStatus, 'servo_status', lambda status: self._end(False, status.reason), 1)
+                ServoStatus, 'servo_status',
+                lambda status: self._end(False, status.reason, status.reason_code), 1)
             return
         if self._cancelled:
             self._handle.cancel_goal_async()
         self._handle.get_result_async().add_done_callback(self._on_result)
 
     def _on_result(self, future):
-        wrapped = future.result()
-        self.result = wrapped.result
-        self._end(wrapped.status == GoalStatus.STATUS_SUCCEEDED and wrapped.result.success,
-                  wrapped.result.reason)
+        status, self.result = future.result().status, future.result().result
+        self._end(status == GoalStatus.STATUS_SUCCEEDED and self.result.success,
+                  self.result.reason, self.result.reason_code)
 
     def _take_feedback(self, msg):
         self.feedback = msg.feedback
@@ -128,8 +120,8 @@ class TrackNode(Node):
             f'{1e3 * feedback.lateral_error:+.3f} mm, {feedback.normal_force:.2f} N',
             throttle_duration_sec=1.0)
 
-    def _end(self, success, reason):
-        self.finished, self.success, self.reason = True, success, reason
+    def _end(self, success, reason, code=0):
+        self.finished, self.success, self.reason, self.reason_code = True, success, reason, code
 
     def cancel(self):
         """Ask the servo to stop; a goal that has not been sent is not sent any more."""
@@ -144,15 +136,14 @@ class TrackNode(Node):
 
 def main(args=None):
     """Track once; exit status 0 if the edge was tracked."""
-    outcome: list = []
+    success, reason = False, ''
 
     def until(node):
-        outcome[:] = [node.success, node.reason]
+        nonlocal success, reason
+        success, reason = node.success, node.reason
         return node.finished
 
     status = run(TrackNode, args, until)
     if status == 0:
-        success, reason = outcome
         print(f'track: {reason or "interrupted"}', file=sys.stderr)
-        status = 0 if success else 1
-    return status
+    return status or int(not success)

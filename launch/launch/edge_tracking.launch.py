@@ -9,7 +9,6 @@ With a real array and a real robot, whose joint_trajectory_controller is running
 
 There nothing moves before a goal is sent to the action track_edge, or with start:=true.
 """
-
 import os
 from pathlib import Path
 import tempfile
@@ -32,23 +31,22 @@ ARGUMENTS = (
     ('sensor', 'mock', 'mock: synthetic array on a pseudo-terminal; else the byte protocol of a '
      'real array on a serial port', ('mock', *PROTOCOLS)),
     ('port', '', 'serial port of a real array; for the mock, the link to its pseudo-terminal '
-     '(default: one of its own in the folder for temporary files)', None),
+     '(default: one of its own in the folder for temporary files)'),
     ('robot', 'auto', 'mock: robot in software; real: a running joint_trajectory_controller; '
      'auto: mock with the mock sensor, else real', ('auto', 'mock', 'real')),
     ('scene', 'straight', f'what the mock sensor touches: {", ".join(scene_names())}, or the '
-     'path of a .yaml file', None),
+     'path of a .yaml file'),
     ('tracker', DEFAULT, 'law by which the edge is followed', tuple(LAWS)),
-    ('speed', '0.03', 'along the edge [m/s]', None),
-    ('force', '5.0', 'normal force on the pad [N]', None),
-    ('length', '0.0', 'way to track [m]; 0 = until the edge ends', None),
+    ('speed', '0.03', 'along the edge [m/s]'),
+    ('force', '5.0', 'normal force on the pad [N]'),
+    ('length', '0.0', 'way to track [m]; 0 = until the edge ends'),
     ('start', 'auto', 'send the goal at once; auto: with the mock robot only',
      ('auto', 'true', 'false')),
     ('shutdown', 'false', 'end the launch when the goal has ended', ('true', 'false')),
     ('robot_description', str(share('urdf', 'puma260.urdf')),
-     'URDF of the robot with a link tactile_pad: path of a file, or the text', None),
-    ('parameters', str(share('config', 'edge_tracking.yaml')), 'parameter file of all nodes',
-     None),
-    ('namespace', 'tactile', 'of sensor, estimators and servo', None),
+     'URDF of the robot with a link tactile_pad: path of a file, or the text'),
+    ('parameters', str(share('config', 'edge_tracking.yaml')), 'parameter file of all nodes'),
+    ('namespace', 'tactile', 'of sensor, estimators and servo'),
     ('use_sim_time', 'false', 'take the time from /clock', ('true', 'false')),
     ('rviz', 'false', 'show the robot in RViz', ('true', 'false')),
 )
@@ -144,6 +142,6 @@ def generate_launch_description():
     """Declare the arguments; the nodes depend on their values."""
     declared = [
         DeclareLaunchArgument(name, default_value=default, description=description,
-                              **({'choices': list(choices)} if choices else {}))
-        for name, default, description, choices in ARGUMENTS]
+                              **({'choices': list(*choices)} if choices else {}))
+        for name, default, description, *choices in ARGUMENTS]
     return LaunchDescription([*declared, OpaqueFunction(function=nodes)])

@@ -18,7 +18,6 @@ from edge_tracking.report.plans import surface
 from edge_tracking.report.style import png
 from tactile_servo.types import State
 from tactile_shape.local_surface.local_quadric import LocalQuadric
-from tactile_simulation.surfaces import sphere, Weave
 
 PNG = b'\x89PNG\r\n\x1a\n'
 
@@ -71,9 +70,13 @@ def test_report_of_a_run(run, scene, tmp_path):
 
 
 def test_a_surface_that_was_touched_is_drawn(run, scene, tmp_path):
-    estimator = LocalQuadric()
+    estimator, radius = LocalQuadric(), 0.035  # a sphere, touched along a winding path
+    along = np.linspace(-0.04, 0.0, 160)
+    east, north = along / radius, 2e-3 * np.sin(2.0 * np.pi * along / 16e-3) / radius
+    inward = np.column_stack([-np.cos(north) * np.sin(east), -np.sin(north),
+                              np.cos(north) * np.cos(east)])
     patches = [estimator.update(point, normal) for point, normal in zip(
-        *Weave().trace(sphere(0.035), 0.04), strict=True)]
+        radius * (np.array([0.0, 0.0, 1.0]) - inward), inward, strict=True)]
     touched = dataclasses.replace(run, patches=[patch for patch in patches if patch.valid])
     assert len(touched.patches) > 50
     make_report(touched, summarise(touched, scene, success=True), scene, tmp_path / 'report.html')

@@ -17,15 +17,16 @@ from recorded_run import (
 )
 
 from edge_tracking.recording.summary import latencies, summarise, truth
+from tactile_servo.reasons import ReasonCode
 from tactile_servo.types import State
 from tactile_simulation.metrics import to_json
 
 DESIGN_KEYS = {
-    'ok', 'state', 'reason', 'scene', 'controller', 'seed', 'speed', 'tracked_length',
-    'lateral_rms', 'lateral_max', 'lateral_transient_max', 'force_target', 'force_rms_error',
-    'force_max', 'closed', 'contour_max_error', 'contour_area_error', 'corners', 'sides',
-    'duration', 'sensor_rate', 'control_rate', 'missed_cycles', 'latency_p50',
-    'latency_p99', 'cpu_per_cycle'}
+    'ok', 'state', 'reason', 'reason_code', 'scene', 'controller', 'seed', 'speed',
+    'tracked_length', 'lateral_rms', 'lateral_max', 'lateral_transient_max', 'force_target',
+    'force_rms_error', 'force_max', 'closed', 'contour_max_error', 'contour_area_error',
+    'corners', 'sides', 'duration', 'sensor_rate', 'control_rate', 'missed_cycles',
+    'latency_p50', 'latency_p99', 'cpu_per_cycle'}
 
 
 def changed(run, **statuses):
@@ -34,10 +35,11 @@ def changed(run, **statuses):
 
 
 def test_summary_of_a_run(run, scene):
-    summary = summarise(run, scene, success=True, seed=3)
+    summary = summarise(run, scene, success=True, seed=3, reason_code=ReasonCode.EDGE_ENDED)
     assert set(summary) == DESIGN_KEYS
     assert summary['ok'] is True
     assert (summary['state'], summary['reason']) == ('done', 'the edge ended')
+    assert summary['reason_code'] == 'edge_ended'
     assert (summary['scene'], summary['controller'], summary['seed']) == (
         'straight', 'resolved_rate', 3)
     assert summary['speed'] == SPEED

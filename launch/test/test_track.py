@@ -10,6 +10,7 @@ from rclpy.node import Node
 from edge_tracking.graph import Graph
 from edge_tracking.track import TrackNode
 from tactile_msgs.action import TrackEdge
+from tactile_servo.reasons import ReasonCode
 
 
 class Servo(Node):
@@ -32,7 +33,7 @@ class Servo(Node):
 
     def _finish(self, goal):
         goal.canceled()
-        return TrackEdge.Result(reason='cancelled')
+        return TrackEdge.Result(reason='cancelled', reason_code=ReasonCode.CANCELLED)
 
     def destroy_node(self):
         self._server.destroy()
@@ -77,3 +78,4 @@ def test_a_goal_cancelled_before_it_is_accepted_is_cancelled_then(graph):
     assert not track.finished
     wait(graph, lambda: track.finished)
     assert not track.success and track.reason == 'cancelled' and not servo.goals
+    assert track.reason_code == ReasonCode.CANCELLED

@@ -1,7 +1,6 @@
 """The whole loop without ROS: scene, sensor, estimator, servo and robot on one clock."""
-
 from collections import deque
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -22,8 +21,7 @@ PICTURE_EVERY = 2  # steps; sensing at 200 Hz
 TARE_FRAMES = 100
 
 
-@dataclass(frozen=True, eq=False)
-class Cycle:
+class Cycle(NamedTuple):
     """One control cycle, and the truth beside it."""
 
     time: float  # s
@@ -35,40 +33,38 @@ class Cycle:
 
 class Simulation:
     """
-    A servo that follows the edge of a scene.
-
-    The servo, estimator, calibration, limits and scene are those that the nodes run; the
-    clock starts at 1 s.
+    A servo that follows the edge of a scene, with the parts that the nodes run.
 
     Parameters
     ----------
     scene : Scene
     tracker : str
-        Name of the servo law.
+        Name of the servo law; `settings` is its configuration.
     seed : int
         Of the sensor's noise.
     latency : float, optional
         From the instant that a picture shows to its arrival [s]; default as the scene says.
-    config : ServoConfig, optional
-    settings : object, optional
-        Configuration of the law.
     robot : tuple of (RobotModel, JointLimits), optional
         Default a gantry with the acceleration of the scene's plant.
     seed_positions : array_like (n,), optional
         Where the search for the joint positions of the start pose begins; default zeros for
         the gantry, else see `RobotModel.inverse`.
-    workspace : WorkspaceBox, optional
     clock : callable, optional
         Returns seconds; the servo's own computation is then measured with it.
 
     Attributes
     ----------
+    now : float
+        Time; begins at 1 [s].
     pose : ndarray, shape (4, 4)
         Where the sensor is.
     log : list of Cycle
     cycle_costs, picture_costs : list of float
         Computation of every control cycle and picture [s], if there is a clock.
     """
+
+    control_rate = 1.0 / STEP  # Hz
+    sensor_rate = 1.0 / (STEP * PICTURE_EVERY)
 
     def __init__(self, scene, tracker=DEFAULT, *, seed=0, latency=None, config=None,
                  settings=None, robot=None, seed_positions=None, workspace=None, clock=None):
@@ -97,16 +93,6 @@ class Simulation:
         self.log = []
         self._clock = clock or (lambda: 0.0)
         self.cycle_costs, self.picture_costs = [], []
-
-    @property
-    def control_rate(self):
-        """Control cycles per second."""
-        return 1.0 / STEP
-
-    @property
-    def sensor_rate(self):
-        """Pictures per second."""
-        return 1.0 / (STEP * PICTURE_EVERY)
 
     def _tared(self):
         sensor, skin = self.scene.sensor, self.scene.skin
@@ -157,20 +143,9 @@ class Simulation:
 
     def run(self, goal, seconds, until=None):
         """
-        Start a goal, if one is given, and step until it ends.
+        Start a goal, if one is given, and step until it ends; returns the last status.
 
-        Parameters
-        ----------
-        goal : EdgeGoal or None
-        seconds : float
-            Longest time to simulate [s].
-        until : callable, optional
-            Ends the run when it is true of a status.
-
-        Returns
-        -------
-        Status
-            The last one.
+        It ends after so many simulated seconds as well, or when `until(status)` is true.
         """
         if goal is not None:
             while not (self.servo.inputs.joints and self.servo.inputs.contact):
@@ -186,9 +161,8 @@ class Simulation:
         """Where the pad really was, at every cycle."""
         lateral, along = self.scene.edge.nearest(
             np.array([cycle.pose[:3, 3] - cycle.shift for cycle in self.log]))
-        progress = np.array([cycle.status.progress for cycle in self.log])
+        time, force, progress = np.array([
+            (cycle.time, cycle.force, cycle.status.progress) for cycle in self.log]).T
         tracking = np.isin([cycle.status.state for cycle in self.log], ON_EDGE)
         settled = tracking & (progress >= SETTLING_LENGTH)
-        return Truth(
-            np.array([cycle.time for cycle in self.log]), lateral, along,
-            np.array([cycle.force for cycle in self.log]), progress, tracking, settled, settled)
+        return Truth(time, lateral, along, force, progress, tracking, settled, settled)

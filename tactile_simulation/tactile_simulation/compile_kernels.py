@@ -1,5 +1,4 @@
 """Every kernel of this package called once, for the step after a build that compiles them."""
-
 import numpy as np
 
 from tactile_servo.motion.trajectory import Trajectory

@@ -14,24 +14,10 @@ CLOSED_WITHIN = 1e-6
 
 @dataclass(frozen=True, eq=False)
 class EdgePath:
-    """
-    Edge of a rigid object, as a polyline in the base frame with its direction of travel.
+    """Edge of a rigid object, as a polyline in the base frame with its direction of travel."""
 
-    Parameters
-    ----------
-    points : np.ndarray
-        Vertices [m], shape `(N, 3)`, N >= 2, no two successive ones at one place.
-    solid : np.ndarray, optional
-        Whether there is material along each chord, shape `(N - 1,)`; default everywhere.
-
-    Raises
-    ------
-    ConfigurationError
-        The points are not a polyline.
-    """
-
-    points: np.ndarray
-    solid: np.ndarray | None = None
+    points: np.ndarray  # vertices (N >= 2, 3), no two successive ones at one place [m]
+    solid: np.ndarray | None = None  # (N - 1,): is there material along each chord; None: all
 
     def __post_init__(self):
         points = np.array(self.points, dtype=float)
@@ -39,8 +25,7 @@ class EdgePath:
             raise ConfigurationError(f'points have shape {points.shape}, must be (N >= 2, 3)')
         if not (np.isfinite(points).all() and (np.diff(points, axis=0) != 0).any(axis=1).all()):
             raise ConfigurationError('points must be finite and successively different')
-        solid = np.ones(len(points) - 1, bool) if self.solid is None else np.array(
-            self.solid, dtype=bool)
+        solid = np.array(np.ones(len(points) - 1) if self.solid is None else self.solid, bool)
         if solid.shape != (len(points) - 1,):
             raise ConfigurationError(
                 f'solid has shape {solid.shape}, must be one for each of {len(points) - 1} chords')
@@ -64,59 +49,26 @@ class EdgePath:
         return float(self.arclength[-1])
 
     def point_at(self, s) -> np.ndarray:
-        """
-        Return the point at arc length `s`, held between the ends of the edge.
-
-        Parameters
-        ----------
-        s : float or np.ndarray
-            Arc length [m].
-
-        Returns
-        -------
-        np.ndarray
-            Point [m] in the base frame, shape `(3,)` or `s.shape + (3,)`.
-        """
+        """Points `s.shape + (3,)` at arc lengths [m], held between the ends of the edge [m]."""
         return resample(self.points, self.arclength, np.ravel(s)).reshape(*np.shape(s), 3)
 
     def tangent_at(self, s) -> np.ndarray:
-        """
-        Return the unit direction of the chord at arc length `s`; at a corner, of the next one.
-
-        Parameters
-        ----------
-        s : float or np.ndarray
-            Arc length [m].
-
-        Returns
-        -------
-        np.ndarray
-            Direction in the base frame, shape `(3,)` or `s.shape + (3,)`.
-        """
-        index = np.searchsorted(self.arclength, s, side='right') - 1
-        index = np.clip(index, 0, len(self.points) - 2)
+        """Unit directions `s.shape + (3,)` at arc lengths [m]; at a corner, of the next chord."""
+        index = np.searchsorted(self.arclength[1:-1], s, side='right')
         chord = self.points[index + 1] - self.points[index]
         return chord / np.linalg.norm(chord, axis=-1, keepdims=True)
 
     def nearest(self, points) -> tuple[np.ndarray, np.ndarray]:
         """
-        Project points onto the edge, seen from above (along base -z).
-
-        Parameters
-        ----------
-        points : np.ndarray
-            Points [m] in the base frame, shape `(M, 3)`.
+        Project points (M, 3) of the base frame [m] onto the edge, seen from above.
 
         Returns
         -------
-        lateral : np.ndarray
-            Horizontal distance to the nearest point of the edge [m], shape `(M,)`; positive to
-            the left of the direction of travel.
-        s : np.ndarray
-            Arc length of that point [m], shape `(M,)`, between 0 and `length`.
+        lateral, s : np.ndarray (M,)
+            Horizontal distance to the nearest point of the edge, positive to the left of the
+            direction of travel, and the arc length of that point [m].
         """
-        points = np.atleast_2d(np.asarray(points, dtype=float))
-        return _nearest(points, self.points, self.arclength)
+        return _nearest(np.atleast_2d(np.asarray(points, float)), self.points, self.arclength)
 
 
 @njit(cache=True)

@@ -36,13 +36,13 @@ class Turtle:
             self.heading += step
 
     def _step(self, length, heading):
-        step = length * np.array([math.cos(heading), math.sin(heading)])
-        self.points.append(self.points[-1] + step)
+        ahead = np.array([math.cos(heading), math.sin(heading)])
+        self.points.append(self.points[-1] + length * ahead)
 
 
 def polygon(points, radius: float, closed: bool) -> np.ndarray:
     """
-    Straight sides with a fillet of the same radius at every corner.
+    Vertices (M, 2) of straight sides with a fillet at every corner [m].
 
     Parameters
     ----------
@@ -51,12 +51,8 @@ def polygon(points, radius: float, closed: bool) -> np.ndarray:
     radius : float
         Of the fillets [m]; 0 leaves the corners sharp.
     closed : bool
-        Whether a side leads from the last corner to the first.
-
-    Returns
-    -------
-    ndarray, shape (M, 2)
-        Vertices [m]; of a closed one the last equals the first.
+        Whether a side leads from the last corner to the first; the last vertex then equals the
+        first.
 
     Raises
     ------
@@ -86,8 +82,7 @@ def polygon(points, radius: float, closed: bool) -> np.ndarray:
         k = int((used - lengths).argmax())
         raise ConfigurationError(
             f'side {k} of {lengths[k]:.6g} m is too short for fillets of {radius:g} m')
-    vertices.append(corners[-1])
-    return np.array(vertices)
+    return np.array([*vertices, corners[-1]])
 
 
 def _fillet(corner, arriving, leaving, turn, radius):
@@ -106,11 +101,7 @@ def _fillet(corner, arriving, leaving, turn, radius):
 
 
 def spline(points, closed: bool) -> np.ndarray:
-    """
-    Smooth curve through points, cubic in the length of their polygon.
-
-    Parameters and result as of `polygon`, without a radius.
-    """
+    """Smooth curve through points, cubic in the length of their polygon; else as `polygon`."""
     knots = np.asarray(points, dtype=float)
     if closed:
         knots = np.vstack([knots, knots[:1]])
@@ -138,8 +129,7 @@ def lifted(plan: np.ndarray, base_z: float, *, height=None,
     base_z : float
         Height of the plan in the base frame [m].
     height : array_like, shape (K, 2), optional
-        Distance along the plan and height above it, joined by straight lines; two rows of one
-        distance are a step [m].
+        Distance along the plan and height above it; two rows of one distance are a step [m].
     wave : tuple of two floats, optional
         Height from trough to crest and length of a sinusoidal wave [m].
     gaps : sequence of pairs

@@ -1,5 +1,4 @@
 """The plainest robot that can move a pad anywhere: a gantry with a wrist, for simulations."""
-
 import numpy as np
 
 from tactile_servo.motion.limits import JointLimits
@@ -20,20 +19,20 @@ _JOINT = """
   </joint>
   <link name="{name}_link"/>"""
 _AXES = {'x': '1 0 0', 'y': '0 1 0', 'z': '0 0 1'}
+_SLIDE = {'type': 'prismatic', 'reach': TRAVEL, 'speed': SPEED}
+_TURN = {'type': 'revolute', 'reach': TURN, 'speed': TURN_RATE}
 
 
 def gantry_urdf():
     """URDF of three slides along the base's axes, then yaw, pitch and roll of the pad."""
     parent, joints = 'base', ''
-    for axis in 'xyz':
-        joints += _JOINT.format(name=f'slide_{axis}', type='prismatic', parent=parent,
-                                axis=_AXES[axis], rpy='0 0 0', reach=TRAVEL, speed=SPEED)
-        parent = f'slide_{axis}_link'
-    # At zero the pad looks down, so that its singularity, a pitch of 90 degrees, is far.
-    for axis, rpy in (('z', f'{np.pi} 0 0'), ('y', '0 0 0'), ('x', '0 0 0')):
-        joints += _JOINT.format(name=f'turn_{axis}', type='revolute', parent=parent,
-                                axis=_AXES[axis], rpy=rpy, reach=TURN, speed=TURN_RATE)
-        parent = f'turn_{axis}_link'
+    for name in ('slide_x', 'slide_y', 'slide_z', 'turn_z', 'turn_y', 'turn_x'):
+        # At zero the pad looks down, so that its singularity, a pitch of 90 degrees, is far.
+        joints += _JOINT.format(
+            name=name, parent=parent, axis=_AXES[name[-1]],
+            rpy=f'{np.pi} 0 0' if name == 'turn_z' else '0 0 0',
+            **(_SLIDE if name.startswith('slide') else _TURN))
+        parent = f'{name}_link'
     return f"""<robot name="gantry"><link name="base"/>{joints}
   <joint name="pad" type="fixed"><parent link="{parent}"/><child link="tactile_pad"/></joint>
   <link name="tactile_pad"/></robot>"""

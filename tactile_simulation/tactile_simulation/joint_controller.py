@@ -5,7 +5,6 @@ The controller behaves as the documentation of ros2_controllers' joint_trajector
 says it does with position command interfaces: what it rejects, when a trajectory starts, how
 it interpolates (https://control.ros.org, "Trajectory Representation").
 """
-
 from dataclasses import dataclass, field
 from itertools import pairwise
 from typing import Any
@@ -55,19 +54,17 @@ class MockController:
     ----------
     joint_names : sequence of str
         Order of every joint vector (n joints).
-    lower, upper : array_like (n,)
-        Position limits [rad or m], infinite where there are none.
-    velocity_limit : array_like (n,)
-        [rad/s or m/s].
+    lower, upper, velocity_limit : array_like (n,)
+        Limits of position, infinite where there are none, and of velocity [rad or m, per s].
     initial_positions : array_like (n,)
         Where the joints are and stay until a trajectory comes [rad or m].
-    dead_time, lag : float
-        Of the joints' response to a command [s].
-    interpolate_from_desired_state : bool
-        Whether a new trajectory starts from the desired state or from the measured one.
+    dead_time, lag, interpolate_from_desired_state
+        As in `MockRobotConfig`.
 
     Attributes
     ----------
+    desired : ndarray (3, n)
+        Desired position, velocity and acceleration of the newest step.
     limit_violations : int
         Steps whose command had to be clamped to a position or velocity limit.
 
@@ -75,7 +72,6 @@ class MockController:
     ------
     ConfigurationError
         A vector has the wrong length or a value is out of bounds.
-
     """
 
     def __init__(self, joint_names, lower, upper, velocity_limit, *, initial_positions,
@@ -112,31 +108,19 @@ class MockController:
         self._time: float | None = None
         self._spline: Spline | None = None
         self._pending: tuple[Trajectory, Any] | None = None
-        self._desired = np.zeros((3, len(positions)))
-        self._desired[0] = positions
-        self._command = self._desired[0]
-
-    @property
-    def desired(self) -> np.ndarray:
-        """Desired position, velocity and acceleration (3, n) of the newest step."""
-        return self._desired.copy()
+        self.desired = np.zeros((3, len(positions)))
+        self.desired[0] = self._command = positions
 
     def accept(self, trajectory: Trajectory, now: float) -> None:
         """
         Take a trajectory over at the next step, or leave everything as it is.
 
-        Parameters
-        ----------
-        trajectory : Trajectory
-            Its joints may stand in any order.
-        now : float
-            Time in the clock of the trajectory's stamp [s].
+        Its joints may stand in any order; `now` is in the clock of its stamp [s].
 
         Raises
         ------
         Rejected
             With the reason.
-
         """
         self._check(trajectory, now)
         names = trajectory.joint_names
@@ -152,9 +136,8 @@ class MockController:
             raise Rejected('trajectory has no points')
         for name in ('times', 'positions', 'velocities', 'accelerations', 'stamp'):
             values = getattr(trajectory, name)
-            if values is None and name != 'positions':
-                continue
-            if values is None or not np.isfinite(values).all():
+            missing = values is None and name == 'positions'
+            if missing or not (values is None or np.isfinite(values).all()):
                 raise Rejected(f'{name} must be finite numbers')
         if times[0] < 0.0:
             raise Rejected(f'time of point 0 is {times[0]:.6f} s, before the start')
@@ -184,39 +167,28 @@ class MockController:
 
     def step(self, now: float) -> tuple[np.ndarray, np.ndarray]:
         """
-        Advance to a time, at the controller's rate.
+        Advance to a time [s], at the controller's rate; measured positions and velocities (n,).
 
-        Parameters
-        ----------
-        now : float
-            Time [s]. When it jumps back, the robot holds where it is and starts over.
-
-        Returns
-        -------
-        positions, velocities : ndarray (n,)
-            Measured state of the joints [rad or m], [rad/s or m/s].
-
+        When the time jumps back, the robot holds where it is and starts over.
         """
-        if self._time is not None and now <= self._time:
-            if now < self._time:
-                self._restart(self._joints.position)
-                self._joints.restart()
-            else:
-                return self._joints.position, self._joints.velocity
+        if now == self._time:
+            return self._joints.position, self._joints.velocity
+        if self._time is not None and now < self._time:
+            self._restart(self._joints.position)
+            self._joints.restart()
         period = 0.0 if self._time is None else now - self._time
         if self._pending is not None:
             self._take_over(*self._pending, now)
         if self._spline is not None:
-            self._desired = self._spline.sample(now)
+            self.desired = self._spline.sample(now)
         self._time = now
-        return self._joints.step(now, self._limited(self._desired[0], period))
+        return self._joints.step(now, self._limited(self.desired[0], period))
 
     def _take_over(self, trajectory, order, now):
         self._pending = None
-        from_desired = self.interpolate_from_desired_state
-        before = self._time if from_desired and self._time is not None else now
-        state = self._desired if from_desired else np.array(
-            [self._joints.position, self._joints.velocity])
+        before, state = now, np.array([self._joints.position, self._joints.velocity])
+        if self.interpolate_from_desired_state:
+            before, state = now if self._time is None else self._time, self.desired
         self._spline = Spline(before, state, trajectory.stamp or now, trajectory, order)
 
     def _limited(self, wanted, period):

@@ -1,12 +1,6 @@
-"""
-What a run achieved against the truth of its scene, simulated or recorded: one table of numbers.
-
-`METRICS` holds what each key of a summary means and how it is shown; the commands' terminal
-output and JSON and the report all go by it.
-"""
-
+"""What a run achieved against the truth of its scene, simulated or recorded, in numbers."""
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from itertools import groupby
 import json
 import math
 from typing import Any, NamedTuple
@@ -18,11 +12,10 @@ from tactile_simulation.edge_path import EdgePath
 
 NAN = float('nan')
 SPACING = 0.25e-3  # m between the places at which outlines are compared
-# States in which the pad follows the edge.
 ON_EDGE = (State.TRACK, State.CORNER)  # while searching there is no edge to be near to
 
 
-# --- samples; NaN where there are too few -------------------------------------------------------
+# Of samples; NaN where there are too few.
 
 def span(stamps: np.ndarray) -> float:
     """Return the time between the first and the last stamp [ns], in seconds."""
@@ -46,42 +39,22 @@ def largest(values: np.ndarray) -> float:
     return float(values.max()) if len(values) else NAN
 
 
-def mean(values: np.ndarray) -> float:
-    """Return the mean."""
-    return float(np.mean(values)) if len(values) else NAN
-
-
-def median(values: Sequence[float]) -> float:
-    """Return the median."""
-    return float(np.median(values)) if len(values) else NAN
-
-
-def percentile(values: np.ndarray, percent: float) -> float:
-    """Return a percentile."""
+def percentile(values: Sequence[float] | np.ndarray, percent: float = 50.0) -> float:
+    """Return a percentile, the median unless told."""
     return float(np.percentile(values, percent)) if len(values) else NAN
 
 
-# --- the truth and what follows from it ---------------------------------------------------------
+class Truth(NamedTuple):
+    """Where the pad really was, at each pose of a run; arrays `(N,)`."""
 
-@dataclass(frozen=True, eq=False)
-class Truth:
-    """
-    Where the pad really was, at each pose of a run; arrays `(N,)`.
-
-    time [s], lateral (of the edge, to its left) and along (arc length of the nearest point of
-    the edge) [m], force on the pad [N], progress that the servo had claimed [m]. tracking: the
-    servo followed the edge; settled: the part of it from `SETTLING_LENGTH` after first contact;
-    on_target: where the force can be and is held against its target.
-    """
-
-    time: np.ndarray
-    lateral: np.ndarray
-    along: np.ndarray
-    force: np.ndarray
-    progress: np.ndarray
-    tracking: np.ndarray
-    settled: np.ndarray
-    on_target: np.ndarray
+    time: np.ndarray  # s
+    lateral: np.ndarray  # of the edge, to its left [m]
+    along: np.ndarray  # arc length of the nearest point of the edge [m]
+    force: np.ndarray  # on the pad [N]
+    progress: np.ndarray  # that the servo had claimed [m]
+    tracking: np.ndarray  # whether the servo followed the edge
+    settled: np.ndarray  # the part of it from `SETTLING_LENGTH` after first contact
+    on_target: np.ndarray  # where the force can be and is held against its target
 
 
 class OutlineError(NamedTuple):
@@ -145,19 +118,10 @@ def measure(evidence: Evidence) -> dict[str, float]:
 
 def contour_errors(contour: np.ndarray | None, edge: EdgePath) -> OutlineError:
     """
-    Compare a rebuilt contour with the true edge, seen from above.
+    Compare a rebuilt contour `(N, 3)` [m] with the true edge, seen from above.
 
-    Parameters
-    ----------
-    contour : ndarray, shape (N, 3), or None
-        Base frame [m].
-    edge : EdgePath
-
-    Returns
-    -------
-    OutlineError
-        Largest distance of either from the other; of an open edge, of the contour from the
-        edge. NaN without a contour.
+    The largest distance is that of either from the other; of an open edge, of the contour from
+    the edge. NaN without a contour.
     """
     if contour is None or len(contour) < 2:
         return OutlineError()
@@ -185,34 +149,20 @@ def _resampled(points):
     return path.point_at(np.union1d(s, path.arclength))
 
 
-# --- summaries ----------------------------------------------------------------------------------
-
 def summarise(simulation, goal: EdgeGoal, status: Status, *, name: str, tracker: str,
               seed: int, elapsed: float = NAN) -> dict[str, Any]:
     """
-    Summary of a simulated run, with the keys and units of every command of this package set.
+    Summary of a simulation after its run, with the keys and SI units of every command.
 
-    Parameters
-    ----------
-    simulation : Simulation
-        After its run.
-    goal : EdgeGoal
-    status : Status
-        The last one.
-    name, tracker : str
-        Of the scene and of the controller.
-    seed : int
-    elapsed : float
-        Real time that the run took [s].
+    `status` is its last, `elapsed` the real time that it took [s].
     """
     truth = simulation.truth()
     duration, result = float(np.ptp(truth.time)), simulation.servo.result()
     settled = truth.lateral[truth.settled]
     return {
-        'ok': bool(simulation.servo.success), 'state': status.state.name.lower(),
-        'reason': status.reason.text, 'reason_code': status.reason.code.name.lower(),
-        'scene': name, 'controller': tracker, 'seed': seed,
-        'speed': goal.speed, 'tracked_length': status.progress,
+        'ok': bool(simulation.servo.success), **_state(status), 'scene': name,
+        'controller': tracker, 'seed': seed, 'speed': goal.speed,
+        'tracked_length': status.progress,
         **measure(Evidence(
             truth, goal.force, contour_errors(result.contour, simulation.scene.edge))),
         'lateral_steady': rms(settled[len(settled) // 2:]),
@@ -220,21 +170,20 @@ def summarise(simulation, goal: EdgeGoal, status: Status, *, name: str, tracker:
         'real_time_factor': duration / elapsed, 'sensor_rate': simulation.sensor_rate,
         'control_rate': simulation.control_rate, 'latency_p50': simulation.latency,
         'latency_p99': simulation.latency,
-        'cpu_per_cycle': median(simulation.cycle_costs),
-        'cpu_per_picture': median(simulation.picture_costs),
+        'cpu_per_cycle': percentile(simulation.cycle_costs),
+        'cpu_per_picture': percentile(simulation.picture_costs),
         'states': state_history(simulation)}
+
+
+def _state(status):
+    return {'state': status.state.name.lower(), 'reason': status.reason.text,
+            'reason_code': status.reason.code.name.lower()}
 
 
 def state_history(simulation) -> list[dict[str, Any]]:
     """Every state that was entered: time [s], state and reason."""
-    history, last = [], None
-    for cycle in simulation.log:
-        if cycle.status.state != last:
-            last = cycle.status.state
-            history.append({'time': cycle.time, 'state': State(last).name.lower(),
-                            'reason': cycle.status.reason.text,
-                            'reason_code': cycle.status.reason.code.name.lower()})
-    return history
+    entered = groupby(simulation.log, key=lambda cycle: cycle.status.state)
+    return [{'time': first.time, **_state(first.status)} for _, (first, *_) in entered]
 
 
 def shown(summary: Mapping[str, Any], metrics=METRICS) -> Iterator[tuple[str, str, str]]:

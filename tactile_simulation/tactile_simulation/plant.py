@@ -1,5 +1,4 @@
 """Joints that follow their command after a dead time, with a first-order lag."""
-
 from collections import deque
 import math
 
@@ -10,17 +9,9 @@ from tactile_common.kernels import njit
 
 class DelayedLag:
     """
-    Joints that follow their command after a dead time with a first-order lag.
+    Joints, at rest at `position` (n,) at first; `dead_time` and `lag` may be 0 [s].
 
     Exact for commands that run straight between the steps, whatever the steps' lengths.
-
-    Parameters
-    ----------
-    position : ndarray (n,)
-        At rest there at first.
-    dead_time, lag : float
-        [s], either may be 0.
-
     """
 
     def __init__(self, position: np.ndarray, dead_time: float, lag: float):
@@ -58,11 +49,7 @@ class DelayedLag:
 
 @njit(cache=True)
 def _follow(position, start, slope, since, time, lag):
-    """
-    Position and velocity after `time` [s], exact, of joints that follow a command.
-
-    The command has run along start + slope t for `since` [s].
-    """
+    """Position and velocity after `time` of a command start + slope t, run for `since` [s]."""
     command = start + slope * since
     if lag == 0.0:
         return command, slope

@@ -23,23 +23,21 @@ def render(points, array: TactelArray, skin: Skin,
 
     The edge presses with `stiffness` times its indentation per length. Its pressure is the
     superposition of finite line loads: the point load (2.2) without shear, integrated along
-    each chord in closed form, compression positive.
+    each chord in closed form.
 
     Parameters
     ----------
     points : np.ndarray
         Polyline of the edge in the sensor frame [m], shape `(M, 3)`; it indents where z < 0.
     array : TactelArray
-        Geometry of the array; the tactels sample the pressure at their centres.
     skin : Skin
-        Depth and stiffness.
     solid : np.ndarray, optional
         Which chords have material, shape `(M - 1,)`; default all.
 
     Returns
     -------
     pressure : np.ndarray
-        Pressure at the tactels [Pa], shape `(rows, columns)`, compression positive.
+        At the centres of the tactels [Pa], shape `(rows, columns)`, compression positive.
     force : float
         Normal force on the rectangle of the array [N], of the loads within it.
     """
@@ -131,23 +129,17 @@ def _digitised(pressure, gain, noise, noise_std, pa_per_count, baseline):
 
 class EdgeRenderer:
     """
-    What a sensor measures at a pose, given a scene.
-
-    Parameters
-    ----------
-    scene : Scene
-    array : TactelArray
+    What a sensor measures at a pose (4, 4), sensor -> base, given a scene.
 
     Attributes
     ----------
     shift : ndarray, shape (3,)
-        How far the object has slipped [m]; changes when `render` or `counts` sees the pad
-        where the scene says that it slips.
+        How far the object has slipped [m]; changes when any method sees the pad where the
+        scene says that it slips.
     """
 
     def __init__(self, scene: Scene, array: TactelArray):
-        self._scene = scene
-        self._array = array
+        self._scene, self._array = scene, array
         self.shift = np.zeros(3)
         # Flaws of this one sensor: the same at every run, whatever the seed of the noise.
         flaws = np.random.default_rng(1)
@@ -157,19 +149,7 @@ class EdgeRenderer:
         self._gain *= alive.reshape(array.shape)
 
     def render(self, pose: np.ndarray) -> np.ndarray:
-        """
-        Return the pressure at the tactels, free of noise.
-
-        Parameters
-        ----------
-        pose : np.ndarray
-            Homogeneous transform sensor -> base, shape `(4, 4)`.
-
-        Returns
-        -------
-        np.ndarray
-            Pressure [Pa], shape `(rows, columns)`.
-        """
+        """Return the pressure at the tactels (rows, columns), free of noise [Pa]."""
         self._slip(pose)
         pressure, _ = render(
             self._points(pose), self._array, self._scene.skin, self._scene.edge.solid)
@@ -186,19 +166,9 @@ class EdgeRenderer:
 
     def counts(self, pose: np.ndarray | None, rng: np.random.Generator) -> np.ndarray:
         """
-        Return one frame of raw counts: noise, baseline, quantisation and saturation.
+        Return one frame (rows, columns) of counts: noise, baseline, quantisation, saturation.
 
-        Parameters
-        ----------
-        pose : np.ndarray or None
-            As for `render`; None for a sensor that touches nothing.
-        rng : np.random.Generator
-            Source of the noise.
-
-        Returns
-        -------
-        np.ndarray
-            Counts, shape `(rows, columns)`, uint8.
+        Without a pose the sensor touches nothing.
         """
         sensor = self._scene.sensor
         pressure = np.zeros(self._array.shape) if pose is None else self.render(pose)

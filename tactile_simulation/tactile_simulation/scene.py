@@ -18,8 +18,7 @@ class Skin:
     """Soft layer above the tactels."""
 
     depth: float = bounded(0.002, 'of the tactels below the surface', 'm', 1e-5, 0.1)
-    stiffness: float = bounded(
-        2e5, 'force per length of edge and per indentation', 'N/m^2', 1.0, 1e9)
+    stiffness: float = bounded(2e5, 'force per length of edge and indentation', 'N/m^2', 1.0, 1e9)
 
     def __post_init__(self):
         check_fields(self, 'skin.')
@@ -56,8 +55,7 @@ class Start:
     """Where the pad is at the beginning, see `Scene.start_pose`."""
 
     s: float = bounded(0.02, 'arc length along the edge', 'm', 0.0)
-    offset: float = bounded(
-        0.003, 'centre of the pad to the left of the edge', 'm', -0.1, 0.1)
+    offset: float = bounded(0.003, 'centre of the pad to the left of the edge', 'm', -0.1, 0.1)
     height: float = bounded(0.004, "of the pad's surface above the edge", 'm', -0.01, 0.5)
     yaw: float = bounded(
         0.0, "of the pad about its own +z, away from the edge's direction", 'rad',
@@ -74,10 +72,8 @@ class Plant:
     dead_time: float = bounded(0.0025, 'from a command to the first motion', 's', 0.0, 1.0)
     lag: float = bounded(
         0.010, 'time constant with which a joint follows its command', 's', 0.0, 1.0)
-    acceleration: float = bounded(
-        2.0, 'largest of the pad, along each axis', 'm/s^2', 0.1, 100.0)
-    latency: float = bounded(
-        0.010, 'from the instant that a picture shows to its arrival', 's', 0.0, 1.0)
+    acceleration: float = bounded(2.0, 'largest of the pad on each axis', 'm/s^2', 0.1, 100.0)
+    latency: float = bounded(0.010, 'from the instant of a picture to its arrival', 's', 0.0, 1.0)
     stamp_error: float = bounded(
         0.0, "of a picture's stamp: later than the instant it shows", 's', -0.1, 0.1)
 
@@ -117,44 +113,27 @@ class Scene:
 
     def start_pose(self) -> np.ndarray:
         """
-        Return the first pose of the pad, looking straight down at the edge.
+        First pose (4, 4) of the pad, sensor -> base, looking straight down at the edge.
 
         Pad z = base -z; pad y along the edge, turned by `start.yaw` about pad z (the edge then
         appears at minus that yaw in the picture); centre `start.offset` to the left of the edge
         (towards pad +x at yaw 0) and `start.height` above it.
-
-        Returns
-        -------
-        np.ndarray
-            Homogeneous transform sensor -> base, shape `(4, 4)`.
         """
         along = self.edge.tangent_at(self.start.s)
         along = np.array([along[0], along[1], 0.0]) / math.hypot(along[0], along[1])
         down = np.array([0.0, 0.0, -1.0])
         left = np.cross(along, down)
         cos, sin = math.cos(self.start.yaw), math.sin(self.start.yaw)
+        place = self.edge.point_at(self.start.s) + self.start.offset * left
         pose = np.eye(4)
-        pose[:3, 0] = cos * left + sin * along
-        pose[:3, 1] = cos * along - sin * left
-        pose[:3, 2] = down
-        pose[:3, 3] = (
-            self.edge.point_at(self.start.s)
-            + self.start.offset * left - self.start.height * down)
+        pose[:3] = np.column_stack([cos * left + sin * along, cos * along - sin * left, down,
+                                    place - self.start.height * down])
         return pose
 
 
 def load_scene(path) -> Scene:
     """
-    Read a scene.
-
-    Parameters
-    ----------
-    path : str or os.PathLike
-        YAML file; the scenes that come with the launch files explain the format.
-
-    Returns
-    -------
-    Scene
+    Read a scene from a YAML file; those that come with the launch files explain the format.
 
     Raises
     ------
@@ -185,15 +164,10 @@ def _scene(tree):
     start['yaw'] = math.radians(start.get('yaw', 0.0))
     skin = Skin(**_numbers(values.get('skin', {}), 'skin', Skin))
     return Scene(
-        name=values['name'],
-        description=' '.join(values['description'].split()),
-        edge=edge_from(values['edge']),
-        skin=skin,
-        sensor=_sensor(values.get('sensor', {}), skin),
-        start=Start(**start),
-        plant=Plant(**_numbers(values.get('plant', {}), 'plant', Plant)),
-        slip=Slip(**_numbers(values['slip'], 'slip', Slip)) if 'slip' in values else None,
-    )
+        values['name'], ' '.join(values['description'].split()), edge_from(values['edge']),
+        skin, _sensor(values.get('sensor', {}), skin), Start(**start),
+        Plant(**_numbers(values.get('plant', {}), 'plant', Plant)),
+        Slip(**_numbers(values['slip'], 'slip', Slip)) if 'slip' in values else None)
 
 
 def _sensor(tree, skin):
@@ -217,7 +191,7 @@ def _numbers(tree, name, kind):
     """Numbers of a section; those with a default in the dataclass may be missing."""
     keys = [item.name for item in fields(kind) if item.default is MISSING]
     optional = [item.name for item in fields(kind) if item.default is not MISSING]
-    values = section(tree, name, keys, optional)
-    given = {key: number(f'{name}.{key}', value) for key, value in values.items()}
+    values = {key: number(f'{name}.{key}', value)
+              for key, value in section(tree, name, keys, optional).items()}
     return {key: float(value) if types_of(kind)[key] is float else value
-            for key, value in given.items()}
+            for key, value in values.items()}

@@ -1,5 +1,4 @@
 """The calibration that fits the sensor of a scene, as a file for the driver."""
-
 from pathlib import Path
 
 import yaml

@@ -98,10 +98,8 @@ def _spline(tree, closed):
 
 
 def _height(tree):
-    if tree is None:
-        return None
-    height = _pairs('edge.height', tree, 2)
-    if (np.diff(height[:, 0]) < 0.0).any():
+    height = None if tree is None else _pairs('edge.height', tree, 2)
+    if height is not None and (np.diff(height[:, 0]) < 0.0).any():
         raise ConfigurationError('edge.height: its distances must not decrease')
     return height
 

@@ -1,5 +1,4 @@
 """Interpolation of joint trajectories as a joint_trajectory_controller does it."""
-
 from bisect import bisect_right
 
 import numpy as np
@@ -19,16 +18,14 @@ class Spline:
 
     Parameters
     ----------
-    before : float
-        Time of the state that the first point is approached from [s].
-    state : ndarray (2 or 3, n)
-        Position, velocity and, where known, acceleration at that time.
+    before, state : float, ndarray (2 or 3, n)
+        Time [s] from which the first point is approached; position, velocity and, where known,
+        acceleration then.
     start : float
         Time from which the trajectory's own times count [s].
     trajectory : Trajectory
     order : list of int, or slice
         Columns of the trajectory in the order of the joints.
-
     """
 
     def __init__(self, before: float, state: np.ndarray, start: float, trajectory: Trajectory,
@@ -73,10 +70,9 @@ _POWERS = {known: np.arange(2.0 * known)[:, None] for known in _BASES}
 
 def hermite(first: np.ndarray, last: np.ndarray, duration: float) -> PPoly:
     """
-    Polynomial (n values) of the least degree between two states, its time counted from the first.
+    Polynomial (n values) of the least degree between two states `duration` [s] apart.
 
-    `first` and `last` (1 to 3, n) are position, velocity, acceleration; what only one of them
-    has is not used. `duration` [s].
+    Each (1 to 3, n): position, velocity, acceleration; what only one of them has is not used.
     """
     known = min(len(first), len(last))
     scale = duration**_POWERS[known]

@@ -1,6 +1,4 @@
 """What a recording that ran through driver and estimator holds: force over time, and presses."""
-
-from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -26,45 +24,34 @@ METRICS = (
 
 
 class Press(NamedTuple):
-    """Indices into a series: of the first datum, of the peak, and after the last."""
+    """Indices into a series."""
 
     begin: int
     peak: int
-    end: int
+    end: int  # after the last datum
 
 
-@dataclass(frozen=True, eq=False)
-class ForceSeries:
-    """
-    Force over time of a recording.
+class ForceSeries(NamedTuple):
+    """Force over time of a recording, `(N,)`."""
 
-    time [s] since the first picture, force (zeroth moment) in `unit`, type (numbers of
-    Contact.msg): `(N,)`; centre_of_pressure `(N, 2)` [m].
-    """
-
-    time: np.ndarray
-    force: np.ndarray
+    time: np.ndarray  # since the first picture [s]
+    force: np.ndarray  # zeroth moment, in `unit`
     unit: str
-    type: np.ndarray
-    centre_of_pressure: np.ndarray
+    type: np.ndarray  # numbers of Contact.msg
+    centre_of_pressure: np.ndarray  # (N, 2) [m]
     stamp_ns: np.ndarray
 
 
 def force_series(run: RunData) -> ForceSeries:
-    """
-    Return force and centre of pressure over time, by the contact estimator.
-
-    Without any estimate in the recording, moments of the pictures take its place.
-    """
+    """Force and centre of pressure by the estimator or, without, by moments of the pictures."""
     unit = {'Pa': 'N', '': 'N'}.get(run.images.unit, f'{run.images.unit} m^2')
     contacts = run.contacts
     if np.isfinite(contacts.m0).any():
         stamps, force, kind = contacts.stamp_ns, contacts.m0, contacts.type
         centre = contacts.centre_of_pressure
     else:
-        array = run.images.array  # None where there is no frame either
+        stamps, array = run.images.stamp_ns, run.images.array  # None without frames
         moments = [image_moments(frame, array) for frame in run.images.frames] if array else []
-        stamps = run.images.stamp_ns
         force = np.array([each.m0 for each in moments])
         centre = np.array([each.centre_of_pressure for each in moments]).reshape(-1, 2)
         kind = np.full(len(stamps), int(ContactType.OTHER))
@@ -73,57 +60,39 @@ def force_series(run: RunData) -> ForceSeries:
 
 
 def presses(force: np.ndarray) -> list[Press]:
-    """
-    Return the presses in a series of forces, by a threshold with hysteresis.
-
-    Parameters
-    ----------
-    force : np.ndarray
-        Forces in any unit, shape `(N,)`; NaN ends no press and starts none.
-    """
+    """Find presses in forces `(N,)`, with hysteresis; NaN ends no press and starts none."""
     finite = force[np.isfinite(force)]
     if not finite.size or not np.ptp(finite) > 0.0:
         return []
     low, high = np.percentile(finite, (1, 99))
     upper, lower = (low + fraction * (high - low) for fraction in PRESS_THRESHOLDS)
     found, begin = [], None
-    for index, value in enumerate(force):
+    for index, value in enumerate([*force, -np.inf]):  # the end ends a press as well
         if begin is None and value > upper:
             begin = index
         elif begin is not None and value < lower:
-            found.append((begin, index))
+            found.append(Press(begin, begin + int(np.nanargmax(force[begin:index])), index))
             begin = None
-    if begin is not None:
-        found.append((begin, len(force)))
-    return [Press(begin, begin + int(np.nanargmax(force[begin:end])), end)
-            for begin, end in found]
+    return found
 
 
 def summarise_recording(run: RunData) -> dict[str, Any]:
-    """
-    Return the summary of a recording that ran through driver and estimator.
-
-    Forces are in `force_unit`, which is N only for a calibrated sensor; lengths in m.
-    """
+    """Summary of a recording; forces in `force_unit`, N only of a calibrated sensor; else SI."""
     series, images = force_series(run), run.images
     found = presses(series.force)
     period = 1.0 / rate(images.stamp_ns) if len(images.stamp_ns) > 1 else NAN
     steps = np.diff(images.sequence)
-    summary = {
+    return {
         'ok': bool(len(images.stamp_ns) and len(series.force)),
         'reason': '' if len(images.stamp_ns) else 'no pictures arrived',
         'sensor': run.info.sensor if run.info else '',
-        'rows': images.frames.shape[1],
-        'columns': images.frames.shape[2],
-        'force_unit': series.unit,
-        'force_max': largest(series.force),
-        'presses': len(found),
+        'rows': images.frames.shape[1], 'columns': images.frames.shape[2],
+        'force_unit': series.unit, 'force_max': largest(series.force), 'presses': len(found),
         'press_peaks': [float(series.force[peak]) for _, peak, _ in found],
         'press_times': [float(series.time[peak]) for _, peak, _ in found],
         'press_durations': [float((end - begin) * period) for begin, _, end in found],
         'press_centres': [series.centre_of_pressure[peak].tolist() for _, peak, _ in found],
-        'duration': span(images.stamp_ns),
-        'frames': len(images.stamp_ns),
+        'duration': span(images.stamp_ns), 'frames': len(images.stamp_ns),
         'lost_frames': int((steps[steps > 0] - 1).sum()),
         'sensor_rate': rate(images.stamp_ns),
         'contact_types': {kind.name.lower(): int(np.count_nonzero(series.type == kind))
@@ -131,4 +100,3 @@ def summarise_recording(run: RunData) -> dict[str, Any]:
         'latency_p50': percentile(run.contacts.latency, 50),
         'latency_p99': percentile(run.contacts.latency, 99),
     }
-    return summary

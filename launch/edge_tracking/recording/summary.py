@@ -1,5 +1,4 @@
 """A recorded run in numbers: how well the edge was tracked."""
-
 from functools import lru_cache
 from typing import Any
 
@@ -7,40 +6,31 @@ import numpy as np
 
 from edge_tracking.recording.run import RunData, Statuses
 from tactile_common.errors import TactileError
+from tactile_servo.reasons import ReasonCode
 from tactile_servo.track_statistics import SETTLING_LENGTH
 from tactile_servo.types import State
 from tactile_shape.contour.outline import find_outline
-from tactile_simulation.metrics import (
-    contour_errors,
-    Evidence,
-    mean,
-    measure,
-    median,
-    NAN,
-    ON_EDGE,
-    percentile,
-    rate,
-    span,
-    Truth,
-)
+from tactile_simulation import metrics
+from tactile_simulation.metrics import NAN, percentile, rate, Truth
 from tactile_simulation.renderer import EdgeRenderer
 from tactile_simulation.scene import Scene
 
-# The edge counts as tracked if the pad's centre kept this close to it once settled [m], RMS: the
-# object may slip further at once.
+# RMS of the pad's centre, once settled, up to which the edge counts as tracked: the object may
+# slip further at once [m].
 LATERAL_BOUND = 3e-3
 
 
 def settled_cycles(statuses: Statuses) -> tuple[np.ndarray, np.ndarray]:
     """Return which cycles track, and which of these come after the settling length: `(N,)`."""
-    tracking = np.isin(statuses.state, ON_EDGE)
+    tracking = np.isin(statuses.state, metrics.ON_EDGE)
     settled = np.logical_or.accumulate(tracking & (statuses.progress >= SETTLING_LENGTH))
     return tracking, tracking & settled
 
 
 def truth(run: RunData, scene: Scene) -> Truth:
     """Compare the recorded poses of the pad with the scene; time as of `run.seconds`."""
-    poses, statuses, array = run.poses, run.statuses, _array(run)
+    poses, statuses = run.poses, run.statuses
+    array = run.images.array or (run.info.array if run.info else None)
     count = len(poses.stamp_ns)
     force, shift = np.full(count, NAN), np.zeros((count, 3))
     if array:
@@ -51,13 +41,9 @@ def truth(run: RunData, scene: Scene) -> Truth:
         np.empty(0), np.empty(0))
     # The cycle that was the newest when the pose was taken tells the state.
     newest = np.searchsorted(statuses.stamp_ns, poses.stamp_ns, side='right') - 1
-    known = newest >= 0
-    progress = np.zeros(count)
-    tracking, settled = np.zeros(count, bool), np.zeros(count, bool)
-    if known.any():
-        progress[known] = statuses.progress[newest[known]]
-        for mask, cycles in zip((tracking, settled), settled_cycles(statuses), strict=True):
-            mask[known] = cycles[newest[known]]
+    progress, tracking, settled = (
+        np.append(values, values.dtype.type(0))[newest]  # -1, before the first cycle: the 0
+        for values in (statuses.progress, *settled_cycles(statuses)))
     reach = array.half_width_y if array else 0.0
     whole_edge = (along >= reach) & (along <= scene.edge.length - reach)
     return Truth(run.seconds(poses.stamp_ns), lateral, along, force, progress, tracking, settled,
@@ -66,17 +52,10 @@ def truth(run: RunData, scene: Scene) -> Truth:
 
 def latencies(run: RunData) -> tuple[np.ndarray, np.ndarray]:
     """
-    Return the time from each picture's last byte to the command that first used it.
+    Stamps of pictures [ns] and times from their last byte to the command that used it [s], (N,).
 
     From arrival at the driver, which is the stamp and the acquisition delay, to the end of the
     first control cycle with that picture; cycles that track only.
-
-    Returns
-    -------
-    time_ns : np.ndarray
-        Stamps of the pictures [ns], shape `(N,)`.
-    latency : np.ndarray
-        Latencies [s], shape `(N,)`.
     """
     statuses = run.statuses
     delay = run.info.acquisition_delay if run.info else 0.0
@@ -99,61 +78,56 @@ def rebuilt_outline(run):
 
 
 def summarise(run: RunData, scene: Scene, *, success: bool, reason: str = '',
-              speed: float | None = None, force: float | None = None,
-              seed: int | None = None) -> dict[str, Any]:
+              reason_code: int = ReasonCode.NONE, speed: float | None = None,
+              force: float | None = None, seed: int | None = None) -> dict[str, Any]:
     """
     Return the summary of a run along the edge of a scene, SI units, NaN = unknown.
 
-    Lateral errors and forces are those of the scene at the recorded poses, not the sensor's own.
+    Lateral errors and forces are those of the scene at the recorded poses, not the sensor's own;
+    `ok` only if the action succeeded and the pad's centre really was led along the edge.
 
     Parameters
     ----------
-    run : RunData
-    scene : Scene
-    success : bool
-        Whether the action succeeded.
-    reason : str
-        Why it ended; that of the last control cycle if empty.
+    success, reason, reason_code : bool, str, int
+        Of the action; the reason is that of the last control cycle if empty.
     speed, force : float, optional
         What the goal asked for [m/s], [N]; else from the control cycles.
     seed : int, optional
         Of the scene's noise.
-
-    Returns
-    -------
-    dict
-        `ok` only if the action succeeded and the pad's centre really was led along the edge.
     """
     statuses, real = run.statuses, truth(run, scene)
     tracking, settled = settled_cycles(statuses)
     active = np.flatnonzero(statuses.state != State.IDLE)
     last = active[-1] if active.size else None
     _, latency = latencies(run)
-    target = float(force) if force is not None else median(statuses.force_target[tracking])
-    outline = rebuilt_outline(run)
+    along = real.along[real.tracking]
+    target = float(force) if force is not None else percentile(statuses.force_target[tracking])
+    outline, stamps = rebuilt_outline(run), run.images.stamp_ns
+    begin, end = statuses.stamp_ns[tracking][[0, -1]] if tracking.any() else (0, -1)
     summary = {
         'ok': False,
         'state': State(int(statuses.state[last])).name.lower() if active.size else 'idle',
         'reason': reason or (statuses.reason[last] if active.size else 'the servo did not run'),
+        'reason_code': ReasonCode(reason_code).name.lower(),  # type: ignore[call-arg]
         'scene': scene.name,
         'controller': str(statuses.controller[0]) if len(statuses.controller) else '',
         'seed': seed,
-        'speed': float(speed) if speed is not None else median(statuses.speed[settled]),
-        'tracked_length': _tracked_length(real),
-        **measure(Evidence(
-            real, target, contour_errors(outline and outline.points, scene.edge))),
+        'speed': float(speed) if speed is not None else percentile(statuses.speed[settled]),
+        'tracked_length': float(np.ptp(along)) if along.size else 0.0,  # of the true edge
+        **metrics.measure(metrics.Evidence(
+            real, target, metrics.contour_errors(outline and outline.points, scene.edge))),
         'closed': outline is not None and outline.closed,
         'corners': outline.corners.tolist() if outline else [],
         'sides': [{'kind': side.kind, 'length': side.length, 'radius': side.radius}
                   for side in (outline.sides if outline else ())],
-        'duration': span(statuses.stamp_ns[active]),
-        'sensor_rate': rate(_between(run.images.stamp_ns, statuses.stamp_ns[tracking])),
+        'duration': metrics.span(statuses.stamp_ns[active]),
+        'sensor_rate': rate(stamps[(stamps >= begin) & (stamps <= end)]),
         'control_rate': rate(statuses.stamp_ns[active]),
         'missed_cycles': int(statuses.missed_cycles[last] - statuses.missed_cycles[active[0]])
         if active.size else 0,
         'latency_p50': percentile(latency, 50),
         'latency_p99': percentile(latency, 99),
-        'cpu_per_cycle': mean(statuses.cycle_time[tracking]),
+        'cpu_per_cycle': statuses.cycle_time[tracking].mean() if tracking.any() else NAN,
     }
     claimed = statuses.progress[tracking].max(initial=0.0)
     summary['ok'] = bool(
@@ -162,19 +136,3 @@ def summarise(run: RunData, scene: Scene, *, success: bool, reason: str = '',
     if success and not summary['ok']:
         summary['reason'] += '; but the pad was not led along the edge'
     return summary
-
-
-def _array(run):
-    return run.images.array or (run.info.array if run.info else None)
-
-
-def _tracked_length(real):
-    """Way along the true edge between the ends of the tracking [m]."""
-    along = real.along[real.tracking]
-    return float(np.ptp(along)) if along.size else 0.0
-
-
-def _between(stamps, others):
-    if not len(others):
-        return stamps[:0]
-    return stamps[(stamps >= others[0]) & (stamps <= others[-1])]

@@ -1,6 +1,6 @@
 """What happened along the edge of a scene over time: errors, force, pictures, latency."""
-
 from collections.abc import Mapping
+from itertools import pairwise
 from typing import Any
 
 from matplotlib.figure import Figure
@@ -8,18 +8,8 @@ import numpy as np
 
 from edge_tracking.recording.run import RunData
 from edge_tracking.recording.summary import latencies, settled_cycles
-from edge_tracking.report.style import (
-    BLUE,
-    ESTIMATE_COLOUR,
-    GREY,
-    INK,
-    mark_centre,
-    new_figure,
-    note,
-    ORANGE,
-    style,
-    tactels,
-)
+from edge_tracking.report import style
+from edge_tracking.report.style import BLUE, GREY, INK, label, new_figure, note, ORANGE
 from tactile_sensing.types.contact import ContactType
 from tactile_servo.types import State
 from tactile_simulation.metrics import Truth
@@ -49,8 +39,8 @@ def errors(run: RunData, summary: Mapping[str, Any], scene: Scene, real: Truth) 
         seen = np.abs(measured[settled & np.isfinite(measured)])
         bound = 1.3 * max(late.max(), np.percentile(seen, 99.5) if seen.size else 0.0, 0.005)
         narrow.set_ylim(-bound, bound)
-    style(wide, '', 'lateral [mm]', "Pad's centre left of the edge")
-    style(narrow, '', 'lateral [mm]', 'The same, enlarged to what remains after settling')
+    label(wide, '', 'lateral [mm]', "Pad's centre left of the edge")
+    label(narrow, '', 'lateral [mm]', 'The same, enlarged to what remains after settling')
     wide.legend(loc='center right', fontsize=9.5, frameon=False)
     _force(force, run, summary, real)
     for axes in (wide, narrow, force):
@@ -77,7 +67,7 @@ def _force(axes, run, summary, real):
               linewidth=0.7)
     axes.plot(real.time, real.force, color=BLUE, linewidth=1.5)
     target = summary['force_target']
-    style(axes, 'time [s]', 'normal force [N]', 'Force on the pad')
+    label(axes, 'time [s]', 'normal force [N]', 'Force on the pad')
     if np.isfinite(target):
         axes.axhline(target, color=INK, linewidth=1.0, linestyle=(0, (6, 4)))
         axes.annotate(f'target {target:g} N', (0.995, target), (0, 5), fontsize=9.5,
@@ -93,16 +83,16 @@ def _shade(axes, run, time, named):
     if not len(state):
         return
     starts = np.flatnonzero(np.diff(state, prepend=-1))
-    ends = np.append(starts[1:], len(state) - 1)
     active = time[state != State.IDLE]
     whole = np.ptp(active) if active.size else np.inf
-    for start, end in zip(starts, ends, strict=True):
+    for start, end in pairwise([*starts, len(state) - 1]):
+        begun, ended = time[start], time[end]
         colour, name = _SHADES.get(state[start], (None, ''))
         if colour:
-            axes.axvspan(time[start], time[end], color=colour, linewidth=0, zorder=0)
-        share = (time[end] - time[start]) / whole
+            axes.axvspan(begun, ended, color=colour, linewidth=0, zorder=0)
+        share = (ended - begun) / whole
         if named and name and share > 0.025:
-            axes.annotate(name, (0.5 * (time[start] + time[end]), 0.96), fontsize=9.5,
+            axes.annotate(name, (0.5 * (begun + ended), 0.96), fontsize=9.5,
                           xycoords=('data', 'axes fraction'), ha='center', va='top',
                           rotation=90 if share < 0.1 else 0, color=GREY)
 
@@ -112,7 +102,7 @@ def pictures(run: RunData) -> Figure:
     figure, images = new_figure(10.0, 3.0), run.images
     chosen = [(f'{name}, {run.seconds(images.stamp_ns[index]):.2f} s', index)
               for name, index in _moments(run)]
-    panels = tactels(figure, images, chosen, 'The recording has no pictures of the run.')
+    panels = style.tactels(figure, images, chosen, 'The recording has no pictures of the run.')
     for axes, (_, index) in zip(panels, chosen, strict=True):
         _estimate(axes, run, index)
     return figure
@@ -124,18 +114,11 @@ def _moments(run):
     tracking, settled = (np.flatnonzero(mask) for mask in settled_cycles(statuses))
     if not len(stamps):
         return []
-    times = []
     approach = np.flatnonzero(statuses.state == State.APPROACH)
-    if approach.size:
-        times.append(('approach', statuses.stamp_ns[approach[approach.size // 2]]))
-    if tracking.size:
-        times.append(('first contact', statuses.stamp_ns[tracking[0]]))
-    if settled.size:
-        times.append(('steady', statuses.stamp_ns[settled[settled.size // 2]]))
-    if tracking.size:
-        times.append(('end', statuses.stamp_ns[tracking[-1]]))
-    return [(name, min(int(np.searchsorted(stamps, time)), len(stamps) - 1))
-            for name, time in times]
+    moments = (('approach', approach, approach.size // 2), ('first contact', tracking, 0),
+               ('steady', settled, settled.size // 2), ('end', tracking, -1))
+    return [(name, min(int(np.searchsorted(stamps, statuses.stamp_ns[cycles[place]])),
+                       len(stamps) - 1)) for name, cycles, place in moments if cycles.size]
 
 
 def _estimate(axes, run, index):
@@ -146,12 +129,12 @@ def _estimate(axes, run, index):
     if match.size and contacts.valid[match[0]] and np.isfinite(contacts.yaw[match[0]]):
         a, yaw = 1e3 * contacts.a[match[0]], contacts.yaw[match[0]]
         reach = 2.0 * np.hypot(x, y) * np.array([-1.0, 1.0])
-        axes.plot(a - reach * np.sin(yaw), reach * np.cos(yaw), color=ESTIMATE_COLOUR,
+        axes.plot(a - reach * np.sin(yaw), reach * np.cos(yaw), color=style.ESTIMATE_COLOUR,
                   linewidth=2.0)
         angle = round(np.degrees(yaw), 1) + 0.0  # no minus zero
         text = f'a = {a:+.2f} mm, yaw = {angle:+.1f}\u00b0'
     elif match.size and contacts.type[match[0]] == ContactType.OTHER:
-        mark_centre(axes, contacts.centre_of_pressure[match[0]])
+        style.mark_centre(axes, contacts.centre_of_pressure[match[0]])
         text = 'no straight line'
     else:
         text = 'no valid contact'
@@ -167,7 +150,7 @@ def latency(run: RunData, summary: Mapping[str, Any]) -> Figure:
     figure = new_figure(7.5, 3.4)
     axes = figure.subplots()
     _, values = latencies(run)
-    style(axes, 'last byte to command [ms]', 'pictures')
+    label(axes, 'last byte to command [ms]', 'pictures')
     if not len(values):
         note(axes, 0.3, 0.5, 'No picture was used.')
         return figure
@@ -180,10 +163,9 @@ def latency(run: RunData, summary: Mapping[str, Any]) -> Figure:
     axes.set_xlim(left, right)
     top = axes.get_ylim()[1]
     axes.set_ylim(0.0, 1.25 * top)
-    lines = [(1e3 * summary['latency_p50'], f'median {1e3 * summary["latency_p50"]:.2f} ms', INK),
-             (1e3 * summary['latency_p99'], f'99 %: {1e3 * summary["latency_p99"]:.2f} ms',
-              ORANGE),
-             (period, f'one picture, {period:.1f} ms', GREY)]
+    median, most = 1e3 * summary['latency_p50'], 1e3 * summary['latency_p99']
+    lines = ((median, f'median {median:.2f} ms', INK), (most, f'99 %: {most:.2f} ms', ORANGE),
+             (period, f'one picture, {period:.1f} ms', GREY))
     for level, (x, text, colour) in enumerate(lines):
         if np.isfinite(x):
             axes.axvline(x, color=colour, linewidth=1.5, linestyle='-' if level < 2 else '--')

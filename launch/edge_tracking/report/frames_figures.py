@@ -1,21 +1,11 @@
 """Pictures of a recording that ran through driver and estimator."""
-
 from matplotlib.figure import Figure
 import numpy as np
 
 from edge_tracking.recording.frames_summary import ForceSeries, presses
 from edge_tracking.recording.run import RunData
-from edge_tracking.report.style import (
-    BLUE,
-    EDGE_COLOUR,
-    GREY,
-    IN_A_ROW,
-    mark_centre,
-    new_figure,
-    ORANGE,
-    style,
-    tactels,
-)
+from edge_tracking.report import style
+from edge_tracking.report.style import BLUE, GREY, label, new_figure, ORANGE
 
 
 def _loaded(series):
@@ -28,15 +18,14 @@ def force_over_time(series: ForceSeries) -> Figure:
     force, centre = figure.subplots(2, 1, sharex=True)
     scale, unit = force_unit(series)
     force.plot(series.time, scale * series.force, color=BLUE, linewidth=1.5)
-    style(force, '', f'force [{unit}]', 'Force, with its presses')
+    label(force, '', f'force [{unit}]', 'Force, with its presses')
     for number, (begin, peak, end) in enumerate(presses(series.force), 1):
-        last = min(end, len(series.time) - 1)
-        force.axvspan(series.time[begin], series.time[last], color='#eaf0f8', zorder=0,
-                      linewidth=0)
-        force.plot(series.time[peak], scale * series.force[peak], 'o', color=ORANGE,
-                   markersize=4.5)
-        force.annotate(str(number), (series.time[peak], scale * series.force[peak]), (0, 6),
-                       textcoords='offset points', ha='center', fontsize=9.5, color=ORANGE)
+        top = series.time[peak], scale * series.force[peak]
+        force.axvspan(series.time[begin], series.time[min(end, len(series.time) - 1)],
+                      color='#eaf0f8', zorder=0, linewidth=0)
+        force.plot(*top, 'o', color=ORANGE, markersize=4.5)
+        force.annotate(str(number), top, (0, 6), textcoords='offset points', ha='center',
+                       fontsize=9.5, color=ORANGE)
     force.set_ylim(0.0, 1.15 * scale * np.nanmax(series.force, initial=1e-9))
     loaded = _loaded(series)
     for axis, (name, colour) in enumerate((('x', BLUE), ('y', ORANGE))):
@@ -46,7 +35,7 @@ def force_over_time(series: ForceSeries) -> Figure:
             last = np.flatnonzero(loaded)[-1]
             centre.annotate(name, (series.time[last], values[last]), (8, 0), fontsize=11,
                             textcoords='offset points', color=colour, va='center')
-    style(centre, 'time [s]', 'centre of pressure [mm]', 'Centre of pressure')
+    label(centre, 'time [s]', 'centre of pressure [mm]', 'Centre of pressure')
     if len(series.time) > 1:
         force.set_xlim(series.time[0], series.time[-1])
     return figure
@@ -58,18 +47,14 @@ def press_pictures(run: RunData, series: ForceSeries, limit: int = 8) -> Figure:
     found = presses(series.force) if images.array is not None else []
     keep = np.unique(np.linspace(0, len(found) - 1, min(limit, len(found))).round().astype(int))
     peaks = [found[number].peak for number in keep]
-    chosen = [(f'press {number + 1}, {series.time[peak]:.1f} s', _picture_at(images, series, peak))
+    chosen = [(f'press {number + 1}, {series.time[peak]:.1f} s',
+               int(np.argmin(np.abs(images.stamp_ns - series.stamp_ns[peak]))))
               for number, peak in zip(keep, peaks, strict=True)]
-    figure = new_figure(10.0, 0.5 + 2.45 * max(-(-len(keep) // IN_A_ROW), 1))
-    panels = tactels(figure, images, chosen, 'No presses were found.')
+    figure = new_figure(10.0, 0.5 + 2.45 * max(-(-len(keep) // style.IN_A_ROW), 1))
+    panels = style.tactels(figure, images, chosen, 'No presses were found.')
     for axes, peak in zip(panels, peaks, strict=True):
-        mark_centre(axes, series.centre_of_pressure[peak])
+        style.mark_centre(axes, series.centre_of_pressure[peak])
     return figure
-
-
-def _picture_at(images, series, at):
-    """Return the index of the picture of a datum of the series."""
-    return int(np.argmin(np.abs(images.stamp_ns - series.stamp_ns[at])))
 
 
 def centre_path(run: RunData, series: ForceSeries) -> Figure:
@@ -78,23 +63,19 @@ def centre_path(run: RunData, series: ForceSeries) -> Figure:
     x, y = 1e3 * series.centre_of_pressure[loaded].T
     scale, unit = force_unit(series)
     whole, near = panels = figure.subplots(1, 2)
-    points = None
     for axes in panels:
-        axes.plot(x, y, color=EDGE_COLOUR, linewidth=0.8, zorder=1)
+        axes.plot(x, y, color=style.EDGE_COLOUR, linewidth=0.8, zorder=1)
         points = axes.scatter(x, y, c=scale * series.force[loaded], cmap='magma_r', zorder=2,
                               s=8 if axes is whole else 26, vmin=0.0)
-    style(whole, 'x [mm]', 'y [mm]', 'On the array')
-    style(near, 'x [mm]', '', 'Enlarged')
+    label(whole, 'x [mm]', 'y [mm]', 'On the array')
+    label(near, 'x [mm]', '', 'Enlarged')
     whole.set_aspect('equal')
     near.set_aspect('equal', adjustable='datalim')
     if array is not None:
         half_x, half_y = 1e3 * array.half_width_x, 1e3 * array.half_width_y
         whole.plot([-half_x, half_x, half_x, -half_x, -half_x],
                    [-half_y, -half_y, half_y, half_y, -half_y], color=GREY, linewidth=1.2)
-    bar = figure.colorbar(points, ax=panels, shrink=0.85, aspect=20, pad=0.02)
-    bar.set_label(f'force [{unit}]', fontsize=10)
-    bar.ax.tick_params(labelsize=9)
-    bar.outline.set_visible(False)
+    style.colour_bar(figure, points, panels, f'force [{unit}]', shrink=0.85, aspect=20)
     return figure
 
 

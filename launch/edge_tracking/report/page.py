@@ -1,5 +1,4 @@
 """One self-contained HTML page about a run, with pictures; nothing is loaded from outside."""
-
 import base64
 from collections.abc import Mapping
 from html import escape
@@ -10,8 +9,7 @@ from typing import Any
 from edge_tracking.recording.frames_summary import force_series, METRICS
 from edge_tracking.recording.run import RunData
 from edge_tracking.recording.summary import rebuilt_outline, truth
-from edge_tracking.report import figures, plans
-from edge_tracking.report import frames_figures as recording_figures
+from edge_tracking.report import figures, frames_figures, plans
 from edge_tracking.report.style import png
 from tactile_simulation.metrics import shown
 from tactile_simulation.scene import Scene
@@ -42,18 +40,7 @@ figcaption, footer { font-size: .87rem; color: #555a61; }
 
 
 def make_report(run: RunData, summary: Mapping[str, Any], scene: Scene, path) -> None:
-    """
-    Write the report of a run along the edge of a scene.
-
-    Parameters
-    ----------
-    run : RunData
-    summary : dict
-        By `summary.summarise`.
-    scene : Scene
-    path : str or os.PathLike
-        HTML file to write.
-    """
+    """Write the report of a run along the edge of a scene, with its `summarise`, as HTML."""
     real = truth(run, scene)
     sections = [
         ('Path of the pad', plans.trajectory(run, scene, real),
@@ -88,10 +75,11 @@ def make_report(run: RunData, summary: Mapping[str, Any], scene: Scene, path) ->
             'that explains the contacts, and the way of the contact.', 'narrow'))
     verdict = ('Edge tracked' if summary['ok'] else 'Edge not tracked', summary['ok'])
     rms, largest = summary['lateral_rms'], summary['lateral_max']
-    title = f'Scene \u201c{scene.name}\u201d at {1e3 * summary["speed"]:.0f} mm/s' if _known(
-        summary['speed']) else f'Scene \u201c{scene.name}\u201d'
+    title = f'Scene \u201c{scene.name}\u201d'
+    if math.isfinite(summary['speed']):
+        title += f' at {1e3 * summary["speed"]:.0f} mm/s'
     lead = f'{summary["reason"]}.'
-    if _known(rms):
+    if math.isfinite(rms):
         lead += (f" The pad's centre stayed within {1e3 * largest:.3f} mm of the true edge, "
                  f'{1e3 * rms:.3f} mm RMS, over {1e3 * summary["tracked_length"]:.0f} mm.')
     _write(path, title, verdict, lead, shown(summary), sections,
@@ -101,36 +89,23 @@ def make_report(run: RunData, summary: Mapping[str, Any], scene: Scene, path) ->
 
 
 def make_recording_report(run: RunData, summary: Mapping[str, Any], path) -> None:
-    """
-    Write the report of a recording that ran through driver and estimator.
-
-    Parameters
-    ----------
-    run : RunData
-    summary : dict
-        By `frames_summary.summarise_recording`.
-    path : str or os.PathLike
-        HTML file to write.
-    """
+    """Write the report of a recording, with its `summarise_recording`, as HTML."""
     series = force_series(run)
-    sections = []
-    if len(series.time):
-        sections = [
-            ('Force and centre of pressure over time', recording_figures.force_over_time(series),
-             'Force is the zeroth moment of the picture. Without a calibration it is in counts '
-             'times area and says nothing about newtons. The centre of pressure is shown where '
-             'the force is above a tenth of its largest value.', ''),
-            ('Presses', recording_figures.press_pictures(run, series),
-             'The picture at the peak of each press, with its centre of pressure.', ''),
-            ('Path of the centre of pressure', recording_figures.centre_path(run, series),
-             'The frame is the array; the colour is the force.', ''),
-        ]
+    sections = [] if not len(series.time) else [
+        ('Force and centre of pressure over time', frames_figures.force_over_time(series),
+         'Force is the zeroth moment of the picture. Without a calibration it is in counts '
+         'times area and says nothing about newtons. The centre of pressure is shown where '
+         'the force is above a tenth of its largest value.', ''),
+        ('Presses', frames_figures.press_pictures(run, series),
+         'The picture at the peak of each press, with its centre of pressure.', ''),
+        ('Path of the centre of pressure', frames_figures.centre_path(run, series),
+         'The frame is the array; the colour is the force.', '')]
     types = ', '.join(f'{count} {name}' for name, count in summary['contact_types'].items()
                       if count) or 'none'
     count, largest = summary['presses'], summary['force_max']
     lead = f'{count} press' + ('' if count == 1 else 'es')
-    if _known(largest):
-        factor, unit = recording_figures.force_unit(series)
+    if math.isfinite(largest):
+        factor, unit = frames_figures.force_unit(series)
         lead += f'; the largest force is {factor * largest:.4g} {unit}'
     verdict = ('Recording played' if summary['ok'] else 'No pictures', summary['ok'])
     _write(path, f'Recording, {summary["rows"]} \u00d7 {summary["columns"]} tactels', verdict,
@@ -142,8 +117,6 @@ def picture(run: RunData, scene: Scene, path) -> None:
     """Save the main picture, the path of the pad over the true edge, as PNG."""
     Path(path).write_bytes(png(plans.trajectory(run, scene, truth(run, scene))))
 
-
-# --- page ---------------------------------------------------------------------------------------
 
 def _write(path, title, verdict, lead, rows, sections, footer):
     text, good = verdict
@@ -166,7 +139,3 @@ def _write(path, title, verdict, lead, rows, sections, footer):
         f'<p>{escape(lead)}</p>\n<dl class="numbers">{numbers}</dl>\n'
         + '\n'.join(parts) + f'\n<footer><p>{escape(footer)}</p></footer>\n</body></html>\n',
         encoding='utf-8')
-
-
-def _known(value):
-    return value is not None and math.isfinite(value)

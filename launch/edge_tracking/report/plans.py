@@ -1,19 +1,11 @@
 """A run along the edge of a scene, seen from above: path, rebuilt outline, surface."""
-
 from matplotlib.figure import Figure
 from matplotlib.patches import Polygon
 import numpy as np
 
 from edge_tracking.recording.run import RunData
-from edge_tracking.report.style import (
-    BLUE,
-    EDGE_COLOUR,
-    GREY,
-    new_figure,
-    note,
-    ORANGE,
-    style,
-)
+from edge_tracking.report import style
+from edge_tracking.report.style import BLUE, GREY, label, new_figure, note, ORANGE
 from tactile_common.polyline import arc_length
 from tactile_shape.cli.plots import draw_model
 from tactile_shape.contour.object_model import ObjectModel
@@ -29,19 +21,16 @@ def trajectory(run: RunData, scene: Scene, real: Truth) -> Figure:
     """Path of the pad over the true edge, seen from above, and its first part enlarged."""
     edge, path = (_from_above(scene, points) for points in (
         scene.edge.points, run.poses.position))
-    height = np.ptp(edge[:, 1])
-    if height > 0.4 * np.ptp(edge[:, 0]):
-        figure = new_figure(10.0, 4.8)
-        whole, detail = figure.subplots(1, 2, width_ratios=(1, 1.2))
-    else:
-        figure = new_figure(10.0, 5.6)
-        whole, detail = figure.subplots(2, 1, height_ratios=(1, 1.5))
-    whole.plot(*edge.T, color=EDGE_COLOUR, linewidth=6, solid_capstyle='butt')
+    width, height = np.ptp(edge, axis=0)
+    beside = height > 0.4 * width
+    figure = new_figure(10.0, 4.8 if beside else 5.6)
+    whole, detail = figure.subplots(1, 2, width_ratios=(1, 1.2)) if beside else figure.subplots(
+        2, 1, height_ratios=(1, 1.5))
+    whole.plot(*edge.T, color=style.EDGE_COLOUR, linewidth=6, solid_capstyle='butt')
     whole.plot(*path[real.tracking].T, color=BLUE, linewidth=1.6)
     _pads(whole, run, scene, real)
     whole.set_aspect('equal')
-    style(whole, 'along the first edge [mm]', 'across [mm]',
-          'From above, equal axes')
+    label(whole, 'along the first edge [mm]', 'across [mm]', 'From above, equal axes')
     _detail(detail, real)
     return figure
 
@@ -70,7 +59,7 @@ def _pads(axes, run, scene, real):
 
 def _detail(axes, real):
     """Distance from the edge over the first way along it."""
-    style(axes, 'along the edge since first contact [mm]', 'centre left of the edge [mm]',
+    label(axes, 'along the edge since first contact [mm]', 'centre left of the edge [mm]',
           'The first part, across enlarged')
     touching = np.flatnonzero(real.tracking)
     if not touching.size:
@@ -79,7 +68,7 @@ def _detail(axes, real):
     first = touching[0]
     way = 1e3 * np.abs(real.along - real.along[first])
     lateral = 1e3 * real.lateral
-    axes.axhline(0.0, color=EDGE_COLOUR, linewidth=6, zorder=1)
+    axes.axhline(0.0, color=style.EDGE_COLOUR, linewidth=6, zorder=1)
     axes.plot(way[touching], lateral[touching], color=BLUE, linewidth=1.8)
     axes.plot(way[first], lateral[first], 'o', color=BLUE, markersize=6)
     axes.set_xlim(-0.03 * DETAIL_LENGTH, DETAIL_LENGTH)
@@ -87,11 +76,10 @@ def _detail(axes, real):
     low, high = min(near.min(), 0.0), max(near.max(), 0.0)
     spread = max(high - low, 0.1)
     axes.set_ylim(low - 0.2 * spread, high + 0.2 * spread)
-    down = abs(low) > high
-    note(axes, 0.02 * DETAIL_LENGTH, lateral[first] + (-0.1 if down else 0.1) * spread,
-          f'first contact, {abs(lateral[first]):.2f} mm off', BLUE)
-    note(axes, DETAIL_LENGTH, 0.1 * spread if down else -0.1 * spread, 'true edge', GREY,
-          ha='right')
+    beyond = -0.1 * spread if abs(low) > high else 0.1 * spread
+    note(axes, 0.02 * DETAIL_LENGTH, lateral[first] + beyond,
+         f'first contact, {abs(lateral[first]):.2f} mm off', BLUE)
+    note(axes, DETAIL_LENGTH, -beyond, 'true edge', GREY, ha='right')
     settled = np.flatnonzero(real.settled)
     if settled.size:
         axes.axvline(way[settled[0]], color=GREY, linewidth=1.0, linestyle=':')
@@ -103,11 +91,12 @@ def outline(run: RunData, scene: Scene, found: Outline) -> Figure:
     """Outline rebuilt from touch over the true edge, and how far it is from it."""
     figure = new_figure(10.0, 4.6)
     plan, off = figure.subplots(1, 2, width_ratios=(1.2, 1))
-    plan.plot(*_from_above(scene, scene.edge.points).T, color=EDGE_COLOUR, linewidth=6,
-              solid_capstyle='butt')
-    plan.plot(*_from_above(scene, run.contour).T, '.', color=BLUE, markersize=2.5)
-    plan.plot(*_from_above(scene, found.points).T, color=ORANGE, linewidth=1.2)
-    plan.plot(*_from_above(scene, found.corners).T, 'o', color=ORANGE, markersize=5)
+    edge, contour, rebuilt, corners = (_from_above(scene, points).T for points in (
+        scene.edge.points, run.contour, found.points, found.corners))
+    plan.plot(*edge, color=style.EDGE_COLOUR, linewidth=6, solid_capstyle='butt')
+    plan.plot(*contour, '.', color=BLUE, markersize=2.5)
+    plan.plot(*rebuilt, color=ORANGE, linewidth=1.2)
+    plan.plot(*corners, 'o', color=ORANGE, markersize=5)
     for side in found.sides:
         x, y = _from_above(scene, side.points).mean(axis=0)
         text = f'{1e3 * side.length:.2f} mm'
@@ -116,11 +105,11 @@ def outline(run: RunData, scene: Scene, found: Outline) -> Figure:
         note(plan, x, y, text, ha='center')
     plan.margins(0.1)
     plan.set_aspect('equal')
-    style(plan, 'along the first edge [mm]', 'across [mm]',
+    label(plan, 'along the first edge [mm]', 'across [mm]',
           'True edge, contacts (dots), outline (line)')
     lateral, _ = scene.edge.nearest(run.contour)
     off.plot(1e3 * arc_length(run.contour), 1e3 * lateral, color=BLUE, linewidth=1.2)
-    style(off, 'along the contour [mm]', 'contacts left of the edge [mm]',
+    label(off, 'along the contour [mm]', 'contacts left of the edge [mm]',
           'Contacts against the true edge')
     return figure
 

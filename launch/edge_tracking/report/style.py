@@ -1,5 +1,4 @@
 """How pictures look: every axis has a unit, and what can be labelled directly is."""
-
 from io import BytesIO
 
 from matplotlib.backends.backend_agg import FigureCanvasAgg
@@ -26,7 +25,7 @@ def new_figure(width, height):
     return figure
 
 
-def style(axes, xlabel='', ylabel='', title=''):
+def label(axes, xlabel='', ylabel='', title=''):
     """Label axes and give them the common look."""
     axes.set_xlabel(xlabel, fontsize=10, color=INK)
     axes.set_ylabel(ylabel, fontsize=10, color=INK)
@@ -49,19 +48,7 @@ def tactels(figure, images, chosen, otherwise):
     """
     Draw pictures of the array in rows of up to `IN_A_ROW`, all with the same colours.
 
-    Parameters
-    ----------
-    figure : matplotlib.figure.Figure
-    images : Images
-    chosen : list of (str, int)
-        Title and index of each picture.
-    otherwise : str
-        Written if there are none.
-
-    Returns
-    -------
-    list of matplotlib.axes.Axes
-        One per picture.
+    Chosen are titles and indices; without any the text `otherwise` is written. Returns the axes.
     """
     if not chosen:
         axes = figure.subplots()
@@ -72,18 +59,19 @@ def tactels(figure, images, chosen, otherwise):
     grid = figure.subplots(
         -(-len(chosen) // columns), columns, sharex=True, sharey=True, squeeze=False)
     top = max(float(np.nanmax(images.frames[index], initial=0.0)) for _, index in chosen)
-    shown = None
-    for axes, (title, index) in zip(grid.flat, chosen, strict=False):
+    panels, shown = grid.ravel().tolist(), None
+    for axes, (title, index) in zip(panels, chosen, strict=False):
         shown = _picture(axes, images, index, top)
         axes.set_title(title, fontsize=10.5, color=INK)
-    for axes in grid.flat[len(chosen):]:
+    for axes in panels[len(chosen):]:
         axes.axis('off')
     for axes in grid[-1]:
         axes.set_xlabel('x [mm]', fontsize=10)
     for axes in grid[:, 0]:
         axes.set_ylabel('y [mm]', fontsize=10)
-    _colour_bar(figure, shown, grid.ravel().tolist(), images.unit)
-    return grid.ravel().tolist()[:len(chosen)]
+    unit = 'kPa' if images.unit == 'Pa' else images.unit or '?'
+    colour_bar(figure, shown, panels, f'pressure [{unit}]', shrink=0.8, aspect=18)
+    return panels[:len(chosen)]
 
 
 def mark_centre(axes, centre):
@@ -102,9 +90,9 @@ def _picture(axes, images, index, top):
         extent=(-x, x, -y, y), vmin=0.0, vmax=max(scale * top, 1e-9), interpolation='nearest')
 
 
-def _colour_bar(figure, shown, axes, unit):
-    """Add the bar of the pressure."""
-    bar = figure.colorbar(shown, ax=axes, shrink=0.8, aspect=18, pad=0.02)
-    bar.set_label('pressure [kPa]' if unit == 'Pa' else f'pressure [{unit or "?"}]', fontsize=10)
+def colour_bar(figure, shown, axes, text, **options):
+    """Add the bar of the colours of what is shown."""
+    bar = figure.colorbar(shown, ax=axes, pad=0.02, **options)
+    bar.set_label(text, fontsize=10)
     bar.ax.tick_params(labelsize=9)
     bar.outline.set_visible(False)

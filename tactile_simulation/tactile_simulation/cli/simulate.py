@@ -4,7 +4,6 @@ Command `simulate`: a servo follows the edge of a scene, without ROS and faster 
 The servo, estimator, limits and scene are those of the nodes; the robot is a gantry with the
 lag, dead time and acceleration of the scene's plant, or that of a URDF.
 """
-
 import argparse
 import sys
 import time
@@ -29,29 +28,25 @@ def parser() -> argparse.ArgumentParser:
     arguments = argparse.ArgumentParser(
         prog='simulate', description=__doc__.strip().splitlines()[0],
         formatter_class=argparse.ArgumentDefaultsHelpFormatter)
-    arguments.add_argument('scene', help='YAML file of the scene')
-    arguments.add_argument('--controller', default=DEFAULT, choices=list(LAWS))
-    arguments.add_argument('--speed', type=float, default=0.03, help='along the edge [m/s]')
-    arguments.add_argument('--force', type=float, default=5.0, help='on the pad [N]')
-    arguments.add_argument('--direction', type=int, default=1, choices=(-1, 1),
-                           help="along the sensor's y")
-    arguments.add_argument('--length', type=float, default=0.0,
-                           help='to track [m]; 0 = until the edge ends or the contour closes')
-    arguments.add_argument('--seed', type=int, default=0, help="of the sensor's noise")
-    arguments.add_argument('--latency', type=float, default=None,
-                           help='of a picture [s]; default as the scene says')
-    arguments.add_argument('--robot', default=None, metavar='URDF',
-                           help='robot instead of the gantry')
-    arguments.add_argument('--tip', default='tactile_pad', metavar='FRAME',
-                           help="sensor frame of that robot: its link's z points out of the skin")
-    arguments.add_argument('--start', type=float, nargs='+', default=None, metavar='ANGLE',
-                           help='joint positions near which that robot starts [rad]; default: '
-                                'those farthest from singularities and limits')
-    arguments.add_argument('--timeout', type=float, default=300.0, help='simulated time [s]')
-    arguments.add_argument('--json', action='store_true',
-                           help='print one JSON object, SI units')
-    arguments.add_argument('--plot', default=None, metavar='FILE.png',
-                           help='draw the way of the pad over the edge')
+    add = arguments.add_argument
+    add('scene', help='YAML file of the scene')
+    add('--controller', default=DEFAULT, choices=list(LAWS))
+    add('--speed', type=float, default=0.03, help='along the edge [m/s]')
+    add('--force', type=float, default=5.0, help='on the pad [N]')
+    add('--direction', type=int, default=1, choices=(-1, 1), help="along the sensor's y")
+    add('--length', type=float, default=0.0,
+        help='to track [m]; 0 = until the edge ends or the contour closes')
+    add('--seed', type=int, default=0, help="of the sensor's noise")
+    add('--latency', type=float, help='of a picture [s]; default as the scene says')
+    add('--robot', metavar='URDF', help='robot instead of the gantry')
+    add('--tip', default='tactile_pad', metavar='FRAME',
+        help="sensor frame of that robot: its link's z points out of the skin")
+    add('--start', type=float, nargs='+', metavar='ANGLE',
+        help='joint positions near which that robot starts [rad]; default: '
+             'those farthest from singularities and limits')
+    add('--timeout', type=float, default=300.0, help='simulated time [s]')
+    add('--json', action='store_true', help='print one JSON object, SI units')
+    add('--plot', metavar='FILE.png', help='draw the way of the pad over the edge')
     return arguments
 
 
@@ -92,11 +87,13 @@ def draw(simulation: Simulation, path) -> None:
         2, 1, figsize=(7, 8), height_ratios=(3, 1), layout='constrained')
     outline = np.where(np.repeat(edge.solid, 2)[:, None], np.repeat(
         edge.points, 2, axis=0)[1:-1], np.nan)
-    plan.plot(1e3 * outline[:, 0], 1e3 * outline[:, 1], color='0.7', lw=4, label='edge')
-    plan.plot(1e3 * way[:, 0], 1e3 * way[:, 1], 'C0', lw=1, label="pad's centre")
     contour = simulation.servo.result().contour
-    if contour is not None:
-        plan.plot(1e3 * contour[:, 0], 1e3 * contour[:, 1], 'C3:', lw=1, label='rebuilt edge')
+    for points, look, width, label in (
+            (outline, '0.7', 4, 'edge'), (way, 'C0', 1, "pad's centre"),
+            (contour, 'C3', 1, 'rebuilt edge')):
+        if points is not None:
+            plan.plot(*1e3 * points[:, :2].T, color=look, lw=width, label=label,
+                      ls=':' if points is contour else '-')
     plan.set(aspect='equal', xlabel='x [mm]', ylabel='y [mm]', title=simulation.scene.name)
     plan.legend()
     errors.plot(1e3 * truth.progress[truth.tracking], 1e3 * truth.lateral[truth.tracking], 'C0')

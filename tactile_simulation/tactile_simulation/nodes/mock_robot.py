@@ -1,5 +1,4 @@
 """A robot that is not there, behind a joint_trajectory_controller's topics."""
-
 from rclpy.node import Node
 from rclpy.qos import QoSProfile
 from sensor_msgs.msg import JointState
@@ -36,12 +35,10 @@ class MockRobotNode(Node):
             QoSProfile(depth=10))
         self.create_timer(1.0 / config.rate, plain(self._on_timer))
 
-    def _seconds(self):
-        return 1e-9 * self.get_clock().now().nanoseconds
-
     def _on_trajectory(self, message):
         try:
-            self.controller.accept(trajectory_from_msg(message), self._seconds())
+            self.controller.accept(
+                trajectory_from_msg(message), 1e-9 * self.get_clock().now().nanoseconds)
         except Rejected as error:
             self.rejected += 1
             self.get_logger().error(

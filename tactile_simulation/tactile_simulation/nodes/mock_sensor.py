@@ -24,10 +24,8 @@ from tactile_sensing.devices.registry import protocol_named, PROTOCOLS
 from tactile_simulation.renderer import EdgeRenderer
 from tactile_simulation.scene import load_scene
 
-# Nothing is sent before the first listener, who is looked for this often [s].
-_LISTENER_CHECK = 0.002
-# A scene that is later than this leaves frames out; up to it the rate holds on average [s].
-_CATCH_UP = 0.1
+_LISTENER_CHECK = 0.002  # s between looks for the first listener; nothing is sent before
+_CATCH_UP = 0.1  # s that a scene may be late, its rate held on average, before frames go
 _TERMINALS = '/dev/pts/'
 
 
@@ -55,12 +53,8 @@ class PseudoTerminal:
     Sending end of a pseudo-terminal with a link to its other end; never blocks.
 
     The other end is left to the listener alone, so that this one sees whether somebody
-    listens, and the listener sees a hang-up as soon as this one closes or dies.
-
-    Parameters
-    ----------
-    link : str
-        Path of the link. One that an earlier pseudo-terminal left behind is replaced.
+    listens, and the listener sees a hang-up as soon as this one closes or dies. A link that an
+    earlier pseudo-terminal left behind is replaced.
 
     Raises
     ------
@@ -145,11 +139,9 @@ class MockSensorNode(Node):
     ----------
     finished : threading.Event
         Set when a recording has been sent to its end.
-    sent, dropped : int
-        Frames written, and frames lost because the listener did not read; frames without a
-        listener count as neither.
-    late : int
-        Frames of a scene left out because the machine was too slow for them.
+    sent, dropped, late : int
+        Frames written, frames lost because the listener did not read, and frames of a scene
+        left out because the machine was too slow for them; without a listener, none of them.
     """
 
     def __init__(self, **kwargs):
@@ -236,8 +228,8 @@ class MockSensorNode(Node):
                 self._send(waiting.popleft()[1])
                 continue
             counts = self._frame(number)
-            if counts is None:
-                ended = True
+            ended = counts is None
+            if ended:
                 continue
             waiting.append((take_at + self._config.latency, self._protocol.encode(counts)))
             number += 1
