@@ -46,7 +46,7 @@ class TrackNode(Node):
         self.result = self.feedback = None
         self._on_feedback = on_feedback or self._log_feedback
         self._handle, self._cancelled = None, False
-        self._sent = self._tared = self._seen = self._robot = False
+        self._sent = self._tared = self._seen = self._robot = self._felt = False
         self._client = ActionClient(self, TrackEdge, 'track_edge')
         latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
         self.create_subscription(SensorInfo, 'sensor_info', self._on_info, latched)
@@ -66,15 +66,17 @@ class TrackNode(Node):
         self.destroy_subscription(self._contacts)
 
     def _on_status(self, msg):
-        if msg.joints_fresh:
-            self._robot = True
+        self._robot |= msg.joints_fresh
+        self._felt |= msg.contact_fresh
+        if self._robot and self._felt:
             self.destroy_subscription(self._statuses)
 
     def _missing(self):
         waits = ((self._seen, 'no contact estimates arrive: is the sensor connected?'),
                  (self._tared, 'the sensor is not tared: is the pad free? See its diagnostics'),
                  (self._client.server_is_ready(), 'no servo offers track_edge'),
-                 (self._robot, 'the servo gets no joint states: is the robot running?'))
+                 (self._robot, 'the servo gets no joint states: is the robot running?'),
+                 (self._felt, 'the servo gets no contacts, or no sensor_info'))
         return next((text for ready, text in waits if not ready), '')
 
     def _try_to_start(self):

@@ -67,7 +67,8 @@ class Inputs:
 
     def refresh(self, now: float, now_ns: int) -> None:
         """Judge anew what is fresh."""
-        self.contact_fresh = self._fresh(self.contact, self._config.stale_image, now, now_ns)
+        self.contact_fresh = self.sensor is not None and self._fresh(
+            self.contact, self._config.stale_image, now, now_ns)
         self.joints_fresh = self._fresh(self.joints, self._config.stale_joints, now, now_ns)
 
     def _fresh(self, sample, limit, now, now_ns):

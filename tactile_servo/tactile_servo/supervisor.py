@@ -106,10 +106,6 @@ class Supervisor:
         """Why a goal cannot be accepted now, or None if it can."""
         if self.state != State.IDLE:
             return Refusal(ReasonCode.BUSY, 'cancel it first')
-        if self.inputs.joints is None:
-            return Refusal(ReasonCode.NO_JOINT_STATE, 'none has been received')
-        if self.inputs.sensor is None:
-            return Refusal(ReasonCode.NO_IMAGE, 'no sensor_info has been received')
         for name, value, bound in (('speed', goal.speed, self.config.speed.max),
                                    ('force', goal.force, self.config.force.max)):
             if not 0.0 < value <= bound:
@@ -119,7 +115,12 @@ class Supervisor:
         if goal.force <= least:
             return Refusal(ReasonCode.INVALID_GOAL,
                            f'force {goal.force:g} N is not above contact_force, {least:g} N')
-        return self.law.validate(goal)
+        refused = self.law.validate(goal)
+        if refused is None and self.inputs.joints is None:
+            return Refusal(ReasonCode.NO_JOINT_STATE, 'none has been received')
+        if refused is None and self.inputs.sensor is None:
+            return Refusal(ReasonCode.NO_IMAGE, 'no sensor_info has been received')
+        return refused
 
     def note(self, refusal: Refusal) -> None:
         """Put a refusal into the status of an idle servo: it has no other answer."""
