@@ -10,8 +10,7 @@ from tactile_sensing.half_space.kernels import add_segment
 from tactile_sensing.types.array import TactelArray
 from tactile_sensing.types.image import Layer, TactileImage
 from tactile_servo.edge_map.edge_map import EdgeMap, SURE_PICTURES
-from tactile_servo.edge_map.picture import Problem, read_picture
-from tactile_servo.edge_map.scale import PadScale
+from tactile_servo.edge_map.picture import PadScale, Problem, read_picture
 from tactile_servo.edge_map.traced_path import PathEnd
 
 PITCH, DEPTH, STIFFNESS, LOAD = 0.0254 / 16, 2e-3, 2e5, 200.0

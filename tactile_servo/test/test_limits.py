@@ -7,7 +7,7 @@ import pytest
 
 from tactile_common.errors import ConfigurationError
 from tactile_servo.motion.limits import JointLimits, limit_velocities, NEGLIGIBLE, WorkspaceBox
-from tactile_servo.motion.window import stopping_window
+from tactile_servo.motion.trajectory import stopping_window
 
 DT = 0.0025
 LIMITS = JointLimits(

@@ -16,7 +16,7 @@ from tactile_servo.control.speed_planner import (
     SpeedPlanner,
     stray_scale,
 )
-from tactile_servo.edge_map.scale import PadScale
+from tactile_servo.edge_map.picture import PadScale
 from tactile_servo.edge_map.traced_path import PathEnd
 
 DT, ACCELERATION = 0.0025, 2.0

@@ -6,7 +6,7 @@ from tactile_common.config import bounded
 from tactile_servo.control.path_controller import PathConfig
 from tactile_servo.control.scaling import ramp
 from tactile_servo.edge_map.edge_map import EdgeMap
-from tactile_servo.edge_map.scale import PadScale
+from tactile_servo.edge_map.picture import PadScale
 from tactile_servo.edge_map.traced_path import PathEnd
 
 ANSWER = 5.0e-3  # s until the robot answers to what an image showed

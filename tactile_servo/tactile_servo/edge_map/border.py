@@ -19,20 +19,9 @@ def coming_length(pressure: np.ndarray, array: TactelArray, points: np.ndarray, 
     A leg that lies along the border comes under the pad at once, with half of the load again;
     the skin shows it on the tactels of the border some 1.5 depths before.
 
-    Parameters
-    ----------
-    pressure : ndarray, shape (rows, columns)
-        [Pa], all finite.
-    array : TactelArray
-    points : ndarray of RIDGE_POINT, shape (N,)
-        Ridge of the picture, see `ridge_points`.
-    noise, depth : float
-        Of one tactel [Pa], of the tactels [m].
-
-    Returns
-    -------
-    float
-        0 where there is none; less than the whole while it is still far.
+    0 where there is none, less than the whole while it is still far. The pressure (rows, columns)
+    [Pa] is finite; `points` (N,) are RIDGE_POINT, the picture's ridge; `noise` [Pa] and `depth`
+    [m] are those of the tactels.
     """
     if not len(points):
         return 0.0
@@ -52,8 +41,7 @@ def _longest_run(pressure, x, y, points, clear, noise):
     ridge = np.median(points.pressure)
     level = max(FAINT * ridge, SIGNIFICANT * noise)
     around = 2 * (rows + columns) - 4
-    best, best_sum = 0, 0.0
-    run, total = 0, 0.0
+    best, best_sum, run, total = 0, 0.0, 0, 0.0
     for step in range(2 * around):  # twice around: a run may pass over the beginning
         k = step % around
         if k < columns:

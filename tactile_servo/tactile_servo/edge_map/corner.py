@@ -4,16 +4,8 @@ import math
 
 import numpy as np
 
-from tactile_servo.edge_map.corner_fit import (
-    CHORDS,
-    corner_points,
-    CornerShape,
-    difference,
-    fit_corner,
-    SIZE,
-    turned,
-    vertex_spread,
-)
+from tactile_servo.edge_map import corner_fit
+from tactile_servo.edge_map.corner_fit import CornerShape, SIZE
 from tactile_servo.edge_map.picture import Picture
 from tactile_servo.edge_map.records import nodes_of
 
@@ -39,26 +31,14 @@ class Corner:
     """
     A corner in the plane of the edge, averaged over the pictures that show it.
 
-    Parameters
-    ----------
-    shape : CornerShape
-    information : ndarray, shape (7, 7)
-        Inverse covariance of the shape.
-    depth : float
-        Of the tactels that showed it [m].
-
-    Attributes
-    ----------
-    entry, leave : float
-        Stations of the path between which the corner stands for the edge [m].
-    denied : int
-        Pictures since the last one that it could be fitted to.
+    Begins with a fit: its shape and the inverse covariance (7, 7) of that; `depth` is that of
+    the tactels [m].
     """
 
     def __init__(self, shape: CornerShape, information: np.ndarray, depth: float):
         self.shape, self.depth = shape, depth
-        self.entry = self.leave = math.inf
-        self.denied = 0
+        self.entry = self.leave = math.inf  # stations between which it stands for the edge [m]
+        self.denied = 0  # pictures since the last one that it could be fitted to
         self._information = information.copy()
         self._moment = np.zeros(SIZE)
         self._reference = np.array(shape)
@@ -66,7 +46,7 @@ class Corner:
 
     def merge(self, shape: CornerShape, information: np.ndarray):
         """Take the fit of another picture: the mean weighted by information."""
-        self._moment += information @ difference(np.array(shape), self._reference)
+        self._moment += information @ corner_fit.difference(np.array(shape), self._reference)
         self._information += information
         self._count += 1.0
         if self._count > MEMORY:
@@ -91,9 +71,9 @@ class Corner:
 
     def nodes(self) -> np.ndarray:
         """Path through the corner: NODE (M,), all of one height."""
-        points, vertex = corner_points(self.shape, self.depth), self.shape.vertex
+        points, vertex = corner_fit.corner_points(self.shape, self.depth), self.shape.vertex
         if self.shape.radius < SHARP * self.depth:  # one vertex instead of the fillet
-            points = np.vstack([points[:CHORDS], vertex, points[-CHORDS:]])
+            points = np.vstack([points[:corner_fit.CHORDS], vertex, points[-corner_fit.CHORDS:]])
         legs = np.linalg.norm(points - vertex, axis=1)
         points = points[legs < self.reach + 1e-9]
         chords = np.diff(points, axis=0)
@@ -110,29 +90,26 @@ def shown(picture: Picture, shape: CornerShape) -> bool:
 
 def fit(picture: Picture, shape: CornerShape) -> tuple[CornerShape, np.ndarray] | None:
     """
-    Fit a corner of the plane to a picture.
+    Fit a corner of the plane to a picture: its shape and information (7, 7).
 
-    Returns
-    -------
-    shape, information : CornerShape, ndarray of shape (7, 7)
-        None where the picture shows no such corner, or too little of it.
+    None where the picture shows no such corner, or too little of it.
     """
     if not shown(picture, shape):
         return None
     array, depth, yaw = picture.array, picture.depth, picture.yaw
     start = shape.moved(-picture.place, 0.0).moved(np.zeros(2), -yaw)
-    found, information, chi_square, load = fit_corner(
+    found, information, chi_square, load = corner_fit.fit_corner(
         picture.pressure, array.x, array.y, depth, picture.noise, MODEL_ERROR, start)
     if not (np.isfinite(found).all() and load > 0.0 and chi_square < WORST_FIT):
         return None
     information += np.diag([0.0, 0.0, 0.0, 0.0, RADIUS_KNOWN / depth**2, BEND_KNOWN * depth**2,
                             BEND_KNOWN * depth**2])
-    if (vertex_spread(information) > WORST_PLACE * depth or abs(found.turn) < LEAST_TURN
+    if (corner_fit.vertex_spread(information) > WORST_PLACE * depth or abs(found.turn) < LEAST_TURN
             or max(abs(found.first_bend), abs(found.second_bend)) > STRAIGHTEST / depth
             or found.setback > LONGEST_SETBACK * depth
             or np.hypot(*(found.vertex - start.vertex)) > FARTHEST * depth):
         return None
-    return found.moved(picture.place, yaw), turned(information, yaw)
+    return found.moved(picture.place, yaw), corner_fit.turned(information, yaw)
 
 
 def guess(first: np.ndarray, first_way: np.ndarray, second: np.ndarray, second_way: np.ndarray,

@@ -28,17 +28,15 @@ class CornerShape(NamedTuple):
     """
     A corner: two legs and the fillet between them.
 
-    The vertex x, y, where the legs would meet [m]; direction of travel on the first and on the
-    second leg [rad]; radius of the fillet [m]; curvatures of the legs [1/m], left positive.
     Vectors and information matrices of a corner have this order.
     """
 
-    x: float
+    x: float  # vertex, where the legs would meet [m]
     y: float
-    first: float
+    first: float  # direction of travel on the first and on the second leg [rad]
     second: float
-    radius: float
-    first_bend: float = 0.0
+    radius: float  # of the fillet [m]
+    first_bend: float = 0.0  # curvatures of the legs [1/m], left positive
     second_bend: float = 0.0
 
     @property
@@ -69,17 +67,12 @@ RADIUS = CornerShape._fields.index('radius')  # the curvatures come after it
 
 
 class CornerFit(NamedTuple):
-    """
-    A corner fitted to a picture.
-
-    Its information (7, 7), the inverse covariance without the priors; chi-square per tactel;
-    force per length [N/m], 0 where too few tactels are near.
-    """
+    """A corner fitted to a picture."""
 
     shape: CornerShape
-    information: np.ndarray
-    chi_square: float
-    load: float
+    information: np.ndarray  # (7, 7), inverse covariance without the priors
+    chi_square: float  # per tactel
+    load: float  # force per length [N/m], 0 where too few tactels are near
 
 
 def difference(vector: np.ndarray, reference: np.ndarray) -> np.ndarray:
@@ -112,19 +105,7 @@ def _shape(p):
 
 @njit(cache=True)
 def corner_points(corner, depth):
-    """
-    Polyline of a corner in the order of travel.
-
-    Parameters
-    ----------
-    corner : CornerShape
-    depth : float
-        Of the tactels [m], by which the length of the legs is measured.
-
-    Returns
-    -------
-    ndarray, shape (2 CHORDS + ARC_CHORDS + 1, 2)
-    """
+    """Polyline (2 CHORDS + ARC_CHORDS + 1, 2) of a corner under a skin of some depth [m]."""
     turn = wrap_angle(corner.second - corner.first)
     radius = max(corner.radius, 0.0)
     setback = radius * math.tan(0.5 * min(abs(turn), STRAIGHT))
@@ -140,14 +121,14 @@ def corner_points(corner, depth):
         points[CHORDS - 1 - k] = x, y
     x, y = begin_x, begin_y
     chord = 2.0 * radius * math.sin(0.5 * abs(turn) / ARC_CHORDS)
-    for k in range(ARC_CHORDS):
-        angle = corner.first + turn * (k + 0.5) / ARC_CHORDS
-        x, y = x + chord * math.cos(angle), y + chord * math.sin(angle)
+    for k in range(ARC_CHORDS + CHORDS):
+        if k < ARC_CHORDS:
+            length, angle = chord, corner.first + turn * (k + 0.5) / ARC_CHORDS
+        else:
+            length = spacing
+            angle = corner.second + corner.second_bend * spacing * (k - ARC_CHORDS + 0.5)
+        x, y = x + length * math.cos(angle), y + length * math.sin(angle)
         points[CHORDS + 1 + k] = x, y
-    for k in range(CHORDS):
-        angle = corner.second + corner.second_bend * spacing * (k + 0.5)
-        x, y = x + spacing * math.cos(angle), y + spacing * math.sin(angle)
-        points[CHORDS + ARC_CHORDS + 1 + k] = x, y
     return points
 
 
@@ -167,47 +148,23 @@ def corner_pressure(corner, x, y, depth):
 
 
 @njit(cache=True)
-def _weights(pressure, x, y, near, noise, model_error, start):
-    """Inverse variances of the tactels near the vertex, 0 elsewhere (rows, columns)."""
-    weight = np.zeros(pressure.shape)
-    for r in range(len(y)):
-        for c in range(len(x)):
-            if (x[c] - start.x)**2 + (y[r] - start.y)**2 < near**2:
-                weight[r, c] = 1.0 / (noise**2 + (model_error * pressure[r, c])**2)
-    return weight
-
-
-@njit(cache=True)
 def fit_corner(pressure, x, y, depth, noise, model_error, start):
     """
     Fit a corner to a picture by Gauss-Newton, the load eliminated in closed form.
 
-    Parameters
-    ----------
-    pressure : ndarray, shape (rows, columns)
-        [Pa], all finite.
-    x, y : ndarray
-        Tactels [m].
-    depth, noise, model_error : float
-        Depth of the tactels [m], noise of one [Pa], what the model may leave out as a
-        fraction of the pressure.
-    start : CornerShape
-        First guess, in the sensor frame.
-
-    Returns
-    -------
-    CornerFit
+    Returns a CornerFit. The pressure (rows, columns) [Pa] is finite; x, y are the tactels' places
+    and `depth` their depth [m]; `noise` of one [Pa], `model_error` what the model may leave out
+    as a fraction of the pressure; `start` is the first guess, in the sensor frame.
     """
-    p = np.array([start.x, start.y, start.first, start.second, start.radius, start.first_bend,
-                  start.second_bend])
-    information = np.zeros((SIZE, SIZE))
-    chi_square, load = np.inf, 0.0
+    p = np.array(start)
+    information, chi_square, load = np.zeros((SIZE, SIZE)), np.inf, 0.0
     steps = np.array([LENGTH_STEP * depth, LENGTH_STEP * depth, ANGLE_STEP, ANGLE_STEP,
                       RADIUS_STEP * depth, CURVATURE_STEP / depth, CURVATURE_STEP / depth])
     prior = np.zeros(SIZE)
     prior[RADIUS] = (RADIUS_PRIOR * depth)**-2
     prior[RADIUS + 1:] = (CURVATURE_PRIOR / depth)**-2
-    weight = _weights(pressure, x, y, NEAR * depth, noise, model_error, start)
+    near = (x - start.x)**2 + (y.reshape(-1, 1) - start.y)**2 < (NEAR * depth)**2
+    weight = np.where(near, 1.0 / (noise**2 + (model_error * pressure)**2), 0.0)
     count = np.count_nonzero(weight)
     if count < FEWEST:
         return CornerFit(start, information, chi_square, load)

@@ -7,20 +7,11 @@ import numpy as np
 
 from tactile_common.polyline import Projection
 from tactile_sensing.types.image import TactileImage
+from tactile_servo.edge_map import path_queries
 from tactile_servo.edge_map.corner import Corner
 from tactile_servo.edge_map.path import nodes_from
-from tactile_servo.edge_map.path_queries import (
-    direction,
-    length_on_pad,
-    place_at,
-    project,
-    project_origin,
-    rise,
-    speed_profile,
-)
-from tactile_servo.edge_map.picture import Picture, Problem, read_picture
+from tactile_servo.edge_map.picture import PadScale, Picture, Problem, read_picture
 from tactile_servo.edge_map.records import CLOUD_POINT, joined, nodes_of, retyped
-from tactile_servo.edge_map.scale import PadScale
 from tactile_servo.edge_map.traced_path import BEHIND, PathEnd, TracedPath
 from tactile_servo.edge_map.tracing import into_plane, local_line, share_near, STEP
 
@@ -48,43 +39,25 @@ class EdgeMap:
 
     The plane is that of the first picture: its x and y are the sensor's, its z the pad's
     normal. Pictures are put into it by the pose at their stamps, so that latency only ages
-    what is seen ahead.
-
-    Parameters
-    ----------
-    skin_stiffness : float
-        Line force per length and indentation, which tells the height of the edge [N/m^2].
-
-    Attributes
-    ----------
-    plane : ndarray, shape (4, 4) or None
-        Base frame -> plane, once there was a picture.
-    picture : Picture or None
-        The newest one.
-    scale : PadScale or None
-        Lengths of the pad that took it.
-    path : TracedPath or None
-        The newest one; that of an edge that was lost stays until another begins.
-    station : float
-        Way along the path of the pad at the newest picture that shows it [m].
+    what is seen ahead. The stiffness of the skin, line force per length and indentation [N/m^2],
+    tells the height of the edge.
     """
 
     def __init__(self, skin_stiffness: float):
         self.skin_stiffness = skin_stiffness
         # None until there was a picture, and a ridge in it: whoever asks for more knows that.
-        self.plane: np.ndarray = None  # type: ignore[assignment]
-        self.picture: Picture = None  # type: ignore[assignment]
-        self.scale: PadScale = None  # type: ignore[assignment]
+        self.plane: np.ndarray = None  # type: ignore[assignment]  # (4, 4), base frame -> plane
+        self.picture: Picture = None  # type: ignore[assignment]  # the newest one,
+        self.scale: PadScale = None  # type: ignore[assignment]  # lengths of its pad
+        # The newest one; that of an edge that was lost stays until another begins.
         self.path: TracedPath = None  # type: ignore[assignment]
-        self.station = 0.0
+        self.station = 0.0  # of the pad on the path at the newest picture that shows it [m]
         self._axes: list[list[float]] = []  # of the plane, x and y, in the base frame
         self._cloud = np.empty(0, CLOUD_POINT)  # of the last pictures,
         self._counts: list[int] = []  # so many points of each
         self._followed = False
         self._off_path = 0
         self._near = None  # nodes around the pad, an open end led on
-
-    # Pictures ----------------------------------------------------------------------------
 
     def see(self, image: TactileImage, pose: np.ndarray) -> Problem | None:
         """Take an image and the pose (4, 4) of the sensor in the base frame at its stamp."""
@@ -101,12 +74,8 @@ class EdgeMap:
         """
         Extend the path by what the newest picture shows.
 
-        Parameters
-        ----------
-        direction : int
-            +1 or -1: the way to begin a path, along the sensor's y.
-        anew : bool
-            Begin a path whatever is known.
+        A path begins along the sensor's y, or against it where `direction` is -1; with `anew`
+        whatever is known.
         """
         picture = self.picture
         if len(picture.ridge) < FEWEST_POINTS:
@@ -120,7 +89,7 @@ class EdgeMap:
             return self._begin(heading / np.linalg.norm(heading), True)
         if share_near(seen, self._near, OFF_PATH * self.scale.grain) > AGREEING:
             self._off_path = 0
-            self.station = self._project(picture).station
+            self.station = self._project(picture.place).station
             self.path.refine(picture, self.station)
             self.path.extend(self._cloud, picture, self.station)
             self._take_near()
@@ -130,7 +99,7 @@ class EdgeMap:
             return Sight(Problem.ELSEWHERE)
         self._counts = []  # the object has slipped
         self._remember(seen)
-        self.station = self._project(picture).station
+        self.station = self._project(picture.place).station
         chord = CHORD * self.scale.grain
         return self._begin(np.array(self.way(self.station - chord, self.station + chord)), False)
 
@@ -165,10 +134,8 @@ class EdgeMap:
         self._near = retyped(nodes_from(path.nodes, self.station - behind, behind,
                                         path.open_start, path.end is PathEnd.VIEW))
 
-    def _project(self, picture):
-        return self.place(picture.place.tolist(), self.station, WINDOW * self.scale.grain)
-
-    # Frames ------------------------------------------------------------------------------
+    def _project(self, place):
+        return self.place(place.tolist(), self.station, WINDOW * self.scale.grain)
 
     def way_in_base(self, x: float, y: float) -> tuple[float, float, float]:
         """Direction x, y of the plane in the base frame."""
@@ -186,8 +153,6 @@ class EdgeMap:
         back = np.linalg.inv(self.plane)
         return nodes['point'] @ back[:3, :3].T + back[:3, 3]
 
-    # Path --------------------------------------------------------------------------------
-
     @property
     def followed(self) -> bool:
         """Whether the newest path is one that pictures still extend."""
@@ -201,29 +166,32 @@ class EdgeMap:
     def place(self, xy, station: float, window: float) -> Projection:
         """Project a point (2,) onto the path within a window about a station [m]."""
         x, y = xy
-        return Projection(*project(self.path.nodes, x, y, station - window, station + window))
+        return Projection(
+            *path_queries.project(self.path.nodes, x, y, station - window, station + window))
 
     def place_of(self, pose: np.ndarray, station: float,
                  window: float) -> tuple[tuple[float, float], Projection]:
         """Place x, y of a pose (4, 4) of the base frame in the plane, and `place` of that."""
-        origin, values = project_origin(
+        origin, values = path_queries.project_origin(
             self.path.nodes, self.plane, pose, station - window, station + window)
         return origin, Projection(*values)
 
     def along(self, station: float) -> tuple[float, float, float]:
         """Place (x, y, z) of the path at a station [m]."""
-        return place_at(self.path.nodes, station)
+        return path_queries.place_at(self.path.nodes, station)
 
     def way(self, first: float, last: float) -> tuple[float, float]:
         """Direction x, y of the path between two stations [m], beyond its end straight on."""
-        return direction(self.path.nodes, first, last, SHORTEST_CHORD * self.scale.grain)
+        shortest = SHORTEST_CHORD * self.scale.grain
+        return path_queries.direction(self.path.nodes, first, last, shortest)
 
     def speed_limit(self, station: float, top: float, acceleration: float, end_speed: float,
                     cut: float, settle: float) -> float:
         """Largest speed at a station [m/s]; see `speed_profile`."""
         nodes = self.path.nodes
         seen = len(nodes) - (self.path.end is PathEnd.RIDGE)
-        return speed_profile(nodes[:seen], station, top, acceleration, end_speed, cut, settle)
+        return path_queries.speed_profile(
+            nodes[:seen], station, top, acceleration, end_speed, cut, settle)
 
     def corner_at(self, station: float) -> Corner | None:
         """Corner that stands for the edge at a station [m]."""
@@ -234,10 +202,11 @@ class EdgeMap:
 
     def slope(self, station: float, reach: float) -> float:
         """Rise of the edge along itself around a station; see `rise`."""
-        return rise(self.path.nodes, station, reach, STEP * self.scale.grain,
+        return path_queries.rise(self.path.nodes, station, reach, STEP * self.scale.grain,
                     self.path.end is PathEnd.RIDGE)
 
     def length_on_pad(self, placed: np.ndarray, ahead=(0.0, 0.0)) -> float:
         """Length of the edge on the pad at a pose (4, 4) in the plane, moved by `ahead` [m]."""
         dx, dy = ahead
-        return length_on_pad(self._near, placed, dx, dy, self.scale.half_x, self.scale.half_y)
+        return path_queries.length_on_pad(
+            self._near, placed, dx, dy, self.scale.half_x, self.scale.half_y)

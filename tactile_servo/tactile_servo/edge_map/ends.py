@@ -5,8 +5,8 @@ import numpy as np
 from tactile_servo.edge_map.corner import guess, LEAST_TURN
 from tactile_servo.edge_map.corner_fit import CornerShape
 from tactile_servo.edge_map.path import sharpest_turn
+from tactile_servo.edge_map.picture import PadScale
 from tactile_servo.edge_map.records import joined, nodes_of
-from tactile_servo.edge_map.scale import PadScale
 from tactile_servo.edge_map.tracing import local_line, STEP
 
 TIP = 8  # nodes at the end of a ridge among which it fades

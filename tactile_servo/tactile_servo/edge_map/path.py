@@ -29,14 +29,8 @@ def unblurred(leg, blur, step, depth):
     """
     Move the nodes of a curve out to where the edge must lie: the skin blurs it in.
 
-    Parameters
-    ----------
-    leg : ndarray of NODE, shape (N,)
-        One `step` [m] apart.
-    blur : float
-        How far a ridge lies inside of a curve, times the curve's radius [m^2].
-    step, depth : float
-        Of the nodes and of the tactels [m].
+    The nodes (N,) are one `step` [m] apart, the tactels `depth` [m] deep; `blur` is how far a
+    ridge lies inside of a curve, times the curve's radius [m^2].
     """
     count = len(leg)
     moved = leg.copy()
@@ -103,15 +97,8 @@ def closing_node(nodes, station, begin, reach):
     """
     Index of the node beyond a station at which the path meets its start, or -1.
 
-    Parameters
-    ----------
-    nodes : ndarray of NODE, shape (N,)
-    station : float
-        Of the pad [m].
-    begin : float
-        From where on the start is known well [m].
-    reach : float
-        Largest distance from the node there [m].
+    Of the nodes (N,), those beyond the station count [m] that are within `reach` [m] of the start,
+    which is known well from the station `begin` on.
     """
     start = nodes[min(np.searchsorted(nodes.station, begin), len(nodes) - 1)]
     nearest, best = np.inf, -1

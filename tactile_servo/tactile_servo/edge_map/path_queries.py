@@ -69,17 +69,9 @@ def rise(nodes, station, reach, step, ends):
     """
     Rise of an edge along itself around a station, from the heights of its nodes.
 
-    Left out is what lies near a turn, a gap or, if it `ends`, the end: there the pressure does
-    not tell the height. NaN where too little is left.
-
-    Parameters
-    ----------
-    nodes : ndarray of NODE, shape (N,)
-    station, reach : float
-        Where, and how far to either side [m].
-    step : float
-        Distance of the nodes [m].
-    ends : bool
+    Over `reach` [m] to either side; nodes (N,) are a `step` [m] apart. Left out is what lies near
+    a turn, a gap or, if it `ends`, the end: there the pressure does not tell the height. NaN where
+    too little is left.
     """
     count = len(nodes)
     first = np.searchsorted(nodes.station, station - reach)
@@ -119,11 +111,11 @@ def speed_profile(nodes, here, top, acceleration, end_speed, cut, settle):
 
     Parameters
     ----------
-    nodes : ndarray of NODE, shape (M,)
-        The path.
-    here, top, acceleration, end_speed, cut, settle : float
-        Station [m], speed asked for [m/s], largest acceleration [m/s^2], speed allowed at the
-        end of the path [m/s], allowed distance from a corner [m], see above [m].
+    nodes : ndarray of NODE (M,)
+    here, top, acceleration, end_speed : float
+        Station [m], speed asked for [m/s], largest acceleration [m/s^2], speed at the end [m/s].
+    cut, settle : float
+        Allowed distance from a corner [m], see above [m].
     """
     left = max(nodes[len(nodes) - 1].station - here, 0.0)
     squared = end_speed * end_speed + 2.0 * acceleration * left
@@ -148,17 +140,9 @@ def speed_profile(nodes, here, top, acceleration, end_speed, cut, settle):
 @njit(cache=True)
 def length_on_pad(nodes, pose, dx, dy, half_x, half_y):
     """
-    Length of a path on the pad [m], chords without material left out.
+    Length of a path, nodes (M,), on the pad [m], chords without material left out.
 
-    Parameters
-    ----------
-    nodes : ndarray of NODE, shape (M,)
-    pose : ndarray, shape (4, 4)
-        Of the pad in the plane, moved by dx, dy.
-    dx, dy : float
-        [m]
-    half_x, half_y : float
-        Half the size of the pad [m].
+    The pad: its pose (4, 4) in the plane, moved by dx, dy, and half of its sides [m].
     """
     x, y = pose[0, 3] + dx, pose[1, 3] + dy
     yaw = math.atan2(pose[1, 0], pose[0, 0])

@@ -1,9 +1,10 @@
-"""One picture of the edge: checked, mended, and placed where it was taken."""
+"""One picture of the edge: checked, mended, placed where it was taken; the lengths of its pad."""
 
 from dataclasses import dataclass
 from enum import Enum
-from functools import cached_property
+from functools import cached_property, lru_cache
 import math
+from typing import NamedTuple
 
 import numpy as np
 
@@ -12,12 +13,37 @@ from tactile_sensing.contact.ridge import centre_of_load, mend, ridge_points
 from tactile_sensing.types.array import TactelArray
 from tactile_sensing.types.image import TactileImage
 from tactile_servo.edge_map.border import coming_length
-from tactile_servo.edge_map.scale import PadScale
 
 IMPOSSIBLE = 1e9  # Pa
 MOST_INVALID = 0.5  # share of the tactels
 LOADED = 0.3  # of the highest pressure, from which a tactel tells where the load is
+COARSE = 1.25  # pitches from which the tactels, no longer the skin, limit what is told apart
 UNKNOWN_NOISE = 1e-2  # of the highest pressure, where the sensor does not know its noise
+
+
+class PadScale(NamedTuple):
+    """
+    Lengths of a pad [m]: depth of its tactels, its pitches and half of its size.
+
+    A *grain* is the length that a picture resolves: the skin blurs an edge to a width of its
+    depth, and tactels that are coarser than that sample it no finer than their pitch.
+    """
+
+    depth: float
+    pitch_x: float
+    pitch_y: float
+    half_x: float
+    half_y: float
+    half: float  # the longer of both
+    grain: float
+
+    @classmethod
+    @lru_cache  # asked for with every picture
+    def of(cls, array: TactelArray, depth: float) -> 'PadScale':
+        """Scale of an array whose tactels lie at a depth [m]."""
+        half_x, half_y = array.half_width_x, array.half_width_y
+        return cls(depth, array.pitch_x, array.pitch_y, half_x, half_y, max(half_x, half_y),
+                   max(depth, COARSE * max(array.pitch_x, array.pitch_y)))
 
 
 class Problem(Enum):
@@ -32,38 +58,13 @@ class Problem(Enum):
 
 @dataclass(eq=False)  # not frozen: one is made of every image
 class Picture:
-    """
-    A pressure picture and the pose at which it was taken.
+    """A pressure picture and the pose at which it was taken."""
 
-    Parameters
-    ----------
-    pressure : ndarray, shape (rows, columns)
-        [Pa], all finite.
-    array : TactelArray
-    depth, noise : float
-        Of the tactels [m], of one tactel [Pa].
-    pose : ndarray, shape (4, 4)
-        Of the sensor in the plane's frame.
-    stamp_ns : int
-
-    Attributes
-    ----------
-    scale : PadScale
-        Lengths of the pad.
-    force, height : float
-        Of the pressure on the pad [N]; of the pad's surface along the plane's normal [m].
-    place, yaw : ndarray of shape (2,), float
-        Centre of the pad in the plane [m], and its angle there [rad].
-    ridge : ndarray of RIDGE_POINT, shape (N,)
-    coming : float
-        Length of a leg of the edge that is about to come under the pad [m].
-    """
-
-    pressure: np.ndarray
+    pressure: np.ndarray  # (rows, columns) [Pa], all finite
     array: TactelArray
-    depth: float
-    noise: float
-    pose: np.ndarray
+    depth: float  # of the tactels [m]
+    noise: float  # of one tactel [Pa]
+    pose: np.ndarray  # (4, 4) of the sensor in the plane's frame
     stamp_ns: int = 0
 
     def __post_init__(self):

@@ -5,15 +5,9 @@ from typing import NamedTuple
 
 import numpy as np
 
+from tactile_servo.edge_map import ends
 from tactile_servo.edge_map.corner import Corner, fit, shown
-from tactile_servo.edge_map.ends import (
-    acute_turn,
-    faded,
-    led_on,
-    sharp_turn,
-    TIP,
-    way_over_gap,
-)
+from tactile_servo.edge_map.ends import TIP
 from tactile_servo.edge_map.path import closing_node, entry_node, FAR_TURN, measure, unblurred
 from tactile_servo.edge_map.picture import Picture
 from tactile_servo.edge_map.records import joined
@@ -57,47 +51,28 @@ class Piece(NamedTuple):
 
 class TracedPath:
     """
-    Path that begins at a place of the ridge.
+    Path that begins at a node (1,) of the ridge, whose station counts, traced through a cloud.
 
-    Parameters
-    ----------
-    start : ndarray of NODE, shape (1,)
-        Where it begins; its station counts.
-    cloud : ndarray of CLOUD_POINT, shape (N,)
-    picture : Picture
-    may_close : bool
-        False for a path that does not begin at the start of the contour.
-
-    Attributes
-    ----------
-    nodes : ndarray of NODE, shape (N,)
-    end : PathEnd
-    tip : float
-        Station of the last node that was seen [m].
-    corners : list of Corner
-    open_start : bool
-        Whether the edge may go on before the first node.
-    closing : float or None
-        Station at which the pad meets its own start [m].
-    contour : ndarray of NODE or None
-        One round of a closed path.
+    It may not close if it does not begin at the start of the contour.
     """
 
     def __init__(self, start: np.ndarray, cloud: np.ndarray, picture: Picture,
                  may_close: bool = True):
         self.scale, self.may_close = picture.scale, may_close
+        self.corners: list[Corner] = []
+        self.end = PathEnd.VIEW
+        self.closing: float | None = None  # station at which the pad meets its own start [m]
+        self.contour: np.ndarray | None = None  # NODE (N,), one round of a closed path
         against = start.copy()
         against['way'] *= -1.0
         back = trace(cloud, against, self._ahead, self.scale.grain)[::-1].copy()
         back['way'] *= -1.0
+        # Whether the edge may go on before the first node.
         self.open_start = not len(back) or not self._well_inside(picture, back[:1])
         self.nodes = joined([back, start])
         (self.began,) = start['station'].tolist()
         self._measure(self.began - len(back) * self._step)
-        self.end, self.tip = PathEnd.VIEW, 0.0
-        self.corners: list[Corner] = []
-        self.closing: float | None = None
-        self.contour: np.ndarray | None = None
+        self.tip = 0.0  # station of the last node that was seen [m]
         self.extend(cloud, picture, self.began)
 
     @property
@@ -114,8 +89,6 @@ class TracedPath:
     @staticmethod
     def _well_inside(picture, node):
         return picture.covers(node['place'], SEEN_BORDER * picture.depth)
-
-    # Ahead -------------------------------------------------------------------------------
 
     def extend(self, cloud: np.ndarray, picture: Picture, station: float):
         """Trace anew what lies ahead of a station [m]."""
@@ -148,7 +121,7 @@ class TracedPath:
         self.tip = float(stations[-1])
         self._close(station)
         if self.end is PathEnd.RIDGE:
-            self.nodes = led_on(self.nodes, BEHIND * self.scale.half)
+            self.nodes = ends.led_on(self.nodes, BEHIND * self.scale.half)
             self._measure(first)
 
     def _trace_on(self, cloud, picture, head, station):
@@ -205,7 +178,7 @@ class TracedPath:
         if not self._well_inside(picture, last) and (
                 (last['place'][0] - picture.place) @ last['way'][0] > 0.0):  # ahead of the pad
             return None
-        jump = way_over_gap(cloud, last, self.scale)
+        jump = ends.way_over_gap(cloud, last, self.scale)
         self.end = PathEnd.RIDGE if jump is None else PathEnd.VIEW
         return jump
 
@@ -214,14 +187,12 @@ class TracedPath:
         """Take off the tip of a ridge that ends."""
         if not pieces:
             return
-        count = faded(joined([head[-3 * TIP:], *(piece.nodes for piece in pieces)]), height)
+        count = ends.faded(joined([head[-3 * TIP:], *(piece.nodes for piece in pieces)]), height)
         while count and pieces:
             nodes, corner = pieces.pop()
             if len(nodes) > count:
                 pieces.append(Piece(nodes[:len(nodes) - count], corner))
             count -= min(count, len(nodes))
-
-    # Corners -----------------------------------------------------------------------------
 
     def _find_corner(self, cloud, picture, head, pieces):
         """Look for a corner in the last leg, or beyond its end; whether one was added."""
@@ -229,9 +200,9 @@ class TracedPath:
             return False
         behind = pieces[-2].nodes if len(pieces) > 1 else head
         leg = joined([behind[-FAR_TURN:], pieces[-1].nodes])
-        guesses = [sharp_turn(leg, self.scale.depth)]
+        guesses = [ends.sharp_turn(leg, self.scale.depth)]
         if self.end is PathEnd.RIDGE:
-            guesses.append(acute_turn(cloud, leg, self.scale))
+            guesses.append(ends.acute_turn(cloud, leg, self.scale))
         for shape in guesses:
             if shape is None or any(self._apart(shape, other) < SAME_CORNER * self.scale.grain
                                     for other in self.corners):

@@ -19,19 +19,10 @@ NOWHERE = LocalLine(False, 0.0, 0.0, 0.0, 0.0, 0.0)
 @njit(cache=True)
 def into_plane(ridge, pose, indentation):
     """
-    Put the ridge points of a picture into the plane.
+    Put the ridge points of a picture, RIDGE_POINT (N,), into the plane: CLOUD_POINT (N,).
 
-    Parameters
-    ----------
-    ridge : ndarray of RIDGE_POINT, shape (N,)
-    pose : ndarray, shape (4, 4)
-        Of the sensor in the plane's frame.
-    indentation : float
-        Of the skin on the ridge, per pressure there [m/Pa].
-
-    Returns
-    -------
-    ndarray of CLOUD_POINT, shape (N,)
+    `pose` (4, 4) is the sensor's in the plane, `indentation` that of the skin on the ridge per
+    pressure there [m/Pa].
     """
     cloud = np.empty(len(ridge), CLOUD_POINT)
     for n in range(len(ridge)):
@@ -56,15 +47,15 @@ def trace(cloud, start, length, grain):
 
     Parameters
     ----------
-    cloud : ndarray of CLOUD_POINT, shape (N,)
+    cloud : ndarray of CLOUD_POINT (N,)
         Points of several pictures.
-    start : ndarray of NODE, shape (1,)
+    start : ndarray of NODE (1,)
     length, grain : float
         Where to stop at the latest, and what a picture resolves [m].
 
     Returns
     -------
-    ndarray of NODE, shape (M,)
+    ndarray of NODE (M,)
         The first one a step from the beginning; without stations.
     """
     step = STEP * grain

@@ -46,7 +46,7 @@ def damped_least_squares(jacobian: np.ndarray, twist: np.ndarray, *, damping: fl
     jacobian : ndarray (6, n)
         Rows linear [m/rad], then angular [rad/rad].
     twist : array_like (6,)
-        Linear [m/s], then angular [rad/s] velocity in the Jacobian's frame.
+        In the Jacobian's frame [m/s, rad/s].
     damping : float
         Smallest singular value [m/rad] of the weighted Jacobian that is inverted in full.
     rotation_length : float
@@ -58,7 +58,6 @@ def damped_least_squares(jacobian: np.ndarray, twist: np.ndarray, *, damping: fl
         Joint velocities [rad/s or m/s].
     smallest : float
         Smallest singular value of the weighted Jacobian [m/rad].
-
     """
     jacobian = np.ascontiguousarray(jacobian, dtype=float)
     return _free(jacobian, np.ascontiguousarray(twist, dtype=float),
@@ -66,15 +65,7 @@ def damped_least_squares(jacobian: np.ndarray, twist: np.ndarray, *, damping: fl
 
 
 class BoundedInverse:
-    """
-    Joint velocities for a twist within the room that the position limits leave.
-
-    Parameters
-    ----------
-    limits : JointLimits
-    damping, rotation_length : float
-        See `damped_least_squares`.
-    """
+    """Joint velocities for a twist within the room that the position limits leave."""
 
     def __init__(self, limits: JointLimits, damping: float, rotation_length: float):
         self._limits, self._damping, self._length = limits, damping, rotation_length
@@ -87,15 +78,9 @@ class BoundedInverse:
         """
         Joint velocities (n,) [rad/s] for a twist (6,) at joint positions (n,).
 
-        Returns
-        -------
-        velocities : ndarray (n,)
-            Within the room of the position limits; those of damped least squares where the
-            solver fails, not finite where the twist or the Jacobian is not.
-        limited_by : str
-            The position limit that costs most, empty if none does.
-        smallest : float
-            Smallest singular value of the weighted Jacobian [m/rad].
+        Those of damped least squares where the solver fails, not finite where the twist or the
+        Jacobian is not. With them the position limit that costs most, empty if none does, and
+        the smallest singular value of the weighted Jacobian [m/rad].
         """
         limits = self._limits
         wanted, smallest, inside = _within(
@@ -115,51 +100,31 @@ class BoundedInverse:
 
 
 @njit(cache=True)
-def _decomposed(jacobian, rotation_length):
-    """Weighted Jacobian, its squared singular values and left singular vectors."""
-    weighted, square = jacobian.copy(), np.zeros((6, 6))
-    finite = True
-    for i in range(6):
-        for k in range(jacobian.shape[1]):
-            if i >= 3:
-                weighted[i, k] *= rotation_length
-            finite &= math.isfinite(weighted[i, k])
-        for j in range(i + 1):
-            for k in range(jacobian.shape[1]):
-                square[i, j] += weighted[i, k] * weighted[j, k]
-            square[j, i] = square[i, j]
-    if not finite:  # LAPACK takes no such matrix
-        return weighted, np.full(6, np.nan), square
-    # A third of the time of an SVD.
-    squared, left = np.linalg.eigh(square)
-    return weighted, squared, left
-
-
-@njit(cache=True)
 def _free(jacobian, twist, push, damping, rotation_length):
     """Velocities for the twist, with the part of `push` that moves no tip; smallest s."""
-    joints = jacobian.shape[1]
-    weighted, squared, left = _decomposed(jacobian, rotation_length)
-    if not math.isfinite(squared[0]):
+    joints, weighted, square = jacobian.shape[1], jacobian.copy(), np.zeros((6, 6))
+    weighted[3:] *= rotation_length
+    for i in range(6):  # loops: a call of BLAS costs more than this does
+        for j in range(6):
+            for k in range(joints):
+                square[i, j] += weighted[i, k] * weighted[j, k]
+    if not math.isfinite(square.sum()):  # LAPACK takes no such matrix
         return np.full(joints, np.nan), np.nan
+    squared, left = np.linalg.eigh(square)  # a third of the time of an SVD
+    velocities, redundant = push.copy(), joints > 6 and push.any()
+    pushed = weighted @ push if redundant else np.zeros(6)
     # Along each left singular vector: share of the twist, less what the push would bring.
-    shares, velocities = np.zeros(6), push.copy()
-    redundant = joints > 6 and push.any()
     for i in range(6):
-        along = pushed = 0.0
+        share = less = 0.0
         for j in range(6):
-            along += left[j, i] * twist[j] * (rotation_length if j >= 3 else 1.0)
-            if redundant:
-                for k in range(joints):
-                    pushed += left[j, i] * weighted[j, k] * push[k]
-        along /= max(squared[i], damping * damping)
+            share += left[j, i] * twist[j] * (rotation_length if j >= 3 else 1.0)
+            less += left[j, i] * pushed[j]
+        share /= max(squared[i], damping * damping)
         if redundant and squared[i] > 1e-8 * squared[5]:
-            along -= pushed / squared[i]
+            share -= less / squared[i]
         for j in range(6):
-            shares[j] += along * left[j, i]
-    for j in range(6):
-        for k in range(joints):
-            velocities[k] += shares[j] * weighted[j, k]
+            for k in range(joints):
+                velocities[k] += share * left[j, i] * weighted[j, k]
     return velocities, math.sqrt(max(squared[max(0, 6 - joints)], 0.0))
 
 
@@ -170,11 +135,9 @@ def _within(jacobian, twist, positions, lower, upper, stopping_time, fastest, zo
     joints = len(positions)
     push = np.zeros(joints)
     if joints > 6:
-        way = 0.0
-        for i in range(6):
-            way += (twist[i] * (rotation_length if i >= 3 else 1.0))**2
+        way = math.hypot(np.linalg.norm(twist[:3]), rotation_length * np.linalg.norm(twist[3:]))
         for k in range(joints):
-            speed = min(PUSH * math.sqrt(way), PUSH_SPEED * fastest[k])
+            speed = min(PUSH * way, PUSH_SPEED * fastest[k])
             if positions[k] - lower[k] < zone[k]:
                 push[k] = speed * min(1.0 - (positions[k] - lower[k]) / zone[k], 1.0)
             elif upper[k] - positions[k] < zone[k]:

@@ -4,6 +4,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from tactile_common.state_buffer import StateBuffer
+from tactile_servo.motion.limits import JointLimits
 
 BEYOND_LIMITS = 0.5  # rad; a joint measured further out is a fault of its sensor or names
 SIZE = 256  # joint states that the one at a picture's stamp is looked up in
@@ -11,30 +12,22 @@ MAX_AHEAD_NS = 20_000_000  # a picture may be this much newer than the newest jo
 
 
 class JointHistory:
-    """
-    The last measured joint states that can be believed, and those in between.
+    """The last measured joint states that can be believed, and those in between."""
 
-    Parameters
-    ----------
-    limits : JointLimits
-    """
-
-    def __init__(self, limits):
+    def __init__(self, limits: JointLimits):
         self._limits = limits
         self._believed = list(zip(
             (limits.lower - BEYOND_LIMITS).tolist(), (limits.upper + BEYOND_LIMITS).tolist(),
             strict=True))
-        self._states = StateBuffer(_between, size=SIZE, max_ahead_ns=MAX_AHEAD_NS)
+        self._states = StateBuffer(lambda one, other, share: one + share * (other - one),
+                                   size=SIZE, max_ahead_ns=MAX_AHEAD_NS)
 
     def add(self, positions: ArrayLike, stamp_ns: int) -> np.ndarray:
         """
         Take a joint state (n,) [rad] and its stamp [ns]; returns it as an ndarray.
 
-        Raises
-        ------
-        ValueError
-            Wrong number of joints, or a position that is not finite or far beyond the
-            joint's limits; the state is not used.
+        Raises ValueError, and the state is not used, where its length is wrong or a position
+        is not finite or far beyond the joint's limits.
         """
         positions = np.asarray(positions, dtype=float)
         if positions.shape != self._limits.lower.shape or not all(
@@ -57,7 +50,3 @@ class JointHistory:
     def at(self, stamp_ns: int) -> np.ndarray | None:
         """Joint positions (n,) at a stamp [ns]; None where they are not known."""
         return self._states.at(stamp_ns)
-
-
-def _between(one, other, share):
-    return one + share * (other - one)

@@ -17,23 +17,13 @@ _FREE, _VELOCITY, _POSITION, _ACCELERATION, _NOT_FINITE = range(len(KINDS))
 
 @dataclass(frozen=True)
 class JointLimits:
-    """
-    Limits of each joint and the time within which the arm can always stop.
-
-    Parameters
-    ----------
-    names : tuple of str
-    lower, upper : ndarray, shape (n,)
-        Positions that the limiter keeps to, margin included [rad]; may be infinite.
-    velocity, acceleration : ndarray, shape (n,)
-        Largest magnitudes, > 0 [rad/s, rad/s^2].
-    """
+    """Limits of each joint (n,), and the time within which the arm can always stop."""
 
     names: tuple[str, ...]
-    lower: np.ndarray
+    lower: np.ndarray  # positions that are kept to, margin included [rad]; may be infinite
     upper: np.ndarray
-    velocity: np.ndarray
-    acceleration: np.ndarray
+    velocity: np.ndarray  # largest magnitudes, above 0 [rad/s]
+    acceleration: np.ndarray  # [rad/s^2]
 
     def __post_init__(self):
         for name in ('lower', 'upper', 'velocity', 'acceleration'):
@@ -69,7 +59,7 @@ def limit_velocities(limits: JointLimits, positions: np.ndarray, previous: np.nd
     Parameters
     ----------
     limits : JointLimits
-    positions, previous, wanted : ndarray, shape (n,)
+    positions, previous, wanted : ndarray (n,)
         Commanded positions [rad], velocities of the last cycle and those wanted now [rad/s];
         a wanted velocity that is not finite counts as a stop.
     dt : float
@@ -77,8 +67,7 @@ def limit_velocities(limits: JointLimits, positions: np.ndarray, previous: np.nd
 
     Returns
     -------
-    velocities : ndarray, shape (n,)
-        [rad/s]
+    velocities : ndarray (n,)
     scale : float
         Fraction of the wanted motion that was let through, 0 to 1.
     limited_by : str
@@ -149,13 +138,7 @@ def _nearest(lower, upper, fastest, acceleration, stopping_time, positions, prev
 
 @dataclass(frozen=True)
 class WorkspaceBox:
-    """
-    Box in the base frame that the sensor's origin must not leave [m].
-
-    Parameters
-    ----------
-    lower, upper : ndarray, shape (3,)
-    """
+    """Box in the base frame that the sensor's origin must not leave: corners (3,) [m]."""
 
     lower: np.ndarray
     upper: np.ndarray
@@ -173,9 +156,9 @@ class WorkspaceBox:
     def limit(self, position: np.ndarray, velocity: np.ndarray,
               horizon: float) -> tuple[np.ndarray, bool]:
         """
-        Clip a velocity so that it cannot leave the box within `horizon` [m, m/s, s].
+        Clip a velocity (3,) so that it cannot leave the box within `horizon` [m, m/s, s].
 
-        Returns the velocity (3,) and whether it was clipped.
+        Returns it and whether it was clipped.
         """
         return _clipped(self.lower, self.upper, position, velocity, horizon)
 

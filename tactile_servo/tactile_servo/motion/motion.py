@@ -1,16 +1,16 @@
 """From the wanted twist of the sensor to joint commands that keep every limit."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
 
+from tactile_common.config import bounded
 from tactile_common.kernels import njit
 from tactile_servo.motion.inverse import BoundedInverse
 from tactile_servo.motion.limits import JointLimits, limit_velocities, WorkspaceBox
 from tactile_servo.motion.robot import RobotModel
-from tactile_servo.motion.trajectory import Trajectory
-from tactile_servo.motion.window import stopping_window
+from tactile_servo.motion.trajectory import stopping_window, Trajectory
 
 HELD_BACK = 0.05  # of the wanted motion; with less than this left the robot does not get on
 BLOCKED_AFTER = 1.0  # s held back until the motion counts as blocked
@@ -20,48 +20,27 @@ BLOCKED_AFTER = 1.0  # s held back until the motion counts as blocked
 class MotionConfig:
     """How a twist becomes joint velocities."""
 
-    damping: float = field(default=0.01, metadata={
-        'doc': 'damping of the inverse Jacobian near a singularity', 'range': (1e-6, 1.0)})
-    rotation_length: float = field(default=0.04, metadata={
-        'doc': 'length that weighs rotation against position', 'unit': 'm/rad',
-        'range': (1e-3, 1.0)})
+    damping: float = bounded(
+        0.01, 'damping of the inverse Jacobian near a singularity', '', 1e-6, 1.0)
+    rotation_length: float = bounded(
+        0.04, 'length that weighs rotation against position', 'm/rad', 1e-3, 1.0)
 
 
 class MotionStep(NamedTuple):
-    """
-    One command.
+    """One command."""
 
-    trajectory : Trajectory
-        Window through the commanded state to a stop.
-    twist : ndarray (6,)
-        Wanted twist that the workspace let through, in the sensor's frame [m/s, rad/s].
-    scale : float
-        Fraction of the wanted motion that the joint limits let through.
-    limited_by : str
-        What bound most, empty if nothing did.
-    manipulability : float
-        Smallest singular value of the weighted Jacobian [m/rad].
-    """
-
-    trajectory: Trajectory
-    twist: np.ndarray
-    scale: float
-    limited_by: str
-    manipulability: float
+    trajectory: Trajectory  # window through the commanded state to a stop
+    twist: np.ndarray  # wanted one that the workspace let through, sensor's frame [m/s, rad/s]
+    scale: float  # fraction of the wanted motion that the joint limits let through
+    limited_by: str  # what bound most, empty if nothing did
+    manipulability: float  # smallest singular value of the weighted Jacobian [m/rad]
 
 
 class Motion:
     """
     Commanded state of the robot, and how a twist moves it on.
 
-    Parameters
-    ----------
-    robot : RobotModel
-    limits : JointLimits
-    config : MotionConfig
-    lookahead : float
-        When the commanded state is to be reached, from now [s].
-    workspace : WorkspaceBox, optional
+    The commanded state is to be reached after the `lookahead` [s].
 
     Attributes
     ----------
@@ -149,12 +128,7 @@ class Motion:
 @njit(cache=True)
 def _progress(jacobian, velocities, wanted, rotation_length):
     """Share of a wanted twist that joint velocities bring; 1 if none is wanted."""
-    along = square = 0.0
-    for i in range(6):
-        weight = 1.0 if i < 3 else rotation_length**2
-        achieved = 0.0
-        for k in range(len(velocities)):
-            achieved += jacobian[i, k] * velocities[k]
-        along += weight * achieved * wanted[i]
-        square += weight * wanted[i]**2
+    weighted = wanted.copy()
+    weighted[3:] *= rotation_length**2
+    along, square = weighted @ (jacobian @ velocities), weighted @ wanted
     return 1.0 if square < 1e-12 else along / square

@@ -1,6 +1,7 @@
 """A robot arm from a URDF: forward kinematics, Jacobian, inverse."""
 
 from collections.abc import Sequence
+from itertools import chain
 from pathlib import Path
 
 import numpy as np
@@ -10,6 +11,11 @@ from tactile_common.errors import ConfigurationError, UnreachableError
 from tactile_servo.motion.inverse import damped_least_squares
 from tactile_servo.motion.urdf import chain_to, limits_of, MOVING, parse, pinocchio_model
 
+# Of the inverse:
+POSITION_TOLERANCE, ROTATION_TOLERANCE = 1e-8, 1e-7  # m, rad; the residual that is reached
+RESTARTS, ITERATIONS = 40, 100  # random starts, and steps from each start
+ROTATION_LENGTH = 0.04  # m/rad, weighs rotation against position
+
 
 class RobotModel:
     """
@@ -18,36 +24,26 @@ class RobotModel:
     Continuous joints count as revolute joints without position limits, so that a joint has
     one coordinate whatever its type.
 
-    Attributes
-    ----------
-    joint_names : tuple of str
-        Order of every joint vector.
-    lower, upper : ndarray (n,)
-        Position limits [rad or m]; infinite for continuous joints.
-    velocity_limit : ndarray (n,)
-        [rad/s or m/s].
-    tip_frame, root_frame : str
-
+    The vectors `lower`, `upper` (positions [rad or m], infinite for continuous joints) and
+    `velocity_limit` [rad/s or m/s] have the order of `joint_names`, as every joint vector.
     """
 
     def __init__(self, xml: str, tip_frame: str, joint_names: Sequence[str] | None = None):
         robot = parse(xml)
-        chain, self.root_frame = chain_to(robot, tip_frame)
-        moving = [joint for joint in chain if joint.get('type') in MOVING]
+        joints, self.root_frame = chain_to(robot, tip_frame)
+        moving = [joint for joint in joints if joint.get('type') in MOVING]
         if not moving:
             raise ConfigurationError(
                 f'tip_frame {tip_frame!r}: no moving joint between it and the root link '
                 f'{self.root_frame!r}')
-        names = [joint.get('name') for joint in moving]
         self.tip_frame = tip_frame
-        self.joint_names = _ordered_names(names, joint_names, tip_frame)
-        limits = {joint.get('name'): limits_of(joint) for joint in moving}
-        lower, upper, velocity = np.array([limits[n] for n in self.joint_names]).T
-        self.lower, self.upper, self.velocity_limit = (
-            np.ascontiguousarray(a) for a in (lower, upper, velocity))
-        types = {joint.get('name'): joint.get('type') for joint in moving}
-        self._turns = np.array([types[n] != 'prismatic' for n in self.joint_names])
-        self._model = pinocchio_model(robot, chain, self.root_frame)
+        by_name = {joint.get('name', ''): joint for joint in moving}
+        self.joint_names = _ordered_names(list(by_name), joint_names, tip_frame)
+        ordered = [by_name[name] for name in self.joint_names]
+        self.lower, self.upper, self.velocity_limit = np.array(
+            [limits_of(joint) for joint in ordered]).T.copy()
+        self._turns = np.array([joint.get('type') != 'prismatic' for joint in ordered])
+        self._model = pinocchio_model(robot, joints, self.root_frame)
         self._data = self._model.createData()
         self._frame = self._model.getFrameId(tip_frame)
         order = [self.joint_names.index(n) for n in self._model.names[1:]]
@@ -58,30 +54,23 @@ class RobotModel:
     def middle(self) -> np.ndarray:
         """Middle (n,) of the position limits; 0 where a joint has none [rad or m]."""
         bounded = np.isfinite(self.lower) & np.isfinite(self.upper)
-        return np.where(bounded, 0.5 * (np.where(bounded, self.lower, 0.0)
-                                        + np.where(bounded, self.upper, 0.0)), 0.0)
+        middle = np.zeros_like(self.lower)
+        middle[bounded] = 0.5 * (self.lower[bounded] + self.upper[bounded])
+        return middle
 
     @classmethod
     def from_urdf(cls, urdf: str | Path, tip_frame: str,
                   joint_names: Sequence[str] | None = None) -> 'RobotModel':
         """
-        Read a URDF.
+        Read a URDF: path of a file, or the XML itself.
 
-        Parameters
-        ----------
-        urdf : str or Path
-            Path of a file, or the XML itself.
-        tip_frame : str
-            Link whose frame is moved.
-        joint_names : sequence of str, optional
-            Order of the joint vectors; default from root to tip.
+        Joint vectors have the order of `joint_names`, by default from root to tip.
 
         Raises
         ------
         ConfigurationError
             Missing file, malformed XML, unknown tip frame, a joint that is not revolute,
             continuous or prismatic, a mimic joint, missing limits, wrong joint names.
-
         """
         text = str(urdf)
         if '<' not in text:
@@ -95,41 +84,26 @@ class RobotModel:
         return cls(text, tip_frame, joint_names)
 
     def pose(self, q: np.ndarray) -> np.ndarray:
-        """
-        Homogeneous transform (4, 4) from the tip frame to the root frame [m].
-
-        Parameters
-        ----------
-        q : ndarray (n,)
-            Joint positions [rad or m].
-
-        """
-        q = np.asarray(q, dtype=float)
-        if self._order is not None:
-            q = q[self._order]
-        pinocchio.framesForwardKinematics(self._model, self._data, q)
+        """Transform (4, 4) [m] from the tip to the root frame at positions (n,) [rad or m]."""
+        pinocchio.framesForwardKinematics(self._model, self._data, self._in_model(q))
         return self._data.oMf[self._frame].homogeneous
 
     def jacobian(self, q: np.ndarray) -> np.ndarray:
         """
-        Jacobian (6, n) of the tip frame, expressed in the tip frame, rows linear then angular.
+        Jacobian (6, n) of the tip frame at joint positions (n,) [rad or m].
 
-        Parameters
-        ----------
-        q : ndarray (n,)
-            Joint positions [rad or m].
-
+        Expressed in the tip frame, rows linear, then angular.
         """
-        q = np.asarray(q, dtype=float)
-        if self._order is not None:
-            q = q[self._order]
         jacobian = pinocchio.computeFrameJacobian(
-            self._model, self._data, q, self._frame, pinocchio.LOCAL)
+            self._model, self._data, self._in_model(q), self._frame, pinocchio.LOCAL)
         return jacobian if self._order is None else jacobian[:, self._inverse_order]
 
-    def inverse(self, pose: np.ndarray, seed: Sequence[float] | np.ndarray | None = None, *,
-                position_tolerance: float = 1e-8, rotation_tolerance: float = 1e-7,
-                restarts: int = 40, iterations: int = 100) -> np.ndarray:
+    def _in_model(self, q):
+        q = np.asarray(q, dtype=float)
+        return q if self._order is None else q[self._order]
+
+    def inverse(self, pose: np.ndarray,
+                seed: Sequence[float] | np.ndarray | None = None) -> np.ndarray:
         """
         Joint positions (n,) within the limits that bring the tip frame to a pose.
 
@@ -144,10 +118,6 @@ class RobotModel:
             Transform from the tip frame to the root frame [m].
         seed : array_like (n,), optional
             Where to start; it chooses among several solutions [rad or m].
-        position_tolerance, rotation_tolerance : float
-            Residual that counts as reached [m], [rad].
-        restarts, iterations : int
-            Number of random starts, and of steps from each start.
 
         Raises
         ------
@@ -155,24 +125,19 @@ class RobotModel:
             With the smallest residual found.
         ConfigurationError
             The pose is no rigid transform, or the seed has the wrong length.
-
         """
         target = _checked_pose(pose)
-        tolerance = (position_tolerance, rotation_tolerance)
-        best = np.inf, np.inf
+        starts = self._random_configurations(seed)
         if seed is not None:
             q = np.array(seed, dtype=float)
             if q.shape != self.lower.shape or not np.all(np.isfinite(q)):
                 raise ConfigurationError(
                     f'seed: {len(self.joint_names)} finite joint positions are needed, got {q}')
-            q, residual = self._descend(target, q, tolerance, iterations)
-            if residual[0] <= position_tolerance and residual[1] <= rotation_tolerance:
-                return q
-            best = min(best, residual)
-        solutions = []
-        for start in self._random_configurations(restarts, seed):
-            q, residual = self._descend(target, start, tolerance, iterations)
-            if residual[0] > position_tolerance or residual[1] > rotation_tolerance:
+            starts = chain([q], starts)
+        best, solutions = (np.inf, np.inf), []
+        for start in starts:
+            q, residual = self._descend(target, start)
+            if not _reached(residual):
                 best = min(best, residual)
             elif seed is not None:
                 return q
@@ -180,38 +145,37 @@ class RobotModel:
                 solutions.append(self._unwound(q))
         if solutions:
             clearances = [self._clearance(q) for q in solutions]
-            best = max(clearances)
-            clear = [q for q, c in zip(solutions, clearances, strict=True) if c >= 0.98 * best]
+            least = 0.98 * max(clearances)
+            clear = [q for q, c in zip(solutions, clearances, strict=True) if c >= least]
             return min(clear, key=np.linalg.norm)
         raise UnreachableError(
             f'{self.tip_frame}: no joint positions within the limits reach '
             f'({", ".join(f"{v:.4f}" for v in target.translation)}) m in the wanted orientation; '
             f'closest {best[0] * 1e3:.3g} mm, {np.degrees(best[1]):.3g} deg')
 
-    def _descend(self, target, q, tolerance, iterations, rotation_length=0.04):
-        weight = np.repeat([1.0, rotation_length], 3)
+    def _descend(self, target, q):
+        weight = np.repeat([1.0, ROTATION_LENGTH], 3)
         q = np.clip(q, self.lower, self.upper)
-        for step in range(iterations + 1):
+        for step in range(ITERATIONS + 1):
             here = pinocchio.SE3(self.pose(q))
             twist = pinocchio.log6(here.actInv(target)).vector
             residual = (float(np.linalg.norm(here.translation - target.translation)),
                         float(np.linalg.norm(twist[3:])))
-            if step == iterations or (residual[0] <= tolerance[0] and residual[1] <= tolerance[1]):
+            if step == ITERATIONS or _reached(residual):
                 return q, residual
             weighted = weight[:, None] * self.jacobian(q)
             error = weight * twist
-            damping = 0.5 * (error @ error) + 1e-9
             normal = weighted.T @ weighted
-            normal.flat[::len(q) + 1] += damping
+            normal.flat[::len(q) + 1] += 0.5 * (error @ error) + 1e-9
             q = np.clip(q + np.linalg.solve(normal, weighted.T @ error), self.lower, self.upper)
 
-    def _random_configurations(self, count, seed):
+    def _random_configurations(self, seed):
         rng = np.random.default_rng(0)
         centre = np.zeros_like(self.lower) if seed is None else np.asarray(seed, dtype=float)
         bounded = np.isfinite(self.lower) & np.isfinite(self.upper)
         low = np.where(bounded, self.lower, centre - np.pi)
         high = np.where(bounded, self.upper, centre + np.pi)
-        for _ in range(count):
+        for _ in range(RESTARTS):
             yield rng.uniform(low, high)
 
     def _unwound(self, q):
@@ -224,6 +188,10 @@ class RobotModel:
         _, smallest = damped_least_squares(self.jacobian(q), np.zeros(6))
         margin = np.minimum(q - self.lower, self.upper - q).min()
         return smallest * min(1.0, margin / np.radians(30.0))
+
+
+def _reached(residual):
+    return residual[0] <= POSITION_TOLERANCE and residual[1] <= ROTATION_TOLERANCE
 
 
 def _ordered_names(names, wanted, tip_frame):

@@ -8,6 +8,7 @@ import pinocchio
 from tactile_common.errors import ConfigurationError
 
 MOVING = ('revolute', 'prismatic', 'continuous')
+LIMITS = ('lower', 'upper', 'velocity')
 _UNBOUNDED = 1e6  # rad; stands for "no limit" where the parser wants a number
 
 
@@ -33,26 +34,26 @@ def chain_to(robot: ElementTree.Element,
     parents: dict[str, ElementTree.Element] = {}
     for joint in robot.findall('joint'):
         if not {_end(joint, 'parent'), _end(joint, 'child')} <= set(links):
-            raise ConfigurationError(
-                f'joint {joint.get("name")!r}: needs a parent and a child link of the robot')
+            raise _wrong(joint, 'needs a parent and a child link of the robot')
         parents[_end(joint, 'child')] = joint
     chain: list[ElementTree.Element] = []
     link = tip_frame
     while link in parents:
         joint = parents[link]
         if joint in chain:
-            raise ConfigurationError(f'joint {joint.get("name")!r}: the links form a loop')
-        kind = joint.get('type')
-        if kind != 'fixed' and kind not in MOVING:
-            raise ConfigurationError(
-                f'joint {joint.get("name")!r}: type {kind!r} is not supported, only '
-                f'{", ".join(MOVING)} and fixed')
+            raise _wrong(joint, 'the links form a loop')
+        if joint.get('type') not in (*MOVING, 'fixed'):
+            raise _wrong(joint, f'type {joint.get("type")!r} is not supported, only '
+                         f'{", ".join(MOVING)} and fixed')
         if joint.find('mimic') is not None:
-            raise ConfigurationError(
-                f'joint {joint.get("name")!r}: mimic joints are not supported')
+            raise _wrong(joint, 'mimic joints are not supported')
         chain.insert(0, joint)
         link = _end(joint, 'parent')
     return chain, link
+
+
+def _wrong(joint, why):
+    return ConfigurationError(f'joint {joint.get("name")!r}: {why}')
 
 
 def _end(joint, kind):
@@ -63,9 +64,9 @@ def _end(joint, kind):
 
 def limits_of(joint: ElementTree.Element) -> tuple[float, float, float]:
     """Lower, upper and velocity limit of a moving joint's element."""
-    name, limit = joint.get('name'), joint.find('limit')
-    needed = ['velocity'] if joint.get('type') == 'continuous' else ['lower', 'upper', 'velocity']
-    values = {}
+    limit = joint.find('limit')
+    needed = LIMITS[2:] if joint.get('type') == 'continuous' else LIMITS
+    values = {'lower': -np.inf, 'upper': np.inf}
     for key in needed:
         text = None if limit is None else limit.get(key)
         try:
@@ -73,17 +74,14 @@ def limits_of(joint: ElementTree.Element) -> tuple[float, float, float]:
         except ValueError:
             values[key] = np.nan
         if not np.isfinite(values[key]):
-            raise ConfigurationError(
-                f'joint {name!r}: limit {key} must be a number, '
-                f'{"is missing" if text is None else f"is {text!r}"}')
-    lower, upper = values.get('lower', -np.inf), values.get('upper', np.inf)
+            raise _wrong(joint, f'limit {key} must be a number, '
+                         f'{"is missing" if text is None else f"is {text!r}"}')
+    lower, upper, velocity = values['lower'], values['upper'], values['velocity']
     if lower >= upper:
-        raise ConfigurationError(
-            f'joint {name!r}: limit lower {lower} must be below upper {upper}')
-    if values['velocity'] <= 0.0:
-        raise ConfigurationError(
-            f'joint {name!r}: limit velocity {values["velocity"]} must be above 0')
-    return lower, upper, values['velocity']
+        raise _wrong(joint, f'limit lower {lower} must be below upper {upper}')
+    if velocity <= 0.0:
+        raise _wrong(joint, f'limit velocity {velocity} must be above 0')
+    return lower, upper, velocity
 
 
 def pinocchio_model(robot: ElementTree.Element, chain: list[ElementTree.Element],
@@ -100,10 +98,9 @@ def pinocchio_model(robot: ElementTree.Element, chain: list[ElementTree.Element]
         element.extend(joint.findall(part)[0] for part in ('parent', 'child', 'origin', 'axis')
                        if joint.find(part) is not None)
         if kind != 'fixed':
-            lower, upper, velocity = np.clip(limits_of(joint), -_UNBOUNDED, _UNBOUNDED)
-            ElementTree.SubElement(element, 'limit', lower=repr(float(lower)),
-                                   upper=repr(float(upper)), velocity=repr(float(velocity)),
-                                   effort='0')
+            bounds = np.clip(limits_of(joint), -_UNBOUNDED, _UNBOUNDED).tolist()
+            values = dict(zip(LIMITS, map(repr, bounds), strict=True))
+            ElementTree.SubElement(element, 'limit', {'effort': '0', **values})
     try:
         return pinocchio.buildModelFromXML(ElementTree.tostring(stripped, encoding='unicode'))
     except (ValueError, RuntimeError) as error:
