@@ -63,19 +63,18 @@ class Supervisor:
     def see_contact(self, contact: Contact, stamp_ns: int, arrival: float) -> None:
         """Take a contact estimate, its image's stamp [ns] and steady arrival time [s]."""
         self.inputs.see_contact(contact, stamp_ns, arrival)
-        self._tell(Observation(stamp_ns, arrival, self.inputs.age(stamp_ns),
-                               self.inputs.pose_at, contact=contact))
+        self._tell(stamp_ns, arrival, contact=contact)
 
     def see_image(self, image: TactileImage, arrival: float) -> None:
         """Take an image and its steady arrival time [s], for a law that sees them."""
         if self._machine.active and self.law.sees_images:
-            self._tell(Observation(image.stamp_ns, arrival, self.inputs.age(image.stamp_ns),
-                                   self.inputs.pose_at, image=image))
+            self._tell(image.stamp_ns, arrival, image=image)
 
-    def _tell(self, observation):
-        self.law.observe(observation)
-        if self.run is not None and self.law.sees_images == (observation.image is not None):
-            self.run.observed = observation.arrival
+    def _tell(self, stamp_ns, arrival, image=None, contact=None):
+        self.law.observe(Observation(
+            stamp_ns, arrival, self.inputs.age(stamp_ns), self.inputs.pose_at, image, contact))
+        if self.run is not None and self.law.sees_images == (image is not None):
+            self.run.observed = arrival
 
     @property
     def state(self) -> State:

@@ -137,10 +137,6 @@ class EdgeMap:
     def _project(self, place):
         return self.place(place.tolist(), self.station, WINDOW * self.scale.grain)
 
-    def to_plane(self, pose: np.ndarray) -> np.ndarray:
-        """Pose (4, 4) of the base frame in the plane's."""
-        return self.plane @ pose
-
     def way_in_base(self, x: float, y: float) -> tuple[float, float, float]:
         """Direction x, y of the plane in the base frame."""
         (ax, ay, az), (bx, by, bz) = self._axes

@@ -34,7 +34,7 @@ class PadScale(NamedTuple):
     pitch_y: float
     half_x: float
     half_y: float
-    half: float
+    half: float  # the longer of both
     grain: float
 
     @classmethod

@@ -105,7 +105,7 @@ class EdgeFollowing:
         load = self._seen.load
         if (contact.valid and contact.type == ContactType.LINE
                 and abs(contact.normal_force - load.force) < FITTED * load.force):
-            self._seen.load = Load(contact.normal_force, load.length, load.coming)
+            self._seen.load = load._replace(force=contact.normal_force)
 
     def _see_image(self, image: TactileImage, pose: np.ndarray, observation: Observation):
         seen, going, edge = self._seen, self._going, self.edge
@@ -133,8 +133,7 @@ class EdgeFollowing:
         else:
             seen.problem = Reason(UNFIT[sight.problem], sight.problem.value)
             if self.error is not None:
-                self.error = TaskError(self.error.lateral, angle=self.error.angle,
-                                       force=picture.force)
+                self.error = self.error._replace(force=picture.force)
 
     def _error(self, picture) -> TaskError:
         sign, edge = self.goal.direction, self.edge
@@ -219,7 +218,7 @@ class EdgeFollowing:
         edge, going = self.edge, self._going
         grain = edge.scale.grain
         here, at = edge.place_of(pose, going.here, MEASURED_WINDOW * grain)
-        there = edge.to_plane(commanded)
+        there = edge.plane @ commanded
         going.depth, going.begun = there.item(2, 3), True
         normal, turn = 0.0, (0.0, 0.0, 0.0)
         if going.mode == ReasonCode.REACHING_DOWN:
