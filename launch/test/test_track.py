@@ -56,7 +56,7 @@ def ready(graph):
     """Give servo and client, with all that the client waits for but the robot."""
     servo, track = graph.add(Servo), graph.add(TrackNode)
     wait(graph, track._client.server_is_ready)
-    track._seen = track._tared = True
+    track._seen = track._tared = track._felt = True
     return servo, track
 
 
