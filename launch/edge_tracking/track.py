@@ -36,7 +36,8 @@ class TrackNode(Node):
     Wait until sensor and servo are ready, send a goal, report its progress.
 
     `finished` tells that the goal has ended or was never accepted; `success`, `reason`
-    and its code, `result` and the newest `feedback`, None at first, go with it.
+    and its code, `result` and the newest `feedback`, None at first, go with it. Most of its
+    attributes are ROS entities, which live as long as they are held.
     """
 
     def __init__(self, on_feedback=None, **kwargs):

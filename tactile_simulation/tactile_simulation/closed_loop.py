@@ -35,6 +35,8 @@ class Simulation:
     """
     A servo that follows the edge of a scene, with the parts that the nodes run.
 
+    World, sensor, estimator, servo and robot share one clock, and so one class with many parts.
+
     Parameters
     ----------
     scene : Scene

@@ -65,7 +65,8 @@ class DriverNode(Node):
 
     A thread reads the port, decodes, converts and publishes, so that a picture waits for nothing
     in the executor. The port may come and go; the tare is kept. A `calibration` that is given
-    takes the place of the file; raises a ConfigurationError where it or a parameter is wrong.
+    takes the place of the file; raises a ConfigurationError where it or a parameter is wrong. Many
+    of its attributes are ROS entities, the others what the port's thread shares with the executor.
     """
 
     def __init__(self, calibration=None, **kwargs):

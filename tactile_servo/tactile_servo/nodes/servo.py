@@ -107,7 +107,7 @@ class EdgeServoNode(Node):
     is active; publishes `servo_status` every cycle, `sensor_pose` at every joint state and
     `diagnostics`; `~/pause` holds and resumes. Parameters: `NodeConfig`, `ServoConfig`, and
     those of the law. A cycle looks at the newest contact and the newest image alone, so that a
-    fast sensor takes no time from it.
+    fast sensor takes no time from it. Most of its attributes are ROS entities.
     """
 
     def __init__(self, **kwargs):

@@ -133,7 +133,7 @@ class MockSensorNode(Node):
 
     A frame is sent as a device that runs free sends it behind the one before, with whatever
     announces the next. The first frame waits for the first listener; before the first
-    `sensor_pose` the sensor touches nothing.
+    `sensor_pose` the sensor touches nothing. Most of its attributes are ROS entities.
 
     Attributes
     ----------
