@@ -1,7 +1,8 @@
 """What an estimator says about the surface at a contact."""
+from abc import ABC, abstractmethod
 from dataclasses import dataclass, field
 from enum import IntEnum
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -109,25 +110,26 @@ def refusal(reason: str, method: str = '', **known) -> Patch:
     return Patch(Kind.NONE, False, reason, method, **known)
 
 
-class SurfaceEstimator(Protocol):
+class SurfaceEstimator(ABC):
     """Surface at the newest of the contacts of a path; time and memory do not grow."""
 
     method: str
 
+    @abstractmethod
     def reset(self) -> None:
         """Forget the path: contact was lost."""
 
+    @abstractmethod
     def add(self, position: np.ndarray, normal: np.ndarray) -> bool:
         """
         Add a contact (3,) [m] with the object's inward unit normal (3,), both at rest with it.
 
         False, and it is left out, if it is not finite or the normal's length not 1.
         """
-        raise NotImplementedError
 
+    @abstractmethod
     def estimate(self) -> Patch:
         """Patch at the newest contact; what cannot be estimated is not valid, with its reason."""
-        raise NotImplementedError
 
     def update(self, position: np.ndarray, normal: np.ndarray) -> Patch:
         """Add a contact and return the Patch there; of an unusable contact, one not valid."""
