@@ -1,15 +1,11 @@
 """Surfaces, paths and noise of the shape benchmark, and how an error is taken."""
 from dataclasses import dataclass
-from pathlib import Path
-import sys
 from typing import NamedTuple
 
 import numpy as np
 
 from tactile_shape.types.patch import Kind, Patch
-
-sys.path.append(str(Path(__file__).resolve().parents[2] / 'tactile_shape' / 'test'))
-from surfaces import add_noise, cylinder, PLANE, sphere, Torus, Weave  # noqa: E402
+from tactile_simulation.surfaces import add_noise, cylinder, PLANE, sphere, Torus, Weave
 
 PATCH = (0.02, 0.004)  # m
 TRACE = 0.028  # m along the course: a window of 24 mm of path and a start

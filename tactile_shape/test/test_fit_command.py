@@ -9,7 +9,6 @@ from hypothesis.extra import numpy as npst
 import numpy as np
 import pytest
 import quadrics
-from surfaces import add_noise, cylinder, sphere, Weave
 
 from tactile_common.errors import ConfigurationError
 from tactile_common.ros.conversions import stamp_from_ns
@@ -19,6 +18,7 @@ from tactile_shape.contact_recording import ContactRecording, load_contacts
 from tactile_shape.local_surface.local_quadric import LocalQuadric, LocalQuadricConfig
 from tactile_shape.patch_table import COLUMNS
 from tactile_shape.types.patch import Kind
+from tactile_simulation.surfaces import add_noise, cylinder, sphere, Weave
 
 RADIUS = 0.035
 

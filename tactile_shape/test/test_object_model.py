@@ -1,13 +1,13 @@
 """Object model: what is kept, and PLY files that say the same."""
 import numpy as np
 import pytest
-from surfaces import sphere, Weave
 
 from tactile_common.errors import ConfigurationError
 from tactile_shape.contour.object_model import COLOURS, ModelConfig, ObjectModel
 from tactile_shape.local_surface.local_quadric import LocalQuadric
 from tactile_shape.ply import write_ply
 from tactile_shape.types.patch import Kind, Patch
+from tactile_simulation.surfaces import sphere, Weave
 
 
 def read_ply(path):

@@ -2,7 +2,6 @@
 import numpy as np
 import pytest
 from std_msgs.msg import Header
-from surfaces import cylinder, sphere, Weave
 from visualization_msgs.msg import Marker
 
 from tactile_common.errors import TactileError
@@ -19,6 +18,7 @@ from tactile_shape.local_surface.local_quadric import LocalQuadric
 from tactile_shape.surface_matrix.matrix_estimator import MatrixEstimator
 from tactile_shape.types.patch import Kind
 from tactile_shape.types.surface_matrix import SurfaceMatrix
+from tactile_simulation.surfaces import cylinder, sphere, Weave
 
 HEADER = Header(frame_id='base')
 

@@ -11,7 +11,6 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.qos import DurabilityPolicy, qos_profile_sensor_data, QoSProfile
 from scipy.spatial.transform import Rotation
-from surfaces import add_noise, sphere, Weave
 from visualization_msgs.msg import MarkerArray
 
 from tactile_common.errors import ConfigurationError
@@ -22,6 +21,7 @@ from tactile_msgs.msg import Contact as ContactMsg
 from tactile_msgs.msg import SurfacePatch
 from tactile_shape.contour.outline import find_outline
 from tactile_shape.nodes.shape_estimator import ShapeEstimatorNode
+from tactile_simulation.surfaces import add_noise, sphere, Weave
 
 DEADLINE = 20.0  # s
 MS = 1_000_000
