@@ -12,7 +12,7 @@ import numpy as np
 
 from tactile_sensing.types.contact import Contact
 from tactile_sensing.types.image import SensorInfo, TactileImage
-from tactile_servo.config import ServoConfig, WINDOW_PERIODS
+from tactile_servo.config import ServoConfig
 from tactile_servo.control.scaling import clipped
 from tactile_servo.goal_run import GoalRun
 from tactile_servo.inputs import Inputs
@@ -43,7 +43,7 @@ class Supervisor:
         self.law, self.config = law, config or ServoConfig()
         self.inputs = Inputs(robot, limits, self.config.input)
         self.motion = Motion(robot, limits, self.config.motion,
-                             WINDOW_PERIODS / self.config.rate, workspace)
+                             1.0 / self.config.rate, workspace)
         self.run: GoalRun | None = None  # of the goal that is worked on, or of the last one
         self._machine = StateMachine()
         self._period, self._last_ns = 1.0 / self.config.rate, None
@@ -174,7 +174,7 @@ class Supervisor:
             return self._status(self.run), None
         self.run.count()
         self.run.decide(now)
-        step = self.motion.command(self.run.twist(dt), dt)
+        step = self.motion.command(self.run.twist(dt), now_ns)
         return self._status(self.run, step), step.trajectory
 
     def _elapsed(self, now_ns):
