@@ -15,7 +15,6 @@ from tactile_servo.control.stability import AGE_SHARE, gain_limit
 from tactile_servo.law import Assessment, LawResult, Observation, Reference, Refusal
 from tactile_servo.laws.edge_features import edge_features, EdgeFeatureConfig, EdgeFeatures
 from tactile_servo.laws.edge_goal import ended, refuse_edge_goal, unless_long_enough
-from tactile_servo.motion.motion import COMMITTED
 from tactile_servo.reasons import Reason, ReasonCode
 from tactile_servo.types import EdgeGoal, State, TaskError
 
@@ -178,8 +177,8 @@ class ResolvedRate:
         # On average it is acted upon half of the time later that the next one takes to come.
         age = observation.age + 0.5 * clipped(arrival - self._looked, 0.0, limits.stale_image)
         self._age += AGE_SHARE * (min(age, limits.max_stamp_age) - self._age)
-        # Half of a control period, and those that are committed.
-        delay = self._age + (0.5 + COMMITTED) / self.servo.rate + DEAD_TIME
+        # What is committed, and half of the control period in which the velocity changes then.
+        delay = self._age + self.servo.motion.committed + 0.5 / self.servo.rate + DEAD_TIME
         self.shortest = 1.0 / (self.config.limit_share * gain_limit(delay, LAG))
         self._looked = arrival
         if not self._begun:

@@ -1,6 +1,6 @@
 """From the wanted twist of the sensor to joint commands that keep every limit."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import NamedTuple
 
 import numpy as np
@@ -13,9 +13,7 @@ from tactile_servo.motion.robot import RobotModel
 from tactile_servo.motion.trajectory import Trajectory
 from tactile_servo.motion.window import at_rest, committed, extended, Window
 
-# In control periods: what of a window the next one no longer changes, so that it does not matter
-# when the robot's controller changes over; and how long a window goes on before it brakes.
-COMMITTED, COAST = 1.0, 2.0
+COAST = 2.0  # control periods that a window goes on before it brakes
 SETTLING = 0.1  # s in which the robot's controller comes to where a motion is started
 HELD_BACK = 0.05  # of the wanted motion; with less than this left the robot does not get on
 BLOCKED_AFTER = 1.0  # s held back until the motion counts as blocked
@@ -29,6 +27,13 @@ class MotionConfig:
         0.01, 'damping of the inverse Jacobian near a singularity', '', 1e-6, 1.0)
     rotation_length: float = bounded(
         0.04, 'length that weighs rotation against position', 'm/rad', 1e-3, 1.0)
+    committed: float = bounded(
+        0.004, 'a command no longer changes what the robot does for this long; with a period of '
+        'its controller and the way to it within, it does not matter when the controller takes '
+        'the next one', 's', 5e-4, 0.1)
+    stamped: bool = field(default=True, metadata={
+        'doc': "commands say when they begin, wherever the robot's clock is found to be this "
+               "one's; false: at once, which is rough"})
 
 
 class MotionStep(NamedTuple):
@@ -48,8 +53,8 @@ class Motion:
     Attributes
     ----------
     positions, velocities : ndarray (n,)
-        Commanded last: those at the end of the newest change of velocity, which are reached
-        `COMMITTED + 1` periods after the cycle [rad, rad/s]; NaN before the first `seed`.
+        Commanded last: those at the end of the newest change of velocity, which is reached a
+        period after what is committed [rad, rad/s]; NaN before the first `seed`.
     pose : ndarray (4, 4)
         Commanded pose of the sensor in the base frame.
     blocked : str
@@ -90,20 +95,21 @@ class Motion:
         """Forget what was held back, because another motion is wanted from now on."""
         self._held_back, self.blocked = 0.0, ''
 
-    def command(self, twist: np.ndarray, now_ns: int) -> MotionStep:
+    def command(self, twist: np.ndarray, now_ns: int, stamped: bool = True) -> MotionStep:
         """
         Move on by a twist (6,) of the sensor in its own frame [m/s, rad/s], at a cycle's time.
 
         The motion begins with what is left of the last window at `now_ns`, however late that
         is: it is what the robot's controller did in the meantime. The joints that the twist
-        takes are limited and integrated; one that is not finite counts as a stop.
+        takes are limited and integrated; one that is not finite counts as a stop. Not
+        `stamped`, the window begins when it is received.
         """
         c, period, wanted, at_wall = self._config, self._period, twist, ''
         coast = (COAST + 1.0) * period
         if self._window is None:
             self._window, self._stamp_ns = at_rest(self.positions, SETTLING), now_ns
         kept = committed(self._window, max(1e-9 * (now_ns - self._stamp_ns), 0.0),
-                         COMMITTED * period)
+                         c.committed)
         positions, velocities = kept.positions[-1], kept.velocities[-1]
         if self._workspace is not None:
             pose = self._robot.pose(positions)
@@ -128,7 +134,8 @@ class Motion:
         hindered = limited_by or manipulability < c.damping
         self._watch(_progress(jacobian, self.velocities, wanted, c.rotation_length)
                     if hindered else 1.0, limited_by, period)
-        trajectory = Trajectory(self._limits.names, *self._window, stamp_ns=now_ns)
+        trajectory = Trajectory(self._limits.names, *self._window,
+                                stamp_ns=now_ns if stamped and c.stamped else 0)
         return MotionStep(trajectory, twist, scale, limited_by, manipulability)
 
     def _watch(self, progress, limited_by, dt):
