@@ -58,7 +58,7 @@ def test_before_a_corner_the_place_is_on_the_leg(ahead):
 
 @pytest.mark.parametrize('end', np.arange(-3e-3, 1.1e-3, 5e-4))
 def test_an_edge_ends_between_tactels(end):
-    """Load along half a line leaves half of the pressure at its end: finer than a pitch of 1.6 mm."""
+    """Load along half a line leaves half of the pressure at its end: finer than a pitch."""
     x, y = edge_point(edge(np.array([[0.0, -0.03], [0.0, end]])))
     bound = 3e-4 if end > -1e-3 else 5e-4
     assert abs(x) < 1.5e-4 and abs(y - min(end, 0.0)) < bound
