@@ -7,7 +7,7 @@ from numpy.typing import ArrayLike
 from tactile_common.config import bounded, check_fields
 from tactile_common.errors import ConfigurationError
 from tactile_common.polyline import arc_length
-from tactile_shape.contour.curves import angle_between, Line, meeting
+from tactile_shape.contour.curves import angle_between, Line, meeting, on_curve
 from tactile_shape.contour.pieces import divide, Ends, fit_piece
 
 STRAIGHT = 0.1  # width per length of a contour that has no plane of its own
@@ -240,9 +240,10 @@ def _runs(flat, corners, closed):
 def _assemble(pieces, closed, lift):
     """Outline of pieces in the plane; `lift` brings points (..., 2) into space."""
     joints = [meeting(before.curve, piece.curve, piece.points[0]) if piece.ends.start
-              else piece.points[0] for before, piece in zip(
+              else on_curve(piece.curve, piece.points[0]) for before, piece in zip(
                   [pieces[-1], *pieces], pieces, strict=False)]
-    ends = joints[1:] + [joints[0] if closed else pieces[-1].points[-1]]
+    ends = joints[1:] + [
+        joints[0] if closed else on_curve(pieces[-1].curve, pieces[-1].points[-1])]
     sides, corners, turns = [], [], []
     for k, (piece, start, end) in enumerate(zip(pieces, joints, ends, strict=True)):
         path, curve = piece.between(start, end), piece.curve
