@@ -16,7 +16,7 @@ def test_public_names(package):
         found = getattr(module, name)
         assert getattr(found, '__module__', package).split('.')[0] == package
     with pytest.raises(AttributeError, match=f"'{package}' has no attribute 'nothing'"):
-        module.nothing
+        module.__getattr__('nothing')
 
 
 @pytest.mark.parametrize('package', PACKAGES)
