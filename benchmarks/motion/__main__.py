@@ -1,8 +1,8 @@
 """
 Windows as a controller plays them; solvers on the programs of `tactile_servo.motion.inverse`.
 
-For the solvers, their time and accuracy, an arm is moved by twists with a joint at its limit; solvers that are not installed are left out
-(pip install daqp proxsuite osqp qpsolvers).
+For the solvers an arm is moved by twists with a joint at its limit; those that are not installed
+are left out (pip install daqp proxsuite osqp qpsolvers).
 """
 
 from importlib.util import find_spec
