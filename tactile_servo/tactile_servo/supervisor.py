@@ -12,11 +12,12 @@ import numpy as np
 
 from tactile_sensing.types.contact import Contact
 from tactile_sensing.types.image import SensorInfo, TactileImage
-from tactile_servo.config import ServoConfig, WINDOW_PERIODS
+from tactile_servo.config import ServoConfig
 from tactile_servo.control.scaling import clipped
 from tactile_servo.goal_run import GoalRun
 from tactile_servo.inputs import Inputs
 from tactile_servo.law import LawResult, Observation, Refusal, ServoLaw
+from tactile_servo.motion.clock import ClockCheck
 from tactile_servo.motion.limits import JointLimits, WorkspaceBox
 from tactile_servo.motion.motion import Motion, MotionStep
 from tactile_servo.motion.robot import RobotModel
@@ -43,9 +44,9 @@ class Supervisor:
         self.law, self.config = law, config or ServoConfig()
         self.inputs = Inputs(robot, limits, self.config.input)
         self.motion = Motion(robot, limits, self.config.motion,
-                             WINDOW_PERIODS / self.config.rate, workspace)
+                             1.0 / self.config.rate, workspace)
         self.run: GoalRun | None = None  # of the goal that is worked on, or of the last one
-        self._machine = StateMachine()
+        self._machine, self._clock = StateMachine(), ClockCheck()
         self._period, self._last_ns = 1.0 / self.config.rate, None
 
     def see_sensor(self, sensor: SensorInfo) -> None:
@@ -170,11 +171,14 @@ class Supervisor:
         """
         dt = self._elapsed(now_ns)
         self.inputs.refresh(now, now_ns)
+        if (joints := self.inputs.joints) is not None:
+            self._clock.see(joints.stamp_ns, 1e-9 * (now_ns - joints.stamp_ns) - (
+                now - joints.arrival), now)
         if self.run is None or not self.active or dt <= 0.0:
             return self._status(self.run), None
         self.run.count()
         self.run.decide(now)
-        step = self.motion.command(self.run.twist(dt), dt)
+        step = self.motion.command(self.run.twist(dt), now_ns, self._clock.agrees)
         return self._status(self.run, step), step.trajectory
 
     def _elapsed(self, now_ns):
