@@ -9,7 +9,7 @@ from tactile_servo.config import InputConfig
 from tactile_servo.reasons import Reason, ReasonCode
 
 SIZE = 512  # cycles that are kept
-STANDS_AFTER = 0.25  # of the distance, a way that was sent and must have shown an effect
+STANDS_AFTER = 0.05  # of the distance, a way that was sent and must have shown an effect
 STANDS = 0.2  # of that way, with less of which the robot stands
 
 

@@ -129,7 +129,7 @@ class Supervisor:
 
     def note(self, refusal: Refusal) -> None:
         """Put a refusal into the status of an idle servo: it has no other answer."""
-        if not self.active:
+        if self.state is State.IDLE:  # the reason of one that is done belongs to its result
             self._machine.reason = refusal
 
     def start(self, goal: Any, now: float) -> None:
