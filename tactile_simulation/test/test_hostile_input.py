@@ -5,6 +5,7 @@ A few sequences, always the same ones, are part of the tests; HOSTILE_SEQUENCES=
 environment runs that many, drawn anew each time.
 """
 
+from dataclasses import replace
 import os
 
 from hypothesis import given, settings
@@ -19,6 +20,7 @@ from tactile_sensing.types.contact import Contact, ContactType, Reason
 from tactile_sensing.types.image import Layer, TactileImage
 from tactile_sensing.types.moments import Moments
 from tactile_servo.config import ServoConfig
+from tactile_servo.inputs import InputRefused
 from tactile_servo.laws.registry import LAWS, make_law
 from tactile_servo.motion.limits import WorkspaceBox
 from tactile_servo.reasons import GoalRefused, ReasonCode
@@ -59,8 +61,8 @@ contacts = wild | st.builds(line, st.floats(0.0, 12.0) | st.just(100.0),
 # Pictures ----------------------------------------------------------------------------------
 
 
-def picture(kind, seed, noise_std, tared):
-    """Return layers, tared and how many tactels are saturated, of a kind of picture."""
+def picture(kind, seed, noise_std, tared, array, frame):
+    """Return layers, tared, how many tactels are saturated, array and frame, of a kind."""
     rng = np.random.default_rng(seed)
     stress = 600.0 * rng.standard_normal(ARRAY.shape)
     if kind in ('edge', 'corner', 'saturated', 'counts', 'nan', 'huge'):
@@ -83,13 +85,15 @@ def picture(kind, seed, noise_std, tared):
     layer = Layer('zz', 0.002, stress, FULL_SCALE, noise_std,
                   unit='counts' if kind == 'counts' else 'Pa')
     saturated = int(np.isnan(stress).sum()) if kind == 'saturated' else 0
-    return () if kind == 'none' else (layer,), tared, saturated
+    return () if kind == 'none' else (layer,), tared, saturated, array, frame
 
 
 pictures = st.builds(
     picture, st.sampled_from(KINDS), st.integers(0, 1000),
     st.sampled_from([630.0, 630.0, 0.0, -1.0, float('nan'), 1e300]),
-    st.sampled_from([True, True, True, False]))
+    st.sampled_from([True, True, True, False]),
+    st.sampled_from([*[ARRAY] * 4, replace(ARRAY, pitch_x=1e-30), TactelArray(8, 8, 3e-3, 3e-3)]),
+    st.sampled_from(['', '', '', 'map']))
 
 # Sequences ---------------------------------------------------------------------------------
 
@@ -160,11 +164,15 @@ class Watched:
             stress, force = self.look()
         if image == 'true':
             noise = 600.0 * np.random.default_rng(self.count).standard_normal(ARRAY.shape)
-            image = (Layer('zz', 0.002, stress + noise, FULL_SCALE, 600.0),), True, 0
+            image = (Layer('zz', 0.002, stress + noise, FULL_SCALE, 600.0),), True, 0, ARRAY, ''
         if image != 'none':
-            layers, tared, saturated = image
-            self.servo.see_image(TactileImage(self.now_ns - late_image, 0, layers, ARRAY, tared,
-                                              saturated), self.now)
+            layers, tared, saturated, array, frame = image
+            try:
+                self.servo.see_image(TactileImage(
+                    self.now_ns - late_image, 0, layers, array, tared, saturated, frame),
+                    self.now)
+            except InputRefused as refusal:
+                assert str(refusal) and (array, frame) != (ARRAY, '')
         if contact == 'true':
             contact = line(force, 0.0, 0.0) if force > 0.1 else Contact(
                 ContactType.NONE, False, Reason.NO_CONTACT, 'fit')
@@ -212,13 +220,14 @@ class Watched:
         if not status.contact_fresh or not status.joints_fresh or status.normal_force > (
                 self.servo.config.force.max_load):
             assert status.state not in TRACKING
-        if (before == State.HOLD and status.state not in (State.HOLD, State.DONE)
-                and not self.velocities.any()):
-            self.positions = self.servo.inputs.joints.value  # it starts anew from where it is
-        self.check(window, braking=status.state == before == State.HOLD)
+        if status.state == State.HOLD or before == State.HOLD:
+            # At rest it is told to stay where it is measured, or starts anew from there.
+            assert status.state != State.HOLD or not window.velocities.any()
+            self.positions, self.velocities = self.servo.inputs.joints.value, np.zeros(6)
+        self.check(window)
         self.positions, self.velocities = window.positions[0], window.velocities[0]
 
-    def check(self, window, braking):
+    def check(self, window):
         """Position, velocity, acceleration, box; and rest at the end of the window."""
         reached, velocity = window.positions[0], window.velocities[0]
         assert np.isfinite(window.positions).all() and np.isfinite(window.velocities).all()
@@ -228,8 +237,6 @@ class Watched:
         assert (np.abs(reached - self.positions) <= LIMITS.velocity * MOST).all()
         was = beyond(self.positions, LIMITS)
         assert (beyond(window.positions, LIMITS) <= was + 1e-9).all()
-        if braking:
-            assert (np.abs(velocity) <= np.abs(self.velocities) + 1e-9).all()
         was = beyond(PUMA.pose(self.positions)[:3, 3], self.box)
         assert (beyond(PUMA.pose(reached)[:3, 3], self.box) <= was + BOX_TOLERANCE).all()
 

@@ -7,7 +7,7 @@ from typing import Any
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from geometry_msgs.msg import PoseStamped
 import numpy as np
-from rclpy.action import ActionServer, CancelResponse, GoalResponse
+from rcl_interfaces.msg import SetParametersResult
 from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, qos_profile_sensor_data, QoSProfile
@@ -24,15 +24,18 @@ from tactile_msgs.msg import SensorInfo, ServoStatus, TactileImage
 from tactile_sensing.conversions import contact_from_msg, image_from_msg, sensor_info_from_msg
 from tactile_servo.compile_kernels import compile_kernels
 from tactile_servo.config import ServoConfig
-from tactile_servo.conversions import ACTIONS, joint_positions, status_to_msg, trajectory_to_msg
+from tactile_servo.conversions import joint_positions, status_to_msg, trajectory_to_msg
 from tactile_servo.laws.registry import law_named
 from tactile_servo.motion.limits import JointLimits, WorkspaceBox
 from tactile_servo.motion.robot import RobotModel
+from tactile_servo.nodes.goal_server import GoalServer
+from tactile_servo.nodes.graph_guard import GraphGuard
 from tactile_servo.nodes.parameters import NodeConfig, refuse_old_names
+from tactile_servo.reasons import Reason, ReasonCode
 from tactile_servo.supervisor import Supervisor
 from tactile_servo.types import State
 
-FEEDBACK_PERIOD = 0.05  # s; the status topic has every cycle
+GUARD_PERIOD = 0.1  # s between looks at the graph
 _LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 
 
@@ -46,7 +49,6 @@ class Pace:
     cycles: int = 0
     missed: int = 0
     longest: float = 0.0
-    reported: float = -np.inf
 
     def tick(self, now: float) -> None:
         """Count a cycle that begins."""
@@ -68,15 +70,6 @@ class Heard:
 
     image: tuple[Any, float] | None = None
     contact: tuple[Any, float] | None = None
-
-
-@dataclass(eq=False)
-class Execution:
-    """A goal of the action, since when it is worked on [s], and whether it has ended."""
-
-    handle: Any
-    started: float
-    ended: bool = False
 
 
 def _supervisor(node: Node) -> tuple[Supervisor, RobotModel, NodeConfig]:
@@ -102,8 +95,7 @@ class EdgeServoNode(Node):
     """
     Track something by touch.
 
-    Subscribes to `sensor_info`, `contact` and `/joint_states`, and to `image` if the law sees
-    images; streams windows to the joint trajectory controller while a goal of the law's action
+    Subscribes to `sensor_info`, `image`, `contact` and `/joint_states`; streams windows to the joint trajectory controller while a goal of the law's action
     is active; publishes `servo_status` every cycle, `sensor_pose` at every joint state and
     `diagnostics`; `~/pause` holds and resumes. Parameters: `NodeConfig`, `ServoConfig`, and
     those of the law. A cycle looks at the newest contact and the newest image alone, so that a
@@ -116,7 +108,6 @@ class EdgeServoNode(Node):
         self._servo, self._model, config = _supervisor(self)
         compile_kernels()
         self._pace, self._heard = Pace(1.0 / self._servo.config.rate), Heard()
-        self._execution: Execution | None = None
         self._status_msg, self._pose_msg = ServoStatus(), PoseStamped()
         self._trajectory_msg = JointTrajectory()
         self._status_msg.header.frame_id = config.tip_frame
@@ -130,21 +121,25 @@ class EdgeServoNode(Node):
         self.create_subscription(SensorInfo, 'sensor_info', self._on_sensor, _LATCHED)
         self.create_subscription(
             ContactMsg, 'contact', self._on_contact, qos_profile_sensor_data, raw=True)
-        if self._servo.law.sees_images:
-            self.create_subscription(
-                TactileImage, 'image', self._on_image, qos_profile_sensor_data, raw=True)
+        self.create_subscription(  # whatever the law: an image tells the load as well
+            TactileImage, 'image', self._on_image, qos_profile_sensor_data, raw=True)
         self.create_subscription(
             JointState, '/joint_states', self._on_joints, qos_profile_sensor_data)
         self.create_service(SetBool, '~/pause', self._on_pause)
-        name = law_named(config.tracker).action
-        self._action = ACTIONS[name]
-        self._server = ActionServer(
-            self, self._action.type, name, self._finish, goal_callback=self._on_goal,
-            handle_accepted_callback=self._on_accepted, cancel_callback=self._on_cancel)
+        self._server = GoalServer(self, self._servo, law_named(config.tracker).action,
+                                  self._model.root_frame)
         # Steady, so that the watchdogs run even where simulated time stands still.
         steady = Clock(clock_type=ClockType.STEADY_TIME)
         self.create_timer(self._pace.period, plain(self._on_cycle), clock=steady)
         self.create_timer(1.0, self._on_diagnose, clock=steady)
+        self._guard = GraphGuard(
+            self, ('image', 'contact', '/joint_states', self._trajectory.topic),
+            config.shared_topics, config.controller)
+        self.create_timer(GUARD_PERIOD, self._look_around, clock=steady)
+        self.add_on_set_parameters_callback(_keep_the_clock)
+
+    def _look_around(self):
+        self._servo.around = self._guard.problem()
 
     def _warn(self, text):
         self.get_logger().warning(text, throttle_duration_sec=5.0)
@@ -152,7 +147,8 @@ class EdgeServoNode(Node):
     def _check_frame(self, msg):
         tip = self._status_msg.header.frame_id
         if msg.header.frame_id != tip:
-            raise TactileError(f'its frame is {msg.header.frame_id!r}, must be tip_frame, {tip!r}')
+            self._servo.inputs.refuse(Reason(
+                ReasonCode.WRONG_FRAME, f'{msg.header.frame_id!r}, must be tip_frame, {tip!r}'))
 
     def _on_sensor(self, msg):
         try:
@@ -213,54 +209,7 @@ class EdgeServoNode(Node):
                             self._status_msg)
         msg.header.stamp = stamp_from_ns(now_ns)
         self._status.publish(msg)
-        if self._execution is not None and not self._execution.ended:
-            self._report(status, msg)
-
-    def _report(self, status, msg):
-        handle = self._execution.handle
-        if status.state == State.DONE:
-            self._execution.ended = True
-            handle.execute()
-        elif self._pace.last - self._pace.reported >= FEEDBACK_PERIOD:
-            self._pace.reported = self._pace.last
-            handle.publish_feedback(self._action.feedback_to_msg(msg))
-
-    def _on_goal(self, request):
-        refusal = self._servo.check(self._action.goal_from_msg(request))
-        if refusal is None:
-            return GoalResponse.ACCEPT
-        self.get_logger().error(refusal.text)
-        self._servo.note(refusal)
-        return GoalResponse.REJECT
-
-    def _on_cancel(self, _):
-        self._servo.cancel()
-        return CancelResponse.ACCEPT
-
-    def _on_accepted(self, goal_handle):
-        """
-        Start a goal; it is executed, in the action server's sense, when it has ended.
-
-        An execute callback would have to block or to await, and rclpy's executors poll a
-        callback that awaits without a pause, at the cost of a whole core.
-        """
-        self._execution = Execution(goal_handle, perf_counter())
-        self._servo.start(self._action.goal_from_msg(goal_handle.request), self._execution.started)
-
-    def _finish(self, goal_handle):
-        servo = self._servo
-        result = self._action.result_to_msg(
-            servo, perf_counter() - self._execution.started, self._model.root_frame)
-        self._execution = None
-        if goal_handle.is_cancel_requested:
-            goal_handle.canceled()
-        elif servo.success:
-            goal_handle.succeed()
-        else:
-            goal_handle.abort()
-        self.get_logger().info(f'goal ended: {result.reason}')
-        servo.finish()
-        return result
+        self._server.report(msg)
 
     def _on_pause(self, request, response):
         response.success = self._servo.pause(request.data, perf_counter())
@@ -288,6 +237,13 @@ class EdgeServoNode(Node):
         if self._server is not None:
             self._server.destroy()
         super().destroy_node()
+
+
+def _keep_the_clock(parameters):
+    """Refuse another clock for the stamps while the servo runs."""
+    refused = any(parameter.name == 'use_sim_time' for parameter in parameters)
+    return SetParametersResult(
+        successful=not refused, reason='use_sim_time is set at the start' if refused else '')
 
 
 def main(args=None):
