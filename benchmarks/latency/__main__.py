@@ -5,8 +5,8 @@ Mocks, sensing and servo run in processes of their own, as in the demo. Prints t
 benchmarks/results/latency.json and the tables into docs/latency.md.
 """
 
-from benchmarks.latency import runs
 from benchmarks.harness import run
+from benchmarks.latency import runs
 
 CASES = (('trace', 203.0), ('trace', 1000.0))
 

@@ -5,7 +5,8 @@ from struct import error as StructError
 
 from builtin_interfaces.msg import Time
 from geometry_msgs.msg import PoseStamped
-from hypothesis import given, settings, strategies as st
+from hypothesis import given, settings
+from hypothesis import strategies as st
 import numpy as np
 import pytest
 from rclpy.serialization import deserialize_message, serialize_message
