@@ -13,28 +13,29 @@ import numpy as np
 import yaml
 
 from benchmarks.latency.meter import Journey, Meter
-from edge_tracking.graph import add_servo, calibrate, Graph, private_port
+from edge_tracking.graph import add_servo, calibrate, EdgeServoNode, Graph, private_port
 from edge_tracking.process_group import apart
 from edge_tracking.resources import find_scene, share
 from edge_tracking.track import TrackNode
-from tactile_servo.nodes import servo as node
+from tactile_common.ros.runner import freeze_heap
 from tactile_servo.supervisor import Supervisor
 from tactile_servo.types import TRACKING
 from tactile_simulation.scene import load_scene
 
 SPEED, FORCE, LENGTH = 0.03, 5.0, 0.12  # m/s, N, m
+NODE = sys.modules[EdgeServoNode.__module__]
 ROBOT = share('urdf', 'puma260.urdf')
 PROBE_TIMEOUT = 20.0  # s
 
 # Name of a part -> where it is. What is further in is part of what is further out.
 CYCLE = 'cycle'
 PARTS = {
-    'a joint state': (node.EdgeServoNode, '_on_joints'),
-    'a picture heard': (node.EdgeServoNode, '_on_image'),
-    CYCLE: (node.EdgeServoNode, '_on_cycle'),
-    '- pictures and contacts unpacked': (node, 'unpacked'),
-    '- picture converted': (node, 'image_from_msg'),
-    '- contact converted': (node, 'contact_from_msg'),
+    'a joint state': (EdgeServoNode, '_on_joints'),
+    'a picture heard': (EdgeServoNode, '_on_image'),
+    CYCLE: (EdgeServoNode, '_on_cycle'),
+    '- pictures and contacts unpacked': (NODE, 'unpacked'),
+    '- picture converted': (NODE, 'image_from_msg'),
+    '- contact converted': (NODE, 'contact_from_msg'),
     '- picture traced': (Supervisor, 'see_image'),
     '- contact taken': (Supervisor, 'see_contact'),
     '- decided, and moved on': (Supervisor, 'cycle'),
@@ -60,22 +61,23 @@ def account(tracker, rate):
             servo._trajectory.publish = _sent(meter, journey, servo._trajectory.publish)
             servo._status.publish = meter.timed('- status sent', servo._status.publish)
             track = graph.add(TrackNode, speed=SPEED, force=FORCE, length=LENGTH)
-            clocks = []
+            freeze_heap()
+            clocks = [_clocks(servo)]
 
             def watch():
                 running = servo._servo.state in TRACKING
-                if running != meter.running:
+                if running != meter.running:  # begins, ends: odd and even
                     meter.running = running
-                    clocks.append((time.perf_counter(), time.thread_time(),
-                                   time.process_time(), servo._pace.cycles,
-                                   servo._pace.missed))
+                    clocks.append(_clocks(servo))
                 return track.finished
 
             graph.spin(watch)
             probe.communicate(timeout=PROBE_TIMEOUT)
         with np.load(heard) as file:
             times = {name: dict(file[name].tolist()) for name in ('image', 'contact')}
-    wall, thread, process, cycles, missed = np.subtract(clocks[1], clocks[0])
+    if len(clocks) < 3:
+        raise SystemExit(f'nothing was tracked: {track.reason}')
+    wall, thread, process, cycles, missed = np.diff(clocks, axis=0)[1::2].sum(axis=0)
     delay_ns = round(1e9 * servo._servo.inputs.sensor.acquisition_delay)
     stages = journey.stages(times['image'], delay_ns)
     common = times['image'].keys() & times['contact'].keys()
@@ -88,6 +90,11 @@ def account(tracker, rate):
         'cpu': {name: _quantiles(times) | {'calls': len(times) / cycles}
                 for name, times in meter.times.items() if times},
         'latency': {name: _quantiles(times) for name, times in stages.items() if len(times)}}
+
+
+def _clocks(servo):
+    return (time.perf_counter(), time.thread_time(), time.process_time(), servo._pace.cycles,
+            servo._pace.missed)
 
 
 def _parameters(rate):
@@ -116,7 +123,7 @@ def _probe(path, domain):
 @contextmanager
 def _following(journey):
     """Note when pictures come, a cycle begins, and the law takes a picture."""
-    on_image, on_cycle = node.EdgeServoNode._on_image, node.EdgeServoNode._on_cycle
+    on_image, on_cycle = EdgeServoNode._on_image, EdgeServoNode._on_cycle
     see_image = Supervisor.see_image
 
     def hear(self, raw):
@@ -132,12 +139,12 @@ def _following(journey):
         journey.use(image.stamp_ns)
         see_image(self, image, arrival)
 
-    node.EdgeServoNode._on_image, node.EdgeServoNode._on_cycle = hear, begin
+    EdgeServoNode._on_image, EdgeServoNode._on_cycle = hear, begin
     Supervisor.see_image = use
     try:
         yield
     finally:
-        node.EdgeServoNode._on_image, node.EdgeServoNode._on_cycle = on_image, on_cycle
+        EdgeServoNode._on_image, EdgeServoNode._on_cycle = on_image, on_cycle
         Supervisor.see_image = see_image
 
 

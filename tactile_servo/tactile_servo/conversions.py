@@ -41,7 +41,7 @@ def trajectory_to_bytes(trajectory: Trajectory) -> bytes:
     names, times = trajectory.joint_names, trajectory.times.tolist()
     fields = [getattr(trajectory, name) for name in _FIELDS]
     given = [None if values is None else values.tolist() for values in fields]
-    struct, head = _layout(names, len(times), tuple(rows is not None for rows in given))
+    struct, head = _layout(tuple(names), len(times), tuple(rows is not None for rows in given))
     values = [*divmod(round(trajectory.stamp * NS), NS), *head]
     for k, time in enumerate(times):
         for rows in given:

@@ -5,11 +5,12 @@ rclpy makes a message of them through its setters and checks, several times as s
 here has the fields of the message and cannot be assigned to; sequences of numbers are ndarrays.
 """
 from collections import namedtuple
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from functools import cache
 from importlib import import_module
 from itertools import groupby
 from struct import calcsize, Struct
+from typing import Any
 
 import numpy as np
 from rosidl_parser.definition import (
@@ -42,7 +43,7 @@ def padded(codes: Iterable[str], at: int = 0) -> Struct:
 
 
 @cache
-def reader(kind: type):
+def reader(kind: Any) -> Callable:
     """
     Return a function of the bytes behind `HEAD` and an offset: the message, and where it ends.
 
@@ -51,8 +52,8 @@ def reader(kind: type):
     that has wide strings or the like.
     """
     names, types = tuple(kind.get_fields_and_field_types()), kind.SLOT_TYPES
-    make = namedtuple(kind.__name__, names)._make
-    parts = []
+    make: Any = namedtuple(kind.__name__, names)._make  # type: ignore[attr-defined, misc]
+    parts: list[tuple[list[Struct] | None, Any]] = []
     for basic, group in groupby(types, lambda one: isinstance(one, BasicType)):
         if basic:
             codes = [_code(one) for one in group]

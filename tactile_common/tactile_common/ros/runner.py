@@ -52,8 +52,8 @@ def freeze_heap():
     """
     Leave what is in memory now out of all garbage collections to come, once a process is set up.
 
-    Modules and compiled kernels are some 160,000 objects and more; to go through them takes 0.1 s, longer
-    than a servo may be silent; what comes later is little.
+    Modules and compiled kernels are some 160,000 objects and more. To go through them takes 0.1 s,
+    longer than a servo may be silent; what comes later is little.
     """
     gc.collect()
     gc.freeze()

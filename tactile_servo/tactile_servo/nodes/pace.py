@@ -46,14 +46,16 @@ class Pace:
 
     def begin(self, now: float) -> None:
         """Count a cycle that begins."""
-        self.missed += int(max(now - self.due, 0.0) / self.period)
+        late = now - self.due
+        self.missed += int(max(late, 0.0) / self.period)
         self.cycles, self.last = self.cycles + 1, now
+        # A timer that comes a little late does not slow the cycles down.
+        self.due = (self.due if 0.0 <= late < LEAST * self.period else now) + self.period
 
     def end(self, now: float, cost: float) -> float:
         """End a cycle that took so much of the processor; how long to wait for the next [s]."""
         self.longest = max(self.longest, now - self.last)
         self.costs.append(cost)
-        self.due = self.last + self.period
         expected = self.picture + self.gap
         if self._slow and (
                 expected - EARLY * self.period < self.due < expected + LATE * self.period):
