@@ -66,10 +66,16 @@ def latencies(run: RunData) -> tuple[np.ndarray, np.ndarray]:
     return stamps, statuses.latency[first] - delay
 
 
+def cycle_count(statuses: Statuses, active: np.ndarray) -> int:
+    """Control cycles from the first to the last of some statuses; once there was one for each."""
+    told = statuses.cycles[active]
+    return int(np.ptp(told)) + 1 if told.size and np.isfinite(told).all() else len(active)
+
+
 def cycle_rate(statuses: Statuses, active: np.ndarray) -> float:
-    """Control cycles per second between the first and the last of some statuses [Hz]."""
+    """Control cycles per second from the first to the last of some statuses [Hz]."""
     span = metrics.span(statuses.stamp_ns[active])
-    return float(np.ptp(statuses.cycles[active])) / span if span > 0.0 else NAN
+    return (cycle_count(statuses, active) - 1) / span if span > 0.0 else NAN
 
 
 @lru_cache(maxsize=1)
@@ -127,6 +133,7 @@ def summarise(run: RunData, scene: Scene, *, success: bool, reason: str = '',
         'duration': metrics.span(statuses.stamp_ns[active]),
         'sensor_rate': rate(stamps[(stamps >= begin) & (stamps <= end)]),
         'control_rate': cycle_rate(statuses, active),
+        'cycles': cycle_count(statuses, active),
         'missed_cycles': int(statuses.missed_cycles[last] - statuses.missed_cycles[active[0]])
         if active.size else 0,
         'latency_p50': percentile(latency, 50),
