@@ -20,7 +20,7 @@ from edge_tracking.resources import find_scene, scene_names, share
 from edge_tracking.track import TrackNode
 from tactile_common.errors import TactileError
 from tactile_common.progress import Progress
-from tactile_common.ros.runner import stop_on_signals
+from tactile_common.ros.runner import freeze_heap, stop_on_signals
 from tactile_msgs.action import TrackEdge
 from tactile_sensing.devices.recording import load_recording
 from tactile_servo.laws.registry import DEFAULT, LAWS
@@ -114,6 +114,7 @@ def track_scene(options: argparse.Namespace, path: Path, scene: Scene, folder: P
                           feedback_text(feedback))
 
         servo = add_servo(graph, robot, options.controller)
+        freeze_heap()
         graph.spin(lambda: over() or servo.count_subscribers('servo_status'))  # the recorder
         track = graph.add(TrackNode, own={'on_feedback': show}, speed=options.speed,
                           force=options.force, closed=closed)

@@ -15,7 +15,7 @@ from rclpy.parameter import Parameter
 from rclpy.signals import SignalHandlerOptions
 
 from edge_tracking.resources import find_scene, scene_names, share
-from tactile_common.ros.runner import make_executor, spin, stop_on_signals
+from tactile_common.ros.runner import freeze_heap, make_executor, spin, stop_on_signals
 from tactile_sensing.devices.registry import PROTOCOLS
 from tactile_sensing.nodes.contact_estimator import ContactEstimatorNode
 from tactile_sensing.nodes.driver import DriverConfig, DriverNode
@@ -154,6 +154,7 @@ def main(args: list[str] | None = None) -> int:
                 add_mocks(graph, port, scene, options.robot_description, options.seed)
             else:
                 add_sensing(graph, port, protocol=options.sensor)
+            freeze_heap()
             graph.spin(stop.is_set)
     except (ValueError, RuntimeError, ParameterException) as error:
         print(f'composed: {" ".join(str(error).split())}', file=sys.stderr)

@@ -25,6 +25,7 @@ from visualization_msgs.msg import MarkerArray
 
 from edge_tracking.graph import add_mocks, add_sensing, Graph
 from edge_tracking.recording.writer import RecorderNode
+from tactile_common.ros.runner import freeze_heap
 from tactile_msgs.msg import Contact, SensorInfo, ServoStatus, SurfacePatch, TactileImage
 from tactile_shape.nodes.shape_estimator import ShapeEstimatorNode
 
@@ -101,6 +102,7 @@ def main() -> int:
     try:
         with Graph(**options) as graph:
             add(graph, *arguments)
+            freeze_heap()
             # Not before the servo is heard: who gives way at once comes late.
             graph.spin(lambda: ended.is_set() or graph.nodes[0].count_publishers(
                 f'/{graph.namespace}/servo_status'))

@@ -66,7 +66,8 @@ class GoalRun:
         self.goal, self.statistics = goal, TrackStatistics(goal.force)
         self.hold, self.ending = Hold(), Ending()
         self.reference: Reference | None = None  # last one, None unless the law moves the pad
-        self.observed = -np.inf  # steady time at which the law was last told something [s]
+        self.observed = -np.inf  # steady time at which the law was last told something [s],
+        self.observed_ns = 0  # and the stamp of that
         self._config, self._law, self._inputs = config, law, inputs
         self._motion, self._machine = motion, machine
         self._anchor = motion.pose  # where the current way (approach, retreat, press) began
