@@ -1,7 +1,6 @@
 """A recorded path of contact: from arrays in a file, or from the topics of a bag."""
 from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
-import math
 from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING

@@ -17,11 +17,8 @@ from tactile_common.ros.conversions import pose_from_msg
 from tactile_common.ros.runner import make_executor
 from tactile_sensing.devices.flexitac import FlexiTacDecoder, MARKER, NEED_DATA
 from tactile_sensing.types.array import TactelArray
-from tactile_simulation.nodes.mock_sensor import (
-    MockSensorConfig,
-    MockSensorNode,
-    PseudoTerminal,
-)
+from tactile_simulation.nodes.mock_sensor import MockSensorConfig, MockSensorNode
+from tactile_simulation.pseudo_terminal import PseudoTerminal
 from tactile_simulation.renderer import EdgeRenderer
 from tactile_simulation.scene import load_scene
 
@@ -157,6 +154,7 @@ def test_picture_follows_the_pose(mock, scene, context, tmp_path):
         with Listener(tmp_path / 'sensor') as listener:
             frame = np.zeros((16, 16))
             while frame.max() < 50 and time.monotonic() < end:
+                message.header.stamp = robot.get_clock().now().to_msg()
                 publisher.publish(message)
                 executor.spin_once(timeout_sec=0.01)
                 data = listener.read_bytes(len(listener.data) + 1)
