@@ -60,7 +60,7 @@ def add_listeners(graph: Graph, bag) -> None:
 
 # What makes each part, and its niceness.
 PARTS: dict[str, tuple[Callable[..., Any], int]] = {
-    'sensing': (add_sensing, 0), 'mocks': (add_mocks, 5), 'listeners': (add_listeners, 10)}
+    'sensing': (add_sensing, 0), 'mocks': (add_mocks, 0), 'listeners': (add_listeners, 10)}
 
 
 @contextmanager
