@@ -36,9 +36,9 @@ def compile_kernels() -> None:
     model = RobotModel.from_urdf(ROBOT, 'tip')
     limits = JointLimits(tuple(model.joint_names), model.lower, model.upper,
                          model.velocity_limit, np.ones(2))
-    motion = Motion(model, limits, MotionConfig(), 0.005, WorkspaceBox(-np.ones(3), np.ones(3)))
+    motion = Motion(model, limits, MotionConfig(), 0.0025, WorkspaceBox(-np.ones(3), np.ones(3)))
     motion.seed(np.zeros(2))
-    motion.command(np.full(6, 0.01), 0.0025)
+    motion.command(np.full(6, 0.01), 0)
     inputs = Inputs(model, limits, ServoConfig().input)
     inputs.see_joints(np.zeros(2), 0, 0.0)
     inputs.astray(motion.positions)

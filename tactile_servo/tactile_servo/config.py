@@ -6,8 +6,6 @@ from tactile_common.config import bounded
 from tactile_common.errors import ConfigurationError
 from tactile_servo.motion.motion import MotionConfig
 
-WINDOW_PERIODS = 2.0  # control periods that a window of commands looks ahead
-
 
 @dataclass(frozen=True)
 class SpeedBounds:

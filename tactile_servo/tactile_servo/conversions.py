@@ -21,6 +21,7 @@ from tactile_common.ros.conversions import (
     pose_to_msg,
     set_stamp,
     stamp_from_ns,
+    stamp_to_ns,
     stamp_to_seconds,
 )
 from tactile_msgs.action import TrackEdge
@@ -40,7 +41,7 @@ def trajectory_to_msg(trajectory: Trajectory,
     """JointTrajectory message of a Trajectory."""
     message = JointTrajectory() if into is None else into
     message.joint_names = list(trajectory.joint_names)
-    set_stamp(message.header.stamp, round(trajectory.stamp * NS))
+    set_stamp(message.header.stamp, trajectory.stamp_ns)
     times = trajectory.times.tolist()
     if len(message.points) != len(times):
         message.points = [JointTrajectoryPoint() for _ in times]
@@ -80,7 +81,7 @@ def trajectory_from_msg(message: JointTrajectory) -> Trajectory:
     return Trajectory(
         names,
         np.array([stamp_to_seconds(point.time_from_start) for point in message.points]),
-        stamp=stamp_to_seconds(message.header.stamp), **values)
+        stamp_ns=stamp_to_ns(message.header.stamp), **values)
 
 
 def joint_state_to_msg(stamp: Time, joint_names: Sequence[str], positions: np.ndarray,

@@ -273,11 +273,11 @@ class GoalRun:
         self.ending.stopping = True
         self._machine.fire(Event.STOP, reason)
 
-    def command(self, now: float, dt: float) -> MotionStep | None:
+    def command(self, now: float, now_ns: int, dt: float, stamped: bool) -> MotionStep | None:
         """Command the next piece of motion, of `dt` [s]; None if there is none."""
         motion = self._motion
         if self._machine.state not in (State.HOLD, State.DONE):
-            step = motion.command(self.twist(dt), dt)
+            step = motion.command(self.twist(dt), now_ns, stamped)
             self._following.sent(now, motion.pose, self._inputs.pose)
             self._moving, self._told = now + float(step.trajectory.times[-1]), False
             return step
@@ -288,7 +288,7 @@ class GoalRun:
             NEAR * self._config.input.following_distance)
         self._start_here()
         # Not where it has come to be elsewhere: who brought it there has commanded it since.
-        return motion.command(np.zeros(6), dt) if near else None
+        return motion.command(np.zeros(6), now_ns, stamped) if near else None
 
     def twist(self, dt: float) -> np.ndarray:
         """Wanted twist of the sensor in its own frame (6,) [m/s, rad/s]."""

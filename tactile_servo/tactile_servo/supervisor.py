@@ -12,11 +12,12 @@ import numpy as np
 
 from tactile_sensing.types.contact import Contact
 from tactile_sensing.types.image import SensorInfo, TactileImage
-from tactile_servo.config import ServoConfig, WINDOW_PERIODS
+from tactile_servo.config import ServoConfig
 from tactile_servo.cycle_clock import CycleClock
 from tactile_servo.goal_run import GoalRun
 from tactile_servo.inputs import Inputs
 from tactile_servo.law import LawResult, Observation, Refusal, ServoLaw
+from tactile_servo.motion.clock import ClockCheck
 from tactile_servo.motion.limits import JointLimits, WorkspaceBox
 from tactile_servo.motion.motion import Motion, MotionStep
 from tactile_servo.motion.robot import RobotModel
@@ -43,10 +44,11 @@ class Supervisor:
         self.law, self.config = law, config or ServoConfig()
         self.inputs = Inputs(robot, limits, self.config.input)
         self.motion = Motion(robot, limits, self.config.motion,
-                             WINDOW_PERIODS / self.config.rate, workspace)
+                             1.0 / self.config.rate, workspace)
         self.run: GoalRun | None = None  # of the goal that is worked on, or of the last one
         self._machine = StateMachine()
         self._clock = CycleClock(1.0 / self.config.rate, self.config.input.stall)
+        self._robot_clock = ClockCheck()
         self.around: Reason | None = None  # what is wrong around the servo, that no datum tells
 
     def see_sensor(self, sensor: SensorInfo) -> None:
@@ -181,12 +183,16 @@ class Supervisor:
         """
         dt = self._clock.tick(now, now_ns)
         self.inputs.refresh(now, now_ns)
+        if (joints := self.inputs.joints) is not None:
+            self._robot_clock.see(joints.stamp_ns, 1e-9 * (now_ns - joints.stamp_ns) - (
+                now - joints.arrival), now)
         if self.run is None or not self.active or (dt == 0.0 and self._clock.fault is None):
             return self._status(self.run), None
         self.run.count()
         self.run.decide(now, self._clock, self.around)
-        step = self.run.command(now, dt)
+        step = self.run.command(now, now_ns, dt, self._robot_clock.agrees)
         return self._status(self.run, step), None if step is None else step.trajectory
+
 
     def _status(self, run: GoalRun | None, step: MotionStep | None = None) -> Status:
         inputs, machine = self.inputs, self._machine

@@ -7,7 +7,6 @@ import pytest
 
 from tactile_common.errors import ConfigurationError
 from tactile_servo.motion.limits import JointLimits, limit_velocities, NEGLIGIBLE, WorkspaceBox
-from tactile_servo.motion.trajectory import stopping_window
 
 DT = 0.0025
 LIMITS = JointLimits(
@@ -38,9 +37,6 @@ def test_any_wish_keeps_position_velocity_and_acceleration(start, wanted, repeat
             positions = positions + velocities * DT
             assert 0.0 <= scale <= 1.0
             assert_within(positions, velocities, previous)
-            window = stopping_window(LIMITS, positions, velocities, 0.005)
-            assert (window.positions >= LIMITS.lower - 1e-9).all()
-            assert (window.positions <= LIMITS.upper + 1e-9).all()
 
 
 def by_arrays(limits, positions, previous, wanted, dt):
@@ -128,28 +124,6 @@ def test_outside_its_limit_a_joint_may_only_come_back():
     out, _, _ = limit_velocities(LIMITS, outside, np.zeros(3), np.array([1.0, 0, 0]), DT)
     back, _, _ = limit_velocities(LIMITS, outside, np.zeros(3), np.array([-1.0, 0, 0]), DT)
     assert out[0] == 0.0 and back[0] < 0.0
-
-
-@settings(max_examples=200, deadline=None)
-@given(velocities=st.tuples(st.floats(-2, 2), st.floats(-1, 1), st.floats(-4, 4)))
-def test_window_brakes_within_the_acceleration_and_ends_at_rest(velocities):
-    velocities = np.array(velocities)
-    window = stopping_window(LIMITS, np.zeros(3), velocities, 0.005)
-    assert (np.diff(window.times) > 0.0).all() and window.times[0] == 0.005
-    assert len(window.times) >= 2 and not window.velocities[-1].any()
-    # Evenly braked from where it is commanded to be.
-    np.testing.assert_array_equal(window.positions[0], 0.0)
-    np.testing.assert_array_equal(window.velocities[0], velocities)
-    stop = window.times[-1] - window.times[0]
-    np.testing.assert_allclose(window.positions[-1], 0.5 * stop * velocities, atol=1e-12)
-    assert stop == pytest.approx(max(0.01, (np.abs(velocities) / LIMITS.acceleration).max()))
-    for k in range(2):  # cubic through positions and velocities: acceleration at both ends
-        span = window.times[k + 1] - window.times[k]
-        way = window.positions[k + 1] - window.positions[k]
-        v0, v1 = window.velocities[k], window.velocities[k + 1]
-        for a in (6 * way / span**2 - (4 * v0 + 2 * v1) / span,
-                  -6 * way / span**2 + (2 * v0 + 4 * v1) / span):
-            assert (np.abs(a) <= LIMITS.acceleration * (1 + 1e-6)).all()
 
 
 def test_workspace_box_stops_at_its_walls_only():

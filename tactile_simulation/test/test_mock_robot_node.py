@@ -126,8 +126,8 @@ def test_rejected_trajectory_is_counted_and_the_active_one_goes_on(bench):
 
 def test_stamp_of_the_past_is_rejected(bench):
     robot = bench(initial_positions=HOME)
-    now = 1e-9 * robot.client.get_clock().now().nanoseconds
-    robot.send([0.1], HOME, stamp=now - 10.0)
+    now_ns = robot.client.get_clock().now().nanoseconds
+    robot.send([0.1], HOME, stamp_ns=now_ns - 10 * 10**9)
     robot.wait(lambda: robot.robot.rejected == 1)
 
 

@@ -48,7 +48,8 @@ class JointLimits:
 
 
 def limit_velocities(limits: JointLimits, positions: np.ndarray, previous: np.ndarray,
-                     wanted: np.ndarray, dt: float) -> tuple[np.ndarray, float, str]:
+                     wanted: np.ndarray, dt: float,
+                     coast: float = 0.0) -> tuple[np.ndarray, float, str]:
     """
     Nearest joint velocities to the wanted ones that keep every limit.
 
@@ -63,7 +64,9 @@ def limit_velocities(limits: JointLimits, positions: np.ndarray, previous: np.nd
         Commanded positions [rad], velocities of the last cycle and those wanted now [rad/s];
         a wanted velocity that is not finite counts as a stop.
     dt : float
-        Time that the new velocities will be applied for [s], > 0.
+        Time in which the velocities may change [s], > 0,
+    coast : float
+        and for which the new ones go on then before the joints brake [s].
 
     Returns
     -------
@@ -75,7 +78,7 @@ def limit_velocities(limits: JointLimits, positions: np.ndarray, previous: np.nd
     """
     velocities, scale, kind, joint = _nearest(
         limits.lower, limits.upper, limits.velocity, limits.acceleration, limits.stopping_time,
-        positions, previous, wanted, dt)
+        positions, previous, wanted, dt, coast)
     limited_by = KINDS[kind]
     if limited_by.endswith(' '):
         limited_by += limits.names[joint]
@@ -98,10 +101,11 @@ def room(lower, upper, stopping_time, positions, dt):
 
 
 @njit(cache=True)
-def _nearest(lower, upper, fastest, acceleration, stopping_time, positions, previous, wanted, dt):
+def _nearest(lower, upper, fastest, acceleration, stopping_time, positions, previous, wanted, dt,
+             coast):
     """Law of `limit_velocities`: velocities, scale, index of the kind of limit and joint."""
     count = len(wanted)
-    down, up = room(lower, upper, stopping_time, positions, dt)
+    down, up = room(lower, upper, stopping_time, positions, dt + coast)
     velocities = np.empty(count)
     scale, kind, joint = 1.0, _FREE, 0
     for k in range(count):
