@@ -95,9 +95,10 @@ class EdgeServoNode(Node):
     """
     Track something by touch.
 
-    Subscribes to `sensor_info`, `image`, `contact` and `/joint_states`; streams windows to the joint trajectory controller while a goal of the law's action
-    is active; publishes `servo_status` every cycle, `sensor_pose` at every joint state and
-    `diagnostics`; `~/pause` holds and resumes. Parameters: `NodeConfig`, `ServoConfig`, and
+    Subscribes to `sensor_info`, `image`, `contact` and `/joint_states`; streams windows to the
+    joint trajectory controller while a goal of the law's action is active; publishes
+    `servo_status` every cycle, `sensor_pose` at every joint state and `diagnostics`; `~/pause`
+    holds and resumes. Parameters: `NodeConfig`, `ServoConfig`, and
     those of the law. A cycle looks at the newest contact and the newest image alone, so that a
     fast sensor takes no time from it. Most of its attributes are ROS entities.
     """
