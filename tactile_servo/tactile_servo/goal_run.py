@@ -74,7 +74,7 @@ class GoalRun:
         self._laps = LapGuard(config.contour.miss)
         self._spent: dict[State, float] = dict.fromkeys(
             (State.APPROACH, State.TRACK, State.RETREAT), 0.0)  # [s]
-        # Steady times [s]: of the last decision, and until which commands move the robot.
+        # Steady times [s]: of the last decision, and until which the robot may move.
         self._now, self._moving = -np.inf, -np.inf
         self._told = True  # that it stays where it stands
 
@@ -212,6 +212,7 @@ class GoalRun:
         bound = reason.code in ASKED or now - began > self._config.hold.resume_within
         self.hold = Hold(self.hold.paused, RESUMPTION[self._machine.state], reason, began,
                          bound=bound)
+        self._moving = max(self._moving, now)
         self._machine.fire(Event.HOLD, reason, now)
 
     def _decide_hold(self, now, why):

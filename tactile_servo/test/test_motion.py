@@ -77,6 +77,20 @@ def test_a_start_leaves_the_controller_time_to_come_there():
     assert motion.velocities[0] == pytest.approx(5.0 * (MotionConfig.committed + DT))
 
 
+def test_a_start_far_from_the_last_command_takes_the_time_to_come_there():
+    """The controller's cubic from rest to rest keeps half of the limits of the slides."""
+    motion = motion_at(np.zeros(6))
+    driven(motion, np.zeros(6), 1)
+    for way in (1e-6, 0.01, 0.1, 1.0):
+        motion.seed(np.array([0.0, way, 0.0, 0.0, 0.0, 0.0]))
+        motion.seed(np.array([0.0, way, 0.0, 0.0, 0.0, 0.0]))
+        time = motion.command(np.zeros(6), 0).trajectory.times[0]
+        assert time >= SETTLING
+        assert 1.5 * way / time <= 0.25 + 1e-9 and 6.0 * way / time**2 <= 2.5 + 1e-9
+        motion.seed(np.zeros(6))
+        motion.command(np.zeros(6), 0)
+
+
 def test_standing_is_when_the_last_window_is_over():
     motion = motion_at(np.zeros(6))
     assert motion.standing

@@ -11,10 +11,10 @@ from tactile_servo.motion.inverse import BoundedInverse
 from tactile_servo.motion.limits import JointLimits, limit_velocities, WorkspaceBox
 from tactile_servo.motion.robot import RobotModel
 from tactile_servo.motion.trajectory import Trajectory
-from tactile_servo.motion.window import at_rest, committed, extended, Window
+from tactile_servo.motion.window import at_rest, committed, extended
 
 COAST = 2.0  # control periods that a window goes on before it brakes
-SETTLING = 0.1  # s in which the robot's controller comes to where a motion is started
+SETTLING = 0.1  # s at least, in which the robot's controller comes to where a motion is started
 HELD_BACK = 0.05  # of the wanted motion; with less than this left the robot does not get on
 BLOCKED_AFTER = 1.0  # s held back until the motion counts as blocked
 
@@ -69,26 +69,31 @@ class Motion:
         self._inverse = BoundedInverse(limits, config.damping, config.rotation_length)
         unknown = np.full(len(limits.names), np.nan)
         self.positions, self.velocities, self.pose = unknown, unknown, np.full((4, 4), np.nan)
-        self._window: Window | None = None
-        self._stamp_ns = 0
+        self._window = at_rest(unknown, 0.0)
+        self._stamp_ns: int | None = None  # None until it is commanded
+        self._end = unknown  # where the last window that was commanded comes to rest
         self._held_back, self.blocked = 0.0, ''
 
     @property
     def standing(self) -> bool:
         """Whether the robot has been commanded to a rest, and that command is over."""
-        return self._window is None or not self._window.velocities.any()
+        return not self._window.velocities.any()
 
     def seed(self, positions: np.ndarray) -> None:
         """
         Start at rest from measured joint positions (n,), never from an old target.
 
-        What the robot's controller had commanded may differ from what is measured: it gets
-        `SETTLING` to come there, and moves after that.
+        The robot's controller may still command what it was told last: it is given the time to
+        come from there with half of the limits, `SETTLING` at least, before anything moves.
         """
         self.positions = np.array(positions, dtype=float)
+        way, limits = np.abs(self.positions - self._end), self._limits
+        # A cubic between two rests has 1.5 times its mean velocity and 6 way / time^2.
+        settling = np.fmax(3.0 * way / limits.velocity, np.sqrt(12.0 * way / limits.acceleration))
+        self._window, self._stamp_ns = at_rest(
+            self.positions, float(np.fmax(settling.max(), SETTLING))), None
         self.velocities = np.zeros_like(self.positions)
         self.pose = self._robot.pose(self.positions)
-        self._window = None
         self.reset_blocked()
 
     def reset_blocked(self) -> None:
@@ -106,10 +111,8 @@ class Motion:
         """
         c, period, wanted, at_wall = self._config, self._period, twist, ''
         coast = (COAST + 1.0) * period
-        if self._window is None:
-            self._window, self._stamp_ns = at_rest(self.positions, SETTLING), now_ns
-        kept = committed(self._window, max(1e-9 * (now_ns - self._stamp_ns), 0.0),
-                         c.committed)
+        elapsed = 0.0 if self._stamp_ns is None else max(1e-9 * (now_ns - self._stamp_ns), 0.0)
+        kept = committed(self._window, elapsed, c.committed)
         positions, velocities = kept.positions[-1], kept.velocities[-1]
         if self._workspace is not None:
             pose = self._robot.pose(positions)
@@ -127,7 +130,7 @@ class Motion:
             self._limits, positions, velocities, asked, period, coast)
         self._window = extended(kept, self.velocities, period, COAST * period,
                                 self._limits.acceleration)
-        self._stamp_ns = now_ns
+        self._stamp_ns, self._end = now_ns, self._window.positions[-1]
         self.positions = self._window.positions[len(kept.times)]
         self.pose = self._robot.pose(self.positions)
         limited_by = at_wall or bound or limited_by
