@@ -66,8 +66,7 @@ class GoalRun:
         self.goal, self.statistics = goal, TrackStatistics(goal.force)
         self.hold, self.ending = Hold(), Ending()
         self.reference: Reference | None = None  # last one, None unless the law moves the pad
-        self.observed = -np.inf  # steady time at which the law was last told something [s],
-        self.observed_ns = 0  # and the stamp of that
+        self.observed = -np.inf  # steady time at which the law was last told something [s]
         self._config, self._law, self._inputs = config, law, inputs
         self._motion, self._machine = motion, machine
         self._anchor = motion.pose  # where the current way (approach, retreat, press) began
@@ -75,7 +74,7 @@ class GoalRun:
         self._laps = LapGuard(config.contour.miss)
         self._spent: dict[State, float] = dict.fromkeys(
             (State.APPROACH, State.TRACK, State.RETREAT), 0.0)  # [s]
-        # Steady times [s]: of the last decision, and until which commands move the robot.
+        # Steady times [s]: of the last decision, and until which the robot may move.
         self._now, self._moving = -np.inf, -np.inf
         self._told = True  # that it stays where it stands
 
@@ -213,6 +212,7 @@ class GoalRun:
         bound = reason.code in ASKED or now - began > self._config.hold.resume_within
         self.hold = Hold(self.hold.paused, RESUMPTION[self._machine.state], reason, began,
                          bound=bound)
+        self._moving = max(self._moving, now)
         self._machine.fire(Event.HOLD, reason, now)
 
     def _decide_hold(self, now, why):
@@ -275,7 +275,7 @@ class GoalRun:
         self._machine.fire(Event.STOP, reason)
 
     def command(self, now: float, now_ns: int, dt: float, stamped: bool) -> MotionStep | None:
-        """Command the next piece of motion, see `Motion.command`; None if there is none."""
+        """Command the next piece of motion, of `dt` [s]; None if there is none."""
         motion = self._motion
         if self._machine.state not in (State.HOLD, State.DONE):
             step = motion.command(self.twist(dt), now_ns, stamped)

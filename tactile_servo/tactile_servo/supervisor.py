@@ -82,7 +82,7 @@ class Supervisor:
         self.law.observe(Observation(
             stamp_ns, arrival, self.inputs.age(stamp_ns), self.inputs.pose_at, image, contact))
         if self.run is not None and self.law.sees_images == (image is not None):
-            self.run.observed, self.run.observed_ns = arrival, stamp_ns
+            self.run.observed = arrival
 
     @property
     def state(self) -> State:
@@ -193,6 +193,7 @@ class Supervisor:
         step = self.run.command(now, now_ns, dt, self._robot_clock.agrees)
         return self._status(self.run, step), None if step is None else step.trajectory
 
+
     def _status(self, run: GoalRun | None, step: MotionStep | None = None) -> Status:
         inputs, machine = self.inputs, self._machine
         status = Status(machine.state, machine.reason, contact_fresh=inputs.contact_fresh,
@@ -208,7 +209,6 @@ class Supervisor:
                 status.angle_error = error.angle
         if status.state in TRACKING and run.reference is not None:
             status.speed = run.reference.speed
-        status.contact_stamp_ns = run.observed_ns or status.contact_stamp_ns
         status.force_target, status.progress = run.goal.force, run.statistics.length
         if step is not None:
             status.twist, status.limit_scale = step.twist, step.scale

@@ -48,7 +48,7 @@ def by_arrays(limits, positions, previous, wanted, dt):
     up = np.clip((limits.upper - positions) / horizon, 0.0, limits.velocity)
     down = np.clip((limits.lower - positions) / horizon, -limits.velocity, 0.0)
     room = np.where(wanted > 0.0, up, -down)
-    beyond = np.abs(wanted) > room + NEGLIGIBLE
+    beyond = np.abs(wanted) > room + NEGLIGIBLE * limits.velocity
     shares = np.where(beyond, room / np.maximum(np.abs(wanted), 1e-12), 1.0)
     scale, change = shares.min(), limits.acceleration * dt
     delta = scale * wanted - previous
@@ -57,12 +57,13 @@ def by_arrays(limits, positions, previous, wanted, dt):
     velocities = np.where(velocities > up, np.maximum(up, previous - change), velocities)
     velocities = np.where(velocities < down, np.minimum(down, previous + change), velocities)
     held_back = np.abs(velocities - scale * wanted)
+    held_back[held_back <= NEGLIGIBLE * limits.velocity] = 0.0
     if scale < 1.0:
         joint = shares.argmin()
         kind = 'velocity' if room[joint] == limits.velocity[joint] else 'position'
     else:
         joint, kind = held_back.argmax(), 'acceleration'
-    if scale == 1.0 and held_back.max() <= 1e-9:
+    if scale == 1.0 and not held_back.any():
         return velocities, scale, ''
     return velocities, scale, f'{kind} of {limits.names[joint]}'
 
@@ -108,15 +109,22 @@ def test_a_wish_that_is_no_number_is_a_stop():
     assert not velocities.any() and scale == 0.0 and limited_by == 'velocity not finite'
 
 
-def test_rounding_at_a_limit_does_not_hold_the_other_joints():
-    at_limit = np.array([1.0, 0.0, 0.0])
-    wanted = np.array([5e-17, 0.01, -0.01])
-    velocities, scale, limited_by = limit_velocities(LIMITS, at_limit, np.zeros(3), wanted, DT)
-    np.testing.assert_array_equal(velocities, [0.0, 0.01, -0.01])
+@settings(max_examples=200, deadline=None)
+@given(share=st.floats(0.0, 1.0) | st.sampled_from([2.5e-17, 1e-300]), side=st.booleans(),
+       off=st.sampled_from([0.0, 2.3e-16, -2.3e-16, 1e-12]))
+def test_rounding_at_a_limit_does_not_hold_the_other_joints(share, side, off):
+    at_limit = np.array([1.0 + off, 0.0, 0.0]) * (1 if side else -1)
+    little = share * NEGLIGIBLE * LIMITS.velocity[0] * (1 if side else -1)
+    velocities, scale, limited_by = limit_velocities(
+        LIMITS, at_limit, np.zeros(3), np.array([little, 0.01, -0.01]), DT)
+    np.testing.assert_allclose(velocities, [0.0, 0.01, -0.01], atol=1e-14)
     assert (scale, limited_by) == (1.0, '')
-    _, scale, limited_by = limit_velocities(
-        LIMITS, at_limit, np.zeros(3), wanted + [0.01, 0.0, 0.0], DT)
-    assert (scale, limited_by) == (0.0, 'position of one')
+
+
+def test_a_wish_beyond_a_limit_holds_all_joints():
+    velocities, scale, limited_by = limit_velocities(
+        LIMITS, np.array([1.0, 0.0, 0.0]), np.zeros(3), np.array([0.01, 0.01, -0.01]), DT)
+    assert not velocities.any() and (scale, limited_by) == (0.0, 'position of one')
 
 
 def test_outside_its_limit_a_joint_may_only_come_back():

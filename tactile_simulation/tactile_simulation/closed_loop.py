@@ -15,6 +15,7 @@ from tactile_simulation.gantry import gantry
 from tactile_simulation.joint_controller import MockController
 from tactile_simulation.metrics import ON_EDGE, Truth
 from tactile_simulation.renderer import EdgeRenderer
+from tactile_simulation.smoothness import accelerations, speeds
 
 STEP = 2.5e-3  # s; control at 400 Hz
 PICTURE_EVERY = 2  # steps; sensing at 200 Hz
@@ -172,12 +173,19 @@ class Simulation:
             if not self.servo.active or (until and until(status)) or self.now >= end:
                 return status
 
+    def accelerations(self) -> np.ndarray:
+        """Accelerations (K, n) of the commands of the robot's controller [rad/s^2]."""
+        times, positions = zip(*self.commands, strict=True)
+        return accelerations(np.array(times), np.array(positions))
+
     def truth(self) -> Truth:
         """Where the pad really was, at every cycle."""
+        places = np.array([cycle.pose[:3, 3] for cycle in self.log])
         lateral, along = self.scene.edge.nearest(
-            np.array([cycle.pose[:3, 3] - cycle.shift for cycle in self.log]))
+            places - np.array([cycle.shift for cycle in self.log]))
         time, force, progress = np.array([
             (cycle.time, cycle.force, cycle.status.progress) for cycle in self.log]).T
         tracking = np.isin([cycle.status.state for cycle in self.log], ON_EDGE)
         settled = tracking & (progress >= SETTLING_LENGTH)
-        return Truth(time, lateral, along, force, progress, tracking, settled, settled)
+        return Truth(time, lateral, along, force, progress, tracking, settled, settled,
+                     speeds(time, places))

@@ -98,7 +98,8 @@ def test_rejected_and_nothing_changes(changes, reason):
 
 def test_rounding_of_the_last_velocity_and_a_stamp_that_is_not_over_are_accepted():
     robot = controller()
-    robot.accept(trajectory([0.1], [[0.1, 0.1]], [[1e-8, -1e-8]], stamp_ns=NOW_NS - 50_000_000), START)
+    robot.accept(trajectory([0.1], [[0.1, 0.1]], [[1e-8, -1e-8]],
+                            stamp_ns=NOW_NS - 50_000_000), START)
 
 
 def test_wrong_shape_is_refused_by_the_trajectory_itself():
@@ -182,7 +183,8 @@ def test_first_point_at_once_jumps():
 def test_points_of_the_past_are_left_out():
     robot = controller()
     robot.step(START)
-    robot.accept(trajectory([0.1, 0.3], [[0.5, 0], [0.7, 0]], stamp_ns=NOW_NS - 196_000_000), START)
+    robot.accept(trajectory([0.1, 0.3], [[0.5, 0], [0.7, 0]],
+                            stamp_ns=NOW_NS - 196_000_000), START)
     robot.step(START + PERIOD)
     np.testing.assert_allclose(robot.commanded[0, 0], 0.6, atol=1e-9)
 

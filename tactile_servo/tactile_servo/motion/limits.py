@@ -11,7 +11,7 @@ from tactile_common.kernels import njit
 
 # What bounds a motion most; those that end with a space are of one joint.
 KINDS = ('', 'velocity of ', 'position of ', 'acceleration of ', 'velocity not finite')
-NEGLIGIBLE = 1e-9  # rad/s
+NEGLIGIBLE = 1e-6  # of a joint's velocity limit; what it is asked beyond a limit by rounding
 _FREE, _VELOCITY, _POSITION, _ACCELERATION, _NOT_FINITE = range(len(KINDS))
 
 
@@ -116,7 +116,7 @@ def _nearest(lower, upper, fastest, acceleration, stopping_time, positions, prev
     for k in range(count):
         up[k], down[k] = min(up[k], fastest[k]), max(down[k], -fastest[k])
         most, asked = up[k] if wanted[k] > 0.0 else -down[k], abs(wanted[k])
-        if asked > most + NEGLIGIBLE and most / asked < scale:
+        if asked > most + NEGLIGIBLE * fastest[k] and most / asked < scale:
             scale, joint = most / asked, k
             kind = _VELOCITY if most == fastest[k] else _POSITION
     # All joints change in proportion: one that lags behind would bend the motion.
@@ -124,7 +124,7 @@ def _nearest(lower, upper, fastest, acceleration, stopping_time, positions, prev
     for k in range(count):
         delta = abs(scale * wanted[k] - previous[k])
         share = min(share, acceleration[k] * dt / max(delta, 1e-12))
-    worst = 1e-9
+    worst = 0.0
     for k in range(count):
         scaled, change = scale * wanted[k], acceleration[k] * dt
         slowest, quickest = previous[k] - change, previous[k] + change
@@ -135,8 +135,9 @@ def _nearest(lower, upper, fastest, acceleration, stopping_time, positions, prev
         if value < down[k]:
             value = min(down[k], quickest)
         velocities[k] = value
-        if abs(value - scaled) > worst and kind in (_FREE, _ACCELERATION):
-            worst, kind, joint = abs(value - scaled), _ACCELERATION, k
+        held = abs(value - scaled)
+        if held > max(worst, NEGLIGIBLE * fastest[k]) and kind in (_FREE, _ACCELERATION):
+            worst, kind, joint = held, _ACCELERATION, k
     return velocities, (scale if finite else 0.0), kind, joint
 
 

@@ -137,7 +137,8 @@ class Motion:
         hindered = limited_by or manipulability < c.damping
         self._watch(_progress(jacobian, self.velocities, wanted, c.rotation_length)
                     if hindered else 1.0, limited_by, period)
-        trajectory = Trajectory(self._limits.names, *self._window,
+        times, places, speeds = self._window
+        trajectory = Trajectory(self._limits.names, times, places, speeds,
                                 stamp_ns=now_ns if stamped and c.stamped else 0)
         return MotionStep(trajectory, twist, scale, limited_by, manipulability)
 
