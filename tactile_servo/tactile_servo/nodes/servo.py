@@ -35,7 +35,6 @@ from tactile_servo.supervisor import Supervisor
 from tactile_servo.types import State, Status
 
 FEEDBACK_PERIOD = 0.05  # s
-SHORTEST = 1000  # ns that a timer is set to
 _NEWEST = QoSProfile(depth=1, reliability=qos_profile_sensor_data.reliability)
 _LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 
@@ -146,7 +145,7 @@ class EdgeServoNode(Node):
             handle_accepted_callback=self._on_accepted, cancel_callback=self._on_cancel)
         # Steady, so that the watchdogs run even where simulated time stands still.
         steady = Clock(clock_type=ClockType.STEADY_TIME)
-        self._timer = self.create_timer(self._pace.period, plain(self._on_cycle), clock=steady)
+        self._timer = self.create_timer(self._pace.period, plain(self._on_timer), clock=steady)
         self.create_timer(1.0, self._on_diagnose, clock=steady)
 
     def _warn(self, text):
@@ -211,6 +210,11 @@ class EdgeServoNode(Node):
             except TactileError as error:
                 self._warn(f'contact passed over: {error}')
 
+    def _on_timer(self):
+        # What an executor has still queued from before the timer was set anew comes too early.
+        if self._pace.is_due(perf_counter()):
+            self._on_cycle()
+
     def _on_cycle(self):
         now, begin, pace = perf_counter(), thread_time(), self._pace
         pace.begin(now)
@@ -232,7 +236,7 @@ class EdgeServoNode(Node):
             self._end()
         # The timer is for the cycle after this one, should no picture come before.
         wait = pace.end(perf_counter(), thread_time() - begin)
-        self._timer.timer_period_ns = max(round(NS * wait), SHORTEST)
+        self._timer.timer_period_ns = round(NS * wait)
         self._timer.reset()
 
     def _end(self):
