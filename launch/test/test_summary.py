@@ -26,7 +26,7 @@ DESIGN_KEYS = {
     'tracked_length', 'lateral_rms', 'lateral_max', 'lateral_transient_max', 'force_target',
     'force_rms_error', 'force_max', 'closed', 'contour_max_error', 'contour_area_error',
     'corners', 'sides', 'duration', 'sensor_rate', 'control_rate', 'missed_cycles',
-    'latency_p50', 'latency_p99', 'cpu_per_cycle'}
+    'cycles', 'speed_mean', 'latency_p50', 'latency_p99', 'cpu_per_cycle'}
 
 
 def changed(run, **statuses):
