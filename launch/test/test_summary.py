@@ -27,7 +27,7 @@ DESIGN_KEYS = {
     'force_rms_error', 'force_max', 'joint_acceleration_max', 'joint_acceleration_rms',
     'pad_speed_scatter', 'closed', 'contour_max_error', 'contour_area_error',
     'corners', 'sides', 'duration', 'sensor_rate', 'control_rate', 'missed_cycles',
-    'latency_p50', 'latency_p99', 'cpu_per_cycle'}
+    'cycles', 'speed_mean', 'latency_p50', 'latency_p99', 'cpu_per_cycle'}
 
 
 def changed(run, **statuses):

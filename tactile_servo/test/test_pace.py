@@ -80,6 +80,18 @@ def test_cycles_that_are_due_and_do_not_come_are_missed():
     assert pace.longest == pytest.approx(5.0 * PERIOD)
 
 
+def test_the_timer_begins_no_cycle_before_it_is_due():
+    pace = Pace(PERIOD)
+    assert pace.is_due(1.0)
+    pace.begin(1.0)
+    wait = pace.end(1.0005, 0.0)
+    assert not pace.is_due(1.001) and pace.is_due(1.0005 + wait)
+    pace.begin(1.0 + PERIOD)
+    # A cycle of more than a period leaves time to others before the next.
+    assert pace.end(1.0 + 2.5 * PERIOD, 0.0) == 0.25 * PERIOD
+    assert pace.is_due(1.0 + 2.75 * PERIOD)
+
+
 def test_a_message_tells_the_mean_cost_of_cycles_since_the_last():
     pace = Pace(PERIOD)
     pace.begin(1.0)

@@ -8,6 +8,8 @@ from tactile_servo.types import Timing
 EARLY = 0.8  # of a period before a picture is due from which the timer leaves the cycle to it
 LATE = 0.3  # of a period that it then waits for it
 LEAST = 0.5  # of a period between two cycles
+SHORTEST = 0.25  # of a period between the end of a cycle and one that is late
+AHEAD = 0.1  # of a period that a timer may be early
 SMOOTHING = 0.1  # of the mean time between pictures
 
 
@@ -23,7 +25,7 @@ class Pace:
 
     period: float
     last: float = -math.inf  # begin of the last cycle,
-    due: float = math.inf  # and of the next one if no picture comes
+    due: float = -math.inf  # and of the next one if no picture comes
     picture: float = -math.inf  # arrival of the newest picture,
     gap: float = math.inf  # and the mean time between pictures
     cycles: int = 0
@@ -46,11 +48,11 @@ class Pace:
 
     def begin(self, now: float) -> None:
         """Count a cycle that begins."""
-        late = now - self.due
+        late = now - self.due if self.cycles else 0.0
         self.missed += int(max(late, 0.0) / self.period)
         self.cycles, self.last = self.cycles + 1, now
         # A timer that comes a little late does not slow the cycles down.
-        self.due = (self.due if 0.0 <= late < LEAST * self.period else now) + self.period
+        self.due = (self.due if 0.0 < late < LEAST * self.period else now) + self.period
 
     def end(self, now: float, cost: float) -> float:
         """End a cycle that took so much of the processor; how long to wait for the next [s]."""
@@ -60,7 +62,11 @@ class Pace:
         if self._slow and (
                 expected - EARLY * self.period < self.due < expected + LATE * self.period):
             self.due = expected + LATE * self.period
-        return max(self.due - now, 0.0)
+        return max(self.due - now, SHORTEST * self.period)
+
+    def is_due(self, now: float) -> bool:
+        """Whether the timer is to begin a cycle now."""
+        return not now < self.due - AHEAD * self.period
 
     def timing(self, now: float, latency: float) -> Timing:
         """What a message during a cycle tells; `latency` as in it."""

@@ -38,7 +38,6 @@ from tactile_servo.supervisor import Supervisor
 from tactile_servo.types import State, Status
 
 GUARD_PERIOD = 0.1  # s between looks at the graph
-SHORTEST = 1000  # ns that a timer is set to
 _NEWEST = QoSProfile(depth=1, reliability=qos_profile_sensor_data.reliability)
 _LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 
@@ -135,7 +134,7 @@ class EdgeServoNode(Node):
                                   self._model.root_frame)
         # Steady, so that the watchdogs run even where simulated time stands still.
         steady = Clock(clock_type=ClockType.STEADY_TIME)
-        self._timer = self.create_timer(self._pace.period, plain(self._on_cycle), clock=steady)
+        self._timer = self.create_timer(self._pace.period, plain(self._on_timer), clock=steady)
         self.create_timer(1.0, self._on_diagnose, clock=steady)
         self._guard = GraphGuard(
             self, ('image', 'contact', '/joint_states', self._trajectory.topic),
@@ -210,6 +209,11 @@ class EdgeServoNode(Node):
             except TactileError as error:
                 self._warn(f'contact passed over: {error}')
 
+    def _on_timer(self):
+        # What an executor has still queued from before the timer was set anew comes too early.
+        if self._pace.is_due(perf_counter()):
+            self._on_cycle()
+
     def _on_cycle(self):
         now, begin, pace = perf_counter(), thread_time(), self._pace
         pace.begin(now)
@@ -229,7 +233,7 @@ class EdgeServoNode(Node):
         self._server.report(self._status_msg)
         # The timer is for the cycle after this one, should no picture come before.
         wait = pace.end(perf_counter(), thread_time() - begin)
-        self._timer.timer_period_ns = max(round(NS * wait), SHORTEST)
+        self._timer.timer_period_ns = round(NS * wait)
         self._timer.reset()
 
     def _on_pause(self, request, response):
