@@ -5,7 +5,8 @@ from typing import NamedTuple
 from tactile_sensing.devices.protocol import Decoder, Frame, NEED_DATA
 
 NS = 1_000_000_000
-STALL_PERIODS = 3  # a frame whose bytes took so long is no picture of one instant
+# A frame whose bytes took longer than both is no picture of one instant.
+STALL_PERIODS, STALL_NS = 3, 10_000_000
 RATE_MARGIN = 6.0  # times the nominal rate: a sensor may be set faster, but not by more
 MAX_RATE = 4000.0  # Hz, where no rate is known
 BURST = 0.1  # s of frames that may come at once, after a pause
@@ -31,9 +32,10 @@ class FrameClock:
     Feed a decoder with what is read from a port, and give frames with their times of arrival.
 
     A frame is as old as its first byte: where its bytes took longer than usual its time is that
-    much earlier, and where they took `STALL_PERIODS` it is refused. Of frames that were read at
-    once, the earlier ones arrived a period apart. No more are given than `RATE_MARGIN` times the
-    nominal rate [Hz], or `MAX_RATE` where that is 0, in the mean of `BURST`.
+    much earlier, and where they took `STALL_PERIODS`, and `STALL_NS`, it is refused. Of frames
+    that were read at once, the earlier ones arrived a period apart. No more are given than
+    `RATE_MARGIN` times the nominal rate [Hz], or `MAX_RATE` where that is 0, in the mean of
+    `BURST`.
 
     Attributes
     ----------
@@ -103,7 +105,7 @@ class FrameClock:
         """Arrival of a frame by the times of its bytes; None: it is not given."""
         took_ns = max(last_ns - first_ns, 0)
         period_ns = NS / self._nominal_rate if self._nominal_rate else self._period_ns
-        if took_ns >= STALL_PERIODS * period_ns > 0:
+        if took_ns >= max(STALL_PERIODS * period_ns, STALL_NS) and period_ns:
             self.stalled += 1
             return None
         arrival_ns = last_ns - max(took_ns - round(self._usual_ns), 0)

@@ -5,7 +5,7 @@ The demo's processes track short ways, goal after goal, beside busy loops. What 
 not pass through the servo: the force is the scene's at the joint states that the mock robot
 published, and so is what each picture should have shown at its stamp.
 
-  ./ws bench overload --goals 24 --loops 4 --out FOLDER
+  ./ws shell -c 'python3 -m tactile_tests.overload --goals 24 --loops 4 --out FOLDER'
 """
 import argparse
 from collections.abc import Iterator
@@ -124,7 +124,7 @@ def report(bag: Path, goals, scene) -> list[dict]:
     return rows
 
 
-def main() -> int:
+def main(args: list[str] | None = None) -> int:
     """Run and report; exit status 0 if no force passed 1.5 times what was asked for."""
     parser = argparse.ArgumentParser(prog='overload', description=__doc__,
                                      formatter_class=argparse.RawDescriptionHelpFormatter)
@@ -136,7 +136,7 @@ def main() -> int:
     add('--force', type=float, default=5.0, help='[N]')
     add('--length', type=float, default=0.02, help='[m]')
     add('--out', help='new folder of the recording; default: none is kept')
-    options = parser.parse_args()
+    options = parser.parse_args(args)
     with tempfile.TemporaryDirectory() as folder:
         bag = Path(options.out or folder, 'bag')
         bag.parent.mkdir(parents=True, exist_ok=True)
