@@ -128,3 +128,21 @@ def test_a_new_start_forgets_half_a_frame(clock):
     data = MARKER + b''.join(encode_next(picture(k)) for k in range(4))
     assert len(clock.receive(data, NOON + 10**10)) == 4
     assert clock.stalled == 0
+
+
+def test_frames_that_waited_while_newer_ones_were_lost_are_old(clock):
+    """A reader comes 0.5 s late; the port has kept the first 16 frames and lost what followed."""
+    data = b''.join(encode_next(picture(k)) for k in range(16))
+    got = clock.receive(data, NOON + 100 * PERIOD, NOON)
+    assert [frame.arrival_ns - NOON for frame in got] == [PERIOD * k for k in range(1, 17)]
+    (stamped,) = clock.receive(encode_next(picture(50)), NOON + 101 * PERIOD, NOON + 100 * PERIOD)
+    assert stamped.arrival_ns == NOON + 101 * PERIOD
+
+
+def test_frames_that_waited_and_are_all_there_have_their_time(clock):
+    data = b''.join(encode_next(picture(k)) for k in range(100))
+    half = len(data) // 2
+    got = clock.receive(data[:half], NOON + 100 * PERIOD, NOON)
+    got += clock.receive(data[half:], NOON + 100 * PERIOD + 1000, NOON)
+    np.testing.assert_allclose([frame.arrival_ns - NOON for frame in got],
+                               PERIOD * np.arange(1, 101), atol=50 * 1000)

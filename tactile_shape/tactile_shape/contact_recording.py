@@ -3,7 +3,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
 from os import PathLike
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import Any, TYPE_CHECKING
 
 import numpy as np
 
@@ -92,8 +92,9 @@ def load_contacts(path: str | PathLike, namespace: str | None = None,
         return _from_bag(path, namespace, finger_radius or 0.0)
     arrays = read_arrays(path, ('t', 'position', 'normal'), OPTIONAL)
     with clear_errors(path):
-        known = {name: scalar(name, arrays.pop(name)) for name in OPTIONAL if name in arrays}
-        recording = ContactRecording(**arrays, **known)
+        known: dict[str, Any] = {name: scalar(name, arrays.pop(name))
+                                 for name in OPTIONAL if name in arrays}
+        recording = ContactRecording(**known | arrays)
     return recording if finger_radius is None else replace(recording, finger_radius=finger_radius)
 
 

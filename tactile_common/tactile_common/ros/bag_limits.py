@@ -1,6 +1,5 @@
 """What a recording of a stranger may ask for: checked before it is expanded."""
 from collections.abc import Mapping
-import sys
 from typing import Any
 
 from lz4.frame import LZ4FrameDecompressor
@@ -9,11 +8,6 @@ from rosbags.rosbag2 import ReaderError, storage_mcap
 
 from tactile_common.errors import ConfigurationError
 
-if sys.version_info >= (3, 14):
-    from compression import zstd
-else:
-    from backports import zstd
-
 MAX_CHUNK = 64 << 20  # bytes of a chunk of MCAP, decompressed; writers make them of 1 to 4 MB
 MAX_DEFINITION = 128 << 10  # characters of a message definition with all that it contains
 MAX_VALUES = 10_000  # of a message whose sequences are empty; an array of numbers counts once
@@ -21,8 +15,8 @@ MAX_VALUES = 10_000  # of a message whose sequences are empty; an array of numbe
 
 def bound_chunks() -> None:
     """Let the reader of MCAP decompress no more than a chunk says, and `MAX_CHUNK` at most."""
-    for name, make in (('lz4', LZ4FrameDecompressor), ('zstd', zstd.ZstdDecompressor)):
-        storage_mcap.DECOMPRESSORS[name] = _bounded(make)
+    storage_mcap.DECOMPRESSORS['lz4'] = _bounded(LZ4FrameDecompressor)
+    storage_mcap.DECOMPRESSORS['zstd'] = _bounded(storage_mcap.zstd.ZstdDecompressor)
 
 
 def _bounded(make):

@@ -149,7 +149,7 @@ class FlexiTacDecoder:
         if run is None:
             self._drop(len(self._buffer) - self.buffer_bound)
             return False
-        self._held = min(run.count - 1, (run.last - self._origin) // self._period)
+        self._held = min(run.periods, (run.last - self._origin) // self._period)
         self._drop(run.last - self._held * self._period - self._origin)
         self.locked = True
         return True

@@ -22,7 +22,7 @@ class Run(NamedTuple):
     """Markers a period apart."""
 
     last: int  # position of the last one in the stream
-    count: int
+    periods: int  # confirmed, one less than the markers
 
 
 class Known(NamedTuple):
@@ -63,7 +63,7 @@ class MarkerSearch:
         while (at := buffer.find(self._marker, max(self._next - origin, 0))) >= 0:
             self._next = origin + at + 1
             run = self._extend(origin + at)
-            if run.count <= LOCK_PERIODS:
+            if run.periods < LOCK_PERIODS:
                 continue
             if len(self._runs) == 1:
                 return run
@@ -78,18 +78,18 @@ class MarkerSearch:
 
     def _extend(self, position):
         """Enter a marker; what had to be confirmed by now and was not is no run any more."""
-        count, before = 1, position - self._period
+        periods, before = 0, position - self._period
         while self._runs and self._runs[0].last <= before:
             run = self._runs.popleft()
             if run.last == before:
-                count = run.count + 1
-        self._runs.append(Run(position, count))
+                periods = run.periods + 1
+        self._runs.append(Run(position, periods))
         return self._runs[-1]
 
     def _compare(self, buffer, origin, known, breaks):
         """Return the likeliest run, None while waiting may tell more."""
-        settled = max(run.count for run in self._runs) > AMBIGUOUS_PERIODS
-        runs = [run for run in self._runs if run.count > 1]
+        settled = max(run.periods for run in self._runs) >= AMBIGUOUS_PERIODS
+        runs = [run for run in self._runs if run.periods]
         if known is None:
             if not settled:
                 return None
@@ -123,4 +123,4 @@ class MarkerSearch:
         return int(np.minimum(np.abs(new.astype(np.int16) - old), CLIP).sum())
 
     def _start(self, run):
-        return run.last - (run.count - 1) * self._period
+        return run.last - run.periods * self._period

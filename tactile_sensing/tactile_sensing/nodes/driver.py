@@ -127,10 +127,11 @@ class DriverNode(Node):
     def _read_forever(self):  # in the reader thread, as what it calls
         while not self._stop.is_set() and self.context.ok():
             try:
-                with SensorPort(self._config.port, self._baud) as port:
+                with SensorPort(
+                        self._config.port, self._baud, self._calibration.live.size) as port:
                     self._on_connected()
                     while not self._stop.is_set():
-                        self._on_bytes(port.read())
+                        self._on_bytes(port.read(), port.caught_up_at)
             except OSError as error:
                 self._on_disconnected(error)
                 self._stop.wait(self._config.reconnect_period)
@@ -153,12 +154,13 @@ class DriverNode(Node):
         with self._lock:
             self._recent.clear()
 
-    def _on_bytes(self, data):
+    def _on_bytes(self, data, caught_up_at):
         if not data:
             return
         arrival_ns = self.get_clock().now().nanoseconds
         self._last_byte_at = time.monotonic()
-        frames = self._frames.receive(data, arrival_ns)
+        waited_ns = round(1e9 * (self._last_byte_at - caught_up_at))
+        frames = self._frames.receive(data, arrival_ns, arrival_ns - waited_ns)
         if self._decoder.locked:
             self._sample.clear()
         else:

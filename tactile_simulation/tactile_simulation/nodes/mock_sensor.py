@@ -1,4 +1,5 @@
 """Node that stands in for a tactile sensor and speaks its bytes on a pseudo-terminal."""
+from collections.abc import Iterable
 from dataclasses import dataclass, field
 import itertools
 import sys
@@ -159,8 +160,10 @@ class MockSensorNode(Node):
             if self._stop.wait(_LISTENER_CHECK):
                 return
         begin = time.monotonic()
-        ends = self._recorded is not None and not self._config.loop
-        for number in range(len(self._recorded)) if ends else itertools.count():
+        numbers: Iterable[int] = itertools.count()
+        if self._recorded is not None and not self._config.loop:
+            numbers = range(len(self._recorded))
+        for number in numbers:
             instant = begin + number * self._period
             if self._stop.wait(max(instant + self._config.latency - time.monotonic(), 0.0)):
                 return

@@ -5,11 +5,12 @@ The demo's processes track short ways, goal after goal, beside busy loops. What 
 not pass through the servo: the force is the scene's at the joint states that the mock robot
 published, and so is what each picture should have shown at its stamp.
 
-  ./ws bench overload --goals 24 --loops 4 --out FOLDER
+  ./ws shell -c 'python3 -m tactile_tests.overload --goals 24 --loops 4 --out FOLDER'
 """
 import argparse
 from collections.abc import Iterator
 from contextlib import contextmanager
+from functools import partial
 import os
 from pathlib import Path
 import subprocess
@@ -63,11 +64,10 @@ def run_goals(options: argparse.Namespace, bag: Path) -> list[tuple[float, float
             track = graph.add(TrackNode, own={'on_feedback': lambda _: None}, wait=GIVE_UP,
                               speed=options.speed, force=options.force, length=options.length,
                               direction=1 - 2 * (number % 2))
-            graph.spin(lambda begin=begin, track=track:
-                       track.finished or time.time() > begin + GIVE_UP)
+            linger(graph, partial(getattr, track, 'finished'), GIVE_UP)
             if not track.finished:
                 track.cancel()
-                linger(graph, lambda track=track: track.finished, 5.0)
+                linger(graph, partial(getattr, track, 'finished'), 5.0)
             ended.append((begin, time.time(), track.reason or 'not ended'))
             print(f'goal {number}: {track.reason}', file=sys.stderr)
             graph.nodes.remove(track)
@@ -85,7 +85,7 @@ def true_course(bag: Path, scene) -> tuple[np.ndarray, np.ndarray, PoseBuffer]:
     with Bag(bag) as recording:
         for row in recording.messages(['/joint_states']):
             joints = dict(zip(row.message.name, row.message.position, strict=True))
-            pose = robot.pose([joints[name] for name in robot.joint_names])
+            pose = robot.pose(np.array([joints[name] for name in robot.joint_names]))
             if poses.add(stamp_to_ns(row.message.header.stamp), pose):
                 stamps.append(poses.newest_ns)
                 forces.append(renderer.force(pose))
@@ -124,7 +124,7 @@ def report(bag: Path, goals, scene) -> list[dict]:
     return rows
 
 
-def main() -> int:
+def main(args: list[str] | None = None) -> int:
     """Run and report; exit status 0 if no force passed 1.5 times what was asked for."""
     parser = argparse.ArgumentParser(prog='overload', description=__doc__,
                                      formatter_class=argparse.RawDescriptionHelpFormatter)
@@ -136,7 +136,7 @@ def main() -> int:
     add('--force', type=float, default=5.0, help='[N]')
     add('--length', type=float, default=0.02, help='[m]')
     add('--out', help='new folder of the recording; default: none is kept')
-    options = parser.parse_args()
+    options = parser.parse_args(args)
     with tempfile.TemporaryDirectory() as folder:
         bag = Path(options.out or folder, 'bag')
         bag.parent.mkdir(parents=True, exist_ok=True)
