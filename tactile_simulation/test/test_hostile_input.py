@@ -5,6 +5,7 @@ A few sequences, always the same ones, are part of the tests; HOSTILE_SEQUENCES=
 environment runs that many, drawn anew each time.
 """
 
+from dataclasses import replace
 import os
 
 from hypothesis import given, settings
@@ -19,9 +20,9 @@ from tactile_sensing.types.contact import Contact, ContactType, Reason
 from tactile_sensing.types.image import Layer, TactileImage
 from tactile_sensing.types.moments import Moments
 from tactile_servo.config import ServoConfig
+from tactile_servo.inputs import InputRefused
 from tactile_servo.laws.registry import LAWS, make_law
 from tactile_servo.motion.limits import WorkspaceBox
-from tactile_servo.motion.motion import MotionConfig
 from tactile_servo.reasons import GoalRefused, ReasonCode
 from tactile_servo.supervisor import Supervisor
 from tactile_servo.types import EdgeGoal, State, TRACKING
@@ -31,7 +32,6 @@ from tactile_simulation.scene import Skin
 
 SEQUENCES = int(os.environ.get('HOSTILE_SEQUENCES', '0'))
 PERIOD_NS = 2_500_000
-COMMITTED = MotionConfig.committed
 ROBOT_PERIOD_NS = 2_000_000
 BOX_TOLERANCE = 1e-3  # m; the box is kept by velocities, whose joints brake in a curve
 ARRAY = TactelArray(16, 16, 0.0254 / 16, 0.0254 / 16)
@@ -62,8 +62,8 @@ contacts = wild | st.builds(line, st.floats(0.0, 12.0) | st.just(100.0),
 # Pictures ----------------------------------------------------------------------------------
 
 
-def picture(kind, seed, noise_std, tared):
-    """Return layers, tared and how many tactels are saturated, of a kind of picture."""
+def picture(kind, seed, noise_std, tared, array, frame):
+    """Return layers, tared, how many tactels are saturated, array and frame, of a kind."""
     rng = np.random.default_rng(seed)
     stress = 600.0 * rng.standard_normal(ARRAY.shape)
     if kind in ('edge', 'corner', 'saturated', 'counts', 'nan', 'huge'):
@@ -86,13 +86,15 @@ def picture(kind, seed, noise_std, tared):
     layer = Layer('zz', 0.002, stress, FULL_SCALE, noise_std,
                   unit='counts' if kind == 'counts' else 'Pa')
     saturated = int(np.isnan(stress).sum()) if kind == 'saturated' else 0
-    return () if kind == 'none' else (layer,), tared, saturated
+    return () if kind == 'none' else (layer,), tared, saturated, array, frame
 
 
 pictures = st.builds(
     picture, st.sampled_from(KINDS), st.integers(0, 1000),
     st.sampled_from([630.0, 630.0, 0.0, -1.0, float('nan'), 1e300]),
-    st.sampled_from([True, True, True, False]))
+    st.sampled_from([True, True, True, False]),
+    st.sampled_from([*[ARRAY] * 4, replace(ARRAY, pitch_x=1e-6), TactelArray(8, 8, 3e-3, 3e-3)]),
+    st.sampled_from(['', '', '', 'map']))
 
 # Sequences ---------------------------------------------------------------------------------
 
@@ -164,11 +166,15 @@ class Watched:
             stress, force = self.look()
         if image == 'true':
             noise = 600.0 * np.random.default_rng(self.count).standard_normal(ARRAY.shape)
-            image = (Layer('zz', 0.002, stress + noise, FULL_SCALE, 600.0),), True, 0
+            image = (Layer('zz', 0.002, stress + noise, FULL_SCALE, 600.0),), True, 0, ARRAY, ''
         if image != 'none':
-            layers, tared, saturated = image
-            self.servo.see_image(TactileImage(self.now_ns - late_image, 0, layers, ARRAY, tared,
-                                              saturated), self.now)
+            layers, tared, saturated, array, frame = image
+            try:
+                self.servo.see_image(TactileImage(
+                    self.now_ns - late_image, 0, layers, array, tared, saturated, frame),
+                    self.now)
+            except InputRefused as refusal:
+                assert str(refusal) and (array, frame) != (ARRAY, '')
         if contact == 'true':
             contact = line(force, 0.0, 0.0) if force > 0.1 else Contact(
                 ContactType.NONE, False, Reason.NO_CONTACT, 'fit')
@@ -208,7 +214,6 @@ class Watched:
         self.now, self.now_ns = self.now + 1e-9 * PERIOD_NS, self.now_ns + PERIOD_NS
         for robot in self.robots:
             robot.advance(self.now_ns)
-        before = self.servo.state
         status, window = self.servo.cycle(self.now, self.now_ns)
         # A hold says what is wrong, or which end it comes to rest for.
         assert status.state != State.HOLD or status.reason.code >= ReasonCode.INPUT_BACK
@@ -217,11 +222,13 @@ class Watched:
         if not status.contact_fresh or not status.joints_fresh or status.normal_force > (
                 self.servo.config.force.max_load):
             assert status.state not in TRACKING
-        self.check(window, braking=status.state == before == State.HOLD)
+        # In a hold there is one at most: to stay where the robot stands.
+        assert status.state != State.HOLD or not window.velocities.any()
+        self.check(window)
         for robot in self.robots:
             robot.take(window, self.now_ns)
 
-    def check(self, window, braking):
+    def check(self, window):
         """Position, velocity, acceleration, box; and rest at the end of the window."""
         assert np.isfinite(window.positions).all() and np.isfinite(window.velocities).all()
         assert not window.velocities[-1].any() and (np.diff(window.times) > 0.0).all()
@@ -231,8 +238,6 @@ class Watched:
         assert (np.abs(changes) <= LIMITS.acceleration * spans + 1e-9).all()
         was = beyond(window.positions[0], LIMITS)
         assert (beyond(window.positions, LIMITS) <= was + 1e-9).all()
-        if braking:
-            assert (speeds <= speeds[0] + LIMITS.acceleration * COMMITTED + 1e-9).all()
         ends = [PUMA.pose(positions)[:3, 3] for positions in window.positions[[0, -1]]]
         was, will = beyond(ends[0], self.box), beyond(ends[1], self.box)
         assert (will <= was + BOX_TOLERANCE).all()

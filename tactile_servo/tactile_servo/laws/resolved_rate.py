@@ -195,6 +195,11 @@ class ResolvedRate:
                                contact_scale(self.features, self.goal.force))
 
     @property
+    def stiffness(self) -> float:
+        """Of skin, finger and robot along the normal, K_z of (5.5) [N/m]."""
+        return self.config.force.stiffness
+
+    @property
     def touch_speed(self) -> float:
         """Speed at which the force loop would press a pad that feels nothing yet [m/s]."""
         return self.goal.force / (self.config.force.stiffness * self.shortest)
