@@ -52,6 +52,8 @@ def play(shape, *, committed=0.004, least=0.5e-3, mean=0.3e-3, period=0.002, clo
         speed = SPEED * np.sin(SWING * max(now - BEGIN - 0.2, 0.0))
         window = motion.command(np.array([0.0, speed, 0.0, 0.0, 0.0, 0.0]),
                                 round(now * 1e9)).trajectory
+        if window is None:
+            continue
         last = max(now + least + rng.exponential(mean), last)  # none overtakes another
         heapq.heappush(arrivals, (last, count, shape(window)))
     for now in steps:

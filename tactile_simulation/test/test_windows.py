@@ -29,7 +29,9 @@ def play(cycles, *, period_ns, joined, offset=None):
     for pause, way, twist in cycles:
         now_ns += pause
         arrival = max(now_ns + way, arrivals[-1][0] if arrivals else 0)
-        arrivals.append((arrival, motion.command(np.array(twist), now_ns).trajectory))
+        window = motion.command(np.array(twist), now_ns).trajectory
+        if window is not None:
+            arrivals.append((arrival, window))
     commands = [start]
     for step in range(BEGIN, now_ns + 500_000_000, period_ns):
         while arrivals and arrivals[0][0] <= step:
