@@ -18,6 +18,7 @@ from edge_tracking.recording.summary import summarise
 from edge_tracking.report.page import make_recording_report, make_report, picture
 from edge_tracking.resources import find_scene, scene_names, share
 from edge_tracking.track import TrackNode
+from edge_tracking.transport import local_environment
 from tactile_common.errors import TactileError
 from tactile_common.progress import Progress
 from tactile_common.ros.runner import freeze_heap, stop_on_signals
@@ -171,6 +172,7 @@ def run(options: argparse.Namespace) -> tuple[dict[str, Any], Path]:
 def main(args: list[str] | None = None) -> int:
     """Run the demo; exit status 0 if the edge was tracked, or the recording played."""
     options = parser().parse_args(args)
+    os.environ.update(local_environment())  # also of the parts
     try:
         summary, folder = run(options)
     except (ValueError, RuntimeError, ParameterException, TactileError) as error:

@@ -2,6 +2,7 @@
 import argparse
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+import os
 from pathlib import Path
 import sys
 import tempfile
@@ -15,6 +16,7 @@ from rclpy.parameter import Parameter
 from rclpy.signals import SignalHandlerOptions
 
 from edge_tracking.resources import find_scene, scene_names, share
+from edge_tracking.transport import local_environment
 from tactile_common.ros.runner import freeze_heap, make_executor, spin, stop_on_signals
 from tactile_sensing.devices.registry import PROTOCOLS
 from tactile_sensing.nodes.contact_estimator import ContactEstimatorNode
@@ -143,6 +145,8 @@ def main(args: list[str] | None = None) -> int:
         if options.sensor != 'mock' and not options.port:
             raise ValueError(
                 f'--sensor {options.sensor} needs --port, for instance --port /dev/ttyUSB0')
+        if options.sensor == 'mock':
+            os.environ.update(local_environment())
         with private_port() as pty, stop_on_signals() as stop, \
                 Graph(options.parameters, options.namespace) as graph:
             port = Path(options.port or pty)

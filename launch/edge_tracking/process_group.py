@@ -1,8 +1,8 @@
 """
 The graph in parts, each a process of its own, so that none waits for another's interpreter.
 
-`sensing` is driver and contact estimator. Where processors are few, `mocks`, which stand in for
-hardware, give way to the loop, and `listeners`, recorder and shape estimator, to both.
+`sensing` is driver and contact estimator, `mocks` stand in for hardware, which is never late.
+Where processors are few, `listeners`, recorder and shape estimator, give way to all others.
 """
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -60,7 +60,7 @@ def add_listeners(graph: Graph, bag) -> None:
 
 # What makes each part, and its niceness.
 PARTS: dict[str, tuple[Callable[..., Any], int]] = {
-    'sensing': (add_sensing, 0), 'mocks': (add_mocks, 5), 'listeners': (add_listeners, 10)}
+    'sensing': (add_sensing, 0), 'mocks': (add_mocks, 0), 'listeners': (add_listeners, 10)}
 
 
 @contextmanager

@@ -23,6 +23,7 @@ from tactile_common.ros.conversions import (
     pose_to_msg,
     set_stamp,
     stamp_from_ns,
+    stamp_to_ns,
     stamp_to_seconds,
 )
 from tactile_msgs.action import TrackEdge
@@ -42,7 +43,7 @@ def trajectory_to_bytes(trajectory: Trajectory) -> bytes:
     fields = [getattr(trajectory, name) for name in _FIELDS]
     given = [None if values is None else values.tolist() for values in fields]
     struct, head = _layout(tuple(names), len(times), tuple(rows is not None for rows in given))
-    values = [*divmod(round(trajectory.stamp * NS), NS), *head]
+    values = [*divmod(trajectory.stamp_ns, NS), *head]
     for k, time in enumerate(times):
         for rows in given:
             if rows is None:
@@ -92,7 +93,7 @@ def trajectory_from_msg(message: JointTrajectory) -> Trajectory:
     return Trajectory(
         names,
         np.array([stamp_to_seconds(point.time_from_start) for point in message.points]),
-        stamp=stamp_to_seconds(message.header.stamp), **values)
+        stamp_ns=stamp_to_ns(message.header.stamp), **values)
 
 
 def joint_state_to_msg(stamp: Time, joint_names: Sequence[str], positions: np.ndarray,

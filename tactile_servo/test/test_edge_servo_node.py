@@ -56,7 +56,7 @@ def test_nested_names_set_what_they_say(node):
 def test_a_refused_goal_leaves_code_and_text_in_the_status(node):
     published = []
     node._status.publish = lambda msg: published.append((msg.reason_code, msg.reason))
-    assert node._on_goal(TrackEdge.Goal(speed=0.03, force=5.0)) == GoalResponse.REJECT
+    assert node._server._on_goal(TrackEdge.Goal(speed=0.03, force=5.0)) == GoalResponse.REJECT
     node._on_cycle()
     assert published == [(ServoReason.NO_JOINT_STATE,
                           'no joint state: none has been received')]
@@ -109,7 +109,7 @@ def test_the_status_is_told_at_its_rate_and_at_every_change(node, clock):
     assert len(told) == pytest.approx(100, abs=1)
     node._on_cycle()
     count = len(told)
-    node._on_goal(TrackEdge.Goal(speed=0.03, force=5.0))
+    node._server._on_goal(TrackEdge.Goal(speed=0.03, force=5.0))
     node._on_cycle()
     assert told[count:] == [('no joint state: none has been received', 403)]
 

@@ -139,6 +139,8 @@ class RunData:
     contour: np.ndarray  # (N, 3), points of the newest contour [m]
     patches: list  # every valid Patch of a surface
     info: Info | None  # None if the recording lacks it
+    joint_acceleration: np.ndarray = field(  # (K, n), by the joint states [rad/s^2]
+        default_factory=lambda: np.empty((0, 0)))
 
     def seconds(self, time_ns) -> np.ndarray:
         """Return times [ns] as seconds since the first message that was read."""

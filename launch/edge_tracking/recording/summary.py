@@ -14,6 +14,7 @@ from tactile_simulation import metrics
 from tactile_simulation.metrics import NAN, percentile, rate, Truth
 from tactile_simulation.renderer import EdgeRenderer
 from tactile_simulation.scene import Scene
+from tactile_simulation.smoothness import speeds
 
 # RMS of the pad's centre, once settled, up to which the edge counts as tracked: the object may
 # slip further at once [m].
@@ -47,7 +48,8 @@ def truth(run: RunData, scene: Scene) -> Truth:
     reach = array.half_width_y if array else 0.0
     whole_edge = (along >= reach) & (along <= scene.edge.length - reach)
     return Truth(run.seconds(poses.stamp_ns), lateral, along, force, progress, tracking, settled,
-                 on_target=settled & whole_edge)
+                 on_target=settled & whole_edge,
+                 speed=speeds(1e-9 * poses.stamp_ns, poses.position))
 
 
 def latencies(run: RunData) -> tuple[np.ndarray, np.ndarray]:
@@ -125,7 +127,8 @@ def summarise(run: RunData, scene: Scene, *, success: bool, reason: str = '',
         'speed': float(speed) if speed is not None else percentile(statuses.speed[settled]),
         'tracked_length': float(np.ptp(along)) if along.size else 0.0,  # of the true edge
         **metrics.measure(metrics.Evidence(
-            real, target, metrics.contour_errors(outline and outline.points, scene.edge))),
+            real, target, metrics.contour_errors(outline and outline.points, scene.edge),
+            run.joint_acceleration)),
         'closed': outline is not None and outline.closed,
         'corners': outline.corners.tolist() if outline else [],
         'sides': [{'kind': side.kind, 'length': side.length, 'radius': side.radius}

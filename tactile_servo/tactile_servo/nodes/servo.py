@@ -8,7 +8,7 @@ from typing import Any
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from geometry_msgs.msg import PoseStamped
 import numpy as np
-from rclpy.action import ActionServer, CancelResponse, GoalResponse
+from rcl_interfaces.msg import SetParametersResult
 from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, qos_profile_sensor_data, QoSProfile
@@ -25,16 +25,19 @@ from tactile_msgs.msg import SensorInfo, ServoStatus, TactileImage
 from tactile_sensing.conversions import contact_from_msg, image_from_msg, sensor_info_from_msg
 from tactile_servo.compile_kernels import compile_kernels
 from tactile_servo.config import ServoConfig
-from tactile_servo.conversions import ACTIONS, joint_positions, status_to_msg, trajectory_to_bytes
+from tactile_servo.conversions import joint_positions, status_to_msg, trajectory_to_bytes
 from tactile_servo.laws.registry import law_named
 from tactile_servo.motion.limits import JointLimits, WorkspaceBox
 from tactile_servo.motion.robot import RobotModel
+from tactile_servo.nodes.goal_server import GoalServer
+from tactile_servo.nodes.graph_guard import GraphGuard
 from tactile_servo.nodes.pace import Pace
 from tactile_servo.nodes.parameters import NodeConfig, refuse_old_names
+from tactile_servo.reasons import Reason, ReasonCode
 from tactile_servo.supervisor import Supervisor
 from tactile_servo.types import State, Status
 
-FEEDBACK_PERIOD = 0.05  # s
+GUARD_PERIOD = 0.1  # s between looks at the graph
 _NEWEST = QoSProfile(depth=1, reliability=qos_profile_sensor_data.reliability)
 _LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 
@@ -45,16 +48,6 @@ class Heard:
 
     image: tuple[Any, float] | None = None
     contact: tuple[Any, float] | None = None
-
-
-@dataclass(eq=False)
-class Execution:
-    """A goal of the action, since when it is worked on [s], and whether it has ended."""
-
-    handle: Any
-    started: float
-    ended: bool = False
-    reported: float = -math.inf  # time of the last feedback [s]
 
 
 @dataclass
@@ -105,13 +98,13 @@ class EdgeServoNode(Node):
     """
     Track something by touch.
 
-    Subscribes to `sensor_info`, `contact` and `/joint_states`, and to `image` if the law sees
-    images; streams windows to the joint trajectory controller while a goal of the law's action
-    is active; publishes `servo_status`, `sensor_pose` at every joint state and `diagnostics`;
-    `~/pause` holds and resumes. Parameters: `NodeConfig`, `ServoConfig`, and those of the law. A
-    cycle begins with the image (or the contact, if the law sees no images), see `Pace`, and looks
-    at the newest of both alone, so that a fast sensor takes no time from it. Most of its
-    attributes are ROS entities.
+    Subscribes to `sensor_info`, `image`, `contact` and `/joint_states`; streams windows to the
+    joint trajectory controller while a goal of the law's action is active; publishes
+    `servo_status`, `sensor_pose` at every joint state and `diagnostics`; `~/pause` holds and
+    resumes. Parameters: `NodeConfig`, `ServoConfig`, and those of the law. A cycle begins with
+    the image (or the contact, if the law sees no images), see `Pace`, and looks at the newest of
+    both alone, so that a fast sensor takes no time from it. Most of its attributes are ROS
+    entities.
     """
 
     def __init__(self, **kwargs):
@@ -120,7 +113,6 @@ class EdgeServoNode(Node):
         self._servo, self._model, config = _supervisor(self)
         compile_kernels()
         self._pace, self._heard = Pace(1.0 / self._servo.config.rate), Heard()
-        self._execution: Execution | None = None
         self._status_msg, self._pose_msg = ServoStatus(), PoseStamped()
         self._telling = Telling(1.0 / config.status_rate)
         self._status_msg.header.frame_id = config.tip_frame
@@ -133,20 +125,25 @@ class EdgeServoNode(Node):
         self._diagnostics = self.create_publisher(DiagnosticArray, 'diagnostics', 10)
         self.create_subscription(SensorInfo, 'sensor_info', self._on_sensor, _LATCHED)
         self.create_subscription(ContactMsg, 'contact', self._on_contact, _NEWEST, raw=True)
-        if self._servo.law.sees_images:
-            self.create_subscription(TactileImage, 'image', self._on_image, _NEWEST, raw=True)
+        self.create_subscription(  # whatever the law: an image tells the load as well
+            TactileImage, 'image', self._on_image, _NEWEST, raw=True)
         self.create_subscription(
             JointState, '/joint_states', self._on_joints, qos_profile_sensor_data)
         self.create_service(SetBool, '~/pause', self._on_pause)
-        name = law_named(config.tracker).action
-        self._action = ACTIONS[name]
-        self._server = ActionServer(
-            self, self._action.type, name, self._finish, goal_callback=self._on_goal,
-            handle_accepted_callback=self._on_accepted, cancel_callback=self._on_cancel)
+        self._server = GoalServer(self, self._servo, law_named(config.tracker).action,
+                                  self._model.root_frame)
         # Steady, so that the watchdogs run even where simulated time stands still.
         steady = Clock(clock_type=ClockType.STEADY_TIME)
         self._timer = self.create_timer(self._pace.period, plain(self._on_timer), clock=steady)
         self.create_timer(1.0, self._on_diagnose, clock=steady)
+        self._guard = GraphGuard(
+            self, ('image', 'contact', '/joint_states', self._trajectory.topic),
+            config.shared_topics, config.controller)
+        self.create_timer(GUARD_PERIOD, self._look_around, clock=steady)
+        self.add_on_set_parameters_callback(_keep_the_clock)
+
+    def _look_around(self):
+        self._servo.around = self._guard.problem()
 
     def _warn(self, text):
         self.get_logger().warning(text, throttle_duration_sec=5.0)
@@ -154,7 +151,8 @@ class EdgeServoNode(Node):
     def _check_frame(self, msg):
         tip = self._status_msg.header.frame_id
         if msg.header.frame_id != tip:
-            raise TactileError(f'its frame is {msg.header.frame_id!r}, must be tip_frame, {tip!r}')
+            self._servo.inputs.refuse(Reason(
+                ReasonCode.WRONG_FRAME, f'{msg.header.frame_id!r}, must be tip_frame, {tip!r}'))
 
     def _on_sensor(self, msg):
         try:
@@ -184,7 +182,8 @@ class EdgeServoNode(Node):
 
     def _on_image(self, raw):
         self._heard.image = raw, perf_counter()
-        self._on_picture(self._heard.image[1])
+        if self._servo.law.sees_images:
+            self._on_picture(self._heard.image[1])
 
     def _on_picture(self, arrival):
         if self._pace.hear(arrival):
@@ -231,62 +230,11 @@ class EdgeServoNode(Node):
                                 pace.timing(sent, self._telling.latency), self._status_msg)
             set_stamp(msg.header.stamp, now_ns)
             self._status.publish(msg)
-            self._report(msg, sent)
-        if status.state == State.DONE:
-            self._end()
+        self._server.report(self._status_msg)
         # The timer is for the cycle after this one, should no picture come before.
         wait = pace.end(perf_counter(), thread_time() - begin)
         self._timer.timer_period_ns = round(NS * wait)
         self._timer.reset()
-
-    def _end(self):
-        if self._execution is not None and not self._execution.ended:
-            self._execution.ended = True
-            self._execution.handle.execute()
-
-    def _report(self, msg, now):
-        execution = self._execution
-        if execution is not None and not execution.ended and (
-                now - execution.reported >= FEEDBACK_PERIOD):
-            execution.reported = now
-            execution.handle.publish_feedback(self._action.feedback_to_msg(msg))
-
-    def _on_goal(self, request):
-        refusal = self._servo.check(self._action.goal_from_msg(request))
-        if refusal is None:
-            return GoalResponse.ACCEPT
-        self.get_logger().error(refusal.text)
-        self._servo.note(refusal)
-        return GoalResponse.REJECT
-
-    def _on_cancel(self, _):
-        self._servo.cancel()
-        return CancelResponse.ACCEPT
-
-    def _on_accepted(self, goal_handle):
-        """
-        Start a goal; it is executed, in the action server's sense, when it has ended.
-
-        An execute callback would have to block or to await, and rclpy's executors poll a
-        callback that awaits without a pause, at the cost of a whole core.
-        """
-        self._execution = Execution(goal_handle, perf_counter())
-        self._servo.start(self._action.goal_from_msg(goal_handle.request), self._execution.started)
-
-    def _finish(self, goal_handle):
-        servo = self._servo
-        result = self._action.result_to_msg(
-            servo, perf_counter() - self._execution.started, self._model.root_frame)
-        self._execution = None
-        if goal_handle.is_cancel_requested:
-            goal_handle.canceled()
-        elif servo.success:
-            goal_handle.succeed()
-        else:
-            goal_handle.abort()
-        self.get_logger().info(f'goal ended: {result.reason}')
-        servo.finish()
-        return result
 
     def _on_pause(self, request, response):
         response.success = self._servo.pause(request.data, perf_counter())
@@ -314,6 +262,13 @@ class EdgeServoNode(Node):
         if self._server is not None:
             self._server.destroy()
         super().destroy_node()
+
+
+def _keep_the_clock(parameters):
+    """Refuse another clock for the stamps while the servo runs."""
+    refused = any(parameter.name == 'use_sim_time' for parameter in parameters)
+    return SetParametersResult(
+        successful=not refused, reason='use_sim_time is set at the start' if refused else '')
 
 
 def main(args=None):
