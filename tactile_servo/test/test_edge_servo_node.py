@@ -127,3 +127,7 @@ def test_bytes_that_are_no_message_are_passed_over(node, monkeypatch, raw):
     assert warnings == [
         f'image passed over: {len(raw)} bytes that are no TactileImage',
         f'contact passed over: {len(raw)} bytes that are no Contact']
+    warnings.clear()
+    node._on_joints(raw)
+    assert len(warnings) == 1 and warnings[0].startswith('joint state')
+    assert node._servo.inputs.joints is None

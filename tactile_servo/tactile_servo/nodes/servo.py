@@ -128,7 +128,7 @@ class EdgeServoNode(Node):
         self.create_subscription(  # whatever the law: an image tells the load as well
             TactileImage, 'image', self._on_image, _NEWEST, raw=True)
         self.create_subscription(
-            JointState, '/joint_states', self._on_joints, qos_profile_sensor_data)
+            JointState, '/joint_states', self._on_joints, qos_profile_sensor_data, raw=True)
         self.create_service(SetBool, '~/pause', self._on_pause)
         self._server = GoalServer(self, self._servo, law_named(config.tracker).action,
                                   self._model.root_frame)
@@ -161,18 +161,24 @@ class EdgeServoNode(Node):
         except TactileError as error:
             self._warn(f'sensor_info passed over: {error}')
 
-    def _on_joints(self, msg):
+    def _on_joints(self, raw):
+        try:
+            msg = unpacked(raw, JointState)
+        except TactileError as error:
+            self._warn(f'joint state passed over: {error}')
+            return
         positions = joint_positions(msg, self._model.joint_names)
         if positions is None:
             self._warn('joint state without all of ' + ', '.join(self._model.joint_names))
             return
+        stamp_ns = stamp_to_ns(msg.header.stamp)
         try:
-            self._servo.see_joints(positions, stamp_to_ns(msg.header.stamp), perf_counter())
+            self._servo.see_joints(positions, stamp_ns, perf_counter())
         except ValueError as error:
             self._warn(str(error))
             return
         pose_to_msg(self._servo.inputs.pose, self._pose_msg.pose)
-        self._pose_msg.header.stamp = msg.header.stamp
+        set_stamp(self._pose_msg.header.stamp, stamp_ns)
         self._pose.publish(self._pose_msg)
 
     def _on_contact(self, raw):
