@@ -165,8 +165,8 @@ class GoalRun:
         missing = inputs.joints_missing()
         if missing is None and state != State.RETREAT:  # lifting off needs no image
             missing = inputs.contact_missing(self._law.sees_images)
-        if missing is not None or state is State.HOLD:  # nothing is commanded then
-            return missing
+        if missing is not None or inputs.joints is None or state is State.HOLD:
+            return missing  # in a hold nothing is commanded
         return (inputs.astray(self._motion.positions)
                 or self._following.problem(inputs.pose, inputs.joints.arrival))
 
@@ -311,7 +311,8 @@ class GoalRun:
     def _sighted_speed(self) -> float:
         """Speed at which the force cannot grow much on a way that no image has shown [m/s]."""
         way = BLIND * self.goal.force / self._law.stiffness
-        seen = self._inputs.pose_at(self._inputs.contact.stamp_ns)
+        contact = self._inputs.contact
+        seen = None if contact is None else self._inputs.pose_at(contact.stamp_ns)
         if seen is None:
             return way / self._config.input.max_stamp_age
         pose = self._motion.pose
