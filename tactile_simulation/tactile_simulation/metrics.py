@@ -123,10 +123,10 @@ METRICS = (
     Metric('sensor_rate', 'sensor rate', 'Hz'),
     Metric('control_rate', 'control rate', 'Hz'),
     Metric('cycles', 'control cycles', '', 1.0, 0),
-    Metric('missed_cycles', 'of these missed', '', 1.0, 0),
-    Metric('latency_p50', 'latency, median', 'ms', 1e3, 2),
-    Metric('latency_p99', 'latency, 99 %', 'ms', 1e3, 2),
-    Metric('cpu_per_cycle', 'CPU per control cycle', 'ms', 1e3, 3),
+    Metric('missed_cycles', 'missed beside these', '', 1.0, 0),
+    Metric('latency_p50', 'last byte to command, median', 'ms', 1e3, 2),
+    Metric('latency_p99', 'last byte to command, 99 %', 'ms', 1e3, 2),
+    Metric('cpu_per_cycle', 'processor time per control cycle', 'ms', 1e3, 3),
 )
 
 

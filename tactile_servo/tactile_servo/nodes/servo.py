@@ -1,7 +1,8 @@
 """Servo node: images, contacts and joint states in, joint trajectories out (chapter 5)."""
 
 from dataclasses import dataclass
-from time import perf_counter
+import math
+from time import perf_counter, thread_time
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
@@ -16,7 +17,7 @@ from std_srvs.srv import SetBool
 from trajectory_msgs.msg import JointTrajectory
 
 from tactile_common.errors import ConfigurationError, TactileError
-from tactile_common.ros.conversions import pose_to_msg, stamp_from_ns, stamp_to_ns, unpacked
+from tactile_common.ros.conversions import NS, pose_to_msg, set_stamp, stamp_to_ns, unpacked
 from tactile_common.ros.parameters import declare_from
 from tactile_common.ros.runner import plain, run
 from tactile_msgs.msg import Contact as ContactMsg
@@ -24,44 +25,21 @@ from tactile_msgs.msg import SensorInfo, ServoStatus, TactileImage
 from tactile_sensing.conversions import contact_from_msg, image_from_msg, sensor_info_from_msg
 from tactile_servo.compile_kernels import compile_kernels
 from tactile_servo.config import ServoConfig
-from tactile_servo.conversions import joint_positions, status_to_msg, trajectory_to_msg
+from tactile_servo.conversions import joint_positions, status_to_msg, trajectory_to_bytes
 from tactile_servo.laws.registry import law_named
 from tactile_servo.motion.limits import JointLimits, WorkspaceBox
 from tactile_servo.motion.robot import RobotModel
 from tactile_servo.nodes.goal_server import GoalServer
 from tactile_servo.nodes.graph_guard import GraphGuard
+from tactile_servo.nodes.pace import Pace
 from tactile_servo.nodes.parameters import NodeConfig, refuse_old_names
 from tactile_servo.reasons import Reason, ReasonCode
 from tactile_servo.supervisor import Supervisor
-from tactile_servo.types import State
+from tactile_servo.types import State, Status
 
 GUARD_PERIOD = 0.1  # s between looks at the graph
+_NEWEST = QoSProfile(depth=1, reliability=qos_profile_sensor_data.reliability)
 _LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
-
-
-@dataclass
-class Pace:
-    """How well the cycles keep their period: steady times [s] and counts."""
-
-    period: float
-    first: float | None = None
-    last: float = 0.0
-    cycles: int = 0
-    missed: int = 0
-    longest: float = 0.0
-
-    def tick(self, now: float) -> None:
-        """Count a cycle that begins."""
-        self.first = now if self.first is None else self.first
-        due = int((now - self.first) / self.period)
-        self.missed = max(self.missed, due - self.cycles)
-        self.cycles, self.last = self.cycles + 1, now
-
-    def took(self) -> float:
-        """How long the cycle took [s]."""
-        duration = perf_counter() - self.last
-        self.longest = max(self.longest, duration)
-        return duration
 
 
 @dataclass
@@ -70,6 +48,31 @@ class Heard:
 
     image: tuple[Any, float] | None = None
     contact: tuple[Any, float] | None = None
+
+
+@dataclass
+class Telling:
+    """When to publish the status, and how soon commands follow the pictures: times in s."""
+
+    period: float
+    told: tuple[Any, Any] | None = None  # state and reason
+    next: float = -math.inf  # when the same are told again
+    used_ns: int = 0  # stamp of the newest picture that was used,
+    latency: float = math.nan  # and from there to its first command
+
+    def due(self, now: float, status: Status) -> bool:
+        """Whether to publish a status."""
+        news = status.state, status.reason
+        if news == self.told and now < self.next:
+            return False
+        self.told, self.next = news, max(self.next + self.period, now)
+        return True
+
+    def use(self, stamp_ns: int, commanded: bool, now_ns: float) -> None:
+        """Take the stamp of the picture that a cycle used, and whether it sent a command."""
+        if stamp_ns != self.used_ns:
+            self.used_ns = stamp_ns
+            self.latency = (now_ns - stamp_ns) / NS if commanded else math.nan
 
 
 def _supervisor(node: Node) -> tuple[Supervisor, RobotModel, NodeConfig]:
@@ -97,10 +100,11 @@ class EdgeServoNode(Node):
 
     Subscribes to `sensor_info`, `image`, `contact` and `/joint_states`; streams windows to the
     joint trajectory controller while a goal of the law's action is active; publishes
-    `servo_status` every cycle, `sensor_pose` at every joint state and `diagnostics`; `~/pause`
-    holds and resumes. Parameters: `NodeConfig`, `ServoConfig`, and
-    those of the law. A cycle looks at the newest contact and the newest image alone, so that a
-    fast sensor takes no time from it. Most of its attributes are ROS entities.
+    `servo_status`, `sensor_pose` at every joint state and `diagnostics`; `~/pause` holds and
+    resumes. Parameters: `NodeConfig`, `ServoConfig`, and those of the law. A cycle begins with
+    the image (or the contact, if the law sees no images), see `Pace`, and looks at the newest of
+    both alone, so that a fast sensor takes no time from it. Most of its attributes are ROS
+    entities.
     """
 
     def __init__(self, **kwargs):
@@ -110,7 +114,7 @@ class EdgeServoNode(Node):
         compile_kernels()
         self._pace, self._heard = Pace(1.0 / self._servo.config.rate), Heard()
         self._status_msg, self._pose_msg = ServoStatus(), PoseStamped()
-        self._trajectory_msg = JointTrajectory()
+        self._telling = Telling(1.0 / config.status_rate)
         self._status_msg.header.frame_id = config.tip_frame
         self._pose_msg.header.frame_id = self._model.root_frame
 
@@ -120,10 +124,9 @@ class EdgeServoNode(Node):
         self._pose = self.create_publisher(PoseStamped, 'sensor_pose', qos_profile_sensor_data)
         self._diagnostics = self.create_publisher(DiagnosticArray, 'diagnostics', 10)
         self.create_subscription(SensorInfo, 'sensor_info', self._on_sensor, _LATCHED)
-        self.create_subscription(
-            ContactMsg, 'contact', self._on_contact, qos_profile_sensor_data, raw=True)
+        self.create_subscription(ContactMsg, 'contact', self._on_contact, _NEWEST, raw=True)
         self.create_subscription(  # whatever the law: an image tells the load as well
-            TactileImage, 'image', self._on_image, qos_profile_sensor_data, raw=True)
+            TactileImage, 'image', self._on_image, _NEWEST, raw=True)
         self.create_subscription(
             JointState, '/joint_states', self._on_joints, qos_profile_sensor_data)
         self.create_service(SetBool, '~/pause', self._on_pause)
@@ -131,7 +134,7 @@ class EdgeServoNode(Node):
                                   self._model.root_frame)
         # Steady, so that the watchdogs run even where simulated time stands still.
         steady = Clock(clock_type=ClockType.STEADY_TIME)
-        self.create_timer(self._pace.period, plain(self._on_cycle), clock=steady)
+        self._timer = self.create_timer(self._pace.period, plain(self._on_timer), clock=steady)
         self.create_timer(1.0, self._on_diagnose, clock=steady)
         self._guard = GraphGuard(
             self, ('image', 'contact', '/joint_states', self._trajectory.topic),
@@ -174,9 +177,17 @@ class EdgeServoNode(Node):
 
     def _on_contact(self, raw):
         self._heard.contact = raw, perf_counter()
+        if not self._servo.law.sees_images:
+            self._on_picture(self._heard.contact[1])
 
     def _on_image(self, raw):
         self._heard.image = raw, perf_counter()
+        if self._servo.law.sees_images:
+            self._on_picture(self._heard.image[1])
+
+    def _on_picture(self, arrival):
+        if self._pace.hear(arrival):
+            self._on_cycle()
 
     def _look(self):
         """Unpack the newest image and the newest contact and give them to the servo."""
@@ -198,19 +209,32 @@ class EdgeServoNode(Node):
             except TactileError as error:
                 self._warn(f'contact passed over: {error}')
 
+    def _on_timer(self):
+        # What an executor has still queued from before the timer was set anew comes too early.
+        if self._pace.is_due(perf_counter()):
+            self._on_cycle()
+
     def _on_cycle(self):
-        now, pace = perf_counter(), self._pace
-        pace.tick(now)
+        now, begin, pace = perf_counter(), thread_time(), self._pace
+        pace.begin(now)
         self._look()
         now_ns = self.get_clock().now().nanoseconds
         status, trajectory = self._servo.cycle(now, now_ns)
         if trajectory is not None:
-            self._trajectory.publish(trajectory_to_msg(trajectory, self._trajectory_msg))
-        msg = status_to_msg(status, self._servo.law.name, pace.took(), pace.missed,
-                            self._status_msg)
-        msg.header.stamp = stamp_from_ns(now_ns)
-        self._status.publish(msg)
-        self._server.report(msg)
+            self._trajectory.publish(trajectory_to_bytes(trajectory))
+        sent = perf_counter()
+        self._telling.use(status.contact_stamp_ns, trajectory is not None,
+                          now_ns + NS * (sent - now))
+        if self._telling.due(sent, status):
+            msg = status_to_msg(status, self._servo.law.name,
+                                pace.timing(sent, self._telling.latency), self._status_msg)
+            set_stamp(msg.header.stamp, now_ns)
+            self._status.publish(msg)
+        self._server.report(self._status_msg)
+        # The timer is for the cycle after this one, should no picture come before.
+        wait = pace.end(perf_counter(), thread_time() - begin)
+        self._timer.timer_period_ns = round(NS * wait)
+        self._timer.reset()
 
     def _on_pause(self, request, response):
         response.success = self._servo.pause(request.data, perf_counter())
