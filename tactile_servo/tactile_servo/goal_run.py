@@ -81,10 +81,6 @@ class GoalRun:
         """Stop within the robot's limits and end the goal."""
         self._stop(Reason(ReasonCode.CANCELLED))
 
-    def shut_down(self) -> None:
-        """Stop likewise, for the servo ends."""
-        self._stop(Reason(ReasonCode.SHUTDOWN))
-
     def pause(self, paused: bool, now: float) -> None:
         """Hold (true) or go on (false)."""
         self.hold.paused = paused
