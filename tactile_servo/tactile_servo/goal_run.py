@@ -104,7 +104,7 @@ class GoalRun:
         """Change the state where there is reason to, in the time or around the servo as well."""
         why, overload = self._standstill(), self._inputs.load > self._config.force.max_load
         state = self._machine.state
-        why = clock.fault or why or (around if state is not State.RETREAT else None)
+        why = clock.fault or (around if state is not State.RETREAT else None) or why
         self._now = now
         self._times.count(state, now)
         if state is State.HOLD and not self.ending.stopping:
