@@ -93,9 +93,9 @@ def add_sensing(graph: Graph, port, calibration='',
     graph.add(DriverNode, port=str(port), calibration=str(calibration), protocol=protocol)
 
 
-def add_servo(graph: Graph, robot, tracker: str = DEFAULT) -> Node:
+def add_servo(graph: Graph, robot, tracker: str = DEFAULT, **parameters) -> Node:
     """Add the servo; with sensing it is the loop, which runs on a real robot as well."""
-    return graph.add(EdgeServoNode, robot_description=str(robot), tracker=tracker)
+    return graph.add(EdgeServoNode, robot_description=str(robot), tracker=tracker, **parameters)
 
 
 @contextmanager

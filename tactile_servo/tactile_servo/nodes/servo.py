@@ -204,6 +204,8 @@ class EdgeServoNode(Node):
             try:
                 self._servo.see_image(image_from_msg(unpacked(raw, TactileImage)), arrival)
             except TactileError as error:
+                self._servo.inputs.refused = getattr(
+                    error, 'reason', Reason(ReasonCode.BAD_IMAGE, str(error)))
                 self._warn(f'image passed over: {error}')
         if heard.contact is not None:
             raw, arrival = heard.contact
