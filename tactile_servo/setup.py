@@ -19,6 +19,6 @@ setup(
     maintainer_email=ABOUT.find('maintainer').get('email'),
     **{key: ABOUT.findtext(key) for key in ('version', 'description', 'license', 'maintainer')},
     entry_points={'console_scripts': [
-        f'edge_servo = {PACKAGE}.nodes.servo:main',
+        f'edge_servo = {PACKAGE}.executables:edge_servo',
     ]},
 )

@@ -5,10 +5,10 @@ import sys
 from action_msgs.msg import GoalStatus
 from rclpy.action import ActionClient
 from rclpy.clock import Clock, ClockType
-from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, qos_profile_sensor_data, QoSProfile
 
 from tactile_common.config import bounded
+from tactile_common.ros.node import TactileNode
 from tactile_common.ros.parameters import declare_from
 from tactile_common.ros.runner import run
 from tactile_msgs.action import TrackEdge
@@ -31,7 +31,7 @@ class TrackConfig:
         15.0, 'give up when sensor and servo are not ready within this time', 's', 0.1, 3600.0)
 
 
-class TrackNode(Node):
+class TrackNode(TactileNode):
     """
     Wait until sensor and servo are ready, send a goal, report its progress.
 

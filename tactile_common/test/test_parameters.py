@@ -74,8 +74,6 @@ def test_descriptors(declared):
     assert method.additional_constraints == 'one of fit, moments'
     steps = node.describe_parameters(['path.force.steps'])[0].integer_range[0]
     assert (steps.from_value, steps.to_value) == (1, 2**63 - 1)
-    changeable, _ = declared(read_only=False)
-    assert not changeable.describe_parameters(['force.gain'])[0].read_only
 
 
 @pytest.mark.parametrize('given, message', [

@@ -12,6 +12,9 @@ from rclpy.exceptions import NameValidationException, ParameterException
 from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 from rclpy.logging import get_logger
 from rclpy.signals import SignalHandlerOptions
+from rclpy.subscription import RCLError
+
+from tactile_common.ros.node import TactileNode
 
 try:
     from rclpy.experimental import EventsExecutor
@@ -20,6 +23,8 @@ except ImportError:
 
 # Longest wait for work before `until` and the signals are looked at again [s].
 _TICK = 0.05
+# Errors of rcl one after the other, with nothing done between, that are no matter of one message.
+_BROKEN = 100
 
 
 def make_executor(context=None):
@@ -37,14 +42,24 @@ def spin(executor, context=None, until=None):
     short time again and again starves its timers on a busy machine; hence a loop of `spin_once`.
 
     `until()` is asked after every callback and at least every 0.05 s; the context is that of the
-    executor, the default one if missing.
+    executor, the default one if missing. An error of rcl in a callback, such as an answer that
+    cannot be sent, is counted by the nodes, see `TactileNode`, and survived.
     """
     context = context or rclpy.get_default_context()
-    try:
-        while context.ok() and not (until and until()):
+    failed = 0
+    while context.ok() and not (until and until()):
+        try:
             executor.spin_once(timeout_sec=_TICK)
-    except ExternalShutdownException:
-        pass
+            failed = 0
+        except ExternalShutdownException:
+            return
+        except RCLError as error:
+            failed += 1
+            nodes = [node for node in executor.get_nodes() if isinstance(node, TactileNode)]
+            if failed > _BROKEN or not nodes or not context.ok():
+                raise
+            for node in nodes:
+                node.count_error(error)
 
 
 def plain(callback):
@@ -60,15 +75,23 @@ def plain(callback):
 
 
 @contextmanager
-def stop_on_signals():
+def stop_on_signals(at_once=lambda: False):
     """
     Give an event that SIGINT and SIGTERM set, in place of every other effect of theirs.
 
     rclpy's own handlers shut the context down at once, so that nodes can neither publish a last
     word nor be destroyed undisturbed. Use it with `SignalHandlerOptions.NO`, in the main thread.
+    While `at_once()` holds, the first signal is a KeyboardInterrupt as well.
     """
     stop = threading.Event()
-    previous = {number: signal.signal(number, lambda *_: stop.set())
+
+    def handle(*_):
+        first = not stop.is_set()
+        stop.set()
+        if first and at_once():
+            raise KeyboardInterrupt
+
+    previous = {number: signal.signal(number, handle)
                 for number in (signal.SIGINT, signal.SIGTERM)}
     try:
         yield stop
@@ -83,21 +106,24 @@ def run(node_class, args=None, until=None) -> int:
 
     `node_class` is called with `context` alone; a `ValueError`, of which every configuration
     error is one, means that a parameter is wrong. Without ROS arguments those of the process are
-    taken. `until(node)` tells whether its work is done.
+    taken. `until(node)` tells whether its work is done. A signal while the node is being made,
+    which takes a minute where kernels are compiled, is a KeyboardInterrupt; later it is no error.
     """
-    context = rclpy.Context()
-    with stop_on_signals() as stop:
+    context, made = rclpy.Context(), False
+    with stop_on_signals(at_once=lambda: not made) as stop:
         try:
             rclpy.init(args=args, context=context, signal_handler_options=SignalHandlerOptions.NO)
         except RuntimeError as error:  # a ROS argument or a parameter file that rcl cannot read
             return _refuse(node_class, error)
         try:
             node = node_class(context=context)
+            made = True
         except (ValueError, NameValidationException, ParameterException) as error:
-            # The context destroys the half-made node, which may lack what its method needs.
-            with suppress(AttributeError):
-                context.try_shutdown()
+            _shut_down(context)
             return _refuse(node_class, error)
+        except BaseException:
+            _shut_down(context)
+            raise
         executor = make_executor(context)
         try:
             executor.add_node(node)
@@ -107,6 +133,12 @@ def run(node_class, args=None, until=None) -> int:
             node.destroy_node()
             context.try_shutdown()
     return 0
+
+
+def _shut_down(context):
+    """Shut down the context of a half-made node, which may lack what destroying it needs."""
+    with suppress(AttributeError):
+        context.try_shutdown()
 
 
 def _refuse(node_class, error):

@@ -7,12 +7,12 @@ import time
 
 from ament_index_python.packages import get_package_share_directory
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
-from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, qos_profile_sensor_data, QoSProfile
 from std_srvs.srv import Trigger
 
 from tactile_common.config import bounded, one_of
 from tactile_common.errors import ConfigurationError
+from tactile_common.ros.node import TactileNode
 from tactile_common.ros.parameters import declare_from
 from tactile_common.ros.runner import run
 from tactile_msgs.msg import SensorInfo as SensorInfoMsg
@@ -59,7 +59,7 @@ class DriverConfig:
                 f"parameter 'baud' is {self.baud}, must be 0 or at least {MIN_BAUD} bit/s")
 
 
-class DriverNode(Node):
+class DriverNode(TactileNode):
     """
     Publish the pictures of a tactile array.
 

@@ -9,7 +9,6 @@ from geometry_msgs.msg import PoseStamped
 import numpy as np
 from rclpy.action import ActionServer, CancelResponse, GoalResponse
 from rclpy.clock import Clock, ClockType
-from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, qos_profile_sensor_data, QoSProfile
 from sensor_msgs.msg import JointState
 from std_srvs.srv import SetBool
@@ -17,6 +16,7 @@ from trajectory_msgs.msg import JointTrajectory
 
 from tactile_common.errors import ConfigurationError, TactileError
 from tactile_common.ros.conversions import pose_to_msg, stamp_from_ns, stamp_to_ns, unpacked
+from tactile_common.ros.node import TactileNode
 from tactile_common.ros.parameters import declare_from
 from tactile_common.ros.runner import plain, run
 from tactile_msgs.msg import Contact as ContactMsg
@@ -98,7 +98,7 @@ def _supervisor(node: Node) -> tuple[Supervisor, RobotModel, NodeConfig]:
     return Supervisor(model, limits, law(config, settings), config, box), model, c
 
 
-class EdgeServoNode(Node):
+class EdgeServoNode(TactileNode):
     """
     Track something by touch.
 

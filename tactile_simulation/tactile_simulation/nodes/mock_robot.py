@@ -1,11 +1,11 @@
 """A robot that is not there, behind a joint_trajectory_controller's topics."""
-from rclpy.node import Node
 from rclpy.qos import QoSProfile
 from sensor_msgs.msg import JointState
 from trajectory_msgs.msg import JointTrajectory
 
 from tactile_common.errors import Rejected
 from tactile_common.ros.conversions import stamp_from_ns
+from tactile_common.ros.node import TactileNode
 from tactile_common.ros.parameters import declare_from
 from tactile_common.ros.runner import plain, run
 from tactile_servo.conversions import joint_state_to_msg, trajectory_from_msg
@@ -14,7 +14,7 @@ from tactile_simulation.joint_controller import MockController, MockRobotConfig
 from tactile_simulation.scene import load_scene
 
 
-class MockRobotNode(Node):
+class MockRobotNode(TactileNode):
     """Plays trajectories with a mock controller and publishes the joint states."""
 
     def __init__(self, **kwargs):

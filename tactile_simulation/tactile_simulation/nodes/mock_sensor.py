@@ -11,12 +11,12 @@ import tty
 
 from geometry_msgs.msg import PoseStamped
 import numpy as np
-from rclpy.node import Node
 from rclpy.qos import qos_profile_sensor_data
 
 from tactile_common.config import bounded, one_of
 from tactile_common.errors import ConfigurationError, TactileError
 from tactile_common.ros.conversions import pose_from_msg
+from tactile_common.ros.node import TactileNode
 from tactile_common.ros.parameters import declare_from
 from tactile_common.ros.runner import run
 from tactile_sensing.devices.recording import load_recording
@@ -127,7 +127,7 @@ class PseudoTerminal:
             return 0
 
 
-class MockSensorNode(Node):
+class MockSensorNode(TactileNode):
     """
     Sensor that exists only as bytes: renders a scene at the robot's pose, or plays a recording.
 
