@@ -1,4 +1,6 @@
 """Node that survives what its middleware refuses to send, and says so in its diagnostics."""
+import time
+
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
@@ -6,6 +8,7 @@ from rclpy.publisher import Publisher
 from rclpy.subscription import RCLError
 
 DIAGNOSTICS_PERIOD = 1.0  # s
+START = 10.0  # s; the nodes of a launch start side by side, some have kernels to load
 
 
 class _SurvivingPublisher(Publisher):
@@ -44,9 +47,15 @@ class TactileNode(Node):
 
     def __init__(self, name, **kwargs):
         super().__init__(name, **kwargs)
+        self._begun = time.monotonic()
         self._diagnostics = self.create_publisher(DiagnosticArray, '/diagnostics', 10)
         self.create_timer(DIAGNOSTICS_PERIOD, lambda: self._on_diagnose(),
                           clock=Clock(clock_type=ClockType.STEADY_TIME))
+
+    @property
+    def starting(self):
+        """Whether it is so early that an input that is not there yet is nothing to warn of."""
+        return time.monotonic() - self._begun < START
 
     def create_publisher(self, *arguments, publisher_class=_SurvivingPublisher, **kwargs):
         """As of every node; what cannot be published is counted."""

@@ -6,7 +6,7 @@ import threading
 import time
 
 from ament_index_python.packages import get_package_share_directory
-from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
+from diagnostic_msgs.msg import DiagnosticStatus
 from rclpy.qos import DurabilityPolicy, qos_profile_sensor_data, QoSProfile
 from std_srvs.srv import Trigger
 
@@ -88,7 +88,7 @@ class DriverNode(TactileNode):
         self._tare = None
         self._convert = self._calibration.converter()
         self._frames_to_tare = self._config.tare_frames if self._config.tare_at_start else 0
-        self._tare_refusal = 'not asked to'
+        self._tare_refusal = 'frames are awaited' if self._frames_to_tare else 'not asked to'
 
         self._image_msg = TactileImageMsg()
         self._fault = f'{self._config.port} is not open yet'
@@ -97,13 +97,11 @@ class DriverNode(TactileNode):
         self._period_ns = round(1e9 / (self._calibration.nominal_rate or 1e9))
         self._last_stamp_ns = 0
         self._reported = (time.monotonic(), 0, 0)
-        self._reported_text = ''
+        self._shown = None
 
         self._images = self.create_publisher(TactileImageMsg, 'image', qos_profile_sensor_data)
         self._infos = self.create_publisher(SensorInfoMsg, 'sensor_info', _LATCHED)
-        self._diagnostics = self.create_publisher(DiagnosticArray, 'diagnostics', 10)
         self.create_service(Trigger, '~/tare', self._on_tare)
-        self.create_timer(1.0, self._report)
         self._publish_info()
         self._thread.start()
 
@@ -226,27 +224,26 @@ class DriverNode(TactileNode):
             response.message = str(error)
         return response
 
-    def _report(self):
+    def _on_diagnose(self):
         now = time.monotonic()
         before, frames, dropped = self._reported
         decoder = self._decoder
         self._reported = (now, decoder.frames, decoder.dropped_bytes)
         rate = (decoder.frames - frames) / (now - before)
         level, text = self._state(now, decoder.dropped_bytes - dropped)
-        if text != self._reported_text:
-            self._reported_text = text
-            self._log(level, text)
+        shown = level, text
+        if self.starting and self._tare is None:
+            shown = DiagnosticStatus.OK, f'starting: {text}'
+        if shown != self._shown:
+            self._shown = shown
+            self._log(*shown)
         values = {
             'rate': f'{rate:.1f}', 'frames': decoder.frames, 'lost_frames': decoder.lost_frames,
             'resyncs': decoder.resyncs, 'dropped_bytes': decoder.dropped_bytes,
             'locked': decoder.locked, 'tared': self._tare is not None,
         }
-        message = DiagnosticArray(status=[DiagnosticStatus(
-            level=level, name=f'{self.get_fully_qualified_name()}: {self._config.sensor}',
-            message=text, hardware_id=self._config.port,
-            values=[KeyValue(key=key, value=str(value)) for key, value in values.items()])])
-        message.header.stamp = self.get_clock().now().to_msg()
-        self._diagnostics.publish(message)
+        self.diagnose(level, text, values, name=self._config.sensor,
+                      hardware_id=self._config.port)
 
     def _log(self, level, text):
         # The logger refuses a second severity from the same line.

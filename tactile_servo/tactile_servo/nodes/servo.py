@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from time import perf_counter
 from typing import Any
 
-from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
+from diagnostic_msgs.msg import DiagnosticStatus
 from geometry_msgs.msg import PoseStamped
 import numpy as np
 from rclpy.action import ActionServer, CancelResponse, GoalResponse
@@ -17,7 +17,7 @@ from trajectory_msgs.msg import JointTrajectory
 from tactile_common.errors import ConfigurationError, TactileError
 from tactile_common.ros.conversions import pose_to_msg, stamp_from_ns, stamp_to_ns, unpacked
 from tactile_common.ros.node import TactileNode
-from tactile_common.ros.parameters import declare_from
+from tactile_common.ros.parameters import declare_from, follow_changes
 from tactile_common.ros.runner import plain, run
 from tactile_msgs.msg import Contact as ContactMsg
 from tactile_msgs.msg import SensorInfo, ServoStatus, TactileImage
@@ -83,7 +83,7 @@ def _supervisor(node: Node) -> tuple[Supervisor, RobotModel, NodeConfig]:
     """Declare the parameters and make the servo that they ask for."""
     refuse_old_names(node)
     c, config = declare_from(node, NodeConfig), declare_from(node, ServoConfig)
-    law = law_named(c.tracker).law
+    law = law_named(c.law).law
     settings = declare_from(node, law.config_type)
     if not c.robot_description:
         raise ConfigurationError(
@@ -105,7 +105,7 @@ class EdgeServoNode(TactileNode):
     Subscribes to `sensor_info`, `contact` and `/joint_states`, and to `image` if the law sees
     images; streams windows to the joint trajectory controller while a goal of the law's action
     is active; publishes `servo_status` every cycle, `sensor_pose` at every joint state and
-    `diagnostics`; `~/pause` holds and resumes. Parameters: `NodeConfig`, `ServoConfig`, and
+    `/diagnostics`; `~/pause` holds and resumes. Parameters: `NodeConfig`, `ServoConfig`, and
     those of the law. A cycle looks at the newest contact and the newest image alone, so that a
     fast sensor takes no time from it. Most of its attributes are ROS entities.
     """
@@ -114,6 +114,7 @@ class EdgeServoNode(TactileNode):
         self._server = None  # until the parameters have proved right
         super().__init__('edge_servo', **kwargs)
         self._servo, self._model, config = _supervisor(self)
+        follow_changes(self, self._servo.law.config_type, self._servo.law.retune)
         compile_kernels()
         self._pace, self._heard = Pace(1.0 / self._servo.config.rate), Heard()
         self._execution: Execution | None = None
@@ -126,7 +127,6 @@ class EdgeServoNode(TactileNode):
             JointTrajectory, f'{config.controller}/joint_trajectory', 1)
         self._status = self.create_publisher(ServoStatus, 'servo_status', 10)
         self._pose = self.create_publisher(PoseStamped, 'sensor_pose', qos_profile_sensor_data)
-        self._diagnostics = self.create_publisher(DiagnosticArray, 'diagnostics', 10)
         self.create_subscription(SensorInfo, 'sensor_info', self._on_sensor, _LATCHED)
         self.create_subscription(
             ContactMsg, 'contact', self._on_contact, qos_profile_sensor_data, raw=True)
@@ -136,7 +136,7 @@ class EdgeServoNode(TactileNode):
         self.create_subscription(
             JointState, '/joint_states', self._on_joints, qos_profile_sensor_data)
         self.create_service(SetBool, '~/pause', self._on_pause)
-        name = law_named(config.tracker).action
+        name = law_named(config.law).action
         self._action = ACTIONS[name]
         self._server = ActionServer(
             self, self._action.type, name, self._finish, goal_callback=self._on_goal,
@@ -144,7 +144,6 @@ class EdgeServoNode(TactileNode):
         # Steady, so that the watchdogs run even where simulated time stands still.
         steady = Clock(clock_type=ClockType.STEADY_TIME)
         self.create_timer(self._pace.period, plain(self._on_cycle), clock=steady)
-        self.create_timer(1.0, self._on_diagnose, clock=steady)
 
     def _warn(self, text):
         self.get_logger().warning(text, throttle_duration_sec=5.0)
@@ -271,17 +270,11 @@ class EdgeServoNode(TactileNode):
     def _on_diagnose(self):
         servo, pace = self._servo, self._pace
         late = pace.longest > pace.period
-        status = DiagnosticStatus(
-            name=f'{self.get_fully_qualified_name()}: servo',
-            level=DiagnosticStatus.WARN if late or servo.state == State.HOLD
-            else DiagnosticStatus.OK,
-            message=f'{servo.state.name.lower()}: {servo.reason.text}',
-            values=[KeyValue(key='missed_cycles', value=str(pace.missed)),
-                    KeyValue(key='longest_cycle_s', value=f'{pace.longest:.6f}')])
+        self.diagnose(
+            DiagnosticStatus.WARN if late or servo.state == State.HOLD else DiagnosticStatus.OK,
+            f'{servo.state.name.lower()}: {servo.reason.text}',
+            {'missed_cycles': pace.missed, 'longest_cycle_s': f'{pace.longest:.6f}'}, name='servo')
         pace.longest = 0.0
-        msg = DiagnosticArray(status=[status])
-        msg.header.stamp = self.get_clock().now().to_msg()
-        self._diagnostics.publish(msg)
 
     def destroy_node(self):
         """Release the action server with the node."""

@@ -142,7 +142,7 @@ class ShapeEstimatorNode(TactileNode):
             return
         lost = self._path.lost
         self._take(self._path.add_contact(stamp_to_ns(msg.header.stamp), contact, msg, picture))
-        if self._path.lost > lost:
+        if self._path.lost > lost and not self.starting:
             self.get_logger().warning(
                 f'{self._path.lost} contacts had no sensor_pose within max_gap of their stamp',
                 throttle_duration_sec=5.0)
