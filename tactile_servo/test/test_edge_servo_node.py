@@ -1,6 +1,5 @@
 """The servo's node as far as it is more than conversions."""
 
-import os
 from pathlib import Path
 
 import numpy as np
@@ -25,7 +24,7 @@ PUMA = Path(__file__).resolve().parents[2] / 'launch/urdf/puma260.urdf'
 @pytest.fixture
 def node():
     context = rclpy.Context()
-    rclpy.init(context=context, domain_id=os.getpid() % 100 + 1)
+    rclpy.init(context=context)
     made = EdgeServoNode(context=context, parameter_overrides=[
         Parameter('robot_description', value=str(PUMA))])
     yield made
@@ -38,7 +37,7 @@ def node():
     ('array_half_width', 'nothing: the size of the array comes from sensor_info')])
 def test_a_former_name_of_a_parameter_is_refused_with_its_new_one(old, new):
     context = rclpy.Context()
-    rclpy.init(context=context, domain_id=os.getpid() % 100 + 1)
+    rclpy.init(context=context)
     try:
         with pytest.raises(ConfigurationError, match=f'{old} is now {new}'):
             EdgeServoNode(context=context, parameter_overrides=[

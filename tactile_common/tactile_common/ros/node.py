@@ -61,7 +61,8 @@ class TactileNode(Node):
         """As of every node; what cannot be published is counted."""
         publisher = super().create_publisher(
             *arguments, publisher_class=publisher_class, **kwargs)
-        publisher.on_error = self.count_error
+        if isinstance(publisher, _SurvivingPublisher):
+            publisher.on_error = self.count_error
         return publisher
 
     def count_error(self, error, what=''):

@@ -5,6 +5,7 @@ import re
 import signal
 import sys
 import threading
+import time
 import traceback
 
 import rclpy
@@ -25,6 +26,7 @@ except ImportError:
 _TICK = 0.05
 # Errors of rcl one after the other, with nothing done between, that are no matter of one message.
 _BROKEN = 100
+_LAST_WORDS = 2.0  # s
 
 
 def make_executor(context=None):
@@ -100,13 +102,14 @@ def stop_on_signals(at_once=lambda: False):
             signal.signal(number, handler)
 
 
-def run(node_class, args=None, until=None) -> int:
+def run(node_class, args=None, until=None, on_stop=None) -> int:
     """
     Run one node until SIGINT, SIGTERM or the shutdown of its context; returns the exit status.
 
     `node_class` is called with `context` alone; a `ValueError`, of which every configuration
     error is one, means that a parameter is wrong. Without ROS arguments those of the process are
-    taken. `until(node)` tells whether its work is done. A signal while the node is being made,
+    taken. `until(node)` tells whether its work is done; `on_stop(node)` is called at a signal, and
+    the node then has two seconds to get it done. A signal while the node is being made,
     which takes a minute where kernels are compiled, is a KeyboardInterrupt; later it is no error.
     """
     context, made = rclpy.Context(), False
@@ -128,6 +131,12 @@ def run(node_class, args=None, until=None) -> int:
         try:
             executor.add_node(node)
             spin(executor, context, lambda: stop.is_set() or bool(until and until(node)))
+            if stop.is_set() and on_stop and until:
+                stop.clear()  # a second signal ends it at once
+                on_stop(node)
+                end = time.monotonic() + _LAST_WORDS
+                spin(executor, context, lambda: until(node) or stop.is_set()
+                     or time.monotonic() > end)
         finally:
             executor.shutdown()  # first: nothing may be delivered to a node that is gone
             node.destroy_node()

@@ -79,7 +79,7 @@ class Execution:
     ended: bool = False
 
 
-def _supervisor(node: Node) -> tuple[Supervisor, RobotModel, NodeConfig]:
+def _supervisor(node: TactileNode) -> tuple[Supervisor, RobotModel, NodeConfig]:
     """Declare the parameters and make the servo that they ask for."""
     refuse_old_names(node)
     c, config = declare_from(node, NodeConfig), declare_from(node, ServoConfig)
