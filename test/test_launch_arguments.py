@@ -17,8 +17,10 @@ from launch.launch_description_sources import (  # noqa: E402, I100, I202
 )
 from tactile_tests import launching  # noqa: E402, I100, I202
 
-NAMED = {'sensor', 'port', 'scene', 'speed', 'force', 'robot_description', 'use_sim_time', 'rviz',
-         'namespace'}
+NAMED = {'sensor', 'port', 'calibration', 'scene', 'law', 'speed', 'force', 'robot_description',
+         'controller', 'use_sim_time', 'use_rviz', 'use_respawn', 'log_level', 'params_file',
+         'namespace', 'robot_namespace'}
+FORMER = {'parameters', 'rviz', 'tracker'}
 
 
 def launch(*arguments, **environment):
@@ -34,7 +36,7 @@ def test_every_argument_has_a_description_and_a_default():
     description = get_launch_description_from_python_launch_file(str(launching.LAUNCH_FILE))
     declared = [entity for entity in description.entities
                 if isinstance(entity, DeclareLaunchArgument)]
-    assert {argument.name for argument in declared} >= NAMED
+    assert {argument.name for argument in declared} >= NAMED | FORMER
     for argument in declared:
         assert argument.description and argument.description != 'no description given'
         assert argument.default_value is not None
@@ -46,6 +48,11 @@ def test_every_argument_has_a_description_and_a_default():
     ('sensor:=flexitac', 'sensor:=flexitac needs its port, for instance port:=/dev/ttyUSB0'),
     ('speed:=fast', 'speed:=fast is not a number'),
     ('sensor:=other', "Valid options are: ['mock', 'flexitac']"),
+    ('tracker:=other', 'tracker:=other is none of trace, resolved_rate'),
+    ('params_file:=nowhere.yaml', 'parameter file nowhere.yaml: No such file or directory'),
+    ('parameters:=nowhere.yaml', 'parameter file nowhere.yaml: No such file or directory'),
+    ('robot_description:=<robot', 'robot description: malformed XML'),
+    ('calibration:=nowhere.yaml', 'calibration nowhere.yaml: No such file or directory'),
 ])
 def test_wrong_argument_ends_the_launch_with_a_clear_line(argument, text, tmp_path):
     status, lines = launch(argument, TMPDIR=str(tmp_path))

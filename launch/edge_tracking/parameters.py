@@ -34,7 +34,7 @@ NODES: dict[str, tuple[type, ...]] = {
     'edge_servo': (NodeConfig, ServoConfig), 'mock_sensor': (MockSensorConfig,),
     'mock_robot': (MockRobotConfig,), 'track': (TrackConfig,)}
 SERVO = 'edge_servo'
-# Given by the launch file or the demo, so that they may be missing here.
+# What launch file or demo give, whatever the file says.
 GIVEN = {'driver': {'port': '-'}}
 OF_ROS = ('use_sim_time', 'qos_overrides', 'start_type_description_service')
 MAX_SIZE = 1 << 20  # bytes of a file
@@ -121,8 +121,7 @@ def _matches(section: str, node: str) -> bool:
     return re.fullmatch(pattern, node) is not None
 
 
-def check_file(path: str | Path, nodes: Mapping[str, str], law: str = DEFAULT,
-               given: Mapping[str, Mapping[str, Any]] | None = None) -> list[str]:
+def check_file(path: str | Path, nodes: Mapping[str, str], law: str = DEFAULT) -> list[str]:
     """
     Check a parameter file for a graph; returns what is no error, but looks like a mistake.
 
@@ -133,8 +132,6 @@ def check_file(path: str | Path, nodes: Mapping[str, str], law: str = DEFAULT,
         Of the graph: full name, such as `/tactile/driver`, by name.
     law : str
         The servo's.
-    given : Mapping, optional
-        Parameters of a node, by its name, that go before those of the file.
 
     Raises
     ------
@@ -158,8 +155,7 @@ def check_file(path: str | Path, nodes: Mapping[str, str], law: str = DEFAULT,
     for node, full in nodes.items():
         values = _values(sections, full)
         try:
-            _check_values(node, law, {**GIVEN.get(node, {}), **values, **(given or {}).get(
-                node, {})})
+            _check_values(node, law, {**values, **GIVEN.get(node, {})})
         except ConfigurationError as error:
             raise ConfigurationError(f'parameter file {path}: {full}: {error}') from error
     return warnings

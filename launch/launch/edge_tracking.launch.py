@@ -167,7 +167,7 @@ class Graph:
         action = Node(
             package=package, executable=executable, name=executable, output='screen',
             namespace=value['namespace'] if namespace is None else namespace or '/',
-            prefix=self.prefix, additional_env=env,
+            prefix=self.prefix, exec_name=executable, additional_env=env,
             respawn=value['use_respawn'] and dies, respawn_delay=RESPAWN_DELAY,
             remappings=[('/joint_states', f'{self.robot_namespace}/joint_states')],
             ros_arguments=['--log-level', value['log_level']],

@@ -1,6 +1,7 @@
 """Start, spin and stop one node, or several in one process, with clean exits."""
 from contextlib import contextmanager, suppress
 import inspect
+import os
 import re
 import signal
 import sys
@@ -16,6 +17,7 @@ from rclpy.signals import SignalHandlerOptions
 from rclpy.subscription import RCLError
 
 from tactile_common.ros.node import TactileNode
+from tactile_common.start import INTERRUPTED
 
 try:
     from rclpy.experimental import EventsExecutor
@@ -76,24 +78,35 @@ def plain(callback):
     return call
 
 
+class Stop:
+    """A flag with the methods of an Event but no lock, on which two signals could dead-lock."""
+
+    def __init__(self):
+        self._on = False
+
+    def is_set(self) -> bool:
+        """Tell whether it is to end."""
+        return self._on
+
+    def set(self) -> None:
+        """Ask for the end."""
+        self._on = True
+
+    def clear(self) -> None:
+        """Take it back."""
+        self._on = False
+
+
 @contextmanager
-def stop_on_signals(at_once=lambda: False):
+def stop_on_signals():
     """
-    Give an event that SIGINT and SIGTERM set, in place of every other effect of theirs.
+    Give a flag that SIGINT and SIGTERM set, in place of every other effect of theirs.
 
     rclpy's own handlers shut the context down at once, so that nodes can neither publish a last
     word nor be destroyed undisturbed. Use it with `SignalHandlerOptions.NO`, in the main thread.
-    While `at_once()` holds, the first signal is a KeyboardInterrupt as well.
     """
-    stop = threading.Event()
-
-    def handle(*_):
-        first = not stop.is_set()
-        stop.set()
-        if first and at_once():
-            raise KeyboardInterrupt
-
-    previous = {number: signal.signal(number, handle)
+    stop = Stop()
+    previous = {number: signal.signal(number, lambda *_: stop.set())
                 for number in (signal.SIGINT, signal.SIGTERM)}
     try:
         yield stop
@@ -109,24 +122,23 @@ def run(node_class, args=None, until=None, on_stop=None) -> int:
     `node_class` is called with `context` alone; a `ValueError`, of which every configuration
     error is one, means that a parameter is wrong. Without ROS arguments those of the process are
     taken. `until(node)` tells whether its work is done; `on_stop(node)` is called at a signal, and
-    the node then has two seconds to get it done. A signal while the node is being made,
-    which takes a minute where kernels are compiled, is a KeyboardInterrupt; later it is no error.
+    the node then has two seconds to get it done. A process that is to stop while its node is
+    still being made, which takes a minute where kernels are compiled, ends within two as well.
     """
-    context, made = rclpy.Context(), False
-    with stop_on_signals(at_once=lambda: not made) as stop:
+    context = rclpy.Context()
+    with stop_on_signals() as stop:
         try:
             rclpy.init(args=args, context=context, signal_handler_options=SignalHandlerOptions.NO)
         except RuntimeError as error:  # a ROS argument or a parameter file that rcl cannot read
             return _refuse(node_class, error)
         try:
-            node = node_class(context=context)
-            made = True
+            with _made_in_time(stop):
+                node = node_class(context=context)
         except (ValueError, NameValidationException, ParameterException) as error:
-            _shut_down(context)
+            # The context destroys the half-made node, which may lack what its method needs.
+            with suppress(AttributeError):
+                context.try_shutdown()
             return _refuse(node_class, error)
-        except BaseException:
-            _shut_down(context)
-            raise
         executor = make_executor(context)
         try:
             executor.add_node(node)
@@ -144,10 +156,21 @@ def run(node_class, args=None, until=None, on_stop=None) -> int:
     return 0
 
 
-def _shut_down(context):
-    """Shut down the context of a half-made node, which may lack what destroying it needs."""
-    with suppress(AttributeError):
-        context.try_shutdown()
+@contextmanager
+def _made_in_time(stop):
+    """End the process when it is to stop, but what stands in the context takes longer."""
+    made = threading.Event()
+
+    def watch():
+        while not made.wait(_TICK):
+            if stop.is_set() and not made.wait(_LAST_WORDS):
+                os._exit(int(os.environ.get(INTERRUPTED, 0)))
+
+    threading.Thread(target=watch, daemon=True).start()
+    try:
+        yield
+    finally:
+        made.set()
 
 
 def _refuse(node_class, error):
