@@ -169,6 +169,8 @@ def _layer_to_msg(layer, message):
     message.component, message.unit = COMPONENTS.index(layer.component), layer.unit
     message.depth, message.full_scale = float(layer.depth), float(layer.full_scale)
     message.noise_std, message.stress = float(layer.noise_std), stress
+    message.skin_thickness = float(layer.thickness) if layer.thickness < math.inf else 0.0
+    message.poisson, message.gain_spread = float(layer.poisson), float(layer.gain_spread)
     return message
 
 
@@ -181,7 +183,10 @@ def _layer_from_msg(layer, shape):
         raise TactileError(
             f'stress has {stress.size} values, must be {" x ".join(map(str, shape))}')
     return Layer(COMPONENTS[layer.component], layer.depth, stress.reshape(shape),
-                 layer.full_scale, layer.noise_std, layer.unit)
+                 layer.full_scale, layer.noise_std, layer.unit,
+                 # Pictures in older bags do not say it.
+                 getattr(layer, 'skin_thickness', 0.0) or math.inf,
+                 getattr(layer, 'poisson', 0.5), getattr(layer, 'gain_spread', 0.0))
 
 
 _EMPTY = np.empty(0, np.float32)

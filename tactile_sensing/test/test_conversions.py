@@ -26,7 +26,7 @@ ARRAY = TactelArray(3, 4, 0.0015, 0.0025)
 def image():
     stress = np.arange(12, dtype=np.float32).reshape(3, 4)
     stress[1, 2] = np.nan
-    layers = (Layer('zz', 0.002, stress, 160e3, 630.0, 'Pa'),
+    layers = (Layer('zz', 0.002, stress, 160e3, 630.0, 'Pa', 0.004, 0.4375, 0.0625),
               Layer('yz', 0.004, -stress, 0.0, 0.0, 'counts'))
     return TactileImage(1_700_000_000_123_456_789, 2 ** 40, layers, ARRAY, True, 1, 'pad', 'left')
 
@@ -46,6 +46,8 @@ def test_image_round_trip():
         assert (got.component, got.unit) == (want.component, want.unit)
         assert got.depth == pytest.approx(want.depth)
         assert (got.full_scale, got.noise_std) == (want.full_scale, want.noise_std)
+        assert got.thickness == pytest.approx(want.thickness)
+        assert (got.poisson, got.gain_spread) == (want.poisson, want.gain_spread)
 
 
 def contact(**values):

@@ -1,5 +1,6 @@
 """Node that survives what its middleware refuses to send, and says so in its diagnostics."""
 import time
+from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from rclpy.clock import Clock, ClockType
@@ -14,7 +15,7 @@ START = 10.0  # s; the nodes of a launch start side by side, some have kernels t
 class _SurvivingPublisher(Publisher):
     """Publisher that gives an error of rcl to `on_error` of its node."""
 
-    on_error = None
+    on_error: Any = None
 
     def publish(self, msg):
         try:

@@ -1,9 +1,11 @@
 """One picture of a tactile array, as the core passes it around."""
 from dataclasses import dataclass
+import math
 
 import numpy as np
 
 from tactile_sensing.types.array import TactelArray
+from tactile_sensing.types.skin import Skin
 
 COMPONENTS = ('zz', 'xz', 'yz')
 
@@ -18,6 +20,14 @@ class Layer:
     full_scale: float = 0.0  # largest value that a tactel can report, in `unit`; 0 = unknown
     noise_std: float = 0.0  # of one tactel without load, in `unit`; 0 = unknown
     unit: str = 'Pa'  # or 'counts' if uncalibrated
+    thickness: float = math.inf  # of the skin on a rigid backing [m]; infinite: a half-space
+    poisson: float = 0.5  # Poisson's ratio of the skin
+    gain_spread: float = 0.0  # standard deviation of the tactels' gains, relative; 0 = unknown
+
+    @property
+    def skin(self) -> Skin:
+        """The skin; a ConfigurationError where it is impossible."""
+        return Skin(self.depth, self.thickness, self.poisson)
 
 
 @dataclass(frozen=True, eq=False)

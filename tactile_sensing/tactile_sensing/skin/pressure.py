@@ -1,0 +1,88 @@
+"""What tactels measure under point and line loads on a skin: `half_space` with a backing."""
+
+from dataclasses import dataclass, field
+import math
+
+import numpy as np
+
+from tactile_sensing.skin.kernel import CENTRE, LARGEST_SIDE, MAX_VARIANCE, polynomials
+from tactile_sensing.types.skin import Skin
+
+POINT, LINE = 0, 1  # rows of `polynomials`
+
+
+def split_tactel(pitch_x: float, pitch_y: float, depth: float) -> tuple[float, np.ndarray]:
+    """
+    Squares whose centres stand for a rectangle.
+
+    Returns
+    -------
+    side : float
+        Of the squares [m], at most LARGEST_SIDE depths.
+    centres : ndarray, shape (N, 2)
+        From the middle of the rectangle [m], all of the same weight.
+    """
+    largest = LARGEST_SIDE * depth
+    counts = [math.ceil(pitch / largest - 1e-9) for pitch in (pitch_x, pitch_y)]
+    sides = [pitch / count for pitch, count in zip((pitch_x, pitch_y), counts, strict=True)]
+    side = min(sides)
+    axes = []
+    for count, length in zip(counts, sides, strict=True):
+        middles = (np.arange(count) - 0.5 * (count - 1)) * length
+        rest = math.sqrt(max(length**2 - side**2, 0.0) / 12.0)  # two points of the same variance
+        axes.append(middles if rest < 1e-3 * side else np.add.outer(
+            middles, (-rest, rest)).ravel())
+    x, y = np.meshgrid(*axes)
+    return side, np.stack([x.ravel(), y.ravel()], -1)
+
+
+@dataclass(frozen=True)
+class SkinPressure:
+    """
+    Pressure at tactels of a size in a skin [Pa], compression positive.
+
+    Places, loads and signs as in `half_space.point` and `half_space.line`. Sizes of 0 sample
+    points.
+    """
+
+    skin: Skin
+    size_x: float = 0.0  # of a tactel [m]
+    size_y: float = 0.0
+    _nodes: np.ndarray = field(init=False, repr=False, compare=False)
+    _coefficients: np.ndarray = field(init=False, repr=False, compare=False)
+
+    def __post_init__(self):
+        side, nodes = 0.0, np.zeros((1, 2))
+        if self.size_x > 0.0 and self.size_y > 0.0:
+            side, nodes = split_tactel(self.size_x, self.size_y, self.skin.depth)
+        object.__setattr__(self, '_nodes', nodes)
+        object.__setattr__(self, '_coefficients', polynomials(self.skin, side))
+
+    def point(self, x: np.ndarray, y: np.ndarray, a: float, b: float, normal_force: float,
+              shear_x: float = 0.0, shear_y: float = 0.0, radius: float = 0.0) -> np.ndarray:
+        """Pressure under Hertz' patch of this radius [m], at most 1.5 depths; 0: a point."""
+        total: np.ndarray | float = 0.0
+        for dx, dy in self._nodes:
+            u, v = x + dx - a, y + dy - b
+            f, g = self._kernel(POINT, u * u + v * v, radius**2 / 5.0)
+            total = total + normal_force * f + (shear_x * u + shear_y * v) * g
+        return np.asarray(total) / len(self._nodes)
+
+    def line(self, x: np.ndarray, y: np.ndarray, rho: float, yaw: float, line_force: float,
+             line_shear: float = 0.0, half_width: float = 0.0) -> np.ndarray:
+        """Pressure under a half ellipse of this half width [m], at most 1.34 depths; 0: a line."""
+        total: np.ndarray | float = 0.0
+        for dx, dy in self._nodes:
+            v = (x + dx) * np.cos(yaw) + (y + dy) * np.sin(yaw) - rho
+            f, g = self._kernel(LINE, v * v, half_width**2 / 4.0)
+            total = total + line_force * f + line_shear * v * g
+        return np.asarray(total) / len(self._nodes)
+
+    def _kernel(self, kind, squared, variance):
+        depth = self.skin.depth
+        relative = min(variance / depth**2, MAX_VARIANCE)
+        coefficients = np.polynomial.polynomial.polyval(relative, self._coefficients[kind])
+        t = CENTRE**2 / (squared / depth**2 + CENTRE**2)
+        f, g = np.polynomial.polynomial.polyval(t, coefficients.T)
+        scale = depth ** (kind - 2)
+        return f * scale, g * scale / depth

@@ -1,0 +1,42 @@
+"""The skin above the tactels, and where in it they lie."""
+
+from dataclasses import dataclass
+import math
+
+import numpy as np
+
+from tactile_common.errors import ConfigurationError
+
+
+@dataclass(frozen=True)
+class Skin:
+    """
+    Elastic layer bonded to a rigid backing, with tactels at a depth.
+
+    Raises
+    ------
+    ConfigurationError
+        A value is out of bounds.
+    """
+
+    depth: float  # of the tactels below the surface [m]
+    thickness: float = math.inf  # of the layer [m], at least `depth`; infinite: a half-space
+    poisson: float = 0.5  # Poisson's ratio, 0 to 0.5; nothing depends on it in a half-space
+
+    def __post_init__(self):
+        for name in ('depth', 'thickness', 'poisson'):
+            value = getattr(self, name)
+            if not isinstance(value, (int, float, np.floating)) or isinstance(value, bool):
+                raise ConfigurationError(f'{name} is {value!r}, must be a number')
+        if not 0.0 < self.depth < math.inf:
+            raise ConfigurationError(f'depth is {self.depth!r}, must be positive [m]')
+        if not self.thickness >= self.depth:
+            raise ConfigurationError(f'thickness is {self.thickness!r}, must be at least the '
+                                     f'depth of the tactels, {self.depth!r} m')
+        if not 0.0 <= self.poisson <= 0.5:
+            raise ConfigurationError(f'poisson is {self.poisson!r}, must be from 0 to 0.5')
+
+    @property
+    def is_half_space(self) -> bool:
+        """Whether there is no backing."""
+        return self.thickness == math.inf
