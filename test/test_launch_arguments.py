@@ -1,6 +1,8 @@
 """Arguments of the launch file: described, and refused in one clear line where they are wrong."""
 
 import os
+from pathlib import Path
+import re
 import subprocess
 import sys
 
@@ -40,6 +42,16 @@ def test_every_argument_has_a_description_and_a_default():
     for argument in declared:
         assert argument.description and argument.description != 'no description given'
         assert argument.default_value is not None
+
+
+def test_the_lines_of_the_readme_have_arguments_that_there_are():
+    text = (Path(__file__).resolve().parents[1] / 'README.md').read_text('utf-8')
+    lines = re.findall(r'ros2 launch edge_tracking edge_tracking.launch.py((?:\s+\w+:=\S+)*)', text)
+    named = {name for line in lines for name in re.findall(r'(\w+):=', line)}
+    assert len(lines) > 6 and named <= NAMED | {'start'}
+    # A goal needs a servo that has none yet.
+    goal = text.index('ros2 action send_goal')
+    assert 'start:=false' in text[text.rindex('ros2 launch', 0, goal):goal]
 
 
 @pytest.mark.parametrize('argument, text', [

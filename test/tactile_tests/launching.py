@@ -94,7 +94,7 @@ class Launched:
         self._reader.start()
 
     def _read(self):
-        for line in self._process.stdout:
+        for line in self._process.stdout or ():
             with self._changed:
                 self.lines.append(line.rstrip())
                 self._changed.notify_all()
@@ -115,8 +115,8 @@ class Launched:
 
     def pid(self, name):
         """Return the newest process id of a node by its name."""
-        return int(re.search(r'pid \[(\d+)\]', self.found(
-            rf'\[{name}-\d+\]: process started')[-1])[1])
+        started = self.found(rf'\[{name}-\d+\]: process started')[-1]
+        return int(re.findall(r'pid \[(\d+)\]', started)[0])
 
     def interrupt(self):
         """Send what Ctrl-C in a terminal sends, to all processes."""
