@@ -51,6 +51,20 @@ def test_nested_names_set_what_they_say(node):
     assert not node.has_parameter('stiffness')
 
 
+def test_gains_reach_the_controllers_at_once_and_limits_stay(node):
+    law = node._servo.law
+    wanted = {'force.gain': 30.0, 'path.lateral_gain': 11.0, 'attitude.gain': 2.0,
+              'speed.search': 0.01}
+    answers = node.set_parameters([Parameter(k, value=v) for k, v in wanted.items()])
+    assert all(answer.successful for answer in answers)
+    assert (law._force.config.gain, law._path.config.lateral_gain, law._attitude.config.gain,
+            law._planner.config.search, law.config.force.gain) == (30.0, 11.0, 2.0, 0.01, 30.0)
+    for name in ('force.max_load', 'speed.max', 'joints.acceleration', 'workspace.lower',
+                 'force.max_speed', 'law', 'rate'):
+        value = node.get_parameter(name).value
+        assert not node.set_parameters([Parameter(name, value=value)])[0].successful
+
+
 def test_a_refused_goal_leaves_code_and_text_in_the_status(node):
     published = []
     node._status.publish = lambda msg: published.append((msg.reason_code, msg.reason))
