@@ -76,11 +76,14 @@ def test_wrong_argument_ends_the_launch_with_a_clear_line(argument, text, tmp_pa
     assert not any('process started' in line for line in lines)
 
 
-def test_a_launch_service_tracks_without_the_ros2_command(tmp_path):
+def test_a_launch_service_tracks_without_the_ros2_command_and_without_a_red_line(tmp_path):
     status, lines = launch(
         'shutdown:=true', 'length:=0.01', 'namespace:=elsewhere', TMPDIR=str(tmp_path))
     assert status == 0
     assert not list(tmp_path.glob('tactile_*'))
     assert any('track: length reached' in line for line in lines), '\n'.join(lines)
+    assert not [line for line in lines if '[ERROR]' in line or 'Traceback' in line]
+    early = r'WARN.*(is not there|not tared|had no sensor_pose)'
+    assert not [line for line in lines if re.search(early, line)]
     started = sum('process started' in line for line in lines)
     assert sum('process has finished cleanly' in line for line in lines) == started == 7
