@@ -16,6 +16,7 @@ import yaml
 from edge_tracking.track import TrackConfig
 from tactile_common.config import built, checked
 from tactile_common.errors import ConfigurationError
+from tactile_common.yaml_file import read_yaml
 from tactile_sensing.contact.estimator import EstimatorConfig
 from tactile_sensing.nodes.driver import DriverConfig
 from tactile_servo.config import ServoConfig
@@ -37,7 +38,6 @@ SERVO = 'edge_servo'
 # What launch file or demo give, whatever the file says.
 GIVEN = {'driver': {'port': '-'}}
 OF_ROS = ('use_sim_time', 'qos_overrides', 'start_type_description_service')
-MAX_SIZE = 1 << 20  # bytes of a file
 
 
 class Parameter(NamedTuple):
@@ -73,22 +73,7 @@ def read_sections(path: str | Path) -> list[tuple[str, dict[str, Any]]]:
     ConfigurationError if it cannot be read, is no YAML, or has another form.
     """
     try:
-        with open(path, 'rb') as file:
-            data = file.read(MAX_SIZE + 1)
-        if len(data) > MAX_SIZE:
-            raise ConfigurationError(f'parameter file {path}: larger than {MAX_SIZE} bytes')
-        if b'&' in data and any(isinstance(token, yaml.AliasToken) for token in yaml.scan(data)):
-            raise ConfigurationError(f'parameter file {path}: has aliases, which ROS cannot read')
-        tree = yaml.safe_load(data)
-    except OSError as error:
-        raise ConfigurationError(f'parameter file {path}: {error.strerror}') from error
-    except (yaml.YAMLError, UnicodeDecodeError, ValueError, RecursionError) as error:
-        if isinstance(error, ConfigurationError):
-            raise
-        text = ' '.join(str(error).split())
-        raise ConfigurationError(f'parameter file {path}: not YAML: {text:.300}') from error
-    try:
-        return list(_sections(tree, ''))
+        return list(_sections(read_yaml(path), ''))
     except ConfigurationError as error:
         raise ConfigurationError(f'parameter file {path}: {error}') from error
 

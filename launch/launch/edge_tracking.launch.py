@@ -21,6 +21,7 @@ from launch.actions import (
     LogInfo,
     OpaqueFunction,
     RegisterEventHandler,
+    SetEnvironmentVariable,
 )
 from launch.event_handlers import OnProcessExit, OnShutdown
 from launch.events import Shutdown
@@ -32,6 +33,7 @@ from launch_ros.parameter_descriptions import ParameterValue
 from edge_tracking.parameters import check_file, names_in, values_in
 from edge_tracking.resources import find_scene, scene_names, share
 from edge_tracking.ros2_control import require_packages, starting_at, text_of
+from edge_tracking.transport import local_environment
 from tactile_sensing.devices.calibration import load_calibration
 from tactile_sensing.devices.registry import PROTOCOLS
 from tactile_servo.laws.registry import DEFAULT, LAWS
@@ -293,7 +295,9 @@ def nodes(context):
     own = context.launch_configurations.get('launch-prefix')
     graph = Graph(arguments(context), own or PREFIX)
     model = graph.check()
-    actions = [*graph.sensing(), *graph.servo()]
+    simulated = graph.mock_sensor and graph.robot != 'real'
+    actions = [*(SetEnvironmentVariable(*it) for it in local_environment().items() if simulated),
+               *graph.sensing(), *graph.servo()]
     if graph.robot == 'ros2_control':
         actions += graph.controllers(model)
     elif graph.robot == 'mock' or graph.value['use_rviz']:

@@ -68,8 +68,8 @@ def test_a_name_may_be_cut_into_mappings(written):
     ('rate: 100.0', 'must be a mapping of names of nodes'),
     ('', 'must be a mapping of names of nodes'),
     ('/**/driver: {ros__parameters: 3}', 'ros__parameters must be a mapping'),
-    ('a: [1', 'not YAML'), ('a: &x [1]\nb: *x', 'has aliases'),
-    ('#' * 2_000_000, 'larger than 1048576 bytes')])
+    ('a: [1', 'is not YAML'), ('a: &x [1]\nb: *x', 'aliases are refused'),
+    ('#' * 2_000_000, 'has more than 1048576 bytes')])
 def test_refused_with_one_line(written, text, message):
     path = written(text)
     with pytest.raises(ConfigurationError, match=f'^parameter file {path}: .*{message}') as caught:
@@ -78,7 +78,7 @@ def test_refused_with_one_line(written, text, message):
 
 
 def test_a_file_that_cannot_be_read(tmp_path, capsys):
-    with pytest.raises(ConfigurationError, match='nowhere.yaml: No such file or directory'):
+    with pytest.raises(ConfigurationError, match='nowhere.yaml: cannot be read: No such file or directory'):
         check_file('nowhere.yaml', TACTILE)
     assert main(['--check', str(tmp_path)]) == 1
     assert 'Is a directory' in capsys.readouterr().err

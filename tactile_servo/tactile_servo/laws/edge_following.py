@@ -79,6 +79,11 @@ class EdgeFollowing:
         self._planner.config, self._path.config = c.speed, c.path
         self._force.config, self._attitude.config = c.force, c.attitude
 
+    @property
+    def stiffness(self) -> float:
+        """Of skin, finger and robot along the normal [N/m]."""
+        return self.config.force.stiffness
+
     def validate(self, goal: EdgeGoal) -> Refusal | None:
         """Why a goal is beyond this law, or None."""
         if goal.closed and goal.length > 0.0:
