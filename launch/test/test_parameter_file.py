@@ -68,7 +68,8 @@ def test_a_name_may_be_cut_into_mappings(written):
     ('rate: 100.0', 'must be a mapping of names of nodes'),
     ('', 'must be a mapping of names of nodes'),
     ('/**/driver: {ros__parameters: 3}', 'ros__parameters must be a mapping'),
-    ('a: [1', 'is not YAML'), ('a: &x [1]\nb: *x', 'aliases are refused'),
+    ('a: [1', 'is not YAML'),
+    ('a: &x [1]\nb: *x', 'aliases are refused'),
     ('#' * 2_000_000, 'has more than 1048576 bytes')])
 def test_refused_with_one_line(written, text, message):
     path = written(text)
