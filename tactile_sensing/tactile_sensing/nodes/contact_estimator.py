@@ -3,11 +3,11 @@
 import time
 
 from geometry_msgs.msg import WrenchStamped
-from rclpy.node import Node
 from rclpy.qos import qos_profile_sensor_data
 
 from tactile_common.errors import TactileError
 from tactile_common.ros.conversions import unpacked
+from tactile_common.ros.node import TactileNode
 from tactile_common.ros.parameters import declare_from
 from tactile_common.ros.runner import run
 from tactile_msgs.msg import Contact as ContactMsg
@@ -17,7 +17,7 @@ from tactile_sensing.contact.estimator import ContactEstimator, EstimatorConfig
 from tactile_sensing.conversions import contact_to_msg, contact_to_wrench, image_from_msg
 
 
-class ContactEstimatorNode(Node):
+class ContactEstimatorNode(TactileNode):
     """
     Estimate the contact of every tactile image.
 
