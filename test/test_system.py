@@ -176,9 +176,11 @@ def test_two_sensors_side_by_side(tmp_path):
 
         def press():
             for name, publisher in publishers.items():
-                publisher.publish(PoseStamped(pose=pose_to_msg(poses[name])))
+                message = PoseStamped(pose=pose_to_msg(poses[name]))
+                message.header.stamp = left.listener.get_clock().now().to_msg()
+                publisher.publish(message)
 
-        left.listener.create_timer(0.02, press)
+        left.listener.create_timer(0.005, press)
         lines = {}
 
         def both():
