@@ -131,7 +131,7 @@ class EdgeServoNode(TactileNode):
             JointState, '/joint_states', self._on_joints, qos_profile_sensor_data, raw=True)
         self.create_service(SetBool, '~/pause', self._on_pause)
         self._server = GoalServer(self, self._servo, law_named(config.law).action,
-                                  self._model.root_frame)
+                                  self._model.root_frame, self._look_around)
         # Steady, so that the watchdogs run even where simulated time stands still.
         steady = Clock(clock_type=ClockType.STEADY_TIME)
         self._timer = self.create_timer(self._pace.period, plain(self._on_timer), clock=steady)
