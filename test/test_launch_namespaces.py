@@ -12,7 +12,7 @@ from launch import LaunchDescription  # noqa: E402, I100, I202
 from rclpy.parameter import parameter_value_to_python  # noqa: E402, I100
 from rclpy.parameter_client import AsyncParameterClient  # noqa: E402, I100
 from tactile_tests.graph import bench  # noqa: E402, I100
-from tactile_tests.launching import DEADLINE, edge_tracking, Processes  # noqa: E402, I100
+from tactile_tests.launching import DEADLINE, edge_tracking, patient, Processes  # noqa: E402, I100
 
 from edge_tracking.resources import share  # noqa: E402, I100, I202
 from tactile_msgs.msg import ServoReason, ServoStatus  # noqa: E402, I100, I202
@@ -33,12 +33,13 @@ def ports(tmp_path):
 
 
 @launch_pytest.fixture
-def both(processes, ports):
+def both(processes, ports, tmp_path):
     """Give two robots, each with its sensor and its goal."""
     urdf = share('urdf', 'puma260.urdf').read_text(encoding='utf-8')
     return LaunchDescription([
         *(edge_tracking(namespace=name, port=ports[name], scene=SCENES[name], length='0.02',
-                        robot_description=urdf) for name in SCENES),
+                        robot_description=urdf, params_file=patient(tmp_path))
+          for name in SCENES),
         *processes.handlers(), launch_pytest.actions.ReadyToTest()])
 
 

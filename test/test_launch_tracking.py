@@ -8,7 +8,7 @@ pytest.importorskip('launch_ros', reason=WHY)
 
 # Only where launch is installed.
 from launch import LaunchDescription  # noqa: E402, I100, I202
-from tactile_tests.launching import edge_tracking, Processes  # noqa: E402, I100, I202
+from tactile_tests.launching import edge_tracking, patient, Processes  # noqa: E402, I100, I202
 
 NODES = ('driver', 'contact_estimator', 'shape_estimator', 'edge_servo', 'mock_sensor',
          'mock_robot', 'track')
@@ -21,10 +21,11 @@ def processes():
 
 
 @launch_pytest.fixture(auto_shutdown=False)
-def tracking(processes):
+def tracking(processes, tmp_path):
     """Give the defaults, a short way, and the end of everything with the goal's."""
     return LaunchDescription([
-        edge_tracking(shutdown='true', length='0.03'), *processes.handlers(),
+        edge_tracking(shutdown='true', length='0.03', params_file=patient(tmp_path)),
+        *processes.handlers(),
         launch_pytest.actions.ReadyToTest()])
 
 

@@ -20,6 +20,17 @@ LAUNCH_FILE = Path(
 DEADLINE = 90.0  # s, of a launch: several processes start on a loaded machine
 
 
+def patient(folder):
+    """Write the shipped parameters, with holds that end by themselves; returns the file's path."""
+    shipped = Path(get_package_share_directory('edge_tracking'), 'config', 'edge_tracking.yaml')
+    # A loaded machine stalls for longer than half a second, and nobody is there to resume.
+    path = Path(folder, 'patient.yaml')
+    path.write_text(shipped.read_text('utf-8').replace(
+        '/**/edge_servo:\n  ros__parameters:\n',
+        '/**/edge_servo:\n  ros__parameters:\n    hold.resume_within: 60.0\n'), 'utf-8')
+    return str(path)
+
+
 def edge_tracking(**arguments):
     """Return the action that includes the launch file with arguments."""
     return IncludeLaunchDescription(
