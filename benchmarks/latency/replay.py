@@ -4,7 +4,7 @@ What a cycle of the servo's core costs, without ROS: the inputs of one run, agai
 The simulation records what a servo hears while it follows the straight edge at 30 mm/s; a servo
 of its own then hears the same. Warm, and with caches as between the cycles of a servo whose
 machine does other things: 8 MB are touched before every call. Of every call the best of several
-passes counts, so that other programs matter little. Prints a table; run it as a module.
+passes counts; on a busy machine runs still differ by a third. Prints a table; run it as a module.
 """
 
 import argparse
