@@ -12,7 +12,7 @@ pytest.importorskip('launch_pytest', reason=WHY)
 pytest.importorskip('launch_ros', reason=WHY)
 
 # Only where launch is installed.
-from tactile_tests.graph import bench, ROBOT  # noqa: E402, I100, I202
+from tactile_tests.graph import bench, ROBOT, stamp_of  # noqa: E402, I100, I202
 from tactile_tests.launching import DEADLINE, launched, parameters  # noqa: E402, I100, I202
 
 from edge_tracking.track import Exit  # noqa: E402, I100, I202
@@ -58,7 +58,7 @@ class Interrupted:
         self.check()
 
     def check(self):
-        """Compare the joints' speed and the force since the goal's first millimetres with bounds."""
+        """Compare the joints' speed and the force since the goal was tracked with their bounds."""
         robot = RobotModel.from_urdf(str(ROBOT), 'tactile_pad')
         renderer = EdgeRenderer(self.bench.scene, self.bench.scene.sensor.array)
         states = self.listener.joints[self._begin:]
@@ -83,10 +83,10 @@ def test_a_servo_that_stood_still_holds_and_goes_on_when_asked(it):
     it.signal('edge_servo', signal.SIGSTOP)
     end = time.monotonic() + 1.0
     it.bench.graph.spin(lambda: time.monotonic() > end)
-    begin = len(it.listener.statuses)
+    back = time.time()
     it.signal('edge_servo', signal.SIGCONT)
     it.bench.wait(lambda: it.listener.offered, 'the offer to resume')
-    since = it.listener.statuses[begin:]
+    since = [status for status in it.listener.statuses if stamp_of(status) > back]
     assert {status.state for status in since} == {ServoStatus.HOLD}
     assert ServoReason.STALLED in {status.reason_code for status in since}
     it.ended(client)
