@@ -3,9 +3,9 @@ Pressure in a skin on bone that an object indents, by finite elements: the judge
 
 Nothing is shared with `tactile_sensing.skin`: displacements of second order on a graded mesh of
 quadrilaterals, axisymmetric for balls and round punches, plane strain for wedges with a round tip
-and flat strips. A rigid object is pressed in without friction; penalties where it touches, repeated
-until the part that touches stays the same. `python -m benchmarks.contact.fe_frames` writes the
-profiles of pressure at the depth of the tactels to fe_frames.npz; needs scikit-fem.
+and flat strips. A rigid object is pressed in without friction; penalties where it touches,
+repeated until the part that touches stays the same. `python -m benchmarks.contact.fe_frames`
+writes the profiles of pressure at the depth of the tactels to fe_frames.npz; needs scikit-fem.
 """
 
 from dataclasses import dataclass
@@ -25,8 +25,8 @@ RADII = np.concatenate([np.linspace(0.0, 8e-3, 161), np.linspace(8.1e-3, 36e-3, 
 THICK = 50e-3  # stands for no bone [m]
 FILE = Path(__file__).with_name('fe_frames.npz')
 KINDS = 'ball', 'wedge', 'round punch', 'strip'
-# Kind of object, its radius or half width [m], depth of the bone [m], Poisson's ratio, how deep it
-# is pressed [m], its force [N] or [N/m], half width of what touches [m], and the pressure at RADII.
+# Kind of object, its radius or half width [m], depth of the bone [m], Poisson's ratio, how deep
+# it is pressed [m], its force [N] or [N/m], half width of what touches [m], pressure at RADII.
 PROFILE = np.dtype([
     ('kind', 'U12'), ('radius', 'f8'), ('backing', 'f8'), ('poisson', 'f8'), ('indented', 'f8'),
     ('force', 'f8'), ('touching', 'f8'), ('pressure', 'f4', RADII.shape)])
@@ -68,10 +68,20 @@ def _graded(first, last, smallest, growth, largest):
 
 
 def solve(shape: Object, backing: float, poisson: float, *, fine: float = 1.0) -> np.ndarray:
-    """Profile of an object pressed in, one PROFILE record; `fine` divides the sizes of elements."""
-    from skfem import Basis, ElementQuad1, ElementQuad2, ElementVector, FacetBasis, MeshQuad, solve as solved
-    from skfem import BilinearForm, condense, LinearForm
-    from skfem.helpers import ddot, dot, sym_grad, trace
+    """Profile of an object pressed in, a PROFILE record; `fine` divides the sizes of elements."""
+    from skfem import (
+        Basis,
+        BilinearForm,
+        condense,
+        ElementQuad1,
+        ElementQuad2,
+        ElementVector,
+        FacetBasis,
+        LinearForm,
+        MeshQuad,
+    )
+    from skfem import solve as solved
+    from skfem.helpers import ddot, sym_grad, trace
 
     thickness = backing if backing < math.inf else THICK
     smallest = 0.06e-3 / fine
@@ -114,7 +124,7 @@ def solve(shape: Object, backing: float, poisson: float, *, fine: float = 1.0) -
     middle = basis.get_dofs(lambda x: np.abs(x[0]) < 1e-12).all(['u^1'])
     held = np.unique(np.concatenate([fixed, middle]))
     places = facets.global_coordinates().value[0]
-    reach = shape.indentation - shape.height(places)  # how far the object is below the skin's level
+    reach = shape.indentation - shape.height(places)  # of the object below the skin's level
     touches = (reach > 0.5 * shape.indentation).astype(float)
     for _ in range(25):
         system = elastic + contact.assemble(facets, touches=touches)
