@@ -79,7 +79,7 @@ class ContactEstimator:
     def __init__(self, config: EstimatorConfig | None = None):
         self.config = config = config or EstimatorConfig()
         self._rules = np.array([(
-            config.min_snr, config.model_error, config.max_chi_square, config.fit_depth,
+            config.min_snr, config.model_error, config.max_chi_square, 0.0, config.fit_depth,
             MODELS[config.model], config.method == 'fit')], RULES)
 
     def estimate(self, image: TactileImage) -> Contact:
@@ -154,7 +154,8 @@ class ContactEstimator:
         """Estimates of frames, which are preprocessed in place: ESTIMATE records (N,)."""
         config, count = self.config, len(stress)
         plan = tuple((layer.component, layer.depth) for layer in layers)
-        sensor, table = _sensor(array, plan, TACTELS[config.tactel])
+        main = next(layer for layer in layers if layer.component == 'zz')
+        sensor, table = _sensor(array, plan, TACTELS[config.tactel], main.thickness, main.poisson)
         table = table.copy()
         table['given_noise'] = [config.noise_std or layer.noise_std for layer in layers]
         table['full_scale'] = [layer.full_scale for layer in layers]
@@ -182,7 +183,8 @@ def _is_valid(kind, reasons):
 
 
 @lru_cache(maxsize=64)
-def _sensor(array: TactelArray, plan: tuple, tactel_points: int) -> tuple[Sensor, np.ndarray]:
+def _sensor(array: TactelArray, plan: tuple, tactel_points: int, thickness: float,
+            poisson: float) -> tuple[Sensor, np.ndarray]:
     """Sensor and table of layers, with a noise of 1, see `sensor_of`."""
     return sensor_of(array, tuple(FitLayer(component, depth, 1.0) for component, depth in plan),
-                     tactel_points)
+                     tactel_points, None, thickness, poisson)

@@ -6,10 +6,12 @@ import numpy as np
 
 from tactile_common.kernels import njit
 from tactile_sensing.contact.gauss_newton import LINE, POINT
+from tactile_sensing.contact.ladder import add_lacking_rows, BEGINS, ENDS, limits_of, PATCH
 from tactile_sensing.contact.parameters import chord
 from tactile_sensing.contact.preprocessing import DETECTION
 from tactile_sensing.half_space.kernels import line_stress, point_stress, Q0, Q1
 from tactile_sensing.half_space.layers import first_pressure_layer, half_sides, PRESSURE
+from tactile_sensing.skin import kernels
 from tactile_sensing.types.contact import ContactType, Reason
 
 ELSEWHERE = 2.0  # depths from the load that are elsewhere
@@ -17,6 +19,7 @@ FORCE_WINDOW = 2.0  # half side of the window of the second force estimate of a 
 # Tactels of a point around the peak, of a line: three to eight for each parameter.
 MIN_POINT_TACTELS, MIN_LINE_TACTELS = 15, 24
 SECOND_CONTACT = 0.15  # of the peak, left over elsewhere, that makes a second contact
+LARGEST_PATCH = 0.95  # of the largest variance; more is none of the patches that are known
 BORDER_STD = 0.1  # depths; a load under the outermost tactels must be located better than that
 
 _NONE, _OTHER = int(ContactType.NONE), int(ContactType.OTHER)
@@ -39,8 +42,45 @@ def _measured(kind, x, y, cos, sin, load, layer, nodes):
 
 
 @njit(error_model='numpy')
-def compare(kind, stress, sensor, layers, load, left, model):
+def _fill_from_skin(kind, sensor, layers, load, memory):
+    """Picture of a load, with what makes it more than sharp and whole."""
+    model, shapes, tip, source = (
+        memory.model, memory.tactels.shapes, memory.tip_shapes, memory.source[0])
+    cos, sin = math.cos(load.yaw), math.sin(load.yaw)
+    model[:] = 0.0
+    for k in range(layers.size):
+        layer, centre = layers[k], kernels.centre_of(layers[k].depth)
+        kernel = kernels.coefficients_of(shapes[k])
+        for j in range(sensor.nodes.size):
+            node = sensor.nodes[j]
+            x = sensor.x + node.x
+            for r in range(sensor.y.size):
+                y = sensor.y[r] + node.y
+                if kind == POINT:
+                    kernels.add_point_row(
+                        x, y, load, kernel, centre, node.weight, model[k, r])
+                else:
+                    kernels.add_line_row(x, y, cos, sin, load.rho, load, kernel, centre,
+                                         node.weight, model[k, r])
+        if not load.extras & (BEGINS | ENDS):
+            continue
+        _, _, seen_from, seen_to = limits_of(sensor, load, layer.depth)
+        kernels.make_shape(
+            sensor.polynomials[k, 0], layer.depth, 0, load.variance, tip[0], tip[1])
+        if load.extras & BEGINS:
+            add_lacking_rows(seen_from, load.start, sensor, layer, k, load, tip[0], source, model)
+        if load.extras & ENDS:
+            add_lacking_rows(load.end, seen_to, sensor, layer, k, load, tip[0], source, model)
+
+
+@njit(error_model='numpy')
+def compare(kind, sensor, layers, load, memory):
     """Load into model, and what it leaves; NaN in left for layers that do not show a line."""
+    stress, left, model = memory.stress, memory.left, memory.model
+    if load.extras or not sensor.closed:
+        _fill_from_skin(kind, sensor, layers, load, memory)
+        left[:] = stress - model
+        return
     cos, sin = math.cos(load.yaw), math.sin(load.yaw)
     for k in range(layers.size):
         if kind == LINE and layers[k].component != PRESSURE:
@@ -160,12 +200,13 @@ def refute(kind, sensor, layers, rules, memory, estimate):
         return _OTHER, _BAD_FIT | _FEW
     main = first_pressure_layer(layers)
     depth, noise = layers[main].depth, layers[main].noise
-    compare(kind, memory.stress, sensor, layers, fit, left, model)
     squared, chi, count = _sums_of_squares(left, model, layers, rules.model_error)
     peak = model[main].max()
     if not (peak > 0.0 and np.isfinite(chi + squared)):
         return _OTHER, _BAD_FIT
     freedom = max(count - (5 if kind == POINT else 3), 1)
+    if fit.extras & PATCH and fit.variance > LARGEST_PATCH * kernels.largest_variance(depth):
+        return _OTHER, _BAD_FIT
     top = 2.0 * fit.force / (np.pi * depth) if kind == LINE else peak
     estimate.snr = 20.0 * math.log10(top / noise)
     estimate.residual = math.sqrt(squared / freedom)

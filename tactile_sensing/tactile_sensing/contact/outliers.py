@@ -113,7 +113,7 @@ def scale_depths(layers, factor, scaled):
 
 
 @njit(error_model='numpy')
-def fit_depth(kind, stress, sensor, layers, scaled, forces, model_error, tactels, fit, slope):
+def fit_depth(kind, stress, sensor, layers, scaled, forces, rules, tactels, fit, slope):
     """
     Factor on all depths that leaves least, its variance, and how the load moves with it (slope).
 
@@ -124,8 +124,8 @@ def fit_depth(kind, stress, sensor, layers, scaled, forces, model_error, tactels
     for step in DEPTH_STEPS:
         for i in range(3):
             scale_depths(layers, factor + (i - 1) * step, scaled)
-            if not fit_load(kind, stress, sensor, scaled, forces, model_error, np.inf, tactels,
-                            fit):
+            if not fit_load(kind, stress, sensor, scaled, forces, rules.model_error, np.inf,
+                            rules.gain_spread, tactels, fit):
                 return np.nan, np.inf
             errors[i] = fit.squared_error
             for j in range(5):  # at last the slope between the outer two
@@ -152,18 +152,21 @@ def fit_despite_faults(kind, sensor, layers, forces, rules, memory):
     """
     stress, left, model, fit = memory.stress, memory.left, memory.model, memory.fit[0]
     model_error, tactels = rules.model_error, memory.tactels
+    scatter = memory.scatter[0]
     for look in range(DRIFT_LOOKS + 1):
-        if not fit_load(kind, stress, sensor, layers, forces, model_error, np.inf, tactels, fit):
+        if not fit_load(kind, stress, sensor, layers, forces, model_error, np.inf, scatter,
+                        tactels, fit):
             return False, False
-        compare(kind, stress, sensor, layers, fit, left, model)
+        compare(kind, sensor, layers, fit, memory)
         if look == DRIFT_LOOKS or not _take_off_drift(
                 stress, left, model, layers, memory.unloaded, look == 0):
             break
     if not _any_off(left, model, layers, model_error):
         return True, False
     left_out = False
-    if fit_load(kind, stress, sensor, layers, forces, model_error, TUKEY, tactels, fit):
-        compare(kind, stress, sensor, layers, fit, left, model)
+    if fit_load(kind, stress, sensor, layers, forces, model_error, TUKEY, scatter, tactels, fit):
+        compare(kind, sensor, layers, fit, memory)
         left_out = _leave_out_outliers(stress, left, model, layers, model_error)
-    fitted = fit_load(kind, stress, sensor, layers, forces, model_error, np.inf, tactels, fit)
+    fitted = fit_load(kind, stress, sensor, layers, forces, model_error, np.inf, scatter,
+                      tactels, fit)
     return fitted, left_out

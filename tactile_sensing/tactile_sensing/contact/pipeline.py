@@ -6,14 +6,17 @@ where that does not convince. `estimate_as` fits one model, with as little as ex
 and says what is known of it.
 """
 
+import math
 from typing import NamedTuple
 
 import numpy as np
 
 from tactile_common.kernels import njit
 from tactile_sensing.contact.gauss_newton import FIT, fit_load, LINE, make_tactels, POINT, Tactels
-from tactile_sensing.contact.goodness_of_fit import beyond_sight, refute
+from tactile_sensing.contact.goodness_of_fit import beyond_sight, compare, refute
+from tactile_sensing.contact.ladder import ROWS
 from tactile_sensing.contact.model_selection import (
+    climb,
     fit_without_idle_shear,
     likelier_model,
     overrules,
@@ -23,12 +26,13 @@ from tactile_sensing.contact.outliers import fit_depth, fit_despite_faults, scal
 from tactile_sensing.contact.parameters import compare_forces, write_line, write_point
 from tactile_sensing.contact.preprocessing import preprocess
 from tactile_sensing.half_space.layers import LAYER, Sensor
+from tactile_sensing.skin.kernels import TERMS
 from tactile_sensing.types.contact import ContactType, ESTIMATE, Reason
 
 ANY_MODEL, PENDING = 0, -1  # rules.model, estimate.type
 # How contacts are estimated, see EstimatorConfig; model: ANY_MODEL, POINT or LINE.
 RULES = np.dtype([('min_snr', 'f8'), ('model_error', 'f8'), ('max_chi_square', 'f8'),
-                  ('fit_depth', '?'), ('model', 'i8'), ('fit', '?')])
+                  ('gain_spread', 'f8'), ('fit_depth', '?'), ('model', 'i8'), ('fit', '?')])
 
 _OTHER, _BAD_FIT = int(ContactType.OTHER), int(Reason.BAD_FIT)
 _LOW_SNR, _OFF_PAD = int(Reason.LOW_SNR), int(Reason.OFF_PAD)
@@ -45,11 +49,27 @@ class Memory(NamedTuple):
     layers: np.ndarray  # of LAYER, at the depth that was found
     tactels: Tactels
     fit: np.ndarray  # of FIT, shape (1,)
-    cov: np.ndarray  # (5, 5), of the fit's parameters
+    cov: np.ndarray  # (8, 8), of the fit's parameters: its vector, and the extras of `ladder`
     regular: np.ndarray  # bool, shape (1,): whether there is such a covariance
     slope: np.ndarray  # (5,): how the load moves with the depth
     moved: np.ndarray  # (5,): how it moves when shear is left out
     estimates: np.ndarray  # of ESTIMATE, shape (2,): of the first model and of the second
+    scatter: np.ndarray  # (1,): what tactels are off beside noise, as a share of the pressure
+    # What `ladder` needs: a load and a covariance to return to, and room.
+    saved: np.ndarray
+    saved_cov: np.ndarray
+    saved_moved: np.ndarray
+    cov_with_shear: np.ndarray
+    rows: np.ndarray
+    weights: np.ndarray
+    active: np.ndarray
+    matrix: np.ndarray
+    right: np.ndarray
+    inverse: np.ndarray
+    step: np.ndarray
+    kept_load: np.ndarray
+    tip_shapes: np.ndarray
+    source: np.ndarray
 
 
 @njit(error_model='numpy')
@@ -58,13 +78,17 @@ def make_memory(layers, rows, columns, nodes):
     shape = (layers, rows, columns)
     return Memory(np.empty(shape), np.empty(shape), np.empty(shape), np.empty(rows * columns),
                   np.zeros(layers, LAYER), make_tactels(layers, layers * rows * columns, nodes),
-                  np.zeros(1, FIT), np.zeros((5, 5)), np.zeros(1, np.bool_), np.zeros(5),
-                  np.zeros(5), np.zeros(2, ESTIMATE))
+                  np.zeros(1, FIT), np.zeros((8, 8)), np.zeros(1, np.bool_), np.zeros(5),
+                  np.zeros(5), np.zeros(2, ESTIMATE), np.zeros(1), np.zeros(1, FIT),
+                  np.zeros((8, 8)), np.zeros(5), np.zeros((8, 8)), np.empty((ROWS, layers * rows * columns)),
+                  np.empty(layers * rows * columns), np.zeros(8, np.int64), np.zeros((8, 8)),
+                  np.zeros(8), np.zeros((8, 8)), np.zeros(8), np.zeros(8),
+                  np.zeros((2, 2, TERMS)), np.zeros(1, FIT))
 
 
 @njit(cache=True, error_model='numpy')
-def estimate_frames(stress, x, y, pitch_x, pitch_y, nodes, window, layers, rules, reasons,
-                    saturated, calibrated, estimates):
+def estimate_frames(stress, x, y, pitch_x, pitch_y, nodes, window, polynomials, closed, layers,
+                    rules, reasons, saturated, calibrated, estimates):
     """
     Estimate every frame, see `estimate_frame`.
 
@@ -72,7 +96,7 @@ def estimate_frames(stress, x, y, pitch_x, pitch_y, nodes, window, layers, rules
     ----------
     stress : ndarray, shape (N, layers, rows, columns)
         [Pa]; preprocessed in place.
-    x, y, pitch_x, pitch_y, nodes, window, layers
+    x, y, pitch_x, pitch_y, nodes, window, polynomials, closed, layers
         From `layers.sensor_of`, with the given noise and full scale; the last frame's noise
         stays in `layers`. One by one: a named tuple from Python costs some microseconds.
     rules : ndarray of RULES, shape (1,)
@@ -82,7 +106,7 @@ def estimate_frames(stress, x, y, pitch_x, pitch_y, nodes, window, layers, rules
     estimates : ndarray of contact.ESTIMATE, shape (N,)
         On entry of nothing; type PENDING if rules.fit is false and there is a load.
     """
-    sensor = Sensor(x, y, pitch_x, pitch_y, nodes, window)
+    sensor = Sensor(x, y, pitch_x, pitch_y, nodes, window, polynomials, closed)
     memory = make_memory(layers.size, stress.shape[2], stress.shape[3], nodes.size)
     for f in range(stress.shape[0]):
         memory.estimates[0] = estimates[f]
@@ -120,15 +144,19 @@ def estimate_as(kind, measured, sensor, layers, rules, memory, estimate):
     """Estimate a frame as one kind of load: its type and reasons, or those of a refusal."""
     fit, cov, forces = memory.fit[0], memory.cov, 3 if kind == POINT else 2
     memory.stress[:] = measured
+    memory.scatter[0] = rules.gain_spread
     fitted, left_out, depth_variance = _fit_mended(
         kind, sensor, layers, forces, rules, memory)
     shear = False
     if fitted:
         fitted, shear = fit_without_idle_shear(
-            kind, sensor, memory.layers, forces, rules, memory)
+            kind, sensor, memory.layers, forces, 0, memory)
     if not fitted:
         estimate.type, missed = _OTHER, _BAD_FIT
     else:
+        if sensor.polynomials.size > 0 and not rules.fit_depth:
+            shear = climb(kind, sensor, memory.layers, forces, shear, memory)
+        compare(kind, sensor, memory.layers, fit, memory)
         estimate.type, missed = refute(kind, sensor, memory.layers, rules, memory, estimate)
     if not missed:
         _widen(cov, 2 + forces, memory.moved, depth_variance, memory.slope, estimate.residual)
@@ -140,8 +168,10 @@ def estimate_as(kind, measured, sensor, layers, rules, memory, estimate):
     estimate.has_shear = shear
     if kind == POINT:
         write_point(fit, cov, estimate)
+        estimate.patch = math.sqrt(5.0 * fit.variance)
     else:
         write_line(fit, cov, shear, sensor, estimate)
+        estimate.patch = 2.0 * math.sqrt(fit.variance)
     disagrees = compare_forces(estimate)
     estimate.reasons |= (_DEAD if left_out else 0) | (_MISMATCH if disagrees else 0)
 
@@ -162,7 +192,7 @@ def _fit_mended(kind, sensor, given_layers, forces, rules, memory):
     fitted, left_out, variance = False, False, 0.0
     for mended in (False, True):  # faults do not show at a wrong depth, nor the depth with faults
         factor, variance = fit_depth(kind, stress, sensor, given_layers, layers, forces,
-                                     rules.model_error, memory.tactels, fit, memory.slope)
+                                     rules, memory.tactels, fit, memory.slope)
         if np.isnan(factor):
             return False, left_out, variance
         scale_depths(given_layers, factor, layers)
@@ -171,7 +201,7 @@ def _fit_mended(kind, sensor, given_layers, forces, rules, memory):
             if not fitted:
                 return False, left_out, variance
     fitted = fit_load(kind, stress, sensor, layers, forces, rules.model_error, np.inf,
-                      memory.tactels, fit)
+                      rules.gain_spread, memory.tactels, fit)
     return fitted, left_out, variance
 
 

@@ -86,6 +86,11 @@ class Contact:
         'N', 'tangential force on the skin, +y; line: likewise', 'Qy'))
     line_force: float = field(default=NAN, metadata=_parameter(
         'N/m', 'line: normal force per length of edge'))
+    patch: float = field(default=NAN, metadata=_told(
+        'm', 'radius of the patch of a blunt point, half width of a blunt line; 0: sharp'))
+    start: float = field(default=NAN, metadata=_told(
+        'm', 'line: where it begins within the pad, along yaw from the foot of the origin'))
+    end: float = field(default=NAN, metadata=_told('m', 'line: where it ends, likewise'))
     covariance: np.ndarray = field(default_factory=no_covariance, metadata=_told(
         'SI', 'of (a, b, yaw, P, Qx, Qy, line_force)'))
     snr: float = field(default=NAN, metadata=_told(
