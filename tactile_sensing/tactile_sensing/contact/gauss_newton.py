@@ -91,7 +91,9 @@ def _skin_derivatives(kind, sensor, layers, load, of_forces, tactels):
         kernel = skin_kernels.coefficients_of(shapes[k])
         for j in range(sensor.nodes.size):
             node = sensor.nodes[j]
-            scale, part = node.weight / layer.noise, kept[:, j, begin:end]
+            # Rows of their own, or the loops could not be vectorised.
+            scale, part = node.weight / layer.noise, (
+                kept[0, j][begin:end], kept[1, j][begin:end], kept[2, j][begin:end])
             if kind == POINT:
                 a, b = load.a - node.x, load.b - node.y
                 if of_forces:

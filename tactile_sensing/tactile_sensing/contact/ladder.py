@@ -16,11 +16,13 @@ from tactile_sensing.contact.gauss_newton import (
     LINE,
     POINT,
     RESIDUAL,
+    ROOT,
     VALUE,
     X,
     Y,
 )
 from tactile_sensing.contact.parameters import invert
+from tactile_sensing.contact.variable_projection import weigh
 from tactile_sensing.half_space.kernels import FORCE, Q0, Q1, SHEAR_X, SHEAR_Y
 from tactile_sensing.half_space.layers import half_sides
 from tactile_sensing.skin import kernels
@@ -30,6 +32,7 @@ VARIANCE, START, END = range(5, 8)
 MODEL, ROWS = 8, 9  # the pressure itself, of `rows`
 PATCH, BEGINS, ENDS = 1, 2, 4
 EVIDENCE = 16.0  # chi-square that a rung must take off: four standard deviations
+LEFT_OVER = 1.2  # chi-square per degree of freedom from which on a line may have ends
 STEPS = 15  # most of them
 SETTLED = 0.003  # a step after which none is needed [depths]
 PANEL = 1.5  # of the integral along what a line lacks [depths]
@@ -57,8 +60,7 @@ def _add_point(x, y, load, kernel, by_variance, centre, scale, rows):
     by_f, by_g = by_variance
     force, shear_x, shear_y = load.force, load.shear_x, load.shear_y
     a, b = load.a, load.b
-    by_a, by_b, of_force, of_x, of_y = rows[Q0], rows[Q1], rows[FORCE], rows[SHEAR_X], rows[SHEAR_Y]
-    of_variance, model = rows[VARIANCE], rows[MODEL]
+    by_a, by_b, of_force, of_x, of_y, of_variance, model = rows
     for i in range(x.size):
         u = x[i] - a
         v = y[i] - b
@@ -81,8 +83,7 @@ def _add_point(x, y, load, kernel, by_variance, centre, scale, rows):
 def _add_line(x, y, cos, sin, rho, load, kernel, by_variance, centre, scale, rows):
     by_f, by_g = by_variance
     force, shear = load.force, load.shear
-    by_rho, by_yaw, of_force, of_shear = rows[Q0], rows[Q1], rows[FORCE], rows[SHEAR_X]
-    of_variance, model = rows[VARIANCE], rows[MODEL]
+    by_rho, by_yaw, of_force, of_shear, _, of_variance, model = rows
     for i in range(x.size):
         v = x[i] * cos + y[i] * sin - rho
         squared = v * v
@@ -103,8 +104,7 @@ def _take_source(x, y, cos, sin, rho, at, load, kernel, by_variance, centre, sca
     """Take off a point of the line, with the derivatives by all but its place along."""
     by_f, by_g = by_variance
     force, shear = load.force, load.shear
-    by_rho, by_yaw, of_force, of_shear = rows[Q0], rows[Q1], rows[FORCE], rows[SHEAR_X]
-    of_variance, model = rows[VARIANCE], rows[MODEL]
+    by_rho, by_yaw, of_force, of_shear, _, of_variance, model = rows
     for i in range(x.size):
         v = x[i] * cos + y[i] * sin - rho
         along = y[i] * cos - x[i] * sin
@@ -189,7 +189,10 @@ def _rows_of(kind, sensor, layers, load, tips, memory, rows):
     begin = 0
     for k in range(layers.size):
         layer, end, depth = layers[k], ends[k], layers[k].depth
-        x, y, part = at[X][begin:end], at[Y][begin:end], rows[:, begin:end]
+        x, y = at[X][begin:end], at[Y][begin:end]
+        part = (rows[Q0][begin:end], rows[Q1][begin:end], rows[FORCE][begin:end],
+                rows[SHEAR_X][begin:end], rows[SHEAR_Y][begin:end], rows[VARIANCE][begin:end],
+                rows[MODEL][begin:end])
         centre = kernels.centre_of(depth)
         kernels.make_shape(sensor.polynomials[k, kind - 1], depth, kind - 1, load.variance,
                            tactels.shapes[k], tactels.slopes[k])
@@ -210,8 +213,10 @@ def _rows_of(kind, sensor, layers, load, tips, memory, rows):
             tip, by_tip = kernels.coefficients_of(shape), kernels.coefficients_of(slope)
             start = load.start if load.extras & BEGINS else first
             stop = load.end if load.extras & ENDS else last
-            _add_tip(dx, dy, cos, sin, load.rho, start, load, tip, centre, -scale, part[START])
-            _add_tip(dx, dy, cos, sin, load.rho, stop, load, tip, centre, scale, part[END])
+            _add_tip(dx, dy, cos, sin, load.rho, start, load, tip, centre, -scale,
+                     rows[START][begin:end])
+            _add_tip(dx, dy, cos, sin, load.rho, stop, load, tip, centre, scale,
+                     rows[END][begin:end])
             if load.extras & BEGINS:
                 _lack(from_, start, dx, dy, cos, sin, load.rho, load, tip, by_tip, centre, depth,
                       scale, part)
@@ -362,11 +367,74 @@ def fit_extended(kind, sensor, layers, forces, extras, scatter, memory):
     return load.force > 0.0 and chi < np.inf
 
 
+@njit(error_model='numpy', fastmath=FAST)
+def _add_patch_slope(kind, x, y, cos, sin, load, by_variance, centre, scale, row):
+    """Add the derivative by the variance of a patch that is a point or a line as yet."""
+    by_f, by_g = by_variance
+    if kind == POINT:
+        for i in range(x.size):
+            u = x[i] - load.a
+            v = y[i] - load.b
+            t = centre / (u * u + v * v + centre)
+            row[i] += scale * (load.force * kernels.value_of(by_f, t) + (
+                load.shear_x * u + load.shear_y * v) * kernels.value_of(by_g, t))
+    else:
+        for i in range(x.size):
+            v = x[i] * cos + y[i] * sin - load.rho
+            t = centre / (v * v + centre)
+            row[i] += scale * (load.force * kernels.value_of(by_f, t)
+                               + load.shear * v * kernels.value_of(by_g, t))
+
+
+@njit(error_model='numpy')
+def patch_gain(kind, sensor, layers, forces, memory):
+    """Chi-square that a patch would take off a sharp load, from what its fit has left behind."""
+    load, row, tactels = memory.fit[0], memory.rows[VARIANCE], memory.tactels
+    count, ends = 2 + forces, tactels.ends
+    n = ends[-1]
+    if not invert(load.normal, count, memory.inverse):
+        return 0.0
+    row[:n] = 0.0
+    cos, sin = math.cos(load.yaw), math.sin(load.yaw)
+    begin = 0
+    for k in range(layers.size):
+        end, depth = ends[k], layers[k].depth
+        kernels.make_first_slope(
+            sensor.polynomials[k, kind - 1], depth, kind - 1, tactels.slopes[k])
+        by_variance = kernels.coefficients_of(tactels.slopes[k])
+        for node in sensor.nodes:
+            x, y = tactels.at[X][begin:end] + node.x, tactels.at[Y][begin:end] + node.y
+            _add_patch_slope(kind, x, y, cos, sin, load, by_variance, kernels.centre_of(depth),
+                             node.weight / layers[k].noise, row[begin:end])
+        begin = end
+    residual, weights = tactels.at[RESIDUAL][:n], memory.weights[:n]
+    if memory.scatter[0] > 0.0:
+        weigh((row,), tactels.at[ROOT], n)
+    weights[:] = 1.0
+    gradient = _dot(row[:n], residual, weights)
+    if not gradient > 0.0:
+        return 0.0
+    free = _dot(row[:n], row[:n], weights)
+    for i in range(count):
+        memory.right[i] = _dot(row[:n], tactels.by[i, :n], weights)
+    for i in range(count):
+        for j in range(count):
+            free -= memory.inverse[i, j] * memory.right[i] * memory.right[j]
+    return gradient * gradient / free if free > 0.0 else 0.0
+
+
 @njit(error_model='numpy')
 def likelier_extra(kind, sensor, layers, forces, scatter, memory):
-    """The extra that would explain most of what the load leaves, and how much; 0 if none would."""
+    """
+    The extra that would explain most of what the load leaves, and how much; 0 if none would.
+
+    Ends are looked for where more is left than noise: what hides in it moves nothing.
+    """
     load, rows, active = memory.fit[0], memory.rows, memory.active
-    tips = kind == LINE
+    freedom = max(load.used - 2.0 - forces, 1.0)
+    tips = kind == LINE and load.squared_error > LEFT_OVER * freedom
+    if not load.extras and not tips:
+        return PATCH, patch_gain(kind, sensor, layers, forces, memory)
     _rows_of(kind, sensor, layers, load, tips, memory, rows)
     matrix, vector, inverse = memory.matrix, memory.right, memory.inverse
     count = _active(forces, load.extras, active)

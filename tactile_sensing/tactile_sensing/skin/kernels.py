@@ -46,6 +46,15 @@ def make_shape(polynomials, depth, row, variance, shape, slope):
 
 
 @njit(error_model='numpy')
+def make_first_slope(polynomials, depth, row, slope):
+    """Derivative of the shape of a load without a patch by the variance of one."""
+    scale = 1.0 / depth**3 if row == LINE_ROW else 1.0 / depth**4
+    for j in range(DEGREE + 1):
+        slope[F, DEGREE - j] = scale * polynomials[1, F, j]
+        slope[G, DEGREE - j] = scale / depth * polynomials[1, G, j]
+
+
+@njit(error_model='numpy')
 def make_sharp_shape(polynomials, depth, row, shape):
     """Shape of a load without a patch."""
     scale = 1.0 / depth if row == LINE_ROW else 1.0 / (depth * depth)
@@ -101,7 +110,7 @@ def values_at(kernel, centre, squared):
 @njit(error_model='numpy', fastmath=FAST)
 def add_point_forces(x, y, a, b, kernel, centre, scale, kept, by_force, by_shear_x, by_shear_y):
     """Add one layer's derivatives by the forces; `kept` rows are for `add_point_place`."""
-    levers, slopes, lever_slopes = kept[0], kept[1], kept[2]
+    levers, slopes, lever_slopes = kept
     for i in range(x.size):
         u = x[i] - a
         v = y[i] - b
@@ -118,7 +127,7 @@ def add_point_forces(x, y, a, b, kernel, centre, scale, kept, by_force, by_shear
 def add_point_place(x, y, a, b, load, kept, by_a, by_b):
     """Add one layer's derivatives by (a, b)."""
     force, shear_x, shear_y = load.force, load.shear_x, load.shear_y
-    levers, slopes, lever_slopes = kept[0], kept[1], kept[2]
+    levers, slopes, lever_slopes = kept
     for i in range(x.size):
         u = x[i] - a
         v = y[i] - b
@@ -130,7 +139,7 @@ def add_point_place(x, y, a, b, load, kept, by_a, by_b):
 @njit(error_model='numpy', fastmath=FAST)
 def add_line_forces(x, y, cos, sin, rho, kernel, centre, scale, kept, by_force, by_shear):
     """Add one layer's derivatives by the forces; `kept` rows are for `add_line_place`."""
-    levers, slopes, lever_slopes = kept[0], kept[1], kept[2]
+    levers, slopes, lever_slopes = kept
     for i in range(x.size):
         v = x[i] * cos + y[i] * sin - rho
         f, g, df, dg = at_distance(kernel, centre, v * v)
@@ -145,7 +154,7 @@ def add_line_forces(x, y, cos, sin, rho, kernel, centre, scale, kept, by_force, 
 def add_line_place(x, y, cos, sin, rho, along, load, kept, by_rho, by_yaw):
     """Add one layer's derivatives by (rho, yaw), see `half_space.kernels.add_line_place`."""
     force, shear = load.force, load.shear
-    levers, slopes, lever_slopes = kept[0], kept[1], kept[2]
+    levers, slopes, lever_slopes = kept
     for i in range(x.size):
         v = x[i] * cos + y[i] * sin - rho
         by = -(force * slopes[i] + shear * v * lever_slopes[i]) * v - shear * levers[i]
