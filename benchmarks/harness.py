@@ -1,11 +1,5 @@
-"""What every benchmark does: one core, a progress bar, results, pictures and a page in docs/."""
+"""What every benchmark does: a progress bar, results, pictures and a page in docs/."""
 
-import os
-
-for _library in ('OMP', 'OPENBLAS', 'MKL'):  # one core; before numpy is loaded
-    os.environ.setdefault(f'{_library}_NUM_THREADS', '1')
-
-# ruff: noqa: E402
 import argparse
 from importlib import import_module
 import json

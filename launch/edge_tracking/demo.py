@@ -158,7 +158,7 @@ def run(options: argparse.Namespace) -> tuple[dict[str, Any], Path]:
     if options.recording:
         summary = summarise_recording(data)
         summary |= {'ok': success and summary['ok'], 'reason': reason}
-        make_recording_report(data, summary, folder / 'report.html')
+        make_recording_report(data, summary, Path(options.recording).name, folder / 'report.html')
     else:
         summary = summarise(data, scene, success=success, reason=reason, reason_code=code,
                             speed=options.speed, force=options.force, seed=options.seed)

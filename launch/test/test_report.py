@@ -106,12 +106,13 @@ def test_reports_of_bags_with_one_topic(scene, tmp_path, kept):
     summary = summarise(bare, scene, success=False, reason='interrupted')
     make_report(bare, summary, scene, tmp_path / 'report.html')
     read_page(tmp_path / 'report.html', 4 + len(summary['sides']))
-    make_recording_report(bare, summarise_recording(bare), tmp_path / 'recording.html')
+    make_recording_report(
+        bare, summarise_recording(bare), 'presses.npz', tmp_path / 'recording.html')
     assert (tmp_path / 'recording.html').stat().st_size > 1000
 
 
 def test_report_of_a_recording(run, tmp_path):
-    make_recording_report(run, summarise_recording(run), tmp_path / 'report.html')
+    make_recording_report(run, summarise_recording(run), 'presses.npz', tmp_path / 'report.html')
     page = read_page(tmp_path / 'report.html', 3)
     assert '1 press' in page.text and 'Recording played' in page.text
 

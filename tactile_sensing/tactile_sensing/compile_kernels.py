@@ -5,6 +5,7 @@ import numpy as np
 from tactile_sensing.contact.estimator import ContactEstimator
 from tactile_sensing.contact.load_fits import fit_loads
 from tactile_sensing.contact.ridge import ridge_points
+from tactile_sensing.dome.pressing import superpose
 from tactile_sensing.half_space.kernels import add_point, add_segment
 from tactile_sensing.half_space.layers import Layer as FitLayer
 from tactile_sensing.types.array import TactelArray
@@ -22,3 +23,4 @@ def compile_kernels() -> None:
     add_point(picture, x, y, 1e-3, 0.0, 0.0, 1.0)
     add_segment(picture, x, y, 1e-3, 0.0, 0.0, 1e-3, 0.0, 1.0, 1.0)
     ridge_points(picture, array, 1.0, 1e-3)
+    superpose(np.zeros((1, 3, 4)), np.zeros((1, 3)))

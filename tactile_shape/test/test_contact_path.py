@@ -155,6 +155,24 @@ def test_contacts_wait_for_their_pose_and_keep_their_order():
     assert path.lost == 0
 
 
+def test_a_pad_that_lifts_off_touches_nowhere():
+    """Neither what it still touches nor, while contact flickers, what it touches again."""
+    path = ContactPath()
+    for ms in range(0, 300, 50):
+        path.add_pose(ms * MS, np.eye(4))
+
+    def place(ms, load):
+        return path.add_contact(ms * MS, replace(
+            point(), moments=Moments(load, 0.0, 0.0, 0.0, 0.0, 0.0)))[0].contact
+
+    assert place(0, 5.0) and place(10, 3.0)
+    assert not place(20, 2.0) and 'lifts off' in path.add_contact(
+        25 * MS, replace(point(), moments=Moments(2.0, *5 * (0.0,))))[0].reason
+    path.add_contact(30 * MS, NOTHING)
+    assert not place(40, 0.5)
+    assert place(200, 0.5)  # another touch, a light one
+
+
 def test_lost_contact_and_gaps_begin_a_new_path():
     path = ContactPath(max_gap=0.1)
     for k in range(100):

@@ -56,6 +56,14 @@ def test_before_a_corner_the_place_is_on_the_leg(ahead):
     assert abs(x) < (3e-4 if ahead < 3e-3 else 1e-4) and abs(y) < 3e-4
 
 
+@pytest.mark.parametrize('end', np.arange(-3e-3, 1.1e-3, 5e-4))
+def test_an_edge_ends_between_tactels(end):
+    """Load along half a line leaves half of the pressure at its end: finer than a pitch."""
+    x, y = edge_point(edge(np.array([[0.0, -0.03], [0.0, end]])))
+    bound = 3e-4 if end > -1e-3 else 5e-4
+    assert abs(x) < 1.5e-4 and abs(y - min(end, 0.0)) < bound
+
+
 @pytest.mark.parametrize('left', [2e-3, 4e-3, 6e-3])
 def test_an_edge_that_leaves_the_pad_is_not_told_beyond_its_end(left):
     """The noise makes faint ridges beside and beyond what is left of it on the pad's border."""

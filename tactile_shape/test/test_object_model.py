@@ -44,6 +44,17 @@ def test_contour_is_thinned_and_broken_where_contact_was_lost():
     np.testing.assert_allclose(model.contour[:11, 0], np.arange(11) * 1e-3, atol=2e-4)
 
 
+def test_a_contour_reaches_to_its_end_and_not_to_single_contacts_beyond():
+    model = ObjectModel(ModelConfig(spacing=1e-3))
+    for x in [*np.arange(0.0, 9.61e-3, 1e-4), 9.7e-3, 9.9e-3, 9.95e-3, 9.6e-3, 9.3e-3]:
+        model.add_contact(np.array([x, 0.0, 0.0]))
+    kept = model.total
+    model.begin_stroke()
+    assert model.total == kept + 1
+    np.testing.assert_allclose(model.contour[-1], [9.7e-3, 0.0, 0.0])
+    np.testing.assert_allclose(model.newest(2), model.contour[-2:])
+
+
 def test_memory_is_bounded():
     model = ObjectModel(ModelConfig(max_points=20))
     flat = Patch(Kind.PLANE, True, '', 'local_quadric', np.eye(4), np.zeros(2))

@@ -117,6 +117,15 @@ def test_a_straight_edge_that_rises_is_seen_from_above():
     assert np.abs(outline.points[:, 0] - 0.3).max() < 1e-4
 
 
+def test_the_ends_of_an_open_contour_are_on_its_sides():
+    """One contact that is off, the last one, does not tilt a side."""
+    contour = walk(np.array([[0.0, 0.0], [0.03, 0.0]]))
+    true = lifted(contour[[0, -1]])
+    contour[:, 1] += np.random.default_rng(0).normal(0.0, 1e-5, len(contour))
+    contour[0, 1], contour[-1, 1] = 2e-4, -2e-4
+    assert np.abs(find_outline(lifted(contour)).points[[0, -1]] - true).max() < 1e-4
+
+
 def test_a_gap_makes_no_corner():
     y = np.concatenate([np.arange(0.0, 0.07, 1e-3), np.arange(0.084, 0.18, 1e-3)])
     rng = np.random.default_rng(9)

@@ -57,6 +57,12 @@ class Truth(NamedTuple):
     on_target: np.ndarray  # where the force can be and is held against its target
 
 
+def mean_speed(real: Truth) -> float:
+    """Return the mean speed along the edge while it is followed [m/s]."""
+    time, way = real.time[real.tracking], real.progress[real.tracking]
+    return float(np.ptp(way) / np.ptp(time)) if len(time) > 1 and np.ptp(time) > 0.0 else NAN
+
+
 class OutlineError(NamedTuple):
     """How far a rebuilt outline is from the true edge."""
 
@@ -99,12 +105,14 @@ METRICS = (
            lambda e: e.outline.largest),
     Metric('contour_area_error', 'area of the outline off by', '%', 100.0, 3,
            lambda e: e.outline.area),
-    Metric('speed', 'speed', 'mm/s', 1e3),
+    Metric('speed', 'speed asked for', 'mm/s', 1e3),
+    Metric('speed_mean', 'speed, mean', 'mm/s', 1e3, 1, lambda e: mean_speed(e.truth)),
     Metric('duration', 'duration', 's', 1.0, 2),
     Metric('real_time_factor', 'faster than real time', 'times'),
     Metric('sensor_rate', 'sensor rate', 'Hz'),
     Metric('control_rate', 'control rate', 'Hz'),
-    Metric('missed_cycles', 'missed cycles', '', 1.0, 0),
+    Metric('cycles', 'control cycles', '', 1.0, 0),
+    Metric('missed_cycles', 'of these missed', '', 1.0, 0),
     Metric('latency_p50', 'latency, median', 'ms', 1e3, 2),
     Metric('latency_p99', 'latency, 99 %', 'ms', 1e3, 2),
     Metric('cpu_per_cycle', 'CPU per control cycle', 'ms', 1e3, 3),

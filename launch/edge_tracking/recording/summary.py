@@ -123,6 +123,7 @@ def summarise(run: RunData, scene: Scene, *, success: bool, reason: str = '',
         'duration': metrics.span(statuses.stamp_ns[active]),
         'sensor_rate': rate(stamps[(stamps >= begin) & (stamps <= end)]),
         'control_rate': rate(statuses.stamp_ns[active]),
+        'cycles': len(active),
         'missed_cycles': int(statuses.missed_cycles[last] - statuses.missed_cycles[active[0]])
         if active.size else 0,
         'latency_p50': percentile(latency, 50),

@@ -91,8 +91,10 @@ def _shade(axes, run, time, named):
         if colour:
             axes.axvspan(begun, ended, color=colour, linewidth=0, zorder=0)
         share = (ended - begun) / whole
-        if named and name and share > 0.025:
-            axes.annotate(name, (0.5 * (begun + ended), 0.96), fontsize=9.5,
+        held = state[start] == State.HOLD  # named however short
+        if named and name and (share > 0.025 or held):
+            text = f'{name}, {1e3 * (ended - begun):.0f} ms' if held else name
+            axes.annotate(text, (0.5 * (begun + ended), 0.96), fontsize=9.5,
                           xycoords=('data', 'axes fraction'), ha='center', va='top',
                           rotation=90 if share < 0.1 else 0, color=GREY)
 

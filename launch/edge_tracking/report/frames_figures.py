@@ -41,7 +41,7 @@ def force_over_time(series: ForceSeries) -> Figure:
     return figure
 
 
-def press_pictures(run: RunData, series: ForceSeries, limit: int = 8) -> Figure:
+def press_pictures(run: RunData, series: ForceSeries, limit: int) -> Figure:
     """Pictures at the peaks of presses, evenly chosen, with the centre of pressure."""
     images = run.images
     found = presses(series.force) if images.array is not None else []

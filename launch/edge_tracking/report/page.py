@@ -6,6 +6,8 @@ import math
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from edge_tracking.recording.frames_summary import force_series, METRICS
 from edge_tracking.recording.run import RunData
 from edge_tracking.recording.summary import rebuilt_outline, truth
@@ -14,6 +16,8 @@ from edge_tracking.report.style import png
 from tactile_simulation.metrics import shown
 from tactile_simulation.scene import Scene
 
+SHOWN_PRESSES = 8
+LEAST = 6e-3  # m that contacts of a surface spread over
 _CSS = """
 :root { color-scheme: light; }
 body { margin: 0 auto; max-width: 62rem; padding: 1rem 1.1rem 3rem; background: #fff;
@@ -68,7 +72,8 @@ def make_report(run: RunData, summary: Mapping[str, Any], scene: Scene, path) ->
             'Lines, arcs and corners, as few as the contacts along the edge allow. Each contact '
             'is a point of the fitted line or, on a curve and at a corner, of the ridge of the '
             'picture, put into the base by the pose of the robot.', ''))
-    if run.patches:
+    # Of an edge that was touched for the first time a few contacts may look like a surface.
+    if len(run.patches) and np.ptp([patch.origin for patch in run.patches], axis=0).max() > LEAST:
         sections.append((
             'Surface', plans.surface(run),
             'Where a surface was touched: patches of second order, coloured by the least one '
@@ -77,27 +82,29 @@ def make_report(run: RunData, summary: Mapping[str, Any], scene: Scene, path) ->
     rms, largest = summary['lateral_rms'], summary['lateral_max']
     title = f'Scene \u201c{scene.name}\u201d'
     if math.isfinite(summary['speed']):
-        title += f' at {1e3 * summary["speed"]:.0f} mm/s'
+        title += f', {1e3 * summary["speed"]:.0f} mm/s asked for'
     lead = f'{summary["reason"]}.'
     if math.isfinite(rms):
         lead += (f" The pad's centre stayed within {1e3 * largest:.3f} mm of the true edge, "
-                 f'{1e3 * rms:.3f} mm RMS, over {1e3 * summary["tracked_length"]:.0f} mm.')
+                 f'{1e3 * rms:.3f} mm RMS, over {1e3 * summary["tracked_length"]:.0f} mm '
+                 f'at {1e3 * summary["speed_mean"]:.0f} mm/s on average.')
     _write(path, title, verdict, lead, shown(summary), sections,
            f'{scene.description} Controller: {summary["controller"]}. Last state: '
            f'{summary["state"]}.' + (f' Seed of the noise: {summary["seed"]}.'
                                      if summary.get('seed') is not None else ''))
 
 
-def make_recording_report(run: RunData, summary: Mapping[str, Any], path) -> None:
-    """Write the report of a recording, with its `summarise_recording`, as HTML."""
+def make_recording_report(run: RunData, summary: Mapping[str, Any], name: str, path) -> None:
+    """Write the report of a recording of some name, with its `summarise_recording`, as HTML."""
     series = force_series(run)
     sections = [] if not len(series.time) else [
         ('Force and centre of pressure over time', frames_figures.force_over_time(series),
          'Force is the zeroth moment of the picture. Without a calibration it is in counts '
          'times area and says nothing about newtons. The centre of pressure is shown where '
          'the force is above a tenth of its largest value.', ''),
-        ('Presses', frames_figures.press_pictures(run, series),
-         'The picture at the peak of each press, with its centre of pressure.', ''),
+        ('Presses', frames_figures.press_pictures(run, series, SHOWN_PRESSES),
+         f'The pictures at the peaks of {min(summary["presses"], SHOWN_PRESSES)} of '
+         f'{summary["presses"]} presses, with the centre of pressure.', ''),
         ('Path of the centre of pressure', frames_figures.centre_path(run, series),
          'The frame is the array; the colour is the force.', '')]
     types = ', '.join(f'{count} {name}' for name, count in summary['contact_types'].items()
@@ -108,7 +115,8 @@ def make_recording_report(run: RunData, summary: Mapping[str, Any], path) -> Non
         factor, unit = frames_figures.force_unit(series)
         lead += f'; the largest force is {factor * largest:.4g} {unit}'
     verdict = ('Recording played' if summary['ok'] else 'No pictures', summary['ok'])
-    _write(path, f'Recording, {summary["rows"]} \u00d7 {summary["columns"]} tactels', verdict,
+    tactels = f'{summary["rows"]} \u00d7 {summary["columns"]} tactels'
+    _write(path, f'Recording \u201c{name}\u201d, {tactels}', verdict,
            f'{lead}. Contacts by type: {types}.', shown(summary, METRICS), sections,
            summary.get('reason', ''))
 

@@ -15,6 +15,7 @@ from tactile_simulation.scene import Scene
 
 # Of the run, shown enlarged [mm].
 DETAIL_LENGTH = 30.0
+FLATTEST = 0.3  # height of a plan of equal axes, of its width
 
 
 def trajectory(run: RunData, scene: Scene, real: Truth) -> Figure:
@@ -104,6 +105,8 @@ def outline(run: RunData, scene: Scene, found: Outline) -> Figure:
             text += f', R {1e3 * side.radius:.1f}'
         note(plan, x, y, text, ha='center')
     plan.margins(0.1)
+    (low, high), least = plan.get_ylim(), 0.5 * FLATTEST * np.ptp(plan.get_xlim())
+    plan.set_ylim(min(low, 0.5 * (low + high) - least), max(high, 0.5 * (low + high) + least))
     plan.set_aspect('equal')
     label(plan, 'along the first edge [mm]', 'across [mm]',
           'True edge, contacts (dots), outline (line)')

@@ -137,7 +137,8 @@ class ContactEstimator:
             raise ConfigurationError(
                 f'frames has the shape {np.shape(frames)}, must be (N, '
                 f'{", ".join(map(str, expected))})')
-        estimates = self._estimate(stress, array, layers, tared, 0, True)
+        main = next((layer for layer in layers if layer.component == 'zz'), layers[0])
+        estimates = self._estimate(stress, array, layers, tared, 0, main.unit == 'Pa')
         records = np.zeros(len(stress), RECORD)
         records['valid'] = valid = _is_valid(estimates['type'], estimates['reasons'])
         for name, column in COLUMNS.items():
@@ -163,6 +164,7 @@ class ContactEstimator:
             rules['gain_spread'] = main.gain_spread
         table['given_noise'] = [config.noise_std or layer.noise_std for layer in layers]
         table['full_scale'] = [layer.full_scale for layer in layers]
+        table['floor'] = [layer.floor for layer in layers]
         estimates = NOTHING.repeat(count)
         reasons = 0 if tared else int(Reason.NOT_TARED)
         step = count if config.method == 'fit' else 1  # the closed forms need a frame's noise

@@ -5,6 +5,7 @@ import numpy as np
 from tactile_common.kernels import njit
 from tactile_sensing.contact.gauss_newton import fit_load
 from tactile_sensing.contact.goodness_of_fit import compare
+from tactile_sensing.contact.preprocessing import fill_censored
 from tactile_sensing.contact.variable_projection import TUKEY
 from tactile_sensing.half_space.layers import PRESSURE
 
@@ -16,6 +17,7 @@ AROUND_EVIDENCE = 2.5  # standard deviations by which the tactels around one mus
 OUTLIER = 5.0  # standard deviations, model error included, that no tactel may be off
 MAX_OUTLIERS = 0.25  # of the loaded tactels; more is a contact of another kind
 MAX_OUTLIERS_AROUND = 3  # of the eight around one; likewise
+MAX_CENSORED = 0.1  # share of censored tactels beside which drift shows
 DRIFT_LOOKS = 3  # each leaves a part of the drift that it found
 DEPTH_STEPS = 0.05, 0.02, 0.01  # relative differences by which the depth is searched
 LONGEST_DEPTH_STEP = 0.15
@@ -34,7 +36,15 @@ def _unloaded_median(left, model, limit, values):
 
 
 @njit(error_model='numpy')
-def _take_off_drift(stress, left, model, layers, values, first):
+def _share(flags):
+    count = 0
+    for flag in flags.flat:
+        count += flag
+    return count / flags.size
+
+
+@njit(error_model='numpy')
+def _take_off_drift(stress, left, model, layers, censored, values, first):
     """
     Subtract from every layer the median of its unloaded tactels; whether it did.
 
@@ -42,8 +52,8 @@ def _take_off_drift(stress, left, model, layers, values, first):
     """
     found = False
     for k in range(stress.shape[0]):
-        if layers[k].threshold > 0.0:  # it leaves the upper part of the noise, which is no drift
-            continue
+        if layers[k].floor != 0.0 and _share(censored[k]) > MAX_CENSORED:
+            continue  # the median of what is left of the noise is no drift
         noise, largest = layers[k].noise, max(model[k].max(), -model[k].min())
         median, n = _unloaded_median(left[k], model[k], max(noise, UNLOADED * largest), values)
         enough = DRIFT_EVIDENCE * 1.2533 * noise / np.sqrt(max(n, 1)) if first else 0.0
@@ -194,8 +204,12 @@ def fit_despite_faults(kind, sensor, layers, forces, mend, rules, memory):
                         tactels, fit):
             return False, False
         compare(kind, sensor, layers, fit, memory)
-        if look == DRIFT_LOOKS or not _take_off_drift(
-                stress, left, model, layers, memory.unloaded, look == 0):
+        if look == DRIFT_LOOKS:
+            break
+        fill_censored(stress, model, layers, memory.censored)
+        drifted = _take_off_drift(
+            stress, left, model, layers, memory.censored, memory.unloaded, look == 0)
+        if not drifted and not memory.any_censored[0]:
             break
     if not mend or not any_off(left, model, layers, rules):
         return True, False

@@ -33,7 +33,12 @@ from tactile_sensing.contact.outliers import (
     fit_despite_faults,
     scale_depths,
 )
-from tactile_sensing.contact.parameters import compare_forces, write_line, write_point
+from tactile_sensing.contact.parameters import (
+    compare_forces,
+    forget_forces,
+    write_line,
+    write_point,
+)
 from tactile_sensing.contact.preprocessing import preprocess
 from tactile_sensing.half_space.layers import LAYER, Sensor
 from tactile_sensing.skin.kernels import TERMS
@@ -82,6 +87,8 @@ class Memory(NamedTuple):
     kept_load: np.ndarray
     tip_shapes: np.ndarray
     source: np.ndarray
+    censored: np.ndarray  # (layers, rows, columns): tactels only known to be below the floor
+    any_censored: np.ndarray  # bool, shape (1,)
 
 
 @njit(error_model='numpy')
@@ -96,7 +103,8 @@ def make_memory(layers, rows, columns, nodes):
         np.zeros(1), np.ones(1), np.zeros(1, np.bool_), np.zeros(1, FIT), np.zeros((8, 8)),
         np.zeros(5), np.zeros((8, 8)), np.empty((ROWS, most)), np.empty(most),
         np.zeros(8, np.int64), np.zeros((8, 8)), np.zeros(8), np.zeros((8, 8)), np.zeros(8),
-        np.zeros(8), np.zeros((2, 2, TERMS)), np.zeros(1, FIT))
+        np.zeros(8), np.zeros((2, 2, TERMS)), np.zeros(1, FIT), np.zeros(shape, np.bool_),
+        np.zeros(1, np.bool_))
 
 
 @njit(cache=True, error_model='numpy')
@@ -125,6 +133,8 @@ def estimate_frames(stress, x, y, pitch_x, pitch_y, nodes, window, polynomials, 
         memory.estimates[0] = estimates[f]
         best = estimate_frame(
             stress[f], sensor, layers, rules[0], reasons, saturated, calibrated, memory)
+        if not calibrated:
+            forget_forces(memory.estimates[best])
         estimates[f] = memory.estimates[best]
 
 
@@ -132,8 +142,10 @@ def estimate_frames(stress, x, y, pitch_x, pitch_y, nodes, window, polynomials, 
 def estimate_frame(stress, sensor, layers, rules, reasons, saturated, calibrated, memory):
     """Estimate one frame; returns which of the two estimates in the memory holds."""
     first, second = memory.estimates[0], memory.estimates[1]
-    if not preprocess(stress, sensor, layers, reasons, saturated, calibrated, first):
+    if not preprocess(stress, sensor, layers, reasons, saturated, calibrated, memory.censored,
+                      first):
         return 0
+    memory.any_censored[0] = memory.censored.any()
     if not rules.fit:
         first.type = PENDING
         return 0

@@ -14,7 +14,10 @@ from tactile_sensing.types.array import TactelArray
 class ForwardModel(Protocol):
     """A load's state (K,) to the tactile image, and its derivatives."""
 
-    parameters: tuple[str, ...]  # names of the entries of a state
+    @property
+    def parameters(self) -> tuple[str, ...]:
+        """Names of the entries of a state."""
+        ...
 
     def image(self, state: np.ndarray) -> np.ndarray:
         """Stress at the centres of the tactels [Pa], shape (layers, rows, columns)."""

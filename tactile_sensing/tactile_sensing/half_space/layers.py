@@ -27,11 +27,11 @@ _LEVERS = {'zz': (1.0, 0.0, 0.0), 'xz': (0.0, 1.0, 0.0), 'yz': (0.0, 0.0, 1.0)}
 # Points that stand for a tactel: offset from its centre [m] and weight.
 NODE = np.dtype([('x', 'f8'), ('y', 'f8'), ('weight', 'f8')])
 # Depth [m], noise of a tactel [Pa], index into COMPONENTS, the component as (gz + gx x' + gy y')
-# times the pressure, and the threshold below which the values are missing, 0 if there is none;
+# times the pressure, and what at or below is only known to be below it, 0 if there is none;
 # noise (0: unknown) and full scale (0: none) as given with a picture [Pa].
 LAYER = np.dtype([
     ('depth', 'f8'), ('noise', 'f8'), ('component', 'i8'), ('gz', 'f8'), ('gx', 'f8'),
-    ('gy', 'f8'), ('threshold', 'f8'), ('given_noise', 'f8'), ('full_scale', 'f8')])
+    ('gy', 'f8'), ('floor', 'f8'), ('given_noise', 'f8'), ('full_scale', 'f8')])
 
 
 class Sensor(NamedTuple):

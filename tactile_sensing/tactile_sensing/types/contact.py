@@ -36,10 +36,12 @@ class Reason(IntFlag):
     SATURATED = 512
     DEAD_TACTELS = 1024
     FORCE_MISMATCH = 2048
+    UNCALIBRATED = 4096
 
 
 # What says that something was left out, not that there is no estimate.
-INFORMATION = Reason.SATURATED | Reason.DEAD_TACTELS | Reason.FORCE_MISMATCH | Reason.NOT_TARED
+INFORMATION = (Reason.SATURATED | Reason.DEAD_TACTELS | Reason.FORCE_MISMATCH | Reason.NOT_TARED
+               | Reason.UNCALIBRATED)
 
 
 def _told(unit: str, doc: str, *, name: str = '', dtype: str = 'f8', row: bool = False) -> dict:

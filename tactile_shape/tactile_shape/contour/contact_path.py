@@ -15,6 +15,7 @@ ELONGATED = 4.0  # ratio of second moments; a straight edge has 10 and more, a r
 MIDDLE = 2e-3  # m from its nearest point that the pressure of a whole line may be centred
 BEYOND = 1e-3  # m between a fitted line and its ridge from which the ridge is believed
 FARTHEST = 1.0  # m from the middle of a pad
+LEAVING = 0.5  # of the largest load of a path; a lighter contact is of a pad that lifts off
 Place = tuple[float, float]  # x, y on the array [m]
 
 
@@ -124,6 +125,8 @@ class ContactPath:
         self._waiting: deque[_Waiting] = deque(maxlen=100)
         self.lost = 0  # contacts that no pose came for
         self._last: int | None = None  # stamp of the last contact [ns]
+        self._touched = -self._max_gap - 1  # stamp of the last load [ns], and the largest one
+        self._heaviest = 0.0
 
     def clear(self) -> None:
         """Forget poses and waiting contacts: another frame, or a recording that restarts."""
@@ -164,6 +167,8 @@ class ContactPath:
         if waiting.contact.type == ContactType.NONE:
             self._last = None
             return None, True, 'nothing is touched'
+        if self._leaves(stamp, waiting.contact.moments.m0):
+            return None, False, 'too light: the pad lifts off'
         if position is None:
             return None, False, 'the contact is not located'
         pose = self._poses.at(stamp)
@@ -174,3 +179,10 @@ class ContactPath:
         self._last = stamp
         return SpatialContact(stamp, pose[:3, :3] @ position + pose[:3, 3],
                               pose[:3, :3] @ normal, edge), anew, ''
+
+    def _leaves(self, stamp, load):
+        """Whether the pad lifts off: what little it still touches lies anywhere on it."""
+        if not 0 <= stamp - self._touched <= self._max_gap:
+            self._heaviest = 0.0
+        self._touched, self._heaviest = stamp, max(self._heaviest, load)
+        return load < LEAVING * self._heaviest

@@ -114,6 +114,12 @@ def angle_between(one: np.ndarray, other: np.ndarray) -> np.ndarray:
     return np.arctan2(cross, (one * other).sum(axis=-1))
 
 
+def on_curve(curve: Line | Arc, point: np.ndarray) -> np.ndarray:
+    """Point of a curve that is nearest to a point (2,)."""
+    foot, direction = curve.tangent(point)
+    return foot + (point - foot) @ direction * direction
+
+
 def meeting(first: Line | Arc, second: Line | Arc, corner: np.ndarray) -> np.ndarray:
     """Where two lines, or tangents near a corner (2,), meet; the corner if nowhere."""
     p, d = first.tangent(corner)

@@ -1,4 +1,8 @@
 """The point of an edge under the pad, from the ridge in its picture: bends, corners, ends."""
+import math
+
+import numpy as np
+
 from tactile_sensing.contact.ridge import ridge_points
 from tactile_sensing.types.image import TactileImage
 
@@ -18,14 +22,31 @@ def edge_point(image: TactileImage) -> tuple[float, float] | None:
         return None
     points = ridge_points(layer.stress, image.array, float(layer.noise_std), layer.depth)
     peak = points['pressure'].max(initial=0)
-    points = points[(points['quality'] > STRAIGHT) & (points['pressure'] > END * peak)]
-    if len(points) < FEWEST:
+    strong = points[(points['quality'] > STRAIGHT) & (points['pressure'] > END * peak)]
+    if len(strong) < FEWEST:
         return None
     # One point of a ridge is good for a hundredth of a millimetre at 40 dB: it needs no mean,
     # which would take in the turn of a corner nearby.
-    point = points[(points['x']**2 + points['y']**2).argmin()]
-    x, y = point['x'], point['y']
-    along = x * point['tx'] + y * point['ty']
-    if abs(along) < max(image.array.pitch_x, image.array.pitch_y):  # else the edge ends there
-        x, y = x - along * point['tx'], y - along * point['ty']
-    return float(x), float(y)
+    nearest = strong[(strong['x']**2 + strong['y']**2).argmin()]
+    x, y, tx, ty = (float(nearest[name]) for name in ('x', 'y', 'tx', 'ty'))
+    along = -(x * tx + y * ty)  # to the point of the line that is nearest to the centre
+    if along < 0.0:
+        along, tx, ty = -along, -tx, -ty
+    ahead = (points['x'] - x) * tx + (points['y'] - y) * ty
+    onward = np.argsort(ahead)[np.count_nonzero(ahead <= 0.0):]
+    along = min(along, _reach(
+        ahead[onward], points['pressure'][onward], nearest['pressure'],
+        END * np.median(strong['pressure']), max(image.array.pitch_x, image.array.pitch_y)))
+    return x + along * tx, y + along * ty
+
+
+def _reach(ahead, pressures, here, half, pitch):
+    """How far a ridge goes on [m]: to where its pressure falls to half, or is no more seen."""
+    reach = 0.0
+    for place, pressure in zip([*ahead, math.inf], [*pressures, 0.0], strict=True):
+        if place - reach > 2.0 * pitch:
+            place, pressure = reach + pitch, 0.0
+        if pressure < half:
+            return reach + (place - reach) * max(here - half, 0.0) / (here - pressure)
+        reach, here = place, pressure
+    return reach

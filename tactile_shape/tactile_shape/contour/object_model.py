@@ -1,6 +1,7 @@
 """What touching an object has told of it: an outline of its edges, a surface of its patches."""
 from collections import deque
 from dataclasses import dataclass
+from operator import itemgetter
 from os import PathLike
 from typing import NamedTuple
 
@@ -15,6 +16,7 @@ COLOURS = {Kind.NONE: (0.6, 0.6, 0.6), Kind.PLANE: (0.30, 0.55, 0.80),
            Kind.CYLINDER: (0.25, 0.65, 0.40), Kind.SPHERE: (0.90, 0.60, 0.15),
            Kind.GENERAL: (0.75, 0.30, 0.35)}
 STEPS = (5, 5)  # points along the sides of a patch
+TAIL = 3  # contacts of which two may be too far ahead, at the end of a contour
 RECENT = 20  # contour points that a new one is compared with
 
 
@@ -52,10 +54,14 @@ class ObjectModel:
         self.total = self._count = 0
         self.patches: list[Patch] = []
         self._recent: deque[np.ndarray] = deque(maxlen=RECENT)
+        # Contacts that lead on farthest from the last point, and how far, too near to be kept.
+        self._tail: list[tuple[float, np.ndarray]] = []
         self._anew = True
 
     def begin_stroke(self) -> None:
-        """Contact was lost: what comes next does not join what came before."""
+        """Contact was lost: what comes next does not join what came before, which ends here."""
+        if len(self._tail) == TAIL:
+            self._keep(self._tail[0][1])
         self._anew = True
 
     def add_contact(self, position: np.ndarray) -> bool:
@@ -68,10 +74,25 @@ class ObjectModel:
         position = np.array(position, dtype=float)
         if self._recent and (((np.array(self._recent) - position)**2).sum(axis=1).min()
                              < self.config.spacing**2):
+            self._lead_on(position)
             return False
         if self._anew:
             self.strokes.append([])
-            self._anew = False
+        self._anew = False
+        self._keep(position)
+        return True
+
+    def _lead_on(self, position):
+        """Remember a contact that may be the end of its stroke."""
+        if self._anew or len(self.strokes[-1]) < 2:
+            return
+        before, last = self.strokes[-1][-2:]
+        ahead = float((position - last) @ (last - before))
+        if ahead > 0.0:
+            self._tail = sorted([*self._tail, (ahead, position)], key=itemgetter(0))[-TAIL:]
+
+    def _keep(self, position):
+        self._tail = []
         self.strokes[-1].append(position)
         self._recent.append(position)
         self.total += 1
@@ -81,7 +102,10 @@ class ObjectModel:
             self._count -= 1
             if not self.strokes[0]:
                 self.strokes.pop(0)
-        return True
+
+    def newest(self, count: int) -> list[np.ndarray]:
+        """Return the last `count` points of the contour that were kept."""
+        return [point for stroke in self.strokes[-2:] for point in stroke][-count:]
 
     def add_patch(self, patch: Patch) -> bool:
         """Add a valid patch; returns whether it was far enough from the last to be kept."""

@@ -7,7 +7,7 @@ from numpy.typing import ArrayLike
 from tactile_common.config import bounded, check_fields
 from tactile_common.errors import ConfigurationError
 from tactile_common.polyline import arc_length
-from tactile_shape.contour.curves import angle_between, Line, meeting
+from tactile_shape.contour.curves import angle_between, Line, meeting, on_curve
 from tactile_shape.contour.pieces import divide, Ends, fit_piece
 
 STRAIGHT = 0.1  # width per length of a contour that has no plane of its own
@@ -70,7 +70,7 @@ class Outline:
             form = '' if side.kind == 'line' else f', radius {1e3 * side.radius:.2f} mm'
             lines.append(f'side {k + 1}: {side.kind}, {1e3 * side.length:.2f} mm{form}')
         for k, (corner, angle) in enumerate(zip(self.corners, self.angles, strict=True)):
-            x, y, z = 1e3 * corner
+            x, y, z = np.round(1e3 * corner, 2) + 0.0  # no minus zero
             lines.append(f'corner {k + 1}: ({x:.2f}, {y:.2f}, {z:.2f}) mm, turn '
                          f'{np.degrees(angle):.1f} deg')
         return '\n'.join(lines)
@@ -240,9 +240,10 @@ def _runs(flat, corners, closed):
 def _assemble(pieces, closed, lift):
     """Outline of pieces in the plane; `lift` brings points (..., 2) into space."""
     joints = [meeting(before.curve, piece.curve, piece.points[0]) if piece.ends.start
-              else piece.points[0] for before, piece in zip(
+              else on_curve(piece.curve, piece.points[0]) for before, piece in zip(
                   [pieces[-1], *pieces], pieces, strict=False)]
-    ends = joints[1:] + [joints[0] if closed else pieces[-1].points[-1]]
+    ends = joints[1:] + [
+        joints[0] if closed else on_curve(pieces[-1].curve, pieces[-1].points[-1])]
     sides, corners, turns = [], [], []
     for k, (piece, start, end) in enumerate(zip(pieces, joints, ends, strict=True)):
         path, curve = piece.between(start, end), piece.curve

@@ -64,8 +64,9 @@ class _ModelPublisher:
         if patch.valid:
             self._newest, self._changed = patch, True
         if model.total > self._total:
+            self._contour.extend(contour_point_to_msg(point, header)
+                                 for point in model.newest(model.total - self._total))
             self._total, self._changed = model.total, True
-            self._contour.append(contour_point_to_msg(placed.contact.position, header))
         lost = placed.contact is None and placed.anew
         stamp = stamp_to_ns(header.stamp)
         waited = None if self._published_ns is None else stamp - self._published_ns

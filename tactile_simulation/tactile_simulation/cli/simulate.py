@@ -94,6 +94,8 @@ def draw(simulation: Simulation, path) -> None:
         if points is not None:
             plan.plot(*1e3 * points[:, :2].T, color=look, lw=width, label=label,
                       ls=':' if points is contour else '-')
+    (low, high), least = plan.get_ylim(), 0.15 * np.ptp(plan.get_xlim())  # of a straight edge
+    plan.set_ylim(min(low, 0.5 * (low + high) - least), max(high, 0.5 * (low + high) + least))
     plan.set(aspect='equal', xlabel='x [mm]', ylabel='y [mm]', title=simulation.scene.name)
     plan.legend()
     errors.plot(1e3 * truth.progress[truth.tracking], 1e3 * truth.lateral[truth.tracking], 'C0')

@@ -1,0 +1,6 @@
+"""Benchmarks; one core each, which has to be said before numpy is loaded."""
+
+import os
+
+for _library in ('OMP', 'OPENBLAS', 'MKL'):
+    os.environ.setdefault(f'{_library}_NUM_THREADS', '1')

@@ -1,0 +1,93 @@
+"""
+Geometry of a round probe.
+
+The sensor frame touches the apex of the skin: z points out of it, the probe's centre lies at
+(0, 0, -skin_radius). A place (x, y) on the pad is a length along the great circle from the apex
+on the sphere of the tactels, in the direction (x, y): an array that was wrapped around the probe
+keeps its pitches along x and y through the apex.
+"""
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from tactile_common.config import bounded, check_fields
+from tactile_common.errors import ConfigurationError
+from tactile_sensing.types.array import TactelArray
+
+NEAR = 1e-4  # rad from the apex, within which a series stands for what would be 0 / 0
+
+
+@dataclass(frozen=True)
+class Dome:
+    """A spherical skin glued to a rigid core, its tactels on a sphere within."""
+
+    skin_radius: float = bounded(0.027, 'of the surface of the skin', 'm', 1e-4, 1.0)
+    array_radius: float = bounded(0.025, 'of the sphere of the tactels', 'm', 1e-4, 1.0)
+    core_radius: float = bounded(0.023, 'of the rigid core below the skin', 'm', 1e-4, 1.0)
+
+    def __post_init__(self):
+        check_fields(self, 'dome.')
+        if not self.core_radius < self.array_radius < self.skin_radius:
+            raise ConfigurationError(
+                f'dome: core_radius {self.core_radius}, array_radius {self.array_radius} and '
+                f'skin_radius {self.skin_radius} m must increase')
+
+    @property
+    def depth(self) -> float:
+        """Of the tactels below the surface [m]."""
+        return self.skin_radius - self.array_radius
+
+    @property
+    def centre(self) -> np.ndarray:
+        """Of the probe, in the sensor frame (3,) [m]."""
+        return np.array([0.0, 0.0, -self.skin_radius])
+
+    def direction(self, place: np.ndarray) -> np.ndarray:
+        """Outward unit vectors (..., 3) from the centre to places (..., 2) [m] on the pad."""
+        place = np.asarray(place, dtype=float) / self.array_radius
+        angle = np.hypot(place[..., 0], place[..., 1])
+        return np.concatenate([
+            np.sinc(angle / np.pi)[..., None] * place, np.cos(angle)[..., None]], axis=-1)
+
+    def place(self, direction: np.ndarray) -> np.ndarray:
+        """Places (..., 2) on the pad [m] of vectors (..., 3) from the centre, of any length."""
+        direction = np.asarray(direction, dtype=float)
+        across = np.hypot(direction[..., 0], direction[..., 1])
+        angle = np.arctan2(across, direction[..., 2])
+        share = np.where(across > 0.0, angle / np.where(across > 0.0, across, 1.0), 0.0)
+        return self.array_radius * share[..., None] * direction[..., :2]
+
+    def tactels(self, array: TactelArray) -> np.ndarray:
+        """Outward unit vectors (rows, columns, 3) from the centre to the tactels."""
+        x, y = np.meshgrid(array.x, array.y)
+        return self.direction(np.stack([x, y], axis=-1))
+
+
+class Frame(NamedTuple):
+    """Contact frame on the dome, and how it changes with the place."""
+
+    axes: np.ndarray  # (3, 3): rows x, y along the skin, z outward
+    by_place: np.ndarray  # (2, 3, 3): derivatives of the axes by x and y of the place [1/m]
+
+
+def contact_frame(dome: Dome, x: float, y: float) -> Frame:
+    """Axes at a place [m]: those of the sensor turned the shortest way to the local normal."""
+    r = dome.array_radius
+    angle = np.hypot(x, y) / r
+    share = np.sinc(angle / np.pi) / r  # sin(angle) / way
+    # derivative of that by the way, divided by the way
+    bend = ((np.cos(angle) / r - share) / (x * x + y * y) if angle > NEAR else -1.0 / (3.0 * r**3))
+    nx, ny, nz = share * x, share * y, np.cos(angle)
+    changes = np.array([[share + bend * x * x, bend * x * y, -share * x / r],
+                        [bend * x * y, share + bend * y * y, -share * y / r]])
+    fold = 1.0 / (1.0 + nz)
+    axes = np.array([[1.0 - nx * nx * fold, -nx * ny * fold, -nx],
+                     [-nx * ny * fold, 1.0 - ny * ny * fold, -ny], [nx, ny, nz]])
+    by_place = np.empty((2, 3, 3))
+    for k, (dx, dy, dz) in enumerate(changes):
+        refold = -fold * fold * dz
+        mixed = -(dx * ny + nx * dy) * fold - nx * ny * refold
+        by_place[k] = [[-2.0 * nx * dx * fold - nx * nx * refold, mixed, -dx],
+                       [mixed, -2.0 * ny * dy * fold - ny * ny * refold, -dy], [dx, dy, dz]]
+    return Frame(axes, by_place)

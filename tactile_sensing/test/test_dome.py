@@ -1,0 +1,154 @@
+"""Forward models of a round probe: half-space on the tangent plane, finite elements."""
+import numpy as np
+import pytest
+
+from tactile_common.errors import ConfigurationError
+from tactile_sensing.dome import operator_cache
+from tactile_sensing.dome.finite_element_model import FiniteElementDome
+from tactile_sensing.dome.finite_elements import solve
+from tactile_sensing.dome.geometry import contact_frame, Dome
+from tactile_sensing.dome.half_space import HalfSpaceDome
+from tactile_sensing.dome.operator_cache import operator_for
+from tactile_sensing.dome.skin import SkinConfig
+from tactile_sensing.half_space.forward_model import PointModel
+from tactile_sensing.half_space.layers import Layer
+from tactile_sensing.types.array import TactelArray
+
+PITCH = 0.0254 / 16
+ARRAY, DOME = TactelArray(16, 16, PITCH, PITCH), Dome()
+COARSE = SkinConfig(across=13, layers=2)  # solved in a second or two
+STATES = [(0.0, 0.0, 5.0, 0.3, -0.2), (3e-3, -2e-3, 5.0, 0.0, 0.0), (9e-3, 11e-3, 1.0, 0.0, 0.2)]
+
+
+@pytest.fixture(scope='module')
+def model():
+    """Dome of coarse elements."""
+    return FiniteElementDome(DOME, ARRAY, solve(DOME, COARSE, ARRAY))
+
+
+def force_and_centroid(image):
+    """Force on the array [N] and where it presses [m]."""
+    pressure = image[0]
+    return (pressure.sum() * PITCH**2, pressure.sum(axis=0) @ ARRAY.x / pressure.sum(),
+            pressure.sum(axis=1) @ ARRAY.y / pressure.sum())
+
+
+def test_places_and_directions_are_inverse():
+    places = np.random.default_rng(0).uniform(-0.02, 0.02, (50, 2))
+    directions = DOME.direction(places)
+    assert np.linalg.norm(directions, axis=1) == pytest.approx(1.0)
+    assert DOME.place(3.0 * directions) == pytest.approx(places)
+    assert DOME.place(np.array([0.0, 0.0, 1.0])) == pytest.approx([0.0, 0.0])
+    # along a great circle: angle times radius
+    assert DOME.direction([0.01, 0.0]) == pytest.approx([np.sin(0.4), 0.0, np.cos(0.4)])
+
+
+@pytest.mark.parametrize('place', [(0.0, 0.0), (1e-7, 2e-7), (4e-3, -7e-3), (12e-3, 12e-3)])
+def test_contact_frames(place):
+    axes, by_place = contact_frame(DOME, *place)
+    assert axes @ axes.T == pytest.approx(np.eye(3)) and np.linalg.det(axes) > 0.0
+    assert axes[2] == pytest.approx(DOME.direction(place))
+    step = 1e-6
+    for k, change in enumerate(step * np.eye(2)):
+        there = contact_frame(DOME, *(place + change)).axes
+        back = contact_frame(DOME, *(place - change)).axes
+        assert by_place[k] == pytest.approx((there - back) / (2.0 * step), abs=1e-4)
+
+
+@pytest.mark.parametrize('state', STATES)
+def test_the_half_space_has_the_derivatives_of_its_image(state):
+    model, state = HalfSpaceDome(DOME, ARRAY), np.array(state)
+    analytic = model.jacobian(state)
+    for k, step in enumerate((1e-7, 1e-7, 1e-4, 1e-4, 1e-4)):
+        change = step * np.eye(5)[k]
+        numeric = (model.image(state + change) - model.image(state - change)) / (2.0 * step)
+        assert abs(analytic[..., k] - numeric).max() < 1e-6 * abs(numeric).max()
+
+
+def test_a_large_sphere_is_a_plane():
+    flat = PointModel(ARRAY, [Layer('zz', 0.002, 1.0)])
+    for state in STATES[:2]:
+        expected = flat.image(np.array(state))
+        errors = [abs(HalfSpaceDome(Dome(r, r - 0.002, r - 0.004), ARRAY).image(
+            np.array(state)) - expected).max() / expected.max() for r in (0.1, 1.0)]
+        assert errors[1] < 2e-3 and errors[1] < 0.2 * errors[0]
+
+
+def test_elements_keep_the_balance_of_forces(model):
+    # What presses the skin arrives at the tactels, but for what spreads beyond the array and
+    # what the glued skin carries sideways as shear: a tenth.
+    for p in (1.0, 5.0):
+        force, x, y = force_and_centroid(model.image(np.array([0.0, 0.0, p, 0.0, 0.0])))
+        assert force == pytest.approx(p, rel=0.15) and (x, y) == pytest.approx((0, 0), abs=1e-9)
+
+
+def test_elements_feel_a_contact_where_it_is(model):
+    for place in ((4e-3, 0.0), (0.0, -6e-3), (5e-3, 5e-3)):
+        force, *felt = force_and_centroid(model.image(np.array([*place, 5.0, 0.0, 0.0])))
+        assert felt == pytest.approx(place, abs=0.5e-3) and force == pytest.approx(5.0, rel=0.15)
+
+
+def test_elements_are_linear_and_symmetric(model):
+    one = model.image(np.array([3e-3, 1e-3, 4.0, 0.6, 0.2]))
+    mirrored = model.image(np.array([-3e-3, 1e-3, 4.0, -0.6, 0.2]))
+    assert mirrored[0] == pytest.approx(one[0, :, ::-1], rel=1e-6, abs=1e-6 * one.max())
+    turned = model.image(np.array([-1e-3, 3e-3, 4.0, -0.2, 0.6]))  # by a quarter
+    assert turned[0] == pytest.approx(np.rot90(one[0], -1), rel=1e-6, abs=1e-6 * one.max())
+    none = model.image(np.array([3e-3, 1e-3, 4.0, 0.0, 0.0]))
+    twice = model.image(np.array([3e-3, 1e-3, 4.0, 1.2, 0.4]))
+    assert twice - none == pytest.approx(2.0 * (one - none), abs=1e-9 * one.max())
+
+
+def test_shear_moves_what_is_felt_to_where_it_pulls(model):
+    # On a half-space the centroid moves by Q d / P (2.2); less on a skin that is glued down.
+    _, x, _ = force_and_centroid(model.image(np.array([0.0, 0.0, 5.0, 2.0, 0.0])))
+    assert 0.05e-3 < x < 0.8e-3
+
+
+def test_finer_elements_agree(model):
+    skin = SkinConfig(across=15, layers=4, points=3)
+    fine = FiniteElementDome(DOME, ARRAY, solve(DOME, skin, ARRAY))
+    state = np.array([4e-3, 2e-3, 5.0, 0.0, 0.0])
+    assert force_and_centroid(model.image(state)) == pytest.approx(
+        force_and_centroid(fine.image(state)), rel=0.06)
+    assert model.operator.modulus == pytest.approx(fine.operator.modulus, rel=0.02)
+    # of the glued layer: above that of free rubber, below that of rubber without escape
+    free, confined = SkinConfig().young / 4e-3, SkinConfig().young * 3.8 / 4e-3
+    assert free < fine.operator.modulus < confined
+
+
+def test_the_surface_is_that_of_the_sphere(model):
+    op, half = model.operator, COARSE.half_angle
+    assert np.linalg.norm(op.points - DOME.centre, axis=1) == pytest.approx(DOME.skin_radius)
+    solid_angle = 4.0 * np.arcsin(np.sin(half)**2)  # of a square on the face of a cube
+    assert op.areas.sum() == pytest.approx(solid_angle * DOME.skin_radius**2, rel=1e-3)
+
+
+def test_an_operator_is_kept(tmp_path, monkeypatch):
+    skin = SkinConfig(across=3, layers=1, points=1)
+    built = operator_for(DOME, skin, ARRAY, tmp_path)
+    monkeypatch.setattr(operator_cache.finite_elements, 'solve', None)
+    kept = operator_for(DOME, skin, ARRAY, tmp_path)
+    assert all((one == other).all() for one, other in zip(built, kept, strict=True))
+    with pytest.raises(TypeError):  # others are built
+        operator_for(DOME, SkinConfig(across=3, layers=1, points=1, young=1e5), ARRAY, tmp_path)
+
+
+def test_what_is_kept_and_damaged_is_built_anew(tmp_path):
+    skin = SkinConfig(across=3, layers=1, points=1)
+    built = operator_for(DOME, skin, ARRAY, tmp_path)
+    path, = tmp_path.glob('*.npz')
+    path.write_bytes(path.read_bytes()[:1000])
+    assert operator_for(DOME, skin, ARRAY, tmp_path).green == pytest.approx(built.green)
+
+
+def test_what_cannot_be(model):
+    with pytest.raises(ConfigurationError, match='array_radius'):
+        Dome(0.027, 0.028, 0.023)
+    with pytest.raises(ConfigurationError, match='off the skin'):
+        model.image(np.array([0.04, 0.04, 1.0, 0.0, 0.0]))
+    with pytest.raises(ConfigurationError, match='curvature'):
+        FiniteElementDome(DOME, ARRAY, model.operator, curvature=-50.0)
+    with pytest.raises(ConfigurationError, match='256 tactels'):
+        FiniteElementDome(DOME, TactelArray(8, 8, PITCH, PITCH), model.operator)
+    assert not model.image(np.zeros(5)).any()

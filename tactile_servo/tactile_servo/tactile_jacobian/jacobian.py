@@ -1,0 +1,99 @@
+"""Tactile Jacobian by least squares over small changes of the contact: (6.7), (C.10)."""
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from tactile_common.config import bounded, check_fields
+from tactile_servo.tactile_jacobian.features import FeatureKind
+
+Features = Callable[..., np.ndarray]  # contact (3,), shear (2,) -> features (3,)
+
+
+@dataclass(frozen=True)
+class Increments:
+    """The small changes of Table 6.1, and the friction that a differential sliding meets."""
+
+    place: float = bounded(1.0e-3, 'by which the contact is moved either way', 'm', 1e-6, 0.01)
+    force: float = bounded(
+        0.25, 'share by which the force is changed either way', '', 1e-4, 0.9)
+    friction: float = bounded(
+        0.0, 'coefficient of Coulomb friction against the sliding', '', 0.0, 5.0)
+    stiffness: float = bounded(
+        1.5e4, 'K_z of (6.7): force per way along the normal of skin, finger and robot', 'N/m',
+        10.0, 1e7)
+
+    def __post_init__(self):
+        check_fields(self, 'increments.')
+
+
+class Cases(NamedTuple):
+    """The loading cases of Table 6.1 about a contact."""
+
+    motions: np.ndarray  # (6, 3), dX = (dx, dy, dp / K_z) [m]
+    changes: np.ndarray  # (6, 3), of the features
+
+
+class TactileJacobian(NamedTuple):
+    """How features change with the place of the contact and the way along the normal."""
+
+    forward: np.ndarray  # (3, 3), dF = J dX
+    inverse: np.ndarray  # (3, 3), dX = J^-1 dF, fitted as such
+    condition: float  # of the scaled forward matrix; 1 at best
+
+
+def loading_cases(features: Features, contact: np.ndarray, increments: Increments) -> Cases:
+    """
+    Changes of the features by the six changes of Table 6.1, less those of the base contact.
+
+    Friction is that of an object whose contact slides over the skin by dx or dy: on the skin it
+    points the same way. (The thesis lets it oppose the increment, which makes J^-1 a third larger
+    at a coefficient of 0.5, not smaller.)
+    """
+    contact = np.asarray(contact, dtype=float)
+    base, motions, changes = features(contact), [], []
+    size = np.array([increments.place, increments.place, increments.force * contact[2]])
+    for axis in range(3):
+        for sign in (1.0, -1.0):
+            change = np.zeros(3)
+            change[axis] = sign * size[axis]
+            shear = np.zeros(2)
+            if axis < 2:
+                shear[axis] = sign * increments.friction * contact[2]
+            changes.append(features(contact + change, tuple(shear)) - base)
+            motions.append(change / [1.0, 1.0, increments.stiffness])
+    return Cases(np.array(motions), np.array(changes))
+
+
+class Scale(NamedTuple):
+    """Units in which features and motions count, so that neither outweighs another."""
+
+    features: np.ndarray  # (3,)
+    motions: np.ndarray  # (3,)
+
+
+def scale_for(kind: FeatureKind, force: float, length: float, stiffness: float) -> Scale:
+    """Units of a force [N], a length on the pad [m] and K_z [N/m]: J is near 1 at the centre."""
+    lever = length * (force if kind is FeatureKind.MOMENTS else 1.0)
+    return Scale(np.array([force, lever, lever]), np.array([length, length, force / stiffness]))
+
+
+def least_squares(cases: Cases, scale: Scale) -> TactileJacobian:
+    """
+    Jacobian and its inverse, each fitted to the six cases.
+
+    The inverse is that of (C.10), whose 18 equations (the thesis counts 12) fall into three
+    groups of six, one for each row: changes @ inverse' = motions.
+    """
+    forward = np.linalg.lstsq(cases.motions, cases.changes, rcond=None)[0].T
+    scaled = cases.changes / scale.features
+    inverse = np.linalg.lstsq(scaled, cases.motions, rcond=None)[0].T / scale.features
+    return TactileJacobian(forward, inverse, condition_of(forward, scale))
+
+
+def condition_of(forward: np.ndarray, scale: Scale) -> float:
+    """Condition of a scaled Jacobian (3, 3); inf if it is not finite."""
+    if not np.isfinite(forward).all():
+        return np.inf
+    return float(np.linalg.cond(forward * scale.motions / scale.features[:, None]))

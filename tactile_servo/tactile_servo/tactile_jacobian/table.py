@@ -1,0 +1,194 @@
+"""A table of tactile Jacobians over the features that belong to them (6.4.2, 6.5)."""
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+import os
+from typing import NamedTuple
+import zipfile
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from tactile_common.errors import ConfigurationError
+from tactile_servo.tactile_jacobian.features import FeatureKind
+from tactile_servo.tactile_jacobian.jacobian import (
+    Cases,
+    Features,
+    Increments,
+    least_squares,
+    loading_cases,
+    scale_for,
+)
+
+FORMAT = 1
+USABLE = 50.0  # largest condition of a Jacobian that is used
+BLENDED = 4  # neighbours of an interpolation
+NEIGHBOURS = 8  # of a recorded contact, that its Jacobian is fitted to
+_ARRAYS = ('contacts', 'features', 'forward', 'inverse', 'condition', 'scale')
+
+
+class Entry(NamedTuple):
+    """What a table says for an image: the inverse (3, 3), and how far its entry is, squared."""
+
+    inverse: np.ndarray
+    distance: float  # in scaled features
+    found: bool  # within the stop radius; else the last one was given
+
+
+@dataclass(eq=False)
+class JacobianTable:
+    """
+    Jacobians at contacts (x, y, p), found by the features that the contacts show.
+
+    The thesis' hash of r^2 finds the nearest features by a search from a sphere outwards and
+    inwards; a k-d tree finds the same ones. Features are scaled, or the one of the largest
+    numbers alone would say what is near.
+
+    Raises
+    ------
+    ConfigurationError
+        An array has another shape than it should, or no entry is usable.
+    """
+
+    kind: FeatureKind
+    contacts: np.ndarray  # (N, 3): place [m], force [N]
+    features: np.ndarray  # (N, 3)
+    forward: np.ndarray  # (N, 3, 3)
+    inverse: np.ndarray  # (N, 3, 3)
+    condition: np.ndarray  # (N,)
+    scale: np.ndarray  # (3,), of the features
+    stop: float = 1.0  # squared distance in scaled features, beyond which nothing is near
+    usable: np.ndarray = field(init=False)  # (N,)
+
+    def __post_init__(self):
+        count = len(self.contacts)
+        for name, shape in (('contacts', (count, 3)), ('features', (count, 3)),
+                            ('forward', (count, 3, 3)), ('inverse', (count, 3, 3)),
+                            ('condition', (count,)), ('scale', (3,))):
+            found = np.shape(getattr(self, name))
+            if found != shape:
+                raise ConfigurationError(f'table: {name} has the shape {found}, must be {shape}')
+        if not (np.isfinite(self.scale).all() and (self.scale > 0.0).all()):
+            raise ConfigurationError(f'table: scale is {self.scale}, must be above 0')
+        self.usable = (np.isfinite(self.features).all(axis=1)
+                       & np.isfinite(self.inverse).all(axis=(1, 2))
+                       & (self.condition <= USABLE))
+        if not self.usable.any():
+            raise ConfigurationError(f'table: none of its {count} entries is usable')
+        self._index = np.flatnonzero(self.usable)
+        self._tree = cKDTree(self.features[self._index] / self.scale)
+        self._last: np.ndarray | None = None
+
+    def nearest(self, features: np.ndarray) -> Entry:
+        """
+        Entry of the nearest features; beyond the stop radius the last one that was given.
+
+        Before there was one, it is the nearest all the same.
+        """
+        return self._entry(features, 1)
+
+    def interpolated(self, features: np.ndarray) -> Entry:
+        """Mean of the nearest entries, weighted by the inverse of their squared distances."""
+        return self._entry(features, min(BLENDED, len(self._index)))
+
+    def _entry(self, features, count):
+        if not np.isfinite(features).all():
+            return Entry(self._fallback(self.inverse[self._index[0]]), np.inf, False)
+        distances, places = self._tree.query(features / self.scale, k=count)
+        distances, places = np.atleast_1d(distances), np.atleast_1d(places)
+        square = float(distances[0]**2)
+        weights = 1.0 / np.maximum(distances**2, 1e-12)
+        inverse = np.tensordot(weights / weights.sum(), self.inverse[self._index[places]], 1)
+        if square > self.stop:
+            return Entry(self._fallback(inverse), square, False)
+        self._last = inverse
+        return Entry(inverse, square, True)
+
+    def _fallback(self, otherwise):
+        return otherwise if self._last is None else self._last
+
+    def forget(self) -> None:
+        """Forget the entry that was given last."""
+        self._last = None
+
+    def save(self, path: str | os.PathLike) -> None:
+        """Write the table; `load_table` reads it."""
+        with open(path, 'wb') as file:
+            np.savez(file, format=FORMAT, kind=self.kind.value, stop=self.stop,
+                     **{name: getattr(self, name) for name in _ARRAYS})
+
+
+def load_table(path: str | os.PathLike) -> JacobianTable:
+    """
+    Read a table.
+
+    Raises
+    ------
+    ConfigurationError
+        The file cannot be read, is no table of this format, or holds nothing usable.
+    """
+    try:
+        with np.load(path, allow_pickle=False) as stored:
+            if 'format' not in stored or int(stored['format']) != FORMAT:
+                raise ConfigurationError(f'{path}: is not a table of format {FORMAT}')
+            return JacobianTable(
+                FeatureKind(str(stored['kind'])), stop=float(stored['stop']),
+                **{name: np.array(stored[name], dtype=float) for name in _ARRAYS})
+    except OSError as error:
+        raise ConfigurationError(f'{path}: cannot be read: {error.strerror or error}') from error
+    except (ValueError, KeyError, TypeError, EOFError, zipfile.BadZipFile) as error:
+        raise ConfigurationError(f'{path}: is no table of Jacobians: {error}') from error
+
+
+def grid(half_x: float, half_y: float, across: int, forces: Iterable[float]) -> np.ndarray:
+    """Contacts (N, 3), evenly spaced over a pad as in Figure 6.8, at each of the forces [N]."""
+    shares = (np.arange(across) + 0.5) / across * 2.0 - 1.0
+    return np.array([(half_x * x, half_y * y, p) for p in forces for y in shares for x in shares])
+
+
+def build_table(features: Features, kind: FeatureKind, contacts: np.ndarray,
+                increments: Increments, length: float, force: float = 5.0) -> JacobianTable:
+    """
+    Jacobians at contacts (N, 3), scaled for a `length` on the pad [m] and a `force` [N].
+
+    What is within the table is near to an entry: the stop radius is the diagonal of the widest
+    cell of the grid.
+    """
+    contacts = np.asarray(contacts, dtype=float)
+    scale = scale_for(kind, force, length, increments.stiffness)
+    found = [least_squares(loading_cases(features, contact, increments), scale)
+             for contact in contacts]
+    shown = np.array([features(contact) for contact in contacts])
+    gaps = np.array([np.diff(np.unique(np.round(contacts[:, k], 9))).max(initial=unit)
+                     for k, unit in enumerate((0.0, 0.0, force))]) / [length, length, force]
+    return JacobianTable(
+        kind, contacts, shown, np.array([one.forward for one in found]),
+        np.array([one.inverse for one in found]), np.array([one.condition for one in found]),
+        scale.features, stop=float(gaps @ gaps))
+
+
+def table_of_recording(contacts: np.ndarray, features: np.ndarray, kind: FeatureKind,
+                       stiffness: float, length: float, force: float = 5.0) -> JacobianTable:
+    """
+    Jacobians of contacts (N, 3) and features (N, 3) that were recorded on a real probe.
+
+    At each contact by least squares over the nearest others, weighted as by `build_table`.
+    """
+    contacts, features = np.asarray(contacts, float), np.asarray(features, float)
+    if contacts.shape != features.shape or contacts.ndim != 2 or contacts.shape[1] != 3:
+        raise ConfigurationError(
+            f'recording: contacts {contacts.shape} and features {features.shape} must be (N, 3)')
+    sound = np.isfinite(contacts).all(axis=1) & np.isfinite(features).all(axis=1)
+    contacts, features = contacts[sound], features[sound]
+    if len(contacts) <= NEIGHBOURS:
+        raise ConfigurationError(
+            f'recording: {len(contacts)} sound contacts, must be more than {NEIGHBOURS}')
+    scale = scale_for(kind, force, length, stiffness)
+    motions = contacts / [1.0, 1.0, stiffness]
+    distances, places = cKDTree(motions / scale.motions).query(
+        motions / scale.motions, k=NEIGHBOURS + 1)
+    found = [least_squares(Cases(motions[others] - motions[k], features[others] - features[k]),
+                           scale) for k, others in enumerate(places[:, 1:])]
+    return JacobianTable(
+        kind, contacts, features, np.array([one.forward for one in found]),
+        np.array([one.inverse for one in found]), np.array([one.condition for one in found]),
+        scale.features, stop=float(distances[:, -1].max()**2))

@@ -1,0 +1,262 @@
+"""Features, the Jacobian by least squares, and the table of it."""
+import numpy as np
+import pytest
+
+from tactile_common.errors import ConfigurationError
+from tactile_sensing.dome.finite_element_model import FiniteElementDome
+from tactile_sensing.dome.finite_elements import solve
+from tactile_sensing.dome.geometry import Dome
+from tactile_sensing.dome.half_space import HalfSpaceDome
+from tactile_sensing.dome.skin import SkinConfig
+from tactile_sensing.moments.image_moments import image_moments
+from tactile_sensing.types.array import TactelArray
+from tactile_servo.cli.build_jacobian_table import main
+from tactile_servo.tactile_jacobian.features import (
+    FeatureKind,
+    features_jacobian,
+    features_of,
+    filled,
+    ModelFeatures,
+)
+from tactile_servo.tactile_jacobian.jacobian import (
+    condition_of,
+    Increments,
+    least_squares,
+    loading_cases,
+    scale_for,
+)
+from tactile_servo.tactile_jacobian.table import (
+    build_table,
+    grid,
+    JacobianTable,
+    load_table,
+    table_of_recording,
+)
+
+PITCH, FORCE = 0.0254 / 16, 5.0
+ARRAY, DOME = TactelArray(16, 16, PITCH, PITCH), Dome()
+HALF = ARRAY.half_width_x
+HALF_SPACE = HalfSpaceDome(DOME, ARRAY)
+KINDS = list(FeatureKind)
+PAD = grid(HALF, HALF, 6, (1.0, 5.0, 10.0))
+FINE = Increments(place=5e-5, force=0.02)
+
+
+@pytest.fixture(scope='module')
+def elements():
+    """Dome of coarse elements."""
+    return FiniteElementDome(DOME, ARRAY, solve(DOME, SkinConfig(across=13, layers=2), ARRAY))
+
+
+def scaled(matrix, scale):
+    """Jacobian without dimension."""
+    return matrix * scale.motions / scale.features[:, None]
+
+
+def by_metres(features, contact, increments):
+    """Jacobian of the model's derivatives, by (x, y, p / K_z)."""
+    return features.jacobian(contact) * [1.0, 1.0, increments.stiffness]
+
+
+def test_features_are_moments_and_centroid():
+    pressure = np.random.default_rng(0).uniform(0.0, 1e5, ARRAY.shape)
+    m = image_moments(pressure, ARRAY)
+    assert features_of(pressure, ARRAY, FeatureKind.MOMENTS) == pytest.approx([m.m0, m.mx, m.my])
+    assert features_of(pressure, ARRAY, FeatureKind.CENTROID) == pytest.approx(
+        [m.m0, *m.centre_of_pressure])
+    assert np.isnan(features_of(np.zeros(ARRAY.shape), ARRAY, FeatureKind.CENTROID)[1:]).all()
+
+
+@pytest.mark.parametrize('kind', KINDS)
+def test_derivatives_of_features(kind):
+    rng = np.random.default_rng(1)
+    pressure, change = rng.uniform(1e3, 1e5, ARRAY.shape), rng.normal(size=(*ARRAY.shape, 2))
+    analytic = features_jacobian(pressure, change, ARRAY, kind)
+    for k in range(2):
+        numeric = (features_of(pressure + change[..., k], ARRAY, kind)
+                   - features_of(pressure - change[..., k], ARRAY, kind)) / 2.0
+        assert analytic[:, k] == pytest.approx(numeric, rel=1e-6)
+
+
+def test_missing_tactels_do_not_pull_the_centroid():
+    pressure = HALF_SPACE.image(np.array([2e-3, 1e-3, FORCE, 0.0, 0.0]))[0]
+    whole = features_of(pressure, ARRAY, FeatureKind.CENTROID)
+    holed = pressure.copy()
+    holed[8, 10] = holed[3, 3] = np.nan  # one of them under the contact
+    mended = features_of(filled(holed, 0.5), ARRAY, FeatureKind.CENTROID)
+    zeroed = features_of(np.nan_to_num(holed), ARRAY, FeatureKind.CENTROID)
+    assert abs(mended - whole)[1:].max() < 0.5 * abs(zeroed - whole)[1:].max()
+    assert filled(np.full(ARRAY.shape, np.nan), 0.5) is None
+    assert filled(pressure, 0.5) is pressure
+
+
+@pytest.mark.parametrize('kind', KINDS)
+def test_least_squares_equals_the_analytic_jacobian_everywhere_on_the_pad(kind):
+    features, scale = ModelFeatures(HALF_SPACE, ARRAY, kind), scale_for(
+        kind, FORCE, HALF, FINE.stiffness)
+    for contact in PAD:
+        found = least_squares(loading_cases(features, contact, FINE), scale)
+        analytic = scaled(by_metres(features, contact, FINE), scale)
+        error = np.linalg.norm(scaled(found.forward, scale) - analytic)
+        assert error < 0.01 * np.linalg.norm(analytic)
+        assert np.linalg.norm(found.inverse @ found.forward - np.eye(3)) < 0.01
+
+
+@pytest.mark.parametrize('kind', KINDS)
+def test_least_squares_equals_differences_of_the_elements_images(kind, elements):
+    features, scale = ModelFeatures(elements, ARRAY, kind), scale_for(
+        kind, FORCE, HALF, FINE.stiffness)
+    increments = Increments(place=1e-4, force=2e-3)
+    for contact in grid(HALF, HALF, 4, (FORCE,)):
+        found = least_squares(loading_cases(features, contact, increments), scale)
+        analytic = scaled(by_metres(features, contact, increments), scale)
+        error = np.linalg.norm(scaled(found.forward, scale) - analytic)
+        assert error < 0.01 * np.linalg.norm(analytic)
+
+
+def test_centroids_hardly_change_their_jacobian_and_moments_do():
+    def spread(kind):
+        scale, features = scale_for(kind, FORCE, HALF, 1.5e4), ModelFeatures(
+            HALF_SPACE, ARRAY, kind)
+        found = [scaled(least_squares(loading_cases(features, contact, Increments()),
+                                      scale).forward, scale)
+                 for contact in grid(6e-3, 6e-3, 3, (1.0, FORCE))]
+        return max(np.linalg.norm(one - found[-1]) for one in found)
+    assert spread(FeatureKind.CENTROID) < 0.3 < 0.7 < spread(FeatureKind.MOMENTS)
+
+
+def test_friction_counts_as_more_sliding():
+    features = ModelFeatures(HALF_SPACE, ARRAY, FeatureKind.CENTROID)
+    scale = scale_for(FeatureKind.CENTROID, FORCE, HALF, 1.5e4)
+    free, rough = (least_squares(loading_cases(
+        features, np.array([0.0, 0.0, FORCE]), Increments(friction=mu)), scale).inverse
+        for mu in (0.0, 0.5))
+    # The centroid moves by mu d = 1 mm beside the increment of 1 mm, on the part that is seen.
+    assert 0.5 < rough[0, 1] / free[0, 1] < 0.8
+    assert rough[2, 0] == pytest.approx(free[2, 0], rel=0.01)
+
+
+def test_condition():
+    scale = scale_for(FeatureKind.MOMENTS, FORCE, HALF, 1.5e4)
+    features = ModelFeatures(HALF_SPACE, ARRAY, FeatureKind.MOMENTS)
+
+    def condition(*contact):
+        return least_squares(loading_cases(features, np.array(contact), FINE), scale).condition
+    assert condition(0.0, 0.0, FORCE) == pytest.approx(1.0, abs=0.1)
+    assert condition(0.0, 0.0, 0.1) == pytest.approx(FORCE / 0.1, rel=0.1)
+    assert condition(12e-3, 12e-3, FORCE) > 10.0
+    assert np.isinf(condition_of(np.full((3, 3), np.nan), scale))
+
+
+def test_the_example_of_section_6_5():
+    # |F - F1|^2 is 10.61e6 (printed 16.81e6): M_0 aside, -2100 is 3100 from 1000 and 2000 is 1000
+    # from it. The state that is chosen is the third (printed: the second), at 0.16e6.
+    states = np.array([[-1000, 1000, 1000], [-1000, 2000, 2000], [-1000, -2500, 2000]], float)
+    inverse = np.arange(3)[:, None, None] * np.ones((3, 3, 3))
+    table = JacobianTable(FeatureKind.MOMENTS, states, states, inverse, inverse, np.ones(3),
+                          np.ones(3), stop=0.5e6)
+    shown = np.array([-1000.0, -2100.0, 2000.0])
+    assert ((shown - states[0])**2).sum() == pytest.approx(10.61e6)
+    entry = table.nearest(shown)
+    assert entry.found and entry.distance == pytest.approx(0.16e6)
+    assert (entry.inverse == inverse[2]).all()
+    # Beyond the stop radius the last one is used, whatever is nearest.
+    entry = table.nearest(np.array([-1000.0, 0.0, 1000.0]))
+    assert not entry.found and (entry.inverse == inverse[2]).all()
+    table.forget()
+    assert (table.nearest(np.array([-1000.0, 0.0, 1000.0])).inverse == inverse[0]).all()
+
+
+def test_the_tree_finds_what_a_search_of_all_finds():
+    features = ModelFeatures(HALF_SPACE, ARRAY)
+    table = build_table(features, FeatureKind.CENTROID, PAD, Increments(), HALF)
+    rng = np.random.default_rng(2)
+    for _ in range(50):
+        shown = np.array([rng.uniform(0, 12), *rng.uniform(-0.012, 0.012, 2)])
+        distances = (((table.features - shown) / table.scale)**2).sum(axis=1)
+        distances[~table.usable] = np.inf
+        entry = table.nearest(shown)
+        assert entry.distance == pytest.approx(distances.min())
+        if entry.found:
+            assert (entry.inverse == table.inverse[distances.argmin()]).all()
+
+
+def test_interpolation_is_nearer_to_the_truth_than_the_nearest_entry():
+    kind = FeatureKind.MOMENTS
+    features, scale = ModelFeatures(HALF_SPACE, ARRAY, kind), scale_for(kind, FORCE, HALF, 1.5e4)
+    table = build_table(features, kind, grid(9e-3, 9e-3, 6, (2.0, 5.0, 8.0)), Increments(), HALF)
+    errors = []
+    for contact in grid(5e-3, 5e-3, 4, (4.0, 6.0)):
+        truth = least_squares(loading_cases(features, contact, Increments()), scale).inverse
+        shown = features(contact)
+        errors.append([np.linalg.norm((found.inverse - truth) * scale.features)
+                       for found in (table.nearest(shown), table.interpolated(shown))])
+    nearest, interpolated = np.mean(errors, axis=0)
+    assert interpolated < nearest
+
+
+def test_a_table_is_written_and_read(tmp_path):
+    table = build_table(ModelFeatures(HALF_SPACE, ARRAY), FeatureKind.CENTROID,
+                        grid(HALF, HALF, 3, (FORCE,)), Increments(), HALF)
+    table.save(tmp_path / 'table.npz')
+    read = load_table(tmp_path / 'table.npz')
+    assert read.kind is table.kind and read.stop == table.stop
+    for name in ('contacts', 'features', 'forward', 'inverse', 'condition', 'scale'):
+        assert (getattr(read, name) == getattr(table, name)).all()
+
+
+def test_holes_in_a_table_are_passed_over(tmp_path):
+    table = build_table(ModelFeatures(HALF_SPACE, ARRAY), FeatureKind.CENTROID,
+                        grid(HALF, HALF, 3, (FORCE,)), Increments(), HALF)
+    table.inverse[4] = np.nan  # at the centre
+    table.save(tmp_path / 'holes.npz')
+    holed = load_table(tmp_path / 'holes.npz')
+    assert not holed.usable[4]
+    assert np.isfinite(holed.nearest(table.features[4]).inverse).all()
+    assert np.isfinite(holed.nearest(np.full(3, np.nan)).inverse).all()
+    table.inverse[:] = np.nan
+    table.save(tmp_path / 'none.npz')
+    with pytest.raises(ConfigurationError, match='none of its 9 entries'):
+        load_table(tmp_path / 'none.npz')
+
+
+def test_what_is_no_table(tmp_path):
+    with pytest.raises(ConfigurationError, match='cannot be read'):
+        load_table(tmp_path / 'missing.npz')
+    (tmp_path / 'text.npz').write_text('no archive')
+    with pytest.raises(ConfigurationError, match='text.npz'):
+        load_table(tmp_path / 'text.npz')
+    np.savez(tmp_path / 'other.npz', a=np.zeros(3))
+    with pytest.raises(ConfigurationError, match='format'):
+        load_table(tmp_path / 'other.npz')
+    with pytest.raises(ConfigurationError, match='inverse has the shape'):
+        JacobianTable(FeatureKind.MOMENTS, *np.zeros((2, 4, 3)), np.zeros((4, 3, 3)),
+                      np.zeros((4, 3)), np.zeros(4), np.ones(3))
+
+
+def test_a_recording_of_a_probe_becomes_a_table():
+    # Of an ideal probe: a known Jacobian everywhere, and noise.
+    truth = np.array([[100.0, 50.0, 1.4e4], [1.1, 0.0, 0.2], [0.1, 0.9, 0.0]])
+    contacts = grid(HALF, HALF, 5, (4.0, 5.0, 6.0))
+    features = contacts / [1.0, 1.0, 1.5e4] @ truth.T
+    features[7] = np.nan  # a contact that failed
+    features += np.random.default_rng(3).normal(size=features.shape) * [1e-3, 1e-6, 1e-6]
+    table = table_of_recording(contacts, features, FeatureKind.CENTROID, 1.5e4, HALF)
+    assert len(table.contacts) == len(contacts) - 1
+    scale = scale_for(FeatureKind.CENTROID, FORCE, HALF, 1.5e4)
+    for forward in table.forward:
+        assert scaled(forward, scale) == pytest.approx(scaled(truth, scale), abs=0.02)
+    with pytest.raises(ConfigurationError, match='must be more than 8'):
+        table_of_recording(contacts[:5], features[:5], FeatureKind.CENTROID, 1.5e4, HALF)
+
+
+def test_the_command(tmp_path, capsys):
+    out, plot = tmp_path / 'table.npz', tmp_path / 'table.png'
+    assert main([str(out), '--model', 'half_space', '--across', '4', '--forces', '2', '5',
+                 '--features', 'moments', '--plot', str(plot)]) == 0
+    table = load_table(out)
+    assert len(table.contacts) == 32 and table.kind is FeatureKind.MOMENTS
+    assert '32 entries' in capsys.readouterr().out and plot.read_bytes().startswith(b'\x89PNG')
+    assert main([str(tmp_path / 'no.npz'), '--recorded', str(tmp_path / 'none.npz')]) == 2
+    assert main([str(out), '--array-radius', '1.5']) == 2
+    assert 'array_radius' in capsys.readouterr().err
