@@ -78,7 +78,7 @@ def test_covariance_of_the_closed_forms_is_the_spread(method, layers):
         frames, array, given)
     found = found[found['valid']]
     assert len(found) > 130
-    for row, name in {0: 'a', 1: 'b', 3: 'P', 4: 'Qx', 5: 'Qy'}.items():
+    for row, name in {0: 'a', 1: 'b', 3: 'normal_force', 4: 'shear_force_x', 5: 'Qy'}.items():
         residual = np.maximum(1.0, found['residual'])
         claimed = np.sqrt(np.mean(found['covariance'][:, row, row] / residual**2))
         assert np.std(found[name]) / claimed == pytest.approx(1.0, abs=0.25), name
@@ -269,4 +269,4 @@ def test_layers_without_a_closed_form_leave_the_pressure_alone(method, second):
     layers = [Layer('zz', DEPTH, picture), Layer(component, ratio * DEPTH, picture)]
     both = estimator.estimate_batch(np.stack([picture, picture])[None], ARRAY, layers)
     alone = estimator.estimate_batch(picture[None], ARRAY, layers[:1])
-    assert both['valid'].all() and both['P'] == alone['P'] and both['a'] == alone['a']
+    assert both['valid'].all() and both['normal_force'] == alone['normal_force'] and both['a'] == alone['a']

@@ -308,6 +308,45 @@ def load_calibration(path) -> Calibration:
         raise ConfigurationError(f'calibration {path}: {error}') from error
 
 
+def save_calibration(calibration: Calibration, path) -> None:
+    """
+    Write a calibration file that `load_calibration` reads.
+
+    Raises
+    ------
+    ConfigurationError
+        The file cannot be written.
+    """
+    array = calibration.array
+    values: dict = {'rows': array.rows, 'columns': array.columns,
+                    'pitch': [float(array.pitch_x), float(array.pitch_y)]}
+    for item in fields(Calibration):
+        value = getattr(calibration, item.name)
+        if item.name not in _FILE_KEYS or (item.name != 'gain' and np.array_equal(
+                value, item.default)):
+            continue
+        if isinstance(value, np.ndarray):
+            value = _tidy(value)
+        elif item.name == 'dead_tactels':
+            value = [[index // array.columns, index % array.columns] for index in value]
+        elif isinstance(value, tuple):
+            value = list(value)
+        values[item.name] = value
+    try:
+        with open(path, 'w', encoding='utf-8') as stream:
+            stream.write('# Calibration of one array; `found` says how, how well, and what was '
+                         'assumed.\n')
+            yaml.safe_dump(values, stream, sort_keys=False, width=99)
+    except OSError as error:
+        raise ConfigurationError(f'calibration {path}: {error.strerror}') from error
+
+
+def _tidy(values):
+    """One number if all are the same, else rows of numbers; of five digits."""
+    rows = [[float(f'{value:.5g}') for value in row] for row in values]
+    return rows[0][0] if len({value for row in rows for value in row}) == 1 else rows
+
+
 def _from_mapping(values, source):
     if not isinstance(values, dict):
         raise ConfigurationError('must be a mapping of keys to values')
