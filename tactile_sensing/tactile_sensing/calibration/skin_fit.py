@@ -19,8 +19,9 @@ from tactile_sensing.types.skin import Skin
 ASSUMED_POISSON = 0.45  # of a soft skin, where the presses do not tell it
 EVIDENCE = 9.0  # chi-square that a further parameter of the skin must explain
 DEPTHS = (0.35, 0.6, 1.0, 1.5, 2.2, 3.2)  # pitches at which the search for the depth begins
-RATIOS = (0.0, 0.4, 0.7, 0.95)  # likewise depth over thickness
+RATIOS = (0.35, 0.8)  # likewise depth over thickness
 STEPS = 25  # at most
+SCATTER_ROUNDS = 2
 PATCH, PATCH_STD = 0.5, 0.15  # of a patch's radius over the ball's, before anything is measured
 BAD = 3.0  # times the usual misfit at which a press is none of the ball
 LEAST_SCATTER = 1e-3  # share of the pressure
@@ -68,10 +69,7 @@ class _Problem:
         """Pressure by normal force and shear, (tactels, 3)."""
         radius = min(patch * self.radius * self.level[i] ** (1 / 3),
                      0.95 * self.radius, 1.4 * pressure.skin.depth)
-        loads = np.eye(3) + np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [1.0, 0.0, 0.0]])
-        one, with_x, with_y = (
-            pressure.point(self.x, self.y, a, b, *load, radius).ravel() for load in loads)
-        return np.stack([one, with_x - one, with_y - one], -1)
+        return pressure.point_basis(self.x, self.y, a, b, radius).reshape(-1, 3)
 
     def fill(self, i):
         """Values of a press; what is below the floor as the model expects it there."""
@@ -91,14 +89,15 @@ class _Problem:
             noise**2 + (self.scatter * self.models)**2), 0.0)
 
     def solve(self, pressure, i, place, patch):
-        """Weighted basis of a press, its best amplitudes and what is left, all by least squares."""
+        """Orthonormal weighted basis of a press, its best amplitudes and what they leave."""
         weight = self.weight[i].ravel()
         plain = self.basis(pressure, i, *place, patch)
-        basis = plain * weight[:, None]
-        amplitudes, *_ = np.linalg.lstsq(basis, self.values[i].ravel() * weight, rcond=None)
+        values = self.values[i].ravel() * weight
+        q, r = np.linalg.qr(plain * weight[:, None])
+        amplitudes = np.linalg.solve(r, q.T @ values)
         self.models[i] = (plain @ amplitudes).reshape(self.models[i].shape)
         self.amplitudes[i] = amplitudes
-        return basis, amplitudes, (self.values[i].ravel() * weight) - basis @ amplitudes
+        return q, amplitudes, values - q @ (q.T @ values)
 
 
 def _step(problem, theta, patch, places, free):
@@ -118,8 +117,7 @@ def _step(problem, theta, patch, places, free):
     d = 1e-3 * min(presses.array.pitch_x, presses.array.pitch_y)
     for i in range(count):
         problem.fill(i)
-        basis, amplitudes, left = problem.solve(here, i, places[i], patch)
-        q, _ = np.linalg.qr(basis)
+        q, amplitudes, left = problem.solve(here, i, places[i], patch)
         weight, model = problem.weight[i].ravel()[:, None], problem.models[i].ravel()
 
         def by(pressure, place, patch, step):
@@ -177,18 +175,34 @@ def _start(problem, presses):
     row, column = np.unravel_index(flat, presses.array.shape)
     places = np.stack([presses.array.x[column], presses.array.y[row]], -1)
     pitch = math.sqrt(presses.array.pitch_x * presses.array.pitch_y)
-    some = presses.only(np.arange(min(len(presses), 12)))
+    some = presses.only(np.arange(min(len(presses), 8)))
     best = (math.inf,)
     for depth in DEPTHS:
-        for ratio in RATIOS:
-            trial = _Problem(some, problem.radius, problem.size[0] > 0.0)
-            trial.models[:] = some.values.max(axis=(1, 2))[:, None, None] * 0.5
-            trial.set_weights()
-            theta = np.array([math.log(depth * pitch), ratio, ASSUMED_POISSON])
-            _, _, at, chi, _ = _iterate(trial, theta, PATCH, places[:len(some)], (), 3)
-            if chi < best[0]:
-                best = chi, theta
+        trial = _Problem(some, problem.radius, problem.size[0] > 0.0)
+        theta = np.array([math.log(depth * pitch), 0.0, ASSUMED_POISSON])
+        _, _, _, chi, _ = _iterate(trial, theta, PATCH, places[:len(some)], (), 3)
+        if chi < best[0]:
+            best = chi, theta
     return places, best[1]
+
+
+def _least_skin(problem, theta, patch, places):
+    """Fit of a half-space, or of the layer or any Poisson's ratio where that explains more."""
+    plain = theta.copy()
+    plain[1] = 0.0
+    best, free = _iterate(problem, plain, patch, places, (0,)), (0,)
+    layers = []
+    for ratio in RATIOS if theta[1] == 0.0 else (theta[1],):
+        layer = best[0].copy()
+        layer[1:] = ratio, theta[2]
+        layers.append(_iterate(problem, layer, *best[1:3], (0, 1)))
+    layer = min(layers, key=lambda found: found[3])
+    if best[3] - layer[3] > EVIDENCE:
+        best, free = layer, (0, 1)
+        more = _iterate(problem, *best[:3], (0, 1, 2))
+        if best[3] - more[3] > EVIDENCE:
+            best, free = more, (0, 1, 2)
+    return best, free
 
 
 def fit_skin(presses: Presses, ball_radius: float, *, area: bool = True,
@@ -212,26 +226,13 @@ def fit_skin(presses: Presses, ball_radius: float, *, area: bool = True,
     places, theta = _start(problem, presses)
     if known:
         theta = np.array([math.log(known.depth), known.depth / known.thickness, known.poisson])
-    patch, free = PATCH, () if known else (0, 1)
-    for _ in range(3):  # the scatter of the tactels follows from what is left
+    patch, free, chi = PATCH, (), math.inf
+    for _ in range(SCATTER_ROUNDS):  # the scatter of the tactels follows from what is left
+        if not known:
+            (theta, patch, places, chi, _), free = _least_skin(problem, theta, patch, places)
         theta, patch, places, chi, covariance = _iterate(problem, theta, patch, places, free)
         problem.scatter = _scatter(problem)
         problem.set_weights()
-    theta, patch, places, chi, covariance = _iterate(problem, theta, patch, places, free)
-    if not known:
-        plain = theta.copy()
-        plain[1] = 0.0
-        lesser = _iterate(problem, plain, patch, places, (0,))
-        if lesser[3] - chi < EVIDENCE:
-            theta, patch, places, chi, covariance = lesser
-            free = (0,)
-        else:
-            more = _iterate(problem, theta, patch, places, (0, 1, 2))
-            if chi - more[3] > EVIDENCE:
-                theta, patch, places, chi, covariance = more
-                free = (0, 1, 2)
-            theta, patch, places, chi, covariance = _iterate(
-                problem, theta, patch, places, free, 4)
     return _result(problem, theta, patch, places, chi, covariance, free)
 
 

@@ -11,6 +11,7 @@ from tactile_common.config import bounded, check_fields, one_of
 from tactile_common.errors import ConfigurationError
 from tactile_sensing.contact.closed_forms import estimate_by_moments
 from tactile_sensing.contact.gauss_newton import LINE, POINT
+from tactile_sensing.contact.ladder import BEGINS, ENDS, PATCH
 from tactile_sensing.contact.parameters import forget_forces
 from tactile_sensing.contact.pipeline import ANY_MODEL, estimate_frames, PENDING, RULES
 from tactile_sensing.half_space.layers import Layer as FitLayer
@@ -38,7 +39,7 @@ TACTELS = {'point': 1, 'area': 3}  # Gauss points along each side that stand for
 
 _MOMENTS = tuple(f.name for f in fields(Moments))
 _ESTIMATED = ESTIMATE.names or ()
-_INVALID = dict.fromkeys(PARAMETERS, np.nan)
+_INVALID = dict.fromkeys((*PARAMETERS, 'patch', 'start', 'end'), np.nan)
 
 
 @dataclass(frozen=True)
@@ -52,8 +53,8 @@ class EstimatorConfig:
         'auto', "'auto' (the least model that explains the image), 'point' or 'line' alone",
         MODELS)
     tactel: str = one_of(
-        'point', "a tactel measures the stress at its centre ('point') or the mean over its area "
-        "('area')", TACTELS)
+        'area', "a tactel measures the mean stress over its area ('area') or that at its centre "
+        "('point')", TACTELS)
     fit_depth: bool = field(default=False, metadata={
         'doc': "find the tactels' depth from each image, near the one given; costs half of the "
                "force's accuracy (only 'fit')"})
@@ -87,7 +88,7 @@ class ContactEstimator:
         """Estimate the contact of one image; what cannot be is not valid, with its reasons."""
         layers, array = image.layers, image.array
         main = next((layer for layer in layers if layer.component == 'zz'), None)
-        if main is None or any(layer.stress.shape != array.shape or not 0.0 < layer.depth < np.inf
+        if main is None or any(layer.stress.shape != array.shape or not is_possible(layer)
                                for layer in layers):
             return self.refuse_malformed()
         stress = np.array([[layer.stress for layer in layers]], dtype=np.float64)
@@ -97,9 +98,9 @@ class ContactEstimator:
         kind, reasons = ContactType(told.pop('type')), Reason(told.pop('reasons'))
         moments = Moments(*(told.pop(name) for name in _MOMENTS))
         valid, model = _is_valid(kind, int(reasons)), ''
-        shear = told.pop('has_shear')
+        shear, extras = told.pop('has_shear'), told.pop('extras')
         if valid:
-            model = self._model_name(kind, shear, layers)
+            model = self._model_name(kind, shear, extras, layers)
         else:
             told.update(_INVALID, covariance=no_covariance())
         return Contact(kind, valid, reasons, self.config.method, model, moments=moments, **told)
@@ -159,7 +160,10 @@ class ContactEstimator:
         plan = tuple((layer.component, layer.depth) for layer in layers)
         main = next(layer for layer in layers if layer.component == 'zz')
         sensor, table = _sensor(array, plan, TACTELS[config.tactel], main.thickness, main.poisson)
-        table = table.copy()
+        table, rules = table.copy(), self._rules
+        if main.gain_spread > 0.0:
+            rules = rules.copy()
+            rules['gain_spread'] = main.gain_spread
         table['given_noise'] = [config.noise_std or layer.noise_std for layer in layers]
         table['full_scale'] = [layer.full_scale for layer in layers]
         table['floor'] = [layer.floor for layer in layers]
@@ -168,7 +172,7 @@ class ContactEstimator:
         step = count if config.method == 'fit' else 1  # the closed forms need a frame's noise
         for i in range(0, count, max(step, 1)):
             part = estimates[i:i + step]
-            estimate_frames(stress[i:i + step], *sensor, table, self._rules, reasons, saturated,
+            estimate_frames(stress[i:i + step], *sensor, table, rules, reasons, saturated,
                             calibrated, part)
             if part[0]['type'] == PENDING:
                 estimate_by_moments(stress[i], array, table, config, part[0])
@@ -176,11 +180,19 @@ class ContactEstimator:
                     forget_forces.py_func(part.view(np.recarray)[0])
         return estimates
 
-    def _model_name(self, kind, shear, layers):
+    def _model_name(self, kind, shear, extras, layers):
         names = '+'.join(layer.component for layer in layers
                          if kind == ContactType.POINT or layer.component == 'zz')
-        return (kind.name.lower() + '+shear' * shear + '+depth' * self.config.fit_depth
+        return (kind.name.lower() + '+shear' * shear + '+patch' * bool(extras & PATCH)
+                + '+ends' * bool(extras & (BEGINS | ENDS)) + '+depth' * self.config.fit_depth
                 + '/' + names)
+
+
+def is_possible(layer: Layer) -> bool:
+    """Whether there is a skin with the numbers that come with a picture."""
+    return (0.0 < layer.depth < np.inf and layer.thickness >= layer.depth
+            and 0.0 <= layer.poisson <= 0.5 and 0.0 <= layer.gain_spread < 1.0
+            and (layer.component == 'zz' or layer.thickness == np.inf))
 
 
 def _is_valid(kind, reasons):

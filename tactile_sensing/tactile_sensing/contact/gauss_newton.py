@@ -41,8 +41,8 @@ STEP_BOUND = 1.0  # longest step [depths of the shallowest layer]
 # sum of (residual / noise)^2, that of residual^2 / (noise^2 + (model error)^2), tactels used,
 # length of the last step [m] (of a line at the pad's border), steps, and whether the force is
 # positive, the place where it can be and the last step short; what makes it more than sharp and
-# whole (extras, see `ladder`): the variance of its patch along an axis [m^2], and where a line begins
-# and ends along itself, from the foot of the sensor's origin [m].
+# whole (extras, see `ladder`): the variance of its patch along an axis [m^2], and where a line
+# begins and ends along itself, from the foot of the sensor's origin [m].
 _RESULT: dict[str, Any] = {
     'normal': ('f8', (5, 5)), 'squared_error': 'f8', 'chi_square': 'f8', 'used': 'i8',
     'last_step': 'f8', 'iterations': 'i8', 'converged': 'b1', 'variance': 'f8', 'start': 'f8',

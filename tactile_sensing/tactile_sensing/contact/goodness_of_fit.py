@@ -12,8 +12,10 @@ from tactile_sensing.contact.preprocessing import DETECTION
 from tactile_sensing.half_space.kernels import line_stress, point_stress, Q0, Q1
 from tactile_sensing.half_space.layers import first_pressure_layer, half_sides, PRESSURE
 from tactile_sensing.skin import kernels
+from tactile_sensing.skin.kernels import sharp_top
 from tactile_sensing.types.contact import ContactType, Reason
 
+SCATTER_EVIDENCE = 3.0  # standard deviations
 ELSEWHERE = 2.0  # depths from the load that are elsewhere
 FORCE_WINDOW = 2.0  # half side of the window of the second force estimate of a point [depths]
 # Tactels of a point around the peak, of a line: three to eight for each parameter.
@@ -95,9 +97,13 @@ def compare(kind, sensor, layers, load, memory):
 
 
 @njit(error_model='numpy')
-def _sums_of_squares(left, model, layers, model_error):
-    """Squared error, chi-square with the allowance of the model's error, and live tactels."""
-    squared = chi = 0.0
+def _sums_of_squares(left, model, layers, model_error, scatter):
+    """
+    Squared error, chi-square with the allowance of the model's error, and live tactels.
+
+    The last is the squared error by the weights of a fit that knows of scatter.
+    """
+    squared = chi = weighted = 0.0
     count = 0
     for k in range(layers.size):
         noise = layers[k].noise
@@ -108,8 +114,10 @@ def _sums_of_squares(left, model, layers, model_error):
                     allowed = model_error * model[k, r, c] / noise
                     squared += rest * rest
                     chi += rest * rest / (1.0 + allowed * allowed)
+                    off = scatter * model[k, r, c] / noise
+                    weighted += rest * rest / (1.0 + off * off)
                     count += 1
-    return squared, chi, count
+    return squared, chi, count, weighted
 
 
 @njit(error_model='numpy')
@@ -188,6 +196,33 @@ def _second_contact(kind, left, sensor, load, depth, threshold):
 
 
 @njit(error_model='numpy')
+def find_scatter(left, model, layers, known, parameters):
+    """
+    What tactels are off beside noise, as a share of the pressure: their gains, or the model.
+
+    From the squares of what is left where the load presses; the known share where no more shows.
+    """
+    excess = fourth = second = 0.0
+    for k in range(layers.size):
+        noise = layers[k].noise
+        for r in range(left.shape[1]):
+            for c in range(left.shape[2]):
+                rest = left[k, r, c] / noise
+                if np.isfinite(rest):
+                    m = (model[k, r, c] / noise) ** 2
+                    expected = 1.0 + known * known * m
+                    share = m / expected
+                    excess += (rest * rest / expected - 1.0) * share
+                    fourth += share * share
+                    second += share
+    if not excess > SCATTER_EVIDENCE * math.sqrt(2.0 * fourth):
+        return known
+    loaded = second * second / fourth  # tactels; the parameters took their part of what was left
+    taken = max(loaded - parameters, 0.25 * loaded) / loaded
+    return math.sqrt(known * known + excess / fourth / taken)
+
+
+@njit(error_model='numpy')
 def refute(kind, sensor, layers, rules, memory, estimate):
     """
     Hold the load that was fitted to a frame against what it leaves.
@@ -200,16 +235,21 @@ def refute(kind, sensor, layers, rules, memory, estimate):
         return _OTHER, _BAD_FIT | _FEW
     main = first_pressure_layer(layers)
     depth, noise = layers[main].depth, layers[main].noise
-    squared, chi, count = _sums_of_squares(left, model, layers, rules.model_error)
+    squared, chi, count, weighted = _sums_of_squares(
+        left, model, layers, math.hypot(rules.model_error, rules.gain_spread), memory.scatter[0])
     peak = model[main].max()
     if not (peak > 0.0 and np.isfinite(chi + squared)):
         return _OTHER, _BAD_FIT
     freedom = max(count - (5 if kind == POINT else 3), 1)
     if fit.extras & PATCH and fit.variance > LARGEST_PATCH * kernels.largest_variance(depth):
         return _OTHER, _BAD_FIT
-    top = 2.0 * fit.force / (np.pi * depth) if kind == LINE else peak
+    top = peak
+    if kind == LINE:  # on a line that only passes by, too
+        top = 2.0 * fit.force / (np.pi * depth) if sensor.closed else (
+            fit.force * sharp_top(sensor.polynomials[main, 1], depth))
     estimate.snr = 20.0 * math.log10(top / noise)
     estimate.residual = math.sqrt(squared / freedom)
+    memory.excess[0] = max(1.0, weighted / freedom)
     estimate.iterations = fit.iterations
     estimate.force_windowed = _window_ratio(kind, left[main], model[main], sensor, fit, depth)
 
@@ -217,7 +257,7 @@ def refute(kind, sensor, layers, rules, memory, estimate):
     if weak and kind == POINT:  # noise has peaks, but hardly ridges: a line is judged first
         return _NONE, _LOW_SNR
     threshold = max(DETECTION * noise / 3.0, SECOND_CONTACT * peak)
-    if _second_contact(kind, left[main], sensor, fit, depth, threshold):
+    if memory.second[0] or _second_contact(kind, left[main], sensor, fit, depth, threshold):
         return _OTHER, _BAD_FIT | _TWO
     if chi > rules.max_chi_square * freedom or _lacks_load(left[main], threshold):
         return _OTHER, _BAD_FIT

@@ -87,7 +87,7 @@ def _shear_shows(kind, fit, forces, cov):
 
 @njit(error_model='numpy')
 def _fit(kind, sensor, layers, forces, extras, memory):
-    """Fit with these extras, from the load as it is; leaves covariance, and whether there is one."""
+    """Fit with these extras, from the load as it is; with them, its covariance as well."""
     if extras:
         return fit_extended(kind, sensor, layers, forces, extras, memory.scatter[0], memory)
     return fit_load(kind, memory.stress, sensor, layers, forces, 0.0, np.inf, memory.scatter[0],

@@ -65,14 +65,15 @@ def write_point(load, cov, estimate):
 
 
 @njit(error_model='numpy')
-def write_line(load, cov, with_shear, sensor, estimate):
-    """Line into an estimate: forces on the pad."""
+def write_line(load, cov, with_shear, first, last, sensor, estimate):
+    """Line, loaded from first to last along itself [m], into an estimate: forces on the pad."""
     half_x, half_y = half_sides(sensor)
     rho, yaw, force, shear = load.rho, load.yaw, load.force, load.shear
     cos, sin = math.cos(yaw), math.sin(yaw)
     length, step = chord(rho, yaw, half_x, half_y), 1e-6
     by_rho = (chord(rho + step, yaw, half_x, half_y) - length) / step
     by_yaw = (chord(rho, yaw + step, half_x, half_y) - length) / step
+    length = max(last - first, 0.0)
     estimate.a, estimate.b, estimate.yaw = rho / cos, 0.0, yaw
     estimate.normal_force, estimate.line_force = force * length, force
     if with_shear:

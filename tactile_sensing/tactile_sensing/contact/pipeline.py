@@ -13,8 +13,13 @@ import numpy as np
 
 from tactile_common.kernels import njit
 from tactile_sensing.contact.gauss_newton import FIT, fit_load, LINE, make_tactels, POINT, Tactels
-from tactile_sensing.contact.goodness_of_fit import beyond_sight, compare, refute
-from tactile_sensing.contact.ladder import ROWS
+from tactile_sensing.contact.goodness_of_fit import (
+    beyond_sight,
+    compare,
+    find_scatter,
+    refute,
+)
+from tactile_sensing.contact.ladder import BEGINS, ENDS, limits_of, ROWS
 from tactile_sensing.contact.model_selection import (
     climb,
     fit_without_idle_shear,
@@ -22,7 +27,12 @@ from tactile_sensing.contact.model_selection import (
     overrules,
     UNCONVINCING,
 )
-from tactile_sensing.contact.outliers import fit_depth, fit_despite_faults, scale_depths
+from tactile_sensing.contact.outliers import (
+    any_off,
+    fit_depth,
+    fit_despite_faults,
+    scale_depths,
+)
 from tactile_sensing.contact.parameters import (
     compare_forces,
     forget_forces,
@@ -60,6 +70,8 @@ class Memory(NamedTuple):
     moved: np.ndarray  # (5,): how it moves when shear is left out
     estimates: np.ndarray  # of ESTIMATE, shape (2,): of the first model and of the second
     scatter: np.ndarray  # (1,): what tactels are off beside noise, as a share of the pressure
+    excess: np.ndarray  # (1,): squared error over what is expected, at least 1
+    second: np.ndarray  # bool, (1,): whether what seemed an outlier is a contact
     # What `ladder` needs: a load and a covariance to return to, and room.
     saved: np.ndarray
     saved_cov: np.ndarray
@@ -83,15 +95,16 @@ class Memory(NamedTuple):
 def make_memory(layers, rows, columns, nodes):
     """Memory for frames of one shape."""
     shape = (layers, rows, columns)
-    return Memory(np.empty(shape), np.empty(shape), np.empty(shape), np.empty(rows * columns),
-                  np.zeros(layers, LAYER), make_tactels(layers, layers * rows * columns, nodes),
-                  np.zeros(1, FIT), np.zeros((8, 8)), np.zeros(1, np.bool_), np.zeros(5),
-                  np.zeros(5), np.zeros(2, ESTIMATE), np.zeros(1), np.zeros(1, FIT),
-                  np.zeros((8, 8)), np.zeros(5), np.zeros((8, 8)), np.empty((ROWS, layers * rows * columns)),
-                  np.empty(layers * rows * columns), np.zeros(8, np.int64), np.zeros((8, 8)),
-                  np.zeros(8), np.zeros((8, 8)), np.zeros(8), np.zeros(8),
-                  np.zeros((2, 2, TERMS)), np.zeros(1, FIT), np.zeros(shape, np.bool_),
-                  np.zeros(1, np.bool_))
+    most = layers * rows * columns
+    return Memory(
+        np.empty(shape), np.empty(shape), np.empty(shape), np.empty(rows * columns),
+        np.zeros(layers, LAYER), make_tactels(layers, most, nodes), np.zeros(1, FIT),
+        np.zeros((8, 8)), np.zeros(1, np.bool_), np.zeros(5), np.zeros(5), np.zeros(2, ESTIMATE),
+        np.zeros(1), np.ones(1), np.zeros(1, np.bool_), np.zeros(1, FIT), np.zeros((8, 8)),
+        np.zeros(5), np.zeros((8, 8)), np.empty((ROWS, most)), np.empty(most),
+        np.zeros(8, np.int64), np.zeros((8, 8)), np.zeros(8), np.zeros((8, 8)), np.zeros(8),
+        np.zeros(8), np.zeros((2, 2, TERMS)), np.zeros(1, FIT), np.zeros(shape, np.bool_),
+        np.zeros(1, np.bool_))
 
 
 @njit(cache=True, error_model='numpy')
@@ -157,39 +170,76 @@ def estimate_as(kind, measured, sensor, layers, rules, memory, estimate):
     fit, cov, forces = memory.fit[0], memory.cov, 3 if kind == POINT else 2
     memory.stress[:] = measured
     memory.scatter[0] = rules.gain_spread
+    memory.second[0] = False
+    ladder = sensor.polynomials.size > 0 and not rules.fit_depth
+    # Faults are looked for above the ladder: a blunt load is no row of broken tactels.
     fitted, left_out, depth_variance = _fit_mended(
-        kind, sensor, layers, forces, rules, memory)
+        kind, sensor, layers, forces, not ladder, rules, memory)
     shear = False
     if fitted:
-        fitted, shear = fit_without_idle_shear(
-            kind, sensor, memory.layers, forces, 0, memory)
+        fitted, shear = _fit_least(kind, sensor, forces, ladder, memory)
+    if fitted and ladder and any_off(memory.left, memory.model, memory.layers, rules):
+        fitted, left_out, depth_variance = _fit_mended(
+            kind, sensor, layers, forces, True, rules, memory)
+        if fitted:
+            fitted, shear = _fit_least(kind, sensor, forces, ladder, memory)
     if not fitted:
         estimate.type, missed = _OTHER, _BAD_FIT
     else:
-        if sensor.polynomials.size > 0 and not rules.fit_depth:
-            shear = climb(kind, sensor, memory.layers, forces, shear, memory)
-        compare(kind, sensor, memory.layers, fit, memory)
+        shear = _weigh_scatter(kind, sensor, forces, shear, rules, memory)
         estimate.type, missed = refute(kind, sensor, memory.layers, rules, memory, estimate)
     if not missed:
-        _widen(cov, 2 + forces, memory.moved, depth_variance, memory.slope, estimate.residual)
+        _widen(cov, memory.moved, depth_variance, memory.slope, memory.excess[0])
         if beyond_sight(kind, sensor, memory.layers[0].depth, fit, cov):
             missed = _OFF_PAD
     estimate.reasons |= missed
     if missed:
         return
-    estimate.has_shear = shear
+    estimate.has_shear, estimate.extras = shear, fit.extras
     if kind == POINT:
         write_point(fit, cov, estimate)
         estimate.patch = math.sqrt(5.0 * fit.variance)
     else:
-        write_line(fit, cov, shear, sensor, estimate)
+        first, last, _, _ = limits_of(sensor, fit, 0.0)
+        if fit.extras & BEGINS:
+            estimate.start = first = fit.start
+        if fit.extras & ENDS:
+            estimate.end = last = fit.end
+        write_line(fit, cov, shear, first, last, sensor, estimate)
         estimate.patch = 2.0 * math.sqrt(fit.variance)
     disagrees = compare_forces(estimate)
     estimate.reasons |= (_DEAD if left_out else 0) | (_MISMATCH if disagrees else 0)
 
 
 @njit(error_model='numpy')
-def _fit_mended(kind, sensor, given_layers, forces, rules, memory):
+def _fit_least(kind, sensor, forces, ladder, memory):
+    """From a fit with shear to the least load that explains the frame, and what it leaves."""
+    fitted, shear = fit_without_idle_shear(kind, sensor, memory.layers, forces, 0, memory)
+    if fitted:
+        if ladder:
+            shear = climb(kind, sensor, memory.layers, forces, shear, memory)
+        compare(kind, sensor, memory.layers, memory.fit[0], memory)
+    return fitted, shear
+
+
+@njit(error_model='numpy')
+def _weigh_scatter(kind, sensor, forces, shear, rules, memory):
+    """Fit again where tactels are off by a share of the pressure; returns whether with shear."""
+    fit, scatter = memory.fit[0], memory.scatter
+    found = find_scatter(memory.left, memory.model, memory.layers, scatter[0], 2 + forces)
+    if found <= scatter[0]:
+        return shear
+    scatter[0] = found
+    if not fit.extras and not fit_load(kind, memory.stress, sensor, memory.layers, forces,
+                                       rules.model_error, np.inf, found, memory.tactels, fit):
+        return shear
+    _, shear = fit_without_idle_shear(kind, sensor, memory.layers, forces, fit.extras, memory)
+    compare(kind, sensor, memory.layers, fit, memory)
+    return shear
+
+
+@njit(error_model='numpy')
+def _fit_mended(kind, sensor, given_layers, forces, mend, rules, memory):
     """
     Fit at the given depth, or at that which the frame shows, despite faults of the sensor.
 
@@ -199,7 +249,7 @@ def _fit_mended(kind, sensor, given_layers, forces, rules, memory):
     layers, stress, fit = memory.layers, memory.stress, memory.fit[0]
     scale_depths(given_layers, 1.0, layers)
     if not rules.fit_depth:
-        fitted, left_out = fit_despite_faults(kind, sensor, layers, forces, rules, memory)
+        fitted, left_out = fit_despite_faults(kind, sensor, layers, forces, mend, rules, memory)
         return fitted, left_out, 0.0
     fitted, left_out, variance = False, False, 0.0
     for mended in (False, True):  # faults do not show at a wrong depth, nor the depth with faults
@@ -209,7 +259,8 @@ def _fit_mended(kind, sensor, given_layers, forces, rules, memory):
             return False, left_out, variance
         scale_depths(given_layers, factor, layers)
         if not mended:
-            fitted, left_out = fit_despite_faults(kind, sensor, layers, forces, rules, memory)
+            fitted, left_out = fit_despite_faults(
+                kind, sensor, layers, forces, mend, rules, memory)
             if not fitted:
                 return False, left_out, variance
     fitted = fit_load(kind, stress, sensor, layers, forces, rules.model_error, np.inf,
@@ -218,9 +269,9 @@ def _fit_mended(kind, sensor, given_layers, forces, rules, memory):
 
 
 @njit(error_model='numpy')
-def _widen(cov, n, moved, depth_variance, slope, residual):
+def _widen(cov, moved, depth_variance, slope, excess):
     """Add to a covariance shear that may be there, the depth, and more noise than expected."""
-    for i in range(n):
-        for j in range(n):
-            cov[i, j] = moved[i] * moved[j] + max(1.0, residual ** 2) * (
+    for i in range(5):
+        for j in range(5):
+            cov[i, j] = moved[i] * moved[j] + excess * (
                 cov[i, j] + depth_variance * slope[i] * slope[j])

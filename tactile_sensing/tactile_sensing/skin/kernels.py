@@ -1,9 +1,9 @@
 """
 Pressure of point and line loads on a skin for compiled loops: the polynomials of `kernel`.
 
-A *shape* (2, DEGREE + 1) has the polynomials of f and g, highest power first, in SI units, for one
-kind of load, one layer and one variance of the patch; a *kernel* is the same as tuples. The pressure
-is force f(s) + (shear . offset) g(s), s the squared distance.
+A *shape* (2, DEGREE + 1) has the polynomials of f and g, highest power first, in SI units, for
+one kind of load, one layer and one variance of the patch; a *kernel* is the same as tuples. The
+pressure is force f(s) + (shear . offset) g(s), s the squared distance.
 """
 
 from numba.np.unsafe.ndarray import to_fixed_tuple
@@ -61,6 +61,12 @@ def make_sharp_shape(polynomials, depth, row, shape):
     for j in range(DEGREE + 1):
         shape[F, DEGREE - j] = scale * polynomials[0, F, j]
         shape[G, DEGREE - j] = scale / depth * polynomials[0, G, j]
+
+
+@njit(error_model='numpy')
+def sharp_top(polynomials, depth):
+    """Pressure above a sharp line load of 1 N/m [Pa]."""
+    return polynomials[0, F, :].sum() / depth
 
 
 @njit(error_model='numpy')

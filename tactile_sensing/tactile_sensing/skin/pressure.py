@@ -68,6 +68,16 @@ class SkinPressure:
             total = total + normal_force * f + (shear_x * u + shear_y * v) * g
         return np.asarray(total) / len(self._nodes)
 
+    def point_basis(self, x: np.ndarray, y: np.ndarray, a: float, b: float,
+                    radius: float = 0.0) -> np.ndarray:
+        """Pressure by a unit of normal force, shear along x and along y, shape (..., 3)."""
+        parts: list = [0.0, 0.0, 0.0]
+        for dx, dy in self._nodes:
+            u, v = x + dx - a, y + dy - b
+            f, g = self._kernel(POINT, u * u + v * v, radius**2 / 5.0)
+            parts = [part + new for part, new in zip(parts, (f, u * g, v * g), strict=True)]
+        return np.stack(parts, axis=-1) / len(self._nodes)
+
     def line(self, x: np.ndarray, y: np.ndarray, rho: float, yaw: float, line_force: float,
              line_shear: float = 0.0, half_width: float = 0.0) -> np.ndarray:
         """Pressure under a half ellipse of this half width [m], at most 1.34 depths; 0: a line."""

@@ -125,7 +125,7 @@ RECORD = np.dtype([_type_of(name, f.metadata['dtype']) for name, f in COLUMNS.it
 # found on the way.
 ESTIMATE = np.dtype([
     ('type', 'i8'), ('reasons', 'i8'), *(_type_of(name, 'f8') for name in REALS),
-    _type_of('covariance', 'f8'), ('iterations', 'i8'), ('has_shear', '?'),
+    _type_of('covariance', 'f8'), ('iterations', 'i8'), ('has_shear', '?'), ('extras', 'i8'),
     *((name, 'f8') for name in Moments.__dataclass_fields__)])
 NOTHING = np.zeros(1, ESTIMATE)  # an estimate of nothing
 for _name in (*REALS, 'covariance'):
