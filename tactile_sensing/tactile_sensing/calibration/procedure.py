@@ -164,7 +164,8 @@ def _presses(frames, calibration, force=None):
     noise = np.maximum(calibration.noise.astype(float), 12**-0.5)
     values = np.where(calibration.live & ~full, arranged - calibration.baseline, np.nan)
     floor = calibration.counts.threshold - 0.5 - calibration.baseline.astype(float)
-    return Presses(calibration.array, values, noise, floor, np.arange(len(values))), full.sum((1, 2))
+    number = np.arange(len(values))
+    return Presses(calibration.array, values, noise, floor, number), full.sum((1, 2))
 
 
 def _sorted(name, frames, calibration, outcome):

@@ -118,11 +118,10 @@ def _step(problem, theta, patch, places, free):
     for i in range(count):
         problem.fill(i)
         q, amplitudes, left = problem.solve(here, i, places[i], patch)
-        weight, model = problem.weight[i].ravel()[:, None], problem.models[i].ravel()
 
-        def by(pressure, place, patch, step):
-            column = (problem.basis(pressure, i, *place, patch) @ amplitudes - model) / step
-            column = column * weight[:, 0]
+        def by(pressure, place, other_patch, step, i=i, q=q, amplitudes=amplitudes):
+            other = problem.basis(pressure, i, *place, other_patch) @ amplitudes
+            column = (other - problem.models[i].ravel()) / step * problem.weight[i].ravel()
             return column - q @ (q.T @ column)
 
         place_columns = np.stack([by(here, places[i] + np.array([d, 0.0]), patch, d),

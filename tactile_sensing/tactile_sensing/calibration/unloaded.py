@@ -1,4 +1,4 @@
-"""What recordings of raw counts say of the tactels themselves: range, noise, dead, stuck, drift."""
+"""What recordings of raw counts say of the tactels: range, noise, dead, stuck, drift."""
 
 from dataclasses import dataclass
 
@@ -46,7 +46,7 @@ def range_of(recordings: list[np.ndarray], bits: int | None, signed: bool | None
     if threshold is None and low >= 0:
         threshold = _threshold(counts, plain.lowest)
         if threshold:
-            assumed.append(f'a threshold of {threshold}: no count from 1 to {threshold - 1} occurs')
+            assumed.append(f'a threshold of {threshold}: smaller counts than that are all 0')
     return Counts(bits, signed, threshold or None), assumed
 
 

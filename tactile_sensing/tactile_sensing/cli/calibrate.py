@@ -55,7 +55,8 @@ def parser() -> argparse.ArgumentParser:
     add('--out', required=True, metavar='CAL.yaml', help='file to write')
     add('--pitch', nargs='+', required=True, metavar='M',
         help='distance between tactels, or along x and along y [m]')
-    for name, text in (('unloaded', 'of the unloaded pad'), ('corners', 'of presses in the corners'),
+    for name, text in (('unloaded', 'of the unloaded pad'),
+                       ('corners', 'of presses in the corners'),
                        ('rolling', 'of a ball rolled over the pad'),
                        ('ball', 'of presses of a small ball; an array `force` (N,) [N] in it is '
                         'that of each'), ('flat', 'of presses of the ball all over the pad')):

@@ -45,7 +45,7 @@ FLAGS = {
     Reason.NOT_CONVERGED: 'the fit did not settle',
     Reason.BAD_FIT: 'no model explains the frame',
     Reason.BAD_IMAGE: 'frame malformed',
-    Reason.UNCALIBRATED: 'no gain known: forces are NaN, moments in counts (can be set with valid)',
+    Reason.UNCALIBRATED: 'no gain known, forces are NaN (can be set with valid)',
     Reason.TWO_CONTACTS: 'more than one contact',
     Reason.NOT_TARED: 'not set by this command: it takes frames as tared',
     Reason.SATURATED: 'saturated tactels were left out (can be set with valid)',
@@ -75,7 +75,7 @@ def _table(rows, width):
 
 
 def _shape(name):
-    return f'(N{"".join(f", {size}" for size in RECORD[name].shape)}{"," * (not RECORD[name].shape)})'
+    return f'({", ".join(("N", *map(str, RECORD[name].shape)))})'.replace('(N)', '(N,)')
 
 
 def parser() -> argparse.ArgumentParser:

@@ -103,7 +103,8 @@ class Calibration:
         counts = Counts(self.bits, self.signed, self.threshold, self.saturation)
         object.__setattr__(self, 'counts', counts)
         if self.tare_tolerance == 0.0:
-            object.__setattr__(self, 'tare_tolerance', TOLERANCE * (counts.highest - counts.lowest))
+            object.__setattr__(
+                self, 'tare_tolerance', TOLERANCE * (counts.highest - counts.lowest))
         gain = self._per_tactel('gain')
         if not gain.min() > 0.0:
             raise ConfigurationError(f'gain is {gain.min()} at least once, must be above 0')
@@ -251,8 +252,8 @@ class Calibration:
         """Return the stress of raw frames (N, rows, columns), NaN as for `converter`."""
         counts = self.arrange(np.asarray(frames, dtype=np.float64))
         usable = self.live & (counts < self.counts.saturation)
-        return np.where(
-            usable, self.gain * (counts - (self.baseline if tare is None else tare.offset)), np.nan)
+        offset = self.baseline if tare is None else tare.offset
+        return np.where(usable, self.gain * (counts - offset), np.nan)
 
     def layer(self, tare=None) -> Layer:
         """Return the layer without values: component, skin, unit, range and noise."""
