@@ -60,7 +60,8 @@ def clean(kind, truth):
     """Noise-free frames of loads."""
     t = truth[:, None, None]
     if kind == ContactType.POINT:
-        return point.stress('zz', POINT_ARRAY.x, POINT_ARRAY.y[:, None], t['a'], t['b'], t['normal_force'],
+        return point.stress('zz', POINT_ARRAY.x, POINT_ARRAY.y[:, None], t['a'], t['b'],
+                            t['normal_force'],
                             t['shear_force_x'], t['shear_force_y'], DEPTH)
     return line.stress_with_shear(
         LINE_ARRAY.x, LINE_ARRAY.y[:, None], t['a'] * np.cos(t['yaw']), t['yaw'],

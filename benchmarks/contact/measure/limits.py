@@ -33,8 +33,10 @@ def errors(given, records):
     if given.kind == ContactType.POINT:
         place = np.hypot(records['a'] - truth['a'], records['b'] - truth['b'])
         claimed_place = np.sqrt(variance['a'] + variance['b'])
-        force, claimed_force = records['normal_force'] - truth['normal_force'], np.sqrt(variance['normal_force'])
-        shear = np.hypot(records['shear_force_x'] - truth['shear_force_x'], records['shear_force_y'] - truth['shear_force_y'])
+        force = records['normal_force'] - truth['normal_force']
+        claimed_force = np.sqrt(variance['normal_force'])
+        shear = np.hypot(*(records[name] - truth[name]
+                           for name in ('shear_force_x', 'shear_force_y')))
         claimed_shear = np.sqrt(variance['shear_force_x'] + variance['shear_force_y'])
     else:  # farthest between the two lines within the circle in the pad
         cos, half = np.cos(records['yaw']), given.array.half_width_x
