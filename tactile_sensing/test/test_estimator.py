@@ -31,7 +31,7 @@ def tactile_image(stress, array=ARRAY, noise=NOISE, saturated=0, tared=True, **l
 
 
 def estimate(stress, *, method='fit', **kwargs):
-    return ContactEstimator(EstimatorConfig(method=method)).estimate(
+    return ContactEstimator(EstimatorConfig(method=method, tactel='point')).estimate(
         tactile_image(stress, **kwargs))
 
 
@@ -45,7 +45,8 @@ def test_line_is_at_the_cramer_rao_bound(decibels):
     truth = rng.uniform((-8e-3, np.radians(-40)), (8e-3, np.radians(40)), (6000, 2))
     noise = 10.0 ** (-decibels / 20.0) * line.peak_pressure(FORCE, DEPTH)
     frames = np.array([noisy(edge(a, yaw), rng, noise) for a, yaw in truth])
-    found = ContactEstimator().estimate_batch(frames, ARRAY, [Layer('zz', DEPTH, None, 0, noise)])
+    found = ContactEstimator(EstimatorConfig(tactel='point')).estimate_batch(
+        frames, ARRAY, [Layer('zz', DEPTH, None, 0, noise)])
     told = found['valid'] & (found['type'] == ContactType.LINE)
     assert told.mean() > 0.999
     found, truth = found[told], truth[told]
@@ -74,7 +75,8 @@ def test_covariance_of_the_closed_forms_is_the_spread(method, layers):
     noise = 1e-3 * clean.max()
     frames = clean + rng.normal(0.0, noise, (150, *clean.shape))
     given = [Layer(c, depth, None, 0, noise) for c, depth in zip(layers, depths, strict=True)]
-    found = ContactEstimator(EstimatorConfig(method=method, model='point')).estimate_batch(
+    config = EstimatorConfig(method=method, model='point', tactel='point')
+    found = ContactEstimator(config).estimate_batch(
         frames, array, given)
     found = found[found['valid']]
     assert len(found) > 130
@@ -277,7 +279,7 @@ def test_normal_form_is_unique():
 @pytest.mark.parametrize('second', [('zz', 1.0), ('zz', 0.5), ('xz', 1.5)])
 def test_layers_without_a_closed_form_leave_the_pressure_alone(method, second):
     component, ratio = second
-    estimator = ContactEstimator(EstimatorConfig(method=method, model='point'))
+    estimator = ContactEstimator(EstimatorConfig(method=method, model='point', tactel='point'))
     picture = noisy(point.stress('zz', ARRAY.x, ARRAY.y[:, None], 3e-4, -2e-4, 20.0, 0.0, 0.0,
                                  DEPTH), np.random.default_rng(3))
     layers = [Layer('zz', DEPTH, picture), Layer(component, ratio * DEPTH, picture)]

@@ -29,6 +29,7 @@ def presses():
 def found(frames, noise, *, depth=DEPTH, full_scale=0.0, floor=0.0, **config):
     """Every frame with its own noise, as the estimator's scale is free: over the noise."""
     layer = Layer('zz', depth, None, full_scale, 1.0, floor=floor)
+    config = {'tactel': 'point', **config}
     return ContactEstimator(EstimatorConfig(**config)).estimate_batch(
         frames / noise[:, None, None], ARRAY, [layer])
 
@@ -180,7 +181,8 @@ def test_shear_across_a_line():
     noise = 0.01 * line.peak_pressure(200.0, DEPTH)
     frames = clean + rng.normal(0.0, noise, clean.shape)
     layer = Layer('zz', DEPTH, None, 0.0, noise)
-    records = ContactEstimator().estimate_batch(frames, array, [layer])
+    records = ContactEstimator(EstimatorConfig(tactel='point')).estimate_batch(
+        frames, array, [layer])
     assert records['valid'].all() and np.isfinite(records['shear_force_x']).all()
     off = (records['a'] - place[:, 0]) * np.cos(place[:, 1])
     assert np.sqrt(np.mean(off**2)) < 0.015e-3  # .2 mm if the shear were left out

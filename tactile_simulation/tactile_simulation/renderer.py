@@ -72,8 +72,7 @@ def _point_shape(skin, size_x, size_y):
         side, nodes = split_tactel(size_x, size_y, skin.depth)
     shape = np.zeros((2, kernels.TERMS))
     kernels.make_sharp_shape(
-        polynomials(skin.layer, side)[kernels.POINT_ROW],
-        skin.depth, kernels.POINT_ROW, shape)
+        polynomials(skin.layer, side), skin.depth, kernels.POINT_ROW, 0.0, shape)
     return shape, nodes
 
 

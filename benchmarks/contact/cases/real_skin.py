@@ -7,13 +7,14 @@ import numpy as np
 from benchmarks.contact.fe_frames import DEPTH, profiles, RADII
 from tactile_sensing.contact.estimator import ContactEstimator
 from tactile_sensing.types.array import TactelArray
-from tactile_sensing.types.contact import ContactType
+from tactile_sensing.types.contact import COLUMNS, ContactType
 from tactile_sensing.types.image import Layer
 
 ARRAYS = {'16x16': TactelArray(16, 16, 25.4e-3 / 16, 25.4e-3 / 16),
           '26x26': TactelArray(26, 26, 1e-3, 1e-3)}
 POINTS = 5  # along each side of a tactel, of the mean over it
 NOISE = 0.01  # of the highest tactel: 40 dB
+COLUMN_OF_FORCE = next(name for name, field in COLUMNS.items() if field.name == 'normal_force')
 # Of wrong with confidence, see docs/contact.md.
 FAR, FORCE_OFF, CLAIMS = 1e-3, 0.1, (3.0, 5.0)
 LEAST = 1e-4, 0.02  # m and share of the force that nobody minds
@@ -80,7 +81,8 @@ def judge(profile, places, found):
         off = np.hypot(found['a'] - places[:, 0], found['b'] - places[:, 1])
         sd = np.sqrt(np.maximum(covariance[:, 0, 0], covariance[:, 1, 1]))
         normalised = (found['a'] - places[:, 0]) / np.sqrt(covariance[:, 0, 0])
-        force, force_sd = found['P'], np.sqrt(covariance[:, 3, 3])
+        force = found[COLUMN_OF_FORCE]
+        force_sd = np.sqrt(covariance[:, 3, 3])
     error = force / profile['force'] - 1.0
     claimed = force_sd / profile['force']
     three, five = CLAIMS

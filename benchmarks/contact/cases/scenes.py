@@ -3,7 +3,7 @@
 import numpy as np
 
 from benchmarks.contact.cases.loads import DEPTH, POINT_ARRAY, POINT_PEAK
-from tactile_sensing.contact.estimator import ContactEstimator
+from tactile_sensing.contact.estimator import ContactEstimator, EstimatorConfig
 from tactile_sensing.half_space import line
 from tactile_sensing.types.contact import ContactType
 from tactile_sensing.types.image import Layer
@@ -127,7 +127,7 @@ def answers(records):
 
 def confusion(count, rng, progress):
     """Part (f): share of every answer for every scene, and of frames of the right type."""
-    estimator, rows = ContactEstimator(), []
+    estimator, rows = ContactEstimator(EstimatorConfig(tactel='point')), []
     for name, (_, kind) in SCENES.items():
         progress.step(f'choice of model, {name}')
         clean = pictures(name, count, rng)

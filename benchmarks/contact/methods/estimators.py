@@ -74,7 +74,8 @@ def _records(frames, estimator, layers, array, names):
 
 def _estimator(kind, method, layers, model=1):
     """Method of the whole estimator with the choice of model."""
-    options = {'estimator': ContactEstimator(EstimatorConfig(method=method)), 'layers': layers}
+    estimator = ContactEstimator(EstimatorConfig(method=method, tactel='point'))
+    options = {'estimator': estimator, 'layers': layers}
     name = f'estimator, {method}'
     array, names = (POINT_ARRAY, POINT_NAMES) if kind == 'point' else (LINE_ARRAY, LINE_NAMES)
     one = partial(_contact, array=array, names=names, **options)

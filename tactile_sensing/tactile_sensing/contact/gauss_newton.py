@@ -240,10 +240,6 @@ def fit_load(kind, stress, sensor, layers, forces, model_error, tukey, scatter, 
     at, by, _, ends, vector, shapes, _ = tactels
     matrix = fit.normal
     fit.variance, fit.extras = 0.0, 0
-    if not sensor.closed:
-        for k in range(layers.size):
-            skin_kernels.make_sharp_shape(
-                sensor.polynomials[k, kind - 1], layers[k].depth, kind - 1, shapes[k])
     fit.squared_error = fit.chi_square = 0.0
     fit.iterations, fit.last_step, fit.converged = 0, np.inf, False
     n, lever = _begin(kind, stress, sensor, layers, at, ends, fit)
@@ -253,6 +249,10 @@ def fit_load(kind, stress, sensor, layers, forces, model_error, tukey, scatter, 
     start_0, start_1 = fit.a, fit.b
     depth, robust = _shallowest(layers), tukey < np.inf
     for iteration in range(MAX_STEPS + 1):
+        if not sensor.closed and (iteration == 0 or kind == LINE):
+            for k in range(layers.size):
+                skin_kernels.make_sharp_shape(
+                    sensor.polynomials[k], layers[k].depth, kind - 1, fit.yaw, shapes[k])
         _derivatives(kind, sensor, layers, fit, True, tactels)
         if forces < 3:
             by[SHEAR_Y][:n] = 0.0

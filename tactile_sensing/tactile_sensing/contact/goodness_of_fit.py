@@ -68,7 +68,7 @@ def _fill_from_skin(kind, sensor, layers, load, memory):
             continue
         _, _, seen_from, seen_to = limits_of(sensor, load, layer.depth)
         kernels.make_shape(
-            sensor.polynomials[k, 0], layer.depth, 0, load.variance, tip[0], tip[1])
+            sensor.polynomials[k], layer.depth, 0, 0.0, load.variance, tip[0], tip[1])
         if load.extras & BEGINS:
             add_lacking_rows(seen_from, load.start, sensor, layer, k, load, tip[0], source, model)
         if load.extras & ENDS:
@@ -246,7 +246,7 @@ def refute(kind, sensor, layers, rules, memory, estimate):
     top = peak
     if kind == LINE:  # on a line that only passes by, too
         top = 2.0 * fit.force / (np.pi * depth) if sensor.closed else (
-            fit.force * sharp_top(sensor.polynomials[main, 1], depth))
+            fit.force * sharp_top(sensor.polynomials[main], depth))
     estimate.snr = 20.0 * math.log10(top / noise)
     estimate.residual = math.sqrt(squared / freedom)
     memory.excess[0] = max(1.0, weighted / freedom)

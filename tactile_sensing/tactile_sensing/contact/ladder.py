@@ -194,7 +194,7 @@ def _rows_of(kind, sensor, layers, load, tips, memory, rows):
                 rows[SHEAR_X][begin:end], rows[SHEAR_Y][begin:end], rows[VARIANCE][begin:end],
                 rows[MODEL][begin:end])
         centre = kernels.centre_of(depth)
-        kernels.make_shape(sensor.polynomials[k, kind - 1], depth, kind - 1, load.variance,
+        kernels.make_shape(sensor.polynomials[k], depth, kind - 1, load.yaw, load.variance,
                            tactels.shapes[k], tactels.slopes[k])
         kernel = kernels.coefficients_of(tactels.shapes[k])
         by_variance = kernels.coefficients_of(tactels.slopes[k])
@@ -209,7 +209,7 @@ def _rows_of(kind, sensor, layers, load, tips, memory, rows):
                 continue
             first, last, from_, to = limits_of(sensor, load, depth)
             shape, slope = memory.tip_shapes[0], memory.tip_shapes[1]
-            kernels.make_shape(sensor.polynomials[k, 0], depth, 0, load.variance, shape, slope)
+            kernels.make_shape(sensor.polynomials[k], depth, 0, 0.0, load.variance, shape, slope)
             tip, by_tip = kernels.coefficients_of(shape), kernels.coefficients_of(slope)
             start = load.start if load.extras & BEGINS else first
             stop = load.end if load.extras & ENDS else last
@@ -400,7 +400,7 @@ def patch_gain(kind, sensor, layers, forces, memory):
     for k in range(layers.size):
         end, depth = ends[k], layers[k].depth
         kernels.make_first_slope(
-            sensor.polynomials[k, kind - 1], depth, kind - 1, tactels.slopes[k])
+            sensor.polynomials[k], depth, kind - 1, load.yaw, tactels.slopes[k])
         by_variance = kernels.coefficients_of(tactels.slopes[k])
         for node in sensor.nodes:
             x, y = tactels.at[X][begin:end] + node.x, tactels.at[Y][begin:end] + node.y

@@ -102,7 +102,7 @@ def _nodes_and_polynomials(array, layers, tactel_points, thickness, poisson):
         if thickness < math.inf:
             raise ConfigurationError(f'thickness is {thickness!r}, must be infinite with layers '
                                      'of shear: they are known in a half-space alone')
-        none = np.empty((0, 2, SPREAD_DEGREE + 1, 2, DEGREE + 1))
+        none = np.empty((0, 3, SPREAD_DEGREE + 1, 2, DEGREE + 1))
         return nodes, none, True
     side = 0.0
     if tactel_points > 1:

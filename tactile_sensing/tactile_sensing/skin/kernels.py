@@ -6,6 +6,8 @@ one kind of load, one layer and one variance of the patch; a *kernel* is the sam
 pressure is force f(s) + (shear . offset) g(s), s the squared distance.
 """
 
+import math
+
 from numba.np.unsafe.ndarray import to_fixed_tuple
 
 from tactile_common.kernels import FAST, njit
@@ -13,7 +15,7 @@ from tactile_sensing.skin.kernel import CENTRE, DEGREE, MAX_VARIANCE
 
 F, G = 0, 1  # rows of a shape
 TERMS = DEGREE + 1
-POINT_ROW, LINE_ROW = 0, 1  # of `kernel.polynomials`
+POINT_ROW, LINE_ROW, LINE_TURNED_ROW = range(3)  # of `kernel.polynomials`
 
 
 @njit(error_model='numpy')
@@ -29,44 +31,55 @@ def largest_variance(depth):
 
 
 @njit(error_model='numpy')
-def make_shape(polynomials, depth, row, variance, shape, slope):
-    """Shape at the variance of a patch [m^2], and its derivative by it."""
-    relative = variance / (depth * depth)
+def make_shape(polynomials, depth, row, yaw, variance, shape, slope):
+    """Shape at the variance of a patch [m^2], and its derivative by it; yaw is that of a line."""
+    relative, turned = variance / (depth * depth), math.cos(4.0 * yaw)
     scale = 1.0 / depth if row == LINE_ROW else 1.0 / (depth * depth)
     for part in range(2):
         if part == G:
             scale /= depth
         for j in range(DEGREE + 1):
             value = by = 0.0
-            for i in range(polynomials.shape[0] - 1, -1, -1):
+            for i in range(polynomials.shape[1] - 1, -1, -1):
+                coefficient = polynomials[row, i, part, j]
+                if row == LINE_ROW:
+                    coefficient += turned * polynomials[LINE_TURNED_ROW, i, part, j]
                 by = by * relative + value
-                value = value * relative + polynomials[i, part, j]
+                value = value * relative + coefficient
             shape[part, DEGREE - j] = scale * value
             slope[part, DEGREE - j] = scale * by / (depth * depth)
 
 
 @njit(error_model='numpy')
-def make_first_slope(polynomials, depth, row, slope):
-    """Derivative of the shape of a load without a patch by the variance of one."""
-    scale = 1.0 / depth**3 if row == LINE_ROW else 1.0 / depth**4
-    for j in range(DEGREE + 1):
-        slope[F, DEGREE - j] = scale * polynomials[1, F, j]
-        slope[G, DEGREE - j] = scale / depth * polynomials[1, G, j]
+def _fill(polynomials, power, depth, row, yaw, scale, shape):
+    """Coefficients of one power of the variance."""
+    turned = math.cos(4.0 * yaw) if row == LINE_ROW else 0.0
+    for part in range(2):
+        if part == G:
+            scale /= depth
+        for j in range(DEGREE + 1):
+            shape[part, DEGREE - j] = scale * (polynomials[row, power, part, j] + (
+                turned * polynomials[LINE_TURNED_ROW, power, part, j]))
 
 
 @njit(error_model='numpy')
-def make_sharp_shape(polynomials, depth, row, shape):
-    """Shape of a load without a patch."""
+def make_first_slope(polynomials, depth, row, yaw, slope):
+    """Derivative of the shape of a load without a patch by the variance of one."""
+    scale = 1.0 / depth**3 if row == LINE_ROW else 1.0 / depth**4
+    _fill(polynomials, 1, depth, row, yaw, scale, slope)
+
+
+@njit(error_model='numpy')
+def make_sharp_shape(polynomials, depth, row, yaw, shape):
+    """Shape of a load without a patch; yaw is that of a line."""
     scale = 1.0 / depth if row == LINE_ROW else 1.0 / (depth * depth)
-    for j in range(DEGREE + 1):
-        shape[F, DEGREE - j] = scale * polynomials[0, F, j]
-        shape[G, DEGREE - j] = scale / depth * polynomials[0, G, j]
+    _fill(polynomials, 0, depth, row, yaw, scale, shape)
 
 
 @njit(error_model='numpy')
 def sharp_top(polynomials, depth):
     """Pressure above a sharp line load of 1 N/m [Pa]."""
-    return polynomials[0, F, :].sum() / depth
+    return polynomials[LINE_ROW, 0, F, :].sum() / depth
 
 
 @njit(error_model='numpy')
