@@ -29,6 +29,16 @@ class Presses:
     def __len__(self) -> int:
         return len(self.values)
 
+    def scaled(self, factor: np.ndarray) -> 'Presses':
+        """Return the presses with every tactel (rows, columns) multiplied."""
+        return Presses(self.array, self.values * factor, self.noise * factor,
+                       self.floor * factor, self.number)
+
+    def joined(self, other: 'Presses') -> 'Presses':
+        """Return these and other presses of the same array."""
+        return Presses(self.array, np.concatenate([self.values, other.values]), self.noise,
+                       self.floor, np.concatenate([self.number, other.number]))
+
     def only(self, chosen: np.ndarray) -> 'Presses':
         """Return the presses that are chosen."""
         return Presses(

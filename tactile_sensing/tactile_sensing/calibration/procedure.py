@@ -198,13 +198,13 @@ def _skin(recordings, known, draft, outcome, found, assumed, tell):
     values: dict = {'gain_spread': float(fit.scatter)}
     gain = np.ones(draft.array.shape)
     if recordings.flat is not None:
-        flat = presses if name == 'flat' else _sorted('flat', recordings.flat, draft, outcome)
+        flat = presses
+        if name == 'ball':
+            flat = presses.joined(_sorted('flat', recordings.flat, draft, outcome))
         tell(f'gains from {len(flat)} presses')
-        outcome.gains, _ = flat_field(flat, radius, fit, area)
+        outcome.gains = flat_field(flat, radius, fit, area)
         gain = outcome.gains.gain
-        evened = Presses(presses.array, presses.values * gain, presses.noise * gain,
-                         presses.floor * gain, presses.number)
-        fit = fit_skin(evened, radius, area=area, known=given)
+        fit = fit_skin(presses.scaled(gain), radius, area=area, known=given)
         values['gain_spread'] = float(outcome.gains.left)
         found['gains'] = {'presses': len(flat), 'spread': _short(outcome.gains.spread),
                           'left': _short(outcome.gains.left)}

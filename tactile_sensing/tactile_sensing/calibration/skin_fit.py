@@ -168,11 +168,15 @@ def _iterate(problem, theta, patch, places, free, steps=STEPS):
     return theta, patch, places, chi, covariance
 
 
-def _start(problem, presses):
-    """Places of the peaks, and the best of a grid of skins at which the search begins."""
+def _peaks(presses):
+    """Places of the highest tactels [m], (N, 2)."""
     flat = np.nan_to_num(presses.values, nan=-np.inf).reshape(len(presses), -1).argmax(axis=1)
     row, column = np.unravel_index(flat, presses.array.shape)
-    places = np.stack([presses.array.x[column], presses.array.y[row]], -1)
+    return np.stack([presses.array.x[column], presses.array.y[row]], -1)
+
+
+def _start(problem, presses, places):
+    """Best of some half-spaces, at which the search begins."""
     pitch = math.sqrt(presses.array.pitch_x * presses.array.pitch_y)
     some = presses.only(np.arange(min(len(presses), 8)))
     best = (math.inf,)
@@ -182,7 +186,7 @@ def _start(problem, presses):
         _, _, _, chi, _ = _iterate(trial, theta, PATCH, places[:len(some)], (), 3)
         if chi < best[0]:
             best = chi, theta
-    return places, best[1]
+    return best[1]
 
 
 def _least_skin(problem, theta, patch, places):
@@ -222,9 +226,11 @@ def fit_skin(presses: Presses, ball_radius: float, *, area: bool = True,
         Nothing of it is fitted then, only the presses.
     """
     problem = _Problem(presses, ball_radius, area)
-    places, theta = _start(problem, presses)
+    places = _peaks(presses)
     if known:
         theta = np.array([math.log(known.depth), known.depth / known.thickness, known.poisson])
+    else:
+        theta = _start(problem, presses, places)
     patch, free, chi = PATCH, (), math.inf
     for _ in range(SCATTER_ROUNDS):  # the scatter of the tactels follows from what is left
         if not known:
@@ -241,7 +247,10 @@ def _scatter(problem):
     noise = np.broadcast_to(problem.presses.noise, rest.shape)
     strong = problem.models > 0.15 * problem.models.max(axis=(1, 2), keepdims=True)
     strong &= np.isfinite(rest)
-    excess = np.mean(rest[strong]**2 - noise[strong]**2) / np.mean(problem.models[strong]**2)
+    # Place, force and shear of a press take up what five of its tactels are off.
+    free = max(1.0 - 5.0 * len(rest) / max(strong.sum(), 1), 0.2)
+    excess = np.mean(rest[strong]**2 / free - noise[strong]**2) / np.mean(
+        problem.models[strong]**2)
     return math.sqrt(max(excess, LEAST_SCATTER**2))
 
 

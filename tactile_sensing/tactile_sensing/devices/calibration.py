@@ -3,6 +3,7 @@ from dataclasses import dataclass, field, fields, replace
 import math
 
 import numpy as np
+import yaml
 
 from tactile_common.errors import ConfigurationError, TactileError
 from tactile_common.yaml_file import read_yaml

@@ -61,12 +61,7 @@ class SkinPressure:
     def point(self, x: np.ndarray, y: np.ndarray, a: float, b: float, normal_force: float,
               shear_x: float = 0.0, shear_y: float = 0.0, radius: float = 0.0) -> np.ndarray:
         """Pressure under Hertz' patch of this radius [m], at most 1.5 depths; 0: a point."""
-        total: np.ndarray | float = 0.0
-        for dx, dy in self._nodes:
-            u, v = x + dx - a, y + dy - b
-            f, g = self._kernel(self._coefficients[POINT], 2, u * u + v * v, radius**2 / 5.0)
-            total = total + normal_force * f + (shear_x * u + shear_y * v) * g
-        return np.asarray(total) / len(self._nodes)
+        return self.point_basis(x, y, a, b, radius) @ np.array([normal_force, shear_x, shear_y])
 
     def point_basis(self, x: np.ndarray, y: np.ndarray, a: float, b: float,
                     radius: float = 0.0) -> np.ndarray:
@@ -74,7 +69,7 @@ class SkinPressure:
         parts: list = [0.0, 0.0, 0.0]
         for dx, dy in self._nodes:
             u, v = x + dx - a, y + dy - b
-            f, g = self._kernel(POINT, u * u + v * v, radius**2 / 5.0)
+            f, g = self._kernel(self._coefficients[POINT], 2, u * u + v * v, radius**2 / 5.0)
             parts = [part + new for part, new in zip(parts, (f, u * g, v * g), strict=True)]
         return np.stack(parts, axis=-1) / len(self._nodes)
 
