@@ -342,7 +342,17 @@ colcon_build() {
 write_setup() {
     if [ "$FLAVOUR" = bare ]; then write_setup_bare; else write_setup_ros; fi
     cat <<EOF
-export ROS_AUTOMATIC_DISCOVERY_RANGE="\${ROS_AUTOMATIC_DISCOVERY_RANGE:-LOCALHOST}"
+# This host alone, unless the environment says who may be heard: see docs/network.md.
+if [ -z "\${ROS_AUTOMATIC_DISCOVERY_RANGE:-}\${ROS_STATIC_PEERS:-}\
+\${FASTDDS_DEFAULT_PROFILES_FILE:-}\${FASTRTPS_DEFAULT_PROFILES_FILE:-}\${CYCLONEDDS_URI:-}" ]; then
+    case \${RMW_IMPLEMENTATION:-} in
+        '' | rmw_fastrtps* | rmw_cyclonedds_cpp)
+            export ROS_AUTOMATIC_DISCOVERY_RANGE=SYSTEM_DEFAULT
+            export FASTDDS_DEFAULT_PROFILES_FILE='$ROOT/launch/config/fastdds_local.xml'
+            export CYCLONEDDS_URI='file://$ROOT/launch/config/cyclonedds_local.xml' ;;
+        *) export ROS_AUTOMATIC_DISCOVERY_RANGE=LOCALHOST ;;
+    esac
+fi
 export ROS_LOG_DIR="\${ROS_LOG_DIR:-$LOG/ros}"
 export NUMBA_CACHE_DIR='$BASE/numba'
 export HYPOTHESIS_STORAGE_DIRECTORY='$BASE/hypothesis'

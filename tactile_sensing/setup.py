@@ -24,5 +24,6 @@ setup(
         f'driver = {PACKAGE}.nodes.driver:main',
         f'contact_estimator = {PACKAGE}.nodes.contact_estimator:main',
         f'estimate = {PACKAGE}.cli.estimate:main',
+        f'calibrate = {PACKAGE}.cli.calibrate:main',
     ]},
 )

@@ -9,11 +9,11 @@ import time
 import numpy as np
 import yaml
 
-from tactile_servo.config import ServoConfig
 from tactile_servo.control.path_controller import PathConfig
 from tactile_servo.control.stability import gain_limit
 from tactile_servo.laws.edge_following_config import EdgeFollowingConfig
 from tactile_servo.laws.resolved_rate import PositionConfig, ResolvedRateConfig
+from tactile_servo.motion.motion import MotionConfig
 from tactile_servo.types import EdgeGoal, State
 from tactile_simulation.closed_loop import PICTURE_EVERY, Simulation, STEP
 from tactile_simulation.metrics import summarise
@@ -85,11 +85,11 @@ def theoretical_gain(latency, dead_time, lag):
     """
     Gain of a loop through the picture at the limit of stability [1/s].
 
-    In it are the latency of the picture, the dead time, half of each period and the look-ahead
-    of the windows that the servo sends.
+    In it are the latency of the picture, the dead time, half of each period and what is
+    committed of the windows that the servo sends.
     """
     return gain_limit(latency + dead_time + 0.5 * STEP * (1 + PICTURE_EVERY)
-                      + 2.0 / ServoConfig.rate, lag)
+                      + MotionConfig.committed, lag)
 
 
 def is_stable(tracker, gain, latency):

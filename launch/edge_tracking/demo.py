@@ -18,9 +18,10 @@ from edge_tracking.recording.summary import summarise
 from edge_tracking.report.page import make_recording_report, make_report, picture
 from edge_tracking.resources import find_scene, scene_names, share
 from edge_tracking.track import TrackNode
+from edge_tracking.transport import local_environment
 from tactile_common.errors import TactileError
 from tactile_common.progress import Progress
-from tactile_common.ros.runner import stop_on_signals
+from tactile_common.ros.runner import freeze_heap, stop_on_signals
 from tactile_msgs.action import TrackEdge
 from tactile_sensing.devices.recording import load_recording
 from tactile_servo.laws.registry import DEFAULT, LAWS
@@ -114,6 +115,7 @@ def track_scene(options: argparse.Namespace, path: Path, scene: Scene, folder: P
                           feedback_text(feedback))
 
         servo = add_servo(graph, robot, options.controller)
+        freeze_heap()
         graph.spin(lambda: over() or servo.count_subscribers('servo_status'))  # the recorder
         track = graph.add(TrackNode, own={'on_feedback': show}, speed=options.speed,
                           force=options.force, closed=closed)
@@ -170,6 +172,7 @@ def run(options: argparse.Namespace) -> tuple[dict[str, Any], Path]:
 def main(args: list[str] | None = None) -> int:
     """Run the demo; exit status 0 if the edge was tracked, or the recording played."""
     options = parser().parse_args(args)
+    os.environ.update(local_environment())  # also of the parts
     try:
         summary, folder = run(options)
     except (ValueError, RuntimeError, ParameterException, TactileError) as error:

@@ -2,6 +2,7 @@
 import argparse
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+import os
 from pathlib import Path
 import sys
 import tempfile
@@ -15,7 +16,8 @@ from rclpy.parameter import Parameter
 from rclpy.signals import SignalHandlerOptions
 
 from edge_tracking.resources import find_scene, scene_names, share
-from tactile_common.ros.runner import make_executor, spin, stop_on_signals
+from edge_tracking.transport import local_environment
+from tactile_common.ros.runner import freeze_heap, make_executor, spin, stop_on_signals
 from tactile_sensing.devices.registry import PROTOCOLS
 from tactile_sensing.nodes.contact_estimator import ContactEstimatorNode
 from tactile_sensing.nodes.driver import DriverConfig, DriverNode
@@ -143,6 +145,8 @@ def main(args: list[str] | None = None) -> int:
         if options.sensor != 'mock' and not options.port:
             raise ValueError(
                 f'--sensor {options.sensor} needs --port, for instance --port /dev/ttyUSB0')
+        if options.sensor == 'mock':
+            os.environ.update(local_environment())
         with private_port() as pty, stop_on_signals() as stop, \
                 Graph(options.parameters, options.namespace) as graph:
             port = Path(options.port or pty)
@@ -154,6 +158,7 @@ def main(args: list[str] | None = None) -> int:
                 add_mocks(graph, port, scene, options.robot_description, options.seed)
             else:
                 add_sensing(graph, port, protocol=options.sensor)
+            freeze_heap()
             graph.spin(stop.is_set)
     except (ValueError, RuntimeError, ParameterException) as error:
         print(f'composed: {" ".join(str(error).split())}', file=sys.stderr)

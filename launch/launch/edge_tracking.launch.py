@@ -14,7 +14,13 @@ from pathlib import Path
 import tempfile
 
 from launch import LaunchDescription
-from launch.actions import DeclareLaunchArgument, EmitEvent, OpaqueFunction, RegisterEventHandler
+from launch.actions import (
+    DeclareLaunchArgument,
+    EmitEvent,
+    OpaqueFunction,
+    RegisterEventHandler,
+    SetEnvironmentVariable,
+)
 from launch.event_handlers import OnProcessExit, OnShutdown
 from launch.events import Shutdown
 from launch.substitutions import LaunchConfiguration
@@ -22,6 +28,7 @@ from launch_ros.actions import Node
 from launch_ros.parameter_descriptions import ParameterValue
 
 from edge_tracking.resources import find_scene, scene_names, share
+from edge_tracking.transport import local_environment
 from tactile_sensing.devices.registry import PROTOCOLS
 from tactile_servo.laws.registry import DEFAULT, LAWS
 from tactile_simulation.scene import load_scene
@@ -91,6 +98,8 @@ def nodes(context):
 
     robot = {'robot_description': value['robot_description']}
     actions, driver = [], {'protocol': value['sensor']}
+    if mock_sensor and mock_robot:
+        actions += [SetEnvironmentVariable(*it) for it in local_environment().items()]
     if mock_sensor:
         calibration = Path(f'{port}.yaml')
         driver = {'calibration': str(calibration)}

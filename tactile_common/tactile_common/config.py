@@ -44,7 +44,8 @@ def check_fields(config: Any, prefix: str = '') -> None:
     ------
     ConfigurationError
         A field has the wrong type, is outside its `range`, is not finite though it has one, or
-        is none of its `choices`. The message tells name, value, bounds and unit.
+        is none of its `choices`. The message tells name, value, bounds and unit, and asks
+        whether a length or speed was given in millimetres.
     """
     config_class: Any = type(config)
     kinds = types_of(config_class)
@@ -90,7 +91,8 @@ def checked(name: str, value: Any, kind: Any, metadata: Mapping = types.MappingP
         _refuse(name, value, f'a {getattr(kind, "__name__", kind)}')
     low, high = metadata.get('range', (-math.inf, math.inf))
     if 'range' in metadata and not (math.isfinite(value) and low <= value <= high):
-        _refuse(name, value, _bounds(low, high, metadata.get('unit', '')))
+        unit = metadata.get('unit', '')
+        _refuse(name, value, _bounds(low, high, unit) + _thousandth(value, low, high, unit))
     if 'choices' in metadata and value not in metadata['choices']:
         _refuse(name, value, f'one of {", ".join(map(str, metadata["choices"]))}')
     return value
@@ -103,6 +105,13 @@ def _bounds(low, high, unit):
         return f'finite and at least {low:g} {unit}'.rstrip()
     lowest = f'between {low:g} and' if math.isfinite(low) else 'at most'
     return f'{lowest} {high:g} {unit}'.rstrip()
+
+
+def _thousandth(value, low, high, unit):
+    """Question whether a length or speed was given in millimetres."""
+    meant = value / 1000.0
+    asked = unit.startswith('m') and value > high and low <= meant <= high
+    return f'; did you mean {meant:g}?' if asked else ''
 
 
 def _refuse(name, value, expected):

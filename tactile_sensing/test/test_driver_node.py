@@ -319,7 +319,7 @@ def test_rate_is_reported(make_graph):
     ({'port': 'x', 'baud': 10}, "parameter 'baud'.*1200"),
     ({'port': 'x', 'tare_frames': 3}, "parameter 'tare_frames'.*20"),
     ({'port': 'x', 'sensor': 4}, "parameter 'sensor' is 4, must be a text"),
-    ({'port': 'x', 'calibration': '/none.yaml'}, 'calibration /none.yaml: No such file'),
+    ({'port': 'x', 'calibration': '/none.yaml'}, 'calibration /none.yaml: cannot be read: No'),
 ])
 def test_wrong_parameters(context, parameters, reason):
     overrides = [Parameter(name, value=value) for name, value in parameters.items()]

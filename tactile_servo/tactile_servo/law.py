@@ -76,6 +76,8 @@ class ServoLaw(Protocol):
     sees_images: ClassVar[bool]  # whether images are observed beside contacts
 
     @property
+    def stiffness(self) -> float: ...  # total, of skin, finger and robot [N/m]
+    @property
     def touch_speed(self) -> float: ...  # at which it presses a pad that feels nothing yet [m/s]
     @property
     def error(self) -> TaskError | None: ...  # as last observed, None before

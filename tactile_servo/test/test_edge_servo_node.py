@@ -17,6 +17,7 @@ from tactile_msgs.msg import ServoReason
 from tactile_sensing.conversions import image_to_msg
 from tactile_sensing.types.array import TactelArray
 from tactile_sensing.types.image import Layer, TactileImage
+from tactile_servo.nodes import servo
 from tactile_servo.nodes.servo import EdgeServoNode
 
 PUMA = Path(__file__).resolve().parents[2] / 'launch/urdf/puma260.urdf'
@@ -55,24 +56,62 @@ def test_nested_names_set_what_they_say(node):
 def test_a_refused_goal_leaves_code_and_text_in_the_status(node):
     published = []
     node._status.publish = lambda msg: published.append((msg.reason_code, msg.reason))
-    assert node._on_goal(TrackEdge.Goal(speed=0.03, force=5.0)) == GoalResponse.REJECT
+    assert node._server._on_goal(TrackEdge.Goal(speed=0.03, force=5.0)) == GoalResponse.REJECT
     node._on_cycle()
     assert published == [(ServoReason.NO_JOINT_STATE,
                           'no joint state: none has been received')]
 
 
-def test_a_fast_sensor_takes_no_time_from_the_cycles(node, monkeypatch):
-    seen = []
-    monkeypatch.setattr(node._servo, 'see_image', lambda image, _: seen.append(image.sequence))
+def picture(sequence):
     array = TactelArray(4, 4, 1e-3, 1e-3)
     layer = Layer('zz', 0.002, np.zeros(array.shape))
+    return bytes(serialize_message(
+        image_to_msg(TactileImage(sequence, sequence, (layer,), array))))
+
+
+@pytest.fixture
+def clock(monkeypatch):
+    """Give the node's steady clock, as a list of one time [s]."""
+    now = [100.0]
+    monkeypatch.setattr(servo, 'perf_counter', lambda: now[0])
+    return now
+
+
+def test_a_picture_begins_a_cycle_that_looks_at_it(node, clock, monkeypatch):
+    seen = []
+    monkeypatch.setattr(node._servo, 'see_image', lambda image, _: seen.append(image.sequence))
+    for sequence in range(4):
+        clock[0] += 0.005
+        node._on_image(picture(sequence))
+    assert seen == [0, 1, 2, 3]
+    assert node._pace.cycles == 4
+
+
+def test_a_fast_sensor_takes_no_time_from_the_cycles(node, clock, monkeypatch):
+    seen = []
+    monkeypatch.setattr(node._servo, 'see_image', lambda image, _: seen.append(image.sequence))
     for sequence in range(9):  # three pictures a cycle, of which the newest counts
-        node._on_image(serialize_message(
-            image_to_msg(TactileImage(sequence, sequence, (layer,), array))))
+        clock[0] += 0.0005
+        node._on_image(picture(sequence))
         if sequence % 3 == 2:
             node._on_cycle()
     node._on_cycle()
-    assert seen == [2, 5, 8]
+    assert seen == [0, 2, 5, 8]  # the first finds the node idle
+    assert node._pace.cycles == 5
+
+
+def test_the_status_is_told_at_its_rate_and_at_every_change(node, clock):
+    told = []
+    node._status.publish = lambda msg: told.append((msg.reason, msg.cycles))
+    for _ in range(401):
+        node._on_cycle()
+        clock[0] += 0.0025
+    assert len(told) == pytest.approx(100, abs=1)
+    node._on_cycle()
+    count = len(told)
+    node._server._on_goal(TrackEdge.Goal(speed=0.03, force=5.0))
+    node._on_cycle()
+    assert told[count:] == [('no joint state: none has been received', 403)]
 
 
 @pytest.mark.parametrize('raw', [

@@ -1,13 +1,12 @@
 """Scenes: what the synthetic sensor touches, read from YAML."""
 from dataclasses import dataclass, field, fields, MISSING
 import math
-from pathlib import Path
 
 import numpy as np
-import yaml
 
 from tactile_common.config import bounded, check_fields, types_of
 from tactile_common.errors import ConfigurationError
+from tactile_common.yaml_file import read_yaml
 from tactile_sensing.types.array import TactelArray
 from tactile_sensing.types.skin import Skin as LayerSkin
 from tactile_simulation.edge_path import EdgePath
@@ -157,15 +156,7 @@ def load_scene(path) -> Scene:
         The file cannot be read, or a key is missing, unknown or has a value out of bounds.
     """
     try:
-        tree = yaml.safe_load(Path(path).read_text(encoding='utf-8'))
-    except (OSError, UnicodeDecodeError) as error:
-        reason = getattr(error, 'strerror', None) or 'not a text in UTF-8'
-        raise ConfigurationError(f'scene {path}: cannot be read: {reason}') from error
-    except (yaml.YAMLError, ValueError, RecursionError) as error:
-        text = ' '.join(str(error).split())
-        raise ConfigurationError(f'scene {path}: is not YAML: {text:.300}') from error
-    try:
-        return _scene(tree)
+        return _scene(read_yaml(path))
     except ConfigurationError as error:
         raise ConfigurationError(f'scene {path}: {error}') from error
 

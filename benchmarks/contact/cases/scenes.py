@@ -119,7 +119,7 @@ def answers(records):
     """Index into ANSWERS of every record."""
     kind = records['type'].astype(int)
     told = (kind == ContactType.POINT) | (kind == ContactType.LINE)
-    shear = np.nan_to_num(np.hypot(records['Qx'], records['Qy'])) > 0.0
+    shear = np.nan_to_num(np.hypot(records['shear_force_x'], records['shear_force_y'])) > 0.0
     found = np.select([kind == ContactType.NONE, kind == ContactType.OTHER, ~records['valid']],
                       [0, 5, 6], 2 * kind - 1 + shear)
     return np.where(told & ~records['valid'], 6, found)

@@ -12,6 +12,7 @@ from tactile_common.errors import ConfigurationError
 from tactile_sensing.contact.closed_forms import estimate_by_moments
 from tactile_sensing.contact.gauss_newton import LINE, POINT
 from tactile_sensing.contact.ladder import BEGINS, ENDS, PATCH
+from tactile_sensing.contact.parameters import forget_forces
 from tactile_sensing.contact.pipeline import ANY_MODEL, estimate_frames, PENDING, RULES
 from tactile_sensing.half_space.layers import Layer as FitLayer
 from tactile_sensing.half_space.layers import Sensor, sensor_of
@@ -141,11 +142,12 @@ class ContactEstimator:
         estimates = self._estimate(stress, array, layers, tared, 0, main.unit == 'Pa')
         records = np.zeros(len(stress), RECORD)
         records['valid'] = valid = _is_valid(estimates['type'], estimates['reasons'])
-        for name, column in COLUMNS.items():
-            if column.name in _ESTIMATED:
-                records[name] = estimates[column.name]
-                if column.name == 'covariance' or column.name in REALS:
+        for name in COLUMNS:
+            if name in _ESTIMATED:
+                records[name] = estimates[name]
+                if name == 'covariance' or name in REALS:
                     records[name][~valid] = np.nan
+        records['moments'] = np.stack([estimates[name] for name in _MOMENTS], axis=-1)
         return records
 
     def refuse_malformed(self) -> Contact:
@@ -174,6 +176,8 @@ class ContactEstimator:
                             calibrated, part)
             if part[0]['type'] == PENDING:
                 estimate_by_moments(stress[i], array, table, config, part[0])
+                if not calibrated:
+                    forget_forces.py_func(part.view(np.recarray)[0])
         return estimates
 
     def _model_name(self, kind, shear, extras, layers):

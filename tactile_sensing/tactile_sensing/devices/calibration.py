@@ -6,6 +6,7 @@ import numpy as np
 import yaml
 
 from tactile_common.errors import ConfigurationError, TactileError
+from tactile_common.yaml_file import read_yaml
 from tactile_sensing.devices.counts import Counts
 from tactile_sensing.devices.unloaded import unloaded_statistics
 from tactile_sensing.types.array import TactelArray
@@ -103,7 +104,8 @@ class Calibration:
         counts = Counts(self.bits, self.signed, self.threshold, self.saturation)
         object.__setattr__(self, 'counts', counts)
         if self.tare_tolerance == 0.0:
-            object.__setattr__(self, 'tare_tolerance', TOLERANCE * (counts.highest - counts.lowest))
+            object.__setattr__(
+                self, 'tare_tolerance', TOLERANCE * (counts.highest - counts.lowest))
         gain = self._per_tactel('gain')
         if not gain.min() > 0.0:
             raise ConfigurationError(f'gain is {gain.min()} at least once, must be above 0')
@@ -251,8 +253,8 @@ class Calibration:
         """Return the stress of raw frames (N, rows, columns), NaN as for `converter`."""
         counts = self.arrange(np.asarray(frames, dtype=np.float64))
         usable = self.live & (counts < self.counts.saturation)
-        return np.where(
-            usable, self.gain * (counts - (self.baseline if tare is None else tare.offset)), np.nan)
+        offset = self.baseline if tare is None else tare.offset
+        return np.where(usable, self.gain * (counts - offset), np.nan)
 
     def layer(self, tare=None) -> Layer:
         """Return the layer without values: component, skin, unit, range and noise."""
@@ -296,16 +298,48 @@ def load_calibration(path) -> Calibration:
         The file cannot be read, or a key is missing, unknown or out of bounds; names the file.
     """
     try:
-        with open(path, encoding='utf-8') as stream:
-            values = yaml.safe_load(stream)
-        return _from_mapping(values, str(path))
-    except OSError as error:
-        raise ConfigurationError(f'calibration {path}: {error.strerror}') from error
-    except (yaml.YAMLError, UnicodeDecodeError) as error:
-        reason = ' '.join(str(error).split())
-        raise ConfigurationError(f'calibration {path}: not YAML: {reason}') from error
+        return _from_mapping(read_yaml(path), str(path))
     except ConfigurationError as error:
         raise ConfigurationError(f'calibration {path}: {error}') from error
+
+
+def save_calibration(calibration: Calibration, path) -> None:
+    """
+    Write a calibration file that `load_calibration` reads.
+
+    Raises
+    ------
+    ConfigurationError
+        The file cannot be written.
+    """
+    array = calibration.array
+    values: dict = {'rows': array.rows, 'columns': array.columns,
+                    'pitch': [float(array.pitch_x), float(array.pitch_y)]}
+    for item in fields(Calibration):
+        value = getattr(calibration, item.name)
+        if item.name not in _FILE_KEYS or (item.name != 'gain' and np.array_equal(
+                value, item.default)):
+            continue
+        if isinstance(value, np.ndarray):
+            value = _tidy(value)
+        elif item.name == 'dead_tactels':
+            value = [[index // array.columns, index % array.columns] for index in value]
+        elif isinstance(value, tuple):
+            value = list(value)
+        values[item.name] = value
+    try:
+        with open(path, 'w', encoding='utf-8') as stream:
+            stream.write('# Calibration of one array; `found` says how, how well, and what was '
+                         'assumed.\n')
+            yaml.safe_dump(values, stream, sort_keys=False, width=99, default_flow_style=None)
+    except OSError as error:
+        raise ConfigurationError(f'calibration {path}: {error.strerror}') from error
+
+
+def _tidy(values):
+    """One number if all are the same, else rows of numbers; of five digits."""
+    rows = [[float(f'{value:.5g}') for value in row] for row in values]
+    return rows[0][0] if len({value for row in rows for value in row}) == 1 else rows
 
 
 def _from_mapping(values, source):

@@ -61,12 +61,17 @@ class SkinPressure:
     def point(self, x: np.ndarray, y: np.ndarray, a: float, b: float, normal_force: float,
               shear_x: float = 0.0, shear_y: float = 0.0, radius: float = 0.0) -> np.ndarray:
         """Pressure under Hertz' patch of this radius [m], at most 1.5 depths; 0: a point."""
-        total: np.ndarray | float = 0.0
+        return self.point_basis(x, y, a, b, radius) @ np.array([normal_force, shear_x, shear_y])
+
+    def point_basis(self, x: np.ndarray, y: np.ndarray, a: float, b: float,
+                    radius: float = 0.0) -> np.ndarray:
+        """Pressure by a unit of normal force, shear along x and along y, shape (..., 3)."""
+        parts: list = [0.0, 0.0, 0.0]
         for dx, dy in self._nodes:
             u, v = x + dx - a, y + dy - b
             f, g = self._kernel(self._coefficients[POINT], 2, u * u + v * v, radius**2 / 5.0)
-            total = total + normal_force * f + (shear_x * u + shear_y * v) * g
-        return np.asarray(total) / len(self._nodes)
+            parts = [part + new for part, new in zip(parts, (f, u * g, v * g), strict=True)]
+        return np.stack(parts, axis=-1) / len(self._nodes)
 
     def line(self, x: np.ndarray, y: np.ndarray, rho: float, yaw: float, line_force: float,
              line_shear: float = 0.0, half_width: float = 0.0) -> np.ndarray:

@@ -73,6 +73,11 @@ class EdgeFollowing:
         self.error: TaskError | None = None
         self._seen, self._going = Seen(), Going()
 
+    @property
+    def stiffness(self) -> float:
+        """Of skin, finger and robot along the normal [N/m]."""
+        return self.config.force.stiffness
+
     def validate(self, goal: EdgeGoal) -> Refusal | None:
         """Why a goal is beyond this law, or None."""
         if goal.closed and goal.length > 0.0:

@@ -9,7 +9,7 @@ import numpy as np
 from tactile_common.config import bounded
 from tactile_sensing.types.array import TactelArray
 from tactile_sensing.types.image import SensorInfo
-from tactile_servo.config import ServoConfig, WINDOW_PERIODS
+from tactile_servo.config import ServoConfig
 from tactile_servo.control.scaling import clipped, ramp, slewed
 from tactile_servo.control.stability import AGE_SHARE, gain_limit
 from tactile_servo.law import Assessment, LawResult, Observation, Reference, Refusal
@@ -177,8 +177,8 @@ class ResolvedRate:
         # On average it is acted upon half of the time later that the next one takes to come.
         age = observation.age + 0.5 * clipped(arrival - self._looked, 0.0, limits.stale_image)
         self._age += AGE_SHARE * (min(age, limits.max_stamp_age) - self._age)
-        # Half of a control period, and those that a window looks ahead.
-        delay = self._age + (0.5 + WINDOW_PERIODS) / self.servo.rate + DEAD_TIME
+        # What is committed, and half of the control period in which the velocity changes then.
+        delay = self._age + self.servo.motion.committed + 0.5 / self.servo.rate + DEAD_TIME
         self.shortest = 1.0 / (self.config.limit_share * gain_limit(delay, LAG))
         self._looked = arrival
         if not self._begun:
@@ -193,6 +193,11 @@ class ResolvedRate:
                                      self.shortest)
             self._slowed = min(alignment_scale(self.features, self._array.half_width_x),
                                contact_scale(self.features, self.goal.force))
+
+    @property
+    def stiffness(self) -> float:
+        """Of skin, finger and robot along the normal, K_z of (5.5) [N/m]."""
+        return self.config.force.stiffness
 
     @property
     def touch_speed(self) -> float:

@@ -75,6 +75,12 @@ class NodeConfig:
         'doc': 'frame of the sensor: x along columns, y along rows, z out of the skin'})
     controller: str = field(default='/joint_trajectory_controller', metadata={
         'doc': 'name of the joint trajectory controller'})
+    shared_topics: tuple[str, ...] = field(default=(), metadata={
+        'doc': 'those among image, contact, /joint_states and the topic of the trajectories that '
+               'may have several publishers; for all others the servo holds'})
+    status_rate: float = bounded(
+        100.0, 'messages on servo_status, beside those of a change of state or reason', 'Hz',
+        1.0, 2000.0)
     joints: JointsConfig = field(default_factory=JointsConfig)
     workspace: WorkspaceConfig = field(default_factory=WorkspaceConfig)
 

@@ -154,7 +154,7 @@ class ShapeEstimatorNode(Node):
                 msg = unpacked(raw, TactileImage)
             except TactileError:
                 continue  # another may be the one of this stamp
-            if msg.header.stamp == stamp:
+            if stamp_to_ns(msg.header.stamp) == stamp_to_ns(stamp):
                 return image_from_msg(msg)
         return None
 

@@ -2,6 +2,7 @@
 from rclpy.node import Node
 from rclpy.qos import QoSProfile
 from sensor_msgs.msg import JointState
+from std_srvs.srv import SetBool
 from trajectory_msgs.msg import JointTrajectory
 
 from tactile_common.errors import Rejected
@@ -15,7 +16,11 @@ from tactile_simulation.scene import load_scene
 
 
 class MockRobotNode(Node):
-    """Plays trajectories with a mock controller and publishes the joint states."""
+    """
+    Plays trajectories with a mock controller and publishes the joint states.
+
+    `~/activate` switches the controller off and on, as a controller manager does.
+    """
 
     def __init__(self, **kwargs):
         super().__init__('mock_robot', **kwargs)
@@ -24,6 +29,7 @@ class MockRobotNode(Node):
         self.controller = MockController(
             self.robot.joint_names, self.robot.lower, self.robot.upper,
             self.robot.velocity_limit, initial_positions=_start(config, self.robot),
+            rate=config.rate,
             dead_time=config.dead_time, lag=config.lag,
             interpolate_from_desired_state=config.interpolate_from_desired_state)
         self.rejected = 0
@@ -33,6 +39,7 @@ class MockRobotNode(Node):
         self.create_subscription(
             JointTrajectory, f'{config.controller}/joint_trajectory', self._on_trajectory,
             QoSProfile(depth=10))
+        self.create_service(SetBool, '~/activate', self._on_activate)
         self.create_timer(1.0 / config.rate, plain(self._on_timer))
 
     def _on_trajectory(self, message):
@@ -44,6 +51,12 @@ class MockRobotNode(Node):
             self.get_logger().error(
                 f'trajectory rejected ({self.rejected} so far): {error}',
                 throttle_duration_sec=1.0)
+
+    def _on_activate(self, request, response):
+        self.controller.activate(request.data)
+        response.success = True
+        response.message = f'the controller is {"" if request.data else "not "}active'
+        return response
 
     def _on_timer(self):
         now_ns = self.get_clock().now().nanoseconds
