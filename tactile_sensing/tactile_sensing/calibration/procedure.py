@@ -93,7 +93,8 @@ def calibrate(recordings: Recordings, known: Known,
     values |= _order(recordings, known, raw_shape, found, assumed)
     transposed = values.pop('_transposed')
     shape = raw_shape[::-1] if transposed else raw_shape
-    array = TactelArray(*shape, *known.pitch)
+    (rows, columns), (pitch_x, pitch_y) = shape, known.pitch
+    array = TactelArray(rows, columns, pitch_x, pitch_y)
     draft = Calibration(array, unit='counts', depth=min(known.pitch), transposed=transposed,
                         **values)
     outcome = Outcome(draft)

@@ -65,11 +65,11 @@ class _Problem:
         return Skin(depth, depth / ratio if ratio > 1e-3 else math.inf,
                     min(max(theta[2], 0.0), 0.5))
 
-    def basis(self, pressure, i, a, b, patch):
+    def basis(self, pressure, i, place, patch):
         """Pressure by normal force and shear, (tactels, 3)."""
         radius = min(patch * self.radius * self.level[i] ** (1 / 3),
                      0.95 * self.radius, 1.4 * pressure.skin.depth)
-        return pressure.point_basis(self.x, self.y, a, b, radius).reshape(-1, 3)
+        return pressure.point_basis(self.x, self.y, *place, radius).reshape(-1, 3)
 
     def fill(self, i):
         """Values of a press; what is below the floor as the model expects it there."""
@@ -91,7 +91,7 @@ class _Problem:
     def solve(self, pressure, i, place, patch):
         """Orthonormal weighted basis of a press, its best amplitudes and what they leave."""
         weight = self.weight[i].ravel()
-        plain = self.basis(pressure, i, *place, patch)
+        plain = self.basis(pressure, i, place, patch)
         values = self.values[i].ravel() * weight
         q, r = np.linalg.qr(plain * weight[:, None])
         amplitudes = np.linalg.solve(r, q.T @ values)
@@ -120,7 +120,7 @@ def _step(problem, theta, patch, places, free):
         q, amplitudes, left = problem.solve(here, i, places[i], patch)
 
         def by(pressure, place, other_patch, step, i=i, q=q, amplitudes=amplitudes):
-            other = problem.basis(pressure, i, *place, other_patch) @ amplitudes
+            other = problem.basis(pressure, i, place, other_patch) @ amplitudes
             column = (other - problem.models[i].ravel()) / step * problem.weight[i].ravel()
             return column - q @ (q.T @ column)
 
@@ -179,30 +179,31 @@ def _start(problem, presses, places):
     """Best of some half-spaces, at which the search begins."""
     pitch = math.sqrt(presses.array.pitch_x * presses.array.pitch_y)
     some = presses.only(np.arange(min(len(presses), 8)))
-    best = (math.inf,)
+    best, least = math.inf, np.zeros(3)
     for depth in DEPTHS:
         trial = _Problem(some, problem.radius, problem.size[0] > 0.0)
         theta = np.array([math.log(depth * pitch), 0.0, ASSUMED_POISSON])
         _, _, _, chi, _ = _iterate(trial, theta, PATCH, places[:len(some)], (), 3)
-        if chi < best[0]:
-            best = chi, theta
-    return best[1]
+        if chi < best:
+            best, least = chi, theta
+    return least
 
 
 def _least_skin(problem, theta, patch, places):
     """Fit of a half-space, or of the layer or any Poisson's ratio where that explains more."""
     plain = theta.copy()
     plain[1] = 0.0
-    best, free = _iterate(problem, plain, patch, places, (0,)), (0,)
+    free: tuple[int, ...] = (0,)
+    best = _iterate(problem, plain, patch, places, free)
     layers = []
     for ratio in RATIOS if theta[1] == 0.0 else (theta[1],):
         layer = best[0].copy()
         layer[1:] = ratio, theta[2]
-        layers.append(_iterate(problem, layer, *best[1:3], (0, 1)))
+        layers.append(_iterate(problem, layer, best[1], best[2], (0, 1)))
     layer = min(layers, key=lambda found: found[3])
     if best[3] - layer[3] > EVIDENCE:
         best, free = layer, (0, 1)
-        more = _iterate(problem, *best[:3], (0, 1, 2))
+        more = _iterate(problem, best[0], best[1], best[2], (0, 1, 2))
         if best[3] - more[3] > EVIDENCE:
             best, free = more, (0, 1, 2)
     return best, free
@@ -231,7 +232,7 @@ def fit_skin(presses: Presses, ball_radius: float, *, area: bool = True,
         theta = np.array([math.log(known.depth), known.depth / known.thickness, known.poisson])
     else:
         theta = _start(problem, presses, places)
-    patch, free, chi = PATCH, (), math.inf
+    patch, chi, free = PATCH, math.inf, ()  # type: float, float, tuple[int, ...]
     for _ in range(SCATTER_ROUNDS):  # the scatter of the tactels follows from what is left
         if not known:
             (theta, patch, places, chi, _), free = _least_skin(problem, theta, patch, places)

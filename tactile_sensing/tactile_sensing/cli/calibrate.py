@@ -125,9 +125,11 @@ def read_recordings(options: argparse.Namespace) -> Recordings:
         except ConfigurationError as error:
             if 'is missing' not in str(error):
                 raise
-    if recordings.force is not None and recordings.force.size not in (1, len(recordings.ball)):
-        raise ConfigurationError(f'{options.ball}: force has {recordings.force.size} values, must '
-                                 f'be one or {len(recordings.ball)}')
+    if recordings.force is not None and recordings.ball is not None:
+        size, count = recordings.force.size, len(recordings.ball)
+        if size not in (1, count):
+            raise ConfigurationError(
+                f'{options.ball}: force has {size} values, must be one or {count}')
     return recordings
 
 

@@ -6,6 +6,7 @@ import os
 from pathlib import Path
 import sys
 import time
+from typing import Any
 
 import numpy as np
 
@@ -294,7 +295,7 @@ def calibrated_sensor(options: argparse.Namespace, reader: ArrayReader) -> tuple
     if options.tactel is None and calibration.tactel:
         options.tactel = calibration.tactel
     layer = calibration.layer(tare)
-    changes = {key: number(f'--{name}', getattr(options, key), 0.0, 1e12, 'Pa')
+    changes: dict[str, Any] = {key: number(f'--{name}', getattr(options, key), 0.0, 1e12, 'Pa')
                for key, name in (('full_scale', 'full-scale'),) if getattr(options, key) != '0'}
     noise = number('--noise', options.noise, 0.0, 1e9, 'Pa')
     if noise:

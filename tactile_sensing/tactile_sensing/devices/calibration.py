@@ -1,6 +1,7 @@
 """From raw counts to pressure: calibration file, tare, invalid tactels."""
 from dataclasses import dataclass, field, fields, replace
 import math
+from typing import Any
 
 import numpy as np
 import yaml
@@ -317,8 +318,9 @@ def save_calibration(calibration: Calibration, path) -> None:
                     'pitch': [float(array.pitch_x), float(array.pitch_y)]}
     for item in fields(Calibration):
         value = getattr(calibration, item.name)
-        if item.name not in _FILE_KEYS or (item.name != 'gain' and np.array_equal(
-                value, item.default)):
+        default: Any = item.default
+        if item.name not in _FILE_KEYS or (
+                item.name != 'gain' and np.array_equal(value, default)):
             continue
         if isinstance(value, np.ndarray):
             value = _tidy(value)

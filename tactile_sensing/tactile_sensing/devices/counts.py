@@ -1,6 +1,7 @@
 """Which counts a sensor can report, and which of them are measurements."""
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -27,8 +28,8 @@ class Counts:
 
     bits: int = 8
     signed: bool = False
-    threshold: int | None = None  # least count that is measured; None: the lowest but one
-    saturation: int | None = None  # least count that is at full scale; None: the highest
+    threshold: Any = None  # int: least count that is measured; None: the lowest but one
+    saturation: Any = None  # int: least count that is at full scale; None: the highest
 
     def __post_init__(self):
         if type(self.bits) is not int or not 1 <= self.bits <= MAX_BITS:
