@@ -80,7 +80,8 @@ def test_covariance_of_the_closed_forms_is_the_spread(method, layers):
         frames, array, given)
     found = found[found['valid']]
     assert len(found) > 130
-    for row, name in {0: 'a', 1: 'b', 3: 'normal_force', 4: 'shear_force_x', 5: 'shear_force_y'}.items():
+    for row, name in {0: 'a', 1: 'b', 3: 'normal_force', 4: 'shear_force_x',
+                      5: 'shear_force_y'}.items():
         residual = np.maximum(1.0, found['residual'])
         claimed = np.sqrt(np.mean(found['covariance'][:, row, row] / residual**2))
         assert np.std(found[name]) / claimed == pytest.approx(1.0, abs=0.25), name
