@@ -21,8 +21,8 @@ def plain(given):
     if given.kind == LINE:
         return _records(LINE, fit['converged'], a=fit['rho'] / np.cos(fit['yaw']),
                         yaw=fit['yaw'], line_force=fit['force'])
-    return _records(POINT, fit['converged'], a=fit['a'], b=fit['b'], P=fit['force'],
-                    Qx=fit['shear_x'], Qy=fit['shear_y'])
+    return _records(POINT, fit['converged'], a=fit['a'], b=fit['b'], normal_force=fit['force'],
+                    shear_force_x=fit['shear_x'], shear_force_y=fit['shear_y'])
 
 
 def _records(kind, valid, **columns):
