@@ -106,7 +106,7 @@ class Simulation:
         sensor, skin = self.scene.sensor, self.scene.skin
         calibration = Calibration(
             self.array, gain=sensor.pa_per_count, baseline=sensor.baseline, depth=skin.depth,
-            skin_stiffness=skin.stiffness)
+            thickness=skin.thickness, poisson=skin.poisson, skin_stiffness=skin.stiffness)
         tare = calibration.make_tare(np.array(
             [self.renderer.counts(None, self.rng) for _ in range(TARE_FRAMES)]))
         return calibration.converter(tare), calibration.sensor_info('pad', '', 0, tare)

@@ -8,6 +8,7 @@ from tactile_common.config import bounded, check_fields, types_of
 from tactile_common.errors import ConfigurationError
 from tactile_common.yaml_file import read_yaml
 from tactile_sensing.types.array import TactelArray
+from tactile_sensing.types.skin import Skin as LayerSkin
 from tactile_simulation.edge_path import EdgePath
 from tactile_simulation.scene_edge import edge_from, number, section
 
@@ -18,9 +19,22 @@ class Skin:
 
     depth: float = bounded(0.002, 'of the tactels below the surface', 'm', 1e-5, 0.1)
     stiffness: float = bounded(2e5, 'force per length of edge and indentation', 'N/m^2', 1.0, 1e9)
+    thickness: float = bounded(
+        0.0, 'from the surface to a rigid backing; 0: there is none', 'm', 0.0, 1.0)
+    poisson: float = bounded(0.5, "Poisson's ratio; nothing depends on it without a backing", '',
+                             0.0, 0.5)
 
     def __post_init__(self):
         check_fields(self, 'skin.')
+        try:
+            LayerSkin(self.depth, self.thickness or math.inf, self.poisson)
+        except ConfigurationError as error:
+            raise ConfigurationError(f'skin.{error}') from error
+
+    @property
+    def layer(self) -> LayerSkin:
+        """The skin without its stiffness."""
+        return LayerSkin(self.depth, self.thickness or math.inf, self.poisson)
 
 
 @dataclass(frozen=True)
@@ -31,6 +45,8 @@ class Sensor:
     noise_std: float = bounded(630.0, 'standard deviation of one tactel', 'Pa', 0.0, 1e7)
     baseline: float = bounded(10.0, 'without load', 'counts', 0.0, 255.0)
     pa_per_count: float = bounded(627.45, 'pressure of one count', 'Pa', 1e-3, 1e7)
+    area: float = bounded(
+        1.0, 'side of what a tactel averages over; 0: it samples its centre', 'pitches', 0.0, 1.0)
     gain_spread: float = bounded(
         0.0, "standard deviation of a tactel's gain that nobody calibrated", '', 0.0, 0.3)
     dead: int = bounded(

@@ -16,7 +16,8 @@ LINE_FORCE = 200.0  # N/m
 # A point has a, b, P, Qx and Qy, a line a, yaw, line_force and line_shear (both per length), as
 # the estimator's records name them; the rest is 0.
 LOAD = np.dtype([(name, 'f8') for name in (
-    'a', 'b', 'yaw', 'P', 'Qx', 'Qy', 'line_force', 'line_shear')])
+    'a', 'b', 'yaw', 'normal_force', 'shear_force_x', 'shear_force_y', 'line_force',
+    'line_shear')])
 
 
 @dataclass(frozen=True)
@@ -59,8 +60,9 @@ def clean(kind, truth):
     """Noise-free frames of loads."""
     t = truth[:, None, None]
     if kind == ContactType.POINT:
-        return point.stress('zz', POINT_ARRAY.x, POINT_ARRAY.y[:, None], t['a'], t['b'], t['P'],
-                            t['Qx'], t['Qy'], DEPTH)
+        return point.stress('zz', POINT_ARRAY.x, POINT_ARRAY.y[:, None], t['a'], t['b'],
+                            t['normal_force'],
+                            t['shear_force_x'], t['shear_force_y'], DEPTH)
     return line.stress_with_shear(
         LINE_ARRAY.x, LINE_ARRAY.y[:, None], t['a'] * np.cos(t['yaw']), t['yaw'],
         t['line_force'], t['line_shear'], DEPTH)
@@ -85,8 +87,8 @@ def draw(kind, count, rng, shear=(0.0, 0.5)):
     truth['a'] = rng.uniform(-REACH, REACH, count)
     if kind == ContactType.POINT:
         turn = rng.uniform(-np.pi, np.pi, count)
-        truth['b'], truth['P'] = rng.uniform(-REACH, REACH, count), 1.0
-        truth['Qx'], truth['Qy'] = ratio * np.cos(turn), ratio * np.sin(turn)
+        truth['b'], truth['normal_force'] = rng.uniform(-REACH, REACH, count), 1.0
+        truth['shear_force_x'], truth['shear_force_y'] = ratio * np.cos(turn), ratio * np.sin(turn)
     else:
         truth['yaw'] = np.radians(rng.uniform(-40.0, 40.0, count))
         truth['line_force'] = LINE_FORCE
