@@ -60,6 +60,9 @@ def worst(summaries):
     return {'ok': sum(summary['ok'] for summary in summaries), 'runs': len(summaries),
             'lateral_rms': of('lateral_rms'), 'lateral_max': of('lateral_max'),
             'force_rms_error': of('force_rms_error'), 'force_max': of('force_max'),
+            'joint_acceleration_max': of('joint_acceleration_max'),
+            'joint_acceleration_rms': of('joint_acceleration_rms'),
+            'pad_speed_scatter': of('pad_speed_scatter'),
             'mean_speed': float(np.mean(mean_speed)),
             'cpu_per_cycle': float(np.median([s['cpu_per_cycle'] for s in summaries])),
             'cpu_per_picture': float(np.median([s['cpu_per_picture'] for s in summaries]))}

@@ -5,6 +5,8 @@ Mocks, sensing and servo run in processes of their own, as in the demo. Prints t
 benchmarks/results/latency.json and the tables into docs/latency.md.
 """
 
+import os
+
 from benchmarks.harness import run
 from benchmarks.latency import runs
 
@@ -17,7 +19,7 @@ def measure(arguments, progress):
     for tracker, rate in CASES[:1] if arguments.quick else CASES:
         progress.step(f'{tracker}, {rate:g} Hz')
         rows.append(runs.account(tracker, rate))
-    return {'runs': rows}
+    return {'load': os.getloadavg()[0], 'cores': os.cpu_count(), 'runs': rows}
 
 
 if __name__ == '__main__':

@@ -26,6 +26,7 @@ SPEED, FORCE, LENGTH = 0.03, 5.0, 0.12  # m/s, N, m
 NODE = sys.modules[EdgeServoNode.__module__]
 ROBOT = share('urdf', 'puma260.urdf')
 PROBE_TIMEOUT = 20.0  # s
+PATIENCE = 0.5  # s without an input until the servo holds
 
 # Name of a part -> where it is. What is further in is part of what is further out.
 CYCLE = 'cycle'
@@ -100,6 +101,10 @@ def _clocks(servo):
 def _parameters(rate):
     tree = yaml.safe_load(share('config', 'edge_tracking.yaml').read_text('utf-8'))
     tree['/**/mock_sensor']['ros__parameters']['rate'] = rate
+    # A busy machine is to be measured, too.
+    tree['/**/edge_servo']['ros__parameters'].update({
+        f'input.{name}': PATIENCE
+        for name in ('stale_image', 'stale_joints', 'max_stamp_age', 'lost_after')})
     return tree
 
 

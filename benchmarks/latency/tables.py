@@ -29,4 +29,5 @@ def one(run):
 
 def everything(result):
     """All tables."""
-    return '\n'.join(one(run) for run in result['runs'])
+    load = f'With {result["load"]:.1f} programs running on {result["cores"]} cores (load average):'
+    return '\n'.join([load, '', *(one(run) for run in result['runs'])])

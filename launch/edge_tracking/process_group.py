@@ -41,9 +41,9 @@ def topics(namespace: str) -> list[tuple[str, type, QoSProfile]]:
            ('contact', Contact, sensor), ('wrench', WrenchStamped, sensor),
            ('surface_patch', SurfacePatch, deep), ('contour', Path, latched),
            ('markers', MarkerArray, latched), ('servo_status', ServoStatus, deep),
-           ('sensor_pose', PoseStamped, sensor), ('diagnostics', DiagnosticArray, deep)]
+           ('sensor_pose', PoseStamped, sensor)]
     return [(f'/{namespace}/{name}', kind, qos) for name, kind, qos in own] + [
-        ('/joint_states', JointState, deep),
+        ('/diagnostics', DiagnosticArray, deep), ('/joint_states', JointState, deep),
         ('/joint_trajectory_controller/joint_trajectory', JointTrajectory, deep)]
 
 

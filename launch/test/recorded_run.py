@@ -44,7 +44,7 @@ TOPICS = [
     ('/tactile/wrench', WrenchStamped, qos_profile_sensor_data),
     ('/tactile/servo_status', ServoStatus, QoSProfile(depth=10)),
     ('/tactile/sensor_pose', PoseStamped, qos_profile_sensor_data),
-    ('/tactile/diagnostics', DiagnosticArray, QoSProfile(depth=10)),
+    ('/diagnostics', DiagnosticArray, QoSProfile(depth=10)),
     ('/joint_states', JointState, QoSProfile(depth=10)),
     ('/joint_trajectory_controller/joint_trajectory', JointTrajectory, QoSProfile(depth=1)),
     ('/tactile/contour', Path, LATCHED),
@@ -103,7 +103,7 @@ def messages(scene):
     yield '/tactile/sensor_info', START, sensor_info_to_msg(SensorInfoData(
         START, 'tactile_pad', 'pad', 'flexitac', '', ARRAY, 200.0, DELAY, 2e5, 12.0, (layer,), (),
         'flexitac_16x16', START))
-    yield '/tactile/diagnostics', START, DiagnosticArray(status=[DiagnosticStatus(
+    yield '/diagnostics', START, DiagnosticArray(status=[DiagnosticStatus(
         name='driver: stream', level=b'\x01', message='late',
         values=[KeyValue(key='lost', value='3')])])
     end = APPROACH + TRACK + RETREAT + 0.02

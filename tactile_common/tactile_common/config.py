@@ -2,10 +2,10 @@
 Fields of configuration dataclasses with their description, unit and bounds, and their check.
 
 A field's default stands in the dataclass, its bounds in the field's metadata: `doc`, `unit`,
-`range` (smallest and largest value, both allowed) and `choices`. `check_fields`, called in
-`__post_init__`, and the declaration of ROS parameters read both from there.
+`range` (smallest and largest value, both allowed), `choices` and `live`. `check_fields`, called
+in `__post_init__`, and the declaration of ROS parameters read both from there.
 """
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 import dataclasses
 from functools import lru_cache
 import math
@@ -22,10 +22,15 @@ _KINDS = {bool: (bool, 'a boolean'), int: (Integral, 'an integer'), float: (Real
 
 
 def bounded(default: Any, doc: str = '', unit: str = '', low: float = -math.inf,
-            high: float = math.inf) -> Any:
-    """Return a dataclass field for numbers between two bounds, both allowed."""
+            high: float = math.inf, *, live: bool = False) -> Any:
+    """
+    Return a dataclass field for numbers between two bounds, both allowed.
+
+    A `live` one can be changed while a node runs: a gain or a speed, never a limit.
+    """
     return dataclasses.field(
-        default=default, metadata={'doc': doc, 'unit': unit, 'range': (low, high)})
+        default=default,
+        metadata={'doc': doc, 'unit': unit, 'range': (low, high), 'live': live})
 
 
 def one_of(default: str, doc: str, choices) -> Any:
@@ -52,6 +57,27 @@ def check_fields(config: Any, prefix: str = '') -> None:
     for field in dataclasses.fields(config_class):
         checked(prefix + field.name, getattr(config, field.name), kinds[field.name],
                 field.metadata)
+
+
+def built(config_class: type, value_of: Callable[[str, Any, Any, Mapping], Any],
+          prefix: str = '', defaults: Any = None) -> Any:
+    """
+    Make a dataclass of the values that `value_of(name, default, kind, metadata)` gives.
+
+    The fields of a nested dataclass have names of its name, a dot and theirs, such as
+    `force.gain`; those in `defaults`, if given, go before the fields' own.
+    """
+    values = {}
+    for field in dataclasses.fields(config_class):
+        name, kind = prefix + field.name, types_of(config_class)[field.name]
+        default = field.default if defaults is None else getattr(defaults, field.name)
+        if callable(field.default_factory) and default is dataclasses.MISSING:
+            default = field.default_factory()
+        if dataclasses.is_dataclass(kind):
+            values[field.name] = built(kind, value_of, f'{name}.', default)  # type: ignore[arg-type]
+        else:
+            values[field.name] = value_of(name, default, kind, field.metadata)
+    return config_class(**values)
 
 
 @lru_cache

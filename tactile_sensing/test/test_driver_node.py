@@ -92,7 +92,7 @@ class Graph:
         self.node.create_subscription(
             SensorInfo, 'sensor_info', self.infos.append,
             QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL))
-        self.node.create_subscription(DiagnosticArray, 'diagnostics', self._on_report, 10)
+        self.node.create_subscription(DiagnosticArray, '/diagnostics', self._on_report, 10)
         self.tare_client = self.node.create_client(Trigger, 'driver/tare')
         self.executor = runner.make_executor(context)
         for node in (self.driver, self.node):
@@ -135,7 +135,7 @@ class Graph:
 @pytest.fixture
 def context():
     context = rclpy.Context()
-    rclpy.init(context=context, domain_id=os.getpid() % 100 + 1)
+    rclpy.init(context=context)
     yield context
     context.try_shutdown()
 

@@ -21,13 +21,14 @@ class CycleClock:
         self._last: float | None = None
         self._last_ns = 0
         self._advanced = 0.0  # steady time at which the clock of the stamps has gone on last [s]
-        self.gap, self.fault = 0.0, None
+        self.gap = 0.0
+        self.fault: Reason | None = None
 
     def tick(self, now: float, now_ns: int) -> float:
         """Begin a cycle at a steady time [s] and a time of the stamps [ns]; dt >= 0 [s]."""
-        first = self._last is None
-        self.gap = 0.0 if first else now - self._last
-        step = self._period if first else (now_ns - self._last_ns) * 1e-9
+        self.gap, step = 0.0, self._period
+        if self._last is not None:
+            self.gap, step = now - self._last, (now_ns - self._last_ns) * 1e-9
         self._last, self._last_ns = now, now_ns
         if step > 0.0:
             self._advanced = now

@@ -14,6 +14,7 @@ from tactile_servo.law import Goal, Reference, ServoLaw
 from tactile_servo.motion.motion import Motion, MotionStep
 from tactile_servo.reasons import Reason, ReasonCode
 from tactile_servo.state_machine import ASSESSED, Event, RESUMPTION, StateMachine
+from tactile_servo.state_times import approach_speed, StateTimes
 from tactile_servo.track_statistics import TrackStatistics
 from tactile_servo.types import State, TRACKING
 
@@ -23,7 +24,6 @@ SETTLE = 0.1  # s after the end of the last command, until what is measured is w
 NEAR = 5.0  # times `following_distance`, within which a robot at rest is told to stay there
 BLIND = 0.5  # of the force, by which it may grow on a way that no image has shown
 REACTION = 0.01  # s in which the approach slows down to keep to that
-SLOWEST = 0.05  # of the speed, for which a way has time
 # What goes on only when asked: who caused it must know that the robot will move.
 ASKED = frozenset({ReasonCode.PAUSED, ReasonCode.NOT_FOLLOWING, ReasonCode.CONTROLLER_INACTIVE,
                    ReasonCode.SEVERAL_PUBLISHERS, ReasonCode.CLOCK_STOPPED})
@@ -72,8 +72,7 @@ class GoalRun:
         self._anchor = motion.pose  # where the current way (approach, retreat, press) began
         self._following = Following(config.input, config.motion.rotation_length)
         self._laps = LapGuard(config.contour.miss)
-        self._spent: dict[State, float] = dict.fromkeys(
-            (State.APPROACH, State.TRACK, State.RETREAT), 0.0)  # [s]
+        self._times = StateTimes(config, goal)
         # Steady times [s]: of the last decision, and until which the robot may move.
         self._now, self._moving = -np.inf, -np.inf
         self._told = True  # that it stays where it stands
@@ -81,10 +80,6 @@ class GoalRun:
     def cancel(self) -> None:
         """Stop within the robot's limits and end the goal."""
         self._stop(Reason(ReasonCode.CANCELLED))
-
-    def shut_down(self) -> None:
-        """Stop likewise, for the servo ends."""
-        self._stop(Reason(ReasonCode.SHUTDOWN))
 
     def pause(self, paused: bool, now: float) -> None:
         """Hold (true) or go on (false)."""
@@ -109,8 +104,9 @@ class GoalRun:
         """Change the state where there is reason to, in the time or around the servo as well."""
         why, overload = self._standstill(), self._inputs.load > self._config.force.max_load
         state = self._machine.state
-        why = clock.fault or why or (around if state is not State.RETREAT else None)
-        self._spend(now)
+        why = clock.fault or (around if state is not State.RETREAT else None) or why
+        self._now = now
+        self._times.count(state, now)
         if state is State.HOLD and not self.ending.stopping:
             self._decide_hold(now, why)
         if self.ending.stopping:
@@ -127,35 +123,14 @@ class GoalRun:
             self._end_early(Reason(ReasonCode.MOTION_BLOCKED, self._motion.blocked))
         elif overload and state is not State.RETREAT:
             self._end(Reason(ReasonCode.OVERLOAD, f'{self._inputs.load:.1f} N'), lift=True)
-        elif self._spent.get(_phase(state), 0.0) > self._longest(state):
-            self._end_early(Reason(ReasonCode.TIME_LIMIT, f'{self._longest(state):.0f} s'))
+        elif self._times.over(state):
+            self._end_early(Reason(ReasonCode.TIME_LIMIT, f'{self._times.longest(state):.0f} s'))
         elif state is State.APPROACH:
             self._decide_approach(now)
         elif state in TRACKING:
             self._decide_track(now)
         elif -self._advance() >= self._config.retreat.distance and self._motion.standing:
             self._machine.fire(Event.REST, self._machine.reason)
-
-    def _spend(self, now):
-        """Count the time in each of the states that move the robot."""
-        phase = _phase(self._machine.state)
-        if phase in self._spent and np.isfinite(self._now):
-            self._spent[phase] += now - self._now
-        self._now = now
-
-    def _longest(self, state) -> float:
-        """How long a state may last in all [s]."""
-        c, length = self._config, getattr(self.goal, 'length', 0.0)
-        if state in TRACKING:
-            return c.time.slack + length / (SLOWEST * self.goal.speed) if length else c.time.track
-        way = c.approach.distance if state is State.APPROACH else c.retreat.distance
-        softly = self._softly() if state is State.APPROACH else c.approach.speed
-        return c.time.slack + way / (SLOWEST * softly)
-
-    def _softly(self) -> float:
-        """Speed of the approach: what is to be touched lightly is touched slowly [m/s]."""
-        c = self._config.approach
-        return c.speed * min(self.goal.force / c.soft_touch, 1.0)
 
     def _standstill(self) -> Reason | None:
         """Why the robot must stand still whatever is tracked, or None."""
@@ -165,8 +140,8 @@ class GoalRun:
         missing = inputs.joints_missing()
         if missing is None and state != State.RETREAT:  # lifting off needs no image
             missing = inputs.contact_missing(self._law.sees_images)
-        if missing is not None or state is State.HOLD:  # nothing is commanded then
-            return missing
+        if missing is not None or inputs.joints is None or state is State.HOLD:
+            return missing  # in a hold nothing is commanded
         return (inputs.astray(self._motion.positions)
                 or self._following.problem(inputs.pose, inputs.joints.arrival))
 
@@ -280,7 +255,7 @@ class GoalRun:
         if self._machine.state not in (State.HOLD, State.DONE):
             step = motion.command(self.twist(dt), now_ns, stamped)
             self._following.sent(now, motion.pose, self._inputs.pose)
-            self._moving, self._told = now + float(step.trajectory.times[-1]), False
+            self._moving, self._told = now + self._motion.lasting, False
             return step
         if self._told or now < self._moving + SETTLE or not self._inputs.joints_fresh or dt == 0.0:
             return None
@@ -303,7 +278,7 @@ class GoalRun:
             return twist
         twist, force = np.zeros(6), self.goal.force
         if state is State.APPROACH and self._inputs.load < force:
-            twist[2] = min(self._softly(), self._law.touch_speed, self._sighted_speed())
+            twist[2] = min(approach_speed(c, force), self._law.touch_speed, self._sighted_speed())
         elif state is State.RETREAT and -self._advance() < c.retreat.distance:
             twist[2] = -c.approach.speed
         return twist
@@ -311,14 +286,10 @@ class GoalRun:
     def _sighted_speed(self) -> float:
         """Speed at which the force cannot grow much on a way that no image has shown [m/s]."""
         way = BLIND * self.goal.force / self._law.stiffness
-        seen = self._inputs.pose_at(self._inputs.contact.stamp_ns)
+        contact = self._inputs.contact
+        seen = None if contact is None else self._inputs.pose_at(contact.stamp_ns)
         if seen is None:
             return way / self._config.input.max_stamp_age
         pose = self._motion.pose
         blind = float((pose[:3, 3] - seen[:3, 3]) @ pose[:3, 2])
         return clipped((way - blind) / REACTION, 0.0, np.inf)
-
-
-def _phase(state):
-    """State whose time a state counts for."""
-    return State.TRACK if state in TRACKING else state

@@ -84,6 +84,9 @@ class ServoLaw(Protocol):
 
     def __init__(self, servo: ServoConfig, config: Any = None) -> None: ...
 
+    def retune(self, config: Any) -> None:
+        """Take a configuration from now on in which `live` fields have changed, nothing else."""
+
     def validate(self, goal: Any) -> Refusal | None:
         """Why a goal is beyond this law, or None."""
 

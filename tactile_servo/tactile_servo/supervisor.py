@@ -149,11 +149,6 @@ class Supervisor:
         if self.run is not None and self.active:
             self.run.cancel()
 
-    def shut_down(self) -> None:
-        """Stop likewise, for the servo ends."""
-        if self.run is not None and self.active:
-            self.run.shut_down()
-
     def pause(self, paused: bool, now: float) -> bool:
         """Hold (true) or go on (false); returns whether there was a goal to act on."""
         if self.run is None or not self.active:

@@ -1,6 +1,5 @@
 """The servo's node as far as it is more than conversions."""
 
-import os
 from pathlib import Path
 
 import numpy as np
@@ -26,7 +25,7 @@ PUMA = Path(__file__).resolve().parents[2] / 'launch/urdf/puma260.urdf'
 @pytest.fixture
 def node():
     context = rclpy.Context()
-    rclpy.init(context=context, domain_id=os.getpid() % 100 + 1)
+    rclpy.init(context=context)
     made = EdgeServoNode(context=context, parameter_overrides=[
         Parameter('robot_description', value=str(PUMA))])
     yield made
@@ -39,7 +38,7 @@ def node():
     ('array_half_width', 'nothing: the size of the array comes from sensor_info')])
 def test_a_former_name_of_a_parameter_is_refused_with_its_new_one(old, new):
     context = rclpy.Context()
-    rclpy.init(context=context, domain_id=os.getpid() % 100 + 1)
+    rclpy.init(context=context)
     try:
         with pytest.raises(ConfigurationError, match=f'{old} is now {new}'):
             EdgeServoNode(context=context, parameter_overrides=[
@@ -51,6 +50,20 @@ def test_a_former_name_of_a_parameter_is_refused_with_its_new_one(old, new):
 def test_nested_names_set_what_they_say(node):
     assert node.get_parameter('force.gain').value == 60.0
     assert not node.has_parameter('stiffness')
+
+
+def test_gains_reach_the_controllers_at_once_and_limits_stay(node):
+    law = node._servo.law
+    wanted = {'force.gain': 30.0, 'path.lateral_gain': 11.0, 'attitude.gain': 2.0,
+              'speed.search': 0.01}
+    answers = node.set_parameters([Parameter(k, value=v) for k, v in wanted.items()])
+    assert all(answer.successful for answer in answers)
+    assert (law._force.config.gain, law._path.config.lateral_gain, law._attitude.config.gain,
+            law._planner.config.search, law.config.force.gain) == (30.0, 11.0, 2.0, 0.01, 30.0)
+    for name in ('force.max_load', 'speed.max', 'joints.acceleration', 'workspace.lower',
+                 'force.max_speed', 'law', 'rate'):
+        value = node.get_parameter(name).value
+        assert not node.set_parameters([Parameter(name, value=value)])[0].successful
 
 
 def test_a_refused_goal_leaves_code_and_text_in_the_status(node):
@@ -127,3 +140,7 @@ def test_bytes_that_are_no_message_are_passed_over(node, monkeypatch, raw):
     assert warnings == [
         f'image passed over: {len(raw)} bytes that are no TactileImage',
         f'contact passed over: {len(raw)} bytes that are no Contact']
+    warnings.clear()
+    node._on_joints(raw)
+    assert len(warnings) == 1 and warnings[0].startswith('joint state')
+    assert node._servo.inputs.joints is None

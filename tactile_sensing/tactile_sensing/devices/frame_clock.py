@@ -56,7 +56,7 @@ class FrameClock:
         self._usual_ns = 0.0  # from the first to the last byte of a frame
         self._credit = BURST * self.limit
         self._received = self._backlog = 0  # bytes; frames since the reader had caught up
-        self._caught_up_ns = 0
+        self._caught_up_ns: int | None = None
         self._newest_ns = self._given_ns = 0  # arrival of the newest frame; and of one given
         self.restart()
 
@@ -71,8 +71,9 @@ class FrameClock:
 
         All of them came after `caught_up_ns`; without it, they have just come.
         """
-        if caught_up_ns != self._caught_up_ns:
+        if caught_up_ns is None or caught_up_ns != self._caught_up_ns:
             self._caught_up_ns, self._backlog = caught_up_ns, 0
+        waited_ns = 0 if caught_up_ns is None else now_ns - caught_up_ns
         self._received += len(data)
         self._arrivals.append(Arrival(self._received, now_ns))
         self.decoder.receive_data(data)
@@ -87,14 +88,13 @@ class FrameClock:
             self._newest_ns = now_ns
         given = []
         behind = Counter(last_ns for *_, last_ns in frames)  # frames of a read not yet judged
-        late = (caught_up_ns is not None and self._nominal_rate
-                and now_ns - caught_up_ns >= self._stall_ns())
+        late = self._nominal_rate and waited_ns >= self._stall_ns()
         for frame, first_ns, last_ns in frames:
             behind[last_ns] -= 1
             self._backlog += 1
             arrival_ns = last_ns - round(behind[last_ns] * self._period_ns)
             if late:
-                arrival_ns = min(arrival_ns, caught_up_ns + round(
+                arrival_ns = min(arrival_ns, now_ns - waited_ns + round(
                     self._backlog * NS / self._nominal_rate))
             arrival_ns = self._judge(first_ns, arrival_ns)
             if arrival_ns is not None:

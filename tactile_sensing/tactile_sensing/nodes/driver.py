@@ -7,13 +7,13 @@ import time
 from typing import NamedTuple
 
 from ament_index_python.packages import get_package_share_directory
-from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
-from rclpy.node import Node
+from diagnostic_msgs.msg import DiagnosticStatus
 from rclpy.qos import DurabilityPolicy, qos_profile_sensor_data, QoSProfile
 from std_srvs.srv import Trigger
 
 from tactile_common.config import bounded, one_of
 from tactile_common.errors import ConfigurationError
+from tactile_common.ros.node import TactileNode
 from tactile_common.ros.parameters import declare_from
 from tactile_common.ros.runner import run
 from tactile_msgs.msg import SensorInfo as SensorInfoMsg
@@ -70,7 +70,7 @@ class Report(NamedTuple):
     thinned: int = 0
 
 
-class DriverNode(Node):
+class DriverNode(TactileNode):
     """
     Publish the pictures of a tactile array.
 
@@ -99,20 +99,18 @@ class DriverNode(Node):
         self._tare = None
         self._convert = self._calibration.converter()
         self._frames_to_tare = self._config.tare_frames if self._config.tare_at_start else 0
-        self._tare_refusal = 'not asked to'
+        self._tare_refusal = 'frames are awaited' if self._frames_to_tare else 'not asked to'
 
         self._image_msg = TactileImageMsg()
         self._fault = f'{self._config.port} is not open yet'
         self._sample = bytearray()
         self._last_byte_at = self._last_frame_at = time.monotonic()
         self._reported = Report(time.monotonic())
-        self._reported_text = ''
+        self._shown: tuple[bytes, str] | None = None
 
         self._images = self.create_publisher(TactileImageMsg, 'image', qos_profile_sensor_data)
         self._infos = self.create_publisher(SensorInfoMsg, 'sensor_info', _LATCHED)
-        self._diagnostics = self.create_publisher(DiagnosticArray, 'diagnostics', 10)
         self.create_service(Trigger, '~/tare', self._on_tare)
-        self.create_timer(1.0, self._report)
         self._publish_info()
         self._thread.start()
 
@@ -225,28 +223,27 @@ class DriverNode(Node):
             response.message = str(error)
         return response
 
-    def _report(self):
+    def _on_diagnose(self):
         now = time.monotonic()
         decoder, before = self._decoder, self._reported
         self._reported = Report(now, decoder.frames, decoder.dropped_bytes, self._frames.stalled,
                                 self._frames.thinned)
         rate = (decoder.frames - before.frames) / (now - before.at)
         level, text = self._state(now, before)
-        if text != self._reported_text:
-            self._reported_text = text
-            self._log(level, text)
+        shown = level, text
+        if self.starting and self._tare is None:
+            shown = DiagnosticStatus.OK, f'starting: {text}'
+        if shown != self._shown:
+            self._shown = shown
+            self._log(*shown)
         values = {
             'rate': f'{rate:.1f}', 'frames': decoder.frames, 'lost_frames': decoder.lost_frames,
             'resyncs': decoder.resyncs, 'dropped_bytes': decoder.dropped_bytes,
             'stalled_frames': self._frames.stalled, 'thinned_frames': self._frames.thinned,
             'locked': decoder.locked, 'tared': self._tare is not None,
         }
-        message = DiagnosticArray(status=[DiagnosticStatus(
-            level=level, name=f'{self.get_fully_qualified_name()}: {self._config.sensor}',
-            message=text, hardware_id=self._config.port,
-            values=[KeyValue(key=key, value=str(value)) for key, value in values.items()])])
-        message.header.stamp = self.get_clock().now().to_msg()
-        self._diagnostics.publish(message)
+        self.diagnose(level, text, values, name=self._config.sensor,
+                      hardware_id=self._config.port)
 
     def _log(self, level, text):
         # The logger refuses a second severity from the same line.

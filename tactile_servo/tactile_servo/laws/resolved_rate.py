@@ -33,7 +33,7 @@ class PositionConfig:
 
     segment_time: float = bounded(
         0.08, 'T_seg of (5.3) for position and angle across the edge: gain 1 / T_seg', 's',
-        0.01, 10.0)
+        0.01, 10.0, live=True)
     max_speed: float = bounded(0.1, 'largest speed across the edge', 'm/s', 1e-4, 1.0)
     max_rate: float = bounded(2.0, 'largest rate of turn about the normal', 'rad/s', 1e-3, 20.0)
 
@@ -42,7 +42,8 @@ class PositionConfig:
 class ForceConfig:
     """Motion along the normal."""
 
-    segment_time: float = bounded(0.06, 'T_seg of (5.3) for the contact force', 's', 0.01, 10.0)
+    segment_time: float = bounded(
+        0.06, 'T_seg of (5.3) for the contact force', 's', 0.01, 10.0, live=True)
     stiffness: float = bounded(
         5000.0, 'K_z of (5.5): total stiffness of skin, finger and robot along the normal',
         'N/m', 10.0, 1e7)
@@ -56,7 +57,7 @@ class TiltConfig:
 
     segment_time: float = bounded(
         0.2, 'T_seg of (5.3) for the rotation about x, which levels the pad with an edge in '
-        'space', 's', 0.01, 10.0)
+        'space', 's', 0.01, 10.0, live=True)
     max_rate: float = bounded(
         0.3, 'largest rate of the rotation about x; 0 keeps the pad as level as it began',
         'rad/s', 0.0, 20.0)
@@ -149,6 +150,10 @@ class ResolvedRate:
         self._age, self.shortest, self._looked = servo.input.max_stamp_age, math.inf, -math.inf
         self._shown, self._problem, self._speed = -math.inf, '', 0.0
         self._twist, self._slowed = np.zeros(6), 0.0
+
+    def retune(self, config: ResolvedRateConfig) -> None:
+        """Take other gains from now on."""
+        self.config = config
 
     def validate(self, goal: EdgeGoal) -> Refusal | None:
         """Why a goal is beyond this law, or None."""

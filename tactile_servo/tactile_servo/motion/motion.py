@@ -39,7 +39,7 @@ class MotionConfig:
 class MotionStep(NamedTuple):
     """One command."""
 
-    trajectory: Trajectory  # window to a rest
+    trajectory: Trajectory | None  # window to a rest; None while the last one is to be played on
     twist: np.ndarray  # wanted one that the workspace let through, sensor's frame [m/s, rad/s]
     scale: float  # fraction of the wanted motion that the joint limits let through
     limited_by: str  # what bound most, empty if nothing did
@@ -79,6 +79,11 @@ class Motion:
         """Whether the robot has been commanded to a rest, and that command is over."""
         return not self._window.velocities.any()
 
+    @property
+    def lasting(self) -> float:
+        """Time from the last cycle to the rest at the end of its window [s]."""
+        return float(self._window.times[-1])
+
     def seed(self, positions: np.ndarray) -> None:
         """
         Start at rest from measured joint positions (n,), never from an old target.
@@ -114,6 +119,8 @@ class Motion:
         elapsed = 0.0 if self._stamp_ns is None else max(1e-9 * (now_ns - self._stamp_ns), 0.0)
         kept = committed(self._window, elapsed, c.committed)
         positions, velocities = kept.positions[-1], kept.velocities[-1]
+        # On its way to the first point the controller is left alone: each window is a seam there.
+        settling = self._stamp_ns is not None and kept.times[0] > c.committed
         if self._workspace is not None:
             pose = self._robot.pose(positions)
             rotation = pose[:3, :3]
@@ -137,9 +144,11 @@ class Motion:
         hindered = limited_by or manipulability < c.damping
         self._watch(_progress(jacobian, self.velocities, wanted, c.rotation_length)
                     if hindered else 1.0, limited_by, period)
-        times, places, speeds = self._window
-        trajectory = Trajectory(self._limits.names, times, places, speeds,
-                                stamp_ns=now_ns if stamped and c.stamped else 0)
+        trajectory = None
+        if not settling:
+            times, places, speeds = self._window
+            trajectory = Trajectory(self._limits.names, times, places, speeds,
+                                    stamp_ns=now_ns if stamped and c.stamped else 0)
         return MotionStep(trajectory, twist, scale, limited_by, manipulability)
 
     def _watch(self, progress, limited_by, dt):

@@ -1,5 +1,6 @@
 """The servo's action: every goal that is accepted gets its result."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from time import perf_counter
 from typing import Any
@@ -34,7 +35,9 @@ class GoalServer:
     pause, at the cost of a whole core.
     """
 
-    def __init__(self, node: Node, servo: Supervisor, name: str, base_frame: str):
+    def __init__(self, node: Node, servo: Supervisor, name: str, base_frame: str,
+                 look_around: Callable[[], None]):
+        self._look_around = look_around  # before a goal is judged
         self._logger, self._servo, self._base_frame = node.get_logger(), servo, base_frame
         self._action = ACTIONS[name]
         self._execution: Execution | None = None
@@ -57,6 +60,7 @@ class GoalServer:
             execution.handle.publish_feedback(self._action.feedback_to_msg(msg))
 
     def _on_goal(self, request):
+        self._look_around()
         refusal = self._servo.check(self._action.goal_from_msg(request))
         if refusal is None:
             return GoalResponse.ACCEPT

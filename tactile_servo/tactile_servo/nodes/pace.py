@@ -29,7 +29,7 @@ class Pace:
     picture: float = -math.inf  # arrival of the newest picture,
     gap: float = math.inf  # and the mean time between pictures
     cycles: int = 0
-    missed: int = 0
+    lost: float = 0.0  # periods by which cycles came late in all
     longest: float = 0.0  # cycle since this was set to 0
     costs: list[float] = field(default_factory=list)  # of cycles that no message has told of
 
@@ -49,10 +49,16 @@ class Pace:
     def begin(self, now: float) -> None:
         """Count a cycle that begins."""
         late = now - self.due if self.cycles else 0.0
-        self.missed += int(max(late, 0.0) / self.period)
         self.cycles, self.last = self.cycles + 1, now
         # A timer that comes a little late does not slow the cycles down.
         self.due = (self.due if 0.0 < late < LEAST * self.period else now) + self.period
+        if late >= LEAST * self.period:
+            self.lost += late / self.period
+
+    @property
+    def missed(self) -> int:
+        """Cycles that were due and did not come."""
+        return int(self.lost)
 
     def end(self, now: float, cost: float) -> float:
         """End a cycle that took so much of the processor; how long to wait for the next [s]."""

@@ -5,12 +5,11 @@ import math
 from time import perf_counter, thread_time
 from typing import Any
 
-from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
+from diagnostic_msgs.msg import DiagnosticStatus
 from geometry_msgs.msg import PoseStamped
 import numpy as np
 from rcl_interfaces.msg import SetParametersResult
 from rclpy.clock import Clock, ClockType
-from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, qos_profile_sensor_data, QoSProfile
 from sensor_msgs.msg import JointState
 from std_srvs.srv import SetBool
@@ -18,7 +17,8 @@ from trajectory_msgs.msg import JointTrajectory
 
 from tactile_common.errors import ConfigurationError, TactileError
 from tactile_common.ros.conversions import NS, pose_to_msg, set_stamp, stamp_to_ns, unpacked
-from tactile_common.ros.parameters import declare_from
+from tactile_common.ros.node import TactileNode
+from tactile_common.ros.parameters import declare_from, follow_changes
 from tactile_common.ros.runner import plain, run
 from tactile_msgs.msg import Contact as ContactMsg
 from tactile_msgs.msg import SensorInfo, ServoStatus, TactileImage
@@ -75,11 +75,11 @@ class Telling:
             self.latency = (now_ns - stamp_ns) / NS if commanded else math.nan
 
 
-def _supervisor(node: Node) -> tuple[Supervisor, RobotModel, NodeConfig]:
+def _supervisor(node: TactileNode) -> tuple[Supervisor, RobotModel, NodeConfig]:
     """Declare the parameters and make the servo that they ask for."""
     refuse_old_names(node)
     c, config = declare_from(node, NodeConfig), declare_from(node, ServoConfig)
-    law = law_named(c.tracker).law
+    law = law_named(c.law).law
     settings = declare_from(node, law.config_type)
     if not c.robot_description:
         raise ConfigurationError(
@@ -94,13 +94,13 @@ def _supervisor(node: Node) -> tuple[Supervisor, RobotModel, NodeConfig]:
     return Supervisor(model, limits, law(config, settings), config, box), model, c
 
 
-class EdgeServoNode(Node):
+class EdgeServoNode(TactileNode):
     """
     Track something by touch.
 
     Subscribes to `sensor_info`, `image`, `contact` and `/joint_states`; streams windows to the
     joint trajectory controller while a goal of the law's action is active; publishes
-    `servo_status`, `sensor_pose` at every joint state and `diagnostics`; `~/pause` holds and
+    `servo_status`, `sensor_pose` at every joint state and `/diagnostics`; `~/pause` holds and
     resumes. Parameters: `NodeConfig`, `ServoConfig`, and those of the law. A cycle begins with
     the image (or the contact, if the law sees no images), see `Pace`, and looks at the newest of
     both alone, so that a fast sensor takes no time from it. Most of its attributes are ROS
@@ -111,6 +111,7 @@ class EdgeServoNode(Node):
         self._server = None  # until the parameters have proved right
         super().__init__('edge_servo', **kwargs)
         self._servo, self._model, config = _supervisor(self)
+        follow_changes(self, self._servo.law.config_type, self._servo.law.retune)
         compile_kernels()
         self._pace, self._heard = Pace(1.0 / self._servo.config.rate), Heard()
         self._status_msg, self._pose_msg = ServoStatus(), PoseStamped()
@@ -122,20 +123,18 @@ class EdgeServoNode(Node):
             JointTrajectory, f'{config.controller}/joint_trajectory', 1)
         self._status = self.create_publisher(ServoStatus, 'servo_status', 10)
         self._pose = self.create_publisher(PoseStamped, 'sensor_pose', qos_profile_sensor_data)
-        self._diagnostics = self.create_publisher(DiagnosticArray, 'diagnostics', 10)
         self.create_subscription(SensorInfo, 'sensor_info', self._on_sensor, _LATCHED)
         self.create_subscription(ContactMsg, 'contact', self._on_contact, _NEWEST, raw=True)
         self.create_subscription(  # whatever the law: an image tells the load as well
             TactileImage, 'image', self._on_image, _NEWEST, raw=True)
         self.create_subscription(
-            JointState, '/joint_states', self._on_joints, qos_profile_sensor_data)
+            JointState, '/joint_states', self._on_joints, qos_profile_sensor_data, raw=True)
         self.create_service(SetBool, '~/pause', self._on_pause)
-        self._server = GoalServer(self, self._servo, law_named(config.tracker).action,
-                                  self._model.root_frame)
+        self._server = GoalServer(self, self._servo, law_named(config.law).action,
+                                  self._model.root_frame, self._look_around)
         # Steady, so that the watchdogs run even where simulated time stands still.
         steady = Clock(clock_type=ClockType.STEADY_TIME)
         self._timer = self.create_timer(self._pace.period, plain(self._on_timer), clock=steady)
-        self.create_timer(1.0, self._on_diagnose, clock=steady)
         self._guard = GraphGuard(
             self, ('image', 'contact', '/joint_states', self._trajectory.topic),
             config.shared_topics, config.controller)
@@ -161,18 +160,24 @@ class EdgeServoNode(Node):
         except TactileError as error:
             self._warn(f'sensor_info passed over: {error}')
 
-    def _on_joints(self, msg):
+    def _on_joints(self, raw):
+        try:
+            msg = unpacked(raw, JointState)
+        except TactileError as error:
+            self._warn(f'joint state passed over: {error}')
+            return
         positions = joint_positions(msg, self._model.joint_names)
         if positions is None:
             self._warn('joint state without all of ' + ', '.join(self._model.joint_names))
             return
+        stamp_ns = stamp_to_ns(msg.header.stamp)
         try:
-            self._servo.see_joints(positions, stamp_to_ns(msg.header.stamp), perf_counter())
+            self._servo.see_joints(positions, stamp_ns, perf_counter())
         except ValueError as error:
             self._warn(str(error))
             return
         pose_to_msg(self._servo.inputs.pose, self._pose_msg.pose)
-        self._pose_msg.header.stamp = msg.header.stamp
+        set_stamp(self._pose_msg.header.stamp, stamp_ns)
         self._pose.publish(self._pose_msg)
 
     def _on_contact(self, raw):
@@ -198,6 +203,8 @@ class EdgeServoNode(Node):
             try:
                 self._servo.see_image(image_from_msg(unpacked(raw, TactileImage)), arrival)
             except TactileError as error:
+                self._servo.inputs.refused = getattr(
+                    error, 'reason', Reason(ReasonCode.BAD_IMAGE, str(error)))
                 self._warn(f'image passed over: {error}')
         if heard.contact is not None:
             raw, arrival = heard.contact
@@ -245,17 +252,11 @@ class EdgeServoNode(Node):
     def _on_diagnose(self):
         servo, pace = self._servo, self._pace
         late = pace.longest > pace.period
-        status = DiagnosticStatus(
-            name=f'{self.get_fully_qualified_name()}: servo',
-            level=DiagnosticStatus.WARN if late or servo.state == State.HOLD
-            else DiagnosticStatus.OK,
-            message=f'{servo.state.name.lower()}: {servo.reason.text}',
-            values=[KeyValue(key='missed_cycles', value=str(pace.missed)),
-                    KeyValue(key='longest_cycle_s', value=f'{pace.longest:.6f}')])
+        self.diagnose(
+            DiagnosticStatus.WARN if late or servo.state == State.HOLD else DiagnosticStatus.OK,
+            f'{servo.state.name.lower()}: {servo.reason.text}',
+            {'missed_cycles': pace.missed, 'longest_cycle_s': f'{pace.longest:.6f}'}, name='servo')
         pace.longest = 0.0
-        msg = DiagnosticArray(status=[status])
-        msg.header.stamp = self.get_clock().now().to_msg()
-        self._diagnostics.publish(msg)
 
     def destroy_node(self):
         """Release the action server with the node."""

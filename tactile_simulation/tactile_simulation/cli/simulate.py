@@ -30,7 +30,7 @@ def parser() -> argparse.ArgumentParser:
         formatter_class=argparse.ArgumentDefaultsHelpFormatter)
     add = arguments.add_argument
     add('scene', help='YAML file of the scene')
-    add('--controller', default=DEFAULT, choices=list(LAWS))
+    add('--law', '--controller', default=DEFAULT, choices=list(LAWS), help='servo law')
     add('--speed', type=float, default=0.03, help='along the edge [m/s]')
     add('--force', type=float, default=5.0, help='on the pad [N]')
     add('--direction', type=int, default=1, choices=(-1, 1), help="along the sensor's y")
@@ -64,14 +64,14 @@ def run(options: argparse.Namespace) -> tuple[Simulation, dict[str, Any]]:
     scene = load_scene(options.scene)
     goal = EdgeGoal(options.speed, options.force, options.direction, options.length,
                     closed=scene.edge.closed and options.length == 0.0
-                    and LAWS[options.controller].closes_contours)
-    simulation = Simulation(scene, options.controller, seed=options.seed,
+                    and LAWS[options.law].closes_contours)
+    simulation = Simulation(scene, options.law, seed=options.seed,
                             latency=options.latency, robot=robot_from(options.robot, options.tip),
                             seed_positions=options.start, clock=time.perf_counter)
     begin = time.perf_counter()
     status = simulation.run(goal, options.timeout)
     return simulation, summarise(
-        simulation, goal, status, name=scene.name, tracker=options.controller,
+        simulation, goal, status, name=scene.name, tracker=options.law,
         seed=options.seed, elapsed=time.perf_counter() - begin)
 
 

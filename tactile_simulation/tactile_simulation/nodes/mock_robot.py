@@ -1,5 +1,4 @@
 """A robot that is not there, behind a joint_trajectory_controller's topics."""
-from rclpy.node import Node
 from rclpy.qos import QoSProfile
 from sensor_msgs.msg import JointState
 from std_srvs.srv import SetBool
@@ -7,6 +6,7 @@ from trajectory_msgs.msg import JointTrajectory
 
 from tactile_common.errors import Rejected
 from tactile_common.ros.conversions import stamp_from_ns
+from tactile_common.ros.node import TactileNode
 from tactile_common.ros.parameters import declare_from
 from tactile_common.ros.runner import plain, run
 from tactile_servo.conversions import joint_state_to_msg, trajectory_from_msg
@@ -15,7 +15,7 @@ from tactile_simulation.joint_controller import MockController, MockRobotConfig
 from tactile_simulation.scene import load_scene
 
 
-class MockRobotNode(Node):
+class MockRobotNode(TactileNode):
     """
     Plays trajectories with a mock controller and publishes the joint states.
 

@@ -6,15 +6,15 @@ import sys
 import threading
 import time
 
-from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
+from diagnostic_msgs.msg import DiagnosticStatus
 from geometry_msgs.msg import PoseStamped
 import numpy as np
-from rclpy.node import Node
 from rclpy.qos import qos_profile_sensor_data
 
 from tactile_common.config import bounded, one_of
 from tactile_common.errors import ConfigurationError, TactileError
 from tactile_common.ros.conversions import pose_from_msg, stamp_to_ns
+from tactile_common.ros.node import TactileNode
 from tactile_common.ros.parameters import declare_from
 from tactile_common.ros.runner import run
 from tactile_common.state_buffer import NS, pose_between, StateBuffer
@@ -51,7 +51,7 @@ class MockSensorConfig:
     seed: int = bounded(0, 'seed of the noise', '', 0, 2**31 - 1)
 
 
-class MockSensorNode(Node):
+class MockSensorNode(TactileNode):
     """
     Sensor that exists only as bytes: renders a scene at the robot's pose, or plays a recording.
 
@@ -84,8 +84,6 @@ class MockSensorNode(Node):
             self._protocol = protocol_named(self._config.protocol)
             self._lock = threading.Lock()  # of the poses: a callback writes, the thread reads
             self._open_source()
-            self._diagnostics = self.create_publisher(DiagnosticArray, 'diagnostics', 10)
-            self.create_timer(1.0, self._report)
             self._port = PseudoTerminal(self._config.port)
         except BaseException:
             self.destroy_node()
@@ -185,19 +183,15 @@ class MockSensorNode(Node):
         else:
             self.dropped += 1
 
-
-    def _report(self):
+    def _on_diagnose(self):
         counts = {'sent': self.sent, 'dropped': self.dropped, 'late': self.late,
                   'blind': self.blind}
         lost, self._reported = self.late + self.blind - self._reported, self.late + self.blind
-        message = DiagnosticArray(status=[DiagnosticStatus(
-            name=f'{self.get_fully_qualified_name()}: mock sensor', hardware_id=self._config.port,
-            level=DiagnosticStatus.WARN if lost else DiagnosticStatus.OK,
-            message=f'{lost} frames were not sent: late, or without a pose of their instant'
-            if lost else 'frames are sent',
-            values=[KeyValue(key=key, value=str(count)) for key, count in counts.items()])])
-        message.header.stamp = self.get_clock().now().to_msg()
-        self._diagnostics.publish(message)
+        self.diagnose(
+            DiagnosticStatus.WARN if lost else DiagnosticStatus.OK,
+            f'{lost} frames were not sent: late, or without a pose of their instant'
+            if lost else 'frames are sent', counts, name='mock sensor',
+            hardware_id=self._config.port)
 
 
 def main(args=None) -> int:
