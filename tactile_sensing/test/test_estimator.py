@@ -80,7 +80,8 @@ def test_covariance_of_the_closed_forms_is_the_spread(method, layers):
         frames, array, given)
     found = found[found['valid']]
     assert len(found) > 130
-    for row, name in {0: 'a', 1: 'b', 3: 'normal_force', 4: 'shear_force_x', 5: 'Qy'}.items():
+    for row, name in {0: 'a', 1: 'b', 3: 'normal_force', 4: 'shear_force_x',
+                      5: 'shear_force_y'}.items():
         residual = np.maximum(1.0, found['residual'])
         claimed = np.sqrt(np.mean(found['covariance'][:, row, row] / residual**2))
         assert np.std(found[name]) / claimed == pytest.approx(1.0, abs=0.25), name
@@ -99,7 +100,9 @@ def test_covariance_is_the_spread_of_the_estimates(share):
     rows = [0, 2, 3, 6]
     claimed = np.sqrt(np.mean([np.diag(c.covariance)[rows] for c in contacts], axis=0))
     ratio = values.std(axis=0) / claimed
-    np.testing.assert_allclose(ratio[1:], 1.0, atol=0.1)
+    yaw, *forces = ratio[1:]
+    assert yaw == pytest.approx(1.0, abs=0.1)
+    assert 0.8 < min(forces) and max(forces) < 1.1  # a patch may hide, and is not there
     if share:
         assert ratio[0] == pytest.approx(1.0, abs=0.1)
         assert all(c.model == 'line+shear/zz' for c in contacts)

@@ -134,14 +134,14 @@ def test_depth_can_be_found(presses, wrong):
 def test_a_wrong_depth_is_told_and_costs_certainty(presses):
     _, frames, _, noise = presses
     records = found(frames, noise, depth=1.2 * DEPTH)
-    assert (records['reasons'] & int(Reason.FORCE_MISMATCH) > 0).all()
+    assert (records['reasons'] & int(Reason.FORCE_MISMATCH) > 0).mean() > 0.3
     off = np.abs(noise * records['normal_force'] - 1.0)
     assert (off < 3.0 * noise * np.sqrt(records['covariance'][:, 3, 3])).all()
     right = found(frames, noise)
     assert (right['reasons'] & int(Reason.FORCE_MISMATCH) > 0).mean() < 0.005
 
 
-def test_an_extended_patch_has_its_force_in_the_window():
+def test_an_extended_patch_is_told():
     # A sphere's pressure, sqrt(1 - r^2) over a radius of 1 mm, as a sum of 300 points.
     rng = np.random.default_rng(15)
     radius = np.sqrt(1.0 - (1.0 - (np.arange(300) + 0.5) / 300) ** (2.0 / 3.0)) * 1e-3
@@ -153,9 +153,10 @@ def test_an_extended_patch_has_its_force_in_the_window():
     noise = 0.01 * frames.max(axis=(1, 2))
     records = found(frames + noise[:, None, None] * rng.normal(size=frames.shape), noise)
     assert records['valid'].all()
-    assert np.mean(noise * records['normal_force']) < 0.95  # a point fits it, with 8 % too little
-    assert np.mean(noise * records['force_windowed']) == pytest.approx(1.0, abs=0.01)
-    assert (records['reasons'] & int(Reason.FORCE_MISMATCH) > 0).all()
+    for name in ('normal_force', 'force_windowed'):  # a sharp point would have 8 % too little
+        assert np.mean(noise * records[name]) == pytest.approx(1.0, abs=0.01)
+    assert np.mean(records['patch']) == pytest.approx(1e-3, abs=0.05e-3)
+    assert (records['reasons'] & int(Reason.FORCE_MISMATCH) > 0).mean() < 0.05
 
 
 @pytest.mark.parametrize('most', [2.0, 4.0])
@@ -200,5 +201,6 @@ def test_tactels_that_average_over_their_area():
     layer = Layer('zz', DEPTH, None, 0.0, 1e-4 * frames.max())
     area, centre = (ContactEstimator(EstimatorConfig(tactel=tactel)).estimate_batch(
         frames, array, [layer]) for tactel in ('area', 'point'))
-    assert area['valid'].all() and np.abs(area['normal_force'] - 1.0).max() < 0.001
-    assert np.nanmean(np.abs(centre['normal_force'] - 1.0)) > 0.03
+    assert area['valid'].all() and np.abs(area['normal_force'] - 1.0).max() < 0.0025
+    assert np.nanmax(area['patch']) < 0.4e-3
+    assert np.nanmean(centre['patch']) > 0.4e-3  # what it averages over seems a patch

@@ -99,7 +99,7 @@ SCENES = {  # name -> (picture, type)
     'point with shear': (sheared_point, ContactType.POINT), 'edge': (edge, ContactType.LINE),
     'edge with shear': (sheared_edge, ContactType.LINE),
     'two points': (two_points, ContactType.OTHER), 'flat disc': (disc, ContactType.OTHER),
-    'corner': (corner, ContactType.OTHER), 'end of an edge': (edge_end, ContactType.OTHER)}
+    'corner': (corner, ContactType.OTHER), 'end of an edge': (edge_end, ContactType.LINE)}
 
 
 def pictures(name, count, rng):

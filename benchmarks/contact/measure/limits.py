@@ -83,7 +83,7 @@ def fault_map(count, few, rng, progress):
 
 
 STRANGERS = {'edge': ('auto', 'point'), 'point with shear': ('auto', 'line'), **dict.fromkeys(
-    ('two points', 'flat disc', 'corner', 'end of an edge'), ('auto', 'point', 'line'))}
+    ('two points', 'flat disc', 'corner'), ('auto', 'point', 'line'))}
 
 
 def wrong_type(count, few, rng, progress):

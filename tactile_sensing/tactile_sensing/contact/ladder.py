@@ -35,7 +35,7 @@ EVIDENCE = 16.0  # chi-square that a rung must take off: four standard deviation
 LEFT_OVER = 1.2  # chi-square per degree of freedom from which on a line may have ends
 STEPS = 15  # most of them
 SETTLED = 0.003  # a step after which none is needed [depths]
-PANEL = 1.5  # of the integral along what a line lacks [depths]
+PANEL = 1.0  # of the integral along what a line lacks [depths]
 BEYOND = 6.0  # depths beyond the pad from where nothing of a line is seen
 _ABSCISSAS = np.array([-math.sqrt(0.6), 0.0, math.sqrt(0.6)])
 _WEIGHTS = np.array([5.0, 8.0, 5.0]) / 18.0
@@ -56,8 +56,7 @@ def along_chord(sensor, rho, yaw):
 
 
 @njit(error_model='numpy', fastmath=FAST)
-def _add_point(x, y, load, kernel, by_variance, centre, scale, rows):
-    by_f, by_g = by_variance
+def _add_point(x, y, load, shape, slope, centre, scale, rows):
     force, shear_x, shear_y = load.force, load.shear_x, load.shear_y
     a, b = load.a, load.b
     by_a, by_b, of_force, of_x, of_y, of_variance, model = rows
@@ -65,8 +64,7 @@ def _add_point(x, y, load, kernel, by_variance, centre, scale, rows):
         u = x[i] - a
         v = y[i] - b
         squared = u * u + v * v
-        f, g, df, dg = kernels.at_distance(kernel, centre, squared)
-        t = centre / (squared + centre)
+        f, g, df, dg, by_f, by_g = kernels.all_at(shape, slope, centre, squared)
         across = shear_x * u + shear_y * v
         by = force * df + across * dg
         by_a[i] -= scale * (by * u + shear_x * g)
@@ -74,35 +72,30 @@ def _add_point(x, y, load, kernel, by_variance, centre, scale, rows):
         of_force[i] += scale * f
         of_x[i] += scale * g * u
         of_y[i] += scale * g * v
-        of_variance[i] += scale * (
-            force * kernels.value_of(by_f, t) + across * kernels.value_of(by_g, t))
+        of_variance[i] += scale * (force * by_f + across * by_g)
         model[i] += scale * (force * f + across * g)
 
 
 @njit(error_model='numpy', fastmath=FAST)
-def _add_line(x, y, cos, sin, rho, load, kernel, by_variance, centre, scale, rows):
-    by_f, by_g = by_variance
+def _add_line(x, y, cos, sin, rho, load, shape, slope, centre, scale, rows):
     force, shear = load.force, load.shear
     by_rho, by_yaw, of_force, of_shear, _, of_variance, model = rows
     for i in range(x.size):
         v = x[i] * cos + y[i] * sin - rho
         squared = v * v
-        f, g, df, dg = kernels.at_distance(kernel, centre, squared)
-        t = centre / (squared + centre)
+        f, g, df, dg, by_f, by_g = kernels.all_at(shape, slope, centre, squared)
         by = scale * ((force * df + shear * v * dg) * v + shear * g)
         by_rho[i] -= by
         by_yaw[i] += by * (y[i] * cos - x[i] * sin)
         of_force[i] += scale * f
         of_shear[i] += scale * g * v
-        of_variance[i] += scale * (
-            force * kernels.value_of(by_f, t) + shear * v * kernels.value_of(by_g, t))
+        of_variance[i] += scale * (force * by_f + shear * v * by_g)
         model[i] += scale * (force * f + shear * v * g)
 
 
 @njit(error_model='numpy', fastmath=FAST)
-def _take_source(x, y, cos, sin, rho, at, load, kernel, by_variance, centre, scale, rows):
+def _take_source(x, y, cos, sin, rho, at, load, shape, slope, centre, scale, rows):
     """Take off a point of the line, with the derivatives by all but its place along."""
-    by_f, by_g = by_variance
     force, shear = load.force, load.shear
     by_rho, by_yaw, of_force, of_shear, _, of_variance, model = rows
     for i in range(x.size):
@@ -110,26 +103,24 @@ def _take_source(x, y, cos, sin, rho, at, load, kernel, by_variance, centre, sca
         along = y[i] * cos - x[i] * sin
         w = along - at
         squared = v * v + w * w
-        f, g, df, dg = kernels.at_distance(kernel, centre, squared)
-        t = centre / (squared + centre)
+        f, g, df, dg, by_f, by_g = kernels.all_at(shape, slope, centre, squared)
         by = force * df + shear * v * dg
         by_v = scale * (by * v + shear * g)
         by_rho[i] += by_v
         by_yaw[i] -= by_v * along - scale * by * w * (v + rho)
         of_force[i] -= scale * f
         of_shear[i] -= scale * g * v
-        of_variance[i] -= scale * (
-            force * kernels.value_of(by_f, t) + shear * v * kernels.value_of(by_g, t))
+        of_variance[i] -= scale * (force * by_f + shear * v * by_g)
         model[i] -= scale * (force * f + shear * v * g)
 
 
 @njit(error_model='numpy', fastmath=FAST)
-def _add_tip(x, y, cos, sin, rho, at, load, kernel, centre, scale, row):
+def _add_tip(x, y, cos, sin, rho, at, load, shape, centre, scale, row):
     """Add the pressure of a metre of line at one place along it: the derivative by an end."""
     for i in range(x.size):
         v = x[i] * cos + y[i] * sin - rho
         w = y[i] * cos - x[i] * sin - at
-        f, g = kernels.values_at(kernel, centre, v * v + w * w)
+        f, g, _, _, _, _ = kernels.all_at(shape, shape, centre, v * v + w * w)
         row[i] += scale * (load.force * f + load.shear * v * g)
 
 
@@ -160,14 +151,14 @@ def add_lacking_rows(first, last, sensor, layer, k, load, shape, source, model):
 
 
 @njit(error_model='numpy')
-def _lack(first, last, x, y, cos, sin, rho, load, kernel, by_variance, centre, depth, scale, rows):
+def _lack(first, last, x, y, cos, sin, rho, load, shape, slope, centre, depth, scale, rows):
     """Take off the line between two places along it, by Gauss' points."""
     count = _panels(first, last, depth)
     length = (last - first) / count
     for i in range(count):
         for j in range(3):
             at = first + (i + 0.5 + 0.5 * _ABSCISSAS[j]) * length
-            _take_source(x, y, cos, sin, rho, at, load, kernel, by_variance, centre,
+            _take_source(x, y, cos, sin, rho, at, load, shape, slope, centre,
                          scale * length * _WEIGHTS[j], rows)
 
 
@@ -196,21 +187,19 @@ def _rows_of(kind, sensor, layers, load, tips, memory, rows):
         centre = kernels.centre_of(depth)
         kernels.make_shape(sensor.polynomials[k], depth, kind - 1, load.yaw, load.variance,
                            tactels.shapes[k], tactels.slopes[k])
-        kernel = kernels.coefficients_of(tactels.shapes[k])
-        by_variance = kernels.coefficients_of(tactels.slopes[k])
+        shape, slope = tactels.shapes[k], tactels.slopes[k]
         for j in range(sensor.nodes.size):
             node = sensor.nodes[j]
             scale, dx, dy = node.weight / layer.noise, x + node.x, y + node.y
             if kind == POINT:
-                _add_point(dx, dy, load, kernel, by_variance, centre, scale, part)
+                _add_point(dx, dy, load, shape, slope, centre, scale, part)
                 continue
-            _add_line(dx, dy, cos, sin, load.rho, load, kernel, by_variance, centre, scale, part)
+            _add_line(dx, dy, cos, sin, load.rho, load, shape, slope, centre, scale, part)
             if not tips:
                 continue
             first, last, from_, to = limits_of(sensor, load, depth)
-            shape, slope = memory.tip_shapes[0], memory.tip_shapes[1]
-            kernels.make_shape(sensor.polynomials[k], depth, 0, 0.0, load.variance, shape, slope)
-            tip, by_tip = kernels.coefficients_of(shape), kernels.coefficients_of(slope)
+            tip, by_tip = memory.tip_shapes[0], memory.tip_shapes[1]
+            kernels.make_shape(sensor.polynomials[k], depth, 0, 0.0, load.variance, tip, by_tip)
             start = load.start if load.extras & BEGINS else first
             stop = load.end if load.extras & ENDS else last
             _add_tip(dx, dy, cos, sin, load.rho, start, load, tip, centre, -scale,
@@ -388,7 +377,12 @@ def _add_patch_slope(kind, x, y, cos, sin, load, by_variance, centre, scale, row
 
 @njit(error_model='numpy')
 def patch_gain(kind, sensor, layers, forces, memory):
-    """Chi-square that a patch would take off a sharp load, from what its fit has left behind."""
+    """
+    Chi-square that a patch would take off a sharp load, from what its fit has left behind.
+
+    Leaves in the memory how that patch would move the load (hidden), 0 if none shows at all.
+    """
+    memory.hidden[:] = 0.0
     load, row, tactels = memory.fit[0], memory.rows[VARIANCE], memory.tactels
     count, ends = 2 + forces, tactels.ends
     n = ends[-1]
@@ -420,7 +414,12 @@ def patch_gain(kind, sensor, layers, forces, memory):
     for i in range(count):
         for j in range(count):
             free -= memory.inverse[i, j] * memory.right[i] * memory.right[j]
-    return gradient * gradient / free if free > 0.0 else 0.0
+    if not free > 0.0:
+        return 0.0
+    for i in range(count):
+        for j in range(count):
+            memory.hidden[i] -= memory.inverse[i, j] * memory.right[j] * gradient / free
+    return gradient * gradient / free
 
 
 @njit(error_model='numpy')

@@ -19,7 +19,7 @@ from tactile_sensing.contact.goodness_of_fit import (
     find_scatter,
     refute,
 )
-from tactile_sensing.contact.ladder import BEGINS, ENDS, limits_of, ROWS
+from tactile_sensing.contact.ladder import BEGINS, ENDS, limits_of, PATCH, ROWS
 from tactile_sensing.contact.model_selection import (
     climb,
     fit_without_idle_shear,
@@ -69,6 +69,7 @@ class Memory(NamedTuple):
     slope: np.ndarray  # (5,): how the load moves with the depth
     moved: np.ndarray  # (5,): how it moves when shear is left out
     estimates: np.ndarray  # of ESTIMATE, shape (2,): of the first model and of the second
+    hidden: np.ndarray  # (5,): how it moves with a patch that hardly shows
     scatter: np.ndarray  # (1,): what tactels are off beside noise, as a share of the pressure
     excess: np.ndarray  # (1,): squared error over what is expected, at least 1
     second: np.ndarray  # bool, (1,): whether what seemed an outlier is a contact
@@ -100,8 +101,8 @@ def make_memory(layers, rows, columns, nodes):
         np.empty(shape), np.empty(shape), np.empty(shape), np.empty(rows * columns),
         np.zeros(layers, LAYER), make_tactels(layers, most, nodes), np.zeros(1, FIT),
         np.zeros((8, 8)), np.zeros(1, np.bool_), np.zeros(5), np.zeros(5), np.zeros(2, ESTIMATE),
-        np.zeros(1), np.ones(1), np.zeros(1, np.bool_), np.zeros(1, FIT), np.zeros((8, 8)),
-        np.zeros(5), np.zeros((8, 8)), np.empty((ROWS, most)), np.empty(most),
+        np.zeros(5), np.zeros(1), np.ones(1), np.zeros(1, np.bool_), np.zeros(1, FIT),
+        np.zeros((8, 8)), np.zeros(5), np.zeros((8, 8)), np.empty((ROWS, most)), np.empty(most),
         np.zeros(8, np.int64), np.zeros((8, 8)), np.zeros(8), np.zeros((8, 8)), np.zeros(8),
         np.zeros(8), np.zeros((2, 2, TERMS)), np.zeros(1, FIT), np.zeros(shape, np.bool_),
         np.zeros(1, np.bool_))
@@ -171,6 +172,7 @@ def estimate_as(kind, measured, sensor, layers, rules, memory, estimate):
     memory.stress[:] = measured
     memory.scatter[0] = rules.gain_spread
     memory.second[0] = False
+    memory.hidden[:] = 0.0
     ladder = sensor.polynomials.size > 0 and not rules.fit_depth
     # Faults are looked for above the ladder: a blunt load is no row of broken tactels.
     fitted, left_out, depth_variance = _fit_mended(
@@ -189,7 +191,10 @@ def estimate_as(kind, measured, sensor, layers, rules, memory, estimate):
         shear = _weigh_scatter(kind, sensor, forces, shear, rules, memory)
         estimate.type, missed = refute(kind, sensor, memory.layers, rules, memory, estimate)
     if not missed:
-        _widen(cov, memory.moved, depth_variance, memory.slope, memory.excess[0])
+        hidden = memory.hidden
+        if not ladder or fit.extras & PATCH:
+            hidden[:] = 0.0
+        _widen(cov, memory.moved, hidden, depth_variance, memory.slope, memory.excess[0])
         if beyond_sight(kind, sensor, memory.layers[0].depth, fit, cov):
             missed = _OFF_PAD
     estimate.reasons |= missed
@@ -269,9 +274,9 @@ def _fit_mended(kind, sensor, given_layers, forces, mend, rules, memory):
 
 
 @njit(error_model='numpy')
-def _widen(cov, moved, depth_variance, slope, excess):
-    """Add to a covariance shear that may be there, the depth, and more noise than expected."""
+def _widen(cov, moved, hidden, depth_variance, slope, excess):
+    """Add to a covariance shear and a patch that may be there, the depth, and more noise."""
     for i in range(5):
         for j in range(5):
-            cov[i, j] = moved[i] * moved[j] + excess * (
+            cov[i, j] = moved[i] * moved[j] + hidden[i] * hidden[j] + excess * (
                 cov[i, j] + depth_variance * slope[i] * slope[j])

@@ -119,6 +119,26 @@ def at_distance(kernel, centre, squared):
 
 
 @njit(error_model='numpy', fastmath=FAST)
+def all_at(shape, slope, centre, squared):
+    """
+    Values f and g, twice their derivatives by the squared distance, and those by the variance.
+
+    For loops that are seldom run: from arrays, which compiles to little code.
+    """
+    t = centre / (squared + centre)
+    f = g = df = dg = by_f = by_g = 0.0
+    for j in range(shape.shape[1]):
+        df = df * t + f
+        f = f * t + shape[F, j]
+        dg = dg * t + g
+        g = g * t + shape[G, j]
+        by_f = by_f * t + slope[F, j]
+        by_g = by_g * t + slope[G, j]
+    by = -2.0 * t * t / centre
+    return f, g, by * df, by * dg, by_f, by_g
+
+
+@njit(error_model='numpy', fastmath=FAST)
 def values_at(kernel, centre, squared):
     """Values f and g alone."""
     of_f, of_g = kernel
