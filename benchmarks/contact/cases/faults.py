@@ -25,7 +25,8 @@ class Sample:
     """
     Frames (N, rows, columns) [Pa] with what is known and what is told of them.
 
-    truth are LOAD records; noise, full_scale [Pa] and depth [m] are what the estimator is told.
+    truth are LOAD records; noise, full_scale, floor [Pa] and depth [m] are what the estimator is
+    told.
     """
 
     kind: ContactType
@@ -34,6 +35,7 @@ class Sample:
     noise: float
     depth: float = DEPTH
     full_scale: float = 0.0
+    floor: float = 0.0
 
     @property
     def array(self):
@@ -169,8 +171,8 @@ def drift(kind, count, rng, percent):
 def threshold(kind, count, rng, percent):
     """What is below a share of the peak reads 0."""
     given = sample(kind, count, rng)
-    return replace(given, frames=np.where(
-        given.frames < 0.01 * percent * given.peak, 0.0, given.frames))
+    level = 0.01 * percent * given.peak
+    return replace(given, frames=np.where(given.frames < level, 0.0, given.frames), floor=level)
 
 
 def wrong_depth(kind, count, rng, percent):

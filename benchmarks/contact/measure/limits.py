@@ -20,7 +20,8 @@ LIMITS = tuple((np.array(least)[:, None], np.array(times)[:, None]) for least, t
 
 def estimates(given, options, model='auto'):
     """Records of the estimator for a sample."""
-    layer = Layer('zz', given.depth, None, given.full_scale, given.noise)
+    layer = Layer(
+        'zz', given.depth, None, given.full_scale, given.noise, floor=given.floor)
     estimator = ContactEstimator(EstimatorConfig(model=model, tactel='point', **options))
     return estimator.estimate_batch(given.frames, given.array, (layer,))
 

@@ -246,7 +246,7 @@ def _scatter(problem):
     """Share of the pressure by which tactels are off, so that chi-square is as expected."""
     rest = np.where(problem.weight > 0.0, problem.values - problem.models, np.nan)
     noise = np.broadcast_to(problem.presses.noise, rest.shape)
-    strong = problem.models > 0.15 * problem.models.max(axis=(1, 2), keepdims=True)
+    strong = problem.models > 0.03 * problem.models.max(axis=(1, 2), keepdims=True)
     strong &= np.isfinite(rest)
     # Place, force and shear of a press take up what five of its tactels are off.
     free = max(1.0 - 5.0 * len(rest) / max(strong.sum(), 1), 0.2)

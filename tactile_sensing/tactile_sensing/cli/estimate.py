@@ -89,8 +89,8 @@ def parser() -> argparse.ArgumentParser:
     flags = _table(((int(flag), f'{flag.name}: {text}') for flag, text in FLAGS.items()), 6)
     arguments = _Parser(
         prog='estimate', formatter_class=argparse.RawDescriptionHelpFormatter, allow_abbrev=False,
-        usage='estimate FRAMES.npz (--calibration CAL.yaml | --pitch M [M] --layers '
-              'COMPONENT@DEPTH,...) [options] -o OUT',
+        usage='estimate FRAMES.npz --calibration CAL.yaml [options] -o OUT\n       estimate '
+              'FRAMES.npz --pitch M [M] --layers COMPONENT@DEPTH,... [options] -o OUT',
         description="""\
 Estimate the contact in every frame of a file: point or edge, where, and with what force.
 A file of any length takes the same memory. The summary goes to standard error.
@@ -174,7 +174,7 @@ def parse(args: list[str] | None = None) -> argparse.Namespace:
                 raise ConfigurationError(f'--{name} stands in the calibration; give either')
     else:
         for name in ('pitch', 'layers'):
-            if not getattr(options, name):
+            if getattr(options, name) is None:
                 raise ConfigurationError(f'--calibration is missing, or --{name}')
         if options.tare:
             raise ConfigurationError('--tare needs --calibration: it is of frames in counts')

@@ -18,6 +18,8 @@ UNITS = ('Pa', 'counts')
 # Fewer frames tell neither the noise nor whether the picture is steady.
 MIN_TARE_FRAMES = 20
 TOLERANCE = 5 / 255  # of the range, where no tolerance of a tare is given
+SILENT = 0.99  # share of readings under a threshold beyond which it hides the noise
+THRESHOLD_STD = 4.0  # standard deviations of noise at which thresholds are set (3.5)
 CHANCE = 5.0  # standard deviations that a mean may be off by chance
 
 
@@ -202,6 +204,11 @@ class Calibration:
         frames = self.arrange(frames)
         offset, noise = unloaded_statistics(
             frames, self.counts.threshold, self.counts.lowest, self.live)
+        counts = self.counts
+        if counts.threshold > counts.lowest + 1 and (
+                np.mean(frames[:, self.live] < counts.threshold) > SILENT):
+            # All that is known of the noise is that the threshold keeps it out.
+            noise = np.maximum(noise, (counts.threshold - 0.5 - counts.lowest) / THRESHOLD_STD)
         # From frame to frame, and by the median, so that a load that comes is no noise.
         steps = np.abs(np.diff(frames[:, self.live].astype(np.float64), axis=0))
         chance = CHANCE * 1.05 * float(np.median(steps)) / np.sqrt(len(frames))  # of a mean
