@@ -24,6 +24,7 @@ from tactile_simulation.surface_objects import (
 )
 
 MOST = 10.0  # m
+PA_PER_COUNT = 1000.0  # of a probe: 15 N on a sphere of its own size do not saturate it
 
 
 @dataclass(frozen=True)
@@ -64,7 +65,7 @@ class SurfaceScene:
     touch: Touch = field(default_factory=Touch)
     dome: Dome = field(default_factory=Dome)
     rubber: SkinConfig = field(default_factory=SkinConfig)
-    sensor: Sensor = field(default_factory=Sensor)
+    sensor: Sensor = field(default_factory=lambda: Sensor(pa_per_count=PA_PER_COUNT))
     start: SurfaceStart = field(default_factory=SurfaceStart)
     plant: Plant = field(default_factory=Plant)
 
@@ -120,7 +121,9 @@ def surface_scene(tree: Any, path: Path) -> SurfaceScene:
     scene = SurfaceScene(
         values['name'], ' '.join(values['description'].split()), surface, top,
         part('touch', Touch), part('probe', Dome), part('rubber', SkinConfig),
-        part('sensor', Sensor), part('start', SurfaceStart), part('plant', Plant))
+        Sensor(**{'pa_per_count': PA_PER_COUNT,
+                  **numbers(values.get('sensor', {}), 'sensor', Sensor)}),
+        part('start', SurfaceStart), part('plant', Plant))
     return scene
 
 

@@ -88,7 +88,9 @@ class SurfaceFilter:
             expected = covariance[:4, :4] + np.diag(errors)
         gain = np.linalg.solve(expected, covariance[:4]).T
         self._state = state + gain @ innovation
-        self._covariance = covariance - gain @ covariance[:4]
+        keep = IDENTITY.copy()
+        keep[:, :4] -= gain
+        self._covariance = keep @ covariance @ keep.T + (gain * errors) @ gain.T
         self._state[NORMAL] /= np.sqrt(self.normal @ self.normal)
         self.centre = centre
         self._unpack()
@@ -108,7 +110,7 @@ class SurfaceFilter:
     def bend_std(self, way: np.ndarray) -> float:
         """Standard deviation of the curvature along a unit vector (3,) [1/m]."""
         six = way @ _along(way)
-        return float(np.sqrt(six @ self._covariance[BEND, BEND] @ six))
+        return float(np.sqrt(max(six @ self._covariance[BEND, BEND] @ six, 0.0)))
 
 
 def _along(step):

@@ -57,7 +57,7 @@ class CourseConfig:
         1e-5, 'depth by which the surface may turn out otherwise, before an image can tell: the '
         'probe is slower where the curvature ahead is less certain', 'm', 1e-7, 1e-2)
     gain: float = bounded(
-        10.0, "rate at which the contact's distance from its path is made up", '1/s', 0.0, 200.0)
+        30.0, "rate at which the contact's distance from its path is made up", '1/s', 0.1, 200.0)
 
 
 @dataclass(frozen=True)

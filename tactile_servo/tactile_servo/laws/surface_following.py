@@ -46,15 +46,17 @@ CROWDED, BORNE = 2.0, 1.5  # the same for too much of it
 INTEGRATED = 0.1  # the error up to which the integral counts it
 MET = 0.05  # the error from which a force counts as met, and the probe goes
 # Of half the pad:
-ASIDE, CENTRED = 0.9, 0.4  # distance of the contact, at which the probe stands and does not slow
+ASIDE, CENTRED = 0.7, 0.3  # distance of the contact, at which the probe stands and does not slow
 # Others
 LATE = 0.2  # of the change of the turn that is wanted: less than this at once is late
+WITHIN = 0.8  # of the rate of turn, which the surface may take
 AT_ONCE = 0.7  # of the turn's acceleration, which speeding up may take
 ANSWER = 0.02  # s until the robot answers to what an image showed
 AVERAGED = 20  # images of the print, before it says how deep the skin is pressed
 AREA_SHARE = 0.02  # of an image in the running mean of the print's size
 SMALLEST = 1e-6  # m^2, of that
-TURNED = 0.1  # least length of the contact's way, as a share of the centre's, that is believed
+TURNED = 0.4  # least way of the contact, as a share of the centre's: on an edge it is none
+BRAKE = 3.0  # times the acceleration, with which the probe slows down
 SPACING = 2.5e-4  # m between the contacts of a result
 STALL_TIME = 5.0  # s without progress
 ADVANCE = 5e-4  # m that are progress
@@ -171,8 +173,8 @@ class SurfaceFollowing:
         record = self._record
         record.kept += 1
         record.square += aside**2
-        if not self._going.met:
-            return
+        if not self._going.met or aside > CENTRED * self._sense.array.half_width_x:
+            return  # a part of the print may lie beside the pad
         record.pressed += 1
         self._area += max(AREA_SHARE, 1.0 / record.pressed) * (felt.area - self._area)
         if record.pressed < AVERAGED:
@@ -284,8 +286,12 @@ class SurfaceFollowing:
         # The probe must turn as it goes; one that is late with that goes no faster.
         turn = float(np.linalg.norm(self._surface.bend @ step.way)) / self._shrink(step.way)
         change = min(c.acceleration, AT_ONCE * self.config.roll.acceleration / max(turn, 1e-9))
-        top = min(top, self._speed) if self._late else top
-        self._speed = min(slewed(self._speed, top, change * dt), step.top)
+        top = min(top, self.config.roll.max_rate * WITHIN / max(turn, 1e-9))
+        if self._late or top < self._speed:
+            self._speed = max(min(top, self._speed), self._speed - BRAKE * c.acceleration * dt)
+        else:
+            self._speed = slewed(self._speed, top, change * dt)
+        self._speed = min(self._speed, step.top)
         return step.way, self._speed
 
     def _shrink(self, way):
@@ -309,7 +315,9 @@ class SurfaceFollowing:
         if abs(felt.force - self.goal.force) < INTEGRATED * self.goal.force:
             self._integral -= self._sense.depth(felt) * dt
         speed = -c.gain * depth + c.integral_gain * self._integral
-        return clipped(speed, -c.max_speed, c.press_speed)
+        # At the rim of the pad a part of the force is not felt.
+        aside = math.hypot(*felt.place) / self._sense.array.half_width_x > ASIDE
+        return clipped(speed, -c.max_speed, 0.0 if aside else c.press_speed)
 
     def _roll(self, normal, change, rotation, dt):
         """Angular velocity (3,) in the base: with the normal, which changes, and to it [rad/s]."""
