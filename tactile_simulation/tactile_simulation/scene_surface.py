@@ -1,4 +1,5 @@
 """Scenes of a round probe on a surface, read from YAML."""
+from collections.abc import Callable
 from dataclasses import dataclass, field
 import math
 from pathlib import Path
@@ -24,6 +25,13 @@ from tactile_simulation.surface_objects import (
 )
 
 MOST = 10.0  # m
+# Of the objects: the sizes that they must have, and how they are made of them.
+SIZES = {'plane': (), 'cylinder': ('radius',), 'sphere': ('radius',), 'torus': ('ring', 'tube'),
+         'step': ('height',), 'ledge': (), 'mesh': ('file',)}
+SHAPES: dict[str, Callable[..., SolidObject]] = {
+    'plane': lambda: torus(np.inf, np.inf), 'cylinder': lambda radius: torus(np.inf, radius),
+    'sphere': lambda radius: torus(0.0, radius), 'torus': torus, 'step': StepShape,
+    'ledge': Ledge}
 PA_PER_COUNT = 1000.0  # of a probe: 15 N on a sphere of its own size do not saturate it
 
 
@@ -137,31 +145,27 @@ def _length(name, value, low, high):
 
 def _object(tree, path):
     """The object of the section `surface`, and where its first contact is."""
-    kinds = {'plane': (), 'cylinder': ('radius',), 'sphere': ('radius',),
-             'torus': ('ring', 'tube'), 'step': ('height',), 'ledge': (), 'mesh': ('file',)}
-    found = [kind for kind in kinds if isinstance(tree, dict) and kind in tree]
+    found = [kind for kind in SIZES if isinstance(tree, dict) and kind in tree]
     if len(found) != 1:
         raise ConfigurationError(
-            f'surface has {len(found)} of {", ".join(kinds)}, must have exactly one')
+            f'surface has {len(found)} of {", ".join(SIZES)}, must have exactly one')
     kind, = found
     values = section(tree, 'surface', (kind, 'top'), ('heading',))
     top = values['top']
     if not isinstance(top, list) or len(top) != 3:
         raise ConfigurationError(f'surface.top is {top!r:.60}, must be a list [x, y, z] [m]')
-    place = tuple(_length('surface.top', value, -MOST, MOST) for value in top)
+    x, y, z = (_length('surface.top', value, -MOST, MOST) for value in top)
+    place = x, y, z
     heading = math.radians(number('surface.heading', values.get('heading', 0.0)))
-    optional = {'step': ('ahead',), 'ledge': ('ahead',), 'mesh': ('scale',)}.get(kind, ())
-    given = section(tree[kind] or {}, f'surface.{kind}', kinds[kind], optional)
+    optional = ('scale',) if kind == 'mesh' else ('ahead',) if kind in ('step', 'ledge') else ()
+    given = section(tree[kind] or {}, f'surface.{kind}', SIZES[kind], optional)
     if kind == 'mesh':
         scale = _length('surface.mesh.scale', given.get('scale', 1.0), 1e-6, 1e6)
         shape: SolidObject = mesh_beside(path, str(given['file']), scale)
     else:
         sizes = {key: _length(f'surface.{kind}.{key}', value, -1.0 if kind == 'step' else 1e-4,
                               MOST) for key, value in given.items()}
-        shape = {'plane': lambda: torus(np.inf, np.inf),
-                 'cylinder': lambda radius: torus(np.inf, radius),
-                 'sphere': lambda radius: torus(0.0, radius), 'torus': torus,
-                 'step': StepShape, 'ledge': Ledge}[kind](**sizes)
-    return Placed(shape, place, heading), place  # type: ignore[arg-type]
+        shape = SHAPES[kind](**sizes)
+    return Placed(shape, place, heading), place
 
 

@@ -18,5 +18,6 @@ def load_any_scene(path: str | Path) -> Scene | SurfaceScene:
 
 def renderer_of(scene: Scene | SurfaceScene) -> EdgeRenderer:
     """Return what renders a scene for its sensor."""
-    kind = SurfaceRenderer if isinstance(scene, SurfaceScene) else EdgeRenderer
-    return kind(scene, scene.sensor.array)
+    if isinstance(scene, SurfaceScene):
+        return SurfaceRenderer(scene, scene.sensor.array)
+    return EdgeRenderer(scene, scene.sensor.array)

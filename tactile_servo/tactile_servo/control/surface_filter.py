@@ -10,6 +10,7 @@ DEPTH, NORMAL, BEND = 0, slice(1, 4), slice(4, 10)  # of the state
 IDENTITY = np.eye(10)
 SURPRISE = 40.0  # chi-square of an image's four numbers
 MISTRUST = 0.5  # share of a way along the normal that its effect on the force may be off by
+INEXACT = 0.1  # share of a depth that the force may be off by
 
 
 @dataclass(frozen=True)
@@ -17,8 +18,8 @@ class NormalConfig:
     """How much the felt surface is believed, and how soon its curvature is forgotten."""
 
     location_noise: float = bounded(
-        4e-5, "standard deviation of the contact's place on the pad in one image", 'm', 1e-7,
-        1e-2)
+        1e-4, "standard deviation of the contact's place on the pad, friction's part included",
+        'm', 1e-7, 1e-2)
     eccentricity: float = bounded(
         0.03, 'error of that place, as a share of its distance from where it is wanted', '',
         0.0, 1.0)
@@ -60,7 +61,7 @@ class SurfaceFilter:
         c = self._config
         self.begun, self.centre = True, centre
         self._state = np.concatenate([[depth], normal, np.zeros(6)])
-        self._covariance = np.diag([c.depth_noise**2 + (MISTRUST * depth)**2] + [noise**2] * 3
+        self._covariance = np.diag([c.depth_noise**2 + (INEXACT * depth)**2] + [noise**2] * 3
                                    + [c.prior_curvature**2] * 6)
         self._unpack()
 
@@ -79,7 +80,7 @@ class SurfaceFilter:
                            [1, 3, 6])
         covariance[range(10), range(10)] += spread
         felt = np.concatenate([[depth], normal])
-        errors = np.array([c.depth_noise**2 + (MISTRUST * depth)**2] + [noise**2] * 3)
+        errors = np.array([c.depth_noise**2 + (INEXACT * depth)**2] + [noise**2] * 3)
         innovation, expected = felt - state[:4], covariance[:4, :4] + np.diag(errors)
         surprise = float(innovation @ np.linalg.solve(expected, innovation))
         if surprise > SURPRISE:  # an edge, or another surface: what was known of its bend is old

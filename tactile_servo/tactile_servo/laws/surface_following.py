@@ -43,7 +43,7 @@ from tactile_servo.types import State, TaskError
 # Of the force:
 LIFTED, PRESSED = 0.2, 0.5  # at which the probe stands, and goes at full speed
 CROWDED, BORNE = 2.0, 1.5  # the same for too much of it
-INTEGRATED = 0.1  # the error up to which the integral counts it
+INTEGRATED = 0.3  # the error up to which the integral counts it
 MET = 0.05  # the error from which a force counts as met, and the probe goes
 # Of half the pad:
 ASIDE, CENTRED = 0.7, 0.3  # distance of the contact, at which the probe stands and does not slow
@@ -157,7 +157,7 @@ class SurfaceFollowing:
         self._age += AGE_SHARE * (
             min(observation.age, self.servo.input.max_stamp_age) - self._age)
         going.felt, going.shown, going.problem = felt, observation.arrival, None
-        self.error = TaskError(*felt.place, force=felt.force)
+        self.error = TaskError(float(felt.place[0]), float(felt.place[1]), force=felt.force)
         noise = self.config.normal
         aside = math.hypot(*felt.place)
         share = min(self.goal.force / max(felt.force, 1e-6), 20.0)
@@ -312,7 +312,8 @@ class SurfaceFollowing:
         """
         c = self.config.press
         depth, _ = self._surface.predict(pose[:3, 3] + pose[:3, :3] @ self._dome.centre)
-        if abs(felt.force - self.goal.force) < INTEGRATED * self.goal.force:
+        missing = abs(felt.force - self.goal.force)
+        if self._going.met and missing < INTEGRATED * self.goal.force:
             self._integral -= self._sense.depth(felt) * dt
         speed = -c.gain * depth + c.integral_gain * self._integral
         # At the rim of the pad a part of the force is not felt.

@@ -42,9 +42,9 @@ class ModelSource:
                                  'interpolated': self._interpolated,
                                  'online': self._online}[method]
         if table is None and method in ('nearest', 'interpolated'):
+            contacts = grid(array.half_width_x, array.half_width_y, 6, force * np.array(SHARES))
             self._table = build_table(
-                self.features, kind, grid(*self._half, 6, force * np.array(SHARES)),
-                self._increments, self._length, force)
+                self.features, kind, contacts, self._increments, self._length, force)
         self._contact = np.array([0.0, 0.0, force])
         self._at_centre = self._least_squares(self._contact)
 
