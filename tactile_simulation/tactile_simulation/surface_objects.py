@@ -11,8 +11,7 @@ from tactile_simulation.surfaces import Torus
 
 STEP = 1e-5  # m, of the differences that give a normal
 CELLS = 96  # along the longest side of a mesh's box
-MARGIN = 0.06  # of the box around a mesh, as a share of its longest side, and at least:
-LEAST_MARGIN = 0.01  # m
+MARGIN = 0.04  # m around it: the centre of a probe must still see which way the mesh is
 
 
 class SolidObject(Protocol):
@@ -91,8 +90,8 @@ class Mesh:
     """
     A closed triangle mesh (STL, PLY or what else trimesh reads), its highest point at the origin.
 
-    Distances are taken from a grid of cubic splines around it, of exact distances to the
-    triangles: within a part in some hundred of a cell where the mesh is smooth.
+    Distances are interpolated in a grid of distances to the triangles: off by an eighth of a
+    cell's square over the radius where the mesh curves, by a part of a cell at its edges.
     """
 
     path: str
@@ -115,13 +114,12 @@ class Mesh:
         vertices = self.scale * np.asarray(mesh.vertices) * [1.0, -1.0, -1.0]  # z inward
         vertices -= vertices[vertices[:, 2].argmin()]
         low, high = vertices.min(axis=0), vertices.max(axis=0)
-        margin = max(MARGIN * (high - low).max(), LEAST_MARGIN)
-        spacing = float((high - low + 2.0 * margin).max() / CELLS)
-        counts = np.ceil((high - low + 2.0 * margin) / spacing).astype(int) + 1
+        spacing = float((high - low + 2.0 * MARGIN).max() / CELLS)
+        counts = np.ceil((high - low + 2.0 * MARGIN) / spacing).astype(int) + 1
         nodes = np.stack(np.meshgrid(*(np.arange(n) for n in counts), indexing='ij'), axis=-1)
-        origin = low - margin
+        origin = low - MARGIN
         points = origin + spacing * nodes.reshape(-1, 3)
-        grid = _distances(points, vertices[np.asarray(mesh.faces)], mesh, spacing)
+        grid = _distances(points, vertices[np.asarray(mesh.faces)])
         object.__setattr__(self, '_origin', origin)
         object.__setattr__(self, '_spacing', spacing)
         object.__setattr__(self, '_grid', grid.reshape(counts))
@@ -132,7 +130,7 @@ class Mesh:
         return map_coordinates(self._grid, places, order=1, mode='nearest')
 
 
-def _distances(points, triangles, mesh, spacing):
+def _distances(points, triangles):
     """Signed distances of points from triangles (F, 3, 3), by the nearest of many candidates."""
     from scipy.spatial import cKDTree
     import trimesh
