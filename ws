@@ -28,7 +28,8 @@ packages are installed when run as root; otherwise the one line to run is printe
 environment:
   WS_BARE=1                the wheels even where ROS 2 is installed
   WS_PYTHON=PYTHON         the Python (3.10 to 3.14) for the wheels; default: python3
-  ROS_DOMAIN_ID=N          default: 0; the tests choose one of 1 to 100 for each run
+  ROS_DOMAIN_ID=N          default: 0; each demo and each run of tests
+                           takes one of 1 to 100 that is free on this machine
 
 examples:
   ./ws demo --speed 0.03 --out result
@@ -342,7 +343,17 @@ colcon_build() {
 write_setup() {
     if [ "$FLAVOUR" = bare ]; then write_setup_bare; else write_setup_ros; fi
     cat <<EOF
-export ROS_AUTOMATIC_DISCOVERY_RANGE="\${ROS_AUTOMATIC_DISCOVERY_RANGE:-LOCALHOST}"
+# This host alone, unless the environment says who may be heard: see docs/network.md.
+if [ -z "\${ROS_AUTOMATIC_DISCOVERY_RANGE:-}\${ROS_STATIC_PEERS:-}\
+\${FASTDDS_DEFAULT_PROFILES_FILE:-}\${FASTRTPS_DEFAULT_PROFILES_FILE:-}\${CYCLONEDDS_URI:-}" ]; then
+    case \${RMW_IMPLEMENTATION:-} in
+        '' | rmw_fastrtps* | rmw_cyclonedds_cpp)
+            export ROS_AUTOMATIC_DISCOVERY_RANGE=SYSTEM_DEFAULT
+            export FASTDDS_DEFAULT_PROFILES_FILE='$ROOT/launch/config/fastdds_local.xml'
+            export CYCLONEDDS_URI='file://$ROOT/launch/config/cyclonedds_local.xml' ;;
+        *) export ROS_AUTOMATIC_DISCOVERY_RANGE=LOCALHOST ;;
+    esac
+fi
 export ROS_LOG_DIR="\${ROS_LOG_DIR:-$LOG/ros}"
 export NUMBA_CACHE_DIR='$BASE/numba'
 export HYPOTHESIS_STORAGE_DIRECTORY='$BASE/hypothesis'
@@ -417,9 +428,6 @@ lint() {
 }
 
 run_tests() {
-    if [ -z "${ROS_DOMAIN_ID:-}" ]; then # so that two test runs on one network do not meet
-        export ROS_DOMAIN_ID=$(($$ % 100 + 1))
-    fi
     cd "$ROOT"
     status=0
     lint ruff check . || status=1

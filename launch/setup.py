@@ -23,6 +23,6 @@ setup(
     maintainer_email=ABOUT.find('maintainer').get('email'),
     **{key: ABOUT.findtext(key) for key in ('version', 'description', 'license', 'maintainer')},
     entry_points={'console_scripts': [
-        f'{name} = {PACKAGE}.{module}:main' for name, module in (
-            ('composed', 'graph'), ('demo', 'demo'), ('track', 'track'))]},
+        f'{name} = {PACKAGE}.executables:{name}'
+        for name in ('composed', 'demo', 'parameters', 'track')]},
 )

@@ -21,8 +21,8 @@ setup(
     maintainer_email=ABOUT.find('maintainer').get('email'),
     **{key: ABOUT.findtext(key) for key in ('version', 'description', 'license', 'maintainer')},
     entry_points={'console_scripts': [
-        f'driver = {PACKAGE}.nodes.driver:main',
-        f'contact_estimator = {PACKAGE}.nodes.contact_estimator:main',
-        f'estimate = {PACKAGE}.cli.estimate:main',
+        f'driver = {PACKAGE}.executables:driver',
+        f'contact_estimator = {PACKAGE}.executables:contact_estimator',
+        f'estimate = {PACKAGE}.executables:estimate',
     ]},
 )

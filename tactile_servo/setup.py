@@ -19,7 +19,7 @@ setup(
     maintainer_email=ABOUT.find('maintainer').get('email'),
     **{key: ABOUT.findtext(key) for key in ('version', 'description', 'license', 'maintainer')},
     entry_points={'console_scripts': [
-        f'build_jacobian_table = {PACKAGE}.cli.build_jacobian_table:main',
-        f'edge_servo = {PACKAGE}.nodes.servo:main',
+        f'build_jacobian_table = {PACKAGE}.executables:build_jacobian_table',
+        f'edge_servo = {PACKAGE}.executables:edge_servo',
     ]},
 )

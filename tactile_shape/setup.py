@@ -19,7 +19,7 @@ setup(
     maintainer_email=ABOUT.find('maintainer').get('email'),
     **{key: ABOUT.findtext(key) for key in ('version', 'description', 'license', 'maintainer')},
     entry_points={'console_scripts': [
-        f'shape_estimator = {PACKAGE}.nodes.shape_estimator:main',
-        f'fit = {PACKAGE}.cli.fit:main',
+        f'shape_estimator = {PACKAGE}.executables:shape_estimator',
+        f'fit = {PACKAGE}.executables:fit',
     ]},
 )

@@ -19,8 +19,8 @@ setup(
     maintainer_email=ABOUT.find('maintainer').get('email'),
     **{key: ABOUT.findtext(key) for key in ('version', 'description', 'license', 'maintainer')},
     entry_points={'console_scripts': [
-        f'mock_robot = {PACKAGE}.nodes.mock_robot:main',
-        f'mock_sensor = {PACKAGE}.nodes.mock_sensor:main',
-        f'simulate = {PACKAGE}.cli.simulate:main',
+        f'mock_robot = {PACKAGE}.executables:mock_robot',
+        f'mock_sensor = {PACKAGE}.executables:mock_sensor',
+        f'simulate = {PACKAGE}.executables:simulate',
     ]},
 )

@@ -1,7 +1,13 @@
 """Fixtures of the system tests."""
 
+import os
+
 import pytest
 from tactile_tests.graph import bench
+
+from edge_tracking.transport import local_environment
+
+os.environ.update(local_environment())  # no robot of another host is moved, no other one heard
 
 
 @pytest.fixture

@@ -1,6 +1,8 @@
 """Arguments of the launch file: described, and refused in one clear line where they are wrong."""
 
 import os
+from pathlib import Path
+import re
 import subprocess
 import sys
 
@@ -17,8 +19,10 @@ from launch.launch_description_sources import (  # noqa: E402, I100, I202
 )
 from tactile_tests import launching  # noqa: E402, I100, I202
 
-NAMED = {'sensor', 'port', 'scene', 'speed', 'force', 'robot_description', 'use_sim_time', 'rviz',
-         'namespace'}
+NAMED = {'sensor', 'port', 'calibration', 'scene', 'law', 'speed', 'force', 'robot_description',
+         'controller', 'use_sim_time', 'use_rviz', 'use_respawn', 'log_level', 'params_file',
+         'namespace', 'robot_namespace'}
+FORMER = {'parameters', 'rviz', 'tracker'}
 
 
 def launch(*arguments, **environment):
@@ -34,10 +38,20 @@ def test_every_argument_has_a_description_and_a_default():
     description = get_launch_description_from_python_launch_file(str(launching.LAUNCH_FILE))
     declared = [entity for entity in description.entities
                 if isinstance(entity, DeclareLaunchArgument)]
-    assert {argument.name for argument in declared} >= NAMED
+    assert {argument.name for argument in declared} >= NAMED | FORMER
     for argument in declared:
         assert argument.description and argument.description != 'no description given'
         assert argument.default_value is not None
+
+
+def test_the_lines_of_the_readme_have_arguments_that_there_are():
+    text = (Path(__file__).resolve().parents[1] / 'README.md').read_text('utf-8')
+    lines = re.findall(r'ros2 launch edge_tracking edge_tracking\S+((?:\s+\w+:=\S+)*)', text)
+    named = {name for line in lines for name in re.findall(r'(\w+):=', line)}
+    assert len(lines) > 6 and named <= NAMED | {'start'}
+    # A goal needs a servo that has none yet.
+    goal = text.index('ros2 action send_goal')
+    assert 'start:=false' in text[text.rindex('ros2 launch', 0, goal):goal]
 
 
 @pytest.mark.parametrize('argument, text', [
@@ -46,6 +60,11 @@ def test_every_argument_has_a_description_and_a_default():
     ('sensor:=flexitac', 'sensor:=flexitac needs its port, for instance port:=/dev/ttyUSB0'),
     ('speed:=fast', 'speed:=fast is not a number'),
     ('sensor:=other', "Valid options are: ['mock', 'flexitac']"),
+    ('tracker:=other', 'tracker:=other is none of trace, resolved_rate'),
+    ('params_file:=nowhere.yaml', 'parameter file nowhere.yaml: cannot be read: No such'),
+    ('parameters:=nowhere.yaml', 'parameter file nowhere.yaml: cannot be read: No such'),
+    ('robot_description:=<robot', 'robot description: malformed XML'),
+    ('calibration:=nowhere.yaml', 'calibration nowhere.yaml: cannot be read: No such'),
 ])
 def test_wrong_argument_ends_the_launch_with_a_clear_line(argument, text, tmp_path):
     status, lines = launch(argument, TMPDIR=str(tmp_path))
@@ -57,11 +76,17 @@ def test_wrong_argument_ends_the_launch_with_a_clear_line(argument, text, tmp_pa
     assert not any('process started' in line for line in lines)
 
 
-def test_a_launch_service_tracks_without_the_ros2_command(tmp_path):
+def test_a_launch_service_tracks_without_the_ros2_command_and_without_a_red_line(tmp_path):
     status, lines = launch(
-        'shutdown:=true', 'length:=0.01', 'namespace:=elsewhere', TMPDIR=str(tmp_path))
+        'shutdown:=true', 'length:=0.01', 'namespace:=elsewhere',
+        f'params_file:={launching.patient(tmp_path)}', TMPDIR=str(tmp_path))
     assert status == 0
     assert not list(tmp_path.glob('tactile_*'))
     assert any('track: length reached' in line for line in lines), '\n'.join(lines)
+    # A window that a loaded machine delivers late is rejected, rightly.
+    red = [line for line in lines if '[ERROR]' in line or 'Traceback' in line]
+    assert [line for line in red if 'trajectory rejected' not in line] == []
+    early = r'WARN.*(is not there|not tared|had no sensor_pose)'
+    assert not [line for line in lines if re.search(early, line)]
     started = sum('process started' in line for line in lines)
     assert sum('process has finished cleanly' in line for line in lines) == started == 7

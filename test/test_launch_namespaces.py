@@ -1,7 +1,5 @@
 """Two launches side by side, and where the arguments and the parameter file end up."""
 
-import time
-
 import pytest
 import yaml
 
@@ -14,10 +12,10 @@ from launch import LaunchDescription  # noqa: E402, I100, I202
 from rclpy.parameter import parameter_value_to_python  # noqa: E402, I100
 from rclpy.parameter_client import AsyncParameterClient  # noqa: E402, I100
 from tactile_tests.graph import bench  # noqa: E402, I100
-from tactile_tests.launching import DEADLINE, edge_tracking, Processes  # noqa: E402, I100
+from tactile_tests.launching import DEADLINE, edge_tracking, patient, Processes  # noqa: E402, I100
 
 from edge_tracking.resources import share  # noqa: E402, I100, I202
-from tactile_msgs.msg import ServoStatus  # noqa: E402, I100, I202
+from tactile_msgs.msg import ServoReason, ServoStatus  # noqa: E402, I100, I202
 
 SCENES = {'left': 'straight', 'right': 'curve'}
 
@@ -35,14 +33,13 @@ def ports(tmp_path):
 
 
 @launch_pytest.fixture
-def both(processes, ports):
-    """Give a whole launch, and a second sensor and servo on the same robot that stand by."""
+def both(processes, ports, tmp_path):
+    """Give two robots, each with its sensor and its goal."""
     urdf = share('urdf', 'puma260.urdf').read_text(encoding='utf-8')
     return LaunchDescription([
-        edge_tracking(namespace='left', port=ports['left'], scene='straight', length='0.02',
-                      start='true', robot='mock', robot_description=urdf),
-        edge_tracking(namespace='right', port=ports['right'], scene='curve', robot='real',
-                      start='false', robot_description=str(share('urdf', 'puma260.urdf'))),
+        *(edge_tracking(namespace=name, port=ports[name], scene=SCENES[name], length='0.02',
+                        robot_description=urdf, params_file=patient(tmp_path))
+          for name in SCENES),
         *processes.handlers(), launch_pytest.actions.ReadyToTest()])
 
 
@@ -68,14 +65,20 @@ def test_two_launches_side_by_side(processes, ports):
             of_file = shipped['/**/edge_servo']['ros__parameters']
             assert list(lower) == of_file['workspace.lower']  # not the node's own default
             assert rate == of_file['rate']
-        end = time.monotonic() + DEADLINE
-        it.graph.spin(lambda: 'track' in processes.exits or time.monotonic() > end)
-        assert processes.exits == {'track': 0}, processes.text('track')
-        assert 'track: length reached' in processes.text('track')
-        # The servo on the right sees the same robot through its own sensor, and stands by.
-        it.wait(lambda: right.tared and right.contacts and right.statuses and right.poses,
-                'all of the right')
-        assert {status.state for status in right.statuses} == {ServoStatus.IDLE}
-        assert ServoStatus.TRACK in {status.state for status in it.listener.statuses}
+        sides = {'left': it.listener, 'right': right}
+
+        def reached(name):
+            codes = {status.reason_code for status in sides[name].statuses}
+            return ServoReason.LENGTH_REACHED in codes
+
+        it.wait(lambda: all(map(reached, sides)), 'both ends of the goals', 2 * DEADLINE)
+        for name, side in sides.items():
+            assert ServoStatus.TRACK in {status.state for status in side.statuses}
+            # Each has a robot of its own, whose controller hears its own servo.
+            for topic in ('joint_states', 'joint_trajectory_controller/joint_trajectory'):
+                assert it.listener.count_publishers(f'/{name}/{topic}') == 1
+        for topic in ('/joint_states', '/joint_trajectory_controller/joint_trajectory'):
+            assert it.listener.count_publishers(topic) == 0
+        processes.wait(lambda: 'track' in processes.exits, 'the end of a client')
     yield
     assert set(processes.exits.values()) == {0}

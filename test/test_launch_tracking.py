@@ -8,7 +8,7 @@ pytest.importorskip('launch_ros', reason=WHY)
 
 # Only where launch is installed.
 from launch import LaunchDescription  # noqa: E402, I100, I202
-from tactile_tests.launching import edge_tracking, Processes  # noqa: E402, I100, I202
+from tactile_tests.launching import edge_tracking, patient, Processes  # noqa: E402, I100, I202
 
 NODES = ('driver', 'contact_estimator', 'shape_estimator', 'edge_servo', 'mock_sensor',
          'mock_robot', 'track')
@@ -21,10 +21,11 @@ def processes():
 
 
 @launch_pytest.fixture(auto_shutdown=False)
-def tracking(processes):
+def tracking(processes, tmp_path):
     """Give the defaults, a short way, and the end of everything with the goal's."""
     return LaunchDescription([
-        edge_tracking(shutdown='true', length='0.03'), *processes.handlers(),
+        edge_tracking(shutdown='true', length='0.03', params_file=patient(tmp_path)),
+        *processes.handlers(),
         launch_pytest.actions.ReadyToTest()])
 
 
@@ -48,7 +49,7 @@ def too_fast(processes):
 @pytest.mark.launch(fixture=too_fast)
 def test_speed_beyond_the_limit_is_a_rejected_goal(processes):
     processes.wait(lambda: 'track' in processes.exits, 'the end of the goal')
-    assert processes.exits['track'] == 1
+    assert processes.exits['track'] == 2  # see edge_tracking.track
     assert 'speed 0.5 is outside 0..0.2' in processes.text('track')
     yield
-    assert {name: status for name, status in processes.exits.items() if status} == {'track': 1}
+    assert {name: status for name, status in processes.exits.items() if status} == {'track': 2}

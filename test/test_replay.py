@@ -6,7 +6,6 @@ import pytest
 from rclpy.node import Node
 from rclpy.qos import qos_profile_sensor_data
 
-from edge_tracking.demo import own_domain
 from edge_tracking.graph import add_mocks, add_sensing, add_servo, Graph, private_port
 from edge_tracking.process_group import record
 from edge_tracking.resources import find_scene, share
@@ -50,7 +49,7 @@ class Player(Node):
 def bag(tmp_path_factory):
     folder = tmp_path_factory.mktemp('run')
     robot = share('urdf', 'puma260.urdf')
-    with private_port() as port, Graph(domain=own_domain()) as graph:
+    with private_port() as port, Graph() as graph:
         record(graph, folder / 'bag')
         add_servo(graph, robot)
         add_sensing(graph, port)
@@ -69,7 +68,7 @@ def test_replayed_pictures_give_the_recorded_contacts(bag):
         pictures = [data for _, _, data in recorded.messages(['/tactile/image'], raw=True)]
     assert len(pictures) > 100
 
-    with Graph(namespace='replay', domain=own_domain()) as graph:
+    with Graph(namespace='replay') as graph:
         graph.add(ContactEstimatorNode)
         player = graph.add(Player, own={'pictures': pictures})
         end = time.monotonic() + SECONDS

@@ -12,15 +12,16 @@ from tactile_shape.contour.outline import find_outline
 from tactile_shape.nodes.shape_estimator import ShapeEstimatorNode
 
 RADIUS = 0.06  # m, of the scene `curve`
+LIFTED = 20  # patches without contact, after which a contour that came with the first is here
 CASE = np.array([[0.275, -0.0545], [0.344, -0.0545], [0.344, 0.0545], [0.275, 0.0545]])
 
 
 class ContourListener(Node):
-    """Keeps the newest contour and counts the patches."""
+    """Keeps the newest contour and counts the patches, and those since the pad lifted off."""
 
     def __init__(self, **kwargs):
         super().__init__('contour_listener', **kwargs)
-        self.contour, self.patches = None, 0
+        self.contour, self.patches, self.lifted = None, 0, 0
         latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
         self.create_subscription(Path, 'contour', self._on_contour, latched)
         self.create_subscription(SurfacePatch, 'surface_patch', self._on_patch, 100)
@@ -28,8 +29,13 @@ class ContourListener(Node):
     def _on_contour(self, msg):
         self.contour = msg
 
-    def _on_patch(self, _):
+    def _on_patch(self, msg):
         self.patches += 1
+        self.lifted = self.lifted + 1 if msg.reason == 'nothing is touched' else 0
+
+    def wait_for_the_last_contour(self, it):
+        """Contours come once a second; the last one when the pad has lifted off."""
+        it.wait(lambda: self.lifted > LIFTED, 'the last contour')
 
     @property
     def points(self):
@@ -46,7 +52,7 @@ def test_the_curved_edge_has_its_radius():
         listener = it.graph.add(ContourListener)
         client = it.track(speed=0.023, length=0.12)
         assert client.success, client.reason
-        it.wait(lambda: len(listener.points) > 90, 'the contour')
+        listener.wait_for_the_last_contour(it)
         contour, patches = listener.points, listener.patches
     assert patches > 500
     outline = find_outline(contour)
@@ -61,7 +67,7 @@ def test_the_tape_case_has_its_sides():
         listener = it.graph.add(ContourListener)
         client = it.track(speed=0.05, closed=True)
         assert client.success and client.reason == 'the contour closed', client.reason
-        it.wait(lambda: len(listener.points) > 300, 'the contour')
+        listener.wait_for_the_last_contour(it)
         outline = find_outline(listener.points)
     assert outline.closed and len(outline.corners) == 4
     lengths = sorted(side.length for side in outline.sides)

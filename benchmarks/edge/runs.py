@@ -9,11 +9,11 @@ import time
 import numpy as np
 import yaml
 
-from tactile_servo.config import ServoConfig
 from tactile_servo.control.path_controller import PathConfig
 from tactile_servo.control.stability import gain_limit
 from tactile_servo.laws.edge_following_config import EdgeFollowingConfig
 from tactile_servo.laws.resolved_rate import PositionConfig, ResolvedRateConfig
+from tactile_servo.motion.motion import MotionConfig
 from tactile_servo.types import EdgeGoal, State
 from tactile_simulation.closed_loop import PICTURE_EVERY, Simulation, STEP
 from tactile_simulation.metrics import summarise
@@ -60,6 +60,9 @@ def worst(summaries):
     return {'ok': sum(summary['ok'] for summary in summaries), 'runs': len(summaries),
             'lateral_rms': of('lateral_rms'), 'lateral_max': of('lateral_max'),
             'force_rms_error': of('force_rms_error'), 'force_max': of('force_max'),
+            'joint_acceleration_max': of('joint_acceleration_max'),
+            'joint_acceleration_rms': of('joint_acceleration_rms'),
+            'pad_speed_scatter': of('pad_speed_scatter'),
             'mean_speed': float(np.mean(mean_speed)),
             'cpu_per_cycle': float(np.median([s['cpu_per_cycle'] for s in summaries])),
             'cpu_per_picture': float(np.median([s['cpu_per_picture'] for s in summaries]))}
@@ -85,11 +88,11 @@ def theoretical_gain(latency, dead_time, lag):
     """
     Gain of a loop through the picture at the limit of stability [1/s].
 
-    In it are the latency of the picture, the dead time, half of each period and the look-ahead
-    of the windows that the servo sends.
+    In it are the latency of the picture, the dead time, half of each period and what is
+    committed of the windows that the servo sends.
     """
     return gain_limit(latency + dead_time + 0.5 * STEP * (1 + PICTURE_EVERY)
-                      + 2.0 / ServoConfig.rate, lag)
+                      + MotionConfig.committed, lag)
 
 
 def is_stable(tracker, gain, latency):

@@ -20,11 +20,14 @@ def speed(result):
     """Speed against accuracy."""
     return _table(
         ('edge', 'controller', 'speed [mm/s]', 'mean speed', 'RMS [mm]', 'largest [mm]',
-         'force error RMS [N]', 'largest force [N]', 'tracked', 'CPU per cycle [µs]',
+         'force error RMS [N]', 'largest force [N]', 'acceleration, largest [1/s²]', 'RMS [1/s²]',
+         'scatter of speed [mm/s]', 'tracked', 'CPU per cycle [µs]',
          'per picture [µs]'),
         [(row['course'], row['tracker'], _mm(row['speed'], 0), _mm(row['mean_speed'], 0),
           _mm(row['lateral_rms']), _mm(row['lateral_max']), f'{row["force_rms_error"]:.2f}',
-          f'{row["force_max"]:.1f}', _outcome(row), f'{1e6 * row["cpu_per_cycle"]:.0f}',
+          f'{row["force_max"]:.1f}', f'{row["joint_acceleration_max"]:.1f}',
+          f'{row["joint_acceleration_rms"]:.1f}', _mm(row['pad_speed_scatter'], 2),
+          _outcome(row), f'{1e6 * row["cpu_per_cycle"]:.0f}',
           f'{1e6 * row["cpu_per_picture"]:.0f}')
          for row in result['speed_and_accuracy']])
 

@@ -1,8 +1,8 @@
 """
-Time and accuracy of solvers on the programs of `tactile_servo.motion.inverse`.
+Windows as a controller plays them; solvers on the programs of `tactile_servo.motion.inverse`.
 
-An arm is moved by twists with a joint at its limit; solvers that are not installed are left out
-(pip install daqp proxsuite osqp qpsolvers).
+For the solvers an arm is moved by twists with a joint at its limit; those that are not installed
+are left out (pip install daqp proxsuite osqp qpsolvers).
 """
 
 from importlib.util import find_spec
@@ -13,6 +13,7 @@ import numpy as np
 from scipy.optimize import lsq_linear
 import scipy.sparse
 
+from benchmarks.motion import windows
 from tactile_servo.motion.inverse import damped_least_squares, hessian
 from tactile_servo.motion.robot import RobotModel
 
@@ -108,7 +109,9 @@ SOLVERS = (('DAQP', by_daqp, ('daqp',)),
 
 
 def main():
-    """Print the table."""
+    """Print the tables."""
+    windows.main()
+    print()
     print('| solver | joints | p50 [us] | p99 [us] | failed | largest deviation [rad/s] |')
     print('| --- | --- | --- | --- | --- | --- |')
     for joints in (6, 7):

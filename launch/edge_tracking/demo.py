@@ -9,7 +9,15 @@ from typing import Any
 
 from rclpy.exceptions import ParameterException
 
-from edge_tracking.graph import add_servo, calibrate, Graph, linger, private_port
+from edge_tracking.graph import (
+    add_servo,
+    calibrate,
+    Graph,
+    linger,
+    NAMESPACE,
+    private_port,
+    warn_of_parameters,
+)
 from edge_tracking.playback import calibration_for, describe_recording, play
 from edge_tracking.process_group import apart
 from edge_tracking.recording.frames_summary import summarise_recording
@@ -18,9 +26,11 @@ from edge_tracking.recording.summary import summarise
 from edge_tracking.report.page import make_recording_report, make_report, picture
 from edge_tracking.resources import find_scene, scene_names, share
 from edge_tracking.track import TrackNode
+from edge_tracking.transport import local_environment
 from tactile_common.errors import TactileError
 from tactile_common.progress import Progress
-from tactile_common.ros.runner import stop_on_signals
+from tactile_common.ros.domains import hold_domain
+from tactile_common.ros.runner import freeze_heap, stop_on_signals
 from tactile_msgs.action import TrackEdge
 from tactile_sensing.devices.recording import load_recording
 from tactile_servo.laws.registry import DEFAULT, LAWS
@@ -28,7 +38,7 @@ from tactile_servo.types import State
 from tactile_simulation.metrics import describe, to_json
 from tactile_simulation.scene import load_scene, Scene
 
-DOMAINS = 100  # the demo picks one of the domains 1 to 100, unless told
+INTERRUPTED = 'interrupted'
 
 
 def parser() -> argparse.ArgumentParser:
@@ -43,7 +53,8 @@ def parser() -> argparse.ArgumentParser:
     add = arguments.add_argument
     add('--scene', default='straight',
         help=f'{", ".join(scene_names())}, or the path of a .yaml file')
-    add('--controller', choices=tuple(LAWS), default=DEFAULT, help='how the edge is followed')
+    add('--law', '--controller', choices=tuple(LAWS), default=DEFAULT,
+        help='servo law by which the edge is followed')
     add('--speed', type=float, default=0.03, help='along the edge [m/s]')
     add('--force', type=float, default=5.0, help='on the pad [N]')
     add('--seed', type=int, default=0, help="of the sensor's noise")
@@ -76,7 +87,7 @@ def own_domain() -> int | None:
     """ROS domain, None for the environment's: two graphs in one hear each other's sensors."""
     if os.environ.get('ROS_DOMAIN_ID'):
         return None
-    domain = os.getpid() % DOMAINS + 1
+    domain = hold_domain()
     print(f'to listen along: ROS_DOMAIN_ID={domain}', file=sys.stderr)
     return domain
 
@@ -97,7 +108,7 @@ def track_scene(options: argparse.Namespace, path: Path, scene: Scene, folder: P
                 **common) -> tuple[bool, str, int]:
     """Run the scene of a file; returns success, reason and its code."""
     robot = share('urdf', 'puma260.urdf')
-    closed = scene.edge.closed and LAWS[options.controller].closes_contours
+    closed = scene.edge.closed and LAWS[options.law].closes_contours
     with private_port() as port, stop_on_signals() as stop, \
             Progress(scene.edge.length - scene.start.s) as progress, \
             apart('listeners', folder / 'bag', **common) as listeners, \
@@ -113,7 +124,8 @@ def track_scene(options: argparse.Namespace, path: Path, scene: Scene, folder: P
             progress.show(feedback.progress, State(feedback.state).name.lower(),
                           feedback_text(feedback))
 
-        servo = add_servo(graph, robot, options.controller)
+        servo = add_servo(graph, robot, options.law)
+        freeze_heap()
         graph.spin(lambda: over() or servo.count_subscribers('servo_status'))  # the recorder
         track = graph.add(TrackNode, own={'on_feedback': show}, speed=options.speed,
                           force=options.force, closed=closed)
@@ -122,7 +134,7 @@ def track_scene(options: argparse.Namespace, path: Path, scene: Scene, folder: P
             track.cancel()
             stop.clear()
             linger(graph, lambda: track.finished or stop.is_set(), 2.0)
-            return False, 'interrupted', 0
+            return False, INTERRUPTED, 0
         if over():
             return False, ', '.join(
                 f'{name} ended by itself, with status {part.returncode}'
@@ -141,8 +153,7 @@ def run(options: argparse.Namespace) -> tuple[dict[str, Any], Path]:
     else:
         path = find_scene(options.scene)
         scene = load_scene(path)
-    with Graph(options.parameters):
-        pass
+    warn_of_parameters(options.parameters, NAMESPACE, options.law)
     folder = out_folder(options.out, name)
     common = {'parameters': options.parameters, 'domain': own_domain()}
     if options.recording:
@@ -170,15 +181,13 @@ def run(options: argparse.Namespace) -> tuple[dict[str, Any], Path]:
 def main(args: list[str] | None = None) -> int:
     """Run the demo; exit status 0 if the edge was tracked, or the recording played."""
     options = parser().parse_args(args)
+    os.environ.update(local_environment())  # also of the parts
     try:
         summary, folder = run(options)
     except (ValueError, RuntimeError, ParameterException, TactileError) as error:
         print(f'demo: {" ".join(str(error).split())}', file=sys.stderr)
         return 1
-    except KeyboardInterrupt:  # while the report is made; before, the graph takes it
-        print('demo: interrupted', file=sys.stderr)
-        return 1
     text = to_json if options.json else describe_recording if options.recording else describe
     print(text(summary))
     print(f'recording {folder / "bag"}\nreport    {folder / "report.html"}', file=sys.stderr)
-    return 0 if summary['ok'] else 1
+    return 0 if summary['ok'] else 130 if summary['reason'] == INTERRUPTED else 1

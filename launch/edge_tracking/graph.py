@@ -2,6 +2,7 @@
 import argparse
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+import os
 from pathlib import Path
 import sys
 import tempfile
@@ -14,8 +15,10 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.signals import SignalHandlerOptions
 
+from edge_tracking.parameters import check_file, names_in
 from edge_tracking.resources import find_scene, scene_names, share
-from tactile_common.ros.runner import make_executor, spin, stop_on_signals
+from edge_tracking.transport import local_environment
+from tactile_common.ros.runner import freeze_heap, make_executor, spin, stop_on_signals
 from tactile_sensing.devices.registry import PROTOCOLS
 from tactile_sensing.nodes.contact_estimator import ContactEstimatorNode
 from tactile_sensing.nodes.driver import DriverConfig, DriverNode
@@ -30,6 +33,7 @@ from tactile_simulation.scene_calibration import write_calibration
 # Longest time that a thread keeps the interpreter while another waits for it; the default of
 # 5 ms is a whole sensor period.
 SWITCH_INTERVAL = 2e-4
+NAMESPACE = 'tactile'
 SETTLE = 0.3  # s spun after the end, so that the last messages arrive
 
 
@@ -40,7 +44,7 @@ class Graph:
     Without a parameter file or ROS domain, those of the package and of the environment hold.
     """
 
-    def __init__(self, parameters: str | Path | None = None, namespace: str = 'tactile',
+    def __init__(self, parameters: str | Path | None = None, namespace: str = NAMESPACE,
                  domain: int | None = None):
         self._domain = domain
         self._arguments = ['--ros-args', '--params-file',
@@ -91,9 +95,16 @@ def add_sensing(graph: Graph, port, calibration='',
     graph.add(DriverNode, port=str(port), calibration=str(calibration), protocol=protocol)
 
 
-def add_servo(graph: Graph, robot, tracker: str = DEFAULT) -> Node:
+def add_servo(graph: Graph, robot, law: str = DEFAULT, **parameters) -> Node:
     """Add the servo; with sensing it is the loop, which runs on a real robot as well."""
-    return graph.add(EdgeServoNode, robot_description=str(robot), tracker=tracker)
+    return graph.add(EdgeServoNode, robot_description=str(robot), law=law, **parameters)
+
+
+def warn_of_parameters(parameters: str | Path | None, namespace: str, law: str) -> None:
+    """Check a parameter file of the user; ConfigurationError if no node should start with it."""
+    if parameters:
+        for text in check_file(parameters, names_in(namespace), law):
+            print(text, file=sys.stderr)
 
 
 @contextmanager
@@ -127,11 +138,12 @@ def parser() -> argparse.ArgumentParser:
     add('--port', default='', help='serial port of a real sensor')
     add('--scene', default='straight', help='what the mock sensor touches: '
         f'{", ".join(scene_names())}, or the path of a .yaml file')
-    add('--tracker', choices=tuple(LAWS), default=DEFAULT, help='how the edge is followed')
+    add('--law', '--tracker', choices=tuple(LAWS), default=DEFAULT,
+        help='servo law by which the edge is followed')
     add('--robot-description', default=str(share('urdf', 'puma260.urdf')),
         help='URDF of the robot, with a link tactile_pad')
     add('--parameters', help='parameter file')
-    add('--namespace', default='tactile', help='of sensor, estimators and servo')
+    add('--namespace', default=NAMESPACE, help='of sensor, estimators and servo')
     add('--seed', type=int, default=0, help="of the mock sensor's noise")
     return arguments
 
@@ -143,10 +155,13 @@ def main(args: list[str] | None = None) -> int:
         if options.sensor != 'mock' and not options.port:
             raise ValueError(
                 f'--sensor {options.sensor} needs --port, for instance --port /dev/ttyUSB0')
+        warn_of_parameters(options.parameters, options.namespace, options.law)
+        if options.sensor == 'mock':
+            os.environ.update(local_environment())
         with private_port() as pty, stop_on_signals() as stop, \
                 Graph(options.parameters, options.namespace) as graph:
             port = Path(options.port or pty)
-            add_servo(graph, options.robot_description, options.tracker)
+            add_servo(graph, options.robot_description, options.law)
             graph.add(ShapeEstimatorNode)
             if options.sensor == 'mock':
                 scene = find_scene(options.scene)
@@ -154,6 +169,7 @@ def main(args: list[str] | None = None) -> int:
                 add_mocks(graph, port, scene, options.robot_description, options.seed)
             else:
                 add_sensing(graph, port, protocol=options.sensor)
+            freeze_heap()
             graph.spin(stop.is_set)
     except (ValueError, RuntimeError, ParameterException) as error:
         print(f'composed: {" ".join(str(error).split())}', file=sys.stderr)

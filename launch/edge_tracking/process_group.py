@@ -1,8 +1,8 @@
 """
 The graph in parts, each a process of its own, so that none waits for another's interpreter.
 
-`sensing` is driver and contact estimator. Where processors are few, `mocks`, which stand in for
-hardware, give way to the loop, and `listeners`, recorder and shape estimator, to both.
+`sensing` is driver and contact estimator, `mocks` stand in for hardware, which is never late.
+Where processors are few, `listeners`, recorder and shape estimator, give way to all others.
 """
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -25,6 +25,7 @@ from visualization_msgs.msg import MarkerArray
 
 from edge_tracking.graph import add_mocks, add_sensing, Graph
 from edge_tracking.recording.writer import RecorderNode
+from tactile_common.ros.runner import freeze_heap
 from tactile_msgs.msg import Contact, SensorInfo, ServoStatus, SurfacePatch, TactileImage
 from tactile_shape.nodes.shape_estimator import ShapeEstimatorNode
 
@@ -40,9 +41,9 @@ def topics(namespace: str) -> list[tuple[str, type, QoSProfile]]:
            ('contact', Contact, sensor), ('wrench', WrenchStamped, sensor),
            ('surface_patch', SurfacePatch, deep), ('contour', Path, latched),
            ('markers', MarkerArray, latched), ('servo_status', ServoStatus, deep),
-           ('sensor_pose', PoseStamped, sensor), ('diagnostics', DiagnosticArray, deep)]
+           ('sensor_pose', PoseStamped, sensor)]
     return [(f'/{namespace}/{name}', kind, qos) for name, kind, qos in own] + [
-        ('/joint_states', JointState, deep),
+        ('/diagnostics', DiagnosticArray, deep), ('/joint_states', JointState, deep),
         ('/joint_trajectory_controller/joint_trajectory', JointTrajectory, deep)]
 
 
@@ -59,7 +60,7 @@ def add_listeners(graph: Graph, bag) -> None:
 
 # What makes each part, and its niceness.
 PARTS: dict[str, tuple[Callable[..., Any], int]] = {
-    'sensing': (add_sensing, 0), 'mocks': (add_mocks, 5), 'listeners': (add_listeners, 10)}
+    'sensing': (add_sensing, 0), 'mocks': (add_mocks, 0), 'listeners': (add_listeners, 10)}
 
 
 @contextmanager
@@ -101,6 +102,7 @@ def main() -> int:
     try:
         with Graph(**options) as graph:
             add(graph, *arguments)
+            freeze_heap()
             # Not before the servo is heard: who gives way at once comes late.
             graph.spin(lambda: ended.is_set() or graph.nodes[0].count_publishers(
                 f'/{graph.namespace}/servo_status'))

@@ -1,14 +1,21 @@
-"""Send one track_edge goal and follow it to its end."""
+"""
+Send one track_edge goal and follow it to its end.
+
+Exit status: 0 the edge was tracked, 1 it was not or a parameter is wrong, 2 the goal was refused,
+3 sensor or servo were not ready, 4 the servo fell silent, 130 interrupted.
+"""
 from dataclasses import dataclass, field
+from enum import IntEnum
 import sys
+import time
 
 from action_msgs.msg import GoalStatus
 from rclpy.action import ActionClient
 from rclpy.clock import Clock, ClockType
-from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, qos_profile_sensor_data, QoSProfile
 
 from tactile_common.config import bounded
+from tactile_common.ros.node import TactileNode
 from tactile_common.ros.parameters import declare_from
 from tactile_common.ros.runner import run
 from tactile_msgs.action import TrackEdge
@@ -29,24 +36,38 @@ class TrackConfig:
     retreat: bool = field(default=True, metadata={'doc': 'lift off at the end'})
     wait: float = bounded(
         15.0, 'give up when sensor and servo are not ready within this time', 's', 0.1, 3600.0)
+    silence: float = bounded(
+        5.0, 'give up when the servo, which has the goal, says nothing for this time', 's',
+        0.2, 3600.0)
 
 
-class TrackNode(Node):
+class Exit(IntEnum):
+    """How a goal can end."""
+
+    TRACKED = 0
+    NOT_TRACKED = 1
+    REFUSED = 2
+    NOT_READY = 3
+    SILENT = 4
+
+
+class TrackNode(TactileNode):
     """
     Wait until sensor and servo are ready, send a goal, report its progress.
 
-    `finished` tells that the goal has ended or was never accepted; `success`, `reason`
-    and its code, `result` and the newest `feedback`, None at first, go with it. Most of its
-    attributes are ROS entities, which live as long as they are held.
+    `finished` tells that the goal has ended or was never accepted, in whatever way: a servo that
+    has died says nothing any more. `exit`, `reason` and its code, `result` and the newest
+    `feedback`, None at first, go with it. Most of its attributes are ROS entities, which live as
+    long as they are held.
     """
 
     def __init__(self, on_feedback=None, **kwargs):
         super().__init__('track', **kwargs)
         self.config = declare_from(self, TrackConfig)
-        self.finished, self.success, self.reason, self.reason_code = False, False, '', 0
+        self.finished, self.exit, self.reason, self.reason_code = False, Exit.NOT_READY, '', 0
         self.result = self.feedback = None
         self._on_feedback = on_feedback or self._log_feedback
-        self._handle, self._cancelled = None, False
+        self._handle, self.cancelled = None, False
         self._sent = self._tared = self._seen = self._robot = self._felt = False
         self._client = ActionClient(self, TrackEdge, 'track_edge')
         latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
@@ -58,6 +79,14 @@ class TrackNode(Node):
         steady = Clock(clock_type=ClockType.STEADY_TIME)
         self._ready_timer = self.create_timer(0.05, self._try_to_start, clock=steady)
         self._deadline = self.create_timer(self.config.wait, self._give_up, clock=steady)
+        self._heard = 0.0  # steady time [s] of the servo's last word
+        self._silence = self.create_timer(
+            0.2 * self.config.silence, self._check_silence, clock=steady)
+
+    @property
+    def success(self):
+        """Whether the edge was tracked."""
+        return self.exit == Exit.TRACKED
 
     def _on_info(self, msg):
         self._tared = msg.tared_at.sec > 0
@@ -83,7 +112,7 @@ class TrackNode(Node):
     def _try_to_start(self):
         if self._sent or self._missing():
             return
-        self._sent = True
+        self._sent, self._heard = True, time.monotonic()
         self._ready_timer.cancel()
         self._deadline.cancel()
         c = self.config
@@ -94,26 +123,39 @@ class TrackNode(Node):
 
     def _give_up(self):
         self._deadline.cancel()
-        self._end(False, f'{self._missing()} (waited {self.config.wait:g} s)')
+        self._end(Exit.NOT_READY, f'{self._missing()} (waited {self.config.wait:g} s)')
+
+    def _check_silence(self):
+        silent = time.monotonic() - self._heard
+        if not self._sent or self.finished or silent < self.config.silence:
+            return
+        if self._handle is not None:
+            self._handle.cancel_goal_async()  # should it come back
+        self._end(Exit.SILENT, f'the servo has said nothing for {silent:.1f} s: is it still '
+                  'running?')
 
     def _on_response(self, future):
+        self._heard = time.monotonic()
         self._handle = future.result()
         if not self._handle.accepted:
             # A rejection carries no reason; the status does.
             self.create_subscription(
                 ServoStatus, 'servo_status',
-                lambda status: self._end(False, status.reason, status.reason_code), 1)
+                lambda status: self._end(Exit.REFUSED, status.reason, status.reason_code), 1)
             return
-        if self._cancelled:
+        if self.cancelled:
             self._handle.cancel_goal_async()
         self._handle.get_result_async().add_done_callback(self._on_result)
 
     def _on_result(self, future):
         status, self.result = future.result().status, future.result().result
-        self._end(status == GoalStatus.STATUS_SUCCEEDED and self.result.success,
-                  self.result.reason, self.result.reason_code)
+        tracked = status == GoalStatus.STATUS_SUCCEEDED and self.result.success
+        self._end(Exit.TRACKED if tracked else Exit.NOT_TRACKED,
+                  self.result.reason or 'the servo does not know the goal any more',
+                  self.result.reason_code)
 
     def _take_feedback(self, msg):
+        self._heard = time.monotonic()
         self.feedback = msg.feedback
         self._on_feedback(msg.feedback)
 
@@ -123,30 +165,34 @@ class TrackNode(Node):
             f'{1e3 * feedback.lateral_error:+.3f} mm, {feedback.normal_force:.2f} N',
             throttle_duration_sec=1.0)
 
-    def _end(self, success, reason, code=0):
-        self.finished, self.success, self.reason, self.reason_code = True, success, reason, code
+    def _end(self, how, reason, code=0):
+        if not self.finished:
+            self.finished, self.exit, self.reason, self.reason_code = True, how, reason, code
 
     def cancel(self):
         """Ask the servo to stop; a goal that has not been sent is not sent any more."""
-        self._cancelled = True
+        self.cancelled = True
         if self._handle is not None:
             self._handle.cancel_goal_async()
         elif not self._sent:
             self._ready_timer.cancel()
             self._deadline.cancel()
-            self._end(False, 'cancelled')
+            self._end(Exit.NOT_TRACKED, 'cancelled')
 
 
-def main(args=None):
-    """Track once; exit status 0 if the edge was tracked."""
-    success, reason = False, ''
+def main(args=None) -> int:
+    """Track once; returns the exit status, see above. An interrupt cancels the goal."""
+    ended = None
 
     def until(node):
-        nonlocal success, reason
-        success, reason = node.success, node.reason
+        nonlocal ended
+        ended = node if node.finished else None
         return node.finished
 
-    status = run(TrackNode, args, until)
-    if status == 0:
-        print(f'track: {reason or "interrupted"}', file=sys.stderr)
-    return status or int(not success)
+    status = run(TrackNode, args, until, on_stop=TrackNode.cancel)
+    if status:
+        return status
+    if ended is None or ended.cancelled:
+        raise KeyboardInterrupt
+    print(f'track: {ended.reason}', file=sys.stderr)
+    return int(ended.exit)

@@ -32,7 +32,7 @@ START = 1_700_000_000 * NS
 ARRAY = TactelArray(16, 16, 0.0254 / 16, 0.0254 / 16)
 DELAY = 0.0025  # s, from mid-acquisition to the last byte
 LATENCY = 0.001  # s, from the last byte to the end of the control cycle
-CYCLE_TIME = 2e-4  # s
+CPU_TIME = 2e-4  # s
 SPEED, FORCE, OFFSET = 0.03, 5.0, 0.003
 APPROACH, TRACK, RETREAT = 0.4, 3.0, 0.4  # s
 JOINTS = tuple(f'joint{number}' for number in range(1, 7))
@@ -44,7 +44,7 @@ TOPICS = [
     ('/tactile/wrench', WrenchStamped, qos_profile_sensor_data),
     ('/tactile/servo_status', ServoStatus, QoSProfile(depth=10)),
     ('/tactile/sensor_pose', PoseStamped, qos_profile_sensor_data),
-    ('/tactile/diagnostics', DiagnosticArray, QoSProfile(depth=10)),
+    ('/diagnostics', DiagnosticArray, QoSProfile(depth=10)),
     ('/joint_states', JointState, QoSProfile(depth=10)),
     ('/joint_trajectory_controller/joint_trajectory', JointTrajectory, QoSProfile(depth=1)),
     ('/tactile/contour', Path, LATCHED),
@@ -103,7 +103,7 @@ def messages(scene):
     yield '/tactile/sensor_info', START, sensor_info_to_msg(SensorInfoData(
         START, 'tactile_pad', 'pad', 'flexitac', '', ARRAY, 200.0, DELAY, 2e5, 12.0, (layer,), (),
         'flexitac_16x16', START))
-    yield '/tactile/diagnostics', START, DiagnosticArray(status=[DiagnosticStatus(
+    yield '/diagnostics', START, DiagnosticArray(status=[DiagnosticStatus(
         name='driver: stream', level=b'\x01', message='late',
         values=[KeyValue(key='lost', value='3')])])
     end = APPROACH + TRACK + RETREAT + 0.02
@@ -153,10 +153,10 @@ def _picture(scene, renderer, rng, sequence, stamp):
 def _cycle(scene, time):
     seconds = 1e-9 * (time - START)
     state, reason = state_at(seconds)
-    # Cycles end LATENCY after the last byte of the newest picture.
+    # Commands are sent LATENCY after the last byte of the newest picture.
     ready = round((DELAY + LATENCY) * NS)
     picture = START + (time - START) // (NS // 200) * (NS // 200)
-    stamp = time + ready - round(CYCLE_TIME * NS)
+    stamp = time + ready - round(CPU_TIME * NS)
     progress = SPEED * float(np.clip(seconds - APPROACH, 0.0, TRACK))
     tracking = state == ServoStatus.TRACK
     status = ServoStatus(
@@ -165,7 +165,8 @@ def _cycle(scene, time):
         lateral_error=-lateral_at(seconds) if tracking else float('nan'), angle_error=0.0,
         normal_force=FORCE if tracking else 0.0, force_target=FORCE,
         speed=SPEED if tracking else 0.0, progress=progress, limit_scale=1.0,
-        manipulability=0.05, cycle_time=CYCLE_TIME, missed_cycles=7 + (seconds > 1.0))
+        manipulability=0.05, latency=DELAY + LATENCY, cpu_time=CPU_TIME,
+        cycles=1000 + (time - START) * 400 // NS, missed_cycles=7 + (seconds > 1.0))
     status.header.stamp = stamp_from_ns(stamp)
     yield '/tactile/servo_status', stamp + 50_000, status
     pose = PoseStamped()

@@ -1,6 +1,5 @@
 """The client of the servo: a goal that is cancelled before the servo has answered."""
 
-import os
 import time
 
 import pytest
@@ -8,7 +7,7 @@ from rclpy.action import ActionServer, CancelResponse
 from rclpy.node import Node
 
 from edge_tracking.graph import Graph
-from edge_tracking.track import TrackNode
+from edge_tracking.track import Exit, TrackNode
 from tactile_msgs.action import TrackEdge
 from tactile_servo.reasons import ReasonCode
 
@@ -42,7 +41,7 @@ class Servo(Node):
 
 @pytest.fixture
 def graph():
-    with Graph(domain=os.getpid() % 100 + 1) as made:
+    with Graph() as made:
         yield made
 
 
@@ -79,3 +78,14 @@ def test_a_goal_cancelled_before_it_is_accepted_is_cancelled_then(graph):
     wait(graph, lambda: track.finished)
     assert not track.success and track.reason == 'cancelled' and not servo.goals
     assert track.reason_code == ReasonCode.CANCELLED
+    assert track.exit == Exit.NOT_TRACKED
+
+
+def test_a_servo_that_falls_silent_ends_the_client(graph):
+    servo, track = graph.add(Servo), graph.add(TrackNode, silence=0.5)
+    wait(graph, track._client.server_is_ready)
+    track._seen = track._tared = track._felt = track._robot = True
+    wait(graph, lambda: servo.goals)  # and not a word more
+    assert not track.finished
+    wait(graph, lambda: track.finished)
+    assert track.exit == Exit.SILENT and 'has said nothing for' in track.reason

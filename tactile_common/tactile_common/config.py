@@ -2,10 +2,10 @@
 Fields of configuration dataclasses with their description, unit and bounds, and their check.
 
 A field's default stands in the dataclass, its bounds in the field's metadata: `doc`, `unit`,
-`range` (smallest and largest value, both allowed) and `choices`. `check_fields`, called in
-`__post_init__`, and the declaration of ROS parameters read both from there.
+`range` (smallest and largest value, both allowed), `choices` and `live`. `check_fields`, called
+in `__post_init__`, and the declaration of ROS parameters read both from there.
 """
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 import dataclasses
 from functools import lru_cache
 import math
@@ -22,10 +22,15 @@ _KINDS = {bool: (bool, 'a boolean'), int: (Integral, 'an integer'), float: (Real
 
 
 def bounded(default: Any, doc: str = '', unit: str = '', low: float = -math.inf,
-            high: float = math.inf) -> Any:
-    """Return a dataclass field for numbers between two bounds, both allowed."""
+            high: float = math.inf, *, live: bool = False) -> Any:
+    """
+    Return a dataclass field for numbers between two bounds, both allowed.
+
+    A `live` one can be changed while a node runs: a gain or a speed, never a limit.
+    """
     return dataclasses.field(
-        default=default, metadata={'doc': doc, 'unit': unit, 'range': (low, high)})
+        default=default,
+        metadata={'doc': doc, 'unit': unit, 'range': (low, high), 'live': live})
 
 
 def one_of(default: str, doc: str, choices) -> Any:
@@ -44,13 +49,35 @@ def check_fields(config: Any, prefix: str = '') -> None:
     ------
     ConfigurationError
         A field has the wrong type, is outside its `range`, is not finite though it has one, or
-        is none of its `choices`. The message tells name, value, bounds and unit.
+        is none of its `choices`. The message tells name, value, bounds and unit, and asks
+        whether a length or speed was given in millimetres.
     """
     config_class: Any = type(config)
     kinds = types_of(config_class)
     for field in dataclasses.fields(config_class):
         checked(prefix + field.name, getattr(config, field.name), kinds[field.name],
                 field.metadata)
+
+
+def built(config_class: type, value_of: Callable[[str, Any, Any, Mapping], Any],
+          prefix: str = '', defaults: Any = None) -> Any:
+    """
+    Make a dataclass of the values that `value_of(name, default, kind, metadata)` gives.
+
+    The fields of a nested dataclass have names of its name, a dot and theirs, such as
+    `force.gain`; those in `defaults`, if given, go before the fields' own.
+    """
+    values = {}
+    for field in dataclasses.fields(config_class):
+        name, kind = prefix + field.name, types_of(config_class)[field.name]
+        default = field.default if defaults is None else getattr(defaults, field.name)
+        if callable(field.default_factory) and default is dataclasses.MISSING:
+            default = field.default_factory()
+        if dataclasses.is_dataclass(kind):
+            values[field.name] = built(kind, value_of, f'{name}.', default)  # type: ignore[arg-type]
+        else:
+            values[field.name] = value_of(name, default, kind, field.metadata)
+    return config_class(**values)
 
 
 @lru_cache
@@ -90,7 +117,8 @@ def checked(name: str, value: Any, kind: Any, metadata: Mapping = types.MappingP
         _refuse(name, value, f'a {getattr(kind, "__name__", kind)}')
     low, high = metadata.get('range', (-math.inf, math.inf))
     if 'range' in metadata and not (math.isfinite(value) and low <= value <= high):
-        _refuse(name, value, _bounds(low, high, metadata.get('unit', '')))
+        unit = metadata.get('unit', '')
+        _refuse(name, value, _bounds(low, high, unit) + _thousandth(value, low, high, unit))
     if 'choices' in metadata and value not in metadata['choices']:
         _refuse(name, value, f'one of {", ".join(map(str, metadata["choices"]))}')
     return value
@@ -103,6 +131,13 @@ def _bounds(low, high, unit):
         return f'finite and at least {low:g} {unit}'.rstrip()
     lowest = f'between {low:g} and' if math.isfinite(low) else 'at most'
     return f'{lowest} {high:g} {unit}'.rstrip()
+
+
+def _thousandth(value, low, high, unit):
+    """Question whether a length or speed was given in millimetres."""
+    meant = value / 1000.0
+    asked = unit.startswith('m') and value > high and low <= meant <= high
+    return f'; did you mean {meant:g}?' if asked else ''
 
 
 def _refuse(name, value, expected):

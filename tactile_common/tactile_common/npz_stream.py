@@ -1,7 +1,7 @@
-"""Arrays in `.npz` archives, read and written a few rows at a time."""
-from collections.abc import Iterator
+"""Arrays in `.npz` archives, read and written a few rows at a time, bounded before expansion."""
+from collections.abc import Collection, Iterator
 from contextlib import contextmanager
-import lzma
+from io import BytesIO
 import math
 import os
 from pathlib import Path
@@ -15,9 +15,15 @@ from numpy.lib import format as npy
 
 from tactile_common.errors import ConfigurationError
 
+MAX_WHOLE = 64 << 20  # bytes of arrays that are read at once, see `read_arrays`
+MAX_ROW = 4 << 20  # bytes of one row, which is the least that is read
+MAX_COPY = 1 << 30  # bytes of a column-major array, which is copied to a file first
+MAX_MEMBERS = 1000  # of an archive
+MAX_HEADER = 10_000  # bytes of an array's header
 _HEADERS = {(1, 0): npy.read_array_header_1_0, (2, 0): npy.read_array_header_2_0}
-_DAMAGED = (ValueError, EOFError, RuntimeError, MemoryError, zipfile.BadZipFile, zlib.error,
-            lzma.LZMAError)
+_DAMAGED = (ValueError, EOFError, RuntimeError, MemoryError, zipfile.BadZipFile, zlib.error)
+# What NumPy writes; others may ask for gigabytes before they give a byte.
+_COMPRESSIONS = (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED)
 
 
 @contextmanager
@@ -34,45 +40,119 @@ def clear_errors(path: str | os.PathLike) -> Iterator[None]:
             f'{path}: is not an .npz archive of numbers, or damaged') from error
 
 
-class ArrayReader:
+def read_arrays(path: str | os.PathLike, names: Collection[str],
+                optional: Collection[str] = ()) -> dict[str, np.ndarray]:
     """
-    Array `name` of an `.npz` archive, compressed or not, in chunks along its first axis.
+    Read arrays of an `.npz` archive whole, those of the optional names where they are there.
 
     Raises
     ------
     ConfigurationError
-        The file cannot be read, is no archive, is damaged or lacks the array.
+        As of an `ArrayReader`, or they hold more than `MAX_WHOLE` bytes together.
+    """
+    with clear_errors(path), _archive(path) as archive:
+        there = set(archive.namelist())
+    readers = {name: ArrayReader(path, name)
+               for name in (*names, *(name for name in optional if f'{name}.npy' in there))}
+    with clear_errors(path):
+        _refuse_above(MAX_WHOLE, sum(reader.size for reader in readers.values()),
+                      ' and '.join(f'{name} {reader.shape}' for name, reader in readers.items()))
+    return {name: reader.read() for name, reader in readers.items()}
+
+
+def scalar(name: str, value: np.ndarray) -> float:
+    """Return the number in an array of one; ConfigurationError where it holds none."""
+    if value.size != 1 or value.dtype.kind not in 'uif' or not math.isfinite(value.item()):
+        raise ConfigurationError(
+            f'{name} is {(value if value.size < 10 else value.ravel()[:10]).tolist()!r:.60}, '
+            'must be one finite number')
+    return float(value.item())
+
+
+def _archive(path):
+    archive = zipfile.ZipFile(path)
+    if len(archive.filelist) > MAX_MEMBERS:
+        archive.close()
+        raise ConfigurationError(
+            f'has {len(archive.filelist)} arrays, at most {MAX_MEMBERS} are allowed')
+    return archive
+
+
+def _names(members):
+    names = sorted(member.removesuffix('.npy')[:40] for member in members)
+    return f'{names[:20]}{" and more" if len(names) > 20 else ""}'
+
+
+def _refuse_above(most, size, what):
+    if size > most:
+        raise ConfigurationError(
+            f'{what} would take {size / 1e6:.0f} MB, at most {most / 1e6:.0f} MB are read')
+
+
+def _header(stream):
+    """Shape, order, type and length of the header of a `.npy` stream."""
+    head = BytesIO(stream.read(MAX_HEADER))  # whatever length it claims to have
+    version = npy.read_magic(head)
+    if version not in _HEADERS:
+        raise ConfigurationError(f'.npy format {version} is not of plain numbers')
+    return *_HEADERS[version](head), head.tell()
+
+
+class ArrayReader:
+    """
+    Array `name` of an `.npz` archive, compressed or not, in chunks along its first axis.
+
+    Only its header has been read, the rows come with `chunks`.
+
+    Raises
+    ------
+    ConfigurationError
+        The file cannot be read, is no archive, is damaged, lacks the array, or a row of it is
+        larger than `MAX_ROW`.
     """
 
     def __init__(self, path: str | os.PathLike, name: str):
         self._path, self._name = path, name
-        with clear_errors(path), zipfile.ZipFile(path) as archive:
+        with clear_errors(path), _archive(path) as archive:
             members = archive.namelist()
             if f'{name}.npy' not in members:
-                there = sorted(member.removesuffix('.npy') for member in members)
-                raise ConfigurationError(f'array {name!r} is missing, there are {there}')
-            with archive.open(f'{name}.npy') as stream:
-                self.shape, self._column_major, self.dtype = self._header(stream)
-                size = math.prod(self.shape) * self.dtype.itemsize
-                whole = archive.getinfo(f'{name}.npy').file_size
-                if min(self.shape, default=0) < 0 or (
-                        not self.dtype.hasobject and stream.tell() + size != whole):
-                    raise ConfigurationError(
-                        f'{name} is damaged: {whole} bytes do not hold an array of '
-                        f'{self.shape} {self.dtype}')
+                raise ConfigurationError(
+                    f'array {name!r} is missing, there are {_names(members)}')
+            member = archive.getinfo(f'{name}.npy')
+            if member.compress_type not in _COMPRESSIONS:
+                raise ConfigurationError(
+                    f'{name} is compressed in a way that NumPy does not write')
+            with archive.open(member) as stream:
+                self.shape, self._column_major, self.dtype, self._begin = _header(stream)
+            self.size = math.prod(self.shape) * self.dtype.itemsize  # [bytes]
+            if min(self.shape, default=0) < 0 or (
+                    not self.dtype.hasobject and self._begin + self.size != member.file_size):
+                raise ConfigurationError(
+                    f'{name} is damaged: {member.file_size} bytes do not hold an array of '
+                    f'{self.shape} {self.dtype}')
+            row = math.prod(self.shape[1:]) * self.dtype.itemsize
+            _refuse_above(MAX_ROW, row, f'a row of {name}, {self.shape[1:]} {self.dtype},')
+            if self._column_major:
+                _refuse_above(MAX_COPY, self.size, f'{name}, column-major,')
 
-    @staticmethod
-    def _header(stream):
-        version = npy.read_magic(stream)
-        if version not in _HEADERS:
-            raise ConfigurationError(f'.npy format {version} is not of plain numbers')
-        return _HEADERS[version](stream)
+    def read(self) -> np.ndarray:
+        """Return the whole array; errors as above."""
+        if self.dtype.hasobject:
+            raise ConfigurationError(f'{self._path}: is not an .npz archive of numbers')
+        with clear_errors(self._path), self._values() as stream:
+            values = np.frombuffer(stream.read(self.size), self.dtype)
+            return values.reshape(self.shape, order='F' if self._column_major else 'C')
+
+    @contextmanager
+    def _values(self):
+        """Open the array behind its header."""
+        with _archive(self._path) as archive, archive.open(f'{self._name}.npy') as stream:
+            stream.seek(self._begin)
+            yield stream
 
     def chunks(self, rows: int) -> Iterator[np.ndarray]:
         """Yield the array in order, `rows` at a time, the last ones fewer; errors as above."""
-        with clear_errors(self._path), zipfile.ZipFile(self._path) as archive, \
-                archive.open(f'{self._name}.npy') as stream:
-            self._header(stream)
+        with clear_errors(self._path), self._values() as stream:
             yield from (self._mapped if self._column_major else self._streamed)(stream, rows)
 
     def _streamed(self, stream, rows):

@@ -8,7 +8,7 @@ from rclpy.parameter import Parameter
 
 from tactile_common.config import bounded, check_fields, one_of
 from tactile_common.errors import ConfigurationError
-from tactile_common.ros.parameters import declare_from
+from tactile_common.ros.parameters import declare_from, follow_changes
 
 
 @dataclass(frozen=True)
@@ -74,8 +74,6 @@ def test_descriptors(declared):
     assert method.additional_constraints == 'one of fit, moments'
     steps = node.describe_parameters(['path.force.steps'])[0].integer_range[0]
     assert (steps.from_value, steps.to_value) == (1, 2**63 - 1)
-    changeable, _ = declared(read_only=False)
-    assert not changeable.describe_parameters(['force.gain'])[0].read_only
 
 
 @pytest.mark.parametrize('given, message', [
@@ -89,3 +87,39 @@ def test_descriptors(declared):
 def test_refused(declared, given, message):
     with pytest.raises(ConfigurationError, match=f'^{message}'):
         declared(given)
+
+
+@dataclass(frozen=True)
+class Gains:
+    gain: float = bounded(5.0, 'of the loop', '1/s', 1.0, 10.0, live=True)
+    other: float = bounded(5.0, 'of the loop', '1/s', 1.0, 10.0, live=True)
+    limit: float = bounded(8.0, 'of the speed', 'm/s', 1.0, 10.0)
+
+    def __post_init__(self):
+        if self.gain + self.other > 15.0:
+            raise ConfigurationError('gain and other together must be at most 15')
+
+
+@dataclass(frozen=True)
+class Law:
+    loop: Gains = field(default_factory=Gains)
+
+
+def test_gains_change_within_bounds_and_limits_do_not(declared):
+    node, _ = declared()
+    declare_from(node, Law)
+    applied = []
+    follow_changes(node, Law, applied.append)
+
+    def set_to(name, value):
+        return node.set_parameters([Parameter(name, value=value)])[0]
+
+    assert set_to('loop.gain', 7.0).successful
+    assert applied == [Law(Gains(gain=7.0))]
+    for name, value, reason in (
+            ('loop.gain', 11.0, 'loop.gain'), ('loop.gain', 'much', 'must be a number'),
+            ('loop.other', 9.0, 'together must be at most 15'),
+            ('loop.limit', 9.0, 'read-only')):
+        answer = set_to(name, value)
+        assert not answer.successful and reason in answer.reason, answer.reason
+    assert node.get_parameter('loop.gain').value == 7.0 and len(applied) == 1

@@ -1,9 +1,8 @@
 """Time and place in messages, and back."""
 from builtin_interfaces.msg import Duration, Time
-from geometry_msgs.msg import Pose, PoseStamped
+from geometry_msgs.msg import Pose
 import numpy as np
 import pytest
-from rclpy.serialization import serialize_message
 
 from tactile_common.errors import TactileError
 from tactile_common.ros.conversions import (
@@ -13,7 +12,6 @@ from tactile_common.ros.conversions import (
     stamp_from_ns,
     stamp_to_ns,
     stamp_to_seconds,
-    unpacked,
 )
 
 RNG = np.random.default_rng(5)
@@ -71,11 +69,3 @@ def test_pose_without_orientation_is_refused():
 def test_what_is_not_known_of_a_pose_is_nan():
     pose = pose_to_msg(np.full((4, 4), np.nan))
     assert np.isnan([pose.position.x, pose.orientation.x, pose.orientation.w]).all()
-
-
-def test_raw_bytes():
-    message = PoseStamped()
-    message.header.frame_id = 'base'
-    assert unpacked(serialize_message(message), PoseStamped) == message
-    with pytest.raises(TactileError, match='3 bytes that are no PoseStamped'):
-        unpacked(b'abc', PoseStamped)

@@ -95,7 +95,8 @@ def contact_to_msg(
     Header, sensor and sequence are those of the source image; now_ns is the time of publication.
     """
     message = tactile_msgs.Contact() if into is None else into
-    message.header, message.sensor = image_message.header, image_message.sensor
+    _copy_header(image_message.header, message.header)
+    message.sensor = image_message.sensor
     message.sequence, message.type = image_message.sequence, int(contact.type)
     message.valid, message.reasons = bool(contact.valid), int(contact.reasons)
     message.method, message.model = contact.method, contact.model
@@ -134,7 +135,7 @@ def contact_to_wrench(contact: Contact, image_message: Any, into: Any = None) ->
     does not have is 0.
     """
     message = WrenchStamped() if into is None else into
-    message.header = image_message.header
+    _copy_header(image_message.header, message.header)
     force, torque = message.wrench.force, message.wrench.torque
     force.x, force.y = (0.0 if math.isnan(shear) else float(shear)
                         for shear in (contact.shear_force_x, contact.shear_force_y))
@@ -143,6 +144,11 @@ def contact_to_wrench(contact: Contact, image_message: Any, into: Any = None) ->
     torque.x, torque.y = float(contact.b * force.z), float(-contact.a * force.z)
     torque.z = float(contact.a * force.y - contact.b * force.x)
     return message
+
+
+def _copy_header(source, header):
+    header.stamp.sec, header.stamp.nanosec = source.stamp.sec, source.stamp.nanosec
+    header.frame_id = source.frame_id
 
 
 def _set_header(header, source):

@@ -171,8 +171,8 @@ GOOD = 'rows: 2\ncolumns: 3\npitch: 0.001\ngain: 1.5\n'
 @pytest.mark.parametrize('text, reason', [
     ('', 'must be a mapping'),
     ('- 1', 'must be a mapping'),
-    ('rows: [', 'not YAML'),
-    ('\x00', 'not YAML'),
+    ('rows: [', 'is not YAML'),
+    ('\x00', 'is not YAML'),
     (GOOD + 'colour: red', "unknown key 'colour'"),
     (GOOD + '1: red', "unknown key '1'"),
     (GOOD.replace('rows: 2', ''), "key 'rows' is missing"),

@@ -1,4 +1,6 @@
-"""The FlexiTac codec: every split point, garbage, losses, mimicry, floods."""
+"""The FlexiTac codec: every split point, garbage, losses, mimicry, bait, floods."""
+import sys
+
 from hypothesis import given, settings
 from hypothesis import strategies as st
 import numpy as np
@@ -6,7 +8,6 @@ import pytest
 
 from tactile_common.errors import ConfigurationError
 from tactile_sensing.devices.flexitac import (
-    AMBIGUOUS_PERIODS,
     encode_frame,
     encode_next,
     encode_payload,
@@ -14,6 +15,7 @@ from tactile_sensing.devices.flexitac import (
     MARKER,
     payload_size,
 )
+from tactile_sensing.devices.marker_search import AMBIGUOUS_PERIODS
 from tactile_sensing.devices.protocol import Frame, NEED_DATA, Resync
 
 ROWS, COLUMNS = 3, 4
@@ -250,3 +252,104 @@ def test_payload_size_tells_the_array():
     assert payload_size(rng.bytes(16384)) is None
     assert payload_size(bytes(16384)) is None
     assert payload_size(b'') is None
+
+
+def stuck(rng, place, count, shape=(16, 16), smooth=True):
+    """Give pictures that two tactels stuck at the marker mimic; others are noise or at random."""
+    low, high = (8, 13) if smooth else (0, 256)
+    frames = rng.integers(low, high, (count, *shape), np.uint8)
+    frames.reshape(count, -1)[:, place:place + 2] = tuple(MARKER)
+    return frames
+
+
+@pytest.mark.parametrize('smooth', [True, False], ids=['free pad', 'anything'])
+@pytest.mark.parametrize('place', [0, 17, 100, 127, 200, 254])
+def test_tactels_stuck_at_the_marker_and_lost_bytes(place, smooth):
+    """No picture is out of phase, and few are lost: the frames before tell where one starts."""
+    rng = np.random.default_rng(place)
+    # At 127 half a period off both phases look alike, and the nearer one is taken.
+    most = 100 if place == 127 else 250
+    frames = stuck(rng, place, 600, smooth=smooth)
+    stream = bytearray(b''.join(map(encode_frame, frames)) + MARKER)
+    losses = 0
+    for at in range(590 * 258 - 40, 30 * 258, -30 * 258):
+        lost = int(rng.choice([1, 1, 2, 5, 60, int(rng.integers(1, most))]))
+        at += int(rng.integers(0, 258))
+        del stream[at:at + lost]
+        losses += 1
+    chunks, at = [], 0
+    while at < len(stream):
+        size = int(rng.integers(1, 400))
+        chunks.append(bytes(stream[at:at + size]))
+        at += size
+    _, events = decode(chunks, 16, 16)
+    sent = {counts.tobytes() for counts in frames}
+    got = [event.counts.tobytes() for event in events if isinstance(event, Frame)]
+    assert not [payload for payload in got if payload not in sent]
+    assert len(got) >= 600 - 3 * losses
+
+
+@pytest.mark.parametrize('place', [4, 100, 201])
+def test_a_loss_that_brings_the_mimic_to_the_marker_ends_the_lock(place):
+    rng = np.random.default_rng(3)
+    frames = stuck(rng, place, 60)
+    for at in range(20 * 258 + 2, 21 * 258 - place - 2, 40):  # within one picture
+        stream = b''.join(map(encode_frame, frames)) + MARKER
+        stream = stream[:at] + stream[at + place + len(MARKER):]
+        sent = {counts.tobytes() for counts in frames}
+        _, events = decode([stream], 16, 16)
+        got = [event.counts.tobytes() for event in events if isinstance(event, Frame)]
+        assert set(got) <= sent and len(got) >= 57
+
+
+def test_pauses_tell_where_a_frame_starts():
+    """Joined in the middle, two tactels stuck from the start: reads end where a device pauses."""
+    frames = stuck(np.random.default_rng(4), 100, 40)
+    first = encode_payload(frames[0])[50:] + MARKER
+    _, events = decode([first, *map(encode_next, frames[1:])], 16, 16)
+    assert pictures_of(events) == as_lists(frames[1:])
+
+
+def bait(kind, period, rng):
+    """Give some ten thousand bytes that look like frames again and again, and are none."""
+    size = 40_000
+    if kind == 'markers':
+        return (MARKER * size)[:size]
+    if kind == 'first halves':
+        return MARKER[:1] * size
+    data = bytearray(rng.integers(0, 256, size, np.uint8).tobytes())
+    for start in range(0, size - 12 * period, 12 * period + 5):
+        # Runs of markers everywhere that break one period before they would be believed.
+        for place in range(0, period - 1, 2 if kind == 'runs' else 9):
+            for k in range({'runs': 2, 'long runs': 7}[kind]):
+                data[start + k * period + place:start + k * period + place + 2] = MARKER
+    return bytes(data)
+
+
+def calls(function):
+    """Count the calls of functions, of Python's own as well, that a function makes."""
+    count = 0
+
+    def step(_, event, __):
+        nonlocal count
+        count += event in ('call', 'c_call')
+
+    sys.setprofile(step)
+    try:
+        function()
+    finally:
+        sys.setprofile(None)
+    return count
+
+
+@pytest.mark.parametrize('chunk', [1, 64, 4096])
+@pytest.mark.parametrize('kind', ['markers', 'first halves', 'runs', 'long runs'])
+def test_bait_costs_no_more_per_byte_however_long_a_frame_is(kind, chunk):
+    costs = []
+    for rows, columns in ((8, 8), (16, 16), (32, 32)):
+        data = bait(kind, 2 + rows * columns, np.random.default_rng(5))
+        pieces = [data[k:k + chunk] for k in range(0, len(data), chunk)]
+        costs.append(calls(lambda p=pieces, r=rows, c=columns: decode(p, r, c)) / len(data))
+    # Six calls a byte are the test's own when it hands over single bytes.
+    assert max(costs) < 30.0
+    assert costs[2] < 1.3 * costs[0] + 1.0

@@ -7,6 +7,7 @@ from tactile_sensing.half_space.kernels import add_segment
 from tactile_sensing.types.array import TactelArray
 from tactile_sensing.types.image import Layer, TactileImage
 from tactile_servo.config import ServoConfig
+from tactile_servo.following import Following
 from tactile_servo.inputs import Inputs
 from tactile_servo.law import Observation
 from tactile_servo.laws.edge_following import EdgeFollowing
@@ -35,12 +36,15 @@ def compile_kernels() -> None:
     model = RobotModel.from_urdf(ROBOT, 'tip')
     limits = JointLimits(tuple(model.joint_names), model.lower, model.upper,
                          model.velocity_limit, np.ones(2))
-    motion = Motion(model, limits, MotionConfig(), 0.005, WorkspaceBox(-np.ones(3), np.ones(3)))
+    motion = Motion(model, limits, MotionConfig(), 0.0025, WorkspaceBox(-np.ones(3), np.ones(3)))
     motion.seed(np.zeros(2))
-    motion.command(np.full(6, 0.01), 0.0025)
+    motion.command(np.full(6, 0.01), 0)
     inputs = Inputs(model, limits, ServoConfig().input)
     inputs.see_joints(np.zeros(2), 0, 0.0)
     inputs.astray(motion.positions)
+    following = Following(ServoConfig().input, 0.04)
+    following.sent(0.0, motion.pose, inputs.pose)
+    following.problem(inputs.pose, 0.0)
     _follow_an_edge()
 
 

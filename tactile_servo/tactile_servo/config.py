@@ -6,8 +6,6 @@ from tactile_common.config import bounded
 from tactile_common.errors import ConfigurationError
 from tactile_servo.motion.motion import MotionConfig
 
-WINDOW_PERIODS = 2.0  # control periods that a window of commands looks ahead
-
 
 @dataclass(frozen=True)
 class SpeedBounds:
@@ -66,6 +64,13 @@ class InputConfig:
         0.002, 10.0)
     following_error: float = bounded(
         0.15, 'hold when a joint is this far from where it was commanded', 'rad', 0.001, 3.0)
+    following_distance: float = bounded(
+        0.002, 'hold when the sensor is measured this far from the way that it was sent on '
+        'lately; a rotation counts on motion.rotation_length', 'm', 1e-4, 0.1)
+    following_time: float = bounded(
+        0.05, 'how late the robot may follow', 's', 0.005, 1.0)
+    stall: float = bounded(
+        0.05, 'hold when no cycle came, or time stood still, for this long', 's', 0.005, 10.0)
 
 
 @dataclass(frozen=True)
@@ -77,6 +82,28 @@ class HoldConfig:
         'waits for ~/pause false', 's', 0.0, 60.0)
     give_up: float = bounded(
         30.0, 'a hold that nobody ended by then aborts the goal', 's', 0.1, 3600.0)
+    longest_pause: float = bounded(
+        3600.0, 'the same for a hold that was asked for', 's', 0.1, 86400.0)
+
+
+@dataclass(frozen=True)
+class TimeLimits:
+    """How long a goal may take."""
+
+    slack: float = bounded(
+        10.0, 'approach, retreat and a goal with a length end when they take longer by this '
+        'than their ways at a small part of their speeds', 's', 0.1, 3600.0)
+    track: float = bounded(
+        1800.0, 'a goal without a length ends after tracking for this long', 's', 1.0, 86400.0)
+
+
+@dataclass(frozen=True)
+class ContourConfig:
+    """Contours, whose end is their start."""
+
+    miss: float = bounded(
+        0.005, 'a goal without a length ends when the pad passes its start within this distance '
+        'and the contour does not close; or after one and a half laps', 'm', 1e-3, 0.1)
 
 
 @dataclass(frozen=True)
@@ -90,4 +117,6 @@ class ServoConfig:
     retreat: RetreatConfig = field(default_factory=RetreatConfig)
     input: InputConfig = field(default_factory=InputConfig)
     hold: HoldConfig = field(default_factory=HoldConfig)
+    time: TimeLimits = field(default_factory=TimeLimits)
+    contour: ContourConfig = field(default_factory=ContourConfig)
     motion: MotionConfig = field(default_factory=MotionConfig)

@@ -7,20 +7,23 @@ one takes several times as long, and what has been published is free again.
 
 from array import array
 from collections.abc import Callable, Sequence
+from functools import lru_cache
 from typing import Any, NamedTuple
 
 from builtin_interfaces.msg import Time
 from geometry_msgs.msg import Point, PoseStamped
 import numpy as np
 from sensor_msgs.msg import JointState
-from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
+from trajectory_msgs.msg import JointTrajectory
 
 from tactile_common.errors import Rejected
+from tactile_common.ros.cdr import HEAD, padded
 from tactile_common.ros.conversions import (
     NS,
     pose_to_msg,
     set_stamp,
     stamp_from_ns,
+    stamp_to_ns,
     stamp_to_seconds,
 )
 from tactile_msgs.action import TrackEdge, TrackSurface
@@ -28,30 +31,40 @@ from tactile_msgs.msg import ServoStatus
 from tactile_servo.laws.surface_goal import Pattern, SurfaceGoal, SurfaceResult
 from tactile_servo.motion.trajectory import Trajectory
 from tactile_servo.supervisor import Supervisor
-from tactile_servo.types import EdgeGoal, Status
+from tactile_servo.types import EdgeGoal, Status, Timing
 
 _FIELDS = ('positions', 'velocities', 'accelerations')
-_EMPTY = array('d')
 _NUMBERS = ('lateral_error', 'longitudinal_error', 'angle_error', 'normal_force', 'force_target',
             'speed', 'progress', 'limit_scale', 'manipulability')
 
 
-def trajectory_to_msg(trajectory: Trajectory,
-                      into: JointTrajectory | None = None) -> JointTrajectory:
-    """JointTrajectory message of a Trajectory."""
-    message = JointTrajectory() if into is None else into
-    message.joint_names = list(trajectory.joint_names)
-    set_stamp(message.header.stamp, round(trajectory.stamp * NS))
-    times = trajectory.times.tolist()
-    if len(message.points) != len(times):
-        message.points = [JointTrajectoryPoint() for _ in times]
-    for point, time in zip(message.points, times, strict=True):
-        set_stamp(point.time_from_start, round(time * NS))
-    for name in _FIELDS:
-        values = getattr(trajectory, name)
-        for k, point in enumerate(message.points):
-            setattr(point, name, _EMPTY if values is None else array('d', values[k].tobytes()))
-    return message
+def trajectory_to_bytes(trajectory: Trajectory) -> bytes:
+    """Bytes of the JointTrajectory message of a Trajectory, sooner than by way of the message."""
+    names, times = trajectory.joint_names, trajectory.times.tolist()
+    fields = [getattr(trajectory, name) for name in _FIELDS]
+    given = [None if values is None else values.tolist() for values in fields]
+    struct, head = _layout(tuple(names), len(times), tuple(rows is not None for rows in given))
+    values = [*divmod(trajectory.stamp_ns, NS), *head]
+    for k, time in enumerate(times):
+        for rows in given:
+            if rows is None:
+                values.append(0)
+            else:
+                values.append(len(names))
+                values += rows[k]
+        values += 0, *divmod(round(time * NS), NS)
+    return HEAD + struct.pack(*values)
+
+
+@lru_cache(maxsize=16)
+def _layout(names, points, given):
+    """Layout of a JointTrajectory with an empty frame, and its values up to the first point."""
+    texts = [f'{name}\0'.encode() for name in ('', *names)]
+    sized = [part for text in texts for part in (len(text), text)]
+    codes = [code for text in texts for code in ('I', f'{len(text)}s')]
+    point = [*('I' + 'd' * len(names) * present for present in given), 'I', 'iI']
+    return (padded(['i', 'I', *codes[:2], 'I', *codes[2:], 'I', *''.join(point * points)]),
+            [*sized[:2], len(names), *sized[2:], points])
 
 
 def trajectory_from_msg(message: JointTrajectory) -> Trajectory:
@@ -81,7 +94,7 @@ def trajectory_from_msg(message: JointTrajectory) -> Trajectory:
     return Trajectory(
         names,
         np.array([stamp_to_seconds(point.time_from_start) for point in message.points]),
-        stamp=stamp_to_seconds(message.header.stamp), **values)
+        stamp_ns=stamp_to_ns(message.header.stamp), **values)
 
 
 def joint_state_to_msg(stamp: Time, joint_names: Sequence[str], positions: np.ndarray,
@@ -206,7 +219,7 @@ ACTIONS = {
         TrackSurface, surface_goal_from_msg, surface_result_to_msg, surface_feedback_to_msg)}
 
 
-def status_to_msg(status: Status, controller: str, cycle_time: float, missed_cycles: int,
+def status_to_msg(status: Status, controller: str, timing: Timing,
                   into: ServoStatus | None = None) -> ServoStatus:
     """ServoStatus message of a Status, its header left as it is."""
     message = ServoStatus() if into is None else into
@@ -217,7 +230,8 @@ def status_to_msg(status: Status, controller: str, cycle_time: float, missed_cyc
     for name in _NUMBERS:
         setattr(message, name, float(getattr(status, name)))
     message.limited_by = status.limited_by
-    message.cycle_time, message.missed_cycles = cycle_time, missed_cycles
+    (message.latency, message.cycle_time, message.cpu_time,
+     message.cycles, message.missed_cycles) = timing
     linear, angular = message.twist.linear, message.twist.angular
     linear.x, linear.y, linear.z, angular.x, angular.y, angular.z = status.twist.tolist()
     return message

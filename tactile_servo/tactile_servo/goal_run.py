@@ -5,16 +5,28 @@ from dataclasses import dataclass
 import numpy as np
 
 from tactile_servo.config import ServoConfig
+from tactile_servo.control.lap_guard import LapGuard
+from tactile_servo.control.scaling import clipped
+from tactile_servo.cycle_clock import CycleClock
+from tactile_servo.following import apart, Following
 from tactile_servo.inputs import Inputs
 from tactile_servo.law import Goal, Reference, ServoLaw
-from tactile_servo.motion.motion import Motion
+from tactile_servo.motion.motion import Motion, MotionStep
 from tactile_servo.reasons import Reason, ReasonCode
 from tactile_servo.state_machine import ASSESSED, Event, RESUMPTION, StateMachine
+from tactile_servo.state_times import approach_speed, StateTimes
 from tactile_servo.track_statistics import TrackStatistics
 from tactile_servo.types import State, TRACKING
 
 SOUND_FORCE = 0.5  # of the force, from which the depth of the pad is known to be sound
 OFFER = 'resume with ~/pause false'
+SETTLE = 0.1  # s after the end of the last command, until what is measured is where it stands
+NEAR = 5.0  # times `following_distance`, within which a robot at rest is told to stay there
+BLIND = 0.5  # of the force, by which it may grow on a way that no image has shown
+REACTION = 0.01  # s in which the approach slows down to keep to that
+# What goes on only when asked: who caused it must know that the robot will move.
+ASKED = frozenset({ReasonCode.PAUSED, ReasonCode.NOT_FOLLOWING, ReasonCode.CONTROLLER_INACTIVE,
+                   ReasonCode.SEVERAL_PUBLISHERS, ReasonCode.CLOCK_STOPPED})
 
 
 @dataclass
@@ -24,6 +36,10 @@ class Hold:
     paused: bool = False  # it was asked for
     resumption: Event = Event.RESUME_APPROACH  # what takes up again what it interrupted
     cause: Reason = Reason(ReasonCode.NONE)  # what is wrong
+    began: float = -np.inf  # steady time at which it went wrong [s],
+    back: float | None = None  # and at which it no longer was
+    bound: bool = False  # it ends only when it is
+    asked: bool = False  # for
 
 
 @dataclass
@@ -39,7 +55,10 @@ class GoalRun:
     """
     One goal, from its acceptance to its end.
 
-    Every change of state goes through the table of `state_machine`.
+    Every change of state goes through the table of `state_machine`. In a hold nothing is
+    commanded: the last window ends at rest. Once the robot stands it is told to stay where it
+    is measured, so that no older command can move it any more; from there it goes on. It has
+    many parts, for all that a goal needs meets here.
     """
 
     def __init__(self, goal: Goal, config: ServoConfig, law: ServoLaw, inputs: Inputs,
@@ -51,6 +70,12 @@ class GoalRun:
         self._config, self._law, self._inputs = config, law, inputs
         self._motion, self._machine = motion, machine
         self._anchor = motion.pose  # where the current way (approach, retreat, press) began
+        self._following = Following(config.input, config.motion.rotation_length)
+        self._laps = LapGuard(config.contour.miss)
+        self._times = StateTimes(config, goal)
+        # Steady times [s]: of the last decision, and until which the robot may move.
+        self._now, self._moving = -np.inf, -np.inf
+        self._told = True  # that it stays where it stands
 
     def cancel(self) -> None:
         """Stop within the robot's limits and end the goal."""
@@ -59,49 +84,66 @@ class GoalRun:
     def pause(self, paused: bool, now: float) -> None:
         """Hold (true) or go on (false)."""
         self.hold.paused = paused
-        if (not paused and self._machine.state == State.HOLD and not self.ending.stopping
-                and self._standstill() is None):
-            self._resume(now, Reason(ReasonCode.RESUMED))
+        self.hold.asked = not paused and self._machine.state == State.HOLD
+        if self.hold.asked and self._standstill() is None:
+            self._resume_at_rest(now, Reason(ReasonCode.RESUMED))
 
     def count(self) -> None:
         """Count the way since the last cycle."""
-        if self._machine.state in TRACKING and self.reference is not None:
-            self.statistics.move(self._inputs.pose, self.reference.heading)
-        else:
-            self.statistics.stand()
+        statistics, reference = self.statistics, self.reference
+        if self._machine.state not in TRACKING or reference is None:
+            statistics.stand()
+            return
+        pose = self._inputs.pose
+        statistics.move(pose, reference.heading)
+        if getattr(self.goal, 'length', 0.0) == 0.0:
+            self._laps.see(pose[:3, 3].tolist(), pose[:3, 2].tolist(), reference.heading,
+                           statistics.length)
 
-    def decide(self, now: float) -> None:
-        """Change the state where there is reason to."""
+    def decide(self, now: float, clock: CycleClock, around: Reason | None = None) -> None:
+        """Change the state where there is reason to, in the time or around the servo as well."""
         why, overload = self._standstill(), self._inputs.load > self._config.force.max_load
-        if self._machine.state is State.HOLD and not self.ending.stopping:
+        state = self._machine.state
+        why = clock.fault or (around if state is not State.RETREAT else None) or why
+        self._now = now
+        self._times.count(state, now)
+        if state is State.HOLD and not self.ending.stopping:
             self._decide_hold(now, why)
         if self.ending.stopping:
-            self._rest_when_standing()
+            if now >= self._moving + SETTLE:
+                self._machine.fire(Event.REST, self._machine.reason)
             return
         state = self._machine.state
-        if state is State.HOLD and (why is not None or not overload):
+        if state is State.HOLD and (
+                why is not None or not overload or self.hold.bound or not self._told):
             return
         if why is not None:
-            self._hold(now, why)
+            self._hold(now, why, now - clock.gap)
         elif self._motion.blocked:
-            self._end_blocked(now)
+            self._end_early(Reason(ReasonCode.MOTION_BLOCKED, self._motion.blocked))
         elif overload and state is not State.RETREAT:
-            self._end(now, Reason(ReasonCode.OVERLOAD, f'{self._inputs.load:.1f} N'), lift=True)
+            self._end(Reason(ReasonCode.OVERLOAD, f'{self._inputs.load:.1f} N'), lift=True)
+        elif self._times.over(state):
+            self._end_early(Reason(ReasonCode.TIME_LIMIT, f'{self._times.longest(state):.0f} s'))
         elif state is State.APPROACH:
             self._decide_approach(now)
         elif state in TRACKING:
             self._decide_track(now)
-        elif -self._advance() >= self._config.retreat.distance:
-            self._rest_when_standing()
+        elif -self._advance() >= self._config.retreat.distance and self._motion.standing:
+            self._machine.fire(Event.REST, self._machine.reason)
 
     def _standstill(self) -> Reason | None:
         """Why the robot must stand still whatever is tracked, or None."""
         if self.hold.paused:
             return Reason(ReasonCode.PAUSED)
-        missing = self._inputs.joints_missing()
-        if missing is None and self._machine.state != State.RETREAT:  # lifting off needs no image
-            missing = self._inputs.contact_missing()
-        return missing or self._inputs.astray(self._motion.positions)
+        inputs, state = self._inputs, self._machine.state
+        missing = inputs.joints_missing()
+        if missing is None and state != State.RETREAT:  # lifting off needs no image
+            missing = inputs.contact_missing(self._law.sees_images)
+        if missing is not None or inputs.joints is None or state is State.HOLD:
+            return missing  # in a hold nothing is commanded
+        return (inputs.astray(self._motion.positions)
+                or self._following.problem(inputs.pose, inputs.joints.arrival))
 
     def _decide_approach(self, now):
         c, load, lacking = self._config, self._inputs.load, self._law.lacks(now)
@@ -111,16 +153,16 @@ class GoalRun:
             self._machine.fire(Event.TOUCH, Reason(ReasonCode.CONTACT), now)
         elif lacking is not None and load >= self.goal.force and (
                 self.observed > since or now - since > c.input.lost_after):
-            self._end(now, Reason(ReasonCode.NO_EDGE, lacking.text), lift=True)
+            self._end(Reason(ReasonCode.NO_EDGE, lacking.text), lift=True)
         elif self._advance() >= c.approach.distance:
-            self._end(now, Reason(ReasonCode.NO_CONTACT, f'within {c.approach.distance:g} m'),
+            self._end(Reason(ReasonCode.NO_CONTACT, f'within {c.approach.distance:g} m'),
                       lift=True)
 
     def _decide_track(self, now):
         deepest = self._config.force.press_depth
         found = self._law.assess(now, self.statistics.length, self._inputs.load)
         if found.state == State.HOLD:
-            self._hold(now, found.reason)
+            self._hold(now, found.reason, now)
             return
         error = self._law.error
         if error is not None:
@@ -128,9 +170,11 @@ class GoalRun:
             if error.force >= SOUND_FORCE * self.goal.force:
                 self._anchor = self._motion.pose
         if found.state == State.DONE:
-            self._end(now, found.reason, found.success, found.lift)
+            self._end(found.reason, found.success, found.lift)
         elif self._advance() > deepest:
-            self._end(now, Reason(ReasonCode.TOO_DEEP, f'{deepest:g} m'), lift=True)
+            self._end(Reason(ReasonCode.TOO_DEEP, f'{deepest:g} m'), lift=True)
+        elif self._laps.problem(self.statistics.length):
+            self._end(Reason(ReasonCode.LAP_LIMIT, self._laps.problem(self.statistics.length)))
         elif found.state != self._machine.state:
             self._machine.fire(ASSESSED[found.state], found.reason, now)
 
@@ -139,59 +183,88 @@ class GoalRun:
         pose, anchor = self._motion.pose, self._anchor
         return 0.0 if pose is anchor else float((pose[:3, 3] - anchor[:3, 3]) @ anchor[:3, 2])
 
-    def _hold(self, now, reason):
-        self.hold.resumption, self.hold.cause = RESUMPTION[self._machine.state], reason
+    def _hold(self, now, reason, began):
+        bound = reason.code in ASKED or now - began > self._config.hold.resume_within
+        self.hold = Hold(self.hold.paused, RESUMPTION[self._machine.state], reason, began,
+                         bound=bound)
+        self._moving = max(self._moving, now)
         self._machine.fire(Event.HOLD, reason, now)
 
     def _decide_hold(self, now, why):
         hold, limits = self.hold, self._config.hold
         if why is not None:
             hold.cause = self._machine.reason = why
-        held = now - self._machine.since
+            hold.bound, hold.asked = hold.bound or why.code in ASKED, False
         back = why is None and (hold.resumption != Event.RESUME_TRACK
                                 or self._law.lacks(now) is None)
-        if back and held <= limits.resume_within:
-            self._resume(now, Reason(ReasonCode.INPUT_BACK))
-        elif not hold.paused and held > limits.give_up:
-            self._end(now, Reason(ReasonCode.GAVE_UP, hold.cause.text))
-        elif back:
+        hold.back = None if not back else now if hold.back is None else hold.back
+        in_time = hold.back is not None and hold.back - hold.began <= limits.resume_within
+        if why is None and (hold.asked or (in_time and not hold.bound)):
+            code = ReasonCode.RESUMED if hold.asked else ReasonCode.INPUT_BACK
+            self._resume_at_rest(now, Reason(code))
+        elif now - self._machine.since > (limits.longest_pause if hold.paused
+                                          else limits.give_up):
+            self._end(Reason(ReasonCode.GAVE_UP, hold.cause.text))
+        elif back and self._told:
             self._machine.reason = Reason(
                 ReasonCode.INPUT_BACK, f'{OFFER} (held: {hold.cause.text})')
 
-    def _resume(self, now, reason):
-        """Go on from the measured state, or from the commanded one while that still moves."""
-        if self._motion.standing:
-            self._motion.seed(self._inputs.joints.value)
+    def _resume_at_rest(self, now, reason):
+        """Go on from the measured state, once the robot stands."""
+        if not self._told or self.ending.stopping:
+            return
+        self._start_here()
         self._law.resume()
-        self.reference = None
         self._machine.fire(self.hold.resumption, self.ending.reason or reason, now)
 
-    def _end(self, now, reason, success=False, lift=False):
+    def _start_here(self):
+        """Forget what was commanded: the robot is where it is measured, at rest."""
+        self._motion.seed(self._inputs.joints.value)
+        self._following.reset()
+        self.reference = None
+
+    def _end(self, reason, success=False, lift=False):
         """End the goal: lift off where that is asked for or needed, else stop."""
         self.ending.reason, self.ending.success = reason, success
-        if (lift or self.goal.retreat) and self._standstill() is None:
+        held = self._machine.state is State.HOLD
+        if (lift or self.goal.retreat) and self._standstill() is None and not (
+                held and (self.hold.bound or not self._told)):
+            if held:
+                self._start_here()
             self._anchor = self._motion.pose
-            self._machine.fire(Event.LIFT, reason, now)
+            self._machine.fire(Event.LIFT, reason, self._now)
         else:
             self._stop(reason)
 
-    def _end_blocked(self, now):
-        """End a goal whose motion a limit, a singularity or the workspace has held back."""
-        reason = Reason(ReasonCode.MOTION_BLOCKED, self._motion.blocked)
+    def _end_early(self, reason):
+        """End a goal whose motion does not get on."""
         self._motion.reset_blocked()
         if self._machine.state == State.RETREAT:  # its outcome stands
             code, detail = self._machine.reason
             self._stop(Reason(code, f'{detail}; {reason.text}' if detail else reason.text))
         else:
-            self._end(now, reason)
+            self._end(reason, lift=reason.code is ReasonCode.TIME_LIMIT)
 
     def _stop(self, reason):
         self.ending.stopping = True
         self._machine.fire(Event.STOP, reason)
 
-    def _rest_when_standing(self):
-        if self._motion.standing:
-            self._machine.fire(Event.REST, self._machine.reason)
+    def command(self, now: float, now_ns: int, dt: float, stamped: bool) -> MotionStep | None:
+        """Command the next piece of motion, of `dt` [s]; None if there is none."""
+        motion = self._motion
+        if self._machine.state not in (State.HOLD, State.DONE):
+            step = motion.command(self.twist(dt), now_ns, stamped)
+            self._following.sent(now, motion.pose, self._inputs.pose)
+            self._moving, self._told = now + self._motion.lasting, False
+            return step
+        if self._told or now < self._moving + SETTLE or not self._inputs.joints_fresh or dt == 0.0:
+            return None
+        self._told = True
+        near = apart(motion.pose, self._inputs.pose, self._config.motion.rotation_length) <= (
+            NEAR * self._config.input.following_distance)
+        self._start_here()
+        # Not where it has come to be elsewhere: who brought it there has commanded it since.
+        return motion.command(np.zeros(6), now_ns, stamped) if near else None
 
     def twist(self, dt: float) -> np.ndarray:
         """Wanted twist of the sensor in its own frame (6,) [m/s, rad/s]."""
@@ -205,9 +278,18 @@ class GoalRun:
             return twist
         twist, force = np.zeros(6), self.goal.force
         if state is State.APPROACH and self._inputs.load < force:
-            # What is to be touched lightly is touched slowly: the pad stops late.
-            softly = c.approach.speed * min(force / c.approach.soft_touch, 1.0)
-            twist[2] = min(softly, self._law.touch_speed)
+            twist[2] = min(approach_speed(c, force), self._law.touch_speed, self._sighted_speed())
         elif state is State.RETREAT and -self._advance() < c.retreat.distance:
             twist[2] = -c.approach.speed
         return twist
+
+    def _sighted_speed(self) -> float:
+        """Speed at which the force cannot grow much on a way that no image has shown [m/s]."""
+        way = BLIND * self.goal.force / self._law.stiffness
+        contact = self._inputs.contact
+        seen = None if contact is None else self._inputs.pose_at(contact.stamp_ns)
+        if seen is None:
+            return way / self._config.input.max_stamp_age
+        pose = self._motion.pose
+        blind = float((pose[:3, 3] - seen[:3, 3]) @ pose[:3, 2])
+        return clipped((way - blind) / REACTION, 0.0, np.inf)

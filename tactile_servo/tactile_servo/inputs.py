@@ -5,10 +5,11 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from tactile_common.errors import TactileError
 from tactile_common.kernels import njit
 from tactile_sensing.types.contact import Contact
 from tactile_sensing.types.contact import Reason as ContactReason
-from tactile_sensing.types.image import SensorInfo
+from tactile_sensing.types.image import SensorInfo, TactileImage
 from tactile_servo.config import InputConfig
 from tactile_servo.motion.joint_history import JointHistory
 from tactile_servo.motion.limits import JointLimits
@@ -16,6 +17,8 @@ from tactile_servo.motion.robot import RobotModel
 from tactile_servo.reasons import Reason, ReasonCode
 
 _SATURATED, _NOT_TARED = int(ContactReason.SATURATED), int(ContactReason.NOT_TARED)
+IMPOSSIBLE = 1e9  # Pa
+SAME_PITCH = 1e-3  # relative
 
 
 class Sample(NamedTuple):
@@ -26,8 +29,16 @@ class Sample(NamedTuple):
     arrival: float
 
 
+class InputRefused(TactileError):
+    """Something heard that cannot be used; `reason` says why."""
+
+    def __init__(self, reason: Reason):
+        super().__init__(reason.text)
+        self.reason = reason
+
+
 class Inputs:
-    """What a servo has heard last: joint state, contact, sensor."""
+    """What a servo has heard last: joint state, image, contact, sensor."""
 
     def __init__(self, robot: RobotModel, limits: JointLimits, config: InputConfig):
         self._robot, self._config, self._names = robot, config, limits.names
@@ -36,10 +47,13 @@ class Inputs:
         self.contact: Sample | None = None
         self.sensor: SensorInfo | None = None
         self.pose = np.full((4, 4), np.nan)  # measured, of the sensor
-        self.load = 0.0  # force on the pad [N], the larger of what is fitted and summed
+        # Why the newest image or contact was refused; None if it was not.
+        self.refused: Reason | None = None
         # As of the last `refresh`; and whether the pad feels more than it can tell.
         self.contact_fresh = self.joints_fresh = self.saturated = False
         self._tared = True
+        self._felt = self._summed = 0.0  # force that the contact and the image tell of [N]
+        self._pictured, self._image_fresh = -math.inf, False  # steady time of the newest [s]
 
     def see_joints(self, positions: np.ndarray, stamp_ns: int, arrival: float) -> None:
         """Take a measured joint state; ValueError if it cannot be believed."""
@@ -49,12 +63,40 @@ class Inputs:
 
     def see_contact(self, contact: Contact, stamp_ns: int, arrival: float) -> None:
         """Take a contact estimate."""
-        self.contact = Sample(contact, stamp_ns, arrival)
-        self.load = max(filter(math.isfinite, (contact.normal_force, contact.moments.m0)),
-                        default=0.0)
+        self.contact, self.refused = Sample(contact, stamp_ns, arrival), None
+        self._felt = max(filter(math.isfinite, (contact.normal_force, contact.moments.m0)),
+                         default=0.0)
         reasons = int(contact.reasons)  # a set of flags is slow to ask
         self.saturated = bool(reasons & _SATURATED)
         self._tared = not reasons & _NOT_TARED
+
+    def see_image(self, image: TactileImage, arrival: float) -> None:
+        """Take an image for its load; InputRefused if it is not of the sensor that is known."""
+        array, sensor = image.array, self.sensor
+        if sensor is not None:
+            known = sensor.array
+            if image.frame_id != sensor.frame_id:
+                self.refuse(Reason(ReasonCode.WRONG_FRAME, f'image in {image.frame_id!r}, sensor '
+                                   f'in {sensor.frame_id!r}'))
+            if (array.rows, array.columns) != (known.rows, known.columns) or any(
+                    abs(one - other) > SAME_PITCH * other for one, other in (
+                        (array.pitch_x, known.pitch_x), (array.pitch_y, known.pitch_y))):
+                self.refuse(Reason(
+                    ReasonCode.BAD_IMAGE, f'{_told(array)}, but the sensor has {_told(known)}'))
+        self._pictured, self._summed = arrival, sum(
+            _sum(layer.stress) for layer in image.layers
+            if layer.component == 'zz' and layer.unit == 'Pa' and image.tared
+        ) * array.pitch_x * array.pitch_y
+
+    def refuse(self, reason: Reason) -> None:
+        """Raise InputRefused, and remember why."""
+        self.refused = reason
+        raise InputRefused(reason)
+
+    @property
+    def load(self) -> float:
+        """Force on the pad [N], the largest of those fitted and summed."""
+        return max(self._felt, self._summed)
 
     def age(self, stamp_ns: int) -> float:
         """How much older than the newest joint state a stamp is [s]; inf if there is none."""
@@ -67,6 +109,9 @@ class Inputs:
 
     def refresh(self, now: float, now_ns: int) -> None:
         """Judge anew what is fresh."""
+        self._image_fresh = now - self._pictured <= self._config.stale_image
+        if not self._image_fresh:
+            self._summed = 0.0
         self.contact_fresh = self.sensor is not None and self._fresh(
             self.contact, self._config.stale_image, now, now_ns)
         self.joints_fresh = self._fresh(self.joints, self._config.stale_joints, now, now_ns)
@@ -81,10 +126,13 @@ class Inputs:
             return None
         return Reason(ReasonCode.STALE_JOINT_STATE if self.joints else ReasonCode.NO_JOINT_STATE)
 
-    def contact_missing(self) -> Reason | None:
-        """What is wrong with the contacts, or None."""
+    def contact_missing(self, images: bool) -> Reason | None:
+        """What is wrong with the contacts, and with the images if they matter; or None."""
         if not self.contact_fresh or self.contact is None:
-            return Reason(ReasonCode.STALE_IMAGE if self.contact else ReasonCode.NO_IMAGE)
+            return self.refused or Reason(
+                ReasonCode.STALE_IMAGE if self.contact else ReasonCode.NO_IMAGE)
+        if images and not self._image_fresh:
+            return self.refused or Reason(ReasonCode.STALE_IMAGE)
         return None if self._tared else Reason(ReasonCode.NOT_TARED)
 
     def astray(self, commanded: np.ndarray) -> Reason | None:
@@ -93,6 +141,16 @@ class Inputs:
             return None
         joint = _farthest(commanded, self.joints.value, self._config.following_error)
         return None if joint < 0 else Reason(ReasonCode.NOT_FOLLOWING, self._names[joint])
+
+
+def _told(array):
+    return (f'{array.rows} x {array.columns} tactels every {1e3 * array.pitch_y:g} x '
+            f'{1e3 * array.pitch_x:g} mm')
+
+
+def _sum(stress):
+    """Sum of the possible values of a layer (rows, columns)."""
+    return float(np.sum(stress, where=np.abs(stress) < IMPOSSIBLE, dtype=np.float64))
 
 
 @njit(cache=True)

@@ -76,11 +76,16 @@ class ServoLaw(Protocol):
     sees_images: ClassVar[bool]  # whether images are observed beside contacts
 
     @property
+    def stiffness(self) -> float: ...  # total, of skin, finger and robot [N/m]
+    @property
     def touch_speed(self) -> float: ...  # at which it presses a pad that feels nothing yet [m/s]
     @property
     def error(self) -> TaskError | None: ...  # as last observed, None before
 
     def __init__(self, servo: ServoConfig, config: Any = None) -> None: ...
+
+    def retune(self, config: Any) -> None:
+        """Take a configuration from now on in which `live` fields have changed, nothing else."""
 
     def validate(self, goal: Any) -> Refusal | None:
         """Why a goal is beyond this law, or None."""

@@ -12,11 +12,12 @@ import numpy as np
 
 from tactile_sensing.types.contact import Contact
 from tactile_sensing.types.image import SensorInfo, TactileImage
-from tactile_servo.config import ServoConfig, WINDOW_PERIODS
-from tactile_servo.control.scaling import clipped
+from tactile_servo.config import ServoConfig
+from tactile_servo.cycle_clock import CycleClock
 from tactile_servo.goal_run import GoalRun
 from tactile_servo.inputs import Inputs
 from tactile_servo.law import LawResult, Observation, Refusal, ServoLaw
+from tactile_servo.motion.clock import ClockCheck
 from tactile_servo.motion.limits import JointLimits, WorkspaceBox
 from tactile_servo.motion.motion import Motion, MotionStep
 from tactile_servo.motion.robot import RobotModel
@@ -43,10 +44,12 @@ class Supervisor:
         self.law, self.config = law, config or ServoConfig()
         self.inputs = Inputs(robot, limits, self.config.input)
         self.motion = Motion(robot, limits, self.config.motion,
-                             WINDOW_PERIODS / self.config.rate, workspace)
+                             1.0 / self.config.rate, workspace)
         self.run: GoalRun | None = None  # of the goal that is worked on, or of the last one
         self._machine = StateMachine()
-        self._period, self._last_ns = 1.0 / self.config.rate, None
+        self._clock = CycleClock(1.0 / self.config.rate, self.config.input.stall)
+        self._robot_clock = ClockCheck()
+        self.around: Reason | None = None  # what is wrong around the servo, that no datum tells
 
     def see_sensor(self, sensor: SensorInfo) -> None:
         """Take what is known of the sensor; a goal begins with it."""
@@ -66,7 +69,12 @@ class Supervisor:
         self._tell(stamp_ns, arrival, contact=contact)
 
     def see_image(self, image: TactileImage, arrival: float) -> None:
-        """Take an image and its steady arrival time [s], for a law that sees them."""
+        """
+        Take an image and its steady arrival time [s], for its load and for a law that sees them.
+
+        InputRefused if it is not of the sensor that is known.
+        """
+        self.inputs.see_image(image, arrival)
         if self._machine.active and self.law.sees_images:
             self._tell(image.stamp_ns, arrival, image=image)
 
@@ -114,7 +122,7 @@ class Supervisor:
         if goal.force <= least:
             return Refusal(ReasonCode.INVALID_GOAL,
                            f'force {goal.force:g} N is not above contact_force, {least:g} N')
-        refused = self.law.validate(goal)
+        refused = self.law.validate(goal) or self.around
         if refused is None and self.inputs.joints is None:
             return Refusal(ReasonCode.NO_JOINT_STATE, 'none has been received')
         if refused is None and self.inputs.sensor is None:
@@ -123,7 +131,7 @@ class Supervisor:
 
     def note(self, refusal: Refusal) -> None:
         """Put a refusal into the status of an idle servo: it has no other answer."""
-        if not self.active:
+        if self.state is State.IDLE:  # the reason of one that is done belongs to its result
             self._machine.reason = refusal
 
     def start(self, goal: Any, now: float) -> None:
@@ -166,22 +174,20 @@ class Supervisor:
         """
         Decide one control cycle at a steady time [s] and one of the clock of the stamps [ns].
 
-        The trajectory is for the joint trajectory controller; None while no goal is active.
+        The trajectory is for the joint trajectory controller; None while nothing is to move.
         """
-        dt = self._elapsed(now_ns)
+        dt = self._clock.tick(now, now_ns)
         self.inputs.refresh(now, now_ns)
-        if self.run is None or not self.active or dt <= 0.0:
+        if (joints := self.inputs.joints) is not None:
+            self._robot_clock.see(joints.stamp_ns, 1e-9 * (now_ns - joints.stamp_ns) - (
+                now - joints.arrival), now)
+        if self.run is None or not self.active or (dt == 0.0 and self._clock.fault is None):
             return self._status(self.run), None
         self.run.count()
-        self.run.decide(now)
-        step = self.motion.command(self.run.twist(dt), dt)
-        return self._status(self.run, step), step.trajectory
+        self.run.decide(now, self._clock, self.around)
+        step = self.run.command(now, now_ns, dt, self._robot_clock.agrees)
+        return self._status(self.run, step), None if step is None else step.trajectory
 
-    def _elapsed(self, now_ns):
-        """Time since the last cycle by the clock of the stamps, by which the robot moves [s]."""
-        dt = self._period if self._last_ns is None else (now_ns - self._last_ns) * 1e-9
-        self._last_ns = now_ns
-        return clipped(dt, 0.0, 2.0 * self._period)
 
     def _status(self, run: GoalRun | None, step: MotionStep | None = None) -> Status:
         inputs, machine = self.inputs, self._machine
@@ -189,7 +195,7 @@ class Supervisor:
                         joints_fresh=inputs.joints_fresh)
         if inputs.contact is not None:
             status.contact_stamp_ns, status.normal_force = inputs.contact.stamp_ns, inputs.load
-        if run is None or step is None:
+        if run is None or status.state == State.IDLE:
             return status
         if status.state in TRACKING or status.state == State.HOLD:
             error = self.law.error
@@ -199,6 +205,7 @@ class Supervisor:
         if status.state in TRACKING and run.reference is not None:
             status.speed = run.reference.speed
         status.force_target, status.progress = run.goal.force, run.statistics.length
-        status.twist, status.limit_scale = step.twist, step.scale
-        status.limited_by, status.manipulability = step.limited_by, step.manipulability
+        if step is not None:
+            status.twist, status.limit_scale = step.twist, step.scale
+            status.limited_by, status.manipulability = step.limited_by, step.manipulability
         return status

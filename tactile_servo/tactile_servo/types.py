@@ -49,6 +49,16 @@ class TaskError(NamedTuple):
     force: float = NAN  # on the pad [N]
 
 
+class Timing(NamedTuple):
+    """How long things took, as in ServoStatus.msg: times [s] and counts."""
+
+    latency: float
+    cycle_time: float
+    cpu_time: float
+    cycles: int
+    missed_cycles: int
+
+
 @dataclass(eq=False)  # not frozen: one is made every cycle
 class Status:
     """One control cycle, as in ServoStatus.msg; SI units, NaN = unknown."""

@@ -1,6 +1,5 @@
 """The servo's node as far as it is more than conversions."""
 
-import os
 from pathlib import Path
 
 import numpy as np
@@ -17,6 +16,7 @@ from tactile_msgs.msg import ServoReason
 from tactile_sensing.conversions import image_to_msg
 from tactile_sensing.types.array import TactelArray
 from tactile_sensing.types.image import Layer, TactileImage
+from tactile_servo.nodes import servo
 from tactile_servo.nodes.servo import EdgeServoNode
 
 PUMA = Path(__file__).resolve().parents[2] / 'launch/urdf/puma260.urdf'
@@ -25,7 +25,7 @@ PUMA = Path(__file__).resolve().parents[2] / 'launch/urdf/puma260.urdf'
 @pytest.fixture
 def node():
     context = rclpy.Context()
-    rclpy.init(context=context, domain_id=os.getpid() % 100 + 1)
+    rclpy.init(context=context)
     made = EdgeServoNode(context=context, parameter_overrides=[
         Parameter('robot_description', value=str(PUMA))])
     yield made
@@ -38,7 +38,7 @@ def node():
     ('array_half_width', 'nothing: the size of the array comes from sensor_info')])
 def test_a_former_name_of_a_parameter_is_refused_with_its_new_one(old, new):
     context = rclpy.Context()
-    rclpy.init(context=context, domain_id=os.getpid() % 100 + 1)
+    rclpy.init(context=context)
     try:
         with pytest.raises(ConfigurationError, match=f'{old} is now {new}'):
             EdgeServoNode(context=context, parameter_overrides=[
@@ -52,27 +52,79 @@ def test_nested_names_set_what_they_say(node):
     assert not node.has_parameter('stiffness')
 
 
+def test_gains_reach_the_controllers_at_once_and_limits_stay(node):
+    law = node._servo.law
+    wanted = {'force.gain': 30.0, 'path.lateral_gain': 11.0, 'attitude.gain': 2.0,
+              'speed.search': 0.01}
+    answers = node.set_parameters([Parameter(k, value=v) for k, v in wanted.items()])
+    assert all(answer.successful for answer in answers)
+    assert (law._force.config.gain, law._path.config.lateral_gain, law._attitude.config.gain,
+            law._planner.config.search, law.config.force.gain) == (30.0, 11.0, 2.0, 0.01, 30.0)
+    for name in ('force.max_load', 'speed.max', 'joints.acceleration', 'workspace.lower',
+                 'force.max_speed', 'law', 'rate'):
+        value = node.get_parameter(name).value
+        assert not node.set_parameters([Parameter(name, value=value)])[0].successful
+
+
 def test_a_refused_goal_leaves_code_and_text_in_the_status(node):
     published = []
     node._status.publish = lambda msg: published.append((msg.reason_code, msg.reason))
-    assert node._on_goal(TrackEdge.Goal(speed=0.03, force=5.0)) == GoalResponse.REJECT
+    assert node._server._on_goal(TrackEdge.Goal(speed=0.03, force=5.0)) == GoalResponse.REJECT
     node._on_cycle()
     assert published == [(ServoReason.NO_JOINT_STATE,
                           'no joint state: none has been received')]
 
 
-def test_a_fast_sensor_takes_no_time_from_the_cycles(node, monkeypatch):
-    seen = []
-    monkeypatch.setattr(node._servo, 'see_image', lambda image, _: seen.append(image.sequence))
+def picture(sequence):
     array = TactelArray(4, 4, 1e-3, 1e-3)
     layer = Layer('zz', 0.002, np.zeros(array.shape))
+    return bytes(serialize_message(
+        image_to_msg(TactileImage(sequence, sequence, (layer,), array))))
+
+
+@pytest.fixture
+def clock(monkeypatch):
+    """Give the node's steady clock, as a list of one time [s]."""
+    now = [100.0]
+    monkeypatch.setattr(servo, 'perf_counter', lambda: now[0])
+    return now
+
+
+def test_a_picture_begins_a_cycle_that_looks_at_it(node, clock, monkeypatch):
+    seen = []
+    monkeypatch.setattr(node._servo, 'see_image', lambda image, _: seen.append(image.sequence))
+    for sequence in range(4):
+        clock[0] += 0.005
+        node._on_image(picture(sequence))
+    assert seen == [0, 1, 2, 3]
+    assert node._pace.cycles == 4
+
+
+def test_a_fast_sensor_takes_no_time_from_the_cycles(node, clock, monkeypatch):
+    seen = []
+    monkeypatch.setattr(node._servo, 'see_image', lambda image, _: seen.append(image.sequence))
     for sequence in range(9):  # three pictures a cycle, of which the newest counts
-        node._on_image(serialize_message(
-            image_to_msg(TactileImage(sequence, sequence, (layer,), array))))
+        clock[0] += 0.0005
+        node._on_image(picture(sequence))
         if sequence % 3 == 2:
             node._on_cycle()
     node._on_cycle()
-    assert seen == [2, 5, 8]
+    assert seen == [0, 2, 5, 8]  # the first finds the node idle
+    assert node._pace.cycles == 5
+
+
+def test_the_status_is_told_at_its_rate_and_at_every_change(node, clock):
+    told = []
+    node._status.publish = lambda msg: told.append((msg.reason, msg.cycles))
+    for _ in range(401):
+        node._on_cycle()
+        clock[0] += 0.0025
+    assert len(told) == pytest.approx(100, abs=1)
+    node._on_cycle()
+    count = len(told)
+    node._server._on_goal(TrackEdge.Goal(speed=0.03, force=5.0))
+    node._on_cycle()
+    assert told[count:] == [('no joint state: none has been received', 403)]
 
 
 @pytest.mark.parametrize('raw', [
@@ -88,3 +140,7 @@ def test_bytes_that_are_no_message_are_passed_over(node, monkeypatch, raw):
     assert warnings == [
         f'image passed over: {len(raw)} bytes that are no TactileImage',
         f'contact passed over: {len(raw)} bytes that are no Contact']
+    warnings.clear()
+    node._on_joints(raw)
+    assert len(warnings) == 1 and warnings[0].startswith('joint state')
+    assert node._servo.inputs.joints is None

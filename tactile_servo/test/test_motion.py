@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from tactile_servo.motion.limits import JointLimits, WorkspaceBox
-from tactile_servo.motion.motion import BLOCKED_AFTER, Motion, MotionConfig
+from tactile_servo.motion.motion import BLOCKED_AFTER, Motion, MotionConfig, SETTLING
 from tactile_servo.motion.robot import RobotModel
 
 DT = 0.0025
@@ -32,25 +32,76 @@ LIMITS = JointLimits(ROBOT.joint_names, ROBOT.lower, ROBOT.upper, ROBOT.velocity
 
 
 def motion_at(positions, workspace=None):
-    motion = Motion(ROBOT, LIMITS, MotionConfig(), 2 * DT, workspace)
+    motion = Motion(ROBOT, LIMITS, MotionConfig(), DT, workspace)
     motion.seed(np.array(positions, dtype=float))
     return motion
 
 
 def driven(motion, twist, cycles):
+    """Command a twist; the clock goes on where the last call left it."""
     for _ in range(cycles):
-        step = motion.command(np.array(twist, dtype=float), DT)
+        motion.now_ns = getattr(motion, 'now_ns', 10**9) + round(DT * 1e9)
+        step = motion.command(np.array(twist, dtype=float), motion.now_ns)
     return step
 
 
 def test_a_twist_moves_the_pose():
     motion = motion_at(np.zeros(6))
+    driven(motion, np.zeros(6), round(SETTLING / DT))
     step = driven(motion, [0.1, 0.0, 0.0, 0.0, 0.0, 0.2], 400)
     assert motion.pose[0, 3] == pytest.approx(np.sin(0.2) * 0.5, rel=0.02)
     assert motion.positions[3] == pytest.approx(0.2, rel=0.03)  # speeds up first
     assert (step.scale, step.limited_by, motion.blocked) == (1.0, '', '')
-    np.testing.assert_array_equal(step.trajectory.positions[0], motion.positions)
     assert not motion.standing
+
+
+def test_a_window_is_stamped_unless_told_otherwise():
+    motion = motion_at(np.zeros(6))
+    assert motion.command(np.zeros(6), 7_000_000_123).trajectory.stamp_ns == 7_000_000_123
+    assert motion.command(np.zeros(6), 8_000_000_124, False).trajectory.stamp_ns == 0
+    unstamped = Motion(ROBOT, LIMITS, MotionConfig(stamped=False), DT)
+    unstamped.seed(np.zeros(6))
+    assert unstamped.command(np.zeros(6), 7_000_000_123).trajectory.stamp_ns == 0
+
+
+def test_a_start_leaves_the_controller_time_to_come_there():
+    """One window with its first point ahead, then none until that is near."""
+    motion, twist, sent = motion_at(np.zeros(6)), [0.1, 0.0, 0.0, 0.0, 0.0, 0.0], []
+    for cycle in range(round(SETTLING / DT) + 1):
+        window = driven(motion, twist, 1).trajectory
+        if window is not None:
+            sent.append(cycle)
+            assert window.times[0] == pytest.approx(SETTLING - cycle * DT, abs=1e-12)
+            np.testing.assert_allclose(window.positions[0], 0.0, atol=1e-15)
+    assert sent == [0, 39, 40]  # 2.5 ms before the first point that is within what is committed
+    # It has sped up, at 5 m/s^2, since the settling was over.
+    assert motion.velocities[0] == pytest.approx(5.0 * (MotionConfig.committed + DT))
+
+
+def test_a_start_far_from_the_last_command_takes_the_time_to_come_there():
+    """The controller's cubic from rest to rest keeps half of the limits of the slides."""
+    motion = motion_at(np.zeros(6))
+    driven(motion, np.zeros(6), 1)
+    for way in (1e-6, 0.01, 0.1, 1.0):
+        motion.seed(np.array([0.0, way, 0.0, 0.0, 0.0, 0.0]))
+        motion.seed(np.array([0.0, way, 0.0, 0.0, 0.0, 0.0]))
+        time = motion.command(np.zeros(6), 0).trajectory.times[0]
+        assert time >= SETTLING
+        assert 1.5 * way / time <= 0.25 + 1e-9 and 6.0 * way / time**2 <= 2.5 + 1e-9
+        motion.seed(np.zeros(6))
+        motion.command(np.zeros(6), 0)
+
+
+def test_standing_is_when_the_last_window_is_over():
+    motion = motion_at(np.zeros(6))
+    assert motion.standing
+    driven(motion, [0.1, 0.0, 0.0, 0.0, 0.0, 0.0], 100)
+    driven(motion, np.zeros(6), 1)
+    while motion.velocities.any():
+        driven(motion, np.zeros(6), 1)
+    assert not motion.standing
+    driven(motion, np.zeros(6), 4)
+    assert motion.standing
 
 
 @pytest.mark.parametrize('start, way, text', [

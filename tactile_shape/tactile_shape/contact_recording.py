@@ -1,15 +1,14 @@
 """A recorded path of contact: from arrays in a file, or from the topics of a bag."""
 from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
-import math
 from os import PathLike
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import Any, TYPE_CHECKING
 
 import numpy as np
 
 from tactile_common.errors import ConfigurationError
-from tactile_common.npz_stream import clear_errors
+from tactile_common.npz_stream import clear_errors, read_arrays, scalar
 from tactile_shape.contour.contact_path import ContactPath, needs_picture
 
 if TYPE_CHECKING:
@@ -91,21 +90,12 @@ def load_contacts(path: str | PathLike, namespace: str | None = None,
         raise ConfigurationError(f'{path}: there is no such file')
     if path.suffix != '.npz':
         return _from_bag(path, namespace, finger_radius or 0.0)
-    with clear_errors(path), np.load(path, allow_pickle=False) as archive:
-        for name in ('t', 'position', 'normal'):
-            if name not in archive:
-                raise ConfigurationError(
-                    f'array {name!r} is missing, there are {sorted(archive.files)}')
-        arrays = {name: archive[name] for name in ('t', 'position', 'normal')}
-        known = {name: _scalar(name, archive[name]) for name in OPTIONAL if name in archive}
-        recording = ContactRecording(**arrays, **known)
+    arrays = read_arrays(path, ('t', 'position', 'normal'), OPTIONAL)
+    with clear_errors(path):
+        known: dict[str, Any] = {name: scalar(name, arrays.pop(name))
+                                 for name in OPTIONAL if name in arrays}
+        recording = ContactRecording(**known | arrays)
     return recording if finger_radius is None else replace(recording, finger_radius=finger_radius)
-
-
-def _scalar(name, value):
-    if value.size != 1 or value.dtype.kind not in 'uif' or not math.isfinite(value.item()):
-        raise ConfigurationError(f'{name} is {value.tolist()!r:.60}, must be one finite number')
-    return float(value.item())
 
 
 def _from_bag(path, namespace, finger_radius):

@@ -15,9 +15,12 @@ from tactile_simulation.gantry import gantry
 from tactile_simulation.joint_controller import MockController
 from tactile_simulation.metrics import ON_EDGE, Truth
 from tactile_simulation.scenes import renderer_of
+from tactile_simulation.smoothness import accelerations, speeds
 
 STEP = 2.5e-3  # s; control at 400 Hz
 PICTURE_EVERY = 2  # steps; sensing at 200 Hz
+ROBOT_STEP, ROBOT_PHASE = 2.0e-3, 0.25e-3  # s; joint states and the robot's controller at 500 Hz
+TRANSPORT = 0.5e-3  # s; from a control cycle to the robot's controller
 TARE_FRAMES = 100
 
 
@@ -61,6 +64,8 @@ class Simulation:
     pose : ndarray, shape (4, 4)
         Where the sensor is.
     log : list of Cycle
+    commands : list of (float, ndarray)
+        Time [s] and joint positions (n,) of every command of the robot's controller.
     cycle_costs, picture_costs : list of float
         Computation of every control cycle and picture [s], if there is a clock.
     """
@@ -81,8 +86,8 @@ class Simulation:
         start = self.model.inverse(scene.start_pose(), seed_positions)
         self.robot = MockController(
             self.model.joint_names, self.model.lower, self.model.upper,
-            self.model.velocity_limit, initial_positions=start, dead_time=plant.dead_time,
-            lag=plant.lag)
+            self.model.velocity_limit, initial_positions=start, rate=1.0 / ROBOT_STEP,
+            dead_time=plant.dead_time, lag=plant.lag)
         config = config or ServoConfig()
         self.servo = Supervisor(self.model, self.limits, make_law(tracker, config, settings),
                                 config, workspace)
@@ -91,8 +96,9 @@ class Simulation:
         self.latency = plant.latency if latency is None else latency
         self.now, self.tick, self.pose = 1.0, 0, self.model.pose(start)
         self._on_the_way: deque = deque()
+        self._windows: deque = deque()
         self.sensor_alive = self.robot_alive = True
-        self.log = []
+        self.log, self.commands = [], []
         self._clock = clock or (lambda: 0.0)
         self.cycle_costs, self.picture_costs = [], []
 
@@ -121,10 +127,8 @@ class Simulation:
         self.tick += 1
         self.now = 1.0 + self.tick * STEP
         now_ns = round(self.now * 1e9)
-        positions, _ = self.robot.step(self.now)
-        self.pose = pose = self.model.pose(positions)
-        if self.robot_alive:
-            self.servo.see_joints(positions, now_ns, self.now)
+        self._run_robot()
+        self.pose = pose = self.model.pose(self.robot.measured(self.now)[0])
         if self.tick % PICTURE_EVERY == 0 and self.sensor_alive:
             image = self.picture(pose)
             self._on_the_way.append((self.now + self.latency, image, self.estimate(image)))
@@ -138,10 +142,20 @@ class Simulation:
         status, trajectory = self.servo.cycle(self.now, now_ns)
         self.cycle_costs.append(self._clock() - before)
         if trajectory is not None:
-            self.robot.accept(trajectory, self.now)
+            self._windows.append((self.now + TRANSPORT, trajectory))
         self.log.append(Cycle(self.now, status, pose, self.renderer.force(pose),
                               self.renderer.shift))
         return status
+
+    def _run_robot(self):
+        """Run the robot's controller, and hear of its joint states, until now."""
+        while (now := 1.0 + ROBOT_PHASE + len(self.commands) * ROBOT_STEP) <= self.now:
+            while self._windows and self._windows[0][0] <= now:
+                self.robot.accept(self._windows.popleft()[1], now)
+            positions, _ = self.robot.step(now)
+            self.commands.append((now, self.robot.commanded[0]))
+            if self.robot_alive:
+                self.servo.see_joints(positions, round(now * 1e9), now)
 
     def run(self, goal, seconds, until=None):
         """
@@ -159,12 +173,19 @@ class Simulation:
             if not self.servo.active or (until and until(status)) or self.now >= end:
                 return status
 
+    def accelerations(self) -> np.ndarray:
+        """Accelerations (K, n) of the commands of the robot's controller [rad/s^2]."""
+        times, positions = zip(*self.commands, strict=True)
+        return accelerations(np.array(times), np.array(positions))
+
     def truth(self) -> Truth:
         """Where the pad really was, at every cycle."""
+        places = np.array([cycle.pose[:3, 3] for cycle in self.log])
         lateral, along = self.scene.edge.nearest(
-            np.array([cycle.pose[:3, 3] - cycle.shift for cycle in self.log]))
+            places - np.array([cycle.shift for cycle in self.log]))
         time, force, progress = np.array([
             (cycle.time, cycle.force, cycle.status.progress) for cycle in self.log]).T
         tracking = np.isin([cycle.status.state for cycle in self.log], ON_EDGE)
         settled = tracking & (progress >= SETTLING_LENGTH)
-        return Truth(time, lateral, along, force, progress, tracking, settled, settled)
+        return Truth(time, lateral, along, force, progress, tracking, settled, settled,
+                     speeds(time, places))

@@ -69,19 +69,20 @@ def polygon(points, radius: float, closed: bool) -> np.ndarray:
         raise ConfigurationError('two successive corners are at one place')
     along = sides / lengths[:, None]
     used = np.zeros(len(lengths))
-    vertices = [corners[0]]
+    turns = np.zeros(len(corners))
     for k in range(1, len(corners) - 1):
         cross = along[k - 1, 0] * along[k, 1] - along[k - 1, 1] * along[k, 0]
-        turn = math.atan2(cross, along[k - 1] @ along[k])
+        turns[k] = turn = math.atan2(cross, along[k - 1] @ along[k])
         if abs(turn) > math.radians(179.0):
             raise ConfigurationError(f'corner {k} turns back by {math.degrees(turn):.0f} degrees')
-        setback = radius * math.tan(0.5 * abs(turn))
-        used[k - 1:k + 1] += setback
-        vertices.extend(_fillet(corners[k], along[k - 1], along[k], turn, radius))
+        used[k - 1:k + 1] += radius * math.tan(0.5 * abs(turn))
     if (used > lengths - 1e-9).any():
         k = int((used - lengths).argmax())
         raise ConfigurationError(
             f'side {k} of {lengths[k]:.6g} m is too short for fillets of {radius:g} m')
+    vertices = [corners[0]]  # only now: fillets that fit are no longer than their sides
+    for k in range(1, len(corners) - 1):
+        vertices.extend(_fillet(corners[k], along[k - 1], along[k], turns[k], radius))
     return np.array([*vertices, corners[-1]])
 
 

@@ -1,9 +1,12 @@
 """
 A robot that is not there: a joint_trajectory_controller over joints that lag behind it.
 
-The controller behaves as the documentation of ros2_controllers' joint_trajectory_controller
-says it does with position command interfaces: what it rejects, when a trajectory starts, how
-it interpolates (https://control.ros.org, "Trajectory Representation").
+The controller samples as that of ros2_controllers 4 and 5 (Jazzy, Kilted) does with position
+command interfaces (joint_trajectory_controller.cpp, trajectory.cpp), seams included: at time t it
+commands what the trajectory has one period later, and where a new trajectory is joined to that
+command, it takes it for that of time t. A trajectory whose first point lies in the past is
+played as it is. Messages of rejection are its own; what it lets pass and nobody means (numbers
+that are not finite, a joint named twice, a time before the start) is rejected here as well.
 """
 from dataclasses import dataclass, field
 from itertools import pairwise
@@ -58,13 +61,15 @@ class MockController:
         Limits of position, infinite where there are none, and of velocity [rad or m, per s].
     initial_positions : array_like (n,)
         Where the joints are and stay until a trajectory comes [rad or m].
-    dead_time, lag, interpolate_from_desired_state
+    rate, dead_time, lag, interpolate_from_desired_state
         As in `MockRobotConfig`.
 
     Attributes
     ----------
-    desired : ndarray (3, n)
-        Desired position, velocity and acceleration of the newest step.
+    commanded : ndarray (3, n)
+        Position, velocity and acceleration that the newest step commands.
+    active : bool
+        Whether trajectories are listened to; see `activate`.
     limit_violations : int
         Steps whose command had to be clamped to a position or velocity limit.
 
@@ -75,7 +80,8 @@ class MockController:
     """
 
     def __init__(self, joint_names, lower, upper, velocity_limit, *, initial_positions,
-                 dead_time=MockRobotConfig.dead_time, lag=MockRobotConfig.lag,
+                 rate=MockRobotConfig.rate, dead_time=MockRobotConfig.dead_time,
+                 lag=MockRobotConfig.lag,
                  interpolate_from_desired_state=MockRobotConfig.interpolate_from_desired_state):
         self.joint_names = tuple(joint_names)
         self._lower, self._upper, self._velocity_limit, start = (
@@ -93,8 +99,8 @@ class MockController:
             if not 0.0 <= value < np.inf:
                 raise ConfigurationError(f'{name}: {value} s, must be at least 0')
         self.interpolate_from_desired_state = interpolate_from_desired_state
-        self._joints = DelayedLag(start, dead_time, lag)
-        self.limit_violations = 0
+        self._period, self._joints = 1.0 / rate, DelayedLag(start, dead_time, lag)
+        self.limit_violations, self.active = 0, True
         self._restart(start)
 
     def _vector(self, name, values):
@@ -106,16 +112,30 @@ class MockController:
 
     def _restart(self, positions):
         self._time: float | None = None
+        self._hold()
+        self.commanded = np.zeros((3, len(positions)))
+        self.commanded[0] = self._command = positions
+
+    def _hold(self):
         self._spline: Spline | None = None
         self._pending: tuple[Trajectory, Any] | None = None
-        self.desired = np.zeros((3, len(positions)))
-        self.desired[0] = self._command = positions
+
+    def activate(self, active: bool) -> None:
+        """
+        Listen to trajectories, or (false) no more, as a controller manager's switch does.
+
+        Either way the robot stays where it was commanded last, at once.
+        """
+        self.active = active
+        self._hold()
+        self.commanded[0], self.commanded[1:] = self._command, 0.0
 
     def accept(self, trajectory: Trajectory, now: float) -> None:
         """
         Take a trajectory over at the next step, or leave everything as it is.
 
-        Its joints may stand in any order; `now` is in the clock of its stamp [s].
+        Its joints may stand in any order; `now` is in the clock of its stamp [s]. A controller
+        that is not active checks it and forgets it.
 
         Raises
         ------
@@ -126,44 +146,40 @@ class MockController:
         names = trajectory.joint_names
         order = (slice(None) if names == self.joint_names
                  else [names.index(name) for name in self.joint_names])
-        self._pending = trajectory, order
+        if self.active:
+            self._pending = trajectory, order
 
     def _check(self, trajectory, now):
         names, times = trajectory.joint_names, np.asarray(trajectory.times, dtype=float).tolist()
-        if names != self.joint_names:
-            self._check_names(names)
+        if len(names) != len(self.joint_names):
+            raise Rejected("Joints on incoming trajectory don't match the controller joints.")
         if len(times) == 0:
-            raise Rejected('trajectory has no points')
-        for name in ('times', 'positions', 'velocities', 'accelerations', 'stamp'):
+            raise Rejected('Empty trajectory received.')
+        for name in names:
+            if name not in self.joint_names:
+                raise Rejected(f"Incoming joint {name} doesn't match the controller's joints.")
+        if len(set(names)) < len(names):
+            raise Rejected(f'Incoming joints {", ".join(names)}: one is named twice.')
+        for name in ('times', 'positions', 'velocities', 'accelerations'):
             values = getattr(trajectory, name)
             missing = values is None and name == 'positions'
             if missing or not (values is None or np.isfinite(values).all()):
                 raise Rejected(f'{name} must be finite numbers')
-        if times[0] < 0.0:
-            raise Rejected(f'time of point 0 is {times[0]:.6f} s, before the start')
-        for k, (time, after) in enumerate(pairwise(times)):
-            if after <= time:
-                raise Rejected(f'times of points {k} and {k + 1} are not strictly increasing: '
-                               f'{time:.6f} s and {after:.6f} s')
-        if trajectory.stamp != 0.0 and trajectory.stamp + times[-1] < now:
-            raise Rejected(
-                f'trajectory ended {now - trajectory.stamp - times[-1]:.6f} s ago, in the past')
         if trajectory.velocities is not None:
             for name, velocity in zip(names, trajectory.velocities[-1].tolist(), strict=True):
                 if abs(velocity) > _VELOCITY_AT_END:
-                    raise Rejected(f'velocity of the last point is not zero: joint {name!r}, '
-                                   f'{velocity:.6g}')
-
-    def _check_names(self, names):
-        if not names:
-            raise Rejected('joint names are empty')
-        for name in names:
-            if name not in self.joint_names:
-                raise Rejected(f"joint {name!r} is none of the controller's joints")
-        missing = [name for name in self.joint_names if name not in names]
-        if missing or len(names) != len(self.joint_names):
-            raise Rejected('every joint must be named once; ' + (
-                f'missing: {", ".join(missing)}' if missing else f'{len(names)} names given'))
+                    raise Rejected(f'Velocity of last trajectory point of joint {name} is not '
+                                   f'zero: {velocity:.15f}')
+        start = 1e-9 * trajectory.stamp_ns
+        if start != 0.0 and start + times[-1] < now:
+            raise Rejected(f'Received trajectory with non-zero start time ({start:f}) that ends '
+                           f'in the past ({start + times[-1]:f})')
+        if times[0] < 0.0:
+            raise Rejected(f'Time of point 0 is {times[0]:f}, before the start')
+        for k, (time, after) in enumerate(pairwise(times)):
+            if after <= time:
+                raise Rejected(f'Time between points {k} and {k + 1} is not strictly increasing, '
+                               f'it is {time:f} and {after:f} respectively')
 
     def step(self, now: float) -> tuple[np.ndarray, np.ndarray]:
         """
@@ -172,29 +188,37 @@ class MockController:
         When the time jumps back, the robot holds where it is and starts over.
         """
         if now == self._time:
-            return self._joints.position, self._joints.velocity
+            return self.measured(now)
         if self._time is not None and now < self._time:
             self._restart(self._joints.position)
             self._joints.restart()
-        period = 0.0 if self._time is None else now - self._time
+        measured = self._joints.advance(now)
+        elapsed = self._period if self._time is None else now - self._time
         if self._pending is not None:
-            self._take_over(*self._pending, now)
+            self._take_over(*self._pending, now, measured)
         if self._spline is not None:
-            self.desired = self._spline.sample(now)
+            self.commanded = self._spline.sample(now + self._period)
         self._time = now
-        return self._joints.step(now, self._limited(self.desired[0], period))
+        self._joints.command(now + self._period, self._limited(self.commanded[0], elapsed))
+        return measured
 
-    def _take_over(self, trajectory, order, now):
+    def measured(self, now: float) -> tuple[np.ndarray, np.ndarray]:
+        """Positions and velocities (n,) of the joints at a time after the last step's [s]."""
+        return self._joints.advance(now)
+
+    def _take_over(self, trajectory, order, now, measured):
         self._pending = None
-        before, state = now, np.array([self._joints.position, self._joints.velocity])
+        before, state = now, np.array(measured)
         if self.interpolate_from_desired_state:
-            before, state = now if self._time is None else self._time, self.desired
-        self._spline = Spline(before, state, trajectory.stamp or now, trajectory, order)
+            # What was commanded for a period after the last step counts as that of the step.
+            before, state = now if self._time is None else self._time, self.commanded
+        start = 1e-9 * trajectory.stamp_ns or now
+        self._spline = Spline(before, state, start, trajectory, order)
 
-    def _limited(self, wanted, period):
+    def _limited(self, wanted, elapsed):
         """Command (n,) within the limits; counts a step in which they had to act."""
         self._command, clamped = _clamp(
-            wanted, self._command, self._lower, self._upper, self._velocity_limit, period)
+            wanted, self._command, self._lower, self._upper, self._velocity_limit, elapsed)
         self.limit_violations += clamped
         return self._command
 

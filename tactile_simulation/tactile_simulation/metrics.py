@@ -9,6 +9,7 @@ import numpy as np
 
 from tactile_servo.types import EdgeGoal, State, Status
 from tactile_simulation.edge_path import EdgePath
+from tactile_simulation.smoothness import scatter
 
 NAN = float('nan')
 SPACING = 0.25e-3  # m between the places at which outlines are compared
@@ -55,6 +56,7 @@ class Truth(NamedTuple):
     tracking: np.ndarray  # whether the servo followed the edge
     settled: np.ndarray  # the part of it from `SETTLING_LENGTH` after first contact
     on_target: np.ndarray  # where the force can be and is held against its target
+    speed: np.ndarray  # of the pad [m/s]; NaN if unknown
 
 
 def mean_speed(real: Truth) -> float:
@@ -76,6 +78,8 @@ class Evidence(NamedTuple):
     truth: Truth
     force_target: float  # N
     outline: OutlineError
+    # (K, n), of what moves the joints: commands of the controller, or what was measured [rad/s^2]
+    acceleration: np.ndarray = np.empty((0, 0))
 
 
 class Metric(NamedTuple):
@@ -106,6 +110,13 @@ METRICS = (
     Metric('force_rms_error', 'force error, RMS', 'N', 1.0, 3,
            lambda e: rms(e.truth.force[e.truth.on_target] - e.force_target)),
     Metric('force_max', 'force, largest', 'N', 1.0, 2, lambda e: largest(e.truth.force)),
+    Metric('joint_acceleration_max', 'joint acceleration, largest', 'rad/s^2', 1.0, 1,
+           lambda e: largest(e.acceleration)),
+    Metric('joint_acceleration_rms', 'RMS of the roughest joint', 'rad/s^2', 1.0, 2,
+           lambda e: largest(np.sqrt(np.nanmean(e.acceleration**2, axis=0)))
+           if e.acceleration.size else NAN),
+    Metric('pad_speed_scatter', "scatter of the pad's speed", 'mm/s', 1e3, 2,
+           lambda e: scatter(e.truth.time, e.truth.speed, e.truth.settled)),
     Metric('contour_max_error', 'rebuilt outline within', 'mm', 1e3, 3,
            lambda e: e.outline.largest),
     Metric('contour_area_error', 'area of the outline off by', '%', 100.0, 3,
@@ -117,10 +128,10 @@ METRICS = (
     Metric('sensor_rate', 'sensor rate', 'Hz'),
     Metric('control_rate', 'control rate', 'Hz'),
     Metric('cycles', 'control cycles', '', 1.0, 0),
-    Metric('missed_cycles', 'of these missed', '', 1.0, 0),
-    Metric('latency_p50', 'latency, median', 'ms', 1e3, 2),
-    Metric('latency_p99', 'latency, 99 %', 'ms', 1e3, 2),
-    Metric('cpu_per_cycle', 'CPU per control cycle', 'ms', 1e3, 3),
+    Metric('missed_cycles', 'missed beside these', '', 1.0, 0),
+    Metric('latency_p50', 'last byte to command, median', 'ms', 1e3, 2),
+    Metric('latency_p99', 'last byte to command, 99 %', 'ms', 1e3, 2),
+    Metric('cpu_per_cycle', 'processor time per control cycle', 'ms', 1e3, 3),
 )
 
 
@@ -177,7 +188,8 @@ def summarise(simulation, goal: EdgeGoal, status: Status, *, name: str, tracker:
         'controller': tracker, 'seed': seed, 'speed': goal.speed,
         'tracked_length': status.progress,
         **measure(Evidence(
-            truth, goal.force, contour_errors(result.contour, simulation.scene.edge))),
+            truth, goal.force, contour_errors(result.contour, simulation.scene.edge),
+            simulation.accelerations())),
         'lateral_steady': rms(settled[len(settled) // 2:]),
         'closed': result.closed, 'duration': duration,
         'real_time_factor': duration / elapsed, 'sensor_rate': simulation.sensor_rate,

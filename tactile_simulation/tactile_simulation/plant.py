@@ -11,7 +11,7 @@ class DelayedLag:
     """
     Joints, at rest at `position` (n,) at first; `dead_time` and `lag` may be 0 [s].
 
-    Exact for commands that run straight between the steps, whatever the steps' lengths.
+    Commands are joined by straight lines, and held after the last one; exact at any time.
     """
 
     def __init__(self, position: np.ndarray, dead_time: float, lag: float):
@@ -22,28 +22,32 @@ class DelayedLag:
     def restart(self) -> None:
         """Forget the time and every command on its way; come to rest."""
         self.velocity = np.zeros_like(self.position)
-        self._time: float | None = None
+        self._time = -math.inf
+        self._last = -math.inf, self.position  # knot that the joints have passed
         self._knots: deque[tuple[float, np.ndarray]] = deque()
 
-    def step(self, now: float, command: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Advance to `now` [s], when `command` (n,) is given; position and velocity (n,)."""
-        arrival = now + self._dead_time
-        if self._time is None:
-            self._time = arrival
-            self._newest = arrival, command
-            return self.position, self.velocity
-        self._knots.append((arrival, command))
-        while self._knots and self._time < now:
-            since, start = self._newest
-            until, goal = self._knots[0]
+    def command(self, when: float, position: np.ndarray) -> None:
+        """Be at `position` (n,) at a time [s] after that of the command before."""
+        self._knots.append((when + self._dead_time, position))
+
+    def advance(self, now: float) -> tuple[np.ndarray, np.ndarray]:
+        """Position and velocity (n,) at a time [s] that does not go back."""
+        if self._time == -math.inf:  # at rest until now
+            self._time, self._last = now, (now, self.position)
+        while self._time < now:
+            since, start = self._last
+            # Beyond the last command: held until now, so that the next line begins here.
+            until, goal = self._knots[0] if self._knots else (now, start)
             end = min(until, now)
-            self.position, self.velocity = _follow(
-                self.position, start, (goal - start) / (until - since), end - since,
-                end - self._time, self._lag)
-            self._time = end
-            if until > now:
-                break
-            self._newest = self._knots.popleft()
+            if end > self._time:
+                self.position, self.velocity = _follow(
+                    self.position, start, (goal - start) / (until - since), end - since,
+                    end - self._time, self._lag)
+                self._time = end
+            if until <= now:
+                self._last = until, goal
+                if self._knots:
+                    self._knots.popleft()
         return self.position, self.velocity
 
 

@@ -1,13 +1,12 @@
 """Scenes: what the synthetic sensor touches, read from YAML."""
 from dataclasses import dataclass, field, fields, MISSING
 import math
-from pathlib import Path
 
 import numpy as np
-import yaml
 
 from tactile_common.config import bounded, check_fields, types_of
 from tactile_common.errors import ConfigurationError
+from tactile_common.yaml_file import read_yaml
 from tactile_sensing.types.array import TactelArray
 from tactile_simulation.edge_path import EdgePath
 from tactile_simulation.scene_edge import edge_from, number, section
@@ -146,15 +145,7 @@ def load_scene(path) -> Scene:
 def parsed(path, make):
     """Return what `make` makes of a YAML file; its errors name the file."""
     try:
-        tree = yaml.safe_load(Path(path).read_text(encoding='utf-8'))
-    except (OSError, UnicodeDecodeError) as error:
-        reason = getattr(error, 'strerror', None) or 'not a text in UTF-8'
-        raise ConfigurationError(f'scene {path}: cannot be read: {reason}') from error
-    except (yaml.YAMLError, ValueError, RecursionError) as error:
-        text = ' '.join(str(error).split())
-        raise ConfigurationError(f'scene {path}: is not YAML: {text:.300}') from error
-    try:
-        return make(tree)
+        return make(read_yaml(path))
     except ConfigurationError as error:
         raise ConfigurationError(f'scene {path}: {error}') from error
 

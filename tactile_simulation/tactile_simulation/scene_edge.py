@@ -9,8 +9,12 @@ from tactile_common.polyline import arc_length
 from tactile_simulation.edge_path import EdgePath
 from tactile_simulation.edge_shapes import lifted, polygon, spline, Turtle
 
-# Longest element of a path [m], so that a slip of units cannot fill the memory.
-MAX_LENGTH = 10.0
+# So that neither a slip of units nor a file of a stranger fills the memory:
+MAX_LENGTH = 10.0  # of an element of a path [m]
+MAX_WAY = 20.0  # of all of them, or round all points [m]
+MAX_PAIRS = 5000  # points of a polygon, a spline or a height
+MAX_GAPS = 200
+MAX_WAVES = 1000
 
 
 def edge_from(tree: Any) -> EdgePath:
@@ -34,8 +38,9 @@ def edge_from(tree: Any) -> EdgePath:
         z = _bounded('edge.z', values['z'], -MAX_LENGTH, MAX_LENGTH, 'm')
         make = _polygon if shape == 'polygon' else _spline
         plan = make(tree[shape], closed)
-    return lifted(plan, z, height=_height(values.get('height')), wave=_wave(values.get('wave')),
-                  gaps=_gaps(values.get('gaps', []), arc_length(plan)[-1]))
+    way = arc_length(plan)[-1]
+    return lifted(plan, z, height=_height(values.get('height')),
+                  wave=_wave(values.get('wave'), way), gaps=_gaps(values.get('gaps', []), way))
 
 
 def _walk(values, path, closed):
@@ -47,14 +52,16 @@ def _walk(values, path, closed):
     _bounded('edge.heading', values['heading'], -360.0, 360.0, 'degrees')
     if not isinstance(path, list) or not path:
         raise ConfigurationError(f'edge.path is {path!r}, must be a list of elements')
-    turtle = Turtle(start[:2], math.radians(values['heading']))
+    turtle, way = Turtle(start[:2], math.radians(values['heading'])), 0.0
     for number, element in enumerate(path):
         name = f'edge.path[{number}]'
         if not isinstance(element, dict) or len(element) != 1:
             raise ConfigurationError(f'{name} is {element!r}, must be one of straight, turn, arc')
         (kind, value), = element.items()
         if kind == 'straight':
-            turtle.straight(_bounded(f'{name}.straight', value, 1e-4, MAX_LENGTH, 'm'))
+            length = _bounded(f'{name}.straight', value, 1e-4, MAX_LENGTH, 'm')
+            way = _longer('edge.path', way, length)
+            turtle.straight(length)
         elif kind == 'turn':
             turtle.turn(math.radians(_bounded(f'{name}.turn', value, -179.0, 179.0, 'degrees')))
         elif kind == 'arc':
@@ -63,6 +70,7 @@ def _walk(values, path, closed):
             angle = _bounded(f'{name}.arc.angle', arc['angle'], -360.0, 360.0, 'degrees')
             if angle == 0:
                 raise ConfigurationError(f'{name}.arc.angle is 0, must turn')
+            way = _longer('edge.path', way, radius * math.radians(abs(angle)))
             turtle.arc(radius, math.radians(angle))
         else:
             raise ConfigurationError(
@@ -79,12 +87,19 @@ def _walk(values, path, closed):
     return plan, float(start[2])
 
 
+def _longer(name, way, length):
+    """Return a way with a length more [m]."""
+    if way + length > MAX_WAY:
+        raise ConfigurationError(f'{name} is longer than {MAX_WAY:g} m, the most that is allowed')
+    return way + length
+
+
 def _polygon(tree, closed):
     values = section(tree, 'edge.polygon', ('points',), ('radius',))
     radius = _bounded('edge.polygon.radius', values.get('radius', 0.0), 0.0, MAX_LENGTH, 'm')
     try:
         return polygon(
-            _pairs('edge.polygon.points', values['points'], 3 if closed else 2), radius, closed)
+            _places('edge.polygon.points', values['points'], 3 if closed else 2), radius, closed)
     except ConfigurationError as error:
         raise ConfigurationError(f'edge.polygon: {error}') from error
 
@@ -92,7 +107,7 @@ def _polygon(tree, closed):
 def _spline(tree, closed):
     values = section(tree, 'edge.spline', ('points',))
     try:
-        return spline(_pairs('edge.spline.points', values['points'], 4), closed)
+        return spline(_places('edge.spline.points', values['points'], 4), closed)
     except ConfigurationError as error:
         raise ConfigurationError(f'edge.spline: {error}') from error
 
@@ -104,18 +119,19 @@ def _height(tree):
     return height
 
 
-def _wave(tree):
+def _wave(tree, way):
     if tree is None:
         return None
     values = section(tree, 'edge.wave', ('height', 'length'))
+    shortest = max(1e-3, way / MAX_WAVES)
     return (_bounded('edge.wave.height', values['height'], 0.0, 0.1, 'm'),
-            _bounded('edge.wave.length', values['length'], 1e-3, MAX_LENGTH, 'm'))
+            _bounded('edge.wave.length', values['length'], shortest, MAX_LENGTH, 'm'))
 
 
 def _gaps(tree, length):
     if tree == []:
         return []
-    gaps = _pairs('edge.gaps', tree, 1)
+    gaps = _pairs('edge.gaps', tree, 1, MAX_GAPS)
     for first, last in gaps:
         if not 0.0 <= first < last <= length:
             raise ConfigurationError(
@@ -123,10 +139,17 @@ def _gaps(tree, length):
     return gaps
 
 
-def _pairs(name, tree, least):
+def _places(name, tree, least):
+    """As `_pairs`, of points whose polygon is no longer than `MAX_WAY`."""
+    points = _pairs(name, tree, least)
+    _longer(name, 0.0, np.linalg.norm(np.diff(points, axis=0, append=points[:1]), axis=1).sum())
+    return points
+
+
+def _pairs(name, tree, least, most=MAX_PAIRS):
     """Return a list of pairs of lengths [m] as an array (N, 2)."""
-    if not isinstance(tree, list) or len(tree) < least:
-        raise ConfigurationError(f'{name} is {tree!r:.60}, must be at least {least} pairs [m]')
+    if not isinstance(tree, list) or not least <= len(tree) <= most:
+        raise ConfigurationError(f'{name} is {tree!r:.60}, must be {least} to {most} pairs [m]')
     for number, pair in enumerate(tree):
         if not isinstance(pair, list) or len(pair) != 2:
             raise ConfigurationError(f'{name}[{number}] is {pair!r:.60}, must be two lengths [m]')

@@ -181,7 +181,7 @@ def test_stale_joint_state_holds():
     loop.robot_alive = False
     loop.run(None, 0.15)
     assert held(loop, ReasonCode.STALE_JOINT_STATE)
-    assert loop.servo.motion.standing
+    assert moved(loop, 0.3) < 1e-4
 
 
 @pytest.mark.parametrize('offset_ns', [-200_000_000, 200_000_000])
@@ -210,7 +210,7 @@ def test_a_pause_during_a_search_ends_with_a_reason():
     tracking(loop)
     loop.servo._machine.state = State.SEARCH  # what a late picture makes of it
     loop.servo.pause(True, loop.now)
-    loop.run(None, 0.05)
+    loop.run(None, 0.3)
     loop.servo.pause(False, loop.now)
     told = [loop.step() for _ in range(5)]
     assert told[-1].state == State.TRACK
@@ -275,6 +275,7 @@ def test_force_that_does_not_rise_is_not_chased_beyond_the_press_depth():
     tracking(loop)
     depth = loop.pose[2, 3]
     loop.estimate = lambda _: press(1.0)  # an edge, whose force stays low
+    loop.servo.see_image = lambda *_: None
     loop.run(None, 3.0)
     assert not loop.servo.success and loop.servo.reason.code == ReasonCode.TOO_DEEP
     assert depth - min(row.pose[2, 3] for row in loop.log) < 3.5e-3

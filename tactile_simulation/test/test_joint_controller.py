@@ -1,7 +1,10 @@
 """Semantics of the trajectory controller, and the joints behind it."""
 
+import re
+
 import numpy as np
 import pytest
+from scipy.interpolate import CubicHermiteSpline
 
 from tactile_common.errors import ConfigurationError, Rejected
 from tactile_servo.motion.trajectory import Trajectory
@@ -12,6 +15,7 @@ from tactile_simulation.spline import hermite
 PERIOD = 0.002
 NAMES = ('a', 'b')
 START = 100.0  # s, so that stamps differ from 0
+NOW_NS = round(START * 1e9)
 
 
 def controller(**changes):
@@ -35,14 +39,18 @@ def ramp(speed=0.5, duration=1.0, **more):
 
 
 def play(robot, duration, since=START):
-    """Times, measured and desired positions at the controller's rate."""
+    """
+    Times, measured and commanded positions at the controller's rate.
+
+    What is commanded is what the trajectory has a period later.
+    """
     times = since + PERIOD * np.arange(1, round(duration / PERIOD) + 1)
     rows = []
     for now in times:
         measured, _ = robot.step(now)
-        rows.append((measured, robot.desired[0]))
-    measured, desired = np.array(rows).transpose(1, 0, 2)
-    return times - since, measured, desired
+        rows.append((measured, robot.commanded[0]))
+    measured, commanded = np.array(rows).transpose(1, 0, 2)
+    return times - since, measured, commanded
 
 
 # --- what is rejected ---------------------------------------------------------------------------
@@ -52,23 +60,28 @@ GOOD = {'times': [0.1, 0.2], 'positions': [[1, 2], [3, 2]], 'velocities': [[1, 1
 
 @pytest.mark.parametrize('changes, reason', [
     ({'names': (), 'times': [], 'positions': np.zeros((0, 0)), 'velocities': None},
-     'joint names are empty'),
-    ({'times': [], 'positions': np.zeros((0, 2)), 'velocities': None}, 'no points'),
-    ({'names': ('a', 'z')}, "'z' is none of"),
-    ({'names': ('a', 'a')}, 'missing: b'),
+     "Joints on incoming trajectory don't match the controller joints."),
+    ({'names': ('a',), 'positions': [[1], [2]], 'velocities': None},
+     "Joints on incoming trajectory don't match the controller joints."),
     ({'names': ('a', 'b', 'a'), 'positions': np.zeros((2, 3)), 'velocities': None},
-     '3 names given'),
-    ({'names': ('a',), 'positions': [[1], [2]], 'velocities': None}, 'missing: b'),
-    ({'times': [0.1, 0.1]}, 'points 0 and 1 are not strictly increasing'),
+     "Joints on incoming trajectory don't match the controller joints."),
+    ({'times': [], 'positions': np.zeros((0, 2)), 'velocities': None},
+     'Empty trajectory received.'),
+    ({'names': ('a', 'z')}, "Incoming joint z doesn't match the controller's joints."),
+    ({'names': ('a', 'a')}, 'one is named twice'),
+    ({'times': [0.1, 0.1]}, 'Time between points 0 and 1 is not strictly increasing, it is '
+     '0.100000 and 0.100000 respectively'),
     ({'times': [0.2, 0.1]}, 'not strictly increasing'),
     ({'times': [-0.1, 0.1]}, 'before the start'),
-    ({'velocities': [[0, 0], [0, 1e-6]]}, "last point is not zero: joint 'b', 1e-06"),
+    ({'velocities': [[0, 0], [0, 1e-6]]},
+     'Velocity of last trajectory point of joint b is not zero: 0.000001000000000'),
     ({'positions': [[1, 2], [np.nan, 2]]}, 'positions must be finite'),
     ({'velocities': [[1, np.inf], [0, 0]]}, 'velocities must be finite'),
     ({'accelerations': np.full((2, 2), np.nan)}, 'accelerations must be finite'),
     ({'times': [0.1, np.nan]}, 'times must be finite'),
     ({'positions': None, 'velocities': None}, 'positions must be finite'),
-    ({'stamp': START - 0.3}, 'in the past'),
+    ({'stamp_ns': NOW_NS - 300_000_000}, 'Received trajectory with non-zero start time '
+     '(99.700000) that ends in the past (99.900000)'),
 ])
 def test_rejected_and_nothing_changes(changes, reason):
     robot, same = controller(), controller()
@@ -76,7 +89,7 @@ def test_rejected_and_nothing_changes(changes, reason):
         each.step(START)
         each.accept(ramp(), START)
         play(each, 0.1)
-    with pytest.raises(Rejected, match=reason) as caught:
+    with pytest.raises(Rejected, match=re.escape(reason)) as caught:
         robot.accept(trajectory(**(GOOD | changes)), START + 0.1)
     assert '\n' not in str(caught.value)
     np.testing.assert_array_equal(
@@ -85,7 +98,8 @@ def test_rejected_and_nothing_changes(changes, reason):
 
 def test_rounding_of_the_last_velocity_and_a_stamp_that_is_not_over_are_accepted():
     robot = controller()
-    robot.accept(trajectory([0.1], [[0.1, 0.1]], [[1e-8, -1e-8]], stamp=START - 0.05), START)
+    robot.accept(trajectory([0.1], [[0.1, 0.1]], [[1e-8, -1e-8]],
+                            stamp_ns=NOW_NS - 50_000_000), START)
 
 
 def test_wrong_shape_is_refused_by_the_trajectory_itself():
@@ -106,6 +120,7 @@ def test_positions_alone_are_joined_by_straight_lines():
     robot.step(START)
     robot.accept(trajectory([0.1, 0.3], [[0.2, 0.1], [0.4, -0.1]]), START)
     t, _, desired = play(robot, 0.4)
+    t += PERIOD
     # The clock of a stamp 0 starts at the step that finds it; its line starts a step before.
     knots = [0.0, PERIOD + 0.1, PERIOD + 0.3]
     np.testing.assert_allclose(desired[:, 0], np.interp(t, knots, [0, 0.2, 0.4]), atol=1e-12)
@@ -126,11 +141,11 @@ def test_polynomials_are_reproduced_and_the_end_is_held(degree):
     robot = controller()
     robot.step(START)
     robot.accept(trajectory(
-        t_points, *rows[:2 if degree == 3 else 3], stamp=START), START)
+        t_points, *rows[:2 if degree == 3 else 3], stamp_ns=NOW_NS), START)
     t, _, desired = play(robot, 0.3)
-    expected = rest(np.minimum(t / span, 1.0))
+    expected = rest(np.minimum((t + PERIOD) / span, 1.0))
     np.testing.assert_allclose(desired, np.column_stack([expected, -2 * expected]), atol=1e-9)
-    velocity = robot.desired[1]
+    velocity = robot.commanded[1]
     np.testing.assert_array_equal(velocity, 0.0)
 
 
@@ -153,7 +168,7 @@ def test_joints_may_stand_in_any_order():
     robot.accept(trajectory([0.1], [[0.1, 0.3]], [[0, 0]], [[1, 2]]), START)
     other.accept(trajectory([0.1], [[0.3, 0.1]], [[0, 0]], [[2, 1]], names=('b', 'a')), START)
     np.testing.assert_array_equal(play(robot, 0.2)[1], play(other, 0.2)[1])
-    np.testing.assert_allclose(robot.desired[0], [0.1, 0.3])
+    np.testing.assert_allclose(robot.commanded[0], [0.1, 0.3])
 
 
 def test_first_point_at_once_jumps():
@@ -161,24 +176,25 @@ def test_first_point_at_once_jumps():
     robot.step(START)
     robot.accept(trajectory([0.0, 1.0], [[0.5, 0], [0.5, 0]]), START)
     robot.step(START + PERIOD)
-    assert robot.desired[0, 0] == 0.5
+    assert robot.commanded[0, 0] == 0.5
     assert robot.limit_violations == 1  # the joints do not jump
 
 
 def test_points_of_the_past_are_left_out():
     robot = controller()
     robot.step(START)
-    robot.accept(trajectory([0.1, 0.3], [[0.5, 0], [0.7, 0]], stamp=START - 0.198), START)
+    robot.accept(trajectory([0.1, 0.3], [[0.5, 0], [0.7, 0]],
+                            stamp_ns=NOW_NS - 196_000_000), START)
     robot.step(START + PERIOD)
-    np.testing.assert_allclose(robot.desired[0, 0], 0.6, atol=1e-9)
+    np.testing.assert_allclose(robot.commanded[0, 0], 0.6, atol=1e-9)
 
 
 def test_start_in_the_future_is_approached_from_now():
     robot = controller()
     robot.step(START)
-    robot.accept(trajectory([0.1], [[0.2, 0.0]], stamp=START + 0.1), START)
+    robot.accept(trajectory([0.1], [[0.2, 0.0]], stamp_ns=NOW_NS + 100_000_000), START)
     t, _, desired = play(robot, 0.2)
-    np.testing.assert_allclose(desired[:, 0], t, atol=1e-9)
+    np.testing.assert_allclose(desired[:-1, 0], t[:-1] + PERIOD, atol=1e-9)
 
 
 @pytest.mark.parametrize('from_desired', [True, False])
@@ -188,10 +204,10 @@ def test_new_trajectory_starts_from_desired_or_measured_state(from_desired):
     robot.accept(ramp(1.0), START)
     _, measured, desired = play(robot, 0.5)
     assert desired[-1, 0] - measured[-1, 0] > 0.01
-    robot.accept(ramp(1.0, stamp=START), START + 0.5)
+    robot.accept(ramp(1.0, stamp_ns=NOW_NS), START + 0.5)
     robot.step(START + 0.5 + PERIOD)
-    start, slack = (desired[-1], 2 * PERIOD) if from_desired else (measured[-1], 1e-12)
-    np.testing.assert_allclose(robot.desired[0], start, atol=slack)
+    start, slack = (desired[-1] if from_desired else measured[-1]), 3 * PERIOD
+    np.testing.assert_allclose(robot.commanded[0], start, atol=slack)
 
 
 def test_stream_of_windows_is_followed_without_a_seam():
@@ -211,13 +227,60 @@ def test_stream_of_windows_is_followed_without_a_seam():
         robot.accept(trajectory(t - k * PERIOD, np.column_stack([q, q]),
                                 np.column_stack([v, v])), now - PERIOD)
         robot.step(now)
-        desired.append(robot.desired[0])
+        desired.append(robot.commanded[0])
         if k > 50:
-            assert abs(robot.desired[0, 0] - course(k * PERIOD)[0]) < 2e-3
+            assert abs(robot.commanded[0, 0] - course(k * PERIOD)[0]) < 2e-3
     assert robot.limit_violations == 0
     velocity = np.diff(desired, axis=0) / PERIOD
     assert np.abs(velocity).max() < 2.0  # while it catches up with a course under way
     assert np.abs(np.diff(velocity[50:], axis=0)).max() / PERIOD < 0.5
+
+
+@pytest.mark.parametrize('from_desired', [True, False])
+def test_a_window_of_the_past_is_played_as_it_is(from_desired):
+    """Whatever was commanded before, one period ahead, and whenever it is received."""
+    robot = controller(lag=0.05, interpolate_from_desired_state=from_desired)
+    robot.step(START)
+    rng, times = np.random.default_rng(2), np.linspace(0.0, 0.3, 4)
+    for count in range(1, 40):
+        now, points = START + count * PERIOD, rng.normal(size=(4, 2))
+        window = trajectory(times, points, np.zeros((4, 2)),
+                            stamp_ns=round((now - 0.0013) * 1e9))
+        robot.accept(window, now)
+        robot.step(now)
+        expected = CubicHermiteSpline(times, points, np.zeros((4, 2)))(0.0013 + PERIOD)
+        np.testing.assert_allclose(robot.commanded[0], expected, atol=1e-9)
+
+
+def test_a_window_that_begins_later_gains_a_period_at_its_seam():
+    """What is commanded for t + period counts as that of t: the seam that stamps avoid."""
+    robot = controller()
+    robot.step(START)
+    robot.accept(ramp(1.0, 2.0), START)
+    play(robot, 0.5)
+    before = robot.commanded[0, 0]
+    robot.accept(trajectory([10.0], [[before + 10.0, 0.0]]), START + 0.5)
+    robot.step(START + 0.5 + PERIOD)
+    # At 1 rad/s from the step before to two periods after it.
+    assert robot.commanded[0, 0] - before == pytest.approx(2.0 * PERIOD, rel=1e-3)
+
+
+def test_deactivated_it_holds_and_does_not_listen():
+    robot = controller(lag=0.01)
+    robot.step(START)
+    robot.accept(ramp(), START)
+    _, _, commanded = play(robot, 0.3)
+    robot.activate(False)
+    robot.accept(ramp(), START + 0.3)
+    with pytest.raises(Rejected):
+        robot.accept(trajectory([], np.zeros((0, 2))), START + 0.3)
+    _, measured, held = play(robot, 0.3, START + 0.3)
+    np.testing.assert_array_equal(held, np.tile(commanded[-1], (150, 1)))
+    np.testing.assert_allclose(measured[-1], commanded[-1], atol=1e-9)
+    robot.activate(True)
+    np.testing.assert_array_equal(play(robot, 0.1, START + 0.6)[2], held[:50])
+    robot.accept(ramp(), START + 0.7)
+    np.testing.assert_allclose(play(robot, 1.5, START + 0.7)[1][-1], [0.5, -0.5], atol=1e-9)
 
 
 # --- limits -------------------------------------------------------------------------------------
@@ -246,7 +309,7 @@ def test_velocity_limit_is_kept_and_counted():
 def test_speed_at_the_limit_is_no_violation():
     robot = controller(velocity_limit=[0.8, 0.8])
     robot.step(START)
-    robot.accept(trajectory([1.0 - PERIOD], [[0.8, -0.8]]), START)
+    robot.accept(trajectory([0.0, 1.0], [[0.0, 0.0], [0.8, -0.8]]), START)
     play(robot, 1.2)
     assert robot.limit_violations == 0
 
@@ -258,10 +321,12 @@ def test_speed_at_the_limit_is_no_violation():
 def test_response_to_a_ramp_is_exact_at_irregular_steps(lag, dead_time):
     joints = DelayedLag(np.zeros(1), dead_time, lag)
     now = 0.0
-    joints.step(now, np.zeros(1))
+    joints.command(now, np.zeros(1))
+    joints.advance(now)
     for period in np.random.default_rng(1).uniform(0.0005, 0.004, 200):
         now += period
-        position, velocity = joints.step(now, np.array([2.0 * now]))
+        joints.command(now, np.array([2.0 * now]))
+        position, velocity = joints.advance(now)
         t = max(now - dead_time, 0.0)
         if lag:
             decay = np.exp(-t / lag)
@@ -270,6 +335,15 @@ def test_response_to_a_ramp_is_exact_at_irregular_steps(lag, dead_time):
             expected = 2.0 * t, 2.0 * (t > 0.0)
         assert position[0] == pytest.approx(expected[0], abs=1e-12)
         assert velocity[0] == pytest.approx(expected[1], abs=1e-9)
+
+
+def test_joints_hold_the_last_command_and_go_on_from_there():
+    joints = DelayedLag(np.zeros(1), 0.0, 0.0)
+    joints.advance(0.0)
+    joints.command(1.0, np.array([2.0]))
+    assert [joints.advance(t)[0][0] for t in (0.25, 1.0, 5.0)] == [0.5, 2.0, 2.0]
+    joints.command(7.0, np.array([4.0]))
+    assert joints.advance(6.0)[0][0] == 3.0
 
 
 def test_clock_that_jumps_back_holds_and_starts_over():

@@ -17,6 +17,7 @@ from tactile_simulation.metrics import (
     to_json,
     Truth,
 )
+from tactile_simulation.smoothness import accelerations, scatter, speeds
 
 NONE = np.zeros(4, bool)
 
@@ -27,7 +28,8 @@ def truth(**changes):
         'time': np.arange(4.0), 'lateral': np.array([9.0, 4.0, -3.0, 1.0]),
         'along': np.arange(4.0), 'force': np.array([0.0, 1.0, 6.0, 8.0]),
         'progress': np.arange(4.0), 'tracking': np.array([0, 1, 1, 1], bool),
-        'settled': np.array([0, 0, 1, 1], bool), 'on_target': np.array([0, 0, 1, 0], bool)}
+        'settled': np.array([0, 0, 1, 1], bool), 'on_target': np.array([0, 0, 1, 0], bool),
+        'speed': np.full(4, np.nan)}
     return Truth(**columns | changes)
 
 
@@ -46,6 +48,33 @@ def test_what_never_happened_is_not_known():
                              OutlineError()))
     unknown = {key for key, value in found.items() if np.isnan(value)}
     assert unknown == set(found) - {'force_target', 'force_max'}
+
+
+def test_roughness_of_a_known_motion():
+    """Joint 1 swings as a sin(wt): its acceleration is w^2 times that."""
+    time, rate = 0.002 * np.arange(2000), 20.0
+    joints = np.column_stack([np.zeros_like(time), 0.1 * np.sin(rate * time)])
+    found = measure(Evidence(truth(), 5.0, OutlineError(), accelerations(time, joints)))
+    assert found['joint_acceleration_max'] == pytest.approx(0.1 * rate**2, rel=1e-3)
+    assert found['joint_acceleration_rms'] == pytest.approx(
+        0.1 * rate**2 / np.sqrt(2.0), rel=2e-2)
+    assert len(accelerations(time[:2], joints[:2])) == 0
+
+
+def test_scatter_of_a_speed_is_what_is_left_of_its_trend():
+    time = 0.002 * np.arange(1500)
+    way = 0.03 * time + 0.05 * time**2  # it speeds up evenly, in steps of 2 mm/s up and down
+    way[1::2] += 0.001 * 0.002
+    place = np.column_stack([way, np.zeros((1500, 2))])
+    speed = speeds(time, place)
+    assert scatter(time, speed, np.ones(1500, bool)) == pytest.approx(1e-3, rel=0.03)
+    smooth = speeds(time, np.column_stack([0.05 * time**2, 0 * time, 0 * time]))
+    assert scatter(time, smooth, np.ones(1500, bool)) < 1e-9
+    # A step where nothing is chosen does not count; nor does a stretch shorter than the trend.
+    smooth[700:] += 1.0
+    chosen = np.abs(np.arange(1500) - 700) > 5
+    assert scatter(time, smooth, chosen) < 1e-9
+    assert np.isnan(scatter(time, smooth, np.arange(1500) < 20))
 
 
 def test_every_number_has_one_row():

@@ -10,11 +10,12 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.qos import QoSProfile
 from sensor_msgs.msg import JointState
+from std_srvs.srv import SetBool
 from trajectory_msgs.msg import JointTrajectory
 
 from tactile_common.errors import ConfigurationError, UnreachableError
 from tactile_common.ros.runner import make_executor
-from tactile_servo.conversions import trajectory_to_msg
+from tactile_servo.conversions import trajectory_to_bytes
 from tactile_servo.motion.trajectory import Trajectory
 from tactile_simulation.nodes.mock_robot import MockRobotNode
 
@@ -65,7 +66,7 @@ class Bench:
 
     def send(self, times, positions, names=None, **more):
         positions = np.atleast_2d(positions)
-        self.publisher.publish(trajectory_to_msg(Trajectory(
+        self.publisher.publish(trajectory_to_bytes(Trajectory(
             names or self.robot.robot.joint_names, np.array(times), positions,
             np.zeros_like(positions), **more)))
 
@@ -124,10 +125,26 @@ def test_rejected_trajectory_is_counted_and_the_active_one_goes_on(bench):
     robot.wait(lambda: np.allclose(robot.states[-1].position, goal, atol=1e-4))
 
 
+def test_a_controller_that_is_not_active_does_not_listen(bench):
+    robot = bench(initial_positions=HOME)
+    switch = robot.client.create_client(SetBool, '/mock_robot/activate')
+    robot.wait(switch.service_is_ready)
+    goal = np.array(HOME) + 0.05
+    for active in (False, True):
+        answer = switch.call_async(SetBool.Request(data=active))
+        robot.wait(answer.done)
+        assert answer.result().success and robot.robot.controller.active == active
+        robot.send([0.1], goal)
+        seen = len(robot.states)
+        robot.wait(lambda seen=seen: len(robot.states) > seen + 100)
+        moved = not np.array_equal(robot.states[-1].position, HOME)
+        assert moved == active
+
+
 def test_stamp_of_the_past_is_rejected(bench):
     robot = bench(initial_positions=HOME)
-    now = 1e-9 * robot.client.get_clock().now().nanoseconds
-    robot.send([0.1], HOME, stamp=now - 10.0)
+    now_ns = robot.client.get_clock().now().nanoseconds
+    robot.send([0.1], HOME, stamp_ns=now_ns - 10 * 10**9)
     robot.wait(lambda: robot.robot.rejected == 1)
 
 

@@ -13,15 +13,12 @@ from rclpy.parameter import Parameter
 from rclpy.qos import qos_profile_sensor_data
 
 from tactile_common.errors import ConfigurationError
-from tactile_common.ros.conversions import pose_from_msg
+from tactile_common.ros.conversions import pose_from_msg, stamp_from_ns
 from tactile_common.ros.runner import make_executor
 from tactile_sensing.devices.flexitac import FlexiTacDecoder, MARKER, NEED_DATA
 from tactile_sensing.types.array import TactelArray
-from tactile_simulation.nodes.mock_sensor import (
-    MockSensorConfig,
-    MockSensorNode,
-    PseudoTerminal,
-)
+from tactile_simulation.nodes.mock_sensor import MockSensorConfig, MockSensorNode
+from tactile_simulation.pseudo_terminal import PseudoTerminal
 from tactile_simulation.renderer import EdgeRenderer
 from tactile_simulation.scene import load_scene
 
@@ -129,7 +126,9 @@ def test_unloaded_frames_before_the_first_pose(mock, scene, tmp_path):
         frames = decoded(listener.read_bytes(2 + 20 * 258), (16, 16))[:20]
     rng = np.random.default_rng(7)
     renderer = renderer_of(scene)
-    np.testing.assert_array_equal(frames, [renderer.counts(None, rng) for _ in range(20)])
+    # In this order; a machine that is too slow for one leaves it out.
+    drawn = (renderer.counts(None, rng) for _ in range(1000))
+    assert all(any(np.array_equal(frame, one) for one in drawn) for frame in frames)
 
 
 def test_bytes_begin_and_end_with_a_marker(mock, scene, tmp_path):
@@ -157,6 +156,7 @@ def test_picture_follows_the_pose(mock, scene, context, tmp_path):
         with Listener(tmp_path / 'sensor') as listener:
             frame = np.zeros((16, 16))
             while frame.max() < 50 and time.monotonic() < end:
+                message.header.stamp = robot.get_clock().now().to_msg()
                 publisher.publish(message)
                 executor.spin_once(timeout_sec=0.01)
                 data = listener.read_bytes(len(listener.data) + 1)
@@ -171,6 +171,58 @@ def test_picture_follows_the_pose(mock, scene, context, tmp_path):
     assert abs(difference.mean()) < 5 * 700 / 16
     assert difference.std() < 1.2 * 660
     assert frame.mean(axis=0).argmax() in (5, 6)  # 3 mm to the side of the pad's centre
+
+
+def test_a_frame_without_a_pose_of_its_instant_is_not_sent(mock, scene, context, tmp_path):
+    node = mock(scene=scene, max_pose_age=0.05)
+    message = PoseStamped()
+    message.pose.position.x, message.pose.position.z = 0.297, 0.119
+    message.pose.orientation.y, message.pose.orientation.w = 1.0, 0.0
+
+    def place(age):
+        message.header.stamp = stamp_from_ns(node.get_clock().now().nanoseconds - age)
+        node._on_pose(message)
+
+    with Listener(tmp_path / 'sensor') as listener:
+        listener.read_bytes(300)  # free air: no robot has been heard
+        place(age=1_000_000_000)
+        end = time.monotonic() + DEADLINE
+        while node.blind < 10:
+            assert time.monotonic() < end
+            node._stop.wait(0.005)
+        sent = node.sent
+        assert not node._stop.wait(0.05) and node.sent == sent  # nothing while the pose is old
+        while node.sent < sent + 5:
+            assert time.monotonic() < end
+            place(age=0)
+            node._stop.wait(0.005)
+
+
+def test_a_frame_shows_the_pose_at_its_own_instant(mock, scene, tmp_path):
+    """Of a pad that sinks steadily, known at every 10 ms, each frame shows where it was then."""
+    node = mock(scene=scene, latency=0.03, max_pose_age=0.05)
+    asked = []
+    render = node._renderer.counts
+    node._renderer.counts = lambda pose, rng: asked.append(
+        (time.time(), pose)) or render(pose, rng)
+    message = PoseStamped()
+    message.pose.position.x, message.pose.orientation.y = 0.297, 1.0
+    message.pose.orientation.w = 0.0
+    begin = time.time()
+    with Listener(tmp_path / 'sensor') as listener:
+        end = time.monotonic() + DEADLINE
+        while sum(pose is not None for _, pose in asked) < 20:
+            assert time.monotonic() < end
+            now = time.time()
+            message.header.stamp = stamp_from_ns(round(now * 1e9))
+            message.pose.position.z = 0.15 - 0.01 * (now - begin)
+            node._on_pose(message)
+            node._stop.wait(0.01)
+        listener.read_bytes(300)
+    for at, pose in asked:
+        if pose is not None:
+            shown_at = begin + (0.15 - pose[2, 3]) / 0.01
+            assert shown_at <= at - 0.029  # the latency before it was rendered, or earlier if late
 
 
 def test_recording_streams_exactly(mock, recording, tmp_path):

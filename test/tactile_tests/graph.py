@@ -109,11 +109,11 @@ class Bench:
         self.robot = None
         self.listener = graph.add(ListenerNode)
 
-    def add_all(self):
-        """Add mocks, driver, estimator and servo."""
+    def add_all(self, **servo):
+        """Add mocks, driver, estimator and servo, this with parameters of its own."""
         self.robot = add_mocks(self.graph, self.port, self.scene_path, ROBOT)
         add_sensing(self.graph, self.port, calibrate(self.port, self.scene))
-        add_servo(self.graph, ROBOT)
+        add_servo(self.graph, ROBOT, **servo)
         return self
 
     def node(self, name):

@@ -1,6 +1,11 @@
 """The launch file under test, and a launch service without the `ros2` command."""
 
+from contextlib import contextmanager
+import os
 from pathlib import Path
+import re
+import signal
+import subprocess
 import sys
 import threading
 
@@ -13,6 +18,17 @@ from launch.launch_description_sources import PythonLaunchDescriptionSource
 LAUNCH_FILE = Path(
     get_package_share_directory('edge_tracking'), 'launch', 'edge_tracking.launch.py')
 DEADLINE = 90.0  # s, of a launch: several processes start on a loaded machine
+
+
+def patient(folder):
+    """Write the shipped parameters, with holds that end by themselves; returns the file's path."""
+    shipped = Path(get_package_share_directory('edge_tracking'), 'config', 'edge_tracking.yaml')
+    # A loaded machine stalls for longer than half a second, and nobody is there to resume.
+    path = Path(folder, 'patient.yaml')
+    path.write_text(shipped.read_text('utf-8').replace(
+        '/**/edge_servo:\n  ros__parameters:\n',
+        '/**/edge_servo:\n  ros__parameters:\n    hold.resume_within: 60.0\n'), 'utf-8')
+    return str(path)
 
 
 def edge_tracking(**arguments):
@@ -65,6 +81,75 @@ class Processes:
         with self._changed:
             done = self._changed.wait_for(condition, DEADLINE)
         assert done, f'{what} did not come; exits {self.exits}, output {self._text}'
+
+
+class Launched:
+    """
+    A launch as a process group of its own, as under a terminal.
+
+    Attributes
+    ----------
+    lines : list of str
+        What it has written.
+    status : int or None
+        Its exit status, None before its end.
+    """
+
+    def __init__(self, arguments, **environment):
+        self.lines, self._changed = [], threading.Condition()
+        self._process = subprocess.Popen(
+            [sys.executable, __file__, *arguments], stdout=subprocess.PIPE,
+            stderr=subprocess.STDOUT, text=True, start_new_session=True,
+            env={**os.environ, 'RCUTILS_COLORIZED_OUTPUT': '0', **environment})
+        self._reader = threading.Thread(target=self._read, daemon=True)
+        self._reader.start()
+
+    def _read(self):
+        for line in self._process.stdout or ():
+            with self._changed:
+                self.lines.append(line.rstrip())
+                self._changed.notify_all()
+
+    @property
+    def status(self):
+        return self._process.poll()
+
+    def found(self, text):
+        """Return the lines that a regular expression is found in."""
+        return [line for line in self.lines if re.search(text, line)]
+
+    def wait(self, text, times=1):
+        """Block until a regular expression has been found in so many lines."""
+        with self._changed:
+            done = self._changed.wait_for(lambda: len(self.found(text)) >= times, DEADLINE)
+        assert done, '\n'.join([f'{text!r} did not come:', *self.lines[-30:]])
+
+    def pid(self, name):
+        """Return the newest process id of a node by its name."""
+        started = self.found(rf'\[{name}-\d+\]: process started')[-1]
+        return int(re.findall(r'pid \[(\d+)\]', started)[0])
+
+    def interrupt(self):
+        """Send what Ctrl-C in a terminal sends, to all processes."""
+        os.killpg(self._process.pid, signal.SIGINT)
+
+    def end(self):
+        """Wait for the end; returns the exit status."""
+        status = self._process.wait(DEADLINE)
+        self._reader.join(DEADLINE)
+        return status
+
+
+@contextmanager
+def launched(*arguments, **environment):
+    """Give a launch with arguments NAME:=VALUE; nothing of it is left afterwards."""
+    it = Launched(arguments, **environment)
+    try:
+        yield it
+    finally:
+        if it.status is None:
+            os.killpg(it._process.pid, signal.SIGKILL)
+            it.end()
 
 
 def main(arguments):

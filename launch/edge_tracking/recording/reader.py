@@ -6,9 +6,11 @@ import numpy as np
 from edge_tracking.recording import run
 from tactile_common.errors import ConfigurationError
 from tactile_common.ros.bag_reader import Bag
+from tactile_common.ros.conversions import stamp_to_ns
 from tactile_sensing.observations import TYPES
 from tactile_sensing.types.array import TactelArray
 from tactile_shape.conversions import patch_from_msg
+from tactile_simulation.smoothness import accelerations
 
 DEFAULT_NAMESPACE = '/tactile'
 _COMPONENT_ZZ = 0
@@ -25,6 +27,9 @@ def read_run(path, namespace=None) -> run.RunData:
         topics = {f'{prefix}/{name}': name for name in _TYPES.keys() - {'joint_states'}}
         expected = {topic: name for topic, name in topics.items()
                     if bag.topics.get(topic) == _TYPES[name]}
+        expected |= {topic: 'joint_states' for topic, kind in bag.topics.items()
+                     if kind == _TYPES['joint_states'] and topic in (
+                         '/joint_states', f'{prefix}/joint_states')}
         rows = defaultdict(list)
         start = None
         for row in bag.messages(expected):
@@ -42,6 +47,7 @@ def read_run(path, namespace=None) -> run.RunData:
                 patches=[patch_from_msg(row.message) for row in rows['surface_patch']
                          if row.message.valid],
                 info=_info(rows['sensor_info']),
+                joint_acceleration=_joint_acceleration(rows['joint_states']),
             )
 
 
@@ -98,6 +104,21 @@ def _images(rows):
 def _contour(rows):
     poses = rows[-1].message.poses if rows else []
     return np.array([run.xyz(pose.pose.position) for pose in poses]).reshape(-1, 3)
+
+
+def _joint_acceleration(rows):
+    """Of the velocities that joint states tell, else of their positions."""
+    if not rows:
+        return np.empty((0, 0))
+    names = rows[0].message.name
+    states = [row.message for row in rows if row.message.name == names]
+    stamps = np.array([stamp_to_ns(state.header.stamp) for state in states])
+    times, new = np.unique(stamps, return_index=True)
+    seconds = 1e-9 * (times - times[0])
+    if all(len(states[k].velocity) == len(names) for k in new):
+        velocities = np.array([states[k].velocity for k in new])
+        return np.diff(velocities, axis=0) / np.diff(seconds)[:, None]
+    return accelerations(seconds, np.array([states[k].position for k in new]))
 
 
 def _info(rows):

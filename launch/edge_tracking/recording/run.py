@@ -18,6 +18,11 @@ def _column(dtype: Any = float, shape: tuple[int, ...] = (),
     return field(metadata={'dtype': dtype, 'shape': shape, 'read': read})
 
 
+def _if_there(name):
+    """Read a number that older recordings lack, as NaN."""
+    return lambda message: getattr(message, name, np.nan)
+
+
 def _stamp():
     return _column(np.int64, (), lambda message: stamp_to_ns(message.header.stamp))
 
@@ -81,7 +86,7 @@ class Contacts(Table):
 
 @dataclass(frozen=True, eq=False)
 class Statuses(Table):
-    """Control cycles, `(N,)` each; fields as in ServoStatus.msg."""
+    """What the servo told of its cycles, `(N,)` each; fields as in ServoStatus.msg."""
 
     stamp_ns: np.ndarray = _stamp()
     controller: np.ndarray = _column(object)
@@ -93,7 +98,9 @@ class Statuses(Table):
     force_target: np.ndarray = _column()
     speed: np.ndarray = _column()
     progress: np.ndarray = _column()
-    cycle_time: np.ndarray = _column()
+    latency: np.ndarray = _column(read=_if_there('latency'))
+    cpu_time: np.ndarray = _column(read=_if_there('cpu_time'))
+    cycles: np.ndarray = _column(read=_if_there('cycles'))
     missed_cycles: np.ndarray = _column(np.int64)
 
 
@@ -132,6 +139,8 @@ class RunData:
     contour: np.ndarray  # (N, 3), points of the newest contour [m]
     patches: list  # every valid Patch of a surface
     info: Info | None  # None if the recording lacks it
+    joint_acceleration: np.ndarray = field(  # (K, n), by the joint states [rad/s^2]
+        default_factory=lambda: np.empty((0, 0)))
 
     def seconds(self, time_ns) -> np.ndarray:
         """Return times [ns] as seconds since the first message that was read."""

@@ -14,6 +14,7 @@ from tactile_simulation import metrics
 from tactile_simulation.metrics import NAN, percentile, rate, Truth
 from tactile_simulation.renderer import EdgeRenderer
 from tactile_simulation.scene import Scene
+from tactile_simulation.smoothness import speeds
 
 # RMS of the pad's centre, once settled, up to which the edge counts as tracked: the object may
 # slip further at once [m].
@@ -47,25 +48,36 @@ def truth(run: RunData, scene: Scene) -> Truth:
     reach = array.half_width_y if array else 0.0
     whole_edge = (along >= reach) & (along <= scene.edge.length - reach)
     return Truth(run.seconds(poses.stamp_ns), lateral, along, force, progress, tracking, settled,
-                 on_target=settled & whole_edge)
+                 on_target=settled & whole_edge,
+                 speed=speeds(1e-9 * poses.stamp_ns, poses.position))
 
 
 def latencies(run: RunData) -> tuple[np.ndarray, np.ndarray]:
     """
     Stamps of pictures [ns] and times from their last byte to the command that used it [s], (N,).
 
-    From arrival at the driver, which is the stamp and the acquisition delay, to the end of the
-    first control cycle with that picture; cycles that track only.
+    From arrival at the driver, which is the stamp and the acquisition delay, to the first command
+    that used it, as the servo measured it; of pictures that a status names, while it tracks.
     """
     statuses = run.statuses
     delay = run.info.acquisition_delay if run.info else 0.0
     tracking, _ = settled_cycles(statuses)
-    # From all cycles, so that a picture first used before contact is not taken for a late one.
     stamps, first = np.unique(statuses.contact_stamp_ns, return_index=True)
-    keep = (stamps > 0) & tracking[first]
+    keep = (stamps > 0) & tracking[first] & np.isfinite(statuses.latency[first])
     stamps, first = stamps[keep], first[keep]
-    ended = statuses.stamp_ns[first] - stamps
-    return stamps, 1e-9 * ended + statuses.cycle_time[first] - delay
+    return stamps, statuses.latency[first] - delay
+
+
+def cycle_count(statuses: Statuses, active: np.ndarray) -> int:
+    """Control cycles from the first to the last of some statuses; once there was one for each."""
+    told = statuses.cycles[active]
+    return int(np.ptp(told)) + 1 if told.size and np.isfinite(told).all() else len(active)
+
+
+def cycle_rate(statuses: Statuses, active: np.ndarray) -> float:
+    """Control cycles per second from the first to the last of some statuses [Hz]."""
+    span = metrics.span(statuses.stamp_ns[active])
+    return (cycle_count(statuses, active) - 1) / span if span > 0.0 else NAN
 
 
 @lru_cache(maxsize=1)
@@ -115,20 +127,21 @@ def summarise(run: RunData, scene: Scene, *, success: bool, reason: str = '',
         'speed': float(speed) if speed is not None else percentile(statuses.speed[settled]),
         'tracked_length': float(np.ptp(along)) if along.size else 0.0,  # of the true edge
         **metrics.measure(metrics.Evidence(
-            real, target, metrics.contour_errors(outline and outline.points, scene.edge))),
+            real, target, metrics.contour_errors(outline and outline.points, scene.edge),
+            run.joint_acceleration)),
         'closed': outline is not None and outline.closed,
         'corners': outline.corners.tolist() if outline else [],
         'sides': [{'kind': side.kind, 'length': side.length, 'radius': side.radius}
                   for side in (outline.sides if outline else ())],
         'duration': metrics.span(statuses.stamp_ns[active]),
         'sensor_rate': rate(stamps[(stamps >= begin) & (stamps <= end)]),
-        'control_rate': rate(statuses.stamp_ns[active]),
-        'cycles': len(active),
+        'control_rate': cycle_rate(statuses, active),
+        'cycles': cycle_count(statuses, active),
         'missed_cycles': int(statuses.missed_cycles[last] - statuses.missed_cycles[active[0]])
         if active.size else 0,
         'latency_p50': percentile(latency, 50),
         'latency_p99': percentile(latency, 99),
-        'cpu_per_cycle': statuses.cycle_time[tracking].mean() if tracking.any() else NAN,
+        'cpu_per_cycle': statuses.cpu_time[tracking].mean() if tracking.any() else NAN,
     }
     claimed = statuses.progress[tracking].max(initial=0.0)
     summary['ok'] = bool(

@@ -4,7 +4,7 @@ from pathlib import Path
 import threading
 from time import time_ns
 
-from rclpy.node import Node
+from diagnostic_msgs.msg import DiagnosticStatus
 from rclpy.qos import DurabilityPolicy, HistoryPolicy, LivelinessPolicy, ReliabilityPolicy
 from rosbags.interfaces import (
     Qos,
@@ -19,6 +19,7 @@ from rosbags.rosbag2.errors import WriterError
 
 from tactile_common.errors import ConfigurationError
 from tactile_common.ros.message_definitions import definition_of
+from tactile_common.ros.node import TactileNode
 
 # Time between two rounds of the writer [s]: long enough that it wakes seldom among callbacks
 # that have deadlines, short enough that little is lost if the process dies.
@@ -29,12 +30,12 @@ MAX_WAITING = 30_000
 _INFINITE = QosTime(9223372036, 854775807)
 
 
-class RecorderNode(Node):
+class RecorderNode(TactileNode):
     """
     Record topics as they come over the wire, without deserialising them, into a new folder.
 
     The callbacks only append to a queue; a thread writes. `ros2 bag info` and `ros2 bag play`
-    open the result.
+    open the result. The diagnostics say which topics were heard.
 
     Parameters
     ----------
@@ -55,6 +56,7 @@ class RecorderNode(Node):
         self._max_waiting = max_waiting
         self.written = self.dropped = 0
         self._connections = []
+        self._heard = set()
         self._writer = _open_writer(path, topics, self._connections)
         self._thread = threading.Thread(target=self._write_forever, name='bag writer')
         super().__init__('recorder', **kwargs)
@@ -104,6 +106,13 @@ class RecorderNode(Node):
             index, time, data = self._waiting.popleft()
             self._writer.write(self._connections[index], time, data)
             self.written += 1
+            self._heard.add(index)
+
+    def _on_diagnose(self):
+        heard = ' '.join(sorted(self._connections[index].topic for index in list(self._heard)))
+        self.diagnose(
+            DiagnosticStatus.WARN if self.dropped else DiagnosticStatus.OK, 'recording',
+            {'written': self.written, 'dropped': self.dropped, 'heard': heard}, name='recorder')
 
 
 def _open_writer(path, topics, connections):

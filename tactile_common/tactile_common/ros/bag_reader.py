@@ -19,11 +19,13 @@ from rosbags.typesys import (
 )
 
 from tactile_common.errors import ConfigurationError
+from tactile_common.ros.bag_limits import bound_chunks, check_text, check_types
 from tactile_common.ros.message_definitions import definition, SEPARATOR
+from tactile_common.yaml_file import read_yaml
 
 # What a damaged message raises, or one that lacks a field.
 DAMAGE = (SerdeError, struct.error, LookupError, AttributeError, TypeError, ValueError,
-          OverflowError)
+          OverflowError, MemoryError, RecursionError)
 
 
 class Recorded(NamedTuple):
@@ -50,6 +52,9 @@ class Bag:
     def __init__(self, path: str | PathLike):
         self.path = Path(path)
         with self.clear_errors():
+            bound_chunks()
+            if (self.path / 'metadata.yaml').exists():
+                read_yaml(self.path / 'metadata.yaml')  # refuses what must not be expanded
             self._reader = Reader(self.path)
             self._reader.open()
         self._types = get_typestore(Stores.EMPTY)
@@ -118,6 +123,7 @@ class Bag:
 
     def _learn(self, connection):
         name, (kind, text) = connection.msgtype, connection.msgdef
+        check_text(name, text)
         if kind == MessageDefinitionFormat.NONE:
             types = get_types_from_msg(definition(name).text, name)
         elif kind == MessageDefinitionFormat.MSG:
@@ -128,6 +134,7 @@ class Bag:
                 body = part.split('\n', 1)[1] if part.startswith('IDL: ') else part
                 if body.strip():
                     types |= get_types_from_idl(body)
+        check_types(types, self._types.fielddefs)
         self._types.register({name: fields for name, fields in types.items()
                               if name not in self._types.fielddefs})
 
@@ -136,8 +143,9 @@ class Bag:
         """Turn whatever a damaged recording raises into a ConfigurationError of one line."""
         try:
             yield
-        except ConfigurationError:
-            raise
+        except ConfigurationError as error:
+            where = '' if str(error).startswith('bag ') else f'bag {self.path}: '
+            raise ConfigurationError(f'{where}{error}') from error
         except FileNotFoundError as error:
             missing = 'has no metadata.yaml' if self.path.is_dir() else 'there is no such bag'
             raise ConfigurationError(f'bag {self.path}: {missing}') from error

@@ -1,19 +1,22 @@
 """ROS parameters declared from a configuration dataclass, where the defaults live."""
-import dataclasses
-
-from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor
+from rcl_interfaces.msg import (
+    FloatingPointRange,
+    IntegerRange,
+    ParameterDescriptor,
+    SetParametersResult,
+)
 from rclpy.exceptions import ParameterException
 
-from tactile_common.config import checked, types_of
+from tactile_common.config import built, checked
 from tactile_common.errors import ConfigurationError
 
 
-def declare_from(node, config_class, read_only=True, prefix='', defaults=None):
+def declare_from(node, config_class, prefix='', defaults=None):
     """
     Declare one parameter per field of a dataclass; returns it with the values of the user.
 
     The fields of a nested dataclass become parameters of its name, a dot and theirs, such as
-    `force.gain`.
+    `force.gain`. Those that are not `live` can no longer be set once the node runs.
 
     Parameters
     ----------
@@ -21,8 +24,6 @@ def declare_from(node, config_class, read_only=True, prefix='', defaults=None):
         Frozen dataclass. Every field has a default and a type among `bool`, `int`, `float`,
         `str`, `tuple` of one of them, and such dataclasses. The metadata, see
         `tactile_common.config`, become the parameters' descriptors.
-    read_only : bool
-        Whether the parameters can no longer be set once the node runs.
     prefix : str
         Of the names of the parameters.
     defaults : config_class, optional
@@ -33,31 +34,49 @@ def declare_from(node, config_class, read_only=True, prefix='', defaults=None):
     ConfigurationError
         A value has the wrong type, is out of range or is refused by `config_class`.
     """
-    values = {}
-    for field in dataclasses.fields(config_class):
-        name, kind = prefix + field.name, types_of(config_class)[field.name]
-        default = field.default if defaults is None else getattr(defaults, field.name)
-        if callable(field.default_factory) and default is dataclasses.MISSING:
-            default = field.default_factory()
-        if dataclasses.is_dataclass(kind):
-            values[field.name] = declare_from(node, kind, read_only, f'{name}.', default)
-            continue
+    def declare(name, default, kind, metadata):
         try:
             parameter = node.declare_parameter(
                 name, list(default) if isinstance(default, tuple) else default,
-                _descriptor(field.metadata, kind, read_only))
+                _descriptor(metadata, kind))
         except ParameterException as error:
             raise ConfigurationError(f"parameter '{name}': {error}") from error
-        values[field.name] = checked(f"parameter '{name}'", parameter.value, kind, field.metadata)
-    return config_class(**values)
+        return checked(f"parameter '{name}'", parameter.value, kind, metadata)
+
+    return built(config_class, declare, prefix, defaults)
 
 
-def _descriptor(metadata, kind, read_only):
+def follow_changes(node, config_class, apply):
+    """
+    Call `apply(config)` with the dataclass whenever a parameter of it has been set.
+
+    A value of the wrong type or out of range, or one that the dataclass refuses, is not set; the
+    answer says why. The parameters must have been declared by `declare_from`.
+    """
+    def of(changed):
+        def value_of(name, _, kind, metadata):
+            value = changed[name] if name in changed else node.get_parameter(name).value
+            return checked(f"parameter '{name}'", value, kind, metadata)
+        return built(config_class, value_of)
+
+    def check(parameters):
+        try:
+            of({parameter.name: parameter.value for parameter in parameters})
+        except ConfigurationError as error:
+            return SetParametersResult(successful=False, reason=str(error))
+        return SetParametersResult(successful=True)
+
+    node.add_on_set_parameters_callback(check)
+    node.add_post_set_parameters_callback(lambda _: apply(of({})))
+
+
+def _descriptor(metadata, kind):
     text = metadata.get('doc', '')
     if metadata.get('unit'):
         text = f'{text} [{metadata["unit"]}]'.lstrip()
     # Dynamic typing lets a user write 30 where 30.0 is meant; `checked` looks at the type.
-    descriptor = ParameterDescriptor(description=text, read_only=read_only, dynamic_typing=True)
+    descriptor = ParameterDescriptor(
+        description=text, read_only=not metadata.get('live', False), dynamic_typing=True)
     if 'choices' in metadata:
         descriptor.additional_constraints = f'one of {", ".join(map(str, metadata["choices"]))}'
     if 'range' in metadata and kind in (int, float):

@@ -1,10 +1,13 @@
 """Start, spin and stop one node, or several in one process, with clean exits."""
 from contextlib import contextmanager, suppress
+import gc
 import inspect
+import os
 import re
 import signal
 import sys
 import threading
+import time
 import traceback
 
 import rclpy
@@ -12,6 +15,10 @@ from rclpy.exceptions import NameValidationException, ParameterException
 from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 from rclpy.logging import get_logger
 from rclpy.signals import SignalHandlerOptions
+from rclpy.subscription import RCLError
+
+from tactile_common.ros.node import TactileNode
+from tactile_common.start import INTERRUPTED
 
 try:
     from rclpy.experimental import EventsExecutor
@@ -20,6 +27,9 @@ except ImportError:
 
 # Longest wait for work before `until` and the signals are looked at again [s].
 _TICK = 0.05
+# Errors of rcl one after the other, with nothing done between, that are no matter of one message.
+_BROKEN = 100
+_LAST_WORDS = 2.0  # s
 
 
 def make_executor(context=None):
@@ -37,14 +47,35 @@ def spin(executor, context=None, until=None):
     short time again and again starves its timers on a busy machine; hence a loop of `spin_once`.
 
     `until()` is asked after every callback and at least every 0.05 s; the context is that of the
-    executor, the default one if missing.
+    executor, the default one if missing. An error of rcl in a callback, such as an answer that
+    cannot be sent, is counted by the nodes, see `TactileNode`, and survived.
     """
     context = context or rclpy.get_default_context()
-    try:
-        while context.ok() and not (until and until()):
+    failed = 0
+    while context.ok() and not (until and until()):
+        try:
             executor.spin_once(timeout_sec=_TICK)
-    except ExternalShutdownException:
-        pass
+            failed = 0
+        except ExternalShutdownException:
+            return
+        except RCLError as error:
+            failed += 1
+            nodes = [node for node in executor.get_nodes() if isinstance(node, TactileNode)]
+            if failed > _BROKEN or not nodes or not context.ok():
+                raise
+            for node in nodes:
+                node.count_error(error)
+
+
+def freeze_heap():
+    """
+    Leave what is in memory now out of all garbage collections to come, once a process is set up.
+
+    Modules and compiled kernels are some 160,000 objects and more. To go through them takes 0.1 s,
+    longer than a servo may be silent; what comes later is little.
+    """
+    gc.collect()
+    gc.freeze()
 
 
 def plain(callback):
@@ -59,15 +90,34 @@ def plain(callback):
     return call
 
 
+class Stop:
+    """A flag with the methods of an Event but no lock, on which two signals could dead-lock."""
+
+    def __init__(self):
+        self._on = False
+
+    def is_set(self) -> bool:
+        """Tell whether it is to end."""
+        return self._on
+
+    def set(self) -> None:
+        """Ask for the end."""
+        self._on = True
+
+    def clear(self) -> None:
+        """Take it back."""
+        self._on = False
+
+
 @contextmanager
 def stop_on_signals():
     """
-    Give an event that SIGINT and SIGTERM set, in place of every other effect of theirs.
+    Give a flag that SIGINT and SIGTERM set, in place of every other effect of theirs.
 
     rclpy's own handlers shut the context down at once, so that nodes can neither publish a last
     word nor be destroyed undisturbed. Use it with `SignalHandlerOptions.NO`, in the main thread.
     """
-    stop = threading.Event()
+    stop = Stop()
     previous = {number: signal.signal(number, lambda *_: stop.set())
                 for number in (signal.SIGINT, signal.SIGTERM)}
     try:
@@ -77,13 +127,15 @@ def stop_on_signals():
             signal.signal(number, handler)
 
 
-def run(node_class, args=None, until=None) -> int:
+def run(node_class, args=None, until=None, on_stop=None) -> int:
     """
     Run one node until SIGINT, SIGTERM or the shutdown of its context; returns the exit status.
 
     `node_class` is called with `context` alone; a `ValueError`, of which every configuration
     error is one, means that a parameter is wrong. Without ROS arguments those of the process are
-    taken. `until(node)` tells whether its work is done.
+    taken. `until(node)` tells whether its work is done; `on_stop(node)` is called at a signal, and
+    the node then has two seconds to get it done. A process that is to stop while its node is
+    still being made, which takes a minute where kernels are compiled, ends within two as well.
     """
     context = rclpy.Context()
     with stop_on_signals() as stop:
@@ -92,7 +144,8 @@ def run(node_class, args=None, until=None) -> int:
         except RuntimeError as error:  # a ROS argument or a parameter file that rcl cannot read
             return _refuse(node_class, error)
         try:
-            node = node_class(context=context)
+            with _made_in_time(stop):
+                node = node_class(context=context)
         except (ValueError, NameValidationException, ParameterException) as error:
             # The context destroys the half-made node, which may lack what its method needs.
             with suppress(AttributeError):
@@ -101,12 +154,36 @@ def run(node_class, args=None, until=None) -> int:
         executor = make_executor(context)
         try:
             executor.add_node(node)
+            freeze_heap()
             spin(executor, context, lambda: stop.is_set() or bool(until and until(node)))
+            if stop.is_set() and on_stop and until:
+                stop.clear()  # a second signal ends it at once
+                on_stop(node)
+                end = time.monotonic() + _LAST_WORDS
+                spin(executor, context, lambda: until(node) or stop.is_set()
+                     or time.monotonic() > end)
         finally:
             executor.shutdown()  # first: nothing may be delivered to a node that is gone
             node.destroy_node()
             context.try_shutdown()
     return 0
+
+
+@contextmanager
+def _made_in_time(stop):
+    """End the process when it is to stop, but what stands in the context takes longer."""
+    made = threading.Event()
+
+    def watch():
+        while not made.wait(_TICK):
+            if stop.is_set() and not made.wait(_LAST_WORDS):
+                os._exit(int(os.environ.get(INTERRUPTED, 0)))
+
+    threading.Thread(target=watch, daemon=True).start()
+    try:
+        yield
+    finally:
+        made.set()
 
 
 def _refuse(node_class, error):

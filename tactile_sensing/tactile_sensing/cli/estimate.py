@@ -286,5 +286,5 @@ def main(args: list[str] | None = None) -> int:
         return 1
     except KeyboardInterrupt:
         print('estimate: interrupted, nothing written', file=sys.stderr)
-        return 1
+        return 130
     return 0

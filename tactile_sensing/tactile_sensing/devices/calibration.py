@@ -3,9 +3,9 @@ from dataclasses import dataclass, field, fields
 import math
 
 import numpy as np
-import yaml
 
 from tactile_common.errors import ConfigurationError, TactileError
+from tactile_common.yaml_file import read_yaml
 from tactile_sensing.types.array import TactelArray
 from tactile_sensing.types.image import COMPONENTS, Layer, SensorInfo
 
@@ -220,14 +220,7 @@ def load_calibration(path) -> Calibration:
         The file cannot be read, or a key is missing, unknown or out of bounds; names the file.
     """
     try:
-        with open(path, encoding='utf-8') as stream:
-            values = yaml.safe_load(stream)
-        return _from_mapping(values, str(path))
-    except OSError as error:
-        raise ConfigurationError(f'calibration {path}: {error.strerror}') from error
-    except (yaml.YAMLError, UnicodeDecodeError) as error:
-        reason = ' '.join(str(error).split())
-        raise ConfigurationError(f'calibration {path}: not YAML: {reason}') from error
+        return _from_mapping(read_yaml(path), str(path))
     except ConfigurationError as error:
         raise ConfigurationError(f'calibration {path}: {error}') from error
 

@@ -10,19 +10,23 @@ loss) three markers at the right distances are demanded: in random bytes two of 
 once in 2^32 positions, which is 0.3 % in a minute at 2 Mbaud, three once in 2^48. The frames that
 were held back meanwhile are genuine and are delivered, late.
 
-A picture that does not change and holds the marker looks the same from two phases. Without lock
-the decoder then waits up to `AMBIGUOUS_PERIODS` for noise to tell them apart before it takes the
-earlier one. A wrong choice ends with the first change of the two tactels that mimic the marker.
+Tactels that stand still at the marker's values mimic it, and after a lost byte several phases
+look alike. Then the frames before tell: a place that held a marker within them is no start of
+another one, and the picture hardly changes. Where that does not tell, `MarkerSearch` waits for
+noise. A loss that brings such a place to where a marker is expected would keep the decoder in
+lock in the wrong phase; it shows by the true marker, now at the mirrored place, and ends the lock.
 """
+from collections import deque
+
 import numpy as np
 
 from tactile_common.errors import ConfigurationError
+from tactile_sensing.devices.marker_search import AMBIGUOUS_PERIODS, Known, MarkerSearch
 from tactile_sensing.devices.protocol import Frame, NEED_DATA, Resync, Signal
 
 MARKER = b'\xaa\x55'
 BAUD_RATE = 2_000_000
-LOCK_PERIODS = 2  # frame periods that must be confirmed before the decoder is in lock
-AMBIGUOUS_PERIODS = 8  # frame periods to wait for while several phases are confirmed
+FIXED_FRAMES = 8  # in which a mimic has stood at one place, so that it counts as fixed
 
 
 def encode_frame(counts: np.ndarray) -> bytes:
@@ -45,8 +49,9 @@ class FlexiTacDecoder:
     Turn received bytes into frames, see `protocol.Decoder`.
 
     `buffer_bound` is without lock the `AMBIGUOUS_PERIODS` that may be needed to choose a phase,
-    the marker behind them and one period in which candidates start. `lost_frames` is estimated
-    from the dropped bytes. Raises a ConfigurationError where a size is not a positive integer.
+    and the markers around them. `lost_frames` is estimated from the dropped bytes. Raises a
+    ConfigurationError where a size is not a positive integer. Many of its attributes are the
+    counters of a `Decoder`.
     """
 
     def __init__(self, rows: int, columns: int):
@@ -55,19 +60,25 @@ class FlexiTacDecoder:
                 raise ConfigurationError(f'{name} is {value!r}, must be an integer of at least 1')
         self._shape = (rows, columns)
         self._period = len(MARKER) + rows * columns
-        self.buffer_bound = (AMBIGUOUS_PERIODS + 1) * self._period + len(MARKER)
+        self.buffer_bound = (AMBIGUOUS_PERIODS + 2) * self._period + len(MARKER)
         self.frames = self.lost_frames = self.resyncs = self.dropped_bytes = 0
         self._buffer = bytearray()
+        self._origin = 0  # position of the buffer in the stream
+        self._search = MarkerSearch(MARKER, self._period)
+        self._known: Known | None = None  # survives a reset: the pad is the same one
+        self._fixed: dict[int, int] = {}  # places of mimics, and for how many frames by now
         self.reset()
 
     def reset(self) -> None:
         """Forget the buffer and the lock, as after the port was opened anew; counters stay."""
         self.dropped_bytes += len(self._buffer)
-        self._buffer.clear()
-        self._checked = 0  # without lock: no frame starts before this position
-        self._held = 0  # confirmed frames at the head of the buffer
         self._gap = 0  # bytes passed over since the last frame
+        self._origin += len(self._buffer)
+        self._buffer.clear()
+        self._breaks: deque[int] = deque(maxlen=4 * AMBIGUOUS_PERIODS)
+        self._held = 0  # confirmed frames at the head of the buffer
         self.locked = False
+        self._search.restart(self._origin)
 
     @property
     def buffered(self) -> int:
@@ -77,18 +88,19 @@ class FlexiTacDecoder:
     def receive_data(self, data: bytes) -> None:
         """Append what came from the port; parsing is left to `next_event`."""
         self._buffer += data
+        self._breaks.append((self._origin + len(self._buffer)) % self._period)
 
     def next_event(self) -> Frame | Resync | Signal:
         """Return the next `Frame` or `Resync`, or `NEED_DATA`."""
         if self.locked and self._held == 0:
             if len(self._buffer) < self._period + len(MARKER):
                 return NEED_DATA
-            if self._marker_at(self._period):
+            if self._buffer.startswith(MARKER, self._period) and not self._slipped():
                 self._held = 1
             else:
                 # The frame is broken; its own marker cannot start another one.
                 self.locked = False
-                self._checked = 1
+                self._search.restart(self._origin + 1)
         if not self.locked:
             if not self._find_lock():
                 return NEED_DATA
@@ -105,12 +117,22 @@ class FlexiTacDecoder:
 
     def _frame(self):
         payload = bytes(self._buffer[len(MARKER):self._period])
-        del self._buffer[:self._period]
+        mimics = frozenset(_places(payload))
+        self._fixed = {place: self._fixed.get(place, 0) + 1 for place in mimics}
+        self._known = Known(self._origin, payload, mimics)
+        first = self._origin + len(MARKER)
+        self._take(self._period)
         self._held -= 1
         counts = np.frombuffer(payload, np.uint8).reshape(self._shape)
-        frame = Frame(counts, self.frames + self.lost_frames)
+        frame = Frame(counts, self.frames + self.lost_frames, first, self._origin)
         self.frames += 1
         return frame
+
+    def _slipped(self):
+        """Whether a marker stands where the true one is if a fixed mimic has taken its place."""
+        fixed = [place for place, count in self._fixed.items() if count >= FIXED_FRAMES]
+        return any(self._buffer.startswith(MARKER, self._period - place) for place in fixed
+                   if self._period - place not in self._fixed)
 
     def _resync(self):
         # Nothing is lost before the first frame; afterwards at least the one that broke the lock.
@@ -123,57 +145,33 @@ class FlexiTacDecoder:
 
     def _find_lock(self):
         """Put the start of a confirmed frame at the head of the buffer; False: not there yet."""
-        buffer = self._buffer
-        while True:
-            start = buffer.find(MARKER, self._checked)
-            if start < 0:
-                # The last byte may be the first of a marker.
-                self._drop(max(len(buffer) - 1, 0))
-                return False
-            self._checked = start
-            count, broken = self._run(start)
-            waiting = not broken and count < LOCK_PERIODS
-            if count >= LOCK_PERIODS:
-                rival, rival_broken = self._longest_rival(start)
-                waiting = not (broken or rival_broken) and count < AMBIGUOUS_PERIODS
-                broken = broken and (not rival_broken or rival > count)
-            if broken:
-                self._checked = start + 1
-                continue
-            self._drop(start)
-            if waiting:
-                return False
-            self._held = count
-            self.locked = True
-            return True
-
-    def _run(self, start):
-        """Count the periods after `start` that end with a marker, and tell whether one fails."""
-        count = 0
-        position = start + self._period
-        while count < AMBIGUOUS_PERIODS and position + len(MARKER) <= len(self._buffer):
-            if not self._marker_at(position):
-                return count, True
-            count += 1
-            position += self._period
-        return count, False
-
-    def _longest_rival(self, start):
-        """Return the longest run, best an unbroken one, from elsewhere in the period."""
-        best = (0, True)
-        other = start
-        while (other := self._buffer.find(MARKER, other + 1, start + self._period)) >= 0:
-            best = max(best, self._run(other), key=lambda run: (not run[1], run[0]))
-        return best
-
-    def _marker_at(self, position):
-        return self._buffer.startswith(MARKER, position)
+        run = self._search.find(self._buffer, self._origin, self._known, self._breaks)
+        if run is None:
+            self._drop(len(self._buffer) - self.buffer_bound)
+            return False
+        self._held = min(run.periods, (run.last - self._origin) // self._period)
+        self._drop(run.last - self._held * self._period - self._origin)
+        self.locked = True
+        return True
 
     def _drop(self, count):
+        """Pass over bytes that belong to no frame."""
+        if count > 0:
+            self._take(count)
+            self._gap += count
+            self.dropped_bytes += count
+
+    def _take(self, count):
         del self._buffer[:count]
-        self._checked = max(self._checked - count, 0)
-        self._gap += count
-        self.dropped_bytes += count
+        self._origin += count
+
+
+def _places(payload):
+    """Yield the distances from the frame's start at which a payload holds the marker."""
+    at = payload.find(MARKER)
+    while at >= 0:
+        yield at + len(MARKER)
+        at = payload.find(MARKER, at + 1)
 
 
 def payload_size(sample: bytes) -> int | None:

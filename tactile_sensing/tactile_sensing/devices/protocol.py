@@ -23,6 +23,8 @@ class Frame:
 
     counts: np.ndarray  # raw values, shape (rows, columns), unsigned integers, read-only
     sequence: int  # frames before this one, with an estimate of the lost ones
+    first_byte: int  # position of its first byte among all that the decoder has received
+    end: int  # position behind its last byte
 
 
 @dataclass(frozen=True)

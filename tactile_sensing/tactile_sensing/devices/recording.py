@@ -1,12 +1,10 @@
 """Recordings of tactile frames in `.npz` files, with `frames` and `rate_hz`."""
 from dataclasses import dataclass
-import math
-import zipfile
-import zlib
 
 import numpy as np
 
 from tactile_common.errors import ConfigurationError
+from tactile_common.npz_stream import read_arrays, scalar
 
 MAX_RATE = 10e3
 
@@ -65,27 +63,9 @@ def load_recording(path) -> Recording:
         The file cannot be read, or an array in it is missing or impossible.
     """
     try:
-        archive = np.load(path, allow_pickle=False)
-        if not isinstance(archive, np.lib.npyio.NpzFile):
-            raise ConfigurationError('is not an .npz archive')
-        with archive:
-            for name in ('frames', 'rate_hz'):
-                if name not in archive:
-                    raise ConfigurationError(
-                        f"array '{name}' is missing, there are {sorted(archive.files)}")
-            return Recording(
-                archive['frames'], _scalar('rate_hz', archive['rate_hz']),
-                _scalar('pitch_m', archive['pitch_m']) if 'pitch_m' in archive else None)
+        arrays = read_arrays(path, ('frames', 'rate_hz'), ('pitch_m',))
+        return Recording(arrays['frames'], scalar('rate_hz', arrays['rate_hz']),
+                         scalar('pitch_m', arrays['pitch_m']) if 'pitch_m' in arrays else None)
     except ConfigurationError as error:
-        raise ConfigurationError(f'recording {path}: {error}') from error
-    except OSError as error:
-        raise ConfigurationError(
-            f'recording {path}: cannot be read: {error.strerror or error}') from error
-    except (ValueError, EOFError, zipfile.BadZipFile, zlib.error, MemoryError) as error:
-        raise ConfigurationError(f'recording {path}: is not an .npz archive of numbers') from error
-
-
-def _scalar(name, value):
-    if value.size != 1 or value.dtype.kind not in 'uif' or not math.isfinite(value.item()):
-        raise ConfigurationError(f'{name} is {value.tolist()!r:.60}, must be one finite number')
-    return float(value.item())
+        where = '' if str(error).startswith(str(path)) else f'{path}: '
+        raise ConfigurationError(f'recording {where}{error}') from error

@@ -1,11 +1,12 @@
 """Serial port of a sensor: opening it for low latency and reading what is there."""
 import os
 import termios
+import time
 
 import serial
 
 # Longest wait for a byte; bounds how long a reader takes to notice that it should stop [s].
-READ_TIMEOUT = 0.1
+READ_TIMEOUT = 0.02
 
 
 class SensorPort:
@@ -14,10 +15,17 @@ class SensorPort:
 
     The path is a device or a link to one, baud the line speed [bit/s]. Raises an OSError where
     the port is absent, in use or gone; `read` as well.
+
+    Attributes
+    ----------
+    caught_up_at : float
+        When fewer bytes than `frame_size` were waiting last, by `time.monotonic()` [s]. What is
+        read came after that: a reader that comes late cannot know more.
     """
 
-    def __init__(self, path: str, baud: int):
-        self._path = path
+    def __init__(self, path: str, baud: int, frame_size: int = 1):
+        self._path, self._frame_size = path, frame_size
+        self.caught_up_at = time.monotonic()
         self._device = os.path.realpath(path)
         try:
             self._serial = serial.Serial(path, baud, timeout=READ_TIMEOUT, exclusive=True)
@@ -37,7 +45,10 @@ class SensorPort:
 
     def read(self) -> bytes:
         """Return what has arrived, waiting up to `READ_TIMEOUT` for a first byte."""
-        data = self._serial.read(self._serial.in_waiting or 1)
+        waiting = self._serial.in_waiting
+        if waiting < self._frame_size:
+            self.caught_up_at = time.monotonic()
+        data = self._serial.read(waiting or 1)
         if not data and os.path.realpath(self._path) != self._device:
             raise OSError(f'{self._path} is another device now')
         return data

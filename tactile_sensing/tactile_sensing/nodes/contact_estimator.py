@@ -3,10 +3,11 @@
 import time
 
 from geometry_msgs.msg import WrenchStamped
-from rclpy.node import Node
 from rclpy.qos import qos_profile_sensor_data
 
 from tactile_common.errors import TactileError
+from tactile_common.ros.conversions import unpacked
+from tactile_common.ros.node import TactileNode
 from tactile_common.ros.parameters import declare_from
 from tactile_common.ros.runner import run
 from tactile_msgs.msg import Contact as ContactMsg
@@ -16,7 +17,7 @@ from tactile_sensing.contact.estimator import ContactEstimator, EstimatorConfig
 from tactile_sensing.conversions import contact_to_msg, contact_to_wrench, image_from_msg
 
 
-class ContactEstimatorNode(Node):
+class ContactEstimatorNode(TactileNode):
     """
     Estimate the contact of every tactile image.
 
@@ -35,14 +36,21 @@ class ContactEstimatorNode(Node):
         self._contact = self.create_publisher(ContactMsg, 'contact', qos_profile_sensor_data)
         self._wrench = self.create_publisher(WrenchStamped, 'wrench', qos_profile_sensor_data)
         self.create_subscription(
-            TactileImageMsg, 'image', self._on_image, qos_profile_sensor_data)
+            TactileImageMsg, 'image', self._on_image, qos_profile_sensor_data, raw=True)
 
-    def _on_image(self, msg):
+    def _warn(self, text):
+        self.get_logger().warning(text, throttle_duration_sec=5.0)
+
+    def _on_image(self, raw):
+        try:
+            msg = unpacked(raw, TactileImageMsg)
+        except TactileError as error:
+            self._warn(f'image passed over: {error}')
+            return
         try:
             image = image_from_msg(msg)
         except TactileError as error:
-            self.get_logger().warning(
-                f'image {msg.sequence} is not usable: {error}', throttle_duration_sec=5.0)
+            self._warn(f'image {msg.sequence} is not usable: {error}')
             contact = self._estimator.refuse_malformed()
         else:
             contact = self._estimator.estimate(image)

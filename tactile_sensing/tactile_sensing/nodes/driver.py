@@ -4,22 +4,23 @@ from dataclasses import dataclass, field
 import os
 import threading
 import time
+from typing import NamedTuple
 
 from ament_index_python.packages import get_package_share_directory
-from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
-from rclpy.node import Node
+from diagnostic_msgs.msg import DiagnosticStatus
 from rclpy.qos import DurabilityPolicy, qos_profile_sensor_data, QoSProfile
 from std_srvs.srv import Trigger
 
 from tactile_common.config import bounded, one_of
 from tactile_common.errors import ConfigurationError
+from tactile_common.ros.node import TactileNode
 from tactile_common.ros.parameters import declare_from
 from tactile_common.ros.runner import run
 from tactile_msgs.msg import SensorInfo as SensorInfoMsg
 from tactile_msgs.msg import TactileImage as TactileImageMsg
 from tactile_sensing.conversions import image_to_msg, sensor_info_to_msg
 from tactile_sensing.devices.calibration import load_calibration, MIN_TARE_FRAMES, TareRefusedError
-from tactile_sensing.devices.protocol import Frame, NEED_DATA
+from tactile_sensing.devices.frame_clock import FrameClock
 from tactile_sensing.devices.registry import protocol_named, PROTOCOLS
 from tactile_sensing.devices.serial_port import SensorPort
 from tactile_sensing.types.image import TactileImage
@@ -59,7 +60,17 @@ class DriverConfig:
                 f"parameter 'baud' is {self.baud}, must be 0 or at least {MIN_BAUD} bit/s")
 
 
-class DriverNode(Node):
+class Report(NamedTuple):
+    """Counts at the time of a report [s]."""
+
+    at: float
+    frames: int = 0
+    dropped_bytes: int = 0
+    stalled: int = 0
+    thinned: int = 0
+
+
+class DriverNode(TactileNode):
     """
     Publish the pictures of a tactile array.
 
@@ -81,6 +92,7 @@ class DriverNode(Node):
                 get_package_share_directory('tactile_sensing'), 'config', protocol.calibration))
         geometry = self._calibration.array
         self._decoder = protocol.decoder(geometry.rows, geometry.columns)
+        self._frames = FrameClock(self._decoder, self._calibration.nominal_rate)
         self._delay_ns = round(self._calibration.acquisition_delay * 1e9)
         # The executor and the reader both tare: the lock guards these four.
         self._lock = threading.Lock()
@@ -88,22 +100,18 @@ class DriverNode(Node):
         self._tare = None
         self._convert = self._calibration.converter()
         self._frames_to_tare = self._config.tare_frames if self._config.tare_at_start else 0
-        self._tare_refusal = 'not asked to'
+        self._tare_refusal = 'frames are awaited' if self._frames_to_tare else 'not asked to'
 
         self._image_msg = TactileImageMsg()
         self._fault = f'{self._config.port} is not open yet'
         self._sample = bytearray()
         self._last_byte_at = self._last_frame_at = time.monotonic()
-        self._period_ns = round(1e9 / (self._calibration.nominal_rate or 1e9))
-        self._last_stamp_ns = 0
-        self._reported = (time.monotonic(), 0, 0)
-        self._reported_text = ''
+        self._reported = Report(time.monotonic())
+        self._shown: tuple[bytes, str] | None = None
 
         self._images = self.create_publisher(TactileImageMsg, 'image', qos_profile_sensor_data)
         self._infos = self.create_publisher(SensorInfoMsg, 'sensor_info', _LATCHED)
-        self._diagnostics = self.create_publisher(DiagnosticArray, 'diagnostics', 10)
         self.create_service(Trigger, '~/tare', self._on_tare)
-        self.create_timer(1.0, self._report)
         self._publish_info()
         self._thread.start()
 
@@ -117,10 +125,11 @@ class DriverNode(Node):
     def _read_forever(self):  # in the reader thread, as what it calls
         while not self._stop.is_set() and self.context.ok():
             try:
-                with SensorPort(self._config.port, self._baud) as port:
+                with SensorPort(
+                        self._config.port, self._baud, self._calibration.live.size) as port:
                     self._on_connected()
                     while not self._stop.is_set():
-                        self._on_bytes(port.read())
+                        self._on_bytes(port.read(), port.caught_up_at)
             except OSError as error:
                 self._on_disconnected(error)
                 self._stop.wait(self._config.reconnect_period)
@@ -130,7 +139,7 @@ class DriverNode(Node):
                 # The context was shut down between two pictures: nobody is left to publish to.
 
     def _on_connected(self):
-        self._decoder.reset()
+        self._frames.restart()
         self._sample.clear()
         self._last_byte_at = self._last_frame_at = time.monotonic()
         self._fault = ''
@@ -143,35 +152,24 @@ class DriverNode(Node):
         with self._lock:
             self._recent.clear()
 
-    def _on_bytes(self, data):
+    def _on_bytes(self, data, caught_up_at):
         if not data:
             return
         arrival_ns = self.get_clock().now().nanoseconds
         self._last_byte_at = time.monotonic()
-        self._decoder.receive_data(data)
-        frames = []
-        while (event := self._decoder.next_event()) is not NEED_DATA:
-            if isinstance(event, Frame):
-                frames.append(event)
+        waited_ns = round(1e9 * (self._last_byte_at - caught_up_at))
+        frames = self._frames.receive(data, arrival_ns, arrival_ns - waited_ns)
         if self._decoder.locked:
             self._sample.clear()
         else:
             self._sample += data
             del self._sample[:-_SAMPLE_SIZE]
-        if len(frames) == 1:
-            # A long pause says nothing about the period.
-            since_last = (self._last_byte_at - self._last_frame_at) * 1e9
-            self._period_ns += round(0.1 * (min(since_last, 1e9) - self._period_ns))
-        for age, frame in zip(reversed(range(len(frames))), frames, strict=True):
+        for frame, frame_ns in frames:
             self._last_frame_at = self._last_byte_at
-            self._publish(frame, arrival_ns - age * self._period_ns)
+            self._publish(frame, max(frame_ns - self._delay_ns, 0))
 
-    def _publish(self, frame, arrival_ns):
-        """Publish one picture that arrived, or must have arrived, at a time [ns]."""
-        stamp_ns = max(arrival_ns - self._delay_ns, 0)
-        if 0 <= self._last_stamp_ns - stamp_ns < 1_000_000_000:
-            stamp_ns = self._last_stamp_ns + 1  # a period was overestimated; no time jump
-        self._last_stamp_ns = stamp_ns
+    def _publish(self, frame, stamp_ns):
+        """Publish one picture of an instant [ns]."""
         with self._lock:
             self._recent.append(frame.counts)
             convert, tared = self._convert, self._tare is not None
@@ -226,27 +224,27 @@ class DriverNode(Node):
             response.message = str(error)
         return response
 
-    def _report(self):
+    def _on_diagnose(self):
         now = time.monotonic()
-        before, frames, dropped = self._reported
-        decoder = self._decoder
-        self._reported = (now, decoder.frames, decoder.dropped_bytes)
-        rate = (decoder.frames - frames) / (now - before)
-        level, text = self._state(now, decoder.dropped_bytes - dropped)
-        if text != self._reported_text:
-            self._reported_text = text
-            self._log(level, text)
+        decoder, before = self._decoder, self._reported
+        self._reported = Report(now, decoder.frames, decoder.dropped_bytes, self._frames.stalled,
+                                self._frames.thinned)
+        rate = (decoder.frames - before.frames) / (now - before.at)
+        level, text = self._state(now, before)
+        shown = level, text
+        if self.starting and self._tare is None:
+            shown = DiagnosticStatus.OK, f'starting: {text}'
+        if shown != self._shown:
+            self._shown = shown
+            self._log(*shown)
         values = {
             'rate': f'{rate:.1f}', 'frames': decoder.frames, 'lost_frames': decoder.lost_frames,
             'resyncs': decoder.resyncs, 'dropped_bytes': decoder.dropped_bytes,
+            'stalled_frames': self._frames.stalled, 'thinned_frames': self._frames.thinned,
             'locked': decoder.locked, 'tared': self._tare is not None,
         }
-        message = DiagnosticArray(status=[DiagnosticStatus(
-            level=level, name=f'{self.get_fully_qualified_name()}: {self._config.sensor}',
-            message=text, hardware_id=self._config.port,
-            values=[KeyValue(key=key, value=str(value)) for key, value in values.items()])])
-        message.header.stamp = self.get_clock().now().to_msg()
-        self._diagnostics.publish(message)
+        self.diagnose(level, text, values, name=self._config.sensor,
+                      hardware_id=self._config.port)
 
     def _log(self, level, text):
         # The logger refuses a second severity from the same line.
@@ -257,8 +255,8 @@ class DriverNode(Node):
         else:
             self.get_logger().info(text)
 
-    def _state(self, now, dropped):
-        """Level and text of the driver's state, the gravest first."""
+    def _state(self, now, before):
+        """Level and text of the driver's state since the last report, the gravest first."""
         if not self._thread.is_alive():
             return DiagnosticStatus.ERROR, 'the reader has stopped'
         if self._fault:
@@ -269,7 +267,13 @@ class DriverNode(Node):
             return DiagnosticStatus.ERROR, self._no_frames()
         if self._tare is None:
             return DiagnosticStatus.WARN, f'not tared: {self._tare_refusal}'
-        if dropped:
+        if self._reported.thinned > before.thinned:
+            return DiagnosticStatus.WARN, (
+                f'pictures come too fast: more than {self._frames.limit:g} Hz, the most that is '
+                "published (6 times the calibration's nominal_rate)")
+        if self._reported.stalled > before.stalled:
+            return DiagnosticStatus.WARN, 'pictures were dropped whose bytes stalled in the middle'
+        if self._reported.dropped_bytes > before.dropped_bytes:
             return DiagnosticStatus.WARN, 'bytes were dropped'
         return DiagnosticStatus.OK, 'frames arrive'
 

@@ -1,11 +1,13 @@
 """Geometry of a rectangular tactile array."""
 from dataclasses import dataclass
 from functools import cached_property
-import math
 
 import numpy as np
 
+from tactile_common.config import checked
 from tactile_common.errors import ConfigurationError
+
+PITCH = (1e-6, 0.1)  # m
 
 
 @dataclass(frozen=True)
@@ -19,7 +21,7 @@ class TactelArray:
     Raises
     ------
     ConfigurationError
-        A size is not a positive integer or a pitch is not a positive length.
+        A size is not a positive integer or a pitch is outside PITCH.
     """
 
     rows: int  # tactels along y
@@ -33,10 +35,7 @@ class TactelArray:
             if isinstance(value, bool) or not isinstance(value, (int, np.integer)) or value < 1:
                 raise ConfigurationError(f'{name} is {value!r}, must be an integer of at least 1')
         for name in ('pitch_x', 'pitch_y'):
-            value = getattr(self, name)
-            if not (isinstance(value, (int, float, np.floating))
-                    and math.isfinite(value) and value > 0):
-                raise ConfigurationError(f'{name} is {value!r}, must be a positive length [m]')
+            checked(name, getattr(self, name), float, {'range': PITCH, 'unit': 'm'})
 
     @property
     def shape(self) -> tuple:

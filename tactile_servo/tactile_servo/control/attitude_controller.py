@@ -14,7 +14,8 @@ from tactile_common.kernels import njit
 class AttitudeConfig:
     """Gains and bounds of the pad's rotation."""
 
-    gain: float = bounded(5.0, 'rate at which the pad is turned along the edge', '1/s', 0.0, 50.0)
+    gain: float = bounded(
+        5.0, 'rate at which the pad is turned along the edge', '1/s', 0.0, 50.0, live=True)
     max_rate: float = bounded(1.5, 'largest rate of turn', 'rad/s', 0.0, 20.0)
     acceleration: float = bounded(
         5.0, 'acceleration of that turn; a wrist that is asked for more than it can holds '
@@ -28,7 +29,7 @@ class AttitudeController:
     """Proportional control of the pad's attitude in a plane's frame."""
 
     def __init__(self, config: AttitudeConfig):
-        self._config, self._rate = config, 0.0
+        self.config, self._rate = config, 0.0
 
     def reset(self) -> None:
         """Forget the rate of turn, at a standstill."""
@@ -49,7 +50,7 @@ class AttitudeController:
             +1 or -1, of the pad's y along the edge.
         dt : float, s
         """
-        c = self._config
+        c = self.config
         self._rate, x, y, z = _rates(
             rotation, *way, slope, direction, self._rate, c.gain, c.max_rate, c.max_turn,
             c.acceleration * dt)

@@ -18,8 +18,9 @@ class ForceConfig:
     """Gains and bounds of the motion along the normal."""
 
     gain: float = bounded(
-        60.0, 'rate at which an error of the force is made up', '1/s', 1.0, 200.0)
-    integral_gain: float = bounded(60.0, 'integral gain of the force', '1/s^2', 0.0, 1e4)
+        60.0, 'rate at which an error of the force is made up', '1/s', 1.0, 200.0, live=True)
+    integral_gain: float = bounded(
+        60.0, 'integral gain of the force', '1/s^2', 0.0, 1e4, live=True)
     stiffness: float = bounded(
         5000.0, 'total stiffness of skin, finger and robot along the normal', 'N/m', 10.0, 1e7)
     skin_stiffness: float = bounded(
@@ -48,7 +49,7 @@ class ForceController:
     """
 
     def __init__(self, config: ForceConfig):
-        self._config, self._integral = config, 0.0
+        self.config, self._integral = config, 0.0
 
     def reset(self) -> None:
         """Forget the past, at a standstill."""
@@ -71,7 +72,7 @@ class ForceController:
         may_press : bool
             Otherwise the pad only gives way.
         """
-        c, shortest = self._config, SHORTEST * half
+        c, shortest = self.config, SHORTEST * half
         predicted = load.force / max(load.length, shortest) + c.skin_stiffness * pressed
         # A share of what is to come is given way to before: as much too little first as it
         # is too much then.
@@ -89,4 +90,4 @@ class ForceController:
 
     def bounded(self, speed: float) -> float:
         """Speed along the normal within its bound [m/s]."""
-        return clipped(speed, -self._config.max_speed, self._config.max_speed)
+        return clipped(speed, -self.config.max_speed, self.config.max_speed)

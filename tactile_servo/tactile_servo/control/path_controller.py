@@ -12,7 +12,7 @@ class PathConfig:
 
     lateral_gain: float = bounded(
         30.0, "rate at which the pad's distance from the traced edge is made up", '1/s',
-        1.0, 200.0)
+        1.0, 200.0, live=True)
     max_lateral_speed: float = bounded(0.1, 'largest speed back to the edge', 'm/s', 1e-4, 1.0)
     corner_cut: float = bounded(
         5e-5, 'distance from a sharp corner at which the pad may pass it; what the task allows',
@@ -26,7 +26,7 @@ class PathController:
     """Velocity in the plane, of bounded acceleration: the pad's largest there [m/s^2]."""
 
     def __init__(self, config: PathConfig, acceleration: float):
-        self._config, self._acceleration = config, acceleration
+        self.config, self._acceleration = config, acceleration
         self.reset()
 
     def reset(self) -> None:
@@ -45,7 +45,7 @@ class PathController:
         speed, dt : float
             Along the path [m/s]; [s].
         """
-        c, (ux, uy), (x, y) = self._config, way, aside
+        c, (ux, uy), (x, y) = self.config, way, aside
         distance = math.hypot(x, y)
         # No faster than the pad can stop at the path.
         back = min(c.lateral_gain * distance, math.sqrt(self._acceleration * distance),

@@ -23,11 +23,12 @@ class SpeedConfig:
         2.0, 'largest acceleration of the pad in the plane of the edge', 'm/s^2', 0.01, 100.0)
     blind: float = bounded(
         0.05, 'speed to which the pad can slow down where the pad sees no further', 'm/s',
-        1e-3, 1.0)
+        1e-3, 1.0, live=True)
     entry: float = bounded(
         0.03, 'speed at which a second leg may come under the pad: its load comes at once, and '
-        'the force controller must follow', 'm/s', 1e-3, 1.0)
-    search: float = bounded(0.02, 'largest speed while the edge is searched', 'm/s', 1e-3, 0.5)
+        'the force controller must follow', 'm/s', 1e-3, 1.0, live=True)
+    search: float = bounded(0.02, 'largest speed while the edge is searched', 'm/s', 1e-3, 0.5,
+                            live=True)
     unseen: float = bounded(
         1.0, 'way that the pad may go until the robot answers to an image, in lengths that an '
         'image resolves (depth of the tactels, or 1.25 pitches): the pad is slower where images '
@@ -53,7 +54,7 @@ class SpeedPlanner:
     """Speed along an edge: as asked for, unless something slows it down."""
 
     def __init__(self, config: SpeedConfig, path: PathConfig):
-        self._config, self._path = config, path
+        self.config, self._path = config, path
         self.speed = 0.0
 
     def reset(self) -> None:
@@ -76,7 +77,7 @@ class SpeedPlanner:
         coasting : bool
             The pad need not press.
         """
-        c = self._config
+        c = self.config
         top = speed if coasting else speed * contact_scale(pressed)
         # Images that come late show late what lies ahead.
         top = min(top, max(c.unseen * scale.grain / (age + ANSWER), c.entry))
@@ -87,7 +88,7 @@ class SpeedPlanner:
 
     def plan(self, edge: EdgeMap, station: float, top: float, dt: float) -> float:
         """Speed at a station [m] from which every turn ahead can be taken [m/s]."""
-        c = self._config
+        c = self.config
         end = {PathEnd.CLOSED: top, PathEnd.RIDGE: min(c.search, top),
                PathEnd.VIEW: c.blind}[edge.path.end]
         limit = edge.speed_limit(station, top, c.acceleration, end, self._path.corner_cut,
@@ -97,5 +98,5 @@ class SpeedPlanner:
 
     def search(self, top: float) -> float:
         """Speed of a search [m/s]."""
-        self.speed = min(self._config.search, top)
+        self.speed = min(self.config.search, top)
         return self.speed

@@ -73,6 +73,17 @@ class EdgeFollowing:
         self.error: TaskError | None = None
         self._seen, self._going = Seen(), Going()
 
+    def retune(self, config: EdgeFollowingConfig) -> None:
+        """Take other gains and speeds from now on."""
+        self.config = c = config
+        self._planner.config, self._path.config = c.speed, c.path
+        self._force.config, self._attitude.config = c.force, c.attitude
+
+    @property
+    def stiffness(self) -> float:
+        """Of skin, finger and robot along the normal [N/m]."""
+        return self.config.force.stiffness
+
     def validate(self, goal: EdgeGoal) -> Refusal | None:
         """Why a goal is beyond this law, or None."""
         if goal.closed and goal.length > 0.0:

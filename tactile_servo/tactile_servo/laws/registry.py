@@ -30,7 +30,7 @@ DEFAULT: str = _ROWS[0].law.name
 def law_named(name: str) -> Row:
     """Row of a law; ConfigurationError if there is none of that name."""
     if name not in LAWS:
-        raise ConfigurationError(f'tracker: {name!r} is not one of {", ".join(LAWS)}')
+        raise ConfigurationError(f'law: {name!r} is not one of {", ".join(LAWS)}')
     return LAWS[name]
 
 

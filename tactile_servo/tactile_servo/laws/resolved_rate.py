@@ -9,7 +9,7 @@ import numpy as np
 from tactile_common.config import bounded
 from tactile_sensing.types.array import TactelArray
 from tactile_sensing.types.image import SensorInfo
-from tactile_servo.config import ServoConfig, WINDOW_PERIODS
+from tactile_servo.config import ServoConfig
 from tactile_servo.control.scaling import clipped, ramp, slewed
 from tactile_servo.control.stability import AGE_SHARE, gain_limit
 from tactile_servo.law import Assessment, LawResult, Observation, Reference, Refusal
@@ -33,7 +33,7 @@ class PositionConfig:
 
     segment_time: float = bounded(
         0.08, 'T_seg of (5.3) for position and angle across the edge: gain 1 / T_seg', 's',
-        0.01, 10.0)
+        0.01, 10.0, live=True)
     max_speed: float = bounded(0.1, 'largest speed across the edge', 'm/s', 1e-4, 1.0)
     max_rate: float = bounded(2.0, 'largest rate of turn about the normal', 'rad/s', 1e-3, 20.0)
 
@@ -42,7 +42,8 @@ class PositionConfig:
 class ForceConfig:
     """Motion along the normal."""
 
-    segment_time: float = bounded(0.06, 'T_seg of (5.3) for the contact force', 's', 0.01, 10.0)
+    segment_time: float = bounded(
+        0.06, 'T_seg of (5.3) for the contact force', 's', 0.01, 10.0, live=True)
     stiffness: float = bounded(
         5000.0, 'K_z of (5.5): total stiffness of skin, finger and robot along the normal',
         'N/m', 10.0, 1e7)
@@ -56,7 +57,7 @@ class TiltConfig:
 
     segment_time: float = bounded(
         0.2, 'T_seg of (5.3) for the rotation about x, which levels the pad with an edge in '
-        'space', 's', 0.01, 10.0)
+        'space', 's', 0.01, 10.0, live=True)
     max_rate: float = bounded(
         0.3, 'largest rate of the rotation about x; 0 keeps the pad as level as it began',
         'rad/s', 0.0, 20.0)
@@ -150,6 +151,10 @@ class ResolvedRate:
         self._shown, self._problem, self._speed = -math.inf, '', 0.0
         self._twist, self._slowed = np.zeros(6), 0.0
 
+    def retune(self, config: ResolvedRateConfig) -> None:
+        """Take other gains from now on."""
+        self.config = config
+
     def validate(self, goal: EdgeGoal) -> Refusal | None:
         """Why a goal is beyond this law, or None."""
         if goal.closed:
@@ -177,8 +182,8 @@ class ResolvedRate:
         # On average it is acted upon half of the time later that the next one takes to come.
         age = observation.age + 0.5 * clipped(arrival - self._looked, 0.0, limits.stale_image)
         self._age += AGE_SHARE * (min(age, limits.max_stamp_age) - self._age)
-        # Half of a control period, and those that a window looks ahead.
-        delay = self._age + (0.5 + WINDOW_PERIODS) / self.servo.rate + DEAD_TIME
+        # What is committed, and half of the control period in which the velocity changes then.
+        delay = self._age + self.servo.motion.committed + 0.5 / self.servo.rate + DEAD_TIME
         self.shortest = 1.0 / (self.config.limit_share * gain_limit(delay, LAG))
         self._looked = arrival
         if not self._begun:
@@ -193,6 +198,11 @@ class ResolvedRate:
                                      self.shortest)
             self._slowed = min(alignment_scale(self.features, self._array.half_width_x),
                                contact_scale(self.features, self.goal.force))
+
+    @property
+    def stiffness(self) -> float:
+        """Of skin, finger and robot along the normal, K_z of (5.5) [N/m]."""
+        return self.config.force.stiffness
 
     @property
     def touch_speed(self) -> float:

@@ -96,7 +96,7 @@ class BoundedInverse:
         if flag != 1 or not np.isfinite(velocities).all():
             return wanted, '', smallest
         joint = np.abs(info['lam']).argmax()
-        return velocities, f'position of {limits.names[joint]}', smallest
+        return np.clip(velocities, down, up), f'position of {limits.names[joint]}', smallest
 
 
 @njit(cache=True)
@@ -146,7 +146,8 @@ def _within(jacobian, twist, positions, lower, upper, stopping_time, fastest, zo
     down, up = room(lower, upper, stopping_time, positions, dt)
     inside = finite = True
     for k in range(joints):
-        inside &= down[k] - NEGLIGIBLE <= wanted[k] <= up[k] + NEGLIGIBLE
+        slack = NEGLIGIBLE * fastest[k]
+        inside &= down[k] - slack <= wanted[k] <= up[k] + slack
         finite &= math.isfinite(wanted[k])
     return wanted, smallest, inside or not finite
 

@@ -11,7 +11,7 @@ from tactile_common.kernels import njit
 
 # What bounds a motion most; those that end with a space are of one joint.
 KINDS = ('', 'velocity of ', 'position of ', 'acceleration of ', 'velocity not finite')
-NEGLIGIBLE = 1e-9  # rad/s
+NEGLIGIBLE = 1e-6  # of a joint's velocity limit; what it is asked beyond a limit by rounding
 _FREE, _VELOCITY, _POSITION, _ACCELERATION, _NOT_FINITE = range(len(KINDS))
 
 
@@ -48,7 +48,8 @@ class JointLimits:
 
 
 def limit_velocities(limits: JointLimits, positions: np.ndarray, previous: np.ndarray,
-                     wanted: np.ndarray, dt: float) -> tuple[np.ndarray, float, str]:
+                     wanted: np.ndarray, dt: float,
+                     coast: float = 0.0) -> tuple[np.ndarray, float, str]:
     """
     Nearest joint velocities to the wanted ones that keep every limit.
 
@@ -63,7 +64,9 @@ def limit_velocities(limits: JointLimits, positions: np.ndarray, previous: np.nd
         Commanded positions [rad], velocities of the last cycle and those wanted now [rad/s];
         a wanted velocity that is not finite counts as a stop.
     dt : float
-        Time that the new velocities will be applied for [s], > 0.
+        Time in which the velocities may change [s], > 0,
+    coast : float
+        and for which the new ones go on then before the joints brake [s].
 
     Returns
     -------
@@ -75,7 +78,7 @@ def limit_velocities(limits: JointLimits, positions: np.ndarray, previous: np.nd
     """
     velocities, scale, kind, joint = _nearest(
         limits.lower, limits.upper, limits.velocity, limits.acceleration, limits.stopping_time,
-        positions, previous, wanted, dt)
+        positions, previous, wanted, dt, coast)
     limited_by = KINDS[kind]
     if limited_by.endswith(' '):
         limited_by += limits.names[joint]
@@ -98,10 +101,11 @@ def room(lower, upper, stopping_time, positions, dt):
 
 
 @njit(cache=True)
-def _nearest(lower, upper, fastest, acceleration, stopping_time, positions, previous, wanted, dt):
+def _nearest(lower, upper, fastest, acceleration, stopping_time, positions, previous, wanted, dt,
+             coast):
     """Law of `limit_velocities`: velocities, scale, index of the kind of limit and joint."""
     count = len(wanted)
-    down, up = room(lower, upper, stopping_time, positions, dt)
+    down, up = room(lower, upper, stopping_time, positions, dt + coast)
     velocities = np.empty(count)
     scale, kind, joint = 1.0, _FREE, 0
     for k in range(count):
@@ -112,7 +116,7 @@ def _nearest(lower, upper, fastest, acceleration, stopping_time, positions, prev
     for k in range(count):
         up[k], down[k] = min(up[k], fastest[k]), max(down[k], -fastest[k])
         most, asked = up[k] if wanted[k] > 0.0 else -down[k], abs(wanted[k])
-        if asked > most + NEGLIGIBLE and most / asked < scale:
+        if asked > most + NEGLIGIBLE * fastest[k] and most / asked < scale:
             scale, joint = most / asked, k
             kind = _VELOCITY if most == fastest[k] else _POSITION
     # All joints change in proportion: one that lags behind would bend the motion.
@@ -120,7 +124,7 @@ def _nearest(lower, upper, fastest, acceleration, stopping_time, positions, prev
     for k in range(count):
         delta = abs(scale * wanted[k] - previous[k])
         share = min(share, acceleration[k] * dt / max(delta, 1e-12))
-    worst = 1e-9
+    worst = 0.0
     for k in range(count):
         scaled, change = scale * wanted[k], acceleration[k] * dt
         slowest, quickest = previous[k] - change, previous[k] + change
@@ -131,8 +135,9 @@ def _nearest(lower, upper, fastest, acceleration, stopping_time, positions, prev
         if value < down[k]:
             value = min(down[k], quickest)
         velocities[k] = value
-        if abs(value - scaled) > worst and kind in (_FREE, _ACCELERATION):
-            worst, kind, joint = abs(value - scaled), _ACCELERATION, k
+        held = abs(value - scaled)
+        if held > max(worst, NEGLIGIBLE * fastest[k]) and kind in (_FREE, _ACCELERATION):
+            worst, kind, joint = held, _ACCELERATION, k
     return velocities, (scale if finite else 0.0), kind, joint
 
 

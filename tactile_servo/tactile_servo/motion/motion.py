@@ -1,6 +1,6 @@
 """From the wanted twist of the sensor to joint commands that keep every limit."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import NamedTuple
 
 import numpy as np
@@ -10,8 +10,11 @@ from tactile_common.kernels import njit
 from tactile_servo.motion.inverse import BoundedInverse
 from tactile_servo.motion.limits import JointLimits, limit_velocities, WorkspaceBox
 from tactile_servo.motion.robot import RobotModel
-from tactile_servo.motion.trajectory import stopping_window, Trajectory
+from tactile_servo.motion.trajectory import Trajectory
+from tactile_servo.motion.window import at_rest, committed, extended
 
+COAST = 2.0  # control periods that a window goes on before it brakes
+SETTLING = 0.1  # s at least, in which the robot's controller comes to where a motion is started
 HELD_BACK = 0.05  # of the wanted motion; with less than this left the robot does not get on
 BLOCKED_AFTER = 1.0  # s held back until the motion counts as blocked
 
@@ -24,12 +27,19 @@ class MotionConfig:
         0.01, 'damping of the inverse Jacobian near a singularity', '', 1e-6, 1.0)
     rotation_length: float = bounded(
         0.04, 'length that weighs rotation against position', 'm/rad', 1e-3, 1.0)
+    committed: float = bounded(
+        0.004, 'a command no longer changes what the robot does for this long; with a period of '
+        'its controller and the way to it within, it does not matter when the controller takes '
+        'the next one', 's', 5e-4, 0.1)
+    stamped: bool = field(default=True, metadata={
+        'doc': "commands say when they begin, wherever the robot's clock is found to be this "
+               "one's; false: at once, which is rough"})
 
 
 class MotionStep(NamedTuple):
     """One command."""
 
-    trajectory: Trajectory  # window through the commanded state to a stop
+    trajectory: Trajectory | None  # window to a rest; None while the last one is to be played on
     twist: np.ndarray  # wanted one that the workspace let through, sensor's frame [m/s, rad/s]
     scale: float  # fraction of the wanted motion that the joint limits let through
     limited_by: str  # what bound most, empty if nothing did
@@ -40,12 +50,11 @@ class Motion:
     """
     Commanded state of the robot, and how a twist moves it on.
 
-    The commanded state is to be reached after the `lookahead` [s].
-
     Attributes
     ----------
     positions, velocities : ndarray (n,)
-        Commanded [rad, rad/s]; NaN before the first `seed`.
+        Commanded last: those at the end of the newest change of velocity, which is reached a
+        period after what is committed [rad, rad/s]; NaN before the first `seed`.
     pose : ndarray (4, 4)
         Commanded pose of the sensor in the base frame.
     blocked : str
@@ -54,22 +63,40 @@ class Motion:
     """
 
     def __init__(self, robot: RobotModel, limits: JointLimits, config: MotionConfig,
-                 lookahead: float, workspace: WorkspaceBox | None = None):
+                 period: float, workspace: WorkspaceBox | None = None):
         self._robot, self._limits, self._workspace = robot, limits, workspace
-        self._config, self._lookahead = config, lookahead
+        self._config, self._period = config, period
         self._inverse = BoundedInverse(limits, config.damping, config.rotation_length)
         unknown = np.full(len(limits.names), np.nan)
         self.positions, self.velocities, self.pose = unknown, unknown, np.full((4, 4), np.nan)
+        self._window = at_rest(unknown, 0.0)
+        self._stamp_ns: int | None = None  # None until it is commanded
+        self._end = unknown  # where the last window that was commanded comes to rest
         self._held_back, self.blocked = 0.0, ''
 
     @property
     def standing(self) -> bool:
-        """Whether no joint is commanded to move."""
-        return not self.velocities.any()
+        """Whether the robot has been commanded to a rest, and that command is over."""
+        return not self._window.velocities.any()
+
+    @property
+    def lasting(self) -> float:
+        """Time from the last cycle to the rest at the end of its window [s]."""
+        return float(self._window.times[-1])
 
     def seed(self, positions: np.ndarray) -> None:
-        """Start at rest from measured joint positions (n,), never from an old target."""
+        """
+        Start at rest from measured joint positions (n,), never from an old target.
+
+        The robot's controller may still command what it was told last: it is given the time to
+        come from there with half of the limits, `SETTLING` at least, before anything moves.
+        """
         self.positions = np.array(positions, dtype=float)
+        way, limits = np.abs(self.positions - self._end), self._limits
+        # A cubic between two rests has 1.5 times its mean velocity and 6 way / time^2.
+        settling = np.fmax(3.0 * way / limits.velocity, np.sqrt(12.0 * way / limits.acceleration))
+        self._window, self._stamp_ns = at_rest(
+            self.positions, float(np.fmax(settling.max(), SETTLING))), None
         self.velocities = np.zeros_like(self.positions)
         self.pose = self._robot.pose(self.positions)
         self.reset_blocked()
@@ -78,35 +105,51 @@ class Motion:
         """Forget what was held back, because another motion is wanted from now on."""
         self._held_back, self.blocked = 0.0, ''
 
-    def command(self, twist: np.ndarray, dt: float) -> MotionStep:
+    def command(self, twist: np.ndarray, now_ns: int, stamped: bool = True) -> MotionStep:
         """
-        Move on by a twist (6,) of the sensor in its own frame [m/s, rad/s] for `dt` > 0 [s].
+        Move on by a twist (6,) of the sensor in its own frame [m/s, rad/s], at a cycle's time.
 
-        The joints that it takes are limited and integrated; a twist that is not finite counts
-        as a stop.
+        The motion begins with what is left of the last window at `now_ns`, however late that
+        is: it is what the robot's controller did in the meantime. The joints that the twist
+        takes are limited and integrated; one that is not finite counts as a stop. Not
+        `stamped`, the window begins when it is received.
         """
-        c, wanted, at_wall = self._config, twist, ''
+        c, period, wanted, at_wall = self._config, self._period, twist, ''
+        coast = (COAST + 1.0) * period
+        elapsed = 0.0 if self._stamp_ns is None else max(1e-9 * (now_ns - self._stamp_ns), 0.0)
+        kept = committed(self._window, elapsed, c.committed)
+        positions, velocities = kept.positions[-1], kept.velocities[-1]
+        # On its way to the first point the controller is left alone: each window is a seam there.
+        settling = self._stamp_ns is not None and kept.times[0] > c.committed
         if self._workspace is not None:
-            rotation = self.pose[:3, :3]
-            horizon = dt + 2.0 * self._limits.stopping_time
+            pose = self._robot.pose(positions)
+            rotation = pose[:3, :3]
             linear, clipped = self._workspace.limit(
-                self.pose[:3, 3], rotation @ twist[:3], horizon)
+                pose[:3, 3], rotation @ twist[:3],
+                period + coast + 2.0 * self._limits.stopping_time)
             twist = np.concatenate([rotation.T @ linear, twist[3:]])
             at_wall = 'workspace' if clipped else ''
-        jacobian = self._robot.jacobian(self.positions)
-        velocities, bound, manipulability = self._inverse.solve(
-            jacobian, twist, self.positions, dt)
+        jacobian = self._robot.jacobian(positions)
+        asked, bound, manipulability = self._inverse.solve(
+            jacobian, twist, positions, period + coast)
         # Whatever that gave: no command passes a limit.
         self.velocities, scale, limited_by = limit_velocities(
-            self._limits, self.positions, self.velocities, velocities, dt)
-        self.positions = self.positions + self.velocities * dt
+            self._limits, positions, velocities, asked, period, coast)
+        self._window = extended(kept, self.velocities, period, COAST * period,
+                                self._limits.acceleration)
+        self._stamp_ns, self._end = now_ns, self._window.positions[-1]
+        self.positions = self._window.positions[len(kept.times)]
         self.pose = self._robot.pose(self.positions)
         limited_by = at_wall or bound or limited_by
         hindered = limited_by or manipulability < c.damping
         self._watch(_progress(jacobian, self.velocities, wanted, c.rotation_length)
-                    if hindered else 1.0, limited_by, dt)
-        window = stopping_window(self._limits, self.positions, self.velocities, self._lookahead)
-        return MotionStep(window, twist, scale, limited_by, manipulability)
+                    if hindered else 1.0, limited_by, period)
+        trajectory = None
+        if not settling:
+            times, places, speeds = self._window
+            trajectory = Trajectory(self._limits.names, times, places, speeds,
+                                    stamp_ns=now_ns if stamped and c.stamped else 0)
+        return MotionStep(trajectory, twist, scale, limited_by, manipulability)
 
     def _watch(self, progress, limited_by, dt):
         """Count for how long the wanted motion has been held back."""

@@ -11,6 +11,7 @@ from tactile_servo.laws.registry import DEFAULT, LAWS
 
 # What a flat name of former parameter files became.
 RENAMED = {
+    'tracker': 'law',
     'array_half_width': 'nothing: the size of the array comes from sensor_info',
     'velocity_scale': 'joints.velocity_scale', 'joint_acceleration': 'joints.acceleration',
     'position_margin': 'joints.position_margin', 'workspace_lower': 'workspace.lower',
@@ -70,11 +71,17 @@ class NodeConfig:
 
     robot_description: str = field(default='', metadata={
         'doc': 'URDF of the robot with the sensor: its text, or the path of a file'})
-    tracker: str = one_of(DEFAULT, 'servo law', LAWS)
+    law: str = one_of(DEFAULT, 'servo law', LAWS)
     tip_frame: str = field(default='tactile_pad', metadata={
         'doc': 'frame of the sensor: x along columns, y along rows, z out of the skin'})
     controller: str = field(default='/joint_trajectory_controller', metadata={
         'doc': 'name of the joint trajectory controller'})
+    shared_topics: tuple[str, ...] = field(default=(), metadata={
+        'doc': 'those among image, contact, /joint_states and the topic of the trajectories that '
+               'may have several publishers; for all others the servo holds'})
+    status_rate: float = bounded(
+        100.0, 'messages on servo_status, beside those of a change of state or reason', 'Hz',
+        1.0, 2000.0)
     joints: JointsConfig = field(default_factory=JointsConfig)
     workspace: WorkspaceConfig = field(default_factory=WorkspaceConfig)
 

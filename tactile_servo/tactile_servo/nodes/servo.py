@@ -1,65 +1,45 @@
 """Servo node: images, contacts and joint states in, joint trajectories out (chapter 5)."""
 
 from dataclasses import dataclass
-from time import perf_counter
+import math
+from time import perf_counter, thread_time
 from typing import Any
 
-from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
+from diagnostic_msgs.msg import DiagnosticStatus
 from geometry_msgs.msg import PoseStamped
 import numpy as np
-from rclpy.action import ActionServer, CancelResponse, GoalResponse
+from rcl_interfaces.msg import SetParametersResult
 from rclpy.clock import Clock, ClockType
-from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, qos_profile_sensor_data, QoSProfile
 from sensor_msgs.msg import JointState
 from std_srvs.srv import SetBool
 from trajectory_msgs.msg import JointTrajectory
 
 from tactile_common.errors import ConfigurationError, TactileError
-from tactile_common.ros.conversions import pose_to_msg, stamp_from_ns, stamp_to_ns, unpacked
-from tactile_common.ros.parameters import declare_from
+from tactile_common.ros.conversions import NS, pose_to_msg, set_stamp, stamp_to_ns, unpacked
+from tactile_common.ros.node import TactileNode
+from tactile_common.ros.parameters import declare_from, follow_changes
 from tactile_common.ros.runner import plain, run
 from tactile_msgs.msg import Contact as ContactMsg
 from tactile_msgs.msg import SensorInfo, ServoStatus, TactileImage
 from tactile_sensing.conversions import contact_from_msg, image_from_msg, sensor_info_from_msg
 from tactile_servo.compile_kernels import compile_kernels
 from tactile_servo.config import ServoConfig
-from tactile_servo.conversions import ACTIONS, joint_positions, status_to_msg, trajectory_to_msg
+from tactile_servo.conversions import joint_positions, status_to_msg, trajectory_to_bytes
 from tactile_servo.laws.registry import law_named
 from tactile_servo.motion.limits import JointLimits, WorkspaceBox
 from tactile_servo.motion.robot import RobotModel
+from tactile_servo.nodes.goal_server import GoalServer
+from tactile_servo.nodes.graph_guard import GraphGuard
+from tactile_servo.nodes.pace import Pace
 from tactile_servo.nodes.parameters import NodeConfig, refuse_old_names
+from tactile_servo.reasons import Reason, ReasonCode
 from tactile_servo.supervisor import Supervisor
-from tactile_servo.types import State
+from tactile_servo.types import State, Status
 
-FEEDBACK_PERIOD = 0.05  # s; the status topic has every cycle
+GUARD_PERIOD = 0.1  # s between looks at the graph
+_NEWEST = QoSProfile(depth=1, reliability=qos_profile_sensor_data.reliability)
 _LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
-
-
-@dataclass
-class Pace:
-    """How well the cycles keep their period: steady times [s] and counts."""
-
-    period: float
-    first: float | None = None
-    last: float = 0.0
-    cycles: int = 0
-    missed: int = 0
-    longest: float = 0.0
-    reported: float = -np.inf
-
-    def tick(self, now: float) -> None:
-        """Count a cycle that begins."""
-        self.first = now if self.first is None else self.first
-        due = int((now - self.first) / self.period)
-        self.missed = max(self.missed, due - self.cycles)
-        self.cycles, self.last = self.cycles + 1, now
-
-    def took(self) -> float:
-        """How long the cycle took [s]."""
-        duration = perf_counter() - self.last
-        self.longest = max(self.longest, duration)
-        return duration
 
 
 @dataclass
@@ -70,20 +50,36 @@ class Heard:
     contact: tuple[Any, float] | None = None
 
 
-@dataclass(eq=False)
-class Execution:
-    """A goal of the action, since when it is worked on [s], and whether it has ended."""
+@dataclass
+class Telling:
+    """When to publish the status, and how soon commands follow the pictures: times in s."""
 
-    handle: Any
-    started: float
-    ended: bool = False
+    period: float
+    told: tuple[Any, Any] | None = None  # state and reason
+    next: float = -math.inf  # when the same are told again
+    used_ns: int = 0  # stamp of the newest picture that was used,
+    latency: float = math.nan  # and from there to its first command
+
+    def due(self, now: float, status: Status) -> bool:
+        """Whether to publish a status."""
+        news = status.state, status.reason
+        if news == self.told and now < self.next:
+            return False
+        self.told, self.next = news, max(self.next + self.period, now)
+        return True
+
+    def use(self, stamp_ns: int, commanded: bool, now_ns: float) -> None:
+        """Take the stamp of the picture that a cycle used, and whether it sent a command."""
+        if stamp_ns != self.used_ns:
+            self.used_ns = stamp_ns
+            self.latency = (now_ns - stamp_ns) / NS if commanded else math.nan
 
 
-def _supervisor(node: Node) -> tuple[Supervisor, RobotModel, NodeConfig]:
+def _supervisor(node: TactileNode) -> tuple[Supervisor, RobotModel, NodeConfig]:
     """Declare the parameters and make the servo that they ask for."""
     refuse_old_names(node)
     c, config = declare_from(node, NodeConfig), declare_from(node, ServoConfig)
-    law = law_named(c.tracker).law
+    law = law_named(c.law).law
     settings = declare_from(node, law.config_type)
     if not c.robot_description:
         raise ConfigurationError(
@@ -98,27 +94,28 @@ def _supervisor(node: Node) -> tuple[Supervisor, RobotModel, NodeConfig]:
     return Supervisor(model, limits, law(config, settings), config, box), model, c
 
 
-class EdgeServoNode(Node):
+class EdgeServoNode(TactileNode):
     """
     Track something by touch.
 
-    Subscribes to `sensor_info`, `contact` and `/joint_states`, and to `image` if the law sees
-    images; streams windows to the joint trajectory controller while a goal of the law's action
-    is active; publishes `servo_status` every cycle, `sensor_pose` at every joint state and
-    `diagnostics`; `~/pause` holds and resumes. Parameters: `NodeConfig`, `ServoConfig`, and
-    those of the law. A cycle looks at the newest contact and the newest image alone, so that a
-    fast sensor takes no time from it. Most of its attributes are ROS entities.
+    Subscribes to `sensor_info`, `image`, `contact` and `/joint_states`; streams windows to the
+    joint trajectory controller while a goal of the law's action is active; publishes
+    `servo_status`, `sensor_pose` at every joint state and `/diagnostics`; `~/pause` holds and
+    resumes. Parameters: `NodeConfig`, `ServoConfig`, and those of the law. A cycle begins with
+    the image (or the contact, if the law sees no images), see `Pace`, and looks at the newest of
+    both alone, so that a fast sensor takes no time from it. Most of its attributes are ROS
+    entities.
     """
 
     def __init__(self, **kwargs):
         self._server = None  # until the parameters have proved right
         super().__init__('edge_servo', **kwargs)
         self._servo, self._model, config = _supervisor(self)
+        follow_changes(self, self._servo.law.config_type, self._servo.law.retune)
         compile_kernels()
         self._pace, self._heard = Pace(1.0 / self._servo.config.rate), Heard()
-        self._execution: Execution | None = None
         self._status_msg, self._pose_msg = ServoStatus(), PoseStamped()
-        self._trajectory_msg = JointTrajectory()
+        self._telling = Telling(1.0 / config.status_rate)
         self._status_msg.header.frame_id = config.tip_frame
         self._pose_msg.header.frame_id = self._model.root_frame
 
@@ -126,25 +123,26 @@ class EdgeServoNode(Node):
             JointTrajectory, f'{config.controller}/joint_trajectory', 1)
         self._status = self.create_publisher(ServoStatus, 'servo_status', 10)
         self._pose = self.create_publisher(PoseStamped, 'sensor_pose', qos_profile_sensor_data)
-        self._diagnostics = self.create_publisher(DiagnosticArray, 'diagnostics', 10)
         self.create_subscription(SensorInfo, 'sensor_info', self._on_sensor, _LATCHED)
+        self.create_subscription(ContactMsg, 'contact', self._on_contact, _NEWEST, raw=True)
+        self.create_subscription(  # whatever the law: an image tells the load as well
+            TactileImage, 'image', self._on_image, _NEWEST, raw=True)
         self.create_subscription(
-            ContactMsg, 'contact', self._on_contact, qos_profile_sensor_data, raw=True)
-        if self._servo.law.sees_images:
-            self.create_subscription(
-                TactileImage, 'image', self._on_image, qos_profile_sensor_data, raw=True)
-        self.create_subscription(
-            JointState, '/joint_states', self._on_joints, qos_profile_sensor_data)
+            JointState, '/joint_states', self._on_joints, qos_profile_sensor_data, raw=True)
         self.create_service(SetBool, '~/pause', self._on_pause)
-        name = law_named(config.tracker).action
-        self._action = ACTIONS[name]
-        self._server = ActionServer(
-            self, self._action.type, name, self._finish, goal_callback=self._on_goal,
-            handle_accepted_callback=self._on_accepted, cancel_callback=self._on_cancel)
+        self._server = GoalServer(self, self._servo, law_named(config.law).action,
+                                  self._model.root_frame, self._look_around)
         # Steady, so that the watchdogs run even where simulated time stands still.
         steady = Clock(clock_type=ClockType.STEADY_TIME)
-        self.create_timer(self._pace.period, plain(self._on_cycle), clock=steady)
-        self.create_timer(1.0, self._on_diagnose, clock=steady)
+        self._timer = self.create_timer(self._pace.period, plain(self._on_timer), clock=steady)
+        self._guard = GraphGuard(
+            self, ('image', 'contact', '/joint_states', self._trajectory.topic),
+            config.shared_topics, config.controller)
+        self.create_timer(GUARD_PERIOD, self._look_around, clock=steady)
+        self.add_on_set_parameters_callback(_keep_the_clock)
+
+    def _look_around(self):
+        self._servo.around = self._guard.problem()
 
     def _warn(self, text):
         self.get_logger().warning(text, throttle_duration_sec=5.0)
@@ -152,7 +150,8 @@ class EdgeServoNode(Node):
     def _check_frame(self, msg):
         tip = self._status_msg.header.frame_id
         if msg.header.frame_id != tip:
-            raise TactileError(f'its frame is {msg.header.frame_id!r}, must be tip_frame, {tip!r}')
+            self._servo.inputs.refuse(Reason(
+                ReasonCode.WRONG_FRAME, f'{msg.header.frame_id!r}, must be tip_frame, {tip!r}'))
 
     def _on_sensor(self, msg):
         try:
@@ -161,25 +160,39 @@ class EdgeServoNode(Node):
         except TactileError as error:
             self._warn(f'sensor_info passed over: {error}')
 
-    def _on_joints(self, msg):
+    def _on_joints(self, raw):
+        try:
+            msg = unpacked(raw, JointState)
+        except TactileError as error:
+            self._warn(f'joint state passed over: {error}')
+            return
         positions = joint_positions(msg, self._model.joint_names)
         if positions is None:
             self._warn('joint state without all of ' + ', '.join(self._model.joint_names))
             return
+        stamp_ns = stamp_to_ns(msg.header.stamp)
         try:
-            self._servo.see_joints(positions, stamp_to_ns(msg.header.stamp), perf_counter())
+            self._servo.see_joints(positions, stamp_ns, perf_counter())
         except ValueError as error:
             self._warn(str(error))
             return
         pose_to_msg(self._servo.inputs.pose, self._pose_msg.pose)
-        self._pose_msg.header.stamp = msg.header.stamp
+        set_stamp(self._pose_msg.header.stamp, stamp_ns)
         self._pose.publish(self._pose_msg)
 
     def _on_contact(self, raw):
         self._heard.contact = raw, perf_counter()
+        if not self._servo.law.sees_images:
+            self._on_picture(self._heard.contact[1])
 
     def _on_image(self, raw):
         self._heard.image = raw, perf_counter()
+        if self._servo.law.sees_images:
+            self._on_picture(self._heard.image[1])
+
+    def _on_picture(self, arrival):
+        if self._pace.hear(arrival):
+            self._on_cycle()
 
     def _look(self):
         """Unpack the newest image and the newest contact and give them to the servo."""
@@ -190,6 +203,8 @@ class EdgeServoNode(Node):
             try:
                 self._servo.see_image(image_from_msg(unpacked(raw, TactileImage)), arrival)
             except TactileError as error:
+                self._servo.inputs.refused = getattr(
+                    error, 'reason', Reason(ReasonCode.BAD_IMAGE, str(error)))
                 self._warn(f'image passed over: {error}')
         if heard.contact is not None:
             raw, arrival = heard.contact
@@ -201,66 +216,32 @@ class EdgeServoNode(Node):
             except TactileError as error:
                 self._warn(f'contact passed over: {error}')
 
+    def _on_timer(self):
+        # What an executor has still queued from before the timer was set anew comes too early.
+        if self._pace.is_due(perf_counter()):
+            self._on_cycle()
+
     def _on_cycle(self):
-        now, pace = perf_counter(), self._pace
-        pace.tick(now)
+        now, begin, pace = perf_counter(), thread_time(), self._pace
+        pace.begin(now)
         self._look()
         now_ns = self.get_clock().now().nanoseconds
         status, trajectory = self._servo.cycle(now, now_ns)
         if trajectory is not None:
-            self._trajectory.publish(trajectory_to_msg(trajectory, self._trajectory_msg))
-        msg = status_to_msg(status, self._servo.law.name, pace.took(), pace.missed,
-                            self._status_msg)
-        msg.header.stamp = stamp_from_ns(now_ns)
-        self._status.publish(msg)
-        if self._execution is not None and not self._execution.ended:
-            self._report(status, msg)
-
-    def _report(self, status, msg):
-        handle = self._execution.handle
-        if status.state == State.DONE:
-            self._execution.ended = True
-            handle.execute()
-        elif self._pace.last - self._pace.reported >= FEEDBACK_PERIOD:
-            self._pace.reported = self._pace.last
-            handle.publish_feedback(self._action.feedback_to_msg(msg))
-
-    def _on_goal(self, request):
-        refusal = self._servo.check(self._action.goal_from_msg(request))
-        if refusal is None:
-            return GoalResponse.ACCEPT
-        self.get_logger().error(refusal.text)
-        self._servo.note(refusal)
-        return GoalResponse.REJECT
-
-    def _on_cancel(self, _):
-        self._servo.cancel()
-        return CancelResponse.ACCEPT
-
-    def _on_accepted(self, goal_handle):
-        """
-        Start a goal; it is executed, in the action server's sense, when it has ended.
-
-        An execute callback would have to block or to await, and rclpy's executors poll a
-        callback that awaits without a pause, at the cost of a whole core.
-        """
-        self._execution = Execution(goal_handle, perf_counter())
-        self._servo.start(self._action.goal_from_msg(goal_handle.request), self._execution.started)
-
-    def _finish(self, goal_handle):
-        servo = self._servo
-        result = self._action.result_to_msg(
-            servo, perf_counter() - self._execution.started, self._model.root_frame)
-        self._execution = None
-        if goal_handle.is_cancel_requested:
-            goal_handle.canceled()
-        elif servo.success:
-            goal_handle.succeed()
-        else:
-            goal_handle.abort()
-        self.get_logger().info(f'goal ended: {result.reason}')
-        servo.finish()
-        return result
+            self._trajectory.publish(trajectory_to_bytes(trajectory))
+        sent = perf_counter()
+        self._telling.use(status.contact_stamp_ns, trajectory is not None,
+                          now_ns + NS * (sent - now))
+        if self._telling.due(sent, status):
+            msg = status_to_msg(status, self._servo.law.name,
+                                pace.timing(sent, self._telling.latency), self._status_msg)
+            set_stamp(msg.header.stamp, now_ns)
+            self._status.publish(msg)
+        self._server.report(self._status_msg)
+        # The timer is for the cycle after this one, should no picture come before.
+        wait = pace.end(perf_counter(), thread_time() - begin)
+        self._timer.timer_period_ns = round(NS * wait)
+        self._timer.reset()
 
     def _on_pause(self, request, response):
         response.success = self._servo.pause(request.data, perf_counter())
@@ -271,23 +252,24 @@ class EdgeServoNode(Node):
     def _on_diagnose(self):
         servo, pace = self._servo, self._pace
         late = pace.longest > pace.period
-        status = DiagnosticStatus(
-            name=f'{self.get_fully_qualified_name()}: servo',
-            level=DiagnosticStatus.WARN if late or servo.state == State.HOLD
-            else DiagnosticStatus.OK,
-            message=f'{servo.state.name.lower()}: {servo.reason.text}',
-            values=[KeyValue(key='missed_cycles', value=str(pace.missed)),
-                    KeyValue(key='longest_cycle_s', value=f'{pace.longest:.6f}')])
+        self.diagnose(
+            DiagnosticStatus.WARN if late or servo.state == State.HOLD else DiagnosticStatus.OK,
+            f'{servo.state.name.lower()}: {servo.reason.text}',
+            {'missed_cycles': pace.missed, 'longest_cycle_s': f'{pace.longest:.6f}'}, name='servo')
         pace.longest = 0.0
-        msg = DiagnosticArray(status=[status])
-        msg.header.stamp = self.get_clock().now().to_msg()
-        self._diagnostics.publish(msg)
 
     def destroy_node(self):
         """Release the action server with the node."""
         if self._server is not None:
             self._server.destroy()
         super().destroy_node()
+
+
+def _keep_the_clock(parameters):
+    """Refuse another clock for the stamps while the servo runs."""
+    refused = any(parameter.name == 'use_sim_time' for parameter in parameters)
+    return SetParametersResult(
+        successful=not refused, reason='use_sim_time is set at the start' if refused else '')
 
 
 def main(args=None):

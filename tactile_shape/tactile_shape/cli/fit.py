@@ -171,5 +171,5 @@ def main(args: list[str] | None = None) -> int:
         return 1
     except KeyboardInterrupt:
         print('fit: interrupted, nothing written', file=sys.stderr)
-        return 1
+        return 130
     return 0

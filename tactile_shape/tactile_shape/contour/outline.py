@@ -70,7 +70,7 @@ class Outline:
             form = '' if side.kind == 'line' else f', radius {1e3 * side.radius:.2f} mm'
             lines.append(f'side {k + 1}: {side.kind}, {1e3 * side.length:.2f} mm{form}')
         for k, (corner, angle) in enumerate(zip(self.corners, self.angles, strict=True)):
-            x, y, z = 1e3 * corner
+            x, y, z = np.round(1e3 * corner, 2) + 0.0  # no minus zero
             lines.append(f'corner {k + 1}: ({x:.2f}, {y:.2f}, {z:.2f}) mm, turn '
                          f'{np.degrees(angle):.1f} deg')
         return '\n'.join(lines)

@@ -4,7 +4,6 @@ from dataclasses import dataclass
 
 from geometry_msgs.msg import PoseStamped
 from nav_msgs.msg import Path
-from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, qos_profile_sensor_data, QoSProfile
 from std_msgs.msg import Header
 from visualization_msgs.msg import MarkerArray
@@ -12,6 +11,7 @@ from visualization_msgs.msg import MarkerArray
 from tactile_common.config import bounded, one_of
 from tactile_common.errors import TactileError
 from tactile_common.ros.conversions import pose_from_msg, stamp_to_ns, unpacked
+from tactile_common.ros.node import TactileNode
 from tactile_common.ros.parameters import declare_from
 from tactile_common.ros.runner import run
 from tactile_msgs.msg import Contact as ContactMsg
@@ -78,7 +78,7 @@ class _ModelPublisher:
         self._markers.publish(model_to_markers(model, self._newest, header))
 
 
-class ShapeEstimatorNode(Node):
+class ShapeEstimatorNode(TactileNode):
     """
     Estimate the surface at every contact, and gather what was touched.
 
@@ -143,7 +143,7 @@ class ShapeEstimatorNode(Node):
             return
         lost = self._path.lost
         self._take(self._path.add_contact(stamp_to_ns(msg.header.stamp), contact, msg, picture))
-        if self._path.lost > lost:
+        if self._path.lost > lost and not self.starting:
             self.get_logger().warning(
                 f'{self._path.lost} contacts had no sensor_pose within max_gap of their stamp',
                 throttle_duration_sec=5.0)
@@ -154,7 +154,7 @@ class ShapeEstimatorNode(Node):
                 msg = unpacked(raw, TactileImage)
             except TactileError:
                 continue  # another may be the one of this stamp
-            if msg.header.stamp == stamp:
+            if stamp_to_ns(msg.header.stamp) == stamp_to_ns(stamp):
                 return image_from_msg(msg)
         return None
 

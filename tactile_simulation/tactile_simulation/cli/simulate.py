@@ -37,8 +37,8 @@ def parser() -> argparse.ArgumentParser:
         formatter_class=argparse.ArgumentDefaultsHelpFormatter)
     add = arguments.add_argument
     add('scene', help='YAML file of the scene')
-    add('--controller', choices=list(LAWS), help=f'default: {DEFAULT} for an edge, {LAW} for '
-        'a surface')
+    add('--law', '--controller', choices=list(LAWS), help=f'servo law; default: {DEFAULT} for an '
+        f'edge, {LAW} for a surface')
     add('--speed', type=float, default=0.03, help='along the edge, over the surface [m/s]')
     add('--force', type=float, default=5.0, help='on the pad [N]')
     add('--direction', type=int, default=1, choices=(-1, 1), help="along the sensor's y")
@@ -78,17 +78,17 @@ def run(options: argparse.Namespace) -> tuple[Simulation, dict[str, Any]]:
     scene = load_any_scene(options.scene)
     if isinstance(scene, SurfaceScene):
         return _run_surface(options, scene)
-    options.controller = options.controller or DEFAULT
+    options.law = options.law or DEFAULT
     goal = EdgeGoal(options.speed, options.force, options.direction, options.length,
                     closed=scene.edge.closed and options.length == 0.0
-                    and LAWS[options.controller].closes_contours)
-    simulation = Simulation(scene, options.controller, seed=options.seed,
+                    and LAWS[options.law].closes_contours)
+    simulation = Simulation(scene, options.law, seed=options.seed,
                             latency=options.latency, robot=robot_from(options.robot, options.tip),
                             seed_positions=options.start, clock=time.perf_counter)
     begin = time.perf_counter()
     status = simulation.run(goal, options.timeout)
     return simulation, summarise(
-        simulation, goal, status, name=scene.name, tracker=options.controller,
+        simulation, goal, status, name=scene.name, tracker=options.law,
         seed=options.seed, elapsed=time.perf_counter() - begin)
 
 
@@ -99,7 +99,7 @@ def _run_surface(options, scene):
         (float(np.cos(heading)), float(np.sin(heading)), 0.0), options.length or SURFACE_LENGTH,
         size=tuple(options.size), step_over=options.step_over)
     simulation = SurfaceSimulation(
-        scene, options.controller or LAW, seed=options.seed, latency=options.latency,
+        scene, options.law or LAW, seed=options.seed, latency=options.latency,
         robot=robot_from(options.robot, options.tip), seed_positions=options.start,
         settings=SurfaceFollowingConfig(control=options.control), clock=time.perf_counter)
     begin = time.perf_counter()

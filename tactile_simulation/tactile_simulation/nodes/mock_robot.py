@@ -1,11 +1,12 @@
 """A robot that is not there, behind a joint_trajectory_controller's topics."""
-from rclpy.node import Node
 from rclpy.qos import QoSProfile
 from sensor_msgs.msg import JointState
+from std_srvs.srv import SetBool
 from trajectory_msgs.msg import JointTrajectory
 
 from tactile_common.errors import Rejected
 from tactile_common.ros.conversions import stamp_from_ns
+from tactile_common.ros.node import TactileNode
 from tactile_common.ros.parameters import declare_from
 from tactile_common.ros.runner import plain, run
 from tactile_servo.conversions import joint_state_to_msg, trajectory_from_msg
@@ -14,8 +15,12 @@ from tactile_simulation.joint_controller import MockController, MockRobotConfig
 from tactile_simulation.scene import load_scene
 
 
-class MockRobotNode(Node):
-    """Plays trajectories with a mock controller and publishes the joint states."""
+class MockRobotNode(TactileNode):
+    """
+    Plays trajectories with a mock controller and publishes the joint states.
+
+    `~/activate` switches the controller off and on, as a controller manager does.
+    """
 
     def __init__(self, **kwargs):
         super().__init__('mock_robot', **kwargs)
@@ -24,6 +29,7 @@ class MockRobotNode(Node):
         self.controller = MockController(
             self.robot.joint_names, self.robot.lower, self.robot.upper,
             self.robot.velocity_limit, initial_positions=_start(config, self.robot),
+            rate=config.rate,
             dead_time=config.dead_time, lag=config.lag,
             interpolate_from_desired_state=config.interpolate_from_desired_state)
         self.rejected = 0
@@ -33,6 +39,7 @@ class MockRobotNode(Node):
         self.create_subscription(
             JointTrajectory, f'{config.controller}/joint_trajectory', self._on_trajectory,
             QoSProfile(depth=10))
+        self.create_service(SetBool, '~/activate', self._on_activate)
         self.create_timer(1.0 / config.rate, plain(self._on_timer))
 
     def _on_trajectory(self, message):
@@ -44,6 +51,12 @@ class MockRobotNode(Node):
             self.get_logger().error(
                 f'trajectory rejected ({self.rejected} so far): {error}',
                 throttle_duration_sec=1.0)
+
+    def _on_activate(self, request, response):
+        self.controller.activate(request.data)
+        response.success = True
+        response.message = f'the controller is {"" if request.data else "not "}active'
+        return response
 
     def _on_timer(self):
         now_ns = self.get_clock().now().nanoseconds

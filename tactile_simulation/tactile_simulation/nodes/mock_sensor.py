@@ -1,32 +1,32 @@
 """Node that stands in for a tactile sensor and speaks its bytes on a pseudo-terminal."""
-from collections import deque
+from collections.abc import Iterable
 from dataclasses import dataclass, field
-import os
-from pathlib import Path
-import select
+import itertools
 import sys
 import threading
 import time
-import tty
 
+from diagnostic_msgs.msg import DiagnosticStatus
 from geometry_msgs.msg import PoseStamped
 import numpy as np
-from rclpy.node import Node
 from rclpy.qos import qos_profile_sensor_data
 
 from tactile_common.config import bounded, one_of
 from tactile_common.errors import ConfigurationError, TactileError
-from tactile_common.ros.conversions import pose_from_msg
+from tactile_common.ros.conversions import pose_from_msg, stamp_to_ns
+from tactile_common.ros.node import TactileNode
 from tactile_common.ros.parameters import declare_from
 from tactile_common.ros.runner import run
+from tactile_common.state_buffer import NS, pose_between, StateBuffer
 from tactile_sensing.devices.recording import load_recording
 from tactile_sensing.devices.registry import protocol_named, PROTOCOLS
+from tactile_simulation.pseudo_terminal import PseudoTerminal
 from tactile_simulation.renderer import EdgeRenderer
 from tactile_simulation.scene import load_scene
 
 _LISTENER_CHECK = 0.002  # s between looks for the first listener; nothing is sent before
-_CATCH_UP = 0.1  # s that a scene may be late, its rate held on average, before frames go
-_TERMINALS = '/dev/pts/'
+_LATE = 2  # periods; a frame of a scene that is later is not sent: its stamp would be too young
+_POSES = 2000  # kept for the latency: a second at any rate that a robot has
 
 
 @dataclass(frozen=True)
@@ -45,116 +45,44 @@ class MockSensorConfig:
     rate: float = bounded(200.0, 'frames per second of a scene', 'Hz', 0.1, 2000.0)
     latency: float = bounded(
         0.0025, 'from the instant that a frame shows to its last byte', 's', 0.0, 1.0)
+    max_pose_age: float = bounded(
+        0.02, 'a frame is not sent where no pose is known so close to its instant',
+        's', 0.001, 10.0)
     seed: int = bounded(0, 'seed of the noise', '', 0, 2**31 - 1)
 
 
-class PseudoTerminal:
-    """
-    Sending end of a pseudo-terminal with a link to its other end; never blocks.
-
-    The other end is left to the listener alone, so that this one sees whether somebody
-    listens, and the listener sees a hang-up as soon as this one closes or dies. A link that an
-    earlier pseudo-terminal left behind is replaced.
-
-    Raises
-    ------
-    ConfigurationError
-        The link cannot be made, or something else stands in its place.
-    """
-
-    def __init__(self, link: str):
-        if not link:
-            raise ConfigurationError("parameter 'port' is '', must be the path of a link to make")
-        self._link = Path(link)
-        if self._link.is_symlink():
-            target = os.readlink(self._link)
-            if not target.startswith(_TERMINALS):
-                raise ConfigurationError(
-                    f"parameter 'port': {link} is a link to {target}, must be free")
-        elif self._link.exists():
-            raise ConfigurationError(
-                f"parameter 'port': {link} exists and is not a mock sensor's, must be free")
-        self._master, slave = os.openpty()
-        self._target = os.ttyname(slave)
-        tty.setraw(slave)
-        os.close(slave)
-        os.set_blocking(self._master, False)
-        self._poll = select.poll()
-        self._poll.register(self._master, 0)
-        self._unsent = b''
-        fresh = self._link.with_name(f'{self._link.name}.{os.getpid()}')
-        try:
-            os.symlink(self._target, fresh)
-            os.replace(fresh, self._link)
-        except OSError as error:
-            fresh.unlink(missing_ok=True)
-            os.close(self._master)
-            raise ConfigurationError(
-                f"parameter 'port': {link} cannot be made: {error.strerror}") from error
-
-    @property
-    def listened(self) -> bool:
-        """Whether somebody has the other end open."""
-        return not any(event & select.POLLHUP for _, event in self._poll.poll(0))
-
-    def write(self, data: bytes) -> bool:
-        """Send all of `data`, now or before the next; False: no room, nothing was taken."""
-        if self._unsent:
-            self._unsent = self._unsent[self._put(self._unsent):]
-            if self._unsent:
-                return False
-        sent = self._put(data)
-        self._unsent = data[sent:] if sent else b''
-        return sent > 0
-
-    def forget(self) -> None:
-        """Drop the rest of a half-sent write, for the next listener."""
-        self._unsent = b''
-
-    def close(self) -> None:
-        """Remove the link, unless it is another's by now, and hang up."""
-        try:
-            if os.readlink(self._link) == self._target:
-                self._link.unlink()
-        except OSError:  # gone, or something else stands there
-            pass
-        os.close(self._master)
-
-    def _put(self, data):
-        try:
-            return os.write(self._master, data)
-        except BlockingIOError:
-            return 0
-
-
-class MockSensorNode(Node):
+class MockSensorNode(TactileNode):
     """
     Sensor that exists only as bytes: renders a scene at the robot's pose, or plays a recording.
 
     A frame is sent as a device that runs free sends it behind the one before, with whatever
     announces the next. The first frame waits for the first listener; before the first
-    `sensor_pose` the sensor touches nothing. Most of its attributes are ROS entities.
+    `sensor_pose` the sensor touches nothing. A frame shows the pose at its own instant, or it is
+    not sent: an old pose in a frame that looks new makes a servo press on. Most of its attributes
+    are ROS entities.
 
     Attributes
     ----------
     finished : threading.Event
         Set when a recording has been sent to its end.
-    sent, dropped, late : int
-        Frames written, frames lost because the listener did not read, and frames of a scene
-        left out because the machine was too slow for them; without a listener, none of them.
+    sent, dropped, late, blind : int
+        Frames written; lost because the listener did not read; of a scene left out because the
+        machine was too slow for them, or because no pose was known at their instant. Without a
+        listener none of them is counted.
     """
 
     def __init__(self, **kwargs):
         super().__init__('mock_sensor', **kwargs)
         self.finished = threading.Event()
-        self.sent = self.dropped = self.late = 0
+        self.sent = self.dropped = self.late = self.blind = 0
+        self._reported = 0
         self._in_step = False  # whether the listener has got what precedes the next frame
         self._stop = threading.Event()
         self._thread: threading.Thread | None = None
         try:
             self._config = declare_from(self, MockSensorConfig)
             self._protocol = protocol_named(self._config.protocol)
-            self._pose = None  # replaced as a whole by the callback, read by the thread
+            self._lock = threading.Lock()  # of the poses: a callback writes, the thread reads
             self._open_source()
             self._port = PseudoTerminal(self._config.port)
         except BaseException:
@@ -186,6 +114,9 @@ class MockSensorNode(Node):
             self._renderer.render(scene.start_pose())
             self._recorded = None
             self._period = 1.0 / config.rate
+            age = round(config.max_pose_age * NS)
+            self._poses = StateBuffer(pose_between, size=_POSES, max_gap_ns=2 * age,
+                                      max_ahead_ns=age, restart_ns=NS)
             self.create_subscription(
                 PoseStamped, 'sensor_pose', self._on_pose, qos_profile_sensor_data)
         else:
@@ -198,46 +129,45 @@ class MockSensorNode(Node):
 
     def _on_pose(self, message):
         try:
-            self._pose = pose_from_msg(message.pose)
+            pose = pose_from_msg(message.pose)
+            with self._lock:
+                self._poses.add(stamp_to_ns(message.header.stamp), pose)
         except TactileError as error:
             self.get_logger().warning(
                 f'sensor_pose is passed over: {error}', throttle_duration_sec=5.0)
 
-    def _frame(self, number):
-        """Return the counts of a frame, None behind the end of a recording."""
-        if self._recorded is None:
-            return self._renderer.counts(self._pose, self._rng)
-        if self._config.loop:
-            number %= len(self._recorded)
-        return self._recorded[number] if number < len(self._recorded) else None
+    def _frame(self, number, instant):
+        """Counts of a frame that shows an instant of the steady clock; None: not to be sent."""
+        if self._recorded is not None:
+            return self._recorded[number % len(self._recorded)]
+        behind = time.monotonic() - instant
+        stamp_ns = self.get_clock().now().nanoseconds - round(behind * NS)
+        with self._lock:
+            touched, pose = len(self._poses) > 0, self._poses.at(stamp_ns)
+        if touched and pose is None:
+            self.blind += 1
+            return None
+        counts = self._renderer.counts(pose, self._rng)
+        if time.monotonic() - instant - self._config.latency > _LATE * self._period:
+            self.late += 1
+            return None
+        return counts
 
     def _run(self):
         while not self._port.listened:
             if self._stop.wait(_LISTENER_CHECK):
                 return
         begin = time.monotonic()
-        number = 0  # of the next frame to take
-        ended = False
-        waiting: deque[tuple[float, bytes]] = deque()  # instants to send at
-        while waiting or not ended:
-            take_at = np.inf if ended else begin + number * self._period
-            send_at = waiting[0][0] if waiting else np.inf
-            if self._stop.wait(max(min(take_at, send_at) - time.monotonic(), 0.0)):
+        numbers: Iterable[int] = itertools.count()
+        if self._recorded is not None and not self._config.loop:
+            numbers = range(len(self._recorded))
+        for number in numbers:
+            instant = begin + number * self._period
+            if self._stop.wait(max(instant + self._config.latency - time.monotonic(), 0.0)):
                 return
-            if send_at <= take_at:
-                self._send(waiting.popleft()[1])
-                continue
-            counts = self._frame(number)
-            ended = counts is None
-            if ended:
-                continue
-            waiting.append((take_at + self._config.latency, self._protocol.encode(counts)))
-            number += 1
-            behind = time.monotonic() - begin - number * self._period
-            if self._recorded is None and behind > _CATCH_UP:
-                left_out = int(behind / self._period)
-                self.late += left_out
-                number += left_out
+            counts = self._frame(number, instant)
+            if counts is not None:
+                self._send(self._protocol.encode(counts))
         self.get_logger().info('recording ended')
         self.finished.set()
 
@@ -252,6 +182,16 @@ class MockSensorNode(Node):
             self.sent += 1
         else:
             self.dropped += 1
+
+    def _on_diagnose(self):
+        counts = {'sent': self.sent, 'dropped': self.dropped, 'late': self.late,
+                  'blind': self.blind}
+        lost, self._reported = self.late + self.blind - self._reported, self.late + self.blind
+        self.diagnose(
+            DiagnosticStatus.WARN if lost else DiagnosticStatus.OK,
+            f'{lost} frames were not sent: late, or without a pose of their instant'
+            if lost else 'frames are sent', counts, name='mock sensor',
+            hardware_id=self._config.port)
 
 
 def main(args=None) -> int:

@@ -1,0 +1,7 @@
+"""Executables of the package; what they import comes once signals are taken."""
+from tactile_common.start import executable
+
+composed = executable('edge_tracking.graph', interrupted=0)
+demo = executable('edge_tracking.demo')
+parameters = executable('edge_tracking.parameters')
+track = executable('edge_tracking.track')

@@ -1,0 +1,50 @@
+"""The robot behind ros2_control: its description with mock hardware, and what must be there."""
+from collections.abc import Mapping
+from pathlib import Path
+from xml.etree import ElementTree
+
+from ament_index_python.packages import get_packages_with_prefixes
+
+from tactile_common.errors import ConfigurationError
+from tactile_servo.motion.urdf import parse
+
+PACKAGES = ('controller_manager', 'hardware_interface', 'joint_state_broadcaster',
+            'joint_trajectory_controller', 'robot_state_publisher')
+
+
+def require_packages() -> None:
+    """ConfigurationError that names what is missing of ros2_control, and how to get it."""
+    missing = [name for name in PACKAGES if name not in get_packages_with_prefixes()]
+    if missing:
+        raise ConfigurationError(
+            f'robot:=ros2_control needs {", ".join(missing)}: install the packages ros2-control, '
+            'ros2-controllers and robot-state-publisher of your ROS 2, or take robot:=mock')
+
+
+def text_of(description: str) -> str:
+    """Text of a robot description: it is one, or the path of a file."""
+    if '<' in description:
+        return description
+    try:
+        return Path(description).read_text(encoding='utf-8')
+    except (OSError, UnicodeDecodeError) as error:
+        reason = getattr(error, 'strerror', None) or 'not a text in UTF-8'
+        raise ConfigurationError(f'robot description {description}: {reason}') from error
+
+
+def starting_at(description: str, positions: Mapping[str, float]) -> str:
+    """
+    URDF whose `<ros2_control>` joints start at other positions [rad], by their names.
+
+    ConfigurationError if it has no element `<ros2_control>`.
+    """
+    robot = parse(description)
+    joints = robot.findall('ros2_control/joint')
+    if not joints:
+        raise ConfigurationError('robot description: has no element <ros2_control> with joints, '
+                                 'which robot:=ros2_control needs; urdf/puma260.urdf shows one')
+    for joint in joints:
+        value = joint.find("state_interface[@name='position']/param[@name='initial_value']")
+        if value is not None and joint.get('name') in positions:
+            value.text = repr(float(positions[joint.get('name', '')]))
+    return ElementTree.tostring(robot, encoding='unicode')

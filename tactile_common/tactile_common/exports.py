@@ -1,0 +1,28 @@
+"""Public names of a package, imported when they are asked for: numba takes its time."""
+from collections.abc import Callable, Mapping
+from importlib import import_module
+from typing import Any
+
+
+def exported(package: str, modules: Mapping[str, str]) -> tuple[
+        list[str], Callable[[str], Any], Callable[[], list[str]]]:
+    """
+    Return `__all__`, `__getattr__` and `__dir__` (PEP 562) of a package.
+
+    Parameters
+    ----------
+    package : str
+        Its `__name__`.
+    modules : dict
+        The names, parted by spaces, that each of its modules gives: ``{'contact.estimator':
+        'ContactEstimator EstimatorConfig'}``.
+    """
+    home = {name: f'{package}.{module}' for module, names in modules.items()
+            for name in names.split()}
+
+    def find(name: str) -> Any:
+        if name not in home:
+            raise AttributeError(f'module {package!r} has no attribute {name!r}')
+        return getattr(import_module(home[name]), name)
+
+    return sorted(home), find, lambda: sorted(home)

@@ -1,0 +1,73 @@
+"""What a recording of a stranger may ask for: checked before it is expanded."""
+from collections.abc import Mapping
+from typing import Any
+
+from lz4.frame import LZ4FrameDecompressor
+from rosbags.interfaces import Nodetype
+from rosbags.rosbag2 import ReaderError, storage_mcap
+
+from tactile_common.errors import ConfigurationError
+
+MAX_CHUNK = 64 << 20  # bytes of a chunk of MCAP, decompressed; writers make them of 1 to 4 MB
+MAX_DEFINITION = 128 << 10  # characters of a message definition with all that it contains
+MAX_VALUES = 10_000  # of a message whose sequences are empty; an array of numbers counts once
+
+
+def bound_chunks() -> None:
+    """Let the reader of MCAP decompress no more than a chunk says, and `MAX_CHUNK` at most."""
+    storage_mcap.DECOMPRESSORS['lz4'] = _bounded(LZ4FrameDecompressor)
+    storage_mcap.DECOMPRESSORS['zstd'] = _bounded(storage_mcap.zstd.ZstdDecompressor)
+
+
+def _bounded(make):
+    def decompress(data, size):
+        if size > MAX_CHUNK:
+            raise ReaderError(
+                f'a chunk of {size / 1e6:.0f} MB, at most {MAX_CHUNK / 1e6:.0f} MB are read')
+        # One byte more shows a chunk that is larger than it says.
+        return make().decompress(data, max_length=size + 1)
+    return decompress
+
+
+def check_text(name: str, text: str) -> None:
+    """Refuse the text of a definition that is too long; ConfigurationError."""
+    if len(text) > MAX_DEFINITION:
+        raise ConfigurationError(f'the definition of {name} has {len(text)} characters, at most '
+                                 f'{MAX_DEFINITION} are read')
+
+
+def check_types(types: Mapping[str, Any], known: Mapping[str, Any]) -> None:
+    """
+    Refuse types, as rosbags' parsers give them, of messages with too many values.
+
+    `known` are those that they may contain. Raises a ConfigurationError.
+    """
+    everything, counts = {**known, **types}, {}
+
+    def of_type(name, inside):
+        if name in inside:
+            raise ConfigurationError(f'the definition of {name} contains itself')
+        if name not in counts:
+            fields = everything[name][1] if name in everything else ()
+            counts[name] = sum(of_field(kind, (*inside, name)) for _, kind in fields)
+        return counts[name]
+
+    def of_field(kind, inside):
+        node, detail = kind
+        if node == Nodetype.BASE:
+            return 1
+        if node == Nodetype.NAME:
+            return of_type(detail, inside)
+        (inner, inner_detail), length = detail
+        number = inner == Nodetype.BASE and inner_detail[0] not in ('string', 'wstring')
+        each = 1 if inner == Nodetype.BASE else of_type(inner_detail, inside)
+        if each == 0:
+            raise ConfigurationError(f'{inside[-1]} has an array of {inner_detail}, of nothing')
+        return each if number or node == Nodetype.SEQUENCE else length * each
+
+    for name in types:
+        count = of_type(name, ())
+        if count > MAX_VALUES:
+            raise ConfigurationError(
+                f'a message of type {name} has at least {count} values, at most {MAX_VALUES} '
+                'are read')

@@ -1,0 +1,92 @@
+"""Node that survives what its middleware refuses to send, and says so in its diagnostics."""
+import time
+from typing import Any
+
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
+from rclpy.clock import Clock, ClockType
+from rclpy.node import Node
+from rclpy.publisher import Publisher
+from rclpy.subscription import RCLError
+
+DIAGNOSTICS_PERIOD = 1.0  # s
+START = 10.0  # s; the nodes of a launch start side by side, some have kernels to load
+
+
+class _SurvivingPublisher(Publisher):
+    """Publisher that gives an error of rcl to `on_error` of its node."""
+
+    on_error: Any = None
+
+    def publish(self, msg):
+        try:
+            super().publish(msg)
+        except RCLError as error:
+            if self.on_error is None:
+                raise
+            self.on_error(error, self.topic)
+
+
+class TactileNode(Node):
+    """
+    Node that counts messages which could not be sent, instead of dying of them.
+
+    Now and then the middleware refuses one ("cannot publish data") as readers come and go; the
+    next usually goes out. What else of rcl fails within a callback, such as the answer of a
+    service, `tactile_common.ros.runner.spin` hands over to `count_error`.
+
+    `diagnose` publishes on `/diagnostics`, where aggregators listen; a node with something to say
+    redefines `_on_diagnose`, which is called every second of steady time.
+
+    Attributes
+    ----------
+    errors : int
+        Messages, answers and the like that could not be sent.
+    """
+
+    errors = 0
+    _errors_told = 0
+
+    def __init__(self, name, **kwargs):
+        super().__init__(name, **kwargs)
+        self._begun = time.monotonic()
+        self._diagnostics = self.create_publisher(DiagnosticArray, '/diagnostics', 10)
+        self.create_timer(DIAGNOSTICS_PERIOD, lambda: self._on_diagnose(),
+                          clock=Clock(clock_type=ClockType.STEADY_TIME))
+
+    @property
+    def starting(self):
+        """Whether it is so early that an input that is not there yet is nothing to warn of."""
+        return time.monotonic() - self._begun < START
+
+    def create_publisher(self, *arguments, publisher_class=_SurvivingPublisher, **kwargs):
+        """As of every node; what cannot be published is counted."""
+        publisher = super().create_publisher(
+            *arguments, publisher_class=publisher_class, **kwargs)
+        if isinstance(publisher, _SurvivingPublisher):
+            publisher.on_error = self.count_error
+        return publisher
+
+    def count_error(self, error, what=''):
+        """Count and tell an error of rcl; raise it again where the context is shut down."""
+        if not self.context.ok():
+            raise error
+        self.errors += 1
+        where = f' on {what}' if what else ''
+        self.get_logger().warning(
+            f'not sent{where} ({self.errors} so far): {error}', throttle_duration_sec=5.0)
+
+    def diagnose(self, level, text, values=None, *, name='node', hardware_id=''):
+        """Publish the state of the node, with the number of errors; new ones are a warning."""
+        if self.errors > self._errors_told and level == DiagnosticStatus.OK:
+            level, text = DiagnosticStatus.WARN, f'{text}; messages could not be sent'
+        self._errors_told = self.errors
+        values = {**(values or {}), 'send_errors': self.errors}
+        message = DiagnosticArray(status=[DiagnosticStatus(
+            level=level, name=f'{self.get_fully_qualified_name()}: {name}', message=text,
+            hardware_id=hardware_id,
+            values=[KeyValue(key=key, value=str(value)) for key, value in values.items()])])
+        message.header.stamp = self.get_clock().now().to_msg()
+        self._diagnostics.publish(message)
+
+    def _on_diagnose(self):
+        self.diagnose(DiagnosticStatus.OK, 'running')

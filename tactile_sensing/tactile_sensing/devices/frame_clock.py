@@ -1,0 +1,140 @@
+"""When the frames of a sensor arrived, and which of them are fit to be shown; reads no clock."""
+from collections import Counter, deque
+from typing import NamedTuple
+
+from tactile_sensing.devices.protocol import Decoder, Frame, NEED_DATA
+
+NS = 1_000_000_000
+# A frame whose bytes took longer than both is no picture of one instant.
+STALL_PERIODS, STALL_NS = 3, 10_000_000
+RATE_MARGIN = 6.0  # times the nominal rate: a sensor may be set faster, but not by more
+MAX_RATE = 10e3  # Hz, where no rate is known
+BURST = 0.1  # s of frames that may come at once, after a pause
+JUMP_NS = NS  # a time so far before the last one means that the clock was set back
+
+
+class Stamped(NamedTuple):
+    """A frame and when it arrived, had its bytes come as usual [ns]."""
+
+    frame: Frame
+    arrival_ns: int
+
+
+class Arrival(NamedTuple):
+    """A read of the port."""
+
+    end: int  # position behind its last byte in the stream
+    time_ns: int
+
+
+class FrameClock:
+    """
+    Feed a decoder with what is read from a port, and give frames with their times of arrival.
+
+    A frame is as old as its first byte: where its bytes took longer than usual its time is that
+    much earlier, and where they took `STALL_PERIODS`, and `STALL_NS`, it is refused. Of frames
+    that were read at once, the earlier ones arrived a period apart. Where the reader had not
+    caught up with the port for as long as that, what it finds may have waited there while newer
+    bytes were lost: if the nominal rate is known, such frames have the earliest time that is
+    possible. No more are given than
+    `RATE_MARGIN` times the nominal rate [Hz], or `MAX_RATE` where that is 0, in the mean of
+    `BURST`.
+
+    Attributes
+    ----------
+    stalled, thinned : int
+        Frames that were refused because their bytes took too long, or came too fast.
+    limit : float
+        Frames that are given at most [Hz].
+    """
+
+    def __init__(self, decoder: Decoder, nominal_rate: float = 0.0):
+        self.decoder, self._nominal_rate = decoder, nominal_rate
+        self.limit = RATE_MARGIN * nominal_rate or MAX_RATE
+        self.stalled = self.thinned = 0
+        self._period_ns = NS / nominal_rate if nominal_rate else 0.0
+        self._usual_ns = 0.0  # from the first to the last byte of a frame
+        self._credit = BURST * self.limit
+        self._received = self._backlog = 0  # bytes; frames since the reader had caught up
+        self._caught_up_ns: int | None = None
+        self._newest_ns = self._given_ns = 0  # arrival of the newest frame; and of one given
+        self.restart()
+
+    def restart(self) -> None:
+        """Begin anew, as after the port was opened."""
+        self.decoder.reset()
+        self._arrivals: deque[Arrival] = deque()  # of bytes that may belong to a frame to come
+
+    def receive(self, data: bytes, now_ns: int, caught_up_ns: int | None = None) -> list[Stamped]:
+        """
+        Return the frames that are complete with bytes read at a time [ns].
+
+        All of them came after `caught_up_ns`; without it, they have just come.
+        """
+        if caught_up_ns is None or caught_up_ns != self._caught_up_ns:
+            self._caught_up_ns, self._backlog = caught_up_ns, 0
+        waited_ns = 0 if caught_up_ns is None else now_ns - caught_up_ns
+        self._received += len(data)
+        self._arrivals.append(Arrival(self._received, now_ns))
+        self.decoder.receive_data(data)
+        frames = []
+        while (event := self.decoder.next_event()) is not NEED_DATA:
+            if isinstance(event, Frame):
+                frames.append((event, *self._times(event)))
+        self._forget(self._received - self.decoder.buffered)
+        if len(frames) == 1:
+            self._learn_period(now_ns)
+        if frames:
+            self._newest_ns = now_ns
+        given = []
+        behind = Counter(last_ns for *_, last_ns in frames)  # frames of a read not yet judged
+        late = self._nominal_rate and waited_ns >= self._stall_ns()
+        for frame, first_ns, last_ns in frames:
+            behind[last_ns] -= 1
+            self._backlog += 1
+            arrival_ns = last_ns - round(behind[last_ns] * self._period_ns)
+            if late:
+                arrival_ns = min(arrival_ns, now_ns - waited_ns + round(
+                    self._backlog * NS / self._nominal_rate))
+            arrival_ns = self._judge(first_ns, arrival_ns)
+            if arrival_ns is not None:
+                given.append(Stamped(frame, arrival_ns))
+        return given
+
+    def _times(self, frame):
+        """When the first and the last byte of a frame were read."""
+        self._forget(frame.first_byte)
+        last = next(arrival for arrival in self._arrivals if arrival.end >= frame.end)
+        return self._arrivals[0].time_ns, last.time_ns
+
+    def _forget(self, position):
+        while self._arrivals and self._arrivals[0].end <= position:
+            self._arrivals.popleft()
+
+    def _learn_period(self, now_ns):
+        since_ns = min(now_ns - self._newest_ns, NS)  # a long pause says nothing about it
+        if self._newest_ns and since_ns > 0:
+            gain = 0.1 if self._period_ns else 1.0
+            self._period_ns += gain * (since_ns - self._period_ns)
+
+    def _stall_ns(self):
+        period_ns = NS / self._nominal_rate if self._nominal_rate else self._period_ns
+        return max(STALL_PERIODS * period_ns, STALL_NS) if period_ns else NS
+
+    def _judge(self, first_ns, last_ns):
+        """Arrival of a frame by the times of its bytes; None: it is not given."""
+        took_ns = max(last_ns - first_ns, 0)
+        if took_ns >= self._stall_ns():
+            self.stalled += 1
+            return None
+        arrival_ns = last_ns - max(took_ns - round(self._usual_ns), 0)
+        self._usual_ns += 0.1 * (took_ns - self._usual_ns)
+        if 0 <= self._given_ns - arrival_ns < JUMP_NS:
+            arrival_ns = self._given_ns + 1  # a period was overestimated
+        elapsed = 1e-9 * max(arrival_ns - self._given_ns, 0)
+        credit = min(self._credit + elapsed * self.limit, BURST * self.limit)
+        if credit < 1.0:
+            self.thinned += 1
+            return None
+        self._credit, self._given_ns = credit - 1.0, arrival_ns
+        return arrival_ns

@@ -1,0 +1,6 @@
+"""Executables of the package; what they import comes once signals are taken."""
+from tactile_common.start import executable
+
+driver = executable('tactile_sensing.nodes.driver', interrupted=0)
+contact_estimator = executable('tactile_sensing.nodes.contact_estimator', interrupted=0)
+estimate = executable('tactile_sensing.cli.estimate')

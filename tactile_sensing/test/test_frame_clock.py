@@ -1,0 +1,148 @@
+"""Times of frames by the reads that brought them: stalls, bursts, floods; no clock is asked."""
+import numpy as np
+import pytest
+
+from tactile_sensing.devices.flexitac import encode_next, encode_payload, FlexiTacDecoder, MARKER
+from tactile_sensing.devices.frame_clock import BURST, FrameClock, RATE_MARGIN, STALL_PERIODS
+
+SHAPE = (4, 5)
+RATE = 200.0
+PERIOD = 5_000_000  # ns
+NOON = 1_700_000_000_000_000_000
+
+
+def picture(value):
+    return np.full(SHAPE, value % 128, np.uint8)
+
+
+@pytest.fixture
+def clock():
+    """Give a clock in lock, the last frame at NOON."""
+    clock = FrameClock(FlexiTacDecoder(*SHAPE), RATE)
+    clock.receive(MARKER, NOON - 21 * PERIOD)
+    for k in range(21):
+        clock.receive(encode_next(picture(k)), NOON - (20 - k) * PERIOD)
+    assert clock.decoder.frames == 21
+    return clock
+
+
+def test_a_frame_that_comes_whole_has_the_time_of_its_read(clock):
+    (stamped,) = clock.receive(encode_next(picture(50)), NOON + PERIOD)
+    assert stamped.arrival_ns == NOON + PERIOD
+    np.testing.assert_array_equal(stamped.frame.counts, picture(50))
+
+
+def test_frames_read_at_once_are_a_period_apart(clock):
+    data = b''.join(encode_next(picture(k)) for k in range(4))
+    times = [frame.arrival_ns for frame in clock.receive(data, NOON + 4 * PERIOD)]
+    np.testing.assert_allclose(np.array(times) - NOON, PERIOD * np.arange(1, 5), atol=1000)
+
+
+@pytest.mark.parametrize('stall', [1, 2, 2.9])
+def test_a_short_stall_makes_a_frame_older_not_younger(clock, stall):
+    data = encode_next(picture(50))
+    assert clock.receive(data[:7], NOON + PERIOD) == []
+    (stamped,) = clock.receive(data[7:], NOON + PERIOD + round(stall * PERIOD))
+    assert stamped.arrival_ns == NOON + PERIOD
+    assert clock.stalled == 0
+
+
+@pytest.mark.parametrize('seconds', [STALL_PERIODS / RATE, 0.1, 3.0, 3600.0])
+def test_a_frame_that_stalls_in_the_middle_is_not_given(clock, seconds):
+    data, later = encode_next(picture(50)), NOON + PERIOD + round(seconds * 1e9)
+    clock.receive(data[:7], NOON + PERIOD)
+    assert clock.receive(data[7:], later) == []
+    assert clock.stalled == 1
+    (stamped,) = clock.receive(encode_next(picture(51)), later + PERIOD)
+    assert stamped.arrival_ns == later + PERIOD
+
+
+def test_a_pause_between_frames_is_no_stall(clock):
+    (stamped,) = clock.receive(encode_next(picture(50)), NOON + 3_000_000_000)
+    assert stamped.arrival_ns == NOON + 3_000_000_000
+
+
+def test_a_reader_that_comes_late_is_no_stall_of_the_sensor(clock):
+    """The rest of a frame is read with the frames that came meanwhile."""
+    data = b''.join(encode_next(picture(k)) for k in range(13))
+    clock.receive(data[:7], NOON + PERIOD)
+    got = clock.receive(data[7:], NOON + 13 * PERIOD)
+    assert len(got) == 13 and clock.stalled == 0
+    np.testing.assert_allclose([frame.arrival_ns - NOON for frame in got],
+                               PERIOD * np.arange(1, 14), atol=10_000)
+
+
+def test_a_slow_line_is_not_a_stall():
+    """Its bytes come one by one over the whole period: the age is that of the last byte."""
+    clock, got = FrameClock(FlexiTacDecoder(*SHAPE), RATE), []
+    for k, byte in enumerate(MARKER + b''.join(encode_next(picture(n)) for n in range(200))):
+        got += clock.receive(bytes([byte]), NOON + k * PERIOD // 22)
+    assert len(got) == 200 and clock.stalled == 0
+    ends = NOON + (1 + 22 * np.arange(1, 201)) * PERIOD // 22
+    assert np.abs(np.array([frame.arrival_ns for frame in got]) - ends)[50:].max() < 0.1 * PERIOD
+
+
+@pytest.mark.parametrize('per_read', [1, 40])
+def test_a_flood_is_thinned(clock, per_read):
+    """8,300 pictures a second, of a sensor of 200 Hz."""
+    got, total = 0, 8300
+    for k in range(0, total, per_read):
+        data = b''.join(encode_next(picture(n)) for n in range(k, k + per_read))
+        got += len(clock.receive(data, NOON + PERIOD + round(k / 8300 * 1e9)))
+    assert got <= (1.0 + BURST) * RATE_MARGIN * RATE + 1
+    assert clock.thinned >= total - (1.0 + BURST) * RATE_MARGIN * RATE - per_read
+
+
+@pytest.mark.parametrize('factor', [1.0, 0.1, 5.0])
+def test_no_frame_is_thinned_at_a_rate_that_a_sensor_may_have(factor):
+    clock, rng, got = FrameClock(FlexiTacDecoder(*SHAPE), RATE), np.random.default_rng(0), 0
+    clock.receive(MARKER, NOON)
+    late = 0.3 * PERIOD * rng.random(2000)
+    for k in range(2000):
+        got += len(clock.receive(
+            encode_next(picture(k)), NOON + round((k + 1) * PERIOD / factor + late[k])))
+    assert got == 2000 and clock.thinned == clock.stalled == 0
+
+
+def test_times_rise_and_survive_a_clock_that_is_set_back(clock):
+    times = [frame.arrival_ns for k in range(20) for frame in clock.receive(
+        encode_next(picture(k)), NOON + PERIOD + (k // 5) * 100)]
+    assert times == sorted(set(times))
+    (stamped,) = clock.receive(encode_next(picture(1)), NOON - 10**12)
+    assert stamped.arrival_ns == NOON - 10**12
+
+
+def test_a_device_of_unknown_rate_that_sends_slowly_is_heard():
+    clock, got = FrameClock(FlexiTacDecoder(*SHAPE)), 0
+    clock.receive(MARKER, NOON)
+    for k in range(100):
+        data, at = encode_payload(picture(k)), NOON + k * 100_000_000
+        clock.receive(data[:10], at + 10_000_000)
+        got += len(clock.receive(data[10:] + MARKER, at + 90_000_000))
+    assert got >= 97
+
+
+def test_a_new_start_forgets_half_a_frame(clock):
+    clock.receive(encode_payload(picture(1))[:7], NOON + PERIOD)
+    clock.restart()
+    data = MARKER + b''.join(encode_next(picture(k)) for k in range(4))
+    assert len(clock.receive(data, NOON + 10**10)) == 4
+    assert clock.stalled == 0
+
+
+def test_frames_that_waited_while_newer_ones_were_lost_are_old(clock):
+    """A reader comes 0.5 s late; the port has kept the first 16 frames and lost what followed."""
+    data = b''.join(encode_next(picture(k)) for k in range(16))
+    got = clock.receive(data, NOON + 100 * PERIOD, NOON)
+    assert [frame.arrival_ns - NOON for frame in got] == [PERIOD * k for k in range(1, 17)]
+    (stamped,) = clock.receive(encode_next(picture(50)), NOON + 101 * PERIOD, NOON + 100 * PERIOD)
+    assert stamped.arrival_ns == NOON + 101 * PERIOD
+
+
+def test_frames_that_waited_and_are_all_there_have_their_time(clock):
+    data = b''.join(encode_next(picture(k)) for k in range(100))
+    half = len(data) // 2
+    got = clock.receive(data[:half], NOON + 100 * PERIOD, NOON)
+    got += clock.receive(data[half:], NOON + 100 * PERIOD + 1000, NOON)
+    np.testing.assert_allclose([frame.arrival_ns - NOON for frame in got],
+                               PERIOD * np.arange(1, 101), atol=50 * 1000)

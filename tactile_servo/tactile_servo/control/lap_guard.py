@@ -1,0 +1,59 @@
+"""Whether a pad goes round a contour that does not close."""
+
+from collections.abc import Sequence
+import math
+
+LAPS = 1.5  # by the turns of the way
+LEFT, BEYOND = 10.0, 3.0  # times the bound: to leave the start, and to be past it again
+SAME_WAY = 0.5  # cosine of the largest angle between the ways at the start and past it
+
+Vector = Sequence[float]
+
+
+class LapGuard:
+    """
+    Watch the way of a pad for its start coming again, and for its turns.
+
+    A contour that closes ends at its start. One that passes it within `miss` [m] and goes on
+    does not close any more.
+    """
+
+    def __init__(self, miss: float):
+        self._miss = miss
+        self._start: tuple[Vector, Vector] | None = None  # place and way
+        self._heading: Vector = (0.0, 0.0, 0.0)
+        self._left = False
+        self._passed = math.inf  # length at which the start was passed [m]
+        self.turned = 0.0  # rad
+
+    def see(self, place: Vector, normal: Vector, heading: Vector, length: float) -> None:
+        """Take place, normal and way (3,) of the pad, and the length so far [m]."""
+        if self._start is None:
+            self._start = place, heading
+        else:
+            self.turned += _turn(self._heading, heading, normal)
+        self._heading = heading
+        begin, way = self._start
+        distance = math.dist(place, begin)
+        self._left = self._left or distance > LEFT * self._miss
+        if self._left and distance < self._miss and _dot(way, heading) > SAME_WAY:
+            self._passed = min(self._passed, length)
+
+    def problem(self, length: float) -> str:
+        """Why the contour will not close, after a length [m]; empty while it may."""
+        if length - self._passed > BEYOND * self._miss:
+            return 'the pad has passed its start'
+        if abs(self.turned) > 2.0 * math.pi * LAPS:
+            return f'{LAPS:g} laps'
+        return ''
+
+
+def _dot(one, other):
+    return sum(a * b for a, b in zip(one, other, strict=True))
+
+
+def _turn(one, other, normal):
+    """Angle from one way to the other about a normal [rad]."""
+    (ax, ay, az), (bx, by, bz), (x, y, z) = one, other, normal
+    across = x * (ay * bz - az * by) + y * (az * bx - ax * bz) + z * (ax * by - ay * bx)
+    return math.atan2(across, _dot(one, other))

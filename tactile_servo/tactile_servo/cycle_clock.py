@@ -1,0 +1,45 @@
+"""Time between the cycles of a servo, and what is wrong with it."""
+
+from tactile_servo.control.scaling import clipped
+from tactile_servo.reasons import Reason, ReasonCode
+
+
+class CycleClock:
+    """
+    Two clocks, of the machine (steady) and of the stamps, by which the robot moves.
+
+    Attributes
+    ----------
+    gap : float
+        Steady time since the last cycle [s].
+    fault : Reason or None
+        What is wrong with the time of the newest cycle.
+    """
+
+    def __init__(self, period: float, stall: float):
+        self._period, self._stall = period, stall
+        self._last: float | None = None
+        self._last_ns = 0
+        self._advanced = 0.0  # steady time at which the clock of the stamps has gone on last [s]
+        self.gap = 0.0
+        self.fault: Reason | None = None
+
+    def tick(self, now: float, now_ns: int) -> float:
+        """Begin a cycle at a steady time [s] and a time of the stamps [ns]; dt >= 0 [s]."""
+        self.gap, step = 0.0, self._period
+        if self._last is not None:
+            self.gap, step = now - self._last, (now_ns - self._last_ns) * 1e-9
+        self._last, self._last_ns = now, now_ns
+        if step > 0.0:
+            self._advanced = now
+        self.fault = self._judge(step, now)
+        return clipped(step, 0.0, 2.0 * self._period)
+
+    def _judge(self, step, now):
+        if step < 0.0:
+            return Reason(ReasonCode.CLOCK_STOPPED, f'it went back by {-step:g} s')
+        if self.gap > self._stall:
+            return Reason(ReasonCode.STALLED, f'no cycle for {self.gap:.2f} s')
+        if now - self._advanced > self._stall:
+            return Reason(ReasonCode.CLOCK_STOPPED)
+        return None

@@ -1,0 +1,95 @@
+"""Whether the robot goes where it is sent, judged by the way of its sensor."""
+
+import math
+
+import numpy as np
+
+from tactile_common.kernels import njit
+from tactile_servo.config import InputConfig
+from tactile_servo.reasons import Reason, ReasonCode
+
+SIZE = 512  # cycles that are kept
+STANDS_AFTER = 0.05  # of the distance, a way that was sent and must have shown an effect
+STANDS = 0.2  # of that way, with less of which the robot stands
+
+
+class Following:
+    """
+    The poses that a sensor was sent to lately, and those where it was measured meanwhile.
+
+    Rotations count as lengths on `rotation_length` [m/rad].
+    """
+
+    def __init__(self, config: InputConfig, rotation_length: float):
+        self._config, self._length = config, rotation_length
+        self._times = np.empty(SIZE)
+        self._sent, self._measured = np.empty((SIZE, 3, 4)), np.empty((SIZE, 3, 4))
+        self._count = 0
+
+    def reset(self) -> None:
+        """Forget all, because the robot starts anew from where it is."""
+        self._count = 0
+
+    def sent(self, now: float, commanded: np.ndarray, measured: np.ndarray) -> None:
+        """Take the pose (4, 4) that was commanded at a time [s] and the one measured then."""
+        k = self._count % SIZE
+        self._times[k], self._sent[k], self._measured[k] = now, commanded[:3], measured[:3]
+        self._count += 1
+
+    def problem(self, measured: np.ndarray, arrival: float) -> Reason | None:
+        """Judge a measured pose (4, 4) that arrived at a time [s]; None while all is well."""
+        if not self._count:
+            return None
+        c = self._config
+        since = arrival - c.following_time
+        away = _away(self._times, self._sent, self._count, measured, since, self._length)
+        if not away <= c.following_distance:
+            return Reason(ReasonCode.NOT_FOLLOWING, f'it is {1e3 * away:.1f} mm from its way')
+        enough = STANDS_AFTER * c.following_distance
+        if _stands(self._times, self._sent, self._measured, self._count, measured, since,
+                   enough, self._length):
+            return Reason(ReasonCode.NOT_FOLLOWING,
+                          f'it stands, {1e3 * c.following_time:.0f} ms after it was sent on')
+        return None
+
+
+@njit(cache=True)
+def apart(one, other, length):
+    """How far two poses (3 or 4, 4) are apart, by place or by angle on a length [m]."""
+    place = turn = 0.0
+    for i in range(3):
+        place += (one[i, 3] - other[i, 3])**2
+        for j in range(3):
+            turn += (one[i, j] - other[i, j])**2
+    # The difference of two rotations by an angle a has the norm 2 sqrt(2) sin(a / 2).
+    return max(math.sqrt(place), length * math.sqrt(0.5 * turn))
+
+
+@njit(cache=True)
+def _away(times, sent, count, measured, since, length):
+    """Distance to the nearest of the poses sent since a time, and the one before [m]."""
+    nearest = math.inf
+    for n in range(count - 1, max(count - len(times), 0) - 1, -1):
+        distance = apart(sent[n % len(times)], measured, length)
+        if not distance >= nearest:
+            nearest = distance
+        if times[n % len(times)] < since:
+            break
+    return nearest
+
+
+@njit(cache=True)
+def _stands(times, sent, measured_then, count, measured, until, enough, length):
+    """Whether the robot has not moved though it was sent far enough before a time."""
+    size = len(times)
+    last, moved = -1, 0.0
+    for n in range(count - 1, max(count - size, 0) - 1, -1):
+        k = n % size
+        moved = max(moved, apart(measured_then[k], measured, length))
+        if moved > STANDS * enough:
+            return False
+        if last < 0 and times[k] <= until:
+            last = k
+        if last >= 0 and apart(sent[k], sent[last], length) >= enough:
+            return True
+    return False

@@ -1,0 +1,109 @@
+"""The servo's action: every goal that is accepted gets its result."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from time import perf_counter
+from typing import Any
+
+from rclpy.action import ActionServer, CancelResponse, GoalResponse
+from rclpy.node import Node
+
+from tactile_msgs.msg import ServoStatus
+from tactile_servo.conversions import ACTIONS
+from tactile_servo.reasons import GoalRefused, Reason
+from tactile_servo.supervisor import Supervisor
+
+FEEDBACK_PERIOD = 0.05  # s; the status topic has every cycle
+
+
+@dataclass(eq=False)
+class Execution:
+    """A goal of the action, since when it is worked on [s], and whether it has ended."""
+
+    handle: Any
+    started: float
+    ended: bool = False
+    reported: float = float('-inf')
+
+
+class GoalServer:
+    """
+    Action server of a servo.
+
+    A goal is executed, in the action server's sense, when it has ended: an execute callback
+    would have to block or to await, and rclpy's executors poll a callback that awaits without a
+    pause, at the cost of a whole core.
+    """
+
+    def __init__(self, node: Node, servo: Supervisor, name: str, base_frame: str,
+                 look_around: Callable[[], None]):
+        self._look_around = look_around  # before a goal is judged
+        self._logger, self._servo, self._base_frame = node.get_logger(), servo, base_frame
+        self._action = ACTIONS[name]
+        self._execution: Execution | None = None
+        self._refusals: dict[bytes, Reason] = {}  # of goals accepted that could not start, by id
+        self._server = ActionServer(
+            node, self._action.type, name, self._finish, goal_callback=self._on_goal,
+            handle_accepted_callback=self._on_accepted, cancel_callback=self._on_cancel)
+
+    def report(self, msg: ServoStatus) -> None:
+        """Tell the client of a cycle; end its goal with the servo's."""
+        execution = self._execution
+        if execution is None or execution.ended:
+            return
+        now = perf_counter()
+        if not self._servo.active:
+            execution.ended = True
+            execution.handle.execute()
+        elif now - execution.reported >= FEEDBACK_PERIOD:
+            execution.reported = now
+            execution.handle.publish_feedback(self._action.feedback_to_msg(msg))
+
+    def _on_goal(self, request):
+        self._look_around()
+        refusal = self._servo.check(self._action.goal_from_msg(request))
+        if refusal is None:
+            return GoalResponse.ACCEPT
+        self._logger.error(refusal.text)
+        self._servo.note(refusal)
+        return GoalResponse.REJECT
+
+    def _on_cancel(self, goal_handle):
+        execution = self._execution
+        if execution is None or execution.handle.goal_id != goal_handle.goal_id:
+            return CancelResponse.REJECT  # another goal is none of its business
+        self._servo.cancel()
+        return CancelResponse.ACCEPT
+
+    def _on_accepted(self, goal_handle):
+        now = perf_counter()
+        try:
+            self._servo.start(self._action.goal_from_msg(goal_handle.request), now)
+        except GoalRefused as refused:  # something came between the check and this
+            self._refusals[bytes(goal_handle.goal_id.uuid)] = refused.reason
+            goal_handle.execute()
+        else:
+            self._execution = Execution(goal_handle, now)
+
+    def _finish(self, goal_handle):
+        refusal = self._refusals.pop(bytes(goal_handle.goal_id.uuid), None)
+        if refusal is not None:
+            goal_handle.abort()
+            return self._action.type.Result(reason_code=int(refusal.code), reason=refusal.text)
+        servo, execution = self._servo, self._execution
+        result = self._action.result_to_msg(
+            servo, perf_counter() - execution.started, self._base_frame)
+        self._execution = None
+        if goal_handle.is_cancel_requested:
+            goal_handle.canceled()
+        elif servo.success:
+            goal_handle.succeed()
+        else:
+            goal_handle.abort()
+        self._logger.info(f'goal ended: {result.reason}')
+        servo.finish()
+        return result
+
+    def destroy(self) -> None:
+        """Release the action server."""
+        self._server.destroy()

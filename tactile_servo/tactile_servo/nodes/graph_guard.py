@@ -1,0 +1,54 @@
+"""What a servo watches in the graph around it: who publishes, and whether its robot obeys."""
+
+from collections.abc import Sequence
+from time import perf_counter
+
+from rclpy.node import Node
+from rclpy.qos import qos_profile_sensor_data
+
+from tactile_servo.reasons import Reason, ReasonCode
+
+try:
+    from control_msgs.msg import JointTrajectoryControllerState
+except ImportError:  # then the robot's way alone says whether it obeys
+    JointTrajectoryControllerState = None
+
+SILENT = 0.2  # s without a state from a controller that publishes it: it is not active
+
+
+class GraphGuard:
+    """
+    Exactly one publisher on every topic that moves the robot, and a controller that is active.
+
+    Parameters
+    ----------
+    node : Node
+    topics, shared : sequence of str
+        That may have one publisher each, except those that are shared.
+    controller : str
+        Name of the controller; its state is listened to where control_msgs is installed.
+    """
+
+    def __init__(self, node: Node, topics: Sequence[str], shared: Sequence[str],
+                 controller: str):
+        self._node = node
+        self._topics = sorted({node.resolve_topic_name(topic) for topic in topics}
+                              - {node.resolve_topic_name(topic) for topic in shared})
+        self._heard: float | None = None  # steady time of the controller's last state [s]
+        if JointTrajectoryControllerState is not None:
+            node.create_subscription(
+                JointTrajectoryControllerState, f'{controller}/controller_state', self._on_state,
+                qos_profile_sensor_data)
+
+    def _on_state(self, _):
+        self._heard = perf_counter()
+
+    def problem(self) -> Reason | None:
+        """What is wrong now, or None."""
+        for topic in self._topics:
+            count = self._node.count_publishers(topic)
+            if count > 1:
+                return Reason(ReasonCode.SEVERAL_PUBLISHERS, f'{topic} has {count}')
+        if self._heard is not None and perf_counter() - self._heard > SILENT:
+            return Reason(ReasonCode.CONTROLLER_INACTIVE, f'no state for {SILENT:g} s')
+        return None

@@ -1,0 +1,49 @@
+"""How long a goal may stay in the states that move the robot."""
+
+from tactile_servo.config import ServoConfig
+from tactile_servo.law import Goal
+from tactile_servo.types import State, TRACKING
+
+SLOWEST = 0.05  # of the speed, for which a way has time
+
+
+def approach_speed(config: ServoConfig, force: float) -> float:
+    """Speed of the approach: what is to be touched lightly is touched slowly [m/s]."""
+    return config.approach.speed * min(force / config.approach.soft_touch, 1.0)
+
+
+class StateTimes:
+    """Time that a goal has spent approaching, tracking and lifting off, and how much it may."""
+
+    def __init__(self, config: ServoConfig, goal: Goal):
+        slack, speed = config.time.slack, config.approach.speed
+        length = getattr(goal, 'length', 0.0)
+
+        def way(distance, speed):
+            return slack + distance / (SLOWEST * speed)
+
+        self._longest = {
+            State.APPROACH: way(config.approach.distance, approach_speed(config, goal.force)),
+            State.TRACK: way(length, goal.speed) if length else config.time.track,
+            State.RETREAT: way(config.retreat.distance, speed)}
+        self._spent = dict.fromkeys(self._longest, 0.0)
+        self._last: float | None = None
+
+    def count(self, state: State, now: float) -> None:
+        """Count the time since the last call for a state [s]."""
+        state = _kind(state)
+        if state in self._spent and self._last is not None:
+            self._spent[state] += now - self._last
+        self._last = now
+
+    def longest(self, state: State) -> float:
+        """How long a state that moves the robot may last in all [s]."""
+        return self._longest[_kind(state)]
+
+    def over(self, state: State) -> bool:
+        """Whether it has lasted for longer."""
+        return self._spent[_kind(state)] > self.longest(state)
+
+
+def _kind(state):
+    return State.TRACK if state in TRACKING else state

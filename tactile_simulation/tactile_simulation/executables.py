@@ -1,0 +1,6 @@
+"""Executables of the package; what they import comes once signals are taken."""
+from tactile_common.start import executable
+
+mock_robot = executable('tactile_simulation.nodes.mock_robot', interrupted=0)
+mock_sensor = executable('tactile_simulation.nodes.mock_sensor', interrupted=0)
+simulate = executable('tactile_simulation.cli.simulate')

@@ -1,0 +1,88 @@
+"""The sending end of a serial port that is not there."""
+import os
+from pathlib import Path
+import select
+import tty
+
+from tactile_common.errors import ConfigurationError
+
+_TERMINALS = '/dev/pts/'
+
+
+class PseudoTerminal:
+    """
+    Sending end of a pseudo-terminal with a link to its other end; never blocks.
+
+    The other end is left to the listener alone, so that this one sees whether somebody
+    listens, and the listener sees a hang-up as soon as this one closes or dies. A link that an
+    earlier pseudo-terminal left behind is replaced.
+
+    Raises
+    ------
+    ConfigurationError
+        The link cannot be made, or something else stands in its place.
+    """
+
+    def __init__(self, link: str):
+        if not link:
+            raise ConfigurationError("parameter 'port' is '', must be the path of a link to make")
+        self._link = Path(link)
+        if self._link.is_symlink():
+            target = os.readlink(self._link)
+            if not target.startswith(_TERMINALS):
+                raise ConfigurationError(
+                    f"parameter 'port': {link} is a link to {target}, must be free")
+        elif self._link.exists():
+            raise ConfigurationError(
+                f"parameter 'port': {link} exists and is not a mock sensor's, must be free")
+        self._master, slave = os.openpty()
+        self._target = os.ttyname(slave)
+        tty.setraw(slave)
+        os.close(slave)
+        os.set_blocking(self._master, False)
+        self._poll = select.poll()
+        self._poll.register(self._master, 0)
+        self._unsent = b''
+        fresh = self._link.with_name(f'{self._link.name}.{os.getpid()}')
+        try:
+            os.symlink(self._target, fresh)
+            os.replace(fresh, self._link)
+        except OSError as error:
+            fresh.unlink(missing_ok=True)
+            os.close(self._master)
+            raise ConfigurationError(
+                f"parameter 'port': {link} cannot be made: {error.strerror}") from error
+
+    @property
+    def listened(self) -> bool:
+        """Whether somebody has the other end open."""
+        return not any(event & select.POLLHUP for _, event in self._poll.poll(0))
+
+    def write(self, data: bytes) -> bool:
+        """Send all of `data`, now or before the next; False: no room, nothing was taken."""
+        if self._unsent:
+            self._unsent = self._unsent[self._put(self._unsent):]
+            if self._unsent:
+                return False
+        sent = self._put(data)
+        self._unsent = data[sent:] if sent else b''
+        return sent > 0
+
+    def forget(self) -> None:
+        """Drop the rest of a half-sent write, for the next listener."""
+        self._unsent = b''
+
+    def close(self) -> None:
+        """Remove the link, unless it is another's by now, and hang up."""
+        try:
+            if os.readlink(self._link) == self._target:
+                self._link.unlink()
+        except OSError:  # gone, or something else stands there
+            pass
+        os.close(self._master)
+
+    def _put(self, data):
+        try:
+            return os.write(self._master, data)
+        except BlockingIOError:
+            return 0

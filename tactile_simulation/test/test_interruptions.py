@@ -1,0 +1,281 @@
+"""Whatever is interrupted, and however it comes back: nothing jumps, nothing presses."""
+
+from dataclasses import replace
+
+import numpy as np
+from puma_loop import LIMITS, puma_loop, ROOT
+import pytest
+
+from tactile_servo.config import HoldConfig, ServoConfig, TimeLimits
+from tactile_servo.reasons import ReasonCode
+from tactile_servo.types import EdgeGoal, State
+from tactile_simulation.closed_loop import Simulation
+from tactile_simulation.scene import load_scene
+
+GOAL = EdgeGoal(0.03, 5.0, length=0.05)
+NEAR = 2e-3  # m, of where the pad was when it all began
+BLIND = 0.05  # s that the pad goes on before a silence is one: `input.stale_image`
+HARDEST = 2.0  # times the limit of acceleration, between samples of the controller
+SHORT = 0.5  # s, of an interruption that a hold may end by itself
+
+
+class Interrupted:
+    """A loop on its way, whose parts can be interrupted, and what came of it."""
+
+    def __init__(self, tracker, state, seed):
+        self.loop = puma_loop(tracker=tracker, seed=seed)
+        self.loop.run(GOAL, 20.0, lambda s: s.state == state and (
+            s.progress > 0.02 or state == State.APPROACH))
+        self.loop.run(None, 0.05 + 0.01 * seed)
+        assert self.loop.servo.state == state
+        self.began, self.place = self.loop.now, self.loop.pose[:3, 3].copy()
+        self.seen = len(self.loop.log)
+        self.queue = None
+
+    def controller(self, seconds):
+        """It is deactivated, and activated again."""
+        self.loop.robot.activate(False)
+        self.began = self.loop.now + 0.03  # it stops at once, however hard that is
+        self.loop.run(None, seconds)
+        self.loop.robot.activate(True)
+
+    def deaf(self, seconds):
+        """It plays the last window out and takes no other; then it takes the last it was sent."""
+        robot, accept, last = self.loop.robot, self.loop.robot.accept, []
+        robot.accept = lambda window, _: last.append(window)
+        self.loop.run(None, seconds)
+        robot.accept = accept
+        try:
+            robot.accept(last[-1], self.loop.now)
+        except ValueError:  # it is over by its stamp
+            pass
+
+    def servo(self, seconds):
+        """It does not come to run, and what it should have heard is lost."""
+        loop = self.loop
+        cycle, see = loop.servo.cycle, (loop.servo.see_joints, loop.servo.see_image,
+                                        loop.servo.see_contact)
+        status = loop.log[-1].status
+        loop.servo.cycle = lambda *_: (status, None)
+        loop.servo.see_joints = loop.servo.see_image = loop.servo.see_contact = lambda *_: None
+        loop.run(None, seconds)
+        loop.servo.cycle = cycle
+        loop.servo.see_joints, loop.servo.see_image, loop.servo.see_contact = see
+
+    def sensing(self, seconds):
+        """No picture comes."""
+        self.loop.sensor_alive = False
+        self.loop.run(None, seconds)
+        self.loop.sensor_alive = True
+
+    def joints(self, seconds):
+        """No joint state comes."""
+        self.loop.robot_alive = False
+        self.loop.run(None, seconds)
+        self.loop.robot_alive = True
+
+    def reasons(self):
+        """Codes of the holds since it was interrupted."""
+        return {cycle.status.reason.code for cycle in self.loop.log[self.seen:]
+                if cycle.status.state == State.HOLD}
+
+    def check(self):
+        """Velocity and acceleration of what the controller commanded; the true force."""
+        times, commands = zip(*self.loop.commands, strict=True)
+        since = np.searchsorted(times, self.began - 0.02)
+        speed = np.diff(np.array(commands[since:]), axis=0) / np.diff(times[since:])[:, None]
+        hardness = np.diff(speed, axis=0) / np.diff(times[since + 1:])[:, None]
+        assert (np.abs(speed) <= LIMITS.velocity).all()
+        assert np.abs(hardness).max() <= HARDEST * LIMITS.acceleration.max()
+        assert max(cycle.force for cycle in self.loop.log[self.seen:]) <= 1.5 * GOAL.force
+
+
+WHY = {'controller': ReasonCode.NOT_FOLLOWING, 'deaf': ReasonCode.NOT_FOLLOWING,
+       'servo': ReasonCode.STALLED, 'sensing': ReasonCode.STALE_IMAGE,
+       'joints': ReasonCode.STALE_JOINT_STATE}
+
+
+def interrupted(tracker, state, what, seconds, seed=0):
+    """Interrupt something; ask to go on if need be; see that all went well to the end."""
+    it = Interrupted(tracker, state, seed)
+    getattr(it, what)(seconds)
+    it.loop.run(None, 0.3)
+    assert WHY[what] in it.reasons()
+    it.check()
+    asked = what in ('controller', 'deaf') or seconds > SHORT
+    if asked:  # by then it stands, and goes on standing
+        moved = np.linalg.norm(it.loop.pose[:3, 3] - it.place)
+        assert moved <= NEAR + BLIND * GOAL.speed
+        assert it.loop.servo.state == State.HOLD
+        assert it.loop.servo.reason.code == ReasonCode.INPUT_BACK
+        assert it.loop.servo.pause(False, it.loop.now)
+    it.loop.run(None, 20.0)
+    assert it.loop.servo.success, it.loop.servo.reason
+    it.check()
+
+
+@pytest.mark.parametrize('what, seconds', [
+    ('controller', 0.2), ('controller', 1.2), ('deaf', 0.2), ('deaf', 4.0), ('servo', 0.06),
+    ('servo', 0.3), ('servo', 2.0), ('sensing', 0.2), ('sensing', 1.0), ('joints', 1.0)])
+@pytest.mark.parametrize('state', [State.APPROACH, State.TRACK])
+def test_an_interruption_is_told_and_moves_nothing(state, what, seconds):
+    interrupted('trace', state, what, seconds)
+
+
+@pytest.mark.parametrize('what, seconds', [
+    ('controller', 0.4), ('servo', 1.0), ('joints', 1.0)])
+def test_the_law_of_the_thesis_is_interrupted_likewise(what, seconds):
+    interrupted('resolved_rate', State.TRACK, what, seconds, seed=1)
+
+
+def paused():
+    """Loop that was paused while it tracked, and stands."""
+    it = Interrupted('trace', State.TRACK, 0)
+    it.loop.servo.pause(True, it.loop.now)
+    it.loop.run(None, 0.5)
+    return it
+
+
+def test_nothing_is_sent_while_the_robot_stands():
+    it = paused()
+    known = len(it.loop.commands)
+    accepted, accept = [], it.loop.robot.accept
+    it.loop.robot.accept = lambda window, now: (accepted.append(now), accept(window, now))
+    it.loop.run(None, 2.0)
+    assert not accepted
+    assert np.ptp([command for _, command in it.loop.commands[known:]], axis=0).max() == 0.0
+
+
+@pytest.mark.parametrize('way', [0.002, 0.05])
+def test_an_arm_that_was_moved_meanwhile_goes_on_from_there(way):
+    """By hand or by another controller, which has commanded it there."""
+    it = paused()
+    loop, robot = it.loop, it.loop.robot
+    pose = loop.pose.copy()
+    pose[2, 3] += way  # off the edge
+    there = loop.model.inverse(pose, robot.measured(loop.now)[0])
+    robot._restart(there)
+    robot._joints.position = there.copy()
+    robot._joints.restart()
+    loop.run(None, 0.3)
+    assert loop.servo.state == State.HOLD
+    it.began, it.place = loop.now, loop.pose[:3, 3].copy()
+    loop.servo.pause(False, loop.now)
+    loop.run(None, 0.1)
+    assert np.linalg.norm(loop.pose[:3, 3] - it.place) < 1e-4
+    loop.run(None, 1.0)
+    it.check()
+
+
+def test_a_robot_that_answers_too_late_is_refused():
+    scene = load_scene(ROOT / 'launch/scenes/straight.yaml')
+    scene = replace(scene, plant=replace(scene.plant, dead_time=0.08))
+    loop = Simulation(scene, 'trace', config=ServoConfig(hold=HoldConfig(give_up=1.0)))
+    loop.run(GOAL, 20.0)
+    assert not loop.servo.success
+    assert loop.servo.reason.code == ReasonCode.GAVE_UP
+    assert 'does not follow' in loop.servo.reason.text
+    assert max(cycle.force for cycle in loop.log) == 0.0
+
+
+def test_time_that_stands_holds_and_is_not_taken_up_unasked():
+    it = Interrupted('trace', State.TRACK, 0)
+    loop, cycle = it.loop, it.loop.servo.cycle
+    stood = round(loop.now * 1e9)
+    loop.servo.cycle = lambda now, _: cycle(now, stood)
+    loop.run(None, 0.2)
+    assert ReasonCode.CLOCK_STOPPED in it.reasons()
+    loop.servo.cycle = cycle
+    loop.run(None, 1.0)
+    assert (loop.servo.state, loop.servo.reason.code) == (State.HOLD, ReasonCode.INPUT_BACK)
+    assert 'time stands still' in loop.servo.reason.detail
+    loop.servo.pause(False, loop.now)
+    loop.run(None, 20.0)
+    assert loop.servo.success
+    it.check()
+
+
+def test_what_is_wrong_around_the_servo_holds_and_refuses():
+    it = Interrupted('trace', State.TRACK, 0)
+    loop, why = it.loop, (ReasonCode.SEVERAL_PUBLISHERS, '/tactile/image has 2')
+    loop.servo.around = why = type(loop.servo.reason)(*why)
+    loop.run(None, 0.3)
+    assert loop.servo.reason == why
+    loop.servo.around = None
+    loop.run(None, 1.0)
+    assert loop.servo.state == State.HOLD
+    loop.servo.cancel()
+    loop.run(None, 1.0)
+    loop.servo.finish()
+    loop.servo.around = why
+    assert loop.servo.check(GOAL) == why
+
+
+def test_a_contour_that_does_not_close_ends(monkeypatch):
+    monkeypatch.setattr('tactile_servo.edge_map.traced_path.CLOSING', -1.0)
+    loop = Simulation(load_scene(ROOT / 'launch/scenes/tape_case.yaml'), 'trace')
+    status = loop.run(EdgeGoal(0.1, 5.0, closed=True), 60.0)
+    assert not loop.servo.success and loop.servo.reason.code == ReasonCode.LAP_LIMIT
+    assert status.progress < 0.356 + 0.02  # one lap, and little more
+
+
+@pytest.mark.parametrize('state', [State.APPROACH, State.TRACK, State.RETREAT])
+def test_no_state_lasts_for_ever(state):
+    """A robot whose every wanted motion is held back, by so little that it counts as moving."""
+    loop = puma_loop(tracker='resolved_rate', config=ServoConfig(
+        time=TimeLimits(slack=0.1, track=1.0)))
+    loop.run(EdgeGoal(0.03, 5.0, length=0.01 if state == State.RETREAT else 0.0), 9.0,
+             lambda s: s.state == state)
+    command = loop.servo.motion.command
+    loop.servo.motion.command = lambda twist, *rest: command(0.01 * twist, *rest)
+    status = loop.run(None, 120.0)
+    assert status.state == State.DONE
+    assert (ReasonCode.TIME_LIMIT.text in loop.servo.reason.text) or (
+        loop.servo.reason.code == ReasonCode.TIME_LIMIT)
+    assert loop.servo.success == (state == State.RETREAT)  # its outcome stands
+
+
+def test_a_light_contact_does_not_hide_a_heavy_image():
+    it = Interrupted('resolved_rate', State.TRACK, 0)
+    loop, see = it.loop, it.loop.servo.see_image
+
+    def heavy(image, now):
+        layer = image.layers[0]
+        see(replace(image, layers=(replace(layer, stress=np.full_like(layer.stress, 4e4)),)), now)
+
+    loop.servo.see_image = heavy  # 26 N, while the contact says 5
+    loop.run(None, 0.02)
+    assert (loop.servo.state, loop.servo.reason.code) == (State.RETREAT, ReasonCode.OVERLOAD)
+
+
+def test_cancelling_ends_every_state():
+    for state in (State.APPROACH, State.TRACK, State.RETREAT, State.HOLD):
+        loop = puma_loop(tracker='trace')
+        loop.run(replace(GOAL, length=0.01), 20.0,
+                 lambda s, wanted=state: s.state == (
+                     State.TRACK if wanted == State.HOLD else wanted))
+        if state == State.HOLD:
+            loop.robot_alive = loop.sensor_alive = False
+            loop.run(None, 1.0)
+        loop.servo.cancel()
+        status = loop.run(None, 1.0)
+        assert (status.state, status.reason.code) == (State.DONE, ReasonCode.CANCELLED)
+        loop.servo.finish()
+        assert loop.servo.state == State.IDLE
+
+
+def test_the_approach_does_not_go_further_than_pictures_have_shown():
+    """Pictures of 80 ms: at 10 mm/s the pad would go on by .9 mm, that is 4.5 N."""
+    loop = puma_loop(tracker='trace', latency=0.08)
+    blind = []
+
+    def measure(status):
+        if status.state == State.APPROACH and loop.servo.inputs.contact is not None:
+            then = loop.servo.inputs.pose_at(loop.servo.inputs.contact.stamp_ns)
+            blind.append((loop.servo.motion.pose - then)[2, 3])
+        return status.state == State.TRACK
+
+    loop.run(GOAL, 20.0, measure)
+    assert max(np.abs(blind)) < 0.55e-3  # half of 5 N at 5000 N/m
+    loop.run(None, 20.0)
+    assert loop.servo.success and max(cycle.force for cycle in loop.log) < 1.5 * GOAL.force

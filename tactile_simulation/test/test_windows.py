@@ -1,0 +1,88 @@
+"""Windows as a controller plays them that samples: smooth, whenever they come."""
+
+from hypothesis import given, settings
+from hypothesis import strategies as st
+import numpy as np
+from puma_loop import ELBOW, LIMITS, PUMA
+import pytest
+
+from tactile_servo.motion.motion import Motion, MotionConfig, SETTLING
+from tactile_simulation.joint_controller import MockController
+
+CYCLE = 2_500_000  # ns
+BEGIN = 10**12  # ns
+
+
+def play(cycles, *, period_ns, joined, offset=None):
+    """
+    Commands (K, 6) of a controller for windows of these cycles.
+
+    Each has the time since the one before and that of the window under way [ns], and a twist.
+    """
+    motion = Motion(PUMA, LIMITS, MotionConfig(), 1e-9 * CYCLE)
+    motion.seed(ELBOW)
+    start = ELBOW if offset is None else ELBOW + offset
+    controller = MockController(
+        PUMA.joint_names, PUMA.lower, PUMA.upper, np.full(6, np.inf), initial_positions=start,
+        rate=1e9 / period_ns, dead_time=0.0, lag=0.0, interpolate_from_desired_state=joined)
+    now_ns, arrivals = BEGIN, []
+    for pause, way, twist in cycles:
+        now_ns += pause
+        arrival = max(now_ns + way, arrivals[-1][0] if arrivals else 0)
+        window = motion.command(np.array(twist), now_ns).trajectory
+        if window is not None:
+            arrivals.append((arrival, window))
+    commands = [start]
+    for step in range(BEGIN, now_ns + 500_000_000, period_ns):
+        while arrivals and arrivals[0][0] <= step:
+            controller.accept(arrivals.pop(0)[1], 1e-9 * step)
+        controller.step(1e-9 * step)
+        commands.append(controller.commanded[0])
+    return np.array(commands)
+
+
+def assert_smooth(commands, period_ns, times_limit):
+    period = 1e-9 * period_ns
+    assert (commands >= LIMITS.lower - 1e-9).all() and (commands <= LIMITS.upper + 1e-9).all()
+    assert (np.abs(np.diff(commands, axis=0)) <= (LIMITS.velocity * period + 1e-9)).all()
+    assert (np.abs(np.diff(commands, 2, axis=0)) <= (
+        times_limit * LIMITS.acceleration * period**2 + 1e-9)).all()
+    np.testing.assert_allclose(commands[-1], commands[-2], atol=1e-12)
+
+
+wishes = st.tuples(*[st.floats(-0.3, 0.3)] * 3, *[st.floats(-2.0, 2.0)] * 3) | st.just(
+    (float('nan'),) * 6)
+pauses = st.sampled_from([CYCLE] * 6 + [1_300_000, 4_000_000, 12_000_000, 60_000_000, 10**9])
+
+
+@settings(max_examples=40, deadline=None)
+@given(script=st.lists(st.tuples(pauses, wishes, st.integers(1, 30)), max_size=8),
+       ways=st.lists(st.integers(0, 2_000_000), min_size=7, max_size=7),
+       period_ns=st.sampled_from([1_000_000, 2_000_000]), joined=st.booleans())
+def test_within_what_is_committed_the_acceleration_is_the_motions_own(
+        script, ways, period_ns, joined):
+    """Late and early cycles, any way that a window may take: no seam shows."""
+    settled = round(1e9 * SETTLING / CYCLE)
+    cycles = [(CYCLE, 0, np.zeros(6))] * settled + [
+        (pause, 0, wish) for pause, wish, repeat in script for _ in range(repeat)]
+    cycles = [(pause, ways[k % 7], wish) for k, (pause, _, wish) in enumerate(cycles)]
+    assert_smooth(play(cycles, period_ns=period_ns, joined=joined), period_ns, 1.0 + 1e-3)
+
+
+@pytest.mark.parametrize('joined', [True, False])
+@pytest.mark.parametrize('period_ns', [1_000_000, 4_000_000, 8_000_000])
+def test_slow_controllers_and_long_ways_are_rough_by_little(period_ns, joined):
+    rng = np.random.default_rng(5)
+    cycles = [(CYCLE, int(rng.exponential(5e5)), np.array([0, 0.1 * np.sin(0.02 * k), 0, 0, 0, 0]))
+              for k in range(400)]
+    assert_smooth(play(cycles, period_ns=period_ns, joined=joined), period_ns, 2.0)
+
+
+@pytest.mark.parametrize('joined', [True, False])
+def test_a_controller_that_commands_something_else_comes_smoothly(joined):
+    """It is 5 mrad off, as a command differs from what gravity leaves of it."""
+    off = 5e-3 * np.array([1, -1, 1, -1, 1, -1])
+    commands = play([(CYCLE, 500_000, np.zeros(6))] * 60, period_ns=2_000_000, joined=joined,
+                    offset=off)
+    assert_smooth(commands, 2_000_000, 1.0)
+    np.testing.assert_allclose(commands[-1], ELBOW, atol=1e-9)
