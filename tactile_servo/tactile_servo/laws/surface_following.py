@@ -62,6 +62,15 @@ class SurfaceFollowing:
         self._motion = SurfaceMotion(
             self.config, self._dome, self._surface, math.inf, servo.input.max_stamp_age)
 
+    def retune(self, config: SurfaceFollowingConfig) -> None:
+        """Take other gains from now on."""
+        self.config = self._motion.config = config
+
+    @property
+    def stiffness(self) -> float:
+        """Of skin, finger and robot along the normal [N/m]."""
+        return self.config.probe.stiffness
+
     def validate(self, goal: SurfaceGoal) -> Refusal | None:
         """Why a goal is beyond this law, or None."""
         if goal.features:

@@ -36,7 +36,7 @@ class SurfaceMotion:
 
     def __init__(self, config: SurfaceFollowingConfig, dome: Dome, surface: SurfaceFilter,
                  half: float, age: float):
-        self._config, self._dome, self._surface, self._half = config, dome, surface, half
+        self.config, self._dome, self._surface, self._half = config, dome, surface, half
         self.age = age  # of the images, running mean [s]
         self.stand()
 
@@ -56,14 +56,14 @@ class SurfaceMotion:
 
     def advance(self, step: Step, felt: Felt, goal: SurfaceGoal, met: bool, dt: float) -> float:
         """Speed along a path [m/s], slowed down where need be; none until the force is met."""
-        c, share = self._config.course, felt.force / goal.force
+        c, share = self.config.course, felt.force / goal.force
         scale = (met * ramp(share, LIFTED, PRESSED) * ramp(share, CROWDED, BORNE)
                  * ramp(math.hypot(*felt.place) / self._half, ASIDE, CENTRED))
         top = min(goal.speed, step.top, self._known(step.way)) * scale
         # The probe must turn as it goes; one that is late with that goes no faster.
         turn = float(np.linalg.norm(self._surface.bend @ step.way)) / self._shrink(step.way)
-        change = min(c.acceleration, AT_ONCE * self._config.roll.acceleration / max(turn, 1e-9))
-        top = min(top, self._config.roll.max_rate * WITHIN / max(turn, 1e-9))
+        change = min(c.acceleration, AT_ONCE * self.config.roll.acceleration / max(turn, 1e-9))
+        top = min(top, self.config.roll.max_rate * WITHIN / max(turn, 1e-9))
         if self._late or top < self.speed:
             self.speed = max(min(top, self.speed), self.speed - BRAKE * c.acceleration * dt)
         else:
@@ -78,7 +78,7 @@ class SurfaceMotion:
 
     def _known(self, way):
         """Speed at which the curvature ahead is known well enough [m/s]."""
-        reach = math.sqrt(2.0 * self._config.course.blind / max(self._surface.bend_std(way), 1e-9))
+        reach = math.sqrt(2.0 * self.config.course.blind / max(self._surface.bend_std(way), 1e-9))
         return self._shrink(way) * reach / (self.age + ANSWER)
 
     def press(self, pose: np.ndarray, felt: Felt, depth: float | None, force: float,
@@ -89,7 +89,7 @@ class SurfaceMotion:
         It is that of the measured pose: a robot that lags behind cuts the bends. The integral is
         of the depth [m] that was felt, None until the force was met once.
         """
-        c = self._config.press
+        c = self.config.press
         if depth is not None and abs(felt.force - force) < INTEGRATED * force:
             self._integral -= depth * dt
         depth, _ = self._surface.predict(self.centre_of(pose))
@@ -111,7 +111,7 @@ class SurfaceMotion:
 
     def _roll(self, normal, change, rotation, dt):
         """Angular velocity (3,) in the base: with the normal, which changes, and to it [rad/s]."""
-        c = self._config.roll
+        c = self.config.roll
         wanted = np.cross(normal, change) + c.gain * np.cross(rotation[:, 2], normal)
         size = math.sqrt(wanted @ wanted)
         wanted = wanted * min(1.0, c.max_rate / max(size, 1e-12))

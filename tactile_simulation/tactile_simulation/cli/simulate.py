@@ -93,10 +93,11 @@ def run(options: argparse.Namespace) -> tuple[Simulation, dict[str, Any]]:
 
 
 def _run_surface(options, scene):
-    heading = np.radians(options.heading)
+    heading, pattern = np.radians(options.heading), Pattern[options.pattern.upper()]
+    length = (options.length or SURFACE_LENGTH) if pattern is Pattern.LINE else 0.0
     goal = SurfaceGoal(
-        options.speed, options.force, Pattern[options.pattern.upper()],
-        (float(np.cos(heading)), float(np.sin(heading)), 0.0), options.length or SURFACE_LENGTH,
+        options.speed, options.force, pattern,
+        (float(np.cos(heading)), float(np.sin(heading)), 0.0), length,
         size=tuple(options.size), step_over=options.step_over)
     simulation = SurfaceSimulation(
         scene, options.law or LAW, seed=options.seed, latency=options.latency,
