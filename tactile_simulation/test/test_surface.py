@@ -172,7 +172,7 @@ def test_contact_far_from_the_centre_is_brought_there():
     simulation, summary = follow(scene_of(SPHERE, start=SurfaceStart(aside_x=0.011)), line(0.02))
     truth = simulation.surface_truth()
     aside = np.hypot(*truth.place[truth.tracking].T)
-    assert summary['ok'] and aside[0] > 0.01 and aside[-100:].max() < 0.5e-3
+    assert summary['ok'] and aside[0] > 0.01 and aside[-100:].max() < 0.7e-3
 
 
 def test_a_raster_covers_its_rectangle():
@@ -209,14 +209,15 @@ def test_a_wrong_stiffness_is_borne(factor):
     assert summary['ok'] and summary['force_rms_error'] < 0.3
 
 
-@pytest.mark.parametrize('method', ['constant', 'nearest', 'online'])
-@pytest.mark.parametrize('features', ['centroid', 'moments'])
-def test_every_source_of_the_jacobian_follows(method, features):
+# Not the nearest entry for moments, which change with the force: beside the wanted contact it
+# takes a missing force for a place, see docs/surface.md.
+@pytest.mark.parametrize('features, method', [
+    ('centroid', 'constant'), ('centroid', 'nearest'), ('centroid', 'online'),
+    ('moments', 'constant'), ('moments', 'interpolated'), ('moments', 'online')])
+def test_sources_of_the_jacobian(features, method):
     settings = SurfaceFollowingConfig(jacobian=JacobianConfig(features, method))
     _, summary = follow(scene_of(SPHERE), line(0.03, length=0.015), settings=settings)
-    # Moments change with the force: an entry beside the wanted contact takes it for a place.
-    most = 2.5e-3 if (features, method) == ('moments', 'nearest') else 0.6e-3
-    assert summary['ok'] and summary['centre_max'] < most
+    assert summary['ok'] and summary['centre_max'] < 0.6e-3
 
 
 def test_dead_tactels_are_bridged():
@@ -237,7 +238,7 @@ def test_dead_tactels_are_bridged():
 
 def test_images_that_cannot_be_used_end_in_a_hold():
     simulation = SurfaceSimulation(scene_of(SPHERE))
-    simulation.run(line(length=0.1), 1.0)
+    simulation.run(line(length=0.1), 5.0, until=lambda status: status.progress > 0.01)
     assert simulation.servo.state == State.TRACK
     simulation.sensor_alive = False
     status = simulation.run(None, 0.3)

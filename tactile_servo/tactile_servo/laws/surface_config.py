@@ -17,8 +17,8 @@ class ProbeConfig:
     skin_radius: float = bounded(0.027, 'of the surface of the skin', 'm', 1e-3, 1.0)
     array_radius: float = bounded(0.025, 'of the sphere of the tactels', 'm', 1e-3, 1.0)
     stiffness: float = bounded(
-        15600.0, 'K_z of (6.7): force per way along the normal of skin, finger and robot, at the '
-        'force of the goal', 'N/m', 10.0, 1e7)
+        15600.0, 'K_z of (6.7): force per way along the normal of skin, finger and robot, at '
+        '5 N; it grows with the root of the force', 'N/m', 10.0, 1e7)
     modulus: float = bounded(
         1.44e8, "pressure per indentation of the skin's surface: P / (pi R d^2) where a force P "
         'presses a plate in by d', 'Pa/m', 1e3, 1e13)

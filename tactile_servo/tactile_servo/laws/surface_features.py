@@ -11,7 +11,7 @@ from tactile_sensing.types.array import TactelArray
 from tactile_sensing.types.image import TactileImage
 from tactile_servo.laws.surface_config import SurfaceFollowingConfig
 from tactile_servo.reasons import Reason, ReasonCode
-from tactile_servo.tactile_jacobian.features import FeatureKind, features_of, filled
+from tactile_servo.tactile_jacobian.features import FeatureKind, features_of, filled, REFERENCE
 from tactile_servo.tactile_jacobian.source import ModelSource
 from tactile_servo.tactile_jacobian.table import JacobianTable
 
@@ -43,9 +43,11 @@ class ContactSense:
 
     def __post_init__(self):
         c = self.config
+        # An elastic foundation: the force grows with the square of the depth.
+        self.stiffness = c.probe.stiffness * math.sqrt(self.force / REFERENCE)
         self._kind = self.table.kind if self.table else FeatureKind(c.jacobian.features)
         self._source = ModelSource(self.dome, self.array, self._kind, c.jacobian.method,
-                                   self.force, c.probe.stiffness, self.table)
+                                   self.force, self.stiffness, self.table)
         self.wanted = self._source.features(np.array([0.0, 0.0, self.force]))
 
     def look(self, image: TactileImage, pose: np.ndarray) -> Felt | Reason:
@@ -59,25 +61,20 @@ class ContactSense:
         shown = features_of(pressure, self.array, self._kind)
         if not shown[0] > FAINT * self.force:
             return Reason(ReasonCode.CONTACT_LOST)
-        stiffness = self.config.probe.stiffness
         error = self._source.inverse(shown).inverse @ (self.wanted - shown)
         place = -error[:2]
         if not (np.isfinite(error).all() and abs(place[0]) <= BEYOND * self.array.half_width_x
                 and abs(place[1]) <= BEYOND * self.array.half_width_y):
             return Reason(ReasonCode.CONTACT_LOST, 'it is not on the pad')
         rotation = pose[:3, :3]
-        return Felt(max(self.force - stiffness * error[2], 0.0), place, error,
+        return Felt(max(self.force - self.stiffness * error[2], 0.0), place, error,
                     rotation @ self.dome.direction(place),
                     pose[:3, 3] + rotation @ self.dome.centre, _area(pressure, self.array))
 
     def depth(self, felt: Felt) -> float:
-        """
-        How much deeper than wanted the probe presses [m].
-
-        The force on an elastic foundation grows with the square of the depth.
-        """
+        """How much deeper than wanted the probe presses [m]."""
         share = math.sqrt(felt.force / self.force) - 1.0
-        return 2.0 * self.force / self.config.probe.stiffness * share
+        return 2.0 * self.force / self.stiffness * share
 
 
 def _area(pressure, array):
