@@ -19,7 +19,8 @@ def everything(result):
         for row in result[key]:
             cells = [f'{1e3 * row[name]:g} mm/s' if name == 'speed' else str(row[name])
                      for name in names]
-            cells += [f'{factor * row[column]:.{digits}f}' for _, column, factor, digits in COLUMNS]
+            cells += [f'{factor * row[column]:.{digits}f}'
+                      for _, column, factor, digits in COLUMNS]
             lines.append('| ' + ' | '.join([*cells, row['reason']]) + ' |')
         parts.append('\n'.join(lines))
     return '\n\n'.join(parts) + '\n'
