@@ -19,7 +19,7 @@ from edge_tracking.graph import (
     warn_of_parameters,
 )
 from edge_tracking.playback import calibration_for, describe_recording, play
-from edge_tracking.process_group import apart
+from edge_tracking.process_group import apart, Heard
 from edge_tracking.recording.frames_summary import summarise_recording
 from edge_tracking.recording.reader import read_run
 from edge_tracking.recording.summary import summarise
@@ -126,7 +126,8 @@ def track_scene(options: argparse.Namespace, path: Path, scene: Scene, folder: P
 
         servo = add_servo(graph, robot, options.law)
         freeze_heap()
-        graph.spin(lambda: over() or servo.count_subscribers('servo_status'))  # the recorder
+        heard = Heard(servo, graph.namespace)
+        graph.spin(lambda: over() or heard.all)
         track = graph.add(TrackNode, own={'on_feedback': show}, speed=options.speed,
                           force=options.force, closed=closed)
         graph.spin(lambda: track.finished or over())

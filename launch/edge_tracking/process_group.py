@@ -18,6 +18,7 @@ from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import PoseStamped, WrenchStamped
 from nav_msgs.msg import Path
 from rclpy.exceptions import ParameterException
+from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, qos_profile_sensor_data, QoSProfile
 from sensor_msgs.msg import JointState
 from trajectory_msgs.msg import JointTrajectory
@@ -50,6 +51,24 @@ def topics(namespace: str) -> list[tuple[str, type, QoSProfile]]:
 def record(graph: Graph, bag) -> None:
     """Add a recorder of everything to a graph."""
     graph.add(RecorderNode, own={'path': bag, 'topics': topics(graph.namespace)})
+
+
+class Heard:
+    """
+    Whether the listeners hear all that a run begins with, by the recorder's diagnostics.
+
+    The patches are the shape estimator's, which makes them of contacts and poses.
+    """
+
+    def __init__(self, node: Node, namespace: str):
+        self.all, self._wanted = False, {'/joint_states', *(f'/{namespace}/{name}' for name in (
+            'image', 'sensor_info', 'contact', 'surface_patch', 'servo_status', 'sensor_pose'))}
+        node.create_subscription(DiagnosticArray, '/diagnostics', self._take, 10)
+
+    def _take(self, msg):
+        for status in msg.status:
+            heard = {pair.key: pair.value for pair in status.values}.get('heard', '')
+            self.all = self.all or self._wanted <= set(heard.split())
 
 
 def add_listeners(graph: Graph, bag) -> None:

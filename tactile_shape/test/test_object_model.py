@@ -51,7 +51,7 @@ def test_a_contour_reaches_to_its_end_and_not_to_single_contacts_beyond():
     kept = model.total
     model.begin_stroke()
     assert model.total == kept + 1
-    np.testing.assert_allclose(model.contour[-1], [9.7e-3, 0.0, 0.0])
+    np.testing.assert_allclose(model.contour[-1], [9.6e-3, 0.0, 0.0])
     np.testing.assert_allclose(model.newest(2), model.contour[-2:])
 
 

@@ -129,6 +129,7 @@ def summarise(run: RunData, scene: Scene, *, success: bool, reason: str = '',
         **metrics.measure(metrics.Evidence(
             real, target, metrics.contour_errors(outline and outline.points, scene.edge),
             run.joint_acceleration)),
+        'approach_recorded': bool(tracking.any() and stamps.size and stamps[0] < begin),
         'closed': outline is not None and outline.closed,
         'corners': outline.corners.tolist() if outline else [],
         'sides': [{'kind': side.kind, 'length': side.length, 'radius': side.radius}

@@ -88,6 +88,8 @@ def make_report(run: RunData, summary: Mapping[str, Any], scene: Scene, path) ->
         lead += (f" The pad's centre stayed within {1e3 * largest:.3f} mm of the true edge, "
                  f'{1e3 * rms:.3f} mm RMS, over {1e3 * summary["tracked_length"]:.0f} mm '
                  f'at {1e3 * summary["speed_mean"]:.0f} mm/s on average.')
+    if not summary['approach_recorded']:
+        lead += ' No picture was recorded before first contact: the recording began late.'
     _write(path, title, verdict, lead, shown(summary), sections,
            f'{scene.description} Controller: {summary["controller"]}. Last state: '
            f'{summary["state"]}.' + (f' Seed of the noise: {summary["seed"]}.'

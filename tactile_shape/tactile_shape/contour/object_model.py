@@ -16,7 +16,8 @@ COLOURS = {Kind.NONE: (0.6, 0.6, 0.6), Kind.PLANE: (0.30, 0.55, 0.80),
            Kind.CYLINDER: (0.25, 0.65, 0.40), Kind.SPHERE: (0.90, 0.60, 0.15),
            Kind.GENERAL: (0.75, 0.30, 0.35)}
 STEPS = (5, 5)  # points along the sides of a patch
-TAIL = 3  # contacts of which two may be too far ahead, at the end of a contour
+TAIL = 100  # contacts beyond the last point of a contour that its end is told by,
+AT_END = 0.75  # and the share of them that it lies beyond: some may be too far ahead
 RECENT = 20  # contour points that a new one is compared with
 
 
@@ -54,14 +55,15 @@ class ObjectModel:
         self.total = self._count = 0
         self.patches: list[Patch] = []
         self._recent: deque[np.ndarray] = deque(maxlen=RECENT)
-        # Contacts that lead on farthest from the last point, and how far, too near to be kept.
-        self._tail: list[tuple[float, np.ndarray]] = []
+        # Contacts that lead on from the last point, too near to be kept, and how far they do.
+        self._tail: deque[tuple[float, np.ndarray]] = deque(maxlen=TAIL)
         self._anew = True
 
     def begin_stroke(self) -> None:
         """Contact was lost: what comes next does not join what came before, which ends here."""
-        if len(self._tail) == TAIL:
-            self._keep(self._tail[0][1])
+        if len(self._tail) > 2:
+            tail = sorted(self._tail, key=itemgetter(0))
+            self._keep(tail[int(AT_END * (len(tail) - 1))][1])
         self._anew = True
 
     def add_contact(self, position: np.ndarray) -> bool:
@@ -89,10 +91,10 @@ class ObjectModel:
         before, last = self.strokes[-1][-2:]
         ahead = float((position - last) @ (last - before))
         if ahead > 0.0:
-            self._tail = sorted([*self._tail, (ahead, position)], key=itemgetter(0))[-TAIL:]
+            self._tail.append((ahead, position))
 
     def _keep(self, position):
-        self._tail = []
+        self._tail.clear()
         self.strokes[-1].append(position)
         self._recent.append(position)
         self.total += 1
