@@ -1,4 +1,4 @@
-"""Bad input to the executables: one clear line on standard error, exit status 1."""
+"""Bad input to the executables: one clear line on standard error, an exit status above 0."""
 
 from pathlib import Path
 import subprocess
@@ -6,6 +6,8 @@ import threading
 
 from ament_index_python.packages import get_package_prefix
 import pytest
+
+from edge_tracking.track import Exit
 
 DEADLINE = 60.0  # s
 
@@ -126,7 +128,7 @@ def test_track_says_that_its_goal_was_rejected(running):
     thread.start()
     running.wait(lambda: not thread.is_alive(), 'the end of track', DEADLINE)
     status, lines = outcome
-    assert status == 1
+    assert status == Exit.REFUSED
     assert len(lines) == 1, lines
     assert lines[0].startswith('track: ') and 'rejected' in lines[0]
     assert 'speed 0.5 is outside 0..0.2' in lines[0]
@@ -135,6 +137,6 @@ def test_track_says_that_its_goal_was_rejected(running):
 def test_track_says_what_it_waits_for():
     status, lines = run('edge_tracking', 'track', '--ros-args', '-r', '__ns:=/nobody',
                         '-p', 'wait:=0.2')
-    assert status == 1
+    assert status == Exit.NOT_READY
     assert len(lines) == 1, lines
     assert 'no contact estimates arrive' in lines[0]

@@ -28,12 +28,6 @@ FLAT = 4 << 20  # bytes by which the memory may vary
 NAN, INF = float('nan'), float('inf')
 
 
-def wait_for_track(it, progress=0.005):
-    """Wait until the servo has tracked some way."""
-    it.wait(lambda: it.listener.state == ServoStatus.TRACK
-            and it.listener.statuses[-1].progress > progress, 'tracking')
-
-
 def first_after(messages, instant, condition):
     """Return the stamp of the first message after an instant that fulfils a condition, or inf."""
     return next((stamp_of(m) for m in messages if stamp_of(m) >= instant and condition(m)), INF)
@@ -52,7 +46,7 @@ def test_dead_sensor_means_hold_and_its_return_lets_tracking_go_on(
         running, record_testsuite_property):
     listener = running.listener
     client = running.start_tracking(length=0.04)
-    wait_for_track(running)
+    running.reach(0.005)
     died = time.time()
     running.remove('mock_sensor')
     running.wait(lambda: listener.state == ServoStatus.HOLD, 'a hold', seconds=2.0)
@@ -81,12 +75,12 @@ def test_dead_sensor_means_hold_and_its_return_lets_tracking_go_on(
     running.finish(client)
     assert client.success, client.reason
     assert client.result.tracked_length == pytest.approx(0.04, abs=1e-3)
-    assert running.robot.rejected == running.robot.controller.limit_violations == 0
+    assert running.refused == running.robot.controller.limit_violations == 0
 
 
 def test_pause_holds_and_resumes(running):
     client = running.start_tracking(length=0.02)
-    wait_for_track(running)
+    running.reach(0.005)
     assert running.pause(True).success
     running.wait(lambda: running.listener.state == ServoStatus.HOLD, 'a hold')
     assert running.listener.code == ServoReason.PAUSED
@@ -105,7 +99,7 @@ def test_silent_robot_means_hold_and_in_the_end_an_abort():
         graph.add(ContactEstimatorNode)
         graph.add(EdgeServoNode, robot_description=str(ROBOT), **{'hold.give_up': 0.5})
         client = it.start_tracking()
-        wait_for_track(it)
+        it.reach(0.005)
         died = time.time()
         it.remove('mock_robot')
         it.wait(lambda: listener.state == ServoStatus.HOLD, 'a hold', seconds=2.0)
@@ -287,7 +281,7 @@ def survive(it, publish, count=40):
             sent.append(publish())
 
     try:
-        wait_for_track(it, progress=0.001)
+        it.reach(0.001)
         timer = listener.create_timer(0.004, send)
         it.wait(lambda: len(sent) == count, 'the nonsense')
         listener.destroy_timer(timer)
@@ -307,7 +301,7 @@ def survive(it, publish, count=40):
     assert positions[:, 2].min() > 0.15 - 0.0045
     lateral, _ = it.scene.edge.nearest(positions)
     assert np.abs(lateral).max() < 0.0127  # the edge never left the pad
-    assert it.robot.rejected == 0
+    assert it.refused == 0
     assert it.robot.controller.limit_violations == 0
 
 

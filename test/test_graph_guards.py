@@ -33,24 +33,11 @@ def idle(it):
     it.wait(lambda: it.listener.state == ServoStatus.IDLE, 'idle')
 
 
-def track(it, progress=0.0):
-    """Wait until the servo has tracked some way; on a loaded machine it holds now and then."""
-    def tracking():
-        return it.listener.state == ServoStatus.TRACK and (
-            it.listener.statuses[-1].progress >= progress)
-
-    while not tracking():
-        it.wait(lambda: tracking() or it.listener.offered, 'tracking')
-        if it.listener.offered:
-            it.pause(False)
-            it.wait(lambda: not it.listener.offered, 'the end of the hold')
-
-
 @pytest.mark.parametrize('topic', TOPICS)
 def test_a_second_publisher_holds_and_is_named(it, topic):
     listener = it.listener
     client = it.start_tracking(length=0.03, retreat=False)
-    track(it)
+    it.reach(0.0)
     rogue = listener.create_publisher(TOPICS[topic], topic, qos_profile_sensor_data)
     name = rogue.topic_name
     try:
@@ -150,7 +137,7 @@ def test_a_controller_that_is_deactivated_is_noticed(it, seconds):
     idle(it)
     listener, robot = it.listener, it.robot.controller
     client = it.start_tracking(length=0.04, retreat=False)
-    track(it, 0.005)
+    it.reach(0.005)
     robot.activate(False)
     end = time.monotonic() + seconds
     it.graph.spin(lambda: time.monotonic() > end)

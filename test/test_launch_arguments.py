@@ -18,6 +18,7 @@ from launch.launch_description_sources import (  # noqa: E402, I100, I202
     get_launch_description_from_python_launch_file,
 )
 from tactile_tests import launching  # noqa: E402, I100, I202
+from tactile_tests.graph import bench  # noqa: E402, I100
 
 NAMED = {'sensor', 'port', 'calibration', 'scene', 'law', 'speed', 'force', 'robot_description',
          'controller', 'use_sim_time', 'use_rviz', 'use_respawn', 'log_level', 'params_file',
@@ -77,10 +78,11 @@ def test_wrong_argument_ends_the_launch_with_a_clear_line(argument, text, tmp_pa
 
 
 def test_a_launch_service_tracks_without_the_ros2_command_and_without_a_red_line(tmp_path):
-    status, lines = launch(
-        'shutdown:=true', 'length:=0.01', 'namespace:=elsewhere',
-        f'params_file:={launching.patient(tmp_path)}', TMPDIR=str(tmp_path))
-    assert status == 0
+    with launching.launched('shutdown:=true', 'length:=0.01', 'namespace:=elsewhere',
+                            TMPDIR=str(tmp_path)) as it, bench(namespace='elsewhere') as graph:
+        graph.attend(lambda: it.status is not None, 'the end', launching.DEADLINE)
+        assert it.end() == 0
+        lines = it.lines
     assert not list(tmp_path.glob('tactile_*'))
     assert any('track: length reached' in line for line in lines), '\n'.join(lines)
     # A window that a loaded machine delivers late is rejected, rightly.

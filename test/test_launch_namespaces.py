@@ -12,7 +12,7 @@ from launch import LaunchDescription  # noqa: E402, I100, I202
 from rclpy.parameter import parameter_value_to_python  # noqa: E402, I100
 from rclpy.parameter_client import AsyncParameterClient  # noqa: E402, I100
 from tactile_tests.graph import bench  # noqa: E402, I100
-from tactile_tests.launching import DEADLINE, edge_tracking, patient, Processes  # noqa: E402, I100
+from tactile_tests.launching import DEADLINE, edge_tracking, Processes  # noqa: E402, I100
 
 from edge_tracking.resources import share  # noqa: E402, I100, I202
 from tactile_msgs.msg import ServoReason, ServoStatus  # noqa: E402, I100, I202
@@ -33,12 +33,12 @@ def ports(tmp_path):
 
 
 @launch_pytest.fixture
-def both(processes, ports, tmp_path):
+def both(processes, ports):
     """Give two robots, each with its sensor and its goal."""
     urdf = share('urdf', 'puma260.urdf').read_text(encoding='utf-8')
     return LaunchDescription([
         *(edge_tracking(namespace=name, port=ports[name], scene=SCENES[name], length='0.02',
-                        robot_description=urdf, params_file=patient(tmp_path))
+                        robot_description=urdf)
           for name in SCENES),
         *processes.handlers(), launch_pytest.actions.ReadyToTest()])
 
@@ -57,6 +57,7 @@ def test_two_launches_side_by_side(processes, ports):
     shipped = yaml.safe_load(share('config', 'edge_tracking.yaml').read_text(encoding='utf-8'))
     with bench(namespace='left') as it:
         right = it.graph.add(type(it.listener), namespace='right')
+        it.listeners.append(right)
         for name, port in ports.items():
             assert parameters(it, f'/{name}/driver', 'port', 'frame_id') == [port, 'tactile_pad']
             scene = str(share('scenes', f'{SCENES[name]}.yaml'))
@@ -71,7 +72,7 @@ def test_two_launches_side_by_side(processes, ports):
             codes = {status.reason_code for status in sides[name].statuses}
             return ServoReason.LENGTH_REACHED in codes
 
-        it.wait(lambda: all(map(reached, sides)), 'both ends of the goals', 2 * DEADLINE)
+        it.attend(lambda: all(map(reached, sides)), 'both ends of the goals', 2 * DEADLINE)
         for name, side in sides.items():
             assert ServoStatus.TRACK in {status.state for status in side.statuses}
             # Each has a robot of its own, whose controller hears its own servo.

@@ -8,7 +8,8 @@ pytest.importorskip('launch_ros', reason=WHY)
 
 # Only where launch is installed.
 from launch import LaunchDescription  # noqa: E402, I100, I202
-from tactile_tests.launching import edge_tracking, patient, Processes  # noqa: E402, I100, I202
+from tactile_tests.graph import bench  # noqa: E402, I100
+from tactile_tests.launching import DEADLINE, edge_tracking, Processes  # noqa: E402, I100
 
 NODES = ('driver', 'contact_estimator', 'shape_estimator', 'edge_servo', 'mock_sensor',
          'mock_robot', 'track')
@@ -21,17 +22,18 @@ def processes():
 
 
 @launch_pytest.fixture(auto_shutdown=False)
-def tracking(processes, tmp_path):
+def tracking(processes):
     """Give the defaults, a short way, and the end of everything with the goal's."""
     return LaunchDescription([
-        edge_tracking(shutdown='true', length='0.03', params_file=patient(tmp_path)),
+        edge_tracking(shutdown='true', length='0.03'),
         *processes.handlers(),
         launch_pytest.actions.ReadyToTest()])
 
 
 @pytest.mark.launch(fixture=tracking)
 def test_defaults_track_the_edge_and_end_cleanly(processes):
-    processes.wait(lambda: 'track' in processes.exits, 'the end of the goal')
+    with bench() as it:
+        it.attend(lambda: 'track' in processes.exits, 'the end of the goal', DEADLINE)
     assert 'track: length reached' in processes.text('track')
     yield  # until launch has shut down, by itself
     assert processes.exits == dict.fromkeys(NODES, 0)

@@ -19,7 +19,7 @@ from edge_tracking.graph import (
     warn_of_parameters,
 )
 from edge_tracking.playback import calibration_for, describe_recording, play
-from edge_tracking.process_group import apart, Heard
+from edge_tracking.process_group import apart, Heard, watch
 from edge_tracking.recording.frames_summary import summarise_recording
 from edge_tracking.recording.reader import read_run
 from edge_tracking.recording.summary import summarise
@@ -116,9 +116,10 @@ def track_scene(options: argparse.Namespace, path: Path, scene: Scene, folder: P
             apart('sensing', port, calibrate(port, scene), **common) as sensing, \
             Graph(**common) as graph:
         parts = {'listeners': listeners, 'mocks': mocks, 'sensing': sensing}
+        ended = watch(parts.values())
 
         def over():
-            return stop.is_set() or any(part.poll() is not None for part in parts.values())
+            return stop.is_set() or ended()
 
         def show(feedback):
             progress.show(feedback.progress, State(feedback.state).name.lower(),
@@ -136,7 +137,7 @@ def track_scene(options: argparse.Namespace, path: Path, scene: Scene, folder: P
             stop.clear()
             linger(graph, lambda: track.finished or stop.is_set(), 2.0)
             return False, INTERRUPTED, 0
-        if over():
+        if not track.finished:
             return False, ', '.join(
                 f'{name} ended by itself, with status {part.returncode}'
                 for name, part in parts.items() if part.returncode is not None), 0

@@ -1,4 +1,5 @@
 """Nodes outlive what rcl refuses to send, count it and say so; signals stop them quietly."""
+import gc
 import os
 import signal
 import subprocess
@@ -11,7 +12,7 @@ import rclpy
 from rclpy.subscription import RCLError
 
 from tactile_common.ros.node import TactileNode
-from tactile_common.ros.runner import make_executor, spin
+from tactile_common.ros.runner import make_executor, run, spin
 
 DEADLINE = 30.0  # s
 
@@ -152,3 +153,24 @@ def test_interrupted_status_is_130_unless_the_environment_says_otherwise(tmp_pat
         done = subprocess.run([sys.executable, '-c', program], capture_output=True, text=True,
                               env={**os.environ, **environment}, check=False, timeout=DEADLINE)
         assert (done.returncode, done.stderr) == (status, text)
+
+
+def test_what_a_node_has_made_is_out_of_all_garbage_collections_once_it_runs():
+    class Rich(TactileNode):
+        def __init__(self, **kwargs):
+            super().__init__('rich', **kwargs)
+            self.made = [[]]
+
+    frozen = []
+
+    def look(node):
+        frozen.append(gc.get_freeze_count() > 0
+                      and not any(one is node.made for one in gc.get_objects()))
+        return True
+
+    gc.unfreeze()
+    try:
+        assert run(Rich, [], look) == 0
+    finally:
+        gc.unfreeze()
+    assert frozen == [True]

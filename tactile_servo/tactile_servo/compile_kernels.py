@@ -42,6 +42,8 @@ def compile_kernels() -> None:
     inputs = Inputs(model, limits, ServoConfig().input)
     inputs.see_joints(np.zeros(2), 0, 0.0)
     inputs.astray(motion.positions)
+    inputs.see_image(TactileImage(
+        0, 0, (Layer('zz', DEPTH, np.zeros(ARRAY.shape)),), ARRAY, True), 0.0)
     following = Following(ServoConfig().input, 0.04)
     following.sent(0.0, motion.pose, inputs.pose)
     following.problem(inputs.pose, 0.0)

@@ -77,9 +77,9 @@ class GoalRun:
         self._now, self._moving = -np.inf, -np.inf
         self._told = True  # that it stays where it stands
 
-    def cancel(self) -> None:
+    def cancel(self, code: ReasonCode) -> None:
         """Stop within the robot's limits and end the goal."""
-        self._stop(Reason(ReasonCode.CANCELLED))
+        self._stop(Reason(code))
 
     def pause(self, paused: bool, now: float) -> None:
         """Hold (true) or go on (false)."""

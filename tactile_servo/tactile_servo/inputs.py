@@ -84,7 +84,8 @@ class Inputs:
                 self.refuse(Reason(
                     ReasonCode.BAD_IMAGE, f'{_told(array)}, but the sensor has {_told(known)}'))
         self._pictured, self._summed = arrival, sum(
-            _sum(layer.stress) for layer in image.layers
+            # A copy, whatever it is: the kernel is compiled for no other kind of array.
+            _sum(np.array(layer.stress, np.float64).ravel()) for layer in image.layers
             if layer.component == 'zz' and layer.unit == 'Pa' and image.tared
         ) * array.pitch_x * array.pitch_y
 
@@ -148,9 +149,14 @@ def _told(array):
             f'{1e3 * array.pitch_x:g} mm')
 
 
+@njit(cache=True)
 def _sum(stress):
-    """Sum of the possible values of a layer (rows, columns)."""
-    return float(np.sum(stress, where=np.abs(stress) < IMPOSSIBLE, dtype=np.float64))
+    """Sum of the possible values of a layer (N,)."""
+    total = 0.0
+    for value in stress:
+        if abs(value) < IMPOSSIBLE:
+            total += value
+    return total
 
 
 @njit(cache=True)

@@ -144,10 +144,10 @@ class Supervisor:
         self.run = GoalRun(goal, self.config, self.law, inputs, self.motion, self._machine)
         self._machine.fire(Event.START, Reason(ReasonCode.GOAL_ACCEPTED), now)
 
-    def cancel(self) -> None:
+    def cancel(self, code: ReasonCode = ReasonCode.CANCELLED) -> None:
         """Stop within the robot's limits and end the goal."""
         if self.run is not None and self.active:
-            self.run.cancel()
+            self.run.cancel(code)
 
     def pause(self, paused: bool, now: float) -> bool:
         """Hold (true) or go on (false); returns whether there was a goal to act on."""

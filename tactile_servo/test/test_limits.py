@@ -4,6 +4,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from tactile_common.errors import ConfigurationError
 from tactile_servo.motion.limits import JointLimits, limit_velocities, NEGLIGIBLE, WorkspaceBox
@@ -134,18 +135,31 @@ def test_outside_its_limit_a_joint_may_only_come_back():
     assert out[0] == 0.0 and back[0] < 0.0
 
 
+TURNED = Rotation.from_rotvec([0.3, -1.0, 0.7]).as_matrix()
+
+
 def test_workspace_box_stops_at_its_walls_only():
     box = WorkspaceBox([-1.0, -1.0, 0.0], [1.0, 1.0, 0.5])
-    velocity, clipped = box.limit(np.array([0.0, 0.0, 0.01]), np.array([0.1, 0.2, -0.5]), 0.1)
+
+    def limited(place, velocity):
+        pose = np.eye(4)
+        pose[:3, :3], pose[:3, 3] = TURNED, place
+        turning = np.array([0.3, -0.2, 0.1])
+        twist, clipped = box.limit(
+            pose, np.append(pose[:3, :3].T @ np.array(velocity), turning), 0.1)
+        np.testing.assert_array_equal(twist[3:], turning)
+        return pose[:3, :3] @ twist[:3], clipped
+
+    velocity, clipped = limited([0.0, 0.0, 0.01], [0.1, 0.2, -0.5])
     assert clipped
     np.testing.assert_allclose(velocity, [0.1, 0.2, -0.1])
-    free, clipped = box.limit(np.zeros(3) + 0.2, np.array([0.1, 0.2, -0.5]), 0.1)
+    free, clipped = limited([0.2, 0.2, 0.2], [0.1, 0.2, -0.5])
     assert not clipped
     np.testing.assert_allclose(free, [0.1, 0.2, -0.5])
-    outside, clipped = box.limit(np.array([1.5, 0.0, 0.2]), np.array([0.1, -90.0, 0.0]), 0.1)
+    outside, clipped = limited([1.5, 0.0, 0.2], [0.1, -90.0, 0.0])
     assert clipped
-    np.testing.assert_allclose(outside, [0.0, -10.0, 0.0])
-    assert np.isnan(box.limit(np.zeros(3), np.full(3, np.nan), 0.1)[0]).all()  # stopped later
+    np.testing.assert_allclose(outside, [0.0, -10.0, 0.0], atol=1e-12)
+    assert np.isnan(limited(np.zeros(3), [np.nan] * 3)[0]).all()  # stopped later
 
 
 @pytest.mark.parametrize('change, text', [

@@ -7,7 +7,7 @@ import pytest
 from scipy.interpolate import CubicHermiteSpline
 
 from tactile_servo.motion.limits import JointLimits, limit_velocities
-from tactile_servo.motion.window import at_rest, committed, extended, Window
+from tactile_servo.motion.window import APART, at_rest, committed, extended, Window
 
 PERIOD, AHEAD, COAST = 0.0025, 0.004, 0.005
 LIMITS = JointLimits(
@@ -55,8 +55,11 @@ def test_any_wish_at_any_time_keeps_every_limit_in_the_whole_window(start, cycle
             assert (window.positions >= LIMITS.lower - 1e-9).all()
             assert (window.positions <= LIMITS.upper + 1e-9).all()
             assert (np.abs(window.velocities) <= LIMITS.velocity + 1e-9).all()
-            long = np.diff(window.times) > 1e-5  # rounding in shorter ones is large
-            assert (np.abs(accelerations(window)[:, long]) <= LIMITS.acceleration + 1e-3).all()
+            spans = np.diff(window.times)
+            long = spans > 1e-5  # rounding in shorter ones is large
+            # A point within APART after now is left out: its acceleration changes that much early.
+            slack = 1e-3 + 8.0 * LIMITS.acceleration * APART / spans[long, None]
+            assert (np.abs(accelerations(window)[:, long]) <= LIMITS.acceleration + slack).all()
             # Whoever changes over within what is committed notices nothing.
             then = np.linspace(0.0, AHEAD, 9)
             at = np.clip(elapsed + then, before.times[0], before.times[-1])
@@ -79,6 +82,15 @@ def test_points_that_nearly_coincide_become_one():
     assert len(kept.times) == 2
     kept = committed(moving, 0.1 - AHEAD + 1e-9, AHEAD)
     assert len(kept.times) == 2
+
+
+def test_cycles_that_nearly_coincide_do_not_bend_what_is_committed():
+    window, wish = at_rest(np.zeros(3), 0.0), np.array([2.0, 1.0, 4.0])
+    for _ in range(3):
+        _, window = next_window(window, PERIOD, wish)
+    for _ in range(300):  # each brakes, and would take a nanosecond of it into the old course
+        _, window = next_window(window, 1e-9, -wish)
+        assert (np.abs(accelerations(window)) <= LIMITS.acceleration + 1e-3).all()
 
 
 @pytest.mark.parametrize('target', [[2.0, -1.0, 4.0], [0.1, 0.0, -0.02], [0.0, 0.0, 0.0]])

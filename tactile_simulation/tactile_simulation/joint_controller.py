@@ -49,6 +49,10 @@ class MockRobotConfig:
         'doc': 'name of the controller; its topic is joint_trajectory below it'})
 
 
+class Late(Rejected):
+    """A trajectory that had ended when it came: nothing moves, and the next one is in time."""
+
+
 class MockController:
     """
     Takes trajectories, interpolates them and moves joints within their limits.
@@ -172,8 +176,8 @@ class MockController:
                                    f'zero: {velocity:.15f}')
         start = 1e-9 * trajectory.stamp_ns
         if start != 0.0 and start + times[-1] < now:
-            raise Rejected(f'Received trajectory with non-zero start time ({start:f}) that ends '
-                           f'in the past ({start + times[-1]:f})')
+            raise Late(f'Received trajectory with non-zero start time ({start:f}) that ends '
+                       f'in the past ({start + times[-1]:f})')
         if times[0] < 0.0:
             raise Rejected(f'Time of point 0 is {times[0]:f}, before the start')
         for k, (time, after) in enumerate(pairwise(times)):

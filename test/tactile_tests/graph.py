@@ -2,6 +2,7 @@
 
 from contextlib import contextmanager
 import time
+from typing import Any
 
 from geometry_msgs.msg import PoseStamped
 import numpy as np
@@ -100,14 +101,17 @@ class Bench:
     scene : Scene
     robot : MockRobotNode or None
     listener : ListenerNode
+    listeners : list of ListenerNode
+        Those to servos that are resumed when they hold.
     """
 
     def __init__(self, graph, port, scene='straight'):
         self.graph, self.port = graph, port
         self.scene_path = find_scene(scene)
         self.scene = load_scene(self.scene_path)
-        self.robot = None
+        self.robot: Any = None  # MockRobotNode
         self.listener = graph.add(ListenerNode)
+        self.listeners = [self.listener]
 
     def add_all(self, **servo):
         """Add mocks, driver, estimator and servo, this with parameters of its own."""
@@ -119,6 +123,11 @@ class Bench:
     def node(self, name):
         """Return a node of the graph by its name."""
         return next(node for node in self.graph.nodes if node.get_name() == name)
+
+    @property
+    def refused(self):
+        """Trajectories that the robot rejected, but for those of a loaded machine: late ones."""
+        return self.robot.rejected - self.robot.late
 
     def remove(self, name):
         """Destroy a node."""
@@ -149,25 +158,37 @@ class Bench:
         self.remove('track')
         return client
 
+    def attend(self, done, what, seconds=2 * DEADLINE):
+        """
+        Wait for an event, and resume what holds.
+
+        Where the machine stalls, a hold may not end by itself: it lasts too long, or the robot
+        was late as well and did not follow.
+        """
+        def offered():
+            return [listener for listener in self.listeners if listener.offered]
+
+        self.wait(lambda: done() or offered(), what, seconds)
+        while not done():
+            for listener in offered():
+                self.pause(False, listener)
+                self.wait(lambda it=listener: done() or not it.offered, 'the end of the hold')
+            self.wait(lambda: done() or offered(), what, seconds)
+
+    def reach(self, progress, seconds=2 * DEADLINE):
+        """Wait until the servo has tracked some way."""
+        self.attend(lambda: self.listener.state == ServoStatus.TRACK
+                    and self.listener.statuses[-1].progress >= progress, 'tracking', seconds)
+
     def finish(self, client):
-        """
-        Wait for the end of a goal.
+        """Wait for the end of a goal."""
+        self.attend(lambda: client.finished, 'the end of the goal')
 
-        Where the machine stalls for longer than a hold may end by itself, resume.
-        """
-        def stopped():
-            return client.finished or self.listener.offered
-
-        self.wait(stopped, 'the end of the goal', 2 * DEADLINE)
-        while not client.finished:
-            self.pause(False)
-            self.wait(lambda: client.finished or not self.listener.offered, 'the end of the hold')
-            self.wait(stopped, 'the end of the goal', 2 * DEADLINE)
-
-    def pause(self, paused):
+    def pause(self, paused, listener=None):
         """Call ~/pause and return the answer."""
-        self.wait(self.listener.pause_client.service_is_ready, 'the service ~/pause')
-        future = self.listener.pause_client.call_async(SetBool.Request(data=paused))
+        client = (listener or self.listener).pause_client
+        self.wait(client.service_is_ready, 'the service ~/pause')
+        future = client.call_async(SetBool.Request(data=paused))
         self.wait(future.done, 'the answer of ~/pause')
         return future.result()
 
@@ -179,9 +200,9 @@ class Bench:
 
 
 @contextmanager
-def bench(scene='straight', namespace='tactile', parameters=None):
+def bench(scene='straight', namespace='tactile', parameters=None, domain=None):
     """Give an empty graph with a listener; everything is gone afterwards."""
-    with private_port() as port, Graph(parameters, namespace) as graph:
+    with private_port() as port, Graph(parameters, namespace, domain) as graph:
         yield Bench(graph, port, scene)
 
 

@@ -20,14 +20,13 @@ LAUNCH_FILE = Path(
 DEADLINE = 90.0  # s, of a launch: several processes start on a loaded machine
 
 
-def patient(folder):
-    """Write the shipped parameters, with holds that end by themselves; returns the file's path."""
+def parameters(folder, **servo):
+    """Write the shipped parameters, with some of the servo's added; returns the file's path."""
     shipped = Path(get_package_share_directory('edge_tracking'), 'config', 'edge_tracking.yaml')
-    # A loaded machine stalls for longer than half a second, and nobody is there to resume.
-    path = Path(folder, 'patient.yaml')
-    path.write_text(shipped.read_text('utf-8').replace(
-        '/**/edge_servo:\n  ros__parameters:\n',
-        '/**/edge_servo:\n  ros__parameters:\n    hold.resume_within: 60.0\n'), 'utf-8')
+    begin = '/**/edge_servo:\n  ros__parameters:\n'
+    path = Path(folder, 'parameters.yaml')
+    path.write_text(shipped.read_text('utf-8').replace(begin, begin + ''.join(
+        f'    {name}: {value}\n' for name, value in servo.items())), 'utf-8')
     return str(path)
 
 

@@ -30,6 +30,7 @@ _TICK = 0.05
 # Errors of rcl one after the other, with nothing done between, that are no matter of one message.
 _BROKEN = 100
 _LAST_WORDS = 2.0  # s
+_DELIVERY = 0.2  # s, in which the last word leaves: what a writer that is gone wrote is lost
 
 
 def make_executor(context=None):
@@ -162,6 +163,8 @@ def run(node_class, args=None, until=None, on_stop=None) -> int:
                 end = time.monotonic() + _LAST_WORDS
                 spin(executor, context, lambda: until(node) or stop.is_set()
                      or time.monotonic() > end)
+                end = time.monotonic() + _DELIVERY
+                spin(executor, context, lambda: stop.is_set() or time.monotonic() > end)
         finally:
             executor.shutdown()  # first: nothing may be delivered to a node that is gone
             node.destroy_node()

@@ -1,11 +1,11 @@
 """
 Pressure of point and line loads on a skin, as polynomials that a compiled fit evaluates.
 
-The pressure that a tactel measures under a point load is P f(s) + (Qx u + Qy v) g(s), s = u^2 + v^2
-its squared distance; under a line load likewise, u its distance and Q the shear across. The
-inverse transforms of `layer.pressure_transforms` give f and g, and here they become polynomials in
-t = c^2 / (s + c^2), c some depths: smooth, and without an end. What an area tactel averages, and
-what an extended load spreads, are factors of the transform.
+The pressure that a tactel measures under a point load is P f(s) + (Qx u + Qy v) g(s), where s is
+u^2 + v^2, its squared distance; under a line load likewise, u its distance and Q the shear
+across. The inverse transforms of `layer.pressure_transforms` give f and g, and here they become
+polynomials in t = c^2 / (s + c^2), c some depths: smooth, and without an end. What an area tactel
+averages, and what an extended load spreads, are factors of the transform.
 
 The mean over a square depends on direction. Its mean over all directions is used: the same factor
 for point and line, right to the third order of the side; nodes split tactels too large for it.
@@ -98,7 +98,8 @@ def _polynomials(depth_over_thickness, poisson, side):
     skin = Skin(1.0, np.inf if depth_over_thickness == 0.0 else 1.0 / depth_over_thickness,
                 poisson)
     mean = square_mean(k, side)
-    loads = np.stack([transform * mean for transform in pressure_transforms(k, skin)])  # (2, wave numbers)
+    # (2, wave numbers)
+    loads = np.stack([transform * mean for transform in pressure_transforms(k, skin)])
     variances = MAX_VARIANCE * 0.5 * (
         1.0 - np.cos(np.pi * np.arange(SPREAD_DEGREE + 1) / SPREAD_DEGREE))
     patches = np.stack([patch_transforms(k, variance) for variance in variances])

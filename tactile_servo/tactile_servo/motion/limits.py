@@ -46,6 +46,16 @@ class JointLimits:
         """Time to stop any joint from its velocity limit [s]."""
         return float(np.max(self.velocity / self.acceleration))
 
+    @cached_property
+    def bounds(self) -> tuple:
+        """What `nearest` takes of the limits."""
+        return self.lower, self.upper, self.velocity, self.acceleration, self.stopping_time
+
+    def name_of(self, kind: int, joint: int) -> str:
+        """Name of a limit, by the indices of its kind and joint."""
+        name = KINDS[kind]
+        return name + self.names[joint] if name.endswith(' ') else name
+
 
 def limit_velocities(limits: JointLimits, positions: np.ndarray, previous: np.ndarray,
                      wanted: np.ndarray, dt: float,
@@ -76,13 +86,9 @@ def limit_velocities(limits: JointLimits, positions: np.ndarray, previous: np.nd
     limited_by : str
         The limit that bound most, for instance 'velocity of joint1'; empty if none did.
     """
-    velocities, scale, kind, joint = _nearest(
-        limits.lower, limits.upper, limits.velocity, limits.acceleration, limits.stopping_time,
-        positions, previous, wanted, dt, coast)
-    limited_by = KINDS[kind]
-    if limited_by.endswith(' '):
-        limited_by += limits.names[joint]
-    return velocities, scale, limited_by
+    velocities, scale, kind, joint = nearest(*limits.bounds, positions, previous, wanted, dt,
+                                             coast)
+    return velocities, scale, limits.name_of(kind, joint)
 
 
 @njit(cache=True)
@@ -101,8 +107,8 @@ def room(lower, upper, stopping_time, positions, dt):
 
 
 @njit(cache=True)
-def _nearest(lower, upper, fastest, acceleration, stopping_time, positions, previous, wanted, dt,
-             coast):
+def nearest(lower, upper, fastest, acceleration, stopping_time, positions, previous, wanted, dt,
+            coast):
     """Law of `limit_velocities`: velocities, scale, index of the kind of limit and joint."""
     count = len(wanted)
     down, up = room(lower, upper, stopping_time, positions, dt + coast)
@@ -158,22 +164,29 @@ class WorkspaceBox:
             raise ConfigurationError(
                 f'workspace: lower {self.lower} is not below upper {self.upper}')
 
-    def limit(self, position: np.ndarray, velocity: np.ndarray,
+    def limit(self, pose: np.ndarray, twist: np.ndarray,
               horizon: float) -> tuple[np.ndarray, bool]:
         """
-        Clip a velocity (3,) so that it cannot leave the box within `horizon` [m, m/s, s].
+        Clip a twist (6,) in the frame of a pose (4, 4) that would leave the box within `horizon`.
 
-        Returns it and whether it was clipped.
+        Returns it and whether it was clipped [m, m/s and rad/s, s].
         """
-        return _clipped(self.lower, self.upper, position, velocity, horizon)
+        return _clipped(self.lower, self.upper, pose, twist, horizon)
 
 
 @njit(cache=True)
-def _clipped(lower, upper, position, velocity, horizon):
-    clipped, changed = velocity.copy(), False
+def _clipped(lower, upper, pose, twist, horizon):
+    velocity, clipped, changed = np.zeros(3), twist.copy(), False
     for k in range(3):
-        up = max((upper[k] - position[k]) / horizon, 0.0)
-        down = min((lower[k] - position[k]) / horizon, 0.0)
+        for j in range(3):
+            velocity[k] += pose[k, j] * twist[j]
+        up = max((upper[k] - pose[k, 3]) / horizon, 0.0)
+        down = min((lower[k] - pose[k, 3]) / horizon, 0.0)
         if velocity[k] > up or velocity[k] < down:  # not if it is NaN: that is stopped later
-            clipped[k], changed = (up if velocity[k] > up else down), True
+            velocity[k], changed = (up if velocity[k] > up else down), True
+    if changed:
+        clipped[:3] = 0.0
+        for k in range(3):
+            for j in range(3):
+                clipped[j] += pose[k, j] * velocity[k]
     return clipped, changed

@@ -8,7 +8,7 @@ import numpy as np
 from tactile_common.config import bounded
 from tactile_common.kernels import njit
 from tactile_servo.motion.inverse import BoundedInverse
-from tactile_servo.motion.limits import JointLimits, limit_velocities, WorkspaceBox
+from tactile_servo.motion.limits import JointLimits, nearest, WorkspaceBox
 from tactile_servo.motion.robot import RobotModel
 from tactile_servo.motion.trajectory import Trajectory
 from tactile_servo.motion.window import at_rest, committed, extended
@@ -118,32 +118,27 @@ class Motion:
         coast = (COAST + 1.0) * period
         elapsed = 0.0 if self._stamp_ns is None else max(1e-9 * (now_ns - self._stamp_ns), 0.0)
         kept = committed(self._window, elapsed, c.committed)
-        positions, velocities = kept.positions[-1], kept.velocities[-1]
+        positions = kept.positions[-1]
         # On its way to the first point the controller is left alone: each window is a seam there.
         settling = self._stamp_ns is not None and kept.times[0] > c.committed
         if self._workspace is not None:
-            pose = self._robot.pose(positions)
-            rotation = pose[:3, :3]
-            linear, clipped = self._workspace.limit(
-                pose[:3, 3], rotation @ twist[:3],
+            twist, clipped = self._workspace.limit(
+                self._robot.pose(positions), twist,
                 period + coast + 2.0 * self._limits.stopping_time)
-            twist = np.concatenate([rotation.T @ linear, twist[3:]])
             at_wall = 'workspace' if clipped else ''
         jacobian = self._robot.jacobian(positions)
         asked, bound, manipulability = self._inverse.solve(
             jacobian, twist, positions, period + coast)
         # Whatever that gave: no command passes a limit.
-        self.velocities, scale, limited_by = limit_velocities(
-            self._limits, positions, velocities, asked, period, coast)
-        self._window = extended(kept, self.velocities, period, COAST * period,
-                                self._limits.acceleration)
+        self._window, self.velocities, scale, kind, joint, progress = _onward(
+            kept, self._limits.bounds, asked, period, COAST * period, coast, jacobian, wanted,
+            c.rotation_length)
         self._stamp_ns, self._end = now_ns, self._window.positions[-1]
         self.positions = self._window.positions[len(kept.times)]
         self.pose = self._robot.pose(self.positions)
-        limited_by = at_wall or bound or limited_by
+        limited_by = at_wall or bound or self._limits.name_of(kind, joint)
         hindered = limited_by or manipulability < c.damping
-        self._watch(_progress(jacobian, self.velocities, wanted, c.rotation_length)
-                    if hindered else 1.0, limited_by, period)
+        self._watch(progress if hindered else 1.0, limited_by, period)
         trajectory = None
         if not settling:
             times, places, speeds = self._window
@@ -169,9 +164,22 @@ class Motion:
 
 
 @njit(cache=True)
+def _onward(kept, bounds, asked, period, coasting, coast, jacobian, wanted, rotation_length):
+    """Window on from what is committed, with its velocities, what limits them, and progress."""
+    velocities, scale, kind, joint = nearest(
+        *bounds, kept.positions[-1], kept.velocities[-1], asked, period, coast)
+    window = extended(kept, velocities, period, coasting, bounds[3])
+    progress = _progress(jacobian, velocities, wanted, rotation_length)
+    return window, velocities, scale, kind, joint, progress
+
+
+@njit(cache=True)
 def _progress(jacobian, velocities, wanted, rotation_length):
     """Share of a wanted twist that joint velocities bring; 1 if none is wanted."""
-    weighted = wanted.copy()
-    weighted[3:] *= rotation_length**2
-    along, square = weighted @ (jacobian @ velocities), weighted @ wanted
+    along = square = 0.0
+    for i in range(6):  # loops: a call of BLAS costs more than this does
+        weighted = wanted[i] * (rotation_length**2 if i >= 3 else 1.0)
+        square += weighted * wanted[i]
+        for k in range(len(velocities)):
+            along += weighted * jacobian[i, k] * velocities[k]
     return 1.0 if square < 1e-12 else along / square

@@ -61,12 +61,15 @@ def committed(window, elapsed, ahead):
     What of a window, `elapsed` after its stamp, is left until `ahead` from now [s].
 
     Begins now, or at the window's first point if that is still to come, and ends `ahead` from
-    now, or at that first point.
+    now (or at a point that nearly coincides, which would be lost else), or at that first point.
     """
     count, joints = window.positions.shape
     times = np.empty(count + 2)
     positions, velocities = np.empty((count + 2, joints)), np.empty((count + 2, joints))
     first, k = window.times[0] - elapsed, 0
+    for i in range(count):
+        if abs(window.times[i] - elapsed - ahead) <= APART:
+            ahead = window.times[i] - elapsed
     ahead = max(ahead, first)
     if first < ahead:
         times[0] = max(first, 0.0)

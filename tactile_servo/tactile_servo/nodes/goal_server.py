@@ -33,6 +33,11 @@ class GoalServer:
     A goal is executed, in the action server's sense, when it has ended: an execute callback
     would have to block or to await, and rclpy's executors poll a callback that awaits without a
     pause, at the cost of a whole core.
+
+    Attributes
+    ----------
+    told : bool
+        Whether every client has been told how its goal ended.
     """
 
     def __init__(self, node: Node, servo: Supervisor, name: str, base_frame: str,
@@ -41,6 +46,7 @@ class GoalServer:
         self._logger, self._servo, self._base_frame = node.get_logger(), servo, base_frame
         self._action = ACTIONS[name]
         self._execution: Execution | None = None
+        self.told = True
         self._refusals: dict[bytes, Reason] = {}  # of goals accepted that could not start, by id
         self._server = ActionServer(
             node, self._action.type, name, self._finish, goal_callback=self._on_goal,
@@ -49,6 +55,7 @@ class GoalServer:
     def report(self, msg: ServoStatus) -> None:
         """Tell the client of a cycle; end its goal with the servo's."""
         execution = self._execution
+        self.told = execution is None  # a cycle ago, so that the result has been sent
         if execution is None or execution.ended:
             return
         now = perf_counter()
@@ -83,7 +90,7 @@ class GoalServer:
             self._refusals[bytes(goal_handle.goal_id.uuid)] = refused.reason
             goal_handle.execute()
         else:
-            self._execution = Execution(goal_handle, now)
+            self._execution, self.told = Execution(goal_handle, now), False
 
     def _finish(self, goal_handle):
         refusal = self._refusals.pop(bytes(goal_handle.goal_id.uuid), None)

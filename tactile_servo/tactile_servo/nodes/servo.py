@@ -109,6 +109,7 @@ class EdgeServoNode(TactileNode):
 
     def __init__(self, **kwargs):
         self._server = None  # until the parameters have proved right
+        self._stopping: Reason | None = None
         super().__init__('edge_servo', **kwargs)
         self._servo, self._model, config = _supervisor(self)
         follow_changes(self, self._servo.law.config_type, self._servo.law.retune)
@@ -142,7 +143,17 @@ class EdgeServoNode(TactileNode):
         self.add_on_set_parameters_callback(_keep_the_clock)
 
     def _look_around(self):
-        self._servo.around = self._guard.problem()
+        self._servo.around = self._stopping or self._guard.problem()
+
+    def stop(self):
+        """Stop within the robot's limits and end the goal; then it has `stopped`."""
+        self._stopping = Reason(ReasonCode.SHUTDOWN)
+        self._servo.cancel(ReasonCode.SHUTDOWN)
+
+    @property
+    def stopped(self):
+        """Whether it was asked to stop, and the client of its goal knows the result."""
+        return self._stopping is not None and self._server.told
 
     def _warn(self, text):
         self.get_logger().warning(text, throttle_duration_sec=5.0)
@@ -274,4 +285,4 @@ def _keep_the_clock(parameters):
 
 def main(args=None):
     """Run the edge servo node."""
-    return run(EdgeServoNode, args)
+    return run(EdgeServoNode, args, lambda node: node.stopped, EdgeServoNode.stop)

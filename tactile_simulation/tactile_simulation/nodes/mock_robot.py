@@ -11,7 +11,7 @@ from tactile_common.ros.parameters import declare_from
 from tactile_common.ros.runner import plain, run
 from tactile_servo.conversions import joint_state_to_msg, trajectory_from_msg
 from tactile_servo.motion.robot import RobotModel
-from tactile_simulation.joint_controller import MockController, MockRobotConfig
+from tactile_simulation.joint_controller import Late, MockController, MockRobotConfig
 from tactile_simulation.scene import load_scene
 
 
@@ -20,6 +20,11 @@ class MockRobotNode(TactileNode):
     Plays trajectories with a mock controller and publishes the joint states.
 
     `~/activate` switches the controller off and on, as a controller manager does.
+
+    Attributes
+    ----------
+    rejected, late : int
+        Trajectories that were rejected, and those of them for coming too late.
     """
 
     def __init__(self, **kwargs):
@@ -32,7 +37,7 @@ class MockRobotNode(TactileNode):
             rate=config.rate,
             dead_time=config.dead_time, lag=config.lag,
             interpolate_from_desired_state=config.interpolate_from_desired_state)
-        self.rejected = 0
+        self.rejected = self.late = 0
         self._violations = 0
         self._state = JointState()
         self._states = self.create_publisher(JointState, '/joint_states', QoSProfile(depth=10))
@@ -48,6 +53,7 @@ class MockRobotNode(TactileNode):
                 trajectory_from_msg(message), 1e-9 * self.get_clock().now().nanoseconds)
         except Rejected as error:
             self.rejected += 1
+            self.late += isinstance(error, Late)
             self.get_logger().error(
                 f'trajectory rejected ({self.rejected} so far): {error}',
                 throttle_duration_sec=1.0)

@@ -1,0 +1,118 @@
+"""
+What a cycle of the servo's core costs, without ROS: the inputs of one run, again and again.
+
+The simulation records what a servo hears while it follows the straight edge at 30 mm/s; a servo
+of its own then hears the same. Warm, and with caches as between the cycles of a servo whose
+machine does other things: 8 MB are touched before every call. Of every call the best of several
+passes counts; on a busy machine runs still differ by a third. Prints a table; run it as a module.
+"""
+
+import argparse
+
+import numpy as np
+
+from benchmarks.latency.meter import Meter
+from edge_tracking.resources import find_scene, share
+from tactile_servo.goal_run import GoalRun
+from tactile_servo.inputs import Inputs
+from tactile_servo.motion.limits import JointLimits, WorkspaceBox
+from tactile_servo.motion.motion import Motion
+from tactile_servo.motion.robot import RobotModel
+from tactile_servo.supervisor import Supervisor
+from tactile_servo.types import EdgeGoal, TRACKING
+from tactile_simulation.closed_loop import Simulation
+from tactile_simulation.scene import load_scene
+
+GOAL, SECONDS = EdgeGoal(0.03, 5.0, length=0.05), 4.0
+ELBOW = np.radians([-22, 35, -172, 0, -48, -22])
+WORKSPACE = WorkspaceBox(np.full(3, -10.0), np.full(3, 10.0))  # m
+CACHES = 8_000_000  # bytes
+PASSES = 5
+CALLS = ('see_joints', 'see_image', 'see_contact', 'cycle')
+# Clocks cost: of parts that stand within one another only one set is timed in a pass.
+SETS = ({name: (Supervisor, name) for name in CALLS},
+        {'- freshness': (Inputs, 'refresh'), '- way counted': (GoalRun, 'count'),
+         '- decided': (GoalRun, 'decide'), '- moved on': (GoalRun, 'command'),
+         '- status': (Supervisor, '_status')},
+        {'- - twist': (GoalRun, 'twist'), '- - Motion.command': (Motion, 'command')})
+
+
+def simulation():
+    """Simulation of the demo's robot on the straight edge."""
+    robot = RobotModel.from_urdf(share('urdf', 'puma260.urdf'), 'tactile_pad')
+    limits = JointLimits(robot.joint_names, robot.lower + 0.05, robot.upper - 0.05,
+                         robot.velocity_limit, np.full(6, 10.0))
+    return Simulation(load_scene(find_scene('straight')), 'trace', robot=(robot, limits),
+                      seed_positions=ELBOW, latency=0.0025, workspace=WORKSPACE)
+
+
+def record():
+    """Calls of a servo's methods in a run, (name, arguments), and the trajectories it gave."""
+    loop, tape, given = simulation(), [], []
+
+    def taped(name):
+        call = getattr(loop.servo, name)
+
+        def method(*arguments):
+            tape.append((name, arguments))
+            result = call(*arguments)
+            if name == 'cycle':
+                given.append(result[1])
+            return result
+        return method
+
+    for name in (*CALLS, 'start'):
+        setattr(loop.servo, name, taped(name))
+    loop.run(GOAL, SECONDS)
+    return tape, given
+
+
+def play(tape, meter=None, cold=False):
+    """Let a new servo hear a tape; the trajectories that it gives."""
+    servo, given, other = simulation().servo, [], np.zeros(CACHES // 8)
+    for name, arguments in tape:
+        if cold:
+            other += 1.0
+        if meter is not None:
+            meter.running = servo.state in TRACKING
+        result = getattr(servo, name)(*arguments)
+        if name == 'cycle':
+            given.append(result[1])
+    return given
+
+
+def same(one, other):
+    """Largest difference of two lists of trajectories in times, positions and velocities."""
+    return max(np.abs(getattr(a, field) - getattr(b, field)).max()
+               for a, b in zip(one, other, strict=True) if a is not None
+               for field in ('times', 'positions', 'velocities'))
+
+
+def account(tape, cold):
+    """Processor time of every part [s]: mean over its calls, each of them the best of passes."""
+    means = {}
+    for parts in SETS:
+        passes = []
+        for _ in range(PASSES):
+            meter = Meter()
+            with meter.timing(parts):
+                play(tape, meter, cold)
+            passes.append(meter.times)
+        for name in parts:
+            means[name] = float(np.min([times[name] for times in passes], axis=0).mean())
+    return means
+
+
+def main():
+    """Print the account."""
+    argparse.ArgumentParser(description=__doc__).parse_args()
+    tape, given = record()
+    print(f'replayed to {same(given, play(tape)):.1g} rad')
+    warm, cold = account(tape, False), account(tape, True)
+    print('\n| mean, us | warm | caches cold |\n| --- | --- | --- |')
+    for name in (name for parts in SETS for name in parts):
+        print(f'| {name} | {1e6 * warm[name]:.1f} | {1e6 * cold[name]:.1f} |')
+
+
+if __name__ == '__main__':
+    main()

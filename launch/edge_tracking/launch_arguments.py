@@ -1,0 +1,84 @@
+"""Arguments of the launch file: what there is to choose, and the values that were given."""
+from typing import Any
+
+from launch import LaunchContext
+from launch.actions import DeclareLaunchArgument
+from launch.logging import get_logger
+from launch.substitutions import LaunchConfiguration
+
+from edge_tracking.resources import scene_names, share
+from tactile_common.errors import ConfigurationError
+from tactile_sensing.devices.registry import PROTOCOLS
+from tactile_servo.laws.registry import DEFAULT, LAWS
+
+NAMESPACE = 'tactile'
+SWITCH = ('true', 'false')
+ARGUMENTS = (
+    ('sensor', 'mock', 'mock: synthetic array on a pseudo-terminal; else the byte protocol of a '
+     'real array on a serial port', ('mock', *PROTOCOLS)),
+    ('port', '', 'serial port of a real array; for the mock, the link to its pseudo-terminal '
+     '(default: one of its own in the folder for temporary files)'),
+    ('calibration', '', 'calibration file of the array (default: of its protocol; the mock: of '
+     'its scene)'),
+    ('robot', 'auto', 'mock: robot in software; ros2_control: controller_manager with mock '
+     'hardware; real: a running joint_trajectory_controller; auto: mock with the mock sensor, '
+     'else real', ('auto', 'mock', 'ros2_control', 'real')),
+    ('robot_description', str(share('urdf', 'puma260.urdf')),
+     'URDF of the robot with a link tactile_pad: path of a file, or the text'),
+    ('controller', '', 'name of the joint trajectory controller (default: '
+     'joint_trajectory_controller in robot_namespace)'),
+    ('scene', 'straight', f'what the mock sensor touches: {", ".join(scene_names())}, or the '
+     'path of a .yaml file'),
+    ('law', DEFAULT, 'servo law by which the edge is followed', tuple(LAWS)),
+    ('speed', '0.03', 'along the edge [m/s]'),
+    ('force', '5.0', 'normal force on the pad [N]'),
+    ('length', '0.0', 'way to track [m]; 0 = until the edge ends'),
+    ('start', 'auto', 'send the goal at once; auto: unless the robot is a real one',
+     ('auto', *SWITCH)),
+    ('shutdown', 'false', 'end the launch when the goal has ended', SWITCH),
+    ('params_file', str(share('config', 'edge_tracking.yaml')), 'parameter file of all nodes; '
+     '`ros2 run edge_tracking parameters` prints one with every parameter'),
+    ('namespace', NAMESPACE, 'of sensor, estimators and servo'),
+    ('robot_namespace', 'auto', "of the robot's joint states and controller, / for none; auto: "
+     'none for a real robot and in the default namespace, else that of the sensor',),
+    ('use_sim_time', 'false', 'take the time from /clock', SWITCH),
+    ('use_rviz', 'false', 'show the robot in RViz', SWITCH),
+    ('use_respawn', 'false', 'start a node that has died again; else its death ends the launch',
+     SWITCH),
+    ('log_level', 'info', 'of all nodes', ('debug', 'info', 'warn', 'error', 'fatal')),
+)
+FORMER = {'parameters': 'params_file', 'rviz': 'use_rviz', 'tracker': 'law'}
+
+
+def declared() -> list[DeclareLaunchArgument]:
+    """Declarations of the arguments, and of the names that some had in former versions."""
+    return [
+        DeclareLaunchArgument(name, default_value=default, description=description,
+                              **({'choices': list(*choices)} if choices else {}))
+        for name, default, description, *choices in ARGUMENTS] + [
+        DeclareLaunchArgument(old, default_value='', description=f'former name of {new}')
+        for old, new in FORMER.items()]
+
+
+def given(context: LaunchContext) -> dict[str, Any]:
+    """Values of the arguments by name; those with a former name count, with a note."""
+    value = {name: LaunchConfiguration(name).perform(context) for name, *_ in ARGUMENTS}
+    choices = {name: of_it[0] for name, _, _, *of_it in ARGUMENTS if of_it}
+    for old, new in FORMER.items():
+        text = LaunchConfiguration(old).perform(context)
+        if text:
+            get_logger('launch').info(f'{old}:= is now {new}:=')
+            if text not in choices.get(new, (text,)):
+                raise ConfigurationError(
+                    f'{old}:={text} is none of {", ".join(choices[new])}')
+            value[new] = text
+    return {name: text == 'true' if choices.get(name) == SWITCH else text
+            for name, text in value.items()}
+
+
+def number(name: str, text: str) -> float:
+    """Value of an argument that must be a number."""
+    try:
+        return float(text)
+    except ValueError:
+        raise ConfigurationError(f'{name}:={text} is not a number') from None

@@ -1,0 +1,210 @@
+"""The nodes of one robot with its sensor, as actions of a launch."""
+import os
+from pathlib import Path
+import tempfile
+from typing import Any
+
+from ament_index_python.packages import get_packages_with_prefixes
+from launch.actions import EmitEvent, LogInfo, OpaqueFunction, RegisterEventHandler
+from launch.event_handlers import OnProcessExit, OnShutdown
+from launch.events import Shutdown
+from launch.logging import get_logger
+from launch_ros.actions import Node
+from launch_ros.parameter_descriptions import ParameterValue
+
+from edge_tracking.launch_arguments import NAMESPACE, number
+from edge_tracking.parameters import check_file, names_in, values_in
+from edge_tracking.resources import find_scene, share
+from edge_tracking.ros2_control import require_packages, starting_at, text_of
+from tactile_sensing.devices.calibration import load_calibration
+from tactile_servo.laws.registry import LAWS
+from tactile_servo.motion.robot import RobotModel
+from tactile_servo.nodes.parameters import NodeConfig
+from tactile_simulation.scene import load_scene
+from tactile_simulation.scene_calibration import write_calibration
+
+RESPAWN_DELAY = 1.0  # s
+START = 300.0  # s for the start of the nodes, the first ever of which compiles their kernels
+# A Ctrl-C that comes before a process can take it, in its first tenths of a second, waits.
+PREFIX = 'env --block-signal=INT'
+
+
+def as_text(text):
+    """Keep a parameter a text, whatever it looks like: a URDF would be read as YAML."""
+    return ParameterValue(text, value_type=str)
+
+
+class Nodes:
+    """The nodes of one robot with its sensor, for the values of the arguments."""
+
+    def __init__(self, value, prefix):
+        self.value, self.prefix = value, prefix
+        self.mock_sensor = value['sensor'] == 'mock'
+        self.robot = value['robot']
+        if self.robot == 'auto':
+            self.robot = 'mock' if self.mock_sensor else 'real'
+        robot = value['robot_namespace'].strip('/')
+        if robot == 'auto':
+            own = self.robot != 'real' and value['namespace'].strip('/') != NAMESPACE
+            robot = value['namespace'].strip('/') if own else ''
+        self.robot_namespace = f'/{robot}'.rstrip('/')
+        if not self.mock_sensor and not value['port']:
+            raise RuntimeError(
+                f'sensor:={value["sensor"]} needs its port, for instance port:=/dev/ttyUSB0')
+        simulated = self.mock_sensor or self.robot != 'real'
+        self.scene_path = str(find_scene(value['scene'])) if simulated else ''
+        self.scene: Any = load_scene(self.scene_path) if simulated else None
+        # Not only by its namespace: another launch on this machine must not take the link over.
+        self.port = value['port'] or str(Path(
+            tempfile.gettempdir(),
+            f'tactile_{os.getpid()}_{value["namespace"].replace("/", "_")}'))
+        self.goal = {name: number(name, value[name]) for name in ('speed', 'force', 'length')}
+
+    def check(self):
+        """Refuse what no node could start with: parameter file, robot, calibration."""
+        value = self.value
+        nodes = names_in(value['namespace'], self.robot_namespace)
+        for name, there in (('mock_sensor', self.mock_sensor), ('track', self.starts),
+                            ('mock_robot', self.robot == 'mock')):
+            if not there:
+                del nodes[name]
+        for text in check_file(value['params_file'], nodes, value['law']):
+            get_logger('launch').warning(text)
+        servo = values_in(value['params_file'], nodes['edge_servo'])
+        model = RobotModel.from_urdf(
+            value['robot_description'], servo.get('tip_frame', NodeConfig.tip_frame))
+        if value['calibration']:
+            load_calibration(value['calibration'])
+        if self.robot == 'ros2_control':
+            require_packages()
+        return model
+
+    @property
+    def starts(self):
+        """Whether a goal is sent at once."""
+        return self.value['start'] == 'true' or (
+            self.value['start'] == 'auto' and self.robot != 'real')
+
+    def node(self, package, executable, namespace=None, dies=True, env=None, **parameters):
+        """Actions of a node, and of the end of the launch with it."""
+        value = self.value
+        action = Node(
+            package=package, executable=executable, name=executable, output='screen',
+            namespace=value['namespace'] if namespace is None else namespace or '/',
+            prefix=self.prefix, exec_name=executable, additional_env=env,
+            respawn=value['use_respawn'] and dies, respawn_delay=RESPAWN_DELAY,
+            remappings=[('/joint_states', f'{self.robot_namespace}/joint_states')],
+            ros_arguments=['--log-level', value['log_level']],
+            parameters=[value['params_file'], {
+                'use_sim_time': value['use_sim_time'],
+                **{key: as_text(it) if isinstance(it, str) else it
+                   for key, it in parameters.items()}}])
+        return [action, *ends_with(action)] if dies and not value['use_respawn'] else [action]
+
+    def sensing(self):
+        """Driver and estimators, and the mock sensor with its calibration."""
+        driver = {} if self.mock_sensor else {'protocol': self.value['sensor']}
+        actions, calibration = [], self.value['calibration']
+        if self.mock_sensor:
+            own = Path(f'{self.port}.yaml')
+
+            def remove(*_):
+                own.unlink(missing_ok=True)
+                if Path(self.port).is_symlink():  # of a mock sensor that was killed
+                    Path(self.port).unlink(missing_ok=True)
+
+            # Once every argument has proved right.
+            actions += [OpaqueFunction(function=lambda _: write_calibration(self.scene, own)
+                                       and None),
+                        RegisterEventHandler(OnShutdown(on_shutdown=remove)),
+                        *self.node('tactile_simulation', 'mock_sensor', port=self.port,
+                                   scene=self.scene_path)]
+            calibration = calibration or str(own)
+        if calibration:
+            driver['calibration'] = calibration
+        return [*actions, *self.node('tactile_sensing', 'driver', port=self.port, **driver),
+                *self.node('tactile_sensing', 'contact_estimator'),
+                *self.node('tactile_shape', 'shape_estimator')]
+
+    def servo(self):
+        """Servo, mock robot, and the goal."""
+        value = self.value
+        robot = {'robot_description': value['robot_description']}
+        if value['controller'] or self.robot_namespace:
+            robot['controller'] = value['controller'] or (
+                f'{self.robot_namespace}/joint_trajectory_controller')
+        actions = self.node('tactile_servo', 'edge_servo', law=value['law'], **robot)
+        if self.robot == 'mock':
+            actions += self.node('tactile_simulation', 'mock_robot', self.robot_namespace,
+                                 scene=self.scene_path, **robot)
+        if self.starts:
+            closed = (self.scene is not None and self.scene.edge.closed
+                      and LAWS[value['law']].closes_contours)
+            track, = self.node('edge_tracking', 'track', dies=False, wait=START, closed=closed,
+                               env={'INTERRUPTED_STATUS': '0'}, **self.goal)
+            actions.append(track)
+            if value['shutdown']:
+                actions.append(RegisterEventHandler(OnProcessExit(
+                    target_action=track,
+                    on_exit=[EmitEvent(event=Shutdown(reason='the goal has ended'))])))
+        return actions
+
+    def controllers(self, model):
+        """Run the controller manager with mock hardware, and its controllers."""
+        value, namespace = self.value, self.robot_namespace
+        settings = str(share('config', 'controllers.yaml'))
+        manager = Node(
+            package='controller_manager', executable='ros2_control_node', output='screen',
+            namespace=namespace or '/', remappings=[('~/robot_description', 'robot_description')],
+            parameters=[settings, {'use_sim_time': value['use_sim_time']}])
+        spawner = Node(
+            package='controller_manager', executable='spawner', output='screen',
+            namespace=namespace or '/',
+            arguments=['joint_state_broadcaster', 'joint_trajectory_controller',
+                       '--controller-manager', f'{namespace}/controller_manager',
+                       '--param-file', settings])
+        start = dict(zip(model.joint_names, model.inverse(self.scene.start_pose(), None),
+                         strict=True)) if self.scene else {}
+        text = starting_at(text_of(value['robot_description']), start)
+        return [manager, *ends_with(manager), spawner, *ends_with(spawner, may_end=True),
+                *self.state_publisher(text)]
+
+    def state_publisher(self, text):
+        """robot_state_publisher: TF, with the pad's, and the topic robot_description."""
+        if 'robot_state_publisher' not in get_packages_with_prefixes():
+            return [LogInfo(msg='robot_state_publisher is not installed: neither TF nor the '
+                            'topic robot_description')]
+        return [Node(
+            package='robot_state_publisher', executable='robot_state_publisher',
+            namespace=self.robot_namespace or '/', remappings=self.frames(''),
+            parameters=[{'robot_description': as_text(text),
+                         'use_sim_time': self.value['use_sim_time']}])]
+
+    def frames(self, namespace):
+        """Remappings that give a robot in a namespace a tree of frames of its own."""
+        return [(f'/{topic}', f'{namespace}/{topic}' if namespace else topic)
+                for topic in ('tf', 'tf_static')] if self.robot_namespace else []
+
+    def rviz(self):
+        """RViz, listening where the nodes are."""
+        own, robot = f'/{self.value["namespace"].strip("/")}', self.robot_namespace
+        return [Node(
+            package='rviz2', executable='rviz2', namespace=robot or '/',
+            arguments=['-d', str(share('rviz', 'edge_tracking.rviz'))],
+            remappings=[*((f'/{NAMESPACE}/{topic}', f'{own}/{topic}'.replace('//', '/'))
+                          for topic in ('sensor_pose', 'wrench', 'markers')),
+                        ('/robot_description', f'{robot}/robot_description'),
+                        *self.frames(robot)],
+            parameters=[{'use_sim_time': self.value['use_sim_time']}])]
+
+
+def ends_with(action, may_end=False):
+    """Actions that end the launch when a process ends by itself: an error unless it was asked."""
+    def on_exit(event, context):
+        name = event.process_name.rpartition('-')[0]
+        if context.is_shutdown or (may_end and event.returncode == 0):
+            return None
+        if event.returncode == 0:
+            return EmitEvent(event=Shutdown(reason=f'{name} has ended'))
+        raise RuntimeError(f'{name} has died (exit code {event.returncode}), so the launch ends')
+    return [RegisterEventHandler(OnProcessExit(target_action=action, on_exit=on_exit))]
