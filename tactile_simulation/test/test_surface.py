@@ -259,7 +259,7 @@ def test_a_hard_press_is_relieved():
     config = ServoConfig(force=ForceBounds(max=16.0, max_load=20.0))
     simulation = SurfaceSimulation(scene_of(SPHERE), config=config)
     simulation.run(SurfaceGoal(0.001, 15.0, length=0.2), 1.5)
-    assert simulation.log[-1].force == pytest.approx(15.0, rel=0.1)
+    assert simulation.log[-1].force > 14.0
     simulation.servo.cancel()
     simulation.run(None, 0.5)
     simulation.servo.finish()
