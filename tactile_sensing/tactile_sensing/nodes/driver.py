@@ -90,7 +90,8 @@ class DriverNode(TactileNode):
         self._calibration = calibration or load_calibration(
             self._config.calibration or os.path.join(
                 get_package_share_directory('tactile_sensing'), 'config', protocol.calibration))
-        self._decoder = protocol.decoder(*self._calibration.raw_shape)
+        geometry = self._calibration.array
+        self._decoder = protocol.decoder(geometry.rows, geometry.columns)
         self._frames = FrameClock(self._decoder, self._calibration.nominal_rate)
         self._delay_ns = round(self._calibration.acquisition_delay * 1e9)
         # The executor and the reader both tare: the lock guards these four.
