@@ -14,7 +14,7 @@ from tactile_servo.track_statistics import SETTLING_LENGTH
 from tactile_simulation.gantry import gantry
 from tactile_simulation.joint_controller import MockController
 from tactile_simulation.metrics import ON_EDGE, Truth
-from tactile_simulation.renderer import EdgeRenderer
+from tactile_simulation.scenes import renderer_of
 from tactile_simulation.smoothness import accelerations, speeds
 
 STEP = 2.5e-3  # s; control at 400 Hz
@@ -78,7 +78,7 @@ class Simulation:
         self.scene, plant = scene, scene.plant
         self.rng = np.random.default_rng(seed)
         self.array = scene.sensor.array
-        self.renderer = EdgeRenderer(scene, self.array)
+        self.renderer = renderer_of(scene)
         self._convert, info = self._tared()
         self.model, self.limits = robot or gantry(plant.acceleration)
         if robot is None and seed_positions is None:
@@ -106,7 +106,7 @@ class Simulation:
         sensor, skin = self.scene.sensor, self.scene.skin
         calibration = Calibration(
             self.array, gain=sensor.pa_per_count, baseline=sensor.baseline, depth=skin.depth,
-            skin_stiffness=skin.stiffness)
+            thickness=skin.thickness, poisson=skin.poisson, skin_stiffness=skin.stiffness)
         tare = calibration.make_tare(np.array(
             [self.renderer.counts(None, self.rng) for _ in range(TARE_FRAMES)]))
         return calibration.converter(tare), calibration.sensor_info('pad', '', 0, tare)

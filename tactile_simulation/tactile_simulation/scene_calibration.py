@@ -22,6 +22,7 @@ def write_calibration(scene: Scene, path: Path, **values) -> Path:
     path.write_text(yaml.safe_dump({
         'model': 'mock', 'rows': sensor.rows, 'columns': sensor.columns,
         'pitch': [sensor.pitch_x, sensor.pitch_y], 'unit': 'Pa', 'gain': sensor.pa_per_count,
-        'baseline': sensor.baseline, 'depth': skin.depth, 'skin_stiffness': skin.stiffness,
+        'baseline': sensor.baseline, 'depth': skin.depth, 'thickness': skin.thickness,
+        'poisson': skin.poisson, 'skin_stiffness': skin.stiffness,
         'max_load': 40.0, 'acquisition_delay': 0.0025, 'nominal_rate': 200.0} | values), 'utf-8')
     return path

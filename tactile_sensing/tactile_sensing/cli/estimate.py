@@ -1,10 +1,12 @@
 """Offline command: the contact in every frame of a file."""
 import argparse
+from dataclasses import fields, replace
 import math
 import os
 from pathlib import Path
 import sys
 import time
+from typing import Any
 
 import numpy as np
 
@@ -18,10 +20,14 @@ from tactile_sensing.contact.estimator import (
     MODELS,
     TACTELS,
 )
+from tactile_sensing.devices.calibration import Calibration, load_calibration, TareRefusedError
 from tactile_sensing.types.array import TactelArray
 from tactile_sensing.types.contact import COLUMNS, ContactType, INFORMATION, Reason, RECORD
 from tactile_sensing.types.image import COMPONENTS, Layer
 
+# Parameters of the estimator that are plain numbers, each an option.
+RULES = tuple(item for item in fields(EstimatorConfig)
+              if 'range' in item.metadata and item.name != 'noise_std')
 MAX_LENGTH = 0.1  # m; a larger pitch or depth was meant in millimetres
 CHUNK_BYTES = 1 << 20
 MAX_CHUNK = 1024  # frames
@@ -40,11 +46,12 @@ FLAGS = {
     Reason.NOT_CONVERGED: 'the fit did not settle',
     Reason.BAD_FIT: 'no model explains the frame',
     Reason.BAD_IMAGE: 'frame malformed',
+    Reason.UNCALIBRATED: 'no gain known, forces are NaN (can be set with valid)',
     Reason.TWO_CONTACTS: 'more than one contact',
     Reason.NOT_TARED: 'not set by this command: it takes frames as tared',
     Reason.SATURATED: 'saturated tactels were left out (can be set with valid)',
     Reason.DEAD_TACTELS: 'invalid tactels were left out (can be set with valid)',
-    Reason.FORCE_MISMATCH: 'P and force_windowed disagree (can be set with valid)',
+    Reason.FORCE_MISMATCH: 'normal_force and force_windowed disagree (can be set with valid)',
 }
 
 EXAMPLE = """\
@@ -69,7 +76,7 @@ def _table(rows, width):
 
 
 def _shape(name):
-    return '(N, 7, 7)' if RECORD[name].shape else '(N,)'
+    return f'({", ".join(("N", *map(str, RECORD[name].shape)))})'.replace('(N)', '(N,)')
 
 
 def parser() -> argparse.ArgumentParser:
@@ -82,7 +89,8 @@ def parser() -> argparse.ArgumentParser:
     flags = _table(((int(flag), f'{flag.name}: {text}') for flag, text in FLAGS.items()), 6)
     arguments = _Parser(
         prog='estimate', formatter_class=argparse.RawDescriptionHelpFormatter, allow_abbrev=False,
-        usage='estimate FRAMES.npz --pitch M [M] --layers COMPONENT@DEPTH,... [options] -o OUT',
+        usage='estimate FRAMES.npz --calibration CAL.yaml [options] -o OUT\n       estimate '
+              'FRAMES.npz --pitch M [M] --layers COMPONENT@DEPTH,... [options] -o OUT',
         description="""\
 Estimate the contact in every frame of a file: point or edge, where, and with what force.
 A file of any length takes the same memory. The summary goes to standard error.
@@ -91,7 +99,9 @@ Input array of FRAMES.npz (from numpy.savez or numpy.savez_compressed)
   frames           (N, rows, columns) or (N, layers, rows, columns), real numbers, in Pa:
                    pressure (compression positive) or shear stress above that of the unloaded pad;
                    x runs along increasing column, y along increasing row, the origin is the
-                   centre of the array. NaN and infinity mark invalid tactels.""",
+                   centre of the array. NaN and infinity mark invalid tactels.
+                   With --calibration: raw counts, (N, rows, columns), as they come from the
+                   device; the file, which the command `calibrate` makes, says all the rest.""",
         epilog=f"""\
 Output arrays, SI units; NaN where a type does not have a value, and in every real number of a
 frame that is not valid:
@@ -110,10 +120,15 @@ Example
 {EXAMPLE}
 Exit status: 0, or 1 after one line that says what is wrong; then nothing is written.""")
     arguments.add_argument('frames', nargs='?', metavar='FRAMES.npz', help='input')
-    arguments.add_argument('--pitch', nargs='+', required=True, metavar='M',
+    arguments.add_argument('--calibration', metavar='CAL.yaml',
+                           help='what turns counts into pressure: size, pitch, gains, noise, skin')
+    arguments.add_argument('--tare', metavar='U.npz',
+                           help='frames (n, rows, columns) of the unloaded pad in counts, taken '
+                           'close to those to estimate (default: the baseline of the calibration)')
+    arguments.add_argument('--pitch', nargs='+', metavar='M',
                            help='distance between tactels, or along x and along y [m]')
     arguments.add_argument(
-        '--layers', required=True, metavar='COMPONENT@DEPTH,...',
+        '--layers', metavar='COMPONENT@DEPTH,...',
         help=f'stress component ({", ".join(COMPONENTS)}) and depth below the surface of the '
         'skin [m] of each layer in turn, for instance zz@0.002 or zz@0.002,xz@0.002')
     arguments.add_argument('-o', '--out', required=True, metavar='OUT',
@@ -126,7 +141,7 @@ Exit status: 0, or 1 after one line that says what is wrong; then nothing is wri
                            help='find the depth of the tactels from each frame, near that given')
     arguments.add_argument('--tactel', choices=TACTELS,
                            help='a tactel measures the stress at its centre, or the mean over '
-                           'its area (default: point)')
+                           'its area (default: as the calibration says, or point)')
     arguments.add_argument('--dead', default='', metavar='R,C;R,C',
                            help='row and column, from 0, of tactels that are never used (in '
                            'quotes, because of the semicolon)')
@@ -135,16 +150,34 @@ Exit status: 0, or 1 after one line that says what is wrong; then nothing is wri
                            'of each frame shows)')
     arguments.add_argument('--full-scale', default='0', metavar='PA',
                            help='from here on a tactel is saturated and not used')
+    arguments.add_argument('--floor', default='0', metavar='PA',
+                           help='a tactel at or below it is only known to be below it: clipped, '
+                           'or under a threshold (default: all are measured)')
+    for item in RULES:
+        low, high = item.metadata['range']
+        unit = f' [{item.metadata["unit"]}]' * bool(item.metadata['unit'])
+        arguments.add_argument(f'--{item.name.replace("_", "-")}', metavar='X', help=(
+            f'{item.metadata["doc"]}{unit}, {low:g} to {high:g} (default: {item.default:g})'))
     return arguments
 
 
 def parse(args: list[str] | None = None) -> argparse.Namespace:
     """Parse the command line; the input may also stand behind `--pitch`."""
     options = parser().parse_args(args)
-    if options.frames is None and len(options.pitch) > 1:
+    if options.frames is None and options.pitch and len(options.pitch) > 1:
         options.frames = options.pitch.pop()
     if options.frames is None:
         raise ConfigurationError('FRAMES.npz is missing')
+    if options.calibration:
+        for name in ('pitch', 'layers'):
+            if getattr(options, name):
+                raise ConfigurationError(f'--{name} stands in the calibration; give either')
+    else:
+        for name in ('pitch', 'layers'):
+            if getattr(options, name) is None:
+                raise ConfigurationError(f'--calibration is missing, or --{name}')
+        if options.tare:
+            raise ConfigurationError('--tare needs --calibration: it is of frames in counts')
     return options
 
 
@@ -194,8 +227,14 @@ def parse_dead(text: str, array: TactelArray) -> np.ndarray:
 def make_config(options: argparse.Namespace) -> EstimatorConfig:
     """Return the estimator's configuration with the options that were given."""
     given = {name: getattr(options, name) for name in ('method', 'model', 'tactel')}
+    for item in RULES:
+        text = getattr(options, item.name)
+        if text is not None:
+            given[item.name] = number(f'--{item.name.replace("_", "-")}', text, -math.inf,
+                                      math.inf, item.metadata['unit'])
     return EstimatorConfig(
-        fit_depth=options.fit_depth, **{name: value for name, value in given.items() if value})
+        fit_depth=options.fit_depth,
+        **{name: value for name, value in given.items() if value is not None})
 
 
 def make_sensor(options: argparse.Namespace, reader: ArrayReader) -> tuple:
@@ -221,8 +260,49 @@ def make_sensor(options: argparse.Namespace, reader: ArrayReader) -> tuple:
     array = TactelArray(rows, columns, pitch[0], pitch[-1])
     noise = number('--noise', options.noise, 0.0, 1e9, 'Pa')
     full_scale = number('--full-scale', options.full_scale, 0.0, 1e12, 'Pa')
-    return array, [Layer(component, depth, np.empty(0), full_scale, noise)
+    floor = number('--floor', options.floor, -1e12, 1e12, 'Pa')
+    return array, [Layer(component, depth, np.empty(0), full_scale, noise, floor=floor)
                    for component, depth in layers], parse_dead(options.dead, array)
+
+
+def read_frames(path: str, calibration: Calibration) -> np.ndarray:
+    """Return all frames (N, rows, columns) of a file in counts of a calibrated sensor."""
+    reader = ArrayReader(path, 'frames')
+    check_counts(path, reader, calibration)
+    return np.concatenate([np.array(part) for part in reader.chunks(MAX_CHUNK)])
+
+
+def check_counts(path: str, reader: ArrayReader, calibration: Calibration) -> None:
+    """Raise a ConfigurationError unless frames are counts of a calibrated sensor."""
+    shape, expected = reader.shape, calibration.raw_shape
+    if len(shape) != 3 or shape[1:] != expected or 0 in shape:
+        raise ConfigurationError(f'{path}: frames has shape {shape}, must be (N, {expected[0]}, '
+                                 f'{expected[1]}) as the calibration says, N at least 1')
+    if reader.dtype.kind not in 'uif':
+        raise ConfigurationError(f'{path}: frames is of type {reader.dtype}, must be of counts')
+
+
+def calibrated_sensor(options: argparse.Namespace, reader: ArrayReader) -> tuple:
+    """Array, layers, dead tactels and the function from frames to stress, by a calibration."""
+    calibration = load_calibration(options.calibration)
+    check_counts(options.frames, reader, calibration)
+    tare = None
+    if options.tare:
+        try:
+            tare = calibration.make_tare(read_frames(options.tare, calibration))
+        except TareRefusedError as error:
+            raise ConfigurationError(f'--tare {options.tare}: {error}') from error
+    if options.tactel is None and calibration.tactel:
+        options.tactel = calibration.tactel
+    layer = calibration.layer(tare)
+    changes: dict[str, Any] = {key: number(f'--{name}', getattr(options, key), 0.0, 1e12, 'Pa')
+               for key, name in (('full_scale', 'full-scale'),) if getattr(options, key) != '0'}
+    noise = number('--noise', options.noise, 0.0, 1e9, 'Pa')
+    if noise:
+        changes['noise_std'] = noise
+    dead = parse_dead(options.dead, calibration.array)
+    return (calibration.array, [replace(layer, **changes)], dead,
+            lambda frames: calibration.stress(frames, tare))
 
 
 class Tally:
@@ -235,7 +315,7 @@ class Tally:
 
     def add(self, records):
         """Count rows of the output."""
-        refused = records['flags'][~records['valid']]
+        refused = records['reasons'][~records['valid']]
         self._invalid += len(refused)
         for kind in self._types:
             self._types[kind] += int(np.count_nonzero(records['type'] == kind))
@@ -252,9 +332,15 @@ class Tally:
 
 def run(options: argparse.Namespace) -> str:
     """Estimate every frame of the input; returns the summary."""
-    config = make_config(options)
     reader = ArrayReader(options.frames, 'frames')
-    array, layers, dead = make_sensor(options, reader)
+    if options.calibration:
+        array, layers, dead, to_stress = calibrated_sensor(options, reader)
+    else:
+        array, layers, dead = make_sensor(options, reader)
+
+        def to_stress(frames):
+            return np.array(frames, dtype=np.float64)
+    config = make_config(options)
     if Path(options.out).exists() and os.path.samefile(options.frames, options.out):
         raise ConfigurationError(f'{options.out}: is the input as well')
     total = reader.shape[0]
@@ -266,7 +352,7 @@ def run(options: argparse.Namespace) -> str:
         begin = time.perf_counter()
         with Progress(total, QUIET) as progress:
             for frames in reader.chunks(chunk):
-                stress = np.array(frames, dtype=np.float64)
+                stress = to_stress(frames)
                 stress[..., dead] = np.nan
                 records = estimator.estimate_batch(stress, array, layers)
                 done += len(frames)

@@ -6,17 +6,22 @@ import numpy as np
 
 from tactile_common.kernels import njit
 from tactile_sensing.contact.gauss_newton import LINE, POINT
+from tactile_sensing.contact.ladder import add_lacking_rows, BEGINS, ENDS, limits_of, PATCH
 from tactile_sensing.contact.parameters import chord
 from tactile_sensing.contact.preprocessing import DETECTION
 from tactile_sensing.half_space.kernels import line_stress, point_stress, Q0, Q1
 from tactile_sensing.half_space.layers import first_pressure_layer, half_sides, PRESSURE
+from tactile_sensing.skin import kernels
+from tactile_sensing.skin.kernels import sharp_top
 from tactile_sensing.types.contact import ContactType, Reason
 
+SCATTER_EVIDENCE = 3.0  # standard deviations
 ELSEWHERE = 2.0  # depths from the load that are elsewhere
 FORCE_WINDOW = 2.0  # half side of the window of the second force estimate of a point [depths]
 # Tactels of a point around the peak, of a line: three to eight for each parameter.
 MIN_POINT_TACTELS, MIN_LINE_TACTELS = 15, 24
 SECOND_CONTACT = 0.15  # of the peak, left over elsewhere, that makes a second contact
+LARGEST_PATCH = 0.95  # of the largest variance; more is none of the patches that are known
 BORDER_STD = 0.1  # depths; a load under the outermost tactels must be located better than that
 
 _NONE, _OTHER = int(ContactType.NONE), int(ContactType.OTHER)
@@ -39,8 +44,45 @@ def _measured(kind, x, y, cos, sin, load, layer, nodes):
 
 
 @njit(error_model='numpy')
-def compare(kind, stress, sensor, layers, load, left, model):
+def _fill_from_skin(kind, sensor, layers, load, memory):
+    """Picture of a load, with what makes it more than sharp and whole."""
+    model, shapes, tip, source = (
+        memory.model, memory.tactels.shapes, memory.tip_shapes, memory.source[0])
+    cos, sin = math.cos(load.yaw), math.sin(load.yaw)
+    model[:] = 0.0
+    for k in range(layers.size):
+        layer, centre = layers[k], kernels.centre_of(layers[k].depth)
+        kernel = kernels.coefficients_of(shapes[k])
+        for j in range(sensor.nodes.size):
+            node = sensor.nodes[j]
+            x = sensor.x + node.x
+            for r in range(sensor.y.size):
+                y = sensor.y[r] + node.y
+                if kind == POINT:
+                    kernels.add_point_row(
+                        x, y, load, kernel, centre, node.weight, model[k, r])
+                else:
+                    kernels.add_line_row(x, y, cos, sin, load.rho, load, kernel, centre,
+                                         node.weight, model[k, r])
+        if not load.extras & (BEGINS | ENDS):
+            continue
+        _, _, seen_from, seen_to = limits_of(sensor, load, layer.depth)
+        kernels.make_shape(
+            sensor.polynomials[k], layer.depth, 0, 0.0, load.variance, tip[0], tip[1])
+        if load.extras & BEGINS:
+            add_lacking_rows(seen_from, load.start, sensor, layer, k, load, tip[0], source, model)
+        if load.extras & ENDS:
+            add_lacking_rows(load.end, seen_to, sensor, layer, k, load, tip[0], source, model)
+
+
+@njit(error_model='numpy')
+def compare(kind, sensor, layers, load, memory):
     """Load into model, and what it leaves; NaN in left for layers that do not show a line."""
+    stress, left, model = memory.stress, memory.left, memory.model
+    if load.extras or not sensor.closed:
+        _fill_from_skin(kind, sensor, layers, load, memory)
+        left[:] = stress - model
+        return
     cos, sin = math.cos(load.yaw), math.sin(load.yaw)
     for k in range(layers.size):
         if kind == LINE and layers[k].component != PRESSURE:
@@ -55,9 +97,13 @@ def compare(kind, stress, sensor, layers, load, left, model):
 
 
 @njit(error_model='numpy')
-def _sums_of_squares(left, model, layers, model_error):
-    """Squared error, chi-square with the allowance of the model's error, and live tactels."""
-    squared = chi = 0.0
+def _sums_of_squares(left, model, layers, model_error, scatter):
+    """
+    Squared error, chi-square with the allowance of the model's error, and live tactels.
+
+    The last is the squared error by the weights of a fit that knows of scatter.
+    """
+    squared = chi = weighted = 0.0
     count = 0
     for k in range(layers.size):
         noise = layers[k].noise
@@ -68,8 +114,10 @@ def _sums_of_squares(left, model, layers, model_error):
                     allowed = model_error * model[k, r, c] / noise
                     squared += rest * rest
                     chi += rest * rest / (1.0 + allowed * allowed)
+                    off = scatter * model[k, r, c] / noise
+                    weighted += rest * rest / (1.0 + off * off)
                     count += 1
-    return squared, chi, count
+    return squared, chi, count, weighted
 
 
 @njit(error_model='numpy')
@@ -148,6 +196,33 @@ def _second_contact(kind, left, sensor, load, depth, threshold):
 
 
 @njit(error_model='numpy')
+def find_scatter(left, model, layers, known, parameters):
+    """
+    What tactels are off beside noise, as a share of the pressure: their gains, or the model.
+
+    From the squares of what is left where the load presses; the known share where no more shows.
+    """
+    excess = fourth = second = 0.0
+    for k in range(layers.size):
+        noise = layers[k].noise
+        for r in range(left.shape[1]):
+            for c in range(left.shape[2]):
+                rest = left[k, r, c] / noise
+                if np.isfinite(rest):
+                    m = (model[k, r, c] / noise) ** 2
+                    expected = 1.0 + known * known * m
+                    share = m / expected
+                    excess += (rest * rest / expected - 1.0) * share
+                    fourth += share * share
+                    second += share
+    if not excess > SCATTER_EVIDENCE * math.sqrt(2.0 * fourth):
+        return known
+    loaded = second * second / fourth  # tactels; the parameters took their part of what was left
+    taken = max(loaded - parameters, 0.25 * loaded) / loaded
+    return math.sqrt(known * known + excess / fourth / taken)
+
+
+@njit(error_model='numpy')
 def refute(kind, sensor, layers, rules, memory, estimate):
     """
     Hold the load that was fitted to a frame against what it leaves.
@@ -160,15 +235,21 @@ def refute(kind, sensor, layers, rules, memory, estimate):
         return _OTHER, _BAD_FIT | _FEW
     main = first_pressure_layer(layers)
     depth, noise = layers[main].depth, layers[main].noise
-    compare(kind, memory.stress, sensor, layers, fit, left, model)
-    squared, chi, count = _sums_of_squares(left, model, layers, rules.model_error)
+    squared, chi, count, weighted = _sums_of_squares(
+        left, model, layers, math.hypot(rules.model_error, rules.gain_spread), memory.scatter[0])
     peak = model[main].max()
     if not (peak > 0.0 and np.isfinite(chi + squared)):
         return _OTHER, _BAD_FIT
     freedom = max(count - (5 if kind == POINT else 3), 1)
-    top = 2.0 * fit.force / (np.pi * depth) if kind == LINE else peak
+    if fit.extras & PATCH and fit.variance > LARGEST_PATCH * kernels.largest_variance(depth):
+        return _OTHER, _BAD_FIT
+    top = peak
+    if kind == LINE:  # on a line that only passes by, too
+        top = 2.0 * fit.force / (np.pi * depth) if sensor.closed else (
+            fit.force * sharp_top(sensor.polynomials[main], depth))
     estimate.snr = 20.0 * math.log10(top / noise)
     estimate.residual = math.sqrt(squared / freedom)
+    memory.excess[0] = max(1.0, weighted / freedom)
     estimate.iterations = fit.iterations
     estimate.force_windowed = _window_ratio(kind, left[main], model[main], sensor, fit, depth)
 
@@ -176,7 +257,7 @@ def refute(kind, sensor, layers, rules, memory, estimate):
     if weak and kind == POINT:  # noise has peaks, but hardly ridges: a line is judged first
         return _NONE, _LOW_SNR
     threshold = max(DETECTION * noise / 3.0, SECOND_CONTACT * peak)
-    if _second_contact(kind, left[main], sensor, fit, depth, threshold):
+    if memory.second[0] or _second_contact(kind, left[main], sensor, fit, depth, threshold):
         return _OTHER, _BAD_FIT | _TWO
     if chi > rules.max_chi_square * freedom or _lacks_load(left[main], threshold):
         return _OTHER, _BAD_FIT

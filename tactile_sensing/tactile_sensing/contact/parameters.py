@@ -16,6 +16,7 @@ chord: Any = njit(error_model='numpy')(chord_length)
 # Rows of an estimate's covariance for the parameters of a point's fit, and for what `_line_map`
 # makes of a line's: without shear the first four.
 POINT_ROWS = (ROW.a, ROW.b, ROW.normal_force, ROW.shear_force_x, ROW.shear_force_y)
+FORCE_ROWS = (ROW.normal_force, ROW.shear_force_x, ROW.shear_force_y, ROW.line_force)
 LINE_ROWS = (ROW.a, ROW.yaw, ROW.normal_force, ROW.line_force,
              ROW.shear_force_x, ROW.shear_force_y)
 
@@ -64,14 +65,15 @@ def write_point(load, cov, estimate):
 
 
 @njit(error_model='numpy')
-def write_line(load, cov, with_shear, sensor, estimate):
-    """Line into an estimate: forces on the pad."""
+def write_line(load, cov, with_shear, first, last, sensor, estimate):
+    """Line, loaded from first to last along itself [m], into an estimate: forces on the pad."""
     half_x, half_y = half_sides(sensor)
     rho, yaw, force, shear = load.rho, load.yaw, load.force, load.shear
     cos, sin = math.cos(yaw), math.sin(yaw)
     length, step = chord(rho, yaw, half_x, half_y), 1e-6
     by_rho = (chord(rho + step, yaw, half_x, half_y) - length) / step
     by_yaw = (chord(rho, yaw + step, half_x, half_y) - length) / step
+    length = max(last - first, 0.0)
     estimate.a, estimate.b, estimate.yaw = rho / cos, 0.0, yaw
     estimate.normal_force, estimate.line_force = force * length, force
     if with_shear:
@@ -92,6 +94,16 @@ def write_line(load, cov, with_shear, sensor, estimate):
                 for m in range(4):
                     total += change[i, k] * cov[k, m] * change[j, m]
             estimate.covariance[LINE_ROWS[i], LINE_ROWS[j]] = total
+
+
+@njit(error_model='numpy')
+def forget_forces(estimate):
+    """Make every force NaN, and their covariance: no gain is known."""
+    estimate.normal_force = estimate.line_force = estimate.force_windowed = np.nan
+    estimate.shear_force_x = estimate.shear_force_y = np.nan
+    for row in FORCE_ROWS:
+        for i in range(estimate.covariance.shape[0]):
+            estimate.covariance[row, i] = estimate.covariance[i, row] = np.nan
 
 
 @njit(error_model='numpy')

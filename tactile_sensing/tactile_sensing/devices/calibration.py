@@ -1,17 +1,25 @@
 """From raw counts to pressure: calibration file, tare, invalid tactels."""
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field, fields, replace
 import math
+from typing import Any
 
 import numpy as np
+import yaml
 
 from tactile_common.errors import ConfigurationError, TactileError
 from tactile_common.yaml_file import read_yaml
+from tactile_sensing.devices.counts import Counts
+from tactile_sensing.devices.unloaded import unloaded_statistics
 from tactile_sensing.types.array import TactelArray
 from tactile_sensing.types.image import COMPONENTS, Layer, SensorInfo
+from tactile_sensing.types.skin import Skin
 
 UNITS = ('Pa', 'counts')
 # Fewer frames tell neither the noise nor whether the picture is steady.
 MIN_TARE_FRAMES = 20
+TOLERANCE = 5 / 255  # of the range, where no tolerance of a tare is given
+SILENT = 0.99  # share of readings under a threshold beyond which it hides the noise
+THRESHOLD_STD = 4.0  # standard deviations of noise at which thresholds are set (3.5)
 CHANCE = 5.0  # standard deviations that a mean may be off by chance
 
 
@@ -24,7 +32,13 @@ class Tare:
     """Picture of the unloaded pad."""
 
     offset: np.ndarray  # mean counts, shape (rows, columns), float32
-    noise_std: float  # standard deviation of one tactel from frame to frame [counts]
+    noise: np.ndarray  # standard deviation of every tactel [counts], float32
+    live: np.ndarray  # tactels that are used, bool
+
+    @property
+    def noise_std(self) -> float:
+        """Standard deviation of one tactel, in the mean of all that are used [counts]."""
+        return float(np.sqrt(np.mean(np.square(self.noise[self.live]))))
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,20 +46,34 @@ class Calibration:
     """
     What turns the counts of one array into a picture, and what is known of its sensor.
 
-    `gain`, pressure per count [unit/count], and `baseline`, the counts of the unloaded pad as the
-    maker or an earlier tare found them, are given for all tactels or one each, `(rows, columns)`.
-    Raises a ConfigurationError where a value is out of bounds.
+    `gain`, pressure per count [unit/count], `baseline`, the counts of the unloaded pad as the
+    maker or an earlier tare found them, and `noise` are given for all tactels or one each,
+    `(rows, columns)`. With the unit 'counts' gains are only known relative to each other, and no
+    force can be told. Raises a ConfigurationError where a value is out of bounds.
     """
 
     array: TactelArray
     gain: np.ndarray = 1.0  # type: ignore[assignment]  # becomes an array
     unit: str = 'Pa'  # or 'counts' if nothing is known
     baseline: np.ndarray = 0.0  # type: ignore[assignment]
-    saturation: int = 255  # counts from which on a tactel is at full scale, its value unknown
+    noise: np.ndarray = 0.0  # type: ignore[assignment]  # standard deviation [counts]; 0 = unknown
+    gain_spread: float = 0.0  # standard deviation of the true gains about these, relative
+    bits: int = 8  # this and the next three: see `Counts`
+    signed: bool = False
+    threshold: int | None = None
+    saturation: int | None = None
     dead_tactels: tuple = ()  # row-major indices of tactels that are never used
-    tare_tolerance: float = 5.0  # of an unloaded tactel, from `baseline` [counts]; more is a load
+    # From `baseline` of an unloaded tactel [counts]; more is a load. 0: TOLERANCE.
+    tare_tolerance: float = 0.0
+    # Row of the raw frames that is each row of the picture, likewise columns; empty: as they come.
+    row_order: tuple = ()
+    column_order: tuple = ()
+    transposed: bool = False  # whether raw frames have the picture's rows as columns
     component: str = 'zz'  # of the stress
     depth: float = 0.0  # of the tactels below the surface of the skin [m]
+    thickness: float = 0.0  # of the skin on a rigid backing [m]; 0 = no backing near
+    poisson: float = 0.5  # Poisson's ratio of the skin
+    tactel: str = ''  # 'area' or 'point': what a tactel measures; empty: as the estimator is told
     skin_stiffness: float = 0.0  # line force per length and indentation [N/m^2]; 0 = unknown
     max_load: float = 0.0  # largest normal force on the pad [N]; 0 = unknown
     acquisition_delay: float = 0.0  # from its middle to the arrival of the last byte [s]
@@ -53,11 +81,13 @@ class Calibration:
     model: str = 'flexitac'  # kind of device
     serial_number: str = ''
     source: str = ''  # where these values come from
+    found: dict = field(default_factory=dict)  # how they were found, how well, what was assumed
     live: np.ndarray = field(init=False, repr=False)  # (rows, columns): whether a tactel is used
+    counts: Counts = field(init=False, repr=False)
 
     def __post_init__(self):
-        for name in ('tare_tolerance', 'depth', 'skin_stiffness', 'max_load',
-                     'acquisition_delay', 'nominal_rate'):
+        for name in ('tare_tolerance', 'depth', 'thickness', 'skin_stiffness', 'max_load',
+                     'gain_spread', 'acquisition_delay', 'nominal_rate'):
             value = getattr(self, name)
             if not _is_number(value) or not 0.0 <= value < math.inf:
                 raise ConfigurationError(f'{name} is {value!r}, must be a number of at least 0')
@@ -68,17 +98,29 @@ class Calibration:
         for name in ('model', 'serial_number', 'source'):
             if not isinstance(getattr(self, name), str):
                 raise ConfigurationError(f'{name} is {getattr(self, name)!r}, must be a text')
-        if type(self.saturation) is not int or not 1 <= self.saturation <= 256:
-            raise ConfigurationError(
-                f'saturation is {self.saturation!r}, must be an integer from 1 to 256')
+        if self.depth > 0.0:
+            Skin(self.depth, self.thickness or math.inf, self.poisson)
+        if self.tactel not in ('', 'area', 'point'):
+            raise ConfigurationError(f"tactel is {self.tactel!r}, must be 'area' or 'point'")
+        if not isinstance(self.found, dict):
+            raise ConfigurationError(f'found is {self.found!r:.60}, must be a mapping')
+        counts = Counts(self.bits, self.signed, self.threshold, self.saturation)
+        object.__setattr__(self, 'counts', counts)
+        if self.tare_tolerance == 0.0:
+            object.__setattr__(
+                self, 'tare_tolerance', TOLERANCE * (counts.highest - counts.lowest))
         gain = self._per_tactel('gain')
         if not gain.min() > 0.0:
             raise ConfigurationError(f'gain is {gain.min()} at least once, must be above 0')
         baseline = self._per_tactel('baseline')
-        if baseline.min() < 0.0 or baseline.max() >= self.saturation:
+        if baseline.min() < counts.lowest or baseline.max() >= counts.saturation:
             raise ConfigurationError(
-                f'baseline is {baseline.min()} to {baseline.max()}, must be at least 0 and '
-                f'below saturation = {self.saturation}')
+                f'baseline is {baseline.min()} to {baseline.max()}, must be at least '
+                f'{counts.lowest} and below saturation = {counts.saturation}')
+        if self._per_tactel('noise').min() < 0.0:
+            raise ConfigurationError(f'noise is {self.noise.min()} at least once, must be at '
+                                     'least 0')
+        self._check_order()
         object.__setattr__(self, 'live', self._live())
 
     def _per_tactel(self, name):
@@ -95,6 +137,28 @@ class Calibration:
         values.flags.writeable = False
         object.__setattr__(self, name, values)
         return values
+
+    def _check_order(self):
+        for name, size in (('row_order', self.array.rows), ('column_order', self.array.columns)):
+            value = getattr(self, name)
+            if value and not (isinstance(value, (list, tuple))
+                              and all(type(item) is int for item in value)
+                              and sorted(value) == list(range(size))):
+                raise ConfigurationError(
+                    f'{name} is {value!r:.60}, must hold every integer from 0 to {size - 1} once')
+
+    def arrange(self, frames: np.ndarray) -> np.ndarray:
+        """Return raw frames (..., rows, columns) in the order of the picture."""
+        if self.transposed:
+            frames = np.swapaxes(frames, -1, -2)
+        if self.row_order:
+            frames = frames[..., list(self.row_order), :]
+        return frames[..., list(self.column_order)] if self.column_order else frames
+
+    @property
+    def raw_shape(self) -> tuple[int, int]:
+        """Shape of a raw frame."""
+        return self.array.shape[::-1] if self.transposed else self.array.shape
 
     def _live(self):
         live = np.ones(self.array.rows * self.array.columns, bool)
@@ -114,9 +178,11 @@ class Calibration:
         Return a calibration that passes the counts through.
 
         The pitch is one length or two, along x and y [m]; values are other fields of the class.
+        The depth of the tactels is taken as the smaller pitch where it is not given.
         """
         pitch_x, pitch_y = _pair(pitch)
-        values = {'unit': 'counts', 'model': 'uncalibrated', 'source': 'none', **values}
+        values = {'unit': 'counts', 'model': 'uncalibrated', 'source': 'none',
+                  'depth': float(min(pitch_x, pitch_y)), **values}
         return cls(TactelArray(rows, columns, pitch_x, pitch_y), **values)
 
     def make_tare(self, frames) -> Tare:
@@ -129,14 +195,20 @@ class Calibration:
             Too few frames, a load on a live tactel, or a picture that moves.
         """
         frames = np.asarray(frames)
-        if frames.ndim != 3 or frames.shape[1:] != self.array.shape:
+        if frames.ndim != 3 or frames.shape[1:] != self.raw_shape:
             raise TareRefusedError(
-                f'frames have shape {frames.shape}, must be (n, {self.array.rows}, '
-                f'{self.array.columns})')
+                f'frames have shape {frames.shape}, must be (n, {self.raw_shape[0]}, '
+                f'{self.raw_shape[1]})')
         if len(frames) < MIN_TARE_FRAMES:
             raise TareRefusedError(f'{len(frames)} frames, at least {MIN_TARE_FRAMES} are needed')
-        offset = frames.mean(axis=0, dtype=np.float64)
-        noise_std = float(np.sqrt(frames.var(axis=0, ddof=1, dtype=np.float64)[self.live].mean()))
+        frames = self.arrange(frames)
+        offset, noise = unloaded_statistics(
+            frames, self.counts.threshold, self.counts.lowest, self.live)
+        counts = self.counts
+        if counts.threshold > counts.lowest + 1 and (
+                np.mean(frames[:, self.live] < counts.threshold) > SILENT):
+            # All that is known of the noise is that the threshold keeps it out.
+            noise = np.maximum(noise, (counts.threshold - 0.5 - counts.lowest) / THRESHOLD_STD)
         # From frame to frame, and by the median, so that a load that comes is no noise.
         steps = np.abs(np.diff(frames[:, self.live].astype(np.float64), axis=0))
         chance = CHANCE * 1.05 * float(np.median(steps)) / np.sqrt(len(frames))  # of a mean
@@ -148,7 +220,7 @@ class Calibration:
             raise TareRefusedError(
                 f'not steady: a tactel changes by {np.abs(change).max():.1f} counts within '
                 f'{len(frames)} frames, at most {allowed:.1f} are allowed')
-        return Tare(offset.astype(np.float32), noise_std)
+        return Tare(offset.astype(np.float32), noise.astype(np.float32), self.live)
 
     def _refuse_load(self, deviation, chance):
         worst = np.unravel_index(np.abs(deviation).argmax(), deviation.shape)
@@ -164,34 +236,48 @@ class Calibration:
         """
         Return the function that turns raw counts into a picture; without tare, by the baseline.
 
-        It takes counts `(rows, columns)`, uint8, and returns `(Layer, saturated)`: stress with
-        NaN for dead and saturated tactels, and the number of live ones that are saturated.
+        It takes counts `(rows, columns)` of the raw frame, and returns `(Layer, saturated)`:
+        stress with NaN for dead and saturated tactels, and the number of live ones that are
+        saturated.
         """
         offset = self.baseline if tare is None else tare.offset
         zero = np.where(self.live, self.gain * offset, np.nan).astype(np.float32)
-        template = self.layer(tare)
+        template, full = self.layer(tare), self.counts.saturation
 
         def convert(counts):
+            counts = self.arrange(counts)
             stress = self.gain * counts
             stress -= zero
             saturated = 0
-            if counts.max() >= self.saturation:
-                invalid = (counts >= self.saturation) & self.live
+            if counts.max() >= full:
+                invalid = (counts >= full) & self.live
                 stress[invalid] = np.nan
                 saturated = int(np.count_nonzero(invalid))
-            return Layer(template.component, template.depth, stress, template.full_scale,
-                         template.noise_std, template.unit), saturated
+            return replace(template, stress=stress), saturated
 
         return convert
 
-    def layer(self, tare=None) -> Layer:
-        """Return the layer without values: component, depth, unit, full scale and noise."""
+    def stress(self, frames: np.ndarray, tare=None) -> np.ndarray:
+        """Return the stress of raw frames (N, rows, columns), NaN as for `converter`."""
+        counts = self.arrange(np.asarray(frames, dtype=np.float64))
+        usable = self.live & (counts < self.counts.saturation)
         offset = self.baseline if tare is None else tare.offset
-        # The full scale that every live tactel reaches; counts below saturation are valid.
-        full_scale = (self.gain * (self.saturation - offset))[self.live].min()
-        noise = 0.0 if tare is None else tare.noise_std * float(self.gain[self.live].mean())
-        return Layer(self.component, self.depth, np.empty(0, np.float32), float(full_scale),
-                     noise, self.unit)
+        return np.where(usable, self.gain * (counts - offset), np.nan)
+
+    def layer(self, tare=None) -> Layer:
+        """Return the layer without values: component, skin, unit, range and noise."""
+        offset, noise = self.baseline, np.where(
+            self.noise > 0.0, np.maximum(self.noise, 12**-0.5), 0.0)
+        if tare is not None:
+            offset, noise = tare.offset, tare.noise
+        gain, offset, noise = self.gain[self.live], offset[self.live], noise[self.live]
+        # What every live tactel reaches at the top, and what none is below at the bottom.
+        full_scale = (gain * (self.counts.saturation - offset)).min()
+        floor = (gain * (self.counts.threshold - 0.5 - offset)).max()
+        return Layer(
+            self.component, self.depth, np.empty(0, np.float32), float(full_scale),
+            float(np.sqrt(np.mean((gain * noise)**2))), self.unit, self.thickness or math.inf,
+            self.poisson, self.gain_spread, float(floor) or 1e-9)
 
     def sensor_info(self, sensor, frame_id, stamp_ns, tare=None, tared_at_ns=0) -> SensorInfo:
         """Return what is known of the sensor, for those who read its pictures."""
@@ -204,7 +290,7 @@ class Calibration:
 
 
 _FILE_KEYS = {'rows', 'columns', 'pitch', *(f.name for f in fields(Calibration))} - {
-    'array', 'source', 'live'}
+    'array', 'source', 'live', 'counts'}
 
 
 def load_calibration(path) -> Calibration:
@@ -223,6 +309,46 @@ def load_calibration(path) -> Calibration:
         return _from_mapping(read_yaml(path), str(path))
     except ConfigurationError as error:
         raise ConfigurationError(f'calibration {path}: {error}') from error
+
+
+def save_calibration(calibration: Calibration, path) -> None:
+    """
+    Write a calibration file that `load_calibration` reads.
+
+    Raises
+    ------
+    ConfigurationError
+        The file cannot be written.
+    """
+    array = calibration.array
+    values: dict = {'rows': array.rows, 'columns': array.columns,
+                    'pitch': [float(array.pitch_x), float(array.pitch_y)]}
+    for item in fields(Calibration):
+        value = getattr(calibration, item.name)
+        default: Any = item.default
+        if item.name not in _FILE_KEYS or (
+                item.name != 'gain' and np.array_equal(value, default)):
+            continue
+        if isinstance(value, np.ndarray):
+            value = _tidy(value)
+        elif item.name == 'dead_tactels':
+            value = [[index // array.columns, index % array.columns] for index in value]
+        elif isinstance(value, tuple):
+            value = list(value)
+        values[item.name] = value
+    try:
+        with open(path, 'w', encoding='utf-8') as stream:
+            stream.write('# Calibration of one array; `found` says how, how well, and what was '
+                         'assumed.\n')
+            yaml.safe_dump(values, stream, sort_keys=False, width=99, default_flow_style=None)
+    except OSError as error:
+        raise ConfigurationError(f'calibration {path}: {error.strerror}') from error
+
+
+def _tidy(values):
+    """One number if all are the same, else rows of numbers; of five digits."""
+    rows = [[float(f'{value:.5g}') for value in row] for row in values]
+    return rows[0][0] if len({value for row in rows for value in row}) == 1 else rows
 
 
 def _from_mapping(values, source):

@@ -90,8 +90,7 @@ class DriverNode(TactileNode):
         self._calibration = calibration or load_calibration(
             self._config.calibration or os.path.join(
                 get_package_share_directory('tactile_sensing'), 'config', protocol.calibration))
-        geometry = self._calibration.array
-        self._decoder = protocol.decoder(geometry.rows, geometry.columns)
+        self._decoder = protocol.decoder(*self._calibration.raw_shape)
         self._frames = FrameClock(self._decoder, self._calibration.nominal_rate)
         self._delay_ns = round(self._calibration.acquisition_delay * 1e9)
         # The executor and the reader both tare: the lock guards these four.

@@ -7,6 +7,7 @@ from tactile_servo.config import ServoConfig
 from tactile_servo.law import ServoLaw
 from tactile_servo.laws.edge_following import EdgeFollowing
 from tactile_servo.laws.resolved_rate import ResolvedRate
+from tactile_servo.laws.surface_following import SurfaceFollowing
 
 
 class Row(NamedTuple):
@@ -20,6 +21,7 @@ class Row(NamedTuple):
 _ROWS = (
     Row(EdgeFollowing, 'track_edge', closes_contours=True),
     Row(ResolvedRate, 'track_edge'),
+    Row(SurfaceFollowing, 'track_surface'),
 )
 LAWS: dict[str, Row] = {row.law.name: row for row in _ROWS}
 DEFAULT: str = _ROWS[0].law.name

@@ -1,0 +1,210 @@
+"""Command: from recordings of raw counts to a calibration file."""
+
+import argparse
+from pathlib import Path
+import sys
+
+import numpy as np
+
+from tactile_common.errors import ConfigurationError, TactileError
+from tactile_common.npz_stream import ArrayReader
+from tactile_common.progress import Progress
+from tactile_sensing.calibration.procedure import calibrate, Known, Outcome, Recordings
+from tactile_sensing.calibration.report import draw_report
+from tactile_sensing.cli.estimate import MAX_CHUNK, MAX_LENGTH, number
+from tactile_sensing.devices.calibration import save_calibration
+
+STEPS = 4  # that the progress bar counts, at most
+MOST_NAMED = 8  # frames that are named as left out
+
+EPILOG = """\
+What to record, each into a file of its own (numpy.savez(FILE, frames=frames), frames of raw
+counts, (N, rows, columns)); every step is optional, and the file says what was assumed instead:
+
+  1 unloaded  a hundred frames with nothing on the pad: offset, noise, dead tactels, threshold
+  2 corners   four frames, a finger in each corner: of the first row and column, the first row and
+              last column, the last row and last column, the last row and first column. Where wires
+              are scrambled: --rolling, a ball rolled slowly all over the pad
+  3 ball      twenty frames, a small ball (1 mm radius or so) pressed anywhere, neither hard nor
+              close to the border: depth and thickness of the skin; with --force also the gain
+  4 flat      forty presses of the same ball all over the pad: the gain of every tactel
+
+Example: a pad of 16 x 16 tactels on one inch, a ball pressed by a weight of 100 g
+  ros2 run tactile_sensing calibrate --out pad.yaml --pitch 0.0015875 --unloaded u.npz \\
+      --ball b.npz --ball-radius 0.001 --force 0.981 --flat f.npz --report pad.png
+  ros2 run tactile_sensing estimate frames.npz --calibration pad.yaml -o contacts.npz
+
+Frames that are no single press of the ball are named and left out. Without --force places and
+directions are told and forces are not.
+
+Exit status: 0, or 1 after one line that says what is wrong; then nothing is written."""
+
+
+class _Parser(argparse.ArgumentParser):
+    def error(self, message):
+        raise ConfigurationError(message)
+
+
+def parser() -> argparse.ArgumentParser:
+    """Command line."""
+    arguments = _Parser(
+        prog='calibrate', formatter_class=argparse.RawDescriptionHelpFormatter,
+        allow_abbrev=False, epilog=EPILOG, description='Calibrate a tactile array: from '
+        'recordings of raw counts to the file that driver and `estimate` read.')
+    add = arguments.add_argument
+    add('--out', required=True, metavar='CAL.yaml', help='file to write')
+    add('--pitch', nargs='+', required=True, metavar='M',
+        help='distance between tactels, or along x and along y [m]')
+    for name, text in (('unloaded', 'of the unloaded pad'),
+                       ('corners', 'of presses in the corners'),
+                       ('rolling', 'of a ball rolled over the pad'),
+                       ('ball', 'of presses of a small ball; an array `force` (N,) [N] in it is '
+                        'that of each'), ('flat', 'of presses of the ball all over the pad')):
+        add(f'--{name}', metavar=f'{name[0].upper()}.npz', help=f'frames {text}')
+    add('--ball-radius', metavar='M', help='of the ball [m]')
+    add('--force', metavar='N', help='with which the ball was pressed, each time [N]')
+    add('--depth', metavar='M', help='of the tactels, where it is known [m]')
+    add('--thickness', metavar='M', help='of the skin on its backing, where it is known [m]')
+    add('--gain', metavar='PA', help='pressure of a count, where it is known [Pa]')
+    add('--tactel', choices=('area', 'point'), default='area',
+        help='a tactel measures the mean over its area, or the stress at its centre '
+        '(default: %(default)s)')
+    add('--bits', metavar='N', help='of the converter, 1 to 16 (default: as the counts show)')
+    add('--signed', choices=('yes', 'no'), help='counts (default: as they show)')
+    add('--threshold', metavar='COUNT', help='least count that is reported as such: smaller ones '
+        'become the lowest (default: as the counts show)')
+    add('--saturation', metavar='COUNT', help='count from which on a tactel is at full scale '
+        '(default: the highest of the converter)')
+    add('--report', metavar='FILE.png', help='draw what was found, and what is left of the '
+        'presses before and after')
+    return arguments
+
+
+def _whole(name, text, low, high):
+    try:
+        value = int(text)
+    except ValueError:
+        value = low - 1
+    if not low <= value <= high:
+        raise ConfigurationError(
+            f'{name} is {text!r}, must be an integer from {low} to {high}')
+    return value
+
+
+def _length(name, text):
+    return number(name, text, 1e-9, MAX_LENGTH, 'm') if text is not None else 0.0
+
+
+def _read(path, name='frames'):
+    reader = ArrayReader(path, name)
+    if reader.dtype.kind not in 'uif' or (
+            name == 'frames' and (len(reader.shape) != 3 or 0 in reader.shape)):
+        raise ConfigurationError(f'{path}: {name} has shape {reader.shape} and type '
+                                 f'{reader.dtype}, must be (N, rows, columns) of counts')
+    values = np.concatenate([np.array(it, dtype=float) for it in reader.chunks(MAX_CHUNK)])
+    if not np.isfinite(values).all():
+        raise ConfigurationError(f'{path}: {name} holds values that are not finite')
+    return values
+
+
+def read_recordings(options: argparse.Namespace) -> Recordings:
+    """Read the files of the options."""
+    paths = {name: getattr(options, name)
+             for name in ('unloaded', 'corners', 'rolling', 'ball', 'flat')}
+    recordings = Recordings(**{name: _read(path) for name, path in paths.items() if path})
+    recordings.ball_radius = _length('--ball-radius', options.ball_radius)
+    if (options.ball or options.flat) and not recordings.ball_radius:
+        raise ConfigurationError('--ball-radius is missing')
+    if options.force is not None:
+        if not options.ball:
+            raise ConfigurationError('--force needs --ball')
+        recordings.force = np.array(number('--force', options.force, 1e-6, 1e6, 'N'))
+    elif options.ball:
+        try:
+            recordings.force = _read(options.ball, 'force')
+        except ConfigurationError as error:
+            if 'is missing' not in str(error):
+                raise
+    if recordings.force is not None and recordings.ball is not None:
+        size, count = recordings.force.size, len(recordings.ball)
+        if size not in (1, count):
+            raise ConfigurationError(
+                f'{options.ball}: force has {size} values, must be one or {count}')
+    return recordings
+
+
+def read_known(options: argparse.Namespace) -> Known:
+    """What the options say of the sensor."""
+    if len(options.pitch) > 2:
+        raise ConfigurationError(f'--pitch takes one length or two, not {len(options.pitch)}')
+    pitch = [number('--pitch', text, 1e-9, MAX_LENGTH, 'm') for text in options.pitch]
+    known = Known((pitch[0], pitch[-1]), tactel=options.tactel)
+    known.depth = _length('--depth', options.depth)
+    known.thickness = _length('--thickness', options.thickness)
+    if known.thickness and not known.depth:
+        raise ConfigurationError('--thickness needs --depth')
+    if options.gain is not None:
+        known.gain = number('--gain', options.gain, 1e-9, 1e12, 'Pa')
+    if options.bits is not None:
+        known.bits = _whole('--bits', options.bits, 1, 16)
+    if options.signed is not None:
+        known.signed = options.signed == 'yes'
+    for name in ('threshold', 'saturation'):
+        if getattr(options, name) is not None:
+            setattr(known, name, _whole(f'--{name}', getattr(options, name), -32768, 65536))
+    return known
+
+
+def describe(outcome: Outcome) -> str:
+    """Return what was found, left out and assumed, as lines."""
+    found, lines = outcome.calibration.found, []
+    for name in ('unloaded', 'order', 'skin', 'force', 'gains'):
+        if name in found:
+            lines.append(f'{name}: {_plain(found[name])}')
+    calibration = outcome.calibration
+    lines.append(f'depth {1e3 * calibration.depth:.3f} mm, skin ' + (
+        f'{1e3 * calibration.thickness:.3f} mm thick' if calibration.thickness
+        else 'without a backing near') + f', unit {calibration.unit}')
+    for name, bad in outcome.left_out.items():
+        numbers = list(bad)[:MOST_NAMED]
+        lines += [f'{name}, frame {k} left out: {bad[k]}' for k in numbers]
+        if len(bad) > MOST_NAMED:
+            lines.append(f'{name}: and {len(bad) - MOST_NAMED} more')
+    lines += [f'assumed: {text}' for text in found['assumed']]
+    return '\n'.join(lines)
+
+
+def _plain(value):
+    if isinstance(value, dict):
+        return ', '.join(f'{key} {_plain(item)}' for key, item in value.items() if item != {})
+    return str(value)
+
+
+def run(options: argparse.Namespace) -> str:
+    """Calibrate; returns what was found."""
+    recordings, known = read_recordings(options), read_known(options)
+    folder = Path(options.out).resolve().parent
+    if not folder.is_dir():
+        raise ConfigurationError(f'{options.out}: folder {folder} does not exist')
+    with Progress(STEPS, 1.0) as progress:
+        done = iter(range(1, STEPS + 1))
+        outcome = calibrate(recordings, known, lambda text: progress.show(
+            next(done, STEPS), 'calibrate', text))
+        if options.report:
+            progress.show(STEPS, 'report')
+            draw_report(outcome, recordings.ball_radius, options.report)
+    save_calibration(outcome.calibration, options.out)
+    return f'{describe(outcome)}\n{options.out} written'
+
+
+def main(args: list[str] | None = None) -> int:
+    """Run the command; exit status 0 if the file was written."""
+    try:
+        print(run(parser().parse_args(args)), file=sys.stderr)
+    except (TactileError, OSError) as error:
+        print(f'calibrate: {" ".join(str(error).split())}', file=sys.stderr)
+        return 1
+    except KeyboardInterrupt:
+        print('calibrate: interrupted, nothing written', file=sys.stderr)
+        return 130
+    return 0

@@ -1,0 +1,23 @@
+"""Scenes of every kind, and what a sensor sees in them."""
+from pathlib import Path
+
+from tactile_simulation.renderer import EdgeRenderer
+from tactile_simulation.scene import edge_scene, parsed, Scene
+from tactile_simulation.scene_surface import surface_scene, SurfaceScene
+from tactile_simulation.surface_renderer import SurfaceRenderer
+
+
+def load_any_scene(path: str | Path) -> Scene | SurfaceScene:
+    """Read a scene of an edge or of a surface, see `load_scene`."""
+    def make(tree):
+        if isinstance(tree, dict) and 'surface' in tree:
+            return surface_scene(tree, Path(path))
+        return edge_scene(tree)
+    return parsed(path, make)
+
+
+def renderer_of(scene: Scene | SurfaceScene) -> EdgeRenderer:
+    """Return what renders a scene for its sensor."""
+    if isinstance(scene, SurfaceScene):
+        return SurfaceRenderer(scene, scene.sensor.array)
+    return EdgeRenderer(scene, scene.sensor.array)
