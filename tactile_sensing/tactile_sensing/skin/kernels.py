@@ -67,7 +67,7 @@ def make_first_slope(polynomials, depth, row, yaw, slope):
     _fill(polynomials, 1, depth, row, yaw, scale, slope)
 
 
-@njit(error_model='numpy')
+@njit(cache=True, error_model='numpy')
 def make_sharp_shape(polynomials, depth, row, yaw, shape):
     """Shape of a load without a patch; yaw is that of a line."""
     scale = 1.0 / depth if row == LINE_ROW else 1.0 / (depth * depth)
