@@ -18,7 +18,7 @@ SHORT = 0.125
 # Loads further from the pad than this add less than 1e-4 of the peak [depths].
 REACH = 8.0
 COUNTS_MAX = 255
-PANEL = 1.0  # depths of edge that three of Gauss' points stand for
+PANEL = 0.8  # depths of edge that three of Gauss' points stand for
 _POINTS = np.array([-math.sqrt(0.6), 0.0, math.sqrt(0.6)])
 _WEIGHTS = np.array([5.0, 8.0, 5.0]) / 18.0
 

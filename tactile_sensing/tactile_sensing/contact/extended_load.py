@@ -17,7 +17,7 @@ from tactile_sensing.half_space.layers import half_sides
 from tactile_sensing.skin import kernels
 
 PATCH, BEGINS, ENDS = 1, 2, 4  # bits of a load's extras
-PANEL = 1.0  # of the integral along what a line lacks [depths]
+PANEL = 0.8  # of the integral along what a line lacks [depths]
 BEYOND = 6.0  # depths beyond the pad from where nothing of a line is seen
 _ABSCISSAS = np.array([-math.sqrt(0.6), 0.0, math.sqrt(0.6)])
 _WEIGHTS = np.array([5.0, 8.0, 5.0]) / 18.0

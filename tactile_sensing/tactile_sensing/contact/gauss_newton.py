@@ -80,8 +80,6 @@ def make_tactels(most, nodes):
 def _skin_derivatives(kind, sensor, layers, load, of_forces, tactels):
     """By the forces, or by the place with what those by the forces have kept of it."""
     at, by, kept = tactels
-    for i in range(FORCE, SHEAR_Y + 1) if of_forces else range(Q0, Q1 + 1):
-        by[i][:layers[-1].end] = 0.0
     cos, sin = np.cos(load.yaw), np.sin(load.yaw)
     begin = 0
     for k in range(layers.size):
@@ -117,13 +115,13 @@ def _skin_derivatives(kind, sensor, layers, load, of_forces, tactels):
 @njit(error_model='numpy')
 def _derivatives(kind, sensor, layers, load, of_forces, tactels):
     """The same by the closed forms of a half-space, where they serve."""
-    if not sensor.closed:
-        _skin_derivatives(kind, sensor, layers, load, of_forces, tactels)
-        return
     nodes = sensor.nodes
     at, by, kept = tactels
     for i in range(FORCE, SHEAR_Y + 1) if of_forces else range(Q0, Q1 + 1):
         by[i][:layers[-1].end] = 0.0
+    if not sensor.closed:
+        _skin_derivatives(kind, sensor, layers, load, of_forces, tactels)
+        return
     cos, sin = np.cos(load.yaw), np.sin(load.yaw)
     begin = 0
     for k in range(layers.size):

@@ -7,6 +7,8 @@ where the fit with it leaves less by enough.
 """
 
 
+import math
+
 from tactile_common.kernels import FAST, njit
 from tactile_sensing.contact.extended_fit import choose_parameters, dot, set_up
 from tactile_sensing.contact.extended_load import (
@@ -34,7 +36,7 @@ from tactile_sensing.contact.variable_projection import weigh
 from tactile_sensing.skin import kernels
 
 EVIDENCE = 16.0  # chi-square that a rung must take off: four standard deviations
-LEFT_OVER = 1.2  # chi-square per degree of freedom from which on a line may have ends
+LEFT_OVER = 1.0  # standard deviations of chi-square from which on a line may have ends
 
 
 @njit(error_model='numpy', fastmath=FAST)
@@ -114,16 +116,16 @@ def _gain_of_patch(kind, sensor, layers, forces, memory):
 
 
 @njit(error_model='numpy')
-def _likelier_extra(kind, sensor, layers, forces, memory):
+def _likelier_extra(kind, sensor, layers, forces, tried, memory):
     """
-    The extra that would explain most of what the load leaves, and how much; 0 if none would.
+    The extra, not tried yet, that would explain most of what the load leaves, and how much.
 
     Ends are looked for where more is left than noise: what hides in it moves nothing.
     """
     load, tactels, equations = memory.fits[0], memory.tactels, memory.equations[0]
     freedom = max(load.used - 2.0 - forces, 1.0)
-    tips = kind == LINE and load.squared_error > LEFT_OVER * freedom
-    if not load.extras and not tips:
+    tips = kind == LINE and load.squared_error > freedom + LEFT_OVER * math.sqrt(2.0 * freedom)
+    if not (load.extras or tried or tips):
         return PATCH, _gain_of_patch(kind, sensor, layers, forces, memory)
     add_rows(kind, sensor, layers, load, tips, tactels)
     choose_parameters(forces, load.extras, equations)
@@ -132,7 +134,7 @@ def _likelier_extra(kind, sensor, layers, forces, memory):
     if not invert(equations.matrix, equations.count, equations.inverse):
         return best, most
     for bit, row, sign in ((PATCH, VARIANCE, 1.0), (BEGINS, START, 1.0), (ENDS, END, -1.0)):
-        if load.extras & bit == 0 and (tips or bit == PATCH):
+        if (load.extras | tried) & bit == 0 and (tips or bit == PATCH):
             gain, _ = _gain(row, sign, n, tactels, equations)
             if gain > most:
                 best, most = bit, gain
@@ -146,10 +148,10 @@ def climb(kind, sensor, layers, forces, shear, memory):
 
     Each must explain enough, by the scatter that is left. Returns whether the load has shear.
     """
-    load, below = memory.fits[0], memory.fits[1]
+    load, below, tried = memory.fits[0], memory.fits[1], 0
     while True:
         extra, gain = _likelier_extra(
-            kind, sensor, layers, forces if shear else forces // 2, memory)
+            kind, sensor, layers, forces if shear else forces // 2, tried, memory)
         spread = max(1.0, load.squared_error / max(load.used - 2.0 - forces, 1.0))
         if gain < EVIDENCE * spread:
             return shear
@@ -164,5 +166,6 @@ def climb(kind, sensor, layers, forces, shear, memory):
         spread = max(1.0, load.squared_error / max(load.used - 3.0 - forces, 1.0))
         if not fitted or below.squared_error - load.squared_error < EVIDENCE * spread:
             copy_record(memory.fits, 1, memory.fits, 0)
-            return shear
-        shear = with_shear
+            tried |= extra
+        else:
+            shear, tried = with_shear, 0

@@ -120,13 +120,11 @@ def forget_forces(estimate):
 
 
 @njit(error_model='numpy')
-def compare_forces(estimate):
+def compare_forces(estimate, relative_std):
     """Second force estimate into the first's unit; whether it disagrees, and how far, is told."""
     off, covariance = estimate.force_windowed - 1.0, estimate.covariance
     estimate.force_windowed *= estimate.normal_force
-    disagrees = abs(off) * estimate.normal_force > (
-        FORCE_MISMATCH * estimate.normal_force
-        + 3.0 * math.sqrt(covariance[ROW.normal_force, ROW.normal_force]))
+    disagrees = abs(off) > FORCE_MISMATCH + 3.0 * relative_std
     if disagrees:  # one of the two is wrong by as much
         covariance[ROW.normal_force, ROW.normal_force] += (off * estimate.normal_force) ** 2
         covariance[ROW.line_force, ROW.line_force] += (off * estimate.line_force) ** 2

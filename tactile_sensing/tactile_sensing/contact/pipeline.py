@@ -42,6 +42,7 @@ from tactile_sensing.contact.parameters import (
     write_point,
 )
 from tactile_sensing.contact.preprocessing import preprocess
+from tactile_sensing.half_space.kernels import FORCE
 from tactile_sensing.half_space.layers import LAYER, Sensor
 from tactile_sensing.types.contact import ContactType, ESTIMATE, Reason
 
@@ -165,9 +166,13 @@ def estimate_as(kind, measured, sensor, layers, rules, memory, estimate):
         if mend or not (fitted and any_off(memory.left, memory.model, memory.layers, rules)):
             break
         mend = True
+    by_noise = 0.0
     if not fitted:
         estimate.type, missed = _OTHER, _BAD_FIT
     else:
+        # What scatter nobody told may be a wrong model: forces are compared as by noise alone.
+        by_noise = fit.cov[FORCE, FORCE] / fit.force ** 2 * max(
+            1.0, fit.squared_error / max(fit.used - 2.0 - forces, 1.0))
         shear = _weigh_scatter(kind, sensor, forces, shear, rules, memory)
         estimate.type, missed = refute(kind, sensor, memory.layers, rules, memory, estimate)
     if not missed:
@@ -191,7 +196,7 @@ def estimate_as(kind, measured, sensor, layers, rules, memory, estimate):
             estimate.end = last = fit.end
         write_line(fit, fit.cov, shear, first, last, sensor, estimate)
         estimate.patch = 2.0 * math.sqrt(fit.variance)
-    disagrees = compare_forces(estimate)
+    disagrees = compare_forces(estimate, math.sqrt(by_noise))
     estimate.reasons |= (_DEAD if left_out else 0) | (_MISMATCH if disagrees else 0)
 
 
@@ -210,17 +215,25 @@ def _fit_least(kind, sensor, forces, ladder, memory):
 @njit(error_model='numpy')
 def _weigh_scatter(kind, sensor, forces, shear, rules, memory):
     """Fit again where tactels are off by a share of the pressure; returns whether with shear."""
-    fit, state = memory.fits[0], memory.state[0]
-    found = find_scatter(memory.left, memory.model, memory.layers, state.scatter, 2 + forces)
-    if found <= state.scatter:
+    fit, state, known = memory.fits[0], memory.state[0], memory.state[0].scatter
+    found = find_scatter(memory.left, memory.model, memory.layers, known, rules.model_error,
+                         2 + forces)
+    if found <= known:
         return shear
-    state.scatter = found
-    if not fit.extras and not fit_load(kind, memory.stress, sensor, memory.layers, forces,
-                                       rules.model_error, np.inf, found, memory.tactels, fit):
+    state.scatter, fitted, with_shear = found, True, shear
+    copy_record(memory.fits, 0, memory.fits, 1)
+    if not fit.extras:
+        fitted = fit_load(kind, memory.stress, sensor, memory.layers, forces, rules.model_error,
+                          np.inf, found, memory.tactels, fit)
+    if fitted:
+        fitted, with_shear = fit_without_idle_shear(
+            kind, sensor, memory.layers, forces, fit.extras, memory)
+    if not fitted:
+        state.scatter = known
+        copy_record(memory.fits, 1, memory.fits, 0)
         return shear
-    _, shear = fit_without_idle_shear(kind, sensor, memory.layers, forces, fit.extras, memory)
     compare(kind, sensor, memory.layers, fit, memory)
-    return shear
+    return with_shear
 
 
 @njit(error_model='numpy')
