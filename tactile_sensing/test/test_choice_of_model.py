@@ -91,7 +91,8 @@ def test_type_is_told(make, kind, decibels):
     assert right >= bar, [contact.type.name for contact in found if contact.type != kind]
     told = {ContactType.POINT, ContactType.LINE}
     if make is end_of_an_edge:  # which may leave the pad before it crosses y = 0
-        found = [contact for contact in found if Reason.OFF_PAD not in contact.reasons]
+        found = [contact for contact in found
+                 if contact.type == kind and Reason.OFF_PAD not in contact.reasons]
         assert len(found) > 40
         assert all(np.isfinite([contact.start, contact.end]).any() for contact in found)
     assert all(contact.valid == (contact.type in told) for contact in found)
