@@ -2,6 +2,8 @@
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
+
 from tactile_sensing.devices.calibration import Calibration
 from tactile_sensing.devices.calibration_file import load_calibration, save_calibration
 from tactile_simulation.scene import Scene
@@ -18,7 +20,8 @@ def calibration_of(scene: Scene, **values) -> Calibration:
     if scene.calibration:
         return replace(load_calibration(scene.calibration), **values)
     return Calibration(
-        sensor.array, gain=sensor.pa_per_count, baseline=sensor.baseline, bits=sensor.bits,
+        sensor.array, gain=np.array(sensor.pa_per_count), baseline=np.array(sensor.baseline),
+        bits=sensor.bits,
         depth=skin.depth, thickness=skin.thickness, poisson=skin.poisson, **values)
 
 

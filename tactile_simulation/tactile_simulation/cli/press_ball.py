@@ -62,10 +62,10 @@ class Press:
         reach = (np.array([array.size_x, array.size_y]) / 2.0
                  - CLEAR * np.array([array.pitch_x, array.pitch_y]))
         pictures = []
-        for place in self._rng.uniform(-reach, reach, (presses, 2)):
+        for a, b in self._rng.uniform(-reach, reach, (presses, 2)):
             self._lasting(np.zeros(array.shape), BETWEEN)
             pictures.append(self._lasting(self._pressure.point(
-                array.x, array.y[:, None], *place, self._force, radius=self._patch), HELD))
+                array.x, array.y[:, None], a, b, self._force, radius=self._patch), HELD))
         return np.array(pictures)
 
     def unloaded(self, count: int) -> np.ndarray:
