@@ -255,7 +255,8 @@ class GoalRun:
         if self._machine.state not in (State.HOLD, State.DONE):
             step = motion.command(self.twist(dt), now_ns, stamped)
             self._following.sent(now, motion.pose, self._inputs.pose)
-            self._moving, self._told = now + self._motion.lasting, False
+            if step.trajectory is not None:
+                self._moving, self._told = now + motion.lasting, False
             return step
         if self._told or now < self._moving + SETTLE or not self._inputs.joints_fresh or dt == 0.0:
             return None
