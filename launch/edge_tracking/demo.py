@@ -39,6 +39,7 @@ from tactile_simulation.metrics import describe, to_json
 from tactile_simulation.scene import load_scene, Scene
 
 INTERRUPTED = 'interrupted'
+RESUMES = 100  # on a machine with too little time; nobody stands beside a mock robot
 
 
 def parser() -> argparse.ArgumentParser:
@@ -130,7 +131,7 @@ def track_scene(options: argparse.Namespace, path: Path, scene: Scene, folder: P
         heard = Heard(servo, graph.namespace)
         graph.spin(lambda: over() or heard.all)
         track = graph.add(TrackNode, own={'on_feedback': show}, speed=options.speed,
-                          force=options.force, closed=closed)
+                          force=options.force, closed=closed, resumes=RESUMES)
         graph.spin(lambda: track.finished or over())
         if stop.is_set():
             track.cancel()

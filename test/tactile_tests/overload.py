@@ -63,7 +63,7 @@ def run_goals(options: argparse.Namespace, bag: Path) -> list[tuple[float, float
             begin = time.time()
             track = graph.add(TrackNode, own={'on_feedback': lambda _: None}, wait=GIVE_UP,
                               speed=options.speed, force=options.force, length=options.length,
-                              direction=1 - 2 * (number % 2))
+                              direction=1 - 2 * (number % 2), resumes=100)
             linger(graph, partial(getattr, track, 'finished'), GIVE_UP)
             if not track.finished:
                 track.cancel()
