@@ -25,7 +25,7 @@ from edge_tracking.recording.reader import read_run
 from edge_tracking.recording.summary import summarise
 from edge_tracking.report.page import make_recording_report, make_report, picture
 from edge_tracking.resources import find_scene, scene_names, share
-from edge_tracking.track import TrackNode
+from edge_tracking.track import RESUMES, TrackNode
 from edge_tracking.transport import local_environment
 from tactile_common.errors import TactileError
 from tactile_common.progress import Progress
@@ -39,7 +39,6 @@ from tactile_simulation.metrics import describe, to_json
 from tactile_simulation.scene import load_scene, Scene
 
 INTERRUPTED = 'interrupted'
-RESUMES = 100  # on a machine with too little time; nobody stands beside a mock robot
 
 
 def parser() -> argparse.ArgumentParser:

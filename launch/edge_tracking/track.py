@@ -22,6 +22,8 @@ from tactile_common.ros.runner import run
 from tactile_msgs.action import TrackEdge
 from tactile_msgs.msg import Contact, SensorInfo, ServoReason, ServoStatus
 
+RESUMES = 100  # for a mock robot on a machine with too little time
+
 
 @dataclass(frozen=True)
 class TrackConfig:
