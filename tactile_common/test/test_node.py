@@ -114,7 +114,7 @@ def test_nothing_is_counted_once_the_context_is_down(bench):
 
 
 PROGRAM = """
-import sys, threading, time
+import sys
 sys.path.insert(0, {folder!r})
 from tactile_common.start import executable
 executable('slow', {options})()
@@ -122,7 +122,7 @@ executable('slow', {options})()
 
 
 @pytest.mark.parametrize('module', [
-    'import threading; print(1, flush=True); threading.Event().wait()',  # while it is imported
+    'import threading; print(1, flush=True); threading.Event().wait()',  # while imported
     'import threading\ndef main():\n  print(1, flush=True)\n  threading.Event().wait()',
     'from tactile_common.ros.node import TactileNode\n'
     'from tactile_common.ros.runner import run\n'
