@@ -27,7 +27,7 @@ from edge_tracking.recording.reader import read_run
 from edge_tracking.recording.summary import summarise
 from edge_tracking.report.page import make_recording_report, make_report, picture
 from edge_tracking.resources import find_scene, scene_names, share
-from edge_tracking.track import TrackNode
+from edge_tracking.track import RESUMES, TrackNode
 from edge_tracking.transport import local_environment
 from tactile_common.command_line import Parser
 from tactile_common.errors import TactileError
@@ -133,7 +133,7 @@ def track_scene(options: argparse.Namespace, path: Path, scene: Scene, folder: P
         heard = Heard(servo, graph.namespace)
         graph.spin(lambda: over() or heard.all)
         track = graph.add(TrackNode, own={'on_feedback': show}, speed=options.speed,
-                          force=options.force, closed=closed)
+                          force=options.force, closed=closed, resumes=RESUMES)
         graph.spin(lambda: track.finished or over())
         if stop.is_set():
             track.cancel()

@@ -30,7 +30,8 @@ class Progress(tqdm):
         self.set_description_str(state, refresh=False)
         self.set_postfix_str(text, refresh=False)
         if math.isfinite(done):
-            self.n = min(max(done, 0.0), self.total)
+            # Of next to nothing no time can be told that is left.
+            self.n = min(done, self.total) if done > 1e-3 * self.total else 0.0
         self.update(0)
 
     def display(self, msg=None, pos=None):
