@@ -1,7 +1,6 @@
 """The demo: a mock robot follows an edge by touch; all of its report is computed from the bag."""
 import argparse
 from datetime import datetime
-import math
 import os
 from pathlib import Path
 import sys
@@ -27,14 +26,13 @@ from edge_tracking.recording.reader import read_run
 from edge_tracking.recording.summary import summarise
 from edge_tracking.report.page import make_recording_report, make_report, picture
 from edge_tracking.resources import find_scene, scene_names, share
-from edge_tracking.track import RESUMES, TrackNode
+from edge_tracking.track import feedback_text, RESUMES, TrackNode
 from edge_tracking.transport import local_environment
 from tactile_common.command_line import Parser
 from tactile_common.errors import TactileError
-from tactile_common.progress import Progress
+from tactile_common.progress import live_progress
 from tactile_common.ros.domains import hold_domain
 from tactile_common.ros.runner import freeze_heap, stop_on_signals
-from tactile_msgs.action import TrackEdge
 from tactile_sensing.devices.recording import load_recording
 from tactile_servo.config import check_goal, ServoConfig
 from tactile_servo.laws.registry import DEFAULT, LAWS
@@ -95,25 +93,13 @@ def own_domain() -> int:
     return domain
 
 
-def feedback_text(feedback: TrackEdge.Feedback) -> str:
-    """What the progress bar says of the tracking."""
-    text = [f'{1e3 * feedback.progress:.0f} mm']
-    if feedback.state == State.HOLD:
-        return f'{text[0]}, {feedback.reason}'
-    if math.isfinite(feedback.lateral_error):  # not before the edge is felt
-        text.append(f'lateral {1e3 * feedback.lateral_error:+.3f} mm')
-    if math.isfinite(feedback.normal_force):
-        text.append(f'force {feedback.normal_force:.2f} N')
-    return ', '.join(text)
-
-
 def track_scene(options: argparse.Namespace, path: Path, scene: Scene, folder: Path,
                 **common) -> tuple[bool, str, int]:
     """Run the scene of a file; returns success, reason and its code."""
     robot = share('urdf', 'puma260.urdf')
     closed = scene.edge.closed and LAWS[options.law].closes_contours
     with private_port() as port, stop_on_signals() as stop, \
-            Progress(scene.edge.length - scene.start.s) as progress, \
+            live_progress(scene.edge.length - scene.start.s) as progress, \
             apart('listeners', folder / 'bag', **common) as listeners, \
             apart('mocks', port, path, robot, options.seed, **common) as mocks, \
             apart('sensing', port, calibrate(port, scene), **common) as sensing, \
