@@ -81,7 +81,7 @@ def executables(folder):
     """Names of the executables of a package, as its setup.py makes them."""
     setup = folder / 'setup.py'
     text = setup.read_text('utf-8') if setup.exists() else ''
-    listed = re.search(r"for name in \(([^)]*)\)\]", text)
+    listed = re.search(r'for name in \(([^)]*)\)\]', text)
     return re.findall(r"'(\w+)'", listed[1]) if listed else re.findall(r"f'(\w+) = ", text)
 
 
@@ -105,7 +105,8 @@ def test_urls_are_of_one_place():
 
 def test_citation():
     about = yaml.safe_load((ROOT / 'CITATION.cff').read_text('utf-8'))
-    assert {'cff-version', 'message', 'title', 'authors'} <= about.keys()  # what the format asks for
+    # what the format asks for
+    assert {'cff-version', 'message', 'title', 'authors'} <= about.keys()
     assert about['version'] == manifest(PACKAGES[0]).findtext('version')
     assert about['license'] == manifest(PACKAGES[0]).findtext('license')
     assert about['authors'] == [{'name': manifest(PACKAGES[0]).findtext('maintainer')}]
