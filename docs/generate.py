@@ -1,9 +1,12 @@
 """
-Pages that are made from the code: parameters and troubleshooting.
+Pages that are made from the code: parameters, troubleshooting, and the notebook with its output.
 
 `./ws docs` writes them; a test holds that they are as written.
 """
+from contextlib import redirect_stdout
+from io import StringIO
 from pathlib import Path
+import re
 
 import yaml
 
@@ -15,6 +18,7 @@ from tactile_servo.reasons import ReasonCode
 FOLDER = Path(__file__).parent
 # Usual cause and remedy by the name of a reason, of the servo and of contacts; and what else.
 REMEDIES = yaml.safe_load((FOLDER / 'remedies.yaml').read_text('utf-8'))
+NOTEBOOK = FOLDER / 'frames_to_contour.py'
 MADE = '<!-- Made by docs/generate.py: `./ws docs`. -->\n'
 GROUPS = {0: 'What led here', 100: 'Ends of a goal that was met', 200: 'Holds',
           300: 'Ends of a goal that was not met', 400: 'Refusals'}
@@ -93,7 +97,41 @@ ros2 topic echo /diagnostics
     return '\n'.join(text)
 
 
-PAGES = {'parameters.md': parameters_page, 'troubleshooting.md': troubleshooting_page}
+def notebook_page(save: bool = True) -> str:
+    """
+    Notebook with what its cells print; with `save`, also writes the figures that they make.
+
+    It is a script in percent format, for a notebook file would need Jupyter to be run.
+    """
+    import matplotlib
+    matplotlib.use('Agg')
+    from matplotlib import pyplot
+
+    names: dict = {'__name__': 'notebook'}
+    text, drawn = [MADE], 0
+    for kind, cell in re.findall(r'^# %%( \[markdown\])?\n(.*?)(?=^# %%|\Z)',
+                                 NOTEBOOK.read_text('utf-8'), re.M | re.S):
+        cell = cell.strip()
+        if kind:
+            text.append(re.sub(r'^# ?', '', cell, flags=re.M) + '\n')
+            continue
+        printed = StringIO()
+        with redirect_stdout(printed):
+            exec(compile(cell, NOTEBOOK.name, 'exec'), names)
+        text.append(f'```py\n{cell}\n```\n')
+        if printed.getvalue():
+            text.append(f'```text\n{printed.getvalue()}```\n')
+        for number in pyplot.get_fignums():
+            drawn += 1
+            text.append(f'![Figure {drawn}](notebook_{drawn}.png)\n')
+            if save:
+                pyplot.figure(number).savefig(FOLDER / f'notebook_{drawn}.png', dpi=90)
+        pyplot.close('all')
+    return '\n'.join(text)
+
+
+PAGES = {'parameters.md': parameters_page, 'troubleshooting.md': troubleshooting_page,
+         'notebook.md': notebook_page}
 
 
 def main() -> None:
