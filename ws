@@ -14,6 +14,7 @@ usage: ./ws COMMAND [ARGS]
                            run one node or tool, like `ros2 run`
   shell [ARGS]             a shell in which all of this is on the paths
   bench [NAME] [ARGS]      run benchmarks/NAME; without NAME, list them
+  docs                     the pages of docs/ as a site, into .ws/site (Python 3.11 or later)
   clean                    remove everything that ./ws has made (.ws)
   --help                   this text
 
@@ -290,11 +291,12 @@ resolve_dependencies() {
         apt-get update >>"$LOG/rosdep-check.log" 2>&1 || :
         say "installing dependencies by rosdep ..."
         # -r: keys that rosdep does not know must not keep it from installing the others
-        DEBIAN_FRONTEND=noninteractive rosdep install -r -y "$@" >"$LOG/rosdep.log" 2>&1 ||
+        PIP_BREAK_SYSTEM_PACKAGES=1 DEBIAN_FRONTEND=noninteractive \
+            rosdep install -r -y "$@" >"$LOG/rosdep.log" 2>&1 ||
             say "  rosdep could not resolve everything ($LOG/rosdep.log)"
     else
         say "some dependencies may be missing ($LOG/rosdep-check.log); to install them, run:"
-        say "  rosdep install -r -y --from-paths '$ROOT' --ignore-src --rosdistro $FLAVOUR"
+        say "  PIP_BREAK_SYSTEM_PACKAGES=1 rosdep install -r -y --from-paths '$ROOT' --ignore-src --rosdistro $FLAVOUR"
     fi
 }
 
@@ -468,6 +470,25 @@ bench() {
     [ -z "${1:-}" ] || die "no benchmark '$1'"
 }
 
+install_site_tools() {
+    python3 -m venv --clear "$WS/site-env" &&
+        env -u PYTHONPATH "$WS/site-env/bin/python" -m pip install --no-deps \
+            --only-binary=:all: -r "$ROOT/docs/site.lock"
+}
+
+docs() {
+    cd "$ROOT"
+    signature=$(checksum <docs/site.lock)
+    if ! stamped "$WS/site.stamp" "$signature"; then
+        step site-pip 'installing what makes the site into .ws/site-env' install_site_tools
+        printf '%s\n' "$signature" >"$WS/site.stamp"
+    fi
+    python3 -m docs.generate
+    env -u PYTHONPATH "$WS/site-env/bin/python" -m sphinx -q -W --keep-going -b html \
+        -d "$WS/site-doctrees" docs "$WS/site"
+    say "the site: $WS/site/index.html"
+}
+
 command=${1:---help}
 [ $# = 0 ] || shift
 detect
@@ -478,6 +499,7 @@ case $command in
     run) prepare stale && run "$@" ;;
     shell) prepare stale && exec "${SHELL:-/bin/sh}" "$@" ;;
     bench) prepare stale && bench "$@" ;;
+    docs) prepare stale && docs ;;
     clean) rm -rf "$WS" ;;
     -h | --help | help) usage ;;
     *) usage >&2 && die "unknown command '$command'" ;;

@@ -6,11 +6,12 @@ from typing import Any
 import numpy as np
 import yaml
 
+from tactile_common.config import checked
 from tactile_common.errors import ConfigurationError, TactileError
 from tactile_common.yaml_file import read_yaml
 from tactile_sensing.devices.counts import Counts
 from tactile_sensing.devices.unloaded import unloaded_statistics
-from tactile_sensing.types.array import TactelArray
+from tactile_sensing.types.array import PITCH, TactelArray
 from tactile_sensing.types.image import COMPONENTS, Layer, SensorInfo
 from tactile_sensing.types.skin import Skin
 
@@ -86,6 +87,7 @@ class Calibration:
     counts: Counts = field(init=False, repr=False)
 
     def __post_init__(self):
+        checked('depth', self.depth, float, {'range': (0.0, PITCH[1]), 'unit': 'm'})
         for name in ('tare_tolerance', 'depth', 'thickness', 'skin_stiffness', 'max_load',
                      'gain_spread', 'acquisition_delay', 'nominal_rate'):
             value = getattr(self, name)

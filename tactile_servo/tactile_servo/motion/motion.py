@@ -81,7 +81,7 @@ class Motion:
 
     @property
     def lasting(self) -> float:
-        """Time from the last cycle to the rest at the end of its window [s]."""
+        """Time from the last cycle that had a window to the rest at the end of it [s]."""
         return float(self._window.times[-1])
 
     def seed(self, positions: np.ndarray) -> None:
@@ -130,19 +130,18 @@ class Motion:
         asked, bound, manipulability = self._inverse.solve(
             jacobian, twist, positions, period + coast)
         # Whatever that gave: no command passes a limit.
-        self._window, self.velocities, scale, kind, joint, progress = _onward(
+        window, velocities, scale, kind, joint, progress = _onward(
             kept, self._limits.bounds, asked, period, COAST * period, coast, jacobian, wanted,
             c.rotation_length)
-        self._stamp_ns, self._end = now_ns, self._window.positions[-1]
-        self.positions = self._window.positions[len(kept.times)]
-        self.pose = self._robot.pose(self.positions)
         limited_by = at_wall or bound or self._limits.name_of(kind, joint)
         hindered = limited_by or manipulability < c.damping
         self._watch(progress if hindered else 1.0, limited_by, period)
         trajectory = None
-        if not settling:
-            times, places, speeds = self._window
-            trajectory = Trajectory(self._limits.names, times, places, speeds,
+        if not settling:  # only what is sent is what the robot's controller plays
+            self._window, self.velocities, self._stamp_ns = window, velocities, now_ns
+            self._end, self.positions = window.positions[-1], window.positions[len(kept.times)]
+            self.pose = self._robot.pose(self.positions)
+            trajectory = Trajectory(self._limits.names, *window,
                                     stamp_ns=now_ns if stamped and c.stamped else 0)
         return MotionStep(trajectory, twist, scale, limited_by, manipulability)
 
