@@ -17,7 +17,7 @@ from edge_tracking.parameters import check_file, names_in, values_in
 from edge_tracking.resources import find_scene, share
 from edge_tracking.ros2_control import require_packages, starting_at, text_of
 from edge_tracking.track import RESUMES
-from tactile_sensing.devices.calibration import load_calibration
+from tactile_sensing.devices.calibration_file import load_calibration
 from tactile_servo.laws.registry import LAWS
 from tactile_servo.motion.robot import RobotModel
 from tactile_servo.nodes.parameters import NodeConfig

@@ -19,10 +19,11 @@ from tactile_common.ros.runner import run
 from tactile_msgs.msg import SensorInfo as SensorInfoMsg
 from tactile_msgs.msg import TactileImage as TactileImageMsg
 from tactile_sensing.conversions import image_to_msg, sensor_info_to_msg
-from tactile_sensing.devices.calibration import load_calibration, MIN_TARE_FRAMES, TareRefusedError
+from tactile_sensing.devices.calibration_file import load_calibration
 from tactile_sensing.devices.frame_clock import FrameClock
 from tactile_sensing.devices.registry import protocol_named, PROTOCOLS
 from tactile_sensing.devices.serial_port import SensorPort
+from tactile_sensing.devices.tare import MIN_TARE_FRAMES, TareRefusedError
 from tactile_sensing.types.image import TactileImage
 
 # A stream without a byte or a frame for this long is reported [s].
