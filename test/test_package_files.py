@@ -105,7 +105,7 @@ def test_urls_are_of_one_place():
 
 def test_citation():
     about = yaml.safe_load((ROOT / 'CITATION.cff').read_text('utf-8'))
-    # what the format asks for
+    # What the format asks for.
     assert {'cff-version', 'message', 'title', 'authors'} <= about.keys()
     assert about['version'] == manifest(PACKAGES[0]).findtext('version')
     assert about['license'] == manifest(PACKAGES[0]).findtext('license')
