@@ -6,6 +6,7 @@ Exit status: 0 the edge was tracked, 1 it was not or a parameter is wrong, 2 the
 """
 from dataclasses import dataclass, field
 from enum import IntEnum
+import math
 import sys
 import time
 
@@ -45,6 +46,18 @@ class TrackConfig:
     resumes: int = bounded(
         0, 'how often a servo that holds, and could go on, is asked to; above 0 only for a robot '
         'that nobody is near', '', 0, 10000)
+
+
+def feedback_text(feedback: TrackEdge.Feedback) -> str:
+    """How far tracking has come, and how well it goes."""
+    text = [f'{1e3 * feedback.progress:.0f} mm']
+    if feedback.state == ServoStatus.HOLD:
+        return f'{text[0]}, {feedback.reason}'
+    if math.isfinite(feedback.lateral_error):  # not before the edge is felt
+        text.append(f'lateral {1e3 * feedback.lateral_error:+.3f} mm')
+    if math.isfinite(feedback.normal_force):
+        text.append(f'force {feedback.normal_force:.2f} N')
+    return ', '.join(text)
 
 
 class Exit(IntEnum):
@@ -181,11 +194,8 @@ class TrackNode(TactileNode):
     def _log_feedback(self, feedback):
         if feedback.state == ServoStatus.HOLD:
             self.get_logger().warning(feedback.reason, throttle_duration_sec=1.0)
-            return
-        self.get_logger().info(
-            f'{1e3 * feedback.progress:.0f} mm, lateral error '
-            f'{1e3 * feedback.lateral_error:+.3f} mm, {feedback.normal_force:.2f} N',
-            throttle_duration_sec=1.0)
+        else:
+            self.get_logger().info(feedback_text(feedback), throttle_duration_sec=1.0)
 
     def _end(self, how, reason, code=0):
         if not self.finished:
