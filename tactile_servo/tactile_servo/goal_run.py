@@ -271,6 +271,7 @@ class GoalRun:
         """Wanted twist of the sensor in its own frame (6,) [m/s, rad/s]."""
         c, state = self._config, self._machine.state
         if state in TRACKING:
+            self._law.agility = self._motion.agility()
             self.reference = self._law.reference(self._inputs.pose, self._motion.pose, dt)
             twist = self.reference.twist
             if self._inputs.saturated and self._inputs.load >= c.approach.contact_force:
