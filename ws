@@ -290,11 +290,12 @@ resolve_dependencies() {
         apt-get update >>"$LOG/rosdep-check.log" 2>&1 || :
         say "installing dependencies by rosdep ..."
         # -r: keys that rosdep does not know must not keep it from installing the others
-        DEBIAN_FRONTEND=noninteractive rosdep install -r -y "$@" >"$LOG/rosdep.log" 2>&1 ||
+        PIP_BREAK_SYSTEM_PACKAGES=1 DEBIAN_FRONTEND=noninteractive \
+            rosdep install -r -y "$@" >"$LOG/rosdep.log" 2>&1 ||
             say "  rosdep could not resolve everything ($LOG/rosdep.log)"
     else
         say "some dependencies may be missing ($LOG/rosdep-check.log); to install them, run:"
-        say "  rosdep install -r -y --from-paths '$ROOT' --ignore-src --rosdistro $FLAVOUR"
+        say "  PIP_BREAK_SYSTEM_PACKAGES=1 rosdep install -r -y --from-paths '$ROOT' --ignore-src --rosdistro $FLAVOUR"
     fi
 }
 

@@ -34,7 +34,7 @@ class Interrupted:
     def goal(self, **goal):
         """Send a goal and wait until a little of it has been tracked; returns its client."""
         self.bench.wait(lambda: self.listener.state == ServoStatus.IDLE, 'idle', DEADLINE)
-        # A node that was killed is only missed when its lease, 20 s, is over.
+        # A node that was killed is only missed when its lease is over.
         self.bench.wait(lambda: all(self.listener.count_publishers(topic) == 1 for topic in (
             'image', 'contact', '/joint_states')), 'one source of everything', DEADLINE)
         client = self.bench.start_tracking(wait=DEADLINE, **goal)

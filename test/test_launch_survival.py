@@ -46,7 +46,7 @@ def test_every_node_may_die_where_it_is_started_again_and_a_goal_is_met_then():
         assert len(it.found('process has finished cleanly')) == len(NODES)
 
 
-@pytest.mark.parametrize('moment', [r'track-\d+\]: process started', 'starting: ', ''],
+@pytest.mark.parametrize('moment', [r'track-\d+\]: process started', 'frames arrive', ''],
                          ids=['imports', 'start', 'track'])
 def test_ctrl_c_is_quiet_at_any_moment_and_twice(moment, tmp_path):
     with launched(TMPDIR=str(tmp_path)) as it:

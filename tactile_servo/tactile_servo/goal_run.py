@@ -16,7 +16,7 @@ from tactile_servo.reasons import Reason, ReasonCode
 from tactile_servo.state_machine import ASSESSED, Event, RESUMPTION, StateMachine
 from tactile_servo.state_times import approach_speed, StateTimes
 from tactile_servo.track_statistics import TrackStatistics
-from tactile_servo.types import State, TRACKING
+from tactile_servo.types import ON_TRACK, State, TRACKING
 
 SOUND_FORCE = 0.5  # of the force, from which the depth of the pad is known to be sound
 OFFER = 'resume with ~/pause false'
@@ -95,7 +95,7 @@ class GoalRun:
             statistics.stand()
             return
         pose = self._inputs.pose
-        statistics.move(pose, reference.heading)
+        statistics.move(pose, reference.heading, self._machine.state in ON_TRACK)
         if getattr(self.goal, 'length', 0.0) == 0.0:
             self._laps.see(pose[:3, 3].tolist(), pose[:3, 2].tolist(), reference.heading,
                            statistics.length)

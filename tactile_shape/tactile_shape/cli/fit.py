@@ -7,6 +7,7 @@ import time
 
 import numpy as np
 
+from tactile_common.command_line import Parser
 from tactile_common.errors import ConfigurationError, TactileError
 from tactile_common.npz_stream import RecordWriter
 from tactile_common.progress import Progress
@@ -33,11 +34,6 @@ EXAMPLE = """\
 """
 
 
-class _Parser(argparse.ArgumentParser):
-    def error(self, message):
-        raise ConfigurationError(message)
-
-
 def _table(rows, width):
     return '\n'.join(f'  {str(name):{width}} {text}' for name, text in rows)
 
@@ -48,8 +44,8 @@ def parser() -> argparse.ArgumentParser:
     arrays = _table(((name, column.text + (f' [{column.unit}]' if column.unit else ''))
                      for name, column in COLUMNS.items()), 16)
     kinds = _table(((int(kind), text) for kind, text in KINDS.items()), 3)
-    arguments = _Parser(
-        prog='fit', formatter_class=argparse.RawDescriptionHelpFormatter, allow_abbrev=False,
+    arguments = Parser(
+        prog='fit', formatter_class=argparse.RawDescriptionHelpFormatter,
         usage='fit TRACE.npz|BAG -o PATCHES.npz [options]', description="""\
 Fit a surface at every contact of a recorded path: plane, cylinder, sphere or general, the least
 that explains the contacts. The summary goes to standard error.
