@@ -253,7 +253,8 @@ class GoalRun:
         """Command the next piece of motion, of `dt` [s]; None if there is none."""
         motion = self._motion
         if self._machine.state not in (State.HOLD, State.DONE):
-            step = motion.command(self.twist(dt), now_ns, stamped)
+            trust = self._inputs.trust(now, touch=self._machine.state is not State.RETREAT)
+            step = motion.command(trust * self.twist(dt), now_ns, stamped)
             self._following.sent(now, motion.pose, self._inputs.pose)
             if step.trajectory is not None:
                 self._moving, self._told = now + motion.lasting, False
