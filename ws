@@ -48,17 +48,34 @@ LOCK=$ROOT/ws.lock
 LOG=$WS/log
 ROS_ROOT=${WS_ROS_ROOT:-/opt/ros}
 
-# A long step: one line, its output in a log, the log's end when it fails.
+# A long step: one line, its output in a log, the log's end when it fails. A terminal shows
+# meanwhile how long it takes and the log's last line.
 step() {
     step_log=$LOG/$1.log; step_text=$2; shift 2
     say "$step_text ..."
     step_start=$(date +%s)
+    : >"$step_log"
+    watcher=
+    [ ! -t 2 ] || { show_step 9>&- & watcher=$!; }
     if "$@" >"$step_log" 2>&1 </dev/null; then
+        hide_step
         say "  done in $(($(date +%s) - step_start)) s"
     else
+        hide_step
         tail -n 40 "$step_log" >&2
         die "failed: $step_text (all of its output: $step_log)"
     fi
+}
+show_step() {
+    while sleep 1 && kill -0 $$ 2>/dev/null; do # Ctrl-C does not reach it
+        printf '\r%4d s  %.70s\033[K' $(($(date +%s) - step_start)) \
+            "$(tail -n 1 "$step_log" | tr -cd '[:print:]')" >&2
+    done
+}
+hide_step() {
+    [ -n "$watcher" ] || return 0
+    kill "$watcher" && wait "$watcher" 2>/dev/null || true
+    printf '\r\033[K' >&2
 }
 
 checksum() { cksum | tr -d ' '; }
@@ -224,6 +241,9 @@ setup_bare() {
     [ -n "$PYTHON" ] || find_python
     [ -n "$PYTHON" ] || die 'no python3 in PATH; name one in WS_PYTHON'
     rm -rf "$WS/env.stamp" "$WS/build.stamp" "$WS/kernels.stamp" "$ENV" "$BUILD" "$INSTALL"
+    say 'set-up, once: some minutes, 1.4 GB on the disk, nearly all in .ws'
+    free=$(df -Pk "$WS" | awk 'NR == 2 {print int($4 / 1024)}')
+    [ "$free" -ge 1600 ] || die "$WS: $free MB are free, 1600 are needed"
     # shellcheck disable=SC2119
     step pip "installing $(grep -c '^[a-zA-Z]' "$LOCK") pinned packages for Python \
 $PYTHON_VERSION into .ws/env (a minute or two)" install_wheels
