@@ -4,10 +4,11 @@ import math
 
 import numpy as np
 
+from tactile_common.config import checked
 from tactile_common.errors import ConfigurationError
 from tactile_sensing.devices.counts import Counts
 from tactile_sensing.devices.tare import Tare, tare_of, TareRefusedError
-from tactile_sensing.types.array import TactelArray
+from tactile_sensing.types.array import PITCH, TactelArray
 from tactile_sensing.types.image import COMPONENTS, Layer, SensorInfo
 from tactile_sensing.types.skin import Skin
 
@@ -60,6 +61,7 @@ class Calibration:
     counts: Counts = field(init=False, repr=False)
 
     def __post_init__(self):
+        checked('depth', self.depth, float, {'range': (0.0, PITCH[1]), 'unit': 'm'})
         for name in ('tare_tolerance', 'depth', 'thickness', 'skin_stiffness', 'max_load',
                      'gain_spread', 'acquisition_delay', 'nominal_rate'):
             value = getattr(self, name)
