@@ -5,7 +5,8 @@ import pytest
 from tactile_common.errors import ConfigurationError
 from tactile_sensing.contact import preprocessing
 from tactile_sensing.contact.estimator import ContactEstimator, EstimatorConfig
-from tactile_sensing.devices.calibration import Calibration, load_calibration, save_calibration
+from tactile_sensing.devices.calibration import Calibration
+from tactile_sensing.devices.calibration_file import load_calibration, save_calibration
 from tactile_sensing.devices.counts import Counts
 from tactile_sensing.devices.unloaded import unloaded_statistics
 from tactile_sensing.half_space import line, point

@@ -5,15 +5,16 @@ from typing import NamedTuple
 import numpy as np
 
 from tactile_sensing.contact.estimator import ContactEstimator
-from tactile_sensing.devices.calibration import Calibration
 from tactile_sensing.types.image import TactileImage
 from tactile_servo.config import ServoConfig
 from tactile_servo.laws.registry import DEFAULT, make_law
 from tactile_servo.supervisor import Supervisor
 from tactile_servo.track_statistics import SETTLING_LENGTH
+from tactile_servo.types import ON_TRACK
 from tactile_simulation.gantry import gantry
 from tactile_simulation.joint_controller import MockController
-from tactile_simulation.metrics import ON_EDGE, Truth
+from tactile_simulation.metrics import Truth
+from tactile_simulation.scene_calibration import calibration_of
 from tactile_simulation.scenes import renderer_of
 from tactile_simulation.smoothness import accelerations, speeds
 
@@ -103,17 +104,14 @@ class Simulation:
         self.cycle_costs, self.picture_costs = [], []
 
     def _tared(self):
-        sensor, skin = self.scene.sensor, self.scene.skin
-        calibration = Calibration(
-            self.array, gain=sensor.pa_per_count, baseline=sensor.baseline, depth=skin.depth,
-            thickness=skin.thickness, poisson=skin.poisson, skin_stiffness=skin.stiffness)
+        calibration = calibration_of(self.scene)
         tare = calibration.make_tare(np.array(
             [self.renderer.counts(None, self.rng) for _ in range(TARE_FRAMES)]))
         return calibration.converter(tare), calibration.sensor_info('pad', '', 0, tare)
 
     def picture(self, pose):
         """Take a picture at a pose: TactileImage."""
-        layer, saturated = self._convert(self.renderer.counts(pose, self.rng))
+        layer, saturated = self._convert(self.renderer.counts(pose, self.rng, self.now))
         stamp_ns = round((self.now + self.scene.plant.stamp_error) * 1e9)
         return TactileImage(stamp_ns, self.tick, (layer,), self.array, tared=True,
                             saturated=saturated)
@@ -185,7 +183,7 @@ class Simulation:
             places - np.array([cycle.shift for cycle in self.log]))
         time, force, progress = np.array([
             (cycle.time, cycle.force, cycle.status.progress) for cycle in self.log]).T
-        tracking = np.isin([cycle.status.state for cycle in self.log], ON_EDGE)
+        tracking = np.isin([cycle.status.state for cycle in self.log], ON_TRACK)
         settled = tracking & (progress >= SETTLING_LENGTH)
         return Truth(time, lateral, along, force, progress, tracking, settled, settled,
                      speeds(time, places))
