@@ -16,7 +16,6 @@ from tactile_sensing.skin.kernels import sharp_top
 from tactile_sensing.types.contact import ContactType, Reason
 
 SCATTER_EVIDENCE = 2.0  # standard deviations
-SCATTER_PRIOR = 2.0  # tactels
 ELSEWHERE = 2.0  # depths from the load that are elsewhere
 FORCE_WINDOW = 2.0  # half side of the window of the second force estimate of a point [depths]
 # Tactels of a point around the peak, of a line: three to eight for each parameter.
@@ -173,10 +172,9 @@ def find_scatter(left, model, layers, known, model_error, parameters):
     What tactels are off beside noise, as a share of the pressure: their gains, or the model.
 
     From the squares of what is left where the load presses, those beside the peak as well: there
-    a fit follows what it finds. Few tactels tell little: as if SCATTER_PRIOR more were off by the
-    model's error. The known share where no more shows.
+    a fit follows what it finds. The known share where no more shows.
     """
-    excess = first = second = slope = squares = 0.0
+    excess = variance = slope = squares = 0.0
     likely = max(known, model_error)
     for k in range(layers.size):
         noise = layers[k].noise
@@ -187,20 +185,14 @@ def find_scatter(left, model, layers, known, model_error, parameters):
                     m = (model[k, r, c] / noise) ** 2
                     expected, weight = 1.0 + known * known * m, m / (1.0 + likely * likely * m)
                     excess += (rest * rest - expected) * weight
-                    weighted = expected * weight
-                    first += weighted
-                    second += weighted * weighted
+                    variance += 2.0 * (expected * weight) ** 2
                     slope += m * weight
                     squares += (m * weight) ** 2
-    if not first > 0.0:
+    if not excess > SCATTER_EVIDENCE * math.sqrt(variance):
         return known
-    excess += parameters * second / first  # the parameters took their part of the noise
-    if not excess > SCATTER_EVIDENCE * math.sqrt(2.0 * second):
-        return known
-    loaded = slope * slope / squares
-    free = max(loaded - parameters, 0.25 * loaded)  # tactels; and their part of the scatter
-    more = (loaded * excess / slope + SCATTER_PRIOR * model_error ** 2) / (free + SCATTER_PRIOR)
-    return math.sqrt(known * known + more)
+    loaded = slope * slope / squares  # tactels; the parameters took their part of what was left
+    taken = max(loaded - parameters, 0.25 * loaded) / loaded
+    return math.sqrt(known * known + excess / slope / taken)
 
 
 @njit(error_model='numpy')
