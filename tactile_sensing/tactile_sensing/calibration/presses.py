@@ -65,7 +65,7 @@ def sort_presses(presses: Presses, saturated: np.ndarray) -> tuple[Presses, dict
     array, bad, good, peaks = presses.array, {}, [], []
     for i, values in enumerate(presses.values):
         peak = np.unravel_index(np.nanargmax(np.nan_to_num(values, nan=-np.inf)), values.shape)
-        reason = _why_not(values, peak, presses.noise, array, int(saturated[i]))
+        reason = why_not(values, peak, presses.noise, array, int(saturated[i]))
         if reason:
             bad[int(presses.number[i])] = reason
         else:
@@ -80,7 +80,21 @@ def sort_presses(presses: Presses, saturated: np.ndarray) -> tuple[Presses, dict
     return presses.only(np.array(good, int)[np.sort(order)]), bad
 
 
-def _why_not(values, peak, noise, array, saturated):
+def why_not(values: np.ndarray, peak: tuple, noise: np.ndarray, array: TactelArray,
+            saturated: int) -> str:
+    """
+    Return what is wrong with a press of a ball; an empty text where nothing is.
+
+    Parameters
+    ----------
+    values, noise : ndarray, shape (rows, columns)
+        Counts above those of the unloaded pad.
+    peak : tuple
+        Row and column of the highest.
+    array : TactelArray
+    saturated : int
+        How many tactels are at full scale.
+    """
     row, column = peak
     highest = values[row, column]
     if not highest > LEAST_PEAK * noise[row, column]:

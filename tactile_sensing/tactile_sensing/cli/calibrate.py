@@ -2,6 +2,8 @@
 
 import argparse
 from pathlib import Path
+import subprocess
+import sys
 
 import numpy as np
 
@@ -23,6 +25,7 @@ from tactile_sensing.cli.options import (
 from tactile_sensing.devices.calibration_file import save_calibration
 from tactile_sensing.devices.counts import MAX_BITS
 
+RECORDED = ('unloaded', 'corners', 'rolling', 'ball', 'flat')
 STEPS = 4  # that the progress bar counts, at most
 MOST_NAMED = 8  # frames that are named as left out
 
@@ -43,6 +46,9 @@ Example: a pad of 16 x 16 tactels on one inch, a ball pressed by a weight of 100
       --ball b.npz --ball-radius 0.001 --force 0.981 --flat f.npz --report pad.png
   ros2 run tactile_sensing estimate frames.npz --calibration pad.yaml -o contacts.npz
 
+With a driver that publishes raw counts, `--live FOLDER` asks for them one by one instead, tells
+which press was none, and goes on from where it was interrupted.
+
 Frames that are no single press of the ball are named and left out. Without --force places and
 directions are told and forces are not.
 
@@ -58,6 +64,10 @@ def parser() -> argparse.ArgumentParser:
     add('--out', required=True, metavar='CAL.yaml', help='file to write')
     add('--pitch', nargs='+', required=True, metavar='M',
         help='distance between tactels, or along x and along y [m]')
+    add('--live', metavar='FOLDER', help='ask for every recording, take it from the pictures of '
+        'a driver and keep it in this folder; what is there already stays')
+    add('--topic', default='/tactile/image', metavar='NAME', help='of those pictures '
+        '(default: %(default)s)')
     for name, text in (('unloaded', 'of the unloaded pad'),
                        ('corners', 'of presses in the corners'),
                        ('rolling', 'of a ball rolled over the pad'),
@@ -90,10 +100,20 @@ def _read(path):
     return values
 
 
+def record(options: argparse.Namespace) -> None:
+    """Have the recordings of the options made; a program of its own knows ROS."""
+    if subprocess.run([sys.executable, '-m', 'tactile_sensing.nodes.press_recorder',
+                       options.live, options.topic], check=False).returncode:
+        raise ConfigurationError('not all is recorded; the same command goes on from here')
+    for name in RECORDED:
+        path = Path(options.live, f'{name}.npz')
+        if path.exists() and getattr(options, name) is None:
+            setattr(options, name, str(path))
+
+
 def read_recordings(options: argparse.Namespace) -> Recordings:
     """Read the files of the options."""
-    paths = {name: getattr(options, name)
-             for name in ('unloaded', 'corners', 'rolling', 'ball', 'flat')}
+    paths = {name: getattr(options, name) for name in RECORDED}
     recordings = Recordings(**{name: _read(path) for name, path in paths.items() if path})
     if options.ball or options.flat:
         if options.ball_radius is None:
@@ -160,7 +180,10 @@ def _plain(value):
 
 def run(options: argparse.Namespace) -> str:
     """Calibrate; returns what was found."""
-    recordings, known = read_recordings(options), read_known(options)
+    known = read_known(options)
+    if options.live:
+        record(options)
+    recordings = read_recordings(options)
     folder = Path(options.out).resolve().parent
     if not folder.is_dir():
         raise ConfigurationError(f'{options.out}: folder {folder} does not exist')
