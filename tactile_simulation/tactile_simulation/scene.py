@@ -1,6 +1,7 @@
 """Scenes: what the synthetic sensor touches, read from YAML."""
 from dataclasses import dataclass, field, fields, MISSING
 import math
+from typing import ClassVar
 
 import numpy as np
 
@@ -111,6 +112,7 @@ class Slip:
 class Scene:
     """An edge, the skin that touches it, the sensor in the skin, and where it all begins."""
 
+    action: ClassVar[str] = 'track_edge'  # that a servo is asked for
     name: str
     description: str
     edge: EdgePath
