@@ -12,8 +12,8 @@ from tactile_servo.laws.surface_features import Felt
 from tactile_servo.laws.surface_goal import SurfaceGoal
 
 # Of the force:
-LIFTED, PRESSED = 0.2, 0.5  # at which the probe stands, and goes at full speed
-CROWDED, BORNE = 2.0, 1.5  # the same for too much of it
+LIFTED, PRESSED = 0.5, 0.85  # at which the probe stands, and goes at full speed
+CROWDED, BORNE = 1.6, 1.15  # the same for too much of it
 INTEGRATED = 0.3  # the error up to which the integral counts it
 # Of half the pad:
 ASIDE, CENTRED = 0.7, 0.3  # distance of the contact, at which the probe stands and does not slow
@@ -24,7 +24,7 @@ AT_ONCE = 0.7  # of the turn's acceleration, which speeding up may take
 ANSWER = 0.02  # s until the robot answers to what an image showed
 TURNED = 0.4  # least way of the contact, as a share of the centre's: on an edge it is none
 EDGE = 1.0 / 3.0  # the same, of an object that is half as wide as the probe: of an edge
-BRAKE = 3.0  # times the acceleration, with which the probe slows down
+BRAKE = 8.0  # times the acceleration, with which the probe slows down
 STAND = Step(np.zeros(3), 0.0, math.inf)
 
 
