@@ -36,6 +36,7 @@ from tactile_common.progress import Progress
 from tactile_common.ros.domains import hold_domain
 from tactile_common.ros.runner import freeze_heap, stop_on_signals
 from tactile_sensing.devices.recording import load_recording
+from tactile_sensing.nodes.driver import DriverConfig
 from tactile_servo.laws.registry import DEFAULT, law_for, LAWS
 from tactile_servo.types import State
 from tactile_shape.contour.object_model import model_of
@@ -111,7 +112,8 @@ def track_scene(options: argparse.Namespace, path: Path, scene: Scene | SurfaceS
     with private_port() as port, stop_on_signals() as stop, Progress(length) as progress, \
             apart('listeners', folder / 'bag', own.shape, **common) as listeners, \
             apart('mocks', port, path, robot, options.seed, **common) as mocks, \
-            apart('sensing', port, calibrate(port, scene), **common) as sensing, \
+            apart('sensing', port, calibrate(port, scene), DriverConfig.protocol,
+                  own.contact, **common) as sensing, \
             Graph(**common) as graph:
         parts = {'listeners': listeners, 'mocks': mocks, 'sensing': sensing}
         ended = watch(parts.values())

@@ -1,6 +1,6 @@
 """The whole graph in one process: all that `edge_tracking.launch.py` starts, without launch."""
 import argparse
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 import os
 from pathlib import Path
@@ -93,9 +93,14 @@ def add_mocks(graph: Graph, port, scene, robot, seed: int = 0) -> Node:
 
 
 def add_sensing(graph: Graph, port, calibration='',
-                protocol: str = DriverConfig.protocol) -> None:
-    """Add contact estimator and driver, in this order: then every picture is heard."""
-    graph.add(ContactEstimatorNode)
+                protocol: str = DriverConfig.protocol,
+                contact: Mapping[str, Any] | None = None) -> None:
+    """
+    Add contact estimator and driver, in this order: then every picture is heard.
+
+    `contact` are parameters of the estimator.
+    """
+    graph.add(ContactEstimatorNode, **(contact or {}))
     graph.add(DriverNode, port=str(port), calibration=str(calibration), protocol=protocol)
 
 
@@ -176,7 +181,7 @@ def main(args: list[str] | None = None) -> int:
             add_servo(graph, options.robot_description, law, **own.servo)
             graph.add(ShapeEstimatorNode, **own.shape)
             if options.sensor == 'mock':
-                add_sensing(graph, port, calibrate(pty, scene))
+                add_sensing(graph, port, calibrate(pty, scene), contact=own.contact)
                 add_mocks(graph, port, path, options.robot_description, options.seed)
             else:
                 add_sensing(graph, port, protocol=options.sensor)

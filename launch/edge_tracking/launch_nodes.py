@@ -128,7 +128,7 @@ class Nodes:
         if calibration:
             driver['calibration'] = calibration
         return [*actions, *self.node('tactile_sensing', 'driver', port=self.port, **driver),
-                *self.node('tactile_sensing', 'contact_estimator'),
+                *self.node('tactile_sensing', 'contact_estimator', **self.own.contact),
                 *self.node('tactile_shape', 'shape_estimator', **self.own.shape)]
 
     def servo(self):

@@ -28,14 +28,16 @@ class NodeParameters(NamedTuple):
     """Parameters that what touches asks for, beside those of a file."""
 
     servo: dict[str, Any]
-    shape: dict[str, Any]  # of the shape estimator
+    shape: dict[str, Any]  # of the shape estimator,
+    contact: dict[str, Any]  # and of the contact estimator
 
 
 def parameters_for(scene: Scene | SurfaceScene | None) -> NodeParameters:
     """Parameters for a scene's probe; none for a flat pad, or without a scene."""
     if not isinstance(scene, SurfaceScene):
-        return NodeParameters({}, {})
+        return NodeParameters({}, {}, {})
     dome = scene.dome
     return NodeParameters(
         {'probe.skin_radius': dome.skin_radius, 'probe.array_radius': dome.array_radius},
-        {'source': 'servo', 'finger_radius': dome.skin_radius})
+        {'source': 'servo', 'finger_radius': dome.skin_radius},
+        {'method': 'moments'})  # no model of a flat pad fits, and to try them all takes long

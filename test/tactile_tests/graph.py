@@ -117,9 +117,9 @@ class Bench:
     def add_all(self, **servo):
         """Add mocks, driver, estimator and servo, this with parameters of its own."""
         self.robot = add_mocks(self.graph, self.port, self.scene_path, ROBOT)
-        add_sensing(self.graph, self.port, calibrate(self.port, self.scene))
-        add_servo(self.graph, ROBOT, **{'law': law_for(self.scene.action),
-                                        **parameters_for(self.scene).servo, **servo})
+        own = parameters_for(self.scene)
+        add_sensing(self.graph, self.port, calibrate(self.port, self.scene), contact=own.contact)
+        add_servo(self.graph, ROBOT, **{'law': law_for(self.scene.action), **own.servo, **servo})
         return self
 
     def node(self, name):

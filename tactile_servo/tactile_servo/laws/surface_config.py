@@ -5,7 +5,7 @@ from tactile_common.config import bounded, one_of
 from tactile_common.errors import ConfigurationError
 from tactile_servo.control.surface_filter import NormalConfig
 from tactile_servo.tactile_jacobian.features import FeatureKind
-from tactile_servo.tactile_jacobian.source import METHODS
+from tactile_servo.tactile_jacobian.source import METHODS, TABLES
 
 CONTROLS = ('predicted', 'thesis')
 
@@ -42,10 +42,16 @@ class JacobianConfig:
         'centroid', "'centroid' (M0, Mx / M0, My / M0) or the thesis' 'moments' (M0, Mx, My)",
         [kind.value for kind in FeatureKind])
     method: str = one_of(
-        'interpolated', "'constant', 'nearest' or 'interpolated' in a table, or 'online'", METHODS)
+        'constant', "'constant', 'nearest' or 'interpolated' in a table, or 'online'", METHODS)
     table: str = field(default='', metadata={
         'doc': "file made by build_jacobian_table; empty: of a half-space on the probe's tangent "
                'plane'})
+
+    def __post_init__(self):
+        if self.table and self.method not in TABLES:
+            raise ConfigurationError(
+                f'jacobian.table: {self.table!r} is given, but jacobian.method is '
+                f'{self.method!r}, must be {" or ".join(TABLES)}')
 
 
 @dataclass(frozen=True)
