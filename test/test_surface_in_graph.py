@@ -54,7 +54,7 @@ def test_contacts_are_on_the_ball(tracked):
     # The coarse skin feels the print a tenth wider than the true one, and so its deflection.
     for poses in (tracked.touches, tracked.client.result.contacts):
         points = np.array([pose_from_msg(pose.pose)[:3, 3] for pose in poses])
-        assert len(points) > 100
+        assert len(points) > 20 and np.ptp(points, axis=0).max() > 0.7 * LENGTH
         assert np.abs(tracked.scene.surface.distance(points)).max() < 3e-4
 
 

@@ -39,5 +39,5 @@ def parameters_for(scene: Scene | SurfaceScene | None) -> NodeParameters:
     dome = scene.dome
     return NodeParameters(
         {'probe.skin_radius': dome.skin_radius, 'probe.array_radius': dome.array_radius},
-        {'source': 'servo', 'finger_radius': dome.skin_radius},
+        {'source': 'servo'},
         {'method': 'moments'})  # no model of a flat pad fits, and to try them all takes long

@@ -38,7 +38,7 @@ def make_surface_report(run: RunData, summary: Mapping[str, Any], scene: Surface
         lead += (f' Over {1e3 * summary["tracked_length"]:.0f} mm the contacts lie within '
                  f'{1e3 * summary["surface_max"]:.3f} mm of the true surface, '
                  f'{1e3 * summary["surface_rms"]:.3f} mm RMS.')
-    lead += f' It was felt as: {summary["surface_kind"]}'
+    lead += f' The least surface that explains them: {summary["surface_kind"]}'
     if math.isfinite(summary['surface_radius']):
         lead += f' of {1e3 * summary["surface_radius"]:.2f} mm radius'
     verdict = (f'Surface {"" if summary["ok"] else "not "}tracked', summary['ok'])
