@@ -12,7 +12,7 @@ from tactile_msgs.msg import ServoReason, ServoStatus, SurfacePatch
 from tactile_shape.nodes.shape_estimator import ShapeEstimatorNode
 from tactile_simulation.scenes import parameters_for, renderer_of
 
-LENGTH, RADIUS = 0.04, 0.063  # m
+LENGTH, RADIUS, TOP = 0.04, 0.063, np.array([0.3, 0.0, 0.1])  # m
 COARSE = {'across': 15}  # solved in some seconds, where the whole takes half a minute
 
 
@@ -55,7 +55,12 @@ def test_contacts_are_on_the_ball(tracked):
     for poses in (tracked.touches, tracked.client.result.contacts):
         points = np.array([pose_from_msg(pose.pose)[:3, 3] for pose in poses])
         assert len(points) > 20 and np.ptp(points, axis=0).max() > 0.7 * LENGTH
-        assert np.abs(tracked.scene.surface.distance(points)).max() < 3e-4
+        errors = tracked.scene.surface.distance(points)
+        # Where the machine stalls, the probe lifts off and comes back: a few are felt in between.
+        assert np.sqrt(np.mean(errors**2)) < 1.5e-4 and np.abs(errors).max() < 1e-3
+        outward = np.array([pose_from_msg(pose.pose)[:3, 2] for pose in poses])
+        away = (points - TOP) + [0.0, 0.0, RADIUS]  # from the middle of the ball
+        assert (np.cross(outward, away / RADIUS)**2).sum(axis=1).max() < 0.03**2
 
 
 def test_the_ball_is_felt_as_one_while_it_is_followed(tracked):

@@ -195,7 +195,7 @@ def _facing(point, axis):
     if cosine < -1.0 + 1e-9:
         pose[:3, :3] = np.diag([1.0, -1.0, -1.0])
     else:
-        cross = np.cross(np.eye(3), side).T
+        cross = np.cross(side, np.eye(3)).T
         pose[:3, :3] += cross + cross @ cross / (1.0 + cosine)
     pose[:3, 3] = point
     return pose
