@@ -16,9 +16,11 @@ from edge_tracking.graph import (
     LAW_HELP,
     linger,
     NAMESPACE,
+    PARAMETERS,
     private_port,
     warn_of_parameters,
 )
+from edge_tracking.parameters import config_in
 from edge_tracking.playback import calibration_for, describe_recording, play
 from edge_tracking.process_group import apart, Heard, watch
 from edge_tracking.recording.frames_summary import summarise_recording
@@ -29,17 +31,20 @@ from edge_tracking.report.page import make_recording_report, make_report, pictur
 from edge_tracking.report.surface_page import make_surface_report
 from edge_tracking.report.surface_page import picture as surface_picture
 from edge_tracking.resources import find_scene, scene_names, share
-from edge_tracking.track import TrackNode
+from edge_tracking.track import RESUMES, TrackNode
 from edge_tracking.transport import local_environment
+from tactile_common.command_line import Parser
 from tactile_common.errors import TactileError
-from tactile_common.progress import Progress
+from tactile_common.progress import live_progress
 from tactile_common.ros.domains import hold_domain
 from tactile_common.ros.runner import freeze_heap, stop_on_signals
 from tactile_sensing.devices.recording import load_recording
 from tactile_sensing.nodes.driver import DriverConfig
+from tactile_servo.config import check_goal, ServoConfig
 from tactile_servo.laws.registry import DEFAULT, law_for, LAWS
 from tactile_servo.types import State
 from tactile_shape.contour.object_model import model_of
+from tactile_simulation.cli.simulate import SEED
 from tactile_simulation.metrics import describe, to_json
 from tactile_simulation.scene import Scene
 from tactile_simulation.scene_surface import SurfaceScene
@@ -50,7 +55,7 @@ INTERRUPTED = 'interrupted'
 
 def parser() -> argparse.ArgumentParser:
     """Command line of the demo."""
-    arguments = argparse.ArgumentParser(
+    arguments = Parser(
         prog='demo', formatter_class=argparse.ArgumentDefaultsHelpFormatter,
         description='A robot follows an edge or a surface by touch, on the real graph with a '
         'mock sensor on a pseudo-terminal and a mock robot. Writes a rosbag2 recording (.mcap) '
@@ -65,7 +70,7 @@ def parser() -> argparse.ArgumentParser:
     add('--speed', type=float, default=0.03, help='along the edge, over the surface [m/s]')
     add('--pattern', choices=tuple(PATTERNS), default='line', help='way over a surface')
     add('--force', type=float, default=5.0, help='on the pad [N]')
-    add('--seed', type=int, default=0, help="of the sensor's noise")
+    add('--seed', type=SEED, default=0, help="of the sensor's noise")
     add('--parameters', metavar='FILE.yaml',
         help='parameter file of all nodes; default edge_tracking.yaml of this package')
     add('--recording', metavar='FILE.npz', help='play a recording instead of a scene')
@@ -91,10 +96,8 @@ def out_folder(wanted: str | None, name: str) -> Path:
     return folder
 
 
-def own_domain() -> int | None:
-    """ROS domain, None for the environment's: two graphs in one hear each other's sensors."""
-    if os.environ.get('ROS_DOMAIN_ID'):
-        return None
+def own_domain() -> int:
+    """ROS domain that no other demo is in: two graphs in one would hear each other's sensors."""
     domain = hold_domain()
     print(f'to listen along: ROS_DOMAIN_ID={domain}', file=sys.stderr)
     return domain
@@ -109,7 +112,7 @@ def track_scene(options: argparse.Namespace, path: Path, scene: Scene | SurfaceS
     else:
         length = scene.edge.length - scene.start.s
         goal = {'closed': scene.edge.closed and LAWS[options.law].closes_contours}
-    with private_port() as port, stop_on_signals() as stop, Progress(length) as progress, \
+    with private_port() as port, stop_on_signals() as stop, live_progress(length) as progress, \
             apart('listeners', folder / 'bag', own.shape, **common) as listeners, \
             apart('mocks', port, path, robot, options.seed, **common) as mocks, \
             apart('sensing', port, calibrate(port, scene), DriverConfig.protocol,
@@ -130,7 +133,7 @@ def track_scene(options: argparse.Namespace, path: Path, scene: Scene | SurfaceS
         heard = Heard(servo, graph.namespace)
         graph.spin(lambda: over() or heard.all)
         track = graph.add(TrackNode, own={'on_feedback': show}, action=scene.action,
-                          speed=options.speed, force=options.force, **goal)
+                          speed=options.speed, force=options.force, resumes=RESUMES, **goal)
         graph.spin(lambda: track.finished or over())
         if stop.is_set():
             track.cancel()
@@ -158,6 +161,8 @@ def run(options: argparse.Namespace) -> tuple[dict[str, Any], Path]:
         options.law = law_for(scene.action, options.law)
         renderer_of(scene)  # the skin of a round probe is solved once, before it is due
     warn_of_parameters(options.parameters, NAMESPACE, options.law or DEFAULT)
+    check_goal(options.speed, options.force, config_in(
+        options.parameters or PARAMETERS, f'/{NAMESPACE}/edge_servo', ServoConfig))
     folder = out_folder(options.out, name)
     common = {'parameters': options.parameters, 'domain': own_domain()}
     if options.recording:
@@ -192,9 +197,9 @@ def run(options: argparse.Namespace) -> tuple[dict[str, Any], Path]:
 
 def main(args: list[str] | None = None) -> int:
     """Run the demo; exit status 0 if the edge was tracked, or the recording played."""
-    options = parser().parse_args(args)
     os.environ.update(local_environment())  # also of the parts
     try:
+        options = parser().parse_args(args)
         summary, folder = run(options)
     except (ValueError, RuntimeError, ParameterException, TactileError) as error:
         print(f'demo: {" ".join(str(error).split())}', file=sys.stderr)

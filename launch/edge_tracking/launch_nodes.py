@@ -16,7 +16,8 @@ from edge_tracking.launch_arguments import NAMESPACE, number
 from edge_tracking.parameters import check_file, names_in, values_in
 from edge_tracking.resources import find_scene, share
 from edge_tracking.ros2_control import require_packages, starting_at, text_of
-from tactile_sensing.devices.calibration import load_calibration
+from edge_tracking.track import RESUMES
+from tactile_sensing.devices.calibration_file import load_calibration
 from tactile_servo.laws.registry import DEFAULT, law_for, LAWS
 from tactile_servo.motion.robot import RobotModel
 from tactile_servo.nodes.parameters import NodeConfig
@@ -147,6 +148,7 @@ class Nodes:
             row = LAWS[self.law]
             closed = bool(row.closes_contours and self.scene and self.scene.edge.closed)
             track, = self.node('edge_tracking', 'track', dies=False, wait=START, closed=closed,
+                               resumes=RESUMES if self.robot == 'mock' else 0,
                                env={'INTERRUPTED_STATUS': '0'}, action=row.action,
                                **{'surface.pattern': value['pattern']}, **self.goal)
             actions.append(track)

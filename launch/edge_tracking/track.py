@@ -13,14 +13,17 @@ from action_msgs.msg import GoalStatus
 from rclpy.action import ActionClient
 from rclpy.clock import Clock, ClockType
 from rclpy.qos import DurabilityPolicy, qos_profile_sensor_data, QoSProfile
+from std_srvs.srv import SetBool
 
 from edge_tracking.goals import feedback_text, goal_message, GoalConfig
 from tactile_common.config import bounded
 from tactile_common.ros.node import TactileNode
 from tactile_common.ros.parameters import declare_from
 from tactile_common.ros.runner import run
-from tactile_msgs.msg import Contact, SensorInfo, ServoStatus
+from tactile_msgs.msg import Contact, SensorInfo, ServoReason, ServoStatus
 from tactile_servo.conversions import ACTIONS
+
+RESUMES = 100  # for a mock robot on a machine with too little time
 
 
 @dataclass(frozen=True)
@@ -32,6 +35,9 @@ class TrackConfig(GoalConfig):
     silence: float = bounded(
         5.0, 'give up when the servo, which has the goal, says nothing for this time', 's',
         0.2, 3600.0)
+    resumes: int = bounded(
+        0, 'how often a servo that holds, and could go on, is asked to; above 0 only for a robot '
+        'that nobody is near', '', 0, 10000)
 
 
 class Exit(IntEnum):
@@ -61,6 +67,8 @@ class TrackNode(TactileNode):
         self.result = self.feedback = None
         self._on_feedback = on_feedback or self._log_feedback
         self._handle, self.cancelled = None, False
+        self._pause = self.create_client(SetBool, 'edge_servo/pause')
+        self._resumed, self._asked = 0, False  # holds, and whether the present one
         self._sent = self._tared = self._seen = self._robot = self._felt = False
         action = self.config.action
         self._client = ActionClient(self, ACTIONS[action].type, action)
@@ -150,9 +158,23 @@ class TrackNode(TactileNode):
         self._heard = time.monotonic()
         self.feedback = msg.feedback
         self._on_feedback(msg.feedback)
+        self._resume(msg.feedback)
+
+    def _resume(self, feedback):
+        offered = (feedback.state, feedback.reason_code) == (
+            ServoStatus.HOLD, ServoReason.INPUT_BACK)
+        if offered and not self._asked and self._resumed < self.config.resumes:
+            self._resumed += 1
+            self.get_logger().warning(
+                f'asked to go on ({self._resumed} of {self.config.resumes}): {feedback.reason}')
+            self._pause.call_async(SetBool.Request(data=False))
+        self._asked = offered
 
     def _log_feedback(self, feedback):
-        self.get_logger().info(feedback_text(feedback), throttle_duration_sec=1.0)
+        if feedback.state == ServoStatus.HOLD:
+            self.get_logger().warning(feedback.reason, throttle_duration_sec=1.0)
+        else:
+            self.get_logger().info(feedback_text(feedback), throttle_duration_sec=1.0)
 
     def _end(self, how, reason, code=0):
         if not self.finished:

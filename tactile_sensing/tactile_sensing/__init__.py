@@ -24,7 +24,8 @@ from tactile_common.exports import exported
 __all__, __getattr__, __dir__ = exported(__name__, {
     'contact.estimator': 'ContactEstimator EstimatorConfig',
     'contact.ridge': 'ridge_points',
-    'devices.calibration': 'Calibration load_calibration',
+    'devices.calibration': 'Calibration',
+    'devices.calibration_file': 'load_calibration',
     'devices.recording': 'Recording load_recording',
     'moments.image_moments': 'image_moments',
     'skin.pressure': 'SkinPressure',

@@ -8,7 +8,7 @@ import pytest
 from tactile_sensing.calibration.order import seriate, solve_order
 from tactile_sensing.calibration.unloaded import range_of, survey
 from tactile_sensing.cli import calibrate, estimate
-from tactile_sensing.devices.calibration import load_calibration
+from tactile_sensing.devices.calibration_file import load_calibration
 from tactile_sensing.devices.counts import Counts
 from tactile_sensing.types.array import TactelArray
 
@@ -183,12 +183,12 @@ def test_real_recordings_run_through(there):
     """A finger on a Tekscan array and a bare foot: no press of either is called a point."""
     finger = np.load(SHARED / 'tekscan_finger' / 'iscan_finger.npz')
     raw = finger['frames'][:, 15:26, 15:26]
-    np.savez('finger.npz', frames=raw)
+    np.savez('finger.npz', frames=raw[::4])
     np.savez('rest.npz', frames=raw[raw.sum(axis=(1, 2)) <= np.quantile(raw.sum((1, 2)), 0.1)])
     assert calibrate.main(['--out', 'finger.yaml', '--pitch', str(finger['pitch_m']),
                            '--unloaded', 'rest.npz', '--depth', '0.0001', '--bits', '8']) == 0
     assert estimate.main(['finger.npz', '--calibration', 'finger.yaml', '-o', 'o.npz']) == 0
     with np.load('o.npz') as found:
         assert np.isnan(found['normal_force']).all()
-        load = raw.sum(axis=(1, 2))
+        load = raw[::4].sum(axis=(1, 2))
         assert (found['type'][load > 0.3 * load.max()] != 0).all()

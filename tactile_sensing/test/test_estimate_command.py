@@ -9,7 +9,7 @@ from hypothesis.extra import numpy as npst
 import numpy as np
 import pytest
 
-from tactile_sensing.cli import estimate
+from tactile_sensing.cli import estimate, estimate_options
 from tactile_sensing.contact.estimator import ContactEstimator, EstimatorConfig
 from tactile_sensing.half_space import line
 from tactile_sensing.types.array import TactelArray
@@ -152,7 +152,8 @@ def test_input_behind_the_pitch(there):
 
 def test_options_go_to_the_estimator():
     def config(*options):
-        return estimate.make_config(estimate.parse(['in.npz', *OPTIONS, '-o', 'o', *options]))
+        return estimate_options.make_config(estimate_options.parse(
+            ['in.npz', *OPTIONS, '-o', 'o', *options]))
 
     assert config() == EstimatorConfig()
     assert config('--model', 'line', '--tactel', 'area', '--fit-depth') == EstimatorConfig(
@@ -328,14 +329,15 @@ def test_help_names_everything(capsys):
     types = [kind.name.lower() for kind in ContactType]
     for name in ('frames', *OUTPUT, *Reason.__members__, *types):
         assert re.search(rf'\b{name}\b', text), name
-    assert set(estimate.FLAGS) == set(Reason) and set(estimate.TYPES) == set(ContactType)
+    assert set(estimate_options.FLAGS) == set(Reason)
+    assert set(estimate_options.TYPES) == set(ContactType)
     assert max(map(len, text.splitlines())) < 120
 
 
 def test_example_of_the_help_works(there):
-    code = estimate.EXAMPLE.split('"')[1]
+    code = estimate_options.EXAMPLE.split('"')[1]
     exec('\n'.join(row[2:] for row in code.splitlines()), {})
-    options = re.search(r'estimate (frames.npz .*)', estimate.EXAMPLE)[1]
+    options = re.search(r'estimate (frames.npz .*)', estimate_options.EXAMPLE)[1]
     assert estimate.main(options.split()) == 0
     found = result('contacts.npz')
     assert (found['type'] == ContactType.LINE).all()

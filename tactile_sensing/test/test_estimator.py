@@ -243,7 +243,7 @@ def test_a_valid_estimate_has_no_nan():
 def test_unknown_noise_is_read_from_the_picture():
     rng = np.random.default_rng(10)
     picture = noisy(edge(0.002, 0.1), rng)
-    assert noise_from_image(picture) == pytest.approx(NOISE, rel=0.3)
+    assert noise_from_image.py_func(picture) == pytest.approx(NOISE, rel=0.3)
     assert estimate(picture, noise=0.0).valid
 
 

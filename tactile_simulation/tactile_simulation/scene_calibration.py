@@ -14,7 +14,7 @@ def write_calibration(scene: Scene, path: Path, **values) -> Path:
     ----------
     scene : Scene
     path : Path
-        YAML file to write, in the format of `tactile_sensing.devices.calibration`.
+        YAML file to write, in the format of `tactile_sensing.devices.calibration_file`.
     **values
         Further keys of that format.
     """

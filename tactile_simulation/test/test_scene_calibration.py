@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from tactile_common.errors import ConfigurationError
-from tactile_sensing.devices.calibration import load_calibration
+from tactile_sensing.devices.calibration_file import load_calibration
 from tactile_simulation.edge_path import EdgePath
 from tactile_simulation.renderer import EdgeRenderer
 from tactile_simulation.scene import Scene, Sensor, Skin, Start

@@ -8,7 +8,7 @@ from edge_tracking.recording.run import RunData, Statuses
 from tactile_common.errors import TactileError
 from tactile_servo.reasons import ReasonCode
 from tactile_servo.track_statistics import SETTLING_LENGTH
-from tactile_servo.types import State
+from tactile_servo.types import ON_TRACK, State
 from tactile_shape.contour.outline import find_outline
 from tactile_simulation import metrics
 from tactile_simulation.metrics import NAN, percentile, rate, Truth
@@ -23,7 +23,7 @@ LATERAL_BOUND = 3e-3
 
 def settled_cycles(statuses: Statuses) -> tuple[np.ndarray, np.ndarray]:
     """Return which cycles track, and which of these come after the settling length: `(N,)`."""
-    tracking = np.isin(statuses.state, metrics.ON_EDGE)
+    tracking = np.isin(statuses.state, ON_TRACK)
     settled = np.logical_or.accumulate(tracking & (statuses.progress >= SETTLING_LENGTH))
     return tracking, tracking & settled
 
@@ -109,11 +109,10 @@ def summarise(run: RunData, scene: Scene, *, success: bool, reason: str = '',
     """
     statuses, real = run.statuses, truth(run, scene)
     tracking, _ = settled_cycles(statuses)
-    along, outline = real.along[real.tracking], rebuilt_outline(run)
+    outline = rebuilt_outline(run)
     target = float(force) if force is not None else percentile(statuses.force_target[tracking])
     summary = {
         **of_servo(run, scene.name, reason, reason_code, speed, seed),
-        'tracked_length': float(np.ptp(along)) if along.size else 0.0,  # of the true edge
         **metrics.measure(metrics.Evidence(
             real, target, metrics.contour_errors(outline and outline.points, scene.edge),
             run.joint_acceleration)),
@@ -122,10 +121,9 @@ def summarise(run: RunData, scene: Scene, *, success: bool, reason: str = '',
         'sides': [{'kind': side.kind, 'length': side.length, 'radius': side.radius}
                   for side in (outline.sides if outline else ())],
     }
-    claimed = statuses.progress[tracking].max(initial=0.0)
     summary['ok'] = bool(
         success and summary['lateral_rms'] < LATERAL_BOUND  # NaN, never settled, fails as well
-        and summary['tracked_length'] > max(SETTLING_LENGTH, 0.9 * claimed))
+        and summary['edge_length'] > max(SETTLING_LENGTH, 0.9 * summary['tracked_length']))
     if success and not summary['ok']:
         summary['reason'] += '; but the pad was not led along the edge'
     return summary
@@ -149,6 +147,7 @@ def of_servo(run: RunData, scene: str, reason: str, reason_code: int, speed: flo
         'controller': str(statuses.controller[0]) if len(statuses.controller) else '',
         'seed': seed,
         'speed': float(speed) if speed is not None else percentile(statuses.speed[settled]),
+        'tracked_length': statuses.progress[tracking].max(initial=0.0),
         'approach_recorded': bool(tracking.any() and stamps.size and stamps[0] < begin),
         'duration': metrics.span(statuses.stamp_ns[active]),
         'sensor_rate': rate(stamps[(stamps >= begin) & (stamps <= end)]),

@@ -54,7 +54,6 @@ def summarise_surface_run(run: RunData, scene: SurfaceScene, truth: SurfaceTruth
     measured = measure_surface(scene, truth, run.touches.position, force)
     summary = {
         **of_servo(run, scene.name, reason, reason_code, speed, seed),
-        'tracked_length': float(truth.progress[truth.tracking].max(initial=0.0)),
         **measured, **told_shape(run.patches)}
     summary['ok'] = success and not measured['broken']
     if measured['broken']:

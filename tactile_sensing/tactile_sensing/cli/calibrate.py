@@ -2,17 +2,26 @@
 
 import argparse
 from pathlib import Path
-import sys
 
 import numpy as np
 
-from tactile_common.errors import ConfigurationError, TactileError
-from tactile_common.npz_stream import ArrayReader
+from tactile_common.errors import ConfigurationError
+from tactile_common.npz_stream import read_arrays
 from tactile_common.progress import Progress
 from tactile_sensing.calibration.procedure import calibrate, Known, Outcome, Recordings
 from tactile_sensing.calibration.report import draw_report
-from tactile_sensing.cli.estimate import MAX_CHUNK, MAX_LENGTH, number
-from tactile_sensing.devices.calibration import save_calibration
+from tactile_sensing.cli.options import (
+    counts_reader,
+    length,
+    number,
+    Parser,
+    pitch_of,
+    read_all,
+    run_command,
+    whole,
+)
+from tactile_sensing.devices.calibration_file import save_calibration
+from tactile_sensing.devices.counts import MAX_BITS
 
 STEPS = 4  # that the progress bar counts, at most
 MOST_NAMED = 8  # frames that are named as left out
@@ -40,16 +49,10 @@ directions are told and forces are not.
 Exit status: 0, or 1 after one line that says what is wrong; then nothing is written."""
 
 
-class _Parser(argparse.ArgumentParser):
-    def error(self, message):
-        raise ConfigurationError(message)
-
-
 def parser() -> argparse.ArgumentParser:
     """Command line."""
-    arguments = _Parser(
-        prog='calibrate', formatter_class=argparse.RawDescriptionHelpFormatter,
-        allow_abbrev=False, epilog=EPILOG, description='Calibrate a tactile array: from '
+    arguments = Parser(
+        prog='calibrate', epilog=EPILOG, description='Calibrate a tactile array: from '
         'recordings of raw counts to the file that driver and `estimate` read.')
     add = arguments.add_argument
     add('--out', required=True, metavar='CAL.yaml', help='file to write')
@@ -80,30 +83,10 @@ def parser() -> argparse.ArgumentParser:
     return arguments
 
 
-def _whole(name, text, low, high):
-    try:
-        value = int(text)
-    except ValueError:
-        value = low - 1
-    if not low <= value <= high:
-        raise ConfigurationError(
-            f'{name} is {text!r}, must be an integer from {low} to {high}')
-    return value
-
-
-def _length(name, text):
-    return number(name, text, 1e-9, MAX_LENGTH, 'm') if text is not None else 0.0
-
-
-def _read(path, name='frames'):
-    reader = ArrayReader(path, name)
-    if reader.dtype.kind not in 'uif' or (
-            name == 'frames' and (len(reader.shape) != 3 or 0 in reader.shape)):
-        raise ConfigurationError(f'{path}: {name} has shape {reader.shape} and type '
-                                 f'{reader.dtype}, must be (N, rows, columns) of counts')
-    values = np.concatenate([np.array(it, dtype=float) for it in reader.chunks(MAX_CHUNK)])
+def _read(path):
+    values = read_all(counts_reader(path)).astype(float)
     if not np.isfinite(values).all():
-        raise ConfigurationError(f'{path}: {name} holds values that are not finite')
+        raise ConfigurationError(f'{path}: frames holds values that are not finite')
     return values
 
 
@@ -112,46 +95,41 @@ def read_recordings(options: argparse.Namespace) -> Recordings:
     paths = {name: getattr(options, name)
              for name in ('unloaded', 'corners', 'rolling', 'ball', 'flat')}
     recordings = Recordings(**{name: _read(path) for name, path in paths.items() if path})
-    recordings.ball_radius = _length('--ball-radius', options.ball_radius)
-    if (options.ball or options.flat) and not recordings.ball_radius:
-        raise ConfigurationError('--ball-radius is missing')
+    if options.ball or options.flat:
+        if options.ball_radius is None:
+            raise ConfigurationError('--ball-radius is missing')
+        recordings.ball_radius = length('--ball-radius', options.ball_radius)
     if options.force is not None:
         if not options.ball:
             raise ConfigurationError('--force needs --ball')
         recordings.force = np.array(number('--force', options.force, 1e-6, 1e6, 'N'))
-    elif options.ball:
-        try:
-            recordings.force = _read(options.ball, 'force')
-        except ConfigurationError as error:
-            if 'is missing' not in str(error):
-                raise
-    if recordings.force is not None and recordings.ball is not None:
-        size, count = recordings.force.size, len(recordings.ball)
-        if size not in (1, count):
-            raise ConfigurationError(
-                f'{options.ball}: force has {size} values, must be one or {count}')
+    elif recordings.ball is not None:
+        force = read_arrays(options.ball, (), ('force',)).get('force')
+        if force is not None:
+            count = len(recordings.ball)
+            if force.size not in (1, count) or not (np.isfinite(force) & (force > 0.0)).all():
+                raise ConfigurationError(f'{options.ball}: force must be one number or {count}, '
+                                         'above 0 N')
+            recordings.force = force.ravel()
     return recordings
 
 
 def read_known(options: argparse.Namespace) -> Known:
     """What the options say of the sensor."""
-    if len(options.pitch) > 2:
-        raise ConfigurationError(f'--pitch takes one length or two, not {len(options.pitch)}')
-    pitch = [number('--pitch', text, 1e-9, MAX_LENGTH, 'm') for text in options.pitch]
-    known = Known((pitch[0], pitch[-1]), tactel=options.tactel)
-    known.depth = _length('--depth', options.depth)
-    known.thickness = _length('--thickness', options.thickness)
+    known = Known(pitch_of(options.pitch), tactel=options.tactel)
+    for name in ('depth', 'thickness'):
+        if getattr(options, name) is not None:
+            setattr(known, name, length(f'--{name}', getattr(options, name)))
     if known.thickness and not known.depth:
         raise ConfigurationError('--thickness needs --depth')
     if options.gain is not None:
         known.gain = number('--gain', options.gain, 1e-9, 1e12, 'Pa')
-    if options.bits is not None:
-        known.bits = _whole('--bits', options.bits, 1, 16)
     if options.signed is not None:
         known.signed = options.signed == 'yes'
-    for name in ('threshold', 'saturation'):
+    for name, low, high in (('bits', 1, MAX_BITS), ('threshold', -32768, 65536),
+                            ('saturation', -32768, 65536)):
         if getattr(options, name) is not None:
-            setattr(known, name, _whole(f'--{name}', getattr(options, name), -32768, 65536))
+            setattr(known, name, whole(f'--{name}', getattr(options, name), low, high))
     return known
 
 
@@ -199,12 +177,4 @@ def run(options: argparse.Namespace) -> str:
 
 def main(args: list[str] | None = None) -> int:
     """Run the command; exit status 0 if the file was written."""
-    try:
-        print(run(parser().parse_args(args)), file=sys.stderr)
-    except (TactileError, OSError) as error:
-        print(f'calibrate: {" ".join(str(error).split())}', file=sys.stderr)
-        return 1
-    except KeyboardInterrupt:
-        print('calibrate: interrupted, nothing written', file=sys.stderr)
-        return 130
-    return 0
+    return run_command('calibrate', lambda: run(parser().parse_args(args)))

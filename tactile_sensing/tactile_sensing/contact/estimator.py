@@ -10,8 +10,8 @@ import numpy as np
 from tactile_common.config import bounded, check_fields, one_of
 from tactile_common.errors import ConfigurationError
 from tactile_sensing.contact.closed_forms import estimate_by_moments
+from tactile_sensing.contact.extended_load import BEGINS, ENDS, PATCH
 from tactile_sensing.contact.gauss_newton import LINE, POINT
-from tactile_sensing.contact.ladder import BEGINS, ENDS, PATCH
 from tactile_sensing.contact.parameters import forget_forces
 from tactile_sensing.contact.pipeline import ANY_MODEL, estimate_frames, PENDING, RULES
 from tactile_sensing.half_space.layers import Layer as FitLayer

@@ -5,8 +5,8 @@ import math
 import numpy as np
 
 from tactile_common.kernels import njit
+from tactile_sensing.contact.extended_load import draw, PATCH
 from tactile_sensing.contact.gauss_newton import LINE, POINT
-from tactile_sensing.contact.ladder import add_lacking_rows, BEGINS, ENDS, limits_of, PATCH
 from tactile_sensing.contact.parameters import chord
 from tactile_sensing.contact.preprocessing import DETECTION
 from tactile_sensing.half_space.kernels import line_stress, point_stress, Q0, Q1
@@ -44,44 +44,15 @@ def _measured(kind, x, y, cos, sin, load, layer, nodes):
 
 
 @njit(error_model='numpy')
-def _fill_from_skin(kind, sensor, layers, load, memory):
-    """Picture of a load, with what makes it more than sharp and whole."""
-    model, shapes, tip, source = (
-        memory.model, memory.tactels.shapes, memory.tip_shapes, memory.source[0])
-    cos, sin = math.cos(load.yaw), math.sin(load.yaw)
-    model[:] = 0.0
-    for k in range(layers.size):
-        layer, centre = layers[k], kernels.centre_of(layers[k].depth)
-        kernel = kernels.coefficients_of(shapes[k])
-        for j in range(sensor.nodes.size):
-            node = sensor.nodes[j]
-            x = sensor.x + node.x
-            for r in range(sensor.y.size):
-                y = sensor.y[r] + node.y
-                if kind == POINT:
-                    kernels.add_point_row(
-                        x, y, load, kernel, centre, node.weight, model[k, r])
-                else:
-                    kernels.add_line_row(x, y, cos, sin, load.rho, load, kernel, centre,
-                                         node.weight, model[k, r])
-        if not load.extras & (BEGINS | ENDS):
-            continue
-        _, _, seen_from, seen_to = limits_of(sensor, load, layer.depth)
-        kernels.make_shape(
-            sensor.polynomials[k], layer.depth, 0, 0.0, load.variance, tip[0], tip[1])
-        if load.extras & BEGINS:
-            add_lacking_rows(seen_from, load.start, sensor, layer, k, load, tip[0], source, model)
-        if load.extras & ENDS:
-            add_lacking_rows(load.end, seen_to, sensor, layer, k, load, tip[0], source, model)
-
-
-@njit(error_model='numpy')
 def compare(kind, sensor, layers, load, memory):
     """Load into model, and what it leaves; NaN in left for layers that do not show a line."""
     stress, left, model = memory.stress, memory.left, memory.model
     if load.extras or not sensor.closed:
-        _fill_from_skin(kind, sensor, layers, load, memory)
-        left[:] = stress - model
+        draw(kind, sensor, layers, load, model)
+        for k in range(layers.size):
+            for r in range(stress.shape[1]):
+                for c in range(stress.shape[2]):
+                    left[k, r, c] = stress[k, r, c] - model[k, r, c]
         return
     cos, sin = math.cos(load.yaw), math.sin(load.yaw)
     for k in range(layers.size):
@@ -230,13 +201,13 @@ def refute(kind, sensor, layers, rules, memory, estimate):
     The estimate, a `contact.ESTIMATE` record, gets the evidence: snr, residual, iterations, and in
     force_windowed a ratio of forces. Returns ContactType and Reason; no reason if it stands.
     """
-    left, model, fit = memory.left, memory.model, memory.fit[0]
+    left, model, fit, state = memory.left, memory.model, memory.fits[0], memory.state[0]
     if fit.used < (MIN_POINT_TACTELS if kind == POINT else MIN_LINE_TACTELS):
         return _OTHER, _BAD_FIT | _FEW
     main = first_pressure_layer(layers)
     depth, noise = layers[main].depth, layers[main].noise
     squared, chi, count, weighted = _sums_of_squares(
-        left, model, layers, math.hypot(rules.model_error, rules.gain_spread), memory.scatter[0])
+        left, model, layers, math.hypot(rules.model_error, rules.gain_spread), state.scatter)
     peak = model[main].max()
     if not (peak > 0.0 and np.isfinite(chi + squared)):
         return _OTHER, _BAD_FIT
@@ -249,7 +220,7 @@ def refute(kind, sensor, layers, rules, memory, estimate):
             fit.force * sharp_top(sensor.polynomials[main], depth))
     estimate.snr = 20.0 * math.log10(top / noise)
     estimate.residual = math.sqrt(squared / freedom)
-    memory.excess[0] = max(1.0, weighted / freedom)
+    state.excess = max(1.0, weighted / freedom)
     estimate.iterations = fit.iterations
     estimate.force_windowed = _window_ratio(kind, left[main], model[main], sensor, fit, depth)
 
@@ -257,13 +228,13 @@ def refute(kind, sensor, layers, rules, memory, estimate):
     if weak and kind == POINT:  # noise has peaks, but hardly ridges: a line is judged first
         return _NONE, _LOW_SNR
     threshold = max(DETECTION * noise / 3.0, SECOND_CONTACT * peak)
-    if memory.second[0] or _second_contact(kind, left[main], sensor, fit, depth, threshold):
+    if state.second or _second_contact(kind, left[main], sensor, fit, depth, threshold):
         return _OTHER, _BAD_FIT | _TWO
     if chi > rules.max_chi_square * freedom or _lacks_load(left[main], threshold):
         return _OTHER, _BAD_FIT
     if weak:
         return _NONE, _LOW_SNR
-    lost = not (fit.converged and memory.regular[0])
+    lost = not (fit.converged and fit.regular)
     return kind, (_LOST if lost else 0) | (_OFF_PAD if _off_pad(kind, sensor, fit) else 0)
 
 

@@ -21,7 +21,7 @@ def _fit_frames(kind, stress, x, y, pitch_x, pitch_y, nodes, window, polynomials
     if kind == POINT:
         side = int(2.0 * sensor.window) + 2
         most = stress.shape[1] * min(side, stress.shape[2]) * min(side, stress.shape[3])
-    tactels = make_tactels(stress.shape[1], most, sensor.nodes.size)
+    tactels, layers = make_tactels(most, sensor.nodes.size), layers.copy()
     for f in range(stress.shape[0]):
         fit = fits[f]
         if fit_load(kind, stress[f], sensor, layers, forces, model_error, tukey, 0.0, tactels,

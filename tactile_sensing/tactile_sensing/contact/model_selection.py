@@ -3,17 +3,10 @@
 import numpy as np
 
 from tactile_common.kernels import njit
-from tactile_sensing.contact.gauss_newton import fit_load, LINE, POINT
+from tactile_sensing.contact.extended_fit import fit_extended
+from tactile_sensing.contact.gauss_newton import fit_load, LINE, PARAMETERS, POINT
 from tactile_sensing.contact.initial_guess import peak
-from tactile_sensing.contact.ladder import (
-    BEGINS,
-    ENDS,
-    EVIDENCE,
-    fit_extended,
-    likelier_extra,
-    limits_of,
-)
-from tactile_sensing.contact.parameters import invert
+from tactile_sensing.contact.parameters import copy_record, invert
 from tactile_sensing.half_space.kernels import SHEAR_X, SHEAR_Y
 from tactile_sensing.types.contact import Reason
 
@@ -73,10 +66,10 @@ def overrules(first, second, min_snr):
 
 
 @njit(error_model='numpy')
-def _shear_shows(kind, fit, forces, cov):
+def _shear_shows(kind, fit, forces):
     """Whether the shear is more than noise, by the scatter that the fit leaves."""
     spread = max(1.0, fit.squared_error / max(fit.used - 2.0 - forces, 1.0))
-    xx, xy, yy = cov[SHEAR_X, SHEAR_X], cov[SHEAR_Y, SHEAR_X], cov[SHEAR_Y, SHEAR_Y]
+    xx, xy, yy = fit.cov[SHEAR_X, SHEAR_X], fit.cov[SHEAR_Y, SHEAR_X], fit.cov[SHEAR_Y, SHEAR_Y]
     if kind == LINE:
         return fit.shear * fit.shear > LINE_SHEAR_EVIDENCE * spread * xx
     qx, qy = fit.shear_x, fit.shear_y
@@ -86,73 +79,33 @@ def _shear_shows(kind, fit, forces, cov):
 
 
 @njit(error_model='numpy')
-def _fit(kind, sensor, layers, forces, extras, memory):
-    """Fit with these extras, from the load as it is; with them, its covariance as well."""
-    if extras:
-        return fit_extended(kind, sensor, layers, forces, extras, memory.scatter[0], memory)
-    return fit_load(kind, memory.stress, sensor, layers, forces, 0.0, np.inf, memory.scatter[0],
-                    memory.tactels, memory.fit[0])
-
-
-@njit(error_model='numpy')
 def fit_without_idle_shear(kind, sensor, layers, forces, extras, memory):
     """
-    Fit again without shear where it does not show.
+    Fit with these extras, if any, and again without shear where it does not show.
 
-    Leaves the covariance of the fit with shear, whether there is one, and how far the load moved:
-    shear that does not show may still be there. Returns whether it worked, and has shear.
+    Without extras the load is fitted already. Leaves the covariance of the fit with shear, whether
+    there is one, and how far the load moved: shear that does not show may still be there. Returns
+    whether it worked, and has shear.
     """
-    fit, moved = memory.fit[0], memory.moved
-    moved[:] = 0.0
+    fit, with_shear, state = memory.fits[0], memory.fits[2], memory.state[0]
     if not extras:
-        memory.cov[:] = 0.0
-        memory.regular[0] = invert(fit.normal, 2 + forces, memory.cov)
-    elif not _fit(kind, sensor, layers, forces, extras, memory):
+        fit.cov[:] = 0.0
+        fit.regular = invert(fit.normal, 2 + forces, fit.cov)
+    elif not fit_extended(kind, sensor, layers, forces, extras, memory):
         return False, False
-    if memory.regular[0] and _shear_shows(kind, fit, forces, memory.cov):
+    fit.moved[:] = 0.0
+    if fit.regular and _shear_shows(kind, fit, forces):
         return True, True
-    moved[:] = fit.vector
-    regular = memory.regular[0]
+    copy_record(memory.fits, 0, memory.fits, 2)
     if extras:
-        memory.cov_with_shear[:] = memory.cov
-    if not _fit(kind, sensor, layers, forces // 2, extras, memory):
-        return False, False
-    if extras:
-        memory.cov[:], memory.regular[0] = memory.cov_with_shear, regular
+        fitted = fit_extended(kind, sensor, layers, forces // 2, extras, memory)
+    else:
+        fitted = fit_load(kind, memory.stress, sensor, layers, forces // 2, 0.0, np.inf,
+                          state.scatter, memory.tactels, fit)
+    fit.regular = with_shear.regular
+    for i in range(PARAMETERS):
+        for j in range(PARAMETERS):
+            fit.cov[i, j] = with_shear.cov[i, j]
     for i in range(5):
-        moved[i] -= fit.vector[i]
-    return True, False
-
-
-@njit(error_model='numpy')
-def climb(kind, sensor, layers, forces, shear, memory):
-    """
-    Give the load that was fitted the extras that the frame shows, one by one.
-
-    Each must explain enough, by the scatter that is left. Returns whether the load has shear.
-    """
-    load, saved, moved = memory.fit[0], memory.saved[0], memory.moved
-    while True:
-        in_use = forces if shear else forces // 2
-        extra, gain = likelier_extra(
-            kind, sensor, layers, in_use, memory.scatter[0], memory)
-        spread = max(1.0, load.squared_error / max(load.used - 2.0 - forces, 1.0))
-        if gain < EVIDENCE * spread:
-            return shear
-        memory.saved[0], memory.saved_cov[:] = memory.fit[0], memory.cov
-        memory.saved_moved[:], regular = moved, memory.regular[0]
-        if extra == BEGINS or extra == ENDS:
-            first, last, _, _ = limits_of(sensor, load, layers[0].depth)
-            if extra == BEGINS:
-                load.start = first
-            else:
-                load.end = last
-        fitted, with_shear = fit_without_idle_shear(
-            kind, sensor, layers, forces, load.extras | extra, memory)
-        spread = max(1.0, load.squared_error / max(load.used - 3.0 - forces, 1.0))
-        if fitted and saved.squared_error - load.squared_error >= EVIDENCE * spread:
-            shear = with_shear
-            continue
-        memory.fit[0], memory.cov[:] = memory.saved[0], memory.saved_cov
-        moved[:], memory.regular[0] = memory.saved_moved, regular
-        return shear
+        fit.moved[i] = with_shear.vector[i] - fit.vector[i]
+    return fitted, False

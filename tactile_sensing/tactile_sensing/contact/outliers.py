@@ -3,7 +3,7 @@
 import numpy as np
 
 from tactile_common.kernels import njit
-from tactile_sensing.contact.gauss_newton import fit_load
+from tactile_sensing.contact.gauss_newton import fit_load, MODEL
 from tactile_sensing.contact.goodness_of_fit import compare
 from tactile_sensing.contact.preprocessing import fill_censored
 from tactile_sensing.contact.variable_projection import TUKEY
@@ -111,7 +111,7 @@ def _may_be_contact(left, row, column, sensor, layer):
 
 
 @njit(error_model='numpy')
-def _leave_out_outliers(stress, left, model, sensor, layers, model_error, second):
+def _leave_out_outliers(stress, left, model, sensor, layers, model_error, state):
     """
     Set tactels that contradict the load to NaN; whether it did.
 
@@ -137,7 +137,7 @@ def _leave_out_outliers(stress, left, model, sensor, layers, model_error, second
                 if left[k, r, c] > 0.0 and layers[k].component == PRESSURE:
                     found, known = _may_be_contact(left[k], r, c, sensor, layers[k])
                     if found or not known:
-                        second[0] = found
+                        state.second = found
                         return False
     if off == 0 or off > MAX_OUTLIERS * loaded:
         return False
@@ -151,11 +151,12 @@ def _leave_out_outliers(stress, left, model, sensor, layers, model_error, second
 
 @njit(error_model='numpy')
 def scale_depths(layers, factor, scaled):
-    """Layers with all depths multiplied."""
+    """Layers with all depths multiplied; what is given with pictures is not needed."""
     for k in range(layers.size):
-        scaled[k] = layers[k]
-        scaled[k].depth = layers[k].depth * factor
-        scaled[k].gx, scaled[k].gy = layers[k].gx / factor, layers[k].gy / factor
+        old, new = layers[k], scaled[k]
+        new.depth, new.noise, new.floor = old.depth * factor, old.noise, old.floor
+        new.component = old.component
+        new.gz, new.gx, new.gy = old.gz, old.gx / factor, old.gy / factor
 
 
 @njit(error_model='numpy')
@@ -196,9 +197,9 @@ def fit_despite_faults(kind, sensor, layers, forces, mend, rules, memory):
 
     Returns whether it worked, and whether tactels were left out.
     """
-    stress, left, model, fit = memory.stress, memory.left, memory.model, memory.fit[0]
-    model_error, tactels = rules.model_error, memory.tactels
-    scatter = memory.scatter[0]
+    stress, left, model, fit = memory.stress, memory.left, memory.model, memory.fits[0]
+    model_error, tactels, state = rules.model_error, memory.tactels, memory.state[0]
+    scatter = state.scatter
     for look in range(DRIFT_LOOKS + 1):
         if not fit_load(kind, stress, sensor, layers, forces, model_error, np.inf, scatter,
                         tactels, fit):
@@ -208,8 +209,8 @@ def fit_despite_faults(kind, sensor, layers, forces, mend, rules, memory):
             break
         fill_censored(stress, model, layers, memory.censored)
         drifted = _take_off_drift(
-            stress, left, model, layers, memory.censored, memory.unloaded, look == 0)
-        if not drifted and not memory.any_censored[0]:
+            stress, left, model, layers, memory.censored, tactels.by[MODEL], look == 0)
+        if not drifted and not state.any_censored:
             break
     if not mend or not any_off(left, model, layers, rules):
         return True, False
@@ -217,7 +218,7 @@ def fit_despite_faults(kind, sensor, layers, forces, mend, rules, memory):
     if fit_load(kind, stress, sensor, layers, forces, model_error, TUKEY, scatter, tactels, fit):
         compare(kind, sensor, layers, fit, memory)
         left_out = _leave_out_outliers(
-            stress, left, model, sensor, layers, allowance(rules), memory.second)
+            stress, left, model, sensor, layers, allowance(rules), state)
     fitted = fit_load(kind, stress, sensor, layers, forces, model_error, np.inf, scatter,
                       tactels, fit)
     return fitted, left_out

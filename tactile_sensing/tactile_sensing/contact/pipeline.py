@@ -12,6 +12,8 @@ from typing import NamedTuple
 import numpy as np
 
 from tactile_common.kernels import njit
+from tactile_sensing.contact.extended_fit import EQUATIONS
+from tactile_sensing.contact.extended_load import along_chord, BEGINS, ENDS, PATCH
 from tactile_sensing.contact.gauss_newton import FIT, fit_load, LINE, make_tactels, POINT, Tactels
 from tactile_sensing.contact.goodness_of_fit import (
     beyond_sight,
@@ -19,9 +21,8 @@ from tactile_sensing.contact.goodness_of_fit import (
     find_scatter,
     refute,
 )
-from tactile_sensing.contact.ladder import BEGINS, ENDS, limits_of, PATCH, ROWS
+from tactile_sensing.contact.ladder import climb
 from tactile_sensing.contact.model_selection import (
-    climb,
     fit_without_idle_shear,
     likelier_model,
     overrules,
@@ -35,13 +36,13 @@ from tactile_sensing.contact.outliers import (
 )
 from tactile_sensing.contact.parameters import (
     compare_forces,
+    copy_record,
     forget_forces,
     write_line,
     write_point,
 )
 from tactile_sensing.contact.preprocessing import preprocess
 from tactile_sensing.half_space.layers import LAYER, Sensor
-from tactile_sensing.skin.kernels import TERMS
 from tactile_sensing.types.contact import ContactType, ESTIMATE, Reason
 
 ANY_MODEL, PENDING = 0, -1  # rules.model, estimate.type
@@ -54,58 +55,37 @@ _LOW_SNR, _OFF_PAD = int(Reason.LOW_SNR), int(Reason.OFF_PAD)
 _DEAD, _MISMATCH = int(Reason.DEAD_TACTELS), int(Reason.FORCE_MISMATCH)
 
 
+# What is known of a frame beside its load: how the load moves with the depth, and with a patch
+# that hardly shows; what tactels are off beside noise, as a share of the pressure; squared error
+# over what is expected, at least 1; whether what seemed an outlier is a contact, and whether
+# tactels are only known to be below the floor.
+STATE = np.dtype([('slope', 'f8', (5,)), ('hidden', 'f8', (5,)), ('scatter', 'f8'),
+                  ('excess', 'f8'), ('second', '?'), ('any_censored', '?')])
+
+
 class Memory(NamedTuple):
     """What the stages hand on to each other; of one frame and one model at a time."""
 
     stress: np.ndarray  # (layers, rows, columns): the frame, mended
     left: np.ndarray  # likewise: what the load leaves of it
     model: np.ndarray  # likewise: stress under the load
-    unloaded: np.ndarray  # (rows * columns,)
+    censored: np.ndarray  # likewise: whether a tactel is only known to be below the floor
     layers: np.ndarray  # of LAYER, at the depth that was found
     tactels: Tactels
-    fit: np.ndarray  # of FIT, shape (1,)
-    cov: np.ndarray  # (8, 8), of the fit's parameters: its vector, and the extras of `ladder`
-    regular: np.ndarray  # bool, shape (1,): whether there is such a covariance
-    slope: np.ndarray  # (5,): how the load moves with the depth
-    moved: np.ndarray  # (5,): how it moves when shear is left out
+    fits: np.ndarray  # of FIT: the load; the one a rung below; the one with idle shear
+    equations: np.ndarray  # of EQUATIONS, shape (1,)
+    state: np.ndarray  # of STATE, shape (1,)
     estimates: np.ndarray  # of ESTIMATE, shape (2,): of the first model and of the second
-    hidden: np.ndarray  # (5,): how it moves with a patch that hardly shows
-    scatter: np.ndarray  # (1,): what tactels are off beside noise, as a share of the pressure
-    excess: np.ndarray  # (1,): squared error over what is expected, at least 1
-    second: np.ndarray  # bool, (1,): whether what seemed an outlier is a contact
-    # What `ladder` needs: a load and a covariance to return to, and room.
-    saved: np.ndarray
-    saved_cov: np.ndarray
-    saved_moved: np.ndarray
-    cov_with_shear: np.ndarray
-    rows: np.ndarray
-    weights: np.ndarray
-    active: np.ndarray
-    matrix: np.ndarray
-    right: np.ndarray
-    inverse: np.ndarray
-    step: np.ndarray
-    kept_load: np.ndarray
-    tip_shapes: np.ndarray
-    source: np.ndarray
-    censored: np.ndarray  # (layers, rows, columns): tactels only known to be below the floor
-    any_censored: np.ndarray  # bool, shape (1,)
 
 
 @njit(error_model='numpy')
 def make_memory(layers, rows, columns, nodes):
     """Memory for frames of one shape."""
     shape = (layers, rows, columns)
-    most = layers * rows * columns
     return Memory(
-        np.empty(shape), np.empty(shape), np.empty(shape), np.empty(rows * columns),
-        np.zeros(layers, LAYER), make_tactels(layers, most, nodes), np.zeros(1, FIT),
-        np.zeros((8, 8)), np.zeros(1, np.bool_), np.zeros(5), np.zeros(5), np.zeros(2, ESTIMATE),
-        np.zeros(5), np.zeros(1), np.ones(1), np.zeros(1, np.bool_), np.zeros(1, FIT),
-        np.zeros((8, 8)), np.zeros(5), np.zeros((8, 8)), np.empty((ROWS, most)), np.empty(most),
-        np.zeros(8, np.int64), np.zeros((8, 8)), np.zeros(8), np.zeros((8, 8)), np.zeros(8),
-        np.zeros(8), np.zeros((2, 2, TERMS)), np.zeros(1, FIT), np.zeros(shape, np.bool_),
-        np.zeros(1, np.bool_))
+        np.empty(shape), np.empty(shape), np.empty(shape), np.zeros(shape, np.bool_),
+        np.zeros(layers, LAYER), make_tactels(layers * rows * columns, nodes), np.zeros(3, FIT),
+        np.zeros(1, EQUATIONS), np.zeros(1, STATE), np.zeros(2, ESTIMATE))
 
 
 @njit(cache=True, error_model='numpy')
@@ -131,12 +111,12 @@ def estimate_frames(stress, x, y, pitch_x, pitch_y, nodes, window, polynomials, 
     sensor = Sensor(x, y, pitch_x, pitch_y, nodes, window, polynomials, closed)
     memory = make_memory(layers.size, stress.shape[2], stress.shape[3], nodes.size)
     for f in range(stress.shape[0]):
-        memory.estimates[0] = estimates[f]
+        copy_record(estimates, f, memory.estimates, 0)
         best = estimate_frame(
             stress[f], sensor, layers, rules[0], reasons, saturated, calibrated, memory)
         if not calibrated:
             forget_forces(memory.estimates[best])
-        estimates[f] = memory.estimates[best]
+        copy_record(memory.estimates, best, estimates, f)
 
 
 @njit(error_model='numpy')
@@ -146,11 +126,11 @@ def estimate_frame(stress, sensor, layers, rules, reasons, saturated, calibrated
     if not preprocess(stress, sensor, layers, reasons, saturated, calibrated, memory.censored,
                       first):
         return 0
-    memory.any_censored[0] = memory.censored.any()
+    memory.state[0].any_censored = memory.censored.any()
     if not rules.fit:
         first.type = PENDING
         return 0
-    memory.estimates[1] = memory.estimates[0]
+    copy_record(memory.estimates, 0, memory.estimates, 1)
     model = rules.model
     if rules.model == ANY_MODEL:
         model = likelier_model(stress, sensor, layers)
@@ -168,49 +148,48 @@ def estimate_frame(stress, sensor, layers, rules, reasons, saturated, calibrated
 @njit(error_model='numpy')
 def estimate_as(kind, measured, sensor, layers, rules, memory, estimate):
     """Estimate a frame as one kind of load: its type and reasons, or those of a refusal."""
-    fit, cov, forces = memory.fit[0], memory.cov, 3 if kind == POINT else 2
-    memory.stress[:] = measured
-    memory.scatter[0] = rules.gain_spread
-    memory.second[0] = False
-    memory.hidden[:] = 0.0
+    fit, state, forces = memory.fits[0], memory.state[0], 3 if kind == POINT else 2
+    for k in range(measured.shape[0]):
+        for r in range(measured.shape[1]):
+            for c in range(measured.shape[2]):
+                memory.stress[k, r, c] = measured[k, r, c]
+    state.scatter, state.second, state.hidden[:] = rules.gain_spread, False, 0.0
     ladder = sensor.polynomials.size > 0 and not rules.fit_depth
     # Faults are looked for above the ladder: a blunt load is no row of broken tactels.
-    fitted, left_out, depth_variance = _fit_mended(
-        kind, sensor, layers, forces, not ladder, rules, memory)
-    shear = False
-    if fitted:
-        fitted, shear = _fit_least(kind, sensor, forces, ladder, memory)
-    if fitted and ladder and any_off(memory.left, memory.model, memory.layers, rules):
+    mend, shear = not ladder, False
+    while True:
         fitted, left_out, depth_variance = _fit_mended(
-            kind, sensor, layers, forces, True, rules, memory)
+            kind, sensor, layers, forces, mend, rules, memory)
         if fitted:
             fitted, shear = _fit_least(kind, sensor, forces, ladder, memory)
+        if mend or not (fitted and any_off(memory.left, memory.model, memory.layers, rules)):
+            break
+        mend = True
     if not fitted:
         estimate.type, missed = _OTHER, _BAD_FIT
     else:
         shear = _weigh_scatter(kind, sensor, forces, shear, rules, memory)
         estimate.type, missed = refute(kind, sensor, memory.layers, rules, memory, estimate)
     if not missed:
-        hidden = memory.hidden
         if not ladder or fit.extras & PATCH:
-            hidden[:] = 0.0
-        _widen(cov, memory.moved, hidden, depth_variance, memory.slope, memory.excess[0])
-        if beyond_sight(kind, sensor, memory.layers[0].depth, fit, cov):
+            state.hidden[:] = 0.0
+        _widen(fit, state, depth_variance)
+        if beyond_sight(kind, sensor, memory.layers[0].depth, fit, fit.cov):
             missed = _OFF_PAD
     estimate.reasons |= missed
     if missed:
         return
     estimate.has_shear, estimate.extras = shear, fit.extras
     if kind == POINT:
-        write_point(fit, cov, estimate)
+        write_point(fit, fit.cov, estimate)
         estimate.patch = math.sqrt(5.0 * fit.variance)
     else:
-        first, last, _, _ = limits_of(sensor, fit, 0.0)
+        first, last = along_chord(sensor, fit.rho, fit.yaw)
         if fit.extras & BEGINS:
             estimate.start = first = fit.start
         if fit.extras & ENDS:
             estimate.end = last = fit.end
-        write_line(fit, cov, shear, first, last, sensor, estimate)
+        write_line(fit, fit.cov, shear, first, last, sensor, estimate)
         estimate.patch = 2.0 * math.sqrt(fit.variance)
     disagrees = compare_forces(estimate)
     estimate.reasons |= (_DEAD if left_out else 0) | (_MISMATCH if disagrees else 0)
@@ -219,22 +198,23 @@ def estimate_as(kind, measured, sensor, layers, rules, memory, estimate):
 @njit(error_model='numpy')
 def _fit_least(kind, sensor, forces, ladder, memory):
     """From a fit with shear to the least load that explains the frame, and what it leaves."""
-    fitted, shear = fit_without_idle_shear(kind, sensor, memory.layers, forces, 0, memory)
+    fitted, shear = fit_without_idle_shear(
+        kind, sensor, memory.layers, forces, memory.fits[0].extras, memory)
     if fitted:
         if ladder:
             shear = climb(kind, sensor, memory.layers, forces, shear, memory)
-        compare(kind, sensor, memory.layers, memory.fit[0], memory)
+        compare(kind, sensor, memory.layers, memory.fits[0], memory)
     return fitted, shear
 
 
 @njit(error_model='numpy')
 def _weigh_scatter(kind, sensor, forces, shear, rules, memory):
     """Fit again where tactels are off by a share of the pressure; returns whether with shear."""
-    fit, scatter = memory.fit[0], memory.scatter
-    found = find_scatter(memory.left, memory.model, memory.layers, scatter[0], 2 + forces)
-    if found <= scatter[0]:
+    fit, state = memory.fits[0], memory.state[0]
+    found = find_scatter(memory.left, memory.model, memory.layers, state.scatter, 2 + forces)
+    if found <= state.scatter:
         return shear
-    scatter[0] = found
+    state.scatter = found
     if not fit.extras and not fit_load(kind, memory.stress, sensor, memory.layers, forces,
                                        rules.model_error, np.inf, found, memory.tactels, fit):
         return shear
@@ -251,7 +231,7 @@ def _fit_mended(kind, sensor, given_layers, forces, mend, rules, memory):
     Returns what `fit_despite_faults` does, and the variance of the factor on the depth, 0 for the
     given one.
     """
-    layers, stress, fit = memory.layers, memory.stress, memory.fit[0]
+    layers, stress, fit = memory.layers, memory.stress, memory.fits[0]
     scale_depths(given_layers, 1.0, layers)
     if not rules.fit_depth:
         fitted, left_out = fit_despite_faults(kind, sensor, layers, forces, mend, rules, memory)
@@ -259,7 +239,7 @@ def _fit_mended(kind, sensor, given_layers, forces, mend, rules, memory):
     fitted, left_out, variance = False, False, 0.0
     for mended in (False, True):  # faults do not show at a wrong depth, nor the depth with faults
         factor, variance = fit_depth(kind, stress, sensor, given_layers, layers, forces,
-                                     rules, memory.tactels, fit, memory.slope)
+                                     rules, memory.tactels, fit, memory.state[0].slope)
         if np.isnan(factor):
             return False, left_out, variance
         scale_depths(given_layers, factor, layers)
@@ -274,9 +254,10 @@ def _fit_mended(kind, sensor, given_layers, forces, mend, rules, memory):
 
 
 @njit(error_model='numpy')
-def _widen(cov, moved, hidden, depth_variance, slope, excess):
+def _widen(fit, state, depth_variance):
     """Add to a covariance shear and a patch that may be there, the depth, and more noise."""
+    moved, hidden, slope = fit.moved, state.hidden, state.slope
     for i in range(5):
         for j in range(5):
-            cov[i, j] = moved[i] * moved[j] + hidden[i] * hidden[j] + excess * (
-                cov[i, j] + depth_variance * slope[i] * slope[j])
+            fit.cov[i, j] = moved[i] * moved[j] + hidden[i] * hidden[j] + state.excess * (
+                fit.cov[i, j] + depth_variance * slope[i] * slope[j])

@@ -1,44 +1,19 @@
-"""From raw counts to pressure: calibration file, tare, invalid tactels."""
-from dataclasses import dataclass, field, fields, replace
+"""From raw counts to pressure: what is known of one array."""
+from dataclasses import dataclass, field, replace
 import math
-from typing import Any
 
 import numpy as np
-import yaml
 
-from tactile_common.errors import ConfigurationError, TactileError
-from tactile_common.yaml_file import read_yaml
+from tactile_common.config import checked
+from tactile_common.errors import ConfigurationError
 from tactile_sensing.devices.counts import Counts
-from tactile_sensing.devices.unloaded import unloaded_statistics
-from tactile_sensing.types.array import TactelArray
+from tactile_sensing.devices.tare import Tare, tare_of, TareRefusedError
+from tactile_sensing.types.array import PITCH, TactelArray
 from tactile_sensing.types.image import COMPONENTS, Layer, SensorInfo
 from tactile_sensing.types.skin import Skin
 
 UNITS = ('Pa', 'counts')
-# Fewer frames tell neither the noise nor whether the picture is steady.
-MIN_TARE_FRAMES = 20
 TOLERANCE = 5 / 255  # of the range, where no tolerance of a tare is given
-SILENT = 0.99  # share of readings under a threshold beyond which it hides the noise
-THRESHOLD_STD = 4.0  # standard deviations of noise at which thresholds are set (3.5)
-CHANCE = 5.0  # standard deviations that a mean may be off by chance
-
-
-class TareRefusedError(TactileError):
-    """The frames are no picture of the unloaded pad; the message says why."""
-
-
-@dataclass(frozen=True, eq=False)
-class Tare:
-    """Picture of the unloaded pad."""
-
-    offset: np.ndarray  # mean counts, shape (rows, columns), float32
-    noise: np.ndarray  # standard deviation of every tactel [counts], float32
-    live: np.ndarray  # tactels that are used, bool
-
-    @property
-    def noise_std(self) -> float:
-        """Standard deviation of one tactel, in the mean of all that are used [counts]."""
-        return float(np.sqrt(np.mean(np.square(self.noise[self.live]))))
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,6 +61,7 @@ class Calibration:
     counts: Counts = field(init=False, repr=False)
 
     def __post_init__(self):
+        checked('depth', self.depth, float, {'range': (0.0, PITCH[1]), 'unit': 'm'})
         for name in ('tare_tolerance', 'depth', 'thickness', 'skin_stiffness', 'max_load',
                      'gain_spread', 'acquisition_delay', 'nominal_rate'):
             value = getattr(self, name)
@@ -180,57 +156,20 @@ class Calibration:
         The pitch is one length or two, along x and y [m]; values are other fields of the class.
         The depth of the tactels is taken as the smaller pitch where it is not given.
         """
-        pitch_x, pitch_y = _pair(pitch)
+        pitch_x, pitch_y = pitch_pair(pitch)
         values = {'unit': 'counts', 'model': 'uncalibrated', 'source': 'none',
                   'depth': float(min(pitch_x, pitch_y)), **values}
         return cls(TactelArray(rows, columns, pitch_x, pitch_y), **values)
 
     def make_tare(self, frames) -> Tare:
-        """
-        Average frames of the unloaded pad, raw counts `(n, rows, columns)`.
-
-        Raises
-        ------
-        TareRefusedError
-            Too few frames, a load on a live tactel, or a picture that moves.
-        """
+        """Average frames of the unloaded pad, raw counts `(n, rows, columns)`, see `tare`."""
         frames = np.asarray(frames)
         if frames.ndim != 3 or frames.shape[1:] != self.raw_shape:
             raise TareRefusedError(
                 f'frames have shape {frames.shape}, must be (n, {self.raw_shape[0]}, '
                 f'{self.raw_shape[1]})')
-        if len(frames) < MIN_TARE_FRAMES:
-            raise TareRefusedError(f'{len(frames)} frames, at least {MIN_TARE_FRAMES} are needed')
-        frames = self.arrange(frames)
-        offset, noise = unloaded_statistics(
-            frames, self.counts.threshold, self.counts.lowest, self.live)
-        counts = self.counts
-        if counts.threshold > counts.lowest + 1 and (
-                np.mean(frames[:, self.live] < counts.threshold) > SILENT):
-            # All that is known of the noise is that the threshold keeps it out.
-            noise = np.maximum(noise, (counts.threshold - 0.5 - counts.lowest) / THRESHOLD_STD)
-        # From frame to frame, and by the median, so that a load that comes is no noise.
-        steps = np.abs(np.diff(frames[:, self.live].astype(np.float64), axis=0))
-        chance = CHANCE * 1.05 * float(np.median(steps)) / np.sqrt(len(frames))  # of a mean
-        self._refuse_load(np.where(self.live, offset - self.baseline, 0.0), chance)
-        half = len(frames) // 2
-        change = np.where(self.live, frames[half:].mean(axis=0) - frames[:half].mean(axis=0), 0.0)
-        allowed = 0.5 * self.tare_tolerance + 2.0 * chance
-        if np.abs(change).max() > allowed:
-            raise TareRefusedError(
-                f'not steady: a tactel changes by {np.abs(change).max():.1f} counts within '
-                f'{len(frames)} frames, at most {allowed:.1f} are allowed')
-        return Tare(offset.astype(np.float32), noise.astype(np.float32), self.live)
-
-    def _refuse_load(self, deviation, chance):
-        worst = np.unravel_index(np.abs(deviation).argmax(), deviation.shape)
-        allowed = self.tare_tolerance + chance
-        if abs(deviation[worst]) > allowed:
-            loaded = np.count_nonzero(np.abs(deviation) > allowed)
-            raise TareRefusedError(
-                f'under load: {loaded} tactels are off the no-load baseline, row {worst[0]} '
-                f'column {worst[1]} by {deviation[worst]:+.1f} counts, at most '
-                f'{allowed:.1f} are allowed')
+        return tare_of(self.arrange(frames), self.counts, self.baseline, self.live,
+                       self.tare_tolerance)
 
     def converter(self, tare=None):
         """
@@ -289,98 +228,16 @@ class Calibration:
             calibration=self.source, tared_at_ns=tared_at_ns)
 
 
-_FILE_KEYS = {'rows', 'columns', 'pitch', *(f.name for f in fields(Calibration))} - {
-    'array', 'source', 'live', 'counts'}
+def pitchpitch_pair(pitch):
+    if isinstance(pitch, (list, tuple)):
+        if len(pitch) != 2:
+            raise ConfigurationError(f'pitch is {pitch!r}, must be one length or two [m]')
+        return tuple(pitch)
+    return pitch, pitch
 
 
-def load_calibration(path) -> Calibration:
-    """
-    Read a calibration file.
-
-    YAML with the fields of `Calibration` as keys, but `rows`, `columns` and `pitch` ([m], one
-    value or x and y) for the array and `[row, column]` pairs for `dead_tactels`.
-
-    Raises
-    ------
-    ConfigurationError
-        The file cannot be read, or a key is missing, unknown or out of bounds; names the file.
-    """
-    try:
-        return _from_mapping(read_yaml(path), str(path))
-    except ConfigurationError as error:
-        raise ConfigurationError(f'calibration {path}: {error}') from error
-
-
-def save_calibration(calibration: Calibration, path) -> None:
-    """
-    Write a calibration file that `load_calibration` reads.
-
-    Raises
-    ------
-    ConfigurationError
-        The file cannot be written.
-    """
-    array = calibration.array
-    values: dict = {'rows': array.rows, 'columns': array.columns,
-                    'pitch': [float(array.pitch_x), float(array.pitch_y)]}
-    for item in fields(Calibration):
-        value = getattr(calibration, item.name)
-        default: Any = item.default
-        if item.name not in _FILE_KEYS or (
-                item.name != 'gain' and np.array_equal(value, default)):
-            continue
-        if isinstance(value, np.ndarray):
-            value = _tidy(value)
-        elif item.name == 'dead_tactels':
-            value = [[index // array.columns, index % array.columns] for index in value]
-        elif isinstance(value, tuple):
-            value = list(value)
-        values[item.name] = value
-    try:
-        with open(path, 'w', encoding='utf-8') as stream:
-            stream.write('# Calibration of one array; `found` says how, how well, and what was '
-                         'assumed.\n')
-            yaml.safe_dump(values, stream, sort_keys=False, width=99, default_flow_style=None)
-    except OSError as error:
-        raise ConfigurationError(f'calibration {path}: {error.strerror}') from error
-
-
-def _tidy(values):
-    """One number if all are the same, else rows of numbers; of five digits."""
-    rows = [[float(f'{value:.5g}') for value in row] for row in values]
-    return rows[0][0] if len({value for row in rows for value in row}) == 1 else rows
-
-
-def _from_mapping(values, source):
-    if not isinstance(values, dict):
-        raise ConfigurationError('must be a mapping of keys to values')
-    unknown = sorted(str(key) for key in set(values) - _FILE_KEYS)
-    if unknown:
-        raise ConfigurationError(
-            f'unknown key {unknown[0]!r}, must be one of {", ".join(sorted(_FILE_KEYS))}')
-    for key in ('rows', 'columns', 'pitch', 'gain'):
-        if key not in values:
-            raise ConfigurationError(f'key {key!r} is missing')
-    values = dict(values)
-    pitch_x, pitch_y = _pair(values.pop('pitch'))
-    array = TactelArray(values.pop('rows'), values.pop('columns'), pitch_x, pitch_y)
-    dead = _indices(values.pop('dead_tactels', None) or [], array)
-    return Calibration(array, dead_tactels=dead, source=source, **values)
-
-
-def _indices(pairs, array):
-    indices = []
-    for pair in pairs if isinstance(pairs, list) else [pairs]:
-        if (not isinstance(pair, list) or [type(value) for value in pair] != [int, int]
-                or not (0 <= pair[0] < array.rows and 0 <= pair[1] < array.columns)):
-            raise ConfigurationError(
-                f'dead_tactels holds {pair!r}, must be pairs [row, column] below '
-                f'[{array.rows}, {array.columns}]')
-        indices.append(pair[0] * array.columns + pair[1])
-    return tuple(indices)
-
-
-def _pair(pitch):
+def pitch_pair(pitch):
+    """Pitch along x and along y, of one length or two [m]."""
     if isinstance(pitch, (list, tuple)):
         if len(pitch) != 2:
             raise ConfigurationError(f'pitch is {pitch!r}, must be one length or two [m]')

@@ -28,10 +28,14 @@ _LEVERS = {'zz': (1.0, 0.0, 0.0), 'xz': (0.0, 1.0, 0.0), 'yz': (0.0, 0.0, 1.0)}
 NODE = np.dtype([('x', 'f8'), ('y', 'f8'), ('weight', 'f8')])
 # Depth [m], noise of a tactel [Pa], index into COMPONENTS, the component as (gz + gx x' + gy y')
 # times the pressure, and what at or below is only known to be below it, 0 if there is none;
-# noise (0: unknown) and full scale (0: none) as given with a picture [Pa].
+# noise (0: unknown) and full scale (0: none) as given with a picture [Pa]. Of the load that is
+# being fitted: where this layer's end among the gathered tactels, and the shapes of the load and
+# of a line's tip, with their derivatives by the variance of the patch, see `skin.kernels`.
+_SHAPE = 'f8', (2, DEGREE + 1)
 LAYER = np.dtype([
     ('depth', 'f8'), ('noise', 'f8'), ('component', 'i8'), ('gz', 'f8'), ('gx', 'f8'),
-    ('gy', 'f8'), ('floor', 'f8'), ('given_noise', 'f8'), ('full_scale', 'f8')])
+    ('gy', 'f8'), ('floor', 'f8'), ('given_noise', 'f8'), ('full_scale', 'f8'), ('end', 'i8'),
+    ('load', *_SHAPE), ('load_slope', *_SHAPE), ('tip', *_SHAPE), ('tip_slope', *_SHAPE)])
 
 
 class Sensor(NamedTuple):

@@ -8,9 +8,7 @@ pressure is force f(s) + (shear . offset) g(s), s the squared distance.
 
 import math
 
-from numba.np.unsafe.ndarray import to_fixed_tuple
-
-from tactile_common.kernels import FAST, njit
+from tactile_common.kernels import FAST, njit, to_fixed_tuple
 from tactile_sensing.skin.kernel import CENTRE, DEGREE, MAX_VARIANCE
 
 F, G = 0, 1  # rows of a shape
@@ -69,7 +67,7 @@ def make_first_slope(polynomials, depth, row, yaw, slope):
     _fill(polynomials, 1, depth, row, yaw, scale, slope)
 
 
-@njit(error_model='numpy')
+@njit(cache=True, error_model='numpy')
 def make_sharp_shape(polynomials, depth, row, yaw, shape):
     """Shape of a load without a patch; yaw is that of a line."""
     scale = 1.0 / depth if row == LINE_ROW else 1.0 / (depth * depth)
@@ -199,22 +197,3 @@ def add_line_place(x, y, cos, sin, rho, along, load, kept, by_rho, by_yaw):
         by = -(force * slopes[i] + shear * v * lever_slopes[i]) * v - shear * levers[i]
         by_rho[i] += by
         by_yaw[i] -= by * (y[i] * cos - x[i] * sin + along)
-
-
-@njit(error_model='numpy', fastmath=FAST)
-def add_point_row(x, y, load, kernel, centre, scale, pressure):
-    """Add the pressure of a point load to a row of tactels at y."""
-    v = y - load.b
-    for i in range(x.size):
-        u = x[i] - load.a
-        f, g = values_at(kernel, centre, u * u + v * v)
-        pressure[i] += scale * (load.force * f + (load.shear_x * u + load.shear_y * v) * g)
-
-
-@njit(error_model='numpy', fastmath=FAST)
-def add_line_row(x, y, cos, sin, rho, load, kernel, centre, scale, pressure):
-    """Add the pressure of a line load to a row of tactels at y."""
-    for i in range(x.size):
-        v = x[i] * cos + y * sin - rho
-        f, g = values_at(kernel, centre, v * v)
-        pressure[i] += scale * (load.force * f + load.shear * v * g)

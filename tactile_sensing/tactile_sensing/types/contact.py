@@ -126,7 +126,7 @@ RECORD = np.dtype([_type_of(name, f.metadata['dtype']) for name, f in COLUMNS.it
 ESTIMATE = np.dtype([
     ('type', 'i8'), ('reasons', 'i8'), *(_type_of(name, 'f8') for name in REALS),
     _type_of('covariance', 'f8'), ('iterations', 'i8'), ('has_shear', '?'), ('extras', 'i8'),
-    *((name, 'f8') for name in Moments.__dataclass_fields__)])
+    *((name, 'f8') for name in Moments.__dataclass_fields__)], align=True)
 NOTHING = np.zeros(1, ESTIMATE)  # an estimate of nothing
 for _name in (*REALS, 'covariance'):
     NOTHING[_name] = NAN

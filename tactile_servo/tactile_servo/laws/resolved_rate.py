@@ -141,6 +141,7 @@ class ResolvedRate:
     config_type: ClassVar[type] = ResolvedRateConfig
     sees_images: ClassVar[bool] = False
     touch: Touch | None = None
+    agility = math.inf  # it is slow enough
     goal: EdgeGoal  # since `begin`, as well as
     _array: TactelArray
 

@@ -45,7 +45,7 @@ class SurfaceFollowing:
     goal_type: ClassVar[type] = SurfaceGoal
     config_type: ClassVar[type] = SurfaceFollowingConfig
     sees_images: ClassVar[bool] = True
-    touch_speed = math.inf
+    touch_speed = agility = math.inf
     goal: SurfaceGoal  # since `begin`
     _sense: ContactSense
 

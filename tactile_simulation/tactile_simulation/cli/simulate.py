@@ -5,13 +5,16 @@ The servo, estimator, limits and scene are those of the nodes; the robot is a ga
 lag, dead time and acceleration of the scene's plant, or that of a URDF.
 """
 import argparse
+from pathlib import Path
 import sys
 import time
 from typing import Any
 
 import numpy as np
 
-from tactile_common.errors import TactileError
+from tactile_common.command_line import between, Parser
+from tactile_common.errors import ConfigurationError, TactileError
+from tactile_servo.config import check_goal, ServoConfig
 from tactile_servo.laws.registry import law_for, LAWS
 from tactile_servo.laws.surface_config import CONTROLS, SurfaceFollowingConfig
 from tactile_servo.laws.surface_goal import LINE_LENGTH, Pattern, SurfaceGoal
@@ -28,12 +31,13 @@ from tactile_simulation.surface_plot import draw_surface
 LAW_HELP = f'servo law; default: {law_for("track_edge")} for an edge, ' \
     f'{law_for("track_surface")} for a surface'
 PATTERNS = (Pattern.LINE, Pattern.RASTER, Pattern.SPIRAL)
+SEED = between(0, 2**32 - 1, kind=int)
 JOINT_ACCELERATION = 10.0  # rad/s^2, of a robot given by its URDF
 
 
 def parser() -> argparse.ArgumentParser:
     """Command line."""
-    arguments = argparse.ArgumentParser(
+    arguments = Parser(
         prog='simulate', description=__doc__.strip().splitlines()[0],
         formatter_class=argparse.ArgumentDefaultsHelpFormatter)
     add = arguments.add_argument
@@ -42,23 +46,26 @@ def parser() -> argparse.ArgumentParser:
     add('--speed', type=float, default=0.03, help='along the edge, over the surface [m/s]')
     add('--force', type=float, default=5.0, help='on the pad [N]')
     add('--direction', type=int, default=1, choices=(-1, 1), help="along the sensor's y")
-    add('--length', type=float, default=0.0,
+    add('--length', type=between(0.0, 10.0, 'm'), default=0.0,
         help='to track [m]; 0 = until the edge ends or the contour closes; 60 mm on a surface')
     add('--pattern', default='line', choices=[pattern.name.lower() for pattern in PATTERNS],
         help='way over a surface')
     add('--heading', type=float, default=90.0, help='of that way, from base x [degrees]')
-    add('--size', type=float, nargs=2, default=(0.06, 0.06), help='of a raster or spiral [m]')
-    add('--step-over', type=float, default=0.006, help='between its rows or turns [m]')
+    add('--size', type=between(1e-3, 1.0, 'm'), nargs=2, default=(0.06, 0.06),
+        help='of a raster or spiral [m]')
+    add('--step-over', type=between(1e-4, 0.1, 'm'), default=0.006,
+        help='between its rows or turns [m]')
     add('--control', default='predicted', choices=CONTROLS, help='of a surface')
-    add('--seed', type=int, default=0, help="of the sensor's noise")
-    add('--latency', type=float, help='of a picture [s]; default as the scene says')
+    add('--seed', type=SEED, default=0, help="of the sensor's noise")
+    add('--latency', type=between(0.0, 1.0, 's'),
+        help='of a picture [s]; default as the scene says')
     add('--robot', metavar='URDF', help='robot instead of the gantry')
     add('--tip', default='tactile_pad', metavar='FRAME',
         help="sensor frame of that robot: its link's z points out of the skin")
     add('--start', type=float, nargs='+', metavar='ANGLE',
         help='joint positions near which that robot starts [rad]; default: '
              'those farthest from singularities and limits')
-    add('--timeout', type=float, default=300.0, help='simulated time [s]')
+    add('--timeout', type=between(0.0, 1e4, 's'), default=300.0, help='simulated time [s]')
     add('--json', action='store_true', help='print one JSON object, SI units')
     add('--plot', metavar='FILE.png', help='draw the way of the pad over the edge')
     return arguments
@@ -77,6 +84,7 @@ def run(options: argparse.Namespace) -> tuple[Simulation, dict[str, Any]]:
     """Simulate as the options say: Simulation and summary."""
     scene = load_any_scene(options.scene)
     options.law = law_for(scene.action, options.law)
+    check_goal(options.speed, options.force, ServoConfig())
     if isinstance(scene, SurfaceScene):
         return _run_surface(options, scene)
     goal = EdgeGoal(options.speed, options.force, options.direction, options.length,
@@ -144,8 +152,10 @@ def draw(simulation: Simulation, path) -> None:
 
 def main(argv: list[str] | None = None) -> int:
     """Run the command; 0 only if the edge was tracked as asked for."""
-    options = parser().parse_args(argv)
     try:
+        options = parser().parse_args(argv)
+        if options.plot and not Path(options.plot).parent.is_dir():
+            raise ConfigurationError(f'--plot {options.plot}: there is no such folder')
         simulation, summary = run(options)
         if options.plot:
             draw(simulation, options.plot)
