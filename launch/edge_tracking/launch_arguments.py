@@ -31,7 +31,7 @@ ARGUMENTS = (
     ('scene', 'straight', f'what the mock sensor touches: {", ".join(scene_names())}, or the '
      'path of a .yaml file'),
     ('law', 'auto', f'servo law; auto: {law_for("track_edge")} for an edge, '
-     f'{law_for("track_surface")} for a surface', ('auto', *LAWS)),
+     f'{law_for("track_surface")} for a surface', (*LAWS, 'auto')),
     ('speed', '0.03', 'along the edge, over the surface [m/s]'),
     ('force', '5.0', 'normal force on the pad [N]'),
     ('length', '0.0', 'way to track [m]; 0 = until the edge ends, 60 mm of a surface'),
