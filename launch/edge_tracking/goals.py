@@ -70,8 +70,9 @@ def way_length(pattern: str, way: SurfaceWay | None = None) -> float:
     way = way or SurfaceWay()
     if pattern == 'line':
         return LINE_LENGTH
-    plan = raster(*way.size, way.step_over) if pattern == 'raster' else spiral(
-        way.size[0], way.step_over)
+    along, across = way.size
+    plan = raster(along, across, way.step_over) if pattern == 'raster' else spiral(
+        along, way.step_over)
     return float(arc_length(plan)[-1])
 
 
@@ -81,9 +82,9 @@ def feedback_text(feedback: Any) -> str:
     if feedback.state == State.HOLD:
         return f'{text[0]}, {feedback.reason}'
     if isinstance(feedback, TrackSurface.Feedback):
-        name, place = 'contact', (feedback.contact_error.x, feedback.contact_error.y)
+        name, place = 'contact', [feedback.contact_error.x, feedback.contact_error.y]
     else:
-        name, place = 'lateral', (feedback.lateral_error,)
+        name, place = 'lateral', [feedback.lateral_error]
     if all(map(math.isfinite, place)):  # not before something is felt
         text.append(f'{name} {", ".join(f"{1e3 * value:+.3f}" for value in place)} mm')
     if math.isfinite(feedback.normal_force):

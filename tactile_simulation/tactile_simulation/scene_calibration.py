@@ -4,15 +4,16 @@ from pathlib import Path
 import yaml
 
 from tactile_simulation.scene import Scene
+from tactile_simulation.scene_surface import SurfaceScene
 
 
-def write_calibration(scene: Scene, path: Path, **values) -> Path:
+def write_calibration(scene: Scene | SurfaceScene, path: Path, **values) -> Path:
     """
     Write what the driver must know of the sensor that a scene describes; returns the path.
 
     Parameters
     ----------
-    scene : Scene
+    scene : Scene or SurfaceScene
     path : Path
         YAML file to write, in the format of `tactile_sensing.devices.calibration_file`.
     **values
