@@ -5,6 +5,7 @@ from geometry_msgs.msg import Point, Vector3
 import numpy as np
 import pytest
 
+from tactile_common.errors import ConfigurationError
 from tactile_common.ros.conversions import pose_from_msg
 from tactile_msgs.action import TrackSurface
 from tactile_sensing.devices.calibration import Calibration
@@ -225,7 +226,10 @@ def test_a_table_on_disk_is_used_and_a_wrong_one_refused(tmp_path):
     features = ModelFeatures(HALF_SPACE, ARRAY, FeatureKind.MOMENTS)
     build_table(features, FeatureKind.MOMENTS, grid(0.01, 0.01, 5, (4.0, 5.0, 6.0)), Increments(),
                 0.0127).save(path)
-    config = SurfaceFollowingConfig(jacobian=JacobianConfig(table=str(path)))
+    with pytest.raises(ConfigurationError, match='jacobian.method is .constant., must be nearest'):
+        JacobianConfig(table=str(path))
+    config = SurfaceFollowingConfig(jacobian=JacobianConfig(
+        method='interpolated', table=str(path)))
     law = SurfaceFollowing(ServoConfig(), config)
     law.begin(GOAL, Calibration(ARRAY).sensor_info('pad', '', 0))
     law.observe(Observation(0, 0.0, 0.0, lambda _: np.eye(4), image_of((2e-3, 1e-3), FORCE)))
