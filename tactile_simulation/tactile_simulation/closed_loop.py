@@ -5,7 +5,6 @@ from typing import NamedTuple
 import numpy as np
 
 from tactile_sensing.contact.estimator import ContactEstimator, EstimatorConfig
-from tactile_sensing.devices.calibration import Calibration
 from tactile_sensing.types.image import TactileImage
 from tactile_servo.config import ServoConfig
 from tactile_servo.laws.registry import DEFAULT, make_law
@@ -15,6 +14,7 @@ from tactile_servo.types import ON_TRACK
 from tactile_simulation.gantry import gantry
 from tactile_simulation.joint_controller import MockController
 from tactile_simulation.metrics import Truth
+from tactile_simulation.scene_calibration import calibration_of
 from tactile_simulation.scenes import parameters_for, renderer_of
 from tactile_simulation.smoothness import accelerations, speeds
 
@@ -104,17 +104,14 @@ class Simulation:
         self.cycle_costs, self.picture_costs = [], []
 
     def _tared(self):
-        sensor, skin = self.scene.sensor, self.scene.skin
-        calibration = Calibration(
-            self.array, gain=sensor.pa_per_count, baseline=sensor.baseline, depth=skin.depth,
-            thickness=skin.thickness, poisson=skin.poisson, skin_stiffness=skin.stiffness)
+        calibration = calibration_of(self.scene)
         tare = calibration.make_tare(np.array(
             [self.renderer.counts(None, self.rng) for _ in range(TARE_FRAMES)]))
         return calibration.converter(tare), calibration.sensor_info('pad', '', 0, tare)
 
     def picture(self, pose):
         """Take a picture at a pose: TactileImage."""
-        layer, saturated = self._convert(self.renderer.counts(pose, self.rng))
+        layer, saturated = self._convert(self.renderer.counts(pose, self.rng, self.now))
         stamp_ns = round((self.now + self.scene.plant.stamp_error) * 1e9)
         return TactileImage(stamp_ns, self.tick, (layer,), self.array, tared=True,
                             saturated=saturated)

@@ -11,13 +11,13 @@ from tactile_sensing.skin.kernel import polynomials
 from tactile_sensing.skin.pressure import split_tactel
 from tactile_sensing.types.array import TactelArray
 from tactile_simulation.scene import Scene, Skin
+from tactile_simulation.tactel_response import TactelResponse
 
 # Chords up to this length, in depths of the skin, press at their middle [depths]; longer ones
 # are integrated in closed form.
 SHORT = 0.125
 # Loads further from the pad than this add less than 1e-4 of the peak [depths].
 REACH = 8.0
-COUNTS_MAX = 255
 PANEL = 1.0  # depths of edge that three of Gauss' points stand for
 _POINTS = np.array([-math.sqrt(0.6), 0.0, math.sqrt(0.6)])
 _WEIGHTS = np.array([5.0, 8.0, 5.0]) / 18.0
@@ -185,17 +185,6 @@ def _skin_pressure(points, solid, x, y, nodes, shape, depth, stiffness):
     return pressure
 
 
-@njit(cache=True, nogil=True)
-def _digitised(pressure, gain, noise, noise_std, pa_per_count, baseline):
-    counts = np.empty(pressure.shape, np.uint8)
-    for r in range(pressure.shape[0]):
-        for c in range(pressure.shape[1]):
-            measured = gain[r, c] * pressure[r, c] + noise_std * noise[r, c]
-            count = np.rint(measured / pa_per_count + baseline)
-            counts[r, c] = min(max(count, 0.0), COUNTS_MAX)
-    return counts
-
-
 class EdgeRenderer:
     """
     What a sensor measures at a pose (4, 4), sensor -> base, given a scene.
@@ -210,12 +199,7 @@ class EdgeRenderer:
     def __init__(self, scene: Scene, array: TactelArray):
         self._scene, self._array = scene, array
         self.shift = np.zeros(3)
-        # Flaws of this one sensor: the same at every run, whatever the seed of the noise.
-        flaws = np.random.default_rng(1)
-        self._gain = 1.0 + scene.sensor.gain_spread * flaws.standard_normal(array.shape)
-        alive = np.ones(array.shape[0] * array.shape[1])
-        alive[flaws.permutation(alive.size)[:int(scene.sensor.dead)]] = 0.0
-        self._gain *= alive.reshape(array.shape)
+        self._response = TactelResponse(scene.sensor)
 
     def render(self, pose: np.ndarray) -> np.ndarray:
         """Return the pressure at the tactels (rows, columns), free of noise [Pa]."""
@@ -234,16 +218,15 @@ class EdgeRenderer:
         return _force(self._points(pose), self._scene.edge.solid, self._array.half_width_x,
                       self._array.half_width_y, self._scene.skin.stiffness)
 
-    def counts(self, pose: np.ndarray | None, rng: np.random.Generator) -> np.ndarray:
+    def counts(self, pose: np.ndarray | None, rng: np.random.Generator,
+               now: float = 0.0) -> np.ndarray:
         """
-        Return one frame (rows, columns) of counts: noise, baseline, quantisation, saturation.
+        Return one frame (rows, columns) of counts at a time [s], see `TactelResponse`.
 
         Without a pose the sensor touches nothing.
         """
-        sensor = self._scene.sensor
         pressure = np.zeros(self._array.shape) if pose is None else self.render(pose)
-        return _digitised(pressure, self._gain, rng.standard_normal(self._array.shape),
-                          sensor.noise_std, sensor.pa_per_count, sensor.baseline)
+        return self._response.counts(pressure, rng, now)
 
     def _points(self, pose):
         # Rows are points, hence the transpose of base -> sensor: the rotation itself.

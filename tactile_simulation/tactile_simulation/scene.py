@@ -1,6 +1,7 @@
 """Scenes: what the synthetic sensor touches, read from YAML."""
 from dataclasses import dataclass, field, fields, MISSING
 import math
+from pathlib import Path
 from typing import ClassVar
 
 import numpy as np
@@ -40,16 +41,20 @@ class Skin:
 
 @dataclass(frozen=True)
 class Sensor:
-    """The array, and how its tactels turn pressure into counts of eight bits."""
+    """The array, and how its tactels turn pressure into unsigned counts."""
 
     # 40 dB below the peak of 5 N on a pad of 25.4 mm.
     noise_std: float = bounded(630.0, 'standard deviation of one tactel', 'Pa', 0.0, 1e7)
-    baseline: float = bounded(10.0, 'without load', 'counts', 0.0, 255.0)
+    baseline: float = bounded(10.0, 'without load', 'counts', 0.0, 65535.0)
     pa_per_count: float = bounded(627.45, 'pressure of one count', 'Pa', 1e-3, 1e7)
+    bits: int = bounded(8, 'of the converter', '', 4, 16)
     area: float = bounded(
         1.0, 'side of what a tactel averages over; 0: it samples its centre', 'pitches', 0.0, 1.0)
     gain_spread: float = bounded(
         0.0, "standard deviation of a tactel's gain that nobody calibrated", '', 0.0, 0.3)
+    creep: float = bounded(
+        0.0, 'share by which a reading grows under a load that rests', '', 0.0, 0.3)
+    creep_time: float = bounded(5.0, 'time constant of that', 's', 0.01, 1e4)
     dead: int = bounded(
         0, 'tactels that always report the baseline, unknown to the driver', 'tactels', 0, 64)
     rows: int = bounded(16, "along the pad's y", 'tactels', 3, 256)
@@ -59,6 +64,9 @@ class Sensor:
 
     def __post_init__(self):
         check_fields(self, 'sensor.')
+        if self.baseline >= 1 << self.bits:
+            raise ConfigurationError(f'sensor.baseline is {self.baseline}, must be below '
+                                     f'{1 << self.bits} = 2^bits')
 
     @property
     def array(self) -> TactelArray:
@@ -121,6 +129,8 @@ class Scene:
     start: Start = field(default_factory=Start)
     plant: Plant = field(default_factory=Plant)
     slip: Slip | None = None
+    # What the driver is told of the sensor; None: all that the scene says, but for its flaws.
+    calibration: Path | None = None
 
     def __post_init__(self):
         if self.start.s > self.edge.length:
@@ -157,7 +167,7 @@ def load_scene(path) -> Scene:
     ConfigurationError
         The file cannot be read, or a key is missing, unknown or has a value out of bounds.
     """
-    return parsed(path, edge_scene)
+    return parsed(path, lambda tree: edge_scene(tree, Path(path)))
 
 
 def parsed(path, make):
@@ -168,10 +178,10 @@ def parsed(path, make):
         raise ConfigurationError(f'scene {path}: {error}') from error
 
 
-def edge_scene(tree) -> Scene:
-    """Return the scene of a mapping that has an `edge`, as `load_scene`."""
+def edge_scene(tree, path: Path) -> Scene:
+    """Return the scene of a mapping that has an `edge` and comes from a file, see `load_scene`."""
     values = section(tree, '', ('name', 'description', 'edge'),
-                      ('skin', 'sensor', 'start', 'plant', 'slip'))
+                      ('skin', 'sensor', 'start', 'plant', 'slip', 'calibration'))
     for key in ('name', 'description'):
         if not isinstance(values[key], str) or not values[key].strip():
             raise ConfigurationError(f'{key} is {values[key]!r}, must be a text')
@@ -182,7 +192,16 @@ def edge_scene(tree) -> Scene:
         values['name'], ' '.join(values['description'].split()), edge_from(values['edge']),
         skin, _sensor(values.get('sensor', {}), skin), Start(**start),
         Plant(**numbers(values.get('plant', {}), 'plant', Plant)),
-        Slip(**numbers(values['slip'], 'slip', Slip)) if 'slip' in values else None)
+        Slip(**numbers(values['slip'], 'slip', Slip)) if 'slip' in values else None,
+        _beside(path, values['calibration']) if 'calibration' in values else None)
+
+
+def _beside(path, name):
+    """Path of a file that a scene names, from the folder of the scene."""
+    if not isinstance(name, str) or not (path.parent / name).is_file():
+        raise ConfigurationError(f'calibration is {name!r:.60}, must be a file, named from the '
+                                 'folder of the scene')
+    return path.parent / name
 
 
 def _sensor(tree, skin):

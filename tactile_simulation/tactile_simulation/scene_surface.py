@@ -77,6 +77,7 @@ class SurfaceScene:
     sensor: Sensor = field(default_factory=lambda: Sensor(pa_per_count=PA_PER_COUNT))
     start: SurfaceStart = field(default_factory=SurfaceStart)
     plant: Plant = field(default_factory=Plant)
+    calibration: Path | None = None  # see `Scene`
 
     @property
     def skin(self) -> Skin:

@@ -13,7 +13,7 @@ def load_any_scene(path: str | Path) -> Scene | SurfaceScene:
     def make(tree):
         if isinstance(tree, dict) and 'surface' in tree:
             return surface_scene(tree, Path(path))
-        return edge_scene(tree)
+        return edge_scene(tree, Path(path))
     return parsed(path, make)
 
 

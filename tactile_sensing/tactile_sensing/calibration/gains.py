@@ -11,7 +11,8 @@ from tactile_sensing.skin.pressure import SkinPressure
 ROUNDS = 4  # of gains by presses and presses by gains
 MODEL_ERROR = 0.01  # of the pressure, that the skin's model may leave out
 SHEAR = 0.1  # of the force: standard deviation of shear while the ball is pressed straight
-LEAST_SPREAD = 0.005  # of gains that is looked for
+USUAL_SPREAD = 0.1  # of gains, before anything is measured
+LEAST_SPREAD = 0.005  # that is looked for
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,7 +34,7 @@ def flat_field(presses: Presses, ball_radius: float, skin_fit: SkinFit, area: bo
     as far as they are found to spread; a tactel that no press loads keeps what is usual.
     """
     array, sensitivity = presses.array, np.ones(presses.array.shape)
-    spread = max(skin_fit.scatter, LEAST_SPREAD)
+    spread = USUAL_SPREAD
     size = (array.pitch_x, array.pitch_y) if area else (0.0, 0.0)
     pressure = SkinPressure(skin_fit.skin, *size)
     covariance = np.eye(sensitivity.size)

@@ -185,31 +185,32 @@ def _skin(recordings, known, draft, outcome, found, assumed, tell):
     area, radius = known.tactel == 'area', recordings.ball_radius
     if not radius > 0.0:
         raise ConfigurationError('--ball-radius is missing')
-    name = 'ball' if recordings.ball is not None else 'flat'
-    presses = _sorted(name, recordings.ball if name == 'ball' else recordings.flat, draft, outcome)
+    parts = {name: _sorted(name, frames, draft, outcome) for name, frames in (
+        ('ball', recordings.ball), ('flat', recordings.flat)) if frames is not None}
+    presses, *more = parts.values()
+    for other in more:
+        presses = presses.joined(other)
+    source = np.repeat(list(parts), [len(part) for part in parts.values()])
     given = Skin(known.depth, known.thickness or math.inf, known.poisson) if known.depth else None
     tell(f'skin from {len(presses)} presses')
     fit = fit_skin(presses, radius, area=area, known=given)
     bad = bad_presses(fit)
     if bad.any() and (~bad).sum() >= FEWEST_PRESSES:
-        for number in presses.number[bad]:
+        for name, number in zip(source[bad], presses.number[bad], strict=True):
             outcome.left_out[name][int(number)] = 'unlike the others: no ball, or it moved'
-        presses = presses.only(~bad)
+        presses, source = presses.only(~bad), source[~bad]
         fit = fit_skin(presses, radius, area=area, known=given)
-    values: dict = {'gain_spread': float(fit.scatter)}
-    gain = np.ones(draft.array.shape)
+    gain, spread = np.ones(draft.array.shape), fit.scatter
     if recordings.flat is not None:
-        flat = presses
-        if name == 'ball':
-            flat = presses.joined(_sorted('flat', recordings.flat, draft, outcome))
-        tell(f'gains from {len(flat)} presses')
-        outcome.gains = flat_field(flat, radius, fit, area)
-        gain = outcome.gains.gain
-        fit = fit_skin(presses.scaled(gain), radius, area=area, known=given)
-        values['gain_spread'] = float(outcome.gains.left)
-        found['gains'] = {'presses': len(flat), 'spread': _short(outcome.gains.spread),
-                          'left': _short(outcome.gains.left)}
-    values['gain'] = gain
+        tell(f'gains from {len(presses)} presses')
+        gains = flat_field(presses, radius, fit, area)
+        if not given:  # gains that differ had moved the skin, and the skin the gains
+            fit = fit_skin(presses.scaled(gains.gain), radius, area=area, start=fit)
+            gains = flat_field(presses, radius, fit, area)
+        outcome.gains, gain, spread = gains, gains.gain, gains.left
+        found['gains'] = {'presses': len(presses), 'spread': _short(gains.spread),
+                          'left': _short(gains.left)}
+    values: dict = {'gain_spread': float(spread)}
     if not given:
         if assumed and assumed[-1].startswith('tactels one pitch'):
             assumed.pop()
@@ -221,17 +222,19 @@ def _skin(recordings, known, draft, outcome, found, assumed, tell):
             'left_out': _short(fit.scatter), 'patch': _short(fit.patch)}
         if not math.isfinite(fit.poisson_std):
             assumed.append(f"a Poisson's ratio of {known.poisson}")
+    if recordings.flat is not None:
+        fit = fit_skin(presses.scaled(gain), radius, area=area, known=fit.skin)
+    values['gain'] = known.gain * gain if known.gain else gain
     if recordings.force is not None and not known.gain:
-        values |= _gain(recordings, presses, fit, gain, found)
-    elif known.gain:
-        values['gain'] = known.gain * gain
+        pressed = source == 'ball'
+        values |= _gain(recordings, presses.number[pressed], fit.amplitudes[pressed], gain, found)
     outcome.presses, outcome.skin = presses, fit
     return values
 
 
-def _gain(recordings, presses, fit, gain, found):
+def _gain(recordings, numbers, amplitudes, gain, found):
     force = np.broadcast_to(np.asarray(recordings.force, float), len(recordings.ball))
-    each = force[presses.number] / fit.amplitudes[:, 0]
+    each = force[numbers] / amplitudes[:, 0]
     usual = float(np.median(each))
     spread = 1.4826 * float(np.median(np.abs(each / usual - 1.0)))
     found['force'] = {'presses': len(each), 'gain': _short(usual),

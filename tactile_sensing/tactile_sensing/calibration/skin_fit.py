@@ -42,6 +42,7 @@ class SkinFit:
     scatter: float  # what tactels are off beside noise, as a share of the pressure
     chi_square: float
     misfit: np.ndarray  # (N,): RMS of what is left over what is expected
+    free: tuple[int, ...]  # which of depth, thickness and Poisson's ratio were fitted
 
 
 class _Problem:
@@ -192,13 +193,13 @@ def _start(problem, presses, places):
 def _least_skin(problem, theta, patch, places):
     """Fit of a half-space, or of the layer or any Poisson's ratio where that explains more."""
     plain = theta.copy()
-    plain[1] = 0.0
+    plain[1:] = 0.0, ASSUMED_POISSON
     free: tuple[int, ...] = (0,)
     best = _iterate(problem, plain, patch, places, free)
     layers = []
     for ratio in RATIOS if theta[1] == 0.0 else (theta[1],):
         layer = best[0].copy()
-        layer[1:] = ratio, theta[2]
+        layer[1:] = ratio, ASSUMED_POISSON  # whatever an earlier round has found
         layers.append(_iterate(problem, layer, best[1], best[2], (0, 1)))
     layer = min(layers, key=lambda found: found[3])
     if best[3] - layer[3] > EVIDENCE:
@@ -210,7 +211,7 @@ def _least_skin(problem, theta, patch, places):
 
 
 def fit_skin(presses: Presses, ball_radius: float, *, area: bool = True,
-             known: Skin | None = None) -> SkinFit:
+             known: Skin | None = None, start: SkinFit | None = None) -> SkinFit:
     """
     Fit the skin that explains presses of a ball.
 
@@ -225,16 +226,21 @@ def fit_skin(presses: Presses, ball_radius: float, *, area: bool = True,
         Whether tactels average over their area, or sample their centres.
     known : Skin, optional
         Nothing of it is fitted then, only the presses.
+    start : SkinFit, optional
+        An earlier fit of the same presses, whose kind of skin is kept.
     """
     problem = _Problem(presses, ball_radius, area)
-    places = _peaks(presses)
-    if known:
-        theta = np.array([math.log(known.depth), known.depth / known.thickness, known.poisson])
+    places, patch, chi = _peaks(presses), PATCH, math.inf
+    free: tuple[int, ...] = ()
+    skin = start.skin if start else known
+    if skin:
+        theta = np.array([math.log(skin.depth), skin.depth / skin.thickness, skin.poisson])
     else:
         theta = _start(problem, presses, places)
-    patch, chi, free = PATCH, math.inf, ()  # type: float, float, tuple[int, ...]
+    if start:
+        places, patch, free = start.places, start.patch, start.free
     for _ in range(SCATTER_ROUNDS):  # the scatter of the tactels follows from what is left
-        if not known:
+        if not skin:
             (theta, patch, places, chi, _), free = _least_skin(problem, theta, patch, places)
         theta, patch, places, chi, covariance = _iterate(problem, theta, patch, places, free)
         problem.scatter = _scatter(problem)
@@ -272,7 +278,8 @@ def _result(problem, theta, patch, places, chi, covariance, free):
     if 2 in free:
         poisson_std = std[2]
     return SkinFit(skin, depth_std, thickness_std, poisson_std, patch, places,
-                   problem.amplitudes.copy(), problem.models.copy(), problem.scatter, chi, misfit)
+                   problem.amplitudes.copy(), problem.models.copy(), problem.scatter, chi, misfit,
+                   free)
 
 
 def bad_presses(fit: SkinFit) -> np.ndarray:

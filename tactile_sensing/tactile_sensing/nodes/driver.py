@@ -95,7 +95,9 @@ class DriverNode(TactileNode):
         self._calibration = calibration or load_calibration(
             self._config.calibration or os.path.join(
                 get_package_share_directory('tactile_sensing'), 'config', protocol.calibration))
-        self._decoder = protocol.decoder(*self._calibration.raw_shape)
+        self._decoder = protocol.decoder(
+            *self._calibration.raw_shape, self._calibration.counts.dtype)
+        self._frame_size = self._calibration.live.size * self._calibration.counts.dtype.itemsize
         self._frames = FrameClock(self._decoder, self._calibration.nominal_rate)
         self._delay_ns = round(self._calibration.acquisition_delay * 1e9)
         # The executor and the reader both tare: the lock guards these four.
@@ -133,7 +135,7 @@ class DriverNode(TactileNode):
         while not self._stop.is_set() and self.context.ok():
             try:
                 with SensorPort(
-                        self._config.port, self._baud, self._calibration.live.size) as port:
+                        self._config.port, self._baud, self._frame_size) as port:
                     self._on_connected()
                     while not self._stop.is_set():
                         self._on_bytes(port.read(), port.caught_up_at)

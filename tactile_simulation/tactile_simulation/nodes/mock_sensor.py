@@ -146,7 +146,7 @@ class MockSensorNode(TactileNode):
         if touched and pose is None:
             self.blind += 1
             return None
-        counts = self._renderer.counts(pose, self._rng)
+        counts = self._renderer.counts(pose, self._rng, instant)
         if time.monotonic() - instant - self._config.latency > _LATE * self._period:
             self.late += 1
             return None
