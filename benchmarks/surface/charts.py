@@ -9,7 +9,8 @@ matplotlib.use('Agg')
 def draw(result, folder):
     """Write the picture into a folder."""
     figure, axes = plt.subplots(2, 2, figsize=(9, 6), layout='constrained')
-    for axis, item in zip(axes.flat, result['figures'], strict=True):
+    items = sorted(result['figures'], key=lambda item: item['figure'])
+    for axis, item in zip(axes.flat, items, strict=True):
         points, errors = 1e3 * np.array(item['_points']), 1e6 * np.array(item['_errors'])
         shown = axis.scatter(points[:, 1], points[:, 2], c=errors, s=4, cmap='coolwarm',
                              vmin=-40, vmax=40)

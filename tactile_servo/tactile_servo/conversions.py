@@ -28,6 +28,7 @@ from tactile_common.ros.conversions import (
 )
 from tactile_msgs.action import TrackEdge, TrackSurface
 from tactile_msgs.msg import ServoStatus
+from tactile_servo.law import Touch
 from tactile_servo.laws.surface_goal import Pattern, SurfaceGoal, SurfaceResult
 from tactile_servo.motion.trajectory import Trajectory
 from tactile_servo.supervisor import Supervisor
@@ -173,10 +174,16 @@ def surface_result_to_msg(servo: Supervisor, duration: float,
         centre_rms=felt.centre_rms, force_rms_error=track.force_rms_error,
         force_max=track.force_max)
     if felt.contour is not None and felt.normals is not None:
-        for point, inward in zip(felt.contour, felt.normals, strict=True):
-            stamped = PoseStamped(pose=pose_to_msg(_facing(point, -inward)))
-            stamped.header.frame_id = base_frame
-            message.contacts.append(stamped)
+        message.contacts = [touch_to_msg(Touch(0, point, inward), base_frame)
+                            for point, inward in zip(felt.contour, felt.normals, strict=True)]
+    return message
+
+
+def touch_to_msg(touch: Touch, base_frame: str) -> PoseStamped:
+    """PoseStamped message of a Touch: the contact, z along the outward normal."""
+    message = PoseStamped(pose=pose_to_msg(_facing(touch.point, -touch.normal)))
+    set_stamp(message.header.stamp, touch.stamp_ns)
+    message.header.frame_id = base_frame
     return message
 
 
@@ -188,7 +195,7 @@ def _facing(point, axis):
     if cosine < -1.0 + 1e-9:
         pose[:3, :3] = np.diag([1.0, -1.0, -1.0])
     else:
-        cross = np.cross(np.eye(3), side).T
+        cross = np.cross(side, np.eye(3)).T
         pose[:3, :3] += cross + cross @ cross / (1.0 + cosine)
     pose[:3, 3] = point
     return pose

@@ -5,6 +5,8 @@ from geometry_msgs.msg import Point, Vector3
 import numpy as np
 import pytest
 
+from tactile_common.errors import ConfigurationError
+from tactile_common.ros.conversions import pose_from_msg
 from tactile_msgs.action import TrackSurface
 from tactile_sensing.devices.calibration import Calibration
 from tactile_sensing.dome.geometry import Dome
@@ -14,8 +16,8 @@ from tactile_sensing.types.image import Layer, TactileImage
 from tactile_servo.config import ServoConfig
 from tactile_servo.control.surface_filter import NormalConfig, SurfaceFilter
 from tactile_servo.control.surface_path import Line, PlanarPath, raster, spiral
-from tactile_servo.conversions import surface_goal_from_msg
-from tactile_servo.law import Observation
+from tactile_servo.conversions import surface_goal_from_msg, touch_to_msg
+from tactile_servo.law import Observation, Touch
 from tactile_servo.laws.surface_config import JacobianConfig, ProbeConfig, SurfaceFollowingConfig
 from tactile_servo.laws.surface_features import ContactSense, Felt
 from tactile_servo.laws.surface_following import SurfaceFollowing
@@ -224,7 +226,10 @@ def test_a_table_on_disk_is_used_and_a_wrong_one_refused(tmp_path):
     features = ModelFeatures(HALF_SPACE, ARRAY, FeatureKind.MOMENTS)
     build_table(features, FeatureKind.MOMENTS, grid(0.01, 0.01, 5, (4.0, 5.0, 6.0)), Increments(),
                 0.0127).save(path)
-    config = SurfaceFollowingConfig(jacobian=JacobianConfig(table=str(path)))
+    with pytest.raises(ConfigurationError, match='jacobian.method is .constant., must be nearest'):
+        JacobianConfig(table=str(path))
+    config = SurfaceFollowingConfig(jacobian=JacobianConfig(
+        method='interpolated', table=str(path)))
     law = SurfaceFollowing(ServoConfig(), config)
     law.begin(GOAL, Calibration(ARRAY).sensor_info('pad', '', 0))
     law.observe(Observation(0, 0.0, 0.0, lambda _: np.eye(4), image_of((2e-3, 1e-3), FORCE)))
@@ -232,3 +237,13 @@ def test_a_table_on_disk_is_used_and_a_wrong_one_refused(tmp_path):
     path.write_text('nonsense')
     with pytest.raises(ValueError, match='table.npz'):
         SurfaceFollowing(ServoConfig(), config)
+
+
+@pytest.mark.parametrize('inward', [(0.0, 0.0, -1.0), (0.36, 0.48, -0.8), (-0.6, 0.0, 0.8),
+                                    (0.0, 0.0, 1.0)])
+def test_a_contact_in_a_message_looks_outwards(inward):
+    message = touch_to_msg(Touch(3, np.array([0.1, 0.2, 0.3]), np.array(inward)), 'base')
+    pose = pose_from_msg(message.pose)
+    assert pose[:3, 2] == pytest.approx(-np.array(inward))
+    assert pose[:3, 3] == pytest.approx([0.1, 0.2, 0.3])
+    assert message.header.frame_id == 'base' and message.header.stamp.nanosec == 3

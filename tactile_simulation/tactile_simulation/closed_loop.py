@@ -4,7 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from tactile_sensing.contact.estimator import ContactEstimator
+from tactile_sensing.contact.estimator import ContactEstimator, EstimatorConfig
 from tactile_sensing.types.image import TactileImage
 from tactile_servo.config import ServoConfig
 from tactile_servo.laws.registry import DEFAULT, make_law
@@ -15,7 +15,7 @@ from tactile_simulation.gantry import gantry
 from tactile_simulation.joint_controller import MockController
 from tactile_simulation.metrics import Truth
 from tactile_simulation.scene_calibration import calibration_of
-from tactile_simulation.scenes import renderer_of
+from tactile_simulation.scenes import parameters_for, renderer_of
 from tactile_simulation.smoothness import accelerations, speeds
 
 STEP = 2.5e-3  # s; control at 400 Hz
@@ -93,7 +93,7 @@ class Simulation:
         self.servo = Supervisor(self.model, self.limits, make_law(tracker, config, settings),
                                 config, workspace)
         self.servo.see_sensor(info)
-        self.estimator = ContactEstimator()
+        self.estimator = ContactEstimator(EstimatorConfig(**parameters_for(scene).contact))
         self.latency = plant.latency if latency is None else latency
         self.now, self.tick, self.pose = 1.0, 0, self.model.pose(start)
         self._on_the_way: deque = deque()

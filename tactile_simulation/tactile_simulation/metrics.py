@@ -108,6 +108,7 @@ METRICS = (
            lambda e: largest(e.truth.lateral[e.truth.tracking & ~e.truth.settled])),
     Metric('surface_rms', 'surface felt, error RMS', 'mm', 1e3, 3),
     Metric('surface_max', 'largest', 'mm', 1e3, 3),
+    Metric('surface_radius', 'its radius', 'mm', 1e3, 2),
     Metric('centre_rms', "contact from the pad's centre", 'mm', 1e3, 3),
     Metric('centre_max', 'farthest', 'mm', 1e3, 3),
     Metric('contact_kept', 'contact kept', '%', 100.0, 2),

@@ -2,6 +2,7 @@
 from dataclasses import dataclass, field, fields, MISSING
 import math
 from pathlib import Path
+from typing import ClassVar
 
 import numpy as np
 
@@ -119,6 +120,7 @@ class Slip:
 class Scene:
     """An edge, the skin that touches it, the sensor in the skin, and where it all begins."""
 
+    action: ClassVar[str] = 'track_edge'  # that a servo is asked for
     name: str
     description: str
     edge: EdgePath

@@ -3,7 +3,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 import math
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -66,6 +66,7 @@ class SurfaceStart:
 class SurfaceScene:
     """An object, the round probe that touches it, and where it all begins."""
 
+    action: ClassVar[str] = 'track_surface'  # that a servo is asked for
     name: str
     description: str
     surface: SolidObject

@@ -1,5 +1,6 @@
 """Scenes of every kind, and what a sensor sees in them."""
 from pathlib import Path
+from typing import Any, NamedTuple
 
 from tactile_simulation.renderer import EdgeRenderer
 from tactile_simulation.scene import edge_scene, parsed, Scene
@@ -21,3 +22,22 @@ def renderer_of(scene: Scene | SurfaceScene) -> EdgeRenderer:
     if isinstance(scene, SurfaceScene):
         return SurfaceRenderer(scene, scene.sensor.array)
     return EdgeRenderer(scene, scene.sensor.array)
+
+
+class NodeParameters(NamedTuple):
+    """Parameters that what touches asks for, beside those of a file."""
+
+    servo: dict[str, Any]
+    shape: dict[str, Any]  # of the shape estimator,
+    contact: dict[str, Any]  # and of the contact estimator
+
+
+def parameters_for(scene: Scene | SurfaceScene | None) -> NodeParameters:
+    """Parameters for a scene's probe; none for a flat pad, or without a scene."""
+    if not isinstance(scene, SurfaceScene):
+        return NodeParameters({}, {}, {})
+    dome = scene.dome
+    return NodeParameters(
+        {'probe.skin_radius': dome.skin_radius, 'probe.array_radius': dome.array_radius},
+        {'source': 'servo'},
+        {'method': 'moments'})  # no model of a flat pad fits, and to try them all takes long

@@ -1,7 +1,7 @@
 """Picture of a run over a surface."""
 import numpy as np
 
-from tactile_simulation.surface_loop import surface_errors, SurfaceSimulation
+from tactile_simulation.surface_loop import SurfaceSimulation
 
 
 def draw_surface(simulation: SurfaceSimulation, path) -> None:
@@ -11,10 +11,10 @@ def draw_surface(simulation: SurfaceSimulation, path) -> None:
     from matplotlib import pyplot
 
     figure, axes = pyplot.subplots(2, 2, figsize=(10, 7), layout='constrained')
-    contour, truth = simulation.servo.result().contour, simulation.surface_truth()
-    if contour is not None:
-        points = 1e3 * (contour - np.array(simulation.scene.top))
-        errors = 1e6 * surface_errors(simulation)
+    contacts, truth = simulation.contacts, simulation.surface_truth()
+    if len(contacts):
+        points = 1e3 * (contacts - np.array(simulation.scene.top))
+        errors = 1e6 * simulation.scene.surface.distance(contacts)
         for axis, (i, j) in zip(axes[0], ((0, 1), (1, 2)), strict=True):
             shown = axis.scatter(points[:, i], points[:, j], c=errors, s=3, cmap='coolwarm')
             axis.set(xlabel=f'{"xyz"[i]} [mm]', ylabel=f'{"xyz"[j]} [mm]', aspect='equal')

@@ -269,6 +269,18 @@ def test_a_hard_press_is_relieved():
     assert truth.force[truth.settled][-50:].mean() == pytest.approx(5.0, rel=0.02)
 
 
+def test_a_law_of_edges_is_refused(capsys):
+    assert main([str(SCENES / 'sphere_70.yaml'), '--law', 'trace']) == 2
+    assert "'trace' works on goals of track_edge" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize('drop', [0.001, 0.003])
+def test_steps_down_are_followed(drop):
+    _, summary = follow(scene_of(StepShape(-drop)), line(0.05, length=0.04, heading=(
+        np.cos(0.3), np.sin(0.3), 0.0)))
+    assert summary['ok'] and summary['force_max'] < 11.0
+
+
 def test_the_command_runs_a_surface(capsys, tmp_path):
     text = (SCENES / 'sphere_70.yaml').read_text() + 'rubber: {across: 15}\n'
     (tmp_path / 'ball.yaml').write_text(text)

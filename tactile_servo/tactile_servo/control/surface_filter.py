@@ -83,10 +83,9 @@ class SurfaceFilter:
         errors = np.array([c.depth_noise**2 + (INEXACT * depth)**2] + [noise**2] * 3)
         innovation, expected = felt - state[:4], covariance[:4, :4] + np.diag(errors)
         surprise = float(innovation @ np.linalg.solve(expected, innovation))
-        if surprise > SURPRISE:  # an edge, or another surface: what was known of its bend is old
-            covariance[range(4, 10), range(4, 10)] += c.prior_curvature**2
-            covariance[range(1, 4), range(1, 4)] += (c.prior_curvature * way)**2
-            expected = covariance[:4, :4] + np.diag(errors)
+        if surprise > SURPRISE:  # an edge, or another surface
+            self.reset(depth, normal, centre, noise)
+            return
         gain = np.linalg.solve(expected, covariance[:4]).T
         self._state = state + gain @ innovation
         keep = IDENTITY.copy()

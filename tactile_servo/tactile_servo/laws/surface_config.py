@@ -5,7 +5,7 @@ from tactile_common.config import bounded, one_of
 from tactile_common.errors import ConfigurationError
 from tactile_servo.control.surface_filter import NormalConfig
 from tactile_servo.tactile_jacobian.features import FeatureKind
-from tactile_servo.tactile_jacobian.source import METHODS
+from tactile_servo.tactile_jacobian.source import METHODS, TABLES
 
 CONTROLS = ('predicted', 'thesis')
 
@@ -42,20 +42,29 @@ class JacobianConfig:
         'centroid', "'centroid' (M0, Mx / M0, My / M0) or the thesis' 'moments' (M0, Mx, My)",
         [kind.value for kind in FeatureKind])
     method: str = one_of(
-        'interpolated', "'constant', 'nearest' or 'interpolated' in a table, or 'online'", METHODS)
+        'constant', "'constant', 'nearest' or 'interpolated' in a table, or 'online'", METHODS)
     table: str = field(default='', metadata={
         'doc': "file made by build_jacobian_table; empty: of a half-space on the probe's tangent "
                'plane'})
+
+    def __post_init__(self):
+        if self.table and self.method not in TABLES:
+            raise ConfigurationError(
+                f'jacobian.table: {self.table!r} is given, but jacobian.method is '
+                f'{self.method!r}, must be {" or ".join(TABLES)}')
 
 
 @dataclass(frozen=True)
 class CourseConfig:
     """Motion over the surface."""
 
-    acceleration: float = bounded(0.5, 'acceleration of the contact', 'm/s^2', 0.01, 100.0)
+    acceleration: float = bounded(0.2, 'acceleration of the contact', 'm/s^2', 0.01, 100.0)
     blind: float = bounded(
         1e-5, 'depth by which the surface may turn out otherwise, before an image can tell: the '
         'probe is slower where the curvature ahead is less certain', 'm', 1e-7, 1e-2)
+    edge_speed: float = bounded(
+        0.015, 'of the centre round what is sharper than half of its own radius: what comes '
+        'after an edge nobody has felt', 'm/s', 1e-4, 1.0)
     gain: float = bounded(
         30.0, "rate at which the contact's distance from its path is made up", '1/s', 0.1, 200.0)
 
@@ -84,7 +93,7 @@ class RollConfig:
         200.0)
     max_rate: float = bounded(4.0, 'largest rate of turn', 'rad/s', 1e-3, 50.0)
     acceleration: float = bounded(
-        14.0, 'acceleration of the turn; a wrist that is asked for more than it can holds back '
+        6.0, 'acceleration of the turn; a wrist that is asked for more than it can holds back '
         'the whole probe, out of the surface', 'rad/s^2', 0.1, 1e4)
 
 

@@ -17,7 +17,7 @@ from tactile_sensing.types.image import SensorInfo
 from tactile_servo.config import ServoConfig
 from tactile_servo.control.stability import AGE_SHARE
 from tactile_servo.control.surface_filter import SurfaceFilter
-from tactile_servo.law import Assessment, Observation, Reference, Refusal
+from tactile_servo.law import Assessment, Observation, Reference, Refusal, Touch
 from tactile_servo.laws.surface_config import SurfaceFollowingConfig
 from tactile_servo.laws.surface_features import ContactSense
 from tactile_servo.laws.surface_goal import (
@@ -45,7 +45,7 @@ class SurfaceFollowing:
     goal_type: ClassVar[type] = SurfaceGoal
     config_type: ClassVar[type] = SurfaceFollowingConfig
     sees_images: ClassVar[bool] = True
-    touch_speed = math.inf
+    touch_speed = agility = math.inf
     goal: SurfaceGoal  # since `begin`
     _sense: ContactSense
 
@@ -120,7 +120,8 @@ class SurfaceFollowing:
         if tracking:
             # A part of the print may lie beside the pad, or not be pressed yet.
             whole = going.met and aside <= CENTRED * self._sense.array.half_width_x
-            self._record.keep(felt, self._surface.normal, whole)
+            self._record.keep(
+                observation.stamp_ns, felt, self._surface.normal, whole)
 
     def lacks(self, now: float) -> Reason | None:
         """What keeps the law from tracking, or None."""
@@ -182,6 +183,11 @@ class SurfaceFollowing:
             self._motion.press(pose, felt, depth, self.goal.force, dt)
             twist = self._motion.twist(step.way, normal, commanded, dt)
         return Reference(twist, speed, step.way.tolist())
+
+    @property
+    def touch(self) -> Touch | None:
+        """Where the surface was touched last, None before."""
+        return self._record.newest
 
     def result(self) -> SurfaceResult:
         """Contacts that were felt."""

@@ -9,6 +9,7 @@ from tactile_servo.law import LawResult, Refusal
 from tactile_servo.reasons import ReasonCode
 
 MAX_PATH = 100.0  # m of a pattern
+LINE_LENGTH = 0.06  # m of a line, where nobody says how long
 
 
 class Pattern(IntEnum):

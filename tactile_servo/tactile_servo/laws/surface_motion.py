@@ -12,8 +12,8 @@ from tactile_servo.laws.surface_features import Felt
 from tactile_servo.laws.surface_goal import SurfaceGoal
 
 # Of the force:
-LIFTED, PRESSED = 0.2, 0.5  # at which the probe stands, and goes at full speed
-CROWDED, BORNE = 2.0, 1.5  # the same for too much of it
+LIFTED, PRESSED = 0.5, 0.85  # at which the probe stands, and goes at full speed
+CROWDED, BORNE = 1.6, 1.15  # the same for too much of it
 INTEGRATED = 0.3  # the error up to which the integral counts it
 # Of half the pad:
 ASIDE, CENTRED = 0.7, 0.3  # distance of the contact, at which the probe stands and does not slow
@@ -23,7 +23,8 @@ WITHIN = 0.8  # of the rate of turn, which the surface may take
 AT_ONCE = 0.7  # of the turn's acceleration, which speeding up may take
 ANSWER = 0.02  # s until the robot answers to what an image showed
 TURNED = 0.4  # least way of the contact, as a share of the centre's: on an edge it is none
-BRAKE = 3.0  # times the acceleration, with which the probe slows down
+EDGE = 1.0 / 3.0  # the same, of an object that is half as wide as the probe: of an edge
+BRAKE = 8.0  # times the acceleration, with which the probe slows down
 STAND = Step(np.zeros(3), 0.0, math.inf)
 
 
@@ -64,6 +65,8 @@ class SurfaceMotion:
         turn = float(np.linalg.norm(self._surface.bend @ step.way)) / self._shrink(step.way)
         change = min(c.acceleration, AT_ONCE * self.config.roll.acceleration / max(turn, 1e-9))
         top = min(top, self.config.roll.max_rate * WITHIN / max(turn, 1e-9))
+        if self._sharp(step.way):
+            top = min(top, c.edge_speed * self._shrink(step.way))
         if self._late or top < self.speed:
             self.speed = max(min(top, self.speed), self.speed - BRAKE * c.acceleration * dt)
         else:
@@ -75,6 +78,10 @@ class SurfaceMotion:
         """Way of the contact over the surface for each way of the probe's centre."""
         bend = float(way @ self._surface.bend @ way)
         return max(1.0 + self._dome.skin_radius * bend, TURNED)
+
+    def _sharp(self, way):
+        """Whether the contact hardly moves as the probe rolls on: over an edge."""
+        return 1.0 + self._dome.skin_radius * float(way @ self._surface.bend @ way) < EDGE
 
     def _known(self, way):
         """Speed at which the curvature ahead is known well enough [m/s]."""

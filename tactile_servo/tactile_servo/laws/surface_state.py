@@ -12,7 +12,7 @@ from tactile_servo.control.surface_path import (
     spiral,
     SurfacePath,
 )
-from tactile_servo.law import Assessment
+from tactile_servo.law import Assessment, Touch
 from tactile_servo.laws.surface_config import ProbeConfig
 from tactile_servo.laws.surface_features import Felt
 from tactile_servo.laws.surface_goal import Pattern, SurfaceGoal, SurfaceResult
@@ -52,8 +52,9 @@ class Record:
     pressed: int = 0  # with the whole print on the pad
     area: float = 0.0  # of the print, running mean [m^2]
     square: float = 0.0  # of the contact's distance from where it is wanted [m^2]
+    newest: Touch | None = None
 
-    def keep(self, felt: Felt, normal: np.ndarray, whole: bool) -> None:
+    def keep(self, stamp_ns: int, felt: Felt, normal: np.ndarray, whole: bool) -> None:
         """Take a contact and the filtered inward normal (3,), and whether all of it is felt."""
         self.kept += 1
         self.square += float(felt.place @ felt.place)
@@ -64,9 +65,10 @@ class Record:
         if self.pressed < AVERAGED:
             return
         point = felt.centre + (self.probe.skin_radius - self._deflection(felt.force)) * normal
+        self.newest = Touch(stamp_ns, point, normal.copy())
         if not self.points or np.linalg.norm(point - self.points[-1]) >= SPACING:
             self.points.append(point)
-            self.normals.append(normal.copy())
+            self.normals.append(self.newest.normal)
 
     def _deflection(self, force):
         """

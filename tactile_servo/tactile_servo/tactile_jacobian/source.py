@@ -15,7 +15,8 @@ from tactile_servo.tactile_jacobian.jacobian import (
 )
 from tactile_servo.tactile_jacobian.table import build_table, Entry, grid, JacobianTable
 
-METHODS = ('constant', 'nearest', 'interpolated', 'online')
+TABLES = ('nearest', 'interpolated')
+METHODS = ('constant', *TABLES, 'online')
 SHARES = (0.2, 0.4, 0.7, 1.0, 1.5, 2.0)  # of the force, at which a table has contacts
 
 Inverse = Callable[[np.ndarray], Entry]  # of the features (3,)
@@ -41,7 +42,7 @@ class ModelSource:
         self.inverse: Inverse = {'constant': self._constant, 'nearest': self._nearest,
                                  'interpolated': self._interpolated,
                                  'online': self._online}[method]
-        if table is None and method in ('nearest', 'interpolated'):
+        if table is None and method in TABLES:
             contacts = grid(array.half_width_x, array.half_width_y, 6, force * np.array(SHARES))
             self._table = build_table(
                 self.features, kind, contacts, self._increments, self._length, force)

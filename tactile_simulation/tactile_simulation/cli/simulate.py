@@ -15,9 +15,9 @@ import numpy as np
 from tactile_common.command_line import between, Parser
 from tactile_common.errors import ConfigurationError, TactileError
 from tactile_servo.config import check_goal, ServoConfig
-from tactile_servo.laws.registry import DEFAULT, LAWS
+from tactile_servo.laws.registry import law_for, LAWS
 from tactile_servo.laws.surface_config import CONTROLS, SurfaceFollowingConfig
-from tactile_servo.laws.surface_goal import Pattern, SurfaceGoal
+from tactile_servo.laws.surface_goal import LINE_LENGTH, Pattern, SurfaceGoal
 from tactile_servo.motion.limits import JointLimits
 from tactile_servo.motion.robot import RobotModel
 from tactile_servo.types import EdgeGoal
@@ -25,10 +25,11 @@ from tactile_simulation.closed_loop import Simulation
 from tactile_simulation.metrics import describe, summarise, to_json
 from tactile_simulation.scene_surface import SurfaceScene
 from tactile_simulation.scenes import load_any_scene
-from tactile_simulation.surface_loop import LAW, summarise_surface, SurfaceSimulation
+from tactile_simulation.surface_loop import summarise_surface, SurfaceSimulation
 from tactile_simulation.surface_plot import draw_surface
 
-SURFACE_LENGTH = 0.06  # m of a line, by default
+LAW_HELP = f'servo law; default: {law_for("track_edge")} for an edge, ' \
+    f'{law_for("track_surface")} for a surface'
 PATTERNS = (Pattern.LINE, Pattern.RASTER, Pattern.SPIRAL)
 SEED = between(0, 2**32 - 1, kind=int)
 JOINT_ACCELERATION = 10.0  # rad/s^2, of a robot given by its URDF
@@ -41,8 +42,7 @@ def parser() -> argparse.ArgumentParser:
         formatter_class=argparse.ArgumentDefaultsHelpFormatter)
     add = arguments.add_argument
     add('scene', help='YAML file of the scene')
-    add('--law', '--controller', choices=list(LAWS), help=f'servo law; default: {DEFAULT} for an '
-        f'edge, {LAW} for a surface')
+    add('--law', '--controller', choices=list(LAWS), help=LAW_HELP)
     add('--speed', type=float, default=0.03, help='along the edge, over the surface [m/s]')
     add('--force', type=float, default=5.0, help='on the pad [N]')
     add('--direction', type=int, default=1, choices=(-1, 1), help="along the sensor's y")
@@ -83,10 +83,10 @@ def robot_from(urdf, tip='tactile_pad'):
 def run(options: argparse.Namespace) -> tuple[Simulation, dict[str, Any]]:
     """Simulate as the options say: Simulation and summary."""
     scene = load_any_scene(options.scene)
+    options.law = law_for(scene.action, options.law)
+    check_goal(options.speed, options.force, ServoConfig())
     if isinstance(scene, SurfaceScene):
         return _run_surface(options, scene)
-    check_goal(options.speed, options.force, ServoConfig())
-    options.law = options.law or DEFAULT
     goal = EdgeGoal(options.speed, options.force, options.direction, options.length,
                     closed=scene.edge.closed and options.length == 0.0
                     and LAWS[options.law].closes_contours)
@@ -102,13 +102,13 @@ def run(options: argparse.Namespace) -> tuple[Simulation, dict[str, Any]]:
 
 def _run_surface(options, scene):
     heading, pattern = np.radians(options.heading), Pattern[options.pattern.upper()]
-    length = (options.length or SURFACE_LENGTH) if pattern is Pattern.LINE else 0.0
+    length = (options.length or LINE_LENGTH) if pattern is Pattern.LINE else 0.0
     goal = SurfaceGoal(
         options.speed, options.force, pattern,
         (float(np.cos(heading)), float(np.sin(heading)), 0.0), length,
         size=tuple(options.size), step_over=options.step_over)
     simulation = SurfaceSimulation(
-        scene, options.law or LAW, seed=options.seed, latency=options.latency,
+        scene, options.law, seed=options.seed, latency=options.latency,
         robot=robot_from(options.robot, options.tip), seed_positions=options.start,
         settings=SurfaceFollowingConfig(control=options.control), clock=time.perf_counter)
     begin = time.perf_counter()
