@@ -13,6 +13,7 @@ from tactile_simulation.scene import Scene
 
 RATE = 15.0  # pictures per second, in real time
 MOST = 150  # pictures; a longer run is shown faster
+MOVED = 1e-4  # m
 DPI = 80
 COLOURS = 96
 NS = 1e-9
@@ -46,11 +47,13 @@ def animate(run: RunData, scene: Scene, path: str | PathLike) -> None:
 
 
 def _chosen(run):
-    """Indices of the pictures that are shown, those at which the pose is known."""
+    """Indices of the pictures that are shown: from the first motion on, where poses are known."""
     stamps, known = run.images.stamp_ns, run.poses.stamp_ns
     if run.images.array is None or not len(stamps) or not len(known):
         raise ConfigurationError('the recording has no pictures with poses: nothing to animate')
-    first, last = max(stamps[0], known[0]), min(stamps[-1], known[-1])
+    way = np.linalg.norm(run.poses.position - run.poses.position[0], axis=1)
+    first = max(stamps[0], known[np.argmax(way > MOVED)])
+    last = min(stamps[-1], known[-1])
     count = int(np.clip(NS * (last - first) * RATE, 1, MOST))
     return np.minimum(np.searchsorted(stamps, np.linspace(first, last, count)), len(stamps) - 1)
 
