@@ -139,7 +139,7 @@ def blinded(state, goal, seconds):
     it.loop.run(None, seconds - 0.1)
     it.loop.sensor_alive = True
     it.loop.run(None, 0.5)
-    law.lacks = lacks
+    it.unseen, law.lacks = it.loop.servo.reason, lacks
     return it
 
 
@@ -152,10 +152,11 @@ def test_a_short_hold_amid_a_search_needs_no_sight_of_the_edge_to_end():
 
 
 @pytest.mark.parametrize('seconds', [0.2, 1.0])
-def test_a_hold_after_which_the_edge_is_not_seen_waits_to_be_asked_and_says_so(seconds):
+def test_a_hold_after_which_the_edge_is_not_seen_says_so_and_waits_to_be_asked(seconds):
     it = blinded(State.TRACK, GOAL, seconds)
-    state, reason = it.loop.servo.state, it.loop.servo.reason
-    assert (state, reason.code) == (State.HOLD, ReasonCode.INPUT_BACK), reason
+    assert (it.loop.servo.state, it.unseen.code) == (State.HOLD, ReasonCode.EDGE_LOST)
+    it.loop.run(None, 0.5)
+    assert it.loop.servo.reason.code == ReasonCode.INPUT_BACK
     assert it.loop.servo.pause(False, it.loop.now)
     it.loop.run(None, 20.0)
     assert it.loop.servo.success, it.loop.servo.reason
