@@ -198,7 +198,10 @@ class GoalRun:
         hold, limits = self.hold, self._config.hold
         if why is not None:
             hold.cause = self._machine.reason = why
-            hold.bound, hold.asked = hold.bound or why.code in ASKED, False
+            # A robot that was not heard of for so long may have come to be elsewhere.
+            elsewhere = why.code is ReasonCode.STALE_JOINT_STATE and (
+                now - hold.began > limits.resume_within)
+            hold.bound, hold.asked = hold.bound or elsewhere or why.code in ASKED, False
         unseen = None if hold.resumption != Event.RESUME_TRACK or hold.searching else (
             self._law.lacks(now))
         if why is None and unseen is not None:
