@@ -264,7 +264,8 @@ class GoalRun:
         """Command the next piece of motion, of `dt` [s]; None if there is none."""
         motion = self._motion
         if self._machine.state not in (State.HOLD, State.DONE):
-            step = motion.command(self.twist(dt), now_ns, stamped)
+            trust = self._inputs.trust(now, touch=self._machine.state is not State.RETREAT)
+            step = motion.command(trust * self.twist(dt), now_ns, stamped)
             self._following.sent(now, motion.pose, self._inputs.pose)
             if step.trajectory is not None:
                 self._moving, self._told = now + motion.lasting, False
@@ -282,6 +283,7 @@ class GoalRun:
         """Wanted twist of the sensor in its own frame (6,) [m/s, rad/s]."""
         c, state = self._config, self._machine.state
         if state in TRACKING:
+            self._law.agility = self._motion.agility()
             self.reference = self._law.reference(self._inputs.pose, self._motion.pose, dt)
             twist = self.reference.twist
             if self._inputs.saturated and self._inputs.load >= c.approach.contact_force:

@@ -298,6 +298,11 @@ def beyond(place, bounds):
 @example(start=LIMITS.lower, margin=0.4, goal=EdgeGoal(0.125, 5.0, -1, 0.0, False), prelude=0,
          # It sleeps while the controller settles, and awakes in the motion that was sent then.
          script=[{'cycles': 30, 'late_contact': 10**7}, {'cycles': 2, 'asleep': 0.03}])
+@example(start=np.clip(ELBOW, LIMITS.lower, LIMITS.upper), margin=0.4,
+         goal=EdgeGoal(0.0625, 2.0, -1, 0.0, False), prelude=40,
+         # The robot's clock seems to be another one for a while.
+         script=[{'cycles': 80, 'contact': 'none'}, {'cycles': 80, 'late_joints': -10**7},
+                 *[{'cycles': 80}] * 3])
 def test_commands_stay_within_every_limit(tracker, start, margin, goal, prelude, script):
     watched = Watched(tracker, start, margin)
     watched.act(goal)
