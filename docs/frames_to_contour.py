@@ -14,13 +14,19 @@
 # ## A frame and its contact
 #
 # A ball presses with 2 N on an array of 16 × 16 tactels, 2 mm below the surface of the skin. The
-# pressure is Boussinesq's, at the tactels' centres.
+# pressure is Boussinesq's.
 
 # %%
 import matplotlib.pyplot as plt
 import numpy as np
 
-from tactile_sensing import ContactEstimator, EstimatorConfig, Layer, TactelArray, TactileImage
+from tactile_sensing import (
+    ContactEstimator,
+    EstimatorConfig,
+    Layer,
+    TactelArray,
+    TactileImage,
+)
 
 array, depth, noise = TactelArray(16, 16, 1.6e-3, 1.6e-3), 2e-3, 630.0  # m, m, Pa
 rng = np.random.default_rng(1)
