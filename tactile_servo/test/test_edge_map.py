@@ -65,7 +65,7 @@ def test_pictures_that_cannot_be_used_are_refused():
             edge_map = EdgeMap(STIFFNESS)
             assert edge_map.see(image, np.eye(4)) is problem
             assert edge_map.picture is None and edge_map.contour() is None
-    picture = read_picture(good, np.eye(4))
+    picture = read_picture(good, np.eye(4), STIFFNESS)
     assert picture.scale == PadScale.of(good.array, DEPTH) and picture.scale.grain == DEPTH
     assert picture.force == pytest.approx(LOAD * 0.0254, rel=0.03)
 

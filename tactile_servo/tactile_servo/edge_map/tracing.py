@@ -5,6 +5,7 @@ import math
 import numpy as np
 
 from tactile_common.kernels import njit
+from tactile_common.polyline import nearest_on_polyline
 from tactile_servo.edge_map.records import CLOUD_POINT, LocalLine, NODE
 
 # In grains, see `PadScale`: what one picture cannot tell apart is one line.
@@ -108,6 +109,13 @@ def local_line(cloud, x, y, tx, ty, grain):
     if total < SUPPORT or norm == 0.0:
         return NOWHERE
     return LocalLine(True, x + mx / total, y + my / total, mz / total, sx / norm, sy / norm)
+
+
+@njit(cache=True)
+def on_path(seen, near, distance, nodes, x, y, first, last):
+    """Share of seen points near nodes, and station of a place between two on a path [m]."""
+    at = nearest_on_polyline(nodes.x, nodes.y, nodes.station, x, y, first, last)
+    return share_near(seen, near, distance), at.station
 
 
 @njit(cache=True)
