@@ -95,8 +95,7 @@ class EdgeMap:
         window = path_queries.WINDOW * self.scale.grain
         share, station = on_path(
             self._cloud[-len(picture.points):], self._near, OFF_PATH * self.scale.grain,
-            self.path.nodes, *picture.place.tolist(), self.station - window,
-            self.station + window)
+            self.path.nodes, picture.x, picture.y, self.station - window, self.station + window)
         if share > AGREEING:
             self._off_path, self.station = 0, station
             self.path.refine(picture, station)

@@ -10,7 +10,7 @@ from tactile_common.polyline import nearest_on_polyline
 from tactile_servo.edge_map.tracing import STEP
 
 CLEAR = 7  # nodes either side of a turn whose pressure does not tell their height
-BLURRING_TURN = 0.15  # rad over four nodes that makes such a turn
+UNBENT = math.cos(0.15)  # cosine of the angle over four nodes that makes such a turn
 STEEPEST = 0.5  # rise per length that is believed
 FEWEST = 12  # nodes that tell a rise
 SHARP_TURN = 0.25  # rad at one vertex that makes it a corner
@@ -130,8 +130,7 @@ def rise(nodes, station, reach, step, ends):
     bent = np.empty(max(min(last + CLEAR, count) - begin, 0), np.bool_)
     for m in range(begin, begin + len(bent)):
         a, b = nodes[max(m - 2, 0)], nodes[min(m + 2, count - 1)]
-        turn = math.atan2(b.ty, b.tx) - math.atan2(a.ty, a.tx)
-        bent[m - begin] = abs(wrap_angle(turn)) > BLURRING_TURN
+        bent[m - begin] = a.tx * b.tx + a.ty * b.ty < UNBENT
     n = ss = sz = sss = ssz = 0.0
     for k in range(first, last):
         clear = True

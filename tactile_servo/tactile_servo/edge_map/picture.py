@@ -74,17 +74,23 @@ class Picture:
     skin_stiffness: float = math.inf  # line force per length and indentation [N/m^2]
 
     def __post_init__(self):
-        array, pose = self.array, self.pose
+        array = self.array
         self.scale = PadScale.of(array, self.depth)
         # (3.1) at its peak, 2 q / (pi d), gives the load, and that the indentation.
         indentation = 0.5 * math.pi * self.depth / self.skin_stiffness
         # CLOUD_POINT (N,), the ridge in the plane; length of a leg that comes, see `coming_length`
         self.pressure, self.noise, self.invalid, total, self.points, self.coming = _look(
             np.array(self.pressure, np.float64, order='C'), self.noise, array.x, array.y,
-            self.depth, pose, indentation)
+            self.depth, self.pose, indentation)
         self.force = total * array.pitch_x * array.pitch_y
-        self.place, self.height = pose[:2, 3], pose.item(2, 3)
-        self.yaw = math.atan2(pose.item(1, 0), pose.item(0, 0))
+        # Of the pad's centre in the plane [m], and of its x axis [rad].
+        (cos, _, _, self.x), (sin, _, _, self.y), (_, _, _, self.height), _ = self.pose.tolist()
+        self.yaw = math.atan2(sin, cos)
+
+    @property
+    def place(self) -> np.ndarray:
+        """Of the pad's centre in the plane (2,) [m]."""
+        return np.array([self.x, self.y])
 
     @cached_property
     def pull(self) -> np.ndarray | None:
@@ -96,8 +102,7 @@ class Picture:
 
     def covers(self, x: float, y: float, margin: float = 0.0) -> bool:
         """Whether a point of the plane lies on the pad, off its border [m]."""
-        cos, sin, (here_x, here_y) = math.cos(self.yaw), math.sin(self.yaw), self.place.tolist()
-        dx, dy = x - here_x, y - here_y
+        cos, sin, dx, dy = math.cos(self.yaw), math.sin(self.yaw), x - self.x, y - self.y
         return (abs(cos * dx + sin * dy) <= self.scale.half_x - margin
                 and abs(cos * dy - sin * dx) <= self.scale.half_y - margin)
 

@@ -70,7 +70,8 @@ class TracedPath:
         back = trace(cloud, against, self._ahead, self.scale.grain)[::-1].copy()
         back['way'] *= -1.0
         # Whether the edge may go on before the first node.
-        self.open_start = not len(back) or not self._well_inside(picture, back[:1])
+        self.open_start = not len(back) or not picture.covers(
+            *back['place'][0].tolist(), SEEN_BORDER * picture.depth)
         self.nodes = joined([back, start])
         (self.began,) = start['station'].tolist()
         self.nodes['station'][0] = self.began - len(back) * self._step
@@ -85,10 +86,6 @@ class TracedPath:
     @property
     def _ahead(self):
         return max(AHEAD * self.scale.half, PAST_CORNER * self.scale.depth)
-
-    @staticmethod
-    def _well_inside(picture, node):
-        return picture.covers(*node['place'][0].tolist(), SEEN_BORDER * picture.depth)
 
     def extend(self, cloud: np.ndarray, picture: Picture, station: float):
         """Trace anew what lies ahead of a station [m]."""
@@ -163,8 +160,9 @@ class TracedPath:
 
     def _jump(self, cloud, picture, last):
         """Nodes over a gap, or None: the path ends with the view or with the ridge."""
-        if not self._well_inside(picture, last) and (
-                (last['place'][0] - picture.place) @ last['way'][0] > 0.0):  # ahead of the pad
+        x, y, _, tx, ty, *_ = last['row'][0].tolist()
+        ahead = (x - picture.x) * tx + (y - picture.y) * ty > 0.0  # of the pad
+        if ahead and not picture.covers(x, y, SEEN_BORDER * picture.depth):
             return None
         jump = ends.way_over_gap(cloud, last, self.scale)
         self.end = PathEnd.RIDGE if jump is None else PathEnd.VIEW

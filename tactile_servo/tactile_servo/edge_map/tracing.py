@@ -12,6 +12,7 @@ from tactile_servo.edge_map.records import CLOUD_POINT, LocalLine, NODE
 STEP = 0.25  # between the nodes of a trace
 WIDTH = 0.35  # standard deviation of the window of a step
 REACH = 0.9  # radius of that window
+AROUND = 1.0  # way of a trace, after which the points that it can reach are chosen anew
 SUPPORT = 0.3  # points, weighted, that a node needs
 SIDEWAYS = 0.5  # cosine of the largest angle between a point's ridge and the trace
 NOWHERE = LocalLine(False, 0.0, 0.0, 0.0, 0.0, 0.0)
@@ -63,9 +64,12 @@ def trace(cloud, start, length, grain):
     x, y, tx, ty = start[0].x, start[0].y, start[0].tx, start[0].ty
     count = int(length / step)
     nodes = np.empty(count, NODE)
+    around, around_x, around_y = cloud, np.inf, np.inf
     for m in range(count):
         px, py = x + step * tx, y + step * ty
-        line = local_line(cloud, px, py, tx, ty, grain)
+        if not math.hypot(px - around_x, py - around_y) < AROUND * grain:
+            around, around_x, around_y = _within(cloud, px, py, (AROUND + REACH) * grain), px, py
+        line = local_line(around, px, py, tx, ty, grain)
         if not line.found:
             return nodes[:m].copy()
         along = (px - line.x) * line.tx + (py - line.y) * line.ty
@@ -78,6 +82,18 @@ def trace(cloud, start, length, grain):
         nodes[m].x, nodes[m].y, nodes[m].z, nodes[m].tx, nodes[m].ty = x, y, line.z, tx, ty
         nodes[m].station, nodes[m].material = 0.0, 1.0
     return nodes
+
+
+@njit(cache=True)
+def _within(cloud, x, y, distance):
+    """Points of a cloud within a distance of a place."""
+    found, count = np.empty(len(cloud), CLOUD_POINT), 0
+    for n in range(len(cloud)):
+        dx, dy = cloud[n].x - x, cloud[n].y - y
+        if dx * dx + dy * dy <= distance * distance:
+            found[count] = cloud[n]
+            count += 1
+    return found[:count]
 
 
 @njit(cache=True)
@@ -124,7 +140,8 @@ def share_near(cloud, nodes, distance):
     near = 0
     for n in range(len(cloud)):
         for k in range(len(nodes) - 1, -1, -1):
-            if math.hypot(cloud[n].x - nodes[k].x, cloud[n].y - nodes[k].y) < distance:
+            dx, dy = cloud[n].x - nodes[k].x, cloud[n].y - nodes[k].y
+            if dx * dx + dy * dy < distance * distance:
                 near += 1
                 break
     return near / max(len(cloud), 1)
