@@ -173,8 +173,8 @@ class EdgeMap:
         """
         Where the pad stands at a measured and a commanded pose (4, 4) of the base frame.
 
-        `here` and `ahead` are the stations of both in the last cycle [m]; with `move`, the way x, y
-        from the commanded one at the end of which the length under the pad is wanted [m].
+        `here` and `ahead` are the stations of both in the last cycle [m]; `move` is the way x, y
+        from the commanded one, at the end of which the length under the pad is wanted [m].
         """
         scale = self.scale
         return Stand(*path_queries.stand(
