@@ -5,9 +5,7 @@ import matplotlib.pyplot as plt
 from benchmarks.latency.runs import BAR, CYCLE
 
 matplotlib.use('Agg')
-SHADES = ('#8c6d00', '#c05a00', '#762a83', '#0b6e99', '#1b7837', '#2ca7a0', '#b2182b', '#e08080',
-          '#a0c4e0', '#666666')
-LEAST = 0.025  # ms, shown with its figure
+LEAST = 0.015  # ms, shown with its figure
 
 
 def draw(result, folder):
@@ -16,11 +14,11 @@ def draw(result, folder):
     figure, axis = plt.subplots(figsize=(9, 1.6 + 0.7 * len(result['runs'])), layout='constrained')
     rows = [_row(run['cpu']) for run in result['runs']]
     begin = [0.0] * len(rows)
-    for shade, part in zip(SHADES, rows[0], strict=True):
+    for shade, part in zip(plt.get_cmap('tab20').colors, rows[0], strict=False):
         widths = [row[part] for row in rows]
         bars = axis.barh(range(len(rows)), widths, left=begin, color=shade, label=part, height=0.6)
         axis.bar_label(bars, [f'{width:.2f}' if width > LEAST else '' for width in widths],
-                       label_type='center', color='white', fontsize=8)
+                       label_type='center', fontsize=8)
         begin = [before + width for before, width in zip(begin, widths, strict=True)]
     axis.axvline(1e3 * BAR, color='black', ls='--', lw=0.8)
     axis.annotate('wanted', (1e3 * BAR, -0.5), (3, 3), textcoords='offset points', fontsize=8)

@@ -13,11 +13,11 @@ class Meter:
     """
     Processor times of calls [s] by name, while `running`.
 
-    Clocks cost: the whole is timed by itself, and its parts while it is taken apart.
+    Clocks cost: the whole is timed by itself, and its parts while it is taken `apart`.
     """
 
     def __init__(self):
-        self.running, self.apart = False, True
+        self.running = self.apart = False
         self.times = defaultdict(list)
 
     @contextmanager

@@ -28,8 +28,8 @@ ROBOT = share('urdf', 'puma260.urdf')
 PROBE_TIMEOUT = 20.0  # s
 PATIENCE = 0.5  # s without an input until the servo holds
 
-# Name of a part -> where it is. What is further in is part of what is further out. In every second
-# cycle the parts are timed, in the others the cycle.
+BLOCK = 20  # cycles, timed as a whole, and the next as many by their parts
+# Name of a part -> where it is. What is further in is part of what is further out.
 CYCLE = 'cycle'
 BAR = 0.4e-3  # s; what it is to take
 PARTS = {
@@ -91,9 +91,18 @@ def account(tracker, rate):
         'tracker': tracker, 'rate': rate, 'ok': track.success, 'reason': track.reason,
         'seconds': wall, 'cycles': int(cycles), 'missed': int(missed),
         'thread': thread / cycles, 'process': process / cycles,
-        'cpu': {name: _quantiles(times) | {'calls': len(times) / len(meter.times[CYCLE])}
-                for name, times in meter.times.items() if times},
+        'cpu': _costs(meter.times, cycles),
         'latency': {name: _quantiles(times) for name, times in stages.items() if len(times)}}
+
+
+def _costs(times, cycles):
+    """Processor time of a cycle and of its parts, with how often each is called in one."""
+    whole = len(times[CYCLE])
+    costs = {CYCLE: _quantiles(times[CYCLE]) | {'calls': 1.0}}
+    for name, some in times.items():
+        if some and name != CYCLE:
+            costs[name] = _quantiles(some) | {'calls': len(some) / (cycles - whole)}
+    return costs
 
 
 def _clocks(servo):
@@ -143,7 +152,7 @@ def _following(meter, journey):
     def begin(self):
         journey.begin()
         timed(self)
-        meter.apart = not meter.apart
+        meter.apart = self._pace.cycles // BLOCK % 2 == 1
 
     def use(self, image, arrival):
         journey.use(image.stamp_ns)
