@@ -131,7 +131,7 @@ def test_track_says_that_its_goal_was_rejected(running):
     assert status == Exit.REFUSED
     assert len(lines) == 1, lines
     assert lines[0].startswith('track: ') and 'rejected' in lines[0]
-    assert 'speed 0.5 is outside 0..0.2' in lines[0]
+    assert 'speed is 0.5, must be between 0.0001 and 0.2 m/s' in lines[0]
 
 
 def test_track_says_what_it_waits_for():

@@ -52,6 +52,6 @@ def too_fast(processes):
 def test_speed_beyond_the_limit_is_a_rejected_goal(processes):
     processes.wait(lambda: 'track' in processes.exits, 'the end of the goal')
     assert processes.exits['track'] == 2  # see edge_tracking.track
-    assert 'speed 0.5 is outside 0..0.2' in processes.text('track')
+    assert 'speed is 0.5, must be between 0.0001 and 0.2 m/s' in processes.text('track')
     yield
     assert {name: status for name, status in processes.exits.items() if status} == {'track': 2}

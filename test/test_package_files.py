@@ -1,9 +1,11 @@
 """What a release needs of each package, and pins that stand in two places."""
+from importlib import import_module
 from pathlib import Path
 import re
 from xml.etree import ElementTree
 
 import pytest
+import yaml
 
 from tactile_servo.nodes.parameters import RENAMED
 
@@ -73,3 +75,38 @@ def test_files_that_contributing_names_exist():
     named = re.findall(r'`((?:tactile_\w+|launch|test)/[\w/.]+)`', text)
     assert len(named) > 6
     assert [name for name in named if not ('NAME' in name or (ROOT / name).exists())] == []
+
+
+def executables(folder):
+    """Names of the executables of a package, as its setup.py makes them."""
+    setup = folder / 'setup.py'
+    text = setup.read_text('utf-8') if setup.exists() else ''
+    listed = re.search(r'for name in \(([^)]*)\)\]', text)
+    return re.findall(r"'(\w+)'", listed[1]) if listed else re.findall(r"f'(\w+) = ", text)
+
+
+@pytest.mark.parametrize('folder', PACKAGES, ids=lambda folder: folder.name)
+def test_readme_names_executables_and_public_names(folder):
+    name = manifest(folder).findtext('name')
+    text = (folder / 'README.md').read_text('utf-8')
+    assert text.startswith(f'# {name}\n') and 'Licence: Apache-2.0.' in text
+    public = getattr(import_module(name), '__all__', [])
+    wanted = {*executables(folder), *public}
+    assert not wanted - {*re.findall(r'`(\w+)`', text)}
+    assert bool(executables(folder)) == (name not in ('tactile_msgs', 'tactile_tests'))
+
+
+def test_urls_are_of_one_place():
+    assert len({tuple((url.get('type'), url.text) for url in manifest(folder).iter('url'))
+                for folder in PACKAGES}) == 1
+    assert [url.get('type') for url in manifest(PACKAGES[0]).iter('url')] == [
+        'website', 'repository', 'bugtracker']
+
+
+def test_citation():
+    about = yaml.safe_load((ROOT / 'CITATION.cff').read_text('utf-8'))
+    # What the format asks for.
+    assert {'cff-version', 'message', 'title', 'authors'} <= about.keys()
+    assert about['version'] == manifest(PACKAGES[0]).findtext('version')
+    assert about['license'] == manifest(PACKAGES[0]).findtext('license')
+    assert about['authors'] == [{'name': manifest(PACKAGES[0]).findtext('maintainer')}]

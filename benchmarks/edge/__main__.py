@@ -83,7 +83,7 @@ def hard_scenes(seeds, progress):
         for tracker in TRACKERS:
             progress.step(f'{name}, {tracker}')
             summaries = [runs.follow(scene, tracker, 0.03, seed)[1] for seed in seeds]
-            length = min(summary['tracked_length'] for summary in summaries)
+            length = min(summary['edge_length'] for summary in summaries)
             rows.append({'scene': name, 'tracker': tracker, 'length': length,
                          'survived': length >= WHOLE and all(s['ok'] for s in summaries),
                          'reason': summaries[-1]['reason'], **runs.worst(summaries)})

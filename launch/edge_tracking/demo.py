@@ -1,7 +1,6 @@
 """The demo: a mock robot follows an edge by touch; all of its report is computed from the bag."""
 import argparse
 from datetime import datetime
-import math
 import os
 from pathlib import Path
 import sys
@@ -15,9 +14,11 @@ from edge_tracking.graph import (
     Graph,
     linger,
     NAMESPACE,
+    PARAMETERS,
     private_port,
     warn_of_parameters,
 )
+from edge_tracking.parameters import config_in
 from edge_tracking.playback import calibration_for, describe_recording, play
 from edge_tracking.process_group import apart, Heard, watch
 from edge_tracking.recording.frames_summary import summarise_recording
@@ -25,16 +26,18 @@ from edge_tracking.recording.reader import read_run
 from edge_tracking.recording.summary import summarise
 from edge_tracking.report.page import make_recording_report, make_report, picture
 from edge_tracking.resources import find_scene, scene_names, share
-from edge_tracking.track import TrackNode
+from edge_tracking.track import feedback_text, RESUMES, TrackNode
 from edge_tracking.transport import local_environment
+from tactile_common.command_line import Parser
 from tactile_common.errors import TactileError
-from tactile_common.progress import Progress
+from tactile_common.progress import live_progress
 from tactile_common.ros.domains import hold_domain
 from tactile_common.ros.runner import freeze_heap, stop_on_signals
-from tactile_msgs.action import TrackEdge
 from tactile_sensing.devices.recording import load_recording
+from tactile_servo.config import check_goal, ServoConfig
 from tactile_servo.laws.registry import DEFAULT, LAWS
 from tactile_servo.types import State
+from tactile_simulation.cli.simulate import SEED
 from tactile_simulation.metrics import describe, to_json
 from tactile_simulation.scene import load_scene, Scene
 
@@ -43,7 +46,7 @@ INTERRUPTED = 'interrupted'
 
 def parser() -> argparse.ArgumentParser:
     """Command line of the demo."""
-    arguments = argparse.ArgumentParser(
+    arguments = Parser(
         prog='demo', formatter_class=argparse.ArgumentDefaultsHelpFormatter,
         description='A robot follows an edge by touch, on the real graph with a mock sensor on '
         'a pseudo-terminal and a mock robot. Writes a rosbag2 recording (.mcap) and a report '
@@ -57,7 +60,7 @@ def parser() -> argparse.ArgumentParser:
         help='servo law by which the edge is followed')
     add('--speed', type=float, default=0.03, help='along the edge [m/s]')
     add('--force', type=float, default=5.0, help='on the pad [N]')
-    add('--seed', type=int, default=0, help="of the sensor's noise")
+    add('--seed', type=SEED, default=0, help="of the sensor's noise")
     add('--parameters', metavar='FILE.yaml',
         help='parameter file of all nodes; default edge_tracking.yaml of this package')
     add('--recording', metavar='FILE.npz', help='play a recording instead of a scene')
@@ -83,25 +86,11 @@ def out_folder(wanted: str | None, name: str) -> Path:
     return folder
 
 
-def own_domain() -> int | None:
-    """ROS domain, None for the environment's: two graphs in one hear each other's sensors."""
-    if os.environ.get('ROS_DOMAIN_ID'):
-        return None
+def own_domain() -> int:
+    """ROS domain that no other demo is in: two graphs in one would hear each other's sensors."""
     domain = hold_domain()
     print(f'to listen along: ROS_DOMAIN_ID={domain}', file=sys.stderr)
     return domain
-
-
-def feedback_text(feedback: TrackEdge.Feedback) -> str:
-    """What the progress bar says of the tracking."""
-    text = [f'{1e3 * feedback.progress:.0f} mm']
-    if feedback.state == State.HOLD:
-        return f'{text[0]}, {feedback.reason}'
-    if math.isfinite(feedback.lateral_error):  # not before the edge is felt
-        text.append(f'lateral {1e3 * feedback.lateral_error:+.3f} mm')
-    if math.isfinite(feedback.normal_force):
-        text.append(f'force {feedback.normal_force:.2f} N')
-    return ', '.join(text)
 
 
 def track_scene(options: argparse.Namespace, path: Path, scene: Scene, folder: Path,
@@ -110,7 +99,7 @@ def track_scene(options: argparse.Namespace, path: Path, scene: Scene, folder: P
     robot = share('urdf', 'puma260.urdf')
     closed = scene.edge.closed and LAWS[options.law].closes_contours
     with private_port() as port, stop_on_signals() as stop, \
-            Progress(scene.edge.length - scene.start.s) as progress, \
+            live_progress(scene.edge.length - scene.start.s) as progress, \
             apart('listeners', folder / 'bag', **common) as listeners, \
             apart('mocks', port, path, robot, options.seed, **common) as mocks, \
             apart('sensing', port, calibrate(port, scene), **common) as sensing, \
@@ -130,7 +119,7 @@ def track_scene(options: argparse.Namespace, path: Path, scene: Scene, folder: P
         heard = Heard(servo, graph.namespace)
         graph.spin(lambda: over() or heard.all)
         track = graph.add(TrackNode, own={'on_feedback': show}, speed=options.speed,
-                          force=options.force, closed=closed)
+                          force=options.force, closed=closed, resumes=RESUMES)
         graph.spin(lambda: track.finished or over())
         if stop.is_set():
             track.cancel()
@@ -156,6 +145,8 @@ def run(options: argparse.Namespace) -> tuple[dict[str, Any], Path]:
         path = find_scene(options.scene)
         scene = load_scene(path)
     warn_of_parameters(options.parameters, NAMESPACE, options.law)
+    check_goal(options.speed, options.force, config_in(
+        options.parameters or PARAMETERS, f'/{NAMESPACE}/edge_servo', ServoConfig))
     folder = out_folder(options.out, name)
     common = {'parameters': options.parameters, 'domain': own_domain()}
     if options.recording:
@@ -182,9 +173,9 @@ def run(options: argparse.Namespace) -> tuple[dict[str, Any], Path]:
 
 def main(args: list[str] | None = None) -> int:
     """Run the demo; exit status 0 if the edge was tracked, or the recording played."""
-    options = parser().parse_args(args)
     os.environ.update(local_environment())  # also of the parts
     try:
+        options = parser().parse_args(args)
         summary, folder = run(options)
     except (ValueError, RuntimeError, ParameterException, TactileError) as error:
         print(f'demo: {" ".join(str(error).split())}', file=sys.stderr)

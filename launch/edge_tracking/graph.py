@@ -18,6 +18,7 @@ from rclpy.signals import SignalHandlerOptions
 from edge_tracking.parameters import check_file, names_in
 from edge_tracking.resources import find_scene, scene_names, share
 from edge_tracking.transport import local_environment
+from tactile_common.command_line import Parser
 from tactile_common.ros.runner import freeze_heap, make_executor, spin, stop_on_signals
 from tactile_sensing.devices.registry import PROTOCOLS
 from tactile_sensing.nodes.contact_estimator import ContactEstimatorNode
@@ -25,6 +26,7 @@ from tactile_sensing.nodes.driver import DriverConfig, DriverNode
 from tactile_servo.laws.registry import DEFAULT, LAWS
 from tactile_servo.nodes.servo import EdgeServoNode
 from tactile_shape.nodes.shape_estimator import ShapeEstimatorNode
+from tactile_simulation.cli.simulate import SEED
 from tactile_simulation.nodes.mock_robot import MockRobotNode
 from tactile_simulation.nodes.mock_sensor import MockSensorNode
 from tactile_simulation.scene import load_scene, Scene
@@ -34,6 +36,7 @@ from tactile_simulation.scene_calibration import write_calibration
 # 5 ms is a whole sensor period.
 SWITCH_INTERVAL = 2e-4
 NAMESPACE = 'tactile'
+PARAMETERS = share('config', 'edge_tracking.yaml')
 SETTLE = 0.3  # s spun after the end, so that the last messages arrive
 
 
@@ -48,7 +51,7 @@ class Graph:
                  domain: int | None = None):
         self._domain = domain
         self._arguments = ['--ros-args', '--params-file',
-                           str(parameters or share('config', 'edge_tracking.yaml'))]
+                           str(parameters or PARAMETERS)]
         self.namespace = namespace
         self.nodes: list[Node] = []
 
@@ -127,7 +130,7 @@ def linger(graph: Graph, until: Callable[[], bool], seconds: float = SETTLE) -> 
 
 def parser() -> argparse.ArgumentParser:
     """Command line of the composed process."""
-    arguments = argparse.ArgumentParser(
+    arguments = Parser(
         prog='composed', formatter_class=argparse.ArgumentDefaultsHelpFormatter,
         description='Runs sensor, estimators, servo and, with the mock sensor, the mock robot '
         'in one process. Send goals to the action track_edge, for instance with '
@@ -144,14 +147,14 @@ def parser() -> argparse.ArgumentParser:
         help='URDF of the robot, with a link tactile_pad')
     add('--parameters', help='parameter file')
     add('--namespace', default=NAMESPACE, help='of sensor, estimators and servo')
-    add('--seed', type=int, default=0, help="of the mock sensor's noise")
+    add('--seed', type=SEED, default=0, help="of the mock sensor's noise")
     return arguments
 
 
 def main(args: list[str] | None = None) -> int:
     """Run the graph until it is interrupted; exit status 1 if it cannot start."""
-    options = parser().parse_args(args)
     try:
+        options = parser().parse_args(args)
         if options.sensor != 'mock' and not options.port:
             raise ValueError(
                 f'--sensor {options.sensor} needs --port, for instance --port /dev/ttyUSB0')

@@ -16,6 +16,7 @@ from edge_tracking.launch_arguments import NAMESPACE, number
 from edge_tracking.parameters import check_file, names_in, values_in
 from edge_tracking.resources import find_scene, share
 from edge_tracking.ros2_control import require_packages, starting_at, text_of
+from edge_tracking.track import RESUMES
 from tactile_sensing.devices.calibration import load_calibration
 from tactile_servo.laws.registry import LAWS
 from tactile_servo.motion.robot import RobotModel
@@ -141,6 +142,7 @@ class Nodes:
             closed = (self.scene is not None and self.scene.edge.closed
                       and LAWS[value['law']].closes_contours)
             track, = self.node('edge_tracking', 'track', dies=False, wait=START, closed=closed,
+                               resumes=RESUMES if self.robot == 'mock' else 0,
                                env={'INTERRUPTED_STATUS': '0'}, **self.goal)
             actions.append(track)
             if value['shutdown']:

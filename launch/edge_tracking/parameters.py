@@ -3,8 +3,7 @@ Parameters of the graph: the check of a parameter file before a node starts, and
 
 What a node declares and what is checked here are the same dataclasses.
 """
-import argparse
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping
 import difflib
 from pathlib import Path
 import re
@@ -14,6 +13,7 @@ from typing import Any, NamedTuple
 import yaml
 
 from edge_tracking.track import TrackConfig
+from tactile_common.command_line import Parser
 from tactile_common.config import built, checked
 from tactile_common.errors import ConfigurationError
 from tactile_common.yaml_file import read_yaml
@@ -134,9 +134,8 @@ def check_file(path: str | Path, nodes: Mapping[str, str], law: str = DEFAULT) -
                 f"{nodes[name]}; '/**/{name}' holds in every namespace")
         if not meant and name not in NODES:
             warnings.append(f'parameter file {path}: no node {section}{_near(name, NODES)}')
-        for node in [name] if name in NODES else meant if len(meant) == 1 else []:
-            warnings += [f'parameter file {path}: {section}: {text}'
-                         for text in _unknown(node, values)]
+        warnings += [f'parameter file {path}: {section}: {text}'
+                     for text in _unknown([name] if name in NODES else meant, values)]
     for node, full in nodes.items():
         values = _values(sections, full)
         try:
@@ -149,6 +148,13 @@ def check_file(path: str | Path, nodes: Mapping[str, str], law: str = DEFAULT) -
 def values_in(path: str | Path, full: str) -> dict[str, Any]:
     """Parameters that a file gives to the node of a full name."""
     return _values(read_sections(path), full)
+
+
+def config_in(path: str | Path, full: str, config_class: type) -> Any:
+    """Configuration that the node of a full name takes from a file."""
+    values = values_in(path, full)
+    return built(config_class, lambda name, default, kind, metadata: checked(
+        name, values.get(name, default), kind, metadata))
 
 
 def _values(sections, full):
@@ -169,11 +175,12 @@ def _check_values(node: str, law: str, values: Mapping[str, Any]) -> None:
         built(config, value_of)
 
 
-def _unknown(node: str, values: Mapping[str, Any]) -> Iterator[str]:
-    known = {parameter.name for law in LAWS for parameter in parameters_of(node, law)}
-    if node == SERVO:
+def _unknown(nodes: Collection[str], values: Mapping[str, Any]) -> Iterator[str]:
+    known = {parameter.name for law in LAWS for node in nodes
+             for parameter in parameters_of(node, law)}
+    if SERVO in nodes:
         known |= RENAMED.keys()
-    for name in values:
+    for name in values if nodes else ():
         if name not in known and name.split('.')[0] not in OF_ROS:
             yield f'no parameter {name}{_near(name, known)}'
 
@@ -216,17 +223,17 @@ def _yaml(value: Any) -> str:
 
 def main(args: list[str] | None = None) -> int:
     """Print every parameter, or check a file; exit status 1 if it is wrong."""
-    parser = argparse.ArgumentParser(
+    parser = Parser(
         prog='parameters', description='Prints a parameter file with every parameter, its '
         'default, unit and bounds; or checks a file.')
     parser.add_argument('--law', choices=tuple(LAWS), default=DEFAULT, help='of the servo')
     parser.add_argument('--check', metavar='FILE.yaml', help='check this file instead')
     parser.add_argument('--namespace', default='tactile', help='of the nodes, for --check')
-    options = parser.parse_args(args)
-    if not options.check:
-        print(text_of_all(options.law))
-        return 0
     try:
+        options = parser.parse_args(args)
+        if not options.check:
+            print(text_of_all(options.law))
+            return 0
         warnings = check_file(options.check, names_in(options.namespace), options.law)
     except ConfigurationError as error:
         print(f'parameters: {error}', file=sys.stderr)

@@ -7,7 +7,7 @@ from typing import Any
 
 from edge_tracking.graph import Graph, linger, private_port
 from edge_tracking.process_group import record
-from tactile_common.progress import Progress
+from tactile_common.progress import live_progress
 from tactile_common.ros.runner import stop_on_signals
 from tactile_sensing.devices.calibration import Calibration, load_calibration
 from tactile_sensing.devices.recording import Recording
@@ -57,7 +57,7 @@ def play(path: str | Path, duration: float, calibration: Calibration, folder: Pa
     That is recorded in the folder's `bag`; `common` is of the `Graph`.
     """
     with private_port() as port, stop_on_signals() as stop, Graph(**common) as graph, \
-            Progress(duration) as progress:
+            live_progress(duration) as progress:
         record(graph, folder / 'bag')
         graph.add(ContactEstimatorNode)
         sensor = graph.add(MockSensorNode, port=str(port), recording=str(path))

@@ -6,6 +6,7 @@ Exit status: 0 the edge was tracked, 1 it was not or a parameter is wrong, 2 the
 """
 from dataclasses import dataclass, field
 from enum import IntEnum
+import math
 import sys
 import time
 
@@ -13,13 +14,16 @@ from action_msgs.msg import GoalStatus
 from rclpy.action import ActionClient
 from rclpy.clock import Clock, ClockType
 from rclpy.qos import DurabilityPolicy, qos_profile_sensor_data, QoSProfile
+from std_srvs.srv import SetBool
 
 from tactile_common.config import bounded
 from tactile_common.ros.node import TactileNode
 from tactile_common.ros.parameters import declare_from
 from tactile_common.ros.runner import run
 from tactile_msgs.action import TrackEdge
-from tactile_msgs.msg import Contact, SensorInfo, ServoStatus
+from tactile_msgs.msg import Contact, SensorInfo, ServoReason, ServoStatus
+
+RESUMES = 100  # for a mock robot on a machine with too little time
 
 
 @dataclass(frozen=True)
@@ -39,6 +43,21 @@ class TrackConfig:
     silence: float = bounded(
         5.0, 'give up when the servo, which has the goal, says nothing for this time', 's',
         0.2, 3600.0)
+    resumes: int = bounded(
+        0, 'how often a servo that holds, and could go on, is asked to; above 0 only for a robot '
+        'that nobody is near', '', 0, 10000)
+
+
+def feedback_text(feedback: TrackEdge.Feedback) -> str:
+    """How far tracking has come, and how well it goes."""
+    text = [f'{1e3 * feedback.progress:.0f} mm']
+    if feedback.state == ServoStatus.HOLD:
+        return f'{text[0]}, {feedback.reason}'
+    if math.isfinite(feedback.lateral_error):  # not before the edge is felt
+        text.append(f'lateral {1e3 * feedback.lateral_error:+.3f} mm')
+    if math.isfinite(feedback.normal_force):
+        text.append(f'force {feedback.normal_force:.2f} N')
+    return ', '.join(text)
 
 
 class Exit(IntEnum):
@@ -68,6 +87,8 @@ class TrackNode(TactileNode):
         self.result = self.feedback = None
         self._on_feedback = on_feedback or self._log_feedback
         self._handle, self.cancelled = None, False
+        self._pause = self.create_client(SetBool, 'edge_servo/pause')
+        self._resumed, self._asked = 0, False  # holds, and whether the present one
         self._sent = self._tared = self._seen = self._robot = self._felt = False
         self._client = ActionClient(self, TrackEdge, 'track_edge')
         latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
@@ -158,12 +179,23 @@ class TrackNode(TactileNode):
         self._heard = time.monotonic()
         self.feedback = msg.feedback
         self._on_feedback(msg.feedback)
+        self._resume(msg.feedback)
+
+    def _resume(self, feedback):
+        offered = (feedback.state, feedback.reason_code) == (
+            ServoStatus.HOLD, ServoReason.INPUT_BACK)
+        if offered and not self._asked and self._resumed < self.config.resumes:
+            self._resumed += 1
+            self.get_logger().warning(
+                f'asked to go on ({self._resumed} of {self.config.resumes}): {feedback.reason}')
+            self._pause.call_async(SetBool.Request(data=False))
+        self._asked = offered
 
     def _log_feedback(self, feedback):
-        self.get_logger().info(
-            f'{1e3 * feedback.progress:.0f} mm, lateral error '
-            f'{1e3 * feedback.lateral_error:+.3f} mm, {feedback.normal_force:.2f} N',
-            throttle_duration_sec=1.0)
+        if feedback.state == ServoStatus.HOLD:
+            self.get_logger().warning(feedback.reason, throttle_duration_sec=1.0)
+        else:
+            self.get_logger().info(feedback_text(feedback), throttle_duration_sec=1.0)
 
     def _end(self, how, reason, code=0):
         if not self.finished:

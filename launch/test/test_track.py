@@ -5,10 +5,12 @@ import time
 import pytest
 from rclpy.action import ActionServer, CancelResponse
 from rclpy.node import Node
+from std_srvs.srv import SetBool
 
 from edge_tracking.graph import Graph
 from edge_tracking.track import Exit, TrackNode
 from tactile_msgs.action import TrackEdge
+from tactile_msgs.msg import ServoReason, ServoStatus
 from tactile_servo.reasons import ReasonCode
 
 
@@ -89,3 +91,29 @@ def test_a_servo_that_falls_silent_ends_the_client(graph):
     assert not track.finished
     wait(graph, lambda: track.finished)
     assert track.exit == Exit.SILENT and 'has said nothing for' in track.reason
+
+
+@pytest.mark.parametrize('resumes', [0, 2])
+def test_a_servo_that_could_go_on_is_asked_to_as_often_as_allowed_and_once_a_hold(graph, resumes):
+    servo, track = graph.add(Servo), graph.add(TrackNode, resumes=resumes)
+    asked = []
+
+    def on_pause(request, response):
+        asked.append(request.data)
+        return response
+
+    servo.create_service(SetBool, 'edge_servo/pause', on_pause)
+    wait(graph, track._client.server_is_ready)
+    wait(graph, track._pause.service_is_ready)
+    track._seen = track._tared = track._felt = track._robot = True
+    wait(graph, lambda: servo.goals)
+    went_on = TrackEdge.Feedback(state=ServoStatus.TRACK)
+    told = [TrackEdge.Feedback(state=ServoStatus.HOLD, reason_code=code) for code in (
+        ServoReason.STALLED, ServoReason.INPUT_BACK, ServoReason.INPUT_BACK)]
+    for turn in range(3):
+        for feedback in (*told, went_on):
+            feedback.progress = track.feedback.progress + 1.0 if track.feedback else 0.0
+            servo.goals[0].publish_feedback(feedback)
+            wait(graph, lambda it=feedback: track.feedback == it)
+        wait(graph, lambda turn=turn: len(asked) >= min(turn + 1, resumes))
+    assert asked == resumes * [False]

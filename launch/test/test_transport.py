@@ -33,6 +33,27 @@ for kind in ('udp', 'udp6', 'tcp', 'tcp6'):
         if f'socket:[{fields[9]}]' in own:
             print(fields[1].split(':')[0])
 """
+# A node that is killed without a word, and one that prints how long it goes on counting it.
+KILLED = """
+import subprocess, sys, time, rclpy
+from std_msgs.msg import String
+rclpy.init()
+node = rclpy.create_node('observer' if len(sys.argv) > 1 else 'killed')
+if len(sys.argv) == 1:
+    node.create_publisher(String, 'text', 1)
+    rclpy.spin(node)
+other = subprocess.Popen([sys.executable, '-c', sys.argv[1]])
+while not node.count_publishers('text'):
+    time.sleep(0.01)
+other.kill()
+begin = time.monotonic()
+while node.count_publishers('text'):
+    time.sleep(0.01)
+print(time.monotonic() - begin)
+"""
+fast_dds = pytest.mark.skipif(
+    'fastrtps' not in os.environ.get('RMW_IMPLEMENTATION', 'rmw_fastrtps_cpp'),
+    reason='another middleware than Fast DDS')
 
 
 def plain():
@@ -49,13 +70,20 @@ def addresses(environment):
 
 
 @pytest.mark.skipif(not Path('/proc/net/udp').exists(), reason='no /proc/net: not Linux')
-@pytest.mark.skipif('fastrtps' not in os.environ.get('RMW_IMPLEMENTATION', 'rmw_fastrtps_cpp'),
-                    reason='another middleware than Fast DDS')
+@fast_dds
 def test_a_node_has_loopback_sockets_alone():
     found = addresses(plain() | local_environment(plain()))
     assert found and set(found) <= set(LOOPBACK)
     # Without the profile the range LOCALHOST leaves sockets that any host can send to.
     assert '00000000' in addresses(plain() | {RANGE: 'LOCALHOST'})
+
+
+@fast_dds
+def test_a_node_that_was_killed_is_missed_before_the_usual_lease_is_over():
+    done = subprocess.run(
+        [sys.executable, '-c', KILLED, KILLED], check=True, capture_output=True, text=True,
+        timeout=60, env=plain() | local_environment(plain()))
+    assert float(done.stdout) < 15.0  # of a lease of 5 s; Fast DDS's own is 20
 
 
 @pytest.mark.parametrize('name', [RANGE, 'ROS_STATIC_PEERS', 'FASTRTPS_DEFAULT_PROFILES_FILE',

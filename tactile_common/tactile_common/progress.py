@@ -1,10 +1,15 @@
 """One line of progress on a terminal, a line now and then in a log."""
+from collections.abc import Iterator
+from contextlib import contextmanager
 import math
+import os
 import sys
+import threading
 
 from tqdm import tqdm
 
 _PERIOD = 0.1  # s between redrawings on a terminal
+_LAST_LINES = 1.0  # s, for a process that is still there at the end
 _QUIET_PERIOD = 2.0  # s between lines where the output is no terminal
 
 
@@ -30,7 +35,8 @@ class Progress(tqdm):
         self.set_description_str(state, refresh=False)
         self.set_postfix_str(text, refresh=False)
         if math.isfinite(done):
-            self.n = min(max(done, 0.0), self.total)
+            # Of next to nothing no time can be told that is left.
+            self.n = min(done, self.total) if done > 1e-3 * self.total else 0.0
         self.update(0)
 
     def display(self, msg=None, pos=None):
@@ -47,3 +53,34 @@ class Progress(tqdm):
         if not self.disable and self._drawn and not self._terminal:
             self.display()
         super().close()
+
+
+@contextmanager
+def live_progress(total: float) -> Iterator[Progress]:
+    """
+    Progress of what logs to standard error, from this process or those that it starts meanwhile.
+
+    On a terminal their lines are written above the bar, which they would cut into otherwise.
+    """
+    if not sys.stderr.isatty():
+        with Progress(total) as progress:
+            yield progress
+        return
+    sys.stderr.flush()
+    reading, writing = os.pipe()
+    with os.fdopen(os.dup(2), 'w') as terminal, Progress(total, stream=terminal) as progress:
+        def relay():
+            with os.fdopen(reading, errors='replace') as lines:
+                for line in lines:
+                    progress.write(line, file=terminal, end='')
+
+        os.dup2(writing, 2)
+        os.close(writing)
+        relaying = threading.Thread(target=relay, daemon=True)
+        relaying.start()
+        try:
+            yield progress
+        finally:
+            sys.stderr.flush()
+            os.dup2(terminal.fileno(), 2)
+            relaying.join(_LAST_LINES)

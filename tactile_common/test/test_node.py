@@ -114,7 +114,7 @@ def test_nothing_is_counted_once_the_context_is_down(bench):
 
 
 PROGRAM = """
-import sys, threading, time
+import sys
 sys.path.insert(0, {folder!r})
 from tactile_common.start import executable
 executable('slow', {options})()
@@ -122,8 +122,8 @@ executable('slow', {options})()
 
 
 @pytest.mark.parametrize('module', [
-    'import sys, time; print(1, flush=True); time.sleep(60)',  # interrupted while imported
-    'import time\ndef main():\n  print(1, flush=True)\n  time.sleep(60)',
+    'import threading; print(1, flush=True); threading.Event().wait()',  # while imported
+    'import threading\ndef main():\n  print(1, flush=True)\n  threading.Event().wait()',
     'from tactile_common.ros.node import TactileNode\n'
     'from tactile_common.ros.runner import run\n'
     'class Sleeper(TactileNode):\n'
@@ -143,6 +143,28 @@ def test_an_executable_ends_quietly_whenever_it_is_interrupted_and_twice(
         process.send_signal(number)
     _, error = process.communicate(timeout=DEADLINE)
     assert (process.returncode, error) == (0, '')
+
+
+def test_a_node_that_cannot_be_destroyed_ends_and_says_what_it_waits_for(tmp_path):
+    (tmp_path / 'slow.py').write_text(
+        'import threading\n'
+        'from tactile_common.ros.node import TactileNode\n'
+        'from tactile_common.ros.runner import run\n'
+        'class Stuck(TactileNode):\n'
+        '  def __init__(self, **kwargs):\n'
+        '    super().__init__("stuck", **kwargs)\n'
+        '    self.create_timer(0.1, lambda: print(1, flush=True))\n'
+        '  def destroy_node(self):\n'
+        '    threading.Event().wait()\n'
+        'def main():\n  return run(Stuck)')
+    process = subprocess.Popen(
+        [sys.executable, '-c', PROGRAM.format(folder=str(tmp_path), options='interrupted=0')],
+        stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    assert process.stdout.readline() == '1\n'
+    process.send_signal(signal.SIGINT)
+    _, error = process.communicate(timeout=DEADLINE)
+    assert process.returncode == 0
+    assert error.startswith('stuck does not end; it waits\n') and 'in destroy_node' in error
 
 
 def test_interrupted_status_is_130_unless_the_environment_says_otherwise(tmp_path):

@@ -327,15 +327,24 @@ def test_wrong_parameters(context, parameters, reason):
         DriverNode(context=context, parameter_overrides=overrides)
 
 
-COMMAND = [sys.executable, '-c',
-           'import sys; from tactile_sensing.nodes.driver import main; sys.exit(main())']
+PROGRAM = 'import sys; from tactile_sensing.nodes.driver import main; sys.exit(main())'
+# Reads of the port do not return, as of a device whose kernel driver hangs.
+HANGING = f"""
+import sys, threading
+from tactile_sensing.devices.serial_port import SensorPort
+def read(port):
+    print('asleep', file=sys.stderr, flush=True)
+    threading.Event().wait()
+SensorPort.read = read
+{PROGRAM}
+"""
 CALIBRATION_FILE = Path(__file__).parents[1] / 'config' / 'flexitac_16x16.yaml'
 
 
 @contextmanager
-def process(*arguments):
-    with subprocess.Popen([*COMMAND, '--ros-args', *arguments], stderr=subprocess.PIPE,
-                          stdout=subprocess.PIPE, text=True) as child:
+def process(*arguments, program=PROGRAM):
+    with subprocess.Popen([sys.executable, '-c', program, '--ros-args', *arguments],
+                          stderr=subprocess.PIPE, stdout=subprocess.PIPE, text=True) as child:
         try:
             yield child
         finally:
@@ -358,3 +367,13 @@ def test_process_ends_well_on_signals(device, number):
         child.send_signal(number)
         assert child.wait(timeout=30) == 0
         assert 'Traceback' not in child.stderr.read()
+
+
+def test_process_ends_though_a_read_of_its_port_does_not(device):
+    with process('-p', f'port:={device.link}', program=HANGING) as child:
+        assert any(line == 'asleep\n' for line in child.stderr)
+        child.send_signal(signal.SIGINT)
+        assert child.wait(timeout=30) == 0
+        lines = child.stderr.read().splitlines()
+    assert [line for line in lines if 'does not answer' in line]
+    assert not [line for line in lines if 'Traceback' in line]

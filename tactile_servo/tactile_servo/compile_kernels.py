@@ -39,6 +39,7 @@ def compile_kernels() -> None:
     motion = Motion(model, limits, MotionConfig(), 0.0025, WorkspaceBox(-np.ones(3), np.ones(3)))
     motion.seed(np.zeros(2))
     motion.command(np.full(6, 0.01), 0)
+    motion.agility()
     inputs = Inputs(model, limits, ServoConfig().input)
     inputs.see_joints(np.zeros(2), 0, 0.0)
     inputs.astray(motion.positions)

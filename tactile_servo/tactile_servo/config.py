@@ -2,9 +2,11 @@
 
 from dataclasses import dataclass, field
 
-from tactile_common.config import bounded
+from tactile_common.config import bounded, checked
 from tactile_common.errors import ConfigurationError
 from tactile_servo.motion.motion import MotionConfig
+
+SLOWEST = 1e-4  # m/s
 
 
 @dataclass(frozen=True)
@@ -120,3 +122,15 @@ class ServoConfig:
     time: TimeLimits = field(default_factory=TimeLimits)
     contour: ContourConfig = field(default_factory=ContourConfig)
     motion: MotionConfig = field(default_factory=MotionConfig)
+
+
+def check_goal(speed: float, force: float, config: ServoConfig) -> None:
+    """
+    Check what every goal asks for: a speed [m/s] and a force [N].
+
+    ConfigurationError if it is beyond the servo's bounds; less force than tells a contact
+    (`approach.contact_force`) cannot be held.
+    """
+    checked('speed', speed, float, {'range': (SLOWEST, config.speed.max), 'unit': 'm/s'})
+    checked('force', force, float, {
+        'range': (config.approach.contact_force, config.force.max), 'unit': 'N'})

@@ -131,7 +131,7 @@ def edge_result_to_msg(servo: Supervisor, duration: float, base_frame: str) -> T
     track, reason = servo.statistics, servo.reason
     message = TrackEdge.Result(
         success=servo.success, reason_code=int(reason.code), reason=reason.text,
-        tracked_length=track.length, duration=duration, lateral_rms=track.lateral_rms,
+        tracked_length=track.tracked_length, duration=duration, lateral_rms=track.lateral_rms,
         lateral_max=track.lateral_max, force_rms_error=track.force_rms_error,
         force_max=track.force_max, closed=servo.result().closed)
     for stamp_ns, pose in servo.contour():

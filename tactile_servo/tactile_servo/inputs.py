@@ -11,6 +11,7 @@ from tactile_sensing.types.contact import Contact
 from tactile_sensing.types.contact import Reason as ContactReason
 from tactile_sensing.types.image import SensorInfo, TactileImage
 from tactile_servo.config import InputConfig
+from tactile_servo.control.scaling import ramp
 from tactile_servo.motion.joint_history import JointHistory
 from tactile_servo.motion.limits import JointLimits
 from tactile_servo.motion.robot import RobotModel
@@ -19,6 +20,7 @@ from tactile_servo.reasons import Reason, ReasonCode
 _SATURATED, _NOT_TARED = int(ContactReason.SATURATED), int(ContactReason.NOT_TARED)
 IMPOSSIBLE = 1e9  # Pa
 SAME_PITCH = 1e-3  # relative
+AGEING = 0.5  # of the time that an input may be silent, after which the pad slows down
 
 
 class Sample(NamedTuple):
@@ -120,6 +122,15 @@ class Inputs:
         return (sample is not None and now - sample.arrival <= limit
                 and abs(now_ns - sample.stamp_ns) * 1e-9 <= self._config.max_stamp_age)
 
+    def trust(self, now: float, touch: bool) -> float:
+        """
+        Share of the speed that the age of the joint state, and of the `touch`, leaves: 0 to 1.
+
+        All of it for `AGEING` of the time that a silence may last, none at its end.
+        """
+        share = _trust(self.joints, now, self._config.stale_joints)
+        return min(share, _trust(self.contact, now, self._config.stale_image)) if touch else share
+
     def joints_missing(self) -> Reason | None:
         """What is wrong with the joint states, or None."""
         if self.joints_fresh:
@@ -141,6 +152,10 @@ class Inputs:
             return None
         joint = _farthest(commanded, self.joints.value, self._config.following_error)
         return None if joint < 0 else Reason(ReasonCode.NOT_FOLLOWING, self._names[joint])
+
+
+def _trust(sample, now, limit):
+    return 0.0 if sample is None else ramp(now - sample.arrival, limit, AGEING * limit)
 
 
 def _told(array):

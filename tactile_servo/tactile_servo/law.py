@@ -74,6 +74,7 @@ class ServoLaw(Protocol):
     goal_type: ClassVar[type]
     config_type: ClassVar[type]
     sees_images: ClassVar[bool]  # whether images are observed beside contacts
+    agility: float  # told: acceleration across its normal that the robot can give the pad [m/s^2]
 
     @property
     def stiffness(self) -> float: ...  # total, of skin, finger and robot [N/m]

@@ -10,9 +10,10 @@ from typing import Any
 
 import numpy as np
 
+from tactile_common.errors import ConfigurationError
 from tactile_sensing.types.contact import Contact
 from tactile_sensing.types.image import SensorInfo, TactileImage
-from tactile_servo.config import ServoConfig
+from tactile_servo.config import check_goal, ServoConfig
 from tactile_servo.cycle_clock import CycleClock
 from tactile_servo.goal_run import GoalRun
 from tactile_servo.inputs import Inputs
@@ -113,15 +114,10 @@ class Supervisor:
         """Why a goal cannot be accepted now, or None if it can."""
         if self.state != State.IDLE:
             return Refusal(ReasonCode.BUSY, 'cancel it first')
-        for name, value, bound in (('speed', goal.speed, self.config.speed.max),
-                                   ('force', goal.force, self.config.force.max)):
-            if not 0.0 < value <= bound:
-                return Refusal(ReasonCode.INVALID_GOAL,
-                               f'{name} {value:g} is outside 0..{bound:g}')
-        least = self.config.approach.contact_force
-        if goal.force <= least:
-            return Refusal(ReasonCode.INVALID_GOAL,
-                           f'force {goal.force:g} N is not above contact_force, {least:g} N')
+        try:
+            check_goal(goal.speed, goal.force, self.config)
+        except ConfigurationError as error:
+            return Refusal(ReasonCode.INVALID_GOAL, str(error))
         refused = self.law.validate(goal) or self.around
         if refused is None and self.inputs.joints is None:
             return Refusal(ReasonCode.NO_JOINT_STATE, 'none has been received')

@@ -16,7 +16,8 @@ class TrackStatistics:
 
     def __init__(self, force: float):
         self.force = force  # set-point of the normal force [N]
-        self.length = 0.0  # way of the sensor since first contact [m]
+        self.length = 0.0  # way of the sensor since first contact, with searches [m]
+        self.tracked_length = 0.0  # the same, up to where the edge was last followed [m]
         self.force_max = self.lateral_max = 0.0  # largest measured values [N], [m]
         # Stamps of images [ns] and poses (4, 4) of the sensor in the base, moved onto the edge.
         self.contour: list[tuple[int, np.ndarray]] = []
@@ -26,8 +27,12 @@ class TrackStatistics:
         self._count = 0
         self._lateral_square = self._force_square = 0.0
 
-    def move(self, pose: np.ndarray, heading: Sequence[float]) -> None:
-        """Take the measured pose of the sensor (4, 4) and the way it goes along the edge (3,)."""
+    def move(self, pose: np.ndarray, heading: Sequence[float], on_edge: bool = True) -> None:
+        """
+        Take the measured pose of the sensor (4, 4) and the way it goes along the edge (3,).
+
+        What is not `on_edge` is searched for, and counts as tracked only once it is found again.
+        """
         position = pose[:3, 3].tolist()
         if self._last_position is not None:
             # Along the edge only: the way across it is correction.
@@ -35,6 +40,8 @@ class TrackStatistics:
                 position, self._last_position, heading)
             self.length += (x - last_x) * ux + (y - last_y) * uy + (z - last_z) * uz
         self._last_position = position
+        if on_edge:
+            self.tracked_length = self.length
 
     def stand(self) -> None:
         """The way from here to where tracking goes on does not count."""

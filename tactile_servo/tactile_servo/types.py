@@ -25,7 +25,8 @@ class State(IntEnum):
 
 
 # While in one of these the law moves the sensor.
-TRACKING = (State.TRACK, State.CORNER, State.SEARCH)
+ON_TRACK = (State.TRACK, State.CORNER)  # while searching there is no edge to be near to
+TRACKING = (*ON_TRACK, State.SEARCH)
 
 
 @dataclass(frozen=True)

@@ -8,6 +8,7 @@ import pytest
 from scipy.optimize import lsq_linear
 
 from tactile_servo.motion.inverse import (
+    agility,
     BoundedInverse,
     damped_least_squares,
     PUSH,
@@ -179,3 +180,18 @@ def test_a_jacobian_that_is_no_number_stops():
     motion = _motion_at(np.zeros(6), np.full((6, 6), np.nan))
     step = motion.command(np.ones(6), 0)
     assert motion.standing and step.limited_by == 'velocity not finite'
+
+
+@pytest.mark.parametrize('joints', [6, 7])
+def test_agility_is_the_acceleration_across_that_every_joint_bears(joints):
+    rng, hard = np.random.default_rng(5), np.linspace(5.0, 15.0, joints)
+    for _ in range(20):
+        jacobian = rng.normal(size=(6, joints))
+        most, exact = agility(jacobian, hard, 1e-9, LENGTH), np.inf
+        for angle in np.linspace(0.0, np.pi, 2001):
+            way = np.array([np.cos(angle), np.sin(angle), 0.0, 0.0, 0.0, 0.0])
+            # Of all motions with this twist the smallest, rotations weighted or not.
+            exact = min(exact, (hard / np.abs(np.linalg.pinv(jacobian) @ way)).min())
+        assert most == pytest.approx(exact, rel=1e-5)
+    assert agility(np.full((6, joints), np.nan), hard, DAMPING, LENGTH) == np.inf
+    assert agility(np.zeros((6, joints)), hard, DAMPING, LENGTH) > 1e6  # nothing would move

@@ -11,9 +11,10 @@ from tactile_servo.config import ServoConfig
 from tactile_servo.laws.registry import DEFAULT, make_law
 from tactile_servo.supervisor import Supervisor
 from tactile_servo.track_statistics import SETTLING_LENGTH
+from tactile_servo.types import ON_TRACK
 from tactile_simulation.gantry import gantry
 from tactile_simulation.joint_controller import MockController
-from tactile_simulation.metrics import ON_EDGE, Truth
+from tactile_simulation.metrics import Truth
 from tactile_simulation.renderer import EdgeRenderer
 from tactile_simulation.smoothness import accelerations, speeds
 
@@ -185,7 +186,7 @@ class Simulation:
             places - np.array([cycle.shift for cycle in self.log]))
         time, force, progress = np.array([
             (cycle.time, cycle.force, cycle.status.progress) for cycle in self.log]).T
-        tracking = np.isin([cycle.status.state for cycle in self.log], ON_EDGE)
+        tracking = np.isin([cycle.status.state for cycle in self.log], ON_TRACK)
         settled = tracking & (progress >= SETTLING_LENGTH)
         return Truth(time, lateral, along, force, progress, tracking, settled, settled,
                      speeds(time, places))

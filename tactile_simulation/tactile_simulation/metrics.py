@@ -7,13 +7,12 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from tactile_servo.types import EdgeGoal, State, Status
+from tactile_servo.types import EdgeGoal, Status
 from tactile_simulation.edge_path import EdgePath
 from tactile_simulation.smoothness import scatter
 
 NAN = float('nan')
 SPACING = 0.25e-3  # m between the places at which outlines are compared
-ON_EDGE = (State.TRACK, State.CORNER)  # while searching there is no edge to be near to
 
 
 # Of samples; NaN where there are too few.
@@ -65,6 +64,10 @@ def mean_speed(real: Truth) -> float:
     return float(np.ptp(way) / np.ptp(time)) if len(time) > 1 and np.ptp(time) > 0.0 else NAN
 
 
+def _extent(values):
+    return float(np.ptp(values)) if len(values) else 0.0
+
+
 class OutlineError(NamedTuple):
     """How far a rebuilt outline is from the true edge."""
 
@@ -95,6 +98,8 @@ class Metric(NamedTuple):
 
 METRICS = (
     Metric('tracked_length', 'tracked length', 'mm', 1e3),
+    Metric('edge_length', 'of the true edge', 'mm', 1e3, 1,
+           lambda e: _extent(e.truth.along[e.truth.tracking])),
     Metric('lateral_rms', 'lateral error, RMS', 'mm', 1e3, 3,
            lambda e: rms(e.truth.lateral[e.truth.settled])),
     Metric('lateral_max', 'lateral error, largest', 'mm', 1e3, 3,
@@ -181,7 +186,7 @@ def summarise(simulation, goal: EdgeGoal, status: Status, *, name: str, tracker:
     return {
         'ok': bool(simulation.servo.success), **_state(status), 'scene': name,
         'controller': tracker, 'seed': seed, 'speed': goal.speed,
-        'tracked_length': status.progress,
+        'tracked_length': simulation.servo.statistics.tracked_length,
         **measure(Evidence(
             truth, goal.force, contour_errors(result.contour, simulation.scene.edge),
             simulation.accelerations())),

@@ -4,6 +4,7 @@ from typing import Any
 
 import numpy as np
 
+from tactile_common.config import checked
 from tactile_common.errors import ConfigurationError
 from tactile_common.polyline import arc_length
 from tactile_simulation.edge_path import EdgePath
@@ -202,8 +203,5 @@ def _isnumber(value):
 
 
 def _bounded(name, value, low, high, unit):
-    given = float(number(name, value))
-    if not low <= given <= high:  # NaN fails as well
-        raise ConfigurationError(
-            f'{name} is {value!r:.60}, must be between {low:g} and {high:g} {unit}')
-    return given
+    number(name, value)
+    return checked(name, value, float, {'range': (low, high), 'unit': unit})

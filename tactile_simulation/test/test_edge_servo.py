@@ -331,7 +331,7 @@ def test_joint_states_that_are_no_numbers_are_refused():
 @pytest.mark.parametrize('goal, text', [
     (EdgeGoal(0.0, 5.0), 'speed'), (EdgeGoal(5.0, 5.0), 'speed'),
     (EdgeGoal(float('nan'), 5.0), 'speed'), (EdgeGoal(0.03, -1.0), 'force'),
-    (EdgeGoal(0.03, 50.0), 'force'), (EdgeGoal(0.03, 0.1), 'contact_force'),
+    (EdgeGoal(0.03, 50.0), 'force'), (EdgeGoal(0.03, 0.1), '0.1, must be'),
     (EdgeGoal(0.03, 5.0, length=-1.0), 'length'), (EdgeGoal(0.03, 5.0, direction=2), 'direction')])
 def test_bad_goals_are_refused_by_name_and_bound(goal, text):
     loop = puma_loop()

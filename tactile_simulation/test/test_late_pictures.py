@@ -14,6 +14,7 @@ from tactile_servo.config import HoldConfig, InputConfig, ServoConfig
 from tactile_servo.control.stability import gain_limit
 from tactile_servo.law import Observation
 from tactile_servo.laws.resolved_rate import ResolvedRate, ResolvedRateConfig
+from tactile_servo.motion.motion import MotionConfig
 from tactile_servo.reasons import ReasonCode
 from tactile_servo.types import EdgeGoal, State
 from tactile_simulation.closed_loop import Simulation
@@ -60,7 +61,7 @@ def test_gains_are_the_lesser_of_what_is_asked_for_and_what_the_age_allows(age):
     law, _ = seen_late(age)
     lateral, _, normal, _, _, turn = law.reference(np.eye(4), np.eye(4), 0.0025).twist
     # A picture is used for a period, a command for one at 400 Hz, and reached after two.
-    delay = age + 0.5 * PICTURE + 0.5 / 400 + 0.004 + 0.0025
+    delay = age + 0.5 * PICTURE + 0.5 / 400 + MotionConfig.committed + 0.0025
     allowed = scanned_limit(delay, 0.010) / 2.5
     c = ResolvedRateConfig()
     assert lateral / 0.001 == pytest.approx(min(1.0 / c.position.segment_time, allowed), rel=1e-3)

@@ -13,8 +13,8 @@ from tactile_simulation.metrics import area_of, contour_errors
 STRAIGHT = str(ROOT / 'launch/scenes/straight.yaml')
 KEYS = {
     'ok', 'state', 'reason', 'scene', 'controller', 'seed', 'speed', 'tracked_length',
-    'lateral_rms', 'lateral_max', 'lateral_transient_max', 'force_target', 'force_rms_error',
-    'force_max', 'joint_acceleration_max', 'joint_acceleration_rms',
+    'edge_length', 'lateral_rms', 'lateral_max', 'lateral_transient_max', 'force_target',
+    'force_rms_error', 'force_max', 'joint_acceleration_max', 'joint_acceleration_rms',
     'pad_speed_scatter', 'closed', 'contour_max_error', 'contour_area_error', 'duration',
     'real_time_factor', 'sensor_rate', 'control_rate', 'latency_p50', 'latency_p99',
     'cpu_per_cycle'}

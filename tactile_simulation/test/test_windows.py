@@ -3,10 +3,11 @@
 from hypothesis import given, settings
 from hypothesis import strategies as st
 import numpy as np
-from puma_loop import ELBOW, LIMITS, PUMA
+from puma_loop import ELBOW, LIMITS, PUMA, puma_loop, tracked
 import pytest
 
 from tactile_servo.motion.motion import Motion, MotionConfig, SETTLING
+from tactile_servo.types import EdgeGoal
 from tactile_simulation.joint_controller import MockController
 
 CYCLE = 2_500_000  # ns
@@ -86,3 +87,12 @@ def test_a_controller_that_commands_something_else_comes_smoothly(joined):
                     offset=off)
     assert_smooth(commands, 2_000_000, 1.0)
     np.testing.assert_allclose(commands[-1], ELBOW, atol=1e-9)
+
+
+def test_a_corner_at_100_mm_s_is_taken_with_what_the_joints_can_accelerate():
+    """The pad cuts no further than where joints could accelerate at will: .14 to .21 mm."""
+    loop = puma_loop('course', 'trace')
+    loop.run(EdgeGoal(0.1, 5.0, length=0.07), 10.0)
+    lateral, force = tracked(loop)
+    assert loop.servo.success and np.abs(lateral).max() < 0.2e-3 and force.max() < 6.0
+    assert np.abs(loop.accelerations()).max() <= 2.0 * LIMITS.acceleration.max()

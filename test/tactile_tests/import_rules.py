@@ -30,7 +30,8 @@ OFFLINE_MODULES = ('*.plots', '*.plot', '*.charts', 'benchmarks.*', 'edge_tracki
 KEYS = {'numpy': 'python3-numpy', 'scipy': 'python3-scipy', 'numba': 'python3-numba',
         'yaml': 'python3-yaml', 'serial': 'python3-serial', 'matplotlib': 'python3-matplotlib',
         'mpl_toolkits': 'python3-matplotlib', 'tqdm': 'python3-tqdm',
-        'pytest': 'python3-pytest', 'hypothesis': 'python3-hypothesis', 'pinocchio': 'pinocchio'}
+        'pytest': 'python3-pytest', 'hypothesis': 'python3-hypothesis',
+        'pinocchio': 'pinocchio', 'rosbags': 'python3-rosbags-pip'}
 
 
 def matches(name: str, patterns: tuple[str, ...]) -> bool:

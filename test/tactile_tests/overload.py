@@ -24,7 +24,7 @@ from edge_tracking.graph import add_servo, calibrate, Graph, linger, private_por
 from edge_tracking.process_group import apart
 from edge_tracking.recording.reader import read_run
 from edge_tracking.resources import find_scene, share
-from edge_tracking.track import TrackNode
+from edge_tracking.track import RESUMES, TrackNode
 from tactile_common.ros.bag_reader import Bag
 from tactile_common.ros.conversions import stamp_to_ns
 from tactile_common.state_buffer import PoseBuffer
@@ -63,7 +63,7 @@ def run_goals(options: argparse.Namespace, bag: Path) -> list[tuple[float, float
             begin = time.time()
             track = graph.add(TrackNode, own={'on_feedback': lambda _: None}, wait=GIVE_UP,
                               speed=options.speed, force=options.force, length=options.length,
-                              direction=1 - 2 * (number % 2))
+                              direction=1 - 2 * (number % 2), resumes=RESUMES)
             linger(graph, partial(getattr, track, 'finished'), GIVE_UP)
             if not track.finished:
                 track.cancel()

@@ -8,7 +8,7 @@ from edge_tracking.recording.run import RunData, Statuses
 from tactile_common.errors import TactileError
 from tactile_servo.reasons import ReasonCode
 from tactile_servo.track_statistics import SETTLING_LENGTH
-from tactile_servo.types import State
+from tactile_servo.types import ON_TRACK, State
 from tactile_shape.contour.outline import find_outline
 from tactile_simulation import metrics
 from tactile_simulation.metrics import NAN, percentile, rate, Truth
@@ -23,7 +23,7 @@ LATERAL_BOUND = 3e-3
 
 def settled_cycles(statuses: Statuses) -> tuple[np.ndarray, np.ndarray]:
     """Return which cycles track, and which of these come after the settling length: `(N,)`."""
-    tracking = np.isin(statuses.state, metrics.ON_EDGE)
+    tracking = np.isin(statuses.state, ON_TRACK)
     settled = np.logical_or.accumulate(tracking & (statuses.progress >= SETTLING_LENGTH))
     return tracking, tracking & settled
 
@@ -112,7 +112,6 @@ def summarise(run: RunData, scene: Scene, *, success: bool, reason: str = '',
     active = np.flatnonzero(statuses.state != State.IDLE)
     last = active[-1] if active.size else None
     _, latency = latencies(run)
-    along = real.along[real.tracking]
     target = float(force) if force is not None else percentile(statuses.force_target[tracking])
     outline, stamps = rebuilt_outline(run), run.images.stamp_ns
     begin, end = statuses.stamp_ns[tracking][[0, -1]] if tracking.any() else (0, -1)
@@ -125,7 +124,7 @@ def summarise(run: RunData, scene: Scene, *, success: bool, reason: str = '',
         'controller': str(statuses.controller[0]) if len(statuses.controller) else '',
         'seed': seed,
         'speed': float(speed) if speed is not None else percentile(statuses.speed[settled]),
-        'tracked_length': float(np.ptp(along)) if along.size else 0.0,  # of the true edge
+        'tracked_length': statuses.progress[tracking].max(initial=0.0),
         **metrics.measure(metrics.Evidence(
             real, target, metrics.contour_errors(outline and outline.points, scene.edge),
             run.joint_acceleration)),
@@ -144,10 +143,9 @@ def summarise(run: RunData, scene: Scene, *, success: bool, reason: str = '',
         'latency_p99': percentile(latency, 99),
         'cpu_per_cycle': statuses.cpu_time[tracking].mean() if tracking.any() else NAN,
     }
-    claimed = statuses.progress[tracking].max(initial=0.0)
     summary['ok'] = bool(
         success and summary['lateral_rms'] < LATERAL_BOUND  # NaN, never settled, fails as well
-        and summary['tracked_length'] > max(SETTLING_LENGTH, 0.9 * claimed))
+        and summary['edge_length'] > max(SETTLING_LENGTH, 0.9 * summary['tracked_length']))
     if success and not summary['ok']:
         summary['reason'] += '; but the pad was not led along the edge'
     return summary

@@ -96,10 +96,13 @@ def _reader_of(kind):
     return _several(_reader_of(kind.value_type), count)
 
 
-def _string(body, at):
+def _count(body, at):
     at = at + 3 & ~3
-    count, = _COUNT.unpack_from(body, at)
-    at += 4
+    return _COUNT.unpack_from(body, at)[0], at + 4
+
+
+def _string(body, at):
+    count, at = _count(body, at)
     text = body[at:at + count]
     if len(text) < count:
         raise ValueError('a string is longer than the message')
@@ -112,9 +115,7 @@ def _numbers(dtype, size):
     def read(body, at):
         count = size
         if count is None:
-            at = at + 3 & ~3
-            count, = _COUNT.unpack_from(body, at)
-            at += 4
+            count, at = _count(body, at)
             if not count:
                 return np.empty(0, dtype), at
         at = at + align & ~align
@@ -126,9 +127,7 @@ def _several(inner, size):
     def read(body, at):
         count = size
         if count is None:
-            at = at + 3 & ~3
-            count, = _COUNT.unpack_from(body, at)
-            at += 4
+            count, at = _count(body, at)
         values = []
         for _ in range(count):  # ends with the bytes at the latest
             value, at = inner(body, at)

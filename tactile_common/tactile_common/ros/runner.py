@@ -1,5 +1,6 @@
 """Start, spin and stop one node, or several in one process, with clean exits."""
 from contextlib import contextmanager, suppress
+import faulthandler
 import gc
 import inspect
 import os
@@ -30,6 +31,7 @@ _TICK = 0.05
 # Errors of rcl one after the other, with nothing done between, that are no matter of one message.
 _BROKEN = 100
 _LAST_WORDS = 2.0  # s
+_ENDING = 5.0  # s, for a node to be destroyed; launch kills after 10
 _DELIVERY = 0.2  # s, in which the last word leaves: what a writer that is gone wrote is lost
 
 
@@ -136,7 +138,8 @@ def run(node_class, args=None, until=None, on_stop=None) -> int:
     error is one, means that a parameter is wrong. Without ROS arguments those of the process are
     taken. `until(node)` tells whether its work is done; `on_stop(node)` is called at a signal, and
     the node then has two seconds to get it done. A process that is to stop while its node is
-    still being made, which takes a minute where kernels are compiled, ends within two as well.
+    still being made, which takes a minute where kernels are compiled, ends within two as well;
+    and one whose node is not destroyed within five says what it waits for and ends.
     """
     context = rclpy.Context()
     with stop_on_signals() as stop:
@@ -145,19 +148,20 @@ def run(node_class, args=None, until=None, on_stop=None) -> int:
         except RuntimeError as error:  # a ROS argument or a parameter file that rcl cannot read
             return _refuse(node_class, error)
         try:
-            with _made_in_time(stop):
+            with _in_time(stop.is_set, _LAST_WORDS):
                 node = node_class(context=context)
         except (ValueError, NameValidationException, ParameterException) as error:
             # The context destroys the half-made node, which may lack what its method needs.
             with suppress(AttributeError):
                 context.try_shutdown()
             return _refuse(node_class, error)
-        executor = make_executor(context)
+        executor, stopped = make_executor(context), False
         try:
             executor.add_node(node)
             freeze_heap()
             spin(executor, context, lambda: stop.is_set() or bool(until and until(node)))
-            if stop.is_set() and on_stop and until:
+            stopped = stop.is_set()
+            if stopped and on_stop and until:
                 stop.clear()  # a second signal ends it at once
                 on_stop(node)
                 end = time.monotonic() + _LAST_WORDS
@@ -166,27 +170,35 @@ def run(node_class, args=None, until=None, on_stop=None) -> int:
                 end = time.monotonic() + _DELIVERY
                 spin(executor, context, lambda: stop.is_set() or time.monotonic() > end)
         finally:
-            executor.shutdown()  # first: nothing may be delivered to a node that is gone
-            node.destroy_node()
-            context.try_shutdown()
+            with _in_time(lambda: stopped, _ENDING, f'{node.get_name()} does not end; it waits'):
+                executor.shutdown()  # first: nothing may be delivered to a node that is gone
+                node.destroy_node()
+                context.try_shutdown()
     return 0
 
 
 @contextmanager
-def _made_in_time(stop):
-    """End the process when it is to stop, but what stands in the context takes longer."""
-    made = threading.Event()
+def _in_time(stopped, seconds, text=''):
+    """
+    End the process when it has `stopped()`, but what stands in the context takes longer.
+
+    With a text that, and where every thread is, is written first.
+    """
+    done = threading.Event()
 
     def watch():
-        while not made.wait(_TICK):
-            if stop.is_set() and not made.wait(_LAST_WORDS):
+        while not done.wait(_TICK):
+            if stopped() and not done.wait(seconds):
+                if text:
+                    print(text, file=sys.stderr, flush=True)
+                    faulthandler.dump_traceback()
                 os._exit(int(os.environ.get(INTERRUPTED, 0)))
 
     threading.Thread(target=watch, daemon=True).start()
     try:
         yield
     finally:
-        made.set()
+        done.set()
 
 
 def _refuse(node_class, error):

@@ -4,9 +4,10 @@ import math
 
 import numpy as np
 
+from tactile_common.config import checked
 from tactile_common.errors import ConfigurationError, TactileError
 from tactile_common.yaml_file import read_yaml
-from tactile_sensing.types.array import TactelArray
+from tactile_sensing.types.array import PITCH, TactelArray
 from tactile_sensing.types.image import COMPONENTS, Layer, SensorInfo
 
 UNITS = ('Pa', 'counts')
@@ -56,6 +57,7 @@ class Calibration:
     live: np.ndarray = field(init=False, repr=False)  # (rows, columns): whether a tactel is used
 
     def __post_init__(self):
+        checked('depth', self.depth, float, {'range': (0.0, PITCH[1]), 'unit': 'm'})
         for name in ('tare_tolerance', 'depth', 'skin_stiffness', 'max_load',
                      'acquisition_delay', 'nominal_rate'):
             value = getattr(self, name)

@@ -27,6 +27,8 @@ from tactile_sensing.types.image import TactileImage
 
 # A stream without a byte or a frame for this long is reported [s].
 _SILENCE = 1.0
+# Longest wait for the reader at the end [s]; it looks up after each read of some 20 ms.
+_LAST_READ = 2.0
 # Bytes kept while they make no frame, to tell how long the frames of another array are.
 _SAMPLE_SIZE = 16384
 MIN_BAUD = 1200
@@ -82,7 +84,9 @@ class DriverNode(TactileNode):
 
     def __init__(self, calibration=None, **kwargs):
         self._stop = threading.Event()
-        self._thread = threading.Thread(target=self._read_forever, name='tactile driver')
+        # Daemonic: a port that does not return from a call keeps its reader, not the process.
+        self._thread = threading.Thread(
+            target=self._read_forever, name='tactile driver', daemon=True)
         super().__init__('driver', **kwargs)
         self._config = declare_from(self, DriverConfig)
         protocol = protocol_named(self._config.protocol)
@@ -116,10 +120,13 @@ class DriverNode(TactileNode):
         self._thread.start()
 
     def destroy_node(self):
-        """Stop the reader, then destroy the node."""
+        """Stop the reader, then destroy the node; a reader whose port hangs is left behind."""
         self._stop.set()
         if self._thread.ident:  # else the constructor has raised
-            self._thread.join()
+            self._thread.join(_LAST_READ)
+            if self._thread.is_alive():
+                self.get_logger().warning(
+                    f'{self._config.port} does not answer: its reader is left behind')
         super().destroy_node()
 
     def _read_forever(self):  # in the reader thread, as what it calls
@@ -134,9 +141,9 @@ class DriverNode(TactileNode):
                 self._on_disconnected(error)
                 self._stop.wait(self._config.reconnect_period)
             except RuntimeError:  # of rcl
-                if self.context.ok():
+                if self.context.ok() and not self._stop.is_set():
                     raise
-                # The context was shut down between two pictures: nobody is left to publish to.
+                # It ended between two pictures: nobody is left to publish to.
 
     def _on_connected(self):
         self._frames.restart()
@@ -153,7 +160,7 @@ class DriverNode(TactileNode):
             self._recent.clear()
 
     def _on_bytes(self, data, caught_up_at):
-        if not data:
+        if not data or self._stop.is_set():
             return
         arrival_ns = self.get_clock().now().nanoseconds
         self._last_byte_at = time.monotonic()

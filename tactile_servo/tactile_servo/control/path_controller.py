@@ -26,7 +26,7 @@ class PathController:
     """Velocity in the plane, of bounded acceleration: the pad's largest there [m/s^2]."""
 
     def __init__(self, config: PathConfig, acceleration: float):
-        self.config, self._acceleration = config, acceleration
+        self.config, self.acceleration = config, acceleration
         self.reset()
 
     def reset(self) -> None:
@@ -48,13 +48,13 @@ class PathController:
         c, (ux, uy), (x, y) = self.config, way, aside
         distance = math.hypot(x, y)
         # No faster than the pad can stop at the path.
-        back = min(c.lateral_gain * distance, math.sqrt(self._acceleration * distance),
+        back = min(c.lateral_gain * distance, math.sqrt(self.acceleration * distance),
                    c.max_lateral_speed) / max(distance, 1e-9)
         return self.change(speed * ux + back * x, speed * uy + back * y, dt)
 
     def change(self, x: float, y: float, dt: float) -> tuple[float, float]:
         """Change the velocity towards x, y within the acceleration."""
-        (before_x, before_y), most = self.velocity, self._acceleration * dt
+        (before_x, before_y), most = self.velocity, self.acceleration * dt
         size = math.hypot(x - before_x, y - before_y)
         if size > most:
             share = most / size

@@ -55,7 +55,7 @@ class SpeedPlanner:
 
     def __init__(self, config: SpeedConfig, path: PathConfig):
         self.config, self._path = config, path
-        self.speed = 0.0
+        self.speed, self.acceleration = 0.0, config.acceleration
 
     def reset(self) -> None:
         """Stand still."""
@@ -91,9 +91,9 @@ class SpeedPlanner:
         c = self.config
         end = {PathEnd.CLOSED: top, PathEnd.RIDGE: min(c.search, top),
                PathEnd.VIEW: c.blind}[edge.path.end]
-        limit = edge.speed_limit(station, top, c.acceleration, end, self._path.corner_cut,
+        limit = edge.speed_limit(station, top, self.acceleration, end, self._path.corner_cut,
                                  self._path.corner_settle)
-        self.speed = min(limit, self.speed + c.acceleration * dt)
+        self.speed = min(limit, self.speed + self.acceleration * dt)
         return self.speed
 
     def search(self, top: float) -> float:

@@ -140,6 +140,7 @@ class ResolvedRate:
     goal_type: ClassVar[type] = EdgeGoal
     config_type: ClassVar[type] = ResolvedRateConfig
     sees_images: ClassVar[bool] = False
+    agility = math.inf  # it is slow enough
     goal: EdgeGoal  # since `begin`, as well as
     _array: TactelArray
 

@@ -100,6 +100,28 @@ class BoundedInverse:
 
 
 @njit(cache=True)
+def agility(jacobian, acceleration, damping, rotation_length):
+    """
+    Largest acceleration of the sensor in every direction across its normal [m/s^2].
+
+    None of the joints' accelerations (n,) [rad/s^2] is exceeded by it, from rest, without turning
+    the sensor or moving it along its normal; inf where a Jacobian is not finite.
+    """
+    weighted = jacobian.copy()
+    weighted[3:] *= rotation_length
+    square = weighted @ weighted.T
+    if not math.isfinite(square.sum()):
+        return np.inf
+    for i in range(6):
+        square[i, i] += damping * damping
+    across = weighted.T @ np.linalg.solve(square, np.eye(6)[:, :2].copy())
+    most = np.inf
+    for k in range(len(acceleration)):
+        most = min(most, acceleration[k] / max(math.hypot(across[k, 0], across[k, 1]), 1e-12))
+    return most
+
+
+@njit(cache=True)
 def _free(jacobian, twist, push, damping, rotation_length):
     """Velocities for the twist, with the part of `push` that moves no tip; smallest s."""
     joints, weighted, square = jacobian.shape[1], jacobian.copy(), np.zeros((6, 6))

@@ -7,11 +7,11 @@ import numpy as np
 
 from tactile_common.config import bounded
 from tactile_common.kernels import njit
-from tactile_servo.motion.inverse import BoundedInverse
+from tactile_servo.motion.inverse import agility, BoundedInverse
 from tactile_servo.motion.limits import JointLimits, nearest, WorkspaceBox
 from tactile_servo.motion.robot import RobotModel
 from tactile_servo.motion.trajectory import Trajectory
-from tactile_servo.motion.window import at_rest, committed, extended
+from tactile_servo.motion.window import APART, at_rest, committed, extended
 
 COAST = 2.0  # control periods that a window goes on before it brakes
 SETTLING = 0.1  # s at least, in which the robot's controller comes to where a motion is started
@@ -28,7 +28,7 @@ class MotionConfig:
     rotation_length: float = bounded(
         0.04, 'length that weighs rotation against position', 'm/rad', 1e-3, 1.0)
     committed: float = bounded(
-        0.004, 'a command no longer changes what the robot does for this long; with a period of '
+        0.010, 'a command no longer changes what the robot does for this long; with a period of '
         'its controller and the way to it within, it does not matter when the controller takes '
         'the next one', 's', 5e-4, 0.1)
     stamped: bool = field(default=True, metadata={
@@ -71,6 +71,7 @@ class Motion:
         self.positions, self.velocities, self.pose = unknown, unknown, np.full((4, 4), np.nan)
         self._window = at_rest(unknown, 0.0)
         self._stamp_ns: int | None = None  # None until it is commanded
+        self._stamped = config.stamped
         self._end = unknown  # where the last window that was commanded comes to rest
         self._held_back, self.blocked = 0.0, ''
 
@@ -81,8 +82,13 @@ class Motion:
 
     @property
     def lasting(self) -> float:
-        """Time from the last cycle to the rest at the end of its window [s]."""
+        """Time from the last cycle that had a window to the rest at the end of it [s]."""
         return float(self._window.times[-1])
+
+    def agility(self) -> float:
+        """Acceleration of the sensor across its normal that all joints allow [m/s^2]."""
+        return agility(self._robot.jacobian(self.positions), self._limits.acceleration,
+                       self._config.damping, self._config.rotation_length)
 
     def seed(self, positions: np.ndarray) -> None:
         """
@@ -111,8 +117,9 @@ class Motion:
 
         The motion begins with what is left of the last window at `now_ns`, however late that
         is: it is what the robot's controller did in the meantime. The joints that the twist
-        takes are limited and integrated; one that is not finite counts as a stop. Not
-        `stamped`, the window begins when it is received.
+        takes are limited and integrated; one that is not finite counts as a stop. From a start
+        that is not `stamped` on windows begin when they are received: to change that while the
+        robot moves is a jolt.
         """
         c, period, wanted, at_wall = self._config, self._period, twist, ''
         coast = (COAST + 1.0) * period
@@ -120,7 +127,10 @@ class Motion:
         kept = committed(self._window, elapsed, c.committed)
         positions = kept.positions[-1]
         # On its way to the first point the controller is left alone: each window is a seam there.
-        settling = self._stamp_ns is not None and kept.times[0] > c.committed
+        settling = kept.times[0] > APART
+        first = self._stamp_ns is None
+        if first:
+            self._stamped = stamped and c.stamped
         if self._workspace is not None:
             twist, clipped = self._workspace.limit(
                 self._robot.pose(positions), twist,
@@ -129,21 +139,20 @@ class Motion:
         jacobian = self._robot.jacobian(positions)
         asked, bound, manipulability = self._inverse.solve(
             jacobian, twist, positions, period + coast)
-        # Whatever that gave: no command passes a limit.
-        self._window, self.velocities, scale, kind, joint, progress = _onward(
-            kept, self._limits.bounds, asked, period, COAST * period, coast, jacobian, wanted,
-            c.rotation_length)
-        self._stamp_ns, self._end = now_ns, self._window.positions[-1]
-        self.positions = self._window.positions[len(kept.times)]
-        self.pose = self._robot.pose(self.positions)
+        # Whatever that gave: no command passes a limit, and none moves a robot that settles.
+        window, velocities, scale, kind, joint, progress = _onward(
+            kept, self._limits.bounds, 0.0 * asked if settling else asked, period,
+            COAST * period, coast, jacobian, wanted, c.rotation_length)
         limited_by = at_wall or bound or self._limits.name_of(kind, joint)
         hindered = limited_by or manipulability < c.damping
         self._watch(progress if hindered else 1.0, limited_by, period)
         trajectory = None
-        if not settling:
-            times, places, speeds = self._window
-            trajectory = Trajectory(self._limits.names, times, places, speeds,
-                                    stamp_ns=now_ns if stamped and c.stamped else 0)
+        if first or not settling:  # only what is sent is what the robot's controller plays
+            self._window, self.velocities, self._stamp_ns = window, velocities, now_ns
+            self._end, self.positions = window.positions[-1], window.positions[len(kept.times)]
+            self.pose = self._robot.pose(self.positions)
+            trajectory = Trajectory(self._limits.names, *window,
+                                    stamp_ns=now_ns if self._stamped else 0)
         return MotionStep(trajectory, twist, scale, limited_by, manipulability)
 
     def _watch(self, progress, limited_by, dt):

@@ -5,13 +5,16 @@ The servo, estimator, limits and scene are those of the nodes; the robot is a ga
 lag, dead time and acceleration of the scene's plant, or that of a URDF.
 """
 import argparse
+from pathlib import Path
 import sys
 import time
 from typing import Any
 
 import numpy as np
 
-from tactile_common.errors import TactileError
+from tactile_common.command_line import between, Parser
+from tactile_common.errors import ConfigurationError, TactileError
+from tactile_servo.config import check_goal, ServoConfig
 from tactile_servo.laws.registry import DEFAULT, LAWS
 from tactile_servo.motion.limits import JointLimits
 from tactile_servo.motion.robot import RobotModel
@@ -20,12 +23,13 @@ from tactile_simulation.closed_loop import Simulation
 from tactile_simulation.metrics import describe, summarise, to_json
 from tactile_simulation.scene import load_scene
 
+SEED = between(0, 2**32 - 1, kind=int)
 JOINT_ACCELERATION = 10.0  # rad/s^2, of a robot given by its URDF
 
 
 def parser() -> argparse.ArgumentParser:
     """Command line."""
-    arguments = argparse.ArgumentParser(
+    arguments = Parser(
         prog='simulate', description=__doc__.strip().splitlines()[0],
         formatter_class=argparse.ArgumentDefaultsHelpFormatter)
     add = arguments.add_argument
@@ -34,17 +38,18 @@ def parser() -> argparse.ArgumentParser:
     add('--speed', type=float, default=0.03, help='along the edge [m/s]')
     add('--force', type=float, default=5.0, help='on the pad [N]')
     add('--direction', type=int, default=1, choices=(-1, 1), help="along the sensor's y")
-    add('--length', type=float, default=0.0,
+    add('--length', type=between(0.0, 10.0, 'm'), default=0.0,
         help='to track [m]; 0 = until the edge ends or the contour closes')
-    add('--seed', type=int, default=0, help="of the sensor's noise")
-    add('--latency', type=float, help='of a picture [s]; default as the scene says')
+    add('--seed', type=SEED, default=0, help="of the sensor's noise")
+    add('--latency', type=between(0.0, 1.0, 's'),
+        help='of a picture [s]; default as the scene says')
     add('--robot', metavar='URDF', help='robot instead of the gantry')
     add('--tip', default='tactile_pad', metavar='FRAME',
         help="sensor frame of that robot: its link's z points out of the skin")
     add('--start', type=float, nargs='+', metavar='ANGLE',
         help='joint positions near which that robot starts [rad]; default: '
              'those farthest from singularities and limits')
-    add('--timeout', type=float, default=300.0, help='simulated time [s]')
+    add('--timeout', type=between(0.0, 1e4, 's'), default=300.0, help='simulated time [s]')
     add('--json', action='store_true', help='print one JSON object, SI units')
     add('--plot', metavar='FILE.png', help='draw the way of the pad over the edge')
     return arguments
@@ -62,6 +67,7 @@ def robot_from(urdf, tip='tactile_pad'):
 def run(options: argparse.Namespace) -> tuple[Simulation, dict[str, Any]]:
     """Simulate as the options say: Simulation and summary."""
     scene = load_scene(options.scene)
+    check_goal(options.speed, options.force, ServoConfig())
     goal = EdgeGoal(options.speed, options.force, options.direction, options.length,
                     closed=scene.edge.closed and options.length == 0.0
                     and LAWS[options.law].closes_contours)
@@ -107,8 +113,10 @@ def draw(simulation: Simulation, path) -> None:
 
 def main(argv: list[str] | None = None) -> int:
     """Run the command; 0 only if the edge was tracked as asked for."""
-    options = parser().parse_args(argv)
     try:
+        options = parser().parse_args(argv)
+        if options.plot and not Path(options.plot).parent.is_dir():
+            raise ConfigurationError(f'--plot {options.plot}: there is no such folder')
         simulation, summary = run(options)
         if options.plot:
             draw(simulation, options.plot)

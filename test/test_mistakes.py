@@ -1,0 +1,123 @@
+"""Typical mistakes on a command line: one line names value, bound and unit; nothing is written."""
+
+from pathlib import Path
+import shlex
+import subprocess
+
+import numpy as np
+import pytest
+
+from edge_tracking import demo, graph, parameters
+from tactile_sensing.cli import estimate
+from tactile_shape.cli import fit
+from tactile_simulation.cli import simulate
+
+ROOT = Path(__file__).resolve().parents[1]
+SCENE = ROOT / 'launch/scenes/straight.yaml'
+CALIBRATION = ROOT / 'tactile_sensing/config/flexitac_16x16.yaml'
+PARAMETERS = ROOT / 'launch/config/edge_tracking.yaml'
+EDITED = {  # file: what it is a copy of, and what a user changed in it
+    'metre.yaml': (SCENE, 'straight: 0.2', 'straight: 200'),
+    'key.yaml': (SCENE, 'skin:', 'skn:'),
+    'type.yaml': (SCENE, 'rows: 16', 'rows: sixteen'),
+    'pitch.yaml': (CALIBRATION, 'pitch: 0.0015875', 'pitch: 1.5875'),
+    'depth.yaml': (CALIBRATION, 'depth: 0.002', 'depth: 2'),
+    'rate.yaml': (PARAMETERS, 'rate: 406.0', 'rate: -406.0'),
+    'tab.yaml': (PARAMETERS, '  ros__parameters:', '\tros__parameters:'),
+}
+SPEED = 'must be between 0.0001 and 0.2 m/s'
+MISTAKES = [
+    # (command, its arguments, what the line says)
+    (demo, '--scene strait', "scene 'strait' is unknown; shipped are"),
+    (demo, '--scene none.yaml', "scene 'none.yaml': no such file"),
+    (demo, '--scene metre.yaml',
+     'straight is 200.0, must be between 0.0001 and 10 m; did you mean 0.2?'),
+    (demo, '--scene key.yaml', "unknown key 'skn', must be one of name, description, edge, skin"),
+    (demo, '--scene type.yaml', "sensor.rows is 'sixteen', must be a number"),
+    (demo, '--speed 30', f'speed is 30.0, {SPEED}; did you mean 0.03?'),
+    (demo, '--speed 0', f'speed is 0.0, {SPEED}'),
+    (demo, '--speed nan', f'speed is nan, {SPEED}'),
+    (demo, '--speed fast', "argument --speed: invalid float value: 'fast'"),
+    (demo, '--force 5000', 'force is 5000.0, must be between 0.5 and 10 N'),
+    (demo, '--force 0.2', 'force is 0.2, must be between 0.5 and 10 N'),
+    (demo, '--sped 0.03', 'unrecognized arguments: --sped 0.03'),
+    (demo, '--law tracing', "invalid choice: 'tracing' (choose from"),
+    (demo, '--seed -1', 'argument --seed: value is -1, must be between 0 and'),
+    (demo, '--parameters none.yaml', 'parameter file none.yaml: cannot be read: No such file'),
+    (demo, '--parameters rate.yaml', 'rate is -406.0, must be between'),
+    (demo, '--parameters tab.yaml', 'parameter file tab.yaml: is not YAML'),
+    (demo, '--recording frames.npz', 'no pitch_m in the file; give --pitch'),
+    (demo, '--recording frames.npz --pitch 1.27',
+     'pitch_x is 1.27, must be between 1e-06 and 0.1 m; did you mean 0.00127?'),
+    (demo, '--recording frames.npz --calibration pitch.yaml', 'did you mean 0.0015875?'),
+    (demo, '--recording frames.npz --calibration depth.yaml',
+     'depth is 2.0, must be between 0 and 0.1 m; did you mean 0.002?'),
+    (demo, '--recording frames.npz --pitch 0.001 --live 0:99,0:4',
+     '--live 0:99,0:4: must be ROWS,COLUMNS such as 15:26,15:26 within 16 x 16'),
+    (demo, '--recording other.npz --pitch 0.001',
+     "array 'frames' is missing, there are ['pictures']"),
+    (demo, '--out /proc/nowhere', '--out /proc/nowhere: No such file or directory'),
+    (graph, '--sensor flexitac', '--sensor flexitac needs --port'),
+    (simulate, '', 'arguments are required: scene'),
+    (simulate, f'{SCENE} --speed 30', f'speed is 30.0, {SPEED}; did you mean 0.03?'),
+    (simulate, f'{SCENE} --length 100',
+     'argument --length: value is 100.0, must be between 0 and 10 m; did you mean 0.1?'),
+    (simulate, f'{SCENE} --latency 10', '--latency: value is 10.0, must be between 0 and 1 s'),
+    (simulate, f'{SCENE} --robot none.urdf', "robot description 'none.urdf': No such file"),
+    (simulate, f'{SCENE} --plot nowhere/plot.png', '--plot nowhere/plot.png: there is no such'),
+    (estimate, 'frames.npz -o out.npz', 'required: --pitch, --layers'),
+    (estimate, 'frames.npz --pitch 1.27 --layers zz@0.002 -o out.npz', '1.27'),
+    (estimate, 'frames.npz --pitch 0.00127 --layers zz@2 -o out.npz',
+     "depth of zz is '2', must be a number of at least 1e-09 and below 0.1 m"),
+    (estimate, 'frames.npz --pitch 0.00127 --layers zy@0.002 -o out.npz',
+     "component 'zy' is not one of zz, xz, yz"),
+    (estimate, 'flat.npz --pitch 0.001 --layers zz@0.002 -o out.npz',
+     'frames has shape (5, 16), must be (N, rows, columns)'),
+    (estimate, 'text.txt --pitch 0.001 --layers zz@0.002 -o out.npz', 'is not an .npz archive'),
+    (estimate, 'frames.npz --pitch 0.001 --layers zz@0.002 -o nowhere/out.npz', 'folder nowhere'),
+    (fit, 'none -o out.npz', 'none: there is no such file'),
+    (fit, 'frames.npz -o out.npz', "array 't' is missing, there are ['frames', 'rate_hz']"),
+    (fit, 'frames.npz', 'required: -o/--out'),
+    (parameters, '--check none.yaml', 'parameter file none.yaml: cannot be read'),
+    (parameters, '--check rate.yaml', 'rate is -406.0, must be between'),
+]
+
+
+@pytest.fixture
+def folder(tmp_path, monkeypatch):
+    """Give a folder to stand in, with files of a user in it."""
+    np.savez(tmp_path / 'frames.npz', frames=np.zeros((50, 16, 16)), rate_hz=100.0)
+    np.savez(tmp_path / 'other.npz', pictures=np.zeros((5, 4, 4)))
+    np.savez(tmp_path / 'flat.npz', frames=np.zeros((5, 16)), rate_hz=100.0)
+    (tmp_path / 'text.txt').write_text('1 2 3')
+    for name, (path, old, new) in EDITED.items():
+        text = path.read_text()
+        assert old in text
+        (tmp_path / name).write_text(text.replace(old, new))
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+@pytest.mark.parametrize('command, arguments, text', MISTAKES, ids=[
+    f'{command.__name__.rpartition(".")[2]} {arguments.replace(str(ROOT), "")}'
+    for command, arguments, _ in MISTAKES])
+def test_a_mistake_ends_in_one_line_before_anything_begins(
+        folder, monkeypatch, capsys, command, arguments, text):
+    def started(*_, **__):
+        raise AssertionError('a process was started')
+
+    monkeypatch.setattr(subprocess, 'Popen', started)
+    before = sorted(folder.rglob('*'))
+    assert command.main(shlex.split(arguments)) != 0
+    printed, told = capsys.readouterr()
+    assert printed == ''
+    lines = [line for line in told.splitlines() if line]
+    assert len(lines) == 1 and text in lines[0], told
+    assert sorted(folder.rglob('*')) == before
+
+
+def test_a_parameter_that_no_node_has_is_asked_about(tmp_path, capsys):
+    path = tmp_path / 'mine.yaml'
+    path.write_text('/**: {ros__parameters: {forse.gain: 1.0}}')
+    assert parameters.main(['--check', str(path)]) == 0
+    assert 'no parameter forse.gain; did you mean force.gain?' in capsys.readouterr().err
