@@ -21,7 +21,7 @@ def draw(result, folder):
                        label_type='center', fontsize=8)
         begin = [before + width for before, width in zip(begin, widths, strict=True)]
     axis.axvline(1e3 * BAR, color='black', ls='--', lw=0.8)
-    axis.annotate('wanted', (1e3 * BAR, -0.5), (3, 3), textcoords='offset points', fontsize=8)
+    axis.text(1e3 * BAR, 1.0, ' wanted', transform=axis.get_xaxis_transform(), fontsize=8)
     axis.set(yticks=range(len(rows)), xlabel='processor time of a control cycle, mean [ms]',
              yticklabels=[f'{run["rate"]:g} Hz' for run in result['runs']])
     axis.invert_yaxis()

@@ -13,11 +13,12 @@ class Meter:
     """
     Processor times of calls [s] by name, while `running`.
 
-    Clocks cost: the whole is timed by itself, and its parts while it is taken `apart`.
+    Clocks cost: the whole is timed by itself, and its parts while it is taken `apart`. A part
+    whose name begins with - counts `inside` of the whole only.
     """
 
     def __init__(self):
-        self.running = self.apart = False
+        self.running = self.apart = self.inside = False
         self.times = defaultdict(list)
 
     @contextmanager
@@ -31,11 +32,11 @@ class Meter:
 
     def timed(self, name, function, whole=False):
         """Return a function that does the same and is timed, as a part or as the whole."""
-        times = self.times[name]
+        times, inner = self.times[name], name.startswith('-')
 
         @wraps(function)
         def call(*arguments):
-            if not self.running or self.apart == whole:
+            if not self.running or self.apart == whole or (inner and not self.inside):
                 return function(*arguments)
             begin = thread_time()
             try:

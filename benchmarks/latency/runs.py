@@ -151,7 +151,9 @@ def _following(meter, journey):
 
     def begin(self):
         journey.begin()
+        meter.inside = True
         timed(self)
+        meter.inside = False
         meter.apart = self._pace.cycles // BLOCK % 2 == 1
 
     def use(self, image, arrival):
