@@ -2,6 +2,7 @@
 
 from enum import Enum
 from itertools import pairwise
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -70,8 +71,8 @@ class TracedPath:
         back = trace(cloud, against, self._ahead, self.scale.grain)[::-1].copy()
         back['way'] *= -1.0
         # Whether the edge may go on before the first node.
-        self.open_start = not len(back) or not picture.covers(
-            *back['place'][0].tolist(), SEEN_BORDER * picture.depth)
+        x, y = back['place'][0].tolist() if len(back) else (math.inf, math.inf)
+        self.open_start = not picture.covers(x, y, SEEN_BORDER * picture.depth)
         self.nodes = joined([back, start])
         (self.began,) = start['station'].tolist()
         self.nodes['station'][0] = self.began - len(back) * self._step
