@@ -151,6 +151,18 @@ def test_a_short_hold_amid_a_search_needs_no_sight_of_the_edge_to_end():
     it.check()
 
 
+def test_a_probe_beyond_the_end_goes_no_deeper_for_being_interrupted_again_and_again():
+    it = Interrupted('trace', State.SEARCH, 0, EdgeGoal(0.03, 5.0, direction=-1))
+    loop = it.loop
+    loop.run(None, 5.0, lambda s: s.normal_force < 0.5)  # then it goes down for a step
+    for _ in range(10):
+        loop.run(None, 0.1)
+        it.sensing(0.1)
+        loop.run(None, 0.3, lambda s: s.state != State.HOLD)
+    loop.run(None, 20.0)
+    assert loop.servo.reason.code == ReasonCode.EDGE_ENDED, loop.servo.reason
+
+
 @pytest.mark.parametrize('seconds', [0.2, 1.0])
 def test_a_hold_after_which_the_edge_is_not_seen_says_so_and_waits_to_be_asked(seconds):
     it = blinded(State.TRACK, GOAL, seconds)
