@@ -14,6 +14,7 @@ usage: ./ws COMMAND [ARGS]
                            run one node or tool, like `ros2 run`
   shell [ARGS]             a shell in which all of this is on the paths
   bench [NAME] [ARGS]      run benchmarks/NAME; without NAME, list them
+  docs                     the pages of docs/ as a site, into .ws/site (Python 3.11 or later)
   clean                    remove everything that ./ws has made (.ws)
   --help                   this text
 
@@ -47,17 +48,34 @@ LOCK=$ROOT/ws.lock
 LOG=$WS/log
 ROS_ROOT=${WS_ROS_ROOT:-/opt/ros}
 
-# A long step: one line, its output in a log, the log's end when it fails.
+# A long step: one line, its output in a log, the log's end when it fails. A terminal shows
+# meanwhile how long it takes and the log's last line.
 step() {
     step_log=$LOG/$1.log; step_text=$2; shift 2
     say "$step_text ..."
     step_start=$(date +%s)
+    : >"$step_log"
+    watcher=
+    [ ! -t 2 ] || { show_step 9>&- & watcher=$!; }
     if "$@" >"$step_log" 2>&1 </dev/null; then
+        hide_step
         say "  done in $(($(date +%s) - step_start)) s"
     else
+        hide_step
         tail -n 40 "$step_log" >&2
         die "failed: $step_text (all of its output: $step_log)"
     fi
+}
+show_step() {
+    while sleep 1 && kill -0 $$ 2>/dev/null; do # Ctrl-C does not reach it
+        printf '\r%4d s  %.70s\033[K' $(($(date +%s) - step_start)) \
+            "$(tail -n 1 "$step_log" | tr -cd '[:print:]')" >&2
+    done
+}
+hide_step() {
+    [ -n "$watcher" ] || return 0
+    kill "$watcher" && wait "$watcher" 2>/dev/null || true
+    printf '\r\033[K' >&2
 }
 
 checksum() { cksum | tr -d ' '; }
@@ -223,6 +241,9 @@ setup_bare() {
     [ -n "$PYTHON" ] || find_python
     [ -n "$PYTHON" ] || die 'no python3 in PATH; name one in WS_PYTHON'
     rm -rf "$WS/env.stamp" "$WS/build.stamp" "$WS/kernels.stamp" "$ENV" "$BUILD" "$INSTALL"
+    say 'set-up, once: some minutes, 1.4 GB on the disk, nearly all in .ws'
+    free=$(df -Pk "$WS" | awk 'NR == 2 {print int($4 / 1024)}')
+    [ "$free" -ge 1600 ] || die "$WS: $free MB are free, 1600 are needed"
     # shellcheck disable=SC2119
     step pip "installing $(grep -c '^[a-zA-Z]' "$LOCK") pinned packages for Python \
 $PYTHON_VERSION into .ws/env (a minute or two)" install_wheels
@@ -469,6 +490,25 @@ bench() {
     [ -z "${1:-}" ] || die "no benchmark '$1'"
 }
 
+install_site_tools() {
+    python3 -m venv --clear "$WS/site-env" &&
+        env -u PYTHONPATH "$WS/site-env/bin/python" -m pip install --no-deps \
+            --only-binary=:all: -r "$ROOT/docs/site.lock"
+}
+
+docs() {
+    cd "$ROOT"
+    signature=$(checksum <docs/site.lock)
+    if ! stamped "$WS/site.stamp" "$signature"; then
+        step site-pip 'installing what makes the site into .ws/site-env' install_site_tools
+        printf '%s\n' "$signature" >"$WS/site.stamp"
+    fi
+    python3 -m docs.generate
+    env -u PYTHONPATH "$WS/site-env/bin/python" -m sphinx -q -W --keep-going -b html \
+        -d "$WS/site-doctrees" docs "$WS/site"
+    say "the site: $WS/site/index.html"
+}
+
 command=${1:---help}
 [ $# = 0 ] || shift
 detect
@@ -479,6 +519,7 @@ case $command in
     run) prepare stale && run "$@" ;;
     shell) prepare stale && exec "${SHELL:-/bin/sh}" "$@" ;;
     bench) prepare stale && bench "$@" ;;
+    docs) prepare stale && docs ;;
     clean) rm -rf "$WS" ;;
     -h | --help | help) usage ;;
     *) usage >&2 && die "unknown command '$command'" ;;

@@ -34,6 +34,8 @@ class Hold:
     """What a hold is about."""
 
     paused: bool = False  # it was asked for
+    lost: bool = False  # what is tracked was, and must be seen before it ends
+    searching: bool = False  # it interrupted a search, which sees nothing either
     resumption: Event = Event.RESUME_APPROACH  # what takes up again what it interrupted
     cause: Reason = Reason(ReasonCode.NONE)  # what is wrong
     began: float = -np.inf  # steady time at which it went wrong [s],
@@ -163,6 +165,7 @@ class GoalRun:
         found = self._law.assess(now, self.statistics.length, self._inputs.load)
         if found.state == State.HOLD:
             self._hold(now, found.reason, now)
+            self.hold.lost = True
             return
         error = self._law.error
         if error is not None:
@@ -185,8 +188,9 @@ class GoalRun:
 
     def _hold(self, now, reason, began):
         bound = reason.code in ASKED or now - began > self._config.hold.resume_within
-        self.hold = Hold(self.hold.paused, RESUMPTION[self._machine.state], reason, began,
-                         bound=bound)
+        state = self._machine.state
+        self.hold = Hold(self.hold.paused, searching=state is State.SEARCH,
+                         resumption=RESUMPTION[state], cause=reason, began=began, bound=bound)
         self._moving = max(self._moving, now)
         self._machine.fire(Event.HOLD, reason, now)
 
@@ -195,8 +199,9 @@ class GoalRun:
         if why is not None:
             hold.cause = self._machine.reason = why
             hold.bound, hold.asked = hold.bound or why.code in ASKED, False
-        back = why is None and (hold.resumption != Event.RESUME_TRACK
-                                or self._law.lacks(now) is None)
+        seen = (hold.resumption != Event.RESUME_TRACK or hold.searching
+                or self._law.lacks(now) is None)
+        back = why is None and seen
         hold.back = None if not back else now if hold.back is None else hold.back
         in_time = hold.back is not None and hold.back - hold.began <= limits.resume_within
         if why is None and (hold.asked or (in_time and not hold.bound)):
@@ -205,7 +210,7 @@ class GoalRun:
         elif now - self._machine.since > (limits.longest_pause if hold.paused
                                           else limits.give_up):
             self._end(Reason(ReasonCode.GAVE_UP, hold.cause.text))
-        elif back and self._told:
+        elif why is None and (seen or not hold.lost) and self._told:
             self._machine.reason = Reason(
                 ReasonCode.INPUT_BACK, f'{OFFER} (held: {hold.cause.text})')
 

@@ -8,7 +8,7 @@ from typing import Any, TYPE_CHECKING
 import numpy as np
 
 from tactile_common.errors import ConfigurationError
-from tactile_common.npz_stream import clear_errors, read_arrays, scalar
+from tactile_common.npz_stream import clear_errors, MAX_WHOLE, read_arrays, scalar
 from tactile_shape.contour.contact_path import ContactPath, needs_picture
 
 if TYPE_CHECKING:
@@ -71,7 +71,9 @@ class ContactRecording:
 def load_contacts(path: str | PathLike, namespace: str | None = None,
                   finger_radius: float | None = None) -> ContactRecording:
     """
-    Read an `.npz` file, or a rosbag2 recording of `contact`, `sensor_pose` and maybe `image`.
+    Read an `.npz` or `.npy` file, or a rosbag2 recording of `contact`, `sensor_pose`, `image`.
+
+    The last may be missing in the recording. Rows of the `.npy` are t, position and normal.
 
     Parameters
     ----------
@@ -88,6 +90,11 @@ def load_contacts(path: str | PathLike, namespace: str | None = None,
     path = Path(path)
     if not path.exists():
         raise ConfigurationError(f'{path}: there is no such file')
+    if path.suffix == '.npy':
+        with clear_errors(path):
+            rows = read_rows(path, 7)
+            return ContactRecording(
+                rows[:, 0], rows[:, 1:4], rows[:, 4:], finger_radius=finger_radius)
     if path.suffix != '.npz':
         return _from_bag(path, namespace, finger_radius or 0.0)
     arrays = read_arrays(path, ('t', 'position', 'normal'), OPTIONAL)
@@ -96,6 +103,21 @@ def load_contacts(path: str | PathLike, namespace: str | None = None,
                                  for name in OPTIONAL if name in arrays}
         recording = ContactRecording(**known | arrays)
     return recording if finger_radius is None else replace(recording, finger_radius=finger_radius)
+
+
+def read_rows(path: Path, columns: int) -> np.ndarray:
+    """Numbers (N, columns) of an `.npy` file; ConfigurationError if there are others."""
+    try:
+        rows = np.load(path, mmap_mode='r', allow_pickle=False)
+    except (ValueError, EOFError) as error:
+        raise ConfigurationError('is not an .npy array of numbers, or damaged') from error
+    if rows.ndim != 2 or rows.shape[1] != columns or rows.dtype.kind not in 'uif':
+        raise ConfigurationError(
+            f'is an array {rows.shape} of {rows.dtype}, must be (N, {columns}) of real numbers')
+    if rows.nbytes > MAX_WHOLE:
+        raise ConfigurationError(f'would take {rows.nbytes / 1e6:.0f} MB, at most '
+                                 f'{MAX_WHOLE / 1e6:.0f} MB are read')
+    return np.array(rows)
 
 
 def _from_bag(path, namespace, finger_radius):

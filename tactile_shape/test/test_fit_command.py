@@ -248,3 +248,76 @@ def test_damaged_bag(there):
     mcap.write_bytes(mcap.read_bytes()[:3000])
     with pytest.raises(ConfigurationError, match='run: '):
         load_contacts(there / 'run')
+
+
+# --- rows, contours, hints ----------------------------------------------------------------------
+
+def test_rows_are_read_as_arrays_are(there, capsys):
+    arrays = contacts()
+    np.save('in.npy', np.column_stack(list(arrays.values())))
+    assert run(**arrays) == 0
+    one = result()
+    assert fit.main(['in.npy', '-o', 'out.npz']) == 0
+    for name, values in result().items():
+        np.testing.assert_array_equal(values, one[name])
+
+
+@pytest.mark.parametrize('rows, message', [
+    (np.zeros((5, 6)), r'in.npy: is an array \(5, 6\) of float64, must be \(N, 7\) of real'),
+    (np.zeros((5, 7), bool), 'of bool, must be'),
+    (np.array([[{}]]), 'is not an .npy array of numbers, or damaged'),
+    (np.zeros((0, 7)), 't has shape')])
+def test_other_rows_are_refused(there, capsys, rows, message):
+    np.save('in.npy', rows, allow_pickle=True)
+    assert fit.main(['in.npy', '-o', 'out.npz']) == 1
+    assert re.search(message, capsys.readouterr().err)
+    assert not (there / 'out.npz').exists()
+
+
+def test_contour_table(there, capsys):
+    """Two strokes of an edge, 20 mm and 10 mm; contour points are 1 mm apart."""
+    from tactile_shape.contour.object_model import ObjectModel
+    model = ObjectModel()
+    for begin, length in ((0.0, 0.02), (0.05, 0.01)):
+        for x in np.arange(begin, begin + length + 1e-9, 1e-3):
+            model.add_contact(np.array([x, 0.0, 0.1]))
+        model.begin_stroke()
+    model.save_points('contour.csv')
+    rows = np.genfromtxt('contour.csv', delimiter=',', names=True)
+    assert rows.dtype.names == ('stroke', 'x', 'y', 'z')
+    assert [np.ptp(rows['x'][rows['stroke'] == k]) for k in (0, 1)] == pytest.approx(
+        [0.02, 0.01], abs=1.1e-3)
+    assert (rows['z'] == 0.1).all()
+    with pytest.raises(ConfigurationError, match='cannot be written'):
+        model.save_points('nothing/contour.csv')
+    assert run('--contour', 'contour.txt', **contacts()) == 1
+    assert 'contour.txt: must end in .csv' in capsys.readouterr().err
+
+
+def test_a_bag_gives_its_contour(there):
+    points = write_bag(there / 'run')
+    assert fit.main(['run', '-o', 'out.npz', '--contour', 'contour.csv']) == 0
+    rows = np.genfromtxt('contour.csv', delimiter=',', skip_header=1)
+    away = np.linalg.norm(rows[:, None, 1:] - points[None], axis=2).min(axis=1)
+    assert len(rows) > 20 and away.max() < 1e-6  # m
+
+
+@pytest.mark.parametrize('changed, hint', [
+    (lambda p, n: (1e3 * p, n), r'are 0\.2\d* m apart, .* are positions in metres\?'),
+    (lambda p, n: (p, 3 * n), 'normals have a length of 3, must have 1$'),
+    (lambda p, n: (n, p), 'are position and normal exchanged'),
+    (lambda p, n: (p, -n), 'normals point out of it and must point into it'),
+    (lambda p, n: (0.02 * p, n), 'the whole path is .* below 4 mm'),
+    (lambda p, n: (p + np.random.default_rng(1).normal(0.0, 5e-4, p.shape), n),
+     'noisier than --position-noise')],
+    ids=['millimetres', 'normals too long', 'exchanged', 'sign', 'short', 'noisy'])
+def test_mass_refusals_and_a_wrong_sign_get_a_hint(there, capsys, changed, hint):
+    arrays = contacts()
+    arrays['position'], arrays['normal'] = changed(arrays['position'], arrays['normal'])
+    assert run(**arrays) == 0
+    assert re.search(f'hint: .*{hint}', capsys.readouterr().err, re.M)
+
+
+def test_good_paths_get_no_hint(there, capsys):
+    assert run(**contacts()) == 0
+    assert 'hint' not in capsys.readouterr().err

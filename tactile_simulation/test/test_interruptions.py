@@ -7,7 +7,7 @@ from puma_loop import LIMITS, puma_loop, ROOT
 import pytest
 
 from tactile_servo.config import HoldConfig, ServoConfig, TimeLimits
-from tactile_servo.reasons import ReasonCode
+from tactile_servo.reasons import Reason, ReasonCode
 from tactile_servo.types import EdgeGoal, State
 from tactile_simulation.closed_loop import Simulation
 from tactile_simulation.scene import load_scene
@@ -21,10 +21,10 @@ SHORT = 0.5  # s, of an interruption that a hold may end by itself
 class Interrupted:
     """A loop on its way, whose parts can be interrupted, and what came of it."""
 
-    def __init__(self, tracker, state, seed):
+    def __init__(self, tracker, state, seed, goal=GOAL):
         self.loop = puma_loop(tracker=tracker, seed=seed)
-        self.loop.run(GOAL, 20.0, lambda s: s.state == state and (
-            s.progress > 0.02 or state == State.APPROACH))
+        self.loop.run(goal, 20.0, lambda s: s.state == state and (
+            s.progress > 0.02 or state != State.TRACK))
         self.loop.run(None, 0.05 + 0.01 * seed)
         assert self.loop.servo.state == state
         self.began, self.place = self.loop.now, self.loop.pose[:3, 3].copy()
@@ -125,6 +125,40 @@ def test_an_interruption_is_told_and_moves_nothing(state, what, seconds):
     ('controller', 0.4), ('servo', 1.0), ('joints', 1.0)])
 def test_the_law_of_the_thesis_is_interrupted_likewise(what, seconds):
     interrupted('resolved_rate', State.TRACK, what, seconds, seed=1)
+
+
+def blinded(state, goal, seconds):
+    """Interrupt the pictures; when they come back the edge is not seen any more."""
+    it = Interrupted('trace', state, 0, goal)
+    it.loop.sensor_alive = False
+    it.loop.run(None, 0.1)
+    assert it.loop.servo.reason.code == ReasonCode.STALE_IMAGE
+    law = it.loop.servo.law
+    lacks, law.lacks = law.lacks, lambda _: Reason(ReasonCode.EDGE_LOST)
+    it.loop.run(None, seconds - 0.1)
+    it.loop.sensor_alive = True
+    it.loop.run(None, 0.5)
+    law.lacks = lacks
+    return it
+
+
+def test_a_short_hold_amid_a_search_needs_no_sight_of_the_edge_to_end():
+    it = blinded(State.SEARCH, EdgeGoal(0.03, 5.0, direction=-1), 0.2)
+    assert it.loop.servo.state != State.HOLD
+    it.loop.run(None, 20.0)
+    assert it.loop.servo.reason.code == ReasonCode.EDGE_ENDED, it.loop.servo.reason
+    it.check()
+
+
+@pytest.mark.parametrize('seconds', [0.2, 1.0])
+def test_a_hold_after_which_the_edge_is_not_seen_waits_to_be_asked_and_says_so(seconds):
+    it = blinded(State.TRACK, GOAL, seconds)
+    state, reason = it.loop.servo.state, it.loop.servo.reason
+    assert (state, reason.code) == (State.HOLD, ReasonCode.INPUT_BACK), reason
+    assert it.loop.servo.pause(False, it.loop.now)
+    it.loop.run(None, 20.0)
+    assert it.loop.servo.success, it.loop.servo.reason
+    it.check()
 
 
 def paused():

@@ -8,15 +8,17 @@ import signal
 import subprocess
 import sys
 import threading
+import time
 
 from ament_index_python.packages import get_package_share_directory
 from launch import LaunchDescription, LaunchService
 from launch.actions import IncludeLaunchDescription, RegisterEventHandler
-from launch.event_handlers import OnProcessExit, OnProcessIO
+from launch.event_handlers import OnProcessExit, OnProcessIO, OnProcessStart
 from launch.launch_description_sources import PythonLaunchDescriptionSource
 
 LAUNCH_FILE = Path(
     get_package_share_directory('edge_tracking'), 'launch', 'edge_tracking.launch.py')
+NOTED = 'launch takes note of it'
 DEADLINE = 90.0  # s, of a launch: several processes start on a loaded machine
 
 
@@ -128,6 +130,21 @@ class Launched:
         started = self.found(rf'\[{name}-\d+\]: process started')[-1]
         return int(re.findall(r'pid \[(\d+)\]', started)[0])
 
+    def prepared(self, names):
+        """
+        Block until nodes can be interrupted.
+
+        Launch loses the end of a process that it has not taken note of, which comes after the
+        line that says that it has started; and SIGINT would kill the launch file's prefix.
+        """
+        end = time.monotonic() + DEADLINE
+        for name in names:
+            self.wait(rf'\[{name}-\d+\]: {NOTED}')
+            command = Path(f'/proc/{self.pid(name)}/cmdline')
+            while not re.match(rf'(?!env\0).*/{name}\0', command.read_text()):
+                assert time.monotonic() < end, f'{name} does not start: {command.read_text()!r}'
+                time.sleep(0.01)
+
     def interrupt(self):
         """Send what Ctrl-C in a terminal sends, to all processes."""
         os.killpg(self._process.pid, signal.SIGINT)
@@ -155,6 +172,8 @@ def main(arguments):
     """Launch the file with arguments NAME:=VALUE; returns the launch service's exit status."""
     service = LaunchService(noninteractive=True)
     service.include_launch_description(LaunchDescription([
+        RegisterEventHandler(OnProcessStart(on_start=lambda event, _: print(
+            f'[{event.process_name}]: {NOTED}', flush=True))),
         edge_tracking(**dict(argument.split(':=', 1) for argument in arguments))]))
     return service.run()
 

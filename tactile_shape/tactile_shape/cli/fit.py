@@ -13,6 +13,7 @@ from tactile_common.npz_stream import RecordWriter
 from tactile_common.progress import Progress
 from tactile_shape.contact_recording import ContactRecording, load_contacts, OPTIONAL
 from tactile_shape.contour.outline import find_outline
+from tactile_shape.hints import hints
 from tactile_shape.local_surface.local_quadric import LocalQuadricConfig
 from tactile_shape.patch_table import COLUMNS, KINDS, PatchTable, RECORD, SHEET
 from tactile_shape.shape_estimator import make_surface_estimator, METHODS, ShapeEstimator
@@ -46,7 +47,7 @@ def parser() -> argparse.ArgumentParser:
     kinds = _table(((int(kind), text) for kind, text in KINDS.items()), 3)
     arguments = Parser(
         prog='fit', formatter_class=argparse.RawDescriptionHelpFormatter,
-        usage='fit TRACE.npz|BAG -o PATCHES.npz [options]', description="""\
+        usage='fit TRACE.npz|TRACE.npy|BAG -o PATCHES.npz [options]', description="""\
 Fit a surface at every contact of a recorded path: plane, cylinder, sphere or general, the least
 that explains the contacts. The summary goes to standard error.
 
@@ -62,6 +63,8 @@ and optionally, single numbers
                    standard deviations per axis: of the robot's position [m], of the normal [rad]
                    and of the contact on the pad [m]
 
+Rows of TRACE.npy, (N, 7), are t, position and normal.
+
 A BAG is a rosbag2 recording (folder, .mcap or .db3) of the topics contact, sensor_pose and, for
 bends and ends of edges, image.""",
         epilog=f"""\
@@ -74,7 +77,7 @@ Kinds
 Example
 {EXAMPLE}
 Exit status: 0, or 1 after one line that says what is wrong; then nothing is written.""")
-    arguments.add_argument('recording', metavar='TRACE.npz|BAG', help='input')
+    arguments.add_argument('recording', metavar='TRACE.npz|TRACE.npy|BAG', help='input')
     arguments.add_argument('-o', '--out', required=True, metavar='PATCHES.npz',
                            help='file to write; replaced if it exists')
     arguments.add_argument('--method', choices=METHODS, default=METHODS[0],
@@ -92,6 +95,8 @@ Exit status: 0, or 1 after one line that says what is wrong; then nothing is wri
                            'positions; the error of each patch against it is told and drawn')
     arguments.add_argument('--outline', action='store_true',
                            help='print corners and sides of the contour')
+    arguments.add_argument('--contour', metavar='FILE.csv', help='write the contour: stroke, '
+                           'x, y, z [m]; strokes are stretches of unbroken contact')
     arguments.add_argument('--plot', metavar='FILE', help='draw samples, patches and curvatures')
     arguments.add_argument('--ply', metavar='FILE.ply', help='write the patches as a mesh; of '
                            'edges alone, the contour')
@@ -124,8 +129,9 @@ def make_config(options: argparse.Namespace, recording: ContactRecording) -> Loc
 
 def run(options: argparse.Namespace) -> str:
     """Fit every contact of the input; returns the summary."""
-    if Path(options.out).suffix != '.npz':
-        raise ConfigurationError(f'{options.out}: must end in .npz')
+    for path, ending in ((options.out, '.npz'), (options.contour, '.csv')):
+        if path and Path(path).suffix != ending:
+            raise ConfigurationError(f'{path}: must end in {ending}')
     truth = parse_quadric(options.quadric)
     recording = load_contacts(options.recording, options.namespace, options.finger_radius)
     if Path(options.out).exists() and os.path.samefile(options.recording, options.out):
@@ -142,6 +148,7 @@ def run(options: argparse.Namespace) -> str:
         writer.append(table.records)
     rate = count / max(time.perf_counter() - begin, 1e-9)
     text = [f'{options.out}: {count} contacts, {rate:.0f} contacts/s; {table}']
+    text += [f'hint: {text}' for text in hints(recording, table.records, options.window)]
     if np.isfinite(table.errors).any():
         median, most = 1e3 * np.nanpercentile(table.errors, [50, 95])
         length, width = 1e3 * np.array(SHEET)
@@ -149,6 +156,8 @@ def run(options: argparse.Namespace) -> str:
                     f'{most:.4f} mm')
     if options.outline:
         text.append(str(find_outline(model.contour)))
+    if options.contour:
+        model.save_points(options.contour)
     if options.ply:
         (model.save_surface if model.patches else model.save_contour)(options.ply)
     if options.plot:

@@ -8,6 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from tactile_common.config import bounded, check_fields
+from tactile_common.errors import ConfigurationError
 from tactile_shape.ply import write_ply
 from tactile_shape.types.patch import Kind, Patch
 
@@ -146,6 +147,16 @@ class ObjectModel:
         mesh = self.mesh()
         write_ply(path, mesh.vertices, colours=mesh.colours, faces=mesh.faces,
                   comment='patches: blue plane, green cylinder, orange sphere, red general; m')
+
+    def save_points(self, path: str | PathLike) -> None:
+        """Write the contour as a table, CSV; ConfigurationError if it cannot be."""
+        rows = (f'{number},{x:.9g},{y:.9g},{z:.9g}\n'
+                for number, stroke in enumerate(self.strokes) for x, y, z in stroke)
+        try:
+            with open(path, 'w', encoding='utf-8') as file:
+                file.writelines(('stroke,x,y,z\n', *rows))
+        except OSError as error:
+            raise ConfigurationError(f'{path}: cannot be written: {error.strerror}') from error
 
     def save_contour(self, path: str | PathLike) -> None:
         """Write the contour as vertices and edges, PLY; ConfigurationError if it cannot be."""
