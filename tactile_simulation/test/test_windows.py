@@ -58,11 +58,11 @@ pauses = st.sampled_from([CYCLE] * 6 + [1_300_000, 4_000_000, 12_000_000, 60_000
 
 @settings(max_examples=40, deadline=None)
 @given(script=st.lists(st.tuples(pauses, wishes, st.integers(1, 30)), max_size=8),
-       ways=st.lists(st.integers(0, 8_000_000), min_size=7, max_size=7),
+       ways=st.lists(st.integers(0, 2_000_000), min_size=7, max_size=7),
        period_ns=st.sampled_from([1_000_000, 2_000_000]), joined=st.booleans())
 def test_within_what_is_committed_the_acceleration_is_the_motions_own(
         script, ways, period_ns, joined):
-    """Late and early cycles, windows that come up to 8 ms late: no seam shows."""
+    """Late and early cycles, windows up to 2 ms under way: no seam shows."""
     settled = round(1e9 * SETTLING / CYCLE)
     cycles = [(CYCLE, 0, np.zeros(6))] * settled + [
         (pause, 0, wish) for pause, wish, repeat in script for _ in range(repeat)]

@@ -28,7 +28,7 @@ class MotionConfig:
     rotation_length: float = bounded(
         0.04, 'length that weighs rotation against position', 'm/rad', 1e-3, 1.0)
     committed: float = bounded(
-        0.010, 'a command no longer changes what the robot does for this long; with a period of '
+        0.004, 'a command no longer changes what the robot does for this long; with a period of '
         'its controller and the way to it within, it does not matter when the controller takes '
         'the next one', 's', 5e-4, 0.1)
     stamped: bool = field(default=True, metadata={
