@@ -40,6 +40,7 @@ ADVANCE = 0.5  # that is progress
 # Others
 STALE = 1.5  # times the age at which the supervisor holds: for images that stop alone
 PROBE = 0.9  # of the depth to which the pad may press
+AGILE = 0.7  # of the acceleration in the plane, for which turns are planned
 PROBE_SPEED = 0.5  # of the speed of the approach
 ON_EDGE = Assessment(State.TRACK, Reason(ReasonCode.TRACKING))
 UNFIT = {Problem.NO_RIDGE: ReasonCode.EDGE_LOST, Problem.ELSEWHERE: ReasonCode.EDGE_LOST}
@@ -268,7 +269,7 @@ class EdgeFollowing:
             distance=math.hypot(*aside), coming=self._seen.load.coming, scale=edge.scale,
             age=self._seen.age, coasting=coasting)
         most = min(self.config.speed.acceleration, self.agility)
-        self._planner.acceleration = self._path.acceleration = most
+        self._planner.acceleration, self._path.acceleration = AGILE * most, most
         speed = self._planner.plan(edge, going.ahead, top, dt)
         if coasting:
             going.coasted += speed * dt
