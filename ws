@@ -498,6 +498,8 @@ install_site_tools() {
 
 docs() {
     cd "$ROOT"
+    python3 -c 'import sys; sys.exit(sys.version_info < (3, 11))' ||
+        die 'the site needs Python 3.11 or later; name one in WS_PYTHON'
     signature=$(checksum <docs/site.lock)
     if ! stamped "$WS/site.stamp" "$signature"; then
         step site-pip 'installing what makes the site into .ws/site-env' install_site_tools

@@ -20,7 +20,13 @@
 import matplotlib.pyplot as plt
 import numpy as np
 
-from tactile_sensing import ContactEstimator, Layer, TactelArray, TactileImage
+from tactile_sensing import (
+    ContactEstimator,
+    EstimatorConfig,
+    Layer,
+    TactelArray,
+    TactileImage,
+)
 
 array, depth, noise = TactelArray(16, 16, 1.6e-3, 1.6e-3), 2e-3, 630.0  # m, m, Pa
 rng = np.random.default_rng(1)
@@ -34,7 +40,7 @@ def ball(x, y, force):
     return TactileImage(0, 0, (Layer('zz', depth, stress, noise_std=noise),), array, tared=True)
 
 
-estimator = ContactEstimator()
+estimator = ContactEstimator(EstimatorConfig(tactel='point'))  # not the mean over tactels
 contact = estimator.estimate(ball(1e-3, -2e-3, 2.0))
 print(contact.type.name, f'at ({1e3 * contact.a:.1f}, {1e3 * contact.b:.1f}) mm,',
       f'{contact.normal_force:.1f} N')

@@ -6,7 +6,9 @@ from urllib.parse import unquote
 import pytest
 
 from docs.generate import notebook_page, PAGES, REMEDIES
+from edge_tracking.parameters import NODES, parameters_of
 from tactile_sensing.types.contact import Reason
+from tactile_servo.laws.registry import LAWS
 from tactile_servo.reasons import ReasonCode
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -86,6 +88,17 @@ def test_every_reason_has_a_remedy():
     assert {reason.name for reason in Reason} <= REMEDIES['contact'].keys()
     for part in REMEDIES.values():
         assert all(cause and remedy for cause, remedy in part.values())
+
+
+@pytest.mark.parametrize('path', PAGES_OF_PEOPLE, ids=lambda path: str(path.relative_to(ROOT)))
+def test_parameters_that_a_page_names_exist(path):
+    known = {parameter.name for node in NODES for law in LAWS
+             for parameter in parameters_of(node, law)}
+    groups = {name.partition('.')[0] for name in known if '.' in name}
+    named = re.findall(r'`([a-z]+)\.([a-z_]+)`', path.read_text('utf-8'))
+    wrong = [name for group, end in named if group in groups
+             for name in [f'{group}.{end}'] if name not in known]
+    assert wrong == []
 
 
 def examples():

@@ -49,7 +49,7 @@ def test_the_lines_of_the_readme_have_arguments_that_there_are():
     text = (Path(__file__).resolve().parents[1] / 'README.md').read_text('utf-8')
     lines = re.findall(r'ros2 launch edge_tracking edge_tracking\S+((?:\s+\w+:=\S+)*)', text)
     named = {name for line in lines for name in re.findall(r'(\w+):=', line)}
-    assert len(lines) > 6 and named <= NAMED | {'start'}
+    assert len(lines) > 5 and named <= NAMED | {'start'}
     # A goal needs a servo that has none yet.
     goal = text.index('ros2 action send_goal')
     assert 'start:=false' in text[text.rindex('ros2 launch', 0, goal):goal]

@@ -24,6 +24,7 @@ from edge_tracking.process_group import apart, Heard, watch
 from edge_tracking.recording.frames_summary import summarise_recording
 from edge_tracking.recording.reader import read_run
 from edge_tracking.recording.summary import summarise
+from edge_tracking.report.animation import animate
 from edge_tracking.report.page import make_recording_report, make_report, picture
 from edge_tracking.resources import find_scene, scene_names, share
 from edge_tracking.track import feedback_text, RESUMES, TrackNode
@@ -71,6 +72,8 @@ def parser() -> argparse.ArgumentParser:
         'instance 15:26,15:26 (first:end, from 0)')
     add('--out', metavar='FOLDER',
         help='new folder for recording and report; default runs/NAME-TIME')
+    add('--animate', action='store_true', help='also write animation.gif, the pad on its way '
+        'beside what it feels')
     add('--json', action='store_true',
         help='print the summary as one JSON object, all else to stderr')
     return arguments
@@ -136,6 +139,8 @@ def track_scene(options: argparse.Namespace, path: Path, scene: Scene, folder: P
 
 def run(options: argparse.Namespace) -> tuple[dict[str, Any], Path]:
     """Run the demo; returns the summary and the folder of its results."""
+    if options.recording and options.animate:
+        raise ValueError('--animate shows a pad on its way, which a --recording has none of')
     name = Path(options.recording or options.scene).stem
     # What cannot be read is refused before a folder is made, and once, not by every part.
     if options.recording:
@@ -168,6 +173,8 @@ def run(options: argparse.Namespace) -> tuple[dict[str, Any], Path]:
                             speed=options.speed, force=options.force, seed=options.seed)
         make_report(data, summary, scene, folder / 'report.html')
         picture(data, scene, folder / 'picture.png')
+        if options.animate:
+            animate(data, scene, folder / 'animation.gif')
     return summary, folder
 
 

@@ -3,19 +3,23 @@
 import base64
 import dataclasses
 from html.parser import HTMLParser
+from itertools import pairwise
 import subprocess
 import sys
 
 import numpy as np
+from PIL import Image, ImageSequence
 import pytest
 from recorded_run import TOPICS, write_bag
 
 from edge_tracking.recording.frames_summary import summarise_recording
 from edge_tracking.recording.reader import read_run
 from edge_tracking.recording.summary import summarise
+from edge_tracking.report import animation
 from edge_tracking.report.page import make_recording_report, make_report, picture
 from edge_tracking.report.plans import surface
 from edge_tracking.report.style import png
+from tactile_common.errors import ConfigurationError
 from tactile_servo.types import State
 from tactile_shape.local_surface.local_quadric import LocalQuadric
 
@@ -115,6 +119,26 @@ def test_report_of_a_recording(run, tmp_path):
     make_recording_report(run, summarise_recording(run), 'presses.npz', tmp_path / 'report.html')
     page = read_page(tmp_path / 'report.html', 3)
     assert '1 press' in page.text and 'Recording played' in page.text
+
+
+def test_animation(run, scene, empty, tmp_path, monkeypatch):
+    monkeypatch.setattr(animation, 'RATE', 2.0)
+    path = tmp_path / 'run.gif'
+    animation.animate(run, scene, path)
+    with Image.open(path) as shown:
+        assert shown.format == 'GIF' and shown.info['loop'] == 0
+        seconds = 1e-9 * float(run.images.stamp_ns[-1] - run.images.stamp_ns[0])
+        assert seconds - 1.0 < shown.n_frames / 2.0 <= seconds + 0.5
+        frames = [np.asarray(frame.convert('L'), float)
+                  for frame in ImageSequence.Iterator(shown)]
+    middle = frames[0].shape[1] * 3 // 5  # the plan lies left of it, what is felt right
+    for part in (slice(None, middle), slice(middle, None)):
+        moved = [np.ptp([one[:, part], other[:, part]], axis=0).max()
+                 for one, other in pairwise(frames)]
+        assert max(moved) > 60.0  # grey levels: the pad moves, the pressure comes and goes
+    assert path.stat().st_size < 2e6
+    with pytest.raises(ConfigurationError, match='no pictures with poses'):
+        animation.animate(empty, scene, path)
 
 
 def test_picture_is_a_png(run, scene, tmp_path):

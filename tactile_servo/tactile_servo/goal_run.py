@@ -34,8 +34,8 @@ class Hold:
     """What a hold is about."""
 
     paused: bool = False  # it was asked for
-    lost: bool = False  # what is tracked was, and must be seen before it ends
-    searching: bool = False  # it interrupted a search, which sees nothing either
+    lost: Reason | None = None  # what the law said, if it is the law's
+    searching: bool = False  # it interrupted a search, which need not see what is tracked
     resumption: Event = Event.RESUME_APPROACH  # what takes up again what it interrupted
     cause: Reason = Reason(ReasonCode.NONE)  # what is wrong
     began: float = -np.inf  # steady time at which it went wrong [s],
@@ -165,7 +165,7 @@ class GoalRun:
         found = self._law.assess(now, self.statistics.length, self._inputs.load)
         if found.state == State.HOLD:
             self._hold(now, found.reason, now)
-            self.hold.lost = True
+            self.hold.lost = found.reason
             return
         error = self._law.error
         if error is not None:
@@ -198,10 +198,15 @@ class GoalRun:
         hold, limits = self.hold, self._config.hold
         if why is not None:
             hold.cause = self._machine.reason = why
-            hold.bound, hold.asked = hold.bound or why.code in ASKED, False
-        seen = (hold.resumption != Event.RESUME_TRACK or hold.searching
-                or self._law.lacks(now) is None)
-        back = why is None and seen
+            # A robot that was not heard of for so long may have come to be elsewhere.
+            elsewhere = why.code is ReasonCode.STALE_JOINT_STATE and (
+                now - hold.began > limits.resume_within)
+            hold.bound, hold.asked = hold.bound or elsewhere or why.code in ASKED, False
+        unseen = None if hold.resumption != Event.RESUME_TRACK or hold.searching else (
+            self._law.lacks(now))
+        if why is None and unseen is not None:
+            self._machine.reason = hold.lost or unseen
+        back = why is None and unseen is None
         hold.back = None if not back else now if hold.back is None else hold.back
         in_time = hold.back is not None and hold.back - hold.began <= limits.resume_within
         if why is None and (hold.asked or (in_time and not hold.bound)):
@@ -209,8 +214,9 @@ class GoalRun:
             self._resume_at_rest(now, Reason(code))
         elif now - self._machine.since > (limits.longest_pause if hold.paused
                                           else limits.give_up):
-            self._end(Reason(ReasonCode.GAVE_UP, hold.cause.text))
-        elif why is None and (seen or not hold.lost) and self._told:
+            cause = hold.cause if back else self._machine.reason
+            self._end(Reason(ReasonCode.GAVE_UP, cause.text))
+        elif back and self._told:
             self._machine.reason = Reason(
                 ReasonCode.INPUT_BACK, f'{OFFER} (held: {hold.cause.text})')
 

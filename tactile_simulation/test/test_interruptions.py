@@ -21,8 +21,8 @@ SHORT = 0.5  # s, of an interruption that a hold may end by itself
 class Interrupted:
     """A loop on its way, whose parts can be interrupted, and what came of it."""
 
-    def __init__(self, tracker, state, seed, goal=GOAL):
-        self.loop = puma_loop(tracker=tracker, seed=seed)
+    def __init__(self, tracker, state, seed, goal=GOAL, **options):
+        self.loop = puma_loop(tracker=tracker, seed=seed, **options)
         self.loop.run(goal, 20.0, lambda s: s.state == state and (
             s.progress > 0.02 or state != State.TRACK))
         self.loop.run(None, 0.05 + 0.01 * seed)
@@ -138,7 +138,7 @@ def blinded(state, goal, seconds):
     it.loop.run(None, seconds - 0.1)
     it.loop.sensor_alive = True
     it.loop.run(None, 0.5)
-    law.lacks = lacks
+    it.unseen, law.lacks = it.loop.servo.reason, lacks
     return it
 
 
@@ -150,15 +150,38 @@ def test_a_short_hold_amid_a_search_needs_no_sight_of_the_edge_to_end():
     it.check()
 
 
+def test_a_probe_beyond_the_end_goes_no_deeper_for_being_interrupted_again_and_again():
+    it = Interrupted('trace', State.SEARCH, 0, EdgeGoal(0.03, 5.0, direction=-1))
+    loop = it.loop
+    loop.run(None, 5.0, lambda s: s.normal_force < 0.5)  # then it goes down for a step
+    for _ in range(10):
+        loop.run(None, 0.1)
+        it.sensing(0.1)
+        loop.run(None, 0.3, lambda s: s.state != State.HOLD)
+    loop.run(None, 20.0)
+    assert loop.servo.reason.code == ReasonCode.EDGE_ENDED, loop.servo.reason
+
+
 @pytest.mark.parametrize('seconds', [0.2, 1.0])
-def test_a_hold_after_which_the_edge_is_not_seen_waits_to_be_asked_and_says_so(seconds):
+def test_a_hold_after_which_the_edge_is_not_seen_says_so_and_waits_to_be_asked(seconds):
     it = blinded(State.TRACK, GOAL, seconds)
-    state, reason = it.loop.servo.state, it.loop.servo.reason
-    assert (state, reason.code) == (State.HOLD, ReasonCode.INPUT_BACK), reason
+    assert (it.loop.servo.state, it.unseen.code) == (State.HOLD, ReasonCode.EDGE_LOST)
+    it.loop.run(None, 0.5)
+    assert it.loop.servo.reason.code == ReasonCode.INPUT_BACK
     assert it.loop.servo.pause(False, it.loop.now)
     it.loop.run(None, 20.0)
     assert it.loop.servo.success, it.loop.servo.reason
     it.check()
+
+
+def test_a_robot_that_was_not_heard_of_for_long_is_not_even_lifted_off_unasked():
+    it = Interrupted('trace', State.TRACK, 0, replace(GOAL, retreat=True),
+                     config=ServoConfig(hold=HoldConfig(give_up=2.0)))
+    it.joints(1.0)
+    there = it.loop.pose.copy()
+    it.loop.run(None, 3.0)
+    assert it.loop.servo.reason.code == ReasonCode.GAVE_UP, it.loop.servo.reason
+    assert np.abs(it.loop.pose - there).max() < 1e-6
 
 
 def paused():

@@ -23,7 +23,7 @@ BAGS = ('*.bag', '*.bag_reader', '*.bag_limits', '*.bag_writer', '*.observations
 ROS = ('rclpy', 'builtin_interfaces', 'rcl_interfaces', 'std_srvs', 'ament_index_python', 'launch',
        'launch_ros', '*_msgs')
 # What only off-line work needs, and the modules that may load it when they are imported.
-OFFLINE = ('matplotlib', 'mpl_toolkits', 'rosbags', 'skfem', 'pyvista')
+OFFLINE = ('matplotlib', 'mpl_toolkits', 'PIL', 'rosbags', 'skfem', 'pyvista')
 OFFLINE_MODULES = ('*.plots', '*.plot', '*.charts', 'benchmarks.*', 'edge_tracking.report.*',
                    'edge_tracking.recording.*', *BAGS)
 # Distribution packages of what is imported, where the name differs.
@@ -31,7 +31,7 @@ KEYS = {'numpy': 'python3-numpy', 'scipy': 'python3-scipy', 'numba': 'python3-nu
         'yaml': 'python3-yaml', 'serial': 'python3-serial', 'matplotlib': 'python3-matplotlib',
         'mpl_toolkits': 'python3-matplotlib', 'tqdm': 'python3-tqdm',
         'pytest': 'python3-pytest', 'hypothesis': 'python3-hypothesis',
-        'pinocchio': 'pinocchio', 'rosbags': 'python3-rosbags-pip'}
+        'pinocchio': 'pinocchio', 'rosbags': 'python3-rosbags-pip', 'PIL': 'python3-pil'}
 
 
 def matches(name: str, patterns: tuple[str, ...]) -> bool:

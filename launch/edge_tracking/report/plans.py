@@ -20,7 +20,7 @@ FLATTEST = 0.3  # height of a plan of equal axes, of its width
 
 def trajectory(run: RunData, scene: Scene, real: Truth) -> Figure:
     """Path of the pad over the true edge, seen from above, and its first part enlarged."""
-    edge, path = (_from_above(scene, points) for points in (
+    edge, path = (from_above(scene, points) for points in (
         scene.edge.points, run.poses.position))
     width, height = np.ptp(edge, axis=0)
     beside = height > 0.4 * width
@@ -36,7 +36,7 @@ def trajectory(run: RunData, scene: Scene, real: Truth) -> Figure:
     return figure
 
 
-def _from_above(scene, points):
+def from_above(scene, points):
     """Return horizontal coordinates [mm], `(N, 2)`, in which the first chord runs along x."""
     along = scene.edge.tangent_at(0.0)[:2]
     along = along / np.linalg.norm(along)
@@ -53,7 +53,7 @@ def _pads(axes, run, scene, real):
     corners = np.array([[-x, -y, 0, 1], [x, -y, 0, 1], [x, y, 0, 1], [-x, y, 0, 1]])
     for index in touching[[0, -1]]:
         outline = (corners @ run.poses.matrix[index].T)[:, :3]
-        axes.add_patch(Polygon(_from_above(scene, outline), closed=True, facecolor='#1f5fa812',
+        axes.add_patch(Polygon(from_above(scene, outline), closed=True, facecolor='#1f5fa812',
                                edgecolor=BLUE, linewidth=1.0))
     axes.autoscale_view()
 
@@ -92,14 +92,14 @@ def outline(run: RunData, scene: Scene, found: Outline) -> Figure:
     """Outline rebuilt from touch over the true edge, and how far it is from it."""
     figure = new_figure(10.0, 4.6)
     plan, off = figure.subplots(1, 2, width_ratios=(1.2, 1))
-    edge, contour, rebuilt, corners = (_from_above(scene, points).T for points in (
+    edge, contour, rebuilt, corners = (from_above(scene, points).T for points in (
         scene.edge.points, run.contour, found.points, found.corners))
     plan.plot(*edge, color=style.EDGE_COLOUR, linewidth=6, solid_capstyle='butt')
     plan.plot(*contour, '.', color=BLUE, markersize=2.5)
     plan.plot(*rebuilt, color=ORANGE, linewidth=1.2)
     plan.plot(*corners, 'o', color=ORANGE, markersize=5)
     for side in found.sides:
-        x, y = _from_above(scene, side.points).mean(axis=0)
+        x, y = from_above(scene, side.points).mean(axis=0)
         text = f'{1e3 * side.length:.2f} mm'
         if side.kind == 'arc':
             text += f', R {1e3 * side.radius:.1f}'

@@ -61,7 +61,7 @@ def tactels(figure, images, chosen, otherwise):
     top = max(float(np.nanmax(images.frames[index], initial=0.0)) for _, index in chosen)
     panels, shown = grid.ravel().tolist(), None
     for axes, (title, index) in zip(panels, chosen, strict=False):
-        shown = _picture(axes, images, index, top)
+        shown = picture(axes, images, index, top)
         axes.set_title(title, fontsize=10.5, color=INK)
     for axes in panels[len(chosen):]:
         axes.axis('off')
@@ -79,7 +79,7 @@ def mark_centre(axes, centre):
     axes.plot(*(1e3 * centre), '+', color=ESTIMATE_COLOUR, markersize=11, markeredgewidth=2.2)
 
 
-def _picture(axes, images, index, top):
+def picture(axes, images, index, top):
     """Draw a picture of the array, its colours up to a pressure `top`."""
     array, scale = images.array, 1e-3 if images.unit == 'Pa' else 1.0
     x, y = 1e3 * array.half_width_x, 1e3 * array.half_width_y

@@ -9,7 +9,7 @@ from rclpy.publisher import Publisher
 from rclpy.subscription import RCLError
 
 DIAGNOSTICS_PERIOD = 1.0  # s
-START = 10.0  # s; the nodes of a launch start side by side, some have kernels to load
+START = 20.0  # s; the nodes of a launch start side by side, some have kernels to load
 
 
 class _SurvivingPublisher(Publisher):

@@ -39,4 +39,5 @@ class Going:
 
     def anew(self) -> 'Going':
         """After a standstill: at the same place."""
-        return Going(self.here, self.ahead, self.begun, self.coasted)
+        return Going(self.here, self.ahead, self.begun, self.coasted,
+                     probed_from=self.probed_from)

@@ -1,0 +1,104 @@
+"""A run as an animated picture: the pad on its way from above, beside what it feels."""
+from os import PathLike
+
+from matplotlib.patches import Polygon
+import numpy as np
+from PIL import Image
+
+from edge_tracking.recording.run import RunData
+from edge_tracking.report import style
+from edge_tracking.report.plans import from_above
+from tactile_common.errors import ConfigurationError
+from tactile_simulation.scene import Scene
+
+RATE = 15.0  # pictures per second, in real time
+MOST = 150  # pictures; a longer run is shown faster
+MOVED = 1e-4  # m
+DPI = 80
+COLOURS = 96
+NS = 1e-9
+
+
+def animate(run: RunData, scene: Scene, path: str | PathLike) -> None:
+    """
+    Write a run along the edge of a scene as an animated GIF.
+
+    ConfigurationError if the run has no pictures with poses, or the file cannot be written.
+    """
+    chosen = _chosen(run)
+    figure = style.new_figure(10.0, 4.4)
+    figure.set_dpi(DPI)
+    plan, felt = figure.subplots(1, 2, width_ratios=(1.5, 1))
+    update = _draw(plan, felt, run, scene, chosen)
+    frames = []
+    for index in chosen:
+        update(index)
+        figure.canvas.draw()
+        figure.set_layout_engine('none')  # as it is after the first
+        frames.append(Image.fromarray(np.asarray(figure.canvas.buffer_rgba())[..., :3]))
+    palette = frames[len(frames) // 2].quantize(COLOURS, dither=Image.Dither.NONE)
+    first, *others = [frame.quantize(palette=palette, dither=Image.Dither.NONE)
+                      for frame in frames]
+    try:
+        first.save(path, format='GIF', save_all=True, append_images=others, optimize=True,
+                   duration=round(1e3 / RATE), loop=0)
+    except OSError as error:
+        raise ConfigurationError(f'{path}: cannot be written: {error.strerror}') from error
+
+
+def _chosen(run):
+    """Indices of the pictures that are shown: from the first motion on, where poses are known."""
+    stamps, known = run.images.stamp_ns, run.poses.stamp_ns
+    if run.images.array is None or not len(stamps) or not len(known):
+        raise ConfigurationError('the recording has no pictures with poses: nothing to animate')
+    way = np.linalg.norm(run.poses.position - run.poses.position[0], axis=1)
+    first = max(stamps[0], known[np.argmax(way > MOVED)])
+    last = min(stamps[-1], known[-1])
+    count = int(np.clip(NS * (last - first) * RATE, 1, MOST))
+    return np.minimum(np.searchsorted(stamps, np.linspace(first, last, count)), len(stamps) - 1)
+
+
+def _nearest(stamps, stamp):
+    """Index of the last of the stamps that is not behind one; 0 if there is none."""
+    return max(int(np.searchsorted(stamps, stamp, side='right')) - 1, 0)
+
+
+def _draw(plan, felt, run, scene, chosen):
+    """Draw what stays; returns what draws the picture of an index."""
+    array, poses, contacts = run.images.array, run.poses, run.contacts
+    x, y = array.half_width_x, array.half_width_y
+    corners = np.array([[-x, -y, 0, 1], [x, -y, 0, 1], [x, y, 0, 1], [-x, y, 0, 1]])
+    way = from_above(scene, poses.position)
+    plan.plot(*from_above(scene, scene.edge.points).T, color=style.EDGE_COLOUR, linewidth=6,
+              solid_capstyle='butt')
+    path, = plan.plot([], [], color=style.BLUE, linewidth=1.8)
+    pad = plan.add_patch(Polygon(np.zeros((4, 2)), facecolor='#1f5fa830', edgecolor=style.BLUE))
+    plan.update_datalim(np.concatenate([way - 1.5e3 * x, way + 1.5e3 * x]))
+    plan.autoscale_view()
+    plan.set_aspect('equal')
+    style.label(plan, 'along the first edge [mm]', 'across [mm]', 'The pad over the edge')
+    top = float(np.nanmax(run.images.frames[chosen], initial=0.0))
+    picture = style.picture(felt, run.images, chosen[0], top)
+    line, = felt.plot([], [], color=style.ESTIMATE_COLOUR, linewidth=2.2)
+    style.label(felt, 'x [mm]', 'y [mm]')
+    felt.grid(False)
+    along = np.array([-y, y])
+    scale, unit = (1e-3, 'kPa') if run.images.unit == 'Pa' else (1.0, run.images.unit)
+    dark = f'What it feels (darkest: {scale * top:.0f} {unit})'
+
+    def update(index):
+        stamp = run.images.stamp_ns[index]
+        here = _nearest(poses.stamp_ns, stamp)
+        path.set_data(*way[:here + 1].T)
+        pad.set_xy(from_above(scene, (corners @ poses.matrix[here].T)[:, :3]))
+        picture.set_data(scale * np.ma.masked_invalid(run.images.frames[index]))
+        line.set_data([], [])
+        text = dark
+        if len(contacts.stamp_ns) and stamp >= contacts.stamp_ns[0]:
+            k = _nearest(contacts.stamp_ns, stamp)
+            if contacts.valid[k] and np.isfinite(contacts.a[k] + contacts.yaw[k]):
+                line.set_data(1e3 * (contacts.a[k] - along * np.tan(contacts.yaw[k])), 1e3 * along)
+            if contacts.valid[k] and np.isfinite(contacts.normal_force[k]):
+                text += f'; {contacts.normal_force[k]:.1f} N'
+        felt.set_title(text, fontsize=11, loc='left', color=style.INK)
+    return update
