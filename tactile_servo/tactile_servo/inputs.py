@@ -20,7 +20,7 @@ from tactile_servo.reasons import Reason, ReasonCode
 _SATURATED, _NOT_TARED = int(ContactReason.SATURATED), int(ContactReason.NOT_TARED)
 IMPOSSIBLE = 1e9  # Pa
 SAME_PITCH = 1e-3  # relative
-AGEING = 0.5  # of the time that an input may be silent, after which the pad slows down
+AGEING = 0.4  # of the time that an input may be silent, after which the pad slows down
 
 
 class Sample(NamedTuple):

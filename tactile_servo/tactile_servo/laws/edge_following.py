@@ -34,7 +34,7 @@ ADVANCE = 0.5  # that is progress
 # Others
 STALE = 1.5  # times the age at which the supervisor holds: for images that stop alone
 PROBE = 0.9  # of the depth to which the pad may press
-AGILE = 0.7  # of what the robot can accelerate in the plane; the rest is for turns and the force
+AGILE = 0.7  # of the acceleration in the plane, for which turns are planned
 PROBE_SPEED = 0.5  # of the speed of the approach
 ON_EDGE = Assessment(State.TRACK, Reason(ReasonCode.TRACKING))
 UNFIT = {Problem.NO_RIDGE: ReasonCode.EDGE_LOST, Problem.ELSEWHERE: ReasonCode.EDGE_LOST}
@@ -248,8 +248,8 @@ class EdgeFollowing:
             self.goal.speed, pressed=self._seen.load.force / self.goal.force,
             distance=math.hypot(*stand.aside), coming=self._seen.load.coming, scale=edge.scale,
             age=self._seen.age, coasting=coasting)
-        most = min(self.config.speed.acceleration, AGILE * self.agility)
-        self._planner.acceleration = self._path.acceleration = most
+        most = min(self.config.speed.acceleration, self.agility)
+        self._planner.acceleration, self._path.acceleration = AGILE * most, most
         speed = self._planner.plan(edge, going.ahead, top, dt)
         if coasting:
             going.coasted += speed * dt
