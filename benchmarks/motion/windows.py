@@ -1,5 +1,6 @@
 """What a controller that samples as the real one makes of windows: a table."""
 
+from contextlib import suppress
 import heapq
 from pathlib import Path
 
@@ -9,13 +10,14 @@ from tactile_servo.motion.limits import JointLimits
 from tactile_servo.motion.motion import Motion, MotionConfig
 from tactile_servo.motion.robot import RobotModel
 from tactile_servo.motion.trajectory import Trajectory
-from tactile_simulation.joint_controller import MockController
+from tactile_simulation.joint_controller import Late, MockController
 from tactile_simulation.smoothness import accelerations
 
 ROOT = Path(__file__).resolve().parents[2]
 CYCLE, DURATION, BEGIN = 0.0025, 1.2, 100.0  # s
 START = np.radians([-22, 35, -172, 0, -48, -22])
 ACCELERATION, SPEED, SWING = 10.0, 0.1, 9.4  # rad/s^2, m/s, rad/s
+RARE = 40
 
 
 def stamped(window):
@@ -33,9 +35,13 @@ def ahead(window):
                       window.velocities[later])
 
 
-def play(shape, *, committed=0.004, least=0.5e-3, mean=0.3e-3, period=0.002, clock=0.0,
-         joined=True, seed=0):
-    """Largest and RMS acceleration [rad/s^2] of the commands for a pad that swings."""
+def play(shape, *, committed=MotionConfig.committed, least=0.5e-3, mean=0.3e-3, late=0.0,
+         period=0.002, clock=0.0, joined=True, seed=0):
+    """
+    Largest and RMS acceleration [rad/s^2] of the commands for a pad that swings.
+
+    One window of `RARE` comes `late` [s], and those after it wait until then.
+    """
     robot = RobotModel.from_urdf(ROOT / 'launch/urdf/puma260.urdf', 'tactile_pad')
     limits = JointLimits(robot.joint_names, robot.lower, robot.upper, robot.velocity_limit,
                          np.full(6, ACCELERATION))
@@ -54,11 +60,13 @@ def play(shape, *, committed=0.004, least=0.5e-3, mean=0.3e-3, period=0.002, clo
                                 round(now * 1e9)).trajectory
         if window is None:
             continue
-        last = max(now + least + rng.exponential(mean), last)  # none overtakes another
+        way = least + rng.exponential(mean) + (late if count % RARE == 0 else 0.0)
+        last = max(now + way, last)  # none overtakes another
         heapq.heappush(arrivals, (last, count, shape(window)))
     for now in steps:
         while arrivals and arrivals[0][0] <= now:
-            controller.accept(heapq.heappop(arrivals)[2], now + clock)
+            with suppress(Late):
+                controller.accept(heapq.heappop(arrivals)[2], now + clock)
         controller.step(now + clock)
         commands.append(controller.commanded[0])
     acceleration = accelerations(steps, np.array(commands))
@@ -67,13 +75,17 @@ def play(shape, *, committed=0.004, least=0.5e-3, mean=0.3e-3, period=0.002, clo
 
 CASES = (
     ('stamped', stamped, {}), ('the same, from the measured state', stamped, {'joined': False}),
-    ('the same, ways of 1 ms on average', stamped, {'mean': 1e-3}),
+    ('the same, ways of 3 ms on average', stamped, {'mean': 3e-3}),
+    *((f'the same, one of 40 {late} ms late', stamped, {'late': 1e-3 * late})
+      for late in (5, 8, 10, 15, 20, 60)),
     ('the same, controller at 1 kHz', stamped, {'period': 0.001}),
     ('the same, controller at 125 Hz', stamped, {'period': 0.008}),
     ('the same, its clock 2 ms behind', stamped, {'clock': -0.002}),
     ('the same, its clock 3 ms ahead', stamped, {'clock': 0.003}),
     ('the same, its clock 10 ms ahead', stamped, {'clock': 0.01}),
-    ('stamped, 2.5 ms committed', stamped, {'committed': 0.0025}),
+    ('stamped, 10 ms committed', stamped, {'committed': 0.01}),
+    *((f'the same, one of 40 {late} ms late', stamped, {'committed': 0.01, 'late': 1e-3 * late})
+      for late in (8, 10, 15, 20, 60)),
     ('stamp 0, the same points', at_once, {}),
     ('the same, from the measured state', at_once, {'joined': False}),
     ('stamp 0, first point 5 ms ahead', ahead, {}),

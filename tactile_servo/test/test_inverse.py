@@ -14,6 +14,7 @@ from tactile_servo.motion.inverse import (
     PUSH,
     PUSH_SPEED,
     TAKE_OVER,
+    YIELDING,
 )
 from tactile_servo.motion.limits import JointLimits, room
 from tactile_servo.motion.motion import Motion, MotionConfig
@@ -34,7 +35,8 @@ def solve(limits, jacobian, twist, positions):
 
 def by_least_squares(jacobian, wanted, bounds):
     """Nearest velocities to the wanted ones: H's root from an SVD, then bounded least squares."""
-    _, values, right = np.linalg.svd(WEIGHT[:, None] * jacobian)
+    weight = WEIGHT * [1.0, 1.0, 1.0, 1.0, 1.0, YIELDING if jacobian.shape[1] == 6 else 1.0]
+    _, values, right = np.linalg.svd(weight[:, None] * jacobian)
     scales = np.full(len(right), TAKE_OVER * DAMPING)
     scales[:len(values)] = np.maximum(values, DAMPING)
     root = scales[:, None] * right

@@ -190,3 +190,17 @@ def test_a_command_is_what_its_parts_give(reach):
             np.testing.assert_allclose(one, other, rtol=0, atol=1e-11)
         window = motion._window  # what one cycle rounds is not the next one's affair
     assert bound and (clipped > 0) == (reach < 1.0)
+
+
+def test_a_command_that_is_not_sent_in_time_is_forgotten():
+    way = np.array([0.1, 0.05, 0.0, 0.0, 0.0, 0.2])
+    motion, other = motion_at(np.zeros(6)), motion_at(np.zeros(6))
+    for one in (motion, other):
+        assert one.in_time(driven(one, way, 1).trajectory, 0.9 * SETTLING)
+        assert one.in_time(driven(one, way, 100).trajectory, MotionConfig.committed)
+    assert not motion.in_time(driven(motion, -way, 1).trajectory, 1.01 * MotionConfig.committed)
+    np.testing.assert_array_equal(motion.pose, other.pose)
+    other.now_ns += round(DT * 1e9)
+    one, same = (driven(each, way, 1).trajectory for each in (motion, other))
+    for name in ('times', 'positions', 'velocities'):
+        np.testing.assert_array_equal(getattr(one, name), getattr(same, name))

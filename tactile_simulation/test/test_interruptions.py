@@ -14,7 +14,6 @@ from tactile_simulation.scene import load_scene
 
 GOAL = EdgeGoal(0.03, 5.0, length=0.05)
 NEAR = 2e-3  # m, of where the pad was when it all began
-BLIND = 0.05  # s that the pad goes on before a silence is one: `input.stale_image`
 HARDEST = 2.0  # times the limit of acceleration, between samples of the controller
 SHORT = 0.5  # s, of an interruption that a hold may end by itself
 
@@ -105,7 +104,7 @@ def interrupted(tracker, state, what, seconds, seed=0):
     asked = what in ('controller', 'deaf') or seconds > SHORT
     if asked:  # by then it stands, and goes on standing
         moved = np.linalg.norm(it.loop.pose[:3, 3] - it.place)
-        assert moved <= NEAR + BLIND * GOAL.speed
+        assert moved <= NEAR
         assert it.loop.servo.state == State.HOLD
         assert it.loop.servo.reason.code == ReasonCode.INPUT_BACK
         assert it.loop.servo.pause(False, it.loop.now)

@@ -2,7 +2,7 @@
 
 import math
 
-AHEAD, BEHIND = 7e-3, 2.5e-3  # s; of the robot's clock, the way of a joint state included
+AHEAD, BEHIND = 4e-3, 2.5e-3  # s; of the robot's clock, the way of a joint state included
 WATCHED = 0.5  # s; of that time the youngest joint state counts, the others came late
 
 

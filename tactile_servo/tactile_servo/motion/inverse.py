@@ -4,7 +4,9 @@ Joint velocities for a twist of the sensor, and the nearest ones within the posi
 `BoundedInverse` minimises ``(q - a - z)^T H (q - a - z)`` over joint velocities q that the
 position limits leave room for (`JointLimits.room`): `a` is the damped least squares solution of
 the twist, z moves a redundant arm away from its limits in its null space. With the weighted
-Jacobian ``G = W J``, its singular values s, right singular vectors v and the damping d,
+Jacobian ``G = W J``, its singular values s, right singular vectors v and the damping d (the turn
+about the sensor's normal, without which a pad feels the same, weighs YIELDING where no joint is to
+spare for it)
 
     H = sum of max(s^2, d^2) v v^T + (TAKE_OVER d)^2 (I - sum of v v^T)
 
@@ -22,6 +24,7 @@ import numpy as np
 from tactile_common.kernels import njit
 from tactile_servo.motion.limits import JointLimits, NEGLIGIBLE, room
 
+YIELDING = 0.1  # of its weight, a turn about the sensor's normal by six joints, one at its limit
 TAKE_OVER = 0.5  # of the damping; weighs the null space, which is free to stand in for a joint
 PUSH_ZONE = 0.15  # of a joint's range at either end, which a redundant arm is moved out of
 PUSH = 4.0  # rad of a joint at its limit per metre of (weighted) way
@@ -179,6 +182,8 @@ def hessian(jacobian, damping, light, rotation_length):
     """Matrix H (n, n)."""
     weighted = jacobian.copy()
     weighted[3:] *= rotation_length
+    if weighted.shape[1] <= 6:  # none is to spare for it
+        weighted[5] *= YIELDING
     squared, right = np.linalg.eigh(weighted.T @ weighted)
     weights = np.maximum(squared, damping**2)
     weights[:max(len(weights) - 6, 0)] = light**2  # the null space

@@ -13,7 +13,7 @@ from tactile_servo.motion.robot import RobotModel
 from tactile_servo.motion.trajectory import Trajectory
 from tactile_servo.motion.window import APART, at_rest, committed, extended
 
-COAST = 2.0  # control periods that a window goes on before it brakes
+COAST = 8.0  # control periods that a window goes on before it brakes
 SETTLING = 0.1  # s at least, in which the robot's controller comes to where a motion is started
 HELD_BACK = 0.05  # of the wanted motion; with less than this left the robot does not get on
 BLOCKED_AFTER = 1.0  # s held back until the motion counts as blocked
@@ -28,7 +28,7 @@ class MotionConfig:
     rotation_length: float = bounded(
         0.04, 'length that weighs rotation against position', 'm/rad', 1e-3, 1.0)
     committed: float = bounded(
-        0.010, 'a command no longer changes what the robot does for this long; with a period of '
+        0.004, 'a command no longer changes what the robot does for this long; with a period of '
         'its controller and the way to it within, it does not matter when the controller takes '
         'the next one', 's', 5e-4, 0.1)
     stamped: bool = field(default=True, metadata={
@@ -73,6 +73,7 @@ class Motion:
         self._stamp_ns: int | None = None  # None until it is commanded
         self._stamped = config.stamped
         self._end = unknown  # where the last window that was commanded comes to rest
+        self._before: tuple | None = None  # the same, and what was commanded, a window earlier
         self._held_back, self.blocked = 0.0, ''
 
     @property
@@ -148,12 +149,28 @@ class Motion:
         self._watch(progress if hindered else 1.0, limited_by, period)
         trajectory = None
         if first or not settling:  # only what is sent is what the robot's controller plays
+            self._before = (self._window, self.velocities, self._stamp_ns, self._end,
+                            self.positions, self.pose)
             self._window, self.velocities, self._stamp_ns = window, velocities, now_ns
             self._end, self.positions = window.positions[-1], window.positions[len(kept.times)]
             self.pose = self._robot.pose(self.positions)
-            trajectory = Trajectory(self._limits.names, *window,
+            times, places, speeds = window
+            trajectory = Trajectory(self._limits.names, times, places, speeds,
                                     stamp_ns=now_ns if self._stamped else 0)
         return MotionStep(trajectory, twist, scale, limited_by, manipulability)
+
+    def in_time(self, command: Trajectory, age: float) -> bool:
+        """
+        Whether the newest command may still be sent at this age [s].
+
+        If not, the robot's controller would have left its course by then: it is forgotten, and
+        what was sent before goes on.
+        """
+        if age <= max(self._config.committed, command.times[0]) or self._before is None:
+            return True
+        (self._window, self.velocities, self._stamp_ns, self._end, self.positions,
+         self.pose) = self._before
+        return False
 
     def _watch(self, progress, limited_by, dt):
         """Count for how long the wanted motion has been held back."""
