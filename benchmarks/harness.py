@@ -2,6 +2,7 @@
 
 import argparse
 from importlib import import_module
+from importlib.util import find_spec
 import json
 import math
 from pathlib import Path
@@ -67,12 +68,13 @@ def run(name, description, measure, pieces, options=None):
         results, pictures = ROOT / 'benchmarks' / 'results', ROOT / 'docs'
     results.mkdir(parents=True, exist_ok=True)
     (results / f'{name}.json').write_text(as_json(finite(result)), 'utf-8')
-    try:
-        charts = import_module(f'benchmarks.{name}.charts')
-    except ImportError as error:
-        print(f'no pictures: {error}')
-    else:
-        charts.draw(result, pictures)
+    if find_spec(f'benchmarks.{name}.charts'):
+        try:
+            charts = import_module(f'benchmarks.{name}.charts')
+        except ImportError as error:
+            print(f'no pictures: {error}')
+        else:
+            charts.draw(result, pictures)
     if not arguments.quick:
         _print_into(ROOT / 'docs' / f'{name}.md', f'<!-- printed by ./ws bench {name} -->', text)
 

@@ -16,6 +16,7 @@ from tactile_tests.launching import DEADLINE, launched  # noqa: E402, I100
 
 NODES = ('driver', 'contact_estimator', 'shape_estimator', 'edge_servo', 'mock_sensor',
          'mock_robot')
+TOPICS = ('image', 'contact', '/joint_states', '/joint_trajectory_controller/joint_trajectory')
 BAD = r'Traceback|\[ERROR\]|\[FATAL\]|has died|KeyboardInterrupt|Exception'
 
 
@@ -37,6 +38,9 @@ def test_every_node_may_die_where_it_is_started_again_and_a_goal_is_met_then():
             os.kill(it.pid(name), signal.SIGKILL)
             it.wait(rf'\[{name}-\d+\]: process started', 2)
         it.wait('tared, noise', 2)  # the driver keeps its tare when the sensor dies
+        # Those that were killed are counted until their lease is over; so long a goal is refused.
+        graph.wait(lambda: all(graph.listener.count_publishers(topic) == 1 for topic in TOPICS),
+                   'one source of everything', DEADLINE)
         client = graph.start_tracking(length=0.01, wait=DEADLINE, silence=DEADLINE)
         graph.finish(client)
         assert client.success, client.reason

@@ -11,13 +11,14 @@ import numpy as np
 
 class Meter:
     """
-    Processor times of calls [s] by name, and instants [ns] of pictures by their stamps.
+    Processor times of calls [s] by name, while `running`.
 
-    Only what happens while `running` is kept.
+    Clocks cost: the whole is timed by itself, and its parts while it is taken `apart`. A part
+    whose name begins with - counts `inside` of the whole only.
     """
 
     def __init__(self):
-        self.running = False
+        self.running = self.apart = self.inside = False
         self.times = defaultdict(list)
 
     @contextmanager
@@ -29,18 +30,19 @@ class Meter:
                     owner, attribute, self.timed(name, getattr(owner, attribute))))
             yield
 
-    def timed(self, name, function):
-        """Return a function that does the same and is timed."""
-        times = self.times[name]
+    def timed(self, name, function, whole=False):
+        """Return a function that does the same and is timed, as a part or as the whole."""
+        times, inner = self.times[name], name.startswith('-')
 
         @wraps(function)
         def call(*arguments):
+            if not self.running or self.apart == whole or (inner and not self.inside):
+                return function(*arguments)
             begin = thread_time()
             try:
                 return function(*arguments)
             finally:
-                if self.running:
-                    times.append(thread_time() - begin)
+                times.append(thread_time() - begin)
         return call
 
 

@@ -95,6 +95,7 @@ def account(tape, cold):
         passes = []
         for _ in range(PASSES):
             meter = Meter()
+            meter.apart = meter.inside = True
             with meter.timing(parts):
                 play(tape, meter, cold)
             passes.append(meter.times)

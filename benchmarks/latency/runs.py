@@ -28,18 +28,21 @@ ROBOT = share('urdf', 'puma260.urdf')
 PROBE_TIMEOUT = 20.0  # s
 PATIENCE = 0.5  # s without an input until the servo holds
 
+BLOCK = 20  # cycles, timed as a whole, and the next as many by their parts
 # Name of a part -> where it is. What is further in is part of what is further out.
 CYCLE = 'cycle'
+BAR = 0.4e-3  # s; what it is to take
 PARTS = {
     'a joint state': (EdgeServoNode, '_on_joints'),
     'a picture heard': (EdgeServoNode, '_on_image'),
-    CYCLE: (EdgeServoNode, '_on_cycle'),
     '- pictures and contacts unpacked': (NODE, 'unpacked'),
     '- picture converted': (NODE, 'image_from_msg'),
     '- contact converted': (NODE, 'contact_from_msg'),
     '- picture traced': (Supervisor, 'see_image'),
     '- contact taken': (Supervisor, 'see_contact'),
     '- decided, and moved on': (Supervisor, 'cycle'),
+    '- command laid out': (NODE, 'trajectory_to_bytes'),
+    '- status laid out': (NODE, 'status_to_msg'),
 }
 
 
@@ -57,7 +60,7 @@ def account(tracker, rate):
         with private_port() as port, _probe(heard, domain) as probe, \
                 apart('mocks', port, path, ROBOT, 0, **common), \
                 apart('sensing', port, calibrate(port, scene), **common), \
-                Graph(**common) as graph, meter.timing(parts), _following(journey):
+                Graph(**common) as graph, meter.timing(parts), _following(meter, journey):
             servo = add_servo(graph, ROBOT, tracker)
             servo._trajectory.publish = _sent(meter, journey, servo._trajectory.publish)
             servo._status.publish = meter.timed('- status sent', servo._status.publish)
@@ -88,9 +91,18 @@ def account(tracker, rate):
         'tracker': tracker, 'rate': rate, 'ok': track.success, 'reason': track.reason,
         'seconds': wall, 'cycles': int(cycles), 'missed': int(missed),
         'thread': thread / cycles, 'process': process / cycles,
-        'cpu': {name: _quantiles(times) | {'calls': len(times) / cycles}
-                for name, times in meter.times.items() if times},
+        'cpu': _costs(meter.times, cycles),
         'latency': {name: _quantiles(times) for name, times in stages.items() if len(times)}}
+
+
+def _costs(times, cycles):
+    """Processor time of a cycle and of its parts, with how often each is called in one."""
+    whole = len(times[CYCLE])
+    costs = {CYCLE: _quantiles(times[CYCLE]) | {'calls': 1.0}}
+    for name, some in times.items():
+        if some and name != CYCLE:
+            costs[name] = _quantiles(some) | {'calls': len(some) / (cycles - whole)}
+    return costs
 
 
 def _clocks(servo):
@@ -126,9 +138,10 @@ def _probe(path, domain):
 
 
 @contextmanager
-def _following(journey):
-    """Note when pictures come, a cycle begins, and the law takes a picture."""
+def _following(meter, journey):
+    """Note when pictures come, a cycle begins, and the law takes a picture; time the cycles."""
     on_image, on_cycle = EdgeServoNode._on_image, EdgeServoNode._on_cycle
+    timed = meter.timed(CYCLE, on_cycle, whole=True)
     see_image = Supervisor.see_image
 
     def hear(self, raw):
@@ -138,7 +151,10 @@ def _following(journey):
 
     def begin(self):
         journey.begin()
-        on_cycle(self)
+        meter.inside = True
+        timed(self)
+        meter.inside = False
+        meter.apart = self._pace.cycles // BLOCK % 2 == 1
 
     def use(self, image, arrival):
         journey.use(image.stamp_ns)

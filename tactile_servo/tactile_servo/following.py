@@ -41,13 +41,12 @@ class Following:
         if not self._count:
             return None
         c = self._config
-        since = arrival - c.following_time
-        away = _away(self._times, self._sent, self._count, measured, since, self._length)
+        away, stands = _judge(
+            self._times, self._sent, self._measured, self._count, measured,
+            arrival - c.following_time, STANDS_AFTER * c.following_distance, self._length)
         if not away <= c.following_distance:
             return Reason(ReasonCode.NOT_FOLLOWING, f'it is {1e3 * away:.1f} mm from its way')
-        enough = STANDS_AFTER * c.following_distance
-        if _stands(self._times, self._sent, self._measured, self._count, measured, since,
-                   enough, self._length):
+        if stands:
             return Reason(ReasonCode.NOT_FOLLOWING,
                           f'it stands, {1e3 * c.following_time:.0f} ms after it was sent on')
         return None
@@ -63,6 +62,13 @@ def apart(one, other, length):
             turn += (one[i, j] - other[i, j])**2
     # The difference of two rotations by an angle a has the norm 2 sqrt(2) sin(a / 2).
     return max(math.sqrt(place), length * math.sqrt(0.5 * turn))
+
+
+@njit(cache=True)
+def _judge(times, sent, measured_then, count, measured, since, enough, length):
+    """How far the robot is from its way [m], and whether it stands."""
+    return (_away(times, sent, count, measured, since, length),
+            _stands(times, sent, measured_then, count, measured, since, enough, length))
 
 
 @njit(cache=True)

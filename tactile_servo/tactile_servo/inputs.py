@@ -80,16 +80,15 @@ class Inputs:
             if image.frame_id != sensor.frame_id:
                 self.refuse(Reason(ReasonCode.WRONG_FRAME, f'image in {image.frame_id!r}, sensor '
                                    f'in {sensor.frame_id!r}'))
-            if (array.rows, array.columns) != (known.rows, known.columns) or any(
-                    abs(one - other) > SAME_PITCH * other for one, other in (
-                        (array.pitch_x, known.pitch_x), (array.pitch_y, known.pitch_y))):
+            if array is not known and not _alike(array, known):
                 self.refuse(Reason(
                     ReasonCode.BAD_IMAGE, f'{_told(array)}, but the sensor has {_told(known)}'))
-        self._pictured, self._summed = arrival, sum(
-            # A copy, whatever it is: the kernel is compiled for no other kind of array.
-            _sum(np.array(layer.stress, np.float64).ravel()) for layer in image.layers
-            if layer.component == 'zz' and layer.unit == 'Pa' and image.tared
-        ) * array.pitch_x * array.pitch_y
+        pressure = 0.0
+        for layer in image.layers if image.tared else ():
+            if layer.component == 'zz' and layer.unit == 'Pa':
+                # A copy, whatever it is: the kernel is compiled for no other kind of array.
+                pressure += _sum(np.array(layer.stress, np.float64, order='C'))
+        self._pictured, self._summed = arrival, pressure * array.pitch_x * array.pitch_y
 
     def refuse(self, reason: Reason) -> None:
         """Raise InputRefused, and remember why."""
@@ -164,11 +163,18 @@ def _told(array):
             f'{1e3 * array.pitch_x:g} mm')
 
 
+def _alike(one, other):
+    """Whether two arrays are one, but for the rounding of their pitches."""
+    return (one.shape == other.shape
+            and abs(one.pitch_x - other.pitch_x) <= SAME_PITCH * other.pitch_x
+            and abs(one.pitch_y - other.pitch_y) <= SAME_PITCH * other.pitch_y)
+
+
 @njit(cache=True)
 def _sum(stress):
-    """Sum of the possible values of a layer (N,)."""
+    """Sum of the possible values of a layer (rows, columns)."""
     total = 0.0
-    for value in stress:
+    for value in stress.flat:
         if abs(value) < IMPOSSIBLE:
             total += value
     return total

@@ -60,6 +60,10 @@ class Timing(NamedTuple):
     missed_cycles: int
 
 
+AT_REST = np.zeros(6)
+AT_REST.flags.writeable = False
+
+
 @dataclass(eq=False)  # not frozen: one is made every cycle
 class Status:
     """One control cycle, as in ServoStatus.msg; SI units, NaN = unknown."""
@@ -76,7 +80,7 @@ class Status:
     force_target: float = NAN
     speed: float = 0.0
     progress: float = 0.0
-    twist: np.ndarray = field(default_factory=lambda: np.zeros(6))
+    twist: np.ndarray = field(default_factory=lambda: AT_REST)
     limit_scale: float = 1.0
     limited_by: str = ''
     manipulability: float = NAN

@@ -65,7 +65,7 @@ def test_pictures_that_cannot_be_used_are_refused():
             edge_map = EdgeMap(STIFFNESS)
             assert edge_map.see(image, np.eye(4)) is problem
             assert edge_map.picture is None and edge_map.contour() is None
-    picture = read_picture(good, np.eye(4))
+    picture = read_picture(good, np.eye(4), STIFFNESS)
     assert picture.scale == PadScale.of(good.array, DEPTH) and picture.scale.grain == DEPTH
     assert picture.force == pytest.approx(LOAD * 0.0254, rel=0.03)
 
@@ -88,14 +88,33 @@ def test_a_straight_edge_is_mapped_in_the_base_frame():
     np.testing.assert_allclose(contour[:, 0], 0.0, atol=0.02e-3)
     # As high as the load tells: the indentation of the skin, away from the sensor's z.
     np.testing.assert_allclose(contour[:, 2], -LOAD / STIFFNESS, atol=0.05e-3)
-    (x, y), at = edge_map.place_of(pose_at((5e-4, 19e-3), base), edge_map.station, 5e-3)
-    assert (x, y) == pytest.approx((0.0, 19e-3), abs=1e-9)
-    heading = edge_map.way_in_base(at.along_x, at.along_y)
-    np.testing.assert_allclose(heading, base[:3, 1], atol=0.02)
-    at = edge_map.place((0.0, 19e-3), edge_map.station, 5e-3)  # of the plane, the first pad's
-    assert at.left == pytest.approx(-5e-4, abs=0.02e-3)
+    lateral, angle, length, rise = edge_map.at_picture(1, edge_map.station)
+    assert lateral == pytest.approx(-5e-4, abs=0.02e-3)  # the edge lies on the left
+    assert angle == pytest.approx(0.0, abs=0.02) and rise == pytest.approx(0.0, abs=0.02)
+    assert length == pytest.approx(0.0254, rel=1e-3)
+    turned_back = edge_map.at_picture(-1, edge_map.station)
+    assert turned_back[0] == pytest.approx(-lateral)
+    assert abs(turned_back[1] - angle) == pytest.approx(np.pi)
     assert edge_map.path.end is PathEnd.VIEW and not edge_map.closed
-    assert edge_map.length_on_pad(edge_map.picture.pose) == pytest.approx(0.0254, rel=1e-3)
+
+
+def test_where_the_pad_stands_on_the_path():
+    base = np.eye(4)
+    base[:3, :3] = Rotation.from_rotvec([2.9, 0.4, -0.3]).as_matrix()
+    base[:3, 3] = [0.3, -0.2, 0.4]
+    edge_map, _ = walk(LINE, straight(20), base)
+    ahead = pose_at((5e-4, 21e-3), base)
+    stand = edge_map.stand(pose_at((5e-4, 19e-3), base), ahead, edge_map.station,
+                           edge_map.station, (0.0, 4e-3))
+    # The plane is the first pad's, 5e-4 m beside the edge.
+    assert stand.here == pytest.approx(edge_map.station, abs=1e-6)
+    assert stand.ahead == pytest.approx(stand.here + 2e-3, abs=1e-5)
+    assert stand.aside == pytest.approx((-5e-4, 0.0), abs=0.02e-3)
+    np.testing.assert_allclose(stand.there, edge_map.plane @ ahead, atol=1e-12)
+    assert stand.way == pytest.approx((0.0, 1.0), abs=0.02)
+    np.testing.assert_allclose(edge_map.way_in_base(*stand.along), base[:3, 1], atol=0.02)
+    # Beyond what was seen the edge goes straight on.
+    assert stand.length == pytest.approx(0.0254, rel=1e-3)
 
 
 def test_a_corner_is_found_ahead_of_the_pad():

@@ -10,8 +10,10 @@ from tactile_servo.edge_map.path import (
     nodes_from,
     sharpest_turn,
     unblurred,
+    with_leg,
+    ZONE,
 )
-from tactile_servo.edge_map.records import nodes_of
+from tactile_servo.edge_map.records import CLOUD_POINT, nodes_of
 
 STEP, DEPTH = 0.5e-3, 2e-3
 
@@ -112,3 +114,23 @@ def test_nodes_around_the_pad_lead_straight_on(open_start, open_end):
     np.testing.assert_array_equal(part['row'][0], nodes['row'][10])
     only = nodes_from(nodes, 9.0, 0.03, open_start, False)
     np.testing.assert_array_equal(only['row'], nodes['row'][-1:])
+
+
+def test_a_leg_goes_up_to_the_first_zone_of_a_corner():
+    s = np.arange(0.0, 0.03, 0.4e-3)
+    cloud = np.ones(len(s), CLOUD_POINT)
+    cloud['point'] = np.column_stack([s, 0.0 * s, 0.1 * s])
+    cloud['way'] = (1.0, 0.0)
+    nodes = measured(nodes_of(np.column_stack([STEP * np.arange(-3, 1), np.zeros(4)]), 0.0,
+                              (1.0, 0.0)), 0.7)
+    leg, entered = with_leg(nodes, cloud, np.empty(0, ZONE), 0.02, DEPTH, DEPTH)
+    assert entered == -1 and len(leg) == 4 + 0.02 / STEP
+    np.testing.assert_array_equal(leg['row'][:4], nodes['row'])
+    np.testing.assert_allclose(leg['station'], arc_length(leg['place'], 0.7), rtol=1e-14)
+    # Vertices on the leg, of which the second is the nearer one, and one beside it.
+    zones = np.array([(0.015, 0.0, 3e-3, 0.0), (0.010, 0.0, 2e-3, 0.0), (0.005, 4e-3, 2e-3, 0.0)],
+                     ZONE)
+    short, entered = with_leg(nodes, cloud, zones, 0.02, DEPTH, DEPTH)
+    assert entered == 1
+    assert 0.010 - 2e-3 - STEP <= short['x'][-1] <= 0.010 - 2e-3
+    np.testing.assert_array_equal(short['row'][:-6], leg['row'][:len(short) - 6])

@@ -4,12 +4,11 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from tactile_common.polyline import arc_length, Projection
+from tactile_common.polyline import arc_length, nearest_on_polyline
 from tactile_sensing.contact.ridge import RIDGE_POINT
 from tactile_servo.edge_map.path_queries import (
     length_on_pad,
     place_at,
-    project,
     rise,
     speed_profile,
 )
@@ -106,13 +105,14 @@ def test_a_larger_skin_traces_the_same_larger(scale):
 
 def test_projection_and_place_are_inverse():
     nodes = straight_nodes()
-    at = Projection(*project(nodes, 0.0052, 0.001, 0.0, 0.02))
+    path = nodes['x'], nodes['y'], nodes['station']
+    at = nearest_on_polyline(*path, 0.0052, 0.001, 0.0, 0.02)
     assert (at.station, at.x, at.y, at.left) == pytest.approx((0.0052, 0.0052, 0.0, 0.001))
     assert (at.along_x, at.along_y) == pytest.approx((1.0, 0.0))
     assert place_at(nodes, 0.0052) == pytest.approx((0.0052, 0.0, 0.00052))
     assert place_at(nodes, 1.0) == pytest.approx((0.02, 0.0, 0.002))
     assert place_at(nodes, -1.0) == (0.0, 0.0, 0.0)
-    held = Projection(*project(nodes, 0.0, 0.0, 0.008, 0.02))  # by the window
+    held = nearest_on_polyline(*path, 0.0, 0.0, 0.008, 0.02)  # by the window
     assert held.station >= 0.0075
 
 

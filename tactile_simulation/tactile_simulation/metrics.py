@@ -65,7 +65,7 @@ def mean_speed(real: Truth) -> float:
 
 
 def _extent(values):
-    return float(np.ptp(values)) if len(values) else 0.0
+    return float(np.ptp(values)) if len(values) else NAN
 
 
 class OutlineError(NamedTuple):

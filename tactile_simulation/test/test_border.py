@@ -19,7 +19,8 @@ def coming(*ways, noise=NOISE, seed=0):
     for way in ways:
         way = np.asarray(way, dtype=float)
         pressure += render(np.column_stack([way, np.full(len(way), PRESSED)]), PAD, Skin())[0]
-    return coming_length(pressure, PAD, ridge_points(pressure, PAD, noise, DEPTH), noise, DEPTH)
+    return coming_length(pressure, PAD.x, PAD.y, ridge_points(pressure, PAD, noise, DEPTH), noise,
+                         DEPTH)
 
 
 def leg_ahead(distance, turn):

@@ -44,13 +44,19 @@ def ridge_points(pressure: np.ndarray, array: TactelArray, noise: float,
     ndarray of RIDGE_POINT, shape (N,)
     """
     mended = mend(np.ascontiguousarray(pressure, dtype=np.float64), noise)
-    peak = float(mended.max(initial=0.0))
+    return ridge_of(mended, array.x, array.y, noise, depth)
+
+
+@njit(cache=True)
+def ridge_of(mended, x, y, noise, depth):
+    """Ridge of a mended picture, tactels at x, y [m]: kernel of `ridge_points`."""
+    peak = mended.max()
     if not peak > DETECTION * noise or min(mended.shape) < 3:
         return np.empty(0, RIDGE_POINT)
     if noise > NOISY * peak:
         mended, noise = _smoothed(mended), 0.375 * noise
     floor = max(DETECTION * noise, FAINT * peak)
-    return _ridge(mended, array.x, array.y, floor, noise, (WIDEST * depth)**2)
+    return _ridge(mended, x, y, floor, noise, (WIDEST * depth)**2)
 
 
 @njit(cache=True)

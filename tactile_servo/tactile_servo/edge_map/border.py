@@ -3,7 +3,6 @@
 import numpy as np
 
 from tactile_common.kernels import njit
-from tactile_sensing.types.array import TactelArray
 
 FEWEST = 4  # tactels in a row along the border
 FAINT, PLAIN = 0.02, 0.06  # of the ridge's pressure: a leg 2 and 1.25 depths away
@@ -11,8 +10,8 @@ CLEAR = 2.5  # depths from the line of a ridge within which the border sees that
 SIGNIFICANT = 2.0  # standard deviations of the noise
 
 
-def coming_length(pressure: np.ndarray, array: TactelArray, points: np.ndarray, noise: float,
-                  depth: float) -> float:
+@njit(cache=True)
+def coming_length(pressure, x, y, points, noise, depth):
     """
     Length of a leg of the edge that is about to come under the pad [m].
 
@@ -20,18 +19,18 @@ def coming_length(pressure: np.ndarray, array: TactelArray, points: np.ndarray, 
     the skin shows it on the tactels of the border some 1.5 depths before.
 
     0 where there is none, less than the whole while it is still far. The pressure (rows, columns)
-    [Pa] is finite; `points` (N,) are RIDGE_POINT, the picture's ridge; `noise` [Pa] and `depth`
-    [m] are those of the tactels.
+    [Pa] is finite; `points` (N,) are RIDGE_POINT, the picture's ridge; places x, y [m], `noise`
+    [Pa] and `depth` [m] are those of the tactels.
     """
     if not len(points):
         return 0.0
     clear = CLEAR * depth
-    count, share = _longest_run(pressure, array.x, array.y, points, clear, noise)
+    count, share = _longest_run(pressure, x, y, points, clear, noise)
     if count < FEWEST:
         return 0.0
     near = min(max((share - FAINT) / (PLAIN - FAINT), 0.0), 1.0)
     # The tactels beside the ridge do not tell: the leg reaches as far as to it.
-    return near * (count * min(array.pitch_x, array.pitch_y) + clear)
+    return near * (count * min(x[1] - x[0], y[1] - y[0]) + clear)
 
 
 @njit(cache=True)

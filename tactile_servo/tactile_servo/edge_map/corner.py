@@ -69,6 +69,11 @@ class Corner:
         """How far from its vertex a corner stands for the edge [m]."""
         return self.shape.setback + CLEARANCE * self.depth
 
+    @property
+    def zone(self) -> tuple[float, float, float, float]:
+        """Where a leg reaches it: values of a ZONE."""
+        return self.shape.x, self.shape.y, self.reach, self.shape.first
+
     def nodes(self) -> np.ndarray:
         """Path through the corner: NODE (M,), all of one height."""
         points, vertex = corner_fit.corner_points(self.shape, self.depth), self.shape.vertex
@@ -83,9 +88,11 @@ class Corner:
 
 def shown(picture: Picture, shape: CornerShape) -> bool:
     """Whether a corner and enough of its legs lie on the pad."""
-    first, second = shape.first, shape.second
-    legs = np.array([[-math.cos(first), -math.sin(first)], [math.cos(second), math.sin(second)]])
-    return picture.covers(shape.vertex + (shape.setback + VIEWED * picture.depth) * legs)
+    reach = shape.setback + VIEWED * picture.depth
+    return (picture.covers(shape.x - reach * math.cos(shape.first),
+                           shape.y - reach * math.sin(shape.first))
+            and picture.covers(shape.x + reach * math.cos(shape.second),
+                               shape.y + reach * math.sin(shape.second)))
 
 
 def fit(picture: Picture, shape: CornerShape) -> tuple[CornerShape, np.ndarray] | None:

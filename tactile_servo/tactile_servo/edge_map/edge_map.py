@@ -1,11 +1,9 @@
 """Map of an edge: pictures and poses in; path, corners and ends out."""
 
-import math
 from typing import NamedTuple
 
 import numpy as np
 
-from tactile_common.polyline import Projection
 from tactile_sensing.types.image import TactileImage
 from tactile_servo.edge_map import path_queries
 from tactile_servo.edge_map.corner import Corner
@@ -13,7 +11,7 @@ from tactile_servo.edge_map.path import nodes_from
 from tactile_servo.edge_map.picture import PadScale, Picture, Problem, read_picture
 from tactile_servo.edge_map.records import CLOUD_POINT, joined, nodes_of, retyped
 from tactile_servo.edge_map.traced_path import BEHIND, PathEnd, TracedPath
-from tactile_servo.edge_map.tracing import into_plane, local_line, share_near, STEP
+from tactile_servo.edge_map.tracing import local_line, on_path
 
 PICTURES = 10  # whose points make the cloud
 FEWEST_POINTS = 3  # of a ridge
@@ -22,8 +20,6 @@ AGREEING = 0.4  # share of a picture's points that are on the path where it show
 SURE_PICTURES = 3  # that show the edge elsewhere before it is believed to have slipped
 OFF_PATH = 1.0  # grains from the path beyond which a point is not of it
 CHORD = 2.0  # grains either way over which the path is pointing where the edge has slipped
-WINDOW = 7.5  # grains either way within which the pad is looked for on the path
-SHORTEST_CHORD = 0.05  # grains that tell a direction
 
 
 class Sight(NamedTuple):
@@ -31,6 +27,18 @@ class Sight(NamedTuple):
 
     problem: Problem | None
     begun: bool = False
+
+
+class Stand(NamedTuple):
+    """Where a pad stands on the path, measured and commanded."""
+
+    here: float  # station of the measured pad [m],
+    aside: tuple[float, float]  # way x, y from it to the path [m],
+    along: tuple[float, float]  # and direction x, y of the path there
+    ahead: float  # station of the commanded pad [m],
+    there: np.ndarray  # (4, 4), its pose in the plane,
+    way: tuple[float, float]  # direction of the path around it,
+    length: float  # and of the edge under the pad after a move [m]
 
 
 class EdgeMap:
@@ -62,7 +70,7 @@ class EdgeMap:
     def see(self, image: TactileImage, pose: np.ndarray) -> Problem | None:
         """Take an image and the pose (4, 4) of the sensor in the base frame at its stamp."""
         plane = np.linalg.inv(pose) if self.plane is None else self.plane
-        picture = read_picture(image, plane @ pose)
+        picture = read_picture(image, plane @ pose, self.skin_stiffness)
         if isinstance(picture, Problem):
             return picture
         if self.plane is None:
@@ -78,19 +86,19 @@ class EdgeMap:
         whatever is known.
         """
         picture = self.picture
-        if len(picture.ridge) < FEWEST_POINTS:
+        if len(picture.points) < FEWEST_POINTS:
             return Sight(Problem.NO_RIDGE)
-        # (3.1) at its peak, 2 q / (pi d), gives the load, and that the indentation.
-        indentation = 0.5 * math.pi * picture.depth / self.skin_stiffness
-        seen = into_plane(picture.ridge, picture.pose, indentation)
-        self._remember(seen)
+        self._remember(picture.points)
         if anew or not self._followed:
             heading = direction * picture.pose[:2, 1]
             return self._begin(heading / np.linalg.norm(heading), True)
-        if share_near(seen, self._near, OFF_PATH * self.scale.grain) > AGREEING:
-            self._off_path = 0
-            self.station = self._project(picture.place).station
-            self.path.refine(picture, self.station)
+        window = path_queries.WINDOW * self.scale.grain
+        share, station = on_path(
+            self._cloud[-len(picture.points):], self._near, OFF_PATH * self.scale.grain,
+            self.path.nodes, picture.x, picture.y, self.station - window, self.station + window)
+        if share > AGREEING:
+            self._off_path, self.station = 0, station
+            self.path.refine(picture, station)
             self.path.extend(self._cloud, picture, self.station)
             self._take_near()
             return Sight(None)
@@ -98,8 +106,8 @@ class EdgeMap:
         if self._off_path < SURE_PICTURES:
             return Sight(Problem.ELSEWHERE)
         self._counts = []  # the object has slipped
-        self._remember(seen)
-        self.station = self._project(picture.place).station
+        self._remember(picture.points)
+        self.station = station
         chord = CHORD * self.scale.grain
         return self._begin(np.array(self.way(self.station - chord, self.station + chord)), False)
 
@@ -134,9 +142,6 @@ class EdgeMap:
         self._near = retyped(nodes_from(path.nodes, self.station - behind, behind,
                                         path.open_start, path.end is PathEnd.VIEW))
 
-    def _project(self, place):
-        return self.place(place.tolist(), self.station, WINDOW * self.scale.grain)
-
     def way_in_base(self, x: float, y: float) -> tuple[float, float, float]:
         """Direction x, y of the plane in the base frame."""
         (ax, ay, az), (bx, by, bz) = self._axes
@@ -163,18 +168,30 @@ class EdgeMap:
         """Whether the path has met its start."""
         return self.path is not None and self.path.end is PathEnd.CLOSED
 
-    def place(self, xy, station: float, window: float) -> Projection:
-        """Project a point (2,) onto the path within a window about a station [m]."""
-        x, y = xy
-        return Projection(
-            *path_queries.project(self.path.nodes, x, y, station - window, station + window))
+    def stand(self, pose: np.ndarray, commanded: np.ndarray, here: float, ahead: float,
+              move: tuple[float, float] = (0.0, 0.0)) -> Stand:
+        """
+        Where the pad stands at a measured and a commanded pose (4, 4) of the base frame.
 
-    def place_of(self, pose: np.ndarray, station: float,
-                 window: float) -> tuple[tuple[float, float], Projection]:
-        """Place x, y of a pose (4, 4) of the base frame in the plane, and `place` of that."""
-        origin, values = path_queries.project_origin(
-            self.path.nodes, self.plane, pose, station - window, station + window)
-        return origin, Projection(*values)
+        `here` and `ahead` are the stations of both in the last cycle [m]; `move` is the way x, y
+        from the commanded one, at the end of which the length under the pad is wanted [m].
+        """
+        scale = self.scale
+        return Stand(*path_queries.stand(
+            self.path.nodes, self._near, self.plane, pose, commanded, scale.half_x, scale.half_y,
+            scale.grain, here, ahead, move))
+
+    def at_picture(self, direction: int, ahead: float) -> tuple[float, float, float, float]:
+        """
+        Errors of the pad at the newest picture, lateral [m] and angle [rad] in its own frame.
+
+        With them the length of the edge under the pad [m], and the edge's rise along itself around
+        a station ahead [m], NaN where that is not known.
+        """
+        scale = self.scale
+        return path_queries.at_picture(
+            self.path.nodes, self._near, self.picture.pose, scale.half_x, scale.half_y,
+            scale.grain, direction, self.station, ahead, self.path.end is PathEnd.RIDGE)
 
     def along(self, station: float) -> tuple[float, float, float]:
         """Place (x, y, z) of the path at a station [m]."""
@@ -182,8 +199,7 @@ class EdgeMap:
 
     def way(self, first: float, last: float) -> tuple[float, float]:
         """Direction x, y of the path between two stations [m], beyond its end straight on."""
-        shortest = SHORTEST_CHORD * self.scale.grain
-        return path_queries.direction(self.path.nodes, first, last, shortest)
+        return path_queries.direction(self.path.nodes, first, last, self.scale.grain)
 
     def speed_limit(self, station: float, top: float, acceleration: float, end_speed: float,
                     cut: float, settle: float) -> float:
@@ -199,14 +215,3 @@ class EdgeMap:
             if corner.entry <= station <= corner.leave:
                 return corner
         return None
-
-    def slope(self, station: float, reach: float) -> float:
-        """Rise of the edge along itself around a station; see `rise`."""
-        return path_queries.rise(self.path.nodes, station, reach, STEP * self.scale.grain,
-                    self.path.end is PathEnd.RIDGE)
-
-    def length_on_pad(self, placed: np.ndarray, ahead=(0.0, 0.0)) -> float:
-        """Length of the edge on the pad at a pose (4, 4) in the plane, moved by `ahead` [m]."""
-        dx, dy = ahead
-        return path_queries.length_on_pad(
-            self._near, placed, dx, dy, self.scale.half_x, self.scale.half_y)

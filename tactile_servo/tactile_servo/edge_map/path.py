@@ -1,4 +1,4 @@
-"""Form of a path: its headings, its sharpest turn, where it closes, what of it is near."""
+"""Form of a path: its legs and headings, its sharpest turn, where it closes, what is near."""
 
 import math
 
@@ -6,11 +6,16 @@ import numpy as np
 
 from tactile_common.kernels import njit
 from tactile_servo.edge_map.records import NODE
+from tactile_servo.edge_map.tracing import STEP, trace
 
 NEAR_TURN, FAR_TURN = 4, 9  # nodes either side over which a turn is measured
 SHARPNESS = 0.58  # share of the turn that the near nodes must see for a corner
 BENT = 0.6  # per skin depth, largest curvature that is believed: the skin blurs a sharper one
 SAME_WAY = 0.8  # cosine of the angle at which a contour may meet its start
+BLUR = 0.6  # of the squared depth over the radius: how far a ridge lies inside of a curve
+ZONE_BEHIND, ZONE_ASIDE = 1.0, 1.25  # grains from a corner, where a leg has entered its zone
+# Vertex of a corner in the plane, reach before it [m], and direction of its first leg [rad].
+ZONE = np.dtype([(name, np.float64) for name in ('x', 'y', 'reach', 'way')])
 
 
 @njit(cache=True)
@@ -70,24 +75,50 @@ def sharpest_turn(leg, least):
 
 
 @njit(cache=True)
-def measure(nodes, first):
-    """Set the stations of nodes (N,), that of the first one given [m]."""
-    station = first
-    for k in range(len(nodes)):
-        if k:
-            x, y = nodes[k].x - nodes[k - 1].x, nodes[k].y - nodes[k - 1].y
-            station += math.sqrt(x * x + y * y)
-        nodes[k].station = station
+def measure(nodes, begin):
+    """Set the stations of nodes (N,) from one on, which is not the first."""
+    for k in range(begin, len(nodes)):
+        x, y = nodes[k].x - nodes[k - 1].x, nodes[k].y - nodes[k - 1].y
+        nodes[k].station = nodes[k - 1].station + math.sqrt(x * x + y * y)
 
 
 @njit(cache=True)
-def entry_node(leg, x, y, way, ahead, behind, aside):
-    """Index of the first node of a leg in the zone of a place with a direction [rad], or -1."""
-    cos, sin = math.cos(way), math.sin(way)
+def with_leg(nodes, cloud, zones, length, grain, depth):
+    """
+    Go on from the last of nodes (N,) along the ridge, up to the first corner's zone.
+
+    Returns
+    -------
+    ndarray of NODE (N + M,)
+        With the M nodes of the leg, `length` [m] at the most, where the edge must lie.
+    int
+        Index of the zone that the leg enters, of ZONE (K,); -1 if it enters none.
+    """
+    count, zone = len(nodes), -1
+    traced = trace(cloud, nodes[count - 1:], length, grain)
+    leg = np.empty(1 + len(traced), NODE)
+    leg[0], leg[1:] = nodes[count - 1], traced
+    cut = len(traced)
+    for k in range(len(zones)):
+        first = entry_node(leg, zones[k], grain)
+        if first >= 0 and (zone < 0 or first - 1 < cut):
+            zone, cut = k, max(first - 1, 0)
+    grown = np.empty(count + cut, NODE)
+    grown[:count] = nodes
+    grown[count:] = unblurred(leg[:cut + 1], BLUR * depth * depth, STEP * grain, depth)[1:]
+    measure(grown, count)
+    return grown, zone
+
+
+@njit(cache=True)
+def entry_node(leg, zone, grain):
+    """Index of the first node of a leg in the zone of a corner, or -1."""
+    cos, sin = math.cos(zone.way), math.sin(zone.way)
     for k in range(len(leg)):
-        dx, dy = leg[k].x - x, leg[k].y - y
+        dx, dy = leg[k].x - zone.x, leg[k].y - zone.y
         along = cos * dx + sin * dy
-        if -ahead < along < behind and abs(cos * dy - sin * dx) < aside:
+        if (-zone.reach < along < ZONE_BEHIND * grain
+                and abs(cos * dy - sin * dx) < ZONE_ASIDE * grain):
             return k
     return -1
 

@@ -7,30 +7,79 @@ import numpy as np
 from tactile_common.geometry import wrap_angle
 from tactile_common.kernels import njit
 from tactile_common.polyline import nearest_on_polyline
+from tactile_servo.edge_map.tracing import STEP
 
 CLEAR = 7  # nodes either side of a turn whose pressure does not tell their height
-BLURRING_TURN = 0.15  # rad over four nodes that makes such a turn
+UNBENT = math.cos(0.15)  # cosine of the angle over four nodes that makes such a turn
 STEEPEST = 0.5  # rise per length that is believed
 FEWEST = 12  # nodes that tell a rise
 SHARP_TURN = 0.25  # rad at one vertex that makes it a corner
 
+# In grains, see `PadScale`:
+WINDOW, COMMANDED_WINDOW = 7.5, 2.5  # either way in which the pad is looked for,
+SHOWN_WINDOW = 5.0  # and in which it is at a picture
+TURN_REACH = 2.0  # either way of the pad's centre over which the pad is turned,
+SLOPE_REACH = 5.0  # and over which the edge's rise is measured
+SHORTEST_CHORD = 0.05  # that tells a direction
+
 
 @njit(cache=True)
-def project(nodes, x, y, first, last):
-    """Values of the Projection onto a path between two stations [m], as a plain tuple."""
-    at = nearest_on_polyline(nodes.x, nodes.y, nodes.station, x, y, first, last)
-    # A named tuple takes Python longer to receive than this takes to compute.
-    return at.station, at.x, at.y, at.offset, at.left, at.along_x, at.along_y
+def stand(nodes, near, plane, pose, commanded, half_x, half_y, grain, here, ahead, move):
+    """
+    Values of a `Stand`: where a pad stands on a path, measured and commanded.
 
+    Everything that a control cycle asks is asked at once: a call takes longer than an answer.
 
-@njit(cache=True)
-def project_origin(nodes, plane, pose, first, last):
-    """Origin (x, y) of a pose (4, 4) of the base frame in a plane, and values as of `project`."""
+    Parameters
+    ----------
+    nodes, near : ndarray of NODE (N,), (M,)
+        Path, and what of it the pad can reach.
+    plane, pose, commanded : ndarray (4, 4)
+        Of the plane, and of the pad in the base frame.
+    half_x, half_y, grain : float
+        Half of the pad's sides, and what a picture resolves [m].
+    here, ahead : float
+        Stations of the measured and the commanded pad in the last cycle [m].
+    move : tuple of float
+        Way x, y of the commanded pad, after which the length under it is wanted [m].
+    """
+    there = np.empty((4, 4))
+    for i in range(4):
+        for j in range(4):
+            there[i, j] = 0.0
+            for k in range(4):
+                there[i, j] += plane[i, k] * commanded[k, j]
     x = y = 0.0
     for k in range(4):
         x += plane[0, k] * pose[k, 3]
         y += plane[1, k] * pose[k, 3]
-    return (x, y), project(nodes, x, y, first, last)
+    at = nearest_on_polyline(
+        nodes.x, nodes.y, nodes.station, x, y, here - WINDOW * grain, here + WINDOW * grain)
+    window, chord = COMMANDED_WINDOW * grain, TURN_REACH * grain
+    ahead = nearest_on_polyline(
+        nodes.x, nodes.y, nodes.station, there[0, 3], there[1, 3], ahead - window,
+        ahead + window).station
+    return (at.station, (at.x - x, at.y - y), (at.along_x, at.along_y), ahead, there,
+            direction(nodes, ahead - chord, ahead + chord, grain),
+            length_on_pad(near, there, move[0], move[1], half_x, half_y))
+
+
+@njit(cache=True)
+def at_picture(nodes, near, pose, half_x, half_y, grain, sense, station, ahead, ends):
+    """
+    Lateral [m] and angular error of a pad at a pose in the plane, length under it, rise ahead.
+
+    `sense` is +1 or -1, of the pad's y along the path; the pad is looked for about a station [m];
+    for the rise, see `rise`; else as in `stand`.
+    """
+    window = SHOWN_WINDOW * grain
+    at = nearest_on_polyline(nodes.x, nodes.y, nodes.station, pose[0, 3], pose[1, 3],
+                             station - window, station + window)
+    yaw = math.atan2(pose[0, 1], pose[1, 1])
+    along = math.atan2(sense * at.along_x, sense * at.along_y)
+    return (sense * at.left, wrap_angle(yaw - along),
+            length_on_pad(near, pose, 0.0, 0.0, half_x, half_y),
+            rise(nodes, ahead, SLOPE_REACH * grain, STEP * grain, ends))
 
 
 @njit(cache=True)
@@ -54,12 +103,12 @@ def place_at(nodes, station):
 
 
 @njit(cache=True)
-def direction(nodes, first, last, shortest):
-    """Direction (x, y) between two stations of a path, or that of its end if none is."""
+def direction(nodes, first, last, grain):
+    """Direction (x, y) between two stations of a path [m], beyond its end straight on."""
     x0, y0, _ = place_at(nodes, first)
     x1, y1, _ = place_at(nodes, last)
     length = math.hypot(x1 - x0, y1 - y0)
-    if length < shortest:
+    if length < SHORTEST_CHORD * grain:
         return nodes[len(nodes) - 1].tx, nodes[len(nodes) - 1].ty
     return (x1 - x0) / length, (y1 - y0) / length
 
@@ -81,8 +130,7 @@ def rise(nodes, station, reach, step, ends):
     bent = np.empty(max(min(last + CLEAR, count) - begin, 0), np.bool_)
     for m in range(begin, begin + len(bent)):
         a, b = nodes[max(m - 2, 0)], nodes[min(m + 2, count - 1)]
-        turn = math.atan2(b.ty, b.tx) - math.atan2(a.ty, a.tx)
-        bent[m - begin] = abs(wrap_angle(turn)) > BLURRING_TURN
+        bent[m - begin] = a.tx * b.tx + a.ty * b.ty < UNBENT
     n = ss = sz = sss = ssz = 0.0
     for k in range(first, last):
         clear = True

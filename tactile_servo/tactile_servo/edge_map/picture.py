@@ -9,10 +9,11 @@ from typing import NamedTuple
 import numpy as np
 
 from tactile_common.kernels import njit
-from tactile_sensing.contact.ridge import centre_of_load, mend, ridge_points
+from tactile_sensing.contact.ridge import centre_of_load, mend, ridge_of
 from tactile_sensing.types.array import TactelArray
 from tactile_sensing.types.image import TactileImage
 from tactile_servo.edge_map.border import coming_length
+from tactile_servo.edge_map.tracing import into_plane
 
 IMPOSSIBLE = 1e9  # Pa
 MOST_INVALID = 0.5  # share of the tactels
@@ -58,23 +59,38 @@ class Problem(Enum):
 
 @dataclass(eq=False)  # not frozen: one is made of every image
 class Picture:
-    """A pressure picture and the pose at which it was taken."""
+    """
+    A pressure picture and the pose at which it was taken.
 
-    pressure: np.ndarray  # (rows, columns) [Pa], all finite
+    What it tells is found as it is made: where to look costs more than to look.
+    """
+
+    pressure: np.ndarray  # (rows, columns) [Pa]; mended from then on, so that all are finite
     array: TactelArray
     depth: float  # of the tactels [m]
-    noise: float  # of one tactel [Pa]
+    noise: float  # of one tactel [Pa]; set if it is not known
     pose: np.ndarray  # (4, 4) of the sensor in the plane's frame
     stamp_ns: int = 0
+    skin_stiffness: float = math.inf  # line force per length and indentation [N/m^2]
 
     def __post_init__(self):
-        array, pressure, noise, depth = self.array, self.pressure, self.noise, self.depth
-        self.scale = PadScale.of(array, depth)
-        self.force = float(pressure.sum()) * array.pitch_x * array.pitch_y
-        self.place, self.height = self.pose[:2, 3], self.pose.item(2, 3)
-        self.yaw = math.atan2(self.pose[1, 0], self.pose[0, 0])
-        self.ridge = ridge_points(pressure, array, noise, depth)
-        self.coming = coming_length(pressure, array, self.ridge, noise, depth)
+        array = self.array
+        self.scale = PadScale.of(array, self.depth)
+        # (3.1) at its peak, 2 q / (pi d), gives the load, and that the indentation.
+        indentation = 0.5 * math.pi * self.depth / self.skin_stiffness
+        # CLOUD_POINT (N,), the ridge in the plane; length of a leg that comes, see `coming_length`
+        self.pressure, self.noise, self.invalid, total, self.points, self.coming = _look(
+            np.array(self.pressure, np.float64, order='C'), self.noise, array.x, array.y,
+            self.depth, self.pose, indentation)
+        self.force = total * array.pitch_x * array.pitch_y
+        # Of the pad's centre in the plane [m], and of its x axis [rad].
+        (cos, _, _, self.x), (sin, _, _, self.y), (_, _, _, self.height), _ = self.pose.tolist()
+        self.yaw = math.atan2(sin, cos)
+
+    @property
+    def place(self) -> np.ndarray:
+        """Of the pad's centre in the plane (2,) [m]."""
+        return np.array([self.x, self.y])
 
     @cached_property
     def pull(self) -> np.ndarray | None:
@@ -84,13 +100,15 @@ class Picture:
         size = np.hypot(*way)
         return way / size if size > 0.0 else None
 
-    def covers(self, points: np.ndarray, margin: float = 0.0) -> bool:
-        """Whether every point (M, 2) of the plane lies on the pad, off its border [m]."""
-        return _inside(points, *self.place.tolist(), math.cos(self.yaw), math.sin(self.yaw),
-                       self.scale.half_x - margin, self.scale.half_y - margin)
+    def covers(self, x: float, y: float, margin: float = 0.0) -> bool:
+        """Whether a point of the plane lies on the pad, off its border [m]."""
+        cos, sin, dx, dy = math.cos(self.yaw), math.sin(self.yaw), x - self.x, y - self.y
+        return (abs(cos * dx + sin * dy) <= self.scale.half_x - margin
+                and abs(cos * dy - sin * dx) <= self.scale.half_y - margin)
 
 
-def read_picture(image: TactileImage, pose: np.ndarray) -> Picture | Problem:
+def read_picture(image: TactileImage, pose: np.ndarray,
+                 skin_stiffness: float) -> Picture | Problem:
     """Check and mend the pressure of an image taken at a pose (4, 4) in the plane."""
     layer = next((one for one in image.layers if one.component == 'zz'), None)
     if (layer is None or layer.unit != 'Pa' or not layer.depth > 0.0
@@ -98,15 +116,28 @@ def read_picture(image: TactileImage, pose: np.ndarray) -> Picture | Problem:
         return Problem.NO_PRESSURE
     if not image.tared:
         return Problem.NOT_TARED
-    pressure = np.array(layer.stress, dtype=np.float64, order='C')
+    picture = Picture(layer.stress, image.array, layer.depth, float(layer.noise_std), pose,
+                      image.stamp_ns, skin_stiffness)
+    # What is mended of more than that would be made up.
+    if picture.invalid > MOST_INVALID * picture.pressure.size:
+        return Problem.INVALID_TACTELS
+    return picture
+
+
+@njit(cache=True)
+def _look(pressure, noise, x, y, depth, pose, indentation):
+    """
+    Look at a picture (rows, columns), whose impossible values are made NaN.
+
+    Returns it mended, noise, count of the impossible, sum, ridge in the plane, coming length.
+    """
     invalid, peak = _drop_impossible(pressure)
-    noise = float(layer.noise_std)
     if not 0.0 < noise < IMPOSSIBLE:
         noise = UNKNOWN_NOISE * max(peak, 1.0)
-    # What is mended of more than that would be made up.
-    if invalid > MOST_INVALID * pressure.size:
-        return Problem.INVALID_TACTELS
-    return Picture(mend(pressure, noise), image.array, layer.depth, noise, pose, image.stamp_ns)
+    mended = mend(pressure, noise)
+    ridge = ridge_of(mended, x, y, noise, depth)
+    coming = coming_length(mended, x, y, ridge, noise, depth)
+    return mended, noise, invalid, mended.sum(), into_plane(ridge, pose, indentation), coming
 
 
 @njit(cache=True)
@@ -121,12 +152,3 @@ def _drop_impossible(pressure):
                 pressure[r, c] = np.nan
                 invalid += 1
     return invalid, peak
-
-
-@njit(cache=True)
-def _inside(points, x, y, cos, sin, half_x, half_y):
-    for n in range(len(points)):
-        dx, dy = points[n, 0] - x, points[n, 1] - y
-        if not (abs(cos * dx + sin * dy) <= half_x and abs(cos * dy - sin * dx) <= half_y):
-            return False
-    return True

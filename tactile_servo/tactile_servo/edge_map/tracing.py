@@ -5,12 +5,14 @@ import math
 import numpy as np
 
 from tactile_common.kernels import njit
+from tactile_common.polyline import nearest_on_polyline
 from tactile_servo.edge_map.records import CLOUD_POINT, LocalLine, NODE
 
 # In grains, see `PadScale`: what one picture cannot tell apart is one line.
 STEP = 0.25  # between the nodes of a trace
 WIDTH = 0.35  # standard deviation of the window of a step
 REACH = 0.9  # radius of that window
+AROUND = 1.0  # way of a trace, after which the points that it can reach are chosen anew
 SUPPORT = 0.3  # points, weighted, that a node needs
 SIDEWAYS = 0.5  # cosine of the largest angle between a point's ridge and the trace
 NOWHERE = LocalLine(False, 0.0, 0.0, 0.0, 0.0, 0.0)
@@ -62,9 +64,12 @@ def trace(cloud, start, length, grain):
     x, y, tx, ty = start[0].x, start[0].y, start[0].tx, start[0].ty
     count = int(length / step)
     nodes = np.empty(count, NODE)
+    around, around_x, around_y = cloud, np.inf, np.inf
     for m in range(count):
         px, py = x + step * tx, y + step * ty
-        line = local_line(cloud, px, py, tx, ty, grain)
+        if not math.hypot(px - around_x, py - around_y) < AROUND * grain:
+            around, around_x, around_y = _within(cloud, px, py, (AROUND + REACH) * grain), px, py
+        line = local_line(around, px, py, tx, ty, grain)
         if not line.found:
             return nodes[:m].copy()
         along = (px - line.x) * line.tx + (py - line.y) * line.ty
@@ -77,6 +82,18 @@ def trace(cloud, start, length, grain):
         nodes[m].x, nodes[m].y, nodes[m].z, nodes[m].tx, nodes[m].ty = x, y, line.z, tx, ty
         nodes[m].station, nodes[m].material = 0.0, 1.0
     return nodes
+
+
+@njit(cache=True)
+def _within(cloud, x, y, distance):
+    """Points of a cloud within a distance of a place."""
+    found, count = np.empty(len(cloud), CLOUD_POINT), 0
+    for n in range(len(cloud)):
+        dx, dy = cloud[n].x - x, cloud[n].y - y
+        if dx * dx + dy * dy <= distance * distance:
+            found[count] = cloud[n]
+            count += 1
+    return found[:count]
 
 
 @njit(cache=True)
@@ -111,12 +128,20 @@ def local_line(cloud, x, y, tx, ty, grain):
 
 
 @njit(cache=True)
+def on_path(seen, near, distance, nodes, x, y, first, last):
+    """Share of seen points near nodes, and station of a place between two on a path [m]."""
+    at = nearest_on_polyline(nodes.x, nodes.y, nodes.station, x, y, first, last)
+    return share_near(seen, near, distance), at.station
+
+
+@njit(cache=True)
 def share_near(cloud, nodes, distance):
     """Share of the points of a cloud that are nearer than a distance [m] to some node."""
     near = 0
     for n in range(len(cloud)):
         for k in range(len(nodes) - 1, -1, -1):
-            if math.hypot(cloud[n].x - nodes[k].x, cloud[n].y - nodes[k].y) < distance:
+            dx, dy = cloud[n].x - nodes[k].x, cloud[n].y - nodes[k].y
+            if dx * dx + dy * dy < distance * distance:
                 near += 1
                 break
     return near / max(len(cloud), 1)

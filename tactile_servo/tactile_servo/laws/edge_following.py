@@ -5,8 +5,6 @@ from typing import ClassVar
 
 import numpy as np
 
-from tactile_common.geometry import wrap_angle
-from tactile_common.polyline import Projection
 from tactile_sensing.types.contact import Contact, ContactType
 from tactile_sensing.types.image import SensorInfo, TactileImage
 from tactile_servo.config import ServoConfig
@@ -15,7 +13,7 @@ from tactile_servo.control.force_controller import ForceController, Load
 from tactile_servo.control.path_controller import PathController
 from tactile_servo.control.speed_planner import SpeedPlanner
 from tactile_servo.control.stability import AGE_SHARE
-from tactile_servo.edge_map.edge_map import EdgeMap
+from tactile_servo.edge_map.edge_map import EdgeMap, Stand
 from tactile_servo.edge_map.path_queries import to_sensor
 from tactile_servo.edge_map.picture import Problem
 from tactile_servo.edge_map.traced_path import PathEnd
@@ -31,11 +29,7 @@ PRESSED = 0.6  # from which what is seen of the edge is all of it
 FITTED = 0.1  # within which the force of a fitted line is believed beside the sum's
 # Grains, lengths that an image resolves
 END_MARGIN = 2.0  # before the end of a ridge from which the pad coasts
-SLOPE_REACH = 5.0  # either side of the pad over which the edge's rise is measured
 LOOK_AHEAD = 0.2  # along the path over which its direction is taken
-TURN_REACH = 2.0  # either side of the pad's centre over which the pad is turned
-MEASURED_WINDOW, COMMANDED_WINDOW = 7.5, 2.5  # either way in which the pad is looked for
-SHOWN_WINDOW = 5.0  # the same at an image
 ADVANCE = 0.5  # that is progress
 # Others
 STALE = 1.5  # times the age at which the supervisor holds: for images that stop alone
@@ -131,29 +125,21 @@ class EdgeFollowing:
         seen.age += AGE_SHARE * (observation.age - seen.age)
         # Until the pad presses, the path is drawn anew with every image.
         settling = not going.begun and picture.force < PRESSED * self.goal.force
-        sight = edge.follow(self.goal.direction, anew=settling)
+        sight, length = edge.follow(self.goal.direction, anew=settling), seen.load.length
         if sight.begun:
             going.ahead = going.here = edge.station
-        elif sight.problem is None:
-            slope = edge.slope(going.ahead, SLOPE_REACH * edge.scale.grain)
-            seen.slope = slope if math.isfinite(slope) else seen.slope
-        length = edge.length_on_pad(picture.pose) if edge.followed else seen.load.length
+        if edge.followed:
+            lateral, angle, length, slope = edge.at_picture(self.goal.direction, going.ahead)
         seen.load = Load(picture.force, length, picture.coming)
         seen.problem = None
         if sight.problem is None:
             seen.shown, seen.station = observation.arrival, edge.station
-            self.error = self._error(picture)
+            seen.slope = seen.slope if sight.begun or math.isnan(slope) else slope
+            self.error = TaskError(lateral, angle=angle, force=picture.force)
         else:
             seen.problem = Reason(UNFIT[sight.problem], sight.problem.value)
             if self.error is not None:
                 self.error = self.error._replace(force=picture.force)
-
-    def _error(self, picture) -> TaskError:
-        sign, edge = self.goal.direction, self.edge
-        at = edge.place(picture.place.tolist(), edge.station, SHOWN_WINDOW * edge.scale.grain)
-        yaw = math.atan2(picture.pose[0, 1], picture.pose[1, 1])
-        along = math.atan2(sign * at.along_x, sign * at.along_y)
-        return TaskError(sign * at.left, angle=float(wrap_angle(yaw - along)), force=picture.force)
 
     def lacks(self, now: float) -> Reason | None:
         """What keeps the law from tracking, or None."""
@@ -228,11 +214,11 @@ class EdgeFollowing:
 
     def reference(self, pose: np.ndarray, commanded: np.ndarray, dt: float) -> Reference:
         """Wanted motion from the measured and the commanded pose (4, 4) of the sensor."""
-        edge, going = self.edge, self._going
-        grain = edge.scale.grain
-        here, at = edge.place_of(pose, going.here, MEASURED_WINDOW * grain)
-        there = edge.plane @ commanded
-        going.depth, going.begun = there.item(2, 3), True
+        edge, going, before = self.edge, self._going, self._path.velocity
+        soon = 1.0 / self.config.force.gain
+        stand = edge.stand(pose, commanded, going.here, going.ahead,
+                           (before[0] * soon, before[1] * soon))
+        going.depth, going.begun = stand.there.item(2, 3), True
         normal, turn = 0.0, (0.0, 0.0, 0.0)
         if going.mode == ReasonCode.REACHING_DOWN:
             going.probed_from = going.depth if going.probed_from is None else going.probed_from
@@ -245,44 +231,36 @@ class EdgeFollowing:
             x, y = edge.picture.pull.tolist()
             velocity = self._path.change(speed * x, speed * y, dt)
         else:
-            before = self._path.velocity
-            velocity = self._along(at, here, commanded, dt)
-            normal = self._normal(there, before, dt)
+            velocity = self._along(stand, dt)
+            normal = self._normal(stand, dt)
         if going.mode == ReasonCode.TRACKING:
-            reach = TURN_REACH * grain
             turn = self._attitude.rate(
-                there, edge.way(going.ahead - reach, going.ahead + reach),
-                self._seen.slope, self.goal.direction, dt)
-        return Reference(to_sensor(there, *velocity, normal, *turn), self._planner.speed,
-                         edge.way_in_base(at.along_x, at.along_y))
+                stand.there, stand.way, self._seen.slope, self.goal.direction, dt)
+        return Reference(to_sensor(stand.there, *velocity, normal, *turn), self._planner.speed,
+                         edge.way_in_base(*stand.along))
 
-    def _along(self, at: Projection, here, commanded, dt):
+    def _along(self, stand: Stand, dt):
         """Velocity x, y along the path and back to it."""
-        going, edge, grain = self._going, self.edge, self.edge.scale.grain
-        going.here = at.station
-        going.ahead = edge.place_of(commanded, going.ahead, COMMANDED_WINDOW * grain)[1].station
-        px, py = here
-        aside = at.x - px, at.y - py
+        going, edge = self._going, self.edge
+        going.here, going.ahead = stand.here, stand.ahead
         coasting = going.mode == ReasonCode.COASTING
         top = self._planner.top(
             self.goal.speed, pressed=self._seen.load.force / self.goal.force,
-            distance=math.hypot(*aside), coming=self._seen.load.coming, scale=edge.scale,
+            distance=math.hypot(*stand.aside), coming=self._seen.load.coming, scale=edge.scale,
             age=self._seen.age, coasting=coasting)
         most = min(self.config.speed.acceleration, self.agility)
         self._planner.acceleration, self._path.acceleration = AGILE * most, most
         speed = self._planner.plan(edge, going.ahead, top, dt)
         if coasting:
             going.coasted += speed * dt
-        way = edge.way(going.ahead, going.ahead + LOOK_AHEAD * grain + speed * dt)
-        return self._path.follow(way, speed, aside, dt)
+        way = edge.way(going.ahead, going.ahead + LOOK_AHEAD * edge.scale.grain + speed * dt)
+        return self._path.follow(way, speed, stand.aside, dt)
 
-    def _normal(self, there, velocity, dt):
+    def _normal(self, stand: Stand, dt):
         """Velocity along the plane's normal that keeps the force."""
         seen, going, scale = self._seen, self._going, self.edge.scale
-        soon = 1.0 / self.config.force.gain
         give = self._force.speed(
-            self.goal.force, seen.load, half=min(scale.half_x, scale.half_y),
-            length=self.edge.length_on_pad(there, (velocity[0] * soon, velocity[1] * soon)),
+            self.goal.force, seen.load, half=min(scale.half_x, scale.half_y), length=stand.length,
             pressed=going.depth - seen.height - seen.slope * (going.ahead - seen.station), dt=dt,
             # What touches, and is no edge, is no reason to press.
             may_press=going.mode != ReasonCode.COASTING and seen.problem is None)

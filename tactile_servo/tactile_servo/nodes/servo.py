@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 import math
-from time import perf_counter, thread_time
+from time import perf_counter, thread_time, time_ns
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticStatus
@@ -136,11 +136,16 @@ class EdgeServoNode(TactileNode):
         # Steady, so that the watchdogs run even where simulated time stands still.
         steady = Clock(clock_type=ClockType.STEADY_TIME)
         self._timer = self.create_timer(self._pace.period, plain(self._on_timer), clock=steady)
+        # What the node's clock says, several times as fast to ask where that is the system's.
+        self._now_ns = self._simulated_ns if self.get_parameter('use_sim_time').value else time_ns
         self._guard = GraphGuard(
             self, ('image', 'contact', '/joint_states', self._trajectory.topic),
             config.shared_topics, config.controller)
         self.create_timer(GUARD_PERIOD, self._look_around, clock=steady)
         self.add_on_set_parameters_callback(_keep_the_clock)
+
+    def _simulated_ns(self):
+        return self.get_clock().now().nanoseconds
 
     def _look_around(self):
         self._servo.around = self._stopping or self._guard.problem()
@@ -236,7 +241,7 @@ class EdgeServoNode(TactileNode):
         now, begin, pace = perf_counter(), thread_time(), self._pace
         pace.begin(now)
         self._look()
-        now_ns = self.get_clock().now().nanoseconds
+        now_ns = self._now_ns()
         status, trajectory = self._servo.cycle(now, now_ns)
         if trajectory is not None and not self._servo.motion.in_time(
                 trajectory, (self.get_clock().now().nanoseconds - now_ns) / NS):
