@@ -34,7 +34,7 @@ ADVANCE = 0.5  # that is progress
 # Others
 STALE = 1.5  # times the age at which the supervisor holds: for images that stop alone
 PROBE = 0.9  # of the depth to which the pad may press
-AGILE = 0.7  # of the acceleration in the plane, for which turns are planned
+AGILE = 0.8  # of the acceleration in the plane, for which turns are planned
 PROBE_SPEED = 0.5  # of the speed of the approach
 ON_EDGE = Assessment(State.TRACK, Reason(ReasonCode.TRACKING))
 UNFIT = {Problem.NO_RIDGE: ReasonCode.EDGE_LOST, Problem.ELSEWHERE: ReasonCode.EDGE_LOST}
