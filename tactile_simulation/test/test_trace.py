@@ -86,9 +86,10 @@ def test_every_corner_is_a_state_of_its_own_and_tracked():
 def test_hard_scenes_are_survived(scene, seed):
     _, summary = follow(scene, 0.1, seed=seed)
     assert summary['ok'], summary['reason']
-    # From contact on to the end of the edge, without what the pad coasts beyond.
+    # From contact on to the end of the edge, without the 17 mm that the pad coasts beyond; amid
+    # noise, and in a step, it takes some mm for it to tell that there is no edge.
     assert summary['edge_length'] > 0.17
-    assert summary['tracked_length'] == pytest.approx(summary['edge_length'], abs=1e-3)
+    assert summary['tracked_length'] == pytest.approx(summary['edge_length'], abs=4e-3)
     assert summary['force_max'] <= 7.5
     if scene != 'slip':  # where the edge is as far away as it has jumped
         assert summary['lateral_max'] < 0.5e-3
