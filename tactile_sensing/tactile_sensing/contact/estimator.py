@@ -92,8 +92,11 @@ class ContactEstimator:
                                for layer in layers):
             return self.refuse_malformed()
         stress = np.array([[layer.stress for layer in layers]], dtype=np.float64)
-        estimate = self._estimate(
-            stress, array, layers, image.tared, image.saturated, main.unit == 'Pa')[0]
+        try:
+            estimate = self._estimate(
+                stress, array, layers, image.tared, image.saturated, main.unit == 'Pa')[0]
+        except ConfigurationError:  # tactels that are far wider than they are deep
+            return self.refuse_malformed()
         told: dict[str, Any] = dict(zip(_ESTIMATED, estimate.item(), strict=True))
         kind, reasons = ContactType(told.pop('type')), Reason(told.pop('reasons'))
         moments = Moments(*(told.pop(name) for name in _MOMENTS))

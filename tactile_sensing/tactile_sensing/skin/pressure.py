@@ -5,9 +5,11 @@ import math
 
 import numpy as np
 
+from tactile_common.errors import ConfigurationError
 from tactile_sensing.skin.kernel import CENTRE, LARGEST_SIDE, MAX_VARIANCE, polynomials
 from tactile_sensing.types.skin import Skin
 
+MOST_SQUARES = 24  # along a tactel; each costs a fit as much as a tactel that samples a point
 POINT, LINE, LINE_TURNED = range(3)  # rows of `polynomials`
 
 
@@ -21,9 +23,18 @@ def split_tactel(pitch_x: float, pitch_y: float, depth: float) -> tuple[float, n
         Of the squares [m], at most LARGEST_SIDE depths.
     centres : ndarray, shape (N, 2)
         From the middle of the rectangle [m], all of the same weight.
+
+    Raises
+    ------
+    ConfigurationError
+        The rectangle is more than MOST_SQUARES of the largest squares long.
     """
     largest = LARGEST_SIDE * depth
-    counts = [math.ceil(pitch / largest - 1e-9) for pitch in (pitch_x, pitch_y)]
+    if max(pitch_x, pitch_y) > MOST_SQUARES * largest:
+        raise ConfigurationError(
+            f'pitch is {max(pitch_x, pitch_y):g} m, must be at most {MOST_SQUARES * largest:g} m '
+            f'for tactels that average over it at a depth of {depth:g} m')
+    counts = [max(math.ceil(pitch / largest - 1e-9), 1) for pitch in (pitch_x, pitch_y)]
     sides = [pitch / count for pitch, count in zip((pitch_x, pitch_y), counts, strict=True)]
     side = min(sides)
     axes = []
