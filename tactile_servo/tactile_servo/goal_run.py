@@ -202,7 +202,8 @@ class GoalRun:
             elsewhere = why.code is ReasonCode.STALE_JOINT_STATE and (
                 now - hold.began > limits.resume_within)
             hold.bound, hold.asked = hold.bound or elsewhere or why.code in ASKED, False
-        unseen = None if hold.resumption != Event.RESUME_TRACK or hold.searching else (
+        blind = hold.searching and hold.lost is None  # a search sees nothing either
+        unseen = None if hold.resumption != Event.RESUME_TRACK or blind else (
             self._law.lacks(now))
         if why is None and unseen is not None:
             self._machine.reason = hold.lost or unseen
