@@ -24,6 +24,5 @@ setup(
         f'driver = {PACKAGE}.executables:driver',
         f'contact_estimator = {PACKAGE}.executables:contact_estimator',
         f'estimate = {PACKAGE}.executables:estimate',
-        f'calibrate = {PACKAGE}.executables:calibrate',
     ]},
 )

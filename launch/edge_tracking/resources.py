@@ -13,9 +13,7 @@ def share(*parts):
 
 def scene_names():
     """Names of the shipped scenes."""
-    folder = share('scenes')
-    return sorted(path.relative_to(folder).with_suffix('').as_posix()
-                  for path in folder.rglob('*.yaml'))
+    return sorted(path.stem for path in share('scenes').glob('*.yaml'))
 
 
 def find_scene(name):
@@ -25,8 +23,9 @@ def find_scene(name):
         if path.is_file():
             return path
         raise ConfigurationError(f'scene {name!r}: no such file')
-    if name in scene_names():
-        return share('scenes', f'{name}.yaml')
+    shipped = share('scenes', f'{name}.yaml')
+    if name and '/' not in name and shipped.is_file():
+        return shipped
     raise ConfigurationError(
         f'scene {name!r} is unknown; shipped are {", ".join(scene_names())}; '
         'or give the path of a .yaml file')

@@ -1,1 +1,0 @@
-"""Calibrating an array from recordings of raw counts: what `calibrate` does."""
