@@ -44,11 +44,11 @@ if len(sys.argv) == 1:
     rclpy.spin(node)
 other = subprocess.Popen([sys.executable, '-c', sys.argv[1]])
 while not node.count_publishers('text'):
-    time.sleep(0.01)
+    rclpy.spin_once(node, timeout_sec=0.01)
 other.kill()
 begin = time.monotonic()
 while node.count_publishers('text'):
-    time.sleep(0.01)
+    rclpy.spin_once(node, timeout_sec=0.01)
 print(time.monotonic() - begin)
 """
 fast_dds = pytest.mark.skipif(

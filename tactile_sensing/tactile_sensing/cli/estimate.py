@@ -8,6 +8,7 @@ import time
 
 import numpy as np
 
+from tactile_common.command_line import Parser
 from tactile_common.errors import ConfigurationError, TactileError
 from tactile_common.npz_stream import ArrayReader, RecordWriter
 from tactile_common.progress import Progress
@@ -59,11 +60,6 @@ EXAMPLE = """\
 """
 
 
-class _Parser(argparse.ArgumentParser):
-    def error(self, message):
-        raise ConfigurationError(message)
-
-
 def _table(rows, width):
     return '\n'.join(f'  {name!s:{width}} {text}' for name, text in rows)
 
@@ -80,8 +76,8 @@ def parser() -> argparse.ArgumentParser:
     types = _table(
         ((int(kind), f'{kind.name.lower()}: {text}') for kind, text in TYPES.items()), 6)
     flags = _table(((int(flag), f'{flag.name}: {text}') for flag, text in FLAGS.items()), 6)
-    arguments = _Parser(
-        prog='estimate', formatter_class=argparse.RawDescriptionHelpFormatter, allow_abbrev=False,
+    arguments = Parser(
+        prog='estimate', formatter_class=argparse.RawDescriptionHelpFormatter,
         usage='estimate FRAMES.npz --pitch M [M] --layers COMPONENT@DEPTH,... [options] -o OUT',
         description="""\
 Estimate the contact in every frame of a file: point or edge, where, and with what force.

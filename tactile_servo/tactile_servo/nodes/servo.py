@@ -244,7 +244,7 @@ class EdgeServoNode(TactileNode):
         now_ns = self._now_ns()
         status, trajectory = self._servo.cycle(now, now_ns)
         if trajectory is not None and not self._servo.motion.in_time(
-                trajectory, (self.get_clock().now().nanoseconds - now_ns) / NS):
+                trajectory, (self._now_ns() - now_ns) / NS):
             trajectory = None  # this process has not come to run meanwhile
         if trajectory is not None:
             self._trajectory.publish(trajectory_to_bytes(trajectory))
