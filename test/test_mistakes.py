@@ -65,7 +65,7 @@ MISTAKES = [
     (simulate, f'{SCENE} --latency 10', '--latency: value is 10.0, must be between 0 and 1 s'),
     (simulate, f'{SCENE} --robot none.urdf', "robot description 'none.urdf': No such file"),
     (simulate, f'{SCENE} --plot nowhere/plot.png', '--plot nowhere/plot.png: there is no such'),
-    (estimate, 'frames.npz -o out.npz', 'required: --pitch, --layers'),
+    (estimate, 'frames.npz -o out.npz', '--calibration is missing, or --pitch'),
     (estimate, 'frames.npz --pitch 1.27 --layers zz@0.002 -o out.npz', '1.27'),
     (estimate, 'frames.npz --pitch 0.00127 --layers zz@2 -o out.npz',
      "depth of zz is '2', must be a number of at least 1e-09 and below 0.1 m"),

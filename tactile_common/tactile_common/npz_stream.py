@@ -244,10 +244,13 @@ class RecordWriter:
 
 
 def _columns(records):
-    """Names and values of the columns of a `.csv` file: of a matrix, the upper triangle."""
+    """Names and values of the columns of a `.csv` file: of a symmetric matrix, the upper half."""
     for name in records.dtype.names:
         values = records[name]
-        if values.ndim > 1:
+        if values.ndim == 2:
+            for column in range(values.shape[1]):
+                yield f'{name}_{column}', values[:, column]
+        elif values.ndim > 2:
             for row, column in zip(*np.triu_indices(values.shape[1]), strict=True):
                 yield f'{name}_{row}_{column}', values[:, row, column]
         else:

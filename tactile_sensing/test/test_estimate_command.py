@@ -9,7 +9,7 @@ from hypothesis.extra import numpy as npst
 import numpy as np
 import pytest
 
-from tactile_sensing.cli import estimate
+from tactile_sensing.cli import estimate, estimate_options
 from tactile_sensing.contact.estimator import ContactEstimator, EstimatorConfig
 from tactile_sensing.half_space import line
 from tactile_sensing.types.array import TactelArray
@@ -22,8 +22,9 @@ NOISE = 0.01 * line.peak_pressure(FORCE, DEPTH)
 OPTIONS = ['--pitch', '0.001', '--layers', 'zz@0.002']
 
 # The arrays of an output file: other people's scripts read them.
-OUTPUT = ['type', 'valid', 'flags', 'a', 'b', 'yaw', 'P', 'Qx', 'Qy', 'line_force', 'covariance',
-          'snr', 'residual', 'force_windowed', 'iterations']
+OUTPUT = ['type', 'valid', 'reasons', 'a', 'b', 'yaw', 'normal_force', 'shear_force_x',
+          'shear_force_y', 'line_force', 'patch', 'start', 'end', 'covariance', 'snr', 'residual',
+          'force_windowed', 'iterations', 'moments']
 
 
 def edges(count, seed=1, depth=DEPTH):
@@ -72,11 +73,11 @@ def test_edges_and_empty_frames(there, capsys):
     np.testing.assert_array_equal(found['type'], 2 * line_frames)
     np.testing.assert_allclose(found['a'][line_frames], a[line_frames], atol=3e-5)
     np.testing.assert_allclose(found['line_force'][line_frames], FORCE, rtol=0.02)
-    np.testing.assert_allclose(found['P'][line_frames], FORCE * ROWS * PITCH, rtol=0.02)
-    assert found['flags'][7] == Reason.NO_CONTACT and not found['flags'][line_frames].any()
+    np.testing.assert_allclose(found['normal_force'][line_frames], FORCE * ROWS * PITCH, rtol=0.02)
+    assert found['reasons'][7] == Reason.NO_CONTACT and not found['reasons'][line_frames].any()
     assert np.isfinite(found['covariance'][line_frames][:, [0, 2, 3, 6], [0, 2, 3, 6]]).all()
     for name, values in found.items():
-        if values.dtype.kind == 'f':
+        if values.dtype.kind == 'f' and name != 'moments':
             assert np.isnan(values[7]).all(), name
     text = message(capsys)
     assert '20 frames' in text and 'frames/s' in text
@@ -91,10 +92,7 @@ def test_same_as_the_estimator(there):
     for number, frame in enumerate(frames):
         contact = estimator.estimate(TactileImage(
             0, 0, (Layer('zz', DEPTH, frame),), ARRAY, tared=True))
-        for name, value in {'P': 'normal_force', 'flags': 'reasons', 'Qx': 'shear_force_x',
-                            'Qy': 'shear_force_y'}.items():
-            np.testing.assert_array_equal(found[name][number], getattr(contact, value))
-        for name in set(found) - {'P', 'flags', 'Qx', 'Qy'}:
+        for name in set(found) - {'moments'}:
             np.testing.assert_array_equal(found[name][number], getattr(contact, name))
 
 
@@ -125,6 +123,9 @@ def test_csv_equals_npz(there, monkeypatch):
                 for column in range(row, 7):
                     np.testing.assert_array_equal(
                         table[f'covariance_{row}_{column}'], values[:, row, column])
+        elif name == 'moments':
+            for column in range(6):
+                np.testing.assert_array_equal(table[f'moments_{column}'], values[:, column])
         else:
             np.testing.assert_array_equal(table[name], values)
 
@@ -136,11 +137,11 @@ def test_layers_dead_and_saturated_tactels(there):
     args = ['--pitch', '0.001', '0.001', '--layers', 'zz@0.002,zz@0.004']
     assert run('--dead', '3,4;0,0', frames=layers, args=args) == 0
     found = result()
-    assert found['valid'].all() and (found['flags'] == Reason.DEAD_TACTELS).all()
+    assert found['valid'].all() and (found['reasons'] == Reason.DEAD_TACTELS).all()
     np.testing.assert_allclose(found['a'], a, atol=3e-5)
     assert run('--full-scale', '1e6', frames=frames) == 0
     found = result()
-    assert found['valid'].all() and (found['flags'] == Reason.SATURATED).all()
+    assert found['valid'].all() and (found['reasons'] == Reason.SATURATED).all()
     np.testing.assert_allclose(found['a'], a, atol=3e-5)
 
 
@@ -151,7 +152,8 @@ def test_input_behind_the_pitch(there):
 
 def test_options_go_to_the_estimator():
     def config(*options):
-        return estimate.make_config(estimate.parse(['in.npz', *OPTIONS, '-o', 'o', *options]))
+        return estimate_options.make_config(estimate_options.parse(
+            ['in.npz', *OPTIONS, '-o', 'o', *options]))
 
     assert config() == EstimatorConfig()
     assert config('--model', 'line', '--tactel', 'area', '--fit-depth') == EstimatorConfig(
@@ -214,7 +216,8 @@ def test_mistakes_cost_one_line(there, capsys, arrays, options, words):
 
 
 @pytest.mark.parametrize('args, words', [
-    ([], 'required: --pitch, --layers, -o'),
+    ([], 'required: -o/--out'),
+    (['in.npz', '-o', 'out.npz'], '--calibration is missing, or --pitch'),
     ([*OPTIONS, '-o', 'out.npz'], 'FRAMES.npz is missing'),
     (['gone.npz', *OPTIONS, '-o', 'out.npz'], 'gone.npz: cannot be read: No such file'),
     (['.', *OPTIONS, '-o', 'out.npz'], 'cannot be read'),
@@ -290,7 +293,7 @@ def check_garbage(frames, capsys):
     if good:
         found = result()
         assert len(found['valid']) == len(frames)
-        for name in ('a', 'P', 'snr'):
+        for name in ('a', 'normal_force', 'snr'):
             np.testing.assert_array_equal(np.isfinite(found[name]), found['valid'])
 
 
@@ -326,14 +329,15 @@ def test_help_names_everything(capsys):
     types = [kind.name.lower() for kind in ContactType]
     for name in ('frames', *OUTPUT, *Reason.__members__, *types):
         assert re.search(rf'\b{name}\b', text), name
-    assert set(estimate.FLAGS) == set(Reason) and set(estimate.TYPES) == set(ContactType)
-    assert max(map(len, text.splitlines())) < 110
+    assert set(estimate_options.FLAGS) == set(Reason)
+    assert set(estimate_options.TYPES) == set(ContactType)
+    assert max(map(len, text.splitlines())) < 120
 
 
 def test_example_of_the_help_works(there):
-    code = estimate.EXAMPLE.split('"')[1]
+    code = estimate_options.EXAMPLE.split('"')[1]
     exec('\n'.join(row[2:] for row in code.splitlines()), {})
-    options = re.search(r'estimate (frames.npz .*)', estimate.EXAMPLE)[1]
+    options = re.search(r'estimate (frames.npz .*)', estimate_options.EXAMPLE)[1]
     assert estimate.main(options.split()) == 0
     found = result('contacts.npz')
     assert (found['type'] == ContactType.LINE).all()

@@ -31,6 +31,14 @@ class Observation:
         return self.locate(self.stamp_ns)
 
 
+class Touch(NamedTuple):
+    """Where a surface was touched, in the base frame."""
+
+    stamp_ns: int  # of the image
+    point: np.ndarray  # (3,) [m]
+    normal: np.ndarray  # (3,), inward unit normal
+
+
 class Assessment(NamedTuple):
     """What a law decides about the next cycle."""
 
@@ -80,6 +88,8 @@ class ServoLaw(Protocol):
     def stiffness(self) -> float: ...  # total, of skin, finger and robot [N/m]
     @property
     def touch_speed(self) -> float: ...  # at which it presses a pad that feels nothing yet [m/s]
+    @property
+    def touch(self) -> Touch | None: ...  # of a law that maps a surface; else None
     @property
     def error(self) -> TaskError | None: ...  # as last observed, None before
 

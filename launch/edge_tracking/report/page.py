@@ -90,7 +90,7 @@ def make_report(run: RunData, summary: Mapping[str, Any], scene: Scene, path) ->
                  f'at {1e3 * summary["speed_mean"]:.0f} mm/s on average.')
     if not summary['approach_recorded']:
         lead += ' No picture was recorded before first contact: the recording began late.'
-    _write(path, title, verdict, lead, shown(summary), sections,
+    write_page(path, title, verdict, lead, shown(summary), sections,
            f'{scene.description} Controller: {summary["controller"]}. Last state: '
            f'{summary["state"]}.' + (f' Seed of the noise: {summary["seed"]}.'
                                      if summary.get('seed') is not None else ''))
@@ -118,7 +118,7 @@ def make_recording_report(run: RunData, summary: Mapping[str, Any], name: str, p
         lead += f'; the largest force is {factor * largest:.4g} {unit}'
     verdict = ('Recording played' if summary['ok'] else 'No pictures', summary['ok'])
     tactels = f'{summary["rows"]} \u00d7 {summary["columns"]} tactels'
-    _write(path, f'Recording \u201c{name}\u201d, {tactels}', verdict,
+    write_page(path, f'Recording \u201c{name}\u201d, {tactels}', verdict,
            f'{lead}. Contacts by type: {types}.', shown(summary, METRICS), sections,
            summary.get('reason', ''))
 
@@ -128,7 +128,12 @@ def picture(run: RunData, scene: Scene, path) -> None:
     Path(path).write_bytes(png(plans.trajectory(run, scene, truth(run, scene))))
 
 
-def _write(path, title, verdict, lead, rows, sections, footer):
+def write_page(path, title, verdict, lead, rows, sections, footer) -> None:
+    """
+    Write a page: its verdict is a text and whether it is a good one, rows are of `shown`.
+
+    Each section has a heading, a figure, a caption and the class of its style.
+    """
     text, good = verdict
     numbers = ''.join(
         f'<div><dt>{escape(name[0].upper() + name[1:])}</dt>'

@@ -16,8 +16,22 @@ chord: Any = njit(error_model='numpy')(chord_length)
 # Rows of an estimate's covariance for the parameters of a point's fit, and for what `_line_map`
 # makes of a line's: without shear the first four.
 POINT_ROWS = (ROW.a, ROW.b, ROW.normal_force, ROW.shear_force_x, ROW.shear_force_y)
+FORCE_ROWS = (ROW.normal_force, ROW.shear_force_x, ROW.shear_force_y, ROW.line_force)
 LINE_ROWS = (ROW.a, ROW.yaw, ROW.normal_force, ROW.line_force,
              ROW.shear_force_x, ROW.shear_force_y)
+
+
+@njit(error_model='numpy')
+def copy_record(source, i, target, j):
+    """
+    Copy one record of an array into another array of the type, by words.
+
+    Numba's own assignment, number by number, compiles to a thousand instructions.
+    """
+    source_words, target_words = source.view(np.int64), target.view(np.int64)
+    words = source_words.size // source.size
+    for word in range(words):
+        target_words[j * words + word] = source_words[i * words + word]
 
 
 @njit(error_model='numpy')
@@ -64,14 +78,15 @@ def write_point(load, cov, estimate):
 
 
 @njit(error_model='numpy')
-def write_line(load, cov, with_shear, sensor, estimate):
-    """Line into an estimate: forces on the pad."""
+def write_line(load, cov, with_shear, first, last, sensor, estimate):
+    """Line, loaded from first to last along itself [m], into an estimate: forces on the pad."""
     half_x, half_y = half_sides(sensor)
     rho, yaw, force, shear = load.rho, load.yaw, load.force, load.shear
     cos, sin = math.cos(yaw), math.sin(yaw)
     length, step = chord(rho, yaw, half_x, half_y), 1e-6
     by_rho = (chord(rho + step, yaw, half_x, half_y) - length) / step
     by_yaw = (chord(rho, yaw + step, half_x, half_y) - length) / step
+    length = max(last - first, 0.0)
     estimate.a, estimate.b, estimate.yaw = rho / cos, 0.0, yaw
     estimate.normal_force, estimate.line_force = force * length, force
     if with_shear:
@@ -95,13 +110,21 @@ def write_line(load, cov, with_shear, sensor, estimate):
 
 
 @njit(error_model='numpy')
-def compare_forces(estimate):
+def forget_forces(estimate):
+    """Make every force NaN, and their covariance: no gain is known."""
+    estimate.normal_force = estimate.line_force = estimate.force_windowed = np.nan
+    estimate.shear_force_x = estimate.shear_force_y = np.nan
+    for row in FORCE_ROWS:
+        for i in range(estimate.covariance.shape[0]):
+            estimate.covariance[row, i] = estimate.covariance[i, row] = np.nan
+
+
+@njit(error_model='numpy')
+def compare_forces(estimate, relative_std):
     """Second force estimate into the first's unit; whether it disagrees, and how far, is told."""
     off, covariance = estimate.force_windowed - 1.0, estimate.covariance
     estimate.force_windowed *= estimate.normal_force
-    disagrees = abs(off) * estimate.normal_force > (
-        FORCE_MISMATCH * estimate.normal_force
-        + 3.0 * math.sqrt(covariance[ROW.normal_force, ROW.normal_force]))
+    disagrees = abs(off) > FORCE_MISMATCH + 3.0 * relative_std
     if disagrees:  # one of the two is wrong by as much
         covariance[ROW.normal_force, ROW.normal_force] += (off * estimate.normal_force) ** 2
         covariance[ROW.line_force, ROW.line_force] += (off * estimate.line_force) ** 2

@@ -23,6 +23,8 @@ class Layer:
     thickness: float = math.inf  # of the skin on a rigid backing [m]; infinite: a half-space
     poisson: float = 0.5  # Poisson's ratio of the skin
     gain_spread: float = 0.0  # standard deviation of the tactels' gains, relative; 0 = unknown
+    # A tactel at or below it is only known to be below it, in `unit`; 0 = all are measured.
+    floor: float = 0.0
 
     @property
     def skin(self) -> Skin:

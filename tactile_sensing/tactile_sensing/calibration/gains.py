@@ -1,0 +1,81 @@
+"""Flat-fielding: the gain of every tactel from presses over the pad."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from tactile_sensing.calibration.presses import Presses
+from tactile_sensing.calibration.skin_fit import fit_skin, SkinFit
+from tactile_sensing.skin.pressure import SkinPressure
+
+ROUNDS = 4  # of gains by presses and presses by gains
+MODEL_ERROR = 0.01  # of the pressure, that the skin's model may leave out
+SHEAR = 0.1  # of the force: standard deviation of shear while the ball is pressed straight
+USUAL_SPREAD = 0.1  # of gains, before anything is measured
+LEAST_SPREAD = 0.005  # that is looked for
+
+
+@dataclass(frozen=True, eq=False)
+class Gains:
+    """Relative gains: what pressure a count of each tactel stands for, 1 in the mean."""
+
+    gain: np.ndarray  # (rows, columns)
+    std: np.ndarray  # (rows, columns), of each, relative
+    spread: float  # standard deviation of the gains
+    left: float  # RMS of `std`: the spread that is left
+
+
+def flat_field(presses: Presses, ball_radius: float, skin_fit: SkinFit, area: bool) -> Gains:
+    """
+    Find the gains with which presses look as one skin makes them.
+
+    Sensitivities of all tactels and places and forces of all presses are fitted together: what a
+    press is free to be is projected out of what its tactels demand. Chance alone spreads gains
+    as far as they are found to spread; a tactel that no press loads keeps what is usual.
+    """
+    array, sensitivity = presses.array, np.ones(presses.array.shape)
+    spread = USUAL_SPREAD
+    size = (array.pitch_x, array.pitch_y) if area else (0.0, 0.0)
+    pressure = SkinPressure(skin_fit.skin, *size)
+    covariance = np.eye(sensitivity.size)
+    for _ in range(ROUNDS):
+        fit = fit_skin(presses.scaled(1.0 / sensitivity), ball_radius, area=area,
+                       known=skin_fit.skin)
+        information, demanded = _demands(presses, sensitivity, pressure, fit)
+        prior = np.eye(sensitivity.size) / spread**2
+        covariance = np.linalg.inv(information + prior)
+        step = covariance @ (demanded - (sensitivity.ravel() - 1.0) / spread**2)
+        sensitivity = np.clip(sensitivity + step.reshape(array.shape), 0.3, 3.0)
+        variance = np.diag(covariance)
+        spread = max(float(np.sqrt(np.mean((sensitivity.ravel() - 1.0)**2 + variance))),
+                     LEAST_SPREAD)
+    std = np.sqrt(np.diag(covariance)).reshape(array.shape)
+    return Gains(1.0 / sensitivity, std, spread, float(np.sqrt(np.mean(std**2))))
+
+
+def _demands(presses, sensitivity, pressure, fit):
+    """Normal equations of the sensitivities, with places and forces eliminated."""
+    x, y = presses.array.x[None, :], presses.array.y[:, None]
+    count = sensitivity.size
+    information, demanded = np.zeros((count, count)), np.zeros(count)
+    step = 1e-3 * min(presses.array.pitch_x, presses.array.pitch_y)
+    for values, model, (a, b), amplitudes in zip(
+            presses.values, fit.models, fit.places, fit.amplitudes, strict=True):
+        seen = np.isfinite(values) & (values > presses.floor)
+        weight = np.where(seen, 1.0 / np.hypot(presses.noise, MODEL_ERROR * model), 0.0).ravel()
+        basis = pressure.point_basis(x, y, a, b)
+        moved = [(pressure.point_basis(x, y, a + dx, b + dy) - basis) @ amplitudes / step
+                 for dx, dy in ((step, 0.0), (0.0, step))]
+        columns = np.concatenate([basis, np.stack(moved, -1)], -1).reshape(count, 5)
+        # Two more rows: that the ball is pressed straight.
+        straight = np.zeros((2, 5))
+        straight[0, 1] = straight[1, 2] = 1.0 / (SHEAR * amplitudes[0])
+        q, _ = np.linalg.qr(np.concatenate([
+            columns * (sensitivity.ravel() * weight)[:, None], straight]))
+        lever = model.ravel() * weight
+        left = np.concatenate([np.nan_to_num(values - sensitivity * model).ravel() * weight,
+                               -amplitudes[1:] / (SHEAR * amplitudes[0])])
+        own = lever[:, None] * q[:count]
+        information += np.diag(lever**2) - own @ own.T
+        demanded += lever * (left - q @ (q.T @ left))[:count]
+    return information, demanded

@@ -1,0 +1,194 @@
+"""Command `calibrate`, on pictures by finite elements, which share nothing with its model."""
+import os
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tactile_sensing.calibration.order import seriate, solve_order
+from tactile_sensing.calibration.unloaded import range_of, survey
+from tactile_sensing.cli import calibrate, estimate
+from tactile_sensing.devices.calibration_file import load_calibration
+from tactile_sensing.devices.counts import Counts
+from tactile_sensing.types.array import TactelArray
+
+REPOSITORY = Path(__file__).parents[2]
+PROFILES = REPOSITORY / 'benchmarks' / 'contact' / 'fe_frames.npz'
+SHARED = Path(os.environ.get('TACTILE_SHARED_DATA', REPOSITORY.parent / 'shared' / 'data'))
+RADII = np.concatenate([np.linspace(0.0, 8e-3, 161), np.linspace(8.1e-3, 36e-3, 100)])
+ARRAY = TactelArray(16, 16, 25.4e-3 / 16, 25.4e-3 / 16)
+DEPTH, BACKING, BALL = 2e-3, 6e-3, 1e-3  # of the finite elements [m]
+PEAK, BASELINE, NOISE = 400.0, 20.0, 4.0  # counts: 40 dB
+OPTIONS = ['--out', 'pad.yaml', '--pitch', f'{ARRAY.pitch_x}']
+
+
+@pytest.fixture(scope='module')
+def profile():
+    if not PROFILES.exists():
+        pytest.skip(f'no {PROFILES.name} beside this package')
+    profiles = np.load(PROFILES)['profiles']
+    return next(it for it in profiles if it['kind'] == 'ball' and it['radius'] == BALL
+                and it['backing'] == BACKING and it['poisson'] == 0.45)
+
+
+def presses(profile, count, rng, reach=8e-3):
+    """Pictures (count, rows, columns) over their highest pressure, and places (count, 2) [m]."""
+    nodes, weights = np.polynomial.legendre.leggauss(5)
+    dx, dy = np.meshgrid(0.5 * ARRAY.pitch_x * nodes, 0.5 * ARRAY.pitch_y * nodes)
+    share = np.multiply.outer(weights, weights)[..., None, None] / 4.0
+    x = ARRAY.x + dx[..., None, None]
+    y = ARRAY.y[:, None] + dy[..., None, None]
+    places = rng.uniform(-reach, reach, (count, 2))
+    pictures = np.array([(share * np.interp(
+        np.hypot(x - a, y - b), RADII, profile['pressure'])).sum(axis=(0, 1)) for a, b in places])
+    return pictures / profile['pressure'].max(), places
+
+
+def digitised(pictures, rng, gains=1.0):
+    counts = PEAK * gains * pictures + BASELINE + NOISE * rng.standard_normal(pictures.shape)
+    return np.clip(np.rint(counts), 0, 1023).astype(np.uint16)
+
+
+@pytest.fixture
+def there(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    rng = np.random.default_rng(1)
+    np.savez('u.npz', frames=digitised(np.zeros((100, *ARRAY.shape)), rng))
+    return tmp_path
+
+
+def test_from_twenty_presses_to_honest_contacts(there, profile, capsys):
+    rng = np.random.default_rng(2)
+    np.savez('b.npz', frames=digitised(presses(profile, 20, rng)[0], rng))
+    pictures, places = presses(profile, 60, rng)
+    np.savez('t.npz', frames=digitised(pictures, rng))
+    assert calibrate.main([
+        *OPTIONS, '--unloaded', 'u.npz', '--ball', 'b.npz', '--ball-radius', '0.001',
+        '--force', f'{profile["force"]}', '--report', 'r.png']) == 0
+    pad = load_calibration('pad.yaml')
+    assert pad.unit == 'Pa' and pad.tactel == 'area' and pad.found['skin']['presses'] == 20
+    assert pad.depth == pytest.approx(DEPTH, rel=0.05)
+    assert pad.thickness == pytest.approx(BACKING, rel=0.1)
+    assert np.sqrt(np.mean(pad.noise**2)) == pytest.approx(NOISE, rel=0.05)
+    assert np.median(pad.gain) == pytest.approx(profile['pressure'].max() / PEAK, rel=0.03)
+    assert (there / 'r.png').stat().st_size > 10_000
+    assert "assumed: a Poisson's ratio" in capsys.readouterr().err
+    assert estimate.main(['t.npz', '--calibration', 'pad.yaml', '--tare', 'u.npz',
+                          '-o', 'o.npz']) == 0
+    with np.load('o.npz') as found:
+        good = found['valid'] & (found['type'] == 1)
+        assert good.mean() >= 0.95
+        assert np.hypot(found['a'] - places[:, 0], found['b'] - places[:, 1])[good].max() < 0.3e-3
+        assert np.mean(found['normal_force'][good]) == pytest.approx(profile['force'], rel=0.03)
+
+
+def test_gains_of_the_tactels(there, profile):
+    rng = np.random.default_rng(3)
+    gains = 1.0 + 0.1 * rng.standard_normal(ARRAY.shape)
+    np.savez('b.npz', frames=digitised(presses(profile, 20, rng)[0], rng, gains))
+    np.savez('f.npz', frames=digitised(presses(profile, 40, rng, 11e-3)[0], rng, gains))
+    assert calibrate.main([*OPTIONS, '--unloaded', 'u.npz', '--ball', 'b.npz', '--ball-radius',
+                           '0.001', '--flat', 'f.npz']) == 0
+    pad = load_calibration('pad.yaml')
+    inner = (pad.gain * gains)[3:-3, 3:-3]
+    assert np.std(inner / inner.mean()) < 0.05  # of 0.1
+    assert pad.found['gains']['spread'] == pytest.approx(0.1, abs=0.025)
+    assert pad.unit == 'counts'
+    assert any('no force is known' in text for text in pad.found['assumed'])
+
+
+def test_bad_presses_are_named_and_left_out(there, profile, capsys):
+    rng = np.random.default_rng(4)
+    pictures, _ = presses(profile, 14, rng)
+    pictures[3] = 0.0
+    pictures[5] *= 5.0
+    pictures[7] += np.roll(pictures[7], 8, axis=(0, 1))
+    np.savez('b.npz', frames=digitised(pictures, rng))
+    assert calibrate.main([*OPTIONS, '--unloaded', 'u.npz', '--ball', 'b.npz', '--ball-radius',
+                           '0.001']) == 0
+    told = capsys.readouterr().err
+    assert 'ball, frame 3 left out: nothing presses' in told
+    assert 'ball, frame 5 left out' in told and 'full scale' in told
+    assert 'ball, frame 7 left out: something presses elsewhere' in told
+
+
+def test_silent_and_noisy_tactels_are_found():
+    rng = np.random.default_rng(5)
+    unloaded = np.rint(20.0 + rng.standard_normal((100, 8, 8)))
+    unloaded[:, 2, 3] = np.rint(20.0 + 30.0 * rng.standard_normal(100))
+    loaded = np.full((5, 8, 8), 200.0)
+    loaded[:, 5, 5] = 20.0
+    found = survey(unloaded, Counts(10), [loaded])
+    assert set(found.dead) == {(2, 3), (5, 5)}
+    assert 'noise' in found.dead[2, 3] and found.dead[5, 5] == 'shows nothing under load'
+
+
+def test_a_threshold_is_seen_and_clipping_is_none():
+    rng = np.random.default_rng(6)
+    values = rng.exponential(60.0, 20_000) + 2.0 * rng.standard_normal(20_000)
+    clipped = np.clip(np.rint(values), 0, 1023)
+    assert range_of([clipped.reshape(1, 1, -1)], 10, False, None)[0].threshold == 1
+    kept = np.where(clipped < 12, 0.0, clipped)
+    assert range_of([kept.reshape(1, 1, -1)], 10, False, None)[0].threshold == 12
+
+
+def test_scrambled_lines_are_put_in_order():
+    rng = np.random.default_rng(7)
+    rows, columns = rng.permutation(12), rng.permutation(9)
+    y, x = np.arange(12)[:, None], np.arange(9)
+
+    def seen(row, column):
+        """A ball at a place of the picture, as the raw frame (transposed) shows it."""
+        picture = np.exp(-((y - row)**2 + (x - column)**2) / 3.0)
+        raw = np.empty((9, 12))
+        raw[np.ix_(columns, rows)] = picture.T
+        return raw
+
+    rolling = np.array([seen(row, column) for row in np.arange(0.0, 11.5, 0.5)
+                        for column in np.arange(0.0, 8.5, 0.5)])
+    corners = np.array([seen(0, 0), seen(0, 8), seen(11, 8), seen(11, 0)])
+    found = solve_order(corners, rolling, (12, 9))
+    assert found == (tuple(rows.tolist()), tuple(columns.tolist()), True)
+    order = seriate(rolling.sum(axis=2))
+    assert order.tolist() in (columns.tolist(), columns[::-1].tolist())
+
+
+@pytest.mark.parametrize('options, words', [
+    ([], 'no recordings'), (['--ball', 'u.npz'], '--ball-radius is missing'),
+    (['--unloaded', 'none.npz'], 'No such file'),
+    (['--unloaded', 'u.npz', '--force', '2'], '--force needs --ball'),
+    (['--ball', 'u.npz', '--ball-radius', '1'], "--ball-radius is '1', must be"),
+    (['--ball', 'u.npz', '--ball-radius', '0.001'], 'only 0 of 100 frames show one press'),
+    (['--unloaded', 'u.npz', '--bits', '17'], "--bits is '17', must be an integer from 1 to 16"),
+    (['--unloaded', 'u.npz', '--corners', 'u.npz'], 'corners: 100 frames, must be 4'),
+    (['--unloaded', 'u.npz', '--thickness', '0.004'], '--thickness needs --depth')])
+def test_mistakes_are_answered_in_one_line(there, capsys, options, words):
+    assert calibrate.main([*OPTIONS, *options]) == 1
+    told = capsys.readouterr().err
+    assert told.startswith('calibrate: ') and told.count('\n') == 1 and words in told
+    assert not (there / 'pad.yaml').exists()
+
+
+def test_help_teaches(capsys):
+    with pytest.raises(SystemExit) as end:
+        calibrate.main(['--help'])
+    assert end.value.code == 0
+    text = capsys.readouterr().out
+    for word in ('unloaded', 'corners', 'rolling', 'ball', 'flat', '--force', 'Example'):
+        assert word in text
+
+
+@pytest.mark.skipif(not SHARED.exists(), reason=f'no recordings of real arrays in {SHARED}')
+def test_real_recordings_run_through(there):
+    """A finger on a Tekscan array and a bare foot: no press of either is called a point."""
+    finger = np.load(SHARED / 'tekscan_finger' / 'iscan_finger.npz')
+    raw = finger['frames'][:, 15:26, 15:26]
+    np.savez('finger.npz', frames=raw[::4])
+    np.savez('rest.npz', frames=raw[raw.sum(axis=(1, 2)) <= np.quantile(raw.sum((1, 2)), 0.1)])
+    assert calibrate.main(['--out', 'finger.yaml', '--pitch', str(finger['pitch_m']),
+                           '--unloaded', 'rest.npz', '--depth', '0.0001', '--bits', '8']) == 0
+    assert estimate.main(['finger.npz', '--calibration', 'finger.yaml', '-o', 'o.npz']) == 0
+    with np.load('o.npz') as found:
+        assert np.isnan(found['normal_force']).all()
+        load = raw[::4].sum(axis=(1, 2))
+        assert (found['type'][load > 0.3 * load.max()] != 0).all()
