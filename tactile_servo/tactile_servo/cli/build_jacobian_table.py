@@ -134,9 +134,9 @@ def draw(table: JacobianTable, path) -> None:
 
 def main(argv: list[str] | None = None) -> int:
     """Run the command."""
-    options = parser().parse_args(argv)
     begin = time.perf_counter()
     try:
+        options = parser().parse_args(argv)
         table = make(options)
         table.save(options.out)
         if options.plot:

@@ -83,8 +83,8 @@ class Press:
 
 def main(argv: list[str] | None = None) -> int:
     """Run the command; 0 if the files were written."""
-    options = parser().parse_args(argv)
     try:
+        options = parser().parse_args(argv)
         press = Press(load_scene(options.scene), options.radius, options.force, options.modulus,
                       options.seed)
         folder = Path(options.out)
