@@ -194,6 +194,15 @@ class Bench:
         self.wait(future.done, 'the answer of ~/pause')
         return future.result()
 
+    def call(self, kind, name, **request):
+        """Call a service of the graph and return its answer."""
+        client = self.listener.create_client(kind, name)
+        self.wait(client.service_is_ready, f'the service {name}')
+        future = client.call_async(kind.Request(**request))
+        self.wait(future.done, f'the answer of {name}')
+        self.listener.destroy_client(client)
+        return future.result()
+
     def path(self):
         """Return stamps (N,) [s] and sensor poses (N, 4, 4) in the base frame so far."""
         poses = list(self.listener.poses)
