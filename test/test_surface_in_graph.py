@@ -84,7 +84,7 @@ def test_a_goal_keeps_features_that_were_shown(tracked):
     assert "no features were taught by the name 'none'; known: here" in client.reason
 
 
-def test_a_cancelled_goal_lifts_off_or_stands(tracked):
+def test_a_cancelled_goal_comes_to_rest(tracked):
     client = tracked.start_tracking(length=LENGTH, speed=0.03)
     tracked.reach(0.2 * LENGTH)
     client.cancel()
@@ -93,4 +93,4 @@ def test_a_cancelled_goal_lifts_off_or_stands(tracked):
     assert not client.success and client.reason_code == ServoReason.CANCELLED
     assert client.result.contacts  # what was felt until then
     tracked.wait(lambda: tracked.listener.state == ServoStatus.IDLE, 'the rest')
-    assert not np.array(tracked.robot.controller.commanded[1]).any()
+    assert np.abs(tracked.robot.controller.commanded[1]).max() < 1e-4  # rad/s

@@ -78,6 +78,7 @@ def between(wanted: Sequence[Told], share: float) -> Told:
     k = min(math.floor(place), len(wanted) - 2)
     if k < 0:
         return wanted[0]
-    part = place - k
-    return Told(*((1.0 - part) * was + part * will
-                  for was, will in zip(wanted[k], wanted[k + 1], strict=True)))
+    was, will, part = wanted[k], wanted[k + 1], place - k
+    return Told(was.force + part * (will.force - was.force),
+                was.place + part * (will.place - was.place),
+                was.error + part * (will.error - was.error))
