@@ -157,9 +157,9 @@ def test_scrambled_lines_are_put_in_order():
     ([], 'no recordings'), (['--ball', 'u.npz'], '--ball-radius is missing'),
     (['--unloaded', 'none.npz'], 'No such file'),
     (['--unloaded', 'u.npz', '--force', '2'], '--force needs --ball'),
-    (['--ball', 'u.npz', '--ball-radius', '1'], "--ball-radius is '1', must be"),
+    (['--ball', 'u.npz', '--ball-radius', '1'], '--ball-radius: value is 1.0, must be between'),
     (['--ball', 'u.npz', '--ball-radius', '0.001'], 'only 0 of 100 frames show one press'),
-    (['--unloaded', 'u.npz', '--bits', '17'], "--bits is '17', must be an integer from 1 to 16"),
+    (['--unloaded', 'u.npz', '--bits', '17'], '--bits: value is 17, must be between 1 and 16'),
     (['--unloaded', 'u.npz', '--corners', 'u.npz'], 'corners: 100 frames, must be 4'),
     (['--unloaded', 'u.npz', '--thickness', '0.004'], '--thickness needs --depth')])
 def test_mistakes_are_answered_in_one_line(there, capsys, options, words):
