@@ -17,7 +17,6 @@ from tactile_sensing.calibration.procedure import calibrate, Known, Recordings
 from tactile_sensing.contact.estimator import ContactEstimator, EstimatorConfig
 
 NOISE = 0.01  # of the highest tactel: 40 dB
-SMALL = 50  # frames without load
 WIDE = 11e-3  # m from the middle, within which balls are pressed for the gains
 
 
@@ -117,7 +116,6 @@ def gains(seeds):
         places = drawn(profile, 200, rng)
         pictures = rendered(profile, array, places) / highest
         for name, gain, flat in (('uniform', 1.0, 0), ('off, forty presses', spread, 40),
-                                 ('off, eighty presses', spread, 80),
                                  ('off, none', spread, 0)):
             converter = Converter()
             known = pad(profile, array, converter, rng, gains=gain, flat=flat)

@@ -1,9 +1,10 @@
 """Commands on frames of `.npy` files and bags: what they tell is what an archive or node tells."""
 import numpy as np
 import pytest
-from rclpy.serialization import serialize_message
+from rclpy.serialization import deserialize_message, serialize_message
 
 from tactile_common.ros.message_definitions import definition_of
+from tactile_msgs.msg import TactileImage as TactileImageMsg
 from tactile_sensing.cli import calibrate, estimate
 from tactile_sensing.contact.estimator import ContactEstimator
 from tactile_sensing.conversions import image_from_msg, image_to_msg
@@ -44,6 +45,12 @@ def pictures(frames, *, tared=True, array=ARRAY, **layer):
     return [TactileImage(5_000_000_000 + 10_000_000 * k, k,
                          (Layer('zz', DEPTH, frame.astype(np.float32), **layer),), array, tared)
             for k, frame in enumerate(frames)]
+
+
+def received(image):
+    """Picture as a node has it, of single precision."""
+    return image_from_msg(deserialize_message(
+        serialize_message(image_to_msg(image)), TactileImageMsg))
 
 
 def write_bag(path, **sensors):
@@ -101,7 +108,7 @@ def test_of_a_bag_is_told_what_the_node_tells(there):
     np.testing.assert_allclose(found['t'], 5.0 + 0.01 * np.arange(300), atol=1e-6)
     assert found['valid'].sum() == 299
     for k, image in enumerate(images):
-        contact = ContactEstimator().estimate(image_from_msg(image_to_msg(image)))
+        contact = ContactEstimator().estimate(received(image))
         assert (found['type'][k], found['valid'][k], found['reasons'][k]) == (
             contact.type, contact.valid, contact.reasons)
         assert np.isnan(found['a'][k]) if not contact.valid else found['a'][k] == contact.a
