@@ -5,7 +5,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass, fields, replace
 from itertools import islice
 import math
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 
@@ -24,17 +24,6 @@ from tactile_sensing.types.image import Layer
 CHUNK_BYTES = 1 << 20
 
 
-class Source(Protocol):
-    """Frames of one sensor."""
-
-    total: int
-    dtype: np.dtype  # of a record
-    tactel: str | None  # what a tactel measures, if it is known
-
-    def records(self, estimator: ContactEstimator) -> Iterator[np.ndarray]:
-        """Yield what is estimated of all frames in turn, some at a time."""
-
-
 @dataclass
 class Frames:
     """Frames of an array, and how they become stress."""
@@ -44,7 +33,7 @@ class Frames:
     layers: list[Layer]  # without their stress
     to_stress: Callable[[np.ndarray], np.ndarray]
     dead: np.ndarray  # (rows, columns)
-    tactel: str | None = None
+    tactel: str | None = None  # what a tactel measures, if it is known
     dtype: np.dtype = RECORD
 
     @property
@@ -52,8 +41,8 @@ class Frames:
         """Return the number of frames."""
         return self.reader.shape[0]
 
-    def records(self, estimator):
-        """As of a `Source`."""
+    def records(self, estimator: ContactEstimator) -> Iterator[np.ndarray]:
+        """Yield what is estimated of all frames in turn, some at a time."""
         frame_size = math.prod(self.reader.shape[1:]) * self.reader.dtype.itemsize
         for frames in self.reader.chunks(min(max(CHUNK_BYTES // frame_size, 1), MAX_CHUNK)):
             stress = self.to_stress(frames)
@@ -74,8 +63,8 @@ class Pictures:
         self._known = layer_values(options)
         self._dead = parse_dead(options.dead, self._pictures.array)
 
-    def records(self, estimator):
-        """As of a `Source`."""
+    def records(self, estimator: ContactEstimator) -> Iterator[np.ndarray]:
+        """Likewise."""
         pictures = iter(self._pictures)
         while some := list(islice(pictures, MAX_CHUNK)):
             records = np.zeros(len(some), STAMPED)
@@ -101,7 +90,7 @@ def _fill(record: np.void, contact: Contact) -> None:
             record[name] = np.nan
 
 
-def source_of(options: argparse.Namespace) -> Source:
+def source_of(options: argparse.Namespace) -> Frames | Pictures:
     """Return the frames that the options name."""
     if options.calibration:
         return _calibrated(options)
@@ -126,7 +115,8 @@ def _plain(options):
         raise ConfigurationError(
             f'--layers names {len(layers)} (of {options.layers}), but frames has shape {shape}: '
             f'{there} layer{"s" * (there > 1)}')
-    known, array = layer_values(options), TactelArray(*shape[-2:], pitch_x, pitch_y)
+    known, (rows, columns) = layer_values(options), shape[-2:]
+    array = TactelArray(rows, columns, pitch_x, pitch_y)
     return Frames(reader, array,
                   [Layer(component, depth, np.empty(0), **known) for component, depth in layers],
                   lambda frames: np.array(frames, dtype=np.float64),

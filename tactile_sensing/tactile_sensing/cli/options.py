@@ -3,6 +3,7 @@
 import argparse
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -44,7 +45,8 @@ def is_bag(path: str) -> bool:
     return Path(path).suffix in BAGS or Path(path).is_dir()
 
 
-def counts_reader(path: str, shape: tuple[int, int] | None = None, namespace: str | None = None):
+def counts_reader(path: str, shape: tuple[int, int] | None = None,
+                  namespace: str | None = None) -> Any:
     """
     Return the reader of frames in counts, (N, rows, columns), of a shape if one is given.
 
@@ -53,7 +55,7 @@ def counts_reader(path: str, shape: tuple[int, int] | None = None, namespace: st
     if is_bag(path):
         with reading_bags():
             from tactile_sensing.observations import RecordedCounts
-        reader = RecordedCounts(path, namespace)
+        reader: Any = RecordedCounts(path, namespace)
     else:
         reader = ArrayReader(path, 'frames')
     there = reader.shape
@@ -66,6 +68,6 @@ def counts_reader(path: str, shape: tuple[int, int] | None = None, namespace: st
     return reader
 
 
-def read_all(reader) -> np.ndarray:
+def read_all(reader: Any) -> np.ndarray:
     """Return all rows of an array."""
     return np.concatenate([np.array(part) for part in reader.chunks(MAX_CHUNK)])
