@@ -228,14 +228,6 @@ class Calibration:
             calibration=self.source, tared_at_ns=tared_at_ns)
 
 
-def pitchpitch_pair(pitch):
-    if isinstance(pitch, (list, tuple)):
-        if len(pitch) != 2:
-            raise ConfigurationError(f'pitch is {pitch!r}, must be one length or two [m]')
-        return tuple(pitch)
-    return pitch, pitch
-
-
 def pitch_pair(pitch):
     """Pitch along x and along y, of one length or two [m]."""
     if isinstance(pitch, (list, tuple)):
