@@ -171,11 +171,39 @@ def run(node_class, args=None, until=None, on_stop=None) -> int:
                 end = time.monotonic() + _DELIVERY
                 spin(executor, context, lambda: stop.is_set() or time.monotonic() > end)
         finally:
-            with _in_time(lambda: stopped, _ENDING, f'{node.get_name()} does not end; it waits'):
+            with _on_one_core(), _in_time(
+                    lambda: stopped, _ENDING, f'{node.get_name()} does not end; it waits'):
                 executor.shutdown()  # first: nothing may be delivered to a node that is gone
                 node.destroy_node()
                 context.try_shutdown()
     return 0
+
+
+@contextmanager
+def _on_one_core():
+    """
+    Let the threads of this process take turns on one core.
+
+    As its participant is destroyed Fast DDS waits for its callbacks, among them what other nodes
+    cause that leave at the same time. In builds for old systems, as the wheels are, that is a loop
+    which takes the callbacks' lock again as soon as it has released it, with several cores for
+    minutes. On one core the thread that is woken by the release comes first.
+    """
+    if not hasattr(os, 'sched_setaffinity'):
+        yield
+        return
+    cores = os.sched_getaffinity(0)
+    _keep_to({sorted(cores)[os.getpid() % len(cores)]})  # nodes that end together share them
+    try:
+        yield
+    finally:
+        _keep_to(cores)
+
+
+def _keep_to(cores):
+    for thread in os.listdir('/proc/self/task'):
+        with suppress(OSError):  # it has ended
+            os.sched_setaffinity(int(thread), cores)
 
 
 @contextmanager
