@@ -13,7 +13,7 @@ from edge_tracking.recording.run import RunData
 from edge_tracking.recording.summary import rebuilt_outline, truth
 from edge_tracking.report import figures, frames_figures, plans
 from edge_tracking.report.style import png
-from tactile_simulation.metrics import shown
+from tactile_simulation.metrics import busy, shown
 from tactile_simulation.scene import Scene
 
 SHOWN_PRESSES = 8
@@ -105,6 +105,7 @@ def make_report(run: RunData, summary: Mapping[str, Any], scene: Scene, path) ->
         lead += (f" The pad's centre stayed within {1e3 * largest:.3f} mm of the true edge, "
                  f'{1e3 * rms:.3f} mm RMS, over {1e3 * summary["tracked_length"]:.0f} mm '
                  f'at {1e3 * summary["speed_mean"]:.0f} mm/s on average.')
+    lead += f' {busy(summary)}'.rstrip()
     if not summary['approach_recorded']:
         lead += ' No picture was recorded before first contact: the recording began late.'
     _write(path, title, verdict, lead, shown(summary), sections,
