@@ -226,4 +226,5 @@ def test_a_step_on_a_platform_is_neither_point_nor_line(there):
     found = estimated('foot.npy', '--pitch', str(step['pitch_m']), '--unloaded', 'rest.npy',
                       '--threshold', '10', '--bits', '11', '--gain', '1000')
     assert (found['type'] == 3).all() and not found['valid'].any()
-    np.testing.assert_allclose(found['moments'][:, 0], step['row_force_sum_N'][::35], rtol=2e-4, atol=0.1)
+    np.testing.assert_allclose(found['moments'][:, 0], step['row_force_sum_N'][::35],
+                               rtol=2e-4, atol=0.1)
