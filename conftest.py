@@ -1,4 +1,4 @@
-"""For the tests of all packages: one thread, a ROS domain of their own, which of them run alone."""
+"""For the tests of all packages: one thread, a ROS domain of their own, who runs alone."""
 from functools import lru_cache
 import os
 from pathlib import Path
