@@ -13,7 +13,7 @@ import numpy as np
 
 from tactile_common.kernels import njit
 from tactile_sensing.contact.extended_fit import EQUATIONS
-from tactile_sensing.contact.extended_load import along_chord, BEGINS, ENDS, PATCH
+from tactile_sensing.contact.extended_load import PATCH
 from tactile_sensing.contact.gauss_newton import FIT, fit_load, LINE, make_tactels, POINT, Tactels
 from tactile_sensing.contact.goodness_of_fit import (
     beyond_sight,
@@ -32,6 +32,7 @@ from tactile_sensing.contact.outliers import (
     any_off,
     fit_depth,
     fit_despite_faults,
+    leave_out_outliers,
     scale_depths,
 )
 from tactile_sensing.contact.parameters import (
@@ -156,16 +157,24 @@ def estimate_as(kind, measured, sensor, layers, rules, memory, estimate):
                 memory.stress[k, r, c] = measured[k, r, c]
     state.scatter, state.second, state.hidden[:] = rules.gain_spread, False, 0.0
     ladder = sensor.polynomials.size > 0 and not rules.fit_depth
-    # Faults are looked for above the ladder: a blunt load is no row of broken tactels.
-    mend, shear = not ladder, False
-    while True:
-        fitted, left_out, depth_variance = _fit_mended(
-            kind, sensor, layers, forces, mend, rules, memory)
+    # Faults are looked for above the ladder: a blunt load is no row of broken tactels. Then
+    # below it, and at last by what the ladder has found: the end of a line is none, either.
+    left_out = shear = False
+    for look in range(3):
+        fitted, found, depth_variance = _fit_mended(
+            kind, sensor, layers, forces, look == 1 or not ladder, rules, memory)
+        left_out |= found
         if fitted:
             fitted, shear = _fit_least(kind, sensor, forces, ladder, memory)
-        if mend or not (fitted and any_off(memory.left, memory.model, memory.layers, rules)):
+        if look == 1 and fit.extras:
+            state.second = False
+        if look == 2 or not (fitted and ladder and any_off(
+                memory.left, memory.model, memory.layers, rules)):
             break
-        mend = True
+        if look == 1:
+            if not (fit.extras and leave_out_outliers(sensor, memory.layers, rules, memory)):
+                break
+            left_out = True
     by_noise = 0.0
     if not fitted:
         estimate.type, missed = _OTHER, _BAD_FIT
@@ -189,12 +198,7 @@ def estimate_as(kind, measured, sensor, layers, rules, memory, estimate):
         write_point(fit, fit.cov, estimate)
         estimate.patch = math.sqrt(5.0 * fit.variance)
     else:
-        first, last = along_chord(sensor, fit.rho, fit.yaw)
-        if fit.extras & BEGINS:
-            estimate.start = first = fit.start
-        if fit.extras & ENDS:
-            estimate.end = last = fit.end
-        write_line(fit, fit.cov, shear, first, last, sensor, estimate)
+        write_line(fit, fit.cov, shear, sensor, estimate)
         estimate.patch = 2.0 * math.sqrt(fit.variance)
     disagrees = compare_forces(estimate, math.sqrt(by_noise))
     estimate.reasons |= (_DEAD if left_out else 0) | (_MISMATCH if disagrees else 0)
@@ -270,7 +274,8 @@ def _fit_mended(kind, sensor, given_layers, forces, mend, rules, memory):
 def _widen(fit, state, depth_variance):
     """Add to a covariance shear and a patch that may be there, the depth, and more noise."""
     moved, hidden, slope = fit.moved, state.hidden, state.slope
+    fit.cov[:] *= state.excess
     for i in range(5):
         for j in range(5):
-            fit.cov[i, j] = moved[i] * moved[j] + hidden[i] * hidden[j] + state.excess * (
-                fit.cov[i, j] + depth_variance * slope[i] * slope[j])
+            fit.cov[i, j] += moved[i] * moved[j] + hidden[i] * hidden[j] + (
+                state.excess * depth_variance * slope[i] * slope[j])
