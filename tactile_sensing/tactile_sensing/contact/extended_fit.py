@@ -133,7 +133,7 @@ def _find_step(equations, damping):
 @njit(error_model='numpy')
 def _evaluate(kind, sensor, layers, load, memory):
     """Normal equations of a load with its extras; returns chi-square."""
-    add_rows(kind, sensor, layers, load, load.extras & (BEGINS | ENDS) != 0, memory.tactels)
+    add_rows(kind, sensor, layers, load, load.extras & (BEGINS | ENDS), memory.tactels)
     return set_up(
         memory.tactels, layers[-1].end, memory.state[0].scatter, memory.equations[0])
 

@@ -44,7 +44,7 @@ LEFT_OVER = 1.0  # standard deviations of chi-square from which on a line may ha
 def _add_patch_slope(x, y, source, load, by_variance, centre, scale, row):
     """Add the derivative by the variance of a patch of a source that has none as yet."""
     of_f, of_g = by_variance
-    cos, sin, rho, place, depends_on_w, _ = source
+    cos, sin, rho, place, depends_on_w = source
     force, shear_v, shear_w = load.force, load.shear_x, load.shear_y
     for i in range(x.size):
         v = x[i] * cos + y[i] * sin - rho
@@ -140,7 +140,7 @@ def _likelier_extra(kind, sensor, layers, forces, tried, memory):
     tips = kind == LINE and load.squared_error > freedom + LEFT_OVER * math.sqrt(2.0 * freedom)
     if not (load.extras or tried or tips):
         return PATCH, _gain_of_patch(kind, sensor, layers, forces, memory)
-    add_rows(kind, sensor, layers, load, tips, tactels)
+    add_rows(kind, sensor, layers, load, BEGINS | ENDS if tips else 0, tactels)
     choose_parameters(forces, load.extras, equations)
     n, best, most = layers[-1].end, 0, 0.0
     set_up(tactels, n, memory.state[0].scatter, equations)
@@ -158,6 +158,8 @@ def _likelier_extra(kind, sensor, layers, forces, tried, memory):
 @njit(error_model='numpy')
 def _ends_show(sensor, load, depth):
     """Whether a line begins and ends where the pad sees it, and in this order."""
+    if not load.extras & (BEGINS | ENDS):
+        return True
     first, last = along_chord(sensor, load.rho, load.yaw)
     start = load.start if load.extras & BEGINS else first
     end = load.end if load.extras & ENDS else last
