@@ -45,9 +45,8 @@ def over_claims(found, truth):
     return max(np.sqrt(np.mean(ratio[valid]**2)) for ratio in ratios)
 
 
-# A point presses too few tactels to show how far their gains are off: that has to be told.
-@pytest.mark.parametrize('kind, told', [
-    (ContactType.POINT, 0.1), (ContactType.LINE, 0.1), (ContactType.LINE, 0.0)])
+@pytest.mark.parametrize('kind', FORCES)
+@pytest.mark.parametrize('told', [0.0, 0.1])
 def test_gains_that_differ_by_ten_percent(kind, told):
     rng = np.random.default_rng(31)
     truth, frames = presses(kind, rng)

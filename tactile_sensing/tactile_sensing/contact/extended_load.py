@@ -214,7 +214,8 @@ def _add_picture(sensor, source, load, layer, picture):
         node = sensor.nodes[j]
         x = sensor.x + node.x
         for r in range(sensor.y.size):
-            _add_row(x, sensor.y[r] + node.y, source, load, kernel, centre, node.weight, picture[r])
+            _add_row(
+                x, sensor.y[r] + node.y, source, load, kernel, centre, node.weight, picture[r])
 
 
 @njit(error_model='numpy')
