@@ -98,6 +98,13 @@ def test_force_error_leaves_out_where_the_edge_ends_under_the_pad(run, scene):
     assert summarise(shifted, scene, success=True)['force_rms_error'] < 2e-3
 
 
+def test_a_pad_that_coasts_beyond_the_end_is_not_beside_the_edge(run, scene):
+    poses = run.poses.matrix.copy()
+    poses[:, 1, 3] += 0.2 - 0.1  # comes 10 mm beyond the end of the edge
+    shifted = dataclasses.replace(run, poses=dataclasses.replace(run.poses, matrix=poses))
+    assert summarise(shifted, scene, success=True)['lateral_max'] < 2e-3
+
+
 def test_latency_runs_from_the_last_byte_to_the_command(run, scene):
     stamps, values = latencies(run)
     np.testing.assert_allclose(values, LATENCY, atol=1e-6)

@@ -184,6 +184,6 @@ class Simulation:
         time, force, progress = np.array([
             (cycle.time, cycle.force, cycle.status.progress) for cycle in self.log]).T
         tracking = np.isin([cycle.status.state for cycle in self.log], ON_TRACK)
-        settled = tracking & (progress >= SETTLING_LENGTH)
+        settled = tracking & (progress >= SETTLING_LENGTH) & self.scene.edge.beside(along)
         return Truth(time, lateral, along, force, progress, tracking, settled, settled,
                      speeds(time, places))

@@ -70,6 +70,10 @@ class EdgePath:
         """
         return _nearest(np.atleast_2d(np.asarray(points, float)), self.points, self.arclength)
 
+    def beside(self, s: np.ndarray) -> np.ndarray:
+        """Whether what is nearest to the arc lengths `s` (M,) is not beyond an open end."""
+        return self.closed | ((s > 0.0) & (s < self.length))
+
 
 @njit(cache=True)
 def _nearest(points, vertices, stations):

@@ -53,7 +53,7 @@ class Truth(NamedTuple):
     force: np.ndarray  # on the pad [N]
     progress: np.ndarray  # that the servo had claimed [m]
     tracking: np.ndarray  # whether the servo followed the edge
-    settled: np.ndarray  # the part of it from `SETTLING_LENGTH` after first contact
+    settled: np.ndarray  # of it from `SETTLING_LENGTH` after first contact to the edge's end
     on_target: np.ndarray  # where the force can be and is held against its target
     speed: np.ndarray  # of the pad [m/s]; NaN if unknown
 

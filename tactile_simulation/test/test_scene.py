@@ -75,6 +75,7 @@ def test_nearest_is_positive_on_the_left(tmp_path):
     lateral, s = edge.nearest([[0.29, 0.0, 0.2], [0.31, -0.05, 0.1], [0.30, 0.13, 0.12]])
     np.testing.assert_allclose(lateral, [0.01, -0.01, 0.03], atol=1e-15)
     np.testing.assert_allclose(s, [0.1, 0.05, 0.2], atol=1e-15)
+    assert edge.beside(s).tolist() == [True, True, False]  # the last is beyond the end
 
 
 def test_nearest_inverts_point_and_offset(tmp_path):

@@ -45,6 +45,7 @@ def truth(run: RunData, scene: Scene) -> Truth:
     progress, tracking, settled = (
         np.append(values, values.dtype.type(0))[newest]  # -1, before the first cycle: the 0
         for values in (statuses.progress, *settled_cycles(statuses)))
+    settled &= scene.edge.beside(along)
     reach = array.half_width_y if array else 0.0
     whole_edge = (along >= reach) & (along <= scene.edge.length - reach)
     return Truth(run.seconds(poses.stamp_ns), lateral, along, force, progress, tracking, settled,
