@@ -138,7 +138,7 @@ def _evaluate(kind, sensor, layers, load, memory):
         memory.tactels, layers[-1].end, memory.state[0].scatter, memory.equations[0])
 
 
-@njit(error_model='numpy')
+@njit(error_model='numpy', inline='always')
 def _descend(kind, sensor, layers, load, memory):
     """Steps to the least chi-square, which is returned, and the length of the last; or NaN."""
     equations, depth = memory.equations[0], layers[0].depth

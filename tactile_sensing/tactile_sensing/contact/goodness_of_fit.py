@@ -16,7 +16,6 @@ from tactile_sensing.skin.kernels import sharp_top
 from tactile_sensing.types.contact import ContactType, Reason
 
 SCATTER_EVIDENCE = 2.0  # standard deviations
-FEWEST_FREE = 3.0  # tactels beyond the number of parameters that tell scatter
 ELSEWHERE = 2.0  # depths from the load that are elsewhere
 FORCE_WINDOW = 2.0  # half side of the window of the second force estimate of a point [depths]
 # Tactels of a point around the peak, of a line: three to eight for each parameter.
@@ -192,9 +191,8 @@ def find_scatter(left, model, layers, known, model_error, parameters):
     if not excess > SCATTER_EVIDENCE * math.sqrt(variance):
         return known
     loaded = slope * slope / squares  # tactels; the parameters took their part of what was left
-    # So few tell a variance badly: errors over it have Student's distribution, which is wider.
-    free = max(loaded - parameters, FEWEST_FREE)
-    return math.sqrt(known * known + excess / slope * loaded / (free - 2.0))
+    taken = max(loaded - parameters, 0.25 * loaded) / loaded
+    return math.sqrt(known * known + excess / slope / taken)
 
 
 @njit(error_model='numpy')

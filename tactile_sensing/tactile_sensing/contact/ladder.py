@@ -128,7 +128,7 @@ def _gain_of_patch(kind, sensor, layers, forces, memory):
     return gain
 
 
-@njit(error_model='numpy')
+@njit(error_model='numpy', inline='always')
 def _likelier_extra(kind, sensor, layers, forces, tried, memory):
     """
     The extra, not tried yet, that would explain most of what the load leaves, and how much.
@@ -166,7 +166,7 @@ def _ends_show(sensor, load, depth):
     return first - depth <= start < end <= last + depth
 
 
-@njit(error_model='numpy')
+@njit(error_model='numpy', inline='always')
 def climb(kind, sensor, layers, forces, shear, memory):
     """
     Give the load that was fitted the extras that the frame shows, one by one.

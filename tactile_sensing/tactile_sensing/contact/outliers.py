@@ -111,7 +111,7 @@ def _may_be_contact(left, row, column, sensor, layer):
 
 
 @njit(error_model='numpy')
-def leave_out_outliers(sensor, layers, rules, memory):
+def _leave_out_outliers(sensor, layers, rules, memory):
     """
     Set tactels that contradict the load to NaN; whether it did.
 
@@ -148,6 +148,33 @@ def leave_out_outliers(sensor, layers, rules, memory):
             for c in range(left.shape[2]):
                 if _is_off(left[k, r, c], model[k, r, c], layers[k].noise, model_error):
                     stress[k, r, c] = np.nan
+    return True
+
+
+@njit(error_model='numpy')
+def leave_out_worst(sensor, layers, rules, memory):
+    """
+    Set the tactel that contradicts the load most to NaN; whether it did.
+
+    Not a high one that is a contact (second), or of which nothing around says that it is none.
+    """
+    stress, left, model, state = memory.stress, memory.left, memory.model, memory.state[0]
+    model_error, worst, k, r, c = _allowance(rules), OUTLIER * OUTLIER, -1, -1, -1
+    for i in range(left.shape[0]):
+        for j in range(left.shape[1]):
+            for m in range(left.shape[2]):
+                allowed = model_error * model[i, j, m] / layers[i].noise
+                off = (left[i, j, m] / layers[i].noise) ** 2 / (1.0 + allowed * allowed)
+                if off > worst:  # false for NaN
+                    worst, k, r, c = off, i, j, m
+    if k < 0:
+        return False
+    if left[k, r, c] > 0.0 and layers[k].component == PRESSURE:
+        found, known = _may_be_contact(left[k], r, c, sensor, layers[k])
+        if found or not known:
+            state.second = found
+            return False
+    stress[k, r, c] = np.nan
     return True
 
 
@@ -219,7 +246,7 @@ def fit_despite_faults(kind, sensor, layers, forces, mend, rules, memory):
     left_out = False
     if fit_load(kind, stress, sensor, layers, forces, model_error, TUKEY, scatter, tactels, fit):
         compare(kind, sensor, layers, fit, memory)
-        left_out = leave_out_outliers(sensor, layers, rules, memory)
+        left_out = _leave_out_outliers(sensor, layers, rules, memory)
     fitted = fit_load(kind, stress, sensor, layers, forces, model_error, np.inf, scatter,
                       tactels, fit)
     return fitted, left_out
