@@ -9,7 +9,7 @@ from hypothesis.extra import numpy as npst
 import numpy as np
 import pytest
 
-from tactile_sensing.cli import estimate, estimate_options
+from tactile_sensing.cli import estimate, estimate_options, estimate_sources
 from tactile_sensing.contact.estimator import ContactEstimator, EstimatorConfig
 from tactile_sensing.half_space import line
 from tactile_sensing.types.array import TactelArray
@@ -102,7 +102,7 @@ def test_chunks_equal_one_go(there, monkeypatch, save, order):
     frames, _ = edges(23)
     assert run(frames=frames, out='whole.npz') == 0
     save('in.npz', other=np.ones(3), frames=np.asarray(frames, order=order))
-    monkeypatch.setattr(estimate, 'CHUNK_BYTES', 5 * frames[0].nbytes)
+    monkeypatch.setattr(estimate_sources, 'CHUNK_BYTES', 5 * frames[0].nbytes)
     assert estimate.main(['in.npz', *OPTIONS, '-o', 'chunks.npz']) == 0
     whole, chunks = result('whole.npz'), result('chunks.npz')
     for name in whole:
@@ -113,7 +113,7 @@ def test_chunks_equal_one_go(there, monkeypatch, save, order):
 def test_csv_equals_npz(there, monkeypatch):
     frames, _ = edges(11)
     frames[3] = 0.0
-    monkeypatch.setattr(estimate, 'CHUNK_BYTES', 4 * frames[0].nbytes)
+    monkeypatch.setattr(estimate_sources, 'CHUNK_BYTES', 4 * frames[0].nbytes)
     assert run(frames=frames) == 0 and run(frames=frames, out='out.csv') == 0
     table = np.genfromtxt('out.csv', delimiter=',', names=True)
     np.testing.assert_array_equal(table['frame'], np.arange(11))
@@ -176,14 +176,15 @@ WORDS = {
     'fields': ({'frames': np.zeros((2, 8, 8), [('x', float)])}, [], 'must be of real numbers'),
     'one layer more': ({'frames': FRAMES}, ['--layers', 'zz@0.002,zz@0.004'], '--layers names 2'),
     'one layer less': ({'frames': FRAMES[:, None].repeat(2, 1)}, [], '--layers names 1'),
-    'pitch 0': ({'frames': FRAMES}, ['--pitch', '0'], "--pitch is '0', must be a number"),
-    'pitch < 0': ({'frames': FRAMES}, ['--pitch', '1e-3', '-.001'], "--pitch is '-.001'"),
-    'pitch in mm': ({'frames': FRAMES}, ['--pitch', '1'], 'below 0.1 m'),
-    'pitch nan': ({'frames': FRAMES}, ['--pitch', 'nan'], "--pitch is 'nan'"),
+    'pitch 0': ({'frames': FRAMES}, ['--pitch', '0'], '--pitch is 0.0, must be between 1e-06'),
+    'pitch < 0': ({'frames': FRAMES}, ['--pitch', '1e-3', '-.001'], '--pitch is -0.001, must'),
+    'pitch in mm': ({'frames': FRAMES}, ['--pitch', '1'],
+                    '--pitch is 1.0, must be between 1e-06 and 0.1 m; did you mean 0.001?'),
+    'pitch nan': ({'frames': FRAMES}, ['--pitch', 'nan'], '--pitch is nan'),
     'pitch text': ({'frames': FRAMES}, ['--pitch', 'mm'], "--pitch is 'mm'"),
     'three pitches': ({'frames': FRAMES}, ['--pitch', '1', '2', '3'], 'one length or two, not 3'),
-    'depth 0': ({'frames': FRAMES}, ['--layers', 'zz@0'], "depth of zz is '0'"),
-    'depth inf': ({'frames': FRAMES}, ['--layers', 'zz@inf'], "depth of zz is 'inf'"),
+    'depth 0': ({'frames': FRAMES}, ['--layers', 'zz@0'], 'depth of zz is 0.0, must be between'),
+    'depth inf': ({'frames': FRAMES}, ['--layers', 'zz@inf'], 'depth of zz is inf'),
     'depth missing': ({'frames': FRAMES}, ['--layers', 'zz'], "depth of zz is ''"),
     'component': ({'frames': FRAMES}, ['--layers', 'zx@0.002'], "component 'zx' is not one of"),
     'no layer': ({'frames': FRAMES}, ['--layers', ''], "component '' is not one of"),
@@ -194,8 +195,9 @@ WORDS = {
     'method': ({'frames': FRAMES}, ['--method', 'guess'], "method is 'guess', must be one of"),
     'model': ({'frames': FRAMES}, ['--model', 'sphere'], 'sphere'),
     'tactel': ({'frames': FRAMES}, ['--tactel', 'round'], 'round'),
-    'noise': ({'frames': FRAMES}, ['--noise', '-1'], "--noise is '-1'"),
-    'full scale': ({'frames': FRAMES}, ['--full-scale', 'all'], "--full-scale is 'all'"),
+    'noise': ({'frames': FRAMES}, ['--noise', '-1'], '--noise: value is -1.0, must be'),
+    'full scale': ({'frames': FRAMES}, ['--full-scale', 'all'],
+                   "--full-scale: invalid float value: 'all'"),
     'unknown option': ({'frames': FRAMES}, ['--colour'], '--colour'),
     'suffix': ({'frames': FRAMES}, ['-o', 'out.txt'], 'out.txt: must end in .npz or .csv'),
     'no suffix': ({'frames': FRAMES}, ['-o', '-'], 'must end in .npz or .csv'),
@@ -220,7 +222,9 @@ def test_mistakes_cost_one_line(there, capsys, arrays, options, words):
     (['in.npz', '-o', 'out.npz'], '--calibration is missing, or --pitch'),
     ([*OPTIONS, '-o', 'out.npz'], 'FRAMES.npz is missing'),
     (['gone.npz', *OPTIONS, '-o', 'out.npz'], 'gone.npz: cannot be read: No such file'),
-    (['.', *OPTIONS, '-o', 'out.npz'], 'cannot be read'),
+    (['.', '-o', 'out.npz'], 'bag .: has no metadata.yaml'),
+    (['gone.mcap', '-o', 'out.npz'], 'bag gone.mcap: there is no such bag'),
+    (['gone.mcap', *OPTIONS, '-o', 'out.npz'], '--pitch stands in the bag'),
 ])
 def test_missing_input(there, capsys, args, words):
     assert estimate.main(args) == 1
@@ -316,7 +320,7 @@ def test_progress_only_where_it_takes_long(there, capsys, monkeypatch):
     assert run(frames=frames) == 0
     message(capsys)
     monkeypatch.setattr(estimate, 'QUIET', 0.0)
-    monkeypatch.setattr(estimate, 'CHUNK_BYTES', frames[0].nbytes)
+    monkeypatch.setattr(estimate_sources, 'CHUNK_BYTES', frames[0].nbytes)
     assert run(frames=frames) == 0
     assert '3 of 3 frames' in capsys.readouterr().err
 

@@ -12,6 +12,7 @@ from tactile_sensing.types.image import Layer
 
 ARRAYS = {'16x16': TactelArray(16, 16, 25.4e-3 / 16, 25.4e-3 / 16),
           '26x26': TactelArray(26, 26, 1e-3, 1e-3)}
+ROUND = 'ball', 'round punch'
 POINTS = 5  # along each side of a tactel, of the mean over it
 NOISE = 0.01  # of the highest tactel: 40 dB
 COLUMN_OF_FORCE = next(name for name, field in COLUMNS.items() if field.name == 'normal_force')
@@ -32,23 +33,34 @@ class Judged:
     force_claims: float
 
 
-def pictures(profile, array, count, rng):
-    """Frames (N, rows, columns) [Pa], and where the object is: (N, 2), x and y or rho and yaw."""
+def rendered(profile, array, places):
+    """Frames (N, rows, columns) [Pa] of an object at places (N, 2): x and y, or rho and yaw."""
     nodes, weights = np.polynomial.legendre.leggauss(POINTS)
     dx, dy = np.meshgrid(0.5 * array.pitch_x * nodes, 0.5 * array.pitch_y * nodes)
     share = np.multiply.outer(weights, weights)[..., None, None] / 4.0
     x, y = array.x + dx[..., None, None], array.y[:, None] + dy[..., None, None]
-    frames, places = np.empty((count, *array.shape)), np.empty((count, 2))
-    for i in range(count):
-        if profile['kind'] in ('ball', 'round punch'):
-            places[i] = rng.uniform(-8e-3, 8e-3, 2)
-            distance = np.hypot(x - places[i, 0], y - places[i, 1])
+    frames = np.empty((len(places), *array.shape))
+    for i, place in enumerate(places):
+        if profile['kind'] in ROUND:
+            distance = np.hypot(x - place[0], y - place[1])
         else:
-            places[i] = rng.uniform((-6e-3, -np.radians(45)), (6e-3, np.radians(45)))
-            rho, yaw = places[i]
+            rho, yaw = place
             distance = np.abs(x * np.cos(yaw) + y * np.sin(yaw) - rho)
         pressure = np.interp(distance, RADII, profile['pressure'])
         frames[i] = (share * pressure).sum(axis=(0, 1))
+    return frames
+
+
+def drawn(profile, count, rng):
+    """Places (N, 2) of an object on the pad: x and y, or rho and yaw."""
+    high = (8e-3, 8e-3) if profile['kind'] in ROUND else (6e-3, np.radians(45))
+    return rng.uniform(np.negative(high), high, (count, 2))
+
+
+def pictures(profile, array, count, rng):
+    """Frames (N, rows, columns) [Pa] with noise, places (N, 2) as of `drawn`, and the noise."""
+    places = drawn(profile, count, rng)
+    frames = rendered(profile, array, places)
     noise = NOISE * frames.max()
     return frames + noise * rng.standard_normal(frames.shape), places, noise
 

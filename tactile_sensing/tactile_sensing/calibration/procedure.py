@@ -203,10 +203,11 @@ def _skin(recordings, known, draft, outcome, found, assumed, tell):
     gain, spread = np.ones(draft.array.shape), fit.scatter
     if recordings.flat is not None:
         tell(f'gains from {len(presses)} presses')
-        gains = flat_field(presses, radius, fit, area)
+        force = _relative_force(recordings, presses, source, fit)
+        gains = flat_field(presses, radius, fit, area, force)
         if not given:  # gains that differ had moved the skin, and the skin the gains
             fit = fit_skin(presses.scaled(gains.gain), radius, area=area, start=fit)
-            gains = flat_field(presses, radius, fit, area)
+            gains = flat_field(presses, radius, fit, area, force)
         outcome.gains, gain, spread = gains, gains.gain, gains.left
         found['gains'] = {'presses': len(presses), 'spread': _short(gains.spread),
                           'left': _short(gains.left)}
@@ -230,6 +231,18 @@ def _skin(recordings, known, draft, outcome, found, assumed, tell):
         values |= _gain(recordings, presses.number[pressed], fit.amplitudes[pressed], gain, found)
     outcome.presses, outcome.skin = presses, fit
     return values
+
+
+def _relative_force(recordings, presses, source, fit):
+    """Forces of presses as far as they are told: of one file those of one weight."""
+    told = np.ones(len(presses))
+    if recordings.force is not None:
+        each = np.broadcast_to(np.asarray(recordings.force, float), len(recordings.ball))
+        told[source == 'ball'] = each[presses.number[source == 'ball']]
+    for name in set(source):
+        own = source == name
+        told[own] *= np.median(fit.amplitudes[own, 0] / told[own])
+    return told
 
 
 def _gain(recordings, numbers, amplitudes, gain, found):

@@ -7,31 +7,25 @@ import sys
 
 import numpy as np
 
-from tactile_common.command_line import Parser
+from tactile_common.command_line import between, Parser, run_command
 from tactile_common.errors import ConfigurationError
 from tactile_common.npz_stream import read_arrays
 from tactile_common.progress import Progress
 from tactile_sensing.calibration.procedure import calibrate, Known, Outcome, Recordings
 from tactile_sensing.calibration.report import draw_report
-from tactile_sensing.cli.options import (
-    counts_reader,
-    length,
-    number,
-    pitch_of,
-    read_all,
-    run_command,
-    whole,
-)
+from tactile_sensing.cli.options import add_pitch, counts_reader, pitch_of, read_all
 from tactile_sensing.devices.calibration_file import save_calibration
 from tactile_sensing.devices.counts import MAX_BITS
+from tactile_sensing.types.array import PITCH
 
 RECORDED = ('unloaded', 'corners', 'rolling', 'ball', 'flat')
 STEPS = 4  # that the progress bar counts, at most
 MOST_NAMED = 8  # frames that are named as left out
 
 EPILOG = """\
-What to record, each into a file of its own (numpy.savez(FILE, frames=frames), frames of raw
-counts, (N, rows, columns)); every step is optional, and the file says what was assumed instead:
+What to record, each into a file of its own (numpy.savez(FILE, frames=frames) or numpy.save, frames
+of raw counts, (N, rows, columns), or a bag of a driver that passes counts through); every step is
+optional, and the file says what was assumed instead:
 
   1 unloaded  a hundred frames with nothing on the pad: offset, noise, dead tactels, threshold
   2 corners   four frames, a finger in each corner: of the first row and column, the first row and
@@ -63,32 +57,37 @@ def parser() -> argparse.ArgumentParser:
         'recordings of raw counts to the file that driver and `estimate` read.')
     add = arguments.add_argument
     add('--out', required=True, metavar='CAL.yaml', help='file to write')
-    add('--pitch', nargs='+', required=True, metavar='M',
-        help='distance between tactels, or along x and along y [m]')
+    add_pitch(arguments, required=True)
     add('--live', metavar='FOLDER', help='ask for every recording, take it from the pictures of '
         'a driver and keep it in this folder; what is there already stays')
     add('--topic', default='/tactile/image', metavar='NAME', help='of those pictures '
         '(default: %(default)s)')
     for name, text in (('unloaded', 'of the unloaded pad'),
                        ('corners', 'of presses in the corners'),
-                       ('rolling', 'of a ball rolled over the pad'),
+                       ('rolling', 'of a ball rolled over the pad, or of anything on it: without '
+                        'corners they tell range, threshold and silent tactels alone'),
                        ('ball', 'of presses of a small ball; an array `force` (N,) [N] in it is '
                         'that of each'), ('flat', 'of presses of the ball all over the pad')):
         add(f'--{name}', metavar=f'{name[0].upper()}.npz', help=f'frames {text}')
-    add('--ball-radius', metavar='M', help='of the ball [m]')
-    add('--force', metavar='N', help='with which the ball was pressed, each time [N]')
-    add('--depth', metavar='M', help='of the tactels, where it is known [m]')
-    add('--thickness', metavar='M', help='of the skin on its backing, where it is known [m]')
-    add('--gain', metavar='PA', help='pressure of a count, where it is known [Pa]')
+    metres, count = between(*PITCH, 'm'), between(-32768, 65536, kind=int)
+    add('--ball-radius', metavar='M', type=metres, help='of the ball [m]')
+    add('--force', metavar='N', type=between(1e-6, 1e6, 'N'),
+        help='with which the ball was pressed, each time [N]')
+    add('--depth', metavar='M', type=metres, help='of the tactels, where it is known [m]')
+    add('--thickness', metavar='M', type=metres,
+        help='of the skin on its backing, where it is known [m]')
+    add('--gain', metavar='PA', type=between(1e-9, 1e12, 'Pa'),
+        help='pressure of a count, where it is known [Pa]')
     add('--tactel', choices=('area', 'point'), default='area',
         help='a tactel measures the mean over its area, or the stress at its centre '
         '(default: %(default)s)')
-    add('--bits', metavar='N', help='of the converter, 1 to 16 (default: as the counts show)')
+    add('--bits', metavar='N', type=between(1, MAX_BITS, kind=int),
+        help='of the converter, 1 to 16 (default: as the counts show)')
     add('--signed', choices=('yes', 'no'), help='counts (default: as they show)')
-    add('--threshold', metavar='COUNT', help='least count that is reported as such: smaller ones '
-        'become the lowest (default: as the counts show)')
-    add('--saturation', metavar='COUNT', help='count from which on a tactel is at full scale '
-        '(default: the highest of the converter)')
+    add('--threshold', metavar='COUNT', type=count, help='least count that is reported as '
+        'such: smaller ones become the lowest (default: as the counts show)')
+    add('--saturation', metavar='COUNT', type=count, help='count from which on a tactel is at '
+        'full scale (default: the highest of the converter)')
     add('--report', metavar='FILE.png', help='draw what was found, and what is left of the '
         'presses before and after')
     return arguments
@@ -119,12 +118,12 @@ def read_recordings(options: argparse.Namespace) -> Recordings:
     if options.ball or options.flat:
         if options.ball_radius is None:
             raise ConfigurationError('--ball-radius is missing')
-        recordings.ball_radius = length('--ball-radius', options.ball_radius)
+        recordings.ball_radius = options.ball_radius
     if options.force is not None:
         if not options.ball:
             raise ConfigurationError('--force needs --ball')
-        recordings.force = np.array(number('--force', options.force, 1e-6, 1e6, 'N'))
-    elif recordings.ball is not None:
+        recordings.force = np.array(options.force)
+    elif recordings.ball is not None and Path(options.ball).suffix == '.npz':
         force = read_arrays(options.ball, (), ('force',)).get('force')
         if force is not None:
             count = len(recordings.ball)
@@ -137,21 +136,12 @@ def read_recordings(options: argparse.Namespace) -> Recordings:
 
 def read_known(options: argparse.Namespace) -> Known:
     """What the options say of the sensor."""
-    known = Known(pitch_of(options.pitch), tactel=options.tactel)
-    for name in ('depth', 'thickness'):
-        if getattr(options, name) is not None:
-            setattr(known, name, length(f'--{name}', getattr(options, name)))
-    if known.thickness and not known.depth:
+    if options.thickness and not options.depth:
         raise ConfigurationError('--thickness needs --depth')
-    if options.gain is not None:
-        known.gain = number('--gain', options.gain, 1e-9, 1e12, 'Pa')
-    if options.signed is not None:
-        known.signed = options.signed == 'yes'
-    for name, low, high in (('bits', 1, MAX_BITS), ('threshold', -32768, 65536),
-                            ('saturation', -32768, 65536)):
-        if getattr(options, name) is not None:
-            setattr(known, name, whole(f'--{name}', getattr(options, name), low, high))
-    return known
+    return Known(
+        pitch_of(options.pitch), options.bits, options.signed and options.signed == 'yes',
+        options.threshold, options.saturation, options.depth or 0.0, options.thickness or 0.0,
+        gain=options.gain or 0.0, tactel=options.tactel)
 
 
 def describe(outcome: Outcome) -> str:

@@ -2,14 +2,13 @@
 
 import argparse
 from dataclasses import fields
-import math
 from typing import Any
 
 import numpy as np
 
-from tactile_common.command_line import Parser
+from tactile_common.command_line import between, Parser
 from tactile_common.errors import ConfigurationError
-from tactile_sensing.cli.options import length, number
+from tactile_sensing.cli.options import add_pitch, is_bag, length
 from tactile_sensing.contact.estimator import EstimatorConfig, METHODS, MODELS, TACTELS
 from tactile_sensing.types.array import TactelArray
 from tactile_sensing.types.contact import COLUMNS, ContactType, Reason, RECORD
@@ -71,23 +70,31 @@ def parser() -> argparse.ArgumentParser:
     arguments = Parser(
         formatter_class=argparse.RawDescriptionHelpFormatter,
         prog='estimate',
-        usage='estimate FRAMES.npz --calibration CAL.yaml [options] -o OUT\n       estimate '
-              'FRAMES.npz --pitch M [M] --layers COMPONENT@DEPTH,... [options] -o OUT',
+        usage='estimate FRAMES|BAG --calibration CAL.yaml [options] -o OUT\n       estimate '
+              'FRAMES --pitch M [M] --layers COMPONENT@DEPTH,... [options] -o OUT\n       '
+              'estimate BAG [options] -o OUT',
         description="""\
 Estimate the contact in every frame of a file: point or edge, where, and with what force.
 A file of any length takes the same memory. The summary goes to standard error.
 
-Input array of FRAMES.npz (from numpy.savez or numpy.savez_compressed)
+Input array of FRAMES.npz (from numpy.savez or numpy.savez_compressed), or the one of FRAMES.npy
   frames           (N, rows, columns) or (N, layers, rows, columns), real numbers, in Pa:
                    pressure (compression positive) or shear stress above that of the unloaded pad;
                    x runs along increasing column, y along increasing row, the origin is the
                    centre of the array. NaN and infinity mark invalid tactels.
                    With --calibration: raw counts, (N, rows, columns), as they come from the
-                   device; the file, which the command `calibrate` makes, says all the rest.""",
+                   device; the file, which the command `calibrate` makes, says all the rest.
+
+A BAG is a rosbag2 recording (folder, .mcap or .db3) of the topic image; its pictures say what the
+sensor is, and what is told of them is what the node contact_estimator tells with the parameters
+that are options here. With --calibration they must be raw counts that the driver passed through.
+""",
         epilog=f"""\
 Output arrays, SI units; NaN where a type does not have a value, and in every real number of a
 frame that is not valid:
 {arrays}
+and of a BAG
+  t                (N,)      float64  s    stamp of the picture
 
 In a .csv file, each is a column after the number of the frame; of the covariance, the upper
 triangle: covariance_0_0, covariance_0_1, ..., covariance_6_6.
@@ -101,14 +108,14 @@ Flags (sum of)
 Example
 {EXAMPLE}
 Exit status: 0, or 1 after one line that says what is wrong; then nothing is written.""")
-    arguments.add_argument('frames', nargs='?', metavar='FRAMES.npz', help='input')
+    arguments.add_argument('frames', nargs='?', metavar='FRAMES.npz|FRAMES.npy|BAG', help='input')
     arguments.add_argument('--calibration', metavar='CAL.yaml',
                            help='what turns counts into pressure: size, pitch, gains, noise, skin')
+    arguments.add_argument('--namespace', help='of the sensor in a bag that has several')
     arguments.add_argument('--tare', metavar='U.npz',
                            help='frames (n, rows, columns) of the unloaded pad in counts, taken '
                            'close to those to estimate (default: the baseline of the calibration)')
-    arguments.add_argument('--pitch', nargs='+', metavar='M',
-                           help='distance between tactels, or along x and along y [m]')
+    add_pitch(arguments)
     arguments.add_argument(
         '--layers', metavar='COMPONENT@DEPTH,...',
         help=f'stress component ({", ".join(COMPONENTS)}) and depth below the surface of the '
@@ -127,18 +134,18 @@ Exit status: 0, or 1 after one line that says what is wrong; then nothing is wri
     arguments.add_argument('--dead', default='', metavar='R,C;R,C',
                            help='row and column, from 0, of tactels that are never used (in '
                            'quotes, because of the semicolon)')
-    arguments.add_argument('--noise', metavar='PA',
+    arguments.add_argument('--noise', metavar='PA', type=between(0.0, 1e9, 'Pa'),
                            help='standard deviation of one tactel (default: as the finest detail '
                            'of each frame shows)')
-    arguments.add_argument('--full-scale', metavar='PA',
+    arguments.add_argument('--full-scale', metavar='PA', type=between(0.0, 1e12, 'Pa'),
                            help='from here on a tactel is saturated and not used')
-    arguments.add_argument('--floor', metavar='PA',
+    arguments.add_argument('--floor', metavar='PA', type=between(-1e12, 1e12, 'Pa'),
                            help='a tactel at or below it is only known to be below it: clipped, '
                            'or under a threshold (default: all are measured)')
     for item in RULES:
         low, high = item.metadata['range']
         unit = f' [{item.metadata["unit"]}]' * bool(item.metadata['unit'])
-        arguments.add_argument(f'--{item.name.replace("_", "-")}', metavar='X', help=(
+        arguments.add_argument(f'--{item.name.replace("_", "-")}', metavar='X', type=float, help=(
             f'{item.metadata["doc"]}{unit}, {low:g} to {high:g} (default: {item.default:g})'))
     return arguments
 
@@ -150,16 +157,16 @@ def parse(args: list[str] | None = None) -> argparse.Namespace:
         options.frames = options.pitch.pop()
     if options.frames is None:
         raise ConfigurationError('FRAMES.npz is missing')
-    if options.calibration:
-        for name in ('pitch', 'layers'):
-            if getattr(options, name):
-                raise ConfigurationError(f'--{name} stands in the calibration; give either')
-    else:
-        for name in ('pitch', 'layers'):
-            if getattr(options, name) is None:
-                raise ConfigurationError(f'--calibration is missing, or --{name}')
-        if options.tare:
-            raise ConfigurationError('--tare needs --calibration: it is of frames in counts')
+    bag = is_bag(options.frames)
+    for name in ('pitch', 'layers'):
+        given = getattr(options, name) is not None
+        if given and (options.calibration or bag):
+            raise ConfigurationError(
+                f'--{name} stands in the {"calibration" if options.calibration else "bag"}')
+        if not (given or options.calibration or bag):
+            raise ConfigurationError(f'--calibration is missing, or --{name}')
+    if options.tare and not options.calibration:
+        raise ConfigurationError('--tare needs --calibration: it is of frames in counts')
     return options
 
 
@@ -195,12 +202,9 @@ def parse_dead(text: str, array: TactelArray) -> np.ndarray:
 
 def make_config(options: argparse.Namespace, tactel: str | None = None) -> EstimatorConfig:
     """Return the estimator's configuration with the options that were given."""
-    given = {'method': options.method, 'model': options.model, 'tactel': options.tactel or tactel}
-    for item in RULES:
-        text = getattr(options, item.name)
-        if text is not None:
-            given[item.name] = number(f'--{item.name.replace("_", "-")}', text, -math.inf,
-                                      math.inf, item.metadata['unit'])
+    given = {name: getattr(options, name)
+             for name in ('method', 'model', *(item.name for item in RULES))}
+    given['tactel'] = options.tactel or tactel
     return EstimatorConfig(
         fit_depth=options.fit_depth,
         **{name: value for name, value in given.items() if value is not None})
@@ -208,7 +212,6 @@ def make_config(options: argparse.Namespace, tactel: str | None = None) -> Estim
 
 def layer_values(options: argparse.Namespace) -> dict[str, Any]:
     """Return what the options say of noise and range, by the names of `Layer`."""
-    return {field: number(f'--{option}', text, low, high, 'Pa') for field, option, text, low, high
-            in (('noise_std', 'noise', options.noise, 0.0, 1e9),
-                ('full_scale', 'full-scale', options.full_scale, 0.0, 1e12),
-                ('floor', 'floor', options.floor, -1e12, 1e12)) if text is not None}
+    values = {'noise_std': options.noise, 'full_scale': options.full_scale,
+              'floor': options.floor}
+    return {name: value for name, value in values.items() if value is not None}

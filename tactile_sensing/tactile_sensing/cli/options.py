@@ -1,44 +1,29 @@
-"""What commands on frames share: options with bounds, counts from files, errors of one line."""
+"""What commands on frames share: lengths, and frames of counts from files and bags."""
 
-from collections.abc import Callable, Sequence
-import math
-import sys
+import argparse
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 
-from tactile_common.errors import ConfigurationError, TactileError
+from tactile_common.command_line import reading_bags
+from tactile_common.config import checked
+from tactile_common.errors import ConfigurationError
 from tactile_common.npz_stream import ArrayReader
+from tactile_sensing.types.array import PITCH
 
-MAX_LENGTH = 0.1  # m; a larger pitch or depth was meant in millimetres
 MAX_CHUNK = 1024  # frames
-
-
-def number(name: str, text: str, low: float, high: float, unit: str) -> float:
-    """Return the number in a text, at least `low` and below `high`."""
-    try:
-        value = float(text)
-    except ValueError:
-        value = math.nan
-    if not low <= value < high:
-        raise ConfigurationError(
-            f'{name} is {text!r}, must be a number of at least {low:g} and below {high:g} {unit}')
-    return value
+BAGS = ('.mcap', '.db3')  # endings of files that are bags, which may be folders as well
 
 
 def length(name: str, text: str) -> float:
-    """Return the length in a text [m]."""
-    return number(name, text, 1e-9, MAX_LENGTH, 'm')
-
-
-def whole(name: str, text: str, low: int, high: int) -> int:
-    """Return the integer in a text, between two bounds, both allowed."""
+    """Return the length in a text [m]; ConfigurationError by its name if there is none."""
     try:
-        value = int(text)
+        value = float(text)
     except ValueError:
-        value = low - 1
-    if not low <= value <= high:
-        raise ConfigurationError(f'{name} is {text!r}, must be an integer from {low} to {high}')
-    return value
+        raise ConfigurationError(f'{name} is {text!r}, must be a number') from None
+    return checked(name, value, float, {'range': PITCH, 'unit': 'm'})
 
 
 def pitch_of(texts: Sequence[str]) -> tuple[float, float]:
@@ -49,9 +34,30 @@ def pitch_of(texts: Sequence[str]) -> tuple[float, float]:
     return pitch[0], pitch[-1]
 
 
-def counts_reader(path: str, shape: tuple[int, int] | None = None) -> ArrayReader:
-    """Return the reader of frames in counts, (N, rows, columns), of a shape if one is given."""
-    reader = ArrayReader(path, 'frames')
+def add_pitch(arguments: argparse.ArgumentParser, **kwargs) -> None:
+    """Add the option that `pitch_of` reads."""
+    arguments.add_argument('--pitch', nargs='+', metavar='M', **kwargs,
+                           help='distance between tactels, or along x and along y [m]')
+
+
+def is_bag(path: str) -> bool:
+    """Whether a path is that of a bag, and not of an archive of arrays."""
+    return Path(path).suffix in BAGS or Path(path).is_dir()
+
+
+def counts_reader(path: str, shape: tuple[int, int] | None = None,
+                  namespace: str | None = None) -> Any:
+    """
+    Return the reader of frames in counts, (N, rows, columns), of a shape if one is given.
+
+    It is an ArrayReader, or a RecordedCounts of a bag, which has the same `shape` and `chunks`.
+    """
+    if is_bag(path):
+        with reading_bags():
+            from tactile_sensing.observations import RecordedCounts
+        reader: Any = RecordedCounts(path, namespace)
+    else:
+        reader = ArrayReader(path, 'frames')
     there = reader.shape
     if len(there) != 3 or 0 in there or (shape is not None and there[1:] != shape):
         wanted = f'{shape[0]}, {shape[1]}) as the calibration says' if shape else 'rows, columns)'
@@ -62,19 +68,6 @@ def counts_reader(path: str, shape: tuple[int, int] | None = None) -> ArrayReade
     return reader
 
 
-def read_all(reader: ArrayReader) -> np.ndarray:
+def read_all(reader: Any) -> np.ndarray:
     """Return all rows of an array."""
     return np.concatenate([np.array(part) for part in reader.chunks(MAX_CHUNK)])
-
-
-def run_command(name: str, run: Callable[[], str]) -> int:
-    """Say what a command did, or in one line what is wrong with what it was given."""
-    try:
-        print(run(), file=sys.stderr)
-    except (TactileError, OSError) as error:
-        print(f'{name}: {" ".join(str(error).split())}', file=sys.stderr)
-        return 1
-    except KeyboardInterrupt:
-        print(f'{name}: interrupted, nothing written', file=sys.stderr)
-        return 130
-    return 0

@@ -9,8 +9,6 @@ from tactile_sensing.devices.unloaded import unloaded_statistics
 
 # Fewer frames tell neither the noise nor whether the picture is steady.
 MIN_TARE_FRAMES = 20
-SILENT = 0.99  # share of readings under a threshold beyond which it hides the noise
-THRESHOLD_STD = 4.0  # standard deviations of noise at which thresholds are set (3.5)
 CHANCE = 5.0  # standard deviations that a mean may be off by chance
 
 
@@ -56,10 +54,6 @@ def tare_of(frames: np.ndarray, counts: Counts, baseline: np.ndarray, live: np.n
     if len(frames) < MIN_TARE_FRAMES:
         raise TareRefusedError(f'{len(frames)} frames, at least {MIN_TARE_FRAMES} are needed')
     offset, noise = unloaded_statistics(frames, counts.threshold, counts.lowest, live)
-    if counts.threshold > counts.lowest + 1 and (
-            np.mean(frames[:, live] < counts.threshold) > SILENT):
-        # All that is known of the noise is that the threshold keeps it out.
-        noise = np.maximum(noise, (counts.threshold - 0.5 - counts.lowest) / THRESHOLD_STD)
     # From frame to frame, and by the median, so that a load that comes is no noise.
     steps = np.abs(np.diff(frames[:, live].astype(np.float64), axis=0))
     chance = CHANCE * 1.05 * float(np.median(steps)) / np.sqrt(len(frames))  # of a mean

@@ -7,6 +7,8 @@ from scipy.special import log_ndtr
 
 QUANTISATION = 1.0 / 12.0  # variance of rounding to whole counts [counts^2]
 STEPS = 100  # of expectation and maximisation; they gain a digit in about ten
+SILENT = 0.99  # share of readings under a threshold beyond which it hides the noise
+THRESHOLD_STD = 4.0  # standard deviations of noise at which thresholds are set (3.5)
 LEAST_SEEN = 2  # readings of a tactel that tell where its mean lies below the threshold
 
 
@@ -30,7 +32,8 @@ def unloaded_statistics(frames: np.ndarray, threshold: float, lowest: float,
     Counts below the threshold only say that they are: mean and spread are those of the normal
     distribution that is likeliest to leave what is seen above (Tobin's model). The noise of a
     tactel is shrunk towards that of all live ones as far as chance explains that it differs, and
-    is never less than rounding to counts makes it.
+    is never less than rounding to counts makes it. Of a threshold that hides nearly all readings
+    is only known that it keeps the noise out.
 
     Parameters
     ----------
@@ -47,14 +50,19 @@ def unloaded_statistics(frames: np.ndarray, threshold: float, lowest: float,
     offset, variance = frames.mean(axis=0), frames.var(axis=0, ddof=1)
     if not seen.all():
         offset, variance = _censored(frames, seen, threshold - 0.5, offset, variance)
-    told = live & (count > LEAST_SEEN)
-    offset = np.where(count > LEAST_SEEN, offset, lowest)
+    # Where next to nothing is seen, a tactel that is seen now and then was touched.
+    silent = np.mean(~seen[:, live]) > SILENT
+    often = count > (0.5 * len(frames) if silent else LEAST_SEEN)
+    told, offset = live & often, np.where(often, offset, lowest)
     mean = max(variance[told].mean(), QUANTISATION) if told.any() else QUANTISATION
     by_chance = 2.0 / (len(frames) - 1)  # variance of a sample variance, relative
     excess = (variance[told] / mean).var() if told.any() else 0.0
     own = max(excess - by_chance, 0.0) / max(excess, by_chance)
     shrunk = np.where(told, own * variance + (1.0 - own) * mean, mean)
-    return Unloaded(offset, np.sqrt(np.maximum(shrunk, QUANTISATION)))
+    noise = np.sqrt(np.maximum(shrunk, QUANTISATION))
+    if silent:
+        noise = np.maximum(noise, (threshold - 0.5 - lowest) / THRESHOLD_STD)
+    return Unloaded(offset, noise)
 
 
 def _censored(frames, seen, level, mean, variance):

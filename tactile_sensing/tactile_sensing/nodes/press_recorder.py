@@ -4,7 +4,6 @@ import queue
 import sys
 import threading
 
-import numpy as np
 import rclpy
 from rclpy.qos import qos_profile_sensor_data
 from rclpy.signals import SignalHandlerOptions
@@ -22,7 +21,7 @@ KEPT = 1000  # pictures that wait at most
 
 
 class PicturesMissingError(TactileError):
-    """No pictures come, or they hold no raw counts; the message says what to do."""
+    """No pictures come; the message says what to do."""
 
 
 class PressRecorderNode(TactileNode):
@@ -48,25 +47,13 @@ class PressRecorderNode(TactileNode):
             self._pictures.get_nowait()
 
     def next(self) -> TactileImage:
-        """Wait for a picture; a PicturesMissingError if none comes or it is of no raw counts."""
+        """Wait for a picture; a PicturesMissingError if none comes."""
         try:
             image = self._pictures.get(timeout=SILENCE)
         except queue.Empty:
             raise PicturesMissingError(
                 f'no picture on {self.topic} for {SILENCE:g} s: is the driver running?') from None
-        if image.layers[0].unit != 'counts' or image.tared:
-            raise PicturesMissingError(
-                f'{self.topic} holds no raw counts: start the driver with tare_at_start:=false '
-                'and a calibration of `rows`, `columns`, `pitch`, `bits`, `unit: counts` and '
-                '`gain: 1` alone')
         return image
-
-
-def counts_of(image: TactileImage) -> tuple[np.ndarray, int]:
-    """Counts (rows, columns) of a picture, and how many of them are at full scale."""
-    layer = image.layers[0]
-    full = np.isnan(layer.stress)
-    return np.where(full, layer.full_scale, layer.stress), int(full.sum())
 
 
 def record(node: PressRecorderNode, folder: Path) -> None:
@@ -75,7 +62,7 @@ def record(node: PressRecorderNode, folder: Path) -> None:
         answer = input(text)
         node.forget()
         return answer
-    Recorder(folder, node.next().array, lambda: counts_of(node.next()), ask, print).run()
+    Recorder(folder, node.next().array, lambda: node.next().raw_counts(), ask, print).run()
 
 
 def main(args: list[str] | None = None) -> int:

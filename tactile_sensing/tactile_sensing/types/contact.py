@@ -121,6 +121,7 @@ def _type_of(name: str, dtype: str) -> tuple:
 
 # One row of `ContactEstimator.estimate_batch` and of the command `estimate`.
 RECORD = np.dtype([_type_of(name, f.metadata['dtype']) for name, f in COLUMNS.items()])
+STAMPED = np.dtype([*RECORD.descr, ('t', 'f8')])  # likewise of a picture of a bag
 # The same as the compiled estimation writes it, under the names of Contact, and what else is
 # found on the way.
 ESTIMATE = np.dtype([

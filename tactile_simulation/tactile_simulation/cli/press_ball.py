@@ -9,8 +9,8 @@ import sys
 
 import numpy as np
 
-from tactile_common.command_line import Parser
-from tactile_common.errors import ConfigurationError, TactileError
+from tactile_common.command_line import between, Parser, run_command
+from tactile_common.errors import ConfigurationError
 from tactile_sensing.skin.pressure import SkinPressure
 from tactile_simulation.scene import load_scene, Scene
 from tactile_simulation.tactel_response import TactelResponse
@@ -29,13 +29,16 @@ def parser() -> argparse.ArgumentParser:
     add = arguments.add_argument
     add('scene', help='YAML file of the scene')
     add('--out', required=True, metavar='FOLDER', help='for unloaded.npz, ball.npz, flat.npz')
-    add('--radius', type=float, default=0.003, help='of the ball [m]')
-    add('--force', type=float, default=0.5, help='with which it is pressed [N]')
-    add('--modulus', type=float, default=4e5, help="Young's modulus of the skin [Pa]")
-    add('--presses', type=int, default=20, help='of ball.npz')
-    add('--flat', type=int, default=40, help='presses of flat.npz')
-    add('--unloaded', type=int, default=100, help='frames of unloaded.npz')
-    add('--seed', type=int, default=0, help='of places and noise')
+    count = between(1, 10_000, kind=int)
+    add('--radius', type=between(1e-5, 0.1, 'm'), default=0.003, help='of the ball [m]')
+    add('--force', type=between(1e-3, 100.0, 'N'), default=0.5,
+        help='with which it is pressed [N]')
+    add('--modulus', type=between(1e3, 1e9, 'Pa'), default=4e5,
+        help="Young's modulus of the skin [Pa]")
+    add('--presses', type=count, default=20, help='of ball.npz')
+    add('--flat', type=count, default=40, help='presses of flat.npz')
+    add('--unloaded', type=count, default=100, help='frames of unloaded.npz')
+    add('--seed', type=between(0, 2**32 - 1, kind=int), default=0, help='of places and noise')
     return arguments
 
 
@@ -81,24 +84,23 @@ class Press:
         return frame
 
 
+def run(options: argparse.Namespace) -> str:
+    """Write the recordings; returns what was written."""
+    press = Press(load_scene(options.scene), options.radius, options.force, options.modulus,
+                  options.seed)
+    folder = Path(options.out)
+    folder.mkdir(parents=True, exist_ok=True)
+    np.savez_compressed(folder / 'unloaded.npz', frames=press.unloaded(options.unloaded))
+    np.savez_compressed(folder / 'ball.npz', frames=press.frames(options.presses),
+                        force=options.force)
+    np.savez_compressed(folder / 'flat.npz', frames=press.frames(options.flat))
+    return (f'press_ball: {folder}: {options.unloaded} frames without load, {options.presses} '
+            f'and {options.flat} presses')
+
+
 def main(argv: list[str] | None = None) -> int:
     """Run the command; 0 if the files were written."""
-    try:
-        options = parser().parse_args(argv)
-        press = Press(load_scene(options.scene), options.radius, options.force, options.modulus,
-                      options.seed)
-        folder = Path(options.out)
-        folder.mkdir(parents=True, exist_ok=True)
-        np.savez_compressed(folder / 'unloaded.npz', frames=press.unloaded(options.unloaded))
-        np.savez_compressed(folder / 'ball.npz', frames=press.frames(options.presses),
-                            force=options.force)
-        np.savez_compressed(folder / 'flat.npz', frames=press.frames(options.flat))
-    except (TactileError, OSError) as error:
-        print(f'press_ball: {error}', file=sys.stderr)
-        return 1
-    print(f'press_ball: {folder}: {options.unloaded} frames without load, {options.presses} and '
-          f'{options.flat} presses', file=sys.stderr)
-    return 0
+    return run_command('press_ball', lambda: run(parser().parse_args(argv)))
 
 
 if __name__ == '__main__':
