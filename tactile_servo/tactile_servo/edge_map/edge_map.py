@@ -36,9 +36,9 @@ class Stand(NamedTuple):
     aside: tuple[float, float]  # way x, y from it to the path [m],
     along: tuple[float, float]  # and direction x, y of the path there
     ahead: float  # station of the commanded pad [m],
-    there: np.ndarray  # (4, 4), its pose in the plane,
     way: tuple[float, float]  # direction of the path around it,
-    length: float  # and of the edge under the pad after a move [m]
+    length: float  # of the edge under the pad after a move [m],
+    there: np.ndarray  # (4, 4), and pose of the commanded pad in the plane
 
 
 class EdgeMap:
@@ -176,10 +176,10 @@ class EdgeMap:
         `here` and `ahead` are the stations of both in the last cycle [m]; `move` is the way x, y
         from the commanded one, at the end of which the length under the pad is wanted [m].
         """
-        scale = self.scale
+        scale, there = self.scale, np.empty((4, 4))
         return Stand(*path_queries.stand(
             self.path.nodes, self._near, self.plane, pose, commanded, scale.half_x, scale.half_y,
-            scale.grain, here, ahead, move))
+            scale.grain, here, ahead, move, there), there)
 
     def at_picture(self, direction: int, ahead: float) -> tuple[float, float, float, float]:
         """
