@@ -1,5 +1,7 @@
-"""For the tests of all packages: a ROS domain that no other run on this machine uses."""
+"""For the tests of all packages: a ROS domain of their own, and which of them run alone."""
+from functools import lru_cache
 import os
+from pathlib import Path
 
 try:
     from tactile_common.ros.domains import hold_domain
@@ -8,3 +10,19 @@ except ImportError:  # tests of tools alone, without the workspace
 else:
     if not os.environ.get('ROS_DOMAIN_ID'):
         os.environ['ROS_DOMAIN_ID'] = str(hold_domain())
+
+ROOT = Path(__file__).resolve().parent
+WHOLE = (ROOT / 'test', ROOT / 'launch/test')  # tests of processes and of the whole system
+
+
+@lru_cache
+def of_a_graph(path):
+    """Whether a test file starts ROS nodes, or times processes."""
+    return path.parent in WHOLE or 'rclpy' in path.read_text(encoding='utf-8')
+
+
+def pytest_collection_modifyitems(items):
+    """Mark the tests that no other test may run beside."""
+    for item in items:
+        if of_a_graph(item.path):
+            item.add_marker('graph')
