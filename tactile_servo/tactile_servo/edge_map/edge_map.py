@@ -32,13 +32,13 @@ class Sight(NamedTuple):
 class Stand(NamedTuple):
     """Where a pad stands on the path, measured and commanded."""
 
+    there: np.ndarray  # (4, 4), pose of the commanded pad in the plane
     here: float  # station of the measured pad [m],
     aside: tuple[float, float]  # way x, y from it to the path [m],
     along: tuple[float, float]  # and direction x, y of the path there
     ahead: float  # station of the commanded pad [m],
     way: tuple[float, float]  # direction of the path around it,
-    length: float  # of the edge under the pad after a move [m],
-    there: np.ndarray  # (4, 4), and pose of the commanded pad in the plane
+    length: float  # and of the edge under the pad after a move [m]
 
 
 class EdgeMap:
@@ -177,9 +177,9 @@ class EdgeMap:
         from the commanded one, at the end of which the length under the pad is wanted [m].
         """
         scale, there = self.scale, np.empty((4, 4))
-        return Stand(*path_queries.stand(
+        return Stand(there, *path_queries.stand(
             self.path.nodes, self._near, self.plane, pose, commanded, scale.half_x, scale.half_y,
-            scale.grain, here, ahead, move, there), there)
+            scale.grain, here, ahead, move, there))
 
     def at_picture(self, direction: int, ahead: float) -> tuple[float, float, float, float]:
         """

@@ -27,7 +27,7 @@ def chain_of(model: pinocchio.Model, frame: int) -> tuple[np.ndarray, np.ndarray
     twists = np.array([  # of one joint alone it is no matrix
         pinocchio.computeJointJacobian(model, data, middle, k + 1).reshape(6, -1)[:, k]
         for k in range(model.nv)])
-    turns = twists[:, 3:].any(axis=1)
+    turns = np.any(twists[:, 3:] != 0.0, axis=1)
     return (np.array(placements), np.where(turns[:, None], twists[:, 3:], twists[:, :3]), turns)
 
 
