@@ -181,9 +181,9 @@ class Supervisor:
             return self._status(self.run), None
         self.run.count()
         self.run.decide(now, self._clock, self.around)
+        self.motion.expect_lateness(self._robot_clock.lateness)
         step = self.run.command(now, now_ns, dt, self._robot_clock.agrees)
         return self._status(self.run, step), None if step is None else step.trajectory
-
 
     def _status(self, run: GoalRun | None, step: MotionStep | None = None) -> Status:
         inputs, machine = self.inputs, self._machine
