@@ -188,17 +188,43 @@ def test_help_teaches(capsys):
         assert word in text
 
 
-@pytest.mark.skipif(not SHARED.exists(), reason=f'no recordings of real arrays in {SHARED}')
-def test_real_recordings_run_through(there):
-    """A finger on a Tekscan array and a bare foot: no press of either is called a point."""
+SHARED_ONLY = pytest.mark.skipif(
+    not SHARED.exists(), reason=f'no recordings of real arrays in {SHARED}')
+
+
+def estimated(name, *options):
+    """Estimates of a recording, calibrated with what is published of its sensor."""
+    assert calibrate.main(['--out', 'pad.yaml', *options]) == 0
+    assert estimate.main([name, '--calibration', 'pad.yaml', '-o', 'o.npz']) == 0
+    with np.load('o.npz') as found:
+        return {key: found[key] for key in found.files}
+
+
+@SHARED_ONLY
+def test_a_finger_on_a_foil_is_neither_point_nor_line(there):
+    """Tekscan 6900: pitch, foil of .1 mm, 8 bits; the quietest tenth stands for unloaded."""
     finger = np.load(SHARED / 'tekscan_finger' / 'iscan_finger.npz')
     raw = finger['frames'][:, 15:26, 15:26]
-    np.savez('finger.npz', frames=raw[::4])
-    np.savez('rest.npz', frames=raw[raw.sum(axis=(1, 2)) <= np.quantile(raw.sum((1, 2)), 0.1)])
-    assert calibrate.main(['--out', 'finger.yaml', '--pitch', str(finger['pitch_m']),
-                           '--unloaded', 'rest.npz', '--depth', '0.0001', '--bits', '8']) == 0
-    assert estimate.main(['finger.npz', '--calibration', 'finger.yaml', '-o', 'o.npz']) == 0
-    with np.load('o.npz') as found:
-        assert np.isnan(found['normal_force']).all()
-        load = raw[::4].sum(axis=(1, 2))
-        assert (found['type'][load > 0.3 * load.max()] != 0).all()
+    load = raw.sum(axis=(1, 2))
+    np.savez('finger.npz', frames=raw[::8])
+    np.savez('rest.npz', frames=raw[load <= np.quantile(load, 0.1)])
+    found = estimated('finger.npz', '--pitch', str(finger['pitch_m']), '--unloaded', 'rest.npz',
+                      '--rolling', 'finger.npz', '--depth', '0.0001', '--bits', '8')
+    pad = load_calibration('pad.yaml')
+    assert pad.threshold == 4 and (pad.noise < 1.0).all() and not pad.dead_tactels
+    assert np.isnan(found['normal_force']).all() and not found['valid'].any()
+    assert (found['type'][load[::8] == 0.0] == 0).all()
+    assert (found['type'][raw[::8].max(axis=(1, 2)) > 2 * pad.threshold] == 3).all()
+
+
+@SHARED_ONLY
+def test_a_step_on_a_platform_is_neither_point_nor_line(there):
+    """Novel emed: cells of 5 mm in kPa from 10 kPa on; its own sum of forces is the truth."""
+    step = np.load(SHARED / 'novel_emed' / 'emed_step.npz')
+    np.save('foot.npy', step['pressure_kPa'][::35])
+    np.save('rest.npy', np.zeros((20, *step['pressure_kPa'].shape[1:])))
+    found = estimated('foot.npy', '--pitch', str(step['pitch_m']), '--unloaded', 'rest.npy',
+                      '--threshold', '10', '--bits', '11', '--gain', '1000')
+    assert (found['type'] == 3).all() and not found['valid'].any()
+    np.testing.assert_allclose(found['moments'][:, 0], step['row_force_sum_N'][::35],
+                               rtol=2e-4, atol=0.1)

@@ -64,7 +64,8 @@ def parser() -> argparse.ArgumentParser:
         '(default: %(default)s)')
     for name, text in (('unloaded', 'of the unloaded pad'),
                        ('corners', 'of presses in the corners'),
-                       ('rolling', 'of a ball rolled over the pad'),
+                       ('rolling', 'of a ball rolled over the pad, or of anything on it: without '
+                        'corners they tell range, threshold and silent tactels alone'),
                        ('ball', 'of presses of a small ball; an array `force` (N,) [N] in it is '
                         'that of each'), ('flat', 'of presses of the ball all over the pad')):
         add(f'--{name}', metavar=f'{name[0].upper()}.npz', help=f'frames {text}')

@@ -50,15 +50,17 @@ def unloaded_statistics(frames: np.ndarray, threshold: float, lowest: float,
     offset, variance = frames.mean(axis=0), frames.var(axis=0, ddof=1)
     if not seen.all():
         offset, variance = _censored(frames, seen, threshold - 0.5, offset, variance)
-    told = live & (count > LEAST_SEEN)
-    offset = np.where(count > LEAST_SEEN, offset, lowest)
+    # Where next to nothing is seen, a tactel that is seen now and then was touched.
+    silent = np.mean(~seen[:, live]) > SILENT
+    often = count > (0.5 * len(frames) if silent else LEAST_SEEN)
+    told, offset = live & often, np.where(often, offset, lowest)
     mean = max(variance[told].mean(), QUANTISATION) if told.any() else QUANTISATION
     by_chance = 2.0 / (len(frames) - 1)  # variance of a sample variance, relative
     excess = (variance[told] / mean).var() if told.any() else 0.0
     own = max(excess - by_chance, 0.0) / max(excess, by_chance)
     shrunk = np.where(told, own * variance + (1.0 - own) * mean, mean)
     noise = np.sqrt(np.maximum(shrunk, QUANTISATION))
-    if threshold > lowest + 1 and np.mean(~seen[:, live]) > SILENT:
+    if silent:
         noise = np.maximum(noise, (threshold - 0.5 - lowest) / THRESHOLD_STD)
     return Unloaded(offset, noise)
 
