@@ -449,11 +449,21 @@ lint() {
     fi
 }
 
+run_pytest() {
+    if [ "$FLAVOUR" = bare ]; then
+        # not `python -m pytest`: this would make the folder launch a module of that name
+        pytest "$@"
+    else
+        python3 -m pytest "$@"
+    fi
+}
+
 run_tests() {
     cd "$ROOT"
     status=0
     lint ruff check . || status=1
     lint mypy || status=1
+    everything=$([ $# != 0 ] || echo yes)
     explicit=no
     previous=
     for argument in "$@"; do
@@ -467,12 +477,11 @@ run_tests() {
             [ -d "$folder" ] && set -- "$@" "$folder"
         done
     fi
-    if [ "$FLAVOUR" = bare ]; then
-        # not `python -m pytest`: this would make the folder launch a module of that name
-        pytest "$@" || status=$?
-    else
-        python3 -m pytest "$@" || status=$?
+    if [ "$everything" ] && python3 -c 'import xdist' 2>/dev/null; then
+        run_pytest -n auto -m 'not graph' "$@" || status=$?
+        set -- -m graph "$@"
     fi
+    run_pytest "$@" || status=$?
     exit "$status"
 }
 

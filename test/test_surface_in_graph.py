@@ -9,6 +9,7 @@ from edge_tracking.resources import find_scene
 from tactile_common.ros.conversions import pose_from_msg
 from tactile_common.ros.domains import hold_domain
 from tactile_msgs.msg import ServoReason, ServoStatus, SurfacePatch
+from tactile_msgs.srv import TeachFeatures
 from tactile_shape.nodes.shape_estimator import ShapeEstimatorNode
 from tactile_simulation.scenes import parameters_for, renderer_of
 
@@ -32,6 +33,8 @@ def tracked(tmp_path_factory):
         it.reach(0.5 * LENGTH)
         assert it.pause(True).success
         it.wait(lambda: it.listener.code == ServoReason.PAUSED, 'the pause')
+        it.taught = [it.call(TeachFeatures, 'edge_servo/teach', name=name)
+                     for name in ('here', 'not a name')]
         it.pause(False)
         it.finish(client)
         it.client = client
@@ -70,7 +73,24 @@ def test_the_ball_is_felt_as_one_while_it_is_followed(tracked):
     assert 1.0 / curvature == pytest.approx(RADIUS, rel=0.05)
 
 
-def test_a_goal_for_features_that_nobody_taught_is_refused(tracked):
+def test_a_goal_keeps_features_that_were_shown(tracked):
+    kept, refused = tracked.taught
+    assert kept.success and kept.message.startswith('here: M0 ')
+    assert not refused.success and 'name is' in refused.message
+    client = tracked.track(length=0.01, **{'surface.features': 'here'})
+    assert client.success, client.reason
     client = tracked.track(**{'surface.features': 'none'})
     assert client.finished and not client.success
-    assert "no features were taught by the name 'none'" in client.reason
+    assert "no features were taught by the name 'none'; known: here" in client.reason
+
+
+def test_a_cancelled_goal_comes_to_rest(tracked):
+    client = tracked.start_tracking(length=LENGTH, speed=0.03)
+    tracked.reach(0.2 * LENGTH)
+    client.cancel()
+    tracked.finish(client)
+    tracked.remove('track')
+    assert not client.success and client.reason_code == ServoReason.CANCELLED
+    assert client.result.contacts  # what was felt until then
+    tracked.wait(lambda: tracked.listener.state == ServoStatus.IDLE, 'the rest')
+    assert np.abs(tracked.robot.controller.commanded[1]).max() < 1e-4  # rad/s

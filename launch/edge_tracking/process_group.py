@@ -73,10 +73,10 @@ class Heard:
             self.all = self.all or self._wanted <= set(heard.split())
 
 
-def add_listeners(graph: Graph, bag, shape: dict[str, Any]) -> None:
-    """Add a recorder of everything and the shape estimator, this with parameters."""
+def add_listeners(graph: Graph, bag, shape: dict[str, Any] | None = None) -> None:
+    """Add a recorder of everything and the shape estimator, this with parameters of its own."""
     record(graph, bag)
-    graph.add(ShapeEstimatorNode, **shape)
+    graph.add(ShapeEstimatorNode, **shape or {})
 
 
 # What makes each part, and its niceness.

@@ -4,6 +4,7 @@ import base64
 import dataclasses
 from html.parser import HTMLParser
 from itertools import pairwise
+import re
 import subprocess
 import sys
 
@@ -23,6 +24,7 @@ from tactile_common.errors import ConfigurationError
 from tactile_servo.types import State
 from tactile_shape.local_surface.local_quadric import LocalQuadric
 
+CAPTIONED = re.compile(r'This (run|recording): .*\d|none of its numbers is known|\d presses')
 PNG = b'\x89PNG\r\n\x1a\n'
 
 
@@ -31,11 +33,13 @@ class Page(HTMLParser):
 
     def __init__(self, text):
         super().__init__()
-        self.images, self.links, self.words = [], [], []
+        self.images, self.links, self.words, self.captions = [], [], [], []
+        self._in_caption = False
         self.feed(text)
 
     def handle_starttag(self, tag, attrs):
         """Take images apart from other links."""
+        self._in_caption |= tag == 'figcaption'
         for name, value in attrs:
             if name in ('src', 'href'):
                 (self.images if tag == 'img' else self.links).append(value)
@@ -43,6 +47,12 @@ class Page(HTMLParser):
     def handle_data(self, data):
         """Collect visible text."""
         self.words.append(data)
+        if self._in_caption:
+            self.captions.append(data)
+
+    def handle_endtag(self, tag):
+        """Leave a caption."""
+        self._in_caption &= tag != 'figcaption'
 
     @property
     def text(self):
@@ -61,6 +71,7 @@ def read_page(path, pictures):
         assert head == 'data:image/png;base64'
         assert base64.b64decode(data).startswith(PNG)
     assert 'nan' not in page.text.split()
+    assert len(page.captions) == pictures and all(CAPTIONED.search(it) for it in page.captions)
     return page
 
 

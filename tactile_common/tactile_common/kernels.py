@@ -8,8 +8,10 @@ with a kernel takes `njit` from here, so that the folder is set before anything 
 `compile_kernels`, also a command, fills that folder, so that no first start has to wait.
 """
 from collections.abc import Callable, Iterator
+from concurrent.futures import as_completed, ProcessPoolExecutor
 from importlib import import_module
 from importlib.util import find_spec
+from multiprocessing import get_context
 import os
 from pathlib import Path
 import re
@@ -84,17 +86,24 @@ def compile_kernels() -> Iterator[tuple[str, float]]:
     Compile the kernels of every installed package, and forget those of earlier sources.
 
     A package that has kernels has a module `compile_kernels` with a function of that name,
-    which calls each of them once. Yields each package, and the seconds that it took.
+    which calls each of them once; each package in a process of its own. Yields each package, and
+    the seconds that it took.
     """
     folder = cache_folder()
     for other in folder.parent.glob('*'):
         if other != folder and re.fullmatch('[0-9a-f]{8}', other.name):
             shutil.rmtree(other, ignore_errors=True)
-    for package in PACKAGES:
-        if find_spec(package) and find_spec(f'{package}.compile_kernels'):
-            begin = time.perf_counter()
-            import_module(f'{package}.compile_kernels').compile_kernels()
-            yield package, time.perf_counter() - begin
+    with ProcessPoolExecutor(mp_context=get_context('spawn')) as pool:
+        done = [pool.submit(_compile, package) for package in PACKAGES
+                if find_spec(package) and find_spec(f'{package}.compile_kernels')]
+        for one in as_completed(done):
+            yield one.result()
+
+
+def _compile(package):
+    begin = time.perf_counter()
+    import_module(f'{package}.compile_kernels').compile_kernels()
+    return package, time.perf_counter() - begin
 
 
 def main() -> int:

@@ -30,15 +30,16 @@ def executable(module: str, interrupted: int = 130) -> Callable[[], None]:
         _handle(lambda *_: os._exit(status))
         # The launch file starts its processes with SIGINT blocked: before this it would kill.
         signal.pthread_sigmask(signal.SIG_UNBLOCK, _SIGNALS)
-        main = importlib.import_module(module).main
+        main, ended = importlib.import_module(module).main, None
         try:
             _handle(_interrupt)
             ended = main() or 0
+            _handle(_pass_over)
         except KeyboardInterrupt:
-            if status:
-                print(f'{module.rpartition(".")[2]}: interrupted', file=sys.stderr)
-            ended = status
-        _handle(signal.SIG_IGN)
+            if ended is None:
+                if status:
+                    print(f'{module.rpartition(".")[2]}: interrupted', file=sys.stderr)
+                ended = status
         # To take the heap apart, with all that numba keeps there, lasts seconds on a loaded
         # machine, and is of no use.
         sys.stdout.flush()
@@ -48,8 +49,12 @@ def executable(module: str, interrupted: int = 130) -> Callable[[], None]:
 
 
 def _interrupt(*_):
-    _handle(signal.SIG_IGN)  # one is enough; a second would interrupt the cleaning up
+    _handle(_pass_over)  # one is enough; a second would interrupt the cleaning up
     raise KeyboardInterrupt
+
+
+def _pass_over(*_):
+    """Take a signal; where one comes as SIG_IGN is set, Python would write a line about it."""
 
 
 def _handle(handler):

@@ -145,9 +145,14 @@ def test_an_executable_ends_quietly_whenever_it_is_interrupted_and_twice(
     assert (process.returncode, error) == (0, '')
 
 
-def test_a_node_that_cannot_be_destroyed_ends_and_says_what_it_waits_for(tmp_path):
+@pytest.mark.parametrize(('wait', 'status', 'text'), [
+    ('threading.Event().wait()', 0, 'stuck does not end; it waits\n'),
+    # A call that keeps the interpreter's lock, as those of rclpy do.
+    ('ctypes.PyDLL(None).sleep(60)', 1, 'Timeout (')], ids=['lock', 'middleware'])
+def test_a_node_that_cannot_be_destroyed_ends_and_says_what_it_waits_for(
+        wait, status, text, tmp_path):
     (tmp_path / 'slow.py').write_text(
-        'import threading\n'
+        'import ctypes, threading\n'
         'from tactile_common.ros.node import TactileNode\n'
         'from tactile_common.ros.runner import run\n'
         'class Stuck(TactileNode):\n'
@@ -155,7 +160,7 @@ def test_a_node_that_cannot_be_destroyed_ends_and_says_what_it_waits_for(tmp_pat
         '    super().__init__("stuck", **kwargs)\n'
         '    self.create_timer(0.1, lambda: print(1, flush=True))\n'
         '  def destroy_node(self):\n'
-        '    threading.Event().wait()\n'
+        f'    {wait}\n'
         'def main():\n  return run(Stuck)')
     process = subprocess.Popen(
         [sys.executable, '-c', PROGRAM.format(folder=str(tmp_path), options='interrupted=0')],
@@ -163,8 +168,25 @@ def test_a_node_that_cannot_be_destroyed_ends_and_says_what_it_waits_for(tmp_pat
     assert process.stdout.readline() == '1\n'
     process.send_signal(signal.SIGINT)
     _, error = process.communicate(timeout=DEADLINE)
-    assert process.returncode == 0
-    assert error.startswith('stuck does not end; it waits\n') and 'in destroy_node' in error
+    assert process.returncode == status
+    assert error.startswith(text) and 'in destroy_node' in error
+
+
+def test_a_signal_as_an_executable_ends_changes_nothing(tmp_path):
+    (tmp_path / 'slow.py').write_text(
+        'import os, signal\n'
+        'def main():\n'
+        '  real = signal.signal\n'
+        '  def late(*arguments):\n'
+        '    signal.signal = real\n'
+        '    os.kill(os.getpid(), signal.SIGINT)\n'
+        '    return real(*arguments)\n'
+        '  signal.signal = late\n'  # the next change of a handler is at the end
+        '  return 3')
+    done = subprocess.run(
+        [sys.executable, '-c', PROGRAM.format(folder=str(tmp_path), options='')],
+        capture_output=True, text=True, check=False, timeout=DEADLINE)
+    assert (done.returncode, done.stderr) == (3, '')
 
 
 def test_interrupted_status_is_130_unless_the_environment_says_otherwise(tmp_path):

@@ -60,17 +60,24 @@ def test_gains_that_differ_by_ten_percent(kind, told):
     assert over_claims(found, truth) < HONEST
 
 
-def test_an_edge_that_ends_on_the_pad():
-    rng = np.random.default_rng(32)
+def ending_edges(rng, count=COUNT):
+    """Truth (count, 3): a, yaw and end along the edge, and pictures without noise [Pa]."""
     force = FORCES[ContactType.LINE][1]
-    truth = rng.uniform((-5e-3, -0.5, -3e-3), (5e-3, 0.5, 7e-3), (COUNT, 3))
-    frames = np.zeros((COUNT, *ARRAY.shape))
+    truth = rng.uniform((-5e-3, -0.5, -3e-3), (5e-3, 0.5, 7e-3), (count, 3))
+    frames = np.zeros((count, *ARRAY.shape))
     for frame, (a, yaw, end) in zip(frames, truth, strict=True):
         across, along = (np.array([np.cos(yaw), np.sin(yaw)]),
                          np.array([-np.sin(yaw), np.cos(yaw)]))
         foot = a * np.cos(yaw) * across
         add_segment(frame, ARRAY.x, ARRAY.y, DEPTH, *(foot - 0.1 * along), *(foot + end * along),
                     force, force)
+    return truth, frames
+
+
+def test_an_edge_that_ends_on_the_pad():
+    rng = np.random.default_rng(32)
+    truth, frames = ending_edges(rng)
+    force = FORCES[ContactType.LINE][1]
     noise = 0.01 * frames.max(axis=(1, 2)).mean()
     found = estimates(frames + noise * rng.standard_normal(frames.shape), noise)
     valid = found['valid']
@@ -80,6 +87,21 @@ def test_an_edge_that_ends_on_the_pad():
     assert over_claims(found, {'a': a, 'yaw': yaw, 'line_force': force}) < HONEST
     off = (found['end'] - end)[valid]
     assert np.sqrt(np.nanmean(off**2)) < 0.05e-3  # a thirtieth of the pitch
+
+
+def test_a_dead_tactel_on_an_edge_that_ends_is_no_other_end():
+    rng = np.random.default_rng(35)
+    truth, frames = ending_edges(rng, 200)
+    noise = 0.01 * frames.max(axis=(1, 2)).mean()
+    for frame in frames:  # what presses the border most
+        frame[0, frame[0].argmax()] = 0.0
+    found = estimates(frames + noise * rng.standard_normal(frames.shape), noise)
+    a, yaw, end = truth.T
+    assert found['valid'].mean() > 0.9
+    assert (found['reasons'][found['valid']] & int(Reason.DEAD_TACTELS) > 0).all()
+    length = end + (ARRAY.half_width_y + a * np.sin(yaw) * np.cos(yaw)) / np.cos(yaw)
+    off = found['normal_force'] / (FORCES[ContactType.LINE][1] * length) - 1.0
+    assert np.nanmax(np.abs(off)) < 0.02
 
 
 def test_a_second_contact_that_one_tactel_shows_is_no_dead_tactel():

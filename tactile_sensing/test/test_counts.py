@@ -177,3 +177,18 @@ def test_order_of_rows_and_columns(tmp_path):
                  'tactel', 'found'):
         assert getattr(again, name) == getattr(calibration, name), name
     np.testing.assert_allclose(again.noise, calibration.noise)
+
+
+def test_a_pad_whose_noise_is_clipped_weighs_nothing():
+    rng = np.random.default_rng(8)
+    baseline, noise, count = 10.0, 20.0, 400
+    calibration = Calibration(ARRAY, baseline=np.array(baseline), depth=DEPTH)
+    frames = np.clip(np.rint(baseline + noise * rng.standard_normal((2 * count, *ARRAY.shape))),
+                     0, 255).astype(np.uint8)
+    tare = calibration.make_tare(frames[:count])
+    convert = calibration.converter(tare)
+    pictures = np.array([convert(frame)[0].stress for frame in frames[count:]])
+    np.testing.assert_allclose(pictures, calibration.stress(frames[count:], tare), atol=1e-4)
+    # In the mean over frames a tactel is off by chance, in the tare and since.
+    by_chance = noise * np.sqrt(2.0 / count / ARRAY.rows / ARRAY.columns)
+    assert abs(pictures.mean()) < 5.0 * by_chance

@@ -2,10 +2,11 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any, ClassVar, NamedTuple, Protocol
+from typing import Any, ClassVar, NamedTuple, Protocol, runtime_checkable
 
 import numpy as np
 
+from tactile_sensing.types.array import TactelArray
 from tactile_sensing.types.contact import Contact
 from tactile_sensing.types.image import SensorInfo, TactileImage
 from tactile_servo.config import ServoConfig
@@ -121,3 +122,12 @@ class ServoLaw(Protocol):
 
     def result(self) -> LawResult:
         """What has been learnt."""
+
+
+@runtime_checkable
+class Teachable(Protocol):
+    """A law whose goals can ask for what it was shown."""
+
+    def teach(self, name: str, image: TactileImage, array: TactelArray) -> str:
+        """Keep what an image shows by a name, and say what that is; else ConfigurationError."""
+        ...

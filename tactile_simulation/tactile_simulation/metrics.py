@@ -13,6 +13,7 @@ from tactile_simulation.smoothness import scatter
 
 NAN = float('nan')
 SPACING = 0.25e-3  # m between the places at which outlines are compared
+BUSY = 0.05  # of the planned control cycles; a machine that misses more has too little time
 
 
 # Of samples; NaN where there are too few.
@@ -225,6 +226,17 @@ def shown(summary: Mapping[str, Any], metrics=METRICS) -> Iterator[tuple[str, st
             yield row.name, f'{row.factor * value:.{row.decimals}f}', row.unit
 
 
+def busy(summary: Mapping[str, Any]) -> str:
+    """Sentence about a machine that had too little time for a run; empty if it had enough."""
+    missed = summary.get('missed_cycles') or 0
+    planned = missed + (summary.get('cycles') or 0)
+    if missed <= BUSY * planned:
+        return ''
+    return (f'This machine was too busy: {missed} of {planned} control cycles were missed and '
+            f'{summary.get("sensor_rate", NAN):.0f} pictures per second arrived; '
+            'on an idle one the same run is smoother and faster.')
+
+
 def describe(summary: Mapping[str, Any]) -> str:
     """Text of the summary of a run for the terminal."""
     lines = [f'{summary["scene"]} with {summary["controller"]}, '
@@ -236,6 +248,7 @@ def describe(summary: Mapping[str, Any]) -> str:
     for number, corner in enumerate(summary.get('corners', ()), 1):
         place = ', '.join(f'{1e3 * value:.2f}' for value in corner)
         lines.append(f'  corner {number} at ({place}) mm')
+    lines += filter(None, [busy(summary)])
     lines += [f'{entry["time"]:8.3f} s  {entry["state"]}: {entry["reason"]}'
               for entry in summary.get('states', ())]
     return '\n'.join(lines)

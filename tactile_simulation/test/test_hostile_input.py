@@ -323,6 +323,11 @@ def beyond(place, bounds):
          # The robot's clock seems to be another one for a while.
          script=[{'cycles': 80, 'contact': 'none'}, {'cycles': 80, 'late_joints': -10**7},
                  *[{'cycles': 80}] * 3])
+@example(start=np.clip(ELBOW, LIMITS.lower, LIMITS.upper), margin=1e-9,
+         goal=EdgeGoal(0.125, 1.0, -1, 0.0, False), prelude=0,
+         # A round probe rolls, and brakes in a curve, in a box without room.
+         script=[{'cycles': 30}, {'cycles': 80, 'image': picture(
+             'edge', 0, 630.0, True, ARRAY, '')}])
 def test_commands_stay_within_every_limit(tracker, start, margin, goal, prelude, script):
     watched = Watched(tracker, start, margin)
     watched.act(goal)

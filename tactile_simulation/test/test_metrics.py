@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from tactile_simulation.metrics import (
+    busy,
     describe,
     Evidence,
     measure,
@@ -103,6 +104,13 @@ def test_text_tells_verdict_numbers_and_outline():
         '  side 1: arc of 20.00 mm, radius 5.00 mm',
         '  corner 1 at (100.00, 200.00, 300.00) mm',
         '   1.500 s  hold: stale']
+
+
+def test_a_machine_that_is_too_busy_is_told():
+    counts = {'cycles': 96, 'missed_cycles': 4, 'sensor_rate': 202.7}
+    assert busy(counts) == busy({}) == busy({'cycles': 0, 'missed_cycles': None}) == ''
+    assert '24 of 120 control cycles' in busy(counts | {'missed_cycles': 24})
+    assert '203 pictures' in busy(counts | {'missed_cycles': 24})
 
 
 def test_json_is_one_object_without_nan():

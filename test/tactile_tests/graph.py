@@ -194,6 +194,15 @@ class Bench:
         self.wait(future.done, 'the answer of ~/pause')
         return future.result()
 
+    def call(self, kind, service, **request):
+        """Call a service of the graph and return its answer."""
+        client = self.listener.create_client(kind, service)
+        self.wait(client.service_is_ready, f'the service {service}')
+        future = client.call_async(kind.Request(**request))
+        self.wait(future.done, f'the answer of {service}')
+        self.listener.destroy_client(client)
+        return future.result()
+
     def path(self):
         """Return stamps (N,) [s] and sensor poses (N, 4, 4) in the base frame so far."""
         poses = list(self.listener.poses)

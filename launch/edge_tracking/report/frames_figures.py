@@ -79,6 +79,12 @@ def centre_path(run: RunData, series: ForceSeries) -> Figure:
     return figure
 
 
+def centre_extent(series: ForceSeries) -> np.ndarray:
+    """Range of the centre of pressure along x and y, where it is shown, `(2,)` [m]."""
+    shown = series.centre_of_pressure[_loaded(series)]
+    return np.ptp(shown, axis=0) if len(shown) else np.zeros(2)
+
+
 def force_unit(series: ForceSeries) -> tuple[float, str]:
     """Return factor and unit in which forces are shown: N, or counts mm^2."""
     if series.unit == 'N':

@@ -13,7 +13,7 @@ from edge_tracking.recording.run import RunData
 from edge_tracking.recording.summary import rebuilt_outline, truth
 from edge_tracking.report import figures, frames_figures, plans
 from edge_tracking.report.style import png
-from tactile_simulation.metrics import shown
+from tactile_simulation.metrics import busy, shown
 from tactile_simulation.scene import Scene
 
 SHOWN_PRESSES = 8
@@ -43,6 +43,16 @@ figcaption, footer { font-size: .87rem; color: #555a61; }
 """
 
 
+def _listed(summary, *keys):
+    return ''.join(f', {name} {value} {unit}'.rstrip() for name, value, unit in shown(
+        {key: summary.get(key) for key in keys}))
+
+
+def of_this_run(summary, *keys):
+    """Sentence with what a summary knows of the metrics of a picture."""
+    return f' This run: {_listed(summary, *keys)[2:] or "none of its numbers is known"}.'
+
+
 def make_report(run: RunData, summary: Mapping[str, Any], scene: Scene, path) -> None:
     """Write the report of a run along the edge of a scene, with its `summarise`, as HTML."""
     real = truth(run, scene)
@@ -52,18 +62,22 @@ def make_report(run: RunData, summary: Mapping[str, Any], scene: Scene, path) ->
          f'and at the end. The run begins '
          f'{1e3 * abs(scene.start.offset):.1f} mm beside the edge; the detail shows how touch '
          "takes that away. Positions are from the robot's forward kinematics, errors against "
-         'the scene, which only the mock sensor knows.', ''),
+         'the scene, which only the mock sensor knows.'
+         + of_this_run(summary, 'tracked_length', 'edge_length', 'duration'), ''),
         ('Lateral error and force', figures.errors(run, summary, scene, real),
          'True: from pose and scene. Measured: what the contact estimate gave the servo. '
          'The statistics count from the dotted line, 10 mm after first contact; those of the '
-         'force only while the edge crosses the whole pad.', ''),
+         'force only while the edge crosses the whole pad.' + of_this_run(
+             summary, 'lateral_rms', 'lateral_max', 'force_rms_error', 'force_max'), ''),
         ('Tactile pictures', figures.pictures(run),
          'Pressure over the pad, compression positive, with the estimated edge drawn in where '
          'the estimate is a valid line; the cross is the centre of pressure where what touches '
-         'is no straight line, as on a curve or at the end of the edge.', ''),
+         'is no straight line, as on a curve or at the end of the edge.'
+         + of_this_run(summary, 'sensor_rate', 'force_target'), ''),
         ('Latency', figures.latency(run, summary),
          'From the last byte of a picture at the driver to the end of the first control cycle '
-         'that used it. Later ones than the axis shows are in its last bar.', 'narrow'),
+         'that used it. Later ones than the axis shows are in its last bar.'
+         + of_this_run(summary, 'latency_p50', 'latency_p99', 'missed_cycles'), 'narrow'),
     ]
     found = rebuilt_outline(run)
     if found is not None:
@@ -71,13 +85,16 @@ def make_report(run: RunData, summary: Mapping[str, Any], scene: Scene, path) ->
             'Rebuilt outline', plans.outline(run, scene, found),
             'Lines, arcs and corners, as few as the contacts along the edge allow. Each contact '
             'is a point of the fitted line or, on a curve and at a corner, of the ridge of the '
-            'picture, put into the base by the pose of the robot.', ''))
+            'picture, put into the base by the pose of the robot. '
+            f'This run: {len(found.sides)} sides, {len(found.corners)} corners'
+            f'{_listed(summary, "contour_max_error", "contour_area_error")}.', ''))
     # Of an edge that was touched for the first time a few contacts may look like a surface.
     if len(run.patches) and np.ptp([patch.origin for patch in run.patches], axis=0).max() > LEAST:
         sections.append((
             'Surface', plans.surface(run),
             'Where a surface was touched: patches of second order, coloured by the least one '
-            'that explains the contacts, and the way of the contact.', 'narrow'))
+            'that explains the contacts, and the way of the contact. '
+            f'This run: {len(run.patches)} patches.', 'narrow'))
     verdict = ('Edge tracked' if summary['ok'] else 'Edge not tracked', summary['ok'])
     rms, largest = summary['lateral_rms'], summary['lateral_max']
     title = f'Scene \u201c{scene.name}\u201d'
@@ -88,6 +105,7 @@ def make_report(run: RunData, summary: Mapping[str, Any], scene: Scene, path) ->
         lead += (f" The pad's centre stayed within {1e3 * largest:.3f} mm of the true edge, "
                  f'{1e3 * rms:.3f} mm RMS, over {1e3 * summary["tracked_length"]:.0f} mm '
                  f'at {1e3 * summary["speed_mean"]:.0f} mm/s on average.')
+    lead += f' {busy(summary)}'.rstrip()
     if not summary['approach_recorded']:
         lead += ' No picture was recorded before first contact: the recording began late.'
     write_page(path, title, verdict, lead, shown(summary), sections,
@@ -103,12 +121,14 @@ def make_recording_report(run: RunData, summary: Mapping[str, Any], name: str, p
         ('Force and centre of pressure over time', frames_figures.force_over_time(series),
          'Force is the zeroth moment of the picture. Without a calibration it is in counts '
          'times area and says nothing about newtons. The centre of pressure is shown where '
-         'the force is above a tenth of its largest value.', ''),
+         'the force is above a tenth of its largest value. This recording: '
+         f'{len(series.time)} contacts in {np.ptp(series.time):.1f} s.', ''),
         ('Presses', frames_figures.press_pictures(run, series, SHOWN_PRESSES),
          f'The pictures at the peaks of {min(summary["presses"], SHOWN_PRESSES)} of '
          f'{summary["presses"]} presses, with the centre of pressure.', ''),
         ('Path of the centre of pressure', frames_figures.centre_path(run, series),
-         'The frame is the array; the colour is the force.', '')]
+         'The frame is the array; the colour is the force. This recording: the centre moves over '
+         '{:.1f} by {:.1f} mm.'.format(*1e3 * frames_figures.centre_extent(series)), '')]
     types = ', '.join(f'{count} {name}' for name, count in summary['contact_types'].items()
                       if count) or 'none'
     count, largest = summary['presses'], summary['force_max']

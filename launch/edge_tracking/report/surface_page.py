@@ -8,10 +8,10 @@ import numpy as np
 
 from edge_tracking.recording.run import RunData
 from edge_tracking.report import figures, plans
-from edge_tracking.report.page import write_page
+from edge_tracking.report.page import of_this_run, write_page
 from edge_tracking.report.style import BLUE, colour_bar, INK, label, new_figure, note, ORANGE, png
 from tactile_servo.types import State
-from tactile_simulation.metrics import shown
+from tactile_simulation.metrics import busy, shown
 from tactile_simulation.scene_surface import SurfaceScene
 from tactile_simulation.surface_metrics import SurfaceTruth
 
@@ -22,22 +22,27 @@ def make_surface_report(run: RunData, summary: Mapping[str, Any], scene: Surface
     sections = [
         ('The surface that was felt', felt(run, scene),
          'Contacts, coloured by their distance from the true surface, which only the mock sensor '
-         'knows; and the curvature along the way that the shape estimator tells, live.', ''),
+         'knows; and the curvature along the way that the shape estimator tells, live.'
+         + of_this_run(summary, 'tracked_length', 'surface_rms', 'surface_max'), ''),
         ('Force and place of the contact', course(run, truth, summary),
-         'True: from pose and scene. Measured: what the image told.', ''),
+         'True: from pose and scene. Measured: what the image told.'
+         + of_this_run(summary, 'force_target', 'force_rms_error', 'force_max'), ''),
         ('Latency', figures.latency(run, summary),
          'From the last byte of a picture at the driver to the end of the first control cycle '
-         'that used it. Later ones than the axis shows are in its last bar.', 'narrow')]
+         'that used it. Later ones than the axis shows are in its last bar.'
+         + of_this_run(summary, 'latency_p50', 'latency_p99', 'missed_cycles'), 'narrow')]
     if len(run.patches):
         sections.insert(1, (
             'Patches', plans.surface(run),
             'Patches of second order, coloured by the least one that explains the contacts, and '
-            'the way of the contact; surface.ply holds them.', 'narrow'))
+            'the way of the contact; surface.ply holds them. '
+            f'This run: {len(run.patches)} patches.', 'narrow'))
     lead = f'{summary["reason"]}.'
     if math.isfinite(summary['surface_rms']):
         lead += (f' Over {1e3 * summary["tracked_length"]:.0f} mm the contacts lie within '
                  f'{1e3 * summary["surface_max"]:.3f} mm of the true surface, '
                  f'{1e3 * summary["surface_rms"]:.3f} mm RMS.')
+    lead += f' {busy(summary)}'.rstrip()
     lead += f' The least surface that explains them: {summary["surface_kind"]}'
     if math.isfinite(summary['surface_radius']):
         lead += f' of {1e3 * summary["surface_radius"]:.2f} mm radius'

@@ -31,7 +31,8 @@ _TICK = 0.05
 # Errors of rcl one after the other, with nothing done between, that are no matter of one message.
 _BROKEN = 100
 _LAST_WORDS = 2.0  # s
-_ENDING = 5.0  # s, for a node to be destroyed; launch kills after 10
+_ENDING = 3.5  # s, for a node to be destroyed; launch sends SIGTERM after 5, kills after 10
+_UNHEARD = 1.0  # s longer, where a call of the middleware lets no other thread run
 _DELIVERY = 0.2  # s, in which the last word leaves: what a writer that is gone wrote is lost
 
 
@@ -139,7 +140,7 @@ def run(node_class, args=None, until=None, on_stop=None) -> int:
     taken. `until(node)` tells whether its work is done; `on_stop(node)` is called at a signal, and
     the node then has two seconds to get it done. A process that is to stop while its node is
     still being made, which takes a minute where kernels are compiled, ends within two as well;
-    and one whose node is not destroyed within five says what it waits for and ends.
+    and one whose node is not destroyed within 3.5 says what it waits for and ends.
     """
     context = rclpy.Context()
     with stop_on_signals() as stop:
@@ -170,7 +171,8 @@ def run(node_class, args=None, until=None, on_stop=None) -> int:
                 end = time.monotonic() + _DELIVERY
                 spin(executor, context, lambda: stop.is_set() or time.monotonic() > end)
         finally:
-            with _in_time(lambda: stopped, _ENDING, f'{node.get_name()} does not end; it waits'):
+            with _on_one_core(), _in_time(
+                    lambda: stopped, _ENDING, f'{node.get_name()} does not end; it waits'):
                 executor.shutdown()  # first: nothing may be delivered to a node that is gone
                 node.destroy_node()
                 context.try_shutdown()
@@ -178,13 +180,44 @@ def run(node_class, args=None, until=None, on_stop=None) -> int:
 
 
 @contextmanager
+def _on_one_core():
+    """
+    Let the threads of this process take turns on one core.
+
+    As its participant is destroyed Fast DDS waits for its callbacks, among them what other nodes
+    cause that leave at the same time. In builds for old systems, as the wheels are, that is a loop
+    which takes the callbacks' lock again as soon as it has released it, with several cores for
+    minutes. On one core the thread that is woken by the release comes first.
+    """
+    if not hasattr(os, 'sched_setaffinity'):
+        yield
+        return
+    cores = os.sched_getaffinity(0)
+    _keep_to({sorted(cores)[os.getpid() % len(cores)]})  # nodes that end together share them
+    try:
+        yield
+    finally:
+        _keep_to(cores)
+
+
+def _keep_to(cores):
+    for thread in os.listdir('/proc/self/task'):
+        with suppress(OSError):  # it has ended
+            os.sched_setaffinity(int(thread), cores)
+
+
+@contextmanager
 def _in_time(stopped, seconds, text=''):
     """
     End the process when it has `stopped()`, but what stands in the context takes longer.
 
-    With a text that, and where every thread is, is written first.
+    With a text that, and where every thread is, is written first. rclpy calls the middleware with
+    the interpreter's lock held: where that does not return no thread comes to run, and the process
+    ends a second later with status 1, if it had stopped at the start.
     """
     done = threading.Event()
+    if stopped():
+        faulthandler.dump_traceback_later(seconds + _UNHEARD, exit=True)
 
     def watch():
         while not done.wait(_TICK):
@@ -199,6 +232,7 @@ def _in_time(stopped, seconds, text=''):
         yield
     finally:
         done.set()
+        faulthandler.cancel_dump_traceback_later()
 
 
 def _refuse(node_class, error):

@@ -133,12 +133,12 @@ def _find_step(equations, damping):
 @njit(error_model='numpy')
 def _evaluate(kind, sensor, layers, load, memory):
     """Normal equations of a load with its extras; returns chi-square."""
-    add_rows(kind, sensor, layers, load, load.extras & (BEGINS | ENDS) != 0, memory.tactels)
+    add_rows(kind, sensor, layers, load, load.extras & (BEGINS | ENDS), memory.tactels)
     return set_up(
         memory.tactels, layers[-1].end, memory.state[0].scatter, memory.equations[0])
 
 
-@njit(error_model='numpy')
+@njit(error_model='numpy', inline='always')
 def _descend(kind, sensor, layers, load, memory):
     """Steps to the least chi-square, which is returned, and the length of the last; or NaN."""
     equations, depth = memory.equations[0], layers[0].depth

@@ -2,7 +2,7 @@
 Pressure of loads with a patch, and of lines that end within the pad; all compiled.
 
 A *source* is a point, or a line without ends, seen from its own axes: v across it, w along. What
-a line lacks beyond its ends is taken off as points along it, by Gauss' integration.
+a line lacks beyond its ends, the integral of points along it, is taken off.
 """
 
 import math
@@ -15,12 +15,10 @@ from tactile_sensing.contact.gauss_newton import END, MODEL, POINT, START, VARIA
 from tactile_sensing.half_space.kernels import FORCE, Q0, Q1, SHEAR_X, SHEAR_Y
 from tactile_sensing.half_space.layers import half_sides
 from tactile_sensing.skin import kernels
+from tactile_sensing.skin.kernels import F, G
 
 PATCH, BEGINS, ENDS = 1, 2, 4  # bits of a load's extras
-PANEL = 0.8  # of the integral along what a line lacks [depths]
 BEYOND = 6.0  # depths beyond the pad from where nothing of a line is seen
-_ABSCISSAS = np.array([-math.sqrt(0.6), 0.0, math.sqrt(0.6)])
-_WEIGHTS = np.array([5.0, 8.0, 5.0]) / 18.0
 
 
 class Source(NamedTuple):
@@ -31,21 +29,14 @@ class Source(NamedTuple):
     rho: float  # [m]
     at: float  # place along the line [m]
     depends_on_w: float  # 1 for a point, 0 for a line
-    turns: float  # 1 where q1 is the direction of a line, 0 where it is a place along w
 
 
 @njit(error_model='numpy')
 def source_of(kind, load):
     """Source of a whole load."""
     if kind == POINT:
-        return Source(1.0, 0.0, load.a, load.b, 1.0, 0.0)
-    return Source(math.cos(load.yaw), math.sin(load.yaw), load.rho, 0.0, 0.0, 1.0)
-
-
-@njit(error_model='numpy')
-def point_of_line(line, at):
-    """Source at one place along a line."""
-    return Source(line.cos, line.sin, line.rho, at, 1.0, 1.0)
+        return Source(1.0, 0.0, load.a, load.b, 1.0)
+    return Source(math.cos(load.yaw), math.sin(load.yaw), load.rho, 0.0, 0.0)
 
 
 @njit(error_model='numpy')
@@ -72,22 +63,9 @@ def lacking_part(bit, sensor, load, depth):
 
 
 @njit(error_model='numpy')
-def panels_of(first, last, depth):
-    """Number of panels of an integral."""
-    return max(1, int(math.ceil((last - first) / (PANEL * depth))))
-
-
-@njit(error_model='numpy')
-def gauss_point(i, first, last, count):
-    """Place of the i-th of Gauss' points on so many panels, and its share of the length."""
-    length = (last - first) / count
-    return first + (i // 3 + 0.5 + 0.5 * _ABSCISSAS[i % 3]) * length, length * _WEIGHTS[i % 3]
-
-
-@njit(error_model='numpy')
 def _add_source(begin, end, dx, dy, source, load, shape, slope, centre, scale, at, by):
     """Add to some tactels' rows a source's pressure, and its derivatives."""
-    cos, sin, rho, place, depends_on_w, turns = source
+    cos, sin, rho, place, depends_on_w = source
     force, shear_v, shear_w = load.force, load.shear_x, load.shear_y
     for i in range(begin, end):
         x, y = at[X, i] + dx, at[Y, i] + dy
@@ -98,8 +76,7 @@ def _add_source(begin, end, dx, dy, source, load, shape, slope, centre, scale, a
         common = force * df + across * dg
         by_v, by_w = common * v + shear_v * g, common * w + shear_w * g
         by[Q0, i] -= scale * by_v
-        by[Q1, i] += scale * (
-            turns * (by_v * along - by_w * (v + rho)) - (1.0 - turns) * by_w)
+        by[Q1, i] += scale * ((1.0 - depends_on_w) * by_v * along - depends_on_w * by_w)
         by[FORCE, i] += scale * f
         by[SHEAR_X, i] += scale * g * v
         by[SHEAR_Y, i] += scale * g * w
@@ -107,15 +84,67 @@ def _add_source(begin, end, dx, dy, source, load, shape, slope, centre, scale, a
         by[MODEL, i] += scale * (force * f + across * g)
 
 
-@njit(error_model='numpy')
-def _add_tip(begin, end, dx, dy, source, load, shape, centre, scale, at, row):
-    """Add the pressure of a metre of line at one place: the derivative by an end."""
+@njit(error_model='numpy', fastmath=FAST)
+def _integrals(shape, slope, centre, v, first, last):
+    """
+    Integrals from first to last along w of what `kernels.all_at` returns.
+
+    Those of the powers of t = c^2 / (v^2 + w^2 + c^2) follow from each other, by parts.
+    """
+    across = centre + v * v
+    root, highest = math.sqrt(across), centre / across
+    at_first, at_last = centre / (across + first * first), centre / (across + last * last)
+    first_part, last_part = first * at_first, last * at_last
+    power = centre / root * (math.atan(last / root) - math.atan(first / root))
+    degree, length = shape.shape[1] - 1, last - first
+    f, g = shape[F, degree] * length, shape[G, degree] * length
+    by_f, by_g = slope[F, degree] * length, slope[G, degree] * length
+    df = dg = 0.0
+    for n in range(1, degree + 1):
+        f += shape[F, degree - n] * power
+        g += shape[G, degree - n] * power
+        by_f += slope[F, degree - n] * power
+        by_g += slope[G, degree - n] * power
+        power = highest * (last_part - first_part + (2.0 * n - 1.0) * power) / (2.0 * n)
+        df += n * shape[F, degree - n] * power
+        dg += n * shape[G, degree - n] * power
+        first_part *= at_first
+        last_part *= at_last
+    return f, g, -2.0 / centre * df, -2.0 / centre * dg, by_f, by_g
+
+
+@njit(error_model='numpy', fastmath=FAST)
+def _take_off(begin, end, dx, dy, line, load, first, last, shape, slope, centre, scale, at, by):
+    """Take a part of a line [m] off some tactels' rows; what its tip does, `_add_tip` adds."""
+    force, shear = load.force, load.shear
     for i in range(begin, end):
         x, y = at[X, i] + dx, at[Y, i] + dy
-        v = x * source.cos + y * source.sin - source.rho
-        w = y * source.cos - x * source.sin - source.at
-        f, g, _, _, _, _ = kernels.all_at(shape, shape, centre, v * v + w * w)
-        row[i] += scale * (load.force * f + load.shear * v * g)
+        v, along = x * line.cos + y * line.sin - line.rho, y * line.cos - x * line.sin
+        f, g, df, dg, by_f, by_g = _integrals(
+            shape, slope, centre, v, first - along, last - along)
+        by_v = (force * df + shear * v * dg) * v + shear * g
+        by[Q0, i] += scale * by_v
+        by[Q1, i] -= scale * by_v * along
+        by[FORCE, i] -= scale * f
+        by[SHEAR_X, i] -= scale * g * v
+        by[VARIANCE, i] -= scale * (force * by_f + shear * v * by_g)
+        by[MODEL, i] -= scale * (force * f + shear * v * g)
+
+
+@njit(error_model='numpy', fastmath=FAST)
+def _add_tip(begin, end, dx, dy, line, load, tip, turns, shape, centre, scale, at, row, by_yaw):
+    """Add the pressure of a metre of line at its tip: the derivative by an end, and its turn."""
+    for i in range(begin, end):
+        x, y = at[X, i] + dx, at[Y, i] + dy
+        v, w = x * line.cos + y * line.sin - line.rho, y * line.cos - x * line.sin - tip
+        t = centre / (v * v + w * w + centre)
+        f = g = 0.0
+        for j in range(shape.shape[1]):
+            f = f * t + shape[F, j]
+            g = g * t + shape[G, j]
+        value = scale * (load.force * f + load.shear * v * g)
+        row[i] += value
+        by_yaw[i] += turns * (v + line.rho) * value
 
 
 @njit(error_model='numpy')
@@ -132,7 +161,12 @@ def shape_load(kind, sensor, load, tips, layers):
 
 @njit(error_model='numpy')
 def add_rows(kind, sensor, layers, load, tips, tactels):
-    """Pressure of a load and its derivatives over the noise, at the gathered tactels."""
+    """
+    Pressure of a load and its derivatives over the noise, at the gathered tactels.
+
+    Tips, bits of extras, are the ends by which derivatives are wanted; where the load has none as
+    yet, by one where the line enters or leaves the pad.
+    """
     at, by = tactels.at, tactels.by
     shape_load(kind, sensor, load, tips, layers)
     by[:, :layers[-1].end] = 0.0
@@ -145,28 +179,25 @@ def add_rows(kind, sensor, layers, load, tips, tactels):
             scale = node.weight / layer.noise
             _add_source(begin, end, node.x, node.y, whole, load, layer.load, layer.load_slope,
                         centre, scale, at, by)
-            if not tips:
-                continue
             for bit, row, sign in ((BEGINS, START, -1.0), (ENDS, END, 1.0)):
+                if not tips & bit:
+                    continue
                 first, last = along_chord(sensor, load.rho, load.yaw)
-                tip = first if bit == BEGINS else last
+                tip, turns = first if bit == BEGINS else last, 0.0
                 if load.extras & bit:
-                    tip = load.start if bit == BEGINS else load.end
                     first, last = lacking_part(bit, sensor, load, layer.depth)
-                    count = panels_of(first, last, layer.depth)
-                    for i in range(3 * count):
-                        place, length = gauss_point(i, first, last, count)
-                        _add_source(begin, end, node.x, node.y, point_of_line(whole, place), load,
-                                    layer.tip, layer.tip_slope, centre, -scale * length, at, by)
-                _add_tip(begin, end, node.x, node.y, point_of_line(whole, tip), load, layer.tip,
-                         centre, sign * scale, at, by[row])
+                    tip, turns = last if bit == BEGINS else first, 1.0
+                    _take_off(begin, end, node.x, node.y, whole, load, first, last, layer.tip,
+                              layer.tip_slope, centre, scale, at, by)
+                _add_tip(begin, end, node.x, node.y, whole, load, tip, turns, layer.tip, centre,
+                         sign * scale, at, by[row], by[Q1])
         begin = end
 
 
 @njit(error_model='numpy', fastmath=FAST)
 def _add_row(x, y, source, load, kernel, centre, scale, pressure):
     """Add the pressure of a source to a row of tactels at y."""
-    cos, sin, rho, place, depends_on_w, _ = source
+    cos, sin, rho, place, depends_on_w = source
     force, shear_v, shear_w = load.force, load.shear_x, load.shear_y
     for i in range(x.size):
         v = x[i] * cos + y * sin - rho
@@ -176,31 +207,41 @@ def _add_row(x, y, source, load, kernel, centre, scale, pressure):
 
 
 @njit(error_model='numpy')
-def _add_picture(sensor, source, load, shape, layer, scale, picture):
+def _add_picture(sensor, source, load, layer, picture):
     """Add the pressure of a source to a layer's picture."""
-    kernel, centre = kernels.coefficients_of(shape), kernels.centre_of(layer.depth)
+    kernel, centre = kernels.coefficients_of(layer.load), kernels.centre_of(layer.depth)
     for j in range(sensor.nodes.size):
         node = sensor.nodes[j]
         x = sensor.x + node.x
         for r in range(sensor.y.size):
-            _add_row(x, sensor.y[r] + node.y, source, load, kernel, centre, scale * node.weight,
-                     picture[r])
+            _add_row(
+                x, sensor.y[r] + node.y, source, load, kernel, centre, node.weight, picture[r])
+
+
+@njit(error_model='numpy')
+def _take_off_picture(sensor, line, load, first, last, layer, picture):
+    """Take the pressure of a part of a line off a layer's picture."""
+    centre, shape = kernels.centre_of(layer.depth), layer.tip
+    for j in range(sensor.nodes.size):
+        node = sensor.nodes[j]
+        for r in range(sensor.y.size):
+            for c in range(sensor.x.size):
+                x, y = sensor.x[c] + node.x, sensor.y[r] + node.y
+                v, along = x * line.cos + y * line.sin - line.rho, y * line.cos - x * line.sin
+                f, g, _, _, _, _ = _integrals(
+                    shape, shape, centre, v, first - along, last - along)
+                picture[r, c] -= node.weight * (load.force * f + load.shear * v * g)
 
 
 @njit(error_model='numpy')
 def draw(kind, sensor, layers, load, model):
     """Picture of a load with all that it has."""
-    shape_load(kind, sensor, load, load.extras & (BEGINS | ENDS) != 0, layers)
+    shape_load(kind, sensor, load, load.extras & (BEGINS | ENDS), layers)
     model[:] = 0.0
     whole = source_of(kind, load)
     for k in range(layers.size):
-        layer = layers[k]
-        _add_picture(sensor, whole, load, layer.load, layer, 1.0, model[k])
+        _add_picture(sensor, whole, load, layers[k], model[k])
         for bit in (BEGINS, ENDS):
             if load.extras & bit:
-                first, last = lacking_part(bit, sensor, load, layer.depth)
-                count = panels_of(first, last, layer.depth)
-                for i in range(3 * count):
-                    place, length = gauss_point(i, first, last, count)
-                    _add_picture(sensor, point_of_line(whole, place), load, layer.tip, layer,
-                                 -length, model[k])
+                first, last = lacking_part(bit, sensor, load, layers[k].depth)
+                _take_off_picture(sensor, whole, load, first, last, layers[k], model[k])

@@ -36,6 +36,7 @@ from tactile_sensing.contact.variable_projection import weigh
 from tactile_sensing.skin import kernels
 
 EVIDENCE = 16.0  # chi-square that a rung must take off: four standard deviations
+ALONE = 0.8  # share of the evidence of a second end that no single tactel may have
 LEFT_OVER = 1.0  # standard deviations of chi-square from which on a line may have ends
 
 
@@ -43,7 +44,7 @@ LEFT_OVER = 1.0  # standard deviations of chi-square from which on a line may ha
 def _add_patch_slope(x, y, source, load, by_variance, centre, scale, row):
     """Add the derivative by the variance of a patch of a source that has none as yet."""
     of_f, of_g = by_variance
-    cos, sin, rho, place, depends_on_w, _ = source
+    cos, sin, rho, place, depends_on_w = source
     force, shear_v, shear_w = load.force, load.shear_x, load.shear_y
     for i in range(x.size):
         v = x[i] * cos + y[i] * sin - rho
@@ -91,6 +92,18 @@ def _gain(row, sign, n, tactels, equations):
 
 
 @njit(error_model='numpy')
+def _told_by_one(row, sign, n, tactels):
+    """Whether a single tactel, which may be broken, tells nearly all of a further parameter."""
+    by, residual, weights = tactels.by[row], tactels.at[RESIDUAL], tactels.at[WEIGHT]
+    total = most = 0.0
+    for i in range(n):
+        part = sign * by[i] * residual[i] * weights[i]
+        total += part
+        most = max(most, part)
+    return most > ALONE * total
+
+
+@njit(error_model='numpy')
 def _gain_of_patch(kind, sensor, layers, forces, memory):
     """
     Chi-square that a patch would take off a sharp load, from what its fit has left behind.
@@ -115,7 +128,7 @@ def _gain_of_patch(kind, sensor, layers, forces, memory):
     return gain
 
 
-@njit(error_model='numpy')
+@njit(error_model='numpy', inline='always')
 def _likelier_extra(kind, sensor, layers, forces, tried, memory):
     """
     The extra, not tried yet, that would explain most of what the load leaves, and how much.
@@ -127,7 +140,7 @@ def _likelier_extra(kind, sensor, layers, forces, tried, memory):
     tips = kind == LINE and load.squared_error > freedom + LEFT_OVER * math.sqrt(2.0 * freedom)
     if not (load.extras or tried or tips):
         return PATCH, _gain_of_patch(kind, sensor, layers, forces, memory)
-    add_rows(kind, sensor, layers, load, tips, tactels)
+    add_rows(kind, sensor, layers, load, BEGINS | ENDS if tips else 0, tactels)
     choose_parameters(forces, load.extras, equations)
     n, best, most = layers[-1].end, 0, 0.0
     set_up(tactels, n, memory.state[0].scatter, equations)
@@ -136,12 +149,24 @@ def _likelier_extra(kind, sensor, layers, forces, tried, memory):
     for bit, row, sign in ((PATCH, VARIANCE, 1.0), (BEGINS, START, 1.0), (ENDS, END, -1.0)):
         if (load.extras | tried) & bit == 0 and (tips or bit == PATCH):
             gain, _ = _gain(row, sign, n, tactels, equations)
-            if gain > most:
+            if gain > most and not (
+                    load.extras & (BEGINS | ENDS) and _told_by_one(row, sign, n, tactels)):
                 best, most = bit, gain
     return best, most
 
 
 @njit(error_model='numpy')
+def _ends_show(sensor, load, depth):
+    """Whether a line begins and ends where the pad sees it, and in this order."""
+    if not load.extras & (BEGINS | ENDS):
+        return True
+    first, last = along_chord(sensor, load.rho, load.yaw)
+    start = load.start if load.extras & BEGINS else first
+    end = load.end if load.extras & ENDS else last
+    return first - depth <= start < end <= last + depth
+
+
+@njit(error_model='numpy', inline='always')
 def climb(kind, sensor, layers, forces, shear, memory):
     """
     Give the load that was fitted the extras that the frame shows, one by one.
@@ -164,7 +189,8 @@ def climb(kind, sensor, layers, forces, shear, memory):
         fitted, with_shear = fit_without_idle_shear(
             kind, sensor, layers, forces, load.extras | extra, memory)
         spread = max(1.0, load.squared_error / max(load.used - 3.0 - forces, 1.0))
-        if not fitted or below.squared_error - load.squared_error < EVIDENCE * spread:
+        if (not fitted or below.squared_error - load.squared_error < EVIDENCE * spread
+                or not _ends_show(sensor, load, layers[0].depth)):
             copy_record(memory.fits, 1, memory.fits, 0)
             tried |= extra
         else:

@@ -72,7 +72,7 @@ def _is_off(left, model, noise, model_error):
 
 
 @njit(error_model='numpy')
-def allowance(rules):
+def _allowance(rules):
     """What tactels may be off, as a share of the pressure."""
     return np.hypot(rules.model_error, rules.gain_spread)
 
@@ -80,7 +80,7 @@ def allowance(rules):
 @njit(error_model='numpy')
 def any_off(left, model, layers, rules):
     """Whether a tactel contradicts the load."""
-    model_error = allowance(rules)
+    model_error = _allowance(rules)
     for k in range(left.shape[0]):
         for r in range(left.shape[1]):
             for c in range(left.shape[2]):
@@ -111,13 +111,15 @@ def _may_be_contact(left, row, column, sensor, layer):
 
 
 @njit(error_model='numpy')
-def _leave_out_outliers(stress, left, model, sensor, layers, model_error, state):
+def _leave_out_outliers(sensor, layers, rules, memory):
     """
     Set tactels that contradict the load to NaN; whether it did.
 
     Not where they are many or close together: then it is the load that is wrong; nor where what
     is around a high one says that it is a contact (second), or cannot say that it is none.
     """
+    stress, left, model, state = memory.stress, memory.left, memory.model, memory.state[0]
+    model_error = _allowance(rules)
     off = loaded = 0
     for k in range(left.shape[0]):
         for r in range(left.shape[1]):
@@ -146,6 +148,33 @@ def _leave_out_outliers(stress, left, model, sensor, layers, model_error, state)
             for c in range(left.shape[2]):
                 if _is_off(left[k, r, c], model[k, r, c], layers[k].noise, model_error):
                     stress[k, r, c] = np.nan
+    return True
+
+
+@njit(error_model='numpy')
+def leave_out_worst(sensor, layers, rules, memory):
+    """
+    Set the tactel that contradicts the load most to NaN; whether it did.
+
+    Not a high one that is a contact (second), or of which nothing around says that it is none.
+    """
+    stress, left, model, state = memory.stress, memory.left, memory.model, memory.state[0]
+    model_error, worst, k, r, c = _allowance(rules), OUTLIER * OUTLIER, -1, -1, -1
+    for i in range(left.shape[0]):
+        for j in range(left.shape[1]):
+            for m in range(left.shape[2]):
+                allowed = model_error * model[i, j, m] / layers[i].noise
+                off = (left[i, j, m] / layers[i].noise) ** 2 / (1.0 + allowed * allowed)
+                if off > worst:  # false for NaN
+                    worst, k, r, c = off, i, j, m
+    if k < 0:
+        return False
+    if left[k, r, c] > 0.0 and layers[k].component == PRESSURE:
+        found, known = _may_be_contact(left[k], r, c, sensor, layers[k])
+        if found or not known:
+            state.second = found
+            return False
+    stress[k, r, c] = np.nan
     return True
 
 
@@ -217,8 +246,7 @@ def fit_despite_faults(kind, sensor, layers, forces, mend, rules, memory):
     left_out = False
     if fit_load(kind, stress, sensor, layers, forces, model_error, TUKEY, scatter, tactels, fit):
         compare(kind, sensor, layers, fit, memory)
-        left_out = _leave_out_outliers(
-            stress, left, model, sensor, layers, allowance(rules), state)
+        left_out = _leave_out_outliers(sensor, layers, rules, memory)
     fitted = fit_load(kind, stress, sensor, layers, forces, model_error, np.inf, scatter,
                       tactels, fit)
     return fitted, left_out

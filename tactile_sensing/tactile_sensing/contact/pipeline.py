@@ -13,7 +13,7 @@ import numpy as np
 
 from tactile_common.kernels import njit
 from tactile_sensing.contact.extended_fit import EQUATIONS
-from tactile_sensing.contact.extended_load import along_chord, BEGINS, ENDS, PATCH
+from tactile_sensing.contact.extended_load import PATCH
 from tactile_sensing.contact.gauss_newton import FIT, fit_load, LINE, make_tactels, POINT, Tactels
 from tactile_sensing.contact.goodness_of_fit import (
     beyond_sight,
@@ -32,6 +32,7 @@ from tactile_sensing.contact.outliers import (
     any_off,
     fit_depth,
     fit_despite_faults,
+    leave_out_worst,
     scale_depths,
 )
 from tactile_sensing.contact.parameters import (
@@ -46,6 +47,7 @@ from tactile_sensing.half_space.kernels import FORCE
 from tactile_sensing.half_space.layers import LAYER, Sensor
 from tactile_sensing.types.contact import ContactType, ESTIMATE, Reason
 
+MOST_FAULTS = 3  # tactels that are left out beside the end of a line, or beside a patch
 ANY_MODEL, PENDING = 0, -1  # rules.model, estimate.type
 # How contacts are estimated, see EstimatorConfig; model: ANY_MODEL, POINT or LINE.
 RULES = np.dtype([('min_snr', 'f8'), ('model_error', 'f8'), ('max_chi_square', 'f8'),
@@ -120,7 +122,7 @@ def estimate_frames(stress, x, y, pitch_x, pitch_y, nodes, window, polynomials, 
         copy_record(memory.estimates, best, estimates, f)
 
 
-@njit(error_model='numpy')
+@njit(error_model='numpy', inline='always')
 def estimate_frame(stress, sensor, layers, rules, reasons, saturated, calibrated, memory):
     """Estimate one frame; returns which of the two estimates in the memory holds."""
     first, second = memory.estimates[0], memory.estimates[1]
@@ -156,16 +158,23 @@ def estimate_as(kind, measured, sensor, layers, rules, memory, estimate):
                 memory.stress[k, r, c] = measured[k, r, c]
     state.scatter, state.second, state.hidden[:] = rules.gain_spread, False, 0.0
     ladder = sensor.polynomials.size > 0 and not rules.fit_depth
-    # Faults are looked for above the ladder: a blunt load is no row of broken tactels.
-    mend, shear = not ladder, False
-    while True:
-        fitted, left_out, depth_variance = _fit_mended(
-            kind, sensor, layers, forces, mend, rules, memory)
+    # Faults are looked for above the ladder: a blunt load is no row of broken tactels. Then
+    # below it, and at last, one by one, by what it has found: the end of a line is none, either.
+    left_out = shear = False
+    for look in range(2 + MOST_FAULTS):
+        fitted, found, depth_variance = _fit_mended(
+            kind, sensor, layers, forces, look == 1 or not ladder, rules, memory)
+        left_out |= found
         if fitted:
             fitted, shear = _fit_least(kind, sensor, forces, ladder, memory)
-        if mend or not (fitted and any_off(memory.left, memory.model, memory.layers, rules)):
+        if look > 0 and fit.extras:
+            state.second = False
+        if not (fitted and ladder and any_off(memory.left, memory.model, memory.layers, rules)):
             break
-        mend = True
+        if look > 0:
+            if not (fit.extras and leave_out_worst(sensor, memory.layers, rules, memory)):
+                break
+            left_out = True
     by_noise = 0.0
     if not fitted:
         estimate.type, missed = _OTHER, _BAD_FIT
@@ -189,18 +198,13 @@ def estimate_as(kind, measured, sensor, layers, rules, memory, estimate):
         write_point(fit, fit.cov, estimate)
         estimate.patch = math.sqrt(5.0 * fit.variance)
     else:
-        first, last = along_chord(sensor, fit.rho, fit.yaw)
-        if fit.extras & BEGINS:
-            estimate.start = first = fit.start
-        if fit.extras & ENDS:
-            estimate.end = last = fit.end
-        write_line(fit, fit.cov, shear, first, last, sensor, estimate)
+        write_line(fit, fit.cov, shear, sensor, estimate)
         estimate.patch = 2.0 * math.sqrt(fit.variance)
     disagrees = compare_forces(estimate, math.sqrt(by_noise))
     estimate.reasons |= (_DEAD if left_out else 0) | (_MISMATCH if disagrees else 0)
 
 
-@njit(error_model='numpy')
+@njit(error_model='numpy', inline='always')
 def _fit_least(kind, sensor, forces, ladder, memory):
     """From a fit with shear to the least load that explains the frame, and what it leaves."""
     fitted, shear = fit_without_idle_shear(
@@ -212,7 +216,7 @@ def _fit_least(kind, sensor, forces, ladder, memory):
     return fitted, shear
 
 
-@njit(error_model='numpy')
+@njit(error_model='numpy', inline='always')
 def _weigh_scatter(kind, sensor, forces, shear, rules, memory):
     """Fit again where tactels are off by a share of the pressure; returns whether with shear."""
     fit, state, known = memory.fits[0], memory.state[0], memory.state[0].scatter
@@ -236,7 +240,7 @@ def _weigh_scatter(kind, sensor, forces, shear, rules, memory):
     return with_shear
 
 
-@njit(error_model='numpy')
+@njit(error_model='numpy', inline='always')
 def _fit_mended(kind, sensor, given_layers, forces, mend, rules, memory):
     """
     Fit at the given depth, or at that which the frame shows, despite faults of the sensor.
@@ -270,7 +274,8 @@ def _fit_mended(kind, sensor, given_layers, forces, mend, rules, memory):
 def _widen(fit, state, depth_variance):
     """Add to a covariance shear and a patch that may be there, the depth, and more noise."""
     moved, hidden, slope = fit.moved, state.hidden, state.slope
+    fit.cov[:] *= state.excess
     for i in range(5):
         for j in range(5):
-            fit.cov[i, j] = moved[i] * moved[j] + hidden[i] * hidden[j] + state.excess * (
-                fit.cov[i, j] + depth_variance * slope[i] * slope[j])
+            fit.cov[i, j] += moved[i] * moved[j] + hidden[i] * hidden[j] + (
+                state.excess * depth_variance * slope[i] * slope[j])

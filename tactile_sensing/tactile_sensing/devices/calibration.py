@@ -8,6 +8,7 @@ from tactile_common.config import checked
 from tactile_common.errors import ConfigurationError
 from tactile_sensing.devices.counts import Counts
 from tactile_sensing.devices.tare import Tare, tare_of, TareRefusedError
+from tactile_sensing.devices.unloaded import missing_mean, QUANTISATION
 from tactile_sensing.types.array import PITCH, TactelArray
 from tactile_sensing.types.image import COMPONENTS, Layer, SensorInfo
 from tactile_sensing.types.skin import Skin
@@ -177,16 +178,20 @@ class Calibration:
 
         It takes counts `(rows, columns)` of the raw frame, and returns `(Layer, saturated)`:
         stress with NaN for dead and saturated tactels, and the number of live ones that are
-        saturated.
+        saturated. Counts below the threshold are given what noise has there in the mean without a
+        load: else the sum of an unloaded picture would be a load.
         """
-        offset = self.baseline if tare is None else tare.offset
+        offset, _ = self._unloaded(tare)
         zero = np.where(self.live, self.gain * offset, np.nan).astype(np.float32)
-        template, full = self.layer(tare), self.counts.saturation
+        below, told = self._below(tare)
+        template, full, threshold = self.layer(tare), self.counts.saturation, self.counts.threshold
 
         def convert(counts):
             counts = self.arrange(counts)
             stress = self.gain * counts
             stress -= zero
+            if counts.min() < threshold:
+                np.copyto(stress, below, where=told & (counts < threshold))
             saturated = 0
             if counts.max() >= full:
                 invalid = (counts >= full) & self.live
@@ -200,16 +205,30 @@ class Calibration:
         """Return the stress of raw frames (N, rows, columns), NaN as for `converter`."""
         counts = self.arrange(np.asarray(frames, dtype=np.float64))
         usable = self.live & (counts < self.counts.saturation)
-        offset = self.baseline if tare is None else tare.offset
-        return np.where(usable, self.gain * (counts - offset), np.nan)
+        below, told = self._below(tare)
+        stress = np.where(told & (counts < self.counts.threshold), below,
+                          self.gain * (counts - self._unloaded(tare)[0]))
+        return np.where(usable, stress, np.nan)
+
+    def _unloaded(self, tare):
+        """Counts of the unloaded tactels, and their noise; 0 where it is not known."""
+        if tare is not None:
+            return tare.offset, tare.noise
+        return self.baseline, np.where(
+            self.noise > 0.0, np.maximum(self.noise, QUANTISATION**0.5), 0.0)
+
+    def _below(self, tare):
+        """Mean stress of unloaded tactels below the threshold, and whose noise tells it."""
+        offset, noise = self._unloaded(tare)
+        told = self.live & (noise > 0.0)
+        noise = np.where(told, noise, 1.0)
+        level = (self.counts.threshold - 0.5 - offset) / noise
+        return (-self.gain * noise * missing_mean(level)).astype(np.float32), told
 
     def layer(self, tare=None) -> Layer:
         """Return the layer without values: component, skin, unit, range and noise."""
-        offset, noise = self.baseline, np.where(
-            self.noise > 0.0, np.maximum(self.noise, 12**-0.5), 0.0)
-        if tare is not None:
-            offset, noise = tare.offset, tare.noise
-        gain, offset, noise = self.gain[self.live], offset[self.live], noise[self.live]
+        gain, (offset, noise) = self.gain[self.live], (
+            values[self.live] for values in self._unloaded(tare))
         # What every live tactel reaches at the top, and what none is below at the bottom.
         full_scale = (gain * (self.counts.saturation - offset)).min()
         floor = (gain * (self.counts.threshold - 0.5 - offset)).max()

@@ -12,14 +12,16 @@ from typing import ClassVar
 
 import numpy as np
 
+from tactile_common.errors import ConfigurationError
 from tactile_sensing.dome.geometry import Dome
-from tactile_sensing.types.image import SensorInfo
+from tactile_sensing.types.array import TactelArray
+from tactile_sensing.types.image import SensorInfo, TactileImage
 from tactile_servo.config import ServoConfig
 from tactile_servo.control.stability import AGE_SHARE
 from tactile_servo.control.surface_filter import SurfaceFilter
 from tactile_servo.law import Assessment, Observation, Reference, Refusal, Touch
 from tactile_servo.laws.surface_config import SurfaceFollowingConfig
-from tactile_servo.laws.surface_features import ContactSense
+from tactile_servo.laws.surface_features import ContactSense, kind_of
 from tactile_servo.laws.surface_goal import (
     Pattern,
     refuse_surface_goal,
@@ -28,6 +30,7 @@ from tactile_servo.laws.surface_goal import (
 )
 from tactile_servo.laws.surface_motion import CENTRED, STAND, SurfaceMotion, thesis_twist
 from tactile_servo.laws.surface_state import Going, plan_path, Record
+from tactile_servo.laws.surface_teaching import between, Lessons, wanted_contacts
 from tactile_servo.reasons import Reason, ReasonCode
 from tactile_servo.tactile_jacobian.table import load_table
 from tactile_servo.types import State, TaskError
@@ -56,6 +59,7 @@ class SurfaceFollowing:
                           2.0 * probe.array_radius - probe.skin_radius)
         path = self.config.jacobian.table
         self._table = load_table(path) if path else None
+        self._lessons = Lessons(kind_of(self.config, self._table))
         self._surface = SurfaceFilter(self.config.normal)
         self.error: TaskError | None = None
         self._going, self._record = Going(), Record(self.config.probe)
@@ -73,16 +77,26 @@ class SurfaceFollowing:
 
     def validate(self, goal: SurfaceGoal) -> Refusal | None:
         """Why a goal is beyond this law, or None."""
-        if goal.features:
-            return Refusal(ReasonCode.UNSUPPORTED_GOAL,
-                           f'no features were taught by the name {goal.features!r}')
+        try:
+            taught = self._lessons.named(goal.features, goal.force)
+        except ConfigurationError as error:
+            return Refusal(ReasonCode.UNSUPPORTED_GOAL, str(error))
+        if len(taught) > 1 and goal.pattern != Pattern.LINE and not goal.duration:
+            return Refusal(ReasonCode.INVALID_GOAL,
+                           'several features need a line, or a duration, to go through')
         return refuse_surface_goal(goal)
+
+    def teach(self, name: str, image: TactileImage, array: TactelArray) -> str:
+        """Keep the features of an image by a name, see `Lessons.take`."""
+        return self._lessons.take(name, image, array, self.servo.approach.contact_force)
 
     def begin(self, goal: SurfaceGoal, sensor: SensorInfo) -> None:
         """Forget the last goal and take a new one."""
         self.goal, self.error = goal, None
         self._sense = ContactSense(sensor.array, self._dome, self.config, goal.force, self._table)
-        self._going, self._record = Going(), Record(self.config.probe)
+        self._going = Going(wanted_contacts(
+            self._sense, self._lessons.named(goal.features, goal.force)))
+        self._record = Record(self.config.probe)
         self._surface = SurfaceFilter(self.config.normal)
         self._motion = SurfaceMotion(
             self.config, self._dome, self._surface, sensor.array.half_width_x, self._motion.age)
@@ -108,20 +122,21 @@ class SurfaceFollowing:
         self._motion.age += AGE_SHARE * (
             min(observation.age, self.servo.input.max_stamp_age) - self._motion.age)
         going.felt, going.shown, going.problem = felt, observation.arrival, None
-        self.error = TaskError(float(felt.place[0]), float(felt.place[1]), force=felt.force)
+        off = felt.place - going.aim.place
+        self.error = TaskError(float(off[0]), float(off[1]), force=felt.force)
         noise = self.config.normal
         aside = math.hypot(*felt.place)
         share = min(self.goal.force / max(felt.force, 1e-6), 20.0)
         angle = math.hypot(noise.location_noise * share,
                            noise.eccentricity * aside) / self._dome.array_radius
-        going.met = going.met or abs(felt.force - self.goal.force) < MET * self.goal.force
+        going.met = going.met or abs(felt.force - going.aim.force) < MET * going.aim.force
         take = self._surface.update if self._surface.begun else self._surface.reset
-        take(self._sense.depth(felt), felt.normal, felt.centre, angle)
+        take(self._sense.depth(felt.force), felt.normal, felt.centre, angle)
         if tracking:
             # A part of the print may lie beside the pad, or not be pressed yet.
             whole = going.met and aside <= CENTRED * self._sense.array.half_width_x
             self._record.keep(
-                observation.stamp_ns, felt, self._surface.normal, whole)
+                observation.stamp_ns, felt, float(off @ off), self._surface.normal, whole)
 
     def lacks(self, now: float) -> Reason | None:
         """What keeps the law from tracking, or None."""
@@ -139,6 +154,9 @@ class SurfaceFollowing:
         going, goal = self._going, self.goal
         if going.begun is None:
             going.begun = now
+        if len(going.wanted) > 1:
+            share = progress / goal.length if goal.length else (now - going.begun) / goal.duration
+            going.aim = between(going.wanted, share)
         if goal.duration and now - going.begun >= goal.duration:
             return Assessment(State.DONE, Reason(ReasonCode.DURATION_REACHED), True)
         if goal.pattern == Pattern.LINE and 0.0 < goal.length <= progress:
@@ -175,13 +193,14 @@ class SurfaceFollowing:
             step = STAND
         elif step.left <= 0.0:
             going.end = Assessment(State.DONE, Reason(ReasonCode.PATH_COMPLETED), True)
-        speed = self._motion.advance(step, felt, self.goal, going.met, dt)
+        aim = going.aim
+        speed = self._motion.advance(step, felt, aim, self.goal.speed if going.met else 0.0, dt)
         if thesis:
-            twist = thesis_twist(felt, step.way, speed, commanded, self._dome, self.config)
+            twist = thesis_twist(felt, aim, step.way, speed, commanded, self._dome, self.config)
         else:
-            depth = self._sense.depth(felt) if going.met else None
-            self._motion.press(pose, felt, depth, self.goal.force, dt)
-            twist = self._motion.twist(step.way, normal, commanded, dt)
+            depth, wanted = self._sense.depth(felt.force), self._sense.depth(aim.force)
+            self._motion.press(pose, felt, aim, wanted, depth if going.met else None, dt)
+            twist = self._motion.twist(step.way, normal, commanded, aim, dt)
         return Reference(twist, speed, step.way.tolist())
 
     @property

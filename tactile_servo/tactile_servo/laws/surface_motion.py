@@ -8,8 +8,7 @@ from tactile_servo.control.scaling import clipped, ramp, slewed
 from tactile_servo.control.surface_filter import SurfaceFilter
 from tactile_servo.control.surface_path import Step
 from tactile_servo.laws.surface_config import SurfaceFollowingConfig
-from tactile_servo.laws.surface_features import Felt
-from tactile_servo.laws.surface_goal import SurfaceGoal
+from tactile_servo.laws.surface_features import Felt, Told
 
 # Of the force:
 LIFTED, PRESSED = 0.5, 0.85  # at which the probe stands, and goes at full speed
@@ -55,12 +54,12 @@ class SurfaceMotion:
         """Inward normal (3,) in the middle of a cycle: a chord would lead off the surface."""
         return self._surface.predict(self.centre_of(commanded) + 0.5 * dt * self._velocity)[1]
 
-    def advance(self, step: Step, felt: Felt, goal: SurfaceGoal, met: bool, dt: float) -> float:
-        """Speed along a path [m/s], slowed down where need be; none until the force is met."""
-        c, share = self.config.course, felt.force / goal.force
-        scale = (met * ramp(share, LIFTED, PRESSED) * ramp(share, CROWDED, BORNE)
-                 * ramp(math.hypot(*felt.place) / self._half, ASIDE, CENTRED))
-        top = min(goal.speed, step.top, self._known(step.way)) * scale
+    def advance(self, step: Step, felt: Felt, aim: Told, speed: float, dt: float) -> float:
+        """Speed along a path [m/s], slowed down where need be from the one that is wanted."""
+        c, share = self.config.course, felt.force / aim.force
+        scale = (ramp(share, LIFTED, PRESSED) * ramp(share, CROWDED, BORNE)
+                 * ramp(math.hypot(*(felt.place - aim.place)) / self._half, ASIDE, CENTRED))
+        top = min(speed, step.top, self._known(step.way)) * scale
         # The probe must turn as it goes; one that is late with that goes no faster.
         turn = float(np.linalg.norm(self._surface.bend @ step.way)) / self._shrink(step.way)
         change = min(c.acceleration, AT_ONCE * self.config.roll.acceleration / max(turn, 1e-9))
@@ -88,38 +87,44 @@ class SurfaceMotion:
         reach = math.sqrt(2.0 * self.config.course.blind / max(self._surface.bend_std(way), 1e-9))
         return self._shrink(way) * reach / (self.age + ANSWER)
 
-    def press(self, pose: np.ndarray, felt: Felt, depth: float | None, force: float,
+    def press(self, pose: np.ndarray, felt: Felt, aim: Told, wanted: float, depth: float | None,
               dt: float) -> None:
         """
-        Keep the force [N]: PI, on a depth that is predicted.
+        Keep the force: PI, on a depth that is predicted, to one that is `wanted` [m].
 
         It is that of the measured pose: a robot that lags behind cuts the bends. The integral is
         of the depth [m] that was felt, None until the force was met once.
         """
         c = self.config.press
-        if depth is not None and abs(felt.force - force) < INTEGRATED * force:
-            self._integral -= depth * dt
+        if depth is not None and abs(felt.force - aim.force) < INTEGRATED * aim.force:
+            self._integral -= (depth - wanted) * dt
         depth, _ = self._surface.predict(self.centre_of(pose))
-        speed = -c.gain * depth + c.integral_gain * self._integral
+        speed = -c.gain * (depth - wanted) + c.integral_gain * self._integral
         # At the rim of the pad a part of the force is not felt.
         aside = math.hypot(*felt.place) > ASIDE * self._half
         self._press = clipped(speed, -c.max_speed, 0.0 if aside else c.press_speed)
 
-    def twist(self, way: np.ndarray, normal: np.ndarray, commanded: np.ndarray,
+    def twist(self, way: np.ndarray, normal: np.ndarray, commanded: np.ndarray, aim: Told,
               dt: float) -> np.ndarray:
         """Twist (6,) of the sensor in its own frame, along a way (3,) at a normal (3,)."""
         rotation = commanded[:3, :3]
         velocity = self.speed / self._shrink(way) * way
-        turn = self._roll(normal, self._surface.bend @ velocity, rotation, dt)
+        turn = self._roll(normal, self._surface.bend @ velocity,
+                          rotation @ self._dome.direction(aim.place), dt)
         self._velocity = velocity + self._press * normal
         arm = -rotation @ self._dome.centre
         linear = self._velocity + np.cross(turn, arm + 0.5 * dt * np.cross(turn, arm))
         return np.concatenate([rotation.T @ linear, rotation.T @ turn])
 
-    def _roll(self, normal, change, rotation, dt):
-        """Angular velocity (3,) in the base: with the normal, which changes, and to it [rad/s]."""
+    def _roll(self, normal, change, axis, dt):
+        """
+        Angular velocity (3,) in the base [rad/s].
+
+        It goes with the normal, which changes, and brings to it the axis (3,) from the centre to
+        where the contact is wanted.
+        """
         c = self.config.roll
-        wanted = np.cross(normal, change) + c.gain * np.cross(rotation[:, 2], normal)
+        wanted = np.cross(normal, change) + c.gain * np.cross(axis, normal)
         size = math.sqrt(wanted @ wanted)
         wanted = wanted * min(1.0, c.max_rate / max(size, 1e-12))
         step = wanted - self._turn
@@ -129,12 +134,12 @@ class SurfaceMotion:
         return self._turn
 
 
-def thesis_twist(felt: Felt, way: np.ndarray, speed: float, commanded: np.ndarray, dome: Dome,
-                 config: SurfaceFollowingConfig) -> np.ndarray:
+def thesis_twist(felt: Felt, aim: Told, way: np.ndarray, speed: float, commanded: np.ndarray,
+                 dome: Dome, config: SurfaceFollowingConfig) -> np.ndarray:
     """Twist (6,) of the thesis: V_d in the sensor plane (6.5), and J^-1 dF (6.3) as a rate."""
     twist, ahead = np.zeros(6), commanded[:3, :3].T @ way
     twist[:2] = speed * ahead[:2] / max(math.hypot(ahead[0], ahead[1]), 1e-9)
-    dx, dy, dz = config.thesis.gain * felt.error
+    dx, dy, dz = config.thesis.gain * (felt.error - aim.error)
     twist[2] = clipped(dz, -config.press.max_speed, config.press.press_speed)
     turn = np.array([dy, -dx, 0.0]) / dome.array_radius
     turn *= min(1.0, config.roll.max_rate / max(math.sqrt(turn @ turn), 1e-12))

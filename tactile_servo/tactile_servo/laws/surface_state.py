@@ -1,4 +1,5 @@
 """What a law that follows a surface has in mind: the state of one goal, and what was felt."""
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 import math
 
@@ -14,7 +15,7 @@ from tactile_servo.control.surface_path import (
 )
 from tactile_servo.law import Assessment, Touch
 from tactile_servo.laws.surface_config import ProbeConfig
-from tactile_servo.laws.surface_features import Felt
+from tactile_servo.laws.surface_features import Felt, Told
 from tactile_servo.laws.surface_goal import Pattern, SurfaceGoal, SurfaceResult
 from tactile_servo.reasons import Reason
 
@@ -28,6 +29,7 @@ SMALLEST = 1e-6  # m^2, of that
 class Going:
     """State of one goal."""
 
+    wanted: Sequence[Told] = ()  # contacts, to go from one to the next
     felt: Felt | None = None  # newest contact
     shown: float = -math.inf  # steady time of it [s]
     problem: Reason | None = None  # of the newest image
@@ -38,6 +40,11 @@ class Going:
     over: bool = False  # whether the goal has ended: what is felt on lifting off is no surface
     reached: float = -math.inf  # progress, and when it was made [m, s]
     reached_at: float = -math.inf
+    aim: Told = field(init=False)  # the contact that is wanted now
+
+    def __post_init__(self):
+        if self.wanted:
+            self.aim = self.wanted[0]
 
 
 @dataclass
@@ -54,10 +61,15 @@ class Record:
     square: float = 0.0  # of the contact's distance from where it is wanted [m^2]
     newest: Touch | None = None
 
-    def keep(self, stamp_ns: int, felt: Felt, normal: np.ndarray, whole: bool) -> None:
-        """Take a contact and the filtered inward normal (3,), and whether all of it is felt."""
+    def keep(self, stamp_ns: int, felt: Felt, off: float, normal: np.ndarray,
+             whole: bool) -> None:
+        """
+        Take a contact, its squared distance from where it is wanted [m^2], the inward normal.
+
+        The normal (3,) is the filtered one; `whole`, whether all of the print is felt.
+        """
         self.kept += 1
-        self.square += float(felt.place @ felt.place)
+        self.square += off
         if not whole:
             return
         self.pressed += 1

@@ -15,6 +15,7 @@ from tactile_servo.motion.window import APART, at_rest, committed, extended
 
 COAST = 8.0  # control periods that a window goes on before it brakes
 SETTLING = 0.1  # s at least, in which the robot's controller comes to where a motion is started
+BENT = 5e-4  # m by which braking in a curve may lead out of the box
 HELD_BACK = 0.05  # of the wanted motion; with less than this left the robot does not get on
 BLOCKED_AFTER = 1.0  # s held back until the motion counts as blocked
 
@@ -141,9 +142,12 @@ class Motion:
         asked, bound, manipulability = self._inverse.solve(
             jacobian, twist, positions, period + coast)
         # Whatever that gave: no command passes a limit, and none moves a robot that settles.
-        window, velocities, scale, kind, joint, progress = _onward(
-            kept, self._limits.bounds, 0.0 * asked if settling else asked, period,
-            COAST * period, coast, jacobian, wanted, c.rotation_length)
+        onward = (period, COAST * period, coast, jacobian, wanted, c.rotation_length)
+        asked = 0.0 * asked if settling else asked
+        moved = _onward(kept, self._limits.bounds, asked, *onward)
+        if at_wall and self._bends_out(moved[0].positions):
+            moved = _onward(kept, self._limits.bounds, 0.0 * asked, *onward)
+        window, velocities, scale, kind, joint, progress = moved
         limited_by = at_wall or bound or self._limits.name_of(kind, joint)
         hindered = limited_by or manipulability < c.damping
         self._watch(progress if hindered else 1.0, limited_by, period)
@@ -158,6 +162,12 @@ class Motion:
             trajectory = Trajectory(self._limits.names, times, places, speeds,
                                     stamp_ns=now_ns if self._stamped else 0)
         return MotionStep(trajectory, twist, scale, limited_by, manipulability)
+
+    def _bends_out(self, positions):
+        """Whether a window of positions (N, n) that brakes in a curve ends beyond the box."""
+        here, there = (self._workspace.beyond(self._robot.pose(place)[:3, 3])
+                       for place in positions[[0, -1]])
+        return bool((there > here + BENT).any())
 
     def in_time(self, command: Trajectory, age: float) -> bool:
         """

@@ -1,0 +1,30 @@
+"""Two demos at once, both started where one ROS domain is exported."""
+import json
+import os
+from pathlib import Path
+import subprocess
+
+from ament_index_python.packages import get_package_prefix
+
+DEMO = Path(get_package_prefix('edge_tracking'), 'lib/edge_tracking/demo')
+DEADLINE = 240.0  # s
+
+
+def test_neither_hears_the_other(tmp_path):
+    environment = {**os.environ, 'ROS_DOMAIN_ID': '7'}
+    demos = [subprocess.Popen(
+        [DEMO, '--speed', '0.06', '--seed', str(seed), '--out', tmp_path / str(seed), '--json'],
+        env=environment, text=True, stdout=subprocess.PIPE, stderr=subprocess.PIPE)
+        for seed in range(2)]
+    try:
+        said = [demo.communicate(timeout=DEADLINE) for demo in demos]
+    finally:
+        for demo in demos:
+            demo.kill()
+    domains = [errors.split('ROS_DOMAIN_ID=')[1].split()[0] for _, errors in said]
+    assert domains[0] != domains[1] and '7' not in domains
+    for demo, (out, errors) in zip(demos, said, strict=True):
+        assert demo.returncode == 0, out + errors
+        summary = json.loads(out)
+        assert summary['ok'] and summary['approach_recorded'], out
+        assert summary['lateral_rms'] < 0.3e-3, out  # 30 mm where one pad heard the other's images
