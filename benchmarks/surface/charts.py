@@ -35,7 +35,7 @@ def _figures(result):
 
 def _speed(result):
     measures = (('surface_rms', 1e3, 'surface, RMS [mm]', 0.05),
-                ('centre_max', 1e3, "contact from the pad's centre [mm]", 0.5),
+                ('centre_max', 1e3, 'off centre, largest [mm]', 0.5),
                 ('force_rms_error', 1.0, 'force, RMS [N]', 0.05))
     rows = result['speed_and_accuracy']
     objects = list(dict.fromkeys(row['object'] for row in rows))
@@ -51,12 +51,13 @@ def _speed(result):
                 values = np.array([factor * row[key] for row in own], dtype=float)
                 lost = np.array([not row['ok'] for row in own])
                 axis.plot(speeds, values, 'o-', color=colour, ms=4, label=LABELS[control])
-                axis.plot(speeds[lost], values[lost], 'kx', ms=9, label='lost')
+                axis.plot(speeds[lost], values[lost], 'kx', ms=9)
             axis.axhline(bar, color='grey', linewidth=0.8, linestyle=(0, (6, 4)), label='bar')
             axis.set_yscale('log')
             axis.grid(alpha=0.3)
             if column == 0:
                 axis.set_ylabel(label)
+    axes[0, 0].plot([], [], 'kx', label='lost')
     figure.legend(*axes[0, 0].get_legend_handles_labels(), loc='outside upper right', ncols=4)
     return figure
 
@@ -98,7 +99,8 @@ def _models(result):
               ylim=(0, None), title='Tables of the half-space')
     error.legend(frameon=False, fontsize=8)
     rows = result['elements']
-    solved.loglog([row['elements'] for row in rows], [row['solve'] for row in rows], 'o-')
-    solved.set(xlabel='elements', ylabel='processor time to solve [s]', title='Finite elements')
-    solved.grid(alpha=0.3, which='both')
+    solved.plot([row['elements'] for row in rows], [row['solve'] for row in rows], 'o-')
+    solved.set(xlabel='elements', ylabel='processor time to solve [s]', title='Finite elements',
+               xlim=(0, None), ylim=(0, None))
+    solved.grid(alpha=0.3)
     return figure
