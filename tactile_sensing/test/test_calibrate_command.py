@@ -194,6 +194,12 @@ def test_mistakes_are_answered_in_one_line(there, capsys, options, words):
     assert not (there / 'pad.yaml').exists()
 
 
+def test_recordings_are_bounded_before_they_are_read(there, capsys):
+    np.save('long.npy', np.broadcast_to(np.uint8(0), (300_000, 16, 16)))
+    assert calibrate.main([*OPTIONS, '--unloaded', 'long.npy']) == 1
+    assert 'would take 77 MB, at most 67 MB are read' in capsys.readouterr().err
+
+
 def test_help_teaches(capsys):
     with pytest.raises(SystemExit) as end:
         calibrate.main(['--help'])

@@ -13,7 +13,7 @@ from tactile_common.command_line import reading_bags
 from tactile_common.errors import ConfigurationError
 from tactile_common.npz_stream import ArrayReader
 from tactile_sensing.cli.estimate_options import layer_values, parse_dead, parse_layers
-from tactile_sensing.cli.options import counts_reader, is_bag, MAX_CHUNK, pitch_of, read_all
+from tactile_sensing.cli.options import counts_reader, is_bag, MAX_CHUNK, pitch_of, read_counts
 from tactile_sensing.contact.estimator import ContactEstimator
 from tactile_sensing.devices.calibration_file import load_calibration
 from tactile_sensing.devices.tare import TareRefusedError
@@ -127,8 +127,7 @@ def _calibrated(options):
     reader = counts_reader(options.frames, shape, options.namespace)
     if options.tare:
         try:
-            tare = calibration.make_tare(read_all(counts_reader(
-                options.tare, shape, options.namespace)))
+            tare = calibration.make_tare(read_counts(options.tare, shape, options.namespace))
         except TareRefusedError as error:
             raise ConfigurationError(f'--tare {options.tare}: {error}') from error
     return Frames(reader, calibration.array,
