@@ -1,6 +1,7 @@
 """Shape estimator node: contacts and the sensor's pose in, surface patches and contour out."""
-from collections import deque
 from dataclasses import dataclass
+from struct import Struct
+from collections import deque
 
 from geometry_msgs.msg import PoseStamped
 from nav_msgs.msg import Path
@@ -31,7 +32,8 @@ from tactile_shape.local_surface.local_quadric import LocalQuadricConfig
 from tactile_shape.shape_estimator import make_surface_estimator, METHODS, ShapeEstimator
 from tactile_shape.types.patch import refusal
 
-PICTURES = 8  # that wait for their contact
+PICTURES = 200  # that wait for their contact: a second of them
+_STAMP = Struct('<iI')  # of a message, after its first four bytes
 SOURCES = ('sensor', 'servo')
 _LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 
@@ -109,7 +111,7 @@ class ShapeEstimatorNode(TactileNode):
         self._path = ContactPath(config.finger_radius, own.max_gap)
         self._max_gap_ns, self._touched_ns = round(1e9 * own.max_gap), 0
         self._by_servo = own.source == 'servo'
-        self._pictures: deque[bytes] = deque(maxlen=PICTURES)
+        self._pictures: dict[tuple[int, int], bytes] = {}  # by their stamps
         self._none = patch_to_msg(refusal(''), Header())
         self._surface = make_surface_estimator(own.method, config)
         self._frame: str | None = None
@@ -148,7 +150,12 @@ class ShapeEstimatorNode(TactileNode):
         self._take(self._path.add_pose(stamp_to_ns(msg.header.stamp), pose))
 
     def _on_image(self, raw):
-        self._pictures.append(raw)  # few are needed, and to unpack all would cost the most
+        if len(raw) < 4 + _STAMP.size:
+            return
+        # Few are needed, and to unpack all would cost the most.
+        self._pictures[_STAMP.unpack_from(raw, 4)] = raw
+        if len(self._pictures) > PICTURES:
+            del self._pictures[next(iter(self._pictures))]
 
     def _on_contact(self, msg):
         try:
@@ -182,14 +189,11 @@ class ShapeEstimatorNode(TactileNode):
         self._take([Placed(ContactMsg(header=msg.header), contact, anew, '')])
 
     def _picture_at(self, stamp):
-        for raw in reversed(self._pictures):
-            try:
-                msg = unpacked(raw, TactileImage)
-            except TactileError:
-                continue  # another may be the one of this stamp
-            if stamp_to_ns(msg.header.stamp) == stamp_to_ns(stamp):
-                return image_from_msg(msg)
-        return None
+        raw = self._pictures.get((stamp.sec, stamp.nanosec))
+        try:
+            return None if raw is None else image_from_msg(unpacked(raw, TactileImage))
+        except TactileError:
+            return None
 
     def _take(self, all_placed):
         for placed in all_placed:
