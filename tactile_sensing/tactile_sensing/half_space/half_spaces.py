@@ -31,9 +31,9 @@ def half_spaces(skin: Skin) -> np.ndarray:
     if skin.is_half_space:
         found['weight'][0] = 1.0
     else:
-        x = np.linspace(0.0, REACH * skin.depth, 61)
-        pictures = [line.pressure(x, np.zeros(1), 0.0, 0.0, 1.0, depth) for depth in found['depth']]
-        measured = SkinPressure(skin).line(x, np.zeros(1), 0.0, 0.0, 1.0)
+        x, y = np.linspace(0.0, REACH * skin.depth, 61), np.zeros(1)
+        pictures = [line.pressure(x, y, 0.0, 0.0, 1.0, depth) for depth in found['depth']]
+        measured = SkinPressure(skin).line(x, y, 0.0, 0.0, 1.0)
         found['weight'] = np.linalg.lstsq(np.stack(pictures, -1), measured, rcond=None)[0]
     found.flags.writeable = False
     return found
