@@ -103,6 +103,16 @@ def test_the_edge_is_followed_with_it(scene):
     assert np.abs(truth.force[truth.settled] / 5.0 - 1.0).max() < 0.05
 
 
+def test_a_corner_and_a_bend_are_followed_with_it():
+    course = load_scene(LAUNCH / 'scenes' / 'real_skin_course.yaml')
+    simulation = Simulation(course, seed=1)
+    status = simulation.run(EdgeGoal(0.1, 5.0), 30.0)
+    truth = simulation.truth()
+    assert status.state == State.DONE and simulation.servo.success, status.reason
+    assert np.sqrt(np.mean(truth.lateral[truth.settled]**2)) < 0.05e-3
+    assert np.abs(truth.lateral[truth.settled]).max() < 0.3e-3
+
+
 def test_a_calibration_is_named_from_the_folder_of_the_scene(scene, tmp_path):
     text = (LAUNCH / 'scenes' / 'real_skin.yaml').read_text()
     (tmp_path / 'other.yaml').write_text(text)
