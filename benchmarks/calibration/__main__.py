@@ -60,17 +60,19 @@ def ball(backing, poisson=0.45, radius=1e-3):
     return found
 
 
-def pad(profile, array, converter, rng, *, gains=1.0, presses=20, flat=0, force=True):
-    """Calibration by presses of a ball."""
+def pad(profile, array, converter, rng, *, gains=1.0, presses=20, flat=0, least=1.0):
+    """Calibration by presses of a ball, with `least` times its force to all of it."""
     highest = profile['pressure'].max()
 
     def pressed(count, reach):
-        places = rng.uniform(-reach, reach, (count, 2))
-        return converter(rendered(profile, array, places) / highest, rng, gains)
+        places, share = rng.uniform(-reach, reach, (count, 2)), rng.uniform(least, 1.0, count)
+        pictures = rendered(profile, array, places) * (share / highest)[:, None, None]
+        return converter(pictures, rng, gains), share * profile['force']
+    unloaded = converter(np.zeros((100, *array.shape)), rng)
+    frames, force = pressed(presses, 8e-3)
     recordings = Recordings(
-        unloaded=converter(np.zeros((100, *array.shape)), rng), ball=pressed(presses, 8e-3),
-        ball_radius=float(profile['radius']), flat=pressed(flat, WIDE) if flat else None,
-        force=np.array(profile['force']) if force else None)
+        unloaded=unloaded, ball=frames, force=force, ball_radius=float(profile['radius']),
+        flat=pressed(flat, WIDE)[0] if flat else None)
     return calibrate(recordings, Known((array.pitch_x, array.pitch_y), bits=converter.bits,
                                        signed=converter.signed)).calibration
 
@@ -115,10 +117,12 @@ def gains(seeds):
         spread = 1.0 + 0.1 * rng.standard_normal(array.shape)
         places = drawn(profile, 200, rng)
         pictures = rendered(profile, array, places) / highest
-        for name, gain, flat in (('uniform', 1.0, 0), ('off, forty presses', spread, 40),
-                                 ('off, none', spread, 0)):
+        for name, gain, flat, least in (
+                ('uniform', 1.0, 0, 1.0), ('off, forty presses of one weight', spread, 40, 1.0),
+                ('off, forty presses of any force', spread, 40, 0.5),
+                ('off, none', spread, 0, 1.0)):
             converter = Converter()
-            known = pad(profile, array, converter, rng, gains=gain, flat=flat)
+            known = pad(profile, array, converter, rng, gains=gain, flat=flat, least=least)
             found = estimated(known, converter(pictures, rng, gain))
             row = points(found, places, profile['force'])
             inner = (known.gain * gain)[3:-3, 3:-3]

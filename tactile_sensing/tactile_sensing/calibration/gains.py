@@ -28,7 +28,7 @@ class Gains:
 
 
 def flat_field(presses: Presses, ball_radius: float, skin_fit: SkinFit, area: bool,
-               force: np.ndarray) -> Gains:
+               force: np.ndarray, source: np.ndarray) -> Gains:
     """
     Find the gains with which presses look as one skin makes them.
 
@@ -46,7 +46,9 @@ def flat_field(presses: Presses, ball_radius: float, skin_fit: SkinFit, area: bo
     area : bool
         As of `fit_skin`.
     force : ndarray, shape (N,)
-        What is expected of the forces relative to each other.
+        What is known of the forces relative to those of the same source.
+    source : ndarray, shape (N,)
+        Where each press is from.
     """
     array, sensitivity = presses.array, np.ones(presses.array.shape)
     spread = USUAL_SPREAD
@@ -57,7 +59,8 @@ def flat_field(presses: Presses, ball_radius: float, skin_fit: SkinFit, area: bo
         fit = fit_skin(presses.scaled(1.0 / sensitivity), ball_radius, area=area,
                        known=skin_fit.skin)
         information, demanded = _demands(
-            presses, sensitivity, pressure, fit, *expected_forces(fit.amplitudes[:, 0], force))
+            presses, sensitivity, pressure, fit, *expected_forces(
+                fit.amplitudes[:, 0], force, source))
         prior = np.eye(sensitivity.size) / spread**2
         covariance = np.linalg.inv(information + prior)
         step = covariance @ (demanded - (sensitivity.ravel() - 1.0) / spread**2)
@@ -69,14 +72,18 @@ def flat_field(presses: Presses, ball_radius: float, skin_fit: SkinFit, area: bo
     return Gains(1.0 / sensitivity, std, spread, float(np.sqrt(np.mean(std**2))))
 
 
-def expected_forces(found: np.ndarray, force: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def expected_forces(found: np.ndarray, force: np.ndarray,
+                    source: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """
     Return the forces that presses are expected to have (N,), and their standard deviations (N,).
 
-    That is what is known of them relative to each other, `force`, at the level and with the
-    spread of those found; a press that is unlike the others keeps its own.
+    That is what is known of them relative to each other, `force`, at the level of those found of
+    the same source and with the spread of all; a press that is unlike the others keeps its own.
     """
-    expected = force * np.median(found / force)
+    expected = force.astype(float)
+    for name in np.unique(source):
+        own = source == name
+        expected[own] *= np.median(found[own] / force[own])
     off = np.abs(found / expected - 1.0)
     spread = max(1.4826 * float(np.median(off)), LEAST_FORCE_SPREAD)  # of a normal distribution
     like = off <= UNLIKE * spread

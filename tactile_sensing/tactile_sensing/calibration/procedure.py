@@ -203,11 +203,13 @@ def _skin(recordings, known, draft, outcome, found, assumed, tell):
     gain, spread = np.ones(draft.array.shape), fit.scatter
     if recordings.flat is not None:
         tell(f'gains from {len(presses)} presses')
-        force = _relative_force(recordings, presses, source, fit)
-        gains = flat_field(presses, radius, fit, area, force)
+        force = np.ones(len(presses))
+        if recordings.force is not None:
+            force[source == 'ball'] = _force(recordings)[presses.number[source == 'ball']]
+        gains = flat_field(presses, radius, fit, area, force, source)
         if not given:  # gains that differ had moved the skin, and the skin the gains
             fit = fit_skin(presses.scaled(gains.gain), radius, area=area, start=fit)
-            gains = flat_field(presses, radius, fit, area, force)
+            gains = flat_field(presses, radius, fit, area, force, source)
         outcome.gains, gain, spread = gains, gains.gain, gains.left
         found['gains'] = {'presses': len(presses), 'spread': _short(gains.spread),
                           'left': _short(gains.left)}
@@ -233,21 +235,13 @@ def _skin(recordings, known, draft, outcome, found, assumed, tell):
     return values
 
 
-def _relative_force(recordings, presses, source, fit):
-    """Forces of presses as far as they are told: of one file those of one weight."""
-    told = np.ones(len(presses))
-    if recordings.force is not None:
-        each = np.broadcast_to(np.asarray(recordings.force, float), len(recordings.ball))
-        told[source == 'ball'] = each[presses.number[source == 'ball']]
-    for name in set(source):
-        own = source == name
-        told[own] *= np.median(fit.amplitudes[own, 0] / told[own])
-    return told
+def _force(recordings):
+    """Of every frame of the ball [N]."""
+    return np.broadcast_to(np.asarray(recordings.force, float), len(recordings.ball))
 
 
 def _gain(recordings, numbers, amplitudes, gain, found):
-    force = np.broadcast_to(np.asarray(recordings.force, float), len(recordings.ball))
-    each = force[numbers] / amplitudes[:, 0]
+    each = _force(recordings)[numbers] / amplitudes[:, 0]
     usual = float(np.median(each))
     spread = 1.4826 * float(np.median(np.abs(each / usual - 1.0)))
     found['force'] = {'presses': len(each), 'gain': _short(usual),
