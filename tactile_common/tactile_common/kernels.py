@@ -94,13 +94,14 @@ def compile_kernels() -> Iterator[tuple[str, float]]:
         if other != folder and re.fullmatch('[0-9a-f]{8}', other.name):
             shutil.rmtree(other, ignore_errors=True)
     with ProcessPoolExecutor(mp_context=get_context('spawn')) as pool:
-        done = [pool.submit(_compile, package) for package in PACKAGES
+        done = [pool.submit(_compile, package, str(folder)) for package in PACKAGES
                 if find_spec(package) and find_spec(f'{package}.compile_kernels')]
         for one in as_completed(done):
             yield one.result()
 
 
-def _compile(package):
+def _compile(package, folder):
+    config.CACHE_DIR = folder  # a new process: nothing is imported yet
     begin = time.perf_counter()
     import_module(f'{package}.compile_kernels').compile_kernels()
     return package, time.perf_counter() - begin

@@ -22,6 +22,7 @@ SOUND_FORCE = 0.5  # of the force, from which the depth of the pad is known to b
 OFFER = 'resume with ~/pause false'
 SETTLE = 0.1  # s after the end of the last command, until what is measured is where it stands
 NEAR = 5.0  # times `following_distance`, within which a robot at rest is told to stay there
+SLIGHT = 0.1  # of it, which a robot at rest may be told to move at once
 BLIND = 0.5  # of the force, by which it may grow on a way that no image has shown
 REACTION = 0.01  # s in which the approach slows down to keep to that
 # What goes on only when asked: who caused it must know that the robot will move.
@@ -197,7 +198,9 @@ class GoalRun:
     def _decide_hold(self, now, why):
         hold, limits = self.hold, self._config.hold
         if why is not None:
-            hold.cause = self._machine.reason = why
+            self._machine.reason = why
+            if hold.cause.code is not ReasonCode.NOT_FOLLOWING:
+                hold.cause = why
             # A robot that was not heard of for so long may have come to be elsewhere.
             elsewhere = why.code is ReasonCode.STALE_JOINT_STATE and (
                 now - hold.began > limits.resume_within)
@@ -223,7 +226,7 @@ class GoalRun:
 
     def _resume_at_rest(self, now, reason):
         """Go on from the measured state, once the robot stands."""
-        if not self._told or self.ending.stopping:
+        if not self._told or now < self._moving or self.ending.stopping:
             return
         self._start_here()
         self._law.resume()
@@ -274,11 +277,19 @@ class GoalRun:
         if self._told or now < self._moving + SETTLE or not self._inputs.joints_fresh or dt == 0.0:
             return None
         self._told = True
-        near = apart(motion.pose, self._inputs.pose, self._config.motion.rotation_length) <= (
-            NEAR * self._config.input.following_distance)
+        following = self._config.input.following_distance
+        off = apart(motion.pose, self._inputs.pose, self._config.motion.rotation_length)
+        if off > following:
+            self.hold.bound, self.hold.cause = True, Reason(
+                ReasonCode.NOT_FOLLOWING, f'it stands {1e3 * off:.1f} mm from where it was sent')
         self._start_here()
         # Not where it has come to be elsewhere: who brought it there has commanded it since.
-        return motion.command(np.zeros(6), now_ns, stamped) if near else None
+        if off > NEAR * following:
+            return None
+        step = motion.command(np.zeros(6), now_ns, stamped)
+        if off > SLIGHT * following:  # it moves there
+            self._moving = now + motion.lasting
+        return step
 
     def twist(self, dt: float) -> np.ndarray:
         """Wanted twist of the sensor in its own frame (6,) [m/s, rad/s]."""

@@ -195,6 +195,7 @@ class Supervisor:
             return self._status(self.run), None
         self.run.count()
         self.run.decide(now, self._clock, self.around)
+        self.motion.expect_lateness(self._robot_clock.lateness)
         step = self.run.command(now, now_ns, dt, self._robot_clock.agrees)
         return self._status(self.run, step), None if step is None else step.trajectory
 

@@ -23,6 +23,8 @@ class State(IntEnum):
     DONE = 6
     HOLD = 7
 
+    __hash__ = int.__hash__  # Enum's is no built-in one, and states are looked up in every cycle
+
 
 # While in one of these the law moves the sensor.
 ON_TRACK = (State.TRACK, State.CORNER)  # while searching there is no edge to be near to

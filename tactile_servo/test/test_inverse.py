@@ -138,11 +138,8 @@ class _Slides:
     def __init__(self, jacobian):
         self._jacobian = np.ascontiguousarray(jacobian)
 
-    def jacobian(self, positions):
-        return self._jacobian
-
-    def pose(self, positions):
-        return np.eye(4)
+    def place(self, positions):
+        return np.eye(4), self._jacobian
 
 
 def _motion_at(positions, jacobian=None, limits=None):

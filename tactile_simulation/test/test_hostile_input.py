@@ -315,6 +315,16 @@ def beyond(place, bounds):
 @example(start=np.clip(ELBOW, LIMITS.lower, LIMITS.upper), margin=0.4,
          goal=EdgeGoal(0.125, 1.0, -1, 0.0, False), prelude=40,
          script=[{'cycles': 1}, {'cycles': 5}, {'cycles': 1, 'asleep': 5.0}, {'cycles': 5}])
+@example(start=LIMITS.lower + np.array((0.0, 0.0, 0.0, 0.875, 0.75, 1.0)) * (
+             LIMITS.upper - LIMITS.lower), margin=0.4,
+         # The robot moves on as it comes to rest, while its joint states say that it stands.
+         goal=EdgeGoal(0.125, 4.0, -1, 0.0, False), prelude=150,
+         script=[{'cycles': 30, 'image': 'none'}, {'cycles': 80, 'joints': 'stuck'}])
+@example(start=LIMITS.lower + np.array((0.0, 0.0, 0.0, 0.875, 0.75, 1.0)) * (
+             LIMITS.upper - LIMITS.lower), margin=0.4,
+         goal=EdgeGoal(0.125, 4.0, -1, 0.0, False), prelude=150,
+         script=[{'cycles': 30, 'image': 'none'}, {'cycles': 78, 'joints': 'stuck'},
+                 *[{'cycles': 1, 'action': 'resume'}] * 10])
 @example(start=LIMITS.lower, margin=0.4, goal=EdgeGoal(0.125, 5.0, -1, 0.0, False), prelude=0,
          # It sleeps while the controller settles, and awakes in the motion that was sent then.
          script=[{'cycles': 30, 'late_contact': 10**7}, {'cycles': 2, 'asleep': 0.03}])

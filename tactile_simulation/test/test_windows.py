@@ -14,11 +14,12 @@ CYCLE = 2_500_000  # ns
 BEGIN = 10**12  # ns
 
 
-def play(cycles, *, period_ns, joined, offset=None):
+def play(cycles, *, period_ns, joined, offset=None, expected=lambda _: 0.0):
     """
     Commands (K, 6) of a controller for windows of these cycles.
 
-    Each has the time since the one before and that of the window under way [ns], and a twist.
+    Each has the time since the one before and that of the window under way [ns], and a twist;
+    `expected` of its number is the lateness that is expected then [s].
     """
     motion = Motion(PUMA, LIMITS, MotionConfig(), 1e-9 * CYCLE)
     motion.seed(ELBOW)
@@ -27,9 +28,10 @@ def play(cycles, *, period_ns, joined, offset=None):
         PUMA.joint_names, PUMA.lower, PUMA.upper, np.full(6, np.inf), initial_positions=start,
         rate=1e9 / period_ns, dead_time=0.0, lag=0.0, interpolate_from_desired_state=joined)
     now_ns, arrivals = BEGIN, []
-    for pause, way, twist in cycles:
+    for count, (pause, way, twist) in enumerate(cycles):
         now_ns += pause
         arrival = max(now_ns + way, arrivals[-1][0] if arrivals else 0)
+        motion.expect_lateness(expected(count))
         window = motion.command(np.array(twist), now_ns).trajectory
         if window is not None:
             arrivals.append((arrival, window))
@@ -77,6 +79,33 @@ def test_slow_controllers_and_long_ways_are_rough_by_little(period_ns, joined):
     cycles = [(CYCLE, int(rng.exponential(5e5)), np.array([0, 0.1 * np.sin(0.02 * k), 0, 0, 0, 0]))
               for k in range(400)]
     assert_smooth(play(cycles, period_ns=period_ns, joined=joined), period_ns, 2.0)
+
+
+@pytest.mark.parametrize('joined', [True, False])
+def test_windows_that_come_as_late_as_expected_show_no_seam(joined):
+    """Eight of 200 come 8 ms late; before them more is committed amid the motion, then less."""
+    cycles = [(CYCLE, 8_000_000 if 150 <= k < 350 and k % 25 == 0 else 500_000,
+               np.array([0, 0.1 * np.sin(0.02 * k), 0, 0, 0, 0])) for k in range(500)]
+    commands = play(cycles, period_ns=2_000_000, joined=joined,
+                    expected=lambda k: 0.008 if 130 <= k < 370 else 0.0)
+    assert_smooth(commands, 2_000_000, 1.0)
+    with pytest.raises(AssertionError):  # where that is not expected
+        assert_smooth(play(cycles, period_ns=2_000_000, joined=joined), 2_000_000, 1.5)
+
+
+def test_a_servo_commits_to_as_much_as_its_joint_states_come_late():
+    loop = puma_loop('straight', 'trace')
+    loop.run(EdgeGoal(0.03, 5.0), 1.0)
+    now, kept = loop.now, []
+    for count in range(8):
+        now += 1e-9 * CYCLE
+        late = 0.007 if count == 3 else 0.0
+        loop.servo.see_joints(loop.servo.motion.positions, round(1e9 * (now - late)), now)
+        _, command = loop.servo.cycle(now, round(1e9 * now))
+        kept.append([time for time in (0.004, 0.007)
+                     if np.isclose(command.times, time, rtol=0.0, atol=1e-5).any()])
+    assert all(0.004 in times and 0.007 not in times for times in kept[:3])
+    assert all(0.007 in times for times in kept[3:])
 
 
 @pytest.mark.parametrize('joined', [True, False])

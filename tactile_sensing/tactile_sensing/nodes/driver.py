@@ -140,8 +140,11 @@ class DriverNode(TactileNode):
                     while not self._stop.is_set():
                         self._on_bytes(port.read(), port.caught_up_at)
             except OSError as error:
+                news = not self._fault
                 self._on_disconnected(error)
-                self._stop.wait(self._config.reconnect_period)
+                # To end together with the sensor, at Ctrl-C, is nothing to warn of.
+                if not self._stop.wait(self._config.reconnect_period) and news:
+                    self.get_logger().warning(f'{self._config.port} is lost: {error}')
             except RuntimeError:  # of rcl
                 if self.context.ok() and not self._stop.is_set():
                     raise
@@ -155,8 +158,6 @@ class DriverNode(TactileNode):
         self.get_logger().info(f'reading {self._config.port}')
 
     def _on_disconnected(self, error):
-        if not self._fault:
-            self.get_logger().warning(f'{self._config.port} is lost: {error}')
         self._fault = f'{self._config.port} is not there: {error}'
         with self._lock:
             self._recent.clear()

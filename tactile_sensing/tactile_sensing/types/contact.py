@@ -59,7 +59,7 @@ def no_covariance() -> np.ndarray:
     return np.full((len(PARAMETERS), len(PARAMETERS)), NAN)
 
 
-@dataclass(frozen=True)
+@dataclass  # not frozen: one is made of every image
 class Contact:
     """
     Contact estimate in the sensor frame; fields as in Contact.msg, SI units.

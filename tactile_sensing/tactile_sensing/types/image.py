@@ -11,7 +11,7 @@ from tactile_sensing.types.skin import Skin
 COMPONENTS = ('zz', 'xz', 'yz')
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(eq=False)  # not frozen: one is made of every image
 class Layer:
     """One stress component, sampled at one depth below the surface of the skin."""
 
@@ -33,7 +33,7 @@ class Layer:
         return Skin(self.depth, self.thickness, self.poisson)
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(eq=False)  # not frozen, likewise
 class TactileImage:
     """Every layer of one sensor at one instant."""
 

@@ -32,11 +32,11 @@ class Sight(NamedTuple):
 class Stand(NamedTuple):
     """Where a pad stands on the path, measured and commanded."""
 
+    there: np.ndarray  # (4, 4), pose of the commanded pad in the plane
     here: float  # station of the measured pad [m],
     aside: tuple[float, float]  # way x, y from it to the path [m],
     along: tuple[float, float]  # and direction x, y of the path there
     ahead: float  # station of the commanded pad [m],
-    there: np.ndarray  # (4, 4), its pose in the plane,
     way: tuple[float, float]  # direction of the path around it,
     length: float  # and of the edge under the pad after a move [m]
 
@@ -176,10 +176,10 @@ class EdgeMap:
         `here` and `ahead` are the stations of both in the last cycle [m]; `move` is the way x, y
         from the commanded one, at the end of which the length under the pad is wanted [m].
         """
-        scale = self.scale
-        return Stand(*path_queries.stand(
+        scale, there = self.scale, np.empty((4, 4))
+        return Stand(there, *path_queries.stand(
             self.path.nodes, self._near, self.plane, pose, commanded, scale.half_x, scale.half_y,
-            scale.grain, here, ahead, move))
+            scale.grain, here, ahead, move, there))
 
     def at_picture(self, direction: int, ahead: float) -> tuple[float, float, float, float]:
         """

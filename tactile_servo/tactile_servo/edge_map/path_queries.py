@@ -24,7 +24,7 @@ SHORTEST_CHORD = 0.05  # that tells a direction
 
 
 @njit(cache=True)
-def stand(nodes, near, plane, pose, commanded, half_x, half_y, grain, here, ahead, move):
+def stand(nodes, near, plane, pose, commanded, half_x, half_y, grain, here, ahead, move, there):
     """
     Values of a `Stand`: where a pad stands on a path, measured and commanded.
 
@@ -42,8 +42,9 @@ def stand(nodes, near, plane, pose, commanded, half_x, half_y, grain, here, ahea
         Stations of the measured and the commanded pad in the last cycle [m].
     move : tuple of float
         Way x, y of the commanded pad, after which the length under it is wanted [m].
+    there : ndarray (4, 4)
+        The commanded pad's pose in the plane is written into it.
     """
-    there = np.empty((4, 4))
     for i in range(4):
         for j in range(4):
             there[i, j] = 0.0
@@ -59,7 +60,7 @@ def stand(nodes, near, plane, pose, commanded, half_x, half_y, grain, here, ahea
     ahead = nearest_on_polyline(
         nodes.x, nodes.y, nodes.station, there[0, 3], there[1, 3], ahead - window,
         ahead + window).station
-    return (at.station, (at.x - x, at.y - y), (at.along_x, at.along_y), ahead, there,
+    return (at.station, (at.x - x, at.y - y), (at.along_x, at.along_y), ahead,
             direction(nodes, ahead - chord, ahead + chord, grain),
             length_on_pad(near, there, move[0], move[1], half_x, half_y))
 
@@ -83,13 +84,11 @@ def at_picture(nodes, near, pose, half_x, half_y, grain, sense, station, ahead, 
 
 
 @njit(cache=True)
-def to_sensor(pose, *twist):
-    """Twist (6,) in the frame of a pose, from its six components in the frame around it."""
-    turned = np.empty(6)
+def to_sensor(turned, pose, *twist):
+    """Write a twist (6,) in the frame of a pose, from its components in the frame around it."""
     for k in range(3):
         turned[k] = pose[0, k] * twist[0] + pose[1, k] * twist[1] + pose[2, k] * twist[2]
         turned[3 + k] = pose[0, k] * twist[3] + pose[1, k] * twist[4] + pose[2, k] * twist[5]
-    return turned
 
 
 @njit(cache=True)

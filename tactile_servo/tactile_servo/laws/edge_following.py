@@ -237,8 +237,9 @@ class EdgeFollowing:
         if going.mode == ReasonCode.TRACKING:
             turn = self._attitude.rate(
                 stand.there, stand.way, self._seen.slope, self.goal.direction, dt)
-        return Reference(to_sensor(stand.there, *velocity, normal, *turn), self._planner.speed,
-                         edge.way_in_base(*stand.along))
+        twist = np.empty(6)
+        to_sensor(twist, stand.there, *velocity, normal, *turn)
+        return Reference(twist, self._planner.speed, edge.way_in_base(*stand.along))
 
     def _along(self, stand: Stand, dt):
         """Velocity x, y along the path and back to it."""

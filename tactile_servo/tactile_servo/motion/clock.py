@@ -1,4 +1,4 @@
-"""Whether the robot's clock is the servo's, so that a command can say when it begins."""
+"""What the ages of joint states tell: whether the robot's clock is the servo's, and delays."""
 
 import math
 
@@ -16,7 +16,9 @@ class ClockCheck:
 
     def __init__(self) -> None:
         self._since = -math.inf
-        self._youngest, self._running = math.inf, math.inf  # s; of the last half second, of this
+        # Ages [s], of the last half second and of this.
+        self._youngest, self._running = math.inf, math.inf
+        self._oldest, self._running_oldest = -math.inf, -math.inf
         self._newest_ns: int | None = None
 
     def see(self, stamp_ns: int, age: float, now: float) -> None:
@@ -26,10 +28,23 @@ class ClockCheck:
         self._newest_ns = stamp_ns
         if now - self._since > WATCHED:
             self._youngest, self._running, self._since = self._running, math.inf, now
+            self._oldest, self._running_oldest = self._running_oldest, -math.inf
         self._running = min(self._running, age)
+        self._running_oldest = max(self._running_oldest, age)
 
     @property
     def agrees(self) -> bool:
         """Whether both are one clock, as far as is known."""
         youngest = min(self._youngest, self._running)
         return -AHEAD <= youngest <= BEHIND
+
+    @property
+    def lateness(self) -> float:
+        """
+        How much later than the first of them the last of the joint states came [s].
+
+        Of the last half to whole second; what holds them up on a machine without time for all its
+        processes holds up the commands as well.
+        """
+        return max(max(self._oldest, self._running_oldest)
+                   - min(self._youngest, self._running), 0.0)

@@ -85,10 +85,10 @@ class BoundedInverse:
         Jacobian is not. With them the position limit that costs most, empty if none does, and
         the smallest singular value of the weighted Jacobian [m/rad].
         """
-        limits = self._limits
-        wanted, smallest, inside = _within(
+        limits, wanted = self._limits, np.empty(len(positions))
+        smallest, inside = _within(
             jacobian, twist, positions, limits.lower, limits.upper, limits.stopping_time,
-            limits.velocity, self._zone, dt, self._damping, self._length)
+            limits.velocity, self._zone, dt, self._damping, self._length, wanted)
         if inside:
             return wanted, '', smallest
         down, up = room(limits.lower, limits.upper, limits.stopping_time, positions, dt)
@@ -155,8 +155,8 @@ def _free(jacobian, twist, push, damping, rotation_length):
 
 @njit(cache=True)
 def _within(jacobian, twist, positions, lower, upper, stopping_time, fastest, zone, dt, damping,
-            rotation_length):
-    """Unconstrained velocities, smallest s, and whether they are within bounds (or no number)."""
+            rotation_length, wanted):
+    """Write unconstrained velocities; smallest s, and whether they are within bounds (or NaN)."""
     joints = len(positions)
     push = np.zeros(joints)
     if joints > 6:
@@ -167,14 +167,14 @@ def _within(jacobian, twist, positions, lower, upper, stopping_time, fastest, zo
                 push[k] = speed * min(1.0 - (positions[k] - lower[k]) / zone[k], 1.0)
             elif upper[k] - positions[k] < zone[k]:
                 push[k] = -speed * min(1.0 - (upper[k] - positions[k]) / zone[k], 1.0)
-    wanted, smallest = _free(jacobian, twist, push, damping, rotation_length)
+    wanted[:], smallest = _free(jacobian, twist, push, damping, rotation_length)
     down, up = room(lower, upper, stopping_time, positions, dt)
     inside = finite = True
     for k in range(joints):
         slack = NEGLIGIBLE * fastest[k]
         inside &= down[k] - slack <= wanted[k] <= up[k] + slack
         finite &= math.isfinite(wanted[k])
-    return wanted, smallest, inside or not finite
+    return smallest, inside or not finite
 
 
 @njit(cache=True)

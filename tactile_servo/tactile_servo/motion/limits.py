@@ -175,12 +175,13 @@ class WorkspaceBox:
 
         Returns it and whether it was clipped [m, m/s and rad/s, s].
         """
-        return _clipped(self.lower, self.upper, pose, twist, horizon)
+        clipped = twist.copy()
+        return clipped, _clip(self.lower, self.upper, pose, clipped, horizon)
 
 
 @njit(cache=True)
-def _clipped(lower, upper, pose, twist, horizon):
-    velocity, clipped, changed = np.zeros(3), twist.copy(), False
+def _clip(lower, upper, pose, twist, horizon):
+    velocity, changed = np.zeros(3), False
     for k in range(3):
         for j in range(3):
             velocity[k] += pose[k, j] * twist[j]
@@ -189,8 +190,8 @@ def _clipped(lower, upper, pose, twist, horizon):
         if velocity[k] > up or velocity[k] < down:  # not if it is NaN: that is stopped later
             velocity[k], changed = (up if velocity[k] > up else down), True
     if changed:
-        clipped[:3] = 0.0
+        twist[:3] = 0.0
         for k in range(3):
             for j in range(3):
-                clipped[j] += pose[k, j] * velocity[k]
-    return clipped, changed
+                twist[j] += pose[k, j] * velocity[k]
+    return changed

@@ -11,11 +11,13 @@ from tactile_servo.motion.inverse import agility, BoundedInverse
 from tactile_servo.motion.limits import JointLimits, nearest, WorkspaceBox
 from tactile_servo.motion.robot import RobotModel
 from tactile_servo.motion.trajectory import Trajectory
-from tactile_servo.motion.window import APART, at_rest, committed, extended
+from tactile_servo.motion.window import APART, at_rest, committed, extended, Window
 
 COAST = 8.0  # control periods that a window goes on before it brakes
 SETTLING = 0.1  # s at least, in which the robot's controller comes to where a motion is started
 BENT = 5e-4  # m by which braking in a curve may lead out of the box
+LONGEST_COMMITTED = 0.01  # s; a pad that swings in fast is led less well by more
+MORE = 5  # points at the most that the next window has more than the last one
 HELD_BACK = 0.05  # of the wanted motion; with less than this left the robot does not get on
 BLOCKED_AFTER = 1.0  # s held back until the motion counts as blocked
 
@@ -67,9 +69,11 @@ class Motion:
                  period: float, workspace: WorkspaceBox | None = None):
         self._robot, self._limits, self._workspace = robot, limits, workspace
         self._config, self._period = config, period
+        self._ahead = config.committed  # s, which the newest window leaves to the one before
         self._inverse = BoundedInverse(limits, config.damping, config.rotation_length)
         unknown = np.full(len(limits.names), np.nan)
         self.positions, self.velocities, self.pose = unknown, unknown, np.full((4, 4), np.nan)
+        self._jacobian = np.full((6, len(unknown)), np.nan)  # there
         self._window = at_rest(unknown, 0.0)
         self._stamp_ns: int | None = None  # None until it is commanded
         self._stamped = config.stamped
@@ -89,7 +93,7 @@ class Motion:
 
     def agility(self) -> float:
         """Acceleration of the sensor across its normal that all joints allow [m/s^2]."""
-        return agility(self._robot.jacobian(self.positions), self._limits.acceleration,
+        return agility(self._jacobian, self._limits.acceleration,
                        self._config.damping, self._config.rotation_length)
 
     def seed(self, positions: np.ndarray) -> None:
@@ -106,12 +110,22 @@ class Motion:
         self._window, self._stamp_ns = at_rest(
             self.positions, float(np.fmax(settling.max(), SETTLING))), None
         self.velocities = np.zeros_like(self.positions)
-        self.pose = self._robot.pose(self.positions)
+        self.pose, self._jacobian = self._robot.place(self.positions)
         self.reset_blocked()
 
     def reset_blocked(self) -> None:
         """Forget what was held back, because another motion is wanted from now on."""
         self._held_back, self.blocked = 0.0, ''
+
+    def expect_lateness(self, lateness: float) -> None:
+        """
+        Commit to what windows need that come late by this time [s], up to LONGEST_COMMITTED.
+
+        It may change from one command to the next: every window begins with what is left of the
+        one before.
+        """
+        least = self._config.committed
+        self._ahead = max(least, min(lateness, LONGEST_COMMITTED))
 
     def command(self, twist: np.ndarray, now_ns: int, stamped: bool = True) -> MotionStep:
         """
@@ -126,40 +140,43 @@ class Motion:
         c, period, wanted, at_wall = self._config, self._period, twist, ''
         coast = (COAST + 1.0) * period
         elapsed = 0.0 if self._stamp_ns is None else max(1e-9 * (now_ns - self._stamp_ns), 0.0)
-        kept = committed(self._window, elapsed, c.committed)
-        positions = kept.positions[-1]
+        times, places, speeds = (np.empty((len(part) + MORE, *part.shape[1:]))
+                                 for part in self._window)
+        # Kernels write into what they are given: to make an array of what one returns costs more.
+        kept = _begin(*self._window, elapsed, self._ahead, times, places, speeds)
+        positions = places[kept - 1]
         # On its way to the first point the controller is left alone: each window is a seam there.
-        settling = kept.times[0] > APART
+        settling = times[0] > APART
         first = self._stamp_ns is None
         if first:
             self._stamped = stamped and c.stamped
+        pose, jacobian = self._robot.place(positions)
         if self._workspace is not None:
             twist, clipped = self._workspace.limit(
-                self._robot.pose(positions), twist,
-                period + coast + 2.0 * self._limits.stopping_time)
+                pose, twist, period + coast + 2.0 * self._limits.stopping_time)
             at_wall = 'workspace' if clipped else ''
-        jacobian = self._robot.jacobian(positions)
         asked, bound, manipulability = self._inverse.solve(
             jacobian, twist, positions, period + coast)
         # Whatever that gave: no command passes a limit, and none moves a robot that settles.
+        parts = (times, places, speeds, kept, self._limits.bounds)
         onward = (period, COAST * period, coast, jacobian, wanted, c.rotation_length)
-        asked = 0.0 * asked if settling else asked
-        moved = _onward(kept, self._limits.bounds, asked, *onward)
-        if at_wall and self._bends_out(moved[0].positions):
-            moved = _onward(kept, self._limits.bounds, 0.0 * asked, *onward)
-        window, velocities, scale, kind, joint, progress = moved
+        velocities = np.zeros_like(asked) if settling else asked
+        scale, kind, joint, progress = _onward(*parts, velocities, *onward)
+        if at_wall and self._bends_out(places[:kept + 3]):
+            velocities = np.zeros_like(asked)
+            scale, kind, joint, progress = _onward(*parts, velocities, *onward)
         limited_by = at_wall or bound or self._limits.name_of(kind, joint)
         hindered = limited_by or manipulability < c.damping
         self._watch(progress if hindered else 1.0, limited_by, period)
         trajectory = None
         if first or not settling:  # only what is sent is what the robot's controller plays
             self._before = (self._window, self.velocities, self._stamp_ns, self._end,
-                            self.positions, self.pose)
+                            self.positions, self.pose, self._jacobian)
+            window = Window(times[:kept + 3], places[:kept + 3], speeds[:kept + 3])
             self._window, self.velocities, self._stamp_ns = window, velocities, now_ns
-            self._end, self.positions = window.positions[-1], window.positions[len(kept.times)]
-            self.pose = self._robot.pose(self.positions)
-            times, places, speeds = window
-            trajectory = Trajectory(self._limits.names, times, places, speeds,
+            self._end, self.positions = places[kept + 2], places[kept]
+            self.pose, self._jacobian = self._robot.place(self.positions)
+            trajectory = Trajectory(self._limits.names, *window,
                                     stamp_ns=now_ns if self._stamped else 0)
         return MotionStep(trajectory, twist, scale, limited_by, manipulability)
 
@@ -176,10 +193,10 @@ class Motion:
         If not, the robot's controller would have left its course by then: it is forgotten, and
         what was sent before goes on.
         """
-        if age <= max(self._config.committed, command.times[0]) or self._before is None:
+        if age <= max(self._ahead, command.times[0]) or self._before is None:
             return True
-        (self._window, self.velocities, self._stamp_ns, self._end, self.positions,
-         self.pose) = self._before
+        (self._window, self.velocities, self._stamp_ns, self._end, self.positions, self.pose,
+         self._jacobian) = self._before
         return False
 
     def _watch(self, progress, limited_by, dt):
@@ -200,13 +217,29 @@ class Motion:
 
 
 @njit(cache=True)
-def _onward(kept, bounds, asked, period, coasting, coast, jacobian, wanted, rotation_length):
-    """Window on from what is committed, with its velocities, what limits them, and progress."""
-    velocities, scale, kind, joint = nearest(
-        *bounds, kept.positions[-1], kept.velocities[-1], asked, period, coast)
-    window = extended(kept, velocities, period, coasting, bounds[3])
-    progress = _progress(jacobian, velocities, wanted, rotation_length)
-    return window, velocities, scale, kind, joint, progress
+def _begin(times, positions, velocities, elapsed, ahead, *into):
+    """Write what of a window is committed into arrays like its own; how many points these are."""
+    kept = committed(Window(times, positions, velocities), elapsed, ahead)
+    count = len(kept.times)
+    into[0][:count], into[1][:count], into[2][:count] = kept
+    return count
+
+
+@njit(cache=True)
+def _onward(times, places, speeds, kept, bounds, velocities, period, coasting, coast, jacobian,
+            wanted, rotation_length):
+    """
+    Write the window on from its first `kept` points, which are committed, and its velocities.
+
+    These are the limited ones of those asked for; what limits them, and their progress.
+    """
+    velocities[:], scale, kind, joint = nearest(
+        *bounds, places[kept - 1], speeds[kept - 1], velocities, period, coast)
+    window = extended(Window(times[:kept], places[:kept], speeds[:kept]), velocities, period,
+                      coasting, bounds[3])
+    count = len(window.times)
+    times[:count], places[:count], speeds[:count] = window
+    return scale, kind, joint, _progress(jacobian, velocities, wanted, rotation_length)
 
 
 @njit(cache=True)

@@ -9,6 +9,7 @@ import pinocchio
 
 from tactile_common.errors import ConfigurationError, UnreachableError
 from tactile_servo.motion.inverse import damped_least_squares
+from tactile_servo.motion.kinematics import chain_of, place
 from tactile_servo.motion.urdf import chain_to, limits_of, MOVING, parse, pinocchio_model
 
 # Of the inverse:
@@ -43,12 +44,9 @@ class RobotModel:
         self.lower, self.upper, self.velocity_limit = np.array(
             [limits_of(joint) for joint in ordered]).T.copy()
         self._turns = np.array([joint.get('type') != 'prismatic' for joint in ordered])
-        self._model = pinocchio_model(robot, joints, self.root_frame)
-        self._data = self._model.createData()
-        self._frame = self._model.getFrameId(tip_frame)
-        order = [self.joint_names.index(n) for n in self._model.names[1:]]
-        self._order = None if order == sorted(order) else np.array(order)
-        self._inverse_order = None if self._order is None else np.argsort(order)
+        model = pinocchio_model(robot, joints, self.root_frame)
+        self._chain = (*chain_of(model, model.getFrameId(tip_frame)),
+                       np.array([self.joint_names.index(name) for name in model.names[1:]]))
 
     @property
     def middle(self) -> np.ndarray:
@@ -85,8 +83,7 @@ class RobotModel:
 
     def pose(self, q: np.ndarray) -> np.ndarray:
         """Transform (4, 4) [m] from the tip to the root frame at positions (n,) [rad or m]."""
-        pinocchio.framesForwardKinematics(self._model, self._data, self._in_model(q))
-        return self._data.oMf[self._frame].homogeneous
+        return self.place(q)[0]
 
     def jacobian(self, q: np.ndarray) -> np.ndarray:
         """
@@ -94,13 +91,16 @@ class RobotModel:
 
         Expressed in the tip frame, rows linear, then angular.
         """
-        jacobian = pinocchio.computeFrameJacobian(
-            self._model, self._data, self._in_model(q), self._frame, pinocchio.LOCAL)
-        return jacobian if self._order is None else jacobian[:, self._inverse_order]
+        return self.place(q)[1]
 
-    def _in_model(self, q):
-        q = np.asarray(q, dtype=float)
-        return q if self._order is None else q[self._order]
+    def place(self, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Pose and Jacobian, see there, at joint positions (n,) [rad or m]."""
+        q, joints = np.ascontiguousarray(q, dtype=float), len(self.joint_names)
+        if q.shape != (joints,):
+            raise ValueError(f'positions of shape {q.shape}, must be of {joints} joints')
+        pose, jacobian = np.empty((4, 4)), np.empty((6, joints))
+        place(*self._chain, q, pose, jacobian)
+        return pose, jacobian
 
     def inverse(self, pose: np.ndarray,
                 seed: Sequence[float] | np.ndarray | None = None) -> np.ndarray:
@@ -157,13 +157,14 @@ class RobotModel:
         weight = np.repeat([1.0, ROTATION_LENGTH], 3)
         q = np.clip(q, self.lower, self.upper)
         for step in range(ITERATIONS + 1):
-            here = pinocchio.SE3(self.pose(q))
+            pose, jacobian = self.place(q)
+            here = pinocchio.SE3(pose)
             twist = pinocchio.log6(here.actInv(target)).vector
             residual = (float(np.linalg.norm(here.translation - target.translation)),
                         float(np.linalg.norm(twist[3:])))
             if step == ITERATIONS or _reached(residual):
                 return q, residual
-            weighted = weight[:, None] * self.jacobian(q)
+            weighted = weight[:, None] * jacobian
             error = weight * twist
             normal = weighted.T @ weighted
             normal.flat[::len(q) + 1] += 0.5 * (error @ error) + 1e-9

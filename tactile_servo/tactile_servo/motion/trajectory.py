@@ -7,7 +7,7 @@ import numpy as np
 from tactile_common.errors import ConfigurationError
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(eq=False)  # not frozen: one is made every cycle
 class Trajectory:
     """
     Points of a joint trajectory; the shapes are checked, what they hold is the receiver's affair.
