@@ -11,8 +11,6 @@ from launch import LaunchDescription  # noqa: E402, I100, I202
 from tactile_tests.graph import bench  # noqa: E402, I100
 from tactile_tests.launching import DEADLINE, edge_tracking, Processes  # noqa: E402, I100
 
-from edge_tracking.resources import find_scene  # noqa: E402, I100
-
 NODES = ('driver', 'contact_estimator', 'shape_estimator', 'edge_servo', 'mock_sensor',
          'mock_robot', 'track')
 
@@ -40,25 +38,6 @@ def test_defaults_track_the_edge_and_end_cleanly(processes):
     yield  # until launch has shut down, by itself
     assert processes.exits == dict.fromkeys(NODES, 0)
     assert not any('Traceback' in processes.text(name) for name in NODES)
-
-
-@launch_pytest.fixture(auto_shutdown=False)
-def ball(processes, tmp_path):
-    """Give a ball to follow, whose probe has few elements: they are solved in some seconds."""
-    text = find_scene('surfaces/sphere_126').read_text('utf-8')
-    (tmp_path / 'ball.yaml').write_text(text.replace('across: 25', 'across: 15'))
-    return LaunchDescription([
-        edge_tracking(scene=str(tmp_path / 'ball.yaml'), shutdown='true', length='0.02'),
-        *processes.handlers(), launch_pytest.actions.ReadyToTest()])
-
-
-@pytest.mark.launch(fixture=ball)
-def test_a_scene_of_a_surface_is_followed_by_its_law(processes):
-    with bench() as it:
-        it.attend(lambda: 'track' in processes.exits, 'the end of the goal', DEADLINE)
-    assert 'track: length reached' in processes.text('track')
-    yield
-    assert processes.exits == dict.fromkeys(NODES, 0)
 
 
 @launch_pytest.fixture(auto_shutdown=False)
