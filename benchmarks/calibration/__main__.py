@@ -177,18 +177,19 @@ def objects(seeds):
                     skins[skin] = pad(ball(*skin), array, Converter(), rng)
                 places = drawn(profile, frames, rng)
                 pictures = rendered(profile, array, places)
-                found = estimated(skins[skin], Converter()(pictures / pictures.max(), rng)
-                                  )
+                found = estimated(skins[skin], Converter()(pictures / pictures.max(), rng))
                 judged = judge(profile, places, _scaled(found, pictures.max(), skin))
-                rows.setdefault((size, str(profile['kind'])), []).append(judged)
-    return table(['tactels', 'object', 'right', 'wrong', 'refused', 'force', 'at most',
-                  'over claim', 'force over claim'], [
-        [size, kind, *(f'{100.0 * np.mean([getattr(it, key) for it in some]):.1f} %'
+                blunt = np.mean(~found['valid'] | (found['patch'] > 0.0))
+                rows.setdefault((size, str(profile['kind'])), []).append((judged, blunt))
+    return table(['tactels', 'object', 'right', 'wrong', 'refused', 'patch or refused', 'force',
+                  'at most', 'over claim', 'force over claim'], [
+        [size, kind, *(f'{100.0 * np.mean([getattr(it, key) for it, _ in some]):.1f} %'
                        for key in ('right', 'wrong', 'refused')),
-         f'{100.0 * np.nanmean([it.force for it in some]):+.2f} %',
-         f'{100.0 * np.nanmax(np.abs([it.force for it in some])):.2f} %',
-         f'{np.sqrt(np.nanmean([it.claims**2 for it in some])):.2f}',
-         f'{np.sqrt(np.nanmean([it.force_claims**2 for it in some])):.2f}']
+         f'{100.0 * np.mean([blunt for _, blunt in some]):.1f} %',
+         f'{100.0 * np.nanmean([it.force for it, _ in some]):+.2f} %',
+         f'{100.0 * np.nanmax(np.abs([it.force for it, _ in some])):.2f} %',
+         f'{np.sqrt(np.nanmean([it.claims**2 for it, _ in some])):.2f}',
+         f'{np.sqrt(np.nanmean([it.force_claims**2 for it, _ in some])):.2f}']
         for (size, kind), some in rows.items()])
 
 

@@ -18,7 +18,8 @@ NOISE = 0.01  # of the peak
 SENSORS = {
     'signed': (12, True, 0.0, 1000.0, None), 'offset': (10, False, 100.0, 800.0, None),
     'clipped': (10, False, 0.0, 800.0, None), 'clipped, 8 bits': (8, False, 0.0, 200.0, None),
-    '6 bits': (6, False, 5.0, 50.0, None), 'thresholded': (10, False, 0.0, 800.0, 40),
+    '6 bits': (6, False, 5.0, 50.0, None), 'signed, 6 bits': (6, True, 0.0, 25.0, None),
+    'clipped, 6 bits': (6, False, 0.0, 50.0, None), 'thresholded': (10, False, 0.0, 800.0, 40),
     '16 bits': (16, False, 500.0, 40000.0, None)}
 
 

@@ -247,6 +247,20 @@ def test_unknown_noise_is_read_from_the_picture():
     assert estimate(picture, noise=0.0).valid
 
 
+@pytest.mark.parametrize('side', [8, 16, 32])
+@pytest.mark.parametrize('yaw', [None, 0.0, 0.2, 0.4, 0.6, np.pi / 4])  # None: a point
+def test_unknown_noise_of_small_pads_and_slanting_edges(side, yaw):
+    rng, array, depth = np.random.default_rng(11), TactelArray(side, side, 1e-3, 1e-3), 1.3e-3
+    x, y, found, noise = array.x, array.y[:, None], [], 10.0 ** (-30.0 / 20.0)
+    for _ in range(40):
+        a, b = rng.uniform(-0.3e-3, 0.3e-3, 2) * side
+        picture = (point.stress('zz', x, y, a, b, 1.0, 0.0, 0.0, depth) if yaw is None
+                   else line.pressure(x, y, a, yaw, 1.0, depth))
+        picture = picture / picture.max() + noise * rng.standard_normal(picture.shape)
+        found.append(noise_from_image.py_func(picture))
+    assert 1.0 / 1.5 < np.median(found) / noise < 1.5
+
+
 @pytest.mark.parametrize('method', ['fit', 'compensated'])
 def test_without_a_gain_the_place_is_told_and_no_force(method):
     """The picture in units of 37 Pa, which nobody knows: the place is the same to rounding."""

@@ -4,8 +4,10 @@ import numpy as np
 
 from tactile_sensing.devices.calibration import Calibration
 from tactile_sensing.half_space.kernels import add_segment
+from tactile_sensing.skin.half_spaces import half_spaces
 from tactile_sensing.types.array import TactelArray
 from tactile_sensing.types.image import Layer, TactileImage
+from tactile_sensing.types.skin import Skin
 from tactile_servo.config import ServoConfig
 from tactile_servo.control.surface_path import PlanarPath, raster
 from tactile_servo.following import Following
@@ -38,6 +40,7 @@ def compile_kernels() -> None:
     model = RobotModel.from_urdf(ROBOT, 'tip')
     limits = JointLimits(tuple(model.joint_names), model.lower, model.upper,
                          model.velocity_limit, np.ones(2))
+    half_spaces(Skin(DEPTH, 2.0 * DEPTH))  # no kernel, but slow where it is called first
     motion = Motion(model, limits, MotionConfig(), 0.0025, WorkspaceBox(-np.ones(3), np.ones(3)))
     motion.seed(np.zeros(2))
     motion.command(np.full(6, 0.01), 0)

@@ -55,6 +55,10 @@ class Sensor:
     creep: float = bounded(
         0.0, 'share by which a reading grows under a load that rests', '', 0.0, 0.3)
     creep_time: float = bounded(5.0, 'time constant of that', 's', 0.01, 1e4)
+    hysteresis: float = bounded(
+        0.0, 'share by which a reading is higher while its load is taken away', '', 0.0, 0.3)
+    crosstalk: float = bounded(
+        0.0, 'share of a reading that each of the four neighbours gets', '', 0.0, 0.2)
     dead: int = bounded(
         0, 'tactels that always report the baseline, unknown to the driver', 'tactels', 0, 64)
     rows: int = bounded(16, "along the pad's y", 'tactels', 3, 256)

@@ -44,6 +44,29 @@ def test_a_rested_load_creeps_and_is_forgotten():
     assert read(0.0 * load, 42.0) == pytest.approx(1e3 * np.exp(-1.0), rel=0.02)
 
 
+def exact(**flaws):
+    """Response without noise, in counts of a pascal, and a function that reads it."""
+    response = TactelResponse(Sensor(noise_std=0.0, bits=16, pa_per_count=1.0, baseline=0.0,
+                                     **flaws))
+    return lambda pressure: response.counts(pressure, np.random.default_rng(0), 0.0).astype(float)
+
+
+def test_a_load_that_is_taken_away_reads_higher():
+    read, load = exact(hysteresis=0.1), np.full((16, 16), 10e3)
+    up = [read(share * load)[3, 4] for share in (0.0, 0.5, 1.0)]
+    down = [read(share * load)[3, 4] for share in (0.95, 0.5, 0.0)]
+    assert up == [0.0, 5e3, 10e3]
+    assert down == [10e3, 5.5e3, 0.0]
+
+
+def test_neighbours_get_their_share_and_the_sum_stays():
+    read, load = exact(crosstalk=0.05), np.zeros((16, 16))
+    load[3, 4], load[0, 0] = 10e3, 10e3
+    found = read(load)
+    assert found[3, 4] == 8e3 and found[3, 5] == found[2, 4] == 500.0 and found[2, 3] == 0.0
+    assert found[0, 0] == 9e3 and found.sum() == load.sum()
+
+
 def test_counts_have_the_bits_of_the_converter():
     load = np.full((16, 16), 1e9)
     for bits, highest, kind in ((8, 255, np.uint8), (10, 1023, np.uint16), (6, 63, np.uint8)):
@@ -78,6 +101,16 @@ def test_the_edge_is_followed_with_it(scene):
     assert status.state == State.DONE, status.reason
     assert np.sqrt(np.mean(truth.lateral[truth.settled]**2)) < 0.02e-3
     assert np.abs(truth.force[truth.settled] / 5.0 - 1.0).max() < 0.05
+
+
+def test_a_corner_and_a_bend_are_followed_with_it():
+    course = load_scene(LAUNCH / 'scenes' / 'real_skin_course.yaml')
+    simulation = Simulation(course, seed=1)
+    status = simulation.run(EdgeGoal(0.1, 5.0), 30.0)
+    truth = simulation.truth()
+    assert status.state == State.DONE and simulation.servo.success, status.reason
+    assert np.sqrt(np.mean(truth.lateral[truth.settled]**2)) < 0.05e-3
+    assert np.abs(truth.lateral[truth.settled]).max() < 0.3e-3
 
 
 def test_a_calibration_is_named_from_the_folder_of_the_scene(scene, tmp_path):

@@ -46,7 +46,7 @@ def flat_field(presses: Presses, ball_radius: float, skin_fit: SkinFit, area: bo
     area : bool
         As of `fit_skin`.
     force : ndarray, shape (N,)
-        What is known of the forces relative to each other; NaN: nothing.
+        What is expected of the forces relative to each other.
     """
     array, sensitivity = presses.array, np.ones(presses.array.shape)
     spread = USUAL_SPREAD
@@ -57,7 +57,7 @@ def flat_field(presses: Presses, ball_radius: float, skin_fit: SkinFit, area: bo
         fit = fit_skin(presses.scaled(1.0 / sensitivity), ball_radius, area=area,
                        known=skin_fit.skin)
         information, demanded = _demands(
-            presses, sensitivity, pressure, fit, *_forces(fit.amplitudes[:, 0], force))
+            presses, sensitivity, pressure, fit, *expected_forces(fit.amplitudes[:, 0], force))
         prior = np.eye(sensitivity.size) / spread**2
         covariance = np.linalg.inv(information + prior)
         step = covariance @ (demanded - (sensitivity.ravel() - 1.0) / spread**2)
@@ -69,14 +69,18 @@ def flat_field(presses: Presses, ball_radius: float, skin_fit: SkinFit, area: bo
     return Gains(1.0 / sensitivity, std, spread, float(np.sqrt(np.mean(std**2))))
 
 
-def _forces(found, force):
-    """Forces that presses are expected to have, (N,), and their standard deviations (N,)."""
-    level = found / force
-    usual = np.nanmedian(level) if np.isfinite(level).any() else np.nan
-    off = np.abs(level / usual - 1.0)
-    spread = max(1.4826 * float(np.nanmedian(off)), LEAST_FORCE_SPREAD) if usual > 0.0 else 0.0
+def expected_forces(found: np.ndarray, force: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """
+    Return the forces that presses are expected to have (N,), and their standard deviations (N,).
+
+    That is what is known of them relative to each other, `force`, at the level and with the
+    spread of those found; a press that is unlike the others keeps its own.
+    """
+    expected = force * np.median(found / force)
+    off = np.abs(found / expected - 1.0)
+    spread = max(1.4826 * float(np.median(off)), LEAST_FORCE_SPREAD)  # of a normal distribution
     like = off <= UNLIKE * spread
-    return (np.where(like, usual * force, found), np.where(like, spread * usual * force, np.inf))
+    return np.where(like, expected, found), np.where(like, spread * expected, np.inf)
 
 
 def _demands(presses, sensitivity, pressure, fit, force, force_std):

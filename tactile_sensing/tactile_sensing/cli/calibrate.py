@@ -13,7 +13,7 @@ from tactile_common.npz_stream import read_arrays
 from tactile_common.progress import Progress
 from tactile_sensing.calibration.procedure import calibrate, Known, Outcome, Recordings
 from tactile_sensing.calibration.report import draw_report
-from tactile_sensing.cli.options import add_pitch, counts_reader, pitch_of, read_all
+from tactile_sensing.cli.options import add_pitch, pitch_of, read_counts
 from tactile_sensing.devices.calibration_file import save_calibration
 from tactile_sensing.devices.counts import MAX_BITS
 from tactile_sensing.types.array import PITCH
@@ -94,7 +94,7 @@ def parser() -> argparse.ArgumentParser:
 
 
 def _read(path):
-    values = read_all(counts_reader(path)).astype(float)
+    values = read_counts(path).astype(float)
     if not np.isfinite(values).all():
         raise ConfigurationError(f'{path}: frames holds values that are not finite')
     return values

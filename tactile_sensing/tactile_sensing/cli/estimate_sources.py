@@ -2,7 +2,7 @@
 
 import argparse
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, fields, replace
+from dataclasses import astuple, dataclass, replace
 from itertools import islice
 import math
 from typing import Any
@@ -13,7 +13,7 @@ from tactile_common.command_line import reading_bags
 from tactile_common.errors import ConfigurationError
 from tactile_common.npz_stream import ArrayReader
 from tactile_sensing.cli.estimate_options import layer_values, parse_dead, parse_layers
-from tactile_sensing.cli.options import counts_reader, is_bag, MAX_CHUNK, pitch_of, read_all
+from tactile_sensing.cli.options import counts_reader, is_bag, MAX_CHUNK, pitch_of, read_counts
 from tactile_sensing.contact.estimator import ContactEstimator
 from tactile_sensing.devices.calibration_file import load_calibration
 from tactile_sensing.devices.tare import TareRefusedError
@@ -65,13 +65,10 @@ class Pictures:
 
     def records(self, estimator: ContactEstimator) -> Iterator[np.ndarray]:
         """Likewise."""
-        pictures = iter(self._pictures)
-        while some := list(islice(pictures, MAX_CHUNK)):
-            records = np.zeros(len(some), STAMPED)
-            for record, picture in zip(records, some, strict=True):
-                _fill(record, estimator.estimate(self._completed(picture)))
-                record['t'] = 1e-9 * picture.stamp_ns
-            yield records
+        told = (_record(picture.stamp_ns, estimator.estimate(self._completed(picture)))
+                for picture in self._pictures)
+        while some := list(islice(told, MAX_CHUNK)):
+            yield np.array(some, STAMPED)
 
     def _completed(self, picture):
         """Picture with what the options say."""
@@ -81,13 +78,13 @@ class Pictures:
         return replace(picture, layers=layers)
 
 
-def _fill(record: np.void, contact: Contact) -> None:
-    for name in COLUMNS:
-        record[name] = getattr(contact, name) if name != 'moments' else tuple(
-            getattr(contact.moments, item.name) for item in fields(contact.moments))
+def _record(stamp_ns: int, contact: Contact) -> tuple:
+    """Values of one row of STAMPED."""
+    values = {name: getattr(contact, name) for name in COLUMNS}
+    values['moments'] = astuple(contact.moments)
     if not contact.valid:
-        for name in REALS:
-            record[name] = np.nan
+        values |= dict.fromkeys(REALS, np.nan)
+    return *values.values(), 1e-9 * stamp_ns
 
 
 def source_of(options: argparse.Namespace) -> Frames | Pictures:
@@ -130,8 +127,7 @@ def _calibrated(options):
     reader = counts_reader(options.frames, shape, options.namespace)
     if options.tare:
         try:
-            tare = calibration.make_tare(read_all(counts_reader(
-                options.tare, shape, options.namespace)))
+            tare = calibration.make_tare(read_counts(options.tare, shape, options.namespace))
         except TareRefusedError as error:
             raise ConfigurationError(f'--tare {options.tare}: {error}') from error
     return Frames(reader, calibration.array,

@@ -2,6 +2,7 @@
 
 import argparse
 from collections.abc import Sequence
+import math
 from pathlib import Path
 from typing import Any
 
@@ -10,7 +11,7 @@ import numpy as np
 from tactile_common.command_line import reading_bags
 from tactile_common.config import checked
 from tactile_common.errors import ConfigurationError
-from tactile_common.npz_stream import ArrayReader
+from tactile_common.npz_stream import ArrayReader, MAX_WHOLE
 from tactile_sensing.types.array import PITCH
 
 MAX_CHUNK = 1024  # frames
@@ -68,6 +69,12 @@ def counts_reader(path: str, shape: tuple[int, int] | None = None,
     return reader
 
 
-def read_all(reader: Any) -> np.ndarray:
-    """Return all rows of an array."""
+def read_counts(path: str, shape: tuple[int, int] | None = None,
+                namespace: str | None = None) -> np.ndarray:
+    """Return all frames of counts, (N, rows, columns); ConfigurationError if they are too many."""
+    reader = counts_reader(path, shape, namespace)
+    size = math.prod(reader.shape) * reader.dtype.itemsize
+    if size > MAX_WHOLE:
+        raise ConfigurationError(f'{path}: frames {reader.shape} would take {size / 1e6:.0f} MB, '
+                                 f'at most {MAX_WHOLE / 1e6:.0f} MB are read')
     return np.concatenate([np.array(part) for part in reader.chunks(MAX_CHUNK)])

@@ -17,6 +17,7 @@ AROUND_EVIDENCE = 2.5  # standard deviations by which the tactels around one mus
 OUTLIER = 5.0  # standard deviations, model error included, that no tactel may be off
 MAX_OUTLIERS = 0.25  # of the loaded tactels; more is a contact of another kind
 MAX_OUTLIERS_AROUND = 3  # of the eight around one; likewise
+MANY_OFF = 12  # tactels that one broken one may make contradict the load
 MAX_CENSORED = 0.1  # share of censored tactels beside which drift shows
 DRIFT_LOOKS = 3  # each leaves a part of the drift that it found
 DEPTH_STEPS = 0.05, 0.02, 0.01  # relative differences by which the depth is searched
@@ -156,18 +157,21 @@ def leave_out_worst(sensor, layers, rules, memory):
     """
     Set the tactel that contradicts the load most to NaN; whether it did.
 
-    Not a high one that is a contact (second), or of which nothing around says that it is none.
+    Not where many do, which is a wrong load; nor a high one that is a contact (second), or of
+    which nothing around says that it is none.
     """
     stress, left, model, state = memory.stress, memory.left, memory.model, memory.state[0]
     model_error, worst, k, r, c = _allowance(rules), OUTLIER * OUTLIER, -1, -1, -1
+    count = 0
     for i in range(left.shape[0]):
         for j in range(left.shape[1]):
             for m in range(left.shape[2]):
                 allowed = model_error * model[i, j, m] / layers[i].noise
                 off = (left[i, j, m] / layers[i].noise) ** 2 / (1.0 + allowed * allowed)
-                if off > worst:  # false for NaN
+                count += off > OUTLIER * OUTLIER  # false for NaN
+                if off > worst:
                     worst, k, r, c = off, i, j, m
-    if k < 0:
+    if not 0 < count <= MANY_OFF:
         return False
     if left[k, r, c] > 0.0 and layers[k].component == PRESSURE:
         found, known = _may_be_contact(left[k], r, c, sensor, layers[k])

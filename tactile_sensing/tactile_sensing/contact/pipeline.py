@@ -137,18 +137,19 @@ def estimate_frame(stress, sensor, layers, rules, reasons, saturated, calibrated
     model = rules.model
     if rules.model == ANY_MODEL:
         model = likelier_model(stress, sensor, layers)
-    estimate_as(model, stress, sensor, layers, rules, memory, first)
-    if rules.model != ANY_MODEL or not first.reasons & UNCONVINCING:
-        return 0
-    other = POINT + LINE - model
-    estimate_as(other, stress, sensor, layers, rules, memory, second)
+    for attempt in range(2):  # not one after the other: `estimate_as` would be compiled twice
+        estimate_as(
+            model, stress, sensor, layers, rules, memory, memory.estimates[attempt])
+        if rules.model != ANY_MODEL or not first.reasons & UNCONVINCING:
+            return 0
+        model = POINT + LINE - model
     if overrules(first, second, rules.min_snr):
         second.reasons |= first.reasons & _LOW_SNR
         return 1
     return 0
 
 
-@njit(error_model='numpy')
+@njit(error_model='numpy', inline='always')
 def estimate_as(kind, measured, sensor, layers, rules, memory, estimate):
     """Estimate a frame as one kind of load: its type and reasons, or those of a refusal."""
     fit, state, forces = memory.fits[0], memory.state[0], 3 if kind == POINT else 2

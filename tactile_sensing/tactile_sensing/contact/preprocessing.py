@@ -10,6 +10,8 @@ from tactile_sensing.types.contact import ContactType, Reason
 
 MIN_LIVE = 15  # tactels; three for each parameter of a point
 DETECTION = 5.0  # standard deviations
+# To a neighbour: rows and columns. Edges of any angle run within some degrees of one of them.
+DIRECTIONS = (0, 1), (1, 0), (1, 1), (1, -1), (1, 2), (2, 1), (1, -2), (2, -1)
 IMPOSSIBLE = 1e12  # Pa; a tactel that reports more, or no number, is not read
 SILENT = 3.0  # standard deviations below its floor at which a tactel tells nothing
 
@@ -24,18 +26,17 @@ def noise_from_image(pressure):
     """
     Noise of one tactel, from the picture alone [Pa]; NaN if no tactel is left.
 
-    Median absolute second difference, along the axis where it is smaller: an edge is
-    smooth along itself.
+    Median absolute second difference, in the direction where it is least: an edge is smooth along
+    itself.
     """
     rows, columns = pressure.shape
     second = np.empty(rows * columns)
     best = np.nan
-    for axis in range(2):
-        n = 0
-        for r in range(1 - axis, rows - 1 + axis):
-            for c in range(axis, columns - axis):
-                value = (pressure[r - 1 + axis, c - axis] + pressure[r + 1 - axis, c + axis]
-                         - 2.0 * pressure[r, c])
+    for dr, dc in DIRECTIONS:
+        n, side = 0, abs(dc)
+        for r in range(dr, rows - dr):
+            for c in range(side, columns - side):
+                value = pressure[r - dr, c - dc] + pressure[r + dr, c + dc] - 2.0 * pressure[r, c]
                 if np.isfinite(value):
                     second[n] = abs(value)
                     n += 1

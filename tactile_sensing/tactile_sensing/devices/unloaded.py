@@ -3,12 +3,15 @@
 from typing import NamedTuple
 
 import numpy as np
-from scipy.special import log_ndtr
+from scipy.special import log_ndtr, logsumexp, ndtr
 
 QUANTISATION = 1.0 / 12.0  # variance of rounding to whole counts [counts^2]
+QUIET = 1.0  # counts of noise below which rounding hides a part of it
+LEVELS = np.arange(-4, 5)  # about its usual one, that a quiet tactel shows [counts]
 STEPS = 100  # of expectation and maximisation; they gain a digit in about ten
 SILENT = 0.99  # share of readings under a threshold beyond which it hides the noise
 THRESHOLD_STD = 4.0  # standard deviations of noise at which thresholds are set (3.5)
+LOUD = 9.0  # times the usual variance that a quiet sensor's tactel has by no chance
 LEAST_SEEN = 2  # readings of a tactel that tell where its mean lies below the threshold
 
 
@@ -32,8 +35,9 @@ def unloaded_statistics(frames: np.ndarray, threshold: float, lowest: float,
     Counts below the threshold only say that they are: mean and spread are those of the normal
     distribution that is likeliest to leave what is seen above (Tobin's model). The noise of a
     tactel is shrunk towards that of all live ones as far as chance explains that it differs, and
-    is never less than rounding to counts makes it. Of a threshold that hides nearly all readings
-    is only known that it keeps the noise out.
+    is never less than rounding to counts makes it. Where it is less than a count, rounding is
+    taken for what it is, and only a tactel that is much noisier has a noise of its own. Of a
+    threshold that hides nearly all readings is only known that it keeps the noise out.
 
     Parameters
     ----------
@@ -59,10 +63,37 @@ def unloaded_statistics(frames: np.ndarray, threshold: float, lowest: float,
     excess = (variance[told] / mean).var() if told.any() else 0.0
     own = max(excess - by_chance, 0.0) / max(excess, by_chance)
     shrunk = np.where(told, own * variance + (1.0 - own) * mean, mean)
+    whole = np.array_equal(frames, np.rint(frames))
+    if whole and not silent and told.any() and mean < QUIET**2 + QUANTISATION:
+        centre, variance = _rounded(frames, threshold, told)
+        offset = np.where(told, centre, offset)
+        shrunk = np.where(told & (shrunk > LOUD * variance), shrunk, variance)
     noise = np.sqrt(np.maximum(shrunk, QUANTISATION))
     if silent:
         noise = np.maximum(noise, (threshold - 0.5 - lowest) / THRESHOLD_STD)
     return Unloaded(offset, noise)
+
+
+def _rounded(frames, threshold, told):
+    """Likeliest mean of each tactel, and variance of a reading of any, with that of rounding."""
+    usual = np.maximum(np.rint(np.median(frames, axis=0)), threshold - 1.0)
+    level = np.clip(np.maximum(frames, threshold - 1.0) - usual, LEVELS[0], LEVELS[-1])
+    shown = np.stack([(level == k).sum(axis=0) for k in LEVELS], axis=-1)
+    below = threshold - 1.0 - usual  # level of all that is below the threshold
+    means = np.linspace(-3.0, 1.0, 161)
+    best, centre, std = -np.inf, np.zeros(usual.shape), 0.0
+    for trial in np.geomspace(0.03, 1.5 * QUIET, 60):
+        edges = ndtr((np.append(LEVELS, LEVELS[-1] + 1) - 0.5 - means[:, None]) / trial)
+        likely = shown @ np.log(np.diff(edges) + 1e-12).T
+        for k in np.flatnonzero(np.isin(LEVELS, below)):
+            chance = np.diff(edges)
+            chance[:, k] = edges[:, k + 1]
+            likely[below == LEVELS[k]] = shown[below == LEVELS[k]] @ np.log(chance + 1e-12).T
+        total = logsumexp(likely, axis=-1)
+        if total[told].sum() > best:
+            best, std = total[told].sum(), trial
+            centre = np.exp(likely - total[..., None]) @ means
+    return usual + centre, std**2 + QUANTISATION
 
 
 def _censored(frames, seen, level, mean, variance):

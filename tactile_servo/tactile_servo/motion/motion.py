@@ -160,7 +160,7 @@ class Motion:
         # Whatever that gave: no command passes a limit, and none moves a robot that settles.
         parts = (times, places, speeds, kept, self._limits.bounds)
         onward = (period, COAST * period, coast, jacobian, wanted, c.rotation_length)
-        velocities = np.zeros_like(asked) if settling else asked
+        velocities = 0.0 * asked if settling else asked  # what is no number stays none
         scale, kind, joint, progress = _onward(*parts, velocities, *onward)
         if at_wall and self._bends_out(places[:kept + 3]):
             velocities = np.zeros_like(asked)
