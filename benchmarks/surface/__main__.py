@@ -13,7 +13,7 @@ import numpy as np
 
 from benchmarks.harness import run
 from benchmarks.surface import models
-from benchmarks.surface.cases import cases, follow, LATENCIES, line, OBJECTS, STABLE, worst
+from benchmarks.surface.cases import cases, follow, line, OBJECTS, STABLE, worst
 
 FIGURES = dict(zip(OBJECTS, ('6.11', '6.12', '6.14', '6.13'), strict=True))
 SEEDS = 5
@@ -52,7 +52,7 @@ def measure(arguments, progress):
 def limits(rows):
     """Largest gain of each control that was stable, as were all below it, by latency."""
     found = []
-    for latency in LATENCIES if rows else ():
+    for latency in dict.fromkeys(row['latency'] for row in rows):
         own = [row for row in rows if row['latency'] == latency]
         stable = {}
         for control in ('predicted', 'thesis'):

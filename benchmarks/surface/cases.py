@@ -34,7 +34,7 @@ SOURCES = tuple((features, method) for features in ('centroid', 'moments')
                 for method in ('constant', 'nearest', 'interpolated', 'online'))
 LATENCIES = (0.0, 0.005, 0.01, 0.02, 0.04)  # s
 MOST_GAIN = 200.0  # 1/s, that a configuration may have
-GAINS = (0.25, 0.4, 0.6, 0.8, 1.0, 1.3, 1.7, 2.2)  # of the limit in theory
+GAINS = (0.25, 0.5, 0.8, 1.0, 1.4, 2.0)  # of the limit in theory
 STABLE = 0.5  # N RMS of the force, above which a loop counts as unstable
 PROBE = ProbeConfig()
 FAULTS = {
