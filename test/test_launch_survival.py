@@ -17,8 +17,8 @@ from tactile_tests.launching import DEADLINE, launched  # noqa: E402, I100
 NODES = ('driver', 'contact_estimator', 'shape_estimator', 'edge_servo', 'mock_sensor',
          'mock_robot')
 TOPICS = ('image', 'contact', '/joint_states', '/joint_trajectory_controller/joint_trajectory')
-# asyncio's word for a process whose status was taken before it asked. To send a signal takes it, and
-# launch sends one to processes that have just had theirs.
+# The word of asyncio for a process whose status was taken before it asked. To send a signal takes
+# it, and launch sends one to processes that have just had theirs.
 TAKEN = 'exit code 255'
 BAD = r'Traceback|\[ERROR\]|\[FATAL\]|has died|KeyboardInterrupt|Exception'
 
