@@ -13,6 +13,7 @@ from launch import LaunchDescription
 from launch.actions import OpaqueFunction, SetEnvironmentVariable
 
 from edge_tracking.launch_arguments import declared, given
+from edge_tracking.launch_interrupt import leave_interrupt_to_launch
 from edge_tracking.launch_nodes import Nodes, PREFIX
 from edge_tracking.ros2_control import text_of
 from edge_tracking.transport import local_environment
@@ -20,6 +21,7 @@ from edge_tracking.transport import local_environment
 
 def actions(context):
     """Actions for the arguments given, none if something is wrong with these."""
+    leave_interrupt_to_launch()
     # A prefix of the user's own, such as a debugger, goes before.
     own = context.launch_configurations.get('launch-prefix')
     nodes = Nodes(given(context), own or PREFIX)

@@ -1,6 +1,6 @@
 """The launch file under test, and a launch service without the `ros2` command."""
 
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 import os
 from pathlib import Path
 import re
@@ -151,9 +151,11 @@ class Launched:
 
     def end(self):
         """Wait for the end; returns the exit status."""
-        status = self._process.wait(DEADLINE)
+        with suppress(subprocess.TimeoutExpired):
+            self._process.wait(DEADLINE)
+        assert self.status is not None, '\n'.join(['launch does not end:', *self.lines[-30:]])
         self._reader.join(DEADLINE)
-        return status
+        return self.status
 
 
 @contextmanager
