@@ -1,7 +1,7 @@
 """Shape estimator node: contacts and the sensor's pose in, surface patches and contour out."""
+from collections import deque
 from dataclasses import dataclass
 from struct import Struct
-from collections import deque
 
 from geometry_msgs.msg import PoseStamped
 from nav_msgs.msg import Path
