@@ -23,6 +23,7 @@ from tactile_sensing.half_space.layers import half_sides
 from tactile_sensing.skin import kernels
 
 STEPS = 15  # most of them
+HOPELESS, SLOW = 9.0, 0.98  # chi-square per tactel, of which a step must take off 2 %, or it ends
 SETTLED = 0.003  # a step after which none is needed [depths]
 LARGEST_DAMPING = 1e4
 
@@ -155,7 +156,10 @@ def _descend(kind, sensor, layers, load, memory):
         new = _evaluate(kind, sensor, layers, load, memory)
         enough = SETTLED * depth
         if new <= chi * (1.0 + 1e-9):
+            hopeless = new > HOPELESS * layers[-1].end and new > SLOW * chi
             chi, damping = new, 0.1 * damping
+            if hopeless:
+                break
         else:
             if not new < np.inf or damping > LARGEST_DAMPING:
                 return np.nan, np.inf

@@ -37,6 +37,8 @@ from tactile_sensing.skin import kernels
 
 EVIDENCE = 16.0  # chi-square that a rung must take off: four standard deviations
 ALONE = 0.8  # share of the evidence of a second end that no single tactel may have
+# Chi-square per tactel from which a rung must leave no more than this share of it.
+HOPELESS, MUCH = 9.0, 0.7
 LEFT_OVER = 1.0  # standard deviations of chi-square from which on a line may have ends
 
 
@@ -195,3 +197,6 @@ def climb(kind, sensor, layers, forces, shear, memory):
             tried |= extra
         else:
             shear, tried = with_shear, 0
+        if load.squared_error > HOPELESS * load.used and (
+                load.squared_error > MUCH * below.squared_error):
+            return shear

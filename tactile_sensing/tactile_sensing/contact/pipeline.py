@@ -75,7 +75,7 @@ class Memory(NamedTuple):
     censored: np.ndarray  # likewise: whether a tactel is only known to be below the floor
     layers: np.ndarray  # of LAYER, at the depth that was found
     tactels: Tactels
-    fits: np.ndarray  # of FIT: the load; the one a rung below; the one with idle shear
+    fits: np.ndarray  # of FIT: the load; one a rung below; one with idle shear; one with faults
     equations: np.ndarray  # of EQUATIONS, shape (1,)
     state: np.ndarray  # of STATE, shape (1,)
     estimates: np.ndarray  # of ESTIMATE, shape (2,): of the first model and of the second
@@ -87,7 +87,7 @@ def make_memory(layers, rows, columns, nodes):
     shape = (layers, rows, columns)
     return Memory(
         np.empty(shape), np.empty(shape), np.empty(shape), np.zeros(shape, np.bool_),
-        np.zeros(layers, LAYER), make_tactels(layers * rows * columns, nodes), np.zeros(3, FIT),
+        np.zeros(layers, LAYER), make_tactels(layers * rows * columns, nodes), np.zeros(4, FIT),
         np.zeros(1, EQUATIONS), np.zeros(1, STATE), np.zeros(2, ESTIMATE))
 
 
@@ -163,10 +163,15 @@ def estimate_as(kind, measured, sensor, layers, rules, memory, estimate):
     # below it, and at last, one by one, by what it has found: the end of a line is none, either.
     left_out = shear = False
     for look in range(2 + MOST_FAULTS):
+        copy_record(memory.fits, 0, memory.fits, 3)
         fitted, found, depth_variance = _fit_mended(
             kind, sensor, layers, forces, look == 1 or not ladder, rules, memory)
         left_out |= found
-        if fitted:
+        if look == 1 and not found:  # no other frame than before
+            fitted = True
+            copy_record(memory.fits, 3, memory.fits, 0)
+            compare(kind, sensor, memory.layers, fit, memory)
+        elif fitted:
             fitted, shear = _fit_least(kind, sensor, forces, ladder, memory)
         if look > 0 and fit.extras:
             state.second = False
