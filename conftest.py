@@ -1,7 +1,12 @@
-"""For the tests of all packages: a ROS domain of their own, and which of them run alone."""
+"""For the tests of all packages: one thread, a ROS domain of their own, who runs alone."""
 from functools import lru_cache
 import os
 from pathlib import Path
+
+# Before numpy is loaded: threads of its matrices, one for every core of the host, wait for each
+# other where others compute as well.
+for _library in ('OMP', 'OPENBLAS', 'MKL'):
+    os.environ.setdefault(f'{_library}_NUM_THREADS', '1')
 
 try:
     from tactile_common.ros.domains import hold_domain

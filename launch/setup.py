@@ -5,7 +5,7 @@ from xml.etree import ElementTree
 from setuptools import find_packages, setup
 
 PACKAGE = 'edge_tracking'
-FOLDERS = ('launch', 'config', 'scenes', 'urdf', 'rviz')
+FOLDERS = ('launch', 'config', 'scenes', 'scenes/surfaces', 'urdf', 'rviz')
 ABOUT = ElementTree.parse('package.xml').getroot()
 
 setup(

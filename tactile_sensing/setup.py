@@ -24,5 +24,6 @@ setup(
         f'driver = {PACKAGE}.executables:driver',
         f'contact_estimator = {PACKAGE}.executables:contact_estimator',
         f'estimate = {PACKAGE}.executables:estimate',
+        f'calibrate = {PACKAGE}.executables:calibrate',
     ]},
 )

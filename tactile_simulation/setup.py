@@ -21,6 +21,7 @@ setup(
     entry_points={'console_scripts': [
         f'mock_robot = {PACKAGE}.executables:mock_robot',
         f'mock_sensor = {PACKAGE}.executables:mock_sensor',
+        f'press_ball = {PACKAGE}.executables:press_ball',
         f'simulate = {PACKAGE}.executables:simulate',
     ]},
 )

@@ -19,7 +19,7 @@ import json, resource, sys
 from tactile_common.errors import ConfigurationError
 from tactile_common.npz_stream import ArrayReader
 from tactile_common.ros.bag_reader import Bag
-from tactile_sensing.devices.calibration import load_calibration
+from tactile_sensing.devices.calibration_file import load_calibration
 from tactile_sensing.devices.recording import load_recording
 from tactile_shape.contact_recording import load_contacts
 from tactile_simulation.scene import load_scene
@@ -140,8 +140,13 @@ def test_archives(tmp_path):
     with zipfile.ZipFile(tmp_path / 'rate.npz', 'w', zipfile.ZIP_DEFLATED) as archive:
         for name in ('frames', 'rate_hz'):
             archive.writestr(f'{name}.npy', b'\x93NUMPY\x01\x00' + b'\xff\xff' + bytes(65535))
+    with open(tmp_path / 'row.npy', 'wb') as plain:
+        npy.write_array_header_1_0(
+            plain, {'descr': '<f8', 'fortran_order': False, 'shape': (2, 8_000_000)})
+        plain.truncate(plain.tell() + 2 * 8 * 8_000_000)
     cases = [
         ('frames', row, 'a row of frames', '64 MB, at most 4 MB'),
+        ('frames', tmp_path / 'row.npy', 'a row of frames', '64 MB, at most 4 MB'),
         ('frames', head, 'is not an .npz archive of numbers', ''),
         ('frames', many, 'has 3000 arrays, at most 1000', ''),
         ('recording', many, 'has 3000 arrays', ''),

@@ -62,6 +62,8 @@ def test_the_lines_of_the_readme_have_arguments_that_there_are():
     ('speed:=fast', 'speed:=fast is not a number'),
     ('sensor:=other', "Valid options are: ['mock', 'flexitac']"),
     ('tracker:=other', 'tracker:=other is none of trace, resolved_rate'),
+    ('law:=tactile_jacobian', "law: 'tactile_jacobian' works on goals of track_surface; what is "
+     'to be touched here asks for track_edge'),
     ('params_file:=nowhere.yaml', 'parameter file nowhere.yaml: cannot be read: No such'),
     ('parameters:=nowhere.yaml', 'parameter file nowhere.yaml: cannot be read: No such'),
     ('robot_description:=<robot', 'robot description: malformed XML'),

@@ -10,11 +10,11 @@ import sys
 import numpy as np
 
 from benchmarks.contact.cases import scenes
-from benchmarks.contact.measure import accuracy, limits, operations, remedies
+from benchmarks.contact.measure import accuracy, limits, operations, real_skin, remedies
 from benchmarks.contact.methods import peers as peer
 from benchmarks.harness import finite, run
 
-PIECES = 111  # that call `Steps.step`
+PIECES = 180  # that call `Steps.step`
 
 
 def measure(arguments, progress):
@@ -39,7 +39,9 @@ def measure(arguments, progress):
         'fault_map': limits.fault_map(many, few, rng, progress),
         'wrong_type': limits.wrong_type(int(500 * part), few, rng, progress),
         'remedies': remedies.remedies(many, rng, progress),
-        'confusion': scenes.confusion(int(1000 * part), rng, progress)})
+        'confusion': scenes.confusion(int(1000 * part), rng, progress),
+        'finite_elements': real_skin.finite_elements(max(4, int(20 * part)), rng, progress),
+        'ladder': real_skin.ladder(many, rng, progress)})
 
 
 if __name__ == '__main__':

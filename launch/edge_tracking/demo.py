@@ -1,4 +1,4 @@
-"""The demo: a mock robot follows an edge by touch; all of its report is computed from the bag."""
+"""The demo: a mock robot follows an edge or a surface; its report is computed from the bag."""
 import argparse
 from datetime import datetime
 import os
@@ -8,10 +8,12 @@ from typing import Any
 
 from rclpy.exceptions import ParameterException
 
+from edge_tracking.goals import feedback_text, PATTERNS, way_length
 from edge_tracking.graph import (
     add_servo,
     calibrate,
     Graph,
+    LAW_HELP,
     linger,
     NAMESPACE,
     PARAMETERS,
@@ -24,10 +26,13 @@ from edge_tracking.process_group import apart, Heard, watch
 from edge_tracking.recording.frames_summary import summarise_recording
 from edge_tracking.recording.reader import read_run
 from edge_tracking.recording.summary import summarise
+from edge_tracking.recording.surface_summary import summarise_surface_run, surface_truth
 from edge_tracking.report.animation import animate
 from edge_tracking.report.page import make_recording_report, make_report, picture
+from edge_tracking.report.surface_page import make_surface_report
+from edge_tracking.report.surface_page import picture as surface_picture
 from edge_tracking.resources import find_scene, scene_names, share
-from edge_tracking.track import feedback_text, RESUMES, TrackNode
+from edge_tracking.track import RESUMES, TrackNode
 from edge_tracking.transport import local_environment
 from tactile_common.command_line import Parser
 from tactile_common.errors import TactileError
@@ -35,12 +40,16 @@ from tactile_common.progress import live_progress
 from tactile_common.ros.domains import hold_domain
 from tactile_common.ros.runner import freeze_heap, stop_on_signals
 from tactile_sensing.devices.recording import load_recording
+from tactile_sensing.nodes.driver import DriverConfig
 from tactile_servo.config import check_goal, ServoConfig
-from tactile_servo.laws.registry import DEFAULT, LAWS
+from tactile_servo.laws.registry import DEFAULT, law_for, LAWS
 from tactile_servo.types import State
+from tactile_shape.contour.object_model import model_of
 from tactile_simulation.cli.simulate import SEED
 from tactile_simulation.metrics import describe, to_json
-from tactile_simulation.scene import load_scene, Scene
+from tactile_simulation.scene import Scene
+from tactile_simulation.scene_surface import SurfaceScene
+from tactile_simulation.scenes import load_any_scene, parameters_for, renderer_of
 
 INTERRUPTED = 'interrupted'
 
@@ -49,17 +58,18 @@ def parser() -> argparse.ArgumentParser:
     """Command line of the demo."""
     arguments = Parser(
         prog='demo', formatter_class=argparse.ArgumentDefaultsHelpFormatter,
-        description='A robot follows an edge by touch, on the real graph with a mock sensor on '
-        'a pseudo-terminal and a mock robot. Writes a rosbag2 recording (.mcap) and a report '
-        '(report.html, picture.png). Exit status 0 only if the edge was tracked.',
+        description='A robot follows an edge or a surface by touch, on the real graph with a '
+        'mock sensor on a pseudo-terminal and a mock robot. Writes a rosbag2 recording (.mcap) '
+        'and a report (report.html, picture.png; of a surface surface.ply). Exit status 0 only '
+        'if it was tracked.',
         epilog='With --recording FILE.npz the frames of a real array (frames (N, rows, '
         'columns), rate_hz, optional pitch_m) run through driver and estimator instead.')
     add = arguments.add_argument
     add('--scene', default='straight',
         help=f'{", ".join(scene_names())}, or the path of a .yaml file')
-    add('--law', '--controller', choices=tuple(LAWS), default=DEFAULT,
-        help='servo law by which the edge is followed')
-    add('--speed', type=float, default=0.03, help='along the edge [m/s]')
+    add('--law', '--controller', choices=tuple(LAWS), help=LAW_HELP)
+    add('--speed', type=float, default=0.03, help='along the edge, over the surface [m/s]')
+    add('--pattern', choices=tuple(PATTERNS), default='line', help='way over a surface')
     add('--force', type=float, default=5.0, help='on the pad [N]')
     add('--seed', type=SEED, default=0, help="of the sensor's noise")
     add('--parameters', metavar='FILE.yaml',
@@ -96,16 +106,20 @@ def own_domain() -> int:
     return domain
 
 
-def track_scene(options: argparse.Namespace, path: Path, scene: Scene, folder: Path,
-                **common) -> tuple[bool, str, int]:
+def track_scene(options: argparse.Namespace, path: Path, scene: Scene | SurfaceScene,
+                folder: Path, **common) -> tuple[bool, str, int]:
     """Run the scene of a file; returns success, reason and its code."""
-    robot = share('urdf', 'puma260.urdf')
-    closed = scene.edge.closed and LAWS[options.law].closes_contours
-    with private_port() as port, stop_on_signals() as stop, \
-            live_progress(scene.edge.length - scene.start.s) as progress, \
-            apart('listeners', folder / 'bag', **common) as listeners, \
+    robot, own = share('urdf', 'puma260.urdf'), parameters_for(scene)
+    if isinstance(scene, SurfaceScene):
+        length, goal = way_length(options.pattern), {'surface.pattern': options.pattern}
+    else:
+        length = scene.edge.length - scene.start.s
+        goal = {'closed': scene.edge.closed and LAWS[options.law].closes_contours}
+    with private_port() as port, stop_on_signals() as stop, live_progress(length) as progress, \
+            apart('listeners', folder / 'bag', own.shape, **common) as listeners, \
             apart('mocks', port, path, robot, options.seed, **common) as mocks, \
-            apart('sensing', port, calibrate(port, scene), **common) as sensing, \
+            apart('sensing', port, calibrate(port, scene), DriverConfig.protocol,
+                  own.contact, **common) as sensing, \
             Graph(**common) as graph:
         parts = {'listeners': listeners, 'mocks': mocks, 'sensing': sensing}
         ended = watch(parts.values())
@@ -117,12 +131,12 @@ def track_scene(options: argparse.Namespace, path: Path, scene: Scene, folder: P
             progress.show(feedback.progress, State(feedback.state).name.lower(),
                           feedback_text(feedback))
 
-        servo = add_servo(graph, robot, options.law)
+        servo = add_servo(graph, robot, options.law, **own.servo)
         freeze_heap()
         heard = Heard(servo, graph.namespace)
         graph.spin(lambda: over() or heard.all)
-        track = graph.add(TrackNode, own={'on_feedback': show}, speed=options.speed,
-                          force=options.force, closed=closed, resumes=RESUMES)
+        track = graph.add(TrackNode, own={'on_feedback': show}, action=scene.action,
+                          speed=options.speed, force=options.force, resumes=RESUMES, **goal)
         graph.spin(lambda: track.finished or over())
         if stop.is_set():
             track.cancel()
@@ -148,8 +162,10 @@ def run(options: argparse.Namespace) -> tuple[dict[str, Any], Path]:
         calibration = calibration_for(options, recording)
     else:
         path = find_scene(options.scene)
-        scene = load_scene(path)
-    warn_of_parameters(options.parameters, NAMESPACE, options.law)
+        scene = load_any_scene(path)
+        options.law = law_for(scene.action, options.law)
+        renderer_of(scene)  # the skin of a round probe is solved once, before it is due
+    warn_of_parameters(options.parameters, NAMESPACE, options.law or DEFAULT)
     check_goal(options.speed, options.force, config_in(
         options.parameters or PARAMETERS, f'/{NAMESPACE}/edge_servo', ServoConfig))
     folder = out_folder(options.out, name)
@@ -168,9 +184,17 @@ def run(options: argparse.Namespace) -> tuple[dict[str, Any], Path]:
         summary = summarise_recording(data)
         summary |= {'ok': success and summary['ok'], 'reason': reason}
         make_recording_report(data, summary, Path(options.recording).name, folder / 'report.html')
+        return summary, folder
+    asked = {'success': success, 'reason': reason, 'reason_code': code, 'speed': options.speed,
+             'force': options.force, 'seed': options.seed}
+    if isinstance(scene, SurfaceScene):
+        truth = surface_truth(data, scene)
+        summary = summarise_surface_run(data, scene, truth, **asked)
+        make_surface_report(data, summary, scene, truth, folder / 'report.html')
+        surface_picture(data, scene, folder / 'picture.png')
+        model_of(data.patches).save_surface(folder / 'surface.ply')
     else:
-        summary = summarise(data, scene, success=success, reason=reason, reason_code=code,
-                            speed=options.speed, force=options.force, seed=options.seed)
+        summary = summarise(data, scene, **asked)
         make_report(data, summary, scene, folder / 'report.html')
         picture(data, scene, folder / 'picture.png')
         if options.animate:

@@ -1,6 +1,6 @@
 """The whole graph in one process: all that `edge_tracking.launch.py` starts, without launch."""
 import argparse
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 import os
 from pathlib import Path
@@ -23,19 +23,23 @@ from tactile_common.ros.runner import freeze_heap, make_executor, spin, stop_on_
 from tactile_sensing.devices.registry import PROTOCOLS
 from tactile_sensing.nodes.contact_estimator import ContactEstimatorNode
 from tactile_sensing.nodes.driver import DriverConfig, DriverNode
-from tactile_servo.laws.registry import DEFAULT, LAWS
+from tactile_servo.laws.registry import DEFAULT, law_for, LAWS
 from tactile_servo.nodes.servo import EdgeServoNode
 from tactile_shape.nodes.shape_estimator import ShapeEstimatorNode
 from tactile_simulation.cli.simulate import SEED
 from tactile_simulation.nodes.mock_robot import MockRobotNode
 from tactile_simulation.nodes.mock_sensor import MockSensorNode
-from tactile_simulation.scene import load_scene, Scene
+from tactile_simulation.scene import Scene
 from tactile_simulation.scene_calibration import write_calibration
+from tactile_simulation.scene_surface import SurfaceScene
+from tactile_simulation.scenes import load_any_scene, parameters_for
 
 # Longest time that a thread keeps the interpreter while another waits for it; the default of
 # 5 ms is a whole sensor period.
 SWITCH_INTERVAL = 2e-4
 NAMESPACE = 'tactile'
+LAW_HELP = f'servo law; default: {law_for("track_edge")} for an edge, ' \
+    f'{law_for("track_surface")} for a surface'
 PARAMETERS = share('config', 'edge_tracking.yaml')
 SETTLE = 0.3  # s spun after the end, so that the last messages arrive
 
@@ -92,14 +96,23 @@ def add_mocks(graph: Graph, port, scene, robot, seed: int = 0) -> Node:
 
 
 def add_sensing(graph: Graph, port, calibration='',
-                protocol: str = DriverConfig.protocol) -> None:
-    """Add contact estimator and driver, in this order: then every picture is heard."""
-    graph.add(ContactEstimatorNode)
+                protocol: str = DriverConfig.protocol,
+                contact: Mapping[str, Any] | None = None) -> None:
+    """
+    Add contact estimator and driver, in this order: then every picture is heard.
+
+    `contact` are parameters of the estimator.
+    """
+    graph.add(ContactEstimatorNode, **(contact or {}))
     graph.add(DriverNode, port=str(port), calibration=str(calibration), protocol=protocol)
 
 
 def add_servo(graph: Graph, robot, law: str = DEFAULT, **parameters) -> Node:
-    """Add the servo; with sensing it is the loop, which runs on a real robot as well."""
+    """
+    Add the servo; with sensing it is the loop, which runs on a real robot as well.
+
+    `parameters` are of the servo, such as those that `parameters_for` a scene gives.
+    """
     return graph.add(EdgeServoNode, robot_description=str(robot), law=law, **parameters)
 
 
@@ -117,7 +130,7 @@ def private_port() -> Iterator[Path]:
         yield Path(folder, 'sensor')
 
 
-def calibrate(port: Path, scene: Scene) -> Path:
+def calibrate(port: Path, scene: Scene | SurfaceScene) -> Path:
     """Write the calibration that fits a scene's mock sensor beside its port; gives its path."""
     return write_calibration(scene, port.with_name(f'{port.name}.yaml'))
 
@@ -133,7 +146,8 @@ def parser() -> argparse.ArgumentParser:
     arguments = Parser(
         prog='composed', formatter_class=argparse.ArgumentDefaultsHelpFormatter,
         description='Runs sensor, estimators, servo and, with the mock sensor, the mock robot '
-        'in one process. Send goals to the action track_edge, for instance with '
+        'in one process. Send goals to its action, track_edge or, for a surface, track_surface, '
+        'for instance with '
         '`ros2 run edge_tracking track --ros-args -r __ns:=/tactile`.')
     add = arguments.add_argument
     add('--sensor', choices=('mock', *PROTOCOLS), default='mock',
@@ -141,8 +155,7 @@ def parser() -> argparse.ArgumentParser:
     add('--port', default='', help='serial port of a real sensor')
     add('--scene', default='straight', help='what the mock sensor touches: '
         f'{", ".join(scene_names())}, or the path of a .yaml file')
-    add('--law', '--tracker', choices=tuple(LAWS), default=DEFAULT,
-        help='servo law by which the edge is followed')
+    add('--law', '--tracker', choices=tuple(LAWS), help=LAW_HELP)
     add('--robot-description', default=str(share('urdf', 'puma260.urdf')),
         help='URDF of the robot, with a link tactile_pad')
     add('--parameters', help='parameter file')
@@ -158,18 +171,21 @@ def main(args: list[str] | None = None) -> int:
         if options.sensor != 'mock' and not options.port:
             raise ValueError(
                 f'--sensor {options.sensor} needs --port, for instance --port /dev/ttyUSB0')
-        warn_of_parameters(options.parameters, options.namespace, options.law)
+        law, own = options.law or DEFAULT, parameters_for(None)
         if options.sensor == 'mock':
+            path = find_scene(options.scene)
+            scene = load_any_scene(path)
+            law, own = law_for(scene.action, options.law), parameters_for(scene)
             os.environ.update(local_environment())
+        warn_of_parameters(options.parameters, options.namespace, law)
         with private_port() as pty, stop_on_signals() as stop, \
                 Graph(options.parameters, options.namespace) as graph:
             port = Path(options.port or pty)
-            add_servo(graph, options.robot_description, options.law)
-            graph.add(ShapeEstimatorNode)
+            add_servo(graph, options.robot_description, law, **own.servo)
+            graph.add(ShapeEstimatorNode, **own.shape)
             if options.sensor == 'mock':
-                scene = find_scene(options.scene)
-                add_sensing(graph, port, calibrate(pty, load_scene(scene)))
-                add_mocks(graph, port, scene, options.robot_description, options.seed)
+                add_sensing(graph, port, calibrate(pty, scene), contact=own.contact)
+                add_mocks(graph, port, path, options.robot_description, options.seed)
             else:
                 add_sensing(graph, port, protocol=options.sensor)
             freeze_heap()

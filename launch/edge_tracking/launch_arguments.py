@@ -6,10 +6,11 @@ from launch.actions import DeclareLaunchArgument
 from launch.logging import get_logger
 from launch.substitutions import LaunchConfiguration
 
+from edge_tracking.goals import PATTERNS
 from edge_tracking.resources import scene_names, share
 from tactile_common.errors import ConfigurationError
 from tactile_sensing.devices.registry import PROTOCOLS
-from tactile_servo.laws.registry import DEFAULT, LAWS
+from tactile_servo.laws.registry import law_for, LAWS
 
 NAMESPACE = 'tactile'
 SWITCH = ('true', 'false')
@@ -29,10 +30,12 @@ ARGUMENTS = (
      'joint_trajectory_controller in robot_namespace)'),
     ('scene', 'straight', f'what the mock sensor touches: {", ".join(scene_names())}, or the '
      'path of a .yaml file'),
-    ('law', DEFAULT, 'servo law by which the edge is followed', tuple(LAWS)),
-    ('speed', '0.03', 'along the edge [m/s]'),
+    ('law', 'auto', f'servo law; auto: {law_for("track_edge")} for an edge, '
+     f'{law_for("track_surface")} for a surface', (*LAWS, 'auto')),
+    ('speed', '0.03', 'along the edge, over the surface [m/s]'),
     ('force', '5.0', 'normal force on the pad [N]'),
-    ('length', '0.0', 'way to track [m]; 0 = until the edge ends'),
+    ('length', '0.0', 'way to track [m]; 0 = until the edge ends, 60 mm of a surface'),
+    ('pattern', 'line', 'way over a surface', tuple(PATTERNS)),
     ('start', 'auto', 'send the goal at once; auto: unless the robot is a real one',
      ('auto', *SWITCH)),
     ('shutdown', 'false', 'end the launch when the goal has ended', SWITCH),

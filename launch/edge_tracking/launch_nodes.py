@@ -17,12 +17,12 @@ from edge_tracking.parameters import check_file, names_in, values_in
 from edge_tracking.resources import find_scene, share
 from edge_tracking.ros2_control import require_packages, starting_at, text_of
 from edge_tracking.track import RESUMES
-from tactile_sensing.devices.calibration import load_calibration
-from tactile_servo.laws.registry import LAWS
+from tactile_sensing.devices.calibration_file import load_calibration
+from tactile_servo.laws.registry import DEFAULT, law_for, LAWS
 from tactile_servo.motion.robot import RobotModel
 from tactile_servo.nodes.parameters import NodeConfig
-from tactile_simulation.scene import load_scene
 from tactile_simulation.scene_calibration import write_calibration
+from tactile_simulation.scenes import load_any_scene, parameters_for, renderer_of
 
 RESPAWN_DELAY = 1.0  # s
 START = 300.0  # s for the start of the nodes, the first ever of which compiles their kernels
@@ -54,7 +54,10 @@ class Nodes:
                 f'sensor:={value["sensor"]} needs its port, for instance port:=/dev/ttyUSB0')
         simulated = self.mock_sensor or self.robot != 'real'
         self.scene_path = str(find_scene(value['scene'])) if simulated else ''
-        self.scene: Any = load_scene(self.scene_path) if simulated else None
+        self.scene: Any = load_any_scene(self.scene_path) if simulated else None
+        law = None if value['law'] == 'auto' else value['law']
+        self.law = law_for(self.scene.action, law) if self.scene else law or DEFAULT
+        self.own = parameters_for(self.scene)
         # Not only by its namespace: another launch on this machine must not take the link over.
         self.port = value['port'] or str(Path(
             tempfile.gettempdir(),
@@ -69,7 +72,7 @@ class Nodes:
                             ('mock_robot', self.robot == 'mock')):
             if not there:
                 del nodes[name]
-        for text in check_file(value['params_file'], nodes, value['law']):
+        for text in check_file(value['params_file'], nodes, self.law):
             get_logger('launch').warning(text)
         servo = values_in(value['params_file'], nodes['edge_servo'])
         model = RobotModel.from_urdf(
@@ -78,6 +81,8 @@ class Nodes:
             load_calibration(value['calibration'])
         if self.robot == 'ros2_control':
             require_packages()
+        if self.mock_sensor:
+            renderer_of(self.scene)  # the skin of a round probe is solved once, before it is due
         return model
 
     @property
@@ -124,8 +129,8 @@ class Nodes:
         if calibration:
             driver['calibration'] = calibration
         return [*actions, *self.node('tactile_sensing', 'driver', port=self.port, **driver),
-                *self.node('tactile_sensing', 'contact_estimator'),
-                *self.node('tactile_shape', 'shape_estimator')]
+                *self.node('tactile_sensing', 'contact_estimator', **self.own.contact),
+                *self.node('tactile_shape', 'shape_estimator', **self.own.shape)]
 
     def servo(self):
         """Servo, mock robot, and the goal."""
@@ -134,16 +139,18 @@ class Nodes:
         if value['controller'] or self.robot_namespace:
             robot['controller'] = value['controller'] or (
                 f'{self.robot_namespace}/joint_trajectory_controller')
-        actions = self.node('tactile_servo', 'edge_servo', law=value['law'], **robot)
+        actions = self.node('tactile_servo', 'edge_servo', law=self.law, **robot,
+                            **self.own.servo)
         if self.robot == 'mock':
             actions += self.node('tactile_simulation', 'mock_robot', self.robot_namespace,
                                  scene=self.scene_path, **robot)
         if self.starts:
-            closed = (self.scene is not None and self.scene.edge.closed
-                      and LAWS[value['law']].closes_contours)
+            row = LAWS[self.law]
+            closed = bool(row.closes_contours and self.scene and self.scene.edge.closed)
             track, = self.node('edge_tracking', 'track', dies=False, wait=START, closed=closed,
                                resumes=RESUMES if self.robot == 'mock' else 0,
-                               env={'INTERRUPTED_STATUS': '0'}, **self.goal)
+                               env={'INTERRUPTED_STATUS': '0'}, action=row.action,
+                               **{'surface.pattern': value['pattern']}, **self.goal)
             actions.append(track)
             if value['shutdown']:
                 actions.append(RegisterEventHandler(OnProcessExit(

@@ -9,7 +9,8 @@ from edge_tracking.graph import Graph, linger, private_port
 from edge_tracking.process_group import record
 from tactile_common.progress import live_progress
 from tactile_common.ros.runner import stop_on_signals
-from tactile_sensing.devices.calibration import Calibration, load_calibration
+from tactile_sensing.devices.calibration import Calibration
+from tactile_sensing.devices.calibration_file import load_calibration
 from tactile_sensing.devices.recording import Recording
 from tactile_sensing.nodes.contact_estimator import ContactEstimatorNode
 from tactile_sensing.nodes.driver import DriverNode

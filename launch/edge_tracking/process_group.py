@@ -44,7 +44,7 @@ def topics(namespace: str) -> list[tuple[str, type, QoSProfile]]:
            ('contact', Contact, sensor), ('wrench', WrenchStamped, sensor),
            ('surface_patch', SurfacePatch, deep), ('contour', Path, latched),
            ('markers', MarkerArray, latched), ('servo_status', ServoStatus, deep),
-           ('sensor_pose', PoseStamped, sensor)]
+           ('surface_contact', PoseStamped, deep), ('sensor_pose', PoseStamped, sensor)]
     return [(f'/{namespace}/{name}', kind, qos) for name, kind, qos in own] + [
         ('/diagnostics', DiagnosticArray, deep), ('/joint_states', JointState, deep),
         ('/joint_trajectory_controller/joint_trajectory', JointTrajectory, deep)]
@@ -73,10 +73,10 @@ class Heard:
             self.all = self.all or self._wanted <= set(heard.split())
 
 
-def add_listeners(graph: Graph, bag) -> None:
-    """Add a recorder of everything and the shape estimator."""
+def add_listeners(graph: Graph, bag, shape: dict[str, Any] | None = None) -> None:
+    """Add a recorder of everything and the shape estimator, this with parameters of its own."""
     record(graph, bag)
-    graph.add(ShapeEstimatorNode)
+    graph.add(ShapeEstimatorNode, **shape or {})
 
 
 # What makes each part, and its niceness.

@@ -13,7 +13,9 @@ def share(*parts):
 
 def scene_names():
     """Names of the shipped scenes."""
-    return sorted(path.stem for path in share('scenes').glob('*.yaml'))
+    folder = share('scenes')
+    return sorted(path.relative_to(folder).with_suffix('').as_posix()
+                  for path in folder.rglob('*.yaml'))
 
 
 def find_scene(name):
@@ -23,9 +25,8 @@ def find_scene(name):
         if path.is_file():
             return path
         raise ConfigurationError(f'scene {name!r}: no such file')
-    shipped = share('scenes', f'{name}.yaml')
-    if name and '/' not in name and shipped.is_file():
-        return shipped
+    if name in scene_names():
+        return share('scenes', f'{name}.yaml')
     raise ConfigurationError(
         f'scene {name!r} is unknown; shipped are {", ".join(scene_names())}; '
         'or give the path of a .yaml file')

@@ -1,12 +1,11 @@
 """
-Send one track_edge goal and follow it to its end.
+Send one goal to the servo and follow it to its end.
 
-Exit status: 0 the edge was tracked, 1 it was not or a parameter is wrong, 2 the goal was refused,
-3 sensor or servo were not ready, 4 the servo fell silent, 130 interrupted.
+Exit status: 0 it was met, 1 it was not or a parameter is wrong, 2 it was refused, 3 sensor or
+servo were not ready, 4 the servo fell silent, 130 interrupted.
 """
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from enum import IntEnum
-import math
 import sys
 import time
 
@@ -16,28 +15,21 @@ from rclpy.clock import Clock, ClockType
 from rclpy.qos import DurabilityPolicy, qos_profile_sensor_data, QoSProfile
 from std_srvs.srv import SetBool
 
+from edge_tracking.goals import feedback_text, goal_message, GoalConfig
 from tactile_common.config import bounded
 from tactile_common.ros.node import TactileNode
 from tactile_common.ros.parameters import declare_from
 from tactile_common.ros.runner import run
-from tactile_msgs.action import TrackEdge
 from tactile_msgs.msg import Contact, SensorInfo, ServoReason, ServoStatus
+from tactile_servo.conversions import ACTIONS
 
 RESUMES = 100  # for a mock robot on a machine with too little time
 
 
 @dataclass(frozen=True)
-class TrackConfig:
+class TrackConfig(GoalConfig):
     """The goal, and how long to wait for the sensor and the servo."""
 
-    speed: float = field(default=0.03, metadata={'doc': 'along the edge', 'unit': 'm/s'})
-    force: float = field(default=5.0, metadata={'doc': 'normal force on the pad', 'unit': 'N'})
-    direction: int = bounded(1, "+1 or -1 along the sensor's y", '', -1, 1)
-    length: float = field(default=0.0, metadata={
-        'doc': 'way to track; 0 = until the edge ends', 'unit': 'm'})
-    closed: bool = field(default=False, metadata={
-        'doc': 'end when the contour closes on its start'})
-    retreat: bool = field(default=True, metadata={'doc': 'lift off at the end'})
     wait: float = bounded(
         15.0, 'give up when sensor and servo are not ready within this time', 's', 0.1, 3600.0)
     silence: float = bounded(
@@ -46,18 +38,6 @@ class TrackConfig:
     resumes: int = bounded(
         0, 'how often a servo that holds, and could go on, is asked to; above 0 only for a robot '
         'that nobody is near', '', 0, 10000)
-
-
-def feedback_text(feedback: TrackEdge.Feedback) -> str:
-    """How far tracking has come, and how well it goes."""
-    text = [f'{1e3 * feedback.progress:.0f} mm']
-    if feedback.state == ServoStatus.HOLD:
-        return f'{text[0]}, {feedback.reason}'
-    if math.isfinite(feedback.lateral_error):  # not before the edge is felt
-        text.append(f'lateral {1e3 * feedback.lateral_error:+.3f} mm')
-    if math.isfinite(feedback.normal_force):
-        text.append(f'force {feedback.normal_force:.2f} N')
-    return ', '.join(text)
 
 
 class Exit(IntEnum):
@@ -90,7 +70,8 @@ class TrackNode(TactileNode):
         self._pause = self.create_client(SetBool, 'edge_servo/pause')
         self._resumed, self._asked = 0, False  # holds, and whether the present one
         self._sent = self._tared = self._seen = self._robot = self._felt = False
-        self._client = ActionClient(self, TrackEdge, 'track_edge')
+        action = self.config.action
+        self._client = ActionClient(self, ACTIONS[action].type, action)
         latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
         self.create_subscription(SensorInfo, 'sensor_info', self._on_info, latched)
         self._contacts = self.create_subscription(
@@ -106,7 +87,7 @@ class TrackNode(TactileNode):
 
     @property
     def success(self):
-        """Whether the edge was tracked."""
+        """Whether the goal was met."""
         return self.exit == Exit.TRACKED
 
     def _on_info(self, msg):
@@ -125,7 +106,7 @@ class TrackNode(TactileNode):
     def _missing(self):
         waits = ((self._seen, 'no contact estimates arrive: is the sensor connected?'),
                  (self._tared, 'the sensor is not tared: is the pad free? See its diagnostics'),
-                 (self._client.server_is_ready(), 'no servo offers track_edge'),
+                 (self._client.server_is_ready(), f'no servo offers {self.config.action}'),
                  (self._robot, 'the servo gets no joint states: is the robot running?'),
                  (self._felt, 'the servo gets no contacts, or no sensor_info'))
         return next((text for ready, text in waits if not ready), '')
@@ -136,10 +117,8 @@ class TrackNode(TactileNode):
         self._sent, self._heard = True, time.monotonic()
         self._ready_timer.cancel()
         self._deadline.cancel()
-        c = self.config
-        goal = TrackEdge.Goal(speed=c.speed, force=c.force, direction=c.direction,
-                              length=c.length, closed=c.closed, retreat=c.retreat)
-        self._client.send_goal_async(goal, feedback_callback=self._take_feedback) \
+        self._client.send_goal_async(
+            goal_message(self.config), feedback_callback=self._take_feedback) \
             .add_done_callback(self._on_response)
 
     def _give_up(self):

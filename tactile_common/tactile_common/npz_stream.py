@@ -1,4 +1,4 @@
-"""Arrays in `.npz` archives, read and written a few rows at a time, bounded before expansion."""
+"""Arrays in `.npz` and `.npy` files, a few rows at a time, bounded before expansion."""
 from collections.abc import Collection, Iterator
 from contextlib import contextmanager
 from io import BytesIO
@@ -37,7 +37,16 @@ def clear_errors(path: str | os.PathLike) -> Iterator[None]:
         raise ConfigurationError(f'{path}: cannot be read: {error.strerror or error}') from error
     except _DAMAGED as error:
         raise ConfigurationError(
-            f'{path}: is not an .npz archive of numbers, or damaged') from error
+            f'{path}: is not an {_kind(path)} of numbers, or damaged') from error
+
+
+def _kind(path):
+    return '.npy array' if _is_plain(path) else '.npz archive'
+
+
+def _is_plain(path):
+    """Whether a file is one array, and not an archive of them."""
+    return Path(path).suffix == '.npy'
 
 
 def read_arrays(path: str | os.PathLike, names: Collection[str],
@@ -98,9 +107,27 @@ def _header(stream):
     return *_HEADERS[version](head), head.tell()
 
 
+@contextmanager
+def _opened(path, name):
+    """Stream of an `.npy` file, or of that array of an archive, and its length."""
+    if _is_plain(path):
+        with open(path, 'rb') as stream:
+            yield stream, os.fstat(stream.fileno()).st_size
+        return
+    with _archive(path) as archive:
+        members = archive.namelist()
+        if f'{name}.npy' not in members:
+            raise ConfigurationError(f'array {name!r} is missing, there are {_names(members)}')
+        member = archive.getinfo(f'{name}.npy')
+        if member.compress_type not in _COMPRESSIONS:
+            raise ConfigurationError(f'{name} is compressed in a way that NumPy does not write')
+        with archive.open(member) as stream:
+            yield stream, member.file_size
+
+
 class ArrayReader:
     """
-    Array `name` of an `.npz` archive, compressed or not, in chunks along its first axis.
+    An `.npy` file, or array `name` of an `.npz` archive, in chunks along its first axis.
 
     Only its header has been read, the rows come with `chunks`.
 
@@ -113,22 +140,13 @@ class ArrayReader:
 
     def __init__(self, path: str | os.PathLike, name: str):
         self._path, self._name = path, name
-        with clear_errors(path), _archive(path) as archive:
-            members = archive.namelist()
-            if f'{name}.npy' not in members:
-                raise ConfigurationError(
-                    f'array {name!r} is missing, there are {_names(members)}')
-            member = archive.getinfo(f'{name}.npy')
-            if member.compress_type not in _COMPRESSIONS:
-                raise ConfigurationError(
-                    f'{name} is compressed in a way that NumPy does not write')
-            with archive.open(member) as stream:
-                self.shape, self._column_major, self.dtype, self._begin = _header(stream)
+        with clear_errors(path), _opened(path, name) as (stream, there):
+            self.shape, self._column_major, self.dtype, self._begin = _header(stream)
             self.size = math.prod(self.shape) * self.dtype.itemsize  # [bytes]
             if min(self.shape, default=0) < 0 or (
-                    not self.dtype.hasobject and self._begin + self.size != member.file_size):
+                    not self.dtype.hasobject and self._begin + self.size != there):
                 raise ConfigurationError(
-                    f'{name} is damaged: {member.file_size} bytes do not hold an array of '
+                    f'{name} is damaged: {there} bytes do not hold an array of '
                     f'{self.shape} {self.dtype}')
             row = math.prod(self.shape[1:]) * self.dtype.itemsize
             _refuse_above(MAX_ROW, row, f'a row of {name}, {self.shape[1:]} {self.dtype},')
@@ -136,17 +154,18 @@ class ArrayReader:
                 _refuse_above(MAX_COPY, self.size, f'{name}, column-major,')
 
     def read(self) -> np.ndarray:
-        """Return the whole array; errors as above."""
+        """Return the whole array, of at most `MAX_WHOLE` bytes; errors as above."""
         if self.dtype.hasobject:
-            raise ConfigurationError(f'{self._path}: is not an .npz archive of numbers')
+            raise ConfigurationError(f'{self._path}: is not an {_kind(self._path)} of numbers')
         with clear_errors(self._path), self._values() as stream:
+            _refuse_above(MAX_WHOLE, self.size, f'{self._name} {self.shape}')
             values = np.frombuffer(stream.read(self.size), self.dtype)
             return values.reshape(self.shape, order='F' if self._column_major else 'C')
 
     @contextmanager
     def _values(self):
         """Open the array behind its header."""
-        with _archive(self._path) as archive, archive.open(f'{self._name}.npy') as stream:
+        with _opened(self._path, self._name) as (stream, _):
             stream.seek(self._begin)
             yield stream
 
@@ -244,10 +263,13 @@ class RecordWriter:
 
 
 def _columns(records):
-    """Names and values of the columns of a `.csv` file: of a matrix, the upper triangle."""
+    """Names and values of the columns of a `.csv` file: of a symmetric matrix, the upper half."""
     for name in records.dtype.names:
         values = records[name]
-        if values.ndim > 1:
+        if values.ndim == 2:
+            for column in range(values.shape[1]):
+                yield f'{name}_{column}', values[:, column]
+        elif values.ndim > 2:
             for row, column in zip(*np.triu_indices(values.shape[1]), strict=True):
                 yield f'{name}_{row}_{column}', values[:, row, column]
         else:

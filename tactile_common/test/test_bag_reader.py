@@ -65,6 +65,17 @@ def test_namespaces_hold_names_of_their_types(write):
         assert bag.namespaces({'pose': 'std_msgs/msg/Header'}) == {}
 
 
+def test_the_namespace_of_one_sensor_need_not_be_named(write):
+    with Bag(write([('/right/pose', pose(0)), ('/left/tip', pose(1)),
+                    ('/right/pose', pose(2))])) as bag:
+        assert bag.namespace_of({'pose': TYPE}) == bag.namespace_of({'pose': TYPE}, 'right/')
+        assert bag.namespace_of({'pose': TYPE}) == '/right' and bag.count('/right/pose') == 2
+        with pytest.raises(ConfigurationError, match='has no /left/pose, there are'):
+            bag.namespace_of({'pose': TYPE}, 'left')
+        with pytest.raises(ConfigurationError, match='has 0 pairs of pose and tip; name one by'):
+            bag.namespace_of({'pose': TYPE, 'tip': TYPE})
+
+
 def test_bytes_after_the_last_value_are_passed_over(write):
     with Bag(write([('/pose', pose(5) + b'\x00\x00\x00\x00')])) as bag:
         (row,) = bag.messages(['/pose'])

@@ -78,6 +78,22 @@ def test_a_kernel_that_does_not_compile_is_an_error(made):
     assert 'no_such_name' in error.value.stderr
 
 
+def test_a_kernel_without_a_wrapper_refuses_python():
+    @kernels.njit
+    def inner(x):
+        return x + 1
+
+    @kernels.njit(cache=True)
+    def outer(x):
+        return inner(x)
+
+    with pytest.raises(TypeError, match='cache=True'):
+        inner(1)
+    assert outer(1) == inner.py_func(1) == 2
+    with pytest.raises(TypeError, match='cache=True'):
+        inner(1)
+
+
 def takes_numba_itself(source):
     """Whether a module compiles by numba's own decorators, before the folder may be set."""
     return any(

@@ -128,7 +128,7 @@ def test_in_a_kernel_on_records():
     node = np.zeros(3, [('x', float), ('y', float), ('station', float)])
     node['x'], node['y'], node['station'] = *CORNER.T, arc_length(CORNER)
 
-    @njit
+    @njit(cache=True)
     def kernel(nodes):
         found = nearest_on_polyline(nodes['x'], nodes['y'], nodes['station'], 1.0, 0.5)
         return found.station + found.offset + wrap_angle(7.0)

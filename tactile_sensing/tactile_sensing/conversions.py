@@ -177,6 +177,7 @@ def _layer_to_msg(layer, message):
     message.noise_std, message.stress = float(layer.noise_std), stress
     message.skin_thickness = float(layer.thickness) if layer.thickness < math.inf else 0.0
     message.poisson, message.gain_spread = float(layer.poisson), float(layer.gain_spread)
+    message.floor = float(layer.floor)
     return message
 
 
@@ -192,7 +193,8 @@ def _layer_from_msg(layer, shape):
                  layer.full_scale, layer.noise_std, layer.unit,
                  # Pictures in older bags do not say it.
                  getattr(layer, 'skin_thickness', 0.0) or math.inf,
-                 getattr(layer, 'poisson', 0.5), getattr(layer, 'gain_spread', 0.0))
+                 getattr(layer, 'poisson', 0.5), getattr(layer, 'gain_spread', 0.0),
+                 getattr(layer, 'floor', 0.0))
 
 
 _EMPTY = np.empty(0, np.float32)

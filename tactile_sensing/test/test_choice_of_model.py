@@ -12,7 +12,7 @@ from tactile_sensing.types.image import Layer, TactileImage
 
 ARRAY, DEPTH, FORCE = TactelArray(26, 26, 1e-3, 1e-3), 0.002, 5.0
 X, Y = ARRAY.x, ARRAY.y[:, None]
-ESTIMATOR = ContactEstimator()
+ESTIMATOR = ContactEstimator(EstimatorConfig(tactel='point'))
 
 
 def press(a, b, force=FORCE, shear=(0.0, 0.0)):
@@ -83,13 +83,20 @@ def noisy_estimates(make, decibels, count, seed):
     (nothing, ContactType.NONE), (a_point, ContactType.POINT), (sheared, ContactType.POINT),
     (an_edge, ContactType.LINE), (two_points, ContactType.OTHER),
     (flat_disc, ContactType.OTHER), (a_corner, ContactType.OTHER),
-    (end_of_an_edge, ContactType.OTHER)])
+    (end_of_an_edge, ContactType.LINE)])
 def test_type_is_told(make, kind, decibels):
-    found = list(noisy_estimates(make, decibels, 100, seed=decibels))
-    right = sum(contact.type == kind for contact in found)
-    bar = 90 if kind == ContactType.OTHER and decibels == 20 else 99
+    # What is refused takes a hundred times as long: every model has been tried.
+    count = 40 if kind == ContactType.OTHER else 100
+    found = list(noisy_estimates(make, decibels, count, seed=decibels))
+    right = np.mean([contact.type == kind for contact in found])
+    bar = 0.9 if kind == ContactType.OTHER and decibels == 20 else 0.99
     assert right >= bar, [contact.type.name for contact in found if contact.type != kind]
     told = {ContactType.POINT, ContactType.LINE}
+    if make is end_of_an_edge:  # which may leave the pad before it crosses y = 0
+        found = [contact for contact in found
+                 if contact.type == kind and Reason.OFF_PAD not in contact.reasons]
+        assert len(found) > 40
+        assert all(np.isfinite([contact.start, contact.end]).any() for contact in found)
     assert all(contact.valid == (contact.type in told) for contact in found)
 
 
@@ -182,7 +189,7 @@ def test_two_layers_and_a_shear_layer_are_used():
 
 @pytest.mark.parametrize('model, kind', [('point', 'LINE'), ('line', 'POINT')])
 def test_a_demanded_model_is_the_only_one(model, kind):
-    estimator = ContactEstimator(EstimatorConfig(model=model))
+    estimator = ContactEstimator(EstimatorConfig(model=model, tactel='point'))
     rng = np.random.default_rng(5)
     for make in (a_point, an_edge):
         contact = estimate(make(rng), 20.0, estimator)

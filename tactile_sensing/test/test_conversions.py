@@ -52,7 +52,8 @@ def test_image_round_trip():
 
 def contact(**values):
     numbers = dict.fromkeys(('a', 'b', 'yaw', 'normal_force', 'shear_force_x', 'shear_force_y',
-                             'line_force', 'snr', 'residual', 'force_windowed'), 0.5)
+                             'line_force', 'patch', 'start', 'end', 'snr', 'residual',
+                             'force_windowed'), 0.5)
     return Contact(ContactType.POINT, True, Reason.SATURATED, 'fit', 'point/zz',
                    covariance=np.arange(49.0).reshape(7, 7), iterations=3,
                    moments=Moments(4.0, 1.0, 2.0, 3.0, 4.0, 5.0), **(numbers | values))

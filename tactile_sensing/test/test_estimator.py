@@ -31,7 +31,7 @@ def tactile_image(stress, array=ARRAY, noise=NOISE, saturated=0, tared=True, **l
 
 
 def estimate(stress, *, method='fit', **kwargs):
-    return ContactEstimator(EstimatorConfig(method=method)).estimate(
+    return ContactEstimator(EstimatorConfig(method=method, tactel='point')).estimate(
         tactile_image(stress, **kwargs))
 
 
@@ -45,7 +45,8 @@ def test_line_is_at_the_cramer_rao_bound(decibels):
     truth = rng.uniform((-8e-3, np.radians(-40)), (8e-3, np.radians(40)), (6000, 2))
     noise = 10.0 ** (-decibels / 20.0) * line.peak_pressure(FORCE, DEPTH)
     frames = np.array([noisy(edge(a, yaw), rng, noise) for a, yaw in truth])
-    found = ContactEstimator().estimate_batch(frames, ARRAY, [Layer('zz', DEPTH, None, 0, noise)])
+    found = ContactEstimator(EstimatorConfig(tactel='point')).estimate_batch(
+        frames, ARRAY, [Layer('zz', DEPTH, None, 0, noise)])
     told = found['valid'] & (found['type'] == ContactType.LINE)
     assert told.mean() > 0.999
     found, truth = found[told], truth[told]
@@ -74,11 +75,13 @@ def test_covariance_of_the_closed_forms_is_the_spread(method, layers):
     noise = 1e-3 * clean.max()
     frames = clean + rng.normal(0.0, noise, (150, *clean.shape))
     given = [Layer(c, depth, None, 0, noise) for c, depth in zip(layers, depths, strict=True)]
-    found = ContactEstimator(EstimatorConfig(method=method, model='point')).estimate_batch(
+    config = EstimatorConfig(method=method, model='point', tactel='point')
+    found = ContactEstimator(config).estimate_batch(
         frames, array, given)
     found = found[found['valid']]
     assert len(found) > 130
-    for row, name in {0: 'a', 1: 'b', 3: 'P', 4: 'Qx', 5: 'Qy'}.items():
+    for row, name in {0: 'a', 1: 'b', 3: 'normal_force', 4: 'shear_force_x',
+                      5: 'shear_force_y'}.items():
         residual = np.maximum(1.0, found['residual'])
         claimed = np.sqrt(np.mean(found['covariance'][:, row, row] / residual**2))
         assert np.std(found[name]) / claimed == pytest.approx(1.0, abs=0.25), name
@@ -97,7 +100,9 @@ def test_covariance_is_the_spread_of_the_estimates(share):
     rows = [0, 2, 3, 6]
     claimed = np.sqrt(np.mean([np.diag(c.covariance)[rows] for c in contacts], axis=0))
     ratio = values.std(axis=0) / claimed
-    np.testing.assert_allclose(ratio[1:], 1.0, atol=0.1)
+    yaw, *forces = ratio[1:]
+    assert yaw == pytest.approx(1.0, abs=0.1)
+    assert 0.8 < min(forces) and max(forces) < 1.1  # a patch may hide, and is not there
     if share:
         assert ratio[0] == pytest.approx(1.0, abs=0.1)
         assert all(c.model == 'line+shear/zz' for c in contacts)
@@ -207,7 +212,7 @@ def test_edge_beside_the_pad_is_refused():
 
 @pytest.mark.parametrize('change, reason', [
     ({'component': 'xz'}, Reason.BAD_IMAGE), ({'depth': 0.0}, Reason.BAD_IMAGE),
-    ({'depth': float('nan')}, Reason.BAD_IMAGE), ({'unit': 'counts'}, Reason.BAD_IMAGE)])
+    ({'depth': float('nan')}, Reason.BAD_IMAGE)])
 def test_unusable_layers_are_refused(change, reason):
     contact = estimate(edge(), **change)
     assert not contact.valid and reason in contact.reasons
@@ -238,8 +243,36 @@ def test_a_valid_estimate_has_no_nan():
 def test_unknown_noise_is_read_from_the_picture():
     rng = np.random.default_rng(10)
     picture = noisy(edge(0.002, 0.1), rng)
-    assert noise_from_image(picture) == pytest.approx(NOISE, rel=0.3)
+    assert noise_from_image.py_func(picture) == pytest.approx(NOISE, rel=0.3)
     assert estimate(picture, noise=0.0).valid
+
+
+@pytest.mark.parametrize('side', [8, 16, 32])
+@pytest.mark.parametrize('yaw', [None, 0.0, 0.2, 0.4, 0.6, np.pi / 4])  # None: a point
+def test_unknown_noise_of_small_pads_and_slanting_edges(side, yaw):
+    rng, array, depth = np.random.default_rng(11), TactelArray(side, side, 1e-3, 1e-3), 1.3e-3
+    x, y, found, noise = array.x, array.y[:, None], [], 10.0 ** (-30.0 / 20.0)
+    for _ in range(40):
+        a, b = rng.uniform(-0.3e-3, 0.3e-3, 2) * side
+        picture = (point.stress('zz', x, y, a, b, 1.0, 0.0, 0.0, depth) if yaw is None
+                   else line.pressure(x, y, a, yaw, 1.0, depth))
+        picture = picture / picture.max() + noise * rng.standard_normal(picture.shape)
+        found.append(noise_from_image.py_func(picture))
+    assert 1.0 / 1.5 < np.median(found) / noise < 1.5
+
+
+@pytest.mark.parametrize('method', ['fit', 'compensated'])
+def test_without_a_gain_the_place_is_told_and_no_force(method):
+    """The picture in units of 37 Pa, which nobody knows: the place is the same to rounding."""
+    picture, unit = noisy(edge(0.002, 0.2), np.random.default_rng(14)), 37.0
+    one, other = (estimate(picture / scale, noise=NOISE / scale, unit=name, method=method)
+                  for scale, name in ((1.0, 'Pa'), (unit, 'counts')))
+    assert other.valid and other.type == ContactType.LINE
+    assert other.reasons == one.reasons | Reason.UNCALIBRATED
+    assert (other.a, other.yaw) == pytest.approx((one.a, one.yaw), rel=1e-4)
+    assert other.covariance[0, 0] == pytest.approx(one.covariance[0, 0], rel=1e-3)
+    forces = [other.normal_force, other.line_force, other.shear_force_x, other.force_windowed]
+    assert np.isnan(forces).all() and np.isnan(other.covariance[[3, 4, 5, 6]]).all()
 
 
 def test_untared_images_say_so():
@@ -263,10 +296,11 @@ def test_normal_form_is_unique():
 @pytest.mark.parametrize('second', [('zz', 1.0), ('zz', 0.5), ('xz', 1.5)])
 def test_layers_without_a_closed_form_leave_the_pressure_alone(method, second):
     component, ratio = second
-    estimator = ContactEstimator(EstimatorConfig(method=method, model='point'))
+    estimator = ContactEstimator(EstimatorConfig(method=method, model='point', tactel='point'))
     picture = noisy(point.stress('zz', ARRAY.x, ARRAY.y[:, None], 3e-4, -2e-4, 20.0, 0.0, 0.0,
                                  DEPTH), np.random.default_rng(3))
     layers = [Layer('zz', DEPTH, picture), Layer(component, ratio * DEPTH, picture)]
     both = estimator.estimate_batch(np.stack([picture, picture])[None], ARRAY, layers)
     alone = estimator.estimate_batch(picture[None], ARRAY, layers[:1])
-    assert both['valid'].all() and both['P'] == alone['P'] and both['a'] == alone['a']
+    assert both['valid'].all() and both['a'] == alone['a']
+    assert both['normal_force'] == alone['normal_force']

@@ -1,12 +1,14 @@
 """Forward models: derivatives by differences, invariances, and the compiled formulas' oracle."""
+from typing import NamedTuple
+
 import numpy as np
 import pytest
 
 from tactile_common.kernels import njit
-from tactile_sensing.contact.gauss_newton import LINE, POINT
+from tactile_sensing.contact.gauss_newton import FIT, LINE, POINT
 from tactile_sensing.contact.goodness_of_fit import compare
 from tactile_sensing.half_space.forward_model import LineModel, PointModel
-from tactile_sensing.half_space.kernels import add_point, add_segment, LOAD
+from tactile_sensing.half_space.kernels import add_point, add_segment
 from tactile_sensing.half_space.layers import Layer, sensor_of
 from tactile_sensing.types.array import TactelArray
 
@@ -41,9 +43,15 @@ def test_forces_enter_linearly(model, state):
         atol=1e-9 * np.abs(model.image(state)).max())
 
 
-@njit
-def compare_first(kind, stress, sensor, layers, loads, left, model):
-    compare(kind, stress, sensor, layers, loads[0], left, model)
+class Pictures(NamedTuple):
+    stress: np.ndarray
+    left: np.ndarray
+    model: np.ndarray
+
+
+@njit(cache=True)
+def compare_first(kind, sensor, layers, loads, pictures):
+    compare(kind, sensor, layers, loads[0], pictures)
 
 
 @pytest.mark.parametrize('kind', (POINT, LINE))
@@ -52,9 +60,9 @@ def test_compiled_formulas_are_those_of_the_models(kind):
     sensor, table = sensor_of(ARRAY, LAYERS)
     stress = np.random.default_rng(1).normal(size=(3, *ARRAY.shape))
     left, expected = np.empty_like(stress), np.empty_like(stress)
-    loads = np.zeros(1, LOAD)
+    loads = np.zeros(1, FIT)
     loads['vector'][0, :len(state)] = state
-    compare_first(kind, stress, sensor, table, loads, left, expected)
+    compare_first(kind, sensor, table.copy(), loads, Pictures(stress, left, expected))
     shown = len(model.image(state))
     np.testing.assert_allclose(expected[:shown], model.image(state), rtol=1e-12)
     np.testing.assert_allclose(left[:shown], (stress - expected)[:shown])

@@ -45,6 +45,17 @@ def test_what_is_encoded_is_decoded_wherever_it_is_split(protocol):
         assert (decoder.frames, decoder.dropped_bytes, decoder.locked) == (6, 0, True)
 
 
+@pytest.mark.parametrize('kind', [np.uint8, np.uint16, np.int16])
+def test_counts_of_every_converter(protocol, kind):
+    bounds = np.iinfo(kind)
+    counts = np.random.default_rng(3).integers(
+        bounds.min, bounds.max, (6, ROWS, COLUMNS), kind, endpoint=True)
+    decoder = protocol.decoder(ROWS, COLUMNS, kind)
+    frames = frames_of(decoder, stream(protocol, counts))
+    np.testing.assert_array_equal([frame.counts for frame in frames], counts)
+    assert decoder.dropped_bytes == 0 and frames[0].counts.dtype == kind
+
+
 def test_garbage_is_bounded_and_the_stream_is_found_again(protocol):
     decoder = protocol.decoder(ROWS, COLUMNS)
     rng = np.random.default_rng(2)

@@ -7,6 +7,7 @@ from scipy.special import j0, j1
 
 from tactile_common.errors import ConfigurationError
 from tactile_sensing.half_space import line, point
+from tactile_sensing.half_space.half_spaces import half_spaces
 from tactile_sensing.skin.layer import pressure_transforms
 from tactile_sensing.skin.pressure import SkinPressure
 from tactile_sensing.types.skin import Skin
@@ -28,6 +29,15 @@ def test_thick_skin_is_a_half_space(thickness):
     skin = SkinPressure(Skin(DEPTH, thickness, 0.4))
     assert off(skin.point(X, Y, *POINT), point.stress('zz', X, Y, *POINT, DEPTH)) < 1e-4
     assert off(skin.line(X, Y, *LINE), line.stress_with_shear(X, Y, *LINE, DEPTH)) < 1e-4
+
+
+@pytest.mark.parametrize('thickness, bound', [
+    (np.inf, 3e-4), (0.006, 0.01), (0.004, 0.01), (0.0025, 0.025)])
+def test_a_skin_is_a_sum_of_half_spaces(thickness, bound):
+    skin, (rho, yaw, force, _) = Skin(DEPTH, thickness, 0.45), LINE
+    found = sum(part['weight'] * line.pressure(X, Y, rho, yaw, force, part['depth'])
+                for part in half_spaces(skin))
+    assert off(found, SkinPressure(skin).line(X, Y, rho, yaw, force)) < bound
 
 
 @pytest.mark.parametrize('thickness', [0.002, 0.004, 0.01])

@@ -3,10 +3,13 @@
 import numpy as np
 
 from tactile_sensing.devices.calibration import Calibration
+from tactile_sensing.half_space.half_spaces import half_spaces
 from tactile_sensing.half_space.kernels import add_segment
 from tactile_sensing.types.array import TactelArray
 from tactile_sensing.types.image import Layer, TactileImage
+from tactile_sensing.types.skin import Skin
 from tactile_servo.config import ServoConfig
+from tactile_servo.control.surface_path import PlanarPath, raster
 from tactile_servo.following import Following
 from tactile_servo.inputs import Inputs
 from tactile_servo.law import Observation
@@ -22,6 +25,7 @@ LOAD, FORCE = 200.0, 5.0  # N/m, N
 PATH = np.array([(0.0, 0.0), (0.0, 0.05), (0.04, 0.025), (0.0, 0.0), (0.0, 0.04)])
 GAPS = ((0.02, 0.026),)  # stations [m]
 STRIDE = 1.0e-3  # m between images
+UP = np.array([0.0, 0.0, 1.0])
 ROBOT = """<robot name="two_joints"><link name="base"/>
   <joint name="slide" type="prismatic"><parent link="base"/><child link="carriage"/>
     <axis xyz="0 1 0"/><limit lower="-1" upper="1" velocity="1" effort="1"/></joint>
@@ -36,6 +40,7 @@ def compile_kernels() -> None:
     model = RobotModel.from_urdf(ROBOT, 'tip')
     limits = JointLimits(tuple(model.joint_names), model.lower, model.upper,
                          model.velocity_limit, np.ones(2))
+    half_spaces(Skin(DEPTH, 2.0 * DEPTH))  # no kernel, but slow where it is called first
     motion = Motion(model, limits, MotionConfig(), 0.0025, WorkspaceBox(-np.ones(3), np.ones(3)))
     motion.seed(np.zeros(2))
     motion.command(np.full(6, 0.01), 0)
@@ -49,6 +54,8 @@ def compile_kernels() -> None:
     following.sent(0.0, motion.pose, inputs.pose)
     following.problem(inputs.pose, 0.0)
     _follow_an_edge()
+    place, ahead = np.zeros(3), np.array([1.0, 0.0, 0.0])
+    PlanarPath(place, -UP, ahead, raster(0.02, 0.01, 0.005), 1.0).step(place, -UP, 30.0, 0.05)
 
 
 def _follow_an_edge():

@@ -11,7 +11,7 @@ from functools import lru_cache
 from typing import Any, NamedTuple
 
 from builtin_interfaces.msg import Time
-from geometry_msgs.msg import PoseStamped
+from geometry_msgs.msg import Point, PoseStamped
 import numpy as np
 from sensor_msgs.msg import JointState
 from trajectory_msgs.msg import JointTrajectory
@@ -26,8 +26,10 @@ from tactile_common.ros.conversions import (
     stamp_to_ns,
     stamp_to_seconds,
 )
-from tactile_msgs.action import TrackEdge
+from tactile_msgs.action import TrackEdge, TrackSurface
 from tactile_msgs.msg import ServoStatus
+from tactile_servo.law import Touch
+from tactile_servo.laws.surface_goal import Pattern, SurfaceGoal, SurfaceResult
 from tactile_servo.motion.trajectory import Trajectory
 from tactile_servo.supervisor import Supervisor
 from tactile_servo.types import EdgeGoal, Status, Timing
@@ -149,6 +151,64 @@ def edge_feedback_to_msg(status: ServoStatus) -> TrackEdge.Feedback:
         angle_error=status.angle_error, normal_force=status.normal_force)
 
 
+def surface_goal_from_msg(message: TrackSurface.Goal) -> SurfaceGoal:
+    """SurfaceGoal of a TrackSurface goal message; a pattern that there is not stays a number."""
+    number, direction = message.pattern, message.direction
+    return SurfaceGoal(
+        message.speed, message.force,
+        Pattern(number) if number in list(Pattern) else int(number),
+        (direction.x, direction.y, direction.z), message.length, message.duration,
+        (float(message.size[0]), float(message.size[1])), message.step_over,
+        np.array([(point.x, point.y, point.z) for point in message.points]).reshape(-1, 3),
+        message.features, message.retreat)
+
+
+def surface_result_to_msg(servo: Supervisor, duration: float,
+                          base_frame: str) -> TrackSurface.Result:
+    """TrackSurface result of a servo whose goal has ended after `duration` [s]."""
+    track, reason, felt = servo.statistics, servo.reason, servo.result()
+    assert isinstance(felt, SurfaceResult)
+    message = TrackSurface.Result(
+        success=servo.success, reason_code=int(reason.code), reason=reason.text,
+        tracked_length=track.length, duration=duration, contact_kept=felt.contact_kept,
+        centre_rms=felt.centre_rms, force_rms_error=track.force_rms_error,
+        force_max=track.force_max)
+    if felt.contour is not None and felt.normals is not None:
+        message.contacts = [touch_to_msg(Touch(0, point, inward), base_frame)
+                            for point, inward in zip(felt.contour, felt.normals, strict=True)]
+    return message
+
+
+def touch_to_msg(touch: Touch, base_frame: str) -> PoseStamped:
+    """PoseStamped message of a Touch: the contact, z along the outward normal."""
+    message = PoseStamped(pose=pose_to_msg(_facing(touch.point, -touch.normal)))
+    set_stamp(message.header.stamp, touch.stamp_ns)
+    message.header.frame_id = base_frame
+    return message
+
+
+def _facing(point, axis):
+    """Pose (4, 4) at a point whose z is a unit vector, turned to it the shortest way."""
+    pose = np.eye(4)
+    side = np.cross([0.0, 0.0, 1.0], axis)
+    cosine = axis[2]
+    if cosine < -1.0 + 1e-9:
+        pose[:3, :3] = np.diag([1.0, -1.0, -1.0])
+    else:
+        cross = np.cross(side, np.eye(3)).T
+        pose[:3, :3] += cross + cross @ cross / (1.0 + cosine)
+    pose[:3, 3] = point
+    return pose
+
+
+def surface_feedback_to_msg(status: ServoStatus) -> TrackSurface.Feedback:
+    """TrackSurface feedback of a ServoStatus message."""
+    return TrackSurface.Feedback(
+        state=status.state, reason_code=status.reason_code, reason=status.reason,
+        progress=status.progress, normal_force=status.normal_force,
+        contact_error=Point(x=status.lateral_error, y=status.longitudinal_error))
+
+
 class Action(NamedTuple):
     """An action of the servo: its type, and what its goal, result and feedback are in the core."""
 
@@ -159,8 +219,11 @@ class Action(NamedTuple):
 
 
 # By the names that the registry of laws gives them.
-ACTIONS = {'track_edge': Action(
-    TrackEdge, edge_goal_from_msg, edge_result_to_msg, edge_feedback_to_msg)}
+ACTIONS = {
+    'track_edge': Action(
+        TrackEdge, edge_goal_from_msg, edge_result_to_msg, edge_feedback_to_msg),
+    'track_surface': Action(
+        TrackSurface, surface_goal_from_msg, surface_result_to_msg, surface_feedback_to_msg)}
 
 
 def status_to_msg(status: Status, controller: str, timing: Timing,

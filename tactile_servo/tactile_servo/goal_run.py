@@ -99,7 +99,7 @@ class GoalRun:
             return
         pose = self._inputs.pose
         statistics.move(pose, reference.heading, self._machine.state in ON_TRACK)
-        if getattr(self.goal, 'length', 0.0) == 0.0:
+        if hasattr(self.goal, 'closed') and getattr(self.goal, 'length', 0.0) == 0.0:
             self._laps.see(pose[:3, 3].tolist(), pose[:3, 2].tolist(), reference.heading,
                            statistics.length)
 

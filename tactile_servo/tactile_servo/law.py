@@ -2,10 +2,11 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any, ClassVar, NamedTuple, Protocol
+from typing import Any, ClassVar, NamedTuple, Protocol, runtime_checkable
 
 import numpy as np
 
+from tactile_sensing.types.array import TactelArray
 from tactile_sensing.types.contact import Contact
 from tactile_sensing.types.image import SensorInfo, TactileImage
 from tactile_servo.config import ServoConfig
@@ -29,6 +30,14 @@ class Observation:
     def pose(self) -> np.ndarray | None:
         """Pose of the sensor (4, 4) at the stamp in the base frame; None if it is not known."""
         return self.locate(self.stamp_ns)
+
+
+class Touch(NamedTuple):
+    """Where a surface was touched, in the base frame."""
+
+    stamp_ns: int  # of the image
+    point: np.ndarray  # (3,) [m]
+    normal: np.ndarray  # (3,), inward unit normal
 
 
 class Assessment(NamedTuple):
@@ -81,6 +90,8 @@ class ServoLaw(Protocol):
     @property
     def touch_speed(self) -> float: ...  # at which it presses a pad that feels nothing yet [m/s]
     @property
+    def touch(self) -> Touch | None: ...  # of a law that maps a surface; else None
+    @property
     def error(self) -> TaskError | None: ...  # as last observed, None before
 
     def __init__(self, servo: ServoConfig, config: Any = None) -> None: ...
@@ -111,3 +122,12 @@ class ServoLaw(Protocol):
 
     def result(self) -> LawResult:
         """What has been learnt."""
+
+
+@runtime_checkable
+class Teachable(Protocol):
+    """A law whose goals can ask for what it was shown."""
+
+    def teach(self, name: str, image: TactileImage, array: TactelArray) -> str:
+        """Keep what an image shows by a name, and say what that is; else ConfigurationError."""
+        ...

@@ -17,7 +17,7 @@ from tactile_servo.config import check_goal, ServoConfig
 from tactile_servo.cycle_clock import CycleClock
 from tactile_servo.goal_run import GoalRun
 from tactile_servo.inputs import Inputs
-from tactile_servo.law import LawResult, Observation, Refusal, ServoLaw
+from tactile_servo.law import LawResult, Observation, Refusal, ServoLaw, Teachable
 from tactile_servo.motion.clock import ClockCheck
 from tactile_servo.motion.limits import JointLimits, WorkspaceBox
 from tactile_servo.motion.motion import Motion, MotionStep
@@ -50,6 +50,7 @@ class Supervisor:
         self._machine = StateMachine()
         self._clock = CycleClock(1.0 / self.config.rate, self.config.input.stall)
         self._robot_clock = ClockCheck()
+        self._image: TactileImage | None = None  # the newest
         self.around: Reason | None = None  # what is wrong around the servo, that no datum tells
 
     def see_sensor(self, sensor: SensorInfo) -> None:
@@ -76,6 +77,7 @@ class Supervisor:
         InputRefused if it is not of the sensor that is known.
         """
         self.inputs.see_image(image, arrival)
+        self._image = image
         if self._machine.active and self.law.sees_images:
             self._tell(image.stamp_ns, arrival, image=image)
 
@@ -151,6 +153,18 @@ class Supervisor:
             return False
         self.run.pause(paused, now)
         return True
+
+    def teach(self, name: str) -> str:
+        """
+        Have a `Teachable` law keep what the newest image shows by a name; returns what that is.
+
+        ConfigurationError if there is nothing to keep, or the name is none.
+        """
+        assert isinstance(self.law, Teachable)
+        lacking, sensor = self.inputs.contact_missing(images=True), self.inputs.sensor
+        if lacking or sensor is None or self._image is None:
+            raise ConfigurationError((lacking or Reason(ReasonCode.NO_IMAGE)).text)
+        return self.law.teach(name, self._image, sensor.array)
 
     def result(self) -> LawResult:
         """What the law has learnt."""

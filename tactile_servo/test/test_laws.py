@@ -14,9 +14,8 @@ from tactile_servo import laws
 from tactile_servo.config import ServoConfig
 from tactile_servo.conversions import ACTIONS
 from tactile_servo.law import ServoLaw
-from tactile_servo.laws.registry import DEFAULT, law_named, LAWS, make_law
+from tactile_servo.laws.registry import DEFAULT, law_for, law_named, LAWS, make_law
 from tactile_servo.nodes.parameters import NodeConfig, RENAMED
-from tactile_servo.types import EdgeGoal
 
 MEMBERS = [name for name, _ in inspect.getmembers(ServoLaw) if not name.startswith('_')]
 
@@ -50,7 +49,19 @@ def test_a_row_has_what_supervisor_and_node_ask_for(name):
 def test_the_goals_of_an_action_are_those_of_its_laws():
     for row in LAWS.values():
         goal = ACTIONS[row.action].goal_from_msg(ACTIONS[row.action].type.Goal())
-        assert isinstance(goal, row.law.goal_type) and isinstance(goal, EdgeGoal)
+        assert isinstance(goal, row.law.goal_type)
+        assert {'speed', 'force', 'retreat'} <= {field.name for field in fields(goal)}
+
+
+def test_a_law_is_found_for_an_action_and_refused_for_another():
+    assert law_for('track_edge') == DEFAULT
+    assert law_for('track_edge', 'resolved_rate') == 'resolved_rate'
+    assert law_for('track_surface') == 'tactile_jacobian'
+    with pytest.raises(ConfigurationError, match="'trace' works on goals of track_edge; .* asks "
+                       'for track_surface, which tactile_jacobian can'):
+        law_for('track_surface', 'trace')
+    with pytest.raises(ConfigurationError, match="'telepathy' is not one of trace"):
+        law_for('track_edge', 'telepathy')
 
 
 def test_an_unknown_law_is_refused_by_name():

@@ -7,8 +7,9 @@ from typing import Any, TYPE_CHECKING
 
 import numpy as np
 
+from tactile_common.command_line import reading_bags
 from tactile_common.errors import ConfigurationError
-from tactile_common.npz_stream import clear_errors, MAX_WHOLE, read_arrays, scalar
+from tactile_common.npz_stream import ArrayReader, clear_errors, read_arrays, scalar
 from tactile_shape.contour.contact_path import ContactPath, needs_picture
 
 if TYPE_CHECKING:
@@ -91,8 +92,8 @@ def load_contacts(path: str | PathLike, namespace: str | None = None,
     if not path.exists():
         raise ConfigurationError(f'{path}: there is no such file')
     if path.suffix == '.npy':
+        rows = read_rows(path, 7)
         with clear_errors(path):
-            rows = read_rows(path, 7)
             return ContactRecording(
                 rows[:, 0], rows[:, 1:4], rows[:, 4:], finger_radius=finger_radius)
     if path.suffix != '.npz':
@@ -107,50 +108,25 @@ def load_contacts(path: str | PathLike, namespace: str | None = None,
 
 def read_rows(path: Path, columns: int) -> np.ndarray:
     """Numbers (N, columns) of an `.npy` file; ConfigurationError if there are others."""
-    try:
-        rows = np.load(path, mmap_mode='r', allow_pickle=False)
-    except (ValueError, EOFError) as error:
-        raise ConfigurationError('is not an .npy array of numbers, or damaged') from error
-    if rows.ndim != 2 or rows.shape[1] != columns or rows.dtype.kind not in 'uif':
-        raise ConfigurationError(
-            f'is an array {rows.shape} of {rows.dtype}, must be (N, {columns}) of real numbers')
-    if rows.nbytes > MAX_WHOLE:
-        raise ConfigurationError(f'would take {rows.nbytes / 1e6:.0f} MB, at most '
-                                 f'{MAX_WHOLE / 1e6:.0f} MB are read')
-    return np.array(rows)
+    reader = ArrayReader(path, 'rows')
+    if reader.shape[1:] != (columns,) or reader.dtype.kind not in 'uif':
+        raise ConfigurationError(f'{path}: is an array {reader.shape} of {reader.dtype}, must be '
+                                 f'(N, {columns}) of real numbers')
+    return reader.read()
 
 
 def _from_bag(path, namespace, finger_radius):
-    try:  # knows messages, which arrays do not need
+    with reading_bags():  # knows messages, which arrays do not need
         from tactile_common.ros.bag_reader import Bag
         from tactile_sensing.observations import observations, TYPES
-    except ImportError as error:
-        raise ConfigurationError(f"{error}: reading a bag needs ROS 2's messages and rosbags: pip "
-                                 "install 'rosbags>=0.10'") from error
     with Bag(path) as bag:
-        prefix = _namespace(bag, {name: TYPES[name] for name in NEEDED}, namespace)
+        prefix = bag.namespace_of({name: TYPES[name] for name in NEEDED}, namespace)
         table = place_contacts(observations(
             bag, {f'{prefix}/{name}': name for name in (*NEEDED, 'image')}), finger_radius)
     if not len(table):
         raise ConfigurationError(f'bag {path}: no contact with a pose of the sensor at its stamp')
     return ContactRecording(table['t'], table['position'], table['normal'], table['edge'],
                             finger_radius=finger_radius)
-
-
-def _namespace(bag, types, wanted):
-    """Namespace of the sensor in a bag, '' or with its slash."""
-    found = [prefix for prefix, names in bag.namespaces(types).items() if names == set(types)]
-    there = f'there are {sorted(bag.topics)}'
-    if wanted is not None:
-        prefix = f'/{wanted.strip("/")}'.rstrip('/')
-        if prefix not in found:
-            lacking = ' and '.join(f'{prefix}/{name}' for name in types)
-            raise ConfigurationError(f'bag {bag.path}: has no {lacking}, {there}')
-        return prefix
-    if len(found) != 1:
-        raise ConfigurationError(f'bag {bag.path}: has {len(found)} pairs of '
-                                 f'{" and ".join(types)}; name one by --namespace; {there}')
-    return found[0]
 
 
 def place_contacts(observations: Iterable['Observation'],

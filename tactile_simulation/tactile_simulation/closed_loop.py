@@ -4,8 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from tactile_sensing.contact.estimator import ContactEstimator
-from tactile_sensing.devices.calibration import Calibration
+from tactile_sensing.contact.estimator import ContactEstimator, EstimatorConfig
 from tactile_sensing.types.image import TactileImage
 from tactile_servo.config import ServoConfig
 from tactile_servo.laws.registry import DEFAULT, make_law
@@ -15,7 +14,8 @@ from tactile_servo.types import ON_TRACK
 from tactile_simulation.gantry import gantry
 from tactile_simulation.joint_controller import MockController
 from tactile_simulation.metrics import Truth
-from tactile_simulation.renderer import EdgeRenderer
+from tactile_simulation.scene_calibration import calibration_of
+from tactile_simulation.scenes import parameters_for, renderer_of
 from tactile_simulation.smoothness import accelerations, speeds
 
 STEP = 2.5e-3  # s; control at 400 Hz
@@ -79,7 +79,7 @@ class Simulation:
         self.scene, plant = scene, scene.plant
         self.rng = np.random.default_rng(seed)
         self.array = scene.sensor.array
-        self.renderer = EdgeRenderer(scene, self.array)
+        self.renderer = renderer_of(scene)
         self._convert, info = self._tared()
         self.model, self.limits = robot or gantry(plant.acceleration)
         if robot is None and seed_positions is None:
@@ -93,7 +93,7 @@ class Simulation:
         self.servo = Supervisor(self.model, self.limits, make_law(tracker, config, settings),
                                 config, workspace)
         self.servo.see_sensor(info)
-        self.estimator = ContactEstimator()
+        self.estimator = ContactEstimator(EstimatorConfig(**parameters_for(scene).contact))
         self.latency = plant.latency if latency is None else latency
         self.now, self.tick, self.pose = 1.0, 0, self.model.pose(start)
         self._on_the_way: deque = deque()
@@ -104,17 +104,14 @@ class Simulation:
         self.cycle_costs, self.picture_costs = [], []
 
     def _tared(self):
-        sensor, skin = self.scene.sensor, self.scene.skin
-        calibration = Calibration(
-            self.array, gain=sensor.pa_per_count, baseline=sensor.baseline, depth=skin.depth,
-            skin_stiffness=skin.stiffness)
+        calibration = calibration_of(self.scene)
         tare = calibration.make_tare(np.array(
             [self.renderer.counts(None, self.rng) for _ in range(TARE_FRAMES)]))
         return calibration.converter(tare), calibration.sensor_info('pad', '', 0, tare)
 
     def picture(self, pose):
         """Take a picture at a pose: TactileImage."""
-        layer, saturated = self._convert(self.renderer.counts(pose, self.rng))
+        layer, saturated = self._convert(self.renderer.counts(pose, self.rng, self.now))
         stamp_ns = round((self.now + self.scene.plant.stamp_error) * 1e9)
         return TactileImage(stamp_ns, self.tick, (layer,), self.array, tared=True,
                             saturated=saturated)

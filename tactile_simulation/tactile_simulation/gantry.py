@@ -20,10 +20,9 @@ _JOINT = """
   <link name="{name}_link"/>"""
 _AXES = {'x': '1 0 0', 'y': '0 1 0', 'z': '0 0 1'}
 _SLIDE = {'type': 'prismatic', 'reach': TRAVEL, 'speed': SPEED}
-_TURN = {'type': 'revolute', 'reach': TURN, 'speed': TURN_RATE}
 
 
-def gantry_urdf():
+def gantry_urdf(turn_rate=TURN_RATE):
     """URDF of three slides along the base's axes, then yaw, pitch and roll of the pad."""
     parent, joints = 'base', ''
     for name in ('slide_x', 'slide_y', 'slide_z', 'turn_z', 'turn_y', 'turn_x'):
@@ -31,16 +30,21 @@ def gantry_urdf():
         joints += _JOINT.format(
             name=name, parent=parent, axis=_AXES[name[-1]],
             rpy=f'{np.pi} 0 0' if name == 'turn_z' else '0 0 0',
-            **(_SLIDE if name.startswith('slide') else _TURN))
+            **(_SLIDE if name.startswith('slide') else
+               {'type': 'revolute', 'reach': TURN, 'speed': turn_rate}))
         parent = f'{name}_link'
     return f"""<robot name="gantry"><link name="base"/>{joints}
   <joint name="pad" type="fixed"><parent link="{parent}"/><child link="tactile_pad"/></joint>
   <link name="tactile_pad"/></robot>"""
 
 
-def gantry(acceleration):
-    """RobotModel and JointLimits of the gantry; `acceleration` of its slides [m/s^2]."""
-    model = RobotModel.from_urdf(gantry_urdf(), 'tactile_pad')
+def gantry(acceleration, turn_rate=TURN_RATE):
+    """
+    RobotModel and JointLimits of the gantry.
+
+    `acceleration` of its slides [m/s^2], `turn_rate` of its wrist [rad/s].
+    """
+    model = RobotModel.from_urdf(gantry_urdf(turn_rate), 'tactile_pad')
     limits = JointLimits(
         model.joint_names, model.lower + MARGIN, model.upper - MARGIN, model.velocity_limit,
         np.array([acceleration] * 3 + [TURN_ACCELERATION] * 3))

@@ -1,29 +1,37 @@
 """Pictures of a tactile array that touches the edge of a scene."""
+from functools import lru_cache
 import math
 
 import numpy as np
 
-from tactile_common.kernels import njit
+from tactile_common.kernels import FAST, njit
 from tactile_sensing.half_space.kernels import add_point, add_segment
+from tactile_sensing.skin import kernels
+from tactile_sensing.skin.kernel import polynomials
+from tactile_sensing.skin.pressure import split_tactel
 from tactile_sensing.types.array import TactelArray
 from tactile_simulation.scene import Scene, Skin
+from tactile_simulation.tactel_response import TactelResponse
 
 # Chords up to this length, in depths of the skin, press at their middle [depths]; longer ones
 # are integrated in closed form.
 SHORT = 0.125
 # Loads further from the pad than this add less than 1e-4 of the peak [depths].
 REACH = 8.0
-COUNTS_MAX = 255
+PANEL = 0.8  # depths of edge that three of Gauss' points stand for
+_POINTS = np.array([-math.sqrt(0.6), 0.0, math.sqrt(0.6)])
+_WEIGHTS = np.array([5.0, 8.0, 5.0]) / 18.0
 
 
 def render(points, array: TactelArray, skin: Skin,
-           solid: np.ndarray | None = None) -> tuple[np.ndarray, float]:
+           solid: np.ndarray | None = None, area: float = 0.0) -> tuple[np.ndarray, float]:
     """
     Pressure under a rigid edge that indents the skin.
 
     The edge presses with `stiffness` times its indentation per length. Its pressure is the
     superposition of finite line loads: the point load (2.2) without shear, integrated along
-    each chord in closed form.
+    each chord in closed form; with a backing, or tactels that average over an area, that of
+    `skin.kernel`, by Gauss' points.
 
     Parameters
     ----------
@@ -33,20 +41,39 @@ def render(points, array: TactelArray, skin: Skin,
     skin : Skin
     solid : np.ndarray, optional
         Which chords have material, shape `(M - 1,)`; default all.
+    area : float
+        Side of what a tactel averages over [pitches]; 0: it samples its centre.
 
     Returns
     -------
     pressure : np.ndarray
-        At the centres of the tactels [Pa], shape `(rows, columns)`, compression positive.
+        At the tactels [Pa], shape `(rows, columns)`, compression positive.
     force : float
         Normal force on the rectangle of the array [N], of the loads within it.
     """
     points = np.ascontiguousarray(points, dtype=np.float64)
     if solid is None:
         solid = np.ones(len(points) - 1, np.bool_)
-    pressure = _pressure(points, solid, array.x, array.y, skin.depth, skin.stiffness)
+    if area == 0.0 and skin.layer.is_half_space:
+        pressure = _pressure(points, solid, array.x, array.y, skin.depth, skin.stiffness)
+    else:
+        shape, nodes = _point_shape(skin, area * array.pitch_x, area * array.pitch_y)
+        pressure = _skin_pressure(
+            points, solid, array.x, array.y, nodes, shape, skin.depth, skin.stiffness)
     return pressure, _force(
         points, solid, array.half_width_x, array.half_width_y, skin.stiffness)
+
+
+@lru_cache(maxsize=16)
+def _point_shape(skin, size_x, size_y):
+    """Shape of a point load, see `skin.kernels`, and the points that stand for a tactel (N, 2)."""
+    side, nodes = 0.0, np.zeros((1, 2))
+    if size_x > 0.0 and size_y > 0.0:
+        side, nodes = split_tactel(size_x, size_y, skin.depth)
+    shape = np.zeros((2, kernels.TERMS))
+    kernels.make_sharp_shape(
+        polynomials(skin.layer, side), skin.depth, kernels.POINT_ROW, 0.0, shape)
+    return shape, nodes
 
 
 @njit(cache=True)
@@ -116,15 +143,46 @@ def _pressure(points, solid, x, y, depth, stiffness):
     return pressure
 
 
-@njit(cache=True, nogil=True)
-def _digitised(pressure, gain, noise, noise_std, pa_per_count, baseline):
-    counts = np.empty(pressure.shape, np.uint8)
-    for r in range(pressure.shape[0]):
-        for c in range(pressure.shape[1]):
-            measured = gain[r, c] * pressure[r, c] + noise_std * noise[r, c]
-            count = np.rint(measured / pa_per_count + baseline)
-            counts[r, c] = min(max(count, 0.0), COUNTS_MAX)
-    return counts
+@njit(error_model='numpy', fastmath=FAST)
+def _add_source(pressure, x, y, nodes, of_f, centre, px, py, load):
+    """Add the pressure of a point load [N]."""
+    for j in range(nodes.shape[0]):
+        dx, dy = nodes[j, 0] - px, nodes[j, 1] - py
+        for r in range(y.size):
+            row, v = pressure[r], y[r] + dy
+            for c in range(x.size):
+                u = x[c] + dx
+                row[c] += load * kernels.value_of(of_f, centre / (u * u + v * v + centre))
+
+
+@njit(cache=True, nogil=True, error_model='numpy')
+def _skin_pressure(points, solid, x, y, nodes, shape, depth, stiffness):
+    pressure = np.zeros((len(y), len(x)))
+    of_f, _ = kernels.coefficients_of(shape)
+    centre, part = kernels.centre_of(depth), 1.0 / nodes.shape[0]
+    far_x = abs(x[0]) + REACH * depth
+    far_y = abs(y[0]) + REACH * depth
+    for n in range(len(points) - 1):
+        if not solid[n]:
+            continue
+        start, end = points[n], points[n + 1]
+        first, last = _loaded_part(start, end, far_x, far_y)
+        if last <= first:
+            continue
+        length = _length(start, end)
+        short = length * (last - first) <= SHORT * depth
+        count = max(1, int(math.ceil(length * (last - first) / (PANEL * depth))))
+        for i in range(count):
+            for j in range(3):
+                if short and j != 1:
+                    continue
+                along = first + (i + 0.5 + 0.5 * _POINTS[j]) * (last - first) / count
+                share = (1.0 if short else _WEIGHTS[j]) * (last - first) * length / count
+                _add_source(
+                    pressure, x, y, nodes, of_f, centre,
+                    start[0] + along * (end[0] - start[0]), start[1] + along * (end[1] - start[1]),
+                    -(start[2] + along * (end[2] - start[2])) * stiffness * share * part)
+    return pressure
 
 
 class EdgeRenderer:
@@ -141,18 +199,14 @@ class EdgeRenderer:
     def __init__(self, scene: Scene, array: TactelArray):
         self._scene, self._array = scene, array
         self.shift = np.zeros(3)
-        # Flaws of this one sensor: the same at every run, whatever the seed of the noise.
-        flaws = np.random.default_rng(1)
-        self._gain = 1.0 + scene.sensor.gain_spread * flaws.standard_normal(array.shape)
-        alive = np.ones(array.shape[0] * array.shape[1])
-        alive[flaws.permutation(alive.size)[:int(scene.sensor.dead)]] = 0.0
-        self._gain *= alive.reshape(array.shape)
+        self._response = TactelResponse(scene.sensor)
 
     def render(self, pose: np.ndarray) -> np.ndarray:
         """Return the pressure at the tactels (rows, columns), free of noise [Pa]."""
         self._slip(pose)
         pressure, _ = render(
-            self._points(pose), self._array, self._scene.skin, self._scene.edge.solid)
+            self._points(pose), self._array, self._scene.skin, self._scene.edge.solid,
+            self._scene.sensor.area)
         return pressure
 
     def force(self, pose: np.ndarray) -> float:
@@ -164,16 +218,15 @@ class EdgeRenderer:
         return _force(self._points(pose), self._scene.edge.solid, self._array.half_width_x,
                       self._array.half_width_y, self._scene.skin.stiffness)
 
-    def counts(self, pose: np.ndarray | None, rng: np.random.Generator) -> np.ndarray:
+    def counts(self, pose: np.ndarray | None, rng: np.random.Generator,
+               now: float = 0.0) -> np.ndarray:
         """
-        Return one frame (rows, columns) of counts: noise, baseline, quantisation, saturation.
+        Return one frame (rows, columns) of counts at a time [s], see `TactelResponse`.
 
         Without a pose the sensor touches nothing.
         """
-        sensor = self._scene.sensor
         pressure = np.zeros(self._array.shape) if pose is None else self.render(pose)
-        return _digitised(pressure, self._gain, rng.standard_normal(self._array.shape),
-                          sensor.noise_std, sensor.pa_per_count, sensor.baseline)
+        return self._response.counts(pressure, rng, now)
 
     def _points(self, pose):
         # Rows are points, hence the transpose of base -> sensor: the rotation itself.

@@ -1,6 +1,8 @@
 """Scenes: what the synthetic sensor touches, read from YAML."""
 from dataclasses import dataclass, field, fields, MISSING
 import math
+from pathlib import Path
+from typing import ClassVar
 
 import numpy as np
 
@@ -8,6 +10,7 @@ from tactile_common.config import bounded, check_fields, types_of
 from tactile_common.errors import ConfigurationError
 from tactile_common.yaml_file import read_yaml
 from tactile_sensing.types.array import TactelArray
+from tactile_sensing.types.skin import Skin as LayerSkin
 from tactile_simulation.edge_path import EdgePath
 from tactile_simulation.scene_edge import edge_from, number, section
 
@@ -18,21 +21,44 @@ class Skin:
 
     depth: float = bounded(0.002, 'of the tactels below the surface', 'm', 1e-5, 0.1)
     stiffness: float = bounded(2e5, 'force per length of edge and indentation', 'N/m^2', 1.0, 1e9)
+    thickness: float = bounded(
+        0.0, 'from the surface to a rigid backing; 0: there is none', 'm', 0.0, 1.0)
+    poisson: float = bounded(0.5, "Poisson's ratio; nothing depends on it without a backing", '',
+                             0.0, 0.5)
 
     def __post_init__(self):
         check_fields(self, 'skin.')
+        try:
+            LayerSkin(self.depth, self.thickness or math.inf, self.poisson)
+        except ConfigurationError as error:
+            raise ConfigurationError(f'skin.{error}') from error
+
+    @property
+    def layer(self) -> LayerSkin:
+        """The skin without its stiffness."""
+        return LayerSkin(self.depth, self.thickness or math.inf, self.poisson)
 
 
 @dataclass(frozen=True)
 class Sensor:
-    """The array, and how its tactels turn pressure into counts of eight bits."""
+    """The array, and how its tactels turn pressure into unsigned counts."""
 
     # 40 dB below the peak of 5 N on a pad of 25.4 mm.
     noise_std: float = bounded(630.0, 'standard deviation of one tactel', 'Pa', 0.0, 1e7)
-    baseline: float = bounded(10.0, 'without load', 'counts', 0.0, 255.0)
+    baseline: float = bounded(10.0, 'without load', 'counts', 0.0, 65535.0)
     pa_per_count: float = bounded(627.45, 'pressure of one count', 'Pa', 1e-3, 1e7)
+    bits: int = bounded(8, 'of the converter', '', 4, 16)
+    area: float = bounded(
+        1.0, 'side of what a tactel averages over; 0: it samples its centre', 'pitches', 0.0, 1.0)
     gain_spread: float = bounded(
         0.0, "standard deviation of a tactel's gain that nobody calibrated", '', 0.0, 0.3)
+    creep: float = bounded(
+        0.0, 'share by which a reading grows under a load that rests', '', 0.0, 0.3)
+    creep_time: float = bounded(5.0, 'time constant of that', 's', 0.01, 1e4)
+    hysteresis: float = bounded(
+        0.0, 'share by which a reading is higher while its load is taken away', '', 0.0, 0.3)
+    crosstalk: float = bounded(
+        0.0, 'share of a reading that each of the four neighbours gets', '', 0.0, 0.2)
     dead: int = bounded(
         0, 'tactels that always report the baseline, unknown to the driver', 'tactels', 0, 64)
     rows: int = bounded(16, "along the pad's y", 'tactels', 3, 256)
@@ -42,6 +68,9 @@ class Sensor:
 
     def __post_init__(self):
         check_fields(self, 'sensor.')
+        if self.baseline >= 1 << self.bits:
+            raise ConfigurationError(f'sensor.baseline is {self.baseline}, must be below '
+                                     f'{1 << self.bits} = 2^bits')
 
     @property
     def array(self) -> TactelArray:
@@ -95,6 +124,7 @@ class Slip:
 class Scene:
     """An edge, the skin that touches it, the sensor in the skin, and where it all begins."""
 
+    action: ClassVar[str] = 'track_edge'  # that a servo is asked for
     name: str
     description: str
     edge: EdgePath
@@ -103,6 +133,8 @@ class Scene:
     start: Start = field(default_factory=Start)
     plant: Plant = field(default_factory=Plant)
     slip: Slip | None = None
+    # What the driver is told of the sensor; None: all that the scene says, but for its flaws.
+    calibration: Path | None = None
 
     def __post_init__(self):
         if self.start.s > self.edge.length:
@@ -139,26 +171,41 @@ def load_scene(path) -> Scene:
     ConfigurationError
         The file cannot be read, or a key is missing, unknown or has a value out of bounds.
     """
+    return parsed(path, lambda tree: edge_scene(tree, Path(path)))
+
+
+def parsed(path, make):
+    """Return what `make` makes of a YAML file; its errors name the file."""
     try:
-        return _scene(read_yaml(path))
+        return make(read_yaml(path))
     except ConfigurationError as error:
         raise ConfigurationError(f'scene {path}: {error}') from error
 
 
-def _scene(tree):
+def edge_scene(tree, path: Path) -> Scene:
+    """Return the scene of a mapping that has an `edge` and comes from a file, see `load_scene`."""
     values = section(tree, '', ('name', 'description', 'edge'),
-                      ('skin', 'sensor', 'start', 'plant', 'slip'))
+                      ('skin', 'sensor', 'start', 'plant', 'slip', 'calibration'))
     for key in ('name', 'description'):
         if not isinstance(values[key], str) or not values[key].strip():
             raise ConfigurationError(f'{key} is {values[key]!r}, must be a text')
-    start = _numbers(values.get('start', {}), 'start', Start)
+    start = numbers(values.get('start', {}), 'start', Start)
     start['yaw'] = math.radians(start.get('yaw', 0.0))
-    skin = Skin(**_numbers(values.get('skin', {}), 'skin', Skin))
+    skin = Skin(**numbers(values.get('skin', {}), 'skin', Skin))
     return Scene(
         values['name'], ' '.join(values['description'].split()), edge_from(values['edge']),
         skin, _sensor(values.get('sensor', {}), skin), Start(**start),
-        Plant(**_numbers(values.get('plant', {}), 'plant', Plant)),
-        Slip(**_numbers(values['slip'], 'slip', Slip)) if 'slip' in values else None)
+        Plant(**numbers(values.get('plant', {}), 'plant', Plant)),
+        Slip(**numbers(values['slip'], 'slip', Slip)) if 'slip' in values else None,
+        _beside(path, values['calibration']) if 'calibration' in values else None)
+
+
+def _beside(path, name):
+    """Path of a file that a scene names, from the folder of the scene."""
+    if not isinstance(name, str) or not (path.parent / name).is_file():
+        raise ConfigurationError(f'calibration is {name!r:.60}, must be a file, named from the '
+                                 'folder of the scene')
+    return path.parent / name
 
 
 def _sensor(tree, skin):
@@ -168,7 +215,7 @@ def _sensor(tree, skin):
             raise ConfigurationError('sensor has pitch and pitch_x or pitch_y, must have either')
         tree = {**tree, 'pitch_x': tree['pitch'], 'pitch_y': tree['pitch']}
         del tree['pitch']
-    values = _numbers(tree, 'sensor', Sensor)
+    values = numbers(tree, 'sensor', Sensor)
     if values.keys() & {'rows', 'columns', 'pitch_x', 'pitch_y'}:
         # (3.1): the peak of a line load is as the load per length and the inverse of the depth.
         usual, array = Sensor(), Sensor(**values).array
@@ -178,8 +225,8 @@ def _sensor(tree, skin):
     return Sensor(**values)
 
 
-def _numbers(tree, name, kind):
-    """Numbers of a section; those with a default in the dataclass may be missing."""
+def numbers(tree, name, kind):
+    """Return the numbers of a section; those with a default in the dataclass may be missing."""
     keys = [item.name for item in fields(kind) if item.default is MISSING]
     optional = [item.name for item in fields(kind) if item.default is not MISSING]
     values = {key: number(f'{name}.{key}', value)

@@ -15,6 +15,8 @@ from puma_loop import ELBOW, LIMITS, PUMA
 import pytest
 
 from tactile_sensing.devices.calibration import Calibration
+from tactile_sensing.dome.geometry import Dome
+from tactile_sensing.dome.half_space import HalfSpaceDome
 from tactile_sensing.types.array import TactelArray
 from tactile_sensing.types.contact import Contact, ContactType, Reason
 from tactile_sensing.types.image import Layer, TactileImage
@@ -22,6 +24,7 @@ from tactile_sensing.types.moments import Moments
 from tactile_servo.config import ServoConfig
 from tactile_servo.inputs import InputRefused
 from tactile_servo.laws.registry import LAWS, make_law
+from tactile_servo.laws.surface_goal import Pattern, SurfaceGoal
 from tactile_servo.motion.limits import WorkspaceBox
 from tactile_servo.reasons import GoalRefused, ReasonCode
 from tactile_servo.supervisor import Supervisor
@@ -34,6 +37,7 @@ SEQUENCES = int(os.environ.get('HOSTILE_SEQUENCES', '0'))
 PERIOD_NS = 2_500_000
 ROBOT_PERIOD_NS = 2_000_000
 BOX_TOLERANCE = 1e-3  # m; the box is kept by velocities, whose joints brake in a curve
+DOME = Dome()
 ARRAY = TactelArray(16, 16, 0.0254 / 16, 0.0254 / 16)
 FULL_SCALE = 1.6e5  # Pa
 KINDS = ('edge', 'corner', 'blob', 'heavy', 'noise', 'blank', 'saturated', 'nan', 'huge', 'shape',
@@ -135,7 +139,7 @@ class Watched:
     """A servo, and what its next command is compared with."""
 
     def __init__(self, tracker, start, margin):
-        pose = PUMA.pose(start)
+        self.start = pose = PUMA.pose(start)
         here = pose[:3, 3]
         self.box = WorkspaceBox(here - margin, here + margin)
         config = ServoConfig()
@@ -151,8 +155,15 @@ class Watched:
         self.tell_joints('follow', 0)
 
     def look(self):
-        """What the pad sees of the edge: stress and force."""
+        """What the pad sees of the edge, or a round one of a plane: stress and force."""
         pose = PUMA.pose(self.measured)
+        if self.servo.law.goal_type is SurfaceGoal:
+            turned = pose[:3, :3].T @ self.start[:3, 2]
+            depth = (pose[:3, 3] - self.start[:3, 3]) @ self.start[:3, 2] + 3e-4 - (
+                DOME.skin_radius * (1.0 - turned[2]))
+            force = max(1.5e4 * depth, 0.0)
+            state = np.array([*DOME.place(turned), force, 0.0, 0.0])
+            return HalfSpaceDome(DOME, ARRAY).image(state)[0] / 0.85, force
         return render((self.edge - pose[:3, 3]) @ pose[:3, :3], ARRAY, Skin())
 
     def feed(self, contact='true', image='true', joints='follow', late_contact=0, late_image=0,
@@ -186,7 +197,7 @@ class Watched:
         servo = self.servo
         if isinstance(action, EdgeGoal):
             try:
-                servo.start(action, self.now)
+                servo.start(self.goal_for(action), self.now)
             except GoalRefused as refusal:
                 assert str(refusal) and refusal.reason.code >= 200
         elif action == 'cancel':
@@ -195,6 +206,15 @@ class Watched:
             servo.finish()
         elif action in ('pause', 'resume'):
             servo.pause(action == 'pause', self.now)
+
+    def goal_for(self, goal):
+        """The same goal, or one as good or bad for a law that follows surfaces."""
+        if self.servo.law.goal_type is EdgeGoal:
+            return goal
+        patterns = {1: Pattern.LINE, -1: Pattern.RASTER, 0: Pattern.SPIRAL}
+        return SurfaceGoal(
+            goal.speed, goal.force, patterns[goal.direction], (float(goal.direction), 0.3, 0.0),
+            goal.length or 0.05, size=(0.02, 0.02), step_over=0.005, retreat=goal.retreat)
 
     def tell_joints(self, state, late_ns):
         """Send a joint state, as commanded, stuck, wrong, or none."""
@@ -313,6 +333,11 @@ def beyond(place, bounds):
          # The robot's clock seems to be another one for a while.
          script=[{'cycles': 80, 'contact': 'none'}, {'cycles': 80, 'late_joints': -10**7},
                  *[{'cycles': 80}] * 3])
+@example(start=np.clip(ELBOW, LIMITS.lower, LIMITS.upper), margin=1e-9,
+         goal=EdgeGoal(0.125, 1.0, -1, 0.0, False), prelude=0,
+         # A round probe rolls, and brakes in a curve, in a box without room.
+         script=[{'cycles': 30}, {'cycles': 80, 'image': picture(
+             'edge', 0, 630.0, True, ARRAY, '')}])
 def test_commands_stay_within_every_limit(tracker, start, margin, goal, prelude, script):
     watched = Watched(tracker, start, margin)
     watched.act(goal)
@@ -339,7 +364,7 @@ def test_commands_stay_within_every_limit(tracker, start, margin, goal, prelude,
 def test_what_is_attacked_does_track(tracker):
     watched = Watched(tracker, np.clip(ELBOW, LIMITS.lower, LIMITS.upper), 0.4)
     watched.act(EdgeGoal(0.03, 5.0))
-    for _ in range(240):
+    for _ in range(400):
         watched.feed()
         watched.step()
     assert watched.servo.state in TRACKING and watched.servo.statistics.length > 0.01

@@ -203,7 +203,7 @@ def test_a_frame_shows_the_pose_at_its_own_instant(mock, scene, tmp_path):
     node = mock(scene=scene, latency=0.03, max_pose_age=0.05)
     asked = []
     render = node._renderer.counts
-    node._renderer.counts = lambda pose, rng: asked.append(
+    node._renderer.counts = lambda pose, rng, now: asked.append(
         (time.time(), pose)) or render(pose, rng)
     message = PoseStamped()
     message.pose.position.x, message.pose.orientation.y = 0.297, 1.0

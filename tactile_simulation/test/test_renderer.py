@@ -4,6 +4,8 @@ import math
 import numpy as np
 import pytest
 
+from tactile_common.errors import ConfigurationError
+from tactile_sensing.skin.pressure import SkinPressure
 from tactile_sensing.types.array import TactelArray
 from tactile_simulation.renderer import EdgeRenderer, render
 from tactile_simulation.scene import EdgePath, Scene, Sensor, Skin, Start
@@ -205,3 +207,26 @@ def test_noise_has_its_size_and_repeats_with_the_seed():
     assert (first != other).any()
     assert first.std() * scene.sensor.pa_per_count == pytest.approx(6300.0, rel=0.03)
     assert first.mean() == pytest.approx(100.0, abs=0.3)
+
+
+@pytest.mark.parametrize('thickness, area', [(0.0, 1.0), (0.004, 0.0), (0.004, 1.0)])
+def test_edge_on_a_backing_with_area_tactels_is_a_line(thickness, area):
+    skin = Skin(0.002, thickness=thickness, poisson=0.45)
+    pressure, force = render(line_points(1e-3, 0.3, 0.001), PAD, skin, area=area)
+    expected = SkinPressure(skin.layer, area * PAD.pitch_x, area * PAD.pitch_y).line(
+        PAD.x, PAD.y[:, None], 1e-3, 0.3, 0.001 * skin.stiffness)
+    assert np.abs(pressure - expected).max() < 3e-3 * expected.max()
+    _, without = render(line_points(1e-3, 0.3, 0.001), PAD, Skin(0.002))
+    assert force == without  # what presses is the same
+
+
+def test_gauss_points_are_the_closed_form():
+    points = line_points(-2e-3, 0.6, 0.001)
+    closed, _ = render(points, PAD, Skin(0.002))
+    thick, _ = render(points, PAD, Skin(0.002, thickness=1.0))
+    np.testing.assert_allclose(thick, closed, atol=1e-3 * closed.max())
+
+
+def test_backing_above_the_tactels_is_refused():
+    with pytest.raises(ConfigurationError, match='skin.thickness is 0.001'):
+        Skin(0.002, thickness=0.001)

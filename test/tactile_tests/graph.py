@@ -24,7 +24,8 @@ from edge_tracking.resources import find_scene, share
 from edge_tracking.track import TrackNode
 from tactile_common.ros.conversions import pose_from_msg, stamp_to_seconds
 from tactile_msgs.msg import Contact, SensorInfo, ServoReason, ServoStatus, TactileImage
-from tactile_simulation.scene import load_scene
+from tactile_servo.laws.registry import law_for
+from tactile_simulation.scenes import load_any_scene, parameters_for
 
 DEADLINE = 20.0  # s, of every wait; generous, since a loaded machine is no fault
 ROBOT = share('urdf', 'puma260.urdf')
@@ -108,7 +109,7 @@ class Bench:
     def __init__(self, graph, port, scene='straight'):
         self.graph, self.port = graph, port
         self.scene_path = find_scene(scene)
-        self.scene = load_scene(self.scene_path)
+        self.scene = load_any_scene(self.scene_path)
         self.robot: Any = None  # MockRobotNode
         self.listener = graph.add(ListenerNode)
         self.listeners = [self.listener]
@@ -116,8 +117,9 @@ class Bench:
     def add_all(self, **servo):
         """Add mocks, driver, estimator and servo, this with parameters of its own."""
         self.robot = add_mocks(self.graph, self.port, self.scene_path, ROBOT)
-        add_sensing(self.graph, self.port, calibrate(self.port, self.scene))
-        add_servo(self.graph, ROBOT, **servo)
+        own = parameters_for(self.scene)
+        add_sensing(self.graph, self.port, calibrate(self.port, self.scene), contact=own.contact)
+        add_servo(self.graph, ROBOT, **{'law': law_for(self.scene.action), **own.servo, **servo})
         return self
 
     def node(self, name):
@@ -149,7 +151,7 @@ class Bench:
 
     def start_tracking(self, **goal):
         """Send a goal, return its client."""
-        return self.graph.add(TrackNode, **goal)
+        return self.graph.add(TrackNode, action=self.scene.action, **goal)
 
     def track(self, **goal):
         """Send a goal, wait for its end and return its client."""
@@ -190,6 +192,15 @@ class Bench:
         self.wait(client.service_is_ready, 'the service ~/pause')
         future = client.call_async(SetBool.Request(data=paused))
         self.wait(future.done, 'the answer of ~/pause')
+        return future.result()
+
+    def call(self, kind, service, **request):
+        """Call a service of the graph and return its answer."""
+        client = self.listener.create_client(kind, service)
+        self.wait(client.service_is_ready, f'the service {service}')
+        future = client.call_async(kind.Request(**request))
+        self.wait(future.done, f'the answer of {service}')
+        self.listener.destroy_client(client)
         return future.result()
 
     def path(self):

@@ -16,7 +16,8 @@ LINE_FORCE = 200.0  # N/m
 # A point has a, b, P, Qx and Qy, a line a, yaw, line_force and line_shear (both per length), as
 # the estimator's records name them; the rest is 0.
 LOAD = np.dtype([(name, 'f8') for name in (
-    'a', 'b', 'yaw', 'P', 'Qx', 'Qy', 'line_force', 'line_shear')])
+    'a', 'b', 'yaw', 'normal_force', 'shear_force_x', 'shear_force_y', 'line_force',
+    'line_shear')])
 
 
 @dataclass(frozen=True)
@@ -24,7 +25,8 @@ class Sample:
     """
     Frames (N, rows, columns) [Pa] with what is known and what is told of them.
 
-    truth are LOAD records; noise, full_scale [Pa] and depth [m] are what the estimator is told.
+    truth are LOAD records; noise, full_scale, floor [Pa] and depth [m] are what the estimator is
+    told.
     """
 
     kind: ContactType
@@ -33,6 +35,7 @@ class Sample:
     noise: float
     depth: float = DEPTH
     full_scale: float = 0.0
+    floor: float = 0.0
 
     @property
     def array(self):
@@ -59,8 +62,9 @@ def clean(kind, truth):
     """Noise-free frames of loads."""
     t = truth[:, None, None]
     if kind == ContactType.POINT:
-        return point.stress('zz', POINT_ARRAY.x, POINT_ARRAY.y[:, None], t['a'], t['b'], t['P'],
-                            t['Qx'], t['Qy'], DEPTH)
+        return point.stress('zz', POINT_ARRAY.x, POINT_ARRAY.y[:, None], t['a'], t['b'],
+                            t['normal_force'],
+                            t['shear_force_x'], t['shear_force_y'], DEPTH)
     return line.stress_with_shear(
         LINE_ARRAY.x, LINE_ARRAY.y[:, None], t['a'] * np.cos(t['yaw']), t['yaw'],
         t['line_force'], t['line_shear'], DEPTH)
@@ -85,8 +89,8 @@ def draw(kind, count, rng, shear=(0.0, 0.5)):
     truth['a'] = rng.uniform(-REACH, REACH, count)
     if kind == ContactType.POINT:
         turn = rng.uniform(-np.pi, np.pi, count)
-        truth['b'], truth['P'] = rng.uniform(-REACH, REACH, count), 1.0
-        truth['Qx'], truth['Qy'] = ratio * np.cos(turn), ratio * np.sin(turn)
+        truth['b'], truth['normal_force'] = rng.uniform(-REACH, REACH, count), 1.0
+        truth['shear_force_x'], truth['shear_force_y'] = ratio * np.cos(turn), ratio * np.sin(turn)
     else:
         truth['yaw'] = np.radians(rng.uniform(-40.0, 40.0, count))
         truth['line_force'] = LINE_FORCE
@@ -167,8 +171,8 @@ def drift(kind, count, rng, percent):
 def threshold(kind, count, rng, percent):
     """What is below a share of the peak reads 0."""
     given = sample(kind, count, rng)
-    return replace(given, frames=np.where(
-        given.frames < 0.01 * percent * given.peak, 0.0, given.frames))
+    level = 0.01 * percent * given.peak
+    return replace(given, frames=np.where(given.frames < level, 0.0, given.frames), floor=level)
 
 
 def wrong_depth(kind, count, rng, percent):

@@ -15,7 +15,7 @@ DEPTH = 2e-3  # of the tactels [m]
 SECOND_DEPTH = 4e-3  # of model 2's second layer [m]
 STRUCTURES = {1: (('zz', DEPTH),), 2: (('zz', DEPTH), ('zz', SECOND_DEPTH)),
               3: (('zz', DEPTH), ('xz', DEPTH))}
-POINT_NAMES = 'a', 'b', 'P', 'Qx', 'Qy'
+POINT_NAMES = 'a', 'b', 'normal_force', 'shear_force_x', 'shear_force_y'
 LINE_NAMES = 'a', 'yaw', 'line_force'
 POINT_PEAK = 1.5 / (np.pi * DEPTH**2)  # pressure above a normal load of 1 N [Pa]
 

@@ -3,7 +3,7 @@
 import numpy as np
 
 from benchmarks.contact.cases.loads import DEPTH, POINT_ARRAY, POINT_PEAK
-from tactile_sensing.contact.estimator import ContactEstimator
+from tactile_sensing.contact.estimator import ContactEstimator, EstimatorConfig
 from tactile_sensing.half_space import line
 from tactile_sensing.types.contact import ContactType
 from tactile_sensing.types.image import Layer
@@ -99,7 +99,7 @@ SCENES = {  # name -> (picture, type)
     'point with shear': (sheared_point, ContactType.POINT), 'edge': (edge, ContactType.LINE),
     'edge with shear': (sheared_edge, ContactType.LINE),
     'two points': (two_points, ContactType.OTHER), 'flat disc': (disc, ContactType.OTHER),
-    'corner': (corner, ContactType.OTHER), 'end of an edge': (edge_end, ContactType.OTHER)}
+    'corner': (corner, ContactType.OTHER), 'end of an edge': (edge_end, ContactType.LINE)}
 
 
 def pictures(name, count, rng):
@@ -119,7 +119,7 @@ def answers(records):
     """Index into ANSWERS of every record."""
     kind = records['type'].astype(int)
     told = (kind == ContactType.POINT) | (kind == ContactType.LINE)
-    shear = np.nan_to_num(np.hypot(records['Qx'], records['Qy'])) > 0.0
+    shear = np.nan_to_num(np.hypot(records['shear_force_x'], records['shear_force_y'])) > 0.0
     found = np.select([kind == ContactType.NONE, kind == ContactType.OTHER, ~records['valid']],
                       [0, 5, 6], 2 * kind - 1 + shear)
     return np.where(told & ~records['valid'], 6, found)
@@ -127,7 +127,7 @@ def answers(records):
 
 def confusion(count, rng, progress):
     """Part (f): share of every answer for every scene, and of frames of the right type."""
-    estimator, rows = ContactEstimator(), []
+    estimator, rows = ContactEstimator(EstimatorConfig(tactel='point')), []
     for name, (_, kind) in SCENES.items():
         progress.step(f'choice of model, {name}')
         clean = pictures(name, count, rng)

@@ -20,8 +20,9 @@ LIMITS = tuple((np.array(least)[:, None], np.array(times)[:, None]) for least, t
 
 def estimates(given, options, model='auto'):
     """Records of the estimator for a sample."""
-    layer = Layer('zz', given.depth, None, given.full_scale, given.noise)
-    estimator = ContactEstimator(EstimatorConfig(model=model, **options))
+    layer = Layer(
+        'zz', given.depth, None, given.full_scale, given.noise, floor=given.floor)
+    estimator = ContactEstimator(EstimatorConfig(model=model, tactel='point', **options))
     return estimator.estimate_batch(given.frames, given.array, (layer,))
 
 
@@ -33,8 +34,10 @@ def errors(given, records):
     if given.kind == ContactType.POINT:
         place = np.hypot(records['a'] - truth['a'], records['b'] - truth['b'])
         claimed_place = np.sqrt(variance['a'] + variance['b'])
-        force, claimed_force = records['P'] - truth['P'], np.sqrt(variance['normal_force'])
-        shear = np.hypot(records['Qx'] - truth['Qx'], records['Qy'] - truth['Qy'])
+        force = records['normal_force'] - truth['normal_force']
+        claimed_force = np.sqrt(variance['normal_force'])
+        shear = np.hypot(*(records[name] - truth[name]
+                           for name in ('shear_force_x', 'shear_force_y')))
         claimed_shear = np.sqrt(variance['shear_force_x'] + variance['shear_force_y'])
     else:  # farthest between the two lines within the circle in the pad
         cos, half = np.cos(records['yaw']), given.array.half_width_x
@@ -54,7 +57,7 @@ def judge(given, records):
     valid, right = records['valid'], records['type'] == given.kind
     off = [(error > least) & (error > times * claimed) for least, times in LIMITS]
     wrong = valid & (~right | np.any(off, axis=(0, 1)))
-    told = wrong & ((records['flags'] & int(Reason.FORCE_MISMATCH)) > 0)
+    told = wrong & ((records['reasons'] & int(Reason.FORCE_MISMATCH)) > 0)
     used = error[:, valid & right]
     place, force, shear = np.sqrt((used**2).mean(axis=1)) if used.shape[1] >= 10 else (np.nan,) * 3
     return {'refused': float(1.0 - valid.mean()), 'wrong': float(wrong.mean()),
@@ -81,7 +84,7 @@ def fault_map(count, few, rng, progress):
 
 
 STRANGERS = {'edge': ('auto', 'point'), 'point with shear': ('auto', 'line'), **dict.fromkeys(
-    ('two points', 'flat disc', 'corner', 'end of an edge'), ('auto', 'point', 'line'))}
+    ('two points', 'flat disc', 'corner'), ('auto', 'point', 'line'))}
 
 
 def wrong_type(count, few, rng, progress):

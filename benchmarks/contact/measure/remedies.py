@@ -21,8 +21,8 @@ def plain(given):
     if given.kind == LINE:
         return _records(LINE, fit['converged'], a=fit['rho'] / np.cos(fit['yaw']),
                         yaw=fit['yaw'], line_force=fit['force'])
-    return _records(POINT, fit['converged'], a=fit['a'], b=fit['b'], P=fit['force'],
-                    Qx=fit['shear_x'], Qy=fit['shear_y'])
+    return _records(POINT, fit['converged'], a=fit['a'], b=fit['b'], normal_force=fit['force'],
+                    shear_force_x=fit['shear_x'], shear_force_y=fit['shear_y'])
 
 
 def _records(kind, valid, **columns):
@@ -44,6 +44,7 @@ def _figures(values, *texts):
     return ', '.join(text.format(value) for value, text in zip(values, texts, strict=True))
 
 
+FORCE, SHEAR = 'normal_force', 'shear_force_x'
 _A, _P, _QX = 'a {:.3f} mm', 'P {:.2f} %', 'Qx {:.1f} %'
 
 
@@ -57,27 +58,27 @@ def remedies(count, rng, progress):
                      'said_ignored': said, 'said_mended': said_mended})
 
     def bare_and_mended(fault, given, remedy, said, said_mended, *names):
-        texts = [{'a': _A, 'P': _P, 'Qx': _QX}[name] for name in names]
+        texts = [{'a': _A, FORCE: _P, SHEAR: _QX}[name] for name in names]
         row(fault, _figures(rms(given, plain(given), *names), *texts), remedy,
             _figures(rms(given, estimates(given, {}), *names), *texts),
             said, said_mended)
 
     bare_and_mended('none', faults.sample(POINT, count, rng), 'none',
-                    'bound: a 0.023 mm, P 0.55 %, Qx 3.7 %', 'the same', 'a', 'P', 'Qx')
+                    'bound: a 0.023 mm, P 0.55 %, Qx 3.7 %', 'the same', 'a', FORCE, SHEAR)
     bare_and_mended('baseline drift, 3 % of the peak', faults.drift(POINT, count, rng, 3.0),
                     'median of the unloaded tactels', 'P 8 %, Qx 17 %', 'P 0.6 %, Qx 3.8 %',
-                    'P', 'Qx')
+                    FORCE, SHEAR)
     bare_and_mended('10 % dead tactels, not listed', faults.dead(POINT, count, rng, 10.0),
-                    'Tukey weights', 'a 0.29 mm, P 14 %', 'a 0.03 mm, P 0.8 %', 'a', 'P')
+                    'Tukey weights', 'a 0.29 mm, P 14 %', 'a 0.03 mm, P 0.8 %', 'a', FORCE)
     given = faults.dead_nan(POINT, count, rng, 10.0)
     lost = np.isnan(given.frames.sum(axis=(1, 2))).mean()
     row('10 % NaN tactels', f'moments NaN in {100 * lost:.0f} % of frames', 'weight 0',
-        _figures(rms(given, estimates(given, {}), 'a', 'P'), _A, _P),
+        _figures(rms(given, estimates(given, {}), 'a', FORCE), _A, _P),
         'moments give NaN', 'weight 0')
     bare_and_mended('saturation at 70 % of the peak', faults.full_scale(POINT, count, rng, 70.0),
-                    'drop them', 'P 12 %, Qx 20 %', 'P 0.8 %, Qx 4.4 %', 'P', 'Qx')
+                    'drop them', 'P 12 %, Qx 20 %', 'P 0.8 %, Qx 4.4 %', FORCE, SHEAR)
     bare_and_mended('threshold at 5 % of the peak', faults.threshold(POINT, count, rng, 5.0),
-                    'drop the zeros', 'Qx 7.7 %', 'Qx 4.7 %', 'Qx')
+                    'drop the zeros', 'Qx 7.7 %', 'Qx 4.7 %', SHEAR)
     _depth_and_patch(count, rng, row)
     given = faults.noisy(POINT, faults.draw(POINT, count, rng, (2.0, 4.0)), rng)
     place, *_ = numpy_gauss_newton(given.frames[:, None], steps=2).T
@@ -96,21 +97,21 @@ def remedies(count, rng, progress):
 
 def _depth_and_patch(count, rng, row):
     given = faults.sample(POINT, count, rng)
-    [right] = rms(given, estimates(given, {}), 'P')
+    [right] = rms(given, estimates(given, {}), FORCE)
     given = faults.wrong_depth(POINT, count, rng, 5.0)
-    found = force, _ = rms(given, estimates(given, {'fit_depth': True}), 'P', 'Qx')
-    row('depth wrong by 5 %', _figures(rms(given, plain(given), 'P', 'Qx'), _P, _QX),
+    found = force, _ = rms(given, estimates(given, {'fit_depth': True}), FORCE, SHEAR)
+    row('depth wrong by 5 %', _figures(rms(given, plain(given), FORCE, SHEAR), _P, _QX),
         'fit the depth too', _figures(found, _P, _QX) + f', P × {force / right:.2f}',
         'P 5 %, Qx 5–6 %', 'P × 1.5')
     given = faults.patch(POINT, count, rng, 1.0)
     bare, found = plain(given), estimates(given, {})
     valid = found['valid'] & (found['type'] == POINT)
-    off = 100.0 * (found['force_windowed'] - given.truth['P'])[valid]
+    off = 100.0 * (found['force_windowed'] - given.truth[FORCE])[valid]
     row('Hertz patch of 1 mm', 'P {:+.1f} %, false Qx {:.1f} %'.format(
-        100.0 * np.mean(bare['P'][bare['valid']] - 1.0), *rms(given, bare, 'Qx')),
+        100.0 * np.mean(bare[FORCE][bare['valid']] - 1.0), *rms(given, bare, SHEAR)),
         'P from M0 in a window of 8×8 mm (force_windowed)',
         'P {:+.1f} % ± {:.1f} %, Qx {:.1f} %'.format(
-            off.mean(), off.std(), *rms(given, found, 'Qx')),
+            off.mean(), off.std(), *rms(given, found, SHEAR)),
         'P −7.7 %, false Q 4 %', 'no figure')
 
 

@@ -20,7 +20,7 @@ from tactile_sensing.contact.load_fits import fit_loads
 from tactile_sensing.moments.compensation import compensated
 from tactile_sensing.moments.image_moments import image_moments, line_from_moments
 from tactile_sensing.moments.point_moments import basic, MomentFlag
-from tactile_sensing.types.contact import COLUMNS, ContactType
+from tactile_sensing.types.contact import ContactType
 from tactile_sensing.types.image import Layer, TactileImage
 
 REFUSED = (MomentFlag.NO_FORCE | MomentFlag.SINGULAR | MomentFlag.OFF_PAD
@@ -62,7 +62,7 @@ def _contact(frame, estimator, layers, array, names):
     contact = estimator.estimate(TactileImage(0, 0, tuple(
         Layer(layer.component, layer.depth, stress, noise_std=layer.noise_std)
         for layer, stress in zip(layers, frame, strict=True)), array, tared=True))
-    return [getattr(contact, COLUMNS[name].name) for name in names]
+    return [getattr(contact, name) for name in names]
 
 
 def _records(frames, estimator, layers, array, names):
@@ -74,7 +74,8 @@ def _records(frames, estimator, layers, array, names):
 
 def _estimator(kind, method, layers, model=1):
     """Method of the whole estimator with the choice of model."""
-    options = {'estimator': ContactEstimator(EstimatorConfig(method=method)), 'layers': layers}
+    estimator = ContactEstimator(EstimatorConfig(method=method, tactel='point'))
+    options = {'estimator': estimator, 'layers': layers}
     name = f'estimator, {method}'
     array, names = (POINT_ARRAY, POINT_NAMES) if kind == 'point' else (LINE_ARRAY, LINE_NAMES)
     one = partial(_contact, array=array, names=names, **options)

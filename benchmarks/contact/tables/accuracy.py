@@ -1,6 +1,6 @@
 """All tables of the contact benchmark, and those of its accuracy and speed."""
 
-from benchmarks.contact.tables import limits
+from benchmarks.contact.tables import limits, real_skin
 from benchmarks.contact.tables.limits import table as _table
 
 
@@ -18,7 +18,10 @@ def everything(result):
             ('Table 3.3 again', _table_33), ('Operations beside Table 3.2', _operations),
             ('How large a fault each method takes', limits.trust),
             ('Wrong type of contact', limits.strangers),
-            ('Remedies', limits.remedies), ('Choice of model', limits.confusion)):
+            ('Remedies', limits.remedies), ('Choice of model', limits.confusion),
+            ('Skin on bone, by finite elements', lambda result: real_skin.finite_elements(
+                result['finite_elements'])),
+            ('The ladder of loads', lambda result: real_skin.ladder(result['ladder']))):
         parts.append(f'### {title}\n\n{make(result)}')
     return '\n\n'.join(parts) + '\n'
 

@@ -47,6 +47,7 @@ def read_run(path, namespace=None) -> run.RunData:
                 patches=[patch_from_msg(row.message) for row in rows['surface_patch']
                          if row.message.valid],
                 info=_info(rows['sensor_info']),
+                touches=run.Poses.of(rows['surface_contact']),
                 joint_acceleration=_joint_acceleration(rows['joint_states']),
             )
 
@@ -56,6 +57,7 @@ _TYPES = {
     'servo_status': 'tactile_msgs/msg/ServoStatus',
     'contour': 'nav_msgs/msg/Path',
     'surface_patch': 'tactile_msgs/msg/SurfacePatch',
+    'surface_contact': 'geometry_msgs/msg/PoseStamped',
 }
 
 

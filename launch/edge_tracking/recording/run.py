@@ -141,6 +141,8 @@ class RunData:
     info: Info | None  # None if the recording lacks it
     joint_acceleration: np.ndarray = field(  # (K, n), by the joint states [rad/s^2]
         default_factory=lambda: np.empty((0, 0)))
+    touches: Poses = field(  # of a surface: contacts, z along the outward normal
+        default_factory=lambda: Poses.of([]))
 
     def seconds(self, time_ns) -> np.ndarray:
         """Return times [ns] as seconds since the first message that was read."""

@@ -109,31 +109,47 @@ def summarise(run: RunData, scene: Scene, *, success: bool, reason: str = '',
         Of the scene's noise.
     """
     statuses, real = run.statuses, truth(run, scene)
-    tracking, settled = settled_cycles(statuses)
-    active = np.flatnonzero(statuses.state != State.IDLE)
-    last = active[-1] if active.size else None
-    _, latency = latencies(run)
+    tracking, _ = settled_cycles(statuses)
+    outline = rebuilt_outline(run)
     target = float(force) if force is not None else percentile(statuses.force_target[tracking])
-    outline, stamps = rebuilt_outline(run), run.images.stamp_ns
-    begin, end = statuses.stamp_ns[tracking][[0, -1]] if tracking.any() else (0, -1)
     summary = {
-        'ok': False,
-        'state': State(int(statuses.state[last])).name.lower() if active.size else 'idle',
-        'reason': reason or (statuses.reason[last] if active.size else 'the servo did not run'),
-        'reason_code': ReasonCode(reason_code).name.lower(),  # type: ignore[call-arg]
-        'scene': scene.name,
-        'controller': str(statuses.controller[0]) if len(statuses.controller) else '',
-        'seed': seed,
-        'speed': float(speed) if speed is not None else percentile(statuses.speed[settled]),
-        'tracked_length': statuses.progress[tracking].max(initial=0.0),
+        **of_servo(run, scene.name, reason, reason_code, speed, seed),
         **metrics.measure(metrics.Evidence(
             real, target, metrics.contour_errors(outline and outline.points, scene.edge),
             run.joint_acceleration)),
-        'approach_recorded': bool(tracking.any() and stamps.size and stamps[0] < begin),
         'closed': outline is not None and outline.closed,
         'corners': outline.corners.tolist() if outline else [],
         'sides': [{'kind': side.kind, 'length': side.length, 'radius': side.radius}
                   for side in (outline.sides if outline else ())],
+    }
+    summary['ok'] = bool(
+        success and summary['lateral_rms'] < LATERAL_BOUND  # NaN, never settled, fails as well
+        and summary['edge_length'] > max(SETTLING_LENGTH, 0.9 * summary['tracked_length']))
+    if success and not summary['ok']:
+        summary['reason'] += '; but the pad was not led along the edge'
+    return summary
+
+
+def of_servo(run: RunData, scene: str, reason: str, reason_code: int, speed: float | None,
+             seed: int | None) -> dict[str, Any]:
+    """Give the part of a summary that servo and sensor tell, whatever is tracked."""
+    statuses, stamps = run.statuses, run.images.stamp_ns
+    tracking, settled = settled_cycles(statuses)
+    active = np.flatnonzero(statuses.state != State.IDLE)
+    last = active[-1] if active.size else None
+    _, latency = latencies(run)
+    begin, end = statuses.stamp_ns[tracking][[0, -1]] if tracking.any() else (0, -1)
+    return {
+        'ok': False,
+        'state': State(int(statuses.state[last])).name.lower() if active.size else 'idle',
+        'reason': reason or (statuses.reason[last] if active.size else 'the servo did not run'),
+        'reason_code': ReasonCode(reason_code).name.lower(),  # type: ignore[call-arg]
+        'scene': scene,
+        'controller': str(statuses.controller[0]) if len(statuses.controller) else '',
+        'seed': seed,
+        'speed': float(speed) if speed is not None else percentile(statuses.speed[settled]),
+        'tracked_length': statuses.progress[tracking].max(initial=0.0),
+        'approach_recorded': bool(tracking.any() and stamps.size and stamps[0] < begin),
         'duration': metrics.span(statuses.stamp_ns[active]),
         'sensor_rate': rate(stamps[(stamps >= begin) & (stamps <= end)]),
         'control_rate': cycle_rate(statuses, active),
@@ -144,9 +160,3 @@ def summarise(run: RunData, scene: Scene, *, success: bool, reason: str = '',
         'latency_p99': percentile(latency, 99),
         'cpu_per_cycle': statuses.cpu_time[tracking].mean() if tracking.any() else NAN,
     }
-    summary['ok'] = bool(
-        success and summary['lateral_rms'] < LATERAL_BOUND  # NaN, never settled, fails as well
-        and summary['edge_length'] > max(SETTLING_LENGTH, 0.9 * summary['tracked_length']))
-    if success and not summary['ok']:
-        summary['reason'] += '; but the pad was not led along the edge'
-    return summary

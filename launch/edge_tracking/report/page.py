@@ -48,7 +48,7 @@ def _listed(summary, *keys):
         {key: summary.get(key) for key in keys}))
 
 
-def _of_this_run(summary, *keys):
+def of_this_run(summary, *keys):
     """Sentence with what a summary knows of the metrics of a picture."""
     return f' This run: {_listed(summary, *keys)[2:] or "none of its numbers is known"}.'
 
@@ -63,21 +63,21 @@ def make_report(run: RunData, summary: Mapping[str, Any], scene: Scene, path) ->
          f'{1e3 * abs(scene.start.offset):.1f} mm beside the edge; the detail shows how touch '
          "takes that away. Positions are from the robot's forward kinematics, errors against "
          'the scene, which only the mock sensor knows.'
-         + _of_this_run(summary, 'tracked_length', 'edge_length', 'duration'), ''),
+         + of_this_run(summary, 'tracked_length', 'edge_length', 'duration'), ''),
         ('Lateral error and force', figures.errors(run, summary, scene, real),
          'True: from pose and scene. Measured: what the contact estimate gave the servo. '
          'The statistics count from the dotted line, 10 mm after first contact; those of the '
-         'force only while the edge crosses the whole pad.' + _of_this_run(
+         'force only while the edge crosses the whole pad.' + of_this_run(
              summary, 'lateral_rms', 'lateral_max', 'force_rms_error', 'force_max'), ''),
         ('Tactile pictures', figures.pictures(run),
          'Pressure over the pad, compression positive, with the estimated edge drawn in where '
          'the estimate is a valid line; the cross is the centre of pressure where what touches '
          'is no straight line, as on a curve or at the end of the edge.'
-         + _of_this_run(summary, 'sensor_rate', 'force_target'), ''),
+         + of_this_run(summary, 'sensor_rate', 'force_target'), ''),
         ('Latency', figures.latency(run, summary),
          'From the last byte of a picture at the driver to the end of the first control cycle '
          'that used it. Later ones than the axis shows are in its last bar.'
-         + _of_this_run(summary, 'latency_p50', 'latency_p99', 'missed_cycles'), 'narrow'),
+         + of_this_run(summary, 'latency_p50', 'latency_p99', 'missed_cycles'), 'narrow'),
     ]
     found = rebuilt_outline(run)
     if found is not None:
@@ -108,7 +108,7 @@ def make_report(run: RunData, summary: Mapping[str, Any], scene: Scene, path) ->
     lead += f' {busy(summary)}'.rstrip()
     if not summary['approach_recorded']:
         lead += ' No picture was recorded before first contact: the recording began late.'
-    _write(path, title, verdict, lead, shown(summary), sections,
+    write_page(path, title, verdict, lead, shown(summary), sections,
            f'{scene.description} Controller: {summary["controller"]}. Last state: '
            f'{summary["state"]}.' + (f' Seed of the noise: {summary["seed"]}.'
                                      if summary.get('seed') is not None else ''))
@@ -138,7 +138,7 @@ def make_recording_report(run: RunData, summary: Mapping[str, Any], name: str, p
         lead += f'; the largest force is {factor * largest:.4g} {unit}'
     verdict = ('Recording played' if summary['ok'] else 'No pictures', summary['ok'])
     tactels = f'{summary["rows"]} \u00d7 {summary["columns"]} tactels'
-    _write(path, f'Recording \u201c{name}\u201d, {tactels}', verdict,
+    write_page(path, f'Recording \u201c{name}\u201d, {tactels}', verdict,
            f'{lead}. Contacts by type: {types}.', shown(summary, METRICS), sections,
            summary.get('reason', ''))
 
@@ -148,7 +148,12 @@ def picture(run: RunData, scene: Scene, path) -> None:
     Path(path).write_bytes(png(plans.trajectory(run, scene, truth(run, scene))))
 
 
-def _write(path, title, verdict, lead, rows, sections, footer):
+def write_page(path, title, verdict, lead, rows, sections, footer) -> None:
+    """
+    Write a page: its verdict is a text and whether it is a good one, rows are of `shown`.
+
+    Each section has a heading, a figure, a caption and the class of its style.
+    """
     text, good = verdict
     numbers = ''.join(
         f'<div><dt>{escape(name[0].upper() + name[1:])}</dt>'

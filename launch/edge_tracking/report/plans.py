@@ -8,7 +8,7 @@ from edge_tracking.report import style
 from edge_tracking.report.style import BLUE, GREY, label, new_figure, note, ORANGE
 from tactile_common.polyline import arc_length
 from tactile_shape.cli.plots import draw_model
-from tactile_shape.contour.object_model import ObjectModel
+from tactile_shape.contour.object_model import model_of
 from tactile_shape.contour.outline import Outline
 from tactile_simulation.metrics import Truth
 from tactile_simulation.scene import Scene
@@ -119,10 +119,6 @@ def outline(run: RunData, scene: Scene, found: Outline) -> Figure:
 
 def surface(run: RunData) -> Figure:
     """Patches of the surface that was touched, coloured by what they are."""
-    model = ObjectModel()
-    for patch in run.patches:
-        model.add_contact(patch.frame[:3, 3])
-        model.add_patch(patch)
     figure = new_figure(7.0, 6.0)
-    draw_model(figure.add_subplot(projection='3d'), model)
+    draw_model(figure.add_subplot(projection='3d'), model_of(run.patches))
     return figure

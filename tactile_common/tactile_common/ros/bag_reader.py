@@ -79,6 +79,32 @@ class Bag:
                 found[prefix].add(name)
         return dict(found)
 
+    def namespace_of(self, types: Mapping[str, str], wanted: str | None = None) -> str:
+        """
+        Return the namespace that has all of some names with their types, '' or with its slash.
+
+        ConfigurationError where that wanted lacks one, or none is wanted and several have all.
+        """
+        found = [prefix for prefix, names in self.namespaces(types).items()
+                 if names == set(types)]
+        there = f'there are {sorted(self.topics)}'
+        if wanted is not None:
+            prefix = f'/{wanted.strip("/")}'.rstrip('/')
+            if prefix not in found:
+                lacking = ' and '.join(f'{prefix}/{name}' for name in types)
+                raise ConfigurationError(f'bag {self.path}: has no {lacking}, {there}')
+            return prefix
+        if len(found) != 1:
+            what = f'{"topics" if len(types) == 1 else "pairs of"} {" and ".join(types)}'
+            raise ConfigurationError(
+                f'bag {self.path}: has {len(found)} {what}; name one by --namespace; {there}')
+        return found[0]
+
+    def count(self, topic: str) -> int:
+        """Return how many messages of a topic there are."""
+        return sum(connection.msgcount for connection in self._reader.connections
+                   if connection.topic == topic)
+
     def messages(self, topics: Collection[str], *, raw: bool = False) -> Iterator[Recorded]:
         """
         Yield the messages of some topics in the order of their reception.

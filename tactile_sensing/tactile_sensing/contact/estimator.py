@@ -10,7 +10,9 @@ import numpy as np
 from tactile_common.config import bounded, check_fields, one_of
 from tactile_common.errors import ConfigurationError
 from tactile_sensing.contact.closed_forms import estimate_by_moments
+from tactile_sensing.contact.extended_load import BEGINS, ENDS, PATCH
 from tactile_sensing.contact.gauss_newton import LINE, POINT
+from tactile_sensing.contact.parameters import forget_forces
 from tactile_sensing.contact.pipeline import ANY_MODEL, estimate_frames, PENDING, RULES
 from tactile_sensing.half_space.layers import Layer as FitLayer
 from tactile_sensing.half_space.layers import Sensor, sensor_of
@@ -37,7 +39,7 @@ TACTELS = {'point': 1, 'area': 3}  # Gauss points along each side that stand for
 
 _MOMENTS = tuple(f.name for f in fields(Moments))
 _ESTIMATED = ESTIMATE.names or ()
-_INVALID = dict.fromkeys(PARAMETERS, np.nan)
+_INVALID = dict.fromkeys((*PARAMETERS, 'patch', 'start', 'end'), np.nan)
 
 
 @dataclass(frozen=True)
@@ -51,8 +53,8 @@ class EstimatorConfig:
         'auto', "'auto' (the least model that explains the image), 'point' or 'line' alone",
         MODELS)
     tactel: str = one_of(
-        'point', "a tactel measures the stress at its centre ('point') or the mean over its area "
-        "('area')", TACTELS)
+        'area', "a tactel measures the mean stress over its area ('area') or that at its centre "
+        "('point')", TACTELS)
     fit_depth: bool = field(default=False, metadata={
         'doc': "find the tactels' depth from each image, near the one given; costs half of the "
                "force's accuracy (only 'fit')"})
@@ -79,26 +81,29 @@ class ContactEstimator:
     def __init__(self, config: EstimatorConfig | None = None):
         self.config = config = config or EstimatorConfig()
         self._rules = np.array([(
-            config.min_snr, config.model_error, config.max_chi_square, config.fit_depth,
+            config.min_snr, config.model_error, config.max_chi_square, 0.0, config.fit_depth,
             MODELS[config.model], config.method == 'fit')], RULES)
 
     def estimate(self, image: TactileImage) -> Contact:
         """Estimate the contact of one image; what cannot be is not valid, with its reasons."""
         layers, array = image.layers, image.array
         main = next((layer for layer in layers if layer.component == 'zz'), None)
-        if main is None or any(layer.stress.shape != array.shape or not 0.0 < layer.depth < np.inf
+        if main is None or any(layer.stress.shape != array.shape or not is_possible(layer)
                                for layer in layers):
             return self.refuse_malformed()
         stress = np.array([[layer.stress for layer in layers]], dtype=np.float64)
-        estimate = self._estimate(
-            stress, array, layers, image.tared, image.saturated, main.unit == 'Pa')[0]
+        try:
+            estimate = self._estimate(
+                stress, array, layers, image.tared, image.saturated, main.unit == 'Pa')[0]
+        except ConfigurationError:  # tactels that are far wider than they are deep
+            return self.refuse_malformed()
         told: dict[str, Any] = dict(zip(_ESTIMATED, estimate.item(), strict=True))
         kind, reasons = ContactType(told.pop('type')), Reason(told.pop('reasons'))
         moments = Moments(*(told.pop(name) for name in _MOMENTS))
         valid, model = _is_valid(kind, int(reasons)), ''
-        shear = told.pop('has_shear')
+        shear, extras = told.pop('has_shear'), told.pop('extras')
         if valid:
-            model = self._model_name(kind, shear, layers)
+            model = self._model_name(kind, shear, extras, layers)
         else:
             told.update(_INVALID, covariance=no_covariance())
         return Contact(kind, valid, reasons, self.config.method, model, moments=moments, **told)
@@ -136,14 +141,16 @@ class ContactEstimator:
             raise ConfigurationError(
                 f'frames has the shape {np.shape(frames)}, must be (N, '
                 f'{", ".join(map(str, expected))})')
-        estimates = self._estimate(stress, array, layers, tared, 0, True)
+        main = next((layer for layer in layers if layer.component == 'zz'), layers[0])
+        estimates = self._estimate(stress, array, layers, tared, 0, main.unit == 'Pa')
         records = np.zeros(len(stress), RECORD)
         records['valid'] = valid = _is_valid(estimates['type'], estimates['reasons'])
-        for name, column in COLUMNS.items():
-            if column.name in _ESTIMATED:
-                records[name] = estimates[column.name]
-                if column.name == 'covariance' or column.name in REALS:
+        for name in COLUMNS:
+            if name in _ESTIMATED:
+                records[name] = estimates[name]
+                if name == 'covariance' or name in REALS:
                     records[name][~valid] = np.nan
+        records['moments'] = np.stack([estimates[name] for name in _MOMENTS], axis=-1)
         return records
 
     def refuse_malformed(self) -> Contact:
@@ -154,26 +161,41 @@ class ContactEstimator:
         """Estimates of frames, which are preprocessed in place: ESTIMATE records (N,)."""
         config, count = self.config, len(stress)
         plan = tuple((layer.component, layer.depth) for layer in layers)
-        sensor, table = _sensor(array, plan, TACTELS[config.tactel])
-        table = table.copy()
+        main = next(layer for layer in layers if layer.component == 'zz')
+        sensor, table = _sensor(array, plan, TACTELS[config.tactel], main.thickness, main.poisson)
+        table, rules = table.copy(), self._rules
+        if main.gain_spread > 0.0:
+            rules = rules.copy()
+            rules['gain_spread'] = main.gain_spread
         table['given_noise'] = [config.noise_std or layer.noise_std for layer in layers]
         table['full_scale'] = [layer.full_scale for layer in layers]
+        table['floor'] = [layer.floor for layer in layers]
         estimates = NOTHING.repeat(count)
         reasons = 0 if tared else int(Reason.NOT_TARED)
         step = count if config.method == 'fit' else 1  # the closed forms need a frame's noise
         for i in range(0, count, max(step, 1)):
             part = estimates[i:i + step]
-            estimate_frames(stress[i:i + step], *sensor, table, self._rules, reasons, saturated,
+            estimate_frames(stress[i:i + step], *sensor, table, rules, reasons, saturated,
                             calibrated, part)
             if part[0]['type'] == PENDING:
                 estimate_by_moments(stress[i], array, table, config, part[0])
+                if not calibrated:
+                    forget_forces.py_func(part.view(np.recarray)[0])
         return estimates
 
-    def _model_name(self, kind, shear, layers):
+    def _model_name(self, kind, shear, extras, layers):
         names = '+'.join(layer.component for layer in layers
                          if kind == ContactType.POINT or layer.component == 'zz')
-        return (kind.name.lower() + '+shear' * shear + '+depth' * self.config.fit_depth
+        return (kind.name.lower() + '+shear' * shear + '+patch' * bool(extras & PATCH)
+                + '+ends' * bool(extras & (BEGINS | ENDS)) + '+depth' * self.config.fit_depth
                 + '/' + names)
+
+
+def is_possible(layer: Layer) -> bool:
+    """Whether there is a skin with the numbers that come with a picture."""
+    return (0.0 < layer.depth < np.inf and layer.thickness >= layer.depth
+            and 0.0 <= layer.poisson <= 0.5 and 0.0 <= layer.gain_spread < 1.0
+            and (layer.component == 'zz' or layer.thickness == np.inf))
 
 
 def _is_valid(kind, reasons):
@@ -182,7 +204,8 @@ def _is_valid(kind, reasons):
 
 
 @lru_cache(maxsize=64)
-def _sensor(array: TactelArray, plan: tuple, tactel_points: int) -> tuple[Sensor, np.ndarray]:
+def _sensor(array: TactelArray, plan: tuple, tactel_points: int, thickness: float,
+            poisson: float) -> tuple[Sensor, np.ndarray]:
     """Sensor and table of layers, with a noise of 1, see `sensor_of`."""
     return sensor_of(array, tuple(FitLayer(component, depth, 1.0) for component, depth in plan),
-                     tactel_points)
+                     tactel_points, None, thickness, poisson)

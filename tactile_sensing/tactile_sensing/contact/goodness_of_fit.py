@@ -5,18 +5,23 @@ import math
 import numpy as np
 
 from tactile_common.kernels import njit
+from tactile_sensing.contact.extended_load import draw, PATCH
 from tactile_sensing.contact.gauss_newton import LINE, POINT
 from tactile_sensing.contact.parameters import chord
 from tactile_sensing.contact.preprocessing import DETECTION
 from tactile_sensing.half_space.kernels import line_stress, point_stress, Q0, Q1
 from tactile_sensing.half_space.layers import first_pressure_layer, half_sides, PRESSURE
+from tactile_sensing.skin import kernels
+from tactile_sensing.skin.kernels import sharp_top
 from tactile_sensing.types.contact import ContactType, Reason
 
+SCATTER_EVIDENCE = 2.0  # standard deviations
 ELSEWHERE = 2.0  # depths from the load that are elsewhere
 FORCE_WINDOW = 2.0  # half side of the window of the second force estimate of a point [depths]
 # Tactels of a point around the peak, of a line: three to eight for each parameter.
 MIN_POINT_TACTELS, MIN_LINE_TACTELS = 15, 24
 SECOND_CONTACT = 0.15  # of the peak, left over elsewhere, that makes a second contact
+LARGEST_PATCH = 0.95  # of the largest variance; more is none of the patches that are known
 BORDER_STD = 0.1  # depths; a load under the outermost tactels must be located better than that
 
 _NONE, _OTHER = int(ContactType.NONE), int(ContactType.OTHER)
@@ -39,8 +44,16 @@ def _measured(kind, x, y, cos, sin, load, layer, nodes):
 
 
 @njit(error_model='numpy')
-def compare(kind, stress, sensor, layers, load, left, model):
+def compare(kind, sensor, layers, load, memory):
     """Load into model, and what it leaves; NaN in left for layers that do not show a line."""
+    stress, left, model = memory.stress, memory.left, memory.model
+    if load.extras or not sensor.closed:
+        draw(kind, sensor, layers, load, model)
+        for k in range(layers.size):
+            for r in range(stress.shape[1]):
+                for c in range(stress.shape[2]):
+                    left[k, r, c] = stress[k, r, c] - model[k, r, c]
+        return
     cos, sin = math.cos(load.yaw), math.sin(load.yaw)
     for k in range(layers.size):
         if kind == LINE and layers[k].component != PRESSURE:
@@ -55,9 +68,13 @@ def compare(kind, stress, sensor, layers, load, left, model):
 
 
 @njit(error_model='numpy')
-def _sums_of_squares(left, model, layers, model_error):
-    """Squared error, chi-square with the allowance of the model's error, and live tactels."""
-    squared = chi = 0.0
+def _sums_of_squares(left, model, layers, model_error, scatter):
+    """
+    Squared error, chi-square with the allowance of the model's error, and live tactels.
+
+    The last is the squared error by the weights of a fit that knows of scatter.
+    """
+    squared = chi = weighted = 0.0
     count = 0
     for k in range(layers.size):
         noise = layers[k].noise
@@ -68,8 +85,10 @@ def _sums_of_squares(left, model, layers, model_error):
                     allowed = model_error * model[k, r, c] / noise
                     squared += rest * rest
                     chi += rest * rest / (1.0 + allowed * allowed)
+                    off = scatter * model[k, r, c] / noise
+                    weighted += rest * rest / (1.0 + off * off)
                     count += 1
-    return squared, chi, count
+    return squared, chi, count, weighted
 
 
 @njit(error_model='numpy')
@@ -148,6 +167,35 @@ def _second_contact(kind, left, sensor, load, depth, threshold):
 
 
 @njit(error_model='numpy')
+def find_scatter(left, model, layers, known, model_error, parameters):
+    """
+    What tactels are off beside noise, as a share of the pressure: their gains, or the model.
+
+    From the squares of what is left where the load presses, those beside the peak as well: there
+    a fit follows what it finds. The known share where no more shows.
+    """
+    excess = variance = slope = squares = 0.0
+    likely = max(known, model_error)
+    for k in range(layers.size):
+        noise = layers[k].noise
+        for r in range(left.shape[1]):
+            for c in range(left.shape[2]):
+                rest = left[k, r, c] / noise
+                if np.isfinite(rest):
+                    m = (model[k, r, c] / noise) ** 2
+                    expected, weight = 1.0 + known * known * m, m / (1.0 + likely * likely * m)
+                    excess += (rest * rest - expected) * weight
+                    variance += 2.0 * (expected * weight) ** 2
+                    slope += m * weight
+                    squares += (m * weight) ** 2
+    if not excess > SCATTER_EVIDENCE * math.sqrt(variance):
+        return known
+    loaded = slope * slope / squares  # tactels; the parameters took their part of what was left
+    taken = max(loaded - parameters, 0.25 * loaded) / loaded
+    return math.sqrt(known * known + excess / slope / taken)
+
+
+@njit(error_model='numpy')
 def refute(kind, sensor, layers, rules, memory, estimate):
     """
     Hold the load that was fitted to a frame against what it leaves.
@@ -155,20 +203,26 @@ def refute(kind, sensor, layers, rules, memory, estimate):
     The estimate, a `contact.ESTIMATE` record, gets the evidence: snr, residual, iterations, and in
     force_windowed a ratio of forces. Returns ContactType and Reason; no reason if it stands.
     """
-    left, model, fit = memory.left, memory.model, memory.fit[0]
+    left, model, fit, state = memory.left, memory.model, memory.fits[0], memory.state[0]
     if fit.used < (MIN_POINT_TACTELS if kind == POINT else MIN_LINE_TACTELS):
         return _OTHER, _BAD_FIT | _FEW
     main = first_pressure_layer(layers)
     depth, noise = layers[main].depth, layers[main].noise
-    compare(kind, memory.stress, sensor, layers, fit, left, model)
-    squared, chi, count = _sums_of_squares(left, model, layers, rules.model_error)
+    squared, chi, count, weighted = _sums_of_squares(
+        left, model, layers, math.hypot(rules.model_error, rules.gain_spread), state.scatter)
     peak = model[main].max()
     if not (peak > 0.0 and np.isfinite(chi + squared)):
         return _OTHER, _BAD_FIT
     freedom = max(count - (5 if kind == POINT else 3), 1)
-    top = 2.0 * fit.force / (np.pi * depth) if kind == LINE else peak
+    if fit.extras & PATCH and fit.variance > LARGEST_PATCH * kernels.largest_variance(depth):
+        return _OTHER, _BAD_FIT
+    top = peak
+    if kind == LINE:  # on a line that only passes by, too
+        top = 2.0 * fit.force / (np.pi * depth) if sensor.closed else (
+            fit.force * sharp_top(sensor.polynomials[main], depth))
     estimate.snr = 20.0 * math.log10(top / noise)
     estimate.residual = math.sqrt(squared / freedom)
+    state.excess = max(1.0, weighted / freedom)
     estimate.iterations = fit.iterations
     estimate.force_windowed = _window_ratio(kind, left[main], model[main], sensor, fit, depth)
 
@@ -176,13 +230,13 @@ def refute(kind, sensor, layers, rules, memory, estimate):
     if weak and kind == POINT:  # noise has peaks, but hardly ridges: a line is judged first
         return _NONE, _LOW_SNR
     threshold = max(DETECTION * noise / 3.0, SECOND_CONTACT * peak)
-    if _second_contact(kind, left[main], sensor, fit, depth, threshold):
+    if state.second or _second_contact(kind, left[main], sensor, fit, depth, threshold):
         return _OTHER, _BAD_FIT | _TWO
     if chi > rules.max_chi_square * freedom or _lacks_load(left[main], threshold):
         return _OTHER, _BAD_FIT
     if weak:
         return _NONE, _LOW_SNR
-    lost = not (fit.converged and memory.regular[0])
+    lost = not (fit.converged and fit.regular)
     return kind, (_LOST if lost else 0) | (_OFF_PAD if _off_pad(kind, sensor, fit) else 0)
 
 

@@ -98,7 +98,7 @@ def guess_line(stress, sensor, layers):
 
 
 @njit(error_model='numpy')
-def gather_window(stress, sensor, layers, row, column, v, w, at, ends):
+def gather_window(stress, sensor, layers, row, column, v, w, at):
     """Finite tactels of all layers around a point; their number."""
     # Relative to the peak, so that whole-tactel shifts cannot change the window.
     r0 = max(row + int(np.ceil(v - sensor.window)), 0)
@@ -108,19 +108,19 @@ def gather_window(stress, sensor, layers, row, column, v, w, at, ends):
     n = 0
     for k in range(stress.shape[0]):
         n = _gather(stress[k], sensor, layers[k].noise, r0, r1, c0, c1, at, n)
-        ends[k] = n
+        layers[k].end = n
     return n
 
 
 @njit(error_model='numpy')
-def gather_pressure(stress, sensor, layers, at, ends):
+def gather_pressure(stress, sensor, layers, at):
     """Finite tactels of the pressure layers; their number."""
     n = 0
     for k in range(stress.shape[0]):
         if layers[k].component == PRESSURE:
             n = _gather(stress[k], sensor, layers[k].noise, 0, stress.shape[1], 0,
                         stress.shape[2], at, n)
-        ends[k] = n
+        layers[k].end = n
     return n
 
 

@@ -13,18 +13,19 @@ from tactile_sensing.types.array import TactelArray
 
 
 @njit(cache=True, error_model='numpy')
-def _fit_frames(kind, stress, x, y, pitch_x, pitch_y, nodes, window, layers, forces, model_error,
-                tukey, fits):
+def _fit_frames(kind, stress, x, y, pitch_x, pitch_y, nodes, window, polynomials, closed, layers,
+                forces, model_error, tukey, fits):
     """Fit every frame of stress (N, layers, rows, columns), see `fit_load`."""
-    sensor = Sensor(x, y, pitch_x, pitch_y, nodes, window)
+    sensor = Sensor(x, y, pitch_x, pitch_y, nodes, window, polynomials, closed)
     most = stress.shape[1] * stress.shape[2] * stress.shape[3]
     if kind == POINT:
         side = int(2.0 * sensor.window) + 2
         most = stress.shape[1] * min(side, stress.shape[2]) * min(side, stress.shape[3])
-    tactels = make_tactels(stress.shape[1], most, sensor.nodes.size)
+    tactels, layers = make_tactels(most, sensor.nodes.size), layers.copy()
     for f in range(stress.shape[0]):
         fit = fits[f]
-        if fit_load(kind, stress[f], sensor, layers, forces, model_error, tukey, tactels, fit):
+        if fit_load(kind, stress[f], sensor, layers, forces, model_error, tukey, 0.0, tactels,
+                    fit):
             for i in range(5):
                 for j in range(i):
                     fit.normal[j, i] = fit.normal[i, j]

@@ -3,9 +3,10 @@
 import numpy as np
 
 from tactile_common.kernels import njit
-from tactile_sensing.contact.gauss_newton import fit_load, LINE, POINT
+from tactile_sensing.contact.extended_fit import fit_extended
+from tactile_sensing.contact.gauss_newton import fit_load, LINE, PARAMETERS, POINT
 from tactile_sensing.contact.initial_guess import peak
-from tactile_sensing.contact.parameters import invert
+from tactile_sensing.contact.parameters import copy_record, invert
 from tactile_sensing.half_space.kernels import SHEAR_X, SHEAR_Y
 from tactile_sensing.types.contact import Reason
 
@@ -65,10 +66,10 @@ def overrules(first, second, min_snr):
 
 
 @njit(error_model='numpy')
-def _shear_shows(kind, fit, forces, cov):
+def _shear_shows(kind, fit, forces):
     """Whether the shear is more than noise, by the scatter that the fit leaves."""
     spread = max(1.0, fit.squared_error / max(fit.used - 2.0 - forces, 1.0))
-    xx, xy, yy = cov[SHEAR_X, SHEAR_X], cov[SHEAR_Y, SHEAR_X], cov[SHEAR_Y, SHEAR_Y]
+    xx, xy, yy = fit.cov[SHEAR_X, SHEAR_X], fit.cov[SHEAR_Y, SHEAR_X], fit.cov[SHEAR_Y, SHEAR_Y]
     if kind == LINE:
         return fit.shear * fit.shear > LINE_SHEAR_EVIDENCE * spread * xx
     qx, qy = fit.shear_x, fit.shear_y
@@ -78,22 +79,33 @@ def _shear_shows(kind, fit, forces, cov):
 
 
 @njit(error_model='numpy')
-def fit_without_idle_shear(kind, sensor, layers, forces, rules, memory):
+def fit_without_idle_shear(kind, sensor, layers, forces, extras, memory):
     """
-    Fit again without shear where it does not show.
+    Fit with these extras, if any, and again without shear where it does not show.
 
-    Leaves the covariance of the fit with shear, whether there is one, and how far the load moved:
-    shear that does not show may still be there. Returns whether it worked, and has shear.
+    Without extras the load is fitted already. Leaves the covariance of the fit with shear, whether
+    there is one, and how far the load moved: shear that does not show may still be there. Returns
+    whether it worked, and has shear.
     """
-    fit, moved = memory.fit[0], memory.moved
-    moved[:] = 0.0
-    memory.regular[0] = invert(fit.normal, 2 + forces, memory.cov)
-    if memory.regular[0] and _shear_shows(kind, fit, forces, memory.cov):
-        return True, True
-    moved[:] = fit.vector
-    if not fit_load(kind, memory.stress, sensor, layers, forces // 2, rules.model_error, np.inf,
-                    memory.tactels, fit):
+    fit, with_shear, state = memory.fits[0], memory.fits[2], memory.state[0]
+    if not extras:
+        fit.cov[:] = 0.0
+        fit.regular = invert(fit.normal, 2 + forces, fit.cov)
+    elif not fit_extended(kind, sensor, layers, forces, extras, memory):
         return False, False
+    fit.moved[:] = 0.0
+    if fit.regular and _shear_shows(kind, fit, forces):
+        return True, True
+    copy_record(memory.fits, 0, memory.fits, 2)
+    if extras:
+        fitted = fit_extended(kind, sensor, layers, forces // 2, extras, memory)
+    else:
+        fitted = fit_load(kind, memory.stress, sensor, layers, forces // 2, 0.0, np.inf,
+                          state.scatter, memory.tactels, fit)
+    fit.regular = with_shear.regular
+    for i in range(PARAMETERS):
+        for j in range(PARAMETERS):
+            fit.cov[i, j] = with_shear.cov[i, j]
     for i in range(5):
-        moved[i] -= fit.vector[i]
-    return True, False
+        fit.moved[i] = with_shear.vector[i] - fit.vector[i]
+    return fitted, False

@@ -3,17 +3,22 @@
 import numpy as np
 
 from tactile_common.kernels import njit
-from tactile_sensing.contact.gauss_newton import fit_load
+from tactile_sensing.contact.gauss_newton import fit_load, MODEL
 from tactile_sensing.contact.goodness_of_fit import compare
+from tactile_sensing.contact.preprocessing import fill_censored
 from tactile_sensing.contact.variable_projection import TUKEY
+from tactile_sensing.half_space.layers import PRESSURE
 
 DRIFT_EVIDENCE = 4.0  # standard errors of the median that are a drift
 MAX_DRIFT = 0.1  # of the peak; more is a load of its own
 UNLOADED = 0.02  # of the peak: what presses less shows the baseline
 MIN_UNLOADED = 8  # tactels that a median is taken of
+AROUND_EVIDENCE = 2.5  # standard deviations by which the tactels around one must tell
 OUTLIER = 5.0  # standard deviations, model error included, that no tactel may be off
 MAX_OUTLIERS = 0.25  # of the loaded tactels; more is a contact of another kind
 MAX_OUTLIERS_AROUND = 3  # of the eight around one; likewise
+MANY_OFF = 12  # tactels that one broken one may make contradict the load
+MAX_CENSORED = 0.1  # share of censored tactels beside which drift shows
 DRIFT_LOOKS = 3  # each leaves a part of the drift that it found
 DEPTH_STEPS = 0.05, 0.02, 0.01  # relative differences by which the depth is searched
 LONGEST_DEPTH_STEP = 0.15
@@ -32,7 +37,15 @@ def _unloaded_median(left, model, limit, values):
 
 
 @njit(error_model='numpy')
-def _take_off_drift(stress, left, model, layers, values, first):
+def _share(flags):
+    count = 0
+    for flag in flags.flat:
+        count += flag
+    return count / flags.size
+
+
+@njit(error_model='numpy')
+def _take_off_drift(stress, left, model, layers, censored, values, first):
     """
     Subtract from every layer the median of its unloaded tactels; whether it did.
 
@@ -40,8 +53,8 @@ def _take_off_drift(stress, left, model, layers, values, first):
     """
     found = False
     for k in range(stress.shape[0]):
-        if layers[k].threshold > 0.0:  # it leaves the upper part of the noise, which is no drift
-            continue
+        if layers[k].floor != 0.0 and _share(censored[k]) > MAX_CENSORED:
+            continue  # the median of what is left of the noise is no drift
         noise, largest = layers[k].noise, max(model[k].max(), -model[k].min())
         median, n = _unloaded_median(left[k], model[k], max(noise, UNLOADED * largest), values)
         enough = DRIFT_EVIDENCE * 1.2533 * noise / np.sqrt(max(n, 1)) if first else 0.0
@@ -60,8 +73,15 @@ def _is_off(left, model, noise, model_error):
 
 
 @njit(error_model='numpy')
-def _any_off(left, model, layers, model_error):
+def _allowance(rules):
+    """What tactels may be off, as a share of the pressure."""
+    return np.hypot(rules.model_error, rules.gain_spread)
+
+
+@njit(error_model='numpy')
+def any_off(left, model, layers, rules):
     """Whether a tactel contradicts the load."""
+    model_error = _allowance(rules)
     for k in range(left.shape[0]):
         for r in range(left.shape[1]):
             for c in range(left.shape[2]):
@@ -71,12 +91,36 @@ def _any_off(left, model, layers, model_error):
 
 
 @njit(error_model='numpy')
-def _leave_out_outliers(stress, left, model, layers, model_error):
+def _may_be_contact(left, row, column, sensor, layer):
+    """
+    Whether what is left around a high tactel is that of a load on it, and whether that shows.
+
+    No load under a skin presses one tactel alone: its neighbours have a share, by their distance.
+    """
+    share = around = 0.0
+    count = 0
+    for r in range(max(row - 1, 0), min(row + 2, left.shape[0])):
+        for c in range(max(column - 1, 0), min(column + 2, left.shape[1])):
+            if (r != row or c != column) and np.isfinite(left[r, c]):
+                distance = np.hypot((r - row) * sensor.pitch_y, (c - column) * sensor.pitch_x)
+                share += (1.0 + (distance / layer.depth) ** 2) ** -2.5
+                around += left[r, c]
+                count += 1
+    expected, noise = share * left[row, column], layer.noise * np.sqrt(max(count, 1))
+    known = expected > 2.0 * AROUND_EVIDENCE * noise
+    return known and around > 0.5 * expected, known
+
+
+@njit(error_model='numpy')
+def _leave_out_outliers(sensor, layers, rules, memory):
     """
     Set tactels that contradict the load to NaN; whether it did.
 
-    Not where they are many or close together: then it is the load that is wrong.
+    Not where they are many or close together: then it is the load that is wrong; nor where what
+    is around a high one says that it is a contact (second), or cannot say that it is none.
     """
+    stress, left, model, state = memory.stress, memory.left, memory.model, memory.state[0]
+    model_error = _allowance(rules)
     off = loaded = 0
     for k in range(left.shape[0]):
         for r in range(left.shape[1]):
@@ -93,6 +137,11 @@ def _leave_out_outliers(stress, left, model, layers, model_error):
                             left[k, i, j], model[k, i, j], layers[k].noise, model_error)
                 if around > MAX_OUTLIERS_AROUND:
                     return False
+                if left[k, r, c] > 0.0 and layers[k].component == PRESSURE:
+                    found, known = _may_be_contact(left[k], r, c, sensor, layers[k])
+                    if found or not known:
+                        state.second = found
+                        return False
     if off == 0 or off > MAX_OUTLIERS * loaded:
         return False
     for k in range(left.shape[0]):
@@ -104,16 +153,47 @@ def _leave_out_outliers(stress, left, model, layers, model_error):
 
 
 @njit(error_model='numpy')
-def scale_depths(layers, factor, scaled):
-    """Layers with all depths multiplied."""
-    for k in range(layers.size):
-        scaled[k] = layers[k]
-        scaled[k].depth = layers[k].depth * factor
-        scaled[k].gx, scaled[k].gy = layers[k].gx / factor, layers[k].gy / factor
+def leave_out_worst(sensor, layers, rules, memory):
+    """
+    Set the tactel that contradicts the load most to NaN; whether it did.
+
+    Not where many do, which is a wrong load; nor a high one that is a contact (second), or of
+    which nothing around says that it is none.
+    """
+    stress, left, model, state = memory.stress, memory.left, memory.model, memory.state[0]
+    model_error, worst, k, r, c = _allowance(rules), OUTLIER * OUTLIER, -1, -1, -1
+    count = 0
+    for i in range(left.shape[0]):
+        for j in range(left.shape[1]):
+            for m in range(left.shape[2]):
+                allowed = model_error * model[i, j, m] / layers[i].noise
+                off = (left[i, j, m] / layers[i].noise) ** 2 / (1.0 + allowed * allowed)
+                count += off > OUTLIER * OUTLIER  # false for NaN
+                if off > worst:
+                    worst, k, r, c = off, i, j, m
+    if not 0 < count <= MANY_OFF:
+        return False
+    if left[k, r, c] > 0.0 and layers[k].component == PRESSURE:
+        found, known = _may_be_contact(left[k], r, c, sensor, layers[k])
+        if found or not known:
+            state.second = found
+            return False
+    stress[k, r, c] = np.nan
+    return True
 
 
 @njit(error_model='numpy')
-def fit_depth(kind, stress, sensor, layers, scaled, forces, model_error, tactels, fit, slope):
+def scale_depths(layers, factor, scaled):
+    """Layers with all depths multiplied; what is given with pictures is not needed."""
+    for k in range(layers.size):
+        old, new = layers[k], scaled[k]
+        new.depth, new.noise, new.floor = old.depth * factor, old.noise, old.floor
+        new.component = old.component
+        new.gz, new.gx, new.gy = old.gz, old.gx / factor, old.gy / factor
+
+
+@njit(error_model='numpy')
+def fit_depth(kind, stress, sensor, layers, scaled, forces, rules, tactels, fit, slope):
     """
     Factor on all depths that leaves least, its variance, and how the load moves with it (slope).
 
@@ -124,8 +204,8 @@ def fit_depth(kind, stress, sensor, layers, scaled, forces, model_error, tactels
     for step in DEPTH_STEPS:
         for i in range(3):
             scale_depths(layers, factor + (i - 1) * step, scaled)
-            if not fit_load(kind, stress, sensor, scaled, forces, model_error, np.inf, tactels,
-                            fit):
+            if not fit_load(kind, stress, sensor, scaled, forces, rules.model_error, np.inf,
+                            rules.gain_spread, tactels, fit):
                 return np.nan, np.inf
             errors[i] = fit.squared_error
             for j in range(5):  # at last the slope between the outer two
@@ -144,26 +224,33 @@ def fit_depth(kind, stress, sensor, layers, scaled, forces, model_error, tactels
 
 
 @njit(error_model='numpy')
-def fit_despite_faults(kind, sensor, layers, forces, rules, memory):
+def fit_despite_faults(kind, sensor, layers, forces, mend, rules, memory):
     """
-    Fit with shear, without drift of the baseline and tactels that contradict all others.
+    Fit with shear, without drift of the baseline and, to mend it, tactels that contradict others.
 
     Returns whether it worked, and whether tactels were left out.
     """
-    stress, left, model, fit = memory.stress, memory.left, memory.model, memory.fit[0]
-    model_error, tactels = rules.model_error, memory.tactels
+    stress, left, model, fit = memory.stress, memory.left, memory.model, memory.fits[0]
+    model_error, tactels, state = rules.model_error, memory.tactels, memory.state[0]
+    scatter = state.scatter
     for look in range(DRIFT_LOOKS + 1):
-        if not fit_load(kind, stress, sensor, layers, forces, model_error, np.inf, tactels, fit):
+        if not fit_load(kind, stress, sensor, layers, forces, model_error, np.inf, scatter,
+                        tactels, fit):
             return False, False
-        compare(kind, stress, sensor, layers, fit, left, model)
-        if look == DRIFT_LOOKS or not _take_off_drift(
-                stress, left, model, layers, memory.unloaded, look == 0):
+        compare(kind, sensor, layers, fit, memory)
+        if look == DRIFT_LOOKS:
             break
-    if not _any_off(left, model, layers, model_error):
+        fill_censored(stress, model, layers, memory.censored)
+        drifted = _take_off_drift(
+            stress, left, model, layers, memory.censored, tactels.by[MODEL], look == 0)
+        if not drifted and not state.any_censored:
+            break
+    if not mend or not any_off(left, model, layers, rules):
         return True, False
     left_out = False
-    if fit_load(kind, stress, sensor, layers, forces, model_error, TUKEY, tactels, fit):
-        compare(kind, stress, sensor, layers, fit, left, model)
-        left_out = _leave_out_outliers(stress, left, model, layers, model_error)
-    fitted = fit_load(kind, stress, sensor, layers, forces, model_error, np.inf, tactels, fit)
+    if fit_load(kind, stress, sensor, layers, forces, model_error, TUKEY, scatter, tactels, fit):
+        compare(kind, sensor, layers, fit, memory)
+        left_out = _leave_out_outliers(sensor, layers, rules, memory)
+    fitted = fit_load(kind, stress, sensor, layers, forces, model_error, np.inf, scatter,
+                      tactels, fit)
     return fitted, left_out

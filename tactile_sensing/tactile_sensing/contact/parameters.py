@@ -6,7 +6,9 @@ from typing import Any
 import numpy as np
 
 from tactile_common.kernels import njit
-from tactile_sensing.half_space.layers import half_sides
+from tactile_sensing.contact.extended_load import along_chord, BEGINS, ENDS
+from tactile_sensing.contact.gauss_newton import END, START
+from tactile_sensing.half_space.kernels import FORCE, Q0, Q1, SHEAR_X
 from tactile_sensing.half_space.line import chord_length
 from tactile_sensing.types.contact import ROW
 
@@ -16,8 +18,23 @@ chord: Any = njit(error_model='numpy')(chord_length)
 # Rows of an estimate's covariance for the parameters of a point's fit, and for what `_line_map`
 # makes of a line's: without shear the first four.
 POINT_ROWS = (ROW.a, ROW.b, ROW.normal_force, ROW.shear_force_x, ROW.shear_force_y)
+FORCE_ROWS = (ROW.normal_force, ROW.shear_force_x, ROW.shear_force_y, ROW.line_force)
 LINE_ROWS = (ROW.a, ROW.yaw, ROW.normal_force, ROW.line_force,
              ROW.shear_force_x, ROW.shear_force_y)
+LINE_PARAMETERS = Q0, Q1, FORCE, SHEAR_X, START, END
+
+
+@njit(error_model='numpy')
+def copy_record(source, i, target, j):
+    """
+    Copy one record of an array into another array of the type, by words.
+
+    Numba's own assignment, number by number, compiles to a thousand instructions.
+    """
+    source_words, target_words = source.view(np.int64), target.view(np.int64)
+    words = source_words.size // source.size
+    for word in range(words):
+        target_words[j * words + word] = source_words[i * words + word]
 
 
 @njit(error_model='numpy')
@@ -64,44 +81,68 @@ def write_point(load, cov, estimate):
 
 
 @njit(error_model='numpy')
+def _loaded_length(sensor, rho, yaw, start, end):
+    """Length of a line on the pad, from where it begins to its end [m]."""
+    first, last = along_chord(sensor, rho, yaw)
+    return max(min(last, end) - max(first, start), 0.0)
+
+
+@njit(error_model='numpy')
 def write_line(load, cov, with_shear, sensor, estimate):
     """Line into an estimate: forces on the pad."""
-    half_x, half_y = half_sides(sensor)
     rho, yaw, force, shear = load.rho, load.yaw, load.force, load.shear
-    cos, sin = math.cos(yaw), math.sin(yaw)
-    length, step = chord(rho, yaw, half_x, half_y), 1e-6
-    by_rho = (chord(rho + step, yaw, half_x, half_y) - length) / step
-    by_yaw = (chord(rho, yaw + step, half_x, half_y) - length) / step
+    start, end = -np.inf, np.inf
+    if load.extras & BEGINS:
+        estimate.start = start = load.start
+    if load.extras & ENDS:
+        estimate.end = end = load.end
+    cos, sin, step = math.cos(yaw), math.sin(yaw), 1e-6
+    length = _loaded_length(sensor, rho, yaw, start, end)
+    by_rho = (_loaded_length(sensor, rho + step, yaw, start, end) - length) / step
+    by_yaw = (_loaded_length(sensor, rho, yaw + step, start, end) - length) / step
+    by_start = (_loaded_length(sensor, rho, yaw, start + step, end) - length) / step
+    by_end = (_loaded_length(sensor, rho, yaw, start, end + step) - length) / step
     estimate.a, estimate.b, estimate.yaw = rho / cos, 0.0, yaw
     estimate.normal_force, estimate.line_force = force * length, force
     if with_shear:
         estimate.shear_force_x = shear * length * cos
         estimate.shear_force_y = shear * length * sin
-    change = np.array((  # by (rho, yaw, force, shear), in the order of LINE_ROWS
-        (1.0 / cos, rho * sin / cos**2, 0.0, 0.0),
-        (0.0, 1.0, 0.0, 0.0),
-        (force * by_rho, force * by_yaw, length, 0.0),
-        (0.0, 0.0, 1.0, 0.0),
-        (shear * cos * by_rho, shear * (cos * by_yaw - sin * length), 0.0, cos * length),
-        (shear * sin * by_rho, shear * (sin * by_yaw + cos * length), 0.0, sin * length)))
+    change = np.array((  # by the parameters of LINE_PARAMETERS, in the order of LINE_ROWS
+        (1.0 / cos, rho * sin / cos**2, 0.0, 0.0, 0.0, 0.0),
+        (0.0, 1.0, 0.0, 0.0, 0.0, 0.0),
+        (force * by_rho, force * by_yaw, length, 0.0, force * by_start, force * by_end),
+        (0.0, 0.0, 1.0, 0.0, 0.0, 0.0),
+        (shear * cos * by_rho, shear * (cos * by_yaw - sin * length), 0.0, cos * length,
+         shear * cos * by_start, shear * cos * by_end),
+        (shear * sin * by_rho, shear * (sin * by_yaw + cos * length), 0.0, sin * length,
+         shear * sin * by_start, shear * sin * by_end)))
     told = 6 if with_shear else 4
     for i in range(told):
         for j in range(told):
             total = 0.0
-            for k in range(4):
-                for m in range(4):
-                    total += change[i, k] * cov[k, m] * change[j, m]
+            for k in range(6):
+                for m in range(6):
+                    total += change[i, k] * change[j, m] * cov[
+                        LINE_PARAMETERS[k], LINE_PARAMETERS[m]]
             estimate.covariance[LINE_ROWS[i], LINE_ROWS[j]] = total
 
 
 @njit(error_model='numpy')
-def compare_forces(estimate):
+def forget_forces(estimate):
+    """Make every force NaN, and their covariance: no gain is known."""
+    estimate.normal_force = estimate.line_force = estimate.force_windowed = np.nan
+    estimate.shear_force_x = estimate.shear_force_y = np.nan
+    for row in FORCE_ROWS:
+        for i in range(estimate.covariance.shape[0]):
+            estimate.covariance[row, i] = estimate.covariance[i, row] = np.nan
+
+
+@njit(error_model='numpy')
+def compare_forces(estimate, relative_std):
     """Second force estimate into the first's unit; whether it disagrees, and how far, is told."""
     off, covariance = estimate.force_windowed - 1.0, estimate.covariance
     estimate.force_windowed *= estimate.normal_force
-    disagrees = abs(off) * estimate.normal_force > (
-        FORCE_MISMATCH * estimate.normal_force
-        + 3.0 * math.sqrt(covariance[ROW.normal_force, ROW.normal_force]))
+    disagrees = abs(off) > FORCE_MISMATCH + 3.0 * relative_std
     if disagrees:  # one of the two is wrong by as much
         covariance[ROW.normal_force, ROW.normal_force] += (off * estimate.normal_force) ** 2
         covariance[ROW.line_force, ROW.line_force] += (off * estimate.line_force) ** 2

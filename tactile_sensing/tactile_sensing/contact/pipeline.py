@@ -6,33 +6,64 @@ where that does not convince. `estimate_as` fits one model, with as little as ex
 and says what is known of it.
 """
 
+import math
 from typing import NamedTuple
 
 import numpy as np
 
 from tactile_common.kernels import njit
+from tactile_sensing.contact.extended_fit import EQUATIONS
+from tactile_sensing.contact.extended_load import PATCH
 from tactile_sensing.contact.gauss_newton import FIT, fit_load, LINE, make_tactels, POINT, Tactels
-from tactile_sensing.contact.goodness_of_fit import beyond_sight, refute
+from tactile_sensing.contact.goodness_of_fit import (
+    beyond_sight,
+    compare,
+    find_scatter,
+    refute,
+)
+from tactile_sensing.contact.ladder import climb
 from tactile_sensing.contact.model_selection import (
     fit_without_idle_shear,
     likelier_model,
     overrules,
     UNCONVINCING,
 )
-from tactile_sensing.contact.outliers import fit_depth, fit_despite_faults, scale_depths
-from tactile_sensing.contact.parameters import compare_forces, write_line, write_point
+from tactile_sensing.contact.outliers import (
+    any_off,
+    fit_depth,
+    fit_despite_faults,
+    leave_out_worst,
+    scale_depths,
+)
+from tactile_sensing.contact.parameters import (
+    compare_forces,
+    copy_record,
+    forget_forces,
+    write_line,
+    write_point,
+)
 from tactile_sensing.contact.preprocessing import preprocess
+from tactile_sensing.half_space.kernels import FORCE
 from tactile_sensing.half_space.layers import LAYER, Sensor
 from tactile_sensing.types.contact import ContactType, ESTIMATE, Reason
 
+MOST_FAULTS = 3  # tactels that are left out beside the end of a line, or beside a patch
 ANY_MODEL, PENDING = 0, -1  # rules.model, estimate.type
 # How contacts are estimated, see EstimatorConfig; model: ANY_MODEL, POINT or LINE.
 RULES = np.dtype([('min_snr', 'f8'), ('model_error', 'f8'), ('max_chi_square', 'f8'),
-                  ('fit_depth', '?'), ('model', 'i8'), ('fit', '?')])
+                  ('gain_spread', 'f8'), ('fit_depth', '?'), ('model', 'i8'), ('fit', '?')])
 
 _OTHER, _BAD_FIT = int(ContactType.OTHER), int(Reason.BAD_FIT)
 _LOW_SNR, _OFF_PAD = int(Reason.LOW_SNR), int(Reason.OFF_PAD)
 _DEAD, _MISMATCH = int(Reason.DEAD_TACTELS), int(Reason.FORCE_MISMATCH)
+
+
+# What is known of a frame beside its load: how the load moves with the depth, and with a patch
+# that hardly shows; what tactels are off beside noise, as a share of the pressure; squared error
+# over what is expected, at least 1; whether what seemed an outlier is a contact, and whether
+# tactels are only known to be below the floor.
+STATE = np.dtype([('slope', 'f8', (5,)), ('hidden', 'f8', (5,)), ('scatter', 'f8'),
+                  ('excess', 'f8'), ('second', '?'), ('any_censored', '?')])
 
 
 class Memory(NamedTuple):
@@ -41,14 +72,12 @@ class Memory(NamedTuple):
     stress: np.ndarray  # (layers, rows, columns): the frame, mended
     left: np.ndarray  # likewise: what the load leaves of it
     model: np.ndarray  # likewise: stress under the load
-    unloaded: np.ndarray  # (rows * columns,)
+    censored: np.ndarray  # likewise: whether a tactel is only known to be below the floor
     layers: np.ndarray  # of LAYER, at the depth that was found
     tactels: Tactels
-    fit: np.ndarray  # of FIT, shape (1,)
-    cov: np.ndarray  # (5, 5), of the fit's parameters
-    regular: np.ndarray  # bool, shape (1,): whether there is such a covariance
-    slope: np.ndarray  # (5,): how the load moves with the depth
-    moved: np.ndarray  # (5,): how it moves when shear is left out
+    fits: np.ndarray  # of FIT: the load; one a rung below; one with idle shear; one with faults
+    equations: np.ndarray  # of EQUATIONS, shape (1,)
+    state: np.ndarray  # of STATE, shape (1,)
     estimates: np.ndarray  # of ESTIMATE, shape (2,): of the first model and of the second
 
 
@@ -56,15 +85,15 @@ class Memory(NamedTuple):
 def make_memory(layers, rows, columns, nodes):
     """Memory for frames of one shape."""
     shape = (layers, rows, columns)
-    return Memory(np.empty(shape), np.empty(shape), np.empty(shape), np.empty(rows * columns),
-                  np.zeros(layers, LAYER), make_tactels(layers, layers * rows * columns, nodes),
-                  np.zeros(1, FIT), np.zeros((5, 5)), np.zeros(1, np.bool_), np.zeros(5),
-                  np.zeros(5), np.zeros(2, ESTIMATE))
+    return Memory(
+        np.empty(shape), np.empty(shape), np.empty(shape), np.zeros(shape, np.bool_),
+        np.zeros(layers, LAYER), make_tactels(layers * rows * columns, nodes), np.zeros(4, FIT),
+        np.zeros(1, EQUATIONS), np.zeros(1, STATE), np.zeros(2, ESTIMATE))
 
 
 @njit(cache=True, error_model='numpy')
-def estimate_frames(stress, x, y, pitch_x, pitch_y, nodes, window, layers, rules, reasons,
-                    saturated, calibrated, estimates):
+def estimate_frames(stress, x, y, pitch_x, pitch_y, nodes, window, polynomials, closed, layers,
+                    rules, reasons, saturated, calibrated, estimates):
     """
     Estimate every frame, see `estimate_frame`.
 
@@ -72,7 +101,7 @@ def estimate_frames(stress, x, y, pitch_x, pitch_y, nodes, window, layers, rules
     ----------
     stress : ndarray, shape (N, layers, rows, columns)
         [Pa]; preprocessed in place.
-    x, y, pitch_x, pitch_y, nodes, window, layers
+    x, y, pitch_x, pitch_y, nodes, window, polynomials, closed, layers
         From `layers.sensor_of`, with the given noise and full scale; the last frame's noise
         stays in `layers`. One by one: a named tuple from Python costs some microseconds.
     rules : ndarray of RULES, shape (1,)
@@ -82,103 +111,177 @@ def estimate_frames(stress, x, y, pitch_x, pitch_y, nodes, window, layers, rules
     estimates : ndarray of contact.ESTIMATE, shape (N,)
         On entry of nothing; type PENDING if rules.fit is false and there is a load.
     """
-    sensor = Sensor(x, y, pitch_x, pitch_y, nodes, window)
+    sensor = Sensor(x, y, pitch_x, pitch_y, nodes, window, polynomials, closed)
     memory = make_memory(layers.size, stress.shape[2], stress.shape[3], nodes.size)
     for f in range(stress.shape[0]):
-        memory.estimates[0] = estimates[f]
+        copy_record(estimates, f, memory.estimates, 0)
         best = estimate_frame(
             stress[f], sensor, layers, rules[0], reasons, saturated, calibrated, memory)
-        estimates[f] = memory.estimates[best]
+        if not calibrated:
+            forget_forces(memory.estimates[best])
+        copy_record(memory.estimates, best, estimates, f)
 
 
-@njit(error_model='numpy')
+@njit(error_model='numpy', inline='always')
 def estimate_frame(stress, sensor, layers, rules, reasons, saturated, calibrated, memory):
     """Estimate one frame; returns which of the two estimates in the memory holds."""
     first, second = memory.estimates[0], memory.estimates[1]
-    if not preprocess(stress, sensor, layers, reasons, saturated, calibrated, first):
+    if not preprocess(stress, sensor, layers, reasons, saturated, calibrated, memory.censored,
+                      first):
         return 0
+    memory.state[0].any_censored = memory.censored.any()
     if not rules.fit:
         first.type = PENDING
         return 0
-    memory.estimates[1] = memory.estimates[0]
+    copy_record(memory.estimates, 0, memory.estimates, 1)
     model = rules.model
     if rules.model == ANY_MODEL:
         model = likelier_model(stress, sensor, layers)
-    estimate_as(model, stress, sensor, layers, rules, memory, first)
-    if rules.model != ANY_MODEL or not first.reasons & UNCONVINCING:
-        return 0
-    other = POINT + LINE - model
-    estimate_as(other, stress, sensor, layers, rules, memory, second)
+    for attempt in range(2):  # not one after the other: `estimate_as` would be compiled twice
+        estimate_as(
+            model, stress, sensor, layers, rules, memory, memory.estimates[attempt])
+        if rules.model != ANY_MODEL or not first.reasons & UNCONVINCING:
+            return 0
+        model = POINT + LINE - model
     if overrules(first, second, rules.min_snr):
         second.reasons |= first.reasons & _LOW_SNR
         return 1
     return 0
 
 
-@njit(error_model='numpy')
+@njit(error_model='numpy', inline='always')
 def estimate_as(kind, measured, sensor, layers, rules, memory, estimate):
     """Estimate a frame as one kind of load: its type and reasons, or those of a refusal."""
-    fit, cov, forces = memory.fit[0], memory.cov, 3 if kind == POINT else 2
-    memory.stress[:] = measured
-    fitted, left_out, depth_variance = _fit_mended(
-        kind, sensor, layers, forces, rules, memory)
-    shear = False
-    if fitted:
-        fitted, shear = fit_without_idle_shear(
-            kind, sensor, memory.layers, forces, rules, memory)
+    fit, state, forces = memory.fits[0], memory.state[0], 3 if kind == POINT else 2
+    for k in range(measured.shape[0]):
+        for r in range(measured.shape[1]):
+            for c in range(measured.shape[2]):
+                memory.stress[k, r, c] = measured[k, r, c]
+    state.scatter, state.second, state.hidden[:] = rules.gain_spread, False, 0.0
+    ladder = sensor.polynomials.size > 0 and not rules.fit_depth
+    # Faults are looked for above the ladder: a blunt load is no row of broken tactels. Then
+    # below it, and at last, one by one, by what it has found: the end of a line is none, either.
+    left_out = shear = False
+    for look in range(2 + MOST_FAULTS):
+        copy_record(memory.fits, 0, memory.fits, 3)
+        fitted, found, depth_variance = _fit_mended(
+            kind, sensor, layers, forces, look == 1 or not ladder, rules, memory)
+        left_out |= found
+        if look == 1 and not found:  # no other frame than before
+            fitted = True
+            copy_record(memory.fits, 3, memory.fits, 0)
+            compare(kind, sensor, memory.layers, fit, memory)
+        elif fitted:
+            fitted, shear = _fit_least(kind, sensor, forces, ladder, memory)
+        if look > 0 and fit.extras:
+            state.second = False
+        if not (fitted and ladder and any_off(memory.left, memory.model, memory.layers, rules)):
+            break
+        if look > 0:
+            if not (fit.extras and leave_out_worst(sensor, memory.layers, rules, memory)):
+                break
+            left_out = True
+    by_noise = 0.0
     if not fitted:
         estimate.type, missed = _OTHER, _BAD_FIT
     else:
+        # What scatter nobody told may be a wrong model: forces are compared as by noise alone.
+        by_noise = fit.cov[FORCE, FORCE] / fit.force ** 2 * max(
+            1.0, fit.squared_error / max(fit.used - 2.0 - forces, 1.0))
+        shear = _weigh_scatter(kind, sensor, forces, shear, rules, memory)
         estimate.type, missed = refute(kind, sensor, memory.layers, rules, memory, estimate)
     if not missed:
-        _widen(cov, 2 + forces, memory.moved, depth_variance, memory.slope, estimate.residual)
-        if beyond_sight(kind, sensor, memory.layers[0].depth, fit, cov):
+        if not ladder or fit.extras & PATCH:
+            state.hidden[:] = 0.0
+        _widen(fit, state, depth_variance)
+        if beyond_sight(kind, sensor, memory.layers[0].depth, fit, fit.cov):
             missed = _OFF_PAD
     estimate.reasons |= missed
     if missed:
         return
-    estimate.has_shear = shear
+    estimate.has_shear, estimate.extras = shear, fit.extras
     if kind == POINT:
-        write_point(fit, cov, estimate)
+        write_point(fit, fit.cov, estimate)
+        estimate.patch = math.sqrt(5.0 * fit.variance)
     else:
-        write_line(fit, cov, shear, sensor, estimate)
-    disagrees = compare_forces(estimate)
+        write_line(fit, fit.cov, shear, sensor, estimate)
+        estimate.patch = 2.0 * math.sqrt(fit.variance)
+    disagrees = compare_forces(estimate, math.sqrt(by_noise))
     estimate.reasons |= (_DEAD if left_out else 0) | (_MISMATCH if disagrees else 0)
 
 
-@njit(error_model='numpy')
-def _fit_mended(kind, sensor, given_layers, forces, rules, memory):
+@njit(error_model='numpy', inline='always')
+def _fit_least(kind, sensor, forces, ladder, memory):
+    """From a fit with shear to the least load that explains the frame, and what it leaves."""
+    fitted, shear = fit_without_idle_shear(
+        kind, sensor, memory.layers, forces, memory.fits[0].extras, memory)
+    if fitted:
+        if ladder:
+            shear = climb(kind, sensor, memory.layers, forces, shear, memory)
+        compare(kind, sensor, memory.layers, memory.fits[0], memory)
+    return fitted, shear
+
+
+@njit(error_model='numpy', inline='always')
+def _weigh_scatter(kind, sensor, forces, shear, rules, memory):
+    """Fit again where tactels are off by a share of the pressure; returns whether with shear."""
+    fit, state, known = memory.fits[0], memory.state[0], memory.state[0].scatter
+    found = find_scatter(memory.left, memory.model, memory.layers, known, rules.model_error,
+                         2 + forces)
+    if found <= known:
+        return shear
+    state.scatter, fitted, with_shear = found, True, shear
+    copy_record(memory.fits, 0, memory.fits, 1)
+    if not fit.extras:
+        fitted = fit_load(kind, memory.stress, sensor, memory.layers, forces, rules.model_error,
+                          np.inf, found, memory.tactels, fit)
+    if fitted:
+        fitted, with_shear = fit_without_idle_shear(
+            kind, sensor, memory.layers, forces, fit.extras, memory)
+    if not fitted:
+        state.scatter = known
+        copy_record(memory.fits, 1, memory.fits, 0)
+        return shear
+    compare(kind, sensor, memory.layers, fit, memory)
+    return with_shear
+
+
+@njit(error_model='numpy', inline='always')
+def _fit_mended(kind, sensor, given_layers, forces, mend, rules, memory):
     """
     Fit at the given depth, or at that which the frame shows, despite faults of the sensor.
 
     Returns what `fit_despite_faults` does, and the variance of the factor on the depth, 0 for the
     given one.
     """
-    layers, stress, fit = memory.layers, memory.stress, memory.fit[0]
+    layers, stress, fit = memory.layers, memory.stress, memory.fits[0]
     scale_depths(given_layers, 1.0, layers)
     if not rules.fit_depth:
-        fitted, left_out = fit_despite_faults(kind, sensor, layers, forces, rules, memory)
+        fitted, left_out = fit_despite_faults(kind, sensor, layers, forces, mend, rules, memory)
         return fitted, left_out, 0.0
     fitted, left_out, variance = False, False, 0.0
     for mended in (False, True):  # faults do not show at a wrong depth, nor the depth with faults
         factor, variance = fit_depth(kind, stress, sensor, given_layers, layers, forces,
-                                     rules.model_error, memory.tactels, fit, memory.slope)
+                                     rules, memory.tactels, fit, memory.state[0].slope)
         if np.isnan(factor):
             return False, left_out, variance
         scale_depths(given_layers, factor, layers)
         if not mended:
-            fitted, left_out = fit_despite_faults(kind, sensor, layers, forces, rules, memory)
+            fitted, left_out = fit_despite_faults(
+                kind, sensor, layers, forces, mend, rules, memory)
             if not fitted:
                 return False, left_out, variance
     fitted = fit_load(kind, stress, sensor, layers, forces, rules.model_error, np.inf,
-                      memory.tactels, fit)
+                      rules.gain_spread, memory.tactels, fit)
     return fitted, left_out, variance
 
 
 @njit(error_model='numpy')
-def _widen(cov, n, moved, depth_variance, slope, residual):
-    """Add to a covariance shear that may be there, the depth, and more noise than expected."""
-    for i in range(n):
-        for j in range(n):
-            cov[i, j] = moved[i] * moved[j] + max(1.0, residual ** 2) * (
-                cov[i, j] + depth_variance * slope[i] * slope[j])
+def _widen(fit, state, depth_variance):
+    """Add to a covariance shear and a patch that may be there, the depth, and more noise."""
+    moved, hidden, slope = fit.moved, state.hidden, state.slope
+    fit.cov[:] *= state.excess
+    for i in range(5):
+        for j in range(5):
+            fit.cov[i, j] += moved[i] * moved[j] + hidden[i] * hidden[j] + (
+                state.excess * depth_variance * slope[i] * slope[j])

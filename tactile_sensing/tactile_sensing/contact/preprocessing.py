@@ -1,5 +1,7 @@
 """What is done to a frame before anything is fitted to it; all compiled."""
 
+import math
+
 import numpy as np
 
 from tactile_common.kernels import njit
@@ -8,13 +10,14 @@ from tactile_sensing.types.contact import ContactType, Reason
 
 MIN_LIVE = 15  # tactels; three for each parameter of a point
 DETECTION = 5.0  # standard deviations
+# To a neighbour: rows and columns. Edges of any angle run within some degrees of one of them.
+DIRECTIONS = (0, 1), (1, 0), (1, 1), (1, -1), (1, 2), (2, 1), (1, -2), (2, -1)
 IMPOSSIBLE = 1e12  # Pa; a tactel that reports more, or no number, is not read
-CENSORED = 0.25  # share of exact zeros, with nothing below them, that shows a threshold
-THRESHOLD_STD = 4.0  # standard deviations of noise at which a threshold is set (3.5)
+SILENT = 3.0  # standard deviations below its floor at which a tactel tells nothing
 
 _NONE, _OTHER = int(ContactType.NONE), int(ContactType.OTHER)
 _NO_CONTACT, _FEW = int(Reason.NO_CONTACT), int(Reason.FEW_TACTELS)
-_BAD_FIT, _BAD_IMAGE = int(Reason.BAD_FIT), int(Reason.BAD_IMAGE)
+_BAD_FIT, _UNCALIBRATED = int(Reason.BAD_FIT), int(Reason.UNCALIBRATED)
 _SATURATED, _DEAD = int(Reason.SATURATED), int(Reason.DEAD_TACTELS)
 
 
@@ -23,18 +26,17 @@ def noise_from_image(pressure):
     """
     Noise of one tactel, from the picture alone [Pa]; NaN if no tactel is left.
 
-    Median absolute second difference, along the axis where it is smaller: an edge is
-    smooth along itself.
+    Median absolute second difference, in the direction where it is least: an edge is smooth along
+    itself.
     """
     rows, columns = pressure.shape
     second = np.empty(rows * columns)
     best = np.nan
-    for axis in range(2):
-        n = 0
-        for r in range(1 - axis, rows - 1 + axis):
-            for c in range(axis, columns - axis):
-                value = (pressure[r - 1 + axis, c - axis] + pressure[r + 1 - axis, c + axis]
-                         - 2.0 * pressure[r, c])
+    for dr, dc in DIRECTIONS:
+        n, side = 0, abs(dc)
+        for r in range(dr, rows - dr):
+            for c in range(side, columns - side):
+                value = pressure[r - dr, c - dc] + pressure[r + dr, c + dc] - 2.0 * pressure[r, c]
                 if np.isfinite(value):
                     second[n] = abs(value)
                     n += 1
@@ -45,19 +47,18 @@ def noise_from_image(pressure):
 
 
 @njit(error_model='numpy')
-def drop_unusable(image, full_scale, both_signs):
+def drop_unusable(image, full_scale, floor, both_signs, censored):
     """
-    Set to NaN, in place, what cannot be read: impossible, saturated or thresholded away.
+    Set to NaN, in place, what cannot be read: impossible or saturated.
 
-    Returns how many are impossible and saturated, and the least value above the zeros that were
-    dropped [Pa]; 0 if none were.
+    Marks as censored what is only known to be below the floor (none if that is 0). Returns how
+    many are impossible, saturated and censored.
     """
-    missing = saturated = zeros = live = 0
-    negative = False
-    least = largest = 0.0
+    missing = saturated = below = 0
     for r in range(image.shape[0]):
         for c in range(image.shape[1]):
             value = image[r, c]
+            censored[r, c] = False
             if not abs(value) < IMPOSSIBLE:
                 image[r, c] = np.nan
                 missing += 1
@@ -65,28 +66,50 @@ def drop_unusable(image, full_scale, both_signs):
                     value >= full_scale or (both_signs and value <= -full_scale)):
                 image[r, c] = np.nan
                 saturated += 1
-            else:
-                live += 1
-                zeros += value == 0.0
-                negative |= value < 0.0
-                largest = max(largest, value)
-                if value > 0.0 and (least == 0.0 or value < least):
-                    least = value
-    if negative or zeros < CENSORED * live or not 0.0 < least < largest:
-        return missing, saturated, 0.0
-    for r in range(image.shape[0]):
-        for c in range(image.shape[1]):
-            if image[r, c] == 0.0:
-                image[r, c] = np.nan
-    return missing, saturated, least
+            elif floor != 0.0 and value <= floor:
+                censored[r, c] = True
+                below += 1
+    return missing, saturated, below
 
 
 @njit(error_model='numpy')
-def _noise_of(image, given, threshold):
+def mean_below(z):
+    """How far the mean of a standard normal variable known to be below z is below zero."""
+    if z < -25.0:  # where the distribution's value underflows
+        return -z - 1.0 / z
+    return math.exp(-0.5 * z * z) / (1.2533141373155003 * math.erfc(-0.7071067811865476 * z))
+
+
+@njit(error_model='numpy')
+def fill_censored(stress, model, layers, censored):
+    """
+    Give censored tactels the mean of what they may have measured under a load, in place.
+
+    That is the step of expectation of a fit of Tobin's model, of which the fit to what it fills
+    in is the maximisation. Where they must be below the floor they tell nothing, and become NaN.
+    """
+    for k in range(layers.size):
+        noise, floor = layers[k].noise, layers[k].floor
+        if floor == 0.0:
+            continue
+        for r in range(stress.shape[1]):
+            for c in range(stress.shape[2]):
+                if censored[k, r, c]:
+                    z = (floor - model[k, r, c]) / noise
+                    stress[k, r, c] = (
+                        np.nan if z > SILENT else model[k, r, c] - noise * mean_below(z))
+
+
+@njit(error_model='numpy')
+def _noise_of(image, given, censored):
     """Noise of a layer [Pa]: as given, or as it shows; never 0, not even of a perfect picture."""
     noise = given
     if not noise > 0.0:
-        noise = threshold / THRESHOLD_STD if threshold > 0.0 else noise_from_image(image)
+        seen = image.copy()
+        for i in range(seen.size):
+            if censored.flat[i]:
+                seen.flat[i] = np.nan
+        noise = noise_from_image(seen)
     largest = 0.0
     for value in image.flat:
         if abs(value) > largest:  # false for NaN
@@ -126,19 +149,26 @@ def _survey(image, sensor, calibrated, estimate):
 
 
 @njit(error_model='numpy')
-def preprocess(stress, sensor, layers, reasons, saturated, calibrated, estimate):
+def preprocess(stress, sensor, layers, reasons, saturated, calibrated, censored, estimate):
     """
-    Make a frame ready, in place, and set its layers' noise and threshold.
+    Make a frame ready, in place, and set its layers' noise.
 
-    Its moments, type and reasons go into the estimate; returns whether anything is to be fitted.
-    For the parameters see `pipeline.estimate_frames`.
+    What is only known to be below a floor is marked, and as long as no load is known has the mean
+    that noise has there. Its moments, type and reasons go into the estimate; returns whether
+    anything is to be fitted. For the parameters see `pipeline.estimate_frames`.
     """
     missing, at_full_scale = 0, 0
     for k in range(layers.size):
         layer = layers[k]
-        gone, full, layer.threshold = drop_unusable(
-            stress[k], layer.full_scale, layer.component != PRESSURE)
-        layer.noise = _noise_of(stress[k], layer.given_noise, layer.threshold)
+        gone, full, below = drop_unusable(
+            stress[k], layer.full_scale, layer.floor, layer.component != PRESSURE, censored[k])
+        layer.noise = _noise_of(stress[k], layer.given_noise, censored[k])
+        if below > 0:
+            mean = -layer.noise * mean_below(layer.floor / layer.noise)
+            for r in range(stress.shape[1]):
+                for c in range(stress.shape[2]):
+                    if censored[k, r, c]:
+                        stress[k, r, c] = mean
         missing += gone
         at_full_scale += full
     if at_full_scale > 0 or (missing > 0 and saturated > 0):
@@ -149,9 +179,9 @@ def preprocess(stress, sensor, layers, reasons, saturated, calibrated, estimate)
     live, total, highest = _survey(stress[main], sensor, calibrated, estimate)
     noise = layers[main].noise
     kind, missed = _NONE, 0
-    if not calibrated:  # no force can be told, so nothing is called a contact estimate
-        kind, missed = (_OTHER if total > 0.0 else _NONE), _BAD_IMAGE
-    elif live < MIN_LIVE:
+    if not calibrated:
+        reasons |= _UNCALIBRATED
+    if live < MIN_LIVE:
         missed = _FEW
     elif highest < DETECTION * noise and total < DETECTION * noise * np.sqrt(live):
         missed = _NO_CONTACT

@@ -154,6 +154,14 @@ def tukey_weights(values, residual, n, model_error, tukey, roots):
         roots[i] = max(1.0 - (roots[i] / scale) ** 2, 0.0)
 
 
+@njit(error_model='numpy', fastmath=FAST)
+def scatter_weights(values, residual, n, scatter, roots):
+    """Square roots of the weights of tactels that are off by a share of the pressure as well."""
+    for i in range(n):
+        off = scatter * (values[i] - residual[i])
+        roots[i] = 1.0 / np.sqrt(1.0 + off * off)
+
+
 @njit(error_model='numpy')
 def weigh(rows, roots, n):
     """Multiply rows by the square roots of the weights, in place."""

@@ -1,31 +1,20 @@
-"""From raw counts to pressure: calibration file, tare, invalid tactels."""
-from dataclasses import dataclass, field, fields
+"""From raw counts to pressure: what is known of one array."""
+from dataclasses import dataclass, field, replace
 import math
 
 import numpy as np
 
 from tactile_common.config import checked
-from tactile_common.errors import ConfigurationError, TactileError
-from tactile_common.yaml_file import read_yaml
+from tactile_common.errors import ConfigurationError
+from tactile_sensing.devices.counts import Counts
+from tactile_sensing.devices.tare import Tare, tare_of, TareRefusedError
+from tactile_sensing.devices.unloaded import missing_mean, QUANTISATION
 from tactile_sensing.types.array import PITCH, TactelArray
 from tactile_sensing.types.image import COMPONENTS, Layer, SensorInfo
+from tactile_sensing.types.skin import Skin
 
 UNITS = ('Pa', 'counts')
-# Fewer frames tell neither the noise nor whether the picture is steady.
-MIN_TARE_FRAMES = 20
-CHANCE = 5.0  # standard deviations that a mean may be off by chance
-
-
-class TareRefusedError(TactileError):
-    """The frames are no picture of the unloaded pad; the message says why."""
-
-
-@dataclass(frozen=True, eq=False)
-class Tare:
-    """Picture of the unloaded pad."""
-
-    offset: np.ndarray  # mean counts, shape (rows, columns), float32
-    noise_std: float  # standard deviation of one tactel from frame to frame [counts]
+TOLERANCE = 5 / 255  # of the range, where no tolerance of a tare is given
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,20 +22,34 @@ class Calibration:
     """
     What turns the counts of one array into a picture, and what is known of its sensor.
 
-    `gain`, pressure per count [unit/count], and `baseline`, the counts of the unloaded pad as the
-    maker or an earlier tare found them, are given for all tactels or one each, `(rows, columns)`.
-    Raises a ConfigurationError where a value is out of bounds.
+    `gain`, pressure per count [unit/count], `baseline`, the counts of the unloaded pad as the
+    maker or an earlier tare found them, and `noise` are given for all tactels or one each,
+    `(rows, columns)`. With the unit 'counts' gains are only known relative to each other, and no
+    force can be told. Raises a ConfigurationError where a value is out of bounds.
     """
 
     array: TactelArray
     gain: np.ndarray = 1.0  # type: ignore[assignment]  # becomes an array
     unit: str = 'Pa'  # or 'counts' if nothing is known
     baseline: np.ndarray = 0.0  # type: ignore[assignment]
-    saturation: int = 255  # counts from which on a tactel is at full scale, its value unknown
+    noise: np.ndarray = 0.0  # type: ignore[assignment]  # standard deviation [counts]; 0 = unknown
+    gain_spread: float = 0.0  # standard deviation of the true gains about these, relative
+    bits: int = 8  # this and the next three: see `Counts`
+    signed: bool = False
+    threshold: int | None = None
+    saturation: int | None = None
     dead_tactels: tuple = ()  # row-major indices of tactels that are never used
-    tare_tolerance: float = 5.0  # of an unloaded tactel, from `baseline` [counts]; more is a load
+    # From `baseline` of an unloaded tactel [counts]; more is a load. 0: TOLERANCE.
+    tare_tolerance: float = 0.0
+    # Row of the raw frames that is each row of the picture, likewise columns; empty: as they come.
+    row_order: tuple = ()
+    column_order: tuple = ()
+    transposed: bool = False  # whether raw frames have the picture's rows as columns
     component: str = 'zz'  # of the stress
     depth: float = 0.0  # of the tactels below the surface of the skin [m]
+    thickness: float = 0.0  # of the skin on a rigid backing [m]; 0 = no backing near
+    poisson: float = 0.5  # Poisson's ratio of the skin
+    tactel: str = ''  # 'area' or 'point': what a tactel measures; empty: as the estimator is told
     skin_stiffness: float = 0.0  # line force per length and indentation [N/m^2]; 0 = unknown
     max_load: float = 0.0  # largest normal force on the pad [N]; 0 = unknown
     acquisition_delay: float = 0.0  # from its middle to the arrival of the last byte [s]
@@ -54,12 +57,14 @@ class Calibration:
     model: str = 'flexitac'  # kind of device
     serial_number: str = ''
     source: str = ''  # where these values come from
+    found: dict = field(default_factory=dict)  # how they were found, how well, what was assumed
     live: np.ndarray = field(init=False, repr=False)  # (rows, columns): whether a tactel is used
+    counts: Counts = field(init=False, repr=False)
 
     def __post_init__(self):
         checked('depth', self.depth, float, {'range': (0.0, PITCH[1]), 'unit': 'm'})
-        for name in ('tare_tolerance', 'depth', 'skin_stiffness', 'max_load',
-                     'acquisition_delay', 'nominal_rate'):
+        for name in ('tare_tolerance', 'depth', 'thickness', 'skin_stiffness', 'max_load',
+                     'gain_spread', 'acquisition_delay', 'nominal_rate'):
             value = getattr(self, name)
             if not _is_number(value) or not 0.0 <= value < math.inf:
                 raise ConfigurationError(f'{name} is {value!r}, must be a number of at least 0')
@@ -70,17 +75,29 @@ class Calibration:
         for name in ('model', 'serial_number', 'source'):
             if not isinstance(getattr(self, name), str):
                 raise ConfigurationError(f'{name} is {getattr(self, name)!r}, must be a text')
-        if type(self.saturation) is not int or not 1 <= self.saturation <= 256:
-            raise ConfigurationError(
-                f'saturation is {self.saturation!r}, must be an integer from 1 to 256')
+        if self.depth > 0.0:
+            Skin(self.depth, self.thickness or math.inf, self.poisson)
+        if self.tactel not in ('', 'area', 'point'):
+            raise ConfigurationError(f"tactel is {self.tactel!r}, must be 'area' or 'point'")
+        if not isinstance(self.found, dict):
+            raise ConfigurationError(f'found is {self.found!r:.60}, must be a mapping')
+        counts = Counts(self.bits, self.signed, self.threshold, self.saturation)
+        object.__setattr__(self, 'counts', counts)
+        if self.tare_tolerance == 0.0:
+            object.__setattr__(
+                self, 'tare_tolerance', TOLERANCE * (counts.highest - counts.lowest))
         gain = self._per_tactel('gain')
         if not gain.min() > 0.0:
             raise ConfigurationError(f'gain is {gain.min()} at least once, must be above 0')
         baseline = self._per_tactel('baseline')
-        if baseline.min() < 0.0 or baseline.max() >= self.saturation:
+        if baseline.min() < counts.lowest or baseline.max() >= counts.saturation:
             raise ConfigurationError(
-                f'baseline is {baseline.min()} to {baseline.max()}, must be at least 0 and '
-                f'below saturation = {self.saturation}')
+                f'baseline is {baseline.min()} to {baseline.max()}, must be at least '
+                f'{counts.lowest} and below saturation = {counts.saturation}')
+        if self._per_tactel('noise').min() < 0.0:
+            raise ConfigurationError(f'noise is {self.noise.min()} at least once, must be at '
+                                     'least 0')
+        self._check_order()
         object.__setattr__(self, 'live', self._live())
 
     def _per_tactel(self, name):
@@ -97,6 +114,28 @@ class Calibration:
         values.flags.writeable = False
         object.__setattr__(self, name, values)
         return values
+
+    def _check_order(self):
+        for name, size in (('row_order', self.array.rows), ('column_order', self.array.columns)):
+            value = getattr(self, name)
+            if value and not (isinstance(value, (list, tuple))
+                              and all(type(item) is int for item in value)
+                              and sorted(value) == list(range(size))):
+                raise ConfigurationError(
+                    f'{name} is {value!r:.60}, must hold every integer from 0 to {size - 1} once')
+
+    def arrange(self, frames: np.ndarray) -> np.ndarray:
+        """Return raw frames (..., rows, columns) in the order of the picture."""
+        if self.transposed:
+            frames = np.swapaxes(frames, -1, -2)
+        if self.row_order:
+            frames = frames[..., list(self.row_order), :]
+        return frames[..., list(self.column_order)] if self.column_order else frames
+
+    @property
+    def raw_shape(self) -> tuple[int, int]:
+        """Shape of a raw frame."""
+        return self.array.shape[::-1] if self.transposed else self.array.shape
 
     def _live(self):
         live = np.ones(self.array.rows * self.array.columns, bool)
@@ -116,84 +155,87 @@ class Calibration:
         Return a calibration that passes the counts through.
 
         The pitch is one length or two, along x and y [m]; values are other fields of the class.
+        The depth of the tactels is taken as the smaller pitch where it is not given.
         """
-        pitch_x, pitch_y = _pair(pitch)
-        values = {'unit': 'counts', 'model': 'uncalibrated', 'source': 'none', **values}
+        pitch_x, pitch_y = pitch_pair(pitch)
+        values = {'unit': 'counts', 'model': 'uncalibrated', 'source': 'none',
+                  'depth': float(min(pitch_x, pitch_y)), **values}
         return cls(TactelArray(rows, columns, pitch_x, pitch_y), **values)
 
     def make_tare(self, frames) -> Tare:
-        """
-        Average frames of the unloaded pad, raw counts `(n, rows, columns)`.
-
-        Raises
-        ------
-        TareRefusedError
-            Too few frames, a load on a live tactel, or a picture that moves.
-        """
+        """Average frames of the unloaded pad, raw counts `(n, rows, columns)`, see `tare`."""
         frames = np.asarray(frames)
-        if frames.ndim != 3 or frames.shape[1:] != self.array.shape:
+        if frames.ndim != 3 or frames.shape[1:] != self.raw_shape:
             raise TareRefusedError(
-                f'frames have shape {frames.shape}, must be (n, {self.array.rows}, '
-                f'{self.array.columns})')
-        if len(frames) < MIN_TARE_FRAMES:
-            raise TareRefusedError(f'{len(frames)} frames, at least {MIN_TARE_FRAMES} are needed')
-        offset = frames.mean(axis=0, dtype=np.float64)
-        noise_std = float(np.sqrt(frames.var(axis=0, ddof=1, dtype=np.float64)[self.live].mean()))
-        # From frame to frame, and by the median, so that a load that comes is no noise.
-        steps = np.abs(np.diff(frames[:, self.live].astype(np.float64), axis=0))
-        chance = CHANCE * 1.05 * float(np.median(steps)) / np.sqrt(len(frames))  # of a mean
-        self._refuse_load(np.where(self.live, offset - self.baseline, 0.0), chance)
-        half = len(frames) // 2
-        change = np.where(self.live, frames[half:].mean(axis=0) - frames[:half].mean(axis=0), 0.0)
-        allowed = 0.5 * self.tare_tolerance + 2.0 * chance
-        if np.abs(change).max() > allowed:
-            raise TareRefusedError(
-                f'not steady: a tactel changes by {np.abs(change).max():.1f} counts within '
-                f'{len(frames)} frames, at most {allowed:.1f} are allowed')
-        return Tare(offset.astype(np.float32), noise_std)
-
-    def _refuse_load(self, deviation, chance):
-        worst = np.unravel_index(np.abs(deviation).argmax(), deviation.shape)
-        allowed = self.tare_tolerance + chance
-        if abs(deviation[worst]) > allowed:
-            loaded = np.count_nonzero(np.abs(deviation) > allowed)
-            raise TareRefusedError(
-                f'under load: {loaded} tactels are off the no-load baseline, row {worst[0]} '
-                f'column {worst[1]} by {deviation[worst]:+.1f} counts, at most '
-                f'{allowed:.1f} are allowed')
+                f'frames have shape {frames.shape}, must be (n, {self.raw_shape[0]}, '
+                f'{self.raw_shape[1]})')
+        return tare_of(self.arrange(frames), self.counts, self.baseline, self.live,
+                       self.tare_tolerance)
 
     def converter(self, tare=None):
         """
         Return the function that turns raw counts into a picture; without tare, by the baseline.
 
-        It takes counts `(rows, columns)`, uint8, and returns `(Layer, saturated)`: stress with
-        NaN for dead and saturated tactels, and the number of live ones that are saturated.
+        It takes counts `(rows, columns)` of the raw frame, and returns `(Layer, saturated)`:
+        stress with NaN for dead and saturated tactels, and the number of live ones that are
+        saturated. Counts below the threshold are given what noise has there in the mean without a
+        load: else the sum of an unloaded picture would be a load.
         """
-        offset = self.baseline if tare is None else tare.offset
+        offset, _ = self._unloaded(tare)
         zero = np.where(self.live, self.gain * offset, np.nan).astype(np.float32)
-        template = self.layer(tare)
+        below, told = self._below(tare)
+        template, full, threshold = self.layer(tare), self.counts.saturation, self.counts.threshold
 
         def convert(counts):
+            counts = self.arrange(counts)
             stress = self.gain * counts
             stress -= zero
+            if counts.min() < threshold:
+                np.copyto(stress, below, where=told & (counts < threshold))
             saturated = 0
-            if counts.max() >= self.saturation:
-                invalid = (counts >= self.saturation) & self.live
+            if counts.max() >= full:
+                invalid = (counts >= full) & self.live
                 stress[invalid] = np.nan
                 saturated = int(np.count_nonzero(invalid))
-            return Layer(template.component, template.depth, stress, template.full_scale,
-                         template.noise_std, template.unit), saturated
+            return replace(template, stress=stress), saturated
 
         return convert
 
+    def stress(self, frames: np.ndarray, tare=None) -> np.ndarray:
+        """Return the stress of raw frames (N, rows, columns), NaN as for `converter`."""
+        counts = self.arrange(np.asarray(frames, dtype=np.float64))
+        usable = self.live & (counts < self.counts.saturation)
+        below, told = self._below(tare)
+        stress = np.where(told & (counts < self.counts.threshold), below,
+                          self.gain * (counts - self._unloaded(tare)[0]))
+        return np.where(usable, stress, np.nan)
+
+    def _unloaded(self, tare):
+        """Counts of the unloaded tactels, and their noise; 0 where it is not known."""
+        if tare is not None:
+            return tare.offset, tare.noise
+        return self.baseline, np.where(
+            self.noise > 0.0, np.maximum(self.noise, QUANTISATION**0.5), 0.0)
+
+    def _below(self, tare):
+        """Mean stress of unloaded tactels below the threshold, and whose noise tells it."""
+        offset, noise = self._unloaded(tare)
+        told = self.live & (noise > 0.0)
+        noise = np.where(told, noise, 1.0)
+        level = (self.counts.threshold - 0.5 - offset) / noise
+        return (-self.gain * noise * missing_mean(level)).astype(np.float32), told
+
     def layer(self, tare=None) -> Layer:
-        """Return the layer without values: component, depth, unit, full scale and noise."""
-        offset = self.baseline if tare is None else tare.offset
-        # The full scale that every live tactel reaches; counts below saturation are valid.
-        full_scale = (self.gain * (self.saturation - offset))[self.live].min()
-        noise = 0.0 if tare is None else tare.noise_std * float(self.gain[self.live].mean())
-        return Layer(self.component, self.depth, np.empty(0, np.float32), float(full_scale),
-                     noise, self.unit)
+        """Return the layer without values: component, skin, unit, range and noise."""
+        gain, (offset, noise) = self.gain[self.live], (
+            values[self.live] for values in self._unloaded(tare))
+        # What every live tactel reaches at the top, and what none is below at the bottom.
+        full_scale = (gain * (self.counts.saturation - offset)).min()
+        floor = (gain * (self.counts.threshold - 0.5 - offset)).max()
+        return Layer(
+            self.component, self.depth, np.empty(0, np.float32), float(full_scale),
+            float(np.sqrt(np.mean((gain * noise)**2))), self.unit, self.thickness or math.inf,
+            self.poisson, self.gain_spread, float(floor) or 1e-9)
 
     def sensor_info(self, sensor, frame_id, stamp_ns, tare=None, tared_at_ns=0) -> SensorInfo:
         """Return what is known of the sensor, for those who read its pictures."""
@@ -205,58 +247,8 @@ class Calibration:
             calibration=self.source, tared_at_ns=tared_at_ns)
 
 
-_FILE_KEYS = {'rows', 'columns', 'pitch', *(f.name for f in fields(Calibration))} - {
-    'array', 'source', 'live'}
-
-
-def load_calibration(path) -> Calibration:
-    """
-    Read a calibration file.
-
-    YAML with the fields of `Calibration` as keys, but `rows`, `columns` and `pitch` ([m], one
-    value or x and y) for the array and `[row, column]` pairs for `dead_tactels`.
-
-    Raises
-    ------
-    ConfigurationError
-        The file cannot be read, or a key is missing, unknown or out of bounds; names the file.
-    """
-    try:
-        return _from_mapping(read_yaml(path), str(path))
-    except ConfigurationError as error:
-        raise ConfigurationError(f'calibration {path}: {error}') from error
-
-
-def _from_mapping(values, source):
-    if not isinstance(values, dict):
-        raise ConfigurationError('must be a mapping of keys to values')
-    unknown = sorted(str(key) for key in set(values) - _FILE_KEYS)
-    if unknown:
-        raise ConfigurationError(
-            f'unknown key {unknown[0]!r}, must be one of {", ".join(sorted(_FILE_KEYS))}')
-    for key in ('rows', 'columns', 'pitch', 'gain'):
-        if key not in values:
-            raise ConfigurationError(f'key {key!r} is missing')
-    values = dict(values)
-    pitch_x, pitch_y = _pair(values.pop('pitch'))
-    array = TactelArray(values.pop('rows'), values.pop('columns'), pitch_x, pitch_y)
-    dead = _indices(values.pop('dead_tactels', None) or [], array)
-    return Calibration(array, dead_tactels=dead, source=source, **values)
-
-
-def _indices(pairs, array):
-    indices = []
-    for pair in pairs if isinstance(pairs, list) else [pairs]:
-        if (not isinstance(pair, list) or [type(value) for value in pair] != [int, int]
-                or not (0 <= pair[0] < array.rows and 0 <= pair[1] < array.columns)):
-            raise ConfigurationError(
-                f'dead_tactels holds {pair!r}, must be pairs [row, column] below '
-                f'[{array.rows}, {array.columns}]')
-        indices.append(pair[0] * array.columns + pair[1])
-    return tuple(indices)
-
-
-def _pair(pitch):
+def pitch_pair(pitch):
+    """Pitch along x and along y, of one length or two [m]."""
     if isinstance(pitch, (list, tuple)):
         if len(pitch) != 2:
             raise ConfigurationError(f'pitch is {pitch!r}, must be one length or two [m]')

@@ -2,8 +2,9 @@
 Byte protocol of a FlexiTac reading circuit, without any input or output.
 
 The device runs free: the marker `AA 55`, then `rows * columns` unsigned bytes, row-major, then
-the next marker. Nothing is escaped and there is no checksum, so the marker may occur in the
-payload, and a frame counts only if the next marker stands where it must.
+the next marker. Converters of more than eight bits send words of two bytes, the lower one first,
+signed ones two's complements. Nothing is escaped and there is no checksum, so the marker may occur
+in the payload, and a frame counts only if the next marker stands where it must.
 
 In lock a frame costs no more latency than those two bytes. Without lock (at the start, after a
 loss) three markers at the right distances are demanded: in random bytes two of them stand right
@@ -19,6 +20,7 @@ lock in the wrong phase; it shows by the true marker, now at the mirrored place,
 from collections import deque
 
 import numpy as np
+from numpy.typing import DTypeLike
 
 from tactile_common.errors import ConfigurationError
 from tactile_sensing.devices.marker_search import AMBIGUOUS_PERIODS, Known, MarkerSearch
@@ -30,13 +32,15 @@ FIXED_FRAMES = 8  # in which a mimic has stood at one place, so that it counts a
 
 
 def encode_frame(counts: np.ndarray) -> bytes:
-    """Return marker and payload of one picture, `counts` of shape `(rows, columns)`, uint8."""
+    """Return marker and payload of one picture, `counts` of shape `(rows, columns)`."""
     return MARKER + encode_payload(counts)
 
 
 def encode_payload(counts: np.ndarray) -> bytes:
-    """Return the payload of one picture alone."""
-    return np.ascontiguousarray(counts, dtype=np.uint8).tobytes()
+    """Return the payload of one picture alone: integers of one byte or two, as they are."""
+    if counts.dtype.itemsize > 2:
+        counts = counts.astype(np.uint8)
+    return counts.astype(counts.dtype.newbyteorder('<')).tobytes()
 
 
 def encode_next(counts: np.ndarray) -> bytes:
@@ -50,16 +54,17 @@ class FlexiTacDecoder:
 
     `buffer_bound` is without lock the `AMBIGUOUS_PERIODS` that may be needed to choose a phase,
     and the markers around them. `lost_frames` is estimated from the dropped bytes. Raises a
-    ConfigurationError where a size is not a positive integer. Many of its attributes are the
-    counters of a `Decoder`.
+    ConfigurationError where a size is not a positive integer. Counts are of the type that is
+    given, an integer of one byte or two. Many of its attributes are the counters of a `Decoder`.
     """
 
-    def __init__(self, rows: int, columns: int):
+    def __init__(self, rows: int, columns: int, kind: DTypeLike = np.uint8):
         for name, value in (('rows', rows), ('columns', columns)):
             if not isinstance(value, int) or value < 1:
                 raise ConfigurationError(f'{name} is {value!r}, must be an integer of at least 1')
         self._shape = (rows, columns)
-        self._period = len(MARKER) + rows * columns
+        self._kind = np.empty(0, kind).dtype.newbyteorder('<')
+        self._period = len(MARKER) + rows * columns * self._kind.itemsize
         self.buffer_bound = (AMBIGUOUS_PERIODS + 2) * self._period + len(MARKER)
         self.frames = self.lost_frames = self.resyncs = self.dropped_bytes = 0
         self._buffer = bytearray()
@@ -123,7 +128,7 @@ class FlexiTacDecoder:
         first = self._origin + len(MARKER)
         self._take(self._period)
         self._held -= 1
-        counts = np.frombuffer(payload, np.uint8).reshape(self._shape)
+        counts = np.frombuffer(payload, self._kind).reshape(self._shape)
         frame = Frame(counts, self.frames + self.lost_frames, first, self._origin)
         self.frames += 1
         return frame

@@ -21,7 +21,7 @@ NEED_DATA = Signal.NEED_DATA
 class Frame:
     """One picture."""
 
-    counts: np.ndarray  # raw values, shape (rows, columns), unsigned integers, read-only
+    counts: np.ndarray  # raw values, shape (rows, columns), integers, read-only
     sequence: int  # frames before this one, with an estimate of the lost ones
     first_byte: int  # position of its first byte among all that the decoder has received
     end: int  # position behind its last byte
@@ -75,7 +75,8 @@ class Decoder(Protocol):
 class SensorProtocol:
     """One row of `registry.PROTOCOLS`."""
 
-    decoder: Callable[[int, int], Decoder]  # of an array of so many rows and columns
+    # Of an array of so many rows and columns, and the type of its counts (default np.uint8).
+    decoder: Callable[..., Decoder]
     encode: Callable[[np.ndarray], bytes]  # counts (rows, columns): what a device sends for them
     preamble: bytes  # what a device sends before its first picture
     baud_rate: int  # [bit/s]

@@ -19,10 +19,11 @@ from tactile_common.ros.runner import run
 from tactile_msgs.msg import SensorInfo as SensorInfoMsg
 from tactile_msgs.msg import TactileImage as TactileImageMsg
 from tactile_sensing.conversions import image_to_msg, sensor_info_to_msg
-from tactile_sensing.devices.calibration import load_calibration, MIN_TARE_FRAMES, TareRefusedError
+from tactile_sensing.devices.calibration_file import load_calibration
 from tactile_sensing.devices.frame_clock import FrameClock
 from tactile_sensing.devices.registry import protocol_named, PROTOCOLS
 from tactile_sensing.devices.serial_port import SensorPort
+from tactile_sensing.devices.tare import MIN_TARE_FRAMES, TareRefusedError
 from tactile_sensing.types.image import TactileImage
 
 # A stream without a byte or a frame for this long is reported [s].
@@ -94,8 +95,9 @@ class DriverNode(TactileNode):
         self._calibration = calibration or load_calibration(
             self._config.calibration or os.path.join(
                 get_package_share_directory('tactile_sensing'), 'config', protocol.calibration))
-        geometry = self._calibration.array
-        self._decoder = protocol.decoder(geometry.rows, geometry.columns)
+        self._decoder = protocol.decoder(
+            *self._calibration.raw_shape, self._calibration.counts.dtype)
+        self._frame_size = self._calibration.live.size * self._calibration.counts.dtype.itemsize
         self._frames = FrameClock(self._decoder, self._calibration.nominal_rate)
         self._delay_ns = round(self._calibration.acquisition_delay * 1e9)
         # The executor and the reader both tare: the lock guards these four.
@@ -133,7 +135,7 @@ class DriverNode(TactileNode):
         while not self._stop.is_set() and self.context.ok():
             try:
                 with SensorPort(
-                        self._config.port, self._baud, self._calibration.live.size) as port:
+                        self._config.port, self._baud, self._frame_size) as port:
                     self._on_connected()
                     while not self._stop.is_set():
                         self._on_bytes(port.read(), port.caught_up_at)

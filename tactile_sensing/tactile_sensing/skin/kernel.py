@@ -1,14 +1,15 @@
 """
 Pressure of point and line loads on a skin, as polynomials that a compiled fit evaluates.
 
-The pressure that a tactel measures under a point load is P f(s) + (Qx u + Qy v) g(s), where s is
-u^2 + v^2, its squared distance; under a line load likewise, u its distance and Q the shear
-across. The inverse transforms of `layer.pressure_transforms` give f and g, and here they become
-polynomials in t = c^2 / (s + c^2), c some depths: smooth, and without an end. What an area tactel
-averages, and what an extended load spreads, are factors of the transform.
+A tactel measures P f(s) + (Qx u + Qy v) g(s) under a point load, s = u^2 + v^2
+its squared distance; likewise under a line load, u its distance and Q the shear across. The
+inverse transforms of `layer.pressure_transforms` give f and g, and here they become polynomials in
+t = c^2 / (s + c^2), c some depths: smooth, and without an end. What an area tactel averages, and
+what an extended load spreads, are factors of the transform.
 
-The mean over a square depends on direction. Its mean over all directions is used: the same factor
-for point and line, right to the third order of the side; nodes split tactels too large for it.
+The mean over a square depends on direction. For a point its mean over all directions is used,
+right to the third order of the side; a line has the next term as well, that with cos(4 yaw).
+Tactels too large for that are split.
 """
 
 from functools import lru_cache
@@ -69,11 +70,12 @@ def _transforms():
     return result
 
 
-def square_mean(k: np.ndarray, side: float) -> np.ndarray:
-    """Transform of the mean over a square [1/k], averaged over its directions."""
+def square_mean(k: np.ndarray, side: float) -> tuple[np.ndarray, np.ndarray]:
+    """Transform of the mean over a square: its mean over directions, and that of cos(4 yaw)."""
     turn = np.pi / 2.0 * (np.arange(32) + 0.5) / 32
     half = np.multiply.outer(0.5 * side * k, np.stack([np.cos(turn), np.sin(turn)]) / np.pi)
-    return np.sinc(half).prod(axis=-2).mean(axis=-1)
+    mean = np.sinc(half).prod(axis=-2)
+    return mean.mean(axis=-1), 2.0 * (mean * np.cos(4.0 * turn)).mean(axis=-1)
 
 
 def patch_transforms(k: np.ndarray, variance: float) -> tuple[np.ndarray, np.ndarray]:
@@ -97,13 +99,14 @@ def _polynomials(depth_over_thickness, poisson, side):
     k, _ = _quadrature()
     skin = Skin(1.0, np.inf if depth_over_thickness == 0.0 else 1.0 / depth_over_thickness,
                 poisson)
-    mean = square_mean(k, side)
-    # (2, wave numbers)
-    loads = np.stack([transform * mean for transform in pressure_transforms(k, skin)])
+    mean, part = square_mean(k, side)
+    loads = np.stack(pressure_transforms(k, skin))  # (2, wave numbers)
     variances = MAX_VARIANCE * 0.5 * (
         1.0 - np.cos(np.pi * np.arange(SPREAD_DEGREE + 1) / SPREAD_DEGREE))
-    patches = np.stack([patch_transforms(k, variance) for variance in variances])
-    at_variances = np.einsum('abck,bk,vak->vabc', _transforms(), loads, patches, optimize=True)
+    disc, strip = np.stack([patch_transforms(k, variance) for variance in variances], axis=1)
+    factors = np.stack([disc * mean, strip * mean, strip * part])
+    at_variances = np.einsum(
+        'abck,bk,avk->vabc', _transforms()[[0, 1, 1]], loads, factors, optimize=True)
     powers = np.linalg.inv(np.vander(variances, SPREAD_DEGREE + 1, increasing=True))
     coefficients = np.einsum('pv,vabc->apbc', powers, at_variances)
     coefficients.flags.writeable = False
@@ -124,8 +127,9 @@ def polynomials(skin: Skin, side: float = 0.0) -> np.ndarray:
 
     Returns
     -------
-    ndarray, shape (2, SPREAD_DEGREE + 1, 2, DEGREE + 1), read-only
-        Of point and line; powers of the patch's variance [depths^2]; f and g; powers of t.
+    ndarray, shape (3, SPREAD_DEGREE + 1, 2, DEGREE + 1), read-only
+        Of point, line, and what a line has more times cos(4 yaw); powers of the patch's variance
+        [depths^2]; f and g; powers of t.
         f is over depth^2 (line: depth), g over depth^3 (depth^2).
     """
     return _polynomials(round(skin.depth / skin.thickness, 12), round(skin.poisson, 12),

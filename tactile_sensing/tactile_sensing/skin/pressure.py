@@ -5,10 +5,12 @@ import math
 
 import numpy as np
 
+from tactile_common.errors import ConfigurationError
 from tactile_sensing.skin.kernel import CENTRE, LARGEST_SIDE, MAX_VARIANCE, polynomials
 from tactile_sensing.types.skin import Skin
 
-POINT, LINE = 0, 1  # rows of `polynomials`
+MOST_SQUARES = 24  # along a tactel; each costs a fit as much as a tactel that samples a point
+POINT, LINE, LINE_TURNED = range(3)  # rows of `polynomials`
 
 
 def split_tactel(pitch_x: float, pitch_y: float, depth: float) -> tuple[float, np.ndarray]:
@@ -21,9 +23,18 @@ def split_tactel(pitch_x: float, pitch_y: float, depth: float) -> tuple[float, n
         Of the squares [m], at most LARGEST_SIDE depths.
     centres : ndarray, shape (N, 2)
         From the middle of the rectangle [m], all of the same weight.
+
+    Raises
+    ------
+    ConfigurationError
+        The rectangle is more than MOST_SQUARES of the largest squares long.
     """
     largest = LARGEST_SIDE * depth
-    counts = [math.ceil(pitch / largest - 1e-9) for pitch in (pitch_x, pitch_y)]
+    if max(pitch_x, pitch_y) > MOST_SQUARES * largest:
+        raise ConfigurationError(
+            f'pitch is {max(pitch_x, pitch_y):g} m, must be at most {MOST_SQUARES * largest:g} m '
+            f'for tactels that average over it at a depth of {depth:g} m')
+    counts = [max(math.ceil(pitch / largest - 1e-9), 1) for pitch in (pitch_x, pitch_y)]
     sides = [pitch / count for pitch, count in zip((pitch_x, pitch_y), counts, strict=True)]
     side = min(sides)
     axes = []
@@ -61,28 +72,35 @@ class SkinPressure:
     def point(self, x: np.ndarray, y: np.ndarray, a: float, b: float, normal_force: float,
               shear_x: float = 0.0, shear_y: float = 0.0, radius: float = 0.0) -> np.ndarray:
         """Pressure under Hertz' patch of this radius [m], at most 1.5 depths; 0: a point."""
-        total: np.ndarray | float = 0.0
+        return self.point_basis(x, y, a, b, radius) @ np.array([normal_force, shear_x, shear_y])
+
+    def point_basis(self, x: np.ndarray, y: np.ndarray, a: float, b: float,
+                    radius: float = 0.0) -> np.ndarray:
+        """Pressure by a unit of normal force, shear along x and along y, shape (..., 3)."""
+        parts: list = [0.0, 0.0, 0.0]
         for dx, dy in self._nodes:
             u, v = x + dx - a, y + dy - b
-            f, g = self._kernel(POINT, u * u + v * v, radius**2 / 5.0)
-            total = total + normal_force * f + (shear_x * u + shear_y * v) * g
-        return np.asarray(total) / len(self._nodes)
+            f, g = self._kernel(self._coefficients[POINT], 2, u * u + v * v, radius**2 / 5.0)
+            parts = [part + new for part, new in zip(parts, (f, u * g, v * g), strict=True)]
+        return np.stack(parts, axis=-1) / len(self._nodes)
 
     def line(self, x: np.ndarray, y: np.ndarray, rho: float, yaw: float, line_force: float,
              line_shear: float = 0.0, half_width: float = 0.0) -> np.ndarray:
         """Pressure under a half ellipse of this half width [m], at most 1.34 depths; 0: a line."""
+        coefficients = self._coefficients[LINE] + np.cos(
+            4.0 * yaw) * self._coefficients[LINE_TURNED]
         total: np.ndarray | float = 0.0
         for dx, dy in self._nodes:
             v = (x + dx) * np.cos(yaw) + (y + dy) * np.sin(yaw) - rho
-            f, g = self._kernel(LINE, v * v, half_width**2 / 4.0)
+            f, g = self._kernel(coefficients, 1, v * v, half_width**2 / 4.0)
             total = total + line_force * f + line_shear * v * g
         return np.asarray(total) / len(self._nodes)
 
-    def _kernel(self, kind, squared, variance):
+    def _kernel(self, coefficients, order, squared, variance):
         depth = self.skin.depth
         relative = min(variance / depth**2, MAX_VARIANCE)
-        coefficients = np.polynomial.polynomial.polyval(relative, self._coefficients[kind])
+        coefficients = np.polynomial.polynomial.polyval(relative, coefficients)
         t = CENTRE**2 / (squared / depth**2 + CENTRE**2)
         f, g = np.polynomial.polynomial.polyval(t, coefficients.T)
-        scale = depth ** (kind - 2)
+        scale = depth**-order
         return f * scale, g * scale / depth

@@ -36,20 +36,22 @@ class Reason(IntFlag):
     SATURATED = 512
     DEAD_TACTELS = 1024
     FORCE_MISMATCH = 2048
+    UNCALIBRATED = 4096
 
 
 # What says that something was left out, not that there is no estimate.
-INFORMATION = Reason.SATURATED | Reason.DEAD_TACTELS | Reason.FORCE_MISMATCH | Reason.NOT_TARED
+INFORMATION = (Reason.SATURATED | Reason.DEAD_TACTELS | Reason.FORCE_MISMATCH | Reason.NOT_TARED
+               | Reason.UNCALIBRATED)
 
 
-def _told(unit: str, doc: str, *, name: str = '', dtype: str = 'f8', row: bool = False) -> dict:
-    """What of a field is written to files, under another name if one is given."""
-    return {'unit': unit, 'doc': doc, 'name': name, 'dtype': dtype, 'row': row}
+def _told(unit: str, doc: str, *, dtype: str = 'f8', row: bool = False) -> dict:
+    """What of a field is written to files."""
+    return {'unit': unit, 'doc': doc, 'dtype': dtype, 'row': row}
 
 
-def _parameter(unit: str, doc: str, name: str = '') -> dict:
+def _parameter(unit: str, doc: str) -> dict:
     """Likewise, of a parameter of the load, with a row and a column in the covariance."""
-    return _told(unit, doc, name=name, row=True)
+    return _told(unit, doc, row=True)
 
 
 def no_covariance() -> np.ndarray:
@@ -70,7 +72,7 @@ class Contact:
     valid: bool = field(metadata=_told(
         '', 'whether the values of that type may be used', dtype='?'))
     reasons: Reason = field(metadata=_told(
-        '', 'why not valid, or what was left out; see Flags', name='flags', dtype='u4'))
+        '', 'why not valid, or what was left out; see Flags', dtype='u4'))
     method: str
     model: str = ''
     a: float = field(default=NAN, metadata=_parameter(
@@ -79,46 +81,53 @@ class Contact:
     yaw: float = field(default=NAN, metadata=_parameter(
         'rad', 'line: direction of the edge, right-handed about +z, 0 along +y'))
     normal_force: float = field(default=NAN, metadata=_parameter(
-        'N', 'normal force, positive into the skin; line: on the whole pad', 'P'))
+        'N', 'normal force, positive into the skin; line: on the whole pad'))
     shear_force_x: float = field(default=NAN, metadata=_parameter(
-        'N', 'tangential force on the skin, +x; line: of the shear across it', 'Qx'))
+        'N', 'tangential force on the skin, +x; line: of the shear across it'))
     shear_force_y: float = field(default=NAN, metadata=_parameter(
-        'N', 'tangential force on the skin, +y; line: likewise', 'Qy'))
+        'N', 'tangential force on the skin, +y; line: likewise'))
     line_force: float = field(default=NAN, metadata=_parameter(
         'N/m', 'line: normal force per length of edge'))
+    patch: float = field(default=NAN, metadata=_told(
+        'm', 'radius of the patch of a blunt point, half width of a blunt line; 0: sharp'))
+    start: float = field(default=NAN, metadata=_told(
+        'm', 'line: where it begins within the pad, along yaw from the foot of the origin'))
+    end: float = field(default=NAN, metadata=_told('m', 'line: where it ends, likewise'))
     covariance: np.ndarray = field(default_factory=no_covariance, metadata=_told(
-        'SI', 'of (a, b, yaw, P, Qx, Qy, line_force)'))
+        'SI', 'of (a, b, yaw, normal_force, shear_force_x, shear_force_y, line_force)'))
     snr: float = field(default=NAN, metadata=_told(
         'dB', '20 log10 of the fitted peak over the noise of a tactel'))
     residual: float = field(default=NAN, metadata=_told('', 'RMS of (frame - model) / noise'))
     force_windowed: float = field(default=NAN, metadata=_told(
-        'N', 'second estimate of P, from the windowed zeroth moment'))
+        'N', 'second estimate of normal_force, from the windowed zeroth moment'))
     iterations: int = field(default=0, metadata=_told(
         '', 'steps taken by the estimator', dtype='u4'))
-    moments: Moments = Moments(NAN, NAN, NAN, NAN, NAN, NAN)
+    moments: Moments = field(default=Moments(NAN, NAN, NAN, NAN, NAN, NAN), metadata=_told(
+        'SI', 'M0, Mx, My, Mxx, Myy, Mxy of the pressure, of every frame'))
 
 
 # Order of the rows and columns of Contact.covariance, and the row of each: ROW.a ...
 PARAMETERS = tuple(f.name for f in fields(Contact) if f.metadata.get('row'))
 ROW: Any = namedtuple('ROW', PARAMETERS)(*range(len(PARAMETERS)))
 REALS = tuple(f.name for f in fields(Contact) if f.type is float)
-# Fields that are written to files: name there -> field.
-COLUMNS = {f.metadata['name'] or f.name: f for f in fields(Contact) if f.metadata}
+# Fields that are written to files.
+COLUMNS = {f.name: f for f in fields(Contact) if f.metadata}
 
 
 def _type_of(name: str, dtype: str) -> tuple:
-    shape = (len(PARAMETERS),) * 2 if name == 'covariance' else ()
+    shape = {'covariance': (len(PARAMETERS),) * 2, 'moments': (6,)}.get(name, ())
     return name, dtype, shape
 
 
 # One row of `ContactEstimator.estimate_batch` and of the command `estimate`.
 RECORD = np.dtype([_type_of(name, f.metadata['dtype']) for name, f in COLUMNS.items()])
+STAMPED = np.dtype([*RECORD.descr, ('t', 'f8')])  # likewise of a picture of a bag
 # The same as the compiled estimation writes it, under the names of Contact, and what else is
 # found on the way.
 ESTIMATE = np.dtype([
     ('type', 'i8'), ('reasons', 'i8'), *(_type_of(name, 'f8') for name in REALS),
-    _type_of('covariance', 'f8'), ('iterations', 'i8'), ('has_shear', '?'),
-    *((name, 'f8') for name in Moments.__dataclass_fields__)])
+    _type_of('covariance', 'f8'), ('iterations', 'i8'), ('has_shear', '?'), ('extras', 'i8'),
+    *((name, 'f8') for name in Moments.__dataclass_fields__)], align=True)
 NOTHING = np.zeros(1, ESTIMATE)  # an estimate of nothing
 for _name in (*REALS, 'covariance'):
     NOTHING[_name] = NAN

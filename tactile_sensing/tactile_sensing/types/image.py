@@ -4,6 +4,7 @@ import math
 
 import numpy as np
 
+from tactile_common.errors import ConfigurationError
 from tactile_sensing.types.array import TactelArray
 from tactile_sensing.types.skin import Skin
 
@@ -23,6 +24,8 @@ class Layer:
     thickness: float = math.inf  # of the skin on a rigid backing [m]; infinite: a half-space
     poisson: float = 0.5  # Poisson's ratio of the skin
     gain_spread: float = 0.0  # standard deviation of the tactels' gains, relative; 0 = unknown
+    # A tactel at or below it is only known to be below it, in `unit`; 0 = all are measured.
+    floor: float = 0.0
 
     @property
     def skin(self) -> Skin:
@@ -42,6 +45,24 @@ class TactileImage:
     saturated: int = 0  # tactels at full scale, over all layers (NaN in the stress)
     frame_id: str = ''  # sensor frame
     sensor: str = ''  # its name
+
+    def raw_counts(self) -> tuple[np.ndarray, int]:
+        """
+        Return counts (rows, columns) that a driver passed through; how many are at full scale.
+
+        Raises
+        ------
+        ConfigurationError
+            These are no raw counts; says what to do.
+        """
+        layer = self.layers[0]
+        if layer.unit != 'counts' or self.tared:
+            raise ConfigurationError(
+                'no raw counts in the pictures: start the driver with tare_at_start:=false and a '
+                'calibration of `rows`, `columns`, `pitch`, `bits`, `unit: counts` and `gain: 1` '
+                'alone')
+        full = np.isnan(layer.stress)
+        return np.where(full, layer.full_scale, layer.stress), int(full.sum())
 
 
 @dataclass(frozen=True, eq=False)

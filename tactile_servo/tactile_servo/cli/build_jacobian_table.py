@@ -12,6 +12,7 @@ import zipfile
 
 import numpy as np
 
+from tactile_common.command_line import Parser
 from tactile_common.errors import ConfigurationError, TactileError
 from tactile_sensing.dome.finite_element_model import FiniteElementDome
 from tactile_sensing.dome.geometry import Dome
@@ -41,7 +42,7 @@ examples:
 
 def parser() -> argparse.ArgumentParser:
     """Command line."""
-    found = argparse.ArgumentParser(
+    found = Parser(
         prog='build_jacobian_table', description=(__doc__ or '').strip(), epilog=EXAMPLES,
         formatter_class=argparse.RawDescriptionHelpFormatter)
     add = found.add_argument
@@ -133,9 +134,9 @@ def draw(table: JacobianTable, path) -> None:
 
 def main(argv: list[str] | None = None) -> int:
     """Run the command."""
-    options = parser().parse_args(argv)
     begin = time.perf_counter()
     try:
+        options = parser().parse_args(argv)
         table = make(options)
         table.save(options.out)
         if options.plot:

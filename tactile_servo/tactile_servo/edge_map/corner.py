@@ -4,6 +4,7 @@ import math
 
 import numpy as np
 
+from tactile_sensing.half_space.half_spaces import half_spaces
 from tactile_servo.edge_map import corner_fit
 from tactile_servo.edge_map.corner_fit import CornerShape, SIZE
 from tactile_servo.edge_map.picture import Picture
@@ -106,7 +107,8 @@ def fit(picture: Picture, shape: CornerShape) -> tuple[CornerShape, np.ndarray] 
     array, depth, yaw = picture.array, picture.depth, picture.yaw
     start = shape.moved(-picture.place, 0.0).moved(np.zeros(2), -yaw)
     found, information, chi_square, load = corner_fit.fit_corner(
-        picture.pressure, array.x, array.y, depth, picture.noise, MODEL_ERROR, start)
+        picture.pressure, array.x, array.y, half_spaces(picture.skin), picture.noise, MODEL_ERROR,
+        start)
     if not (np.isfinite(found).all() and load > 0.0 and chi_square < WORST_FIT):
         return None
     information += np.diag([0.0, 0.0, 0.0, 0.0, RADIUS_KNOWN / depth**2, BEND_KNOWN * depth**2,

@@ -133,30 +133,39 @@ def corner_points(corner, depth):
 
 
 @njit(cache=True)
-def corner_pressure(corner, x, y, depth):
-    """Pressure of a corner of unit load per length at tactels x, y [m] (rows, columns)."""
+def corner_pressure(corner, x, y, skin):
+    """
+    Pressure of a corner of unit load per length at tactels x, y [m] (rows, columns).
+
+    The skin is HALF_SPACE records, see `half_spaces`.
+    """
+    depth = skin[0].depth
     points = corner_points(corner, depth)
     pressure = np.zeros((len(y), len(x)))
     for k in range(len(points) - 1):
         x0, y0, x1, y1 = points[k, 0], points[k, 1], points[k + 1, 0], points[k + 1, 1]
         length = math.hypot(x1 - x0, y1 - y0)
-        if length > 0.125 * depth:
-            add_segment(pressure, x, y, depth, x0, y0, x1, y1, 1.0, 1.0)
-        elif length > 0.0:
-            add_point(pressure, x, y, depth, 0.5 * (x0 + x1), 0.5 * (y0 + y1), length)
+        for part in skin:
+            if part.weight == 0.0:
+                continue
+            if length > 0.125 * depth:
+                add_segment(pressure, x, y, part.depth, x0, y0, x1, y1, part.weight, part.weight)
+            elif length > 0.0:
+                add_point(pressure, x, y, part.depth, 0.5 * (x0 + x1), 0.5 * (y0 + y1),
+                          part.weight * length)
     return pressure
 
 
 @njit(cache=True)
-def fit_corner(pressure, x, y, depth, noise, model_error, start):
+def fit_corner(pressure, x, y, skin, noise, model_error, start):
     """
     Fit a corner to a picture by Gauss-Newton, the load eliminated in closed form.
 
     Returns a CornerFit. The pressure (rows, columns) [Pa] is finite; x, y are the tactels' places
-    and `depth` their depth [m]; `noise` of one [Pa], `model_error` what the model may leave out
-    as a fraction of the pressure; `start` is the first guess, in the sensor frame.
+    [m], `skin` as for `corner_pressure`; `noise` of one [Pa], `model_error` what the model may
+    leave out as a fraction of the pressure; `start` is the first guess, in the sensor frame.
     """
-    p = np.array(start)
+    p, depth = np.array(start), skin[0].depth
     information, chi_square, load = np.zeros((SIZE, SIZE)), np.inf, 0.0
     steps = np.array([LENGTH_STEP * depth, LENGTH_STEP * depth, ANGLE_STEP, ANGLE_STEP,
                       RADIUS_STEP * depth, CURVATURE_STEP / depth, CURVATURE_STEP / depth])
@@ -170,7 +179,7 @@ def fit_corner(pressure, x, y, depth, noise, model_error, start):
         return CornerFit(start, information, chi_square, load)
     jacobian = np.empty((SIZE, len(y), len(x)))
     for step in range(ROUNDS + 1):
-        shape = corner_pressure(_shape(p), x, y, depth)
+        shape = corner_pressure(_shape(p), x, y, skin)
         own = (weight * shape * shape).sum()
         load = (weight * shape * pressure).sum() / own
         error = pressure - load * shape
@@ -181,7 +190,7 @@ def fit_corner(pressure, x, y, depth, noise, model_error, start):
         for k in range(SIZE):
             other = p.copy()
             other[k] += steps[k]
-            slope = (corner_pressure(_shape(other), x, y, depth) - shape) / steps[k]
+            slope = (corner_pressure(_shape(other), x, y, skin) - shape) / steps[k]
             # What a change of the load would do as well is not the parameter's doing.
             slope -= shape * ((weight * shape * slope).sum() / own)
             jacobian[k] = load * slope

@@ -12,6 +12,7 @@ from tactile_common.kernels import njit
 from tactile_sensing.contact.ridge import centre_of_load, mend, ridge_of
 from tactile_sensing.types.array import TactelArray
 from tactile_sensing.types.image import TactileImage
+from tactile_sensing.types.skin import Skin
 from tactile_servo.edge_map.border import coming_length
 from tactile_servo.edge_map.tracing import into_plane
 
@@ -72,6 +73,8 @@ class Picture:
     pose: np.ndarray  # (4, 4) of the sensor in the plane's frame
     stamp_ns: int = 0
     skin_stiffness: float = math.inf  # line force per length and indentation [N/m^2]
+    thickness: float = math.inf  # of the skin on a rigid backing [m]
+    poisson: float = 0.5
 
     def __post_init__(self):
         array = self.array
@@ -86,6 +89,11 @@ class Picture:
         # Of the pad's centre in the plane [m], and of its x axis [rad].
         (cos, _, _, self.x), (sin, _, _, self.y), (_, _, _, self.height), _ = self.pose.tolist()
         self.yaw = math.atan2(sin, cos)
+
+    @property
+    def skin(self) -> Skin:
+        """The skin above the tactels."""
+        return Skin(self.depth, self.thickness, self.poisson)
 
     @property
     def place(self) -> np.ndarray:
@@ -112,12 +120,13 @@ def read_picture(image: TactileImage, pose: np.ndarray,
     """Check and mend the pressure of an image taken at a pose (4, 4) in the plane."""
     layer = next((one for one in image.layers if one.component == 'zz'), None)
     if (layer is None or layer.unit != 'Pa' or not layer.depth > 0.0
+            or not layer.thickness >= layer.depth or not 0.0 <= layer.poisson <= 0.5
             or layer.stress.shape != image.array.shape):
         return Problem.NO_PRESSURE
     if not image.tared:
         return Problem.NOT_TARED
     picture = Picture(layer.stress, image.array, layer.depth, float(layer.noise_std), pose,
-                      image.stamp_ns, skin_stiffness)
+                      image.stamp_ns, skin_stiffness, layer.thickness, layer.poisson)
     # What is mended of more than that would be made up.
     if picture.invalid > MOST_INVALID * picture.pressure.size:
         return Problem.INVALID_TACTELS

@@ -17,7 +17,7 @@ from tactile_servo.edge_map.edge_map import EdgeMap, Stand
 from tactile_servo.edge_map.path_queries import to_sensor
 from tactile_servo.edge_map.picture import Problem
 from tactile_servo.edge_map.traced_path import PathEnd
-from tactile_servo.law import Assessment, LawResult, Observation, Reference, Refusal
+from tactile_servo.law import Assessment, LawResult, Observation, Reference, Refusal, Touch
 from tactile_servo.laws.edge_following_config import EdgeFollowingConfig
 from tactile_servo.laws.edge_following_state import Going, Seen
 from tactile_servo.laws.edge_goal import ended, refuse_edge_goal, unless_long_enough
@@ -53,6 +53,7 @@ class EdgeFollowing:
     config_type: ClassVar[type] = EdgeFollowingConfig
     sees_images: ClassVar[bool] = True
     goal: EdgeGoal  # since `begin`
+    touch: Touch | None = None
     touch_speed = math.inf
     agility = math.inf
 

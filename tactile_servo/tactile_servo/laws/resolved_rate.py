@@ -12,7 +12,7 @@ from tactile_sensing.types.image import SensorInfo
 from tactile_servo.config import ServoConfig
 from tactile_servo.control.scaling import clipped, ramp, slewed
 from tactile_servo.control.stability import AGE_SHARE, gain_limit
-from tactile_servo.law import Assessment, LawResult, Observation, Reference, Refusal
+from tactile_servo.law import Assessment, LawResult, Observation, Reference, Refusal, Touch
 from tactile_servo.laws.edge_features import edge_features, EdgeFeatureConfig, EdgeFeatures
 from tactile_servo.laws.edge_goal import ended, refuse_edge_goal, unless_long_enough
 from tactile_servo.reasons import Reason, ReasonCode
@@ -140,6 +140,7 @@ class ResolvedRate:
     goal_type: ClassVar[type] = EdgeGoal
     config_type: ClassVar[type] = ResolvedRateConfig
     sees_images: ClassVar[bool] = False
+    touch: Touch | None = None
     agility = math.inf  # it is slow enough
     goal: EdgeGoal  # since `begin`, as well as
     _array: TactelArray

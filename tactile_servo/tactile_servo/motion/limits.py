@@ -164,6 +164,10 @@ class WorkspaceBox:
             raise ConfigurationError(
                 f'workspace: lower {self.lower} is not below upper {self.upper}')
 
+    def beyond(self, place: np.ndarray) -> np.ndarray:
+        """How far each coordinate of a place (3,) lies outside, 0 within [m]."""
+        return np.maximum(np.maximum(place - self.upper, self.lower - place), 0.0)
+
     def limit(self, pose: np.ndarray, twist: np.ndarray,
               horizon: float) -> tuple[np.ndarray, bool]:
         """

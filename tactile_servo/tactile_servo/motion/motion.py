@@ -15,6 +15,7 @@ from tactile_servo.motion.window import APART, at_rest, committed, extended, Win
 
 COAST = 8.0  # control periods that a window goes on before it brakes
 SETTLING = 0.1  # s at least, in which the robot's controller comes to where a motion is started
+BENT = 5e-4  # m by which braking in a curve may lead out of the box
 LONGEST_COMMITTED = 0.01  # s; a pad that swings in fast is led less well by more
 MORE = 5  # points at the most that the next window has more than the last one
 HELD_BACK = 0.05  # of the wanted motion; with less than this left the robot does not get on
@@ -157,10 +158,13 @@ class Motion:
         asked, bound, manipulability = self._inverse.solve(
             jacobian, twist, positions, period + coast)
         # Whatever that gave: no command passes a limit, and none moves a robot that settles.
-        velocities = 0.0 * asked if settling else asked
-        scale, kind, joint, progress = _onward(
-            times, places, speeds, kept, self._limits.bounds, velocities, period,
-            COAST * period, coast, jacobian, wanted, c.rotation_length)
+        parts = (times, places, speeds, kept, self._limits.bounds)
+        onward = (period, COAST * period, coast, jacobian, wanted, c.rotation_length)
+        velocities = 0.0 * asked if settling else asked  # what is no number stays none
+        scale, kind, joint, progress = _onward(*parts, velocities, *onward)
+        if at_wall and self._bends_out(places[:kept + 3]):
+            velocities = np.zeros_like(asked)
+            scale, kind, joint, progress = _onward(*parts, velocities, *onward)
         limited_by = at_wall or bound or self._limits.name_of(kind, joint)
         hindered = limited_by or manipulability < c.damping
         self._watch(progress if hindered else 1.0, limited_by, period)
@@ -175,6 +179,12 @@ class Motion:
             trajectory = Trajectory(self._limits.names, *window,
                                     stamp_ns=now_ns if self._stamped else 0)
         return MotionStep(trajectory, twist, scale, limited_by, manipulability)
+
+    def _bends_out(self, positions):
+        """Whether a window of positions (N, n) that brakes in a curve ends beyond the box."""
+        here, there = (self._workspace.beyond(self._robot.pose(place)[:3, 3])
+                       for place in positions[[0, -1]])
+        return bool((there > here + BENT).any())
 
     def in_time(self, command: Trajectory, age: float) -> bool:
         """

@@ -22,10 +22,17 @@ from tactile_common.ros.parameters import declare_from, follow_changes
 from tactile_common.ros.runner import plain, run
 from tactile_msgs.msg import Contact as ContactMsg
 from tactile_msgs.msg import SensorInfo, ServoStatus, TactileImage
+from tactile_msgs.srv import TeachFeatures
 from tactile_sensing.conversions import contact_from_msg, image_from_msg, sensor_info_from_msg
 from tactile_servo.compile_kernels import compile_kernels
 from tactile_servo.config import ServoConfig
-from tactile_servo.conversions import joint_positions, status_to_msg, trajectory_to_bytes
+from tactile_servo.conversions import (
+    joint_positions,
+    status_to_msg,
+    touch_to_msg,
+    trajectory_to_bytes,
+)
+from tactile_servo.law import Teachable
 from tactile_servo.laws.registry import law_named
 from tactile_servo.motion.limits import JointLimits, WorkspaceBox
 from tactile_servo.motion.robot import RobotModel
@@ -100,11 +107,12 @@ class EdgeServoNode(TactileNode):
 
     Subscribes to `sensor_info`, `image`, `contact` and `/joint_states`; streams windows to the
     joint trajectory controller while a goal of the law's action is active; publishes
-    `servo_status`, `sensor_pose` at every joint state and `/diagnostics`; `~/pause` holds and
-    resumes. Parameters: `NodeConfig`, `ServoConfig`, and those of the law. A cycle begins with
-    the image (or the contact, if the law sees no images), see `Pace`, and looks at the newest of
-    both alone, so that a fast sensor takes no time from it. Most of its attributes are ROS
-    entities.
+    `servo_status`, `sensor_pose` at every joint state, with a law that maps a surface
+    `surface_contact`, and `/diagnostics`; `~/pause` holds and resumes, `~/teach` keeps what is
+    felt, for a law that can. Parameters: `NodeConfig`, `ServoConfig`, and those of the law. A
+    cycle begins with the image (or the contact, if the law sees no images), see `Pace`, and looks
+    at the newest of both alone, so that a fast sensor takes no time from it. Most of its
+    attributes are ROS entities.
     """
 
     def __init__(self, **kwargs):
@@ -124,6 +132,8 @@ class EdgeServoNode(TactileNode):
             JointTrajectory, f'{config.controller}/joint_trajectory', 1)
         self._status = self.create_publisher(ServoStatus, 'servo_status', 10)
         self._pose = self.create_publisher(PoseStamped, 'sensor_pose', qos_profile_sensor_data)
+        self._touches = self.create_publisher(
+            PoseStamped, 'surface_contact', 10) if law_named(config.law).maps_surface else None
         self.create_subscription(SensorInfo, 'sensor_info', self._on_sensor, _LATCHED)
         self.create_subscription(ContactMsg, 'contact', self._on_contact, _NEWEST, raw=True)
         self.create_subscription(  # whatever the law: an image tells the load as well
@@ -131,6 +141,8 @@ class EdgeServoNode(TactileNode):
         self.create_subscription(
             JointState, '/joint_states', self._on_joints, qos_profile_sensor_data, raw=True)
         self.create_service(SetBool, '~/pause', self._on_pause)
+        if isinstance(self._servo.law, Teachable):
+            self.create_service(TeachFeatures, '~/teach', self._on_teach)
         self._server = GoalServer(self, self._servo, law_named(config.law).action,
                                   self._model.root_frame, self._look_around)
         # Steady, so that the watchdogs run even where simulated time stands still.
@@ -217,7 +229,11 @@ class EdgeServoNode(TactileNode):
         if heard.image is not None:
             raw, arrival = heard.image
             try:
-                self._servo.see_image(image_from_msg(unpacked(raw, TactileImage)), arrival)
+                image = image_from_msg(unpacked(raw, TactileImage))
+                self._servo.see_image(image, arrival)
+                touch = self._servo.law.touch
+                if self._touches and touch and touch.stamp_ns == image.stamp_ns:
+                    self._touches.publish(touch_to_msg(touch, self._model.root_frame))
             except TactileError as error:
                 self._servo.inputs.refused = getattr(
                     error, 'reason', Reason(ReasonCode.BAD_IMAGE, str(error)))
@@ -266,6 +282,13 @@ class EdgeServoNode(TactileNode):
         response.success = self._servo.pause(request.data, perf_counter())
         response.message = (
             ('paused' if request.data else 'resumed') if response.success else 'no active goal')
+        return response
+
+    def _on_teach(self, request, response):
+        try:
+            response.message, response.success = self._servo.teach(request.name), True
+        except TactileError as error:
+            response.message = str(error)
         return response
 
     def _on_diagnose(self):

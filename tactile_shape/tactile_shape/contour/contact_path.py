@@ -56,7 +56,9 @@ def locate(contact: Contact, picture: TactileImage | None = None) -> tuple[Place
     seen = edge_point(picture) if picture is not None and needs_picture(contact) else None
     if contact.type == ContactType.LINE and contact.valid and np.isfinite(contact.a + contact.yaw):
         c, s = np.cos(contact.yaw), np.sin(contact.yaw)
-        place = (contact.a * c * c, contact.a * c * s)
+        # From the foot of the pad's centre, unless the line begins after it or ends before.
+        along = float(np.fmin(np.fmax(0.0, contact.start), contact.end))
+        place = (contact.a * c * c - along * s, contact.a * c * s + along * c)
         if picture is None or not needs_picture(contact):
             return place, True
         if seen is None:

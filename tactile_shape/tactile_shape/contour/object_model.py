@@ -165,3 +165,12 @@ class ObjectModel:
             edges += [(k, k + 1) for k in range(first, first + len(stroke) - 1)]
             first += len(stroke)
         write_ply(path, self.contour, edges=edges, comment='contour; m')
+
+
+def model_of(patches: list[Patch]) -> ObjectModel:
+    """Return the model of patches, with their origins as its contour."""
+    model = ObjectModel()
+    for patch in patches:
+        model.add_contact(patch.origin)
+        model.add_patch(patch)
+    return model

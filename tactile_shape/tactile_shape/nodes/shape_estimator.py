@@ -1,6 +1,7 @@
 """Shape estimator node: contacts and the sensor's pose in, surface patches and contour out."""
 from collections import deque
 from dataclasses import dataclass
+from struct import Struct
 
 from geometry_msgs.msg import PoseStamped
 from nav_msgs.msg import Path
@@ -17,15 +18,23 @@ from tactile_common.ros.runner import run
 from tactile_msgs.msg import Contact as ContactMsg
 from tactile_msgs.msg import SurfacePatch, TactileImage
 from tactile_sensing.conversions import contact_from_msg, image_from_msg
+from tactile_sensing.types.contact import ContactType
 from tactile_shape.compile_kernels import compile_kernels
-from tactile_shape.contour.contact_path import ContactPath, needs_picture
+from tactile_shape.contour.contact_path import (
+    ContactPath,
+    needs_picture,
+    Placed,
+    SpatialContact,
+)
 from tactile_shape.contour.object_model import ModelConfig, ObjectModel
 from tactile_shape.conversions import contour_point_to_msg, model_to_markers, patch_to_msg
 from tactile_shape.local_surface.local_quadric import LocalQuadricConfig
 from tactile_shape.shape_estimator import make_surface_estimator, METHODS, ShapeEstimator
 from tactile_shape.types.patch import refusal
 
-PICTURES = 8  # that wait for their contact
+PICTURES = 200  # that wait for their contact: a second of them
+_STAMP = Struct('<iI')  # of a message, after its first four bytes
+SOURCES = ('sensor', 'servo')
 _LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 
 
@@ -36,6 +45,9 @@ class ShapeEstimatorConfig:
     method: str = one_of(
         METHODS[0], "'local_quadric' (least model over a window of travel) or "
         "'surface_matrix' (the thesis' ten parameters)", METHODS)
+    source: str = one_of(
+        SOURCES[0], "of the contacts: 'sensor', or a 'servo' that knows better where its probe "
+        'touches and publishes surface_contact', SOURCES)
     max_gap: float = bounded(
         0.1, 'contacts farther apart in time are not of one path; poses of the sensor are not '
         'interpolated across more', 's', 1e-4, 100.0)
@@ -84,7 +96,8 @@ class ShapeEstimatorNode(TactileNode):
 
     Subscribes to `contact`, `sensor_pose` and, for bends and ends of edges, `image`, which
     it matches by their stamps: no clock is looked at, so that a replayed recording gives what
-    the run gave. Publishes `surface_patch` for every contact, and `contour` and `markers` now
+    the run gave. With contacts from a servo, those from the sensor only tell when nothing is
+    touched any more. Publishes `surface_patch` for every contact, and `contour` and `markers` now
     and then. Parameters: `ShapeEstimatorConfig`, `LocalQuadricConfig`, `ModelConfig`.
     """
 
@@ -96,7 +109,9 @@ class ShapeEstimatorNode(TactileNode):
         self._model_config = declare_from(self, ModelConfig)
         self._model = _ModelPublisher(self, own.publish_period, self._model_config.max_points)
         self._path = ContactPath(config.finger_radius, own.max_gap)
-        self._pictures: deque[bytes] = deque(maxlen=PICTURES)
+        self._max_gap_ns, self._touched_ns = round(1e9 * own.max_gap), 0
+        self._by_servo = own.source == 'servo'
+        self._pictures: dict[tuple[int, int], bytes] = {}  # by their stamps
         self._none = patch_to_msg(refusal(''), Header())
         self._surface = make_surface_estimator(own.method, config)
         self._frame: str | None = None
@@ -104,8 +119,11 @@ class ShapeEstimatorNode(TactileNode):
         self._patches = self.create_publisher(SurfacePatch, 'surface_patch', 10)
         self.create_subscription(
             ContactMsg, 'contact', self._on_contact, qos_profile_sensor_data)
-        self.create_subscription(
-            TactileImage, 'image', self._on_image, qos_profile_sensor_data, raw=True)
+        if self._by_servo:
+            self.create_subscription(PoseStamped, 'surface_contact', self._on_touch, 10)
+        else:
+            self.create_subscription(
+                TactileImage, 'image', self._on_image, qos_profile_sensor_data, raw=True)
         self.create_subscription(
             PoseStamped, 'sensor_pose', self._on_pose, qos_profile_sensor_data)
 
@@ -132,11 +150,18 @@ class ShapeEstimatorNode(TactileNode):
         self._take(self._path.add_pose(stamp_to_ns(msg.header.stamp), pose))
 
     def _on_image(self, raw):
-        self._pictures.append(raw)  # few are needed, and to unpack all would cost the most
+        if len(raw) < 4 + _STAMP.size:
+            return
+        # Few are needed, and to unpack all would cost the most.
+        self._pictures[_STAMP.unpack_from(raw, 4)] = raw
+        if len(self._pictures) > PICTURES:
+            del self._pictures[next(iter(self._pictures))]
 
     def _on_contact(self, msg):
         try:
             contact = contact_from_msg(msg)
+            if self._by_servo and contact.type != ContactType.NONE:
+                return
             picture = self._picture_at(msg.header.stamp) if needs_picture(contact) else None
         except TactileError as error:
             self.get_logger().warning(f'contact passed over: {error}', throttle_duration_sec=5.0)
@@ -148,15 +173,27 @@ class ShapeEstimatorNode(TactileNode):
                 f'{self._path.lost} contacts had no sensor_pose within max_gap of their stamp',
                 throttle_duration_sec=5.0)
 
+    def _on_touch(self, msg):
+        try:
+            pose = pose_from_msg(msg.pose)
+        except TactileError as error:
+            self.get_logger().warning(
+                f'surface_contact passed over: {error}', throttle_duration_sec=5.0)
+            return
+        if msg.header.frame_id != self._frame:  # before the first pose of the sensor
+            return
+        stamp_ns = stamp_to_ns(msg.header.stamp)
+        anew = not 0 <= stamp_ns - self._touched_ns <= self._max_gap_ns
+        self._touched_ns = stamp_ns
+        contact = SpatialContact(stamp_ns, pose[:3, 3], -pose[:3, 2], edge=False)
+        self._take([Placed(ContactMsg(header=msg.header), contact, anew, '')])
+
     def _picture_at(self, stamp):
-        for raw in reversed(self._pictures):
-            try:
-                msg = unpacked(raw, TactileImage)
-            except TactileError:
-                continue  # another may be the one of this stamp
-            if stamp_to_ns(msg.header.stamp) == stamp_to_ns(stamp):
-                return image_from_msg(msg)
-        return None
+        raw = self._pictures.get((stamp.sec, stamp.nanosec))
+        try:
+            return None if raw is None else image_from_msg(unpacked(raw, TactileImage))
+        except TactileError:
+            return None
 
     def _take(self, all_placed):
         for placed in all_placed:

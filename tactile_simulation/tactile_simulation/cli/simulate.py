@@ -1,5 +1,5 @@
 """
-Command `simulate`: a servo follows the edge of a scene, without ROS and faster than real time.
+Command `simulate`: a servo follows what a scene shows, without ROS and faster than real time.
 
 The servo, estimator, limits and scene are those of the nodes; the robot is a gantry with the
 lag, dead time and acceleration of the scene's plant, or that of a URDF.
@@ -15,14 +15,22 @@ import numpy as np
 from tactile_common.command_line import between, Parser
 from tactile_common.errors import ConfigurationError, TactileError
 from tactile_servo.config import check_goal, ServoConfig
-from tactile_servo.laws.registry import DEFAULT, LAWS
+from tactile_servo.laws.registry import law_for, LAWS
+from tactile_servo.laws.surface_config import CONTROLS, SurfaceFollowingConfig
+from tactile_servo.laws.surface_goal import LINE_LENGTH, Pattern, SurfaceGoal
 from tactile_servo.motion.limits import JointLimits
 from tactile_servo.motion.robot import RobotModel
 from tactile_servo.types import EdgeGoal
 from tactile_simulation.closed_loop import Simulation
 from tactile_simulation.metrics import describe, summarise, to_json
-from tactile_simulation.scene import load_scene
+from tactile_simulation.scene_surface import SurfaceScene
+from tactile_simulation.scenes import load_any_scene
+from tactile_simulation.surface_loop import summarise_surface, SurfaceSimulation
+from tactile_simulation.surface_plot import draw_surface
 
+LAW_HELP = f'servo law; default: {law_for("track_edge")} for an edge, ' \
+    f'{law_for("track_surface")} for a surface'
+PATTERNS = (Pattern.LINE, Pattern.RASTER, Pattern.SPIRAL)
 SEED = between(0, 2**32 - 1, kind=int)
 JOINT_ACCELERATION = 10.0  # rad/s^2, of a robot given by its URDF
 
@@ -34,12 +42,20 @@ def parser() -> argparse.ArgumentParser:
         formatter_class=argparse.ArgumentDefaultsHelpFormatter)
     add = arguments.add_argument
     add('scene', help='YAML file of the scene')
-    add('--law', '--controller', default=DEFAULT, choices=list(LAWS), help='servo law')
-    add('--speed', type=float, default=0.03, help='along the edge [m/s]')
+    add('--law', '--controller', choices=list(LAWS), help=LAW_HELP)
+    add('--speed', type=float, default=0.03, help='along the edge, over the surface [m/s]')
     add('--force', type=float, default=5.0, help='on the pad [N]')
     add('--direction', type=int, default=1, choices=(-1, 1), help="along the sensor's y")
     add('--length', type=between(0.0, 10.0, 'm'), default=0.0,
-        help='to track [m]; 0 = until the edge ends or the contour closes')
+        help='to track [m]; 0 = until the edge ends or the contour closes; 60 mm on a surface')
+    add('--pattern', default='line', choices=[pattern.name.lower() for pattern in PATTERNS],
+        help='way over a surface')
+    add('--heading', type=float, default=90.0, help='of that way, from base x [degrees]')
+    add('--size', type=between(1e-3, 1.0, 'm'), nargs=2, default=(0.06, 0.06),
+        help='of a raster or spiral [m]')
+    add('--step-over', type=between(1e-4, 0.1, 'm'), default=0.006,
+        help='between its rows or turns [m]')
+    add('--control', default='predicted', choices=CONTROLS, help='of a surface')
     add('--seed', type=SEED, default=0, help="of the sensor's noise")
     add('--latency', type=between(0.0, 1.0, 's'),
         help='of a picture [s]; default as the scene says')
@@ -66,8 +82,11 @@ def robot_from(urdf, tip='tactile_pad'):
 
 def run(options: argparse.Namespace) -> tuple[Simulation, dict[str, Any]]:
     """Simulate as the options say: Simulation and summary."""
-    scene = load_scene(options.scene)
+    scene = load_any_scene(options.scene)
+    options.law = law_for(scene.action, options.law)
     check_goal(options.speed, options.force, ServoConfig())
+    if isinstance(scene, SurfaceScene):
+        return _run_surface(options, scene)
     goal = EdgeGoal(options.speed, options.force, options.direction, options.length,
                     closed=scene.edge.closed and options.length == 0.0
                     and LAWS[options.law].closes_contours)
@@ -81,8 +100,28 @@ def run(options: argparse.Namespace) -> tuple[Simulation, dict[str, Any]]:
         seed=options.seed, elapsed=time.perf_counter() - begin)
 
 
+def _run_surface(options, scene):
+    heading, pattern = np.radians(options.heading), Pattern[options.pattern.upper()]
+    length = (options.length or LINE_LENGTH) if pattern is Pattern.LINE else 0.0
+    goal = SurfaceGoal(
+        options.speed, options.force, pattern,
+        (float(np.cos(heading)), float(np.sin(heading)), 0.0), length,
+        size=tuple(options.size), step_over=options.step_over)
+    simulation = SurfaceSimulation(
+        scene, options.law, seed=options.seed, latency=options.latency,
+        robot=robot_from(options.robot, options.tip), seed_positions=options.start,
+        settings=SurfaceFollowingConfig(control=options.control), clock=time.perf_counter)
+    begin = time.perf_counter()
+    status = simulation.run(goal, options.timeout)
+    return simulation, summarise_surface(simulation, goal, status, seed=options.seed,
+                                         elapsed=time.perf_counter() - begin)
+
+
 def draw(simulation: Simulation, path) -> None:
-    """Draw the way of the pad over the edge, and the lateral error along it."""
+    """Draw the way of the pad over the edge or surface, and the errors along it."""
+    if isinstance(simulation, SurfaceSimulation):
+        draw_surface(simulation, path)
+        return
     import matplotlib
     matplotlib.use('Agg')
     from matplotlib import pyplot

@@ -21,8 +21,7 @@ from tactile_common.state_buffer import NS, pose_between, StateBuffer
 from tactile_sensing.devices.recording import load_recording
 from tactile_sensing.devices.registry import protocol_named, PROTOCOLS
 from tactile_simulation.pseudo_terminal import PseudoTerminal
-from tactile_simulation.renderer import EdgeRenderer
-from tactile_simulation.scene import load_scene
+from tactile_simulation.scenes import load_any_scene, renderer_of
 
 _LISTENER_CHECK = 0.002  # s between looks for the first listener; nothing is sent before
 _LATE = 2  # periods; a frame of a scene that is later is not sent: its stamp would be too young
@@ -107,8 +106,8 @@ class MockSensorNode(TactileNode):
                 f"parameters 'scene' and 'recording' are {config.scene!r} and "
                 f'{config.recording!r}, must be exactly one')
         if config.scene:
-            scene = load_scene(config.scene)
-            self._renderer = EdgeRenderer(scene, scene.sensor.array)
+            scene = load_any_scene(config.scene)
+            self._renderer = renderer_of(scene)
             self._rng = np.random.default_rng(config.seed)
             # Compiled now rather than at the first touch.
             self._renderer.render(scene.start_pose())
@@ -147,7 +146,7 @@ class MockSensorNode(TactileNode):
         if touched and pose is None:
             self.blind += 1
             return None
-        counts = self._renderer.counts(pose, self._rng)
+        counts = self._renderer.counts(pose, self._rng, instant)
         if time.monotonic() - instant - self._config.latency > _LATE * self._period:
             self.late += 1
             return None

@@ -1,0 +1,226 @@
+"""
+What calibrations are worth: pictures by finite elements, digitised, calibrated, estimated.
+
+Everything goes the way of the commands `calibrate` and `estimate`. Tables are printed, of
+sensors whose gains differ (`gains`), converters (`counts`) and objects on skins (`objects`).
+"""
+
+import argparse
+from dataclasses import dataclass
+
+import numpy as np
+
+from benchmarks.contact.cases.real_skin import ARRAYS, drawn, judge, rendered
+from benchmarks.contact.fe_frames import profiles
+from benchmarks.contact.tables.limits import table
+from tactile_sensing.calibration.procedure import calibrate, Known, Recordings
+from tactile_sensing.contact.estimator import ContactEstimator, EstimatorConfig
+
+NOISE = 0.01  # of the highest tactel: 40 dB
+WIDE = 11e-3  # m from the middle, within which balls are pressed for the gains
+
+
+@dataclass(frozen=True)
+class Converter:
+    """From pressure to counts."""
+
+    bits: int = 12
+    signed: bool = False
+    offset: float = 0.05  # of full scale
+    threshold: float = 0.0  # standard deviations of noise; what is smaller is set to zero
+    exact: bool = False  # floats, not counts
+
+    @property
+    def full(self):
+        """Full scale [counts]."""
+        return 2.0 ** (self.bits - self.signed) - 1.0
+
+    @property
+    def peak(self):
+        """Counts of the highest tactel."""
+        return 0.8 * self.full
+
+    def __call__(self, pictures, rng, gains=1.0):
+        """Counts of pictures whose highest value is 1."""
+        noise = NOISE * self.peak
+        counts = self.peak * gains * pictures + self.offset * self.full
+        counts = counts + noise * rng.standard_normal(pictures.shape)
+        if self.exact:
+            return counts
+        counts = np.rint(counts)
+        if self.threshold:
+            counts[counts < self.threshold * noise] = 0.0
+        return np.clip(counts, -self.full - 1.0 if self.signed else 0.0, self.full)
+
+
+def ball(backing, poisson=0.45, radius=1e-3):
+    """Profile of a ball."""
+    [found] = [it for it in profiles() if it['kind'] == 'ball' and it['radius'] == radius
+               and it['backing'] == backing and it['poisson'] == poisson]
+    return found
+
+
+def pad(profile, array, converter, rng, *, gains=1.0, presses=20, flat=0, least=1.0):
+    """Calibration by presses of a ball, with `least` times its force to all of it."""
+    highest = profile['pressure'].max()
+
+    def pressed(count, reach):
+        places, share = rng.uniform(-reach, reach, (count, 2)), rng.uniform(least, 1.0, count)
+        pictures = rendered(profile, array, places) * (share / highest)[:, None, None]
+        return converter(pictures, rng, gains), share * profile['force']
+    unloaded = converter(np.zeros((100, *array.shape)), rng)
+    frames, force = pressed(presses, 8e-3)
+    recordings = Recordings(
+        unloaded=unloaded, ball=frames, force=force, ball_radius=float(profile['radius']),
+        flat=pressed(flat, WIDE)[0] if flat else None)
+    return calibrate(recordings, Known((array.pitch_x, array.pitch_y), bits=converter.bits,
+                                       signed=converter.signed)).calibration
+
+
+def estimated(calibration, counts, **config):
+    """What is estimated of frames of counts."""
+    estimator = ContactEstimator(EstimatorConfig(tactel='area', **config))
+    return estimator.estimate_batch(
+        calibration.stress(counts), calibration.array, [calibration.layer()])
+
+
+def points(found, places, force):
+    """Share that is valid; errors and what they are over the claims, of place and force."""
+    good = found['valid'] & (found['type'] == 1)
+    off = np.stack([found['a'], found['b']], -1)[good] - places[good]
+    own = np.sqrt(np.stack([found['covariance'][good, k, k] for k in (0, 1)], -1))
+    error = found['normal_force'][good] / force - 1.0
+    claimed = np.sqrt(found['covariance'][good, 3, 3]) / force
+    return {'valid': good.mean(), 'place': _rms(off), 'claim': _rms(off / own),
+            'bias': error.mean(), 'spread': error.std(), 'force_claim': _rms(error / claimed)}
+
+
+def _rms(values):
+    return float(np.sqrt(np.mean(np.square(values))))
+
+
+def _row(name, row):
+    return [name, f'{100.0 * row["valid"]:.1f} %', f'{1e3 * row["place"]:.4f}',
+            f'{row["claim"]:.2f}', f'{100.0 * row["bias"]:+.2f} %',
+            f'{100.0 * row["spread"]:.2f} %', f'{row["force_claim"]:.2f}']
+
+
+HEADER = ['valid', 'place [mm]', 'over claim', 'force', 'spread', 'over claim']
+
+
+def gains(seeds):
+    """Gains 10 % off, before and after forty presses all over the pad."""
+    profile, array, rows = ball(6e-3), ARRAYS['16x16'], {}
+    highest = profile['pressure'].max()
+    for seed in range(seeds):
+        rng = np.random.default_rng(seed)
+        spread = 1.0 + 0.1 * rng.standard_normal(array.shape)
+        places = drawn(profile, 200, rng)
+        pictures = rendered(profile, array, places) / highest
+        for name, gain, flat, least in (
+                ('uniform', 1.0, 0, 1.0), ('off, forty presses of one weight', spread, 40, 1.0),
+                ('off, forty presses of any force', spread, 40, 0.5),
+                ('off, none', spread, 0, 1.0)):
+            converter = Converter()
+            known = pad(profile, array, converter, rng, gains=gain, flat=flat, least=least)
+            found = estimated(known, converter(pictures, rng, gain))
+            row = points(found, places, profile['force'])
+            inner = (known.gain * gain)[3:-3, 3:-3]
+            row['left'] = np.std(inner / inner.mean())
+            row['claimed'] = known.gain_spread
+            rows.setdefault(name, []).append(row)
+    return table(['gains', *HEADER, 'left, inner', 'claimed'], [
+        _row(name, mean := {key: np.sqrt(np.mean([row[key]**2 for row in some]))
+                            for key in some[0]})
+        + [f'{100.0 * mean["left"]:.1f} %', f'{100.0 * mean["claimed"]:.1f} %']
+        for name, some in rows.items()])
+
+
+CONVERTERS = {
+    'floats': Converter(exact=True, bits=16),
+    **{f'signed, {bits} bits': Converter(bits, True, 0.0) for bits in (6, 8, 10, 16)},
+    **{f'unsigned with offset, {bits} bits': Converter(bits) for bits in (6, 8, 10, 12, 16)},
+    **{f'clipped at zero, {bits} bits': Converter(bits, offset=0.0) for bits in (6, 8, 10, 16)},
+    **{f'threshold of 5 sigma, {bits} bits': Converter(bits, offset=0.0, threshold=5.0)
+       for bits in (6, 8, 10, 16)},
+}
+
+
+def counts(seeds):
+    """The same frames through converters."""
+    profile, array, rows = ball(6e-3), ARRAYS['16x16'], {}
+    highest = profile['pressure'].max()
+    for seed in range(seeds):
+        for name, converter in CONVERTERS.items():
+            rng = np.random.default_rng(seed)
+            places = drawn(profile, 200, rng)
+            pictures = rendered(profile, array, places) / highest
+            known = pad(profile, array, converter, rng)
+            row = points(estimated(known, converter(pictures, rng)), places, profile['force'])
+            allowed = np.hypot(1.0, 0.0 if converter.exact else (
+                12**-0.5 / (NOISE * converter.peak)))
+            rows.setdefault(name, []).append(row | {'allowed': allowed})
+    means = {name: {key: np.sqrt(np.mean([row[key]**2 for row in some])) for key in some[0]}
+             for name, some in rows.items()}
+    first = means['floats']['place']
+    return table(['converter', *HEADER, 'place over what noise and rounding allow'], [
+        [*_row(name, mean), f'{mean["place"] / first / mean["allowed"]:.2f}']
+        for name, mean in means.items()])
+
+
+def objects(seeds):
+    """Balls, wedges and punches on skins, each skin calibrated from twenty presses."""
+    rows, frames = {}, 40
+    for seed in range(seeds):
+        rng = np.random.default_rng(seed)
+        for size, array in ARRAYS.items():
+            skins = {}
+            for profile in profiles():
+                skin = float(profile['backing']), float(profile['poisson'])
+                if skin not in skins:
+                    skins[skin] = pad(ball(*skin), array, Converter(), rng)
+                places = drawn(profile, frames, rng)
+                pictures = rendered(profile, array, places)
+                found = estimated(skins[skin], Converter()(pictures / pictures.max(), rng))
+                judged = judge(profile, places, _scaled(found, pictures.max(), skin))
+                blunt = np.mean(~found['valid'] | (found['patch'] > 0.0))
+                rows.setdefault((size, str(profile['kind'])), []).append((judged, blunt))
+    return table(['tactels', 'object', 'right', 'wrong', 'refused', 'patch or refused', 'force',
+                  'at most', 'over claim', 'force over claim'], [
+        [size, kind, *(f'{100.0 * np.mean([getattr(it, key) for it, _ in some]):.1f} %'
+                       for key in ('right', 'wrong', 'refused')),
+         f'{100.0 * np.mean([blunt for _, blunt in some]):.1f} %',
+         f'{100.0 * np.nanmean([it.force for it, _ in some]):+.2f} %',
+         f'{100.0 * np.nanmax(np.abs([it.force for it, _ in some])):.2f} %',
+         f'{np.sqrt(np.nanmean([it.claims**2 for it, _ in some])):.2f}',
+         f'{np.sqrt(np.nanmean([it.force_claims**2 for it, _ in some])):.2f}']
+        for (size, kind), some in rows.items()])
+
+
+def _scaled(found, highest, skin):
+    """Forces of pictures that the converter has scaled to their highest pressure."""
+    found = found.copy()
+    factor = highest / ball(*skin)['pressure'].max()
+    for name, row in (('normal_force', 3), ('line_force', 6)):
+        found[name] *= factor
+        found['covariance'][:, row, row] *= factor**2
+    return found
+
+
+TABLES = {'gains': gains, 'counts': counts, 'objects': objects}
+
+
+def main():
+    """Print the tables."""
+    parser = argparse.ArgumentParser(
+        prog='./ws bench calibration', description=__doc__.strip(),
+        formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument('tables', nargs='*', metavar='TABLE', help=f'of {", ".join(TABLES)}')
+    parser.add_argument('--seeds', type=int, default=2, help='(default: %(default)s)')
+    options = parser.parse_args()
+    for name in options.tables or TABLES:
+        print(TABLES[name](options.seeds), flush=True)
+
+
+if __name__ == '__main__':
+    main()

@@ -1,0 +1,201 @@
+"""What the surface benchmark follows in the closed loop."""
+from collections.abc import Iterator
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+
+from benchmarks.harness import ROOT
+from tactile_servo.config import ForceBounds, ServoConfig
+from tactile_servo.control.stability import gain_limit
+from tactile_servo.laws.surface_config import (
+    CourseConfig,
+    JacobianConfig,
+    PressConfig,
+    ProbeConfig,
+    RollConfig,
+    SurfaceFollowingConfig,
+    ThesisConfig,
+)
+from tactile_servo.laws.surface_goal import Pattern, SurfaceGoal
+from tactile_simulation.closed_loop import PICTURE_EVERY, STEP
+from tactile_simulation.gantry import gantry
+from tactile_simulation.scene_surface import SurfaceStart
+from tactile_simulation.scenes import load_any_scene
+from tactile_simulation.surface_loop import summarise_surface, SurfaceSimulation
+from tactile_simulation.surface_objects import Placed, StepShape
+from tactile_simulation.surface_renderer import SurfaceRenderer
+
+OBJECTS = ('cylinder_65', 'cylinder_120', 'sphere_70', 'sphere_126')
+SPEEDS = (0.01, 0.05, 0.1, 0.15, 0.2)
+CONTROLS = ('predicted', 'thesis')
+STEPS = (-0.003, -0.002, -0.001, 0.001, 0.002)  # m
+SOURCES = tuple((features, method) for features in ('centroid', 'moments')
+                for method in ('constant', 'nearest', 'interpolated', 'online'))
+LATENCIES = (0.0, 0.005, 0.01, 0.02, 0.04)  # s
+MOST_GAIN = 200.0  # 1/s, that a configuration may have
+GAINS = (0.25, 0.5, 0.8, 1.0, 1.4, 2.0)  # of the limit in theory
+STABLE = 0.5  # N RMS of the force, above which a loop counts as unstable
+PROBE = ProbeConfig()
+FAULTS = {
+    'none': {}, 'stiffness x 0.5': {'stiffness': 0.5 * PROBE.stiffness},
+    'stiffness x 2': {'stiffness': 2.0 * PROBE.stiffness},
+    'both radii + 0.5 mm': {'skin_radius': 0.0275, 'array_radius': 0.0255},
+    'modulus x 1.2': {'modulus': 1.2 * PROBE.modulus},
+    'deflection ignored': {'modulus': 1e12}}
+OFFSETS = {'centre 1 mm off along its axis': (0.0, 0.0, 0.001),
+           'centre 3 mm off sideways': (0.003, 0.0, 0.0)}
+KEYS = ('ok', 'reason_code', 'tracked_length', 'surface_rms', 'surface_max', 'centre_max',
+        'force_target', 'force_mean', 'force_rms_error', 'force_max', 'contact_kept')
+WORST = ('surface_rms', 'surface_max', 'centre_max', 'force_rms_error', 'force_max')
+LONGEST = 60.0  # s simulated
+# 150 and 200 mm/s: a wrist that can turn so fast, and gains that let it.
+FAST = SurfaceFollowingConfig(
+    course=CourseConfig(acceleration=1.0, blind=5e-5),
+    roll=RollConfig(max_rate=10.0, acceleration=14.0))  # of 20 rad/s^2 that the wrist has
+FAST_WRIST = 12.0  # rad/s
+
+
+@dataclass(frozen=True)
+class Case:
+    """A row of a table: what is followed, how, and what a row says of that."""
+
+    part: str
+    names: dict[str, Any]
+    scene: str
+    goal: SurfaceGoal
+    settings: SurfaceFollowingConfig = field(default_factory=SurfaceFollowingConfig)
+    start: SurfaceStart | None = None
+    step: float | None = None  # m, of the scene `step`
+    before: float = 0.0  # N with which the probe is pressed when the goal begins
+    offset: tuple[float, float, float] | None = None  # m, of the probe from where it is said to be
+    latency: float | None = None  # s
+    wrist: float = 0.0  # rad/s; 0: that of the gantry
+    one: bool = False  # whether one seed is enough
+    figure: bool = False  # whether the contacts are kept
+
+
+class Misplaced(SurfaceRenderer):
+    """A probe that is not where its robot believes it to be, by an offset (3,) [m]."""
+
+    offset = np.eye(4)
+
+    def _touch(self, pose):
+        super()._touch(pose @ self.offset)
+
+
+def line(speed: float, direction=(0.4, 1.0, 0.0), length=0.06, force=5.0) -> SurfaceGoal:
+    """Along a way, at an angle to everything."""
+    return SurfaceGoal(speed, force, direction=direction, length=length)
+
+
+def cases() -> Iterator[Case]:
+    """Give everything that is run."""
+    for name in OBJECTS:
+        for speed in SPEEDS:
+            for control in CONTROLS:
+                fast = speed > 0.1
+                settings = FAST if fast else SurfaceFollowingConfig()
+                yield Case(
+                    'speed_and_accuracy', {'object': name, 'control': control, 'speed': speed},
+                    name, line(speed, length=0.1 if fast else 0.06),
+                    replace(settings, control=control), wrist=FAST_WRIST if fast else 0.0,
+                    one=control == 'thesis', figure=speed == 0.05 and control == 'predicted')
+    for name in ('sphere_126', 'torus'):
+        yield Case('rasters', {'scene': name}, name, SurfaceGoal(
+            0.05, 5.0, Pattern.RASTER, (1.0, 0.0, 0.0), size=(0.06, 0.06), step_over=0.006))
+    ahead = (1.0, 0.0, 0.0)
+    for step in STEPS:
+        yield Case('steps', {'step': f'{1e3 * step:+g} mm', 'speed': 0.05}, 'step',
+                   line(0.05, ahead, 0.04), step=step)
+    yield Case('steps', {'step': 'edge to fall off', 'speed': 0.05}, 'ledge',
+               line(0.05, ahead, 0.04))
+    yield Case('starts', {'start': '11 mm beside the centre'}, 'sphere_70', line(0.05),
+               start=SurfaceStart(aside_x=0.011))
+    for force in (1.0, 15.0):
+        yield Case('starts', {'start': f'from {force:g} N'}, 'sphere_70', line(0.05), before=force)
+        yield Case('starts', {'start': f'at {force:g} N'}, 'sphere_70', line(0.03, force=force))
+    yield Case('starts', {'start': 'fragile, 5 of 6 N'}, 'fragile', line(0.05))
+    yield Case('starts', {'start': 'friction of 0.3'}, 'rough', line(0.05))
+    for features, method in SOURCES:
+        settings = SurfaceFollowingConfig(jacobian=JacobianConfig(features, method))
+        yield Case('sources', {'features': features, 'method': method}, 'sphere_70', line(0.05),
+                   settings)
+    for fault, change in FAULTS.items():
+        settings = SurfaceFollowingConfig(probe=ProbeConfig(**change))
+        yield Case('faults', {'fault': fault}, 'cylinder_65', line(0.05), settings)
+    for fault, offset in OFFSETS.items():
+        yield Case('faults', {'fault': fault}, 'cylinder_65', line(0.05), offset=offset)
+    yield from gains()
+
+
+def gains() -> Iterator[Case]:
+    """Gain of the force times latency, of both controls."""
+    for latency in LATENCIES:
+        # Half of each period, as the mean wait for an image and for a cycle.
+        plant = load_any_scene(scene_file('plane')).plant
+        delay = latency + plant.dead_time + 0.5 * STEP * (1 + PICTURE_EVERY)
+        limit = gain_limit(delay, plant.lag)
+        for share in GAINS:
+            gain = share * limit
+            for control in CONTROLS:
+                if gain > MOST_GAIN:
+                    continue
+                settings = SurfaceFollowingConfig(
+                    control=control, press=PressConfig(gain=gain), thesis=ThesisConfig(gain=gain))
+                yield Case('gains', {'control': control, 'latency': latency, 'limit': limit,
+                                     'share': share}, 'plane', line(0.02, length=0.02),
+                           settings, latency=latency, one=True)
+
+
+def scene_file(name):
+    """Path of a scene that is shipped."""
+    return ROOT / f'launch/scenes/surfaces/{name}.yaml'
+
+
+def follow(case: Case, seed: int) -> tuple[dict[str, Any], list, list]:
+    """Run a case once: numbers of its summary, contacts and their errors."""
+    scene = load_any_scene(scene_file(case.scene))
+    if case.start:
+        scene = replace(scene, start=case.start)
+    if case.step is not None:
+        scene = replace(scene, surface=Placed(StepShape(case.step), scene.top))
+    bounds = ServoConfig(force=ForceBounds(max=16.0, max_load=20.0)) if max(
+        case.goal.force, case.before) > 10.0 else ServoConfig()
+    robot = gantry(scene.plant.acceleration, case.wrist) if case.wrist else None
+    simulation = SurfaceSimulation(scene, seed=seed, settings=case.settings, config=bounds,
+                                   latency=case.latency, robot=robot)
+    if case.offset:
+        simulation.renderer = Misplaced(scene, simulation.array)
+        simulation.renderer.offset = np.eye(4)
+        simulation.renderer.offset[:3, 3] = case.offset
+    if case.before:
+        press_before(simulation, case.before)
+    status = simulation.run(case.goal, LONGEST)
+    summary = summarise_surface(simulation, case.goal, status, seed=seed)
+    fastest = max((cycle.status.speed for cycle in simulation.log
+                   if np.isfinite(cycle.status.speed)), default=np.nan)
+    points = simulation.contacts - np.array(scene.top)
+    return ({**{key: summary[key] for key in KEYS}, 'fastest': float(fastest)}, points.tolist(),
+            scene.surface.distance(simulation.contacts).tolist())
+
+
+def press_before(simulation: SurfaceSimulation, force: float) -> None:
+    """Leave the probe pressed with a force [N], as a goal that was cancelled does."""
+    simulation.run(SurfaceGoal(0.001, force, length=0.2), 2.0)
+    simulation.servo.cancel()
+    simulation.run(None, 0.5)
+    simulation.servo.finish()
+    simulation.log.clear()
+
+
+def worst(found: list[dict[str, Any]]) -> dict[str, Any]:
+    """Worst numbers of all seeds, and every way in which they ended."""
+    return {**found[0], 'ok': all(one['ok'] for one in found),
+            'reason_code': ', '.join(sorted({one['reason_code'] for one in found})),
+            'contact_kept': min(one['contact_kept'] for one in found),
+            'tracked_length': min(one['tracked_length'] for one in found),
+            'fastest': min(one['fastest'] for one in found),
+            'force_mean': max((one['force_mean'] for one in found),
+                              key=lambda mean: abs(mean - found[0]['force_target'])),
+            **{key: float(np.max([one[key] for one in found])) for key in WORST}}

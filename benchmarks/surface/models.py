@@ -1,0 +1,159 @@
+"""Models of the probe without a servo: tables of Jacobians, and the finite elements."""
+from concurrent.futures import ProcessPoolExecutor
+from multiprocessing import get_context
+import resource
+import time
+
+import numpy as np
+
+from tactile_sensing.dome.finite_element_model import FiniteElementDome
+from tactile_sensing.dome.finite_elements import solve
+from tactile_sensing.dome.geometry import Dome
+from tactile_sensing.dome.half_space import HalfSpaceDome
+from tactile_sensing.dome.operator_cache import operator_for
+from tactile_sensing.dome.skin import SkinConfig
+from tactile_sensing.types.array import TactelArray
+from tactile_servo.tactile_jacobian.features import FeatureKind, ModelFeatures
+from tactile_servo.tactile_jacobian.jacobian import (
+    Increments,
+    least_squares,
+    loading_cases,
+    scale_for,
+)
+from tactile_servo.tactile_jacobian.table import build_table, grid, JacobianTable
+from tactile_simulation.scene import Sensor
+
+DOME, SKIN = Dome(), SkinConfig()
+ACROSS = (9, 15, 20, 25, 30)  # elements, in four layers
+TABLES = (2, 4, 6, 12)  # contacts along each side of the pad
+FORCES = np.array([1.0, 2.0, 3.5, 5.0, 7.5, 10.0])  # N, of a table
+STATES = 400  # that the tables are tried on
+STEP = 5e-4  # m by which a contact is off; the force by a tenth of this share of its own
+STIFFNESS = 15600.0  # N/m
+
+
+def array() -> TactelArray:
+    """Array of the scenes."""
+    return Sensor().array
+
+
+def resolution() -> list[dict]:
+    """
+    Error of the step that a table's Jacobian makes of a small change, and what it costs.
+
+    Contacts anywhere within 9 mm at 2 to 8 N, moved by `STEP`; images of the elements. Tables of
+    the half-space as the servo has them, and of the elements.
+    """
+    tactels = array()
+    elements = FiniteElementDome(DOME, tactels, operator_for(DOME, SKIN, tactels))
+    models = {'half-space': HalfSpaceDome(DOME, tactels), 'elements': elements}
+    rng, rows = np.random.default_rng(0), []
+    places = rng.uniform(-9e-3, 9e-3, (STATES, 2))
+    states = np.column_stack([places, rng.uniform(2.0, 8.0, STATES)])
+    angles = rng.uniform(0.0, 2.0 * np.pi, STATES)
+    moves = STEP * np.column_stack([np.cos(angles), np.sin(angles), 0.0 * angles])
+    for kind in FeatureKind:
+        truth = ModelFeatures(elements, tactels, kind)
+        shown = [(truth(state), truth(state + move))
+                 for state, move in zip(states, moves, strict=True)]
+        for name, model in models.items():
+            features = ModelFeatures(model, tactels, kind)
+            for across in TABLES:
+                begin = time.process_time()
+                table = build_table(
+                    features, kind, grid(tactels.half_width_x, tactels.half_width_y, across,
+                                         FORCES), Increments(stiffness=STIFFNESS),
+                    tactels.half_width_x)
+                built = time.process_time() - begin
+                for method in ('nearest', 'interpolated'):
+                    rows.append({'features': kind.value, 'model': name, 'across': across,
+                                 'method': method, **_tried(table, method, shown, moves),
+                                 'built': built, 'usable': float(table.usable.mean())})
+        rows.append({'features': kind.value, 'model': 'half-space', 'across': 0,
+                     'method': 'online', **_online(models['half-space'], tactels, kind, states,
+                                                   shown, moves), 'built': 0.0, 'usable': 1.0})
+    return rows
+
+
+def _tried(table: JacobianTable, method, shown, moves):
+    look = getattr(table, method)
+    begin = time.process_time()
+    inverses = [look(before).inverse for before, _ in shown]
+    return _errors(inverses, shown, moves, time.process_time() - begin)
+
+
+def _online(model, tactels, kind, states, shown, moves):
+    """Jacobian of the half-space at the true contact: what on-line search tends to."""
+    features, increments = ModelFeatures(model, tactels, kind), Increments(stiffness=STIFFNESS)
+    scale = scale_for(kind, 5.0, tactels.half_width_x, STIFFNESS)
+    begin = time.process_time()
+    inverses = [least_squares(loading_cases(features, state, increments), scale).inverse
+                for state in states]
+    return _errors(inverses, shown, moves, time.process_time() - begin)
+
+
+def _errors(inverses, shown, moves, seconds):
+    steps = np.array([inverse @ (after - before)
+                      for inverse, (before, after) in zip(inverses, shown, strict=True)])
+    off = np.linalg.norm((steps - moves)[:, :2], axis=1) / STEP
+    return {'median': float(np.median(off)), 'p95': float(np.percentile(off, 95)),
+            'lookup': seconds / len(shown)}
+
+
+def jacobians() -> list[dict]:
+    """Largest difference of the least-squares Jacobian from two others, over the pad."""
+    tactels, rows = array(), []
+    increments = Increments(place=1.5e-4, force=0.01, stiffness=STIFFNESS)
+    elements = FiniteElementDome(DOME, tactels, operator_for(DOME, SKIN, tactels))
+    for kind in FeatureKind:
+        for name, model in (('half-space, analytic', HalfSpaceDome(DOME, tactels)),
+                            ('elements, differences', elements)):
+            features, worst = ModelFeatures(model, tactels, kind), 0.0
+            for contact in grid(tactels.half_width_x, tactels.half_width_y, 6, [5.0]):
+                by_cases = np.linalg.lstsq(*loading_cases(features, contact, increments),
+                                           rcond=None)[0].T
+                other = features.jacobian(contact) * [1.0, 1.0, STIFFNESS]
+                off = np.linalg.norm(by_cases - other, axis=1) / np.linalg.norm(other, axis=1)
+                worst = max(worst, float(off.max()))
+            rows.append({'features': kind.value, 'against': name, 'largest': worst})
+    return rows
+
+
+def elements() -> list[dict]:
+    """Time and memory to solve the skin, and the force that the array feels, by elements."""
+    rows = []
+    for across in ACROSS:
+        # A process of its own: its largest memory is that of this one.
+        with ProcessPoolExecutor(1, mp_context=get_context('spawn')) as alone:
+            rows.append(alone.submit(_solved, across).result())
+    for row in rows:
+        row['force'] = row['force'] / rows[-1]['force'] - 1.0
+    return rows
+
+
+def _solved(across):
+    tactels = array()
+    begin = time.process_time()
+    operator = solve(DOME, SkinConfig(across=across), tactels)
+    seconds = time.process_time() - begin
+    model = FiniteElementDome(DOME, tactels, operator)
+    state = np.array([0.0, 0.0, 5.0, 0.0, 0.0])
+    image = model.image(state)
+    begin = time.process_time()
+    kind = FeatureKind.MOMENTS
+    build_table(ModelFeatures(model, tactels, kind), kind,
+                grid(tactels.half_width_x, tactels.half_width_y, 6, [5.0]), Increments(),
+                tactels.half_width_x)
+    return {'elements': across**2 * SkinConfig().layers, 'solve': seconds,
+            'memory': 1024.0 * resource.getrusage(resource.RUSAGE_SELF).ru_maxrss,
+            'table': time.process_time() - begin,
+            'force': float(image.sum() * tactels.pitch_x * tactels.pitch_y)}
+
+
+def cached_start() -> float:
+    """Processor time to take the solved skin from the disk [s]."""
+    tactels = array()
+    operator_for(DOME, SKIN, tactels)
+    begin = time.process_time()
+    operator_for(DOME, SKIN, tactels)
+    return time.process_time() - begin

@@ -1,0 +1,92 @@
+"""Goals of the servo's actions as parameters say them, and what their feedback says to people."""
+from dataclasses import dataclass, field
+import math
+from typing import Any
+
+from geometry_msgs.msg import Vector3
+
+from tactile_common.config import bounded, one_of
+from tactile_common.polyline import arc_length
+from tactile_msgs.action import TrackEdge, TrackSurface
+from tactile_servo.control.surface_path import raster, spiral
+from tactile_servo.conversions import ACTIONS
+from tactile_servo.laws.surface_goal import LINE_LENGTH, Pattern
+from tactile_servo.types import State
+
+PATTERNS = {pattern.name.lower(): pattern for pattern in Pattern if pattern != Pattern.POINTS}
+
+
+@dataclass(frozen=True)
+class SurfaceWay:
+    """Way over a surface."""
+
+    pattern: str = one_of('line', 'way over the surface', PATTERNS)
+    heading: float = bounded(
+        0.5 * math.pi, 'of a line or of rows, from base x about base z', 'rad', -7.0, 7.0)
+    duration: float = field(default=0.0, metadata={
+        'doc': 'time to track; 0 = no bound', 'unit': 's'})
+    size: tuple[float, ...] = field(default=(0.06, 0.06), metadata={
+        'doc': 'of a raster along and across its rows; radius of a spiral', 'unit': 'm'})
+    step_over: float = field(default=0.006, metadata={
+        'doc': 'between rows of a raster or turns of a spiral', 'unit': 'm'})
+    features: str = field(default='', metadata={'doc': 'name of taught features to keep'})
+
+
+@dataclass(frozen=True)
+class GoalConfig:
+    """The goal."""
+
+    action: str = one_of('track_edge', 'of the servo', ACTIONS)
+    speed: float = field(default=0.03, metadata={
+        'doc': 'along the edge, over the surface', 'unit': 'm/s'})
+    force: float = field(default=5.0, metadata={'doc': 'normal force on the pad', 'unit': 'N'})
+    direction: int = bounded(1, "+1 or -1 along the sensor's y, of an edge", '', -1, 1)
+    length: float = field(default=0.0, metadata={
+        'doc': f'way to track; 0 = until the edge ends, {1e3 * LINE_LENGTH:g} mm of a surface',
+        'unit': 'm'})
+    closed: bool = field(default=False, metadata={
+        'doc': 'end when the contour closes on its start'})
+    retreat: bool = field(default=True, metadata={'doc': 'lift off at the end'})
+    surface: SurfaceWay = field(default_factory=SurfaceWay)
+
+
+def goal_message(c: GoalConfig) -> TrackEdge.Goal | TrackSurface.Goal:
+    """Goal message of the action that the configuration names."""
+    if c.action == 'track_edge':
+        return TrackEdge.Goal(speed=c.speed, force=c.force, direction=c.direction,
+                              length=c.length, closed=c.closed, retreat=c.retreat)
+    way = c.surface
+    line = way.pattern == 'line' and not way.duration
+    return TrackSurface.Goal(
+        speed=c.speed, force=c.force, pattern=int(PATTERNS[way.pattern]),
+        direction=Vector3(x=math.cos(way.heading), y=math.sin(way.heading)),
+        length=c.length or (LINE_LENGTH if line else 0.0), duration=way.duration,
+        size=[float(side) for side in way.size], step_over=way.step_over,
+        features=way.features, retreat=c.retreat)
+
+
+def way_length(pattern: str, way: SurfaceWay | None = None) -> float:
+    """Length of a pattern as it is drawn, of a line its default [m]."""
+    way = way or SurfaceWay()
+    if pattern == 'line':
+        return LINE_LENGTH
+    along, across = way.size
+    plan = raster(along, across, way.step_over) if pattern == 'raster' else spiral(
+        along, way.step_over)
+    return float(arc_length(plan)[-1])
+
+
+def feedback_text(feedback: Any) -> str:
+    """What a feedback message of either action says."""
+    text = [f'{1e3 * feedback.progress:.0f} mm']
+    if feedback.state == State.HOLD:
+        return f'{text[0]}, {feedback.reason}'
+    if isinstance(feedback, TrackSurface.Feedback):
+        name, place = 'contact', [feedback.contact_error.x, feedback.contact_error.y]
+    else:
+        name, place = 'lateral', [feedback.lateral_error]
+    if all(map(math.isfinite, place)):  # not before something is felt
+        text.append(f'{name} {", ".join(f"{1e3 * value:+.3f}" for value in place)} mm')
+    if math.isfinite(feedback.normal_force):
+        text.append(f'force {feedback.normal_force:.2f} N')
+    return ', '.join(text)

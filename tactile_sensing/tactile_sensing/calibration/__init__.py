@@ -1,0 +1,1 @@
+"""Calibrating an array from recordings of raw counts: what `calibrate` does."""

@@ -1,0 +1,255 @@
+"""From recordings of raw counts to a calibration: every step that its recordings allow."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+import math
+
+import numpy as np
+
+from tactile_common.errors import ConfigurationError
+from tactile_sensing.calibration.gains import flat_field, Gains
+from tactile_sensing.calibration.order import solve_order
+from tactile_sensing.calibration.presses import Presses, sort_presses
+from tactile_sensing.calibration.skin_fit import bad_presses, fit_skin, SkinFit
+from tactile_sensing.calibration.unloaded import range_of, survey, Tactels
+from tactile_sensing.devices.calibration import Calibration
+from tactile_sensing.types.array import TactelArray
+from tactile_sensing.types.skin import Skin
+
+FEWEST_UNLOADED = 20  # frames
+FEWEST_PRESSES = 5  # of a ball, that tell a skin; some twenty are better
+
+
+@dataclass
+class Recordings:
+    """
+    What was recorded, frames of shape (N, raw rows, raw columns) in counts; None: not recorded.
+
+    Lengths in m, forces in N.
+    """
+
+    unloaded: np.ndarray | None = None
+    corners: np.ndarray | None = None
+    rolling: np.ndarray | None = None
+    ball: np.ndarray | None = None
+    ball_radius: float = 0.0
+    force: np.ndarray | None = None  # (N,) of the ball's frames, or one for all
+    flat: np.ndarray | None = None
+
+
+@dataclass
+class Known:
+    """What the maker publishes, or the user has measured; None and 0: to be found or assumed."""
+
+    pitch: tuple[float, float]  # along x and y [m]
+    bits: int | None = None
+    signed: bool | None = None
+    threshold: int | None = None
+    saturation: int | None = None
+    depth: float = 0.0  # [m]
+    thickness: float = 0.0  # [m]
+    poisson: float = 0.45
+    gain: float = 0.0  # [Pa/count]
+    tactel: str = 'area'
+    transposed: bool = False
+
+
+@dataclass
+class Outcome:
+    """A calibration, and what a report draws."""
+
+    calibration: Calibration
+    left_out: dict[str, dict[int, str]] = field(default_factory=dict)
+    tactels: Tactels | None = None
+    presses: Presses | None = None
+    skin: SkinFit | None = None
+    gains: Gains | None = None
+
+
+def calibrate(recordings: Recordings, known: Known,
+              tell: Callable[[str], None] = lambda text: None) -> Outcome:
+    """
+    Make a calibration.
+
+    Raises
+    ------
+    ConfigurationError
+        Recordings contradict each other, or tell too little.
+    """
+    given = [it for it in (recordings.unloaded, recordings.ball, recordings.flat,
+                           recordings.corners, recordings.rolling) if it is not None]
+    if not given:
+        raise ConfigurationError('no recordings: give at least one of --unloaded, --ball, --flat')
+    raw_shape = given[0].shape[1:]
+    for frames in given:
+        if frames.shape[1:] != raw_shape:
+            raise ConfigurationError(f'recordings have frames of {raw_shape[0]} x {raw_shape[1]} '
+                                     f'and of {frames.shape[1]} x {frames.shape[2]} tactels')
+    tell('range and noise')
+    found: dict = {}
+    counts, assumed = range_of(given, known.bits, known.signed, known.threshold)
+    values: dict = {'bits': counts.bits, 'signed': counts.signed, 'threshold': counts.threshold,
+                    'saturation': known.saturation or counts.saturation, 'tactel': known.tactel}
+    values |= _order(recordings, known, raw_shape, found, assumed)
+    transposed = values.pop('_transposed')
+    shape = raw_shape[::-1] if transposed else raw_shape
+    (rows, columns), (pitch_x, pitch_y) = shape, known.pitch
+    array = TactelArray(rows, columns, pitch_x, pitch_y)
+    draft = Calibration(array, unit='counts', depth=min(known.pitch), transposed=transposed,
+                        **values)
+    outcome = Outcome(draft)
+    values |= _unloaded(recordings, draft, outcome, found, assumed)
+    draft = Calibration(array, unit='counts', depth=min(known.pitch), transposed=transposed,
+                        **values)
+    values |= {'unit': 'counts', 'depth': known.depth or min(known.pitch),
+               'thickness': known.thickness, 'poisson': known.poisson}
+    if not known.depth:
+        assumed.append('tactels one pitch below the surface, as no ball says it')
+    if known.gain:
+        values |= {'unit': 'Pa', 'gain': known.gain}
+    if recordings.ball is not None or recordings.flat is not None:
+        values |= _skin(recordings, known, draft, outcome, found, assumed, tell)
+    if not known.gain and recordings.force is None:
+        assumed.append('no force is known: places, yaw and type can be told, forces cannot')
+    found['assumed'] = assumed
+    outcome.calibration = Calibration(array, transposed=transposed, model='calibrated',
+                                      source='calibrate', found=found, **values)
+    return outcome
+
+
+def _order(recordings, known, raw_shape, found, assumed):
+    if recordings.corners is None:
+        assumed.append('rows and columns as they come')
+        return {'_transposed': known.transposed}
+    if len(recordings.corners) != 4:
+        raise ConfigurationError(f'corners: {len(recordings.corners)} frames, must be 4: of the '
+                                 'first row and column, then round by the first row')
+    shape = raw_shape[::-1] if known.transposed else raw_shape
+    base = np.median(recordings.unloaded, axis=0) if recordings.unloaded is not None else 0.0
+    rolling = None if recordings.rolling is None else recordings.rolling - base
+    rows, columns, transposed = solve_order(recordings.corners - base, rolling, shape)
+    plain = (rows, columns, transposed) == (tuple(range(shape[0])), tuple(range(shape[1])), False)
+    found['order'] = 'as they come, by the corners' if plain else (
+        'turned, mirrored or sorted by corners' + ' and a rolling press' * (rolling is not None))
+    return {'row_order': rows, 'column_order': columns, '_transposed': transposed} if not plain \
+        else {'_transposed': False}
+
+
+def _unloaded(recordings, draft, outcome, found, assumed):
+    if recordings.unloaded is None:
+        assumed.append('a baseline of 0 and a noise of one count: no frames without load')
+        return {'noise': 1.0}
+    if len(recordings.unloaded) < FEWEST_UNLOADED:
+        raise ConfigurationError(f'unloaded: {len(recordings.unloaded)} frames, at least '
+                                 f'{FEWEST_UNLOADED} are needed')
+    loaded = [draft.arrange(it) for it in (recordings.ball, recordings.flat, recordings.rolling)
+              if it is not None]
+    tactels = survey(draft.arrange(recordings.unloaded), draft.counts, loaded)
+    outcome.tactels = tactels
+    columns = draft.array.columns
+    usual = np.sqrt(np.mean(tactels.noise**2))
+    found['unloaded'] = {
+        'frames': len(recordings.unloaded), 'noise': _short(usual), 'step': tactels.step,
+        'drift': _short(tactels.drift),
+        'dead': {f'{row},{column}': why for (row, column), why in tactels.dead.items()}}
+    # One frame of an unloaded pad may be that far off by chance.
+    return {'baseline': np.clip(tactels.offset, draft.counts.lowest, draft.counts.saturation - 1),
+            'noise': tactels.noise,
+            'dead_tactels': tuple(sorted(row * columns + column for row, column in tactels.dead))}
+
+
+def _presses(frames, calibration, force=None):
+    """Frames as presses, and how many tactels of each are at full scale."""
+    arranged = calibration.arrange(np.asarray(frames, dtype=np.float64))
+    full = (arranged >= calibration.counts.saturation) & calibration.live
+    noise = np.maximum(calibration.noise.astype(float), 12**-0.5)
+    values = np.where(calibration.live & ~full, arranged - calibration.baseline, np.nan)
+    floor = calibration.counts.threshold - 0.5 - calibration.baseline.astype(float)
+    number = np.arange(len(values))
+    return Presses(calibration.array, values, noise, floor, number), full.sum((1, 2))
+
+
+def _sorted(name, frames, calibration, outcome):
+    presses, saturated = _presses(frames, calibration)
+    good, bad = sort_presses(presses, saturated)
+    outcome.left_out[name] = bad
+    if len(good) < FEWEST_PRESSES:
+        why = '; '.join(f'frame {k}: {text}' for k, text in list(bad.items())[:3])
+        raise ConfigurationError(f'{name}: only {len(good)} of {len(frames)} frames show one '
+                                 f'press, at least {FEWEST_PRESSES} are needed ({why})')
+    return good
+
+
+def _skin(recordings, known, draft, outcome, found, assumed, tell):
+    """Skin, gain and flat field from presses of the ball."""
+    area, radius = known.tactel == 'area', recordings.ball_radius
+    if not radius > 0.0:
+        raise ConfigurationError('--ball-radius is missing')
+    parts = {name: _sorted(name, frames, draft, outcome) for name, frames in (
+        ('ball', recordings.ball), ('flat', recordings.flat)) if frames is not None}
+    presses, *more = parts.values()
+    for other in more:
+        presses = presses.joined(other)
+    source = np.repeat(list(parts), [len(part) for part in parts.values()])
+    given = Skin(known.depth, known.thickness or math.inf, known.poisson) if known.depth else None
+    tell(f'skin from {len(presses)} presses')
+    fit = fit_skin(presses, radius, area=area, known=given)
+    bad = bad_presses(fit)
+    if bad.any() and (~bad).sum() >= FEWEST_PRESSES:
+        for name, number in zip(source[bad], presses.number[bad], strict=True):
+            outcome.left_out[name][int(number)] = 'unlike the others: no ball, or it moved'
+        presses, source = presses.only(~bad), source[~bad]
+        fit = fit_skin(presses, radius, area=area, known=given)
+    gain, spread = np.ones(draft.array.shape), fit.scatter
+    if recordings.flat is not None:
+        tell(f'gains from {len(presses)} presses')
+        force = np.ones(len(presses))
+        if recordings.force is not None:
+            force[source == 'ball'] = _force(recordings)[presses.number[source == 'ball']]
+        gains = flat_field(presses, radius, fit, area, force, source)
+        if not given:  # gains that differ had moved the skin, and the skin the gains
+            fit = fit_skin(presses.scaled(gains.gain), radius, area=area, start=fit)
+            gains = flat_field(presses, radius, fit, area, force, source)
+        outcome.gains, gain, spread = gains, gains.gain, gains.left
+        found['gains'] = {'presses': len(presses), 'spread': _short(gains.spread),
+                          'left': _short(gains.left)}
+    values: dict = {'gain_spread': float(spread)}
+    if not given:
+        if assumed and assumed[-1].startswith('tactels one pitch'):
+            assumed.pop()
+        values |= {'depth': float(fit.skin.depth), 'poisson': float(fit.skin.poisson),
+                   'thickness': 0.0 if fit.skin.is_half_space else float(fit.skin.thickness)}
+        found['skin'] = {
+            'presses': len(presses), 'depth_std': _short(fit.depth_std),
+            'thickness_std': _short(fit.thickness_std), 'poisson_std': _short(fit.poisson_std),
+            'left_out': _short(fit.scatter), 'patch': _short(fit.patch)}
+        if not math.isfinite(fit.poisson_std):
+            assumed.append(f"a Poisson's ratio of {known.poisson}")
+    if recordings.flat is not None:
+        fit = fit_skin(presses.scaled(gain), radius, area=area, known=fit.skin)
+    values['gain'] = known.gain * gain if known.gain else gain
+    if recordings.force is not None and not known.gain:
+        pressed = source == 'ball'
+        values |= _gain(recordings, presses.number[pressed], fit.amplitudes[pressed], gain, found)
+    outcome.presses, outcome.skin = presses, fit
+    return values
+
+
+def _force(recordings):
+    """Of every frame of the ball [N]."""
+    return np.broadcast_to(np.asarray(recordings.force, float), len(recordings.ball))
+
+
+def _gain(recordings, numbers, amplitudes, gain, found):
+    each = _force(recordings)[numbers] / amplitudes[:, 0]
+    usual = float(np.median(each))
+    spread = 1.4826 * float(np.median(np.abs(each / usual - 1.0)))
+    found['force'] = {'presses': len(each), 'gain': _short(usual),
+                      'gain_std': _short(usual * spread / math.sqrt(len(each)))}
+    return {'gain': usual * gain, 'unit': 'Pa'}
+
+
+def _short(value):
+    """Number of four digits, as a file shows it."""
+    value = float(value)
+    return float(f'{value:.4g}') if math.isfinite(value) else 'unknown'

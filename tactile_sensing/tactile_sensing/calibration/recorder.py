@@ -1,0 +1,153 @@
+"""Recording press by press what `calibrate` takes, of a sensor that runs: the wizard's core."""
+from collections import deque
+from collections.abc import Callable
+from dataclasses import dataclass
+import os
+from pathlib import Path
+
+import numpy as np
+
+from tactile_common.npz_stream import read_arrays
+from tactile_sensing.calibration.presses import LEAST_PEAK, why_not
+from tactile_sensing.devices.unloaded import unloaded_statistics
+from tactile_sensing.types.array import TactelArray
+
+HELD = 20  # frames that a press must rest to be taken
+STEADY = 0.05  # of its peak, by which a press that rests may change
+RELEASED = 0.5  # of the peak at which a press begins, below which it has ended
+
+
+@dataclass(frozen=True)
+class Step:
+    """One recording, a file of its name."""
+
+    name: str
+    count: int  # frames
+    ask: str
+    presses: bool = True  # else the frames come one after the other
+    anywhere: bool = False  # presses are not judged: a finger, at the border
+
+
+STEPS = (
+    Step('unloaded', 100, 'Take everything off the pad.', presses=False),
+    Step('corners', 4, 'Press with a finger: first row and column; first row, last column; last '
+         'row and column; last row, first column.', anywhere=True),
+    Step('ball', 20, 'Press the small ball, each time elsewhere; hold it until it counts.'),
+    Step('flat', 40, 'Press the same ball, straight, all over the pad.'))
+
+
+class PressCatcher:
+    """
+    Find presses in a stream of frames.
+
+    A press is taken once, when it has rested for HELD frames; the next one begins when nothing
+    presses any more.
+    """
+
+    def __init__(self, array: TactelArray, unloaded: np.ndarray):
+        everywhere = np.ones(array.shape, bool)
+        self._array = array
+        self._offset, self._noise = unloaded_statistics(unloaded, -np.inf, 0.0, everywhere)
+        self._recent: deque[np.ndarray] = deque(maxlen=HELD)
+        self._taken = True  # whatever presses at the beginning is none
+
+    def see(self, frame: np.ndarray, full: int) -> str | None:
+        """
+        Look at the next frame [counts], (rows, columns), of which so many are at full scale.
+
+        Returns None while there is no new press that rests, '' for a press of a ball that tells
+        something, else what is wrong with it.
+        """
+        values = frame - self._offset
+        peak = np.unravel_index(values.argmax(), values.shape)
+        strength = values[peak] / (LEAST_PEAK * self._noise[peak])
+        if strength < (RELEASED if self._taken else 1.0):
+            self._recent.clear()
+            self._taken = False
+            return None
+        self._recent.append(values)
+        if self._taken or len(self._recent) < HELD or not self._rests(values[peak]):
+            return None
+        self._taken = True
+        return why_not(values, peak, self._noise, self._array, full)
+
+    def _rests(self, peak):
+        half = HELD // 2
+        frames = np.array(self._recent)
+        change = np.abs(frames[half:].mean(axis=0) - frames[:half].mean(axis=0))
+        by_chance = 5.0 * self._noise * np.sqrt(2.0 / half)
+        return bool((change < STEADY * peak + by_chance).all())
+
+
+class Recorder:
+    """
+    Ask for every recording in turn, and keep it in a folder, press by press.
+
+    What is there already stays: an interrupted session goes on where it was.
+
+    Parameters
+    ----------
+    folder : Path
+    array : TactelArray
+    look : callable
+        Returns the next frame [counts], (rows, columns), and how many of it are at full scale.
+    ask : callable
+        Shows a text and returns what the user answers; 's' skips a recording.
+    tell : callable
+        Shows a line.
+    """
+
+    def __init__(self, folder: Path, array: TactelArray,
+                 look: Callable[[], tuple[np.ndarray, int]], ask: Callable[[str], str],
+                 tell: Callable[[str], None]):
+        self._folder, self._array, self._look = folder, array, look
+        self._ask, self._tell = ask, tell
+
+    def run(self, steps: tuple[Step, ...] = STEPS) -> None:
+        """Record what is missing."""
+        self._folder.mkdir(parents=True, exist_ok=True)
+        for step in steps:
+            frames = self._there(step)
+            if len(frames) >= step.count:
+                self._tell(f'{step.name}: {len(frames)} frames are there')
+            elif step.presses and not self._file('unloaded').exists():
+                self._tell(f'{step.name}: needs unloaded')
+            elif self._ask(f'{step.name}: {step.ask} Enter to begin, s to skip: ').strip() != 's':
+                (self._presses if step.presses else self._stream)(step, frames)
+
+    def _stream(self, step, frames):
+        while len(frames) < step.count:
+            frames.append(self._look()[0])
+        self._save(step, frames)
+        self._tell(f'{step.name}: {len(frames)} frames')
+
+    def _presses(self, step, frames):
+        catcher = PressCatcher(
+            self._array, read_arrays(self._file('unloaded'), ('frames',))['frames'])
+        while len(frames) < step.count:
+            frame, full = self._look()
+            wrong = catcher.see(frame, full)
+            if wrong is None:
+                continue
+            if wrong and not step.anywhere:
+                self._tell(f'{step.name}: not taken: {wrong}; press again')
+                continue
+            frames.append(frame)
+            self._save(step, frames)
+            self._tell(f'{step.name}: {len(frames)} of {step.count}')
+
+    def _there(self, step):
+        path = self._file(step.name)
+        if not path.exists():
+            return []
+        return list(read_arrays(path, ('frames',))['frames'])
+
+    def _file(self, name):
+        return self._folder / f'{name}.npz'
+
+    def _save(self, step, frames):
+        """Whole, or as it was: an interruption may come at any time."""
+        path = self._file(step.name)
+        with open(path.with_suffix('.part'), 'wb') as stream:
+            np.savez_compressed(stream, frames=np.array(frames))
+        os.replace(stream.name, path)

@@ -1,0 +1,102 @@
+"""What recordings of raw counts say of the tactels: range, noise, dead, stuck, drift."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from tactile_sensing.devices.counts import Counts, MAX_BITS
+from tactile_sensing.devices.unloaded import unloaded_statistics
+
+NOISY = 5.0  # times the usual noise at which a tactel is not used
+GAP = 5.0  # usual readings that a gap in the counts lacks where it shows a threshold
+STUCK = 0.05  # share of what its neighbours show that a tactel must show under load
+LEAST_SHOWN = 40.0  # standard deviations that these must show
+
+
+@dataclass(frozen=True, eq=False)
+class Tactels:
+    """Tactels without load and what is wrong with them; arrays of shape (rows, columns)."""
+
+    offset: np.ndarray  # [counts]
+    noise: np.ndarray  # [counts]
+    dead: dict  # from (row, column) to what is wrong
+    step: int  # between neighbouring counts that occur: the effective least significant bit
+    drift: float  # median change from the first half of the frames to the second [counts]
+
+
+def range_of(recordings: list[np.ndarray], bits: int | None, signed: bool | None,
+             threshold: int | None) -> tuple[Counts, list[str]]:
+    """
+    Range of the counts, and what of it was assumed.
+
+    What is not given follows from the counts: the fewest bits that hold them; a threshold where
+    small counts are never reported though larger ones are.
+    """
+    assumed = []
+    counts = np.concatenate([np.rint(frames[np.isfinite(frames)]) for frames in recordings])
+    low, high = int(counts.min()), int(counts.max())
+    if signed is None:
+        signed = low < 0
+        assumed.append(f'{"signed" if signed else "unsigned"} counts, as the recordings show')
+    if bits is None:
+        need = max(high, -low - 1, 1).bit_length() + signed
+        bits = next((b for b in (8, 10, 12, 14, MAX_BITS) if b >= need), MAX_BITS)
+        assumed.append(f'{bits} bits: the least usual converter for counts of {low} to {high}')
+    plain = Counts(bits, signed)
+    if threshold is None and low >= 0:
+        threshold = _threshold(counts, plain.lowest)
+        if threshold:
+            assumed.append(f'a threshold of {threshold}: smaller counts than that are all 0')
+    return Counts(bits, signed, threshold or None), assumed
+
+
+def _threshold(counts, lowest):
+    """Least count above the lowest, where those below it are missing; None: no threshold."""
+    above = np.sort(counts[counts > lowest])
+    if above.size < 50 or not np.any(counts == lowest):
+        return None
+    least = int(above[0])
+    # As many below as there are in as wide a range above, unless something leaves them out.
+    expected = np.count_nonzero(above < 2 * least - lowest)
+    return least if least > lowest + 1 and expected > GAP else None
+
+
+def survey(frames: np.ndarray, counts: Counts, loaded: list[np.ndarray]) -> Tactels:
+    """
+    Survey frames (N, rows, columns) of the unloaded pad.
+
+    Frames of the loaded pad, if there are any, tell what does not show without load: tactels that
+    are always the same though their neighbours change.
+    """
+    live = np.ones(frames.shape[1:], bool)
+    first = unloaded_statistics(frames, counts.threshold, counts.lowest, live)
+    usual = float(np.median(first.noise))
+    dead = {}
+    for place in np.argwhere(first.noise > NOISY * usual):
+        dead[tuple(place.tolist())] = f'noise {first.noise[tuple(place)]:.1f} counts'
+    for place in np.argwhere(first.offset >= counts.saturation - 1):
+        dead[tuple(place.tolist())] = 'at full scale without load'
+    if loaded:
+        dead |= _silent(np.concatenate(loaded), first.offset, usual)
+    for place in dead:
+        live[place] = False
+    offset, noise = unloaded_statistics(frames, counts.threshold, counts.lowest, live)
+    half = len(frames) // 2
+    change = np.median((frames[half:].mean(axis=0) - frames[:half].mean(axis=0))[live])
+    values = np.unique(np.concatenate([np.rint(frames).ravel(), *(
+        np.rint(it[np.isfinite(it)]).ravel() for it in loaded)]))
+    step = int(np.gcd.reduce(np.diff(values).astype(np.int64))) if values.size > 2 else 1
+    return Tactels(offset, np.maximum(noise, max(step, 1) * 12**-0.5), dead, max(step, 1),
+                   float(change))
+
+
+def _silent(loaded, offset, noise):
+    """Tactels that show next to nothing where those around them show much."""
+    peak = np.nanmax(loaded - offset, axis=0)
+    padded = np.pad(peak, 1, constant_values=np.nan)
+    rows, columns = peak.shape
+    around = np.stack([padded[i:i + rows, j:j + columns] for i in range(3) for j in range(3)
+                       if (i, j) != (1, 1)])
+    usual = np.nanmedian(around, axis=0)
+    silent = (usual > LEAST_SHOWN * noise) & (peak < STUCK * usual)
+    return {tuple(place.tolist()): 'shows nothing under load' for place in np.argwhere(silent)}

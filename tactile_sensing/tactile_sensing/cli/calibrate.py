@@ -1,0 +1,194 @@
+"""Command: from recordings of raw counts to a calibration file."""
+
+import argparse
+from pathlib import Path
+import subprocess
+import sys
+
+import numpy as np
+
+from tactile_common.command_line import between, Parser, run_command
+from tactile_common.errors import ConfigurationError
+from tactile_common.npz_stream import read_arrays
+from tactile_common.progress import Progress
+from tactile_sensing.calibration.procedure import calibrate, Known, Outcome, Recordings
+from tactile_sensing.calibration.report import draw_report
+from tactile_sensing.cli.options import add_pitch, pitch_of, read_counts
+from tactile_sensing.devices.calibration_file import save_calibration
+from tactile_sensing.devices.counts import MAX_BITS
+from tactile_sensing.types.array import PITCH
+
+RECORDED = ('unloaded', 'corners', 'rolling', 'ball', 'flat')
+STEPS = 4  # that the progress bar counts, at most
+MOST_NAMED = 8  # frames that are named as left out
+
+EPILOG = """\
+What to record, each into a file of its own (numpy.savez(FILE, frames=frames) or numpy.save, frames
+of raw counts, (N, rows, columns), or a bag of a driver that passes counts through); every step is
+optional, and the file says what was assumed instead:
+
+  1 unloaded  a hundred frames with nothing on the pad: offset, noise, dead tactels, threshold
+  2 corners   four frames, a finger in each corner: of the first row and column, the first row and
+              last column, the last row and last column, the last row and first column. Where wires
+              are scrambled: --rolling, a ball rolled slowly all over the pad
+  3 ball      twenty frames, a small ball (1 mm radius or so) pressed anywhere, neither hard nor
+              close to the border: depth and thickness of the skin; with --force also the gain
+  4 flat      forty presses of the same ball all over the pad: the gain of every tactel
+
+Example: a pad of 16 x 16 tactels on one inch, a ball pressed by a weight of 100 g
+  ros2 run tactile_sensing calibrate --out pad.yaml --pitch 0.0015875 --unloaded u.npz \\
+      --ball b.npz --ball-radius 0.001 --force 0.981 --flat f.npz --report pad.png
+  ros2 run tactile_sensing estimate frames.npz --calibration pad.yaml -o contacts.npz
+
+With a driver that publishes raw counts, `--live FOLDER` asks for them one by one instead, tells
+which press was none, and goes on from where it was interrupted.
+
+Frames that are no single press of the ball are named and left out. Without --force places and
+directions are told and forces are not.
+
+Exit status: 0, or 1 after one line that says what is wrong; then nothing is written."""
+
+
+def parser() -> argparse.ArgumentParser:
+    """Command line."""
+    arguments = Parser(
+        prog='calibrate', formatter_class=argparse.RawDescriptionHelpFormatter, epilog=EPILOG,
+        description='Calibrate a tactile array: from '
+        'recordings of raw counts to the file that driver and `estimate` read.')
+    add = arguments.add_argument
+    add('--out', required=True, metavar='CAL.yaml', help='file to write')
+    add_pitch(arguments, required=True)
+    add('--live', metavar='FOLDER', help='ask for every recording, take it from the pictures of '
+        'a driver and keep it in this folder; what is there already stays')
+    add('--topic', default='/tactile/image', metavar='NAME', help='of those pictures '
+        '(default: %(default)s)')
+    for name, text in (('unloaded', 'of the unloaded pad'),
+                       ('corners', 'of presses in the corners'),
+                       ('rolling', 'of a ball rolled over the pad, or of anything on it: without '
+                        'corners they tell range, threshold and silent tactels alone'),
+                       ('ball', 'of presses of a small ball; an array `force` (N,) [N] in it is '
+                        'that of each'), ('flat', 'of presses of the ball all over the pad')):
+        add(f'--{name}', metavar=f'{name[0].upper()}.npz', help=f'frames {text}')
+    metres, count = between(*PITCH, 'm'), between(-32768, 65536, kind=int)
+    add('--ball-radius', metavar='M', type=metres, help='of the ball [m]')
+    add('--force', metavar='N', type=between(1e-6, 1e6, 'N'),
+        help='with which the ball was pressed, each time [N]')
+    add('--depth', metavar='M', type=metres, help='of the tactels, where it is known [m]')
+    add('--thickness', metavar='M', type=metres,
+        help='of the skin on its backing, where it is known [m]')
+    add('--gain', metavar='PA', type=between(1e-9, 1e12, 'Pa'),
+        help='pressure of a count, where it is known [Pa]')
+    add('--tactel', choices=('area', 'point'), default='area',
+        help='a tactel measures the mean over its area, or the stress at its centre '
+        '(default: %(default)s)')
+    add('--bits', metavar='N', type=between(1, MAX_BITS, kind=int),
+        help='of the converter, 1 to 16 (default: as the counts show)')
+    add('--signed', choices=('yes', 'no'), help='counts (default: as they show)')
+    add('--threshold', metavar='COUNT', type=count, help='least count that is reported as '
+        'such: smaller ones become the lowest (default: as the counts show)')
+    add('--saturation', metavar='COUNT', type=count, help='count from which on a tactel is at '
+        'full scale (default: the highest of the converter)')
+    add('--report', metavar='FILE.png', help='draw what was found, and what is left of the '
+        'presses before and after')
+    return arguments
+
+
+def _read(path):
+    values = read_counts(path).astype(float)
+    if not np.isfinite(values).all():
+        raise ConfigurationError(f'{path}: frames holds values that are not finite')
+    return values
+
+
+def record(options: argparse.Namespace) -> None:
+    """Have the recordings of the options made; a program of its own knows ROS."""
+    if subprocess.run([sys.executable, '-m', 'tactile_sensing.nodes.press_recorder',
+                       options.live, options.topic], check=False).returncode:
+        raise ConfigurationError('not all is recorded; the same command goes on from here')
+    for name in RECORDED:
+        path = Path(options.live, f'{name}.npz')
+        if path.exists() and getattr(options, name) is None:
+            setattr(options, name, str(path))
+
+
+def read_recordings(options: argparse.Namespace) -> Recordings:
+    """Read the files of the options."""
+    paths = {name: getattr(options, name) for name in RECORDED}
+    recordings = Recordings(**{name: _read(path) for name, path in paths.items() if path})
+    if options.ball or options.flat:
+        if options.ball_radius is None:
+            raise ConfigurationError('--ball-radius is missing')
+        recordings.ball_radius = options.ball_radius
+    if options.force is not None:
+        if not options.ball:
+            raise ConfigurationError('--force needs --ball')
+        recordings.force = np.array(options.force)
+    elif recordings.ball is not None and Path(options.ball).suffix == '.npz':
+        force = read_arrays(options.ball, (), ('force',)).get('force')
+        if force is not None:
+            count = len(recordings.ball)
+            if force.size not in (1, count) or not (np.isfinite(force) & (force > 0.0)).all():
+                raise ConfigurationError(f'{options.ball}: force must be one number or {count}, '
+                                         'above 0 N')
+            recordings.force = force.ravel()
+    return recordings
+
+
+def read_known(options: argparse.Namespace) -> Known:
+    """What the options say of the sensor."""
+    if options.thickness and not options.depth:
+        raise ConfigurationError('--thickness needs --depth')
+    return Known(
+        pitch_of(options.pitch), options.bits, options.signed and options.signed == 'yes',
+        options.threshold, options.saturation, options.depth or 0.0, options.thickness or 0.0,
+        gain=options.gain or 0.0, tactel=options.tactel)
+
+
+def describe(outcome: Outcome) -> str:
+    """Return what was found, left out and assumed, as lines."""
+    found, lines = outcome.calibration.found, []
+    for name in ('unloaded', 'order', 'skin', 'force', 'gains'):
+        if name in found:
+            lines.append(f'{name}: {_plain(found[name])}')
+    calibration = outcome.calibration
+    lines.append(f'depth {1e3 * calibration.depth:.3f} mm, skin ' + (
+        f'{1e3 * calibration.thickness:.3f} mm thick' if calibration.thickness
+        else 'without a backing near') + f', unit {calibration.unit}')
+    for name, bad in outcome.left_out.items():
+        numbers = list(bad)[:MOST_NAMED]
+        lines += [f'{name}, frame {k} left out: {bad[k]}' for k in numbers]
+        if len(bad) > MOST_NAMED:
+            lines.append(f'{name}: and {len(bad) - MOST_NAMED} more')
+    lines += [f'assumed: {text}' for text in found['assumed']]
+    return '\n'.join(lines)
+
+
+def _plain(value):
+    if isinstance(value, dict):
+        return ', '.join(f'{key} {_plain(item)}' for key, item in value.items() if item != {})
+    return str(value)
+
+
+def run(options: argparse.Namespace) -> str:
+    """Calibrate; returns what was found."""
+    known = read_known(options)
+    if options.live:
+        record(options)
+    recordings = read_recordings(options)
+    folder = Path(options.out).resolve().parent
+    if not folder.is_dir():
+        raise ConfigurationError(f'{options.out}: folder {folder} does not exist')
+    with Progress(STEPS, 1.0) as progress:
+        done = iter(range(1, STEPS + 1))
+        outcome = calibrate(recordings, known, lambda text: progress.show(
+            next(done, STEPS), 'calibrate', text))
+        if options.report:
+            progress.show(STEPS, 'report')
+            draw_report(outcome, recordings.ball_radius, options.report)
+    save_calibration(outcome.calibration, options.out)
+    return f'{describe(outcome)}\n{options.out} written'
+
+
+def main(args: list[str] | None = None) -> int:
+    """Run the command; exit status 0 if the file was written."""
+    return run_command('calibrate', lambda: run(parser().parse_args(args)))

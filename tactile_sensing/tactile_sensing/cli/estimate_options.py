@@ -1,0 +1,217 @@
+"""Command line of `estimate`: its help, and what its options mean."""
+
+import argparse
+from dataclasses import fields
+from typing import Any
+
+import numpy as np
+
+from tactile_common.command_line import between, Parser
+from tactile_common.errors import ConfigurationError
+from tactile_sensing.cli.options import add_pitch, is_bag, length
+from tactile_sensing.contact.estimator import EstimatorConfig, METHODS, MODELS, TACTELS
+from tactile_sensing.types.array import TactelArray
+from tactile_sensing.types.contact import COLUMNS, ContactType, Reason, RECORD
+from tactile_sensing.types.image import COMPONENTS
+
+# Parameters of the estimator that are plain numbers, each an option.
+RULES = tuple(item for item in fields(EstimatorConfig)
+              if 'range' in item.metadata and item.name != 'noise_std')
+TYPES = {
+    ContactType.NONE: 'nothing touches',
+    ContactType.POINT: 'a point load',
+    ContactType.LINE: 'a line load: an edge',
+    ContactType.OTHER: 'a contact that is neither',
+}
+FLAGS = {
+    Reason.NO_CONTACT: 'no significant load',
+    Reason.LOW_SNR: 'load seen, but too weak to locate',
+    Reason.OFF_PAD: 'the located contact lies outside the array',
+    Reason.FEW_TACTELS: 'too few valid tactels',
+    Reason.NOT_CONVERGED: 'the fit did not settle',
+    Reason.BAD_FIT: 'no model explains the frame',
+    Reason.BAD_IMAGE: 'frame malformed',
+    Reason.UNCALIBRATED: 'no gain known, forces are NaN (can be set with valid)',
+    Reason.TWO_CONTACTS: 'more than one contact',
+    Reason.NOT_TARED: 'not set by this command: it takes frames as tared',
+    Reason.SATURATED: 'saturated tactels were left out (can be set with valid)',
+    Reason.DEAD_TACTELS: 'invalid tactels were left out (can be set with valid)',
+    Reason.FORCE_MISMATCH: 'normal_force and force_windowed disagree (can be set with valid)',
+}
+
+EXAMPLE = """\
+  python3 -c "
+  import numpy as np
+  x = (np.arange(16) - 7.5) * 0.001  # tactels 1 mm apart; an edge of 200 N/m at x = 1 mm
+  p = 2 * 200 * 0.002**3 / np.pi / ((x - 0.001)**2 + 0.002**2)**2
+  np.savez('frames.npz', frames=np.tile(p, (100, 16, 1)) + np.random.normal(0, 630, (100, 16, 16)))
+  "
+  ros2 run tactile_sensing estimate frames.npz --pitch 0.001 --layers zz@0.002 -o contacts.npz
+  python3 -c "import numpy as np; c = np.load('contacts.npz'); print(c['a'].mean(), c['type'][0])"
+"""
+
+
+def _table(rows, width):
+    return '\n'.join(f'  {name!s:{width}} {text}' for name, text in rows)
+
+
+def _shape(name):
+    return f'({", ".join(("N", *map(str, RECORD[name].shape)))})'.replace('(N)', '(N,)')
+
+
+def parser() -> argparse.ArgumentParser:
+    """Command line."""
+    arrays = _table(
+        ((name, f'{_shape(name):9} {RECORD[name].base.name:8} {column.metadata["unit"]:4} '
+          f'{column.metadata["doc"]}') for name, column in COLUMNS.items()), 16)
+    types = _table(
+        ((int(kind), f'{kind.name.lower()}: {text}') for kind, text in TYPES.items()), 6)
+    flags = _table(((int(flag), f'{flag.name}: {text}') for flag, text in FLAGS.items()), 6)
+    arguments = Parser(
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+        prog='estimate',
+        usage='estimate FRAMES|BAG --calibration CAL.yaml [options] -o OUT\n       estimate '
+              'FRAMES --pitch M [M] --layers COMPONENT@DEPTH,... [options] -o OUT\n       '
+              'estimate BAG [options] -o OUT',
+        description="""\
+Estimate the contact in every frame of a file: point or edge, where, and with what force.
+A file of any length takes the same memory. The summary goes to standard error.
+
+Input array of FRAMES.npz (from numpy.savez or numpy.savez_compressed), or the one of FRAMES.npy
+  frames           (N, rows, columns) or (N, layers, rows, columns), real numbers, in Pa:
+                   pressure (compression positive) or shear stress above that of the unloaded pad;
+                   x runs along increasing column, y along increasing row, the origin is the
+                   centre of the array. NaN and infinity mark invalid tactels.
+                   With --calibration: raw counts, (N, rows, columns), as they come from the
+                   device; the file, which the command `calibrate` makes, says all the rest.
+
+A BAG is a rosbag2 recording (folder, .mcap or .db3) of the topic image; its pictures say what the
+sensor is, and what is told of them is what the node contact_estimator tells with the parameters
+that are options here. With --calibration they must be raw counts that the driver passed through.
+""",
+        epilog=f"""\
+Output arrays, SI units; NaN where a type does not have a value, and in every real number of a
+frame that is not valid:
+{arrays}
+and of a BAG
+  t                (N,)      float64  s    stamp of the picture
+
+In a .csv file, each is a column after the number of the frame; of the covariance, the upper
+triangle: covariance_0_0, covariance_0_1, ..., covariance_6_6.
+
+Types
+{types}
+
+Flags (sum of)
+{flags}
+
+Example
+{EXAMPLE}
+Exit status: 0, or 1 after one line that says what is wrong; then nothing is written.""")
+    arguments.add_argument('frames', nargs='?', metavar='FRAMES.npz|FRAMES.npy|BAG', help='input')
+    arguments.add_argument('--calibration', metavar='CAL.yaml',
+                           help='what turns counts into pressure: size, pitch, gains, noise, skin')
+    arguments.add_argument('--namespace', help='of the sensor in a bag that has several')
+    arguments.add_argument('--tare', metavar='U.npz',
+                           help='frames (n, rows, columns) of the unloaded pad in counts, taken '
+                           'close to those to estimate (default: the baseline of the calibration)')
+    add_pitch(arguments)
+    arguments.add_argument(
+        '--layers', metavar='COMPONENT@DEPTH,...',
+        help=f'stress component ({", ".join(COMPONENTS)}) and depth below the surface of the '
+        'skin [m] of each layer in turn, for instance zz@0.002 or zz@0.002,xz@0.002')
+    arguments.add_argument('-o', '--out', required=True, metavar='OUT',
+                           help='file to write, .npz or .csv; replaced if it exists')
+    arguments.add_argument('--method', help=f'estimator: {", ".join(METHODS)} '
+                           f'(default: {EstimatorConfig.method})')
+    arguments.add_argument('--model', choices=MODELS,
+                           help='contact to look for (default: auto)')
+    arguments.add_argument('--fit-depth', action='store_true',
+                           help='find the depth of the tactels from each frame, near that given')
+    arguments.add_argument('--tactel', choices=TACTELS,
+                           help='a tactel measures the stress at its centre, or the mean over '
+                           'its area (default: as the calibration says, or area)')
+    arguments.add_argument('--dead', default='', metavar='R,C;R,C',
+                           help='row and column, from 0, of tactels that are never used (in '
+                           'quotes, because of the semicolon)')
+    arguments.add_argument('--noise', metavar='PA', type=between(0.0, 1e9, 'Pa'),
+                           help='standard deviation of one tactel (default: as the finest detail '
+                           'of each frame shows)')
+    arguments.add_argument('--full-scale', metavar='PA', type=between(0.0, 1e12, 'Pa'),
+                           help='from here on a tactel is saturated and not used')
+    arguments.add_argument('--floor', metavar='PA', type=between(-1e12, 1e12, 'Pa'),
+                           help='a tactel at or below it is only known to be below it: clipped, '
+                           'or under a threshold (default: all are measured)')
+    for item in RULES:
+        low, high = item.metadata['range']
+        unit = f' [{item.metadata["unit"]}]' * bool(item.metadata['unit'])
+        arguments.add_argument(f'--{item.name.replace("_", "-")}', metavar='X', type=float, help=(
+            f'{item.metadata["doc"]}{unit}, {low:g} to {high:g} (default: {item.default:g})'))
+    return arguments
+
+
+def parse(args: list[str] | None = None) -> argparse.Namespace:
+    """Parse the command line; the input may also stand behind `--pitch`."""
+    options = parser().parse_args(args)
+    if options.frames is None and options.pitch and len(options.pitch) > 1:
+        options.frames = options.pitch.pop()
+    if options.frames is None:
+        raise ConfigurationError('FRAMES.npz is missing')
+    bag = is_bag(options.frames)
+    for name in ('pitch', 'layers'):
+        given = getattr(options, name) is not None
+        if given and (options.calibration or bag):
+            raise ConfigurationError(
+                f'--{name} stands in the {"calibration" if options.calibration else "bag"}')
+        if not (given or options.calibration or bag):
+            raise ConfigurationError(f'--calibration is missing, or --{name}')
+    if options.tare and not options.calibration:
+        raise ConfigurationError('--tare needs --calibration: it is of frames in counts')
+    return options
+
+
+def parse_layers(text: str) -> tuple[tuple[str, float], ...]:
+    """Return the component and depth [m] of each layer of `COMPONENT@DEPTH,...`."""
+    layers = []
+    for layer in text.split(','):
+        component, _, depth = layer.strip().partition('@')
+        if component not in COMPONENTS:
+            raise ConfigurationError(
+                f'--layers: component {component!r} is not one of {", ".join(COMPONENTS)}')
+        layers.append((component, length(f'--layers: depth of {component}', depth)))
+    if 'zz' not in [component for component, _ in layers]:
+        raise ConfigurationError(f'--layers: {text} has no layer of pressure (zz)')
+    return tuple(layers)
+
+
+def parse_dead(text: str, array: TactelArray) -> np.ndarray:
+    """Return where the tactels of `R,C;R,C` are, shape `(rows, columns)`, bool."""
+    dead = np.zeros(array.shape, bool)
+    for pair in filter(None, text.split(';')):
+        try:
+            row, column = (int(index) for index in pair.split(','))
+        except ValueError:
+            raise ConfigurationError(f'--dead: {pair!r} is not R,C') from None
+        if not (0 <= row < array.rows and 0 <= column < array.columns):
+            raise ConfigurationError(
+                f'--dead: row {row}, column {column} is outside the array of {array.rows} rows '
+                f'and {array.columns} columns (from 0)')
+        dead[row, column] = True
+    return dead
+
+
+def make_config(options: argparse.Namespace, tactel: str | None = None) -> EstimatorConfig:
+    """Return the estimator's configuration with the options that were given."""
+    given = {name: getattr(options, name)
+             for name in ('method', 'model', *(item.name for item in RULES))}
+    given['tactel'] = options.tactel or tactel
+    return EstimatorConfig(
+        fit_depth=options.fit_depth,
+        **{name: value for name, value in given.items() if value is not None})
+
+
+def layer_values(options: argparse.Namespace) -> dict[str, Any]:
+    """Return what the options say of noise and range, by the names of `Layer`."""
+    values = {'noise_std': options.noise, 'full_scale': options.full_scale,
+              'floor': options.floor}
+    return {name: value for name, value in values.items() if value is not None}

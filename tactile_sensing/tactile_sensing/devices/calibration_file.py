@@ -1,0 +1,101 @@
+"""Calibrations as YAML files."""
+from dataclasses import fields
+from typing import Any
+
+import numpy as np
+import yaml
+
+from tactile_common.errors import ConfigurationError
+from tactile_common.yaml_file import read_yaml
+from tactile_sensing.devices.calibration import Calibration, pitch_pair
+from tactile_sensing.types.array import TactelArray
+
+_FILE_KEYS = {'rows', 'columns', 'pitch', *(f.name for f in fields(Calibration))} - {
+    'array', 'source', 'live', 'counts'}
+
+
+def load_calibration(path) -> Calibration:
+    """
+    Read a calibration file.
+
+    YAML with the fields of `Calibration` as keys, but `rows`, `columns` and `pitch` ([m], one
+    value or x and y) for the array and `[row, column]` pairs for `dead_tactels`.
+
+    Raises
+    ------
+    ConfigurationError
+        The file cannot be read, or a key is missing, unknown or out of bounds; names the file.
+    """
+    try:
+        return _from_mapping(read_yaml(path), str(path))
+    except ConfigurationError as error:
+        raise ConfigurationError(f'calibration {path}: {error}') from error
+
+
+def save_calibration(calibration: Calibration, path) -> None:
+    """
+    Write a calibration file that `load_calibration` reads.
+
+    Raises
+    ------
+    ConfigurationError
+        The file cannot be written.
+    """
+    array = calibration.array
+    values: dict = {'rows': array.rows, 'columns': array.columns,
+                    'pitch': [float(array.pitch_x), float(array.pitch_y)]}
+    for item in fields(Calibration):
+        value = getattr(calibration, item.name)
+        default: Any = item.default
+        if item.name not in _FILE_KEYS or (
+                item.name != 'gain' and np.array_equal(value, default)):
+            continue
+        if isinstance(value, np.ndarray):
+            value = _tidy(value)
+        elif item.name == 'dead_tactels':
+            value = [[index // array.columns, index % array.columns] for index in value]
+        elif isinstance(value, tuple):
+            value = list(value)
+        values[item.name] = value
+    try:
+        with open(path, 'w', encoding='utf-8') as stream:
+            stream.write('# Calibration of one array; `found` says how, how well, and what was '
+                         'assumed.\n')
+            yaml.safe_dump(values, stream, sort_keys=False, width=99, default_flow_style=None)
+    except OSError as error:
+        raise ConfigurationError(f'calibration {path}: {error.strerror}') from error
+
+
+def _tidy(values):
+    """One number if all are the same, else rows of numbers; of five digits."""
+    rows = [[float(f'{value:.5g}') for value in row] for row in values]
+    return rows[0][0] if len({value for row in rows for value in row}) == 1 else rows
+
+
+def _from_mapping(values, source):
+    if not isinstance(values, dict):
+        raise ConfigurationError('must be a mapping of keys to values')
+    unknown = sorted(str(key) for key in set(values) - _FILE_KEYS)
+    if unknown:
+        raise ConfigurationError(
+            f'unknown key {unknown[0]!r}, must be one of {", ".join(sorted(_FILE_KEYS))}')
+    for key in ('rows', 'columns', 'pitch', 'gain'):
+        if key not in values:
+            raise ConfigurationError(f'key {key!r} is missing')
+    values = dict(values)
+    pitch_x, pitch_y = pitch_pair(values.pop('pitch'))
+    array = TactelArray(values.pop('rows'), values.pop('columns'), pitch_x, pitch_y)
+    dead = _indices(values.pop('dead_tactels', None) or [], array)
+    return Calibration(array, dead_tactels=dead, source=source, **values)
+
+
+def _indices(pairs, array):
+    indices = []
+    for pair in pairs if isinstance(pairs, list) else [pairs]:
+        if (not isinstance(pair, list) or [type(value) for value in pair] != [int, int]
+                or not (0 <= pair[0] < array.rows and 0 <= pair[1] < array.columns)):
+            raise ConfigurationError(
+                f'dead_tactels holds {pair!r}, must be pairs [row, column] below '
+                f'[{array.rows}, {array.columns}]')
+        indices.append(pair[0] * array.columns + pair[1])
+    return tuple(indices)

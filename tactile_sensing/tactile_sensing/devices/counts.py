@@ -1,0 +1,63 @@
+"""Which counts a sensor can report, and which of them are measurements."""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from tactile_common.errors import ConfigurationError
+
+MAX_BITS = 16
+
+
+@dataclass(frozen=True)
+class Counts:
+    """
+    Range of an analogue-digital converter, and what in it is measured.
+
+    A reading below `threshold` only says that the tactel is below it, one of `saturation` or more
+    that it is at full scale. A converter clips at its lowest count, so that the threshold is at
+    least one above; a sensor that sets what is small to its lowest count, or to zero, has a higher
+    one. Where no tactel ever gets so low, every reading is a measurement.
+
+    Raises
+    ------
+    ConfigurationError
+        A value is out of bounds.
+    """
+
+    bits: int = 8
+    signed: bool = False
+    threshold: Any = None  # int: least count that is measured; None: the lowest but one
+    saturation: Any = None  # int: least count that is at full scale; None: the highest
+
+    def __post_init__(self):
+        if type(self.bits) is not int or not 1 <= self.bits <= MAX_BITS:
+            raise ConfigurationError(
+                f'bits is {self.bits!r}, must be an integer from 1 to {MAX_BITS}')
+        if not isinstance(self.signed, bool):
+            raise ConfigurationError(f'signed is {self.signed!r}, must be true or false')
+        full = self.highest + (self.bits == 1)  # of one bit, both are measurements
+        for name, default in (('threshold', self.lowest + 1), ('saturation', full)):
+            value = getattr(self, name)
+            if value is None:
+                object.__setattr__(self, name, default)
+            elif type(value) is not int or not self.lowest < value <= self.highest + 1:
+                raise ConfigurationError(
+                    f'{name} is {value!r}, must be an integer from {self.lowest + 1} to '
+                    f'{self.highest + 1}')
+
+    @property
+    def lowest(self) -> int:
+        """Least count of the converter."""
+        return -(1 << self.bits - 1) if self.signed else 0
+
+    @property
+    def highest(self) -> int:
+        """Largest count of the converter."""
+        return (1 << self.bits - self.signed) - 1
+
+    @property
+    def dtype(self) -> np.dtype:
+        """Least integer type that holds them."""
+        return np.dtype(('i' if self.signed else 'u') + ('1' if self.bits <= 8 else '2'))

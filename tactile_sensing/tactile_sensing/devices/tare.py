@@ -1,0 +1,78 @@
+"""Picture of the unloaded pad, and what is none."""
+from dataclasses import dataclass
+
+import numpy as np
+
+from tactile_common.errors import TactileError
+from tactile_sensing.devices.counts import Counts
+from tactile_sensing.devices.unloaded import unloaded_statistics
+
+# Fewer frames tell neither the noise nor whether the picture is steady.
+MIN_TARE_FRAMES = 20
+CHANCE = 5.0  # standard deviations that a mean may be off by chance
+
+
+class TareRefusedError(TactileError):
+    """The frames are no picture of the unloaded pad; the message says why."""
+
+
+@dataclass(frozen=True, eq=False)
+class Tare:
+    """Picture of the unloaded pad."""
+
+    offset: np.ndarray  # mean counts, shape (rows, columns), float32
+    noise: np.ndarray  # standard deviation of every tactel [counts], float32
+    live: np.ndarray  # tactels that are used, bool
+
+    @property
+    def noise_std(self) -> float:
+        """Standard deviation of one tactel, in the mean of all that are used [counts]."""
+        return float(np.sqrt(np.mean(np.square(self.noise[self.live]))))
+
+
+def tare_of(frames: np.ndarray, counts: Counts, baseline: np.ndarray, live: np.ndarray,
+            tolerance: float) -> Tare:
+    """
+    Average frames of the unloaded pad.
+
+    Parameters
+    ----------
+    frames : ndarray, shape (n, rows, columns)
+        [counts].
+    counts : Counts
+    baseline : ndarray, shape (rows, columns)
+        From which no live tactel may be off by more than the tolerance [counts].
+    live : ndarray, shape (rows, columns), bool
+    tolerance : float
+        [counts].
+
+    Raises
+    ------
+    TareRefusedError
+        Too few frames, a load on a live tactel, or a picture that moves.
+    """
+    if len(frames) < MIN_TARE_FRAMES:
+        raise TareRefusedError(f'{len(frames)} frames, at least {MIN_TARE_FRAMES} are needed')
+    offset, noise = unloaded_statistics(frames, counts.threshold, counts.lowest, live)
+    # From frame to frame, and by the median, so that a load that comes is no noise.
+    steps = np.abs(np.diff(frames[:, live].astype(np.float64), axis=0))
+    chance = CHANCE * 1.05 * float(np.median(steps)) / np.sqrt(len(frames))  # of a mean
+    _refuse_load(np.where(live, offset - baseline, 0.0), tolerance + chance)
+    half = len(frames) // 2
+    change = np.where(live, frames[half:].mean(axis=0) - frames[:half].mean(axis=0), 0.0)
+    allowed = 0.5 * tolerance + 2.0 * chance
+    if np.abs(change).max() > allowed:
+        raise TareRefusedError(
+            f'not steady: a tactel changes by {np.abs(change).max():.1f} counts within '
+            f'{len(frames)} frames, at most {allowed:.1f} are allowed')
+    return Tare(offset.astype(np.float32), noise.astype(np.float32), live)
+
+
+def _refuse_load(deviation, allowed):
+    worst = np.unravel_index(np.abs(deviation).argmax(), deviation.shape)
+    if abs(deviation[worst]) > allowed:
+        loaded = np.count_nonzero(np.abs(deviation) > allowed)
+        raise TareRefusedError(
+            f'under load: {loaded} tactels are off the no-load baseline, row {worst[0]} '
+            f'column {worst[1]} by {deviation[worst]:+.1f} counts, at most '
+            f'{allowed:.1f} are allowed')

@@ -1,0 +1,251 @@
+"""Command `calibrate`, on pictures by finite elements, which share nothing with its model."""
+import os
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tactile_sensing.calibration.gains import expected_forces
+from tactile_sensing.calibration.order import seriate, solve_order
+from tactile_sensing.calibration.unloaded import range_of, survey
+from tactile_sensing.cli import calibrate, estimate
+from tactile_sensing.devices.calibration_file import load_calibration
+from tactile_sensing.devices.counts import Counts
+from tactile_sensing.types.array import TactelArray
+
+REPOSITORY = Path(__file__).parents[2]
+PROFILES = REPOSITORY / 'benchmarks' / 'contact' / 'fe_frames.npz'
+SHARED = Path(os.environ.get('TACTILE_SHARED_DATA', REPOSITORY.parent / 'shared' / 'data'))
+RADII = np.concatenate([np.linspace(0.0, 8e-3, 161), np.linspace(8.1e-3, 36e-3, 100)])
+ARRAY = TactelArray(16, 16, 25.4e-3 / 16, 25.4e-3 / 16)
+DEPTH, BACKING, BALL = 2e-3, 6e-3, 1e-3  # of the finite elements [m]
+PEAK, BASELINE, NOISE = 400.0, 20.0, 4.0  # counts: 40 dB
+OPTIONS = ['--out', 'pad.yaml', '--pitch', f'{ARRAY.pitch_x}']
+
+
+@pytest.fixture(scope='module')
+def profile():
+    if not PROFILES.exists():
+        pytest.skip(f'no {PROFILES.name} beside this package')
+    profiles = np.load(PROFILES)['profiles']
+    return next(it for it in profiles if it['kind'] == 'ball' and it['radius'] == BALL
+                and it['backing'] == BACKING and it['poisson'] == 0.45)
+
+
+def presses(profile, count, rng, reach=8e-3):
+    """Pictures (count, rows, columns) over their highest pressure, and places (count, 2) [m]."""
+    nodes, weights = np.polynomial.legendre.leggauss(5)
+    dx, dy = np.meshgrid(0.5 * ARRAY.pitch_x * nodes, 0.5 * ARRAY.pitch_y * nodes)
+    share = np.multiply.outer(weights, weights)[..., None, None] / 4.0
+    x = ARRAY.x + dx[..., None, None]
+    y = ARRAY.y[:, None] + dy[..., None, None]
+    places = rng.uniform(-reach, reach, (count, 2))
+    pictures = np.array([(share * np.interp(
+        np.hypot(x - a, y - b), RADII, profile['pressure'])).sum(axis=(0, 1)) for a, b in places])
+    return pictures / profile['pressure'].max(), places
+
+
+def digitised(pictures, rng, gains=1.0):
+    counts = PEAK * gains * pictures + BASELINE + NOISE * rng.standard_normal(pictures.shape)
+    return np.clip(np.rint(counts), 0, 1023).astype(np.uint16)
+
+
+@pytest.fixture
+def there(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    rng = np.random.default_rng(1)
+    np.savez('u.npz', frames=digitised(np.zeros((100, *ARRAY.shape)), rng))
+    return tmp_path
+
+
+def test_from_twenty_presses_to_honest_contacts(there, profile, capsys):
+    rng = np.random.default_rng(2)
+    np.savez('b.npz', frames=digitised(presses(profile, 20, rng)[0], rng))
+    pictures, places = presses(profile, 60, rng)
+    np.savez('t.npz', frames=digitised(pictures, rng))
+    assert calibrate.main([
+        *OPTIONS, '--unloaded', 'u.npz', '--ball', 'b.npz', '--ball-radius', '0.001',
+        '--force', f'{profile["force"]}', '--report', 'r.png']) == 0
+    pad = load_calibration('pad.yaml')
+    assert pad.unit == 'Pa' and pad.tactel == 'area' and pad.found['skin']['presses'] == 20
+    assert pad.depth == pytest.approx(DEPTH, rel=0.05)
+    assert pad.thickness == pytest.approx(BACKING, rel=0.1)
+    assert np.sqrt(np.mean(pad.noise**2)) == pytest.approx(NOISE, rel=0.05)
+    assert np.median(pad.gain) == pytest.approx(profile['pressure'].max() / PEAK, rel=0.03)
+    assert (there / 'r.png').stat().st_size > 10_000
+    assert "assumed: a Poisson's ratio" in capsys.readouterr().err
+    assert estimate.main(['t.npz', '--calibration', 'pad.yaml', '--tare', 'u.npz',
+                          '-o', 'o.npz']) == 0
+    with np.load('o.npz') as found:
+        good = found['valid'] & (found['type'] == 1)
+        assert good.mean() >= 0.95
+        assert np.hypot(found['a'] - places[:, 0], found['b'] - places[:, 1])[good].max() < 0.3e-3
+        assert np.mean(found['normal_force'][good]) == pytest.approx(profile['force'], rel=0.03)
+
+
+def test_gains_of_the_tactels(there, profile):
+    rng = np.random.default_rng(3)
+    gains = 1.0 + 0.1 * rng.standard_normal(ARRAY.shape)
+    np.savez('b.npz', frames=digitised(presses(profile, 20, rng)[0], rng, gains))
+    np.savez('f.npz', frames=digitised(presses(profile, 40, rng, 11e-3)[0], rng, gains))
+    assert calibrate.main([
+        *OPTIONS, '--unloaded', 'u.npz', '--ball', 'b.npz', '--ball-radius', '0.001', '--flat',
+        'f.npz', '--depth', f'{DEPTH}', '--thickness', f'{BACKING}']) == 0
+    pad = load_calibration('pad.yaml')
+    inner = (pad.gain * gains)[3:-3, 3:-3]
+    assert np.std(inner / inner.mean()) < 0.032  # of 0.1; .036 with forces unknown
+    # What is claimed for all of them holds for those that were pressed.
+    assert np.std(inner / inner.mean()) < pad.gain_spread < 0.06
+    assert pad.found['gains']['spread'] == pytest.approx(0.1, abs=0.025)
+    assert pad.unit == 'counts'
+    assert any('no force is known' in text for text in pad.found['assumed'])
+
+
+def test_presses_of_another_weight_are_left_alone():
+    """Of one weight in each file within 1 %, but one press twice as hard."""
+    expected, told, source = np.repeat([1.0, 3.0], 20), np.ones(40), np.repeat([0, 1], 20)
+    found = 2.0 * expected * (1.0 + 0.01 * np.random.default_rng(8).standard_normal(40))
+    found[5] *= 2.0
+    force, std = expected_forces(found, told, source)
+    assert np.isinf(std[5]) and force[5] == found[5]
+    others = np.delete(np.arange(40), 5)
+    like = np.isfinite(std[others])
+    assert like.mean() > 0.9
+    np.testing.assert_allclose(force[others][like], 2.0 * expected[others][like], rtol=0.01)
+    np.testing.assert_allclose(std[others][like] / force[others][like], 0.01, rtol=0.4)
+
+
+def test_bad_presses_are_named_and_left_out(there, profile, capsys):
+    rng = np.random.default_rng(4)
+    pictures, _ = presses(profile, 14, rng)
+    pictures[3] = 0.0
+    pictures[5] *= 5.0
+    pictures[7] += np.roll(pictures[7], 8, axis=(0, 1))
+    np.savez('b.npz', frames=digitised(pictures, rng))
+    assert calibrate.main([*OPTIONS, '--unloaded', 'u.npz', '--ball', 'b.npz', '--ball-radius',
+                           '0.001']) == 0
+    told = capsys.readouterr().err
+    assert 'ball, frame 3 left out: nothing presses' in told
+    assert 'ball, frame 5 left out' in told and 'full scale' in told
+    assert 'ball, frame 7 left out: something presses elsewhere' in told
+
+
+def test_silent_and_noisy_tactels_are_found():
+    rng = np.random.default_rng(5)
+    unloaded = np.rint(20.0 + rng.standard_normal((100, 8, 8)))
+    unloaded[:, 2, 3] = np.rint(20.0 + 30.0 * rng.standard_normal(100))
+    loaded = np.full((5, 8, 8), 200.0)
+    loaded[:, 5, 5] = 20.0
+    found = survey(unloaded, Counts(10), [loaded])
+    assert set(found.dead) == {(2, 3), (5, 5)}
+    assert 'noise' in found.dead[2, 3] and found.dead[5, 5] == 'shows nothing under load'
+
+
+def test_a_threshold_is_seen_and_clipping_is_none():
+    rng = np.random.default_rng(6)
+    values = rng.exponential(60.0, 20_000) + 2.0 * rng.standard_normal(20_000)
+    clipped = np.clip(np.rint(values), 0, 1023)
+    assert range_of([clipped.reshape(1, 1, -1)], 10, False, None)[0].threshold == 1
+    kept = np.where(clipped < 12, 0.0, clipped)
+    assert range_of([kept.reshape(1, 1, -1)], 10, False, None)[0].threshold == 12
+
+
+def test_a_threshold_that_hides_the_noise_bounds_it():
+    """At 40 dB a threshold of 5 standard deviations leaves zeros: noise is a quarter of it."""
+    found = survey(np.zeros((100, 8, 8)), Counts(12, threshold=20), [])
+    np.testing.assert_allclose(found.noise, 19.5 / 4.0)
+    assert not found.dead and (found.offset == 0.0).all()
+
+
+def test_scrambled_lines_are_put_in_order():
+    rng = np.random.default_rng(7)
+    rows, columns = rng.permutation(12), rng.permutation(9)
+    y, x = np.arange(12)[:, None], np.arange(9)
+
+    def seen(row, column):
+        """A ball at a place of the picture, as the raw frame (transposed) shows it."""
+        picture = np.exp(-((y - row)**2 + (x - column)**2) / 3.0)
+        raw = np.empty((9, 12))
+        raw[np.ix_(columns, rows)] = picture.T
+        return raw
+
+    rolling = np.array([seen(row, column) for row in np.arange(0.0, 11.5, 0.5)
+                        for column in np.arange(0.0, 8.5, 0.5)])
+    corners = np.array([seen(0, 0), seen(0, 8), seen(11, 8), seen(11, 0)])
+    found = solve_order(corners, rolling, (12, 9))
+    assert found == (tuple(rows.tolist()), tuple(columns.tolist()), True)
+    order = seriate(rolling.sum(axis=2))
+    assert order.tolist() in (columns.tolist(), columns[::-1].tolist())
+
+
+@pytest.mark.parametrize('options, words', [
+    ([], 'no recordings'), (['--ball', 'u.npz'], '--ball-radius is missing'),
+    (['--unloaded', 'none.npz'], 'No such file'),
+    (['--unloaded', 'u.npz', '--force', '2'], '--force needs --ball'),
+    (['--ball', 'u.npz', '--ball-radius', '1'], '--ball-radius: value is 1.0, must be between'),
+    (['--ball', 'u.npz', '--ball-radius', '0.001'], 'only 0 of 100 frames show one press'),
+    (['--unloaded', 'u.npz', '--bits', '17'], '--bits: value is 17, must be between 1 and 16'),
+    (['--unloaded', 'u.npz', '--corners', 'u.npz'], 'corners: 100 frames, must be 4'),
+    (['--unloaded', 'u.npz', '--thickness', '0.004'], '--thickness needs --depth')])
+def test_mistakes_are_answered_in_one_line(there, capsys, options, words):
+    assert calibrate.main([*OPTIONS, *options]) == 1
+    told = capsys.readouterr().err
+    assert told.startswith('calibrate: ') and told.count('\n') == 1 and words in told
+    assert not (there / 'pad.yaml').exists()
+
+
+def test_recordings_are_bounded_before_they_are_read(there, capsys):
+    np.save('long.npy', np.broadcast_to(np.uint8(0), (300_000, 16, 16)))
+    assert calibrate.main([*OPTIONS, '--unloaded', 'long.npy']) == 1
+    assert 'would take 77 MB, at most 67 MB are read' in capsys.readouterr().err
+
+
+def test_help_teaches(capsys):
+    with pytest.raises(SystemExit) as end:
+        calibrate.main(['--help'])
+    assert end.value.code == 0
+    text = capsys.readouterr().out
+    for word in ('unloaded', 'corners', 'rolling', 'ball', 'flat', '--force', 'Example'):
+        assert word in text
+
+
+SHARED_ONLY = pytest.mark.skipif(
+    not SHARED.exists(), reason=f'no recordings of real arrays in {SHARED}')
+
+
+def estimated(name, *options):
+    """Estimates of a recording, calibrated with what is published of its sensor."""
+    assert calibrate.main(['--out', 'pad.yaml', *options]) == 0
+    assert estimate.main([name, '--calibration', 'pad.yaml', '-o', 'o.npz']) == 0
+    with np.load('o.npz') as found:
+        return {key: found[key] for key in found.files}
+
+
+@SHARED_ONLY
+def test_a_finger_on_a_foil_is_neither_point_nor_line(there):
+    """Tekscan 6900: pitch, foil of .1 mm, 8 bits; the quietest tenth stands for unloaded."""
+    finger = np.load(SHARED / 'tekscan_finger' / 'iscan_finger.npz')
+    raw = finger['frames'][:, 15:26, 15:26]
+    load = raw.sum(axis=(1, 2))
+    np.savez('finger.npz', frames=raw[::8])
+    np.savez('rest.npz', frames=raw[load <= np.quantile(load, 0.1)])
+    found = estimated('finger.npz', '--pitch', str(finger['pitch_m']), '--unloaded', 'rest.npz',
+                      '--rolling', 'finger.npz', '--depth', '0.0001', '--bits', '8')
+    pad = load_calibration('pad.yaml')
+    assert pad.threshold == 4 and (pad.noise < 1.0).all() and not pad.dead_tactels
+    assert np.isnan(found['normal_force']).all() and not found['valid'].any()
+    assert (found['type'][load[::8] == 0.0] == 0).all()
+    assert (found['type'][raw[::8].max(axis=(1, 2)) > 2 * pad.threshold] == 3).all()
+
+
+@SHARED_ONLY
+def test_a_step_on_a_platform_is_neither_point_nor_line(there):
+    """Novel emed: cells of 5 mm in kPa from 10 kPa on; its own sum of forces is the truth."""
+    step = np.load(SHARED / 'novel_emed' / 'emed_step.npz')
+    np.save('foot.npy', step['pressure_kPa'][::35])
+    np.save('rest.npy', np.zeros((20, *step['pressure_kPa'].shape[1:])))
+    found = estimated('foot.npy', '--pitch', str(step['pitch_m']), '--unloaded', 'rest.npy',
+                      '--threshold', '10', '--bits', '11', '--gain', '1000')
+    assert (found['type'] == 3).all() and not found['valid'].any()
+    np.testing.assert_allclose(found['moments'][:, 0], step['row_force_sum_N'][::35],
+                               rtol=2e-4, atol=0.1)

@@ -1,0 +1,136 @@
+"""What estimates claim of themselves holds where arrays are not ideal; frames of closed forms."""
+
+import numpy as np
+import pytest
+
+from tactile_sensing.contact.estimator import ContactEstimator, EstimatorConfig
+from tactile_sensing.half_space import line, point
+from tactile_sensing.half_space.kernels import add_point, add_segment
+from tactile_sensing.types.array import TactelArray
+from tactile_sensing.types.contact import ContactType, Reason, ROW
+from tactile_sensing.types.image import Layer
+
+ARRAY, DEPTH, COUNT = TactelArray(16, 16, 0.0254 / 16, 0.0254 / 16), 0.002, 600
+X, Y = ARRAY.x, ARRAY.y[:, None]
+# N and N/m
+FORCES = {ContactType.POINT: ('normal_force', 5.0), ContactType.LINE: ('line_force', 200.0)}
+PLACES = {ContactType.POINT: ('a', 'b'), ContactType.LINE: ('a', 'yaw')}
+HONEST = 1.3  # RMS of error over claimed standard deviation
+
+
+def presses(kind, rng, count=COUNT):
+    """Truth by name, and pictures (count, rows, columns) without noise [Pa]."""
+    name, force = FORCES[kind]
+    if kind == ContactType.POINT:
+        truth = rng.uniform(-8e-3, 8e-3, (count, 2))
+        frames = np.array([point.stress('zz', X, Y, a, b, force, 0.0, 0.0, DEPTH)
+                           for a, b in truth])
+    else:
+        truth = rng.uniform((-6e-3, -0.6), (6e-3, 0.6), (count, 2))
+        frames = np.array([line.pressure(X, Y, a * np.cos(yaw), yaw, force, DEPTH)
+                           for a, yaw in truth])
+    return {**dict(zip(PLACES[kind], truth.T, strict=True)), name: force}, frames
+
+
+def estimates(frames, noise, **layer):
+    given = Layer('zz', DEPTH, None, noise_std=noise, **layer)
+    return ContactEstimator(EstimatorConfig(tactel='point')).estimate_batch(frames, ARRAY, [given])
+
+
+def over_claims(found, truth):
+    """Largest RMS of error over claimed standard deviation of what is valid."""
+    valid = found['valid']
+    ratios = [(found[name] - truth[name]) / np.sqrt(found['covariance'][:, row, row])
+              for name, row in ROW._asdict().items() if name in truth]
+    return max(np.sqrt(np.mean(ratio[valid]**2)) for ratio in ratios)
+
+
+# A point presses too few tactels to show how far their gains are off: that has to be told.
+@pytest.mark.parametrize('kind, told', [
+    (ContactType.POINT, 0.1), (ContactType.LINE, 0.1), (ContactType.LINE, 0.0)])
+def test_gains_that_differ_by_ten_percent(kind, told):
+    rng = np.random.default_rng(31)
+    truth, frames = presses(kind, rng)
+    noise = 0.01 * frames.max()
+    frames *= 1.0 + 0.1 * rng.standard_normal(frames.shape)
+    found = estimates(
+        frames + noise * rng.standard_normal(frames.shape), noise, gain_spread=told)
+    assert found['valid'].mean() > 0.95
+    found['valid'] &= found['type'] == kind
+    assert over_claims(found, truth) < HONEST
+
+
+def ending_edges(rng, count=COUNT):
+    """Truth (count, 3): a, yaw and end along the edge, and pictures without noise [Pa]."""
+    force = FORCES[ContactType.LINE][1]
+    truth = rng.uniform((-5e-3, -0.5, -3e-3), (5e-3, 0.5, 7e-3), (count, 3))
+    frames = np.zeros((count, *ARRAY.shape))
+    for frame, (a, yaw, end) in zip(frames, truth, strict=True):
+        across, along = (np.array([np.cos(yaw), np.sin(yaw)]),
+                         np.array([-np.sin(yaw), np.cos(yaw)]))
+        foot = a * np.cos(yaw) * across
+        add_segment(frame, ARRAY.x, ARRAY.y, DEPTH, *(foot - 0.1 * along), *(foot + end * along),
+                    force, force)
+    return truth, frames
+
+
+def test_an_edge_that_ends_on_the_pad():
+    rng = np.random.default_rng(32)
+    truth, frames = ending_edges(rng)
+    force = FORCES[ContactType.LINE][1]
+    noise = 0.01 * frames.max(axis=(1, 2)).mean()
+    found = estimates(frames + noise * rng.standard_normal(frames.shape), noise)
+    valid = found['valid']
+    assert valid.mean() > 0.9 and (found['type'][valid] == ContactType.LINE).all()
+    assert np.isfinite(found['end'][valid]).mean() > 0.99
+    a, yaw, end = truth.T
+    assert over_claims(found, {'a': a, 'yaw': yaw, 'line_force': force}) < HONEST
+    off = (found['end'] - end)[valid]
+    assert np.sqrt(np.nanmean(off**2)) < 0.05e-3  # a thirtieth of the pitch
+
+
+def test_a_dead_tactel_on_an_edge_that_ends_is_no_other_end():
+    rng = np.random.default_rng(35)
+    truth, frames = ending_edges(rng, 200)
+    noise = 0.01 * frames.max(axis=(1, 2)).mean()
+    for frame in frames:  # what presses the border most
+        frame[0, frame[0].argmax()] = 0.0
+    found = estimates(frames + noise * rng.standard_normal(frames.shape), noise)
+    a, yaw, end = truth.T
+    assert found['valid'].mean() > 0.9
+    assert (found['reasons'][found['valid']] & int(Reason.DEAD_TACTELS) > 0).all()
+    length = end + (ARRAY.half_width_y + a * np.sin(yaw) * np.cos(yaw)) / np.cos(yaw)
+    off = found['normal_force'] / (FORCES[ContactType.LINE][1] * length) - 1.0
+    assert np.nanmax(np.abs(off)) < 0.02
+
+
+def test_a_second_contact_that_one_tactel_shows_is_no_dead_tactel():
+    rng = np.random.default_rng(33)
+    truth, frames = presses(ContactType.POINT, rng)
+    noise = 0.01 * frames.max()
+    for frame, a, b in zip(frames, truth['a'], truth['b'], strict=True):
+        second = rng.uniform(-9e-3, 9e-3, 2)
+        while np.hypot(second[0] - a, second[1] - b) < 4.0 * DEPTH:
+            second = rng.uniform(-9e-3, 9e-3, 2)
+        add_point(frame, ARRAY.x, ARRAY.y, DEPTH, *second, 0.3 * FORCES[ContactType.POINT][1])
+    found = estimates(frames + noise * rng.standard_normal(frames.shape), noise)
+    assert found['valid'].mean() < 0.01
+    assert (found['reasons'] & int(Reason.TWO_CONTACTS) > 0).mean() > 0.5
+
+
+@pytest.mark.parametrize('std', [0.3, 1.0])  # noise [LSB]
+@pytest.mark.parametrize('kind', FORCES)
+def test_six_bits_clipped_at_zero(kind, std):
+    rng = np.random.default_rng(34)
+    truth, frames = presses(kind, rng)
+    lsb = frames.max() / 60.0
+    measured = frames + std * lsb * rng.standard_normal(frames.shape)
+    noise = lsb * np.hypot(std, 12**-0.5)
+    counts = np.clip(np.rint(measured / lsb), 0, 63)
+    found = estimates(counts * lsb, noise, floor=0.5 * lsb)
+    ideal = estimates(frames + noise * rng.standard_normal(frames.shape), noise)
+    assert found['valid'].mean() > ideal['valid'].mean() - 0.02
+    assert over_claims(found, truth) < HONEST
+    for name, values in truth.items():
+        rms = [np.sqrt(np.nanmean((records[name] - values)**2)) for records in (found, ideal)]
+        assert rms[0] < 1.1 * rms[1] * (1.0 + 2.0 / np.sqrt(COUNT)), name

@@ -1,0 +1,194 @@
+"""Counts of every converter: the arithmetic from raw counts to pressure and back to contacts."""
+import numpy as np
+import pytest
+
+from tactile_common.errors import ConfigurationError
+from tactile_sensing.contact import preprocessing
+from tactile_sensing.contact.estimator import ContactEstimator, EstimatorConfig
+from tactile_sensing.devices.calibration import Calibration
+from tactile_sensing.devices.calibration_file import load_calibration, save_calibration
+from tactile_sensing.devices.counts import Counts
+from tactile_sensing.devices.unloaded import unloaded_statistics
+from tactile_sensing.half_space import line, point
+from tactile_sensing.types.array import TactelArray
+
+ARRAY, DEPTH, COUNT = TactelArray(16, 16, 0.0254 / 16, 0.0254 / 16), 0.002, 300
+NOISE = 0.01  # of the peak
+# Bits, signed, counts of the baseline, of the peak above it, and of a threshold (None: none).
+SENSORS = {
+    'signed': (12, True, 0.0, 1000.0, None), 'offset': (10, False, 100.0, 800.0, None),
+    'clipped': (10, False, 0.0, 800.0, None), 'clipped, 8 bits': (8, False, 0.0, 200.0, None),
+    '6 bits': (6, False, 5.0, 50.0, None), 'signed, 6 bits': (6, True, 0.0, 25.0, None),
+    'clipped, 6 bits': (6, False, 0.0, 50.0, None), 'thresholded': (10, False, 0.0, 800.0, 40),
+    '16 bits': (16, False, 500.0, 40000.0, None)}
+
+
+def loads(kind):
+    """Pictures (COUNT, rows, columns) of a peak of 1 Pa or so, and where the loads are."""
+    rng = np.random.default_rng(5)
+    if kind == 'line':
+        place = rng.uniform((-6e-3, -0.6), (6e-3, 0.6), (COUNT, 2))
+        clean = np.array([line.pressure(ARRAY.x, ARRAY.y[:, None], a * np.cos(yaw), yaw, 1.0,
+                                        DEPTH) for a, yaw in place])
+    else:
+        place = rng.uniform(-7e-3, 7e-3, (COUNT, 2))
+        clean = np.array([point.stress('zz', ARRAY.x, ARRAY.y[:, None], a, b, 1.0, 0.0, 0.0,
+                                       DEPTH) for a, b in place])
+    clean /= clean.max()
+    return clean, place, rng.standard_normal(clean.shape)
+
+
+def digitised(pressure, sensor):
+    """Raw counts of what `sensor` makes of pressure over that of the peak."""
+    bits, signed, baseline, peak, threshold = sensor
+    counts = np.rint(pressure * peak + baseline)
+    low, high = (-(1 << bits - 1), (1 << bits - 1) - 1) if signed else (0, (1 << bits) - 1)
+    counts = np.clip(counts, low, high)
+    return counts if threshold is None else np.where(counts < threshold, 0.0, counts)
+
+
+def estimated(frames, sensor, unloaded):
+    bits, signed, baseline, peak, threshold = sensor
+    calibration = Calibration(ARRAY, gain=1.0 / peak, bits=bits, signed=signed, baseline=baseline,
+                              threshold=threshold, depth=DEPTH)
+    tare = calibration.make_tare(digitised(NOISE * unloaded, sensor))
+    return ContactEstimator(EstimatorConfig(tactel='point')).estimate_batch(
+        calibration.stress(digitised(frames, sensor), tare), ARRAY, [calibration.layer(tare)])
+
+
+@pytest.fixture(scope='module', params=['point', 'line'])
+def reference(request):
+    """A kind of load, and what signed counts of 16 bits, in effect real numbers, say of it."""
+    clean, place, noise = loads(request.param)
+    unloaded = np.random.default_rng(6).standard_normal((100, *ARRAY.shape))
+    found = estimated(clean + NOISE * noise, (16, True, 0.0, 30000.0, None), unloaded)
+    return request.param, clean + NOISE * noise, place, unloaded, found
+
+
+def rms(found, place, kind):
+    good = found['valid'] & (found['type'] == (2 if kind == 'line' else 1))
+    across = np.cos(place[:, 1]) if kind == 'line' else 1.0
+    off = (found['a'] - place[:, 0])[good]
+    claimed = np.sqrt(found['covariance'][good, 0, 0])
+    return (np.sqrt(np.mean((off * (across if kind == 'point' else across[good]))**2)),
+            good.mean(), np.sqrt(np.mean((off / claimed)**2)))
+
+
+@pytest.mark.parametrize('name', SENSORS)
+def test_every_converter_is_as_good_as_its_noise_allows(reference, name):
+    kind, frames, place, unloaded, plain = reference
+    sensor = SENSORS[name]
+    found = estimated(frames, sensor, unloaded)
+    error, valid, claims = rms(found, place, kind)
+    best, best_valid, _ = rms(plain, place, kind)
+    # Rounding adds a variance of a twelfth of a count. Clipping at the mean leaves .82 of what an
+    # unloaded tactel tells (Tobin's information 1/2 + 1/pi). A threshold of 5 % of the peak leaves
+    # nothing of the flanks, which tell shear from place: that the claims say.
+    lost = (0.5 + 1.0 / np.pi)**-0.5 if name.startswith('clipped') else 1.0
+    rounding = np.sqrt(1.0 + (1.0 / (NOISE * sensor[3]))**2 / 12.0)
+    assert valid > best_valid - 0.02
+    assert claims < 1.3
+    # The RMS of so many frames is known to 4 %.
+    assert sensor[4] or error < 1.04 * 1.1 * rounding * best * lost
+
+
+def test_places_need_no_gain(reference):
+    kind, frames, _, unloaded, _ = reference
+    sensor = SENSORS['clipped, 8 bits']
+    known = estimated(frames, sensor, unloaded)
+    blind = Calibration.uncalibrated(16, 16, ARRAY.pitch_x, depth=DEPTH)
+    tare = blind.make_tare(digitised(NOISE * unloaded, sensor))
+    found = ContactEstimator(EstimatorConfig(tactel='point')).estimate_batch(
+        blind.stress(digitised(frames, sensor), tare), ARRAY, [blind.layer(tare)])
+    np.testing.assert_array_equal(found['valid'], known['valid'])
+    np.testing.assert_array_equal(found['type'], known['type'])
+    np.testing.assert_allclose(found['a'], known['a'], rtol=0, atol=1e-7)
+    np.testing.assert_allclose(found['yaw'], known['yaw'], rtol=0, atol=1e-4)
+    assert np.isnan(found['normal_force']).all()
+
+
+@pytest.mark.parametrize('bits, signed, lowest, highest', [
+    (1, False, 0, 1), (1, True, -1, 0), (6, False, 0, 63), (8, True, -128, 127),
+    (16, False, 0, 65535), (16, True, -32768, 32767)])
+def test_range_of_a_converter(bits, signed, lowest, highest):
+    counts = Counts(bits, signed)
+    assert (counts.lowest, counts.highest) == (lowest, highest)
+    assert np.iinfo(counts.dtype).min <= lowest and np.iinfo(counts.dtype).max >= highest
+
+
+@pytest.mark.parametrize('values, words', [
+    ({'bits': 0}, 'bits is 0, must be an integer from 1 to 16'), ({'bits': 17}, 'bits is 17'),
+    ({'signed': 1}, 'signed is 1, must be true or false'),
+    ({'threshold': 0}, 'threshold is 0, must be an integer from 1 to 256'),
+    ({'saturation': 300}, 'saturation is 300')])
+def test_impossible_ranges(values, words):
+    with pytest.raises(ConfigurationError, match=words):
+        Counts(**values)
+
+
+def test_mean_below_is_that_of_the_truncated_normal():
+    mean_below = preprocessing.mean_below.py_func
+    values = np.random.default_rng(2).standard_normal(2_000_000)
+    for z in (-1.5, 0.0, 2.0):
+        assert mean_below(z) == pytest.approx(-values[values < z].mean(), abs=5e-3)
+    assert mean_below(-40.0) == pytest.approx(40.0, rel=1e-3)  # Mills' ratio
+    assert mean_below(-25.1) == pytest.approx(mean_below(-24.9), rel=0.02)
+
+
+@pytest.mark.parametrize('offset, noise', [(0.0, 2.0), (0.8, 1.0), (50.0, 3.0), (20.0, 0.2)])
+def test_noise_and_offset_despite_clipping_and_rounding(offset, noise):
+    rng = np.random.default_rng(8)
+    true = offset + rng.uniform(-0.5, 0.5, ARRAY.shape)
+    frames = np.maximum(np.rint(true + noise * rng.standard_normal((200, *ARRAY.shape))), 0.0)
+    found = unloaded_statistics(frames, 1, 0, np.ones(ARRAY.shape, bool))
+    expected = np.hypot(noise, 12**-0.5)
+    assert np.sqrt(np.mean(found.noise**2)) == pytest.approx(expected, rel=0.1)
+    assert found.noise.min() >= 12**-0.5
+    assert abs(np.mean(found.offset - true)) < 0.1 * expected
+
+
+def test_a_tactel_that_is_noisier_keeps_its_noise():
+    frames = 100.0 + np.random.default_rng(9).standard_normal((200, 8, 8))
+    frames[:, 2, 3] = 100.0 + 4.0 * (frames[:, 2, 3] - 100.0)
+    found = unloaded_statistics(frames, 1, 0, np.ones((8, 8), bool))
+    assert found.noise[2, 3] == pytest.approx(4.0, rel=0.2)
+    others = np.delete(found.noise.ravel(), 2 * 8 + 3)
+    assert np.abs(others - 1.0).max() < 0.35
+
+
+def test_order_of_rows_and_columns(tmp_path):
+    array = TactelArray(3, 4, 1e-3, 2e-3)
+    calibration = Calibration(array, row_order=(2, 0, 1), column_order=(3, 2, 1, 0),
+                              transposed=True, bits=12, threshold=5, dead_tactels=(5,),
+                              noise=np.arange(1.0, 13.0).reshape(3, 4), thickness=0.004,
+                              depth=0.002, tactel='area', found={'assumed': ['nothing']})
+    picture = np.arange(12.0).reshape(3, 4)
+    raw = np.empty((4, 3))
+    for row in range(3):
+        for column in range(4):
+            raw[3 - column, (2, 0, 1)[row]] = picture[row, column]
+    np.testing.assert_array_equal(calibration.arrange(raw), picture)
+    assert calibration.raw_shape == (4, 3)
+    save_calibration(calibration, tmp_path / 'pad.yaml')
+    again = load_calibration(tmp_path / 'pad.yaml')
+    for name in ('row_order', 'column_order'):
+        assert tuple(getattr(again, name)) == getattr(calibration, name)
+    for name in ('transposed', 'bits', 'threshold', 'dead_tactels', 'thickness', 'depth',
+                 'tactel', 'found'):
+        assert getattr(again, name) == getattr(calibration, name), name
+    np.testing.assert_allclose(again.noise, calibration.noise)
+
+
+def test_a_pad_whose_noise_is_clipped_weighs_nothing():
+    rng = np.random.default_rng(8)
+    baseline, noise, count = 10.0, 20.0, 400
+    calibration = Calibration(ARRAY, baseline=np.array(baseline), depth=DEPTH)
+    frames = np.clip(np.rint(baseline + noise * rng.standard_normal((2 * count, *ARRAY.shape))),
+                     0, 255).astype(np.uint8)
+    tare = calibration.make_tare(frames[:count])
+    convert = calibration.converter(tare)
+    pictures = np.array([convert(frame)[0].stress for frame in frames[count:]])
+    np.testing.assert_allclose(pictures, calibration.stress(frames[count:], tare), atol=1e-4)
+    # In the mean over frames a tactel is off by chance, in the tare and since.
+    by_chance = noise * np.sqrt(2.0 / count / ARRAY.rows / ARRAY.columns)
+    assert abs(pictures.mean()) < 5.0 * by_chance

@@ -1,0 +1,104 @@
+"""The wizard of `calibrate`: which presses it takes, what it asks again, how it goes on."""
+import numpy as np
+import pytest
+
+from tactile_sensing.calibration.recorder import HELD, PressCatcher, Recorder, Step
+from tactile_sensing.skin.pressure import SkinPressure
+from tactile_sensing.types.array import TactelArray
+from tactile_sensing.types.skin import Skin
+
+ARRAY = TactelArray(12, 12, 1.5e-3, 1.5e-3)
+SKIN = SkinPressure(Skin(2e-3), 1.5e-3, 1.5e-3)
+FULL = 1023
+STEPS = (Step('unloaded', 40, 'Off.', presses=False), Step('corners', 1, 'Corner.', anywhere=True),
+         Step('ball', 3, 'Ball.'))
+
+
+def ball(a, b, peak=400.0):
+    picture = SKIN.point(ARRAY.x, ARRAY.y[:, None], a, b, 1.0)
+    return peak * picture / picture.max()
+
+
+def held(picture, frames=2 * HELD):
+    """A press that rises, rests and is taken away, as clean counts."""
+    levels = [*np.linspace(0.0, 1.0, 6), *np.ones(frames), *np.linspace(1.0, 0.0, 6), *np.zeros(5)]
+    return [level * picture for level in levels]
+
+
+class Sensor:
+    """Frames of a script; at its end the user gives up."""
+
+    def __init__(self, script):
+        self._script, self._rng = iter(script), np.random.default_rng(4)
+
+    def look(self):
+        try:
+            clean = next(self._script)
+        except StopIteration:
+            raise KeyboardInterrupt from None
+        counts = np.rint(20.0 + clean + 2.0 * self._rng.standard_normal(ARRAY.shape))
+        return np.clip(counts, 0, FULL), int((counts >= FULL).sum())
+
+
+def wizard(folder, script, answers=()):
+    asked, told, left = [], [], iter(answers)
+    recorder = Recorder(folder, ARRAY, Sensor(script).look,
+                        lambda text: asked.append(text) or next(left, ''), told.append)
+    return recorder, asked, told
+
+
+NOTHING = [np.zeros(ARRAY.shape)] * 40
+CORNER = held(ball(ARRAY.x[0], ARRAY.y[0]))
+
+
+def test_bad_presses_are_named_and_asked_for_again(tmp_path):
+    two = ball(-5e-3, -5e-3) + ball(5e-3, 5e-3)
+    script = [*NOTHING, *CORNER, *held(ball(0.0, 0.0)), *held(two), *held(ball(1e-3, 0.0, 3e3)),
+              *held(ball(ARRAY.x[0], 0.0)), *held(ball(2e-3, 1e-3)), *held(ball(-3e-3, 2e-3))]
+    recorder, asked, told = wizard(tmp_path, script)
+    recorder.run(STEPS)
+    assert [text.split(':')[0] for text in asked] == ['unloaded', 'corners', 'ball']
+    wrong = [text for text in told if 'not taken' in text]
+    assert len(wrong) == 3 and all(text.endswith('press again') for text in wrong)
+    assert [words in text for words, text in zip(
+        ('elsewhere', 'full scale', 'border'), wrong, strict=True)] == [True] * 3
+    with np.load(tmp_path / 'ball.npz') as file:
+        frames = file['frames']
+    peaks = [np.unravel_index(frame.argmax(), frame.shape) for frame in frames]
+    assert len(frames) == 3 and len(set(peaks)) == 3
+
+
+def test_an_interrupted_session_goes_on(tmp_path):
+    first = [*NOTHING, *CORNER, *held(ball(0.0, 0.0))]
+    recorder, _, _ = wizard(tmp_path, first)
+    with pytest.raises(KeyboardInterrupt):
+        recorder.run(STEPS)
+    recorder, asked, told = wizard(tmp_path, [*held(ball(2e-3, 0.0)), *held(ball(0.0, 3e-3))])
+    recorder.run(STEPS)
+    assert len(asked) == 1 and asked[0].startswith('ball')
+    assert told == ['unloaded: 40 frames are there', 'corners: 1 frames are there',
+                    'ball: 2 of 3', 'ball: 3 of 3']
+    assert sorted(path.name for path in tmp_path.iterdir()) == [
+        'ball.npz', 'corners.npz', 'unloaded.npz']
+
+
+def test_what_is_skipped_is_not_there_and_presses_need_the_unloaded_pad(tmp_path):
+    recorder, asked, told = wizard(tmp_path, [], 's')
+    recorder.run(STEPS)
+    assert len(asked) == 1 and told == ['corners: needs unloaded', 'ball: needs unloaded']
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_press_that_moves_or_slackens_is_awaited():
+    rng = np.random.default_rng(5)
+    catcher = PressCatcher(ARRAY, 20.0 + 2.0 * rng.standard_normal((100, *ARRAY.shape)))
+
+    def see(clean):
+        return catcher.see(20.0 + clean + 2.0 * rng.standard_normal(ARRAY.shape), 0)
+    nothing = np.zeros(ARRAY.shape)
+    see(nothing)
+    sliding = [ball(a, 0.0) for a in np.linspace(-4e-3, 4e-3, 60)]
+    assert {see(picture) for picture in sliding} == {None}
+    assert [see(sliding[-1]) for _ in range(2 * HELD)].count('') == 1  # and is taken once
+    rising = [ball(0.0, 0.0, peak) for peak in np.linspace(100.0, 900.0, 60)]
+    assert {see(nothing)} | {see(picture) for picture in rising} == {None}

@@ -1,0 +1,150 @@
+"""Ways over a surface: where to go next from a contact, whatever the surface."""
+import math
+from typing import NamedTuple, Protocol
+
+import numpy as np
+
+from tactile_common.polyline import arc_length, nearest_on_polyline, resample
+
+SPACING = 2.5e-4  # m between the points of a planned path
+WINDOW = 5e-3  # m ahead, in which the probe is looked for on its path
+NEAR = 5e-4  # m ahead on the path, to which it is led at the least
+STEEP = 0.2  # cosine of the angle to the first normal, beyond which a pattern cannot go
+ARRIVED = 2e-4  # m before its end, where a path is complete
+
+
+class Step(NamedTuple):
+    """Where to go: unit vector (3,) in the surface, and how fast at most [m/s]."""
+
+    way: np.ndarray
+    top: float
+    left: float  # of the path [m], infinite where it has no end
+
+
+class SurfacePath(Protocol):
+    """A way over a surface; points and inward normals (3,) in the base frame."""
+
+    def step(self, point: np.ndarray, normal: np.ndarray, gain: float,
+             speed: float) -> Step | None:
+        """Where to go from a contact; None where the path cannot go on."""
+        ...
+
+
+class Line:
+    """Along a direction, in the plane of it and of the first normal: round a cylinder too."""
+
+    def __init__(self, point: np.ndarray, normal: np.ndarray, direction: np.ndarray):
+        self._start = point
+        self._across = _unit(np.cross(normal, _tangent(direction, normal)))
+
+    def step(self, point: np.ndarray, normal: np.ndarray, gain: float,
+             speed: float) -> Step | None:
+        """Where to go from a contact; None where the plane does not cut the surface."""
+        across = self._across
+        way = np.cross(across, normal)
+        size = math.sqrt(way @ way)
+        if size < STEEP:
+            return None
+        back = _bounded(gain * ((point - self._start) @ across) / max(speed, 1e-3), 0.5)
+        return Step(_unit(way / size - back * (across - normal * (normal @ across))),
+                    math.inf, math.inf)
+
+
+class PlanarPath:
+    """A path drawn in the plane of the first contact, seen along its normal."""
+
+    def __init__(self, point: np.ndarray, normal: np.ndarray, direction: np.ndarray,
+                 plan: np.ndarray, acceleration: float):
+        ahead = _unit(_tangent(direction, normal))
+        self._frame = np.stack([ahead, np.cross(normal, ahead), normal])  # rows
+        self._start = point
+        corners = arc_length(plan)
+        stations = np.linspace(0.0, corners[-1], max(int(corners[-1] / SPACING), 2))
+        self._plan = resample(plan, corners, stations)
+        self._stations, self._station = stations, 0.0
+        self._tops = _speeds(self._plan, stations, acceleration)
+
+    def step(self, point: np.ndarray, normal: np.ndarray, gain: float,
+             speed: float) -> Step | None:
+        """Where to go from a contact; None where the surface is too steep to see the path."""
+        ahead, aside, inward = self._frame
+        facing = float(inward @ normal)
+        if facing < STEEP:
+            return None
+        x, y, _ = self._frame @ (point - self._start)
+        # Never back: outside a corner its two legs are equally near.
+        at = nearest_on_polyline(self._plan[:, 0], self._plan[:, 1], self._stations, x, y,
+                                 self._station, self._station + WINDOW)
+        self._station = max(at.station, self._station)
+        aim = self._station + NEAR + speed / max(gain, 1e-3)
+        u, v = (float(np.interp(aim, self._stations, axis)) for axis in self._plan.T)
+        u, v = u - x, v - y
+        flat = u * ahead + v * aside
+        way = flat - inward * ((flat @ normal) / facing)  # as seen along the first normal
+        left = self._stations[-1] - self._station
+        return Step(_unit(way), float(np.interp(self._station, self._stations, self._tops)),
+                    0.0 if left < ARRIVED else left)
+
+
+def raster(size_x: float, size_y: float, step_over: float) -> np.ndarray:
+    """Rows along x (N, 2) over a rectangle about the origin, from which it begins [m]."""
+    count = int(size_y / step_over + 1e-9) + 1
+    radius, x = 0.5 * step_over, 0.5 * size_x
+    points, first = [(0.0, 0.0)], -0.5 * step_over * (count - 1)
+    turn = np.linspace(-0.5 * np.pi, 0.5 * np.pi, 13)[1:-1]
+    for k in range(count):
+        y, sign = first + k * step_over, 1.0 if k % 2 == 0 else -1.0
+        points += [(-sign * x, y), (sign * x, y)]
+        if k + 1 < count:
+            points += [(sign * (x + radius * math.cos(a)), y + radius * (1.0 + math.sin(a)))
+                       for a in turn]
+    return np.array(points)
+
+
+def spiral(radius: float, step_over: float) -> np.ndarray:
+    """Spiral of Archimedes (N, 2) about the origin, outwards to a radius [m]."""
+    turns = radius / step_over
+    angles = np.linspace(0.0, 2.0 * np.pi * turns, max(int(turns * 120), 8))
+    away = step_over * angles / (2.0 * np.pi)
+    return np.column_stack([away * np.cos(angles), away * np.sin(angles)])
+
+
+def seen_along(points: np.ndarray, point: np.ndarray, normal: np.ndarray,
+               direction: np.ndarray) -> np.ndarray:
+    """Points (N, 3) as a plan (N + 1, 2) from the first contact, seen along its normal."""
+    ahead = _unit(_tangent(direction, normal))
+    axes = np.stack([ahead, np.cross(normal, ahead)])
+    return np.vstack([np.zeros(2), (points - point) @ axes.T])
+
+
+def _speeds(plan, stations, acceleration):
+    """Speeds (N,) at which every bend can be taken and braked for, 0 at the end [m/s]."""
+    chord = np.diff(plan, axis=0)
+    heading = np.unwrap(np.arctan2(chord[:, 1], chord[:, 0]))
+    spacing = stations[1] - stations[0]
+    # Over three points, or a path of chords would be a chain of corners.
+    bend = np.zeros(len(plan))
+    bend[1:-1] = abs(np.diff(heading)) / spacing
+    bend = np.convolve(np.pad(bend, 1, 'edge'), np.full(3, 1.0 / 3.0), 'valid')
+    square = acceleration / np.maximum(bend, 1e-3)
+    square[-1] = 0.0
+    for k in range(len(square) - 2, -1, -1):
+        square[k] = min(square[k], square[k + 1] + 2.0 * acceleration * spacing)
+    return np.sqrt(square)
+
+
+def _tangent(direction, normal):
+    direction = np.asarray(direction, dtype=float)
+    direction = direction / math.sqrt(direction @ direction)
+    along = direction - normal * (direction @ normal)
+    if along @ along < 1e-4:  # along the normal: any way is as good
+        along = np.cross(normal, [1.0, 0.0, 0.0] if abs(normal[0]) < 0.7 else [0.0, 1.0, 0.0])
+    return along
+
+
+def _unit(vector):
+    return vector / math.sqrt(vector @ vector)
+
+
+def _bounded(value, most):
+    return min(max(value, -most), most)

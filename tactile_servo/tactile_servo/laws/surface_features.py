@@ -1,0 +1,109 @@
+"""What an image says of a contact on a round probe: place, force, normal."""
+from dataclasses import dataclass
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from tactile_sensing.dome.geometry import Dome
+from tactile_sensing.moments.image_moments import image_moments
+from tactile_sensing.types.array import TactelArray
+from tactile_sensing.types.image import TactileImage
+from tactile_servo.laws.surface_config import SurfaceFollowingConfig
+from tactile_servo.reasons import Reason, ReasonCode
+from tactile_servo.tactile_jacobian.features import FeatureKind, features_of, filled, REFERENCE
+from tactile_servo.tactile_jacobian.source import ModelSource
+from tactile_servo.tactile_jacobian.table import JacobianTable
+
+MOST_MISSING = 0.3  # of the tactels
+FAINT = 0.04  # of the force, below which there is no contact
+BEYOND = 1.1  # of half the pad, up to which a contact is believed
+
+
+class Told(NamedTuple):
+    """The contact that features tell of."""
+
+    force: float  # N
+    place: np.ndarray  # (2,), on the pad [m]
+    error: np.ndarray  # (3,): J^-1 (F_d - F_a), on the pad and along the normal [m]
+
+
+class Felt(NamedTuple):
+    """One image's contact: what its features tell, and where that is."""
+
+    force: float
+    place: np.ndarray
+    error: np.ndarray
+    normal: np.ndarray  # (3,) inward, in the base frame
+    centre: np.ndarray  # (3,) of the probe [m]
+    area: float  # root of the determinant of the image's variance [m^2]
+
+
+@dataclass
+class ContactSense:
+    """From images to contacts, by the difference of features and the Jacobian's inverse."""
+
+    array: TactelArray
+    dome: Dome
+    config: SurfaceFollowingConfig
+    force: float  # about which the Jacobian is taken [N]
+    table: JacobianTable | None = None
+
+    def __post_init__(self):
+        c = self.config
+        # An elastic foundation: the force grows with the square of the depth.
+        self.stiffness = c.probe.stiffness * math.sqrt(self.force / REFERENCE)
+        self._kind = kind_of(c, self.table)
+        self._source = ModelSource(self.dome, self.array, self._kind, c.jacobian.method,
+                                   self.force, self.stiffness, self.table)
+        self.centred = self._source.features(np.array([0.0, 0.0, self.force]))
+
+    def tell(self, features: np.ndarray) -> Told:
+        """Contact that features (3,) tell of."""
+        error = self._source.inverse(features).inverse @ (self.centred - features)
+        return Told(max(self.force - self.stiffness * error[2], 0.0), -error[:2], error)
+
+    def look(self, image: TactileImage, pose: np.ndarray) -> Felt | Reason:
+        """Contact of an image at a pose (4, 4), or why there is none."""
+        pressure = pressure_of(image, self.array)
+        if isinstance(pressure, Reason):
+            return pressure
+        shown = features_of(pressure, self.array, self._kind)
+        if not shown[0] > FAINT * self.force:
+            return Reason(ReasonCode.CONTACT_LOST)
+        told = self.tell(shown)
+        if not (np.isfinite(told.error).all()
+                and abs(told.place[0]) <= BEYOND * self.array.half_width_x
+                and abs(told.place[1]) <= BEYOND * self.array.half_width_y):
+            return Reason(ReasonCode.CONTACT_LOST, 'it is not on the pad')
+        rotation = pose[:3, :3]
+        return Felt(*told, rotation @ self.dome.direction(told.place),
+                    pose[:3, 3] + rotation @ self.dome.centre, _area(pressure, self.array))
+
+    def depth(self, force: float) -> float:
+        """How much deeper the probe presses than with the force of the Jacobian [m]."""
+        share = math.sqrt(force / self.force) - 1.0
+        return 2.0 * self.force / self.stiffness * share
+
+
+def kind_of(config: SurfaceFollowingConfig, table: JacobianTable | None) -> FeatureKind:
+    """Which features stand for an image: those of the table, if there is one."""
+    return table.kind if table else FeatureKind(config.jacobian.features)
+
+
+def pressure_of(image: TactileImage, array: TactelArray) -> np.ndarray | Reason:
+    """Pressure (rows, columns) without NaN [Pa] of an image, or why there is none."""
+    layer = next((one for one in image.layers if one.component == 'zz'), None)
+    if layer is None or layer.unit != 'Pa' or layer.stress.shape != array.shape:
+        return Reason(ReasonCode.BAD_IMAGE, 'no calibrated pressure of the known array')
+    pressure = filled(np.asarray(layer.stress, dtype=float), MOST_MISSING)
+    return Reason(ReasonCode.BAD_IMAGE, 'too many tactels are missing') if (
+        pressure is None) else pressure
+
+
+def _area(pressure, array):
+    """Root of the determinant of the variance of an image; 0 if it has none [m^2]."""
+    m = image_moments(pressure, array)
+    x, y = m.centre_of_pressure
+    square = (m.mxx / m.m0 - x * x) * (m.myy / m.m0 - y * y) - (m.mxy / m.m0 - x * y)**2
+    return math.sqrt(max(square, 0.0))

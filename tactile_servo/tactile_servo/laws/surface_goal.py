@@ -1,0 +1,76 @@
+"""What a law that follows a surface is asked for, and what it has learnt."""
+from dataclasses import dataclass, field
+from enum import IntEnum
+import math
+
+import numpy as np
+
+from tactile_servo.law import LawResult, Refusal
+from tactile_servo.reasons import ReasonCode
+
+MAX_PATH = 100.0  # m of a pattern
+LINE_LENGTH = 0.06  # m of a line, where nobody says how long
+
+
+class Pattern(IntEnum):
+    """Ways over a surface; the numbers of TrackSurface.action."""
+
+    LINE = 0
+    RASTER = 1
+    SPIRAL = 2
+    POINTS = 3
+
+
+@dataclass(frozen=True, eq=False)
+class SurfaceGoal:
+    """What to track, as in TrackSurface.action."""
+
+    speed: float  # over the surface [m/s]
+    force: float  # N
+    pattern: Pattern | int = Pattern.LINE
+    direction: tuple[float, float, float] = (0.0, 1.0, 0.0)  # in the base frame, of any length
+    length: float = 0.0  # of a line [m]; 0 = until `duration`
+    duration: float = 0.0  # s after first contact; 0 = no bound
+    size: tuple[float, float] = (0.0, 0.0)  # m
+    step_over: float = 0.0  # m
+    points: np.ndarray = field(default_factory=lambda: np.zeros((0, 3)))  # base frame [m]
+    features: str = ''  # name of taught features
+    retreat: bool = True  # at the end
+
+
+@dataclass(frozen=True, eq=False)
+class SurfaceResult(LawResult):
+    """Contacts that were felt: points (N, 3) in `contour` and inward normals (N, 3)."""
+
+    normals: np.ndarray | None = None
+    contact_kept: float = math.nan  # share of the images with contact
+    centre_rms: float = math.nan  # distance of the contact from where it was wanted [m]
+
+
+def refuse_surface_goal(goal: SurfaceGoal) -> Refusal | None:
+    """Why a goal makes no sense, or None."""
+    numbers = [goal.length, goal.duration, *goal.size, goal.step_over]
+    if not all(0.0 <= value < math.inf for value in numbers):
+        return _invalid('length, duration, size and step_over must be finite and not negative')
+    if goal.pattern not in list(Pattern):
+        return _invalid(f'pattern {goal.pattern} is none of {", ".join(p.name for p in Pattern)}')
+    square = float(np.dot(goal.direction, goal.direction))
+    if goal.pattern is not Pattern.POINTS and not 1e-12 < square < math.inf:
+        return _invalid(f'direction {tuple(goal.direction)} has no direction')
+    if goal.pattern == Pattern.LINE and goal.length == goal.duration == 0.0:
+        return _invalid('a line needs a length or a duration')
+    if goal.pattern in (Pattern.RASTER, Pattern.SPIRAL):
+        across = goal.size[1] if goal.pattern == Pattern.RASTER else goal.size[0]
+        if not (min(goal.size[0], across) > 0.0 and goal.step_over > 0.0):
+            return _invalid('size and step_over must be above 0')
+        if goal.size[0] * (across / goal.step_over + 1.0) > MAX_PATH:
+            return _invalid(f'the path would be longer than {MAX_PATH:g} m')
+    if goal.pattern == Pattern.POINTS:
+        shape = np.shape(goal.points)
+        if len(shape) != 2 or shape[0] < 1 or shape[1] != 3 or not np.isfinite(goal.points).all():
+            return _invalid('points must be one or more finite places')
+    return None
+
+
+def _invalid(detail):
+    return Refusal(ReasonCode.INVALID_GOAL, detail)

@@ -1,0 +1,244 @@
+"""Parts of the law that follows a surface: filter, paths, goals, features, messages."""
+from dataclasses import replace
+
+from geometry_msgs.msg import Point, Vector3
+import numpy as np
+import pytest
+
+from tactile_common.errors import ConfigurationError
+from tactile_common.ros.conversions import pose_from_msg
+from tactile_msgs.action import TrackSurface
+from tactile_sensing.devices.calibration import Calibration
+from tactile_sensing.dome.geometry import Dome
+from tactile_sensing.dome.half_space import HalfSpaceDome
+from tactile_sensing.types.array import TactelArray
+from tactile_sensing.types.image import Layer, TactileImage
+from tactile_servo.config import ServoConfig
+from tactile_servo.control.surface_filter import NormalConfig, SurfaceFilter
+from tactile_servo.control.surface_path import Line, PlanarPath, raster, spiral
+from tactile_servo.conversions import surface_goal_from_msg, touch_to_msg
+from tactile_servo.law import Observation, Touch
+from tactile_servo.laws.surface_config import JacobianConfig, ProbeConfig, SurfaceFollowingConfig
+from tactile_servo.laws.surface_features import ContactSense, Felt
+from tactile_servo.laws.surface_following import SurfaceFollowing
+from tactile_servo.laws.surface_goal import Pattern, refuse_surface_goal, SurfaceGoal
+from tactile_servo.reasons import Reason, ReasonCode
+from tactile_servo.tactile_jacobian.features import FeatureKind, ModelFeatures
+from tactile_servo.tactile_jacobian.jacobian import Increments
+from tactile_servo.tactile_jacobian.table import build_table, grid
+
+PITCH, FORCE = 0.0254 / 16, 5.0
+ARRAY, DOME = TactelArray(16, 16, PITCH, PITCH), Dome()
+HALF_SPACE = HalfSpaceDome(DOME, ARRAY)
+GOAL = SurfaceGoal(0.05, FORCE, length=0.1)
+DOWN = np.array([0.0, 0.0, -1.0])
+
+
+def image_of(place, force, stress=None):
+    """Image of a contact, as a sensor that is calibrated by the force."""
+    if stress is None:
+        state = np.array([*place, force, 0.0, 0.0])
+        stress = HALF_SPACE.image(state)[0] / ModelFeatures(HALF_SPACE, ARRAY).sensitivity
+    return TactileImage(0, 0, (Layer('zz', DOME.depth, stress, noise_std=1.0),), ARRAY, True)
+
+
+def sense(**jacobian):
+    """How the law sees contacts."""
+    return ContactSense(ARRAY, DOME, SurfaceFollowingConfig(
+        jacobian=JacobianConfig(**jacobian)), FORCE)
+
+
+# The filter --------------------------------------------------------------------------------
+
+def arc(radius, cylinder, count=160, step=3e-4):
+    """Centres and inward normals along a way round a sphere, or across a cylinder along y."""
+    angles = step / radius * np.arange(count)
+    normals = -np.column_stack([np.sin(angles), 0.0 * angles, np.cos(angles)])
+    centres = -radius * normals
+    if cylinder:
+        centres[:, 1] = 2e-4 * np.arange(count)
+    return centres, normals
+
+
+@pytest.mark.parametrize('radius, cylinder', [(0.062, False), (0.06, True), (1e4, False)])
+def test_the_filter_is_exact_on_spheres_cylinders_and_planes(radius, cylinder):
+    centres, normals = arc(radius, cylinder)
+    felt = SurfaceFilter(NormalConfig())
+    felt.reset(0.0, normals[0], centres[0], 1e-3)
+    for centre, normal in zip(centres[1:-20], normals[1:-20], strict=True):
+        felt.update(0.0, normal, centre, 1e-3)
+    way = centres[-20] - centres[-21]
+    way /= np.linalg.norm(way)
+    bend = -(1.0 - way[1]**2) / radius  # along the way, inward normals on what is convex
+    assert way @ felt.bend @ way == pytest.approx(bend, abs=0.2)
+    depth, normal = felt.predict(centres[-1])  # 6 mm ahead
+    assert abs(depth) < 3e-6 and normal == pytest.approx(normals[-1], abs=2e-3)
+    assert felt.bend_std(way) < 2.0
+
+
+def test_depths_tell_more_of_the_normal_than_places_do():
+    rng = np.random.default_rng(0)
+    centres, normals = arc(0.062, False)
+    errors = {}
+    for name, noise in (('depth', 4e-6), ('no depth', 1e-2)):
+        felt = SurfaceFilter(NormalConfig(depth_noise=noise))
+        felt.reset(0.0, normals[0], centres[0], 4e-3)
+        for centre, normal in zip(centres[1:], normals[1:], strict=True):
+            felt.update(rng.normal(0.0, 2e-6), normal + rng.normal(0.0, 4e-3, 3), centre, 4e-3)
+        errors[name] = abs((felt.normal - normals[-1]) @ [normals[-1][2], 0, -normals[-1][0]])
+    assert errors['depth'] < 1e-3 and errors['depth'] < errors['no depth']
+
+
+def test_an_edge_is_a_surprise():
+    centres, normals = arc(1e4, False, 120)
+    felt = SurfaceFilter(NormalConfig())
+    felt.reset(0.0, normals[0], centres[0], 1e-3)
+    for centre, normal in zip(centres[1:], normals[1:], strict=True):
+        felt.update(0.0, normal, centre, 1e-3)
+    way = np.array([1.0, 0.0, 0.0])
+    known = felt.bend_std(way)
+    turned = np.array([-0.05, 0.0, -1.0])
+    felt.update(-2e-5, turned / np.linalg.norm(turned), centres[-1] + 3e-4 * way, 1e-3)
+    assert felt.bend_std(way) > 5.0 * known
+
+
+# Paths -------------------------------------------------------------------------------------
+
+def test_a_line_goes_round_a_cylinder_in_its_plane():
+    path = Line(np.array([0.0, 0.0, 0.03]), DOWN, np.array([1.0, 0.0, 5.0]))
+    for angle in np.linspace(0.0, 2.5, 9):
+        normal = -np.array([np.sin(angle), 0.0, np.cos(angle)])
+        step = path.step(-0.03 * normal, normal, 10.0, 0.05)
+        assert step.way == pytest.approx([np.cos(angle), 0.0, -np.sin(angle)], abs=1e-9)
+    assert path.step(np.zeros(3), np.array([0.0, 1.0, 0.0]), 10.0, 0.05) is None
+
+
+def test_a_line_leads_back_to_its_plane():
+    path = Line(np.zeros(3), DOWN, np.array([1.0, 0.0, 0.0]))
+    assert path.step(np.array([0.01, 1e-3, 0.0]), DOWN, 10.0, 0.05).way[1] < -0.1
+    assert path.step(np.array([0.01, -1e-3, 0.0]), DOWN, 10.0, 0.05).way[1] > 0.1
+
+
+@pytest.mark.parametrize('plan', [raster(0.04, 0.02, 0.005), spiral(0.015, 0.004)])
+def test_patterns_are_gone_through_to_the_end(plan):
+    path = PlanarPath(np.zeros(3), DOWN, np.array([1.0, 0.0, 0.0]), plan, 0.5)
+    place, places, dt = np.zeros(3), [], 0.0025
+    for _ in range(20000):
+        step = path.step(place, DOWN, 30.0, 0.05)
+        if step.left == 0.0:
+            break
+        assert np.linalg.norm(step.way) == pytest.approx(1.0) and abs(step.way[2]) < 1e-9
+        place = place + min(step.top, 0.05) * dt * step.way
+        places.append(place)
+    assert step.left == 0.0
+    # On z down, y of the plan points along -y.
+    corners = plan * [1.0, -1.0]
+    for corner in corners:
+        assert np.hypot(*(np.array(places)[:, :2] - corner).T).min() < 1.2e-3
+
+
+def test_rows_of_a_raster_are_step_over_apart():
+    plan = raster(0.04, 0.02, 0.005)
+    rows = np.unique(np.round(plan[abs(plan[:, 0]) == 0.02][:, 1], 6))
+    assert rows == pytest.approx([-0.01, -0.005, 0.0, 0.005, 0.01])
+
+
+def test_a_surface_may_be_too_steep_for_a_pattern():
+    path = PlanarPath(np.zeros(3), DOWN, np.array([1.0, 0.0, 0.0]), raster(0.04, 0.02, 0.005), 0.5)
+    assert path.step(np.zeros(3), np.array([0.99, 0.0, -0.14]), 30.0, 0.05) is None
+
+
+# Goals -------------------------------------------------------------------------------------
+
+@pytest.mark.parametrize('change, word', [
+    ({'length': -1.0}, 'length'), ({'length': np.nan}, 'length'),
+    ({'length': 0.0}, 'length or a duration'), ({'pattern': 9}, 'pattern 9'),
+    ({'direction': (0.0, 0.0, 0.0)}, 'direction'),
+    ({'direction': (np.nan, 0.0, 0.0)}, 'direction'),
+    ({'pattern': Pattern.RASTER}, 'size'),
+    ({'pattern': Pattern.RASTER, 'size': (1.0, 1.0), 'step_over': 1e-4}, 'longer than'),
+    ({'pattern': Pattern.SPIRAL, 'size': (0.1, 0.0)}, 'step_over'),
+    ({'pattern': Pattern.POINTS}, 'points'),
+    ({'pattern': Pattern.POINTS, 'points': np.full((2, 3), np.inf)}, 'points')])
+def test_goals_that_make_no_sense_are_refused(change, word):
+    refused = refuse_surface_goal(replace(GOAL, **change))
+    assert refused is not None and refused.code == ReasonCode.INVALID_GOAL
+    assert word in refused.text
+    assert refuse_surface_goal(GOAL) is None
+
+
+def test_goal_messages():
+    message = TrackSurface.Goal(
+        speed=0.05, force=4.0, pattern=1, direction=Vector3(x=1.0), size=[0.06, 0.05],
+        step_over=0.004, points=[Point(x=1.0, y=2.0, z=3.0)], features='soft', retreat=True)
+    goal = surface_goal_from_msg(message)
+    assert goal.pattern is Pattern.RASTER and goal.size == (0.06, 0.05)
+    assert goal.direction == (1.0, 0.0, 0.0) and goal.points.tolist() == [[1.0, 2.0, 3.0]]
+    assert goal.features == 'soft' and goal.retreat
+    assert surface_goal_from_msg(TrackSurface.Goal(pattern=77)).pattern == 77
+
+
+# What an image says ------------------------------------------------------------------------
+
+@pytest.mark.parametrize('place', [(0.0, 0.0), (3e-3, -2e-3), (-6e-3, 6e-3)])
+@pytest.mark.parametrize('method', ['constant', 'nearest', 'interpolated', 'online'])
+def test_contacts_are_felt_where_they_are(place, method):
+    pose = np.eye(4)
+    pose[:3, 3] = 0.1, 0.2, 0.3
+    looking = sense(method=method)
+    for _ in range(6):  # the one that is found on-line comes nearer with every image
+        felt = looking.look(image_of(place, FORCE), pose)
+    assert isinstance(felt, Felt)
+    assert felt.place == pytest.approx(place, abs=0.05 * np.hypot(*place) + 5e-5)
+    assert felt.force == pytest.approx(FORCE, rel=0.1)
+    assert felt.centre == pytest.approx([0.1, 0.2, 0.3 - DOME.skin_radius])
+    assert felt.normal == pytest.approx(DOME.direction(felt.place))
+
+
+def test_a_depth_is_that_of_an_elastic_foundation():
+    looking, pose = sense(), np.eye(4)
+    stiffness = ProbeConfig().stiffness
+    felt = looking.look(image_of((0.0, 0.0), FORCE), pose)
+    assert looking.depth(felt.force) == pytest.approx(0.0, abs=1e-6)
+    slope = looking.depth(5.05) - looking.depth(4.95)
+    assert 0.1 / slope == pytest.approx(stiffness, rel=0.01)
+    assert looking.depth(0.0) == pytest.approx(-2.0 * FORCE / stiffness)
+
+
+def test_what_is_no_contact():
+    looking, pose = sense(), np.eye(4)
+    for image, code in (
+            (image_of(None, 0, np.zeros(ARRAY.shape)), ReasonCode.CONTACT_LOST),
+            (image_of(None, 0, np.full(ARRAY.shape, np.nan)), ReasonCode.BAD_IMAGE),
+            (image_of(None, 0, np.zeros((4, 4))), ReasonCode.BAD_IMAGE),
+            (replace(image_of((0, 0), FORCE), layers=()), ReasonCode.BAD_IMAGE)):
+        found = looking.look(image, pose)
+        assert isinstance(found, Reason) and found.code == code
+
+
+def test_a_table_on_disk_is_used_and_a_wrong_one_refused(tmp_path):
+    path = tmp_path / 'table.npz'
+    features = ModelFeatures(HALF_SPACE, ARRAY, FeatureKind.MOMENTS)
+    build_table(features, FeatureKind.MOMENTS, grid(0.01, 0.01, 5, (4.0, 5.0, 6.0)), Increments(),
+                0.0127).save(path)
+    with pytest.raises(ConfigurationError, match='jacobian.method is .constant., must be nearest'):
+        JacobianConfig(table=str(path))
+    config = SurfaceFollowingConfig(jacobian=JacobianConfig(
+        method='interpolated', table=str(path)))
+    law = SurfaceFollowing(ServoConfig(), config)
+    law.begin(GOAL, Calibration(ARRAY).sensor_info('pad', '', 0))
+    law.observe(Observation(0, 0.0, 0.0, lambda _: np.eye(4), image_of((2e-3, 1e-3), FORCE)))
+    assert (law.error.lateral, law.error.longitudinal) == pytest.approx((2e-3, 1e-3), abs=3e-4)
+    path.write_text('nonsense')
+    with pytest.raises(ValueError, match='table.npz'):
+        SurfaceFollowing(ServoConfig(), config)
+
+
+@pytest.mark.parametrize('inward', [(0.0, 0.0, -1.0), (0.36, 0.48, -0.8), (-0.6, 0.0, 0.8),
+                                    (0.0, 0.0, 1.0)])
+def test_a_contact_in_a_message_looks_outwards(inward):
+    message = touch_to_msg(Touch(3, np.array([0.1, 0.2, 0.3]), np.array(inward)), 'base')
+    pose = pose_from_msg(message.pose)
+    assert pose[:3, 2] == pytest.approx(-np.array(inward))
+    assert pose[:3, 3] == pytest.approx([0.1, 0.2, 0.3])
+    assert message.header.frame_id == 'base' and message.header.stamp.nanosec == 3

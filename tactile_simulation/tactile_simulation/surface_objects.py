@@ -1,0 +1,160 @@
+"""Objects that a round probe touches: signed distances, positive outside, in the base frame."""
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Protocol
+
+import numpy as np
+from scipy.ndimage import map_coordinates
+
+from tactile_common.errors import ConfigurationError
+from tactile_simulation.surfaces import Torus
+
+STEP = 1e-5  # m, of the differences that give a normal
+CELLS = 96  # along the longest side of a mesh's box
+MARGIN = 0.04  # m around it: the centre of a probe must still see which way the mesh is
+
+
+class SolidObject(Protocol):
+    """An object."""
+
+    def distance(self, points: np.ndarray) -> np.ndarray:
+        """Signed distances (N,) of points (N, 3) from its surface [m]."""
+        ...
+
+
+def normal_at(solid: SolidObject, point: np.ndarray) -> np.ndarray:
+    """Outward unit normal (3,) of the level through a point (3,)."""
+    steps = STEP * np.vstack([np.eye(3), -np.eye(3)])
+    distances = solid.distance(point + steps)
+    slope = distances[:3] - distances[3:]
+    return slope / np.linalg.norm(slope)
+
+
+def nearest_point(solid: SolidObject, point: np.ndarray) -> np.ndarray:
+    """Nearest point (3,) of the surface."""
+    for _ in range(3):  # one step is exact where the distance is
+        point = point - solid.distance(point[None])[0] * normal_at(solid, point)
+    return point
+
+
+@dataclass(frozen=True)
+class Placed:
+    """An object that was described from the place where it is touched, x along its heading."""
+
+    shape: SolidObject  # of its own frame: z inward, the first contact at the origin
+    top: tuple[float, float, float]  # m
+    heading: float = 0.0  # of its x, from the base's [rad]
+
+    def distance(self, points: np.ndarray) -> np.ndarray:
+        """Signed distances (N,) [m]."""
+        cos, sin = np.cos(self.heading), np.sin(self.heading)
+        # x along the heading, z down, y to complete them
+        axes = np.array([[cos, sin, 0.0], [sin, -cos, 0.0], [0.0, 0.0, -1.0]])
+        return self.shape.distance((points - np.array(self.top)) @ axes.T)
+
+
+@dataclass(frozen=True)
+class StepShape:
+    """A plane with a step: from x = `ahead` on it is higher by `height` (lower if negative)."""
+
+    height: float  # m
+    ahead: float = 0.02  # m
+
+    def distance(self, points: np.ndarray) -> np.ndarray:
+        """Signed distances (N,) [m]."""
+        x, up = points[:, 0] - self.ahead, -points[:, 2]
+        if self.height >= 0.0:
+            return np.minimum(up, _quarter(-x, up - self.height))
+        return np.minimum(_quarter(x, up), up - self.height)
+
+
+@dataclass(frozen=True)
+class Ledge:
+    """A plane that ends at x = `ahead`, to fall off."""
+
+    ahead: float = 0.02  # m
+
+    def distance(self, points: np.ndarray) -> np.ndarray:
+        """Signed distances (N,) [m]."""
+        return _quarter(points[:, 0] - self.ahead, -points[:, 2])
+
+
+def _quarter(x, y):
+    """Signed distances from what lies at x <= 0 and y <= 0."""
+    outside = np.hypot(np.maximum(x, 0.0), np.maximum(y, 0.0))
+    return outside + np.minimum(np.maximum(x, y), 0.0)
+
+
+@dataclass(frozen=True, eq=False)
+class Mesh:
+    """
+    A closed triangle mesh (STL, PLY or what else trimesh reads), its highest point at the origin.
+
+    Distances are interpolated in a grid of distances to the triangles: off by an eighth of a
+    cell's square over the radius where the mesh curves, by a part of a cell at its edges.
+    """
+
+    path: str
+    scale: float = 1.0  # from the unit of the file to m
+    _origin: np.ndarray = field(init=False, repr=False)
+    _spacing: float = field(init=False, repr=False)
+    _grid: np.ndarray = field(init=False, repr=False)
+
+    def __post_init__(self):
+        import trimesh  # off-line only
+
+        try:
+            mesh = trimesh.load_mesh(self.path)
+        except Exception as error:  # whatever a reader of files raises
+            raise ConfigurationError(f'mesh {self.path}: cannot be read: {error}') from error
+        if not isinstance(mesh, trimesh.Trimesh) or not len(mesh.faces):
+            raise ConfigurationError(f'mesh {self.path}: has no triangles')
+        if not mesh.is_watertight:
+            raise ConfigurationError(f'mesh {self.path}: is not closed')
+        vertices = self.scale * np.asarray(mesh.vertices) * [1.0, -1.0, -1.0]  # z inward
+        vertices -= vertices[vertices[:, 2].argmin()]
+        low, high = vertices.min(axis=0), vertices.max(axis=0)
+        spacing = float((high - low + 2.0 * MARGIN).max() / CELLS)
+        counts = np.ceil((high - low + 2.0 * MARGIN) / spacing).astype(int) + 1
+        nodes = np.stack(np.meshgrid(*(np.arange(n) for n in counts), indexing='ij'), axis=-1)
+        origin = low - MARGIN
+        points = origin + spacing * nodes.reshape(-1, 3)
+        grid = _distances(points, vertices[np.asarray(mesh.faces)])
+        object.__setattr__(self, '_origin', origin)
+        object.__setattr__(self, '_spacing', spacing)
+        object.__setattr__(self, '_grid', grid.reshape(counts))
+
+    def distance(self, points: np.ndarray) -> np.ndarray:
+        """Signed distances (N,) [m]; outside of the grid those of its border."""
+        places = ((points - self._origin) / self._spacing).T
+        return map_coordinates(self._grid, places, order=1, mode='nearest')
+
+
+def _distances(points, triangles):
+    """Signed distances of points from triangles (F, 3, 3), by the nearest of many candidates."""
+    from scipy.spatial import cKDTree
+    import trimesh
+
+    # The surface, sampled so densely that the nearest sample's triangle is the nearest one.
+    samples, faces = trimesh.sample.sample_surface_even(
+        trimesh.Trimesh(triangles.reshape(-1, 3), np.arange(3 * len(triangles)).reshape(-1, 3),
+                        process=False), 40000, seed=0)
+    _, nearest = cKDTree(samples).query(points)
+    index = faces[nearest]
+    closest = trimesh.triangles.closest_point(triangles[index], points)
+    edges = triangles[:, 1:] - triangles[:, :1]
+    outward = np.cross(edges[:, 0], edges[:, 1])
+    volume = np.einsum('ij,ij->', triangles[:, 0], outward)
+    away = points - closest
+    sign = np.sign(np.einsum('ij,ij->i', away, outward[index])) * np.sign(volume)
+    return np.linalg.norm(away, axis=1) * np.where(sign == 0.0, 1.0, sign)
+
+
+def torus(ring: float, tube: float) -> SolidObject:
+    """Ring touched on its outer equator, see `surfaces.Torus`; also sphere, cylinder and plane."""
+    return Torus(ring, tube)
+
+
+def mesh_beside(scene: Path, name: str, scale: float) -> Mesh:
+    """Mesh of a file, whose name is relative to that of the scene."""
+    return Mesh(str((scene.parent / name) if scene else name), scale)

@@ -1,0 +1,341 @@
+"""Objects, scenes and the closed loop of a round probe on surfaces."""
+from dataclasses import replace
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tactile_common.errors import ConfigurationError
+from tactile_sensing.dome.geometry import Dome
+from tactile_sensing.dome.half_space import HalfSpaceDome
+from tactile_sensing.dome.skin import SkinConfig
+from tactile_servo.config import ForceBounds, ServoConfig
+from tactile_servo.laws.surface_config import JacobianConfig, ProbeConfig, SurfaceFollowingConfig
+from tactile_servo.laws.surface_goal import Pattern, SurfaceGoal
+from tactile_servo.reasons import ReasonCode
+from tactile_servo.tactile_jacobian.features import ModelFeatures
+from tactile_servo.tactile_jacobian.jacobian import Increments
+from tactile_servo.tactile_jacobian.table import build_table, grid
+from tactile_servo.types import State
+from tactile_simulation import surface_objects
+from tactile_simulation.cli.simulate import main
+from tactile_simulation.scene_surface import SurfaceScene, SurfaceStart, Touch
+from tactile_simulation.scenes import load_any_scene
+from tactile_simulation.surface_loop import summarise_surface, SurfaceSimulation
+from tactile_simulation.surface_objects import (
+    Ledge,
+    Mesh,
+    nearest_point,
+    normal_at,
+    Placed,
+    StepShape,
+    torus,
+)
+
+SCENES = Path(__file__).parents[2] / 'launch/scenes/surfaces'
+TOP = (0.3, 0.0, 0.1)
+COARSE = SkinConfig(across=15, layers=4)  # solved in some seconds, once; then from the cache
+SPHERE, CYLINDER, PLANE = torus(0.0, 0.035), torus(np.inf, 0.0325), torus(np.inf, np.inf)
+OBJECTS = {'sphere': SPHERE, 'cylinder': CYLINDER, 'plane': PLANE, 'torus': torus(0.06, 0.04),
+           'up': StepShape(0.002), 'down': StepShape(-0.002), 'ledge': Ledge()}
+
+
+def scene_of(shape, **parts):
+    """Scene of an object that is turned by some angle."""
+    return SurfaceScene('test', 'test', Placed(shape, TOP, 0.3), TOP, rubber=COARSE, **parts)
+
+
+def follow(scene, goal, seconds=20.0, settings=None, config=None, seed=0):
+    """Run a goal: simulation and summary."""
+    simulation = SurfaceSimulation(scene, seed=seed, settings=settings, config=config)
+    status = simulation.run(goal, seconds)
+    return simulation, summarise_surface(simulation, goal, status, seed=seed)
+
+
+def line(speed=0.05, force=5.0, length=0.03, heading=(0.3, 1.0, 0.0)):
+    """Goal of a straight way."""
+    return SurfaceGoal(speed, force, direction=heading, length=length)
+
+
+# Objects -----------------------------------------------------------------------------------
+
+@pytest.mark.parametrize('name', OBJECTS)
+def test_distances_are_distances(name):
+    # |gradient| is 1 and the nearest point is as far away as the distance says.
+    solid, rng = Placed(OBJECTS[name], TOP, 0.3), np.random.default_rng(0)
+    points = np.array(TOP) + rng.uniform(-0.02, 0.03, (200, 3))
+    distances = solid.distance(points)
+    assert (distances < 0).any() and (distances > 0).any()
+    for point, distance in zip(points[:40], distances, strict=False):
+        if distance > 1e-3:
+            nearest = nearest_point(solid, point)
+            assert solid.distance(nearest[None])[0] == pytest.approx(0.0, abs=1e-7)
+            assert np.linalg.norm(point - nearest) == pytest.approx(distance, rel=1e-3)
+
+
+def test_placing_puts_the_first_contact_at_the_top():
+    for shape in (SPHERE, CYLINDER, PLANE):
+        solid = Placed(shape, TOP, 0.3)
+        assert solid.distance(np.array([TOP]))[0] == pytest.approx(0.0, abs=1e-12)
+        assert normal_at(solid, np.array(TOP)) == pytest.approx([0, 0, 1], abs=1e-3)
+
+
+def test_steps_and_ledges_are_where_they_are_said_to_be():
+    up = StepShape(0.002, 0.02)  # x along, z inward
+    places = np.array([[0, 0, 0], [0.03, 0, -0.002], [0.03, 0, 0], [0.019, 0, -0.001]])
+    assert up.distance(places) == pytest.approx([0, 0, -0.002, 0.001])
+    assert Ledge(0.02).distance(np.array([[0.023, 0, -0.004], [0.023, 0, 0.01]])) == pytest.approx(
+        [0.005, 0.003])
+
+
+def test_a_mesh_of_a_sphere_is_nearly_one(tmp_path, monkeypatch):
+    monkeypatch.setattr(surface_objects, 'CELLS', 48)  # 3 mm: linear between, off by 0.04 mm
+    trimesh = pytest.importorskip('trimesh')
+    ball = trimesh.creation.icosphere(subdivisions=4, radius=35.0)  # mm, off by 0.06 mm
+    for suffix in ('stl', 'ply'):
+        ball.export(tmp_path / f'ball.{suffix}')
+    mesh = Mesh(str(tmp_path / 'ball.stl'), 1e-3)
+    points = np.random.default_rng(1).uniform(-0.02, 0.02, (500, 3))
+    assert abs(mesh.distance(points) - SPHERE.distance(points)).max() < 3e-4
+    near = points[abs(SPHERE.distance(points)) < 2e-3]
+    assert len(near) > 5 and abs(mesh.distance(near) - SPHERE.distance(near)).max() < 2e-4
+    (tmp_path / 'ball.yaml').write_text(
+        'name: ball\ndescription: A ball.\n'
+        'surface: {mesh: {file: ball.ply, scale: 0.001}, top: [0.3, 0.0, 0.1]}\n')
+    scene = load_any_scene(tmp_path / 'ball.yaml')
+    assert scene.surface.distance(np.array([TOP]))[0] == pytest.approx(0.0, abs=1e-4)
+    with pytest.raises(ConfigurationError, match='cannot be read'):
+        Mesh(str(tmp_path / 'none.stl'))
+    trimesh.Trimesh(ball.vertices, ball.faces[5:]).export(tmp_path / 'open.stl')
+    with pytest.raises(ConfigurationError, match='not closed'):
+        Mesh(str(tmp_path / 'open.stl'))
+
+
+# Scenes ------------------------------------------------------------------------------------
+
+@pytest.mark.parametrize('path', sorted(SCENES.glob('*.yaml')), ids=lambda path: path.stem)
+def test_shipped_scenes(path):
+    scene = load_any_scene(path)
+    assert scene.name == path.stem
+    pose = scene.start_pose()
+    assert pose[:3, :3] @ pose[:3, :3].T == pytest.approx(np.eye(3))
+    assert np.linalg.det(pose[:3, :3]) == pytest.approx(1.0)
+    centre = pose[:3, 3] + pose[:3, :3] @ scene.dome.centre
+    gap = scene.surface.distance(centre[None])[0] - scene.dome.skin_radius
+    assert gap == pytest.approx(scene.start.height, abs=1e-6)
+
+
+@pytest.mark.parametrize('text, message', [
+    ('surface: {top: [0, 0, 0]}', 'exactly one'),
+    ('surface: {sphere: {radius: 0.03}, plane: {}, top: [0, 0, 0]}', 'exactly one'),
+    ('surface: {sphere: {}, top: [0, 0, 0]}', "key 'radius' is missing"),
+    ('surface: {sphere: {radius: -1}, top: [0, 0, 0]}', 'surface.sphere.radius is -1'),
+    ('surface: {plane: {}, top: [0, 0]}', 'surface.top'),
+    ('surface: {plane: {}, top: [0, 0, 0]}\ntouch: {friction: 9}', 'touch.friction'),
+    ('surface: {plane: {}, top: [0, 0, 0]}\nprobe: {skin_radius: 0.02}', 'must increase'),
+    ('surface: {plane: {}, top: [0, 0, 0]}\nedge: {}', "unknown key 'edge'"),
+    ('surface: {mesh: {file: none.stl}, top: [0, 0, 0]}', 'none.stl')])
+def test_wrong_scenes_are_refused_with_what_is_wrong(text, message, tmp_path):
+    path = tmp_path / 'wrong.yaml'
+    path.write_text(f'name: wrong\ndescription: Wrong.\n{text}\n')
+    with pytest.raises(ConfigurationError, match=message) as error:
+        load_any_scene(path)
+    assert 'wrong.yaml' in str(error.value)
+
+
+def test_the_probe_may_start_turned():
+    scene = scene_of(SPHERE, start=SurfaceStart(aside_x=0.008, aside_y=-0.003))
+    pose = scene.start_pose()
+    centre = pose[:3, 3] + pose[:3, :3] @ scene.dome.centre
+    inward = -normal_at(scene.surface, centre)
+    assert scene.dome.place(pose[:3, :3].T @ inward) == pytest.approx([0.008, -0.003], abs=1e-5)
+
+
+# The closed loop ---------------------------------------------------------------------------
+
+@pytest.mark.parametrize('name', ['sphere', 'cylinder'])
+def test_surfaces_are_followed(name):
+    # The bars of the benchmark are for the finer skin; its coarse stand-in feels the print
+    # a tenth wider, and so the skin's deflection.
+    _, summary = follow(scene_of(OBJECTS[name]), line())
+    assert summary['ok'] and summary['reason_code'] == 'length_reached'
+    assert summary['surface_rms'] < 1.5e-4 and summary['centre_max'] < 0.5e-3
+    assert summary['force_rms_error'] < 0.15 and summary['contact_kept'] == 1.0
+    assert summary['tracked_length'] == pytest.approx(0.03, abs=5e-4)
+
+
+def test_the_thesis_control_lags_behind():
+    slow, fast = (follow(scene_of(CYLINDER), line(speed, length=0.02),
+                         settings=SurfaceFollowingConfig(control='thesis'))[1]
+                  for speed in (0.01, 0.05))
+    assert slow['ok'] and slow['force_rms_error'] < 0.3
+    assert fast['force_rms_error'] > 1.0 and fast['centre_max'] > 0.8e-3
+
+
+def test_contact_far_from_the_centre_is_brought_there():
+    simulation, summary = follow(scene_of(SPHERE, start=SurfaceStart(aside_x=0.011)), line(0.02))
+    truth = simulation.surface_truth()
+    aside = np.hypot(*truth.place[truth.tracking].T)
+    assert summary['ok'] and aside[0] > 0.01 and aside[-100:].max() < 0.7e-3
+
+
+def test_a_raster_covers_its_rectangle():
+    goal = SurfaceGoal(0.05, 5.0, Pattern.RASTER, (1.0, 0.0, 0.0), size=(0.03, 0.02),
+                       step_over=0.005)
+    simulation, summary = follow(scene_of(SPHERE), goal)
+    assert summary['ok'] and summary['reason_code'] == 'path_completed'
+    assert summary['contact_kept'] > 0.999
+    felt = simulation.servo.result().contour - np.array(TOP)
+    for x in np.linspace(-0.014, 0.014, 8):
+        for y in np.linspace(-0.009, 0.009, 6):
+            assert np.hypot(felt[:, 0] - x, felt[:, 1] - y).min() < 0.6 * goal.step_over
+
+
+def test_a_fragile_object_stays_whole():
+    scene = scene_of(SPHERE, touch=Touch(fragile=2.5))
+    _, summary = follow(scene, line(0.03, force=1.5))
+    assert summary['ok'] and not summary['broken'] and summary['force_max'] < 2.5
+
+
+@pytest.mark.parametrize('name, most', [('up', 9.0), ('ledge', 12.0)])
+def test_steps_and_edges_are_followed_or_the_goal_ends(name, most):
+    _, summary = follow(scene_of(OBJECTS[name]), line(0.03, length=0.04, heading=(
+        np.cos(0.3), np.sin(0.3), 0.0)), seconds=8.0)
+    assert summary['force_max'] < most
+    assert summary['ok'] or summary['state'] in ('hold', 'done')
+    assert summary['reason']
+
+
+@pytest.mark.parametrize('factor', [0.5, 2.0])
+def test_a_wrong_stiffness_is_borne(factor):
+    probe = ProbeConfig(stiffness=factor * ProbeConfig().stiffness)
+    _, summary = follow(scene_of(CYLINDER), line(), settings=SurfaceFollowingConfig(probe=probe))
+    assert summary['ok'] and summary['force_rms_error'] < 0.3
+
+
+# Not the nearest entry for moments, which change with the force: beside the wanted contact it
+# takes a missing force for a place, see docs/surface.md.
+@pytest.mark.parametrize('features, method', [
+    ('centroid', 'nearest'), ('centroid', 'online'), ('moments', 'interpolated')])
+def test_sources_of_the_jacobian(features, method):
+    settings = SurfaceFollowingConfig(jacobian=JacobianConfig(features, method))
+    _, summary = follow(scene_of(SPHERE), line(0.03, length=0.015), settings=settings)
+    assert summary['ok'] and summary['centre_max'] < 0.6e-3
+
+
+@pytest.mark.parametrize('dome, hole', [
+    (Dome(), 3), (Dome(skin_radius=0.035, array_radius=0.033, core_radius=0.031), 0)])
+def test_tables_with_holes_or_of_another_probe_are_borne(dome, hole, tmp_path):
+    scene = scene_of(SPHERE)
+    features = ModelFeatures(HalfSpaceDome(dome, scene.sensor.array), scene.sensor.array)
+    table = build_table(features, features.kind, grid(0.011, 0.011, 6, (3.0, 5.0, 8.0)),
+                        Increments(), 0.0127)
+    if hole:
+        table.inverse[::hole], table.features[1::7] = np.nan, np.nan
+    table.save(tmp_path / 'table.npz')
+    settings = SurfaceFollowingConfig(
+        jacobian=JacobianConfig('centroid', 'nearest', str(tmp_path / 'table.npz')))
+    _, summary = follow(scene, line(0.03, length=0.015), settings=settings)
+    assert summary['ok'] and summary['centre_max'] < 1e-3 and summary['force_max'] < 6.5
+
+
+def press_to(simulation, force):
+    """Pose at which the probe of a scene presses with a force [N], along the normal."""
+    pose, low, high = simulation.scene.start_pose(), 0.0, 0.01
+    rest = pose[:3, 3].copy()
+    centre = rest + pose[:3, :3] @ simulation.scene.dome.centre
+    inward = -normal_at(simulation.scene.surface, centre)
+    for _ in range(30):
+        middle = 0.5 * (low + high)
+        pose[:3, 3] = rest + middle * inward
+        low, high = (middle, high) if simulation.renderer.force(pose) < force else (low, middle)
+    return pose
+
+
+def test_contacts_that_were_shown_are_kept_one_after_the_other():
+    # Pressed on the object with known forces beside the pad's centre; nothing is told but images.
+    place = np.array([0.003, -0.001])
+    simulation = SurfaceSimulation(scene_of(SPHERE, start=SurfaceStart(
+        aside_x=place[0], aside_y=place[1])))
+    for name, force in (('light', 4.0), ('firm', 6.0)):
+        image = simulation.picture(press_to(simulation, force))
+        simulation.servo.law.teach(name, image, simulation.array)
+    goal = replace(line(0.03), features='light, firm')
+    assert simulation.run(goal, 10.0).state == State.DONE and simulation.servo.success
+    truth = simulation.surface_truth()
+    for progress, force in ((0.012, 4.8), (0.021, 5.4), (0.029, 5.933)):
+        near = truth.tracking & (abs(truth.progress - progress) < 1e-3)
+        assert truth.force[near].mean() == pytest.approx(force, abs=0.15)
+        assert truth.place[near].mean(axis=0) == pytest.approx(place, abs=3e-4)
+
+
+def test_dead_tactels_are_bridged():
+    scene = scene_of(SPHERE)
+    scene = replace(scene, sensor=replace(scene.sensor, gain_spread=0.03))
+    simulation = SurfaceSimulation(scene)
+    picture = simulation.picture
+
+    def holed(pose):
+        image = picture(pose)
+        layer = image.layers[0]
+        layer.stress[::5, ::4] = np.nan
+        return image
+    simulation.picture = holed
+    status = simulation.run(line(), 10.0)
+    assert status.state == State.DONE and simulation.servo.success
+
+
+def test_images_that_cannot_be_used_end_in_a_hold():
+    simulation = SurfaceSimulation(scene_of(SPHERE))
+    simulation.run(line(length=0.1), 5.0, until=lambda status: status.progress > 0.01)
+    assert simulation.servo.state == State.TRACK
+    simulation.sensor_alive = False
+    status = simulation.run(None, 0.3)
+    assert status.state == State.HOLD and status.reason.code == ReasonCode.STALE_IMAGE
+    assert not status.twist.any()
+
+
+def test_a_goal_ends_after_its_duration():
+    goal = SurfaceGoal(0.02, 5.0, direction=(0.0, 1.0, 0.0), duration=0.8)
+    simulation, summary = follow(scene_of(PLANE), goal)
+    assert summary['ok'] and summary['reason_code'] == 'duration_reached'
+    truth = simulation.surface_truth()
+    assert np.ptp(truth.time[truth.tracking]) == pytest.approx(0.8, abs=0.01)
+
+
+def test_a_hard_press_is_relieved():
+    # From 15 N, as a hold and what follows it may leave the probe.
+    config = ServoConfig(force=ForceBounds(max=16.0, max_load=20.0))
+    simulation = SurfaceSimulation(scene_of(SPHERE), config=config)
+    simulation.run(SurfaceGoal(0.001, 15.0, length=0.2), 1.5)
+    assert simulation.log[-1].force > 14.0
+    simulation.servo.cancel()
+    simulation.run(None, 0.5)
+    simulation.servo.finish()
+    status = simulation.run(line(0.02, length=0.02), 10.0)
+    assert status.state == State.DONE and simulation.servo.success
+    truth = simulation.surface_truth()
+    assert truth.force[truth.settled][-50:].mean() == pytest.approx(5.0, rel=0.02)
+
+
+def test_a_law_of_edges_is_refused(capsys):
+    assert main([str(SCENES / 'sphere_70.yaml'), '--law', 'trace']) == 2
+    assert "'trace' works on goals of track_edge" in capsys.readouterr().err
+
+
+def test_a_step_down_is_followed():
+    _, summary = follow(scene_of(StepShape(-0.003)), line(0.05, length=0.04, heading=(
+        np.cos(0.3), np.sin(0.3), 0.0)))
+    assert summary['ok'] and summary['force_max'] < 11.0
+
+
+def test_the_command_runs_a_surface(capsys, tmp_path):
+    text = (SCENES / 'sphere_70.yaml').read_text() + 'rubber: {across: 15}\n'
+    (tmp_path / 'ball.yaml').write_text(text)
+    plot = tmp_path / 'ball.png'
+    assert main([str(tmp_path / 'ball.yaml'), '--speed', '0.05', '--length', '0.02', '--json',
+                 '--plot', str(plot)]) == 0
+    summary = json.loads(capsys.readouterr().out)
+    assert summary['controller'] == 'tactile_jacobian' and summary['surface_rms'] < 2e-4
+    assert plot.read_bytes().startswith(b'\x89PNG')
