@@ -325,6 +325,10 @@ def beyond(place, bounds):
          goal=EdgeGoal(0.125, 4.0, -1, 0.0, False), prelude=150,
          script=[{'cycles': 30, 'image': 'none'}, {'cycles': 78, 'joints': 'stuck'},
                  *[{'cycles': 1, 'action': 'resume'}] * 10])
+@example(start=np.array([-0.38397244, 0.61086524, -3.00196631, 0.0, -0.83775804, -0.38397244]),
+         margin=0.4, goal=EdgeGoal(0.125, 1.0, -1, 0.0, False), prelude=0,
+         # One joint state lies, in the very cycle in which a motion begins.
+         script=[{'cycles': 1}, {'cycles': 1, 'joints': [0.0] * 6}, {'cycles': 1}])
 @example(start=LIMITS.lower, margin=0.4, goal=EdgeGoal(0.125, 5.0, -1, 0.0, False), prelude=0,
          # It sleeps while the controller settles, and awakes in the motion that was sent then.
          script=[{'cycles': 30, 'late_contact': 10**7}, {'cycles': 2, 'asleep': 0.03}])

@@ -8,6 +8,10 @@ from tactile_servo.motion.limits import JointLimits
 
 BEYOND_LIMITS = 0.5  # rad; a joint measured further out is a fault of its sensor or names
 SIZE = 256  # joint states that the one at a picture's stamp is looked up in
+# A leap is a motion between two states by more than this, and than twice what the joint can do;
+# it is believed from the second state on that tells of it, and after a silence.
+LEAP = 0.02  # rad
+SILENCE = 0.5  # s
 MAX_AHEAD_NS = 20_000_000  # a picture may be this much newer than the newest joint state
 
 
@@ -21,21 +25,44 @@ class JointHistory:
             strict=True))
         self._states = StateBuffer(lambda one, other, share: one + share * (other - one),
                                    size=SIZE, max_ahead_ns=MAX_AHEAD_NS)
+        self._fastest = (2.0 * limits.velocity).tolist()
+        self._last: tuple[int, list[float]] | None = None
+        self._doubted: tuple[int, list[float]] | None = None
 
     def add(self, positions: ArrayLike, stamp_ns: int) -> np.ndarray:
         """
         Take a joint state (n,) [rad] and its stamp [ns]; returns it as an ndarray.
 
         Raises ValueError, and the state is not used, where its length is wrong or a position
-        is not finite or far beyond the joint's limits.
+        is not finite or far beyond the joint's limits, or it is the first after a leap.
         """
         positions = np.asarray(positions, dtype=float)
         if positions.shape != self._limits.lower.shape or not all(
                 low <= angle <= high for (low, high), angle in zip(
                     self._believed, positions.tolist(), strict=True)):
             raise ValueError(self._why_not(positions))
+        state = stamp_ns, positions.tolist()
+        joint = self._leaping(self._last, state)
+        if joint is not None and (
+                self._doubted is None or self._leaping(self._doubted, state) is not None):
+            self._doubted = state
+            raise ValueError(f'joint state has {joint} leap within one state')
+        self._last, self._doubted = state, None
         self._states.add(stamp_ns, positions)
         return positions
+
+    def _leaping(self, before, state):
+        """Name of a joint that leaps from one state (stamp, angles) to another; None if none."""
+        if before is None:
+            return None
+        span = 1e-9 * abs(state[0] - before[0])
+        if span > SILENCE:
+            return None
+        for name, fastest, one, other in zip(
+                self._limits.names, self._fastest, before[1], state[1], strict=True):
+            if abs(other - one) > LEAP + fastest * span:
+                return name
+        return None
 
     def _why_not(self, positions):
         """Why a joint state cannot be believed."""
