@@ -60,7 +60,7 @@ def test_contacts_are_on_the_ball(tracked):
         assert len(points) > 20 and np.ptp(points, axis=0).max() > 0.7 * LENGTH
         errors = tracked.scene.surface.distance(points)
         # Where the machine stalls, the probe lifts off and comes back: a few are felt in between.
-        assert np.median(np.abs(errors)) < 1.2e-4 and np.abs(errors).max() < 1e-3
+        assert np.sqrt(np.mean(errors**2)) < 1.5e-4 and np.abs(errors).max() < 1e-3
         outward = np.array([pose_from_msg(pose.pose)[:3, 2] for pose in poses])
         away = (points - TOP) + [0.0, 0.0, RADIUS]  # from the middle of the ball
         assert (np.cross(outward, away / RADIUS)**2).sum(axis=1).max() < 0.03**2
@@ -68,9 +68,9 @@ def test_contacts_are_on_the_ball(tracked):
 
 def test_the_ball_is_felt_as_one_while_it_is_followed(tracked):
     known = [patch for patch in tracked.patches if patch.valid and patch.curvature_seen[0]]
-    assert len(known) > 20  # fewer where the machine stalls; each then sees less of the ball
+    assert len(known) > 50
     curvature = np.median([patch.curvature[0] for patch in known])
-    assert 1.0 / curvature == pytest.approx(RADIUS, rel=0.1)
+    assert 1.0 / curvature == pytest.approx(RADIUS, rel=0.05)
 
 
 def test_a_goal_keeps_features_that_were_shown(tracked):

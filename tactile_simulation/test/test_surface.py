@@ -217,7 +217,8 @@ def test_a_wrong_stiffness_is_borne(factor):
 # Not the nearest entry for moments, which change with the force: beside the wanted contact it
 # takes a missing force for a place, see docs/surface.md.
 @pytest.mark.parametrize('features, method', [
-    ('centroid', 'nearest'), ('centroid', 'online'), ('moments', 'interpolated')])
+    ('centroid', 'constant'), ('centroid', 'nearest'), ('centroid', 'online'),
+    ('moments', 'constant'), ('moments', 'interpolated'), ('moments', 'online')])
 def test_sources_of_the_jacobian(features, method):
     settings = SurfaceFollowingConfig(jacobian=JacobianConfig(features, method))
     _, summary = follow(scene_of(SPHERE), line(0.03, length=0.015), settings=settings)
@@ -324,8 +325,9 @@ def test_a_law_of_edges_is_refused(capsys):
     assert "'trace' works on goals of track_edge" in capsys.readouterr().err
 
 
-def test_a_step_down_is_followed():
-    _, summary = follow(scene_of(StepShape(-0.003)), line(0.05, length=0.04, heading=(
+@pytest.mark.parametrize('drop', [0.001, 0.003])
+def test_steps_down_are_followed(drop):
+    _, summary = follow(scene_of(StepShape(-drop)), line(0.05, length=0.04, heading=(
         np.cos(0.3), np.sin(0.3), 0.0)))
     assert summary['ok'] and summary['force_max'] < 11.0
 

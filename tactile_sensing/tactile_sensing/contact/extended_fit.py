@@ -23,7 +23,8 @@ from tactile_sensing.half_space.layers import half_sides
 from tactile_sensing.skin import kernels
 
 STEPS = 15  # most of them
-HOPELESS, SLOW = 9.0, 0.98  # chi-square per tactel, of which a step must take off 2 %, or it ends
+HOPELESS = 9.0  # chi-square per tactel: another load, or several
+SLOW = 0.98  # of it, of which a step may leave no more
 SETTLED = 0.003  # a step after which none is needed [depths]
 LARGEST_DAMPING = 1e4
 

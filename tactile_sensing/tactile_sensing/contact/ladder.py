@@ -10,7 +10,7 @@ where the fit with it leaves less by enough.
 import math
 
 from tactile_common.kernels import FAST, njit
-from tactile_sensing.contact.extended_fit import choose_parameters, dot, set_up
+from tactile_sensing.contact.extended_fit import choose_parameters, dot, HOPELESS, set_up
 from tactile_sensing.contact.extended_load import (
     add_rows,
     along_chord,
@@ -37,8 +37,7 @@ from tactile_sensing.skin import kernels
 
 EVIDENCE = 16.0  # chi-square that a rung must take off: four standard deviations
 ALONE = 0.8  # share of the evidence of a second end that no single tactel may have
-# Chi-square per tactel from which a rung must leave no more than this share of it.
-HOPELESS, MUCH = 9.0, 0.7
+MUCH = 0.7  # of a hopeless chi-square, of which a rung may leave no more
 LEFT_OVER = 1.0  # standard deviations of chi-square from which on a line may have ends
 
 

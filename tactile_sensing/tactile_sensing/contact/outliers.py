@@ -112,6 +112,18 @@ def _may_be_contact(left, row, column, sensor, layer):
 
 
 @njit(error_model='numpy')
+def _is_fault(left, row, column, sensor, layer, state):
+    """Whether a tactel that is off is broken: not a high one that is, or may be, a contact."""
+    if not left[row, column] > 0.0 or layer.component != PRESSURE:
+        return True
+    found, known = _may_be_contact(left, row, column, sensor, layer)
+    if found or not known:
+        state.second = found
+        return False
+    return True
+
+
+@njit(error_model='numpy')
 def _leave_out_outliers(sensor, layers, rules, memory):
     """
     Set tactels that contradict the load to NaN; whether it did.
@@ -137,11 +149,8 @@ def _leave_out_outliers(sensor, layers, rules, memory):
                             left[k, i, j], model[k, i, j], layers[k].noise, model_error)
                 if around > MAX_OUTLIERS_AROUND:
                     return False
-                if left[k, r, c] > 0.0 and layers[k].component == PRESSURE:
-                    found, known = _may_be_contact(left[k], r, c, sensor, layers[k])
-                    if found or not known:
-                        state.second = found
-                        return False
+                if not _is_fault(left[k], r, c, sensor, layers[k], state):
+                    return False
     if off == 0 or off > MAX_OUTLIERS * loaded:
         return False
     for k in range(left.shape[0]):
@@ -173,11 +182,8 @@ def leave_out_worst(sensor, layers, rules, memory):
                     worst, k, r, c = off, i, j, m
     if not 0 < count <= MANY_OFF:
         return False
-    if left[k, r, c] > 0.0 and layers[k].component == PRESSURE:
-        found, known = _may_be_contact(left[k], r, c, sensor, layers[k])
-        if found or not known:
-            state.second = found
-            return False
+    if not _is_fault(left[k], r, c, sensor, layers[k], state):
+        return False
     stress[k, r, c] = np.nan
     return True
 
