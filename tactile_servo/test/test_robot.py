@@ -90,6 +90,19 @@ def test_joint_order_can_be_chosen(puma):
     np.testing.assert_array_equal(shuffled.lower, puma.lower[order])
 
 
+@pytest.mark.parametrize('kind', ['revolute', 'prismatic'])
+def test_one_joint_is_a_chain_too(kind):
+    hinge = RobotModel.from_urdf(urdf(kind), 'tip')
+    np.testing.assert_allclose(
+        hinge.jacobian(np.array([0.3])), jacobian_by_differences(hinge, np.array([0.3])), atol=1e-9)
+
+
+@pytest.mark.parametrize('positions', [np.zeros(7), np.zeros((6, 1)), 0.0])
+def test_positions_of_other_joints_are_refused(puma, positions):
+    with pytest.raises(ValueError, match='must be of 6 joints'):
+        puma.place(positions)
+
+
 def test_results_do_not_change_with_the_next_call(puma):
     pose, jacobian = puma.pose(WELL), puma.jacobian(WELL)
     kept = pose.copy(), jacobian.copy()

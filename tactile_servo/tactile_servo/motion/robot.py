@@ -9,7 +9,6 @@ import pinocchio
 
 from tactile_common.errors import ConfigurationError, UnreachableError
 from tactile_servo.motion.inverse import damped_least_squares
-from tactile_servo.motion.kinematics import chain_of, place
 from tactile_servo.motion.urdf import chain_to, limits_of, MOVING, parse, pinocchio_model
 
 # Of the inverse:
@@ -44,9 +43,10 @@ class RobotModel:
         self.lower, self.upper, self.velocity_limit = np.array(
             [limits_of(joint) for joint in ordered]).T.copy()
         self._turns = np.array([joint.get('type') != 'prismatic' for joint in ordered])
-        model = pinocchio_model(robot, joints, self.root_frame)
-        self._chain = (*chain_of(model, model.getFrameId(tip_frame)),
-                       np.array([self.joint_names.index(name) for name in model.names[1:]]))
+        self._model = pinocchio_model(robot, joints, self.root_frame)
+        self._data = self._model.createData()
+        self._frame = self._model.getFrameId(tip_frame)
+        self._order = np.array([self.joint_names.index(name) for name in self._model.names[1:]])
 
     @property
     def middle(self) -> np.ndarray:
@@ -95,12 +95,16 @@ class RobotModel:
 
     def place(self, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Pose and Jacobian, see there, at joint positions (n,) [rad or m]."""
-        q, joints = np.ascontiguousarray(q, dtype=float), len(self.joint_names)
+        q, joints = np.asarray(q, dtype=float), len(self.joint_names)
         if q.shape != (joints,):
             raise ValueError(f'positions of shape {q.shape}, must be of {joints} joints')
-        pose, jacobian = np.empty((4, 4)), np.empty((6, joints))
-        place(*self._chain, q, pose, jacobian)
-        return pose, jacobian
+        pinocchio.computeJointJacobians(self._model, self._data, q[self._order])
+        placement = pinocchio.updateFramePlacement(self._model, self._data, self._frame)
+        jacobian = np.empty((6, joints))
+        jacobian[:, self._order] = pinocchio.getFrameJacobian(
+            self._model, self._data, self._frame, pinocchio.LOCAL,
+        ).reshape(6, -1)  # of one joint it is no matrix
+        return np.ascontiguousarray(placement.homogeneous), jacobian
 
     def inverse(self, pose: np.ndarray,
                 seed: Sequence[float] | np.ndarray | None = None) -> np.ndarray:
