@@ -60,14 +60,14 @@ def run(name, description, measure, pieces, options=None):
                 **measured.pop('versions', {})}
     result = {'quick': arguments.quick, 'versions': versions, **measured,
               'seconds': time.perf_counter() - begin}
-    text = import_module(f'benchmarks.{name}.tables').everything(result)
-    print(text)
     if arguments.quick:
         results = pictures = ROOT / 'runs' / f'bench_{name}'
     else:
         results, pictures = ROOT / 'benchmarks' / 'results', ROOT / 'docs'
     results.mkdir(parents=True, exist_ok=True)
     (results / f'{name}.json').write_text(as_json(finite(result)), 'utf-8')
+    text = import_module(f'benchmarks.{name}.tables').everything(result)
+    print(text)
     if find_spec(f'benchmarks.{name}.charts'):
         try:
             charts = import_module(f'benchmarks.{name}.charts')

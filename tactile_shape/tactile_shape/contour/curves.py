@@ -4,7 +4,15 @@ from dataclasses import dataclass
 import numpy as np
 
 STEPS = 10  # of Gauss-Newton, at most
+RUN = 6  # neighbouring points, whose mean distance tells a form that is wrong there from noise
 CHORD = 1e-3  # m, of an arc as a polyline
+
+
+def _distances(off):
+    """RMS of signed distances (N,), and the largest mean of a run of neighbours, in magnitude."""
+    run = min(RUN, len(off))
+    means = np.convolve(off, np.full(run, 1.0 / run), 'valid')
+    return float(np.sqrt(off @ off / len(off))), float(np.abs(means).max())
 
 
 @dataclass(frozen=True, eq=False)
@@ -14,6 +22,7 @@ class Line:
     middle: np.ndarray  # (2,), a point of it [m]
     direction: np.ndarray  # (2,), of length 1, along the points
     residual: float  # RMS distance of the points [m]
+    departure: float  # largest mean distance of neighbouring points, `RUN` of them [m]
 
     kind = 'line'
     radius = np.inf
@@ -26,7 +35,7 @@ class Line:
         if direction @ (points[-1] - points[0]) < 0.0:
             direction = -direction
         off = (points - middle) @ [-direction[1], direction[0]]
-        return cls(middle, direction, float(np.sqrt(off @ off / len(points))))
+        return cls(middle, direction, *_distances(off))
 
     def tangent(self, point: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Point (2,) and direction (2,) of the tangent nearest to a point."""
@@ -52,6 +61,7 @@ class Arc:
     centre: np.ndarray  # (2,) [m]
     radius: float  # [m]
     residual: float  # RMS distance of the points [m]
+    departure: float  # largest mean distance of neighbouring points, `RUN` of them [m]
 
     kind = 'arc'
 
@@ -77,7 +87,7 @@ class Arc:
                 break
         centre, radius = middle + scale * centre, float(scale * radius)
         off = np.linalg.norm(points - centre, axis=1) - radius
-        return cls(centre, radius, float(np.sqrt((off**2).sum() / len(points))))
+        return cls(centre, radius, *_distances(off))
 
     def tangent(self, point):  # noqa: D102
         out = point - self.centre

@@ -17,8 +17,7 @@ COLOURS = {Kind.NONE: (0.6, 0.6, 0.6), Kind.PLANE: (0.30, 0.55, 0.80),
            Kind.CYLINDER: (0.25, 0.65, 0.40), Kind.SPHERE: (0.90, 0.60, 0.15),
            Kind.GENERAL: (0.75, 0.30, 0.35)}
 STEPS = (5, 5)  # points along the sides of a patch
-TAIL = 100  # contacts beyond the last point of a contour that its end is told by,
-AT_END = 0.75  # and the share of them that it lies beyond: some may be too far ahead
+TAIL = 100  # contacts about the last point of a contour, at most, that tell its end
 RECENT = 20  # contour points that a new one is compared with
 
 
@@ -56,15 +55,21 @@ class ObjectModel:
         self.total = self._count = 0
         self.patches: list[Patch] = []
         self._recent: deque[np.ndarray] = deque(maxlen=RECENT)
-        # Contacts that lead on from the last point, too near to be kept, and how far they do.
+        # Contacts about the last point, too near to be kept, and how far they lead on from it.
         self._tail: deque[tuple[float, np.ndarray]] = deque(maxlen=TAIL)
         self._anew = True
 
     def begin_stroke(self) -> None:
         """Contact was lost: what comes next does not join what came before, which ends here."""
         if len(self._tail) > 2:
-            tail = sorted(self._tail, key=itemgetter(0))
-            self._keep(tail[int(AT_END * (len(tail) - 1))][1])
+            # The median of the later half: the earlier one may lead there, single ones be off.
+            newest = sorted(list(self._tail)[len(self._tail) // 2:], key=itemgetter(0))
+            ahead, end = newest[(len(newest) - 1) // 2]
+            if ahead > 0.0:
+                self._keep(end)
+            else:  # the last point was too far ahead itself
+                self.strokes[-1][-1] = end
+        self._tail.clear()
         self._anew = True
 
     def add_contact(self, position: np.ndarray) -> bool:
@@ -90,8 +95,8 @@ class ObjectModel:
         if self._anew or len(self.strokes[-1]) < 2:
             return
         before, last = self.strokes[-1][-2:]
-        ahead = float((position - last) @ (last - before))
-        if ahead > 0.0:
+        ahead = float((position - last) @ (last - before)) / float(np.linalg.norm(last - before))
+        if ahead > -0.25 * self.config.spacing:  # what is farther behind is on its way back
             self._tail.append((ahead, position))
 
     def _keep(self, position):
