@@ -13,6 +13,7 @@ from tactile_shape.contour.edge_point import edge_point
 
 ELONGATED = 4.0  # ratio of second moments; a straight edge has 10 and more, a round contact 1
 MIDDLE = 2e-3  # m from its nearest point that the pressure of a whole line may be centred
+STRAIGHT = 1.2  # residual up to which a line is; a bend makes it more, and shifts the line
 BEYOND = 1e-3  # m between a fitted line and its ridge from which the ridge is believed
 FARTHEST = 1.0  # m from the middle of a pad
 LEAVING = 0.5  # of the largest load of a path; a lighter contact is of a pad that lifts off
@@ -42,7 +43,8 @@ def needs_picture(contact: Contact) -> bool:
     """Whether a contact is to be located in its picture: bends, corners and ends of edges."""
     if contact.type == ContactType.LINE and np.isfinite(contact.yaw):
         x, y = contact.moments.centre_of_pressure
-        return not abs(y * np.cos(contact.yaw) - x * np.sin(contact.yaw)) < MIDDLE
+        middle = abs(y * np.cos(contact.yaw) - x * np.sin(contact.yaw))
+        return not middle < MIDDLE or contact.residual > STRAIGHT
     return contact.type == ContactType.OTHER
 
 
@@ -63,8 +65,8 @@ def locate(contact: Contact, picture: TactileImage | None = None) -> tuple[Place
             return place, True
         if seen is None:
             return None, False
-        # The line goes on where the edge has ended.
-        near = math.dist(seen, place) < BEYOND
+        # The line goes on where the edge has ended, and cuts a bend.
+        near = not contact.residual > STRAIGHT and math.dist(seen, place) < BEYOND
         return (place if near else seen), True
     if contact.type == ContactType.OTHER:
         if seen is not None:
