@@ -6,6 +6,7 @@ import pytest
 from scipy.spatial.transform import Rotation, Slerp
 
 from tactile_common.state_buffer import PoseBuffer
+from tactile_sensing.contact.estimator import ContactEstimator, EstimatorConfig
 from tactile_sensing.half_space.line import pressure as line_pressure
 from tactile_sensing.moments.image_moments import image_moments
 from tactile_sensing.types.array import TactelArray
@@ -80,6 +81,22 @@ def test_a_bent_edge_is_located_in_its_picture():
     assert edge and place == pytest.approx((1e-3 * np.cos(0.3), 1e-3 * np.sin(0.3)), abs=1e-6)
     assert locate(point(1e-3, -2e-3), picture) == ((1e-3, -2e-3), False)  # as fitted
     assert locate(line(1.02e-3, 0.3), picture) == locate(line(1.02e-3, 0.3))
+
+
+def test_a_line_through_a_bend_is_located_in_its_picture():
+    array, skin = TactelArray(16, 16, 0.0016, 0.0016), Skin()
+    arc = 0.06 * np.array([[1.0 - np.cos(t), np.sin(t)] for t in np.linspace(0.0, 0.4, 40)])
+    edge = np.column_stack([np.concatenate([[[0.0, -0.03]], arc]), np.full(41, -8e-4)])
+    edge[:, 1] += 4e-3
+    pressure, _ = render(edge, array, skin)
+    noise = 0.01 * pressure.max()
+    pressure += noise * np.random.default_rng(0).standard_normal(pressure.shape)
+    picture = TactileImage(
+        0, 0, (Layer('zz', skin.depth, pressure, noise_std=noise),), array, tared=True)
+    contact = ContactEstimator(EstimatorConfig(tactel='point')).estimate(picture)
+    assert contact.valid and abs(contact.a) > 5e-5  # the edge is through the middle
+    place, is_edge = locate(contact, picture)
+    assert is_edge and np.hypot(*place) < 2e-5
 
 
 @pytest.mark.parametrize('yaw', [-0.5, 0.0, 0.3])

@@ -55,6 +55,19 @@ def test_a_contour_reaches_to_its_end_and_not_to_single_contacts_beyond():
     np.testing.assert_allclose(model.newest(2), model.contour[-2:])
 
 
+def test_single_contacts_that_are_off_are_no_ends():
+    rng = np.random.default_rng(0)
+    there, end = np.array([0.0, 5e-4, 0.0]), np.array([9.85e-3, 0.0, 0.0])
+    model = ObjectModel(ModelConfig(spacing=1e-3))
+    for point in (there, *rng.normal(0.0, 3e-5, (50, 3)),  # a light touch, then the pad stands
+                  *np.linspace([0.0, 0.0, 0.0], end, 198),
+                  *(end + rng.normal(0.0, 3e-5, (150, 3))), end + [2e-4, 0.0, 0.0]):
+        model.add_contact(point)
+    np.testing.assert_allclose(model.contour[-1], end + [2e-4, 0.0, 0.0])  # as yet
+    model.begin_stroke()
+    np.testing.assert_allclose(model.contour[[0, -1]], [np.zeros(3), end], atol=5e-5)
+
+
 def test_memory_is_bounded():
     model = ObjectModel(ModelConfig(max_points=20))
     flat = Patch(Kind.PLANE, True, '', 'local_quadric', np.eye(4), np.zeros(2))

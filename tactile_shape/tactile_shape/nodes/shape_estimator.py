@@ -68,18 +68,23 @@ class _ModelPublisher:
     def begin(self):
         """Forget what was touched."""
         self._contour = deque(maxlen=self._max_points)
-        self._newest, self._total = None, 0
+        self._newest, self._total, self._ends_open = None, 0, False
         self._changed, self._published_ns = False, None
 
     def take(self, model, patch, placed, header):
         """Take in the patch of a contact, and what the model has become by it."""
         if patch.valid:
             self._newest, self._changed = patch, True
+        lost = placed.contact is None and placed.anew
         if model.total > self._total:
             self._contour.extend(contour_point_to_msg(point, header)
                                  for point in model.newest(model.total - self._total))
             self._total, self._changed = model.total, True
-        lost = placed.contact is None and placed.anew
+            self._ends_open = True
+        if lost and self._ends_open:  # the ends of a stroke are told by all of its contacts
+            self._contour.clear()
+            self._contour.extend(contour_point_to_msg(point, header) for point in model.contour)
+            self._ends_open, self._changed = False, True
         stamp = stamp_to_ns(header.stamp)
         waited = None if self._published_ns is None else stamp - self._published_ns
         if not self._changed or not (
