@@ -4,10 +4,10 @@ import pytest
 
 from tactile_common.errors import ConfigurationError
 from tactile_shape.contour.object_model import COLOURS, ModelConfig, ObjectModel
+from tactile_shape.known_surfaces import sphere, Weave
 from tactile_shape.local_surface.local_quadric import LocalQuadric
 from tactile_shape.ply import write_ply
 from tactile_shape.types.patch import Kind, Patch
-from tactile_simulation.surfaces import sphere, Weave
 
 
 def read_ply(path):
