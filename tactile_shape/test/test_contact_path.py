@@ -181,6 +181,6 @@ def test_contacts_without_poses_are_counted_and_dropped():
     path.add_pose(1_000 * MS, pose(1))
     ((_, contact, _, why),) = path.add_contact(500 * MS, point())
     assert contact is None and path.lost == 1 and 'no pose' in why
-    for k in range(150):
+    for k in range(250):
         path.add_contact((2_000 + k) * MS, point())
     assert path.lost == 51

@@ -101,7 +101,7 @@ class ObjectModel:
         onward = (last - before) / np.linalg.norm(last - before)
         beyond = [(float((position - last) @ onward), position) for position in self._tail]
         # What is farther behind is on its way there, or back.
-        about = [item for item in beyond if item[0] > -0.25 * self.config.spacing]
+        about = [item for item in beyond if item[0] > -0.4 * self.config.spacing]
         if len(about) < 3:
             return
         newest = sorted(about[len(about) // 2:], key=itemgetter(0))
