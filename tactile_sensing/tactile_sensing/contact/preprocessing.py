@@ -16,6 +16,7 @@ IMPOSSIBLE = 1e12  # Pa; a tactel that reports more, or no number, is not read
 SILENT = 3.0  # standard deviations below its floor at which a tactel tells nothing
 # Times as many equal readings at the top as just below it, and as of any other number: cut off.
 STEEP, FREQUENT = 3, 2
+UNLIKELY = 0.01  # that chance makes readings equal which are meant to be
 EQUAL = 1e-9  # of the peak
 ROUNDING = 3.5  # standard deviations; no count is more, as noise is never less than rounding
 LOADED = 0.1  # of the peak
@@ -112,11 +113,16 @@ def hidden_ceiling(image, noise):
     if lower.size < count or count <= STEEP * (lower > peak - ROUNDING * noise).sum():
         return np.inf
     lower.sort()
-    same = most = 1
+    same, most, rounded = 1, 1, peak - lower[-1]
     for i in range(1, lower.size):
-        same = same + 1 if lower[i] == lower[i - 1] else 1
-        most = max(most, same)
-    return peak if count > FREQUENT * most else np.inf
+        gap = lower[i] - lower[i - 1]
+        if gap > EQUAL * peak:
+            same, rounded = 1, min(rounded, gap)
+        else:
+            same += 1
+            most = max(most, same)
+    chance = (0.4 * rounded / noise) ** (count - 1)  # at most, of so many equal readings
+    return peak if count > FREQUENT * most or count > most and chance < UNLIKELY else np.inf
 
 
 @njit(error_model='numpy')
