@@ -223,7 +223,8 @@ def preprocess(stress, sensor, layers, reasons, saturated, calibrated, censored,
                     if stress[k, r, c] >= ceiling:
                         stress[k, r, c] = np.nan
                         full += 1
-        if below > 0:
+        # Noise that is only seen in the picture may be its pattern: then what is read counts.
+        if below > 0 and layer.given_noise > 0.0:
             mean = -layer.noise * mean_below(layer.floor / layer.noise)
             for r in range(stress.shape[1]):
                 for c in range(stress.shape[2]):
