@@ -9,6 +9,7 @@ from tactile_servo.control.surface_filter import SurfaceFilter
 from tactile_servo.control.surface_path import Step
 from tactile_servo.laws.surface_config import SurfaceFollowingConfig
 from tactile_servo.laws.surface_features import Felt, Told
+from tactile_servo.motion.agility import Agility, Pace
 
 # Of the force:
 LIFTED, PRESSED = 0.5, 0.85  # at which the probe stands, and goes at full speed
@@ -24,6 +25,10 @@ ANSWER = 0.02  # s until the robot answers to what an image showed
 TURNED = 0.4  # least way of the contact, as a share of the centre's: on an edge it is none
 EDGE = 1.0 / 3.0  # the same, of an object that is half as wide as the probe: of an edge
 BRAKE = 8.0  # times the acceleration, with which the probe slows down
+SPARED = 0.5  # of what the joints can, which speeding up may take
+BRAKED = 0.8
+SLOWED = 0.02
+TURNING = 0.6
 STAND = Step(np.zeros(3), 0.0, math.inf)
 
 
@@ -54,7 +59,20 @@ class SurfaceMotion:
         """Inward normal (3,) in the middle of a cycle: a chord would lead off the surface."""
         return self._surface.predict(self.centre_of(commanded) + 0.5 * dt * self._velocity)[1]
 
-    def advance(self, step: Step, felt: Felt, aim: Told, speed: float, dt: float) -> float:
+    def course(self, way: np.ndarray, normal: np.ndarray, commanded: np.ndarray) -> np.ndarray:
+        """Twist (6,) of the sensor in its own frame for each metre of a way (3,) at a normal."""
+        velocity = way / self._shrink(way)
+        return self._twist(velocity, np.cross(normal, self._surface.bend @ velocity),
+                           commanded[:3, :3])
+
+    def _twist(self, velocity, turn, rotation, dt=0.0):
+        """Twist (6,) of the sensor in its own frame by the motion of the probe's centre."""
+        arm = -rotation @ self._dome.centre
+        linear = velocity + np.cross(turn, arm + 0.5 * dt * np.cross(turn, arm))
+        return np.concatenate([rotation.T @ linear, rotation.T @ turn])
+
+    def advance(self, step: Step, felt: Felt, aim: Told, speed: float, pace: Pace,
+                dt: float) -> float:
         """Speed along a path [m/s], slowed down where need be from the one that is wanted."""
         c, share = self.config.course, felt.force / aim.force
         scale = (ramp(share, LIFTED, PRESSED) * ramp(share, CROWDED, BORNE)
@@ -62,12 +80,13 @@ class SurfaceMotion:
         top = min(speed, step.top, self._known(step.way)) * scale
         # The probe must turn as it goes; one that is late with that goes no faster.
         turn = float(np.linalg.norm(self._surface.bend @ step.way)) / self._shrink(step.way)
-        change = min(c.acceleration, AT_ONCE * self.config.roll.acceleration / max(turn, 1e-9))
-        top = min(top, self.config.roll.max_rate * WITHIN / max(turn, 1e-9))
+        change = min(c.acceleration, SPARED * pace.acceleration, AT_ONCE * self.config.roll.acceleration / max(turn, 1e-9))
+        top = min(top, WITHIN * pace.speed, self.config.roll.max_rate * WITHIN / max(turn, 1e-9))
         if self._sharp(step.way):
             top = min(top, c.edge_speed * self._shrink(step.way))
         if self._late or top < self.speed:
-            self.speed = max(min(top, self.speed), self.speed - BRAKE * c.acceleration * dt)
+            self.speed = max(min(top, self.speed), self.speed - min(
+                BRAKE * c.acceleration, max(BRAKED * pace.acceleration, SLOWED)) * dt)
         else:
             self.speed = slewed(self.speed, top, change * dt)
         self.speed = min(self.speed, step.top)
@@ -105,18 +124,16 @@ class SurfaceMotion:
         self._press = clipped(speed, -c.max_speed, 0.0 if aside else c.press_speed)
 
     def twist(self, way: np.ndarray, normal: np.ndarray, commanded: np.ndarray, aim: Told,
-              dt: float) -> np.ndarray:
+              agility: Agility, dt: float) -> np.ndarray:
         """Twist (6,) of the sensor in its own frame, along a way (3,) at a normal (3,)."""
         rotation = commanded[:3, :3]
         velocity = self.speed / self._shrink(way) * way
         turn = self._roll(normal, self._surface.bend @ velocity,
-                          rotation @ self._dome.direction(aim.place), dt)
+                          rotation @ self._dome.direction(aim.place), agility, rotation, dt)
         self._velocity = velocity + self._press * normal
-        arm = -rotation @ self._dome.centre
-        linear = self._velocity + np.cross(turn, arm + 0.5 * dt * np.cross(turn, arm))
-        return np.concatenate([rotation.T @ linear, rotation.T @ turn])
+        return self._twist(self._velocity, turn, rotation, dt)
 
-    def _roll(self, normal, change, axis, dt):
+    def _roll(self, normal, change, axis, agility, rotation, dt):
         """
         Angular velocity (3,) in the base [rad/s].
 
@@ -128,7 +145,10 @@ class SurfaceMotion:
         size = math.sqrt(wanted @ wanted)
         wanted = wanted * min(1.0, c.max_rate / max(size, 1e-12))
         step = wanted - self._turn
-        share = c.acceleration * dt / max(math.sqrt(step @ step), 1e-12)
+        more = max(math.sqrt(step @ step), 1e-12)
+        most = min(c.acceleration, TURNING * agility.along(
+            self._twist(np.zeros(3), step / more, rotation)).acceleration)
+        share = most * dt / more
         self._late = share < LATE
         self._turn = self._turn + step * min(1.0, share)
         return self._turn

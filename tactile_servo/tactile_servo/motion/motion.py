@@ -7,12 +7,14 @@ import numpy as np
 
 from tactile_common.config import bounded
 from tactile_common.kernels import njit
-from tactile_servo.motion.inverse import agility, BoundedInverse
+from tactile_servo.motion.agility import Pace, pace
+from tactile_servo.motion.inverse import agility, BoundedInverse, damped_least_squares
 from tactile_servo.motion.limits import JointLimits, nearest, WorkspaceBox
 from tactile_servo.motion.robot import RobotModel
 from tactile_servo.motion.trajectory import Trajectory
 from tactile_servo.motion.window import APART, at_rest, committed, extended, Window
 
+AHEAD = 0.02  # rad, by which joints are moved on to see how their rates change
 COAST = 8.0  # control periods that a window goes on before it brakes
 SETTLING = 0.1  # s at least, in which the robot's controller comes to where a motion is started
 BENT = 5e-4  # m by which braking in a curve may lead out of the box
@@ -91,10 +93,27 @@ class Motion:
         """Time from the last cycle that had a window to the rest at the end of it [s]."""
         return float(self._window.times[-1])
 
-    def agility(self) -> float:
+    def across(self) -> float:
         """Acceleration of the sensor across its normal that all joints allow [m/s^2]."""
         return agility(self._jacobian, self._limits.acceleration,
                        self._config.damping, self._config.rotation_length)
+
+    def along(self, way: np.ndarray, speed: float = 0.0) -> Pace:
+        """
+        Pace that all joints allow on a way, which is a twist (6,) of the sensor per unit.
+
+        The sensor goes on as it does now: joint rates that change as the arm bends take a part
+        of the acceleration, at a `speed` on the way. What is left is that of the pace.
+        """
+        limits, parts = self._limits, {'damping': self._config.damping,
+                                 'rotation_length': self._config.rotation_length}
+        rates = damped_least_squares(self._jacobian, way, **parts)[0]
+        reach = AHEAD / max(float(np.abs(rates).max()), 1e-9)
+        ahead = self._robot.place(self.positions + reach * rates)[1]
+        bend = (damped_least_squares(ahead, way, **parts)[0] - rates) / reach
+        top, most, kind, joint = pace(*limits.bounds, self.positions, rates, bend, speed,
+                                      (COAST + 2.0) * self._period)
+        return Pace(top, most, limits.name_of(kind, joint))
 
     def seed(self, positions: np.ndarray) -> None:
         """
