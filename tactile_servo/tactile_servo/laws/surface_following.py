@@ -176,7 +176,8 @@ class SurfaceFollowing:
         if progress > going.reached + ADVANCE or going.reached_at == -math.inf:
             going.reached, going.reached_at = progress, now
         if now - going.reached_at > STALL_TIME:
-            return Assessment(State.DONE, Reason(ReasonCode.NO_PROGRESS), lift=True)
+            return Assessment(State.DONE, Reason(
+                ReasonCode.NO_PROGRESS, self._motion.bound), lift=True)
         return ON_SURFACE
 
     def reference(self, pose: np.ndarray, commanded: np.ndarray, dt: float) -> Reference:

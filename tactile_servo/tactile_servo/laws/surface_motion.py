@@ -48,6 +48,7 @@ class SurfaceMotion:
     def stand(self) -> None:
         """Stand still."""
         self.speed, self._integral, self._late = 0.0, 0.0, False
+        self.bound = ''  # limit of the joints that slows it down, if one does
         self._press = 0.0  # along the normal [m/s]
         self._turn, self._velocity = np.zeros(3), np.zeros(3)  # of the centre [rad/s, m/s]
 
@@ -81,6 +82,7 @@ class SurfaceMotion:
         # The probe must turn as it goes; one that is late with that goes no faster.
         turn = float(np.linalg.norm(self._surface.bend @ step.way)) / self._shrink(step.way)
         change = min(c.acceleration, SPARED * pace.acceleration, AT_ONCE * self.config.roll.acceleration / max(turn, 1e-9))
+        self.bound = pace.bound if WITHIN * pace.speed < top else ''
         top = min(top, WITHIN * pace.speed, self.config.roll.max_rate * WITHIN / max(turn, 1e-9))
         if self._sharp(step.way):
             top = min(top, c.edge_speed * self._shrink(step.way))

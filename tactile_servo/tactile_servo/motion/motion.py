@@ -15,6 +15,7 @@ from tactile_servo.motion.trajectory import Trajectory
 from tactile_servo.motion.window import APART, at_rest, committed, extended, Window
 
 AHEAD = 0.02  # rad, by which joints are moved on to see how their rates change
+UNDAMPED = 1e-6  # what damping leaves of a way at a singularity is another way
 COAST = 8.0  # control periods that a window goes on before it brakes
 SETTLING = 0.1  # s at least, in which the robot's controller comes to where a motion is started
 BENT = 5e-4  # m by which braking in a curve may lead out of the box
@@ -105,12 +106,11 @@ class Motion:
         The sensor goes on as it does now: joint rates that change as the arm bends take a part
         of the acceleration, at a `speed` on the way. What is left is that of the pace.
         """
-        limits, parts = self._limits, {'damping': self._config.damping,
-                                 'rotation_length': self._config.rotation_length}
-        rates = damped_least_squares(self._jacobian, way, **parts)[0]
+        limits = self._limits
+        rates = damped_least_squares(self._jacobian, way, damping=UNDAMPED)[0]
         reach = AHEAD / max(float(np.abs(rates).max()), 1e-9)
         ahead = self._robot.place(self.positions + reach * rates)[1]
-        bend = (damped_least_squares(ahead, way, **parts)[0] - rates) / reach
+        bend = (damped_least_squares(ahead, way, damping=UNDAMPED)[0] - rates) / reach
         top, most, kind, joint = pace(*limits.bounds, self.positions, rates, bend, speed,
                                       (COAST + 2.0) * self._period)
         return Pace(top, most, limits.name_of(kind, joint))
