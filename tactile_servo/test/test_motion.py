@@ -174,7 +174,7 @@ def test_a_command_is_what_its_parts_give(reach):
         let = np.append(pose[:3, :3].T @ nearest, twist[3:])
         asked, name, _ = BoundedInverse(
             LIMITS, config.damping, config.rotation_length).solve(
-                ROBOT.jacobian(positions), let, positions, DT + coast)
+                ROBOT.jacobian(positions + DT * kept.velocities[-1]), let, positions, DT + coast)
         settling = kept.times[0] > 0.0
         target, scale, kind = limit_velocities(
             LIMITS, positions, kept.velocities[-1], 0.0 * asked if settling else asked, DT, coast)

@@ -205,7 +205,8 @@ class SurfaceFollowing:
             twist = thesis_twist(felt, aim, step.way, speed, commanded, self._dome, self.config)
         else:
             depth, wanted = self._sense.depth(felt.force), self._sense.depth(aim.force)
-            self._motion.press(pose, felt, aim, wanted, depth if going.met else None, dt)
+            self._motion.press(
+                pose, felt, aim, wanted, depth if going.met else None, commanded, dt)
             twist = self._motion.twist(
                 step.way, normal, commanded, aim, self.agility, dt)
         return Reference(twist, speed, step.way.tolist())

@@ -14,6 +14,7 @@ from tactile_servo.motion.agility import Agility, Pace
 # Of the force:
 LIFTED, PRESSED = 0.5, 0.85  # at which the probe stands, and goes at full speed
 CROWDED, BORNE = 1.6, 1.15  # the same for too much of it
+UNHEARD = 0.2  # by which it may grow on a way that no joint state has shown
 INTEGRATED = 0.3  # the error up to which the integral counts it
 # Of half the pad:
 ASIDE, CENTRED = 0.7, 0.3  # distance of the contact, at which the probe stands and does not slow
@@ -58,7 +59,7 @@ class SurfaceMotion:
 
     def normal_ahead(self, commanded: np.ndarray, dt: float) -> np.ndarray:
         """Inward normal (3,) in the middle of a cycle: a chord would lead off the surface."""
-        return self._surface.predict(self.centre_of(commanded) + 0.5 * dt * self._velocity)[1]
+        return self._surface.predict(self.centre_of(commanded) + dt * self._velocity)[1]
 
     def course(self, way: np.ndarray, normal: np.ndarray, commanded: np.ndarray) -> np.ndarray:
         """Twist (6,) of the sensor in its own frame for each metre of a way (3,) at a normal."""
@@ -67,10 +68,10 @@ class SurfaceMotion:
                            commanded[:3, :3])
 
     def _twist(self, velocity, turn, rotation, dt=0.0):
-        """Twist (6,) of the sensor in its own frame by the motion of the probe's centre."""
-        arm = -rotation @ self._dome.centre
-        linear = velocity + np.cross(turn, arm + 0.5 * dt * np.cross(turn, arm))
-        return np.concatenate([rotation.T @ linear, rotation.T @ turn])
+        """Twist (6,) of the sensor in its own frame, which turns, by the motion of the centre."""
+        own = rotation.T @ turn
+        linear = rotation.T @ (velocity - dt * np.cross(turn, velocity))
+        return np.concatenate([linear - np.cross(own, self._dome.centre), own])
 
     def advance(self, step: Step, felt: Felt, aim: Told, speed: float, pace: Pace,
                 dt: float) -> float:
@@ -109,17 +110,20 @@ class SurfaceMotion:
         return self._shrink(way) * reach / (self.age + ANSWER)
 
     def press(self, pose: np.ndarray, felt: Felt, aim: Told, wanted: float, depth: float | None,
-              dt: float) -> None:
+              commanded: np.ndarray, dt: float) -> None:
         """
         Keep the force: PI, on a depth that is predicted, to one that is `wanted` [m].
 
-        It is that of the measured pose: a robot that lags behind cuts the bends. The integral is
-        of the depth [m] that was felt, None until the force was met once.
+        It is that of the measured pose: a robot that lags behind cuts the bends. But where that
+        is not heard of in time, what was commanded counts: see `UNHEARD`. The integral is of the
+        depth [m] that was felt, None until the force was met once.
         """
         c = self.config.press
         if depth is not None and abs(felt.force - aim.force) < INTEGRATED * aim.force:
             self._integral -= (depth - wanted) * dt
         depth, _ = self._surface.predict(self.centre_of(pose))
+        sent, _ = self._surface.predict(self.centre_of(commanded))
+        depth = max(depth, sent - UNHEARD * aim.force / self.config.probe.stiffness)
         speed = -c.gain * (depth - wanted) + c.integral_gain * self._integral
         # At the rim of the pad a part of the force is not felt.
         aside = math.hypot(*felt.place) > ASIDE * self._half
