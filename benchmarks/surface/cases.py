@@ -51,7 +51,7 @@ WORST = ('surface_rms', 'surface_max', 'centre_max', 'force_rms_error', 'force_m
 LONGEST = 60.0  # s simulated
 # 150 and 200 mm/s: a wrist that can turn so fast, and gains that let it.
 FAST = SurfaceFollowingConfig(
-    course=CourseConfig(acceleration=1.0, blind=5e-5),
+    course=CourseConfig(acceleration=1.0, blind=5e-5, bending=0.9),
     roll=RollConfig(max_rate=10.0, acceleration=14.0))  # of 20 rad/s^2 that the wrist has
 FAST_WRIST = 12.0  # rad/s
 

@@ -198,7 +198,8 @@ class SurfaceFollowing:
             going.end = Assessment(State.DONE, Reason(ReasonCode.PATH_COMPLETED), True)
         aim = going.aim
         pace = self.agility.along(
-            self._motion.course(step.way, normal, commanded), self._motion.speed)
+            self._motion.course(step.way, normal, commanded), self._motion.speed,
+            self.config.course.bending)
         speed = self._motion.advance(
             step, felt, aim, self.goal.speed if going.met else 0.0, pace, dt)
         if thesis:

@@ -26,10 +26,10 @@ ANSWER = 0.02  # s until the robot answers to what an image showed
 TURNED = 0.4  # least way of the contact, as a share of the centre's: on an edge it is none
 EDGE = 1.0 / 3.0  # the same, of an object that is half as wide as the probe: of an edge
 BRAKE = 8.0  # times the acceleration, with which the probe slows down
-SPARED = 0.5  # of what the joints can, which speeding up may take
-BRAKED = 0.8
-SLOWED = 0.02
-TURNING = 0.6
+# Of the acceleration that the joints have left:
+SPARED = 0.5  # which speeding up may take
+BRAKED, SLOWED = 0.8, 0.02  # which slowing down may take, and what it has at the least [m/s^2]
+TURNING = 0.6  # which a change of the turn may take
 STAND = Step(np.zeros(3), 0.0, math.inf)
 
 
@@ -58,7 +58,7 @@ class SurfaceMotion:
         return pose[:3, 3] + pose[:3, :3] @ self._dome.centre
 
     def normal_ahead(self, commanded: np.ndarray, dt: float) -> np.ndarray:
-        """Inward normal (3,) in the middle of a cycle: a chord would lead off the surface."""
+        """Inward normal (3,) at the end of a cycle, where its velocity holds."""
         return self._surface.predict(self.centre_of(commanded) + dt * self._velocity)[1]
 
     def course(self, way: np.ndarray, normal: np.ndarray, commanded: np.ndarray) -> np.ndarray:
@@ -82,9 +82,10 @@ class SurfaceMotion:
         top = min(speed, step.top, self._known(step.way)) * scale
         # The probe must turn as it goes; one that is late with that goes no faster.
         turn = float(np.linalg.norm(self._surface.bend @ step.way)) / self._shrink(step.way)
-        change = min(c.acceleration, SPARED * pace.acceleration, AT_ONCE * self.config.roll.acceleration / max(turn, 1e-9))
-        self.bound = pace.bound if WITHIN * pace.speed < top else ''
-        top = min(top, WITHIN * pace.speed, self.config.roll.max_rate * WITHIN / max(turn, 1e-9))
+        change = min(c.acceleration, SPARED * pace.acceleration,
+                     AT_ONCE * self.config.roll.acceleration / max(turn, 1e-9))
+        self.bound = pace.bound if pace.speed < top else ''
+        top = min(top, pace.speed, self.config.roll.max_rate * WITHIN / max(turn, 1e-9))
         if self._sharp(step.way):
             top = min(top, c.edge_speed * self._shrink(step.way))
         if self._late or top < self.speed:

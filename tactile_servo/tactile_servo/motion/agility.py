@@ -7,7 +7,7 @@ import numpy as np
 from tactile_common.kernels import njit
 from tactile_servo.motion.limits import ACCELERATION, POSITION, room, VELOCITY
 
-BENDING = 0.5  # of a joint's acceleration, which its rate may take that changes along a way
+WITHIN = 0.8  # of a joint's velocity, which a way may take: corrections need some too
 
 
 class Pace(NamedTuple):
@@ -25,8 +25,8 @@ class Agility(Protocol):
         """Acceleration of the sensor across its normal that all joints allow [m/s^2]."""
         ...
 
-    def along(self, way: np.ndarray, speed: float = 0.0) -> Pace:
-        """Pace on a way, which is a twist (6,) of the sensor per unit, at a speed on it."""
+    def along(self, way: np.ndarray, speed: float = 0.0, bending: float = 1.0) -> Pace:
+        """Pace on a way, which is a twist (6,) of the sensor per unit, see `Motion.along`."""
         ...
 
 
@@ -37,7 +37,7 @@ class Unbounded:
         """Any acceleration."""
         return math.inf
 
-    def along(self, way: np.ndarray, speed: float = 0.0) -> Pace:
+    def along(self, way: np.ndarray, speed: float = 0.0, bending: float = 1.0) -> Pace:
         """Any pace."""
         return Pace()
 
@@ -47,7 +47,7 @@ UNBOUNDED = Unbounded()
 
 @njit(cache=True)
 def pace(lower, upper, fastest, acceleration, stopping_time, positions, rates, bend, speed,
-         horizon):
+         bending, horizon):
     """
     Law of `Motion.along`: speed, acceleration, index of the kind of limit and of the joint.
 
@@ -59,8 +59,8 @@ def pace(lower, upper, fastest, acceleration, stopping_time, positions, rates, b
     for k in range(len(rates)):
         rate, change = max(abs(rates[k]), 1e-12), max(abs(bend[k]), 1e-12)
         left = up[k] if rates[k] > 0.0 else -down[k]
-        bent = math.sqrt(BENDING * acceleration[k] / change)
-        for one, of in ((fastest[k] / rate, VELOCITY), (left / rate, POSITION),
+        bent = math.sqrt(bending * acceleration[k] / change)
+        for one, of in ((WITHIN * fastest[k] / rate, VELOCITY), (left / rate, POSITION),
                         (bent, ACCELERATION)):
             if one < top:
                 top, kind, joint = one, of, k

@@ -15,7 +15,7 @@ from tactile_servo.motion.trajectory import Trajectory
 from tactile_servo.motion.window import APART, at_rest, committed, extended, Window
 
 AHEAD = 0.02  # rad, by which joints are moved on to see how their rates change
-UNDAMPED = 1e-6  # what damping leaves of a way at a singularity is another way
+UNDAMPED = 1e-6  # damping that does nothing [m/rad]
 COAST = 8.0  # control periods that a window goes on before it brakes
 SETTLING = 0.1  # s at least, in which the robot's controller comes to where a motion is started
 BENT = 5e-4  # m by which braking in a curve may lead out of the box
@@ -99,21 +99,22 @@ class Motion:
         return agility(self._jacobian, self._limits.acceleration,
                        self._config.damping, self._config.rotation_length)
 
-    def along(self, way: np.ndarray, speed: float = 0.0) -> Pace:
+    def along(self, way: np.ndarray, speed: float = 0.0, bending: float = 1.0) -> Pace:
         """
         Pace that all joints allow on a way, which is a twist (6,) of the sensor per unit.
 
-        The sensor goes on as it does now: joint rates that change as the arm bends take a part
-        of the acceleration, at a `speed` on the way. What is left is that of the pace.
+        It goes on like this: joint rates that change as the arm bends take accelerations, which
+        `bending` is the share of that bounds the speed. What is left at a `speed` on the way is
+        the acceleration of the pace. Nothing is damped: at a singularity that is another way.
         """
-        limits = self._limits
-        rates = damped_least_squares(self._jacobian, way, damping=UNDAMPED)[0]
+        limits, joints = self._limits, self.positions
+        rates, _ = damped_least_squares(self._jacobian, way, damping=UNDAMPED)
         reach = AHEAD / max(float(np.abs(rates).max()), 1e-9)
-        ahead = self._robot.place(self.positions + reach * rates)[1]
-        bend = (damped_least_squares(ahead, way, damping=UNDAMPED)[0] - rates) / reach
-        top, most, kind, joint = pace(*limits.bounds, self.positions, rates, bend, speed,
-                                      (COAST + 2.0) * self._period)
-        return Pace(top, most, limits.name_of(kind, joint))
+        _, jacobian = self._robot.place(joints + reach * rates)
+        ahead, _ = damped_least_squares(jacobian, way, damping=UNDAMPED)
+        found = pace(*limits.bounds, joints, rates, (ahead - rates) / reach, speed, bending,
+                     (COAST + 2.0) * self._period)
+        return Pace(*found[:2], limits.name_of(*found[2:]))
 
     def seed(self, positions: np.ndarray) -> None:
         """
