@@ -85,10 +85,10 @@ def hear_late(simulation, lateness, pictures, begin, seconds=0.3):
 
 
 @pytest.mark.parametrize('pictures', [False, True], ids=['joint states', 'everything'])
-@pytest.mark.parametrize('lateness', [0.02, 0.04, 0.08])
+@pytest.mark.parametrize('lateness', [0.04, 0.08])
 @pytest.mark.parametrize('law', ['surface', 'edge'])
 def test_what_comes_late_as_it_touches_adds_little_force(law, lateness, pictures):
-    for before in (0.15, 0.1, 0.05, 0.0, -0.05):
+    for before in (0.1, 0.0):
         if law == 'surface':
             simulation = loop_of('sphere_126')
             goal = SurfaceGoal(0.03, FORCE, direction=(0.0, 1.0, 0.0), length=0.005)
