@@ -102,6 +102,60 @@ def test_missing_and_saturated_tactels_have_no_weight(presses):
     assert (records['reasons'] & int(Reason.SATURATED) > 0).all()
 
 
+@pytest.mark.parametrize('level', [0.3, 0.5])
+def test_clipping_that_nobody_tells_is_seen(presses, level):
+    loads, frames, _, noise = presses
+    noise = np.full(COUNT, noise.mean())
+    scale = frames.max(axis=(1, 2)).mean() / frames.max(axis=(1, 2))
+    ceiling = level * (scale[:, None, None] * frames).max()
+    clipped = np.minimum(scale[:, None, None] * frames, ceiling)
+    told, untold = (found(clipped, noise, full_scale=given)
+                    for given in (ceiling / noise[0], 0.0))
+    for name in ('a', 'normal_force'):  # 10 % and more of the force if it were not seen
+        assert np.array_equal(told[name], untold[name], equal_nan=True)
+    assert np.array_equal(told['reasons'], untold['reasons'])
+    assert (untold['reasons'] & int(Reason.SATURATED) > 0).all()
+
+
+@pytest.mark.parametrize('level', [0.4, 0.3])
+def test_of_eight_bits_most_clipping_is_seen(presses, level):
+    _, frames, clean, noise = presses
+    lsb = clean.max(axis=(1, 2)) / 200.0
+    counts = np.rint(np.minimum(frames, level * clean.max(axis=(1, 2), keepdims=True))
+                     / lsb[:, None, None])
+    records = found(counts * lsb[:, None, None], np.hypot(noise, lsb / 12**0.5))
+    assert (records['reasons'] & int(Reason.SATURATED) > 0).mean() > 0.75
+
+
+@pytest.mark.parametrize('decibels', [30.0, 40.0, 300.0])
+@pytest.mark.parametrize('peak', [15.0, 200.0, 3000.0])
+def test_a_rounded_picture_is_not_clipped(presses, peak, decibels):
+    _, _, clean, _ = presses
+    rng = np.random.default_rng(18)
+    place = rng.uniform((-8e-3, -0.7), (8e-3, 0.7), (COUNT, 2))
+    place[:100, 1] = rng.choice([0.0, np.pi / 4, np.arctan(0.5)], 100)
+    lines = np.array([line.pressure(X, Y, a * np.cos(yaw), yaw, 200.0, DEPTH) for a, yaw in place])
+    for pictures in (clean, lines):
+        counts = peak * pictures / pictures.max(axis=(1, 2), keepdims=True)
+        noise = peak * 10.0 ** (-decibels / 20.0)
+        counts = np.rint(counts + noise * rng.normal(size=counts.shape))
+        records = found(counts, np.full(COUNT, np.hypot(noise, 12**-0.5)))
+        assert (records['reasons'] & int(Reason.SATURATED) > 0).mean() < 0.02
+
+
+def test_a_perfect_picture_is_not_clipped():
+    middle = ARRAY.x[12:14].mean()
+    pictures = [point.stress('zz', X, Y, a, b, 1.0, shear, shear, DEPTH)
+                for a, b in ((middle, middle), (middle, 0.0), (ARRAY.x[12], 0.0))
+                for shear in (0.0, 0.3)]
+    pictures += [1e-5 * line.pressure(X, Y, rho, yaw, 1000.0, DEPTH)
+                 for yaw in (0.0, np.pi / 4, np.arctan(0.5))
+                 for rho in (0.0, 0.5e-3, 0.5e-3 * 2**0.5, 0.2e-3)]
+    for picture in pictures:
+        records = found(picture[None], np.array([1e-4 * picture.max()]))
+        assert records['valid'].all() and not (records['reasons'] & int(Reason.SATURATED)).any()
+
+
 def test_zeros_of_a_threshold_are_no_measurements(presses):
     loads, frames, clean, noise = presses
     kept = np.where(frames < 0.05 * clean.max(axis=(1, 2), keepdims=True), 0.0, frames)

@@ -38,6 +38,7 @@ from tactile_sensing.skin import kernels
 EVIDENCE = 16.0  # chi-square that a rung must take off: four standard deviations
 ALONE = 0.8  # share of the evidence of a second end that no single tactel may have
 MUCH = 0.7  # of a hopeless chi-square, of which a rung may leave no more
+SHORTEST = 2.0  # depths; a shorter line that begins and ends on the pad is a point or its patch
 LEFT_OVER = 1.0  # standard deviations of chi-square from which on a line may have ends
 
 
@@ -164,7 +165,9 @@ def _ends_show(sensor, load, depth):
     first, last = along_chord(sensor, load.rho, load.yaw)
     start = load.start if load.extras & BEGINS else first
     end = load.end if load.extras & ENDS else last
-    return first - depth <= start < end <= last + depth
+    both = load.extras & BEGINS and load.extras & ENDS
+    shortest = SHORTEST * depth if both else 0.0
+    return first - depth <= start and end <= last + depth and end - start > shortest
 
 
 @njit(error_model='numpy', inline='always')

@@ -14,6 +14,12 @@ DETECTION = 5.0  # standard deviations
 DIRECTIONS = (0, 1), (1, 0), (1, 1), (1, -1), (1, 2), (2, 1), (1, -2), (2, -1)
 IMPOSSIBLE = 1e12  # Pa; a tactel that reports more, or no number, is not read
 SILENT = 3.0  # standard deviations below its floor at which a tactel tells nothing
+# Times as many equal readings at the top as just below it, and as of any other number: cut off.
+STEEP, FREQUENT = 3, 2
+UNLIKELY = 0.01  # that chance makes readings equal which are meant to be
+EQUAL = 1e-9  # of the peak
+ROUNDING = 3.5  # standard deviations; no count is more, as noise is never less than rounding
+LOADED = 0.1  # of the peak
 
 _NONE, _OTHER = int(ContactType.NONE), int(ContactType.OTHER)
 _NO_CONTACT, _FEW = int(Reason.NO_CONTACT), int(Reason.FEW_TACTELS)
@@ -70,6 +76,53 @@ def drop_unusable(image, full_scale, floor, both_signs, censored):
                 censored[r, c] = True
                 below += 1
     return missing, saturated, below
+
+
+@njit(error_model='numpy')
+def _is_exact(image, peak):
+    """Whether neighbours below the peak are never equal: neither rounding nor symmetry shows."""
+    rows, columns = image.shape
+    for dr, dc in DIRECTIONS:
+        for r in range(rows - dr):
+            for c in range(max(0, -dc), columns - max(0, dc)):
+                value = image[r, c]
+                if value != 0.0 and value < peak and (
+                        abs(value - image[r + dr, c + dc]) < EQUAL * peak):
+                    return False
+    return True
+
+
+@njit(error_model='numpy')
+def hidden_ceiling(image, noise):
+    """
+    Full scale that nobody told, at which readings show to be cut off; infinite: they do not.
+
+    Then the highest are equal, which noise never makes them. Where readings are rounded, they are
+    more than rounding makes equal elsewhere, and than those that are lower by it or by noise.
+    """
+    peak, count = DETECTION * noise, 0
+    for value in image.flat:
+        if value > peak:  # false for NaN
+            peak, count = value, 0
+        count += value == peak
+    if count < 2:
+        return np.inf
+    if _is_exact(image, peak):
+        return peak
+    lower = image.ravel()[((image > LOADED * peak) & (image < peak)).ravel()]
+    if lower.size < count or count <= STEEP * (lower > peak - ROUNDING * noise).sum():
+        return np.inf
+    lower.sort()
+    same, most, rounded = 1, 1, peak - lower[-1]
+    for i in range(1, lower.size):
+        gap = lower[i] - lower[i - 1]
+        if gap > EQUAL * peak:
+            same, rounded = 1, min(rounded, gap)
+        else:
+            same += 1
+            most = max(most, same)
+    chance = (0.4 * rounded / noise) ** (count - 1)  # at most, of so many equal readings
+    return peak if count > FREQUENT * most or count > most and chance < UNLIKELY else np.inf
 
 
 @njit(error_model='numpy')
@@ -163,7 +216,15 @@ def preprocess(stress, sensor, layers, reasons, saturated, calibrated, censored,
         gone, full, below = drop_unusable(
             stress[k], layer.full_scale, layer.floor, layer.component != PRESSURE, censored[k])
         layer.noise = _noise_of(stress[k], layer.given_noise, censored[k])
-        if below > 0:
+        if layer.component == PRESSURE:
+            ceiling = hidden_ceiling(stress[k], layer.noise)
+            for r in range(stress.shape[1]) if ceiling < np.inf else range(0):
+                for c in range(stress.shape[2]):
+                    if stress[k, r, c] >= ceiling:
+                        stress[k, r, c] = np.nan
+                        full += 1
+        # Noise that is only seen in the picture may be its pattern: then what is read counts.
+        if below > 0 and layer.given_noise > 0.0:
             mean = -layer.noise * mean_below(layer.floor / layer.noise)
             for r in range(stress.shape[1]):
                 for c in range(stress.shape[2]):
