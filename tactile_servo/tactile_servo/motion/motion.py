@@ -112,9 +112,10 @@ class Motion:
         reach = AHEAD / max(float(np.abs(rates).max()), 1e-9)
         _, jacobian = self._robot.place(joints + reach * rates)
         ahead, _ = damped_least_squares(jacobian, way, damping=UNDAMPED)
-        found = pace(*limits.bounds, joints, rates, (ahead - rates) / reach, speed, bending,
-                     (COAST + 2.0) * self._period)
-        return Pace(*found[:2], limits.name_of(*found[2:]))
+        top, most, kind, joint = pace(
+            *limits.bounds, joints, rates, (ahead - rates) / reach, speed, bending,
+            (COAST + 2.0) * self._period)
+        return Pace(top, most, limits.name_of(kind, joint))
 
     def seed(self, positions: np.ndarray) -> None:
         """
