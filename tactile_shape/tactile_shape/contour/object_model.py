@@ -82,18 +82,25 @@ class ObjectModel:
         if self._anew:
             self.strokes.append([])
             self._first = []
+        elif len(self.strokes[-1]) == 1:
+            self._begin_at_first()
         self._anew = False
         self._keep(position)
         self._remember(position)
         return True
 
     def _remember(self, position):
-        """Keep contacts that tell where a stroke ends, and begin it where its first ones lie."""
+        """Keep a contact that may tell where its stroke ends, or begins."""
         self._tail.append(position)
         if len(self.strokes[-1]) == 1 and len(self._first) < TAIL:
             self._first.append(position)
-            if len(self._first) > 2:  # the very first is light, and off
-                self.strokes[-1][0] = np.median(self._first[:len(self._first) // 4 + 1], axis=0)
+
+    def _begin_at_first(self):
+        """Begin a stroke where its first contacts lie: the very first is light, and may be off."""
+        first = np.array(self._first[:len(self._first) // 4 + 1])
+        if len(first) > 2:
+            away = ((first - np.median(first, axis=0))**2).sum(axis=1)
+            self.strokes[-1][0] = first[away.argmin()]
 
     def _end_stroke(self):
         """End at the median of the newest contacts that lie about the last point or beyond it."""
