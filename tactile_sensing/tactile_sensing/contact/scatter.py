@@ -9,6 +9,7 @@ from tactile_sensing.contact.parameters import invert
 from tactile_sensing.half_space.kernels import FORCE, SHEAR_X, SHEAR_Y
 
 EVIDENCE = 2.0  # standard deviations from which on scatter has a part in the weights
+LEAST_FREEDOM = 3.0
 USUAL = 0.07  # of the pressure: scatter by which tactels are weighed to find it
 
 
@@ -108,8 +109,8 @@ def measure_scatter(kind, layers, forces, memory):
         part = told[i] * (1.0 + more * share[i])
         total += part
         squares += part * part
-    freedom = total * total / squares
-    more *= freedom / max(freedom - 2.0, 1.0)  # the mean of what the variance may be
+    freedom = max(total * total / squares - count, LEAST_FREEDOM)
+    more *= freedom / (freedom - 2.0)  # the mean of what the variance may be
     if excess > EVIDENCE * math.sqrt(2.0 * square):
         state.found = math.sqrt(known * known + more)
     elif kind == POINT and known == 0.0:
