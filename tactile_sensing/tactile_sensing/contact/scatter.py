@@ -2,7 +2,9 @@
 
 import math
 
-from tactile_common.kernels import njit
+import numpy as np
+
+from tactile_common.kernels import FAST, njit
 from tactile_sensing.contact.extended_fit import choose_parameters, dot
 from tactile_sensing.contact.gauss_newton import MODEL, POINT, RESIDUAL, ROOT, WEIGHT, WEIGHTED
 from tactile_sensing.contact.parameters import invert
@@ -10,6 +12,7 @@ from tactile_sensing.half_space.kernels import FORCE, SHEAR_X, SHEAR_Y
 
 EVIDENCE = 2.0  # standard deviations from which on scatter has a part in the weights
 LEAST_FREEDOM = 3.0
+HIDDEN = 0.1  # standard deviations of the scatter that may be there where none shows
 USUAL = 0.07  # of the pressure: scatter by which tactels are weighed to find it
 
 
@@ -26,26 +29,24 @@ def _product(weights, tactels, equations, product):
 @njit(error_model='numpy')
 def _between(inverse, middle, count, result):
     """Multiply a matrix by the inverse from both sides, into the result."""
+    half = np.empty((count, count))
     for i in range(count):
         for j in range(count):
-            total = 0.0
+            half[i, j] = 0.0
             for k in range(count):
-                for m in range(count):
-                    total += inverse[i, k] * middle[k, m] * inverse[m, j]
-            result[i, j] = total
+                half[i, j] += inverse[i, k] * middle[k, j]
+    for i in range(count):
+        for j in range(count):
+            result[i, j] = 0.0
+            for k in range(count):
+                result[i, j] += half[i, k] * inverse[k, j]
 
 
-@njit(error_model='numpy')
-def _form(matrix, by, active, count, i):
-    """Quadratic form of a tactel's derivatives."""
-    total = 0.0
-    for j in range(count):
-        part = 0.0
-        for k in range(j):
-            part += matrix[j, k] * by[active[k], i]
-        x = by[active[j], i]
-        total += x * (2.0 * part + matrix[j, j] * x)
-    return total
+@njit(error_model='numpy', fastmath=FAST)
+def _take_told(one, other, weights, to_find, by_form, by_inverse, told):
+    """Take from what each tactel tells what the derivatives by two parameters tell already."""
+    for i in range(told.size):
+        told[i] += one[i] * other[i] * weights[i] * (by_form - 2.0 * by_inverse * to_find[i])
 
 
 @njit(error_model='numpy')
@@ -80,7 +81,7 @@ def measure_scatter(kind, layers, forces, memory):
     known, n, at, by = state.scatter, layers[-1].end, memory.tactels.at, memory.tactels.by
     state.found, state.by_gains[:] = known, 0.0
     excess, deviation = _weigh_tactels(load, tactels, n)
-    if excess < (-deviation if kind == POINT and known == 0.0 else EVIDENCE * deviation):
+    if not (kind == POINT and known == 0.0) and excess < EVIDENCE * deviation:
         return
     residual, weights, share, to_find = at[RESIDUAL], at[WEIGHT], at[WEIGHTED], at[ROOT]
     choose_parameters(forces, load.extras, equations)
@@ -93,25 +94,30 @@ def measure_scatter(kind, layers, forces, memory):
         told[i] = to_find[i] * weights[i]
     _product(told[:n], tactels, equations, equations.matrix)
     _between(inverse, equations.matrix, count, state.by_gains)
+    told[:n] = to_find[:n]
+    for i in range(count):
+        for j in range(i + 1):
+            times = 1.0 if i == j else 2.0
+            _take_told(by[active[i]], by[active[j]], weights, to_find,
+                       times * state.by_gains[i, j], times * inverse[i, j], told[:n])
     excess = slope = square = 0.0
     for i in range(n):
-        told[i] = to_find[i] + weights[i] * (
-            _form(state.by_gains, by, active, count, i)
-            - 2.0 * to_find[i] * _form(inverse, by, active, count, i))
         excess += to_find[i] * residual[i] * residual[i] * weights[i] - told[i]
         slope += told[i] * share[i]
         square += told[i] * told[i]
     state.by_gains[:] = 0.0
-    if not (excess > 0.0 and slope > 0.0):
+    if not slope > 0.0:
         return
-    more, total, squares = excess / slope, 0.0, 0.0
+    deviation = math.sqrt(2.0 * square)
+    more, total, squares = max(excess, 0.0) / slope, 0.0, 0.0
     for i in range(n):
         part = told[i] * (1.0 + more * share[i])
         total += part
         squares += part * part
     freedom = max(total * total / squares - count, LEAST_FREEDOM)
-    more *= freedom / (freedom - 2.0)  # the mean of what the variance may be
-    if excess > EVIDENCE * math.sqrt(2.0 * square):
+    # In the mean over what the variance may be; where none shows, there still may be some.
+    more = freedom / (freedom - 2.0) * more + HIDDEN * deviation / slope
+    if excess > EVIDENCE * deviation:
         state.found = math.sqrt(known * known + more)
     elif kind == POINT and known == 0.0:
         for i in range(n):
