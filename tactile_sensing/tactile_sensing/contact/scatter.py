@@ -11,8 +11,7 @@ from tactile_sensing.contact.parameters import invert
 from tactile_sensing.half_space.kernels import FORCE, SHEAR_X, SHEAR_Y
 
 EVIDENCE = 2.0  # standard deviations from which on scatter has a part in the weights
-LEAST_FREEDOM = 3.0
-HIDDEN = 0.1  # standard deviations of the scatter that may be there where none shows
+LEAST_FREEDOM, FEW = 3.0, 4.0  # tactels that tell it, beside those that the fit follows
 USUAL = 0.07  # of the pressure: scatter by which tactels are weighed to find it
 
 
@@ -115,8 +114,9 @@ def measure_scatter(kind, layers, forces, memory):
         total += part
         squares += part * part
     freedom = max(total * total / squares - count, LEAST_FREEDOM)
-    # In the mean over what the variance may be; where none shows, there still may be some.
-    more = freedom / (freedom - 2.0) * more + HIDDEN * deviation / slope
+    # In the mean over what the variance may be; where few tactels show none, there may be some.
+    more = min(excess / (EVIDENCE * deviation), 1.0) * freedom / (freedom - 2.0) * more + (
+        (FEW / freedom) ** 2 * deviation / slope)
     if excess > EVIDENCE * deviation:
         state.found = math.sqrt(known * known + more)
     elif kind == POINT and known == 0.0:
