@@ -4,8 +4,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from tactile_shape.known_surfaces import add_noise, cylinder, PLANE, sphere, Torus, Weave
 from tactile_shape.types.patch import Kind, Patch
-from tactile_simulation.surfaces import add_noise, cylinder, PLANE, sphere, Torus, Weave
 
 PATCH = (0.02, 0.004)  # m
 TRACE = 0.028  # m along the course: a window of 24 mm of path and a start

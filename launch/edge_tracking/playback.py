@@ -23,9 +23,10 @@ def calibration_for(options: Namespace, recording: Recording) -> Calibration:
     if options.calibration:
         calibration = load_calibration(options.calibration)
     elif options.pitch or recording.pitch:
+        outside = live_window(options.live, recording.shape) if options.live else ()
         calibration = Calibration.uncalibrated(
             rows, columns, options.pitch or recording.pitch, nominal_rate=recording.rate_hz,
-            dead_tactels=live_window(options.live, recording.shape) if options.live else ())
+            dead_tactels=tuple(sorted({*outside, *recording.absent})))
     else:
         raise ValueError(f'{options.recording}: no pitch_m in the file; give --pitch')
     if calibration.array.shape != (rows, columns):

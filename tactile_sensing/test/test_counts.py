@@ -11,6 +11,8 @@ from tactile_sensing.devices.counts import Counts
 from tactile_sensing.devices.unloaded import unloaded_statistics
 from tactile_sensing.half_space import line, point
 from tactile_sensing.types.array import TactelArray
+from tactile_sensing.types.contact import ContactType, Reason
+from tactile_sensing.types.image import TactileImage
 
 ARRAY, DEPTH, COUNT = TactelArray(16, 16, 0.0254 / 16, 0.0254 / 16), 0.002, 300
 NOISE = 0.01  # of the peak
@@ -192,3 +194,24 @@ def test_a_pad_whose_noise_is_clipped_weighs_nothing():
     # In the mean over frames a tactel is off by chance, in the tare and since.
     by_chance = noise * np.sqrt(2.0 / count / ARRAY.rows / ARRAY.columns)
     assert abs(pictures.mean()) < 5.0 * by_chance
+
+
+def test_readings_that_are_no_noise_weigh_what_they_say():
+    """Raw counts of a foil that cuts off weak pressure: its pattern is not the noise of zeros."""
+    array = TactelArray(28, 28, 1.27e-3, 1.27e-3)
+    calibration = Calibration.uncalibrated(28, 28, 1.27e-3)
+    counts = np.zeros(array.shape)
+    counts[10:16, 12:17] = np.random.default_rng(0).integers(20, 90, (6, 5))
+    layer, saturated = calibration.converter()(counts)
+    contact = ContactEstimator().estimate(
+        TactileImage(0, 0, (layer,), array, tared=False, saturated=saturated))
+    assert contact.moments.m0 == pytest.approx(counts.sum() * 1.27e-3**2)
+    assert contact.type == ContactType.OTHER and contact.reasons & Reason.BAD_FIT  # not: untouched
+
+
+@pytest.mark.parametrize('noise', [0.2, 0.4, 0.8])
+def test_what_noise_raises_above_the_floor_bounds_it(noise):
+    hidden_noise = preprocessing._hidden_noise.py_func
+    above = np.count_nonzero(noise * np.random.default_rng(0).standard_normal(100_000) > 0.5)
+    assert hidden_noise(0.5, 100_000 - above, above) == pytest.approx(noise, rel=0.03)
+    assert hidden_noise(0.5, 10, 20) == hidden_noise(0.0, 20, 10) == np.inf

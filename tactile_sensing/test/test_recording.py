@@ -39,6 +39,12 @@ def test_counts_round_clip_and_say_so():
     assert clipped == 4
 
 
+def test_tactels_that_are_never_there_are_told():
+    frames = FRAMES.astype(float)
+    frames[:, 0, 1] = frames[:, 2, 3] = frames[0, 1, 1] = np.nan
+    assert Recording(frames, 10.0).absent == [1, 11]
+
+
 @pytest.mark.parametrize('arrays, words', [
     ({'rate_hz': 10.0}, "array 'frames' is missing"),
     ({'frames': FRAMES}, "array 'rate_hz' is missing"),

@@ -92,9 +92,8 @@ def test_joint_order_can_be_chosen(puma):
 
 @pytest.mark.parametrize('kind', ['revolute', 'prismatic'])
 def test_one_joint_is_a_chain_too(kind):
-    hinge = RobotModel.from_urdf(urdf(kind), 'tip')
-    np.testing.assert_allclose(
-        hinge.jacobian(np.array([0.3])), jacobian_by_differences(hinge, np.array([0.3])), atol=1e-9)
+    hinge, q = RobotModel.from_urdf(urdf(kind), 'tip'), np.array([0.3])
+    np.testing.assert_allclose(hinge.jacobian(q), jacobian_by_differences(hinge, q), atol=1e-9)
 
 
 @pytest.mark.parametrize('positions', [np.zeros(7), np.zeros((6, 1)), 0.0])

@@ -28,6 +28,7 @@ __all__, __getattr__, __dir__ = exported(__name__, {
     'contour.contact_path': 'ContactPath SpatialContact',
     'contour.object_model': 'ModelConfig ObjectModel',
     'contour.outline': 'find_outline Outline OutlineConfig Side',
+    'known_surfaces': 'cylinder sphere Torus Weave',
     'local_surface.local_quadric': 'LocalQuadric LocalQuadricConfig',
     'shape_estimator': 'ShapeEstimator',
     'surface_matrix.matrix_estimator': 'MatrixEstimator MatrixEstimatorConfig',

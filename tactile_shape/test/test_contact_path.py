@@ -7,14 +7,11 @@ from scipy.spatial.transform import Rotation, Slerp
 
 from tactile_common.state_buffer import PoseBuffer
 from tactile_sensing.half_space.line import pressure as line_pressure
-from tactile_sensing.moments.image_moments import image_moments
 from tactile_sensing.types.array import TactelArray
 from tactile_sensing.types.contact import Contact, ContactType, Reason
 from tactile_sensing.types.image import Layer, TactileImage
 from tactile_sensing.types.moments import Moments
 from tactile_shape.contour.contact_path import ContactPath, locate, needs_picture, on_pad
-from tactile_simulation.renderer import render
-from tactile_simulation.scene import Skin
 
 MS = 1_000_000
 
@@ -82,28 +79,9 @@ def test_a_bent_edge_is_located_in_its_picture():
     assert locate(line(1.02e-3, 0.3), picture) == locate(line(1.02e-3, 0.3))
 
 
-@pytest.mark.parametrize('yaw', [-0.5, 0.0, 0.3])
-def test_a_whole_straight_edge_needs_no_picture(yaw):
-    array = TactelArray(16, 16, 0.0016, 0.0016)
-    for end, needed in ((0.03, False), (0.0, True)):
-        along = np.array([-np.sin(yaw), np.cos(yaw)])
-        points = np.array([[1e-3, 0.0]]) + np.array([[-0.03], [end]]) * along
-        pressure, _ = render(np.column_stack([points, [-8e-4, -8e-4]]), array, Skin())
-        contact = replace(line(1e-3, yaw), moments=image_moments(pressure, array))
-        assert needs_picture(contact) == needed
+def test_only_what_may_be_a_bent_edge_needs_its_picture():
     assert needs_picture(other(5.0, (0.0, 0.0), 9e-6, 8e-6))
     assert not needs_picture(point()) and not needs_picture(NOTHING)
-
-
-def test_an_edge_ends_where_its_picture_says():
-    array, skin = TactelArray(16, 16, 0.0016, 0.0016), Skin()
-    ending = np.array([[1e-3, -0.02, -8e-4], [1e-3, -0.004, -8e-4]])
-    pressure, _ = render(ending, array, skin)
-    picture = TactileImage(
-        0, 0, (Layer('zz', skin.depth, pressure, noise_std=1.0),), array, tared=True)
-    assert locate(line(1e-3, 0.0)) == ((1e-3, 0.0), True)
-    place, edge = locate(line(1e-3, 0.0), picture)
-    assert edge and place == pytest.approx((1e-3, -4e-3), abs=1.7e-3)  # a tactel
 
 
 def test_round_finger():
@@ -203,6 +181,6 @@ def test_contacts_without_poses_are_counted_and_dropped():
     path.add_pose(1_000 * MS, pose(1))
     ((_, contact, _, why),) = path.add_contact(500 * MS, point())
     assert contact is None and path.lost == 1 and 'no pose' in why
-    for k in range(150):
+    for k in range(250):
         path.add_contact((2_000 + k) * MS, point())
     assert path.lost == 51

@@ -9,12 +9,12 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from tactile_common.errors import ConfigurationError
+from tactile_shape.known_surfaces import add_noise, cylinder, PLANE, sphere, Torus, Weave
 from tactile_shape.local_surface import normal_equations
 from tactile_shape.local_surface.contact_window import MAX_CELLS
 from tactile_shape.local_surface.local_quadric import LocalQuadric, LocalQuadricConfig
 from tactile_shape.types.patch import Kind
 from tactile_shape.types.surface_matrix import SurfaceMatrix
-from tactile_simulation.surfaces import add_noise, cylinder, PLANE, sphere, Torus, Weave
 
 EXACT = [(PLANE, Kind.PLANE), (cylinder(0.0325), Kind.CYLINDER), (cylinder(0.1), Kind.CYLINDER),
          (sphere(0.035), Kind.SPHERE), (sphere(0.063), Kind.SPHERE)]

@@ -4,10 +4,10 @@ import pytest
 
 from tactile_common.errors import ConfigurationError
 from tactile_shape.contour.object_model import COLOURS, ModelConfig, ObjectModel
+from tactile_shape.known_surfaces import sphere, Weave
 from tactile_shape.local_surface.local_quadric import LocalQuadric
 from tactile_shape.ply import write_ply
 from tactile_shape.types.patch import Kind, Patch
-from tactile_simulation.surfaces import sphere, Weave
 
 
 def read_ply(path):
@@ -53,6 +53,19 @@ def test_a_contour_reaches_to_its_end_and_not_to_single_contacts_beyond():
     assert model.total == kept + 1
     np.testing.assert_allclose(model.contour[-1], [9.6e-3, 0.0, 0.0])
     np.testing.assert_allclose(model.newest(2), model.contour[-2:])
+
+
+def test_single_contacts_that_are_off_are_no_ends():
+    rng = np.random.default_rng(0)
+    there, end = np.array([0.0, 5e-4, 0.0]), np.array([9.85e-3, 0.0, 0.0])
+    model = ObjectModel(ModelConfig(spacing=1e-3))
+    for point in (there, *rng.normal(0.0, 3e-5, (50, 3)),  # a light touch, then the pad stands
+                  *np.linspace([0.0, 0.0, 0.0], end, 198),
+                  *(end + rng.normal(0.0, 3e-5, (150, 3))), end + [2e-4, 0.0, 0.0]):
+        model.add_contact(point)
+    np.testing.assert_allclose(model.contour[-1], end + [2e-4, 0.0, 0.0])  # as yet
+    model.begin_stroke()
+    np.testing.assert_allclose(model.contour[[0, -1]], [np.zeros(3), end], atol=5e-5)
 
 
 def test_memory_is_bounded():

@@ -83,6 +83,16 @@ def test_a_line_that_goes_over_into_an_arc_and_back(noise):
         np.testing.assert_allclose(lengths, [0.03, np.pi / 2 * radius, 0.029], atol=5e-3)
 
 
+def test_a_short_line_before_an_arc_is_none_of_the_arc():
+    rng, radius = np.random.default_rng(4), 0.06
+    angle = np.arange(0.0, 0.5 * np.pi, 1e-3 / radius)
+    arc = radius * np.column_stack([np.sin(angle), 1.0 - np.cos(angle)])
+    path = np.concatenate([walk(np.array([[-0.01, 0.0], [0.0, 0.0]]), 1e-3), arc])
+    outline = find_outline(lifted(path + rng.normal(0.0, 1e-5, path.shape)))
+    assert [side.kind for side in outline.sides] == ['line', 'arc']
+    assert np.linalg.norm(outline.points[0] - lifted(path)[0]) < 5e-5
+
+
 def test_a_whole_circle_and_a_line():
     s = np.linspace(0.0, 2.0 * np.pi, 800)
     ring = find_outline(lifted(0.03 * np.column_stack([np.cos(s), np.sin(s)])))

@@ -14,11 +14,11 @@ from tactile_shape.conversions import (
     patch_from_msg,
     patch_to_msg,
 )
+from tactile_shape.known_surfaces import cylinder, sphere, Weave
 from tactile_shape.local_surface.local_quadric import LocalQuadric
 from tactile_shape.surface_matrix.matrix_estimator import MatrixEstimator
 from tactile_shape.types.patch import Kind
 from tactile_shape.types.surface_matrix import SurfaceMatrix
-from tactile_simulation.surfaces import cylinder, sphere, Weave
 
 HEADER = Header(frame_id='base')
 

@@ -20,8 +20,8 @@ from tactile_common.ros.runner import make_executor
 from tactile_msgs.msg import Contact as ContactMsg
 from tactile_msgs.msg import SurfacePatch
 from tactile_shape.contour.outline import find_outline
+from tactile_shape.known_surfaces import add_noise, sphere, Weave
 from tactile_shape.nodes.shape_estimator import ShapeEstimatorNode
-from tactile_simulation.surfaces import add_noise, sphere, Weave
 
 DEADLINE = 20.0  # s
 MS = 1_000_000

@@ -21,5 +21,4 @@ __all__, __getattr__, __dir__ = exported(__name__, {
     'joint_controller': 'MockController',
     'renderer': 'EdgeRenderer render',
     'scene': 'load_scene Scene',
-    'surfaces': 'cylinder sphere Torus Weave',
 })

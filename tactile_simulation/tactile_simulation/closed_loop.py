@@ -5,6 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from tactile_common.errors import TactileError
 from tactile_sensing.contact.estimator import ContactEstimator, EstimatorConfig
 from tactile_sensing.types.image import TactileImage
 from tactile_servo.config import ServoConfig
@@ -12,6 +13,10 @@ from tactile_servo.laws.registry import DEFAULT, make_law
 from tactile_servo.supervisor import Supervisor
 from tactile_servo.track_statistics import SETTLING_LENGTH
 from tactile_servo.types import ON_TRACK
+from tactile_shape.contour.contact_path import ContactPath
+from tactile_shape.contour.outline import find_outline, Outline
+from tactile_shape.local_surface.local_quadric import LocalQuadric
+from tactile_shape.shape_estimator import ShapeEstimator
 from tactile_simulation.gantry import gantry
 from tactile_simulation.joint_controller import MockController
 from tactile_simulation.metrics import Truth
@@ -38,9 +43,9 @@ class Cycle(NamedTuple):
 
 class Simulation:
     """
-    A servo that follows the edge of a scene, with the parts that the nodes run.
+    A servo that follows the edge of a scene, and what was touched, with the nodes' parts.
 
-    World, sensor, estimator, servo and robot share one clock, and so one class with many parts.
+    World, sensor, estimators, servo and robot share one clock, and so one class with many parts.
 
     Parameters
     ----------
@@ -95,6 +100,7 @@ class Simulation:
                                 config, workspace)
         self.servo.see_sensor(info)
         self.estimator = ContactEstimator(EstimatorConfig(**parameters_for(scene).contact))
+        self._path, self.shape = ContactPath(), ShapeEstimator(LocalQuadric())
         self.latency = plant.latency if latency is None else latency
         self.now, self.tick, self.pose = 1.0, 0, self.model.pose(start)
         self._on_the_way: deque = deque()
@@ -128,6 +134,7 @@ class Simulation:
         now_ns = round(self.now * 1e9)
         self._run_robot()
         self.pose = pose = self.model.pose(self.robot.measured(self.now)[0])
+        self._feel(self._path.add_pose(now_ns, pose))
         if self.tick % PICTURE_EVERY == 0 and self.sensor_alive:
             image = self.picture(pose)
             self._on_the_way.append((self.now + self.latency, image, self.estimate(image)))
@@ -137,6 +144,7 @@ class Simulation:
             self.servo.see_image(image, self.now)
             self.servo.see_contact(contact, image.stamp_ns, self.now)
             self.picture_costs.append(self._clock() - before)
+            self._feel(self._path.add_contact(image.stamp_ns, contact, picture=image))
         before = self._clock()
         status, trajectory = self.servo.cycle(self.now, now_ns)
         self.cycle_costs.append(self._clock() - before)
@@ -145,6 +153,17 @@ class Simulation:
         self.log.append(Cycle(self.now, status, pose, self.renderer.force(pose),
                               self.renderer.shift))
         return status
+
+    def _feel(self, placed):
+        for contact in placed:
+            self.shape.take(contact)
+
+    def outline(self) -> Outline | None:
+        """Outline of what was touched until now; None where there is too little."""
+        self.shape.lose()
+        with suppress(TactileError):
+            return find_outline(self.shape.model.contour)
+        return None
 
     def _run_robot(self):
         """Run the robot's controller, and hear of its joint states, until now."""

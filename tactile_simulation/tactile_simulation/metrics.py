@@ -189,13 +189,14 @@ def summarise(simulation, goal: EdgeGoal, status: Status, *, name: str, tracker:
     """
     truth = simulation.truth()
     duration, result = float(np.ptp(truth.time)), simulation.servo.result()
-    settled = truth.lateral[truth.settled]
+    settled, outline = truth.lateral[truth.settled], simulation.outline()
     return {
         'ok': bool(simulation.servo.success), **_state(status), 'scene': name,
         'controller': tracker, 'seed': seed, 'speed': goal.speed,
         'tracked_length': simulation.servo.statistics.tracked_length,
         **measure(Evidence(
-            truth, goal.force, contour_errors(result.contour, simulation.scene.edge),
+            truth, goal.force,
+            contour_errors(outline and outline.points, simulation.scene.edge),
             simulation.accelerations())),
         'lateral_steady': rms(settled[len(settled) // 2:]),
         'closed': result.closed, 'duration': duration,

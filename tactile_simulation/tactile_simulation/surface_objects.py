@@ -7,7 +7,7 @@ import numpy as np
 from scipy.ndimage import map_coordinates
 
 from tactile_common.errors import ConfigurationError
-from tactile_simulation.surfaces import Torus
+from tactile_shape.known_surfaces import Torus
 
 STEP = 1e-5  # m, of the differences that give a normal
 CELLS = 96  # along the longest side of a mesh's box

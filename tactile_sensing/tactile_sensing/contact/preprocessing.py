@@ -154,21 +154,44 @@ def fill_censored(stress, model, layers, censored):
 
 
 @njit(error_model='numpy')
-def _noise_of(image, given, censored):
+def _hidden_noise(floor, below, above):
+    """
+    Noise that leaves so many tactels below a floor above 0, at most [Pa]; inf if there are few.
+
+    Those above are what noise has raised of a pad without any load, or fewer.
+    """
+    share, low, high = above / max(below + above, 1), 0.0, 10.0
+    if not (floor > 0.0 and share < 0.5):
+        return np.inf
+    for _ in range(40):  # bisection of share = Q(z)
+        z = 0.5 * (low + high)
+        if 0.5 * math.erfc(0.7071067811865476 * z) > share:
+            low = z
+        else:
+            high = z
+    return floor / high
+
+
+@njit(error_model='numpy')
+def _noise_of(image, given, floor, censored):
     """Noise of a layer [Pa]: as given, or as it shows; never 0, not even of a perfect picture."""
     noise = given
     if not noise > 0.0:
-        seen = image.copy()
+        seen, below, live = image.copy(), 0, 0
         for i in range(seen.size):
+            live += np.isfinite(seen.flat[i])
             if censored.flat[i]:
                 seen.flat[i] = np.nan
+                below += 1
         noise = noise_from_image(seen)
+        if below > 0:
+            noise = min(noise, _hidden_noise(floor, below, live - below))
     largest = 0.0
     for value in image.flat:
         if abs(value) > largest:  # false for NaN
             largest = abs(value)
-    floor = max(1e-6 * largest, 1e-37)
-    return max(noise, floor) if np.isfinite(noise) else floor
+    least = max(1e-6 * largest, 1e-37)
+    return max(noise, least) if np.isfinite(noise) else least
 
 
 @njit(error_model='numpy')
@@ -215,7 +238,7 @@ def preprocess(stress, sensor, layers, reasons, saturated, calibrated, censored,
         layer = layers[k]
         gone, full, below = drop_unusable(
             stress[k], layer.full_scale, layer.floor, layer.component != PRESSURE, censored[k])
-        layer.noise = _noise_of(stress[k], layer.given_noise, censored[k])
+        layer.noise = _noise_of(stress[k], layer.given_noise, layer.floor, censored[k])
         if layer.component == PRESSURE:
             ceiling = hidden_ceiling(stress[k], layer.noise)
             for r in range(stress.shape[1]) if ceiling < np.inf else range(0):
@@ -223,7 +246,8 @@ def preprocess(stress, sensor, layers, reasons, saturated, calibrated, censored,
                     if stress[k, r, c] >= ceiling:
                         stress[k, r, c] = np.nan
                         full += 1
-        if below > 0:
+        # Noise that is only seen in the picture may be its pattern: then what is read counts.
+        if below > 0 and layer.given_noise > 0.0:
             mean = -layer.noise * mean_below(layer.floor / layer.noise)
             for r in range(stress.shape[1]):
                 for c in range(stress.shape[2]):

@@ -40,6 +40,11 @@ class Recording:
         """Shape of one frame, `(rows, columns)`."""
         return self.frames.shape[1:]
 
+    @property
+    def absent(self) -> list[int]:
+        """Row-major indices of the tactels that are NaN in every frame: there are none."""
+        return np.flatnonzero(np.isnan(self.frames).all(axis=0)).tolist()
+
     def counts(self) -> tuple[np.ndarray, int]:
         """
         Return the frames as bytes that a sensor of eight bits could have sent.

@@ -126,7 +126,7 @@ class ContactPath:
     def __init__(self, finger_radius: float = 0.0, max_gap: float = 0.1):
         self._finger_radius, self._max_gap = finger_radius, round(max_gap * NS)
         self._poses = PoseBuffer(max_gap)
-        self._waiting: deque[_Waiting] = deque(maxlen=100)
+        self._waiting: deque[_Waiting] = deque(maxlen=200)
         self.lost = 0  # contacts that no pose came for
         self._last: int | None = None  # stamp of the last contact [ns]
         self._touched = -self._max_gap - 1  # stamp of the last load [ns], and the largest one

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 import numpy as np
 
 STEPS = 10  # of Gauss-Newton, at most
-RUN = 6  # neighbouring points, whose mean distance tells a form that is wrong there from noise
+RUN = 4  # neighbouring points, whose mean distance tells a form that is wrong there from noise
 CHORD = 1e-3  # m, of an arc as a polyline
 
 

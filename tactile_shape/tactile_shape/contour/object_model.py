@@ -17,7 +17,7 @@ COLOURS = {Kind.NONE: (0.6, 0.6, 0.6), Kind.PLANE: (0.30, 0.55, 0.80),
            Kind.CYLINDER: (0.25, 0.65, 0.40), Kind.SPHERE: (0.90, 0.60, 0.15),
            Kind.GENERAL: (0.75, 0.30, 0.35)}
 STEPS = (5, 5)  # points along the sides of a patch
-TAIL = 100  # contacts about the last point of a contour, at most, that tell its end
+TAIL = 100  # contacts about the first and the last point of a contour that tell its ends
 RECENT = 20  # contour points that a new one is compared with
 
 
@@ -55,20 +55,14 @@ class ObjectModel:
         self.total = self._count = 0
         self.patches: list[Patch] = []
         self._recent: deque[np.ndarray] = deque(maxlen=RECENT)
-        # Contacts about the last point, too near to be kept, and how far they lead on from it.
-        self._tail: deque[tuple[float, np.ndarray]] = deque(maxlen=TAIL)
+        self._first: list[np.ndarray] = []  # contacts of a stroke that is a point as yet
+        self._tail: deque[np.ndarray] = deque(maxlen=TAIL)  # newest contacts of the stroke
         self._anew = True
 
     def begin_stroke(self) -> None:
         """Contact was lost: what comes next does not join what came before, which ends here."""
-        if len(self._tail) > 2:
-            # The median of the later half: the earlier one may lead there, single ones be off.
-            newest = sorted(list(self._tail)[len(self._tail) // 2:], key=itemgetter(0))
-            ahead, end = newest[(len(newest) - 1) // 2]
-            if ahead > 0.0:
-                self._keep(end)
-            else:  # the last point was too far ahead itself
-                self.strokes[-1][-1] = end
+        if not self._anew and len(self.strokes[-1]) > 1:
+            self._end_stroke()
         self._tail.clear()
         self._anew = True
 
@@ -82,25 +76,42 @@ class ObjectModel:
         position = np.array(position, dtype=float)
         if self._recent and (((np.array(self._recent) - position)**2).sum(axis=1).min()
                              < self.config.spacing**2):
-            self._lead_on(position)
+            if not self._anew:
+                self._remember(position)
             return False
         if self._anew:
             self.strokes.append([])
+            self._first = []
         self._anew = False
         self._keep(position)
+        self._remember(position)
         return True
 
-    def _lead_on(self, position):
-        """Remember a contact that may be the end of its stroke."""
-        if self._anew or len(self.strokes[-1]) < 2:
-            return
+    def _remember(self, position):
+        """Keep contacts that tell where a stroke ends, and begin it where its first ones lie."""
+        self._tail.append(position)
+        if len(self.strokes[-1]) == 1 and len(self._first) < TAIL:
+            self._first.append(position)
+            if len(self._first) > 2:  # the very first is light, and off
+                self.strokes[-1][0] = np.median(self._first[:len(self._first) // 4 + 1], axis=0)
+
+    def _end_stroke(self):
+        """End at the median of the newest contacts that lie about the last point or beyond it."""
         before, last = self.strokes[-1][-2:]
-        ahead = float((position - last) @ (last - before)) / float(np.linalg.norm(last - before))
-        if ahead > -0.25 * self.config.spacing:  # what is farther behind is on its way back
-            self._tail.append((ahead, position))
+        onward = (last - before) / np.linalg.norm(last - before)
+        beyond = [(float((position - last) @ onward), position) for position in self._tail]
+        # What is farther behind is on its way there, or back.
+        about = [item for item in beyond if item[0] > -0.4 * self.config.spacing]
+        if len(about) < 3:
+            return
+        newest = sorted(about[len(about) // 2:], key=itemgetter(0))
+        ahead, end = newest[(len(newest) - 1) // 2]
+        if ahead > 0.0:
+            self._keep(end)
+        else:
+            self.strokes[-1][-1] = end
 
     def _keep(self, position):
-        self._tail.clear()
         self.strokes[-1].append(position)
         self._recent.append(position)
         self.total += 1

@@ -126,6 +126,7 @@ def _pieces(flat, corners, closed, rounding, tolerance):
     for k, run in enumerate(runs):
         ends = Ends(k > 0 or round_ends, k < len(runs) - 1 or round_ends)
         pieces += divide(run, ends, rounding, tolerance)
+    pieces = _without_roundings(pieces, rounding)
     # Where one line follows another there is a corner, if it turns by less than the others.
     for k in range(1, len(pieces)):
         one = fit_piece(pieces[k - 1].points, pieces[k - 1].ends._replace(end=True), rounding)
@@ -134,6 +135,26 @@ def _pieces(flat, corners, closed, rounding, tolerance):
         if _are_lines(one, other) and not _straight_on(one, other) and np.linalg.norm(
                 meeting(one.curve, other.curve, joint) - joint) < rounding:
             pieces[k - 1:k + 1] = one, other
+    return pieces
+
+
+def _without_roundings(pieces, rounding):
+    """Pieces with none between two lines that is their corner, rounded by the skin."""
+    k = 1
+    while k < len(pieces) - 1:
+        one, middle, other = pieces[k - 1:k + 2]
+        if _are_lines(one, other) and not _straight_on(one, other):
+            corner = meeting(one.curve, other.curve, middle.points[0])
+            away = np.linalg.norm(middle.points - corner, axis=1)
+            if away.max() < 2.0 * rounding:
+                nearest = away.argmin()
+                pieces[k - 1:k + 2] = [
+                    fit_piece(np.concatenate([one.points, middle.points[1:nearest + 1]]),
+                              one.ends._replace(end=True), rounding),
+                    fit_piece(np.concatenate([middle.points[nearest:], other.points[1:]]),
+                              other.ends._replace(start=True), rounding)]
+                continue
+        k += 1
     return pieces
 
 

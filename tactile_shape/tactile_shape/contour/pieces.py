@@ -40,7 +40,7 @@ def divide(points: np.ndarray, ends: Ends, rounding: float, tolerance: float) ->
     fit as one are joined again, and the joints moved to where they are best.
     """
     whole = fit_piece(points, ends, rounding)
-    if _fits(whole.curve, tolerance) or len(points) < 4 * _FEW:
+    if whole.curve.departure <= tolerance or len(points) < 4 * _FEW:
         return [whole]
     joint = _best_joint(points, ends, rounding, _FEW, len(points) - _FEW)
     pieces = (divide(points[:joint + 1], Ends(ends.start, False), rounding, tolerance)
@@ -51,7 +51,7 @@ def divide(points: np.ndarray, ends: Ends, rounding: float, tolerance: float) ->
         both = np.concatenate([one.points, other.points[1:]])
         around = Ends(one.ends.start, other.ends.end)
         joined = fit_piece(both, around, rounding)
-        if _fits(joined.curve, tolerance):
+        if joined.curve.departure <= tolerance:
             pieces[k:k + 2] = [joined]
             continue
         middle, reach = len(one.points) - 1, len(both) // 8
@@ -60,11 +60,6 @@ def divide(points: np.ndarray, ends: Ends, rounding: float, tolerance: float) ->
         pieces[k:k + 2] = _two(both, around, rounding, joint)
         k += 1
     return pieces
-
-
-def _fits(curve, tolerance):
-    """Whether the points are as near to a curve as they must be, as a whole and everywhere."""
-    return curve.residual <= tolerance and curve.departure <= 2.0 * tolerance
 
 
 def _best_joint(points, ends, rounding, first, last):

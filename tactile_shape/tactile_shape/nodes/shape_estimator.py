@@ -5,7 +5,7 @@ from struct import Struct
 
 from geometry_msgs.msg import PoseStamped
 from nav_msgs.msg import Path
-from rclpy.qos import DurabilityPolicy, qos_profile_sensor_data, QoSProfile
+from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from std_msgs.msg import Header
 from visualization_msgs.msg import MarkerArray
 
@@ -35,6 +35,9 @@ from tactile_shape.types.patch import refusal
 PICTURES = 200  # that wait for their contact: a second of them
 _STAMP = Struct('<iI')  # of a message, after its first four bytes
 SOURCES = ('sensor', 'servo')
+# Nobody waits for a patch: on a busy machine late is better than lost. Of poses there are more.
+_LATE, _POSES = (QoSProfile(depth=depth, reliability=ReliabilityPolicy.BEST_EFFORT)
+                 for depth in (PICTURES, 3 * PICTURES))
 _LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 
 
@@ -68,18 +71,23 @@ class _ModelPublisher:
     def begin(self):
         """Forget what was touched."""
         self._contour = deque(maxlen=self._max_points)
-        self._newest, self._total = None, 0
+        self._newest, self._total, self._ends_open = None, 0, False
         self._changed, self._published_ns = False, None
 
     def take(self, model, patch, placed, header):
         """Take in the patch of a contact, and what the model has become by it."""
         if patch.valid:
             self._newest, self._changed = patch, True
+        lost = placed.contact is None and placed.anew
         if model.total > self._total:
             self._contour.extend(contour_point_to_msg(point, header)
                                  for point in model.newest(model.total - self._total))
             self._total, self._changed = model.total, True
-        lost = placed.contact is None and placed.anew
+            self._ends_open = True
+        if lost and self._ends_open:  # the ends of a stroke are told by all of its contacts
+            self._contour.clear()
+            self._contour.extend(contour_point_to_msg(point, header) for point in model.contour)
+            self._ends_open, self._changed = False, True
         stamp = stamp_to_ns(header.stamp)
         waited = None if self._published_ns is None else stamp - self._published_ns
         if not self._changed or not (
@@ -117,15 +125,12 @@ class ShapeEstimatorNode(TactileNode):
         self._frame: str | None = None
         self._begin_model()
         self._patches = self.create_publisher(SurfacePatch, 'surface_patch', 10)
-        self.create_subscription(
-            ContactMsg, 'contact', self._on_contact, qos_profile_sensor_data)
         if self._by_servo:
             self.create_subscription(PoseStamped, 'surface_contact', self._on_touch, 10)
-        else:
-            self.create_subscription(
-                TactileImage, 'image', self._on_image, qos_profile_sensor_data, raw=True)
-        self.create_subscription(
-            PoseStamped, 'sensor_pose', self._on_pose, qos_profile_sensor_data)
+        else:  # before its contact, where both wait
+            self.create_subscription(TactileImage, 'image', self._on_image, _LATE, raw=True)
+        self.create_subscription(ContactMsg, 'contact', self._on_contact, _LATE)
+        self.create_subscription(PoseStamped, 'sensor_pose', self._on_pose, _POSES)
 
     def _begin_model(self):
         self._surface.reset()
