@@ -51,7 +51,7 @@ WORST = ('surface_rms', 'surface_max', 'centre_max', 'force_rms_error', 'force_m
 LONGEST = 60.0  # s simulated
 # 150 and 200 mm/s: a wrist that can turn so fast, and gains that let it.
 FAST = SurfaceFollowingConfig(
-    course=CourseConfig(acceleration=1.0, blind=5e-5),
+    course=CourseConfig(acceleration=1.0, blind=5e-5, bending=0.9),
     roll=RollConfig(max_rate=10.0, acceleration=14.0))  # of 20 rad/s^2 that the wrist has
 FAST_WRIST = 12.0  # rad/s
 
@@ -65,7 +65,7 @@ class Case:
     scene: str
     goal: SurfaceGoal
     settings: SurfaceFollowingConfig = field(default_factory=SurfaceFollowingConfig)
-    start: SurfaceStart | None = None
+    start: SurfaceStart = SurfaceStart()  # at the top, wherever the scene begins for an arm
     step: float | None = None  # m, of the scene `step`
     before: float = 0.0  # N with which the probe is pressed when the goal begins
     offset: tuple[float, float, float] | None = None  # m, of the probe from where it is said to be
@@ -155,9 +155,7 @@ def scene_file(name):
 
 def follow(case: Case, seed: int) -> tuple[dict[str, Any], list, list]:
     """Run a case once: numbers of its summary, contacts and their errors."""
-    scene = load_any_scene(scene_file(case.scene))
-    if case.start:
-        scene = replace(scene, start=case.start)
+    scene = replace(load_any_scene(scene_file(case.scene)), start=case.start)
     if case.step is not None:
         scene = replace(scene, surface=Placed(StepShape(case.step), scene.top))
     bounds = ServoConfig(force=ForceBounds(max=16.0, max_load=20.0)) if max(

@@ -71,6 +71,7 @@ class GoalRun:
         self.reference: Reference | None = None  # last one, None unless the law moves the pad
         self.observed = -np.inf  # steady time at which the law was last told something [s]
         self._config, self._law, self._inputs = config, law, inputs
+        law.agility = motion
         self._motion, self._machine = motion, machine
         self._anchor = motion.pose  # where the current way (approach, retreat, press) began
         self._following = Following(config.input, config.motion.rotation_length)
@@ -295,7 +296,6 @@ class GoalRun:
         """Wanted twist of the sensor in its own frame (6,) [m/s, rad/s]."""
         c, state = self._config, self._machine.state
         if state in TRACKING:
-            self._law.agility = self._motion.agility()
             self.reference = self._law.reference(self._inputs.pose, self._motion.pose, dt)
             twist = self.reference.twist
             if self._inputs.saturated and self._inputs.load >= c.approach.contact_force:

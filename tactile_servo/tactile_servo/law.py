@@ -10,6 +10,7 @@ from tactile_sensing.types.array import TactelArray
 from tactile_sensing.types.contact import Contact
 from tactile_sensing.types.image import SensorInfo, TactileImage
 from tactile_servo.config import ServoConfig
+from tactile_servo.motion.agility import Agility
 from tactile_servo.reasons import Reason
 from tactile_servo.types import State, TaskError
 
@@ -83,7 +84,7 @@ class ServoLaw(Protocol):
     goal_type: ClassVar[type]
     config_type: ClassVar[type]
     sees_images: ClassVar[bool]  # whether images are observed beside contacts
-    agility: float  # told: acceleration across its normal that the robot can give the pad [m/s^2]
+    agility: Agility  # told as a goal begins
 
     @property
     def stiffness(self) -> float: ...  # total, of skin, finger and robot [N/m]

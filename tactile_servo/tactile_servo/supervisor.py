@@ -204,7 +204,10 @@ class Supervisor:
         status = Status(machine.state, machine.reason, contact_fresh=inputs.contact_fresh,
                         joints_fresh=inputs.joints_fresh)
         if inputs.contact is not None:
-            status.contact_stamp_ns, status.normal_force = inputs.contact.stamp_ns, inputs.load
+            status.normal_force = inputs.load
+        used = self._image if self.law.sees_images else inputs.contact
+        if used is not None:
+            status.contact_stamp_ns = used.stamp_ns
         if run is None or status.state == State.IDLE:
             return status
         if status.state in TRACKING or status.state == State.HOLD:

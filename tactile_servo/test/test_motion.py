@@ -57,6 +57,19 @@ def test_a_twist_moves_the_pose():
     assert not motion.standing
 
 
+def test_a_twist_that_turns_leads_round_and_not_out():
+    """The sensor goes on as its twist says in the middle of every cycle: a circle is one."""
+    motion, speed, turn = motion_at(np.zeros(6)), 0.1, 0.4
+    twist = np.array([speed, 0.0, 0.0, 0.0, 0.0, turn])
+    driven(motion, twist, round((SETTLING + 1.0) / DT))
+    before = motion.pose
+    driven(motion, twist, 1)
+    way = before[:3, :3].T @ (motion.pose - before)[:3, 3]
+    assert way[0] == pytest.approx(speed * DT, rel=1e-4)
+    half = 0.5 * turn * DT  # the chord of an arc leads in by half of its angle
+    assert way[1] / way[0] == pytest.approx(half, rel=0.02)
+
+
 def test_a_window_is_stamped_unless_told_otherwise():
     motion = motion_at(np.zeros(6))
     assert motion.command(np.zeros(6), 7_000_000_123).trajectory.stamp_ns == 7_000_000_123
@@ -174,7 +187,7 @@ def test_a_command_is_what_its_parts_give(reach):
         let = np.append(pose[:3, :3].T @ nearest, twist[3:])
         asked, name, _ = BoundedInverse(
             LIMITS, config.damping, config.rotation_length).solve(
-                ROBOT.jacobian(positions), let, positions, DT + coast)
+                ROBOT.jacobian(positions + DT * kept.velocities[-1]), let, positions, DT + coast)
         settling = kept.times[0] > 0.0
         target, scale, kind = limit_velocities(
             LIMITS, positions, kept.velocities[-1], 0.0 * asked if settling else asked, DT, coast)

@@ -44,6 +44,19 @@ def test_open_edges_are_tracked_within_the_bars(scene, speed, rms, largest):
     assert simulation.robot.limit_violations == 0
 
 
+@pytest.mark.parametrize('law, of_image', [('trace', True), ('resolved_rate', False)])
+def test_a_status_names_the_picture_that_its_law_has_used(law, of_image):
+    simulation = Simulation(load_scene(ROOT / 'launch/scenes/straight.yaml'), law)
+    simulation.run(EdgeGoal(0.03, 5.0), 5.0, until=lambda status: status.state == State.TRACK)
+    image, now = simulation.picture(simulation.pose), simulation.now
+    simulation.servo.see_image(image, now)  # its contact is still being estimated
+    status, _ = simulation.servo.cycle(now + 1e-3, round(1e9 * (now + 1e-3)))
+    assert (status.contact_stamp_ns == image.stamp_ns) == of_image
+    simulation.servo.see_contact(simulation.estimate(image), image.stamp_ns, now)
+    status, _ = simulation.servo.cycle(now + 2e-3, round(1e9 * (now + 2e-3)))
+    assert status.contact_stamp_ns == image.stamp_ns
+
+
 @pytest.mark.parametrize('seed', [0, 4])
 def test_a_contour_closes_and_is_rebuilt(seed):
     simulation, summary = follow('tape_case', 0.1, seed=seed)

@@ -21,6 +21,7 @@ from tactile_servo.law import Assessment, LawResult, Observation, Reference, Ref
 from tactile_servo.laws.edge_following_config import EdgeFollowingConfig
 from tactile_servo.laws.edge_following_state import Going, Seen
 from tactile_servo.laws.edge_goal import ended, refuse_edge_goal, unless_long_enough
+from tactile_servo.motion.agility import Agility, UNBOUNDED
 from tactile_servo.reasons import Reason, ReasonCode
 from tactile_servo.types import EdgeGoal, State, TaskError
 
@@ -55,7 +56,7 @@ class EdgeFollowing:
     goal: EdgeGoal  # since `begin`
     touch: Touch | None = None
     touch_speed = math.inf
-    agility = math.inf
+    agility: Agility = UNBOUNDED
 
     def __init__(self, servo: ServoConfig, config: EdgeFollowingConfig | None = None):
         self.servo, self.config = servo, config or EdgeFollowingConfig()
@@ -250,7 +251,7 @@ class EdgeFollowing:
             self.goal.speed, pressed=self._seen.load.force / self.goal.force,
             distance=math.hypot(*stand.aside), coming=self._seen.load.coming, scale=edge.scale,
             age=self._seen.age, coasting=coasting)
-        most = min(self.config.speed.acceleration, self.agility)
+        most = min(self.config.speed.acceleration, self.agility.across())
         self._planner.acceleration, self._path.acceleration = AGILE * most, most
         speed = self._planner.plan(edge, going.ahead, top, dt)
         if coasting:

@@ -15,6 +15,7 @@ from tactile_servo.control.stability import AGE_SHARE, gain_limit
 from tactile_servo.law import Assessment, LawResult, Observation, Reference, Refusal, Touch
 from tactile_servo.laws.edge_features import edge_features, EdgeFeatureConfig, EdgeFeatures
 from tactile_servo.laws.edge_goal import ended, refuse_edge_goal, unless_long_enough
+from tactile_servo.motion.agility import Agility, UNBOUNDED
 from tactile_servo.reasons import Reason, ReasonCode
 from tactile_servo.types import EdgeGoal, State, TaskError
 
@@ -141,7 +142,7 @@ class ResolvedRate:
     config_type: ClassVar[type] = ResolvedRateConfig
     sees_images: ClassVar[bool] = False
     touch: Touch | None = None
-    agility = math.inf  # it is slow enough
+    agility: Agility = UNBOUNDED  # it is slow enough
     goal: EdgeGoal  # since `begin`, as well as
     _array: TactelArray
 

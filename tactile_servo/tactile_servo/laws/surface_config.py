@@ -62,6 +62,10 @@ class CourseConfig:
     blind: float = bounded(
         1e-5, 'depth by which the surface may turn out otherwise, before an image can tell: the '
         'probe is slower where the curvature ahead is less certain', 'm', 1e-7, 1e-2)
+    bending: float = bounded(
+        0.3, "share of the joints' acceleration that a way may take by which their rates change "
+        'along it, as near a singularity: the rest is for corrections and to slow down', '',
+        0.01, 0.95)
     edge_speed: float = bounded(
         0.015, 'of the centre round what is sharper than half of its own radius: what comes '
         'after an edge nobody has felt', 'm/s', 1e-4, 1.0)

@@ -31,6 +31,7 @@ from tactile_servo.laws.surface_goal import (
 from tactile_servo.laws.surface_motion import CENTRED, STAND, SurfaceMotion, thesis_twist
 from tactile_servo.laws.surface_state import Going, plan_path, Record
 from tactile_servo.laws.surface_teaching import between, Lessons, wanted_contacts
+from tactile_servo.motion.agility import Agility, UNBOUNDED
 from tactile_servo.reasons import Reason, ReasonCode
 from tactile_servo.tactile_jacobian.table import load_table
 from tactile_servo.types import State, TaskError
@@ -48,7 +49,8 @@ class SurfaceFollowing:
     goal_type: ClassVar[type] = SurfaceGoal
     config_type: ClassVar[type] = SurfaceFollowingConfig
     sees_images: ClassVar[bool] = True
-    touch_speed = agility = math.inf
+    touch_speed = math.inf
+    agility: Agility = UNBOUNDED
     goal: SurfaceGoal  # since `begin`
     _sense: ContactSense
 
@@ -174,7 +176,8 @@ class SurfaceFollowing:
         if progress > going.reached + ADVANCE or going.reached_at == -math.inf:
             going.reached, going.reached_at = progress, now
         if now - going.reached_at > STALL_TIME:
-            return Assessment(State.DONE, Reason(ReasonCode.NO_PROGRESS), lift=True)
+            return Assessment(State.DONE, Reason(
+                ReasonCode.NO_PROGRESS, self._motion.bound), lift=True)
         return ON_SURFACE
 
     def reference(self, pose: np.ndarray, commanded: np.ndarray, dt: float) -> Reference:
@@ -194,13 +197,19 @@ class SurfaceFollowing:
         elif step.left <= 0.0:
             going.end = Assessment(State.DONE, Reason(ReasonCode.PATH_COMPLETED), True)
         aim = going.aim
-        speed = self._motion.advance(step, felt, aim, self.goal.speed if going.met else 0.0, dt)
+        pace = self.agility.along(
+            self._motion.course(step.way, normal, commanded), self._motion.speed,
+            self.config.course.bending)
+        speed = self._motion.advance(
+            step, felt, aim, self.goal.speed if going.met else 0.0, pace, dt)
         if thesis:
             twist = thesis_twist(felt, aim, step.way, speed, commanded, self._dome, self.config)
         else:
             depth, wanted = self._sense.depth(felt.force), self._sense.depth(aim.force)
-            self._motion.press(pose, felt, aim, wanted, depth if going.met else None, dt)
-            twist = self._motion.twist(step.way, normal, commanded, aim, dt)
+            self._motion.press(
+                pose, felt, aim, wanted, depth if going.met else None, commanded, dt)
+            twist = self._motion.twist(
+                step.way, normal, commanded, aim, self.agility, dt)
         return Reference(twist, speed, step.way.tolist())
 
     @property

@@ -12,7 +12,7 @@ from tactile_common.kernels import njit
 # What bounds a motion most; those that end with a space are of one joint.
 KINDS = ('', 'velocity of ', 'position of ', 'acceleration of ', 'velocity not finite')
 NEGLIGIBLE = 1e-6  # of a joint's velocity limit; what it is asked beyond a limit by rounding
-_FREE, _VELOCITY, _POSITION, _ACCELERATION, _NOT_FINITE = range(len(KINDS))
+FREE, VELOCITY, POSITION, ACCELERATION, NOT_FINITE = range(len(KINDS))
 
 
 @dataclass(frozen=True)
@@ -113,18 +113,18 @@ def nearest(lower, upper, fastest, acceleration, stopping_time, positions, previ
     count = len(wanted)
     down, up = room(lower, upper, stopping_time, positions, dt + coast)
     velocities = np.empty(count)
-    scale, kind, joint = 1.0, _FREE, 0
+    scale, kind, joint = 1.0, FREE, 0
     for k in range(count):
         if not math.isfinite(wanted[k]):
-            wanted, kind = np.zeros(count), _NOT_FINITE
+            wanted, kind = np.zeros(count), NOT_FINITE
             break
-    finite = kind == _FREE
+    finite = kind == FREE
     for k in range(count):
         up[k], down[k] = min(up[k], fastest[k]), max(down[k], -fastest[k])
         most, asked = up[k] if wanted[k] > 0.0 else -down[k], abs(wanted[k])
         if asked > most + NEGLIGIBLE * fastest[k] and most / asked < scale:
             scale, joint = most / asked, k
-            kind = _VELOCITY if most == fastest[k] else _POSITION
+            kind = VELOCITY if most == fastest[k] else POSITION
     # All joints change in proportion: one that lags behind would bend the motion.
     share = 1.0
     for k in range(count):
@@ -142,8 +142,8 @@ def nearest(lower, upper, fastest, acceleration, stopping_time, positions, previ
             value = min(down[k], quickest)
         velocities[k] = value
         held = abs(value - scaled)
-        if held > max(worst, NEGLIGIBLE * fastest[k]) and kind in (_FREE, _ACCELERATION):
-            worst, kind, joint = held, _ACCELERATION, k
+        if held > max(worst, NEGLIGIBLE * fastest[k]) and kind in (FREE, ACCELERATION):
+            worst, kind, joint = held, ACCELERATION, k
     return velocities, (scale if finite else 0.0), kind, joint
 
 
