@@ -65,7 +65,7 @@ def parser() -> argparse.ArgumentParser:
         epilog='With --recording FILE.npz the frames of a real array (frames (N, rows, '
         'columns), rate_hz, optional pitch_m) run through driver and estimator instead.')
     add = arguments.add_argument
-    add('--scene', default='straight',
+    add('--scene', default='real_skin',
         help=f'{", ".join(scene_names())}, or the path of a .yaml file')
     add('--law', '--controller', choices=tuple(LAWS), help=LAW_HELP)
     add('--speed', type=float, default=0.03, help='along the edge, over the surface [m/s]')

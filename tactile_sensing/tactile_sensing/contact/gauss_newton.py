@@ -286,6 +286,7 @@ def fit_load(kind, stress, sensor, layers, forces, model_error, tukey, scatter, 
         fit.b += shorter * step_1
         fit.last_step = shorter * length
         fit.iterations = iteration + 1
+    at[WEIGHT][:n] = 1.0  # they are in the rows
     fit.squared_error, fit.chi_square = chi_square(data, at[RESIDUAL], n, model_error)
     if not (fit.squared_error < np.inf and fit.force > 0.0):
         return False

@@ -15,7 +15,6 @@ from tactile_sensing.skin import kernels
 from tactile_sensing.skin.kernels import sharp_top
 from tactile_sensing.types.contact import ContactType, Reason
 
-SCATTER_EVIDENCE = 2.0  # standard deviations
 ELSEWHERE = 2.0  # depths from the load that are elsewhere
 FORCE_WINDOW = 2.0  # half side of the window of the second force estimate of a point [depths]
 # Tactels of a point around the peak, of a line: three to eight for each parameter.
@@ -164,35 +163,6 @@ def _second_contact(kind, left, sensor, load, depth, threshold):
             if _sum_around(left, r, c) > 9.0 * threshold:
                 return True
     return False
-
-
-@njit(error_model='numpy')
-def find_scatter(left, model, layers, known, model_error, parameters):
-    """
-    What tactels are off beside noise, as a share of the pressure: their gains, or the model.
-
-    From the squares of what is left where the load presses, those beside the peak as well: there
-    a fit follows what it finds. The known share where no more shows.
-    """
-    excess = variance = slope = squares = 0.0
-    likely = max(known, model_error)
-    for k in range(layers.size):
-        noise = layers[k].noise
-        for r in range(left.shape[1]):
-            for c in range(left.shape[2]):
-                rest = left[k, r, c] / noise
-                if np.isfinite(rest):
-                    m = (model[k, r, c] / noise) ** 2
-                    expected, weight = 1.0 + known * known * m, m / (1.0 + likely * likely * m)
-                    excess += (rest * rest - expected) * weight
-                    variance += 2.0 * (expected * weight) ** 2
-                    slope += m * weight
-                    squares += (m * weight) ** 2
-    if not excess > SCATTER_EVIDENCE * math.sqrt(variance):
-        return known
-    loaded = slope * slope / squares  # tactels; the parameters took their part of what was left
-    taken = max(loaded - parameters, 0.25 * loaded) / loaded
-    return math.sqrt(known * known + excess / slope / taken)
 
 
 @njit(error_model='numpy')

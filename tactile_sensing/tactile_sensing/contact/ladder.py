@@ -121,7 +121,6 @@ def _gain_of_patch(kind, sensor, layers, forces, memory):
     _patch_row(kind, sensor, layers, load, tactels)
     if memory.state[0].scatter > 0.0:
         weigh((tactels.by[VARIANCE],), tactels.at[ROOT], n)
-    tactels.at[WEIGHT][:n] = 1.0  # they are in the rows
     gain, patch = _gain(VARIANCE, 1.0, n, tactels, equations)
     if gain > 0.0:
         for i in range(equations.count):

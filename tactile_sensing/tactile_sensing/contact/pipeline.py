@@ -14,11 +14,18 @@ import numpy as np
 from tactile_common.kernels import njit
 from tactile_sensing.contact.extended_fit import EQUATIONS
 from tactile_sensing.contact.extended_load import PATCH
-from tactile_sensing.contact.gauss_newton import FIT, fit_load, LINE, make_tactels, POINT, Tactels
+from tactile_sensing.contact.gauss_newton import (
+    FIT,
+    fit_load,
+    LINE,
+    make_tactels,
+    PARAMETERS,
+    POINT,
+    Tactels,
+)
 from tactile_sensing.contact.goodness_of_fit import (
     beyond_sight,
     compare,
-    find_scatter,
     refute,
 )
 from tactile_sensing.contact.ladder import climb
@@ -43,6 +50,7 @@ from tactile_sensing.contact.parameters import (
     write_point,
 )
 from tactile_sensing.contact.preprocessing import preprocess
+from tactile_sensing.contact.scatter import measure_scatter
 from tactile_sensing.half_space.kernels import FORCE
 from tactile_sensing.half_space.layers import LAYER, Sensor
 from tactile_sensing.types.contact import ContactType, ESTIMATE, Reason
@@ -59,10 +67,12 @@ _DEAD, _MISMATCH = int(Reason.DEAD_TACTELS), int(Reason.FORCE_MISMATCH)
 
 
 # What is known of a frame beside its load: how the load moves with the depth, and with a patch
-# that hardly shows; what tactels are off beside noise, as a share of the pressure; squared error
-# over what is expected, at least 1; whether what seemed an outlier is a contact, and whether
+# that hardly shows; what tactels are off beside noise, as a share of the pressure: known, found,
+# and the covariance that a part too small for the weights makes; squared error over what is
+# expected, at least 1; whether what seemed an outlier is a contact, and whether
 # tactels are only known to be below the floor.
 STATE = np.dtype([('slope', 'f8', (5,)), ('hidden', 'f8', (5,)), ('scatter', 'f8'),
+                  ('found', 'f8'), ('by_gains', 'f8', (PARAMETERS, PARAMETERS)),
                   ('excess', 'f8'), ('second', '?'), ('any_censored', '?')])
 
 
@@ -218,6 +228,7 @@ def _fit_least(kind, sensor, forces, ladder, memory):
     if fitted:
         if ladder:
             shear = climb(kind, sensor, memory.layers, forces, shear, memory)
+        measure_scatter(kind, memory.layers, forces if shear else forces // 2, memory)
         compare(kind, sensor, memory.layers, memory.fits[0], memory)
     return fitted, shear
 
@@ -226,15 +237,13 @@ def _fit_least(kind, sensor, forces, ladder, memory):
 def _weigh_scatter(kind, sensor, forces, shear, rules, memory):
     """Fit again where tactels are off by a share of the pressure; returns whether with shear."""
     fit, state, known = memory.fits[0], memory.state[0], memory.state[0].scatter
-    found = find_scatter(memory.left, memory.model, memory.layers, known, rules.model_error,
-                         2 + forces)
-    if found <= known:
+    if state.found <= known:
         return shear
-    state.scatter, fitted, with_shear = found, True, shear
+    state.scatter, fitted, with_shear = state.found, True, shear
     copy_record(memory.fits, 0, memory.fits, 1)
     if not fit.extras:
         fitted = fit_load(kind, memory.stress, sensor, memory.layers, forces, rules.model_error,
-                          np.inf, found, memory.tactels, fit)
+                          np.inf, state.scatter, memory.tactels, fit)
     if fitted:
         fitted, with_shear = fit_without_idle_shear(
             kind, sensor, memory.layers, forces, fit.extras, memory)
@@ -283,5 +292,5 @@ def _widen(fit, state, depth_variance):
     fit.cov[:] *= state.excess
     for i in range(5):
         for j in range(5):
-            fit.cov[i, j] += moved[i] * moved[j] + hidden[i] * hidden[j] + (
+            fit.cov[i, j] += moved[i] * moved[j] + hidden[i] * hidden[j] + state.by_gains[i, j] + (
                 state.excess * depth_variance * slope[i] * slope[j])
