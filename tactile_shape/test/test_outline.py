@@ -117,6 +117,20 @@ def test_open_corner(degrees):
     assert abs(np.degrees(outline.angles[0])) == pytest.approx(degrees, abs=0.5)
 
 
+@pytest.mark.parametrize('reach', [2e-3, 4e-3, 6e-3])
+def test_a_blunt_corner_that_the_skin_has_rounded_is_one_corner(reach):
+    turn = np.radians(30.0)
+    end = [0.08 + 0.1 * np.cos(turn), 0.1 * np.sin(turn)]
+    path = walk(np.array([[0.0, 0.0], [0.08, 0.0], end]), 1e-3)
+    away = np.linalg.norm(path - [0.08, 0.0], axis=1)
+    inward = np.array([-np.sin(0.5 * turn), np.cos(0.5 * turn)])
+    path = path + 3e-4 * np.exp(-(away / (0.5 * reach))**2)[:, None] * inward
+    rng = np.random.default_rng(5)
+    outline = find_outline(lifted(path + rng.normal(0.0, 1e-5, path.shape)))
+    assert [side.kind for side in outline.sides] == ['line', 'line']
+    np.testing.assert_allclose(outline.corners[0], [0.08, 0.0, 0.0], atol=1e-4)
+
+
 def test_a_straight_edge_that_rises_is_seen_from_above():
     y = np.arange(0.0, 0.18, 1e-3)
     rise = np.interp(y, [0.0, 0.06, 0.12, 0.18], [0.0, 0.0, 0.006, 0.006])

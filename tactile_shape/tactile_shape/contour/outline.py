@@ -11,6 +11,7 @@ from tactile_shape.contour.curves import angle_between, Line, meeting, on_curve
 from tactile_shape.contour.pieces import divide, Ends, fit_piece
 
 STRAIGHT = 0.1  # width per length of a contour that has no plane of its own
+ROUNDED = 0.15  # of the rounding: how far from its sides the skin puts contacts at a corner
 LEAST_TURN = 0.05  # rad between two lines that is a corner
 
 
@@ -146,7 +147,9 @@ def _without_roundings(pieces, rounding):
         if _are_lines(one, other) and not _straight_on(one, other):
             corner = meeting(one.curve, other.curve, middle.points[0])
             away = np.linalg.norm(middle.points - corner, axis=1)
-            if away.max() < 2.0 * rounding:
+            off = [min(np.linalg.norm(point - on_curve(side.curve, point))
+                       for side in (one, other)) for point in middle.points]
+            if away.max() < 3.0 * rounding and max(off) < ROUNDED * rounding:
                 nearest = away.argmin()
                 pieces[k - 1:k + 2] = [
                     fit_piece(np.concatenate([one.points, middle.points[1:nearest + 1]]),
