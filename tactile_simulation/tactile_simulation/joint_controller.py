@@ -21,6 +21,7 @@ from tactile_servo.motion.trajectory import Trajectory
 from tactile_simulation.plant import DelayedLag
 from tactile_simulation.spline import Spline
 
+LONGEST_STALL = 0.5  # s that are caught up with; a clock that leaps farther was set anew
 _VELOCITY_AT_END = float(np.finfo(np.float32).eps)  # rad/s; what the controller takes for zero
 _TOLERANCE = 1e-6  # relative; a limit is violated beyond rounding only
 
@@ -205,6 +206,17 @@ class MockController:
         self._time = now
         self._joints.command(now + self._period, self._limited(self.commanded[0], elapsed))
         return measured
+
+    def run_to(self, now: float) -> tuple[np.ndarray, np.ndarray]:
+        """
+        Step at the controller's rate up to a time [s], however late that is; returns as `step`.
+
+        A robot's controller has a thread that keeps its time, whatever else the machine does.
+        """
+        if self._time is not None and now - self._time < LONGEST_STALL:
+            while now - self._time > 1.5 * self._period:
+                self.step(self._time + self._period)
+        return self.step(now)
 
     def measured(self, now: float) -> tuple[np.ndarray, np.ndarray]:
         """Positions and velocities (n,) of the joints at a time after the last step's [s]."""

@@ -376,3 +376,27 @@ def test_same_time_twice_changes_nothing():
 def test_bad_configuration(changes, message):
     with pytest.raises(ConfigurationError, match=message):
         controller(**changes)
+
+
+@pytest.mark.parametrize('stall', [3, 10, 100])  # periods
+def test_a_process_that_stalls_is_no_controller_that_does(stall):
+    steady, stalled = (controller(dead_time=0.0025, lag=0.01) for _ in range(2))
+    for robot in (steady, stalled):
+        robot.accept(ramp(), START)
+        play(robot, 0.1)
+    resumed = START + 0.1 + PERIOD * stall
+    play(steady, PERIOD * stall, START + 0.1)
+    stalled.run_to(resumed)
+    for robot in (steady, stalled):
+        robot.accept(ramp(stamp_ns=round(1e9 * resumed)), resumed)
+    np.testing.assert_allclose(stalled.measured(resumed), steady.measured(resumed), atol=1e-9)
+    np.testing.assert_allclose(
+        play(stalled, 0.1, resumed)[1], play(steady, 0.1, resumed)[1], atol=1e-9)
+
+
+def test_a_clock_that_leaps_is_not_caught_up_with():
+    robot = controller()
+    robot.accept(ramp(stamp_ns=NOW_NS), START)
+    play(robot, 0.1)
+    robot.run_to(START + 1e6)
+    np.testing.assert_allclose(robot.commanded[0], [0.5, -0.5])

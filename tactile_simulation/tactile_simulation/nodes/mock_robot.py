@@ -66,7 +66,7 @@ class MockRobotNode(TactileNode):
 
     def _on_timer(self):
         now_ns = self.get_clock().now().nanoseconds
-        positions, velocities = self.controller.step(1e-9 * now_ns)
+        positions, velocities = self.controller.run_to(1e-9 * now_ns)
         self._states.publish(joint_state_to_msg(
             stamp_from_ns(now_ns), self.robot.joint_names, positions, velocities, self._state))
         if self.controller.limit_violations > self._violations:
