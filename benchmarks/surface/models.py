@@ -103,7 +103,7 @@ def _errors(inverses, shown, moves, seconds):
 def jacobians() -> list[dict]:
     """Largest difference of the least-squares Jacobian from two others, over the pad."""
     tactels, rows = array(), []
-    increments = Increments(place=1.5e-4, force=0.01, stiffness=STIFFNESS)
+    increments = Increments(place=1e-4, force=0.01, stiffness=STIFFNESS)
     elements = FiniteElementDome(DOME, tactels, operator_for(DOME, SKIN, tactels))
     for kind in FeatureKind:
         for name, model in (('half-space, analytic', HalfSpaceDome(DOME, tactels)),
