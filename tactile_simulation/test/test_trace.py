@@ -44,6 +44,16 @@ def test_open_edges_are_tracked_within_the_bars(scene, speed, rms, largest):
     assert simulation.robot.limit_violations == 0
 
 
+@pytest.mark.parametrize('scene, sides', [
+    ('straight', ['line']), ('curve', ['line', 'arc', 'line']), ('two_segments', ['line', 'line'])])
+def test_an_open_edge_is_rebuilt_up_to_its_end(scene, sides):
+    simulation, summary = follow(scene, 0.03)
+    outline = simulation.outline()
+    assert [side.kind for side in outline.sides] == sides
+    assert summary['contour_max_error'] < 1e-4  # which does not see an outline that ends short
+    assert np.linalg.norm((outline.points[-1] - simulation.scene.edge.points[-1])[:2]) < 1e-4
+
+
 @pytest.mark.parametrize('law, of_image', [('trace', True), ('resolved_rate', False)])
 def test_a_status_names_the_picture_that_its_law_has_used(law, of_image):
     simulation = Simulation(load_scene(ROOT / 'launch/scenes/straight.yaml'), law)

@@ -17,7 +17,8 @@ COLOURS = {Kind.NONE: (0.6, 0.6, 0.6), Kind.PLANE: (0.30, 0.55, 0.80),
            Kind.CYLINDER: (0.25, 0.65, 0.40), Kind.SPHERE: (0.90, 0.60, 0.15),
            Kind.GENERAL: (0.75, 0.30, 0.35)}
 STEPS = (5, 5)  # points along the sides of a patch
-TAIL = 100  # contacts about the first and the last point of a contour that tell its ends
+TAIL = 100  # contacts about the first and the last point of a contour that tell its ends,
+BEHIND = 0.4  # of the spacing: how far behind the last one; beyond, the pad is on its way
 RECENT = 20  # contour points that a new one is compared with
 
 
@@ -107,8 +108,7 @@ class ObjectModel:
         before, last = self.strokes[-1][-2:]
         onward = (last - before) / np.linalg.norm(last - before)
         beyond = [(float((position - last) @ onward), position) for position in self._tail]
-        # What is farther behind is on its way there, or back.
-        about = [item for item in beyond if item[0] > -0.4 * self.config.spacing]
+        about = [item for item in beyond if item[0] > -BEHIND * self.config.spacing]
         if len(about) < 3:
             return
         newest = sorted(about[len(about) // 2:], key=itemgetter(0))
