@@ -45,7 +45,8 @@ def test_open_edges_are_tracked_within_the_bars(scene, speed, rms, largest):
 
 
 @pytest.mark.parametrize('scene, sides', [
-    ('straight', ['line']), ('curve', ['line', 'arc', 'line']), ('two_segments', ['line', 'line'])])
+    ('straight', ['line']), ('curve', ['line', 'arc', 'line']),
+    ('two_segments', ['line', 'line'])])
 def test_an_open_edge_is_rebuilt_up_to_its_end(scene, sides):
     simulation, summary = follow(scene, 0.03)
     outline = simulation.outline()

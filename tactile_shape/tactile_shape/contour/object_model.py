@@ -18,7 +18,7 @@ COLOURS = {Kind.NONE: (0.6, 0.6, 0.6), Kind.PLANE: (0.30, 0.55, 0.80),
            Kind.GENERAL: (0.75, 0.30, 0.35)}
 STEPS = (5, 5)  # points along the sides of a patch
 TAIL = 100  # contacts about the first and the last point of a contour that tell its ends,
-BEHIND = 0.4  # of the spacing: how far behind the last one; beyond, the pad is on its way
+BEHIND = 0.4  # of the spacing: how far behind the last one; farther, the pad is on its way
 RECENT = 20  # contour points that a new one is compared with
 
 
