@@ -28,6 +28,7 @@ from tactile_sensing.contact.goodness_of_fit import (
     compare,
     refute,
 )
+from tactile_sensing.contact.hills import has_second_hill
 from tactile_sensing.contact.ladder import climb
 from tactile_sensing.contact.model_selection import (
     fit_without_idle_shear,
@@ -63,6 +64,7 @@ RULES = np.dtype([('min_snr', 'f8'), ('model_error', 'f8'), ('max_chi_square', '
 
 _OTHER, _BAD_FIT = int(ContactType.OTHER), int(Reason.BAD_FIT)
 _LOW_SNR, _OFF_PAD = int(Reason.LOW_SNR), int(Reason.OFF_PAD)
+_TWO = int(Reason.TWO_CONTACTS)
 _DEAD, _MISMATCH = int(Reason.DEAD_TACTELS), int(Reason.FORCE_MISMATCH)
 
 
@@ -127,6 +129,9 @@ def estimate_frames(stress, x, y, pitch_x, pitch_y, nodes, window, polynomials, 
         copy_record(estimates, f, memory.estimates, 0)
         best = estimate_frame(
             stress[f], sensor, layers, rules[0], reasons, saturated, calibrated, memory)
+        if memory.estimates[best].reasons & _BAD_FIT and has_second_hill(
+                stress[f], sensor, layers):
+            memory.estimates[best].reasons |= _TWO
         if not calibrated:
             forget_forces(memory.estimates[best])
         copy_record(memory.estimates, best, estimates, f)
