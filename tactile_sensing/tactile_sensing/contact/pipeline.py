@@ -50,12 +50,15 @@ from tactile_sensing.contact.parameters import (
     write_line,
     write_point,
 )
-from tactile_sensing.contact.preprocessing import preprocess
+from tactile_sensing.contact.preprocessing import LEAST_NOISE, noise_left, preprocess
 from tactile_sensing.contact.scatter import measure_scatter
 from tactile_sensing.half_space.kernels import FORCE
 from tactile_sensing.half_space.layers import LAYER, Sensor
 from tactile_sensing.types.contact import ContactType, ESTIMATE, Reason
 
+NOISE_LOOKS = 3  # at noise that nobody tells, each by what the last load has left
+LESS_NOISE = 0.9  # of what was taken: less is worth another fit
+MOST_TOLD = 5  # parameters of a load without extras
 MOST_FAULTS = 3  # tactels that are left out beside the end of a line, or beside a patch
 ANY_MODEL, PENDING = 0, -1  # rules.model, estimate.type
 # How contacts are estimated, see EstimatorConfig; model: ANY_MODEL, POINT or LINE.
@@ -90,7 +93,9 @@ class Memory(NamedTuple):
     fits: np.ndarray  # of FIT: the load; one a rung below; one with idle shear; one with faults
     equations: np.ndarray  # of EQUATIONS, shape (1,)
     state: np.ndarray  # of STATE, shape (1,)
-    estimates: np.ndarray  # of ESTIMATE, shape (2,): of the first model and of the second
+    noise: np.ndarray  # (layers,): least that a load has left [Pa]
+    # Of ESTIMATE, shape (3,): of the first model, of the second, and before there is any.
+    estimates: np.ndarray
 
 
 @njit(error_model='numpy')
@@ -100,7 +105,7 @@ def make_memory(layers, rows, columns, nodes):
     return Memory(
         np.empty(shape), np.empty(shape), np.empty(shape), np.zeros(shape, np.bool_),
         np.zeros(layers, LAYER), make_tactels(layers * rows * columns, nodes), np.zeros(4, FIT),
-        np.zeros(1, EQUATIONS), np.zeros(1, STATE), np.zeros(2, ESTIMATE))
+        np.zeros(1, EQUATIONS), np.zeros(1, STATE), np.empty(layers), np.zeros(3, ESTIMATE))
 
 
 @njit(cache=True, error_model='numpy')
@@ -140,7 +145,7 @@ def estimate_frames(stress, x, y, pitch_x, pitch_y, nodes, window, polynomials, 
 @njit(error_model='numpy', inline='always')
 def estimate_frame(stress, sensor, layers, rules, reasons, saturated, calibrated, memory):
     """Estimate one frame; returns which of the two estimates in the memory holds."""
-    first, second = memory.estimates[0], memory.estimates[1]
+    first = memory.estimates[0]
     if not preprocess(stress, sensor, layers, reasons, saturated, calibrated, memory.censored,
                       first):
         return 0
@@ -148,11 +153,26 @@ def estimate_frame(stress, sensor, layers, rules, reasons, saturated, calibrated
     if not rules.fit:
         first.type = PENDING
         return 0
-    copy_record(memory.estimates, 0, memory.estimates, 1)
+    copy_record(memory.estimates, 0, memory.estimates, 2)
+    best = 0
+    for look in range(1 + NOISE_LOOKS):  # not one after the other: it would be compiled twice
+        copy_record(memory.estimates, 2, memory.estimates, 0)
+        copy_record(memory.estimates, 2, memory.estimates, 1)
+        memory.noise[:] = np.inf
+        best = _estimate_as_likelier(stress, sensor, layers, rules, memory)
+        if look == NOISE_LOOKS or not _lower_noise(layers, memory.noise):
+            break
+    return best
+
+
+@njit(error_model='numpy', inline='always')
+def _estimate_as_likelier(stress, sensor, layers, rules, memory):
+    """Estimate as the likelier kind, and as the other; returns which of the two holds."""
+    first, second = memory.estimates[0], memory.estimates[1]
     model = rules.model
     if rules.model == ANY_MODEL:
         model = likelier_model(stress, sensor, layers)
-    for attempt in range(2):  # not one after the other: `estimate_as` would be compiled twice
+    for attempt in range(2):  # likewise
         estimate_as(
             model, stress, sensor, layers, rules, memory, memory.estimates[attempt])
         if rules.model != ANY_MODEL or not first.reasons & UNCONVINCING:
@@ -162,6 +182,16 @@ def estimate_frame(stress, sensor, layers, rules, reasons, saturated, calibrated
         second.reasons |= first.reasons & _LOW_SNR
         return 1
     return 0
+
+
+@njit(error_model='numpy')
+def _lower_noise(layers, left):
+    """Take a noise that a load has left, where it is told by the picture; whether it is less."""
+    lower = False
+    for k in range(layers.size):
+        if not layers[k].given_noise > 0.0 and left[k] < LESS_NOISE * layers[k].noise:
+            layers[k].noise, lower = left[k], True
+    return lower
 
 
 @njit(error_model='numpy', inline='always')
@@ -197,6 +227,8 @@ def estimate_as(kind, measured, sensor, layers, rules, memory, estimate):
                 break
             left_out = True
     by_noise = 0.0
+    if fitted:
+        _measure_noise(layers, memory)
     if not fitted:
         estimate.type, missed = _OTHER, _BAD_FIT
     else:
@@ -288,6 +320,16 @@ def _fit_mended(kind, sensor, given_layers, forces, mend, rules, memory):
     fitted = fit_load(kind, stress, sensor, layers, forces, rules.model_error, np.inf,
                       rules.gain_spread, memory.tactels, fit)
     return fitted, left_out, variance
+
+
+@njit(error_model='numpy')
+def _measure_noise(layers, memory):
+    """Noise that the load leaves, where nobody tells it, if it is the least so far."""
+    for k in range(layers.size):
+        if not layers[k].given_noise > 0.0:
+            left = noise_left(memory.left[k], memory.censored[k], MOST_TOLD)
+            memory.noise[k] = max(
+                min(memory.noise[k], left), LEAST_NOISE * np.abs(memory.model[k]).max())
 
 
 @njit(error_model='numpy')

@@ -12,6 +12,9 @@ MIN_LIVE = 15  # tactels; three for each parameter of a point
 DETECTION = 5.0  # standard deviations
 # To a neighbour: rows and columns. Edges of any angle run within some degrees of one of them.
 DIRECTIONS = (0, 1), (1, 0), (1, 1), (1, -1), (1, 2), (2, 1), (1, -2), (2, -1)
+LEAST_NOISE = 1e-6  # of the peak
+FEWEST = 9  # second differences that tell noise
+OF_NOISE = 0.6745 * math.sqrt(6.0)  # median absolute second difference of noise of 1
 IMPOSSIBLE = 1e12  # Pa; a tactel that reports more, or no number, is not read
 SILENT = 3.0  # standard deviations below its floor at which a tactel tells nothing
 # Times as many equal readings at the top as just below it, and as of any other number: cut off.
@@ -28,28 +31,54 @@ _SATURATED, _DEAD = int(Reason.SATURATED), int(Reason.DEAD_TACTELS)
 
 
 @njit(error_model='numpy')
+def _second_differences(image, dr, dc, n, second):
+    """Absolute second differences in a direction, behind n others; how many there are then."""
+    side = abs(dc)
+    for r in range(dr, image.shape[0] - dr):
+        for c in range(side, image.shape[1] - side):
+            value = image[r - dr, c - dc] + image[r + dr, c + dc] - 2.0 * image[r, c]
+            if np.isfinite(value):
+                second[n] = abs(value)
+                n += 1
+    return n
+
+
+@njit(error_model='numpy')
 def noise_from_image(pressure):
     """
     Noise of one tactel, from the picture alone [Pa]; NaN if no tactel is left.
 
     Median absolute second difference, in the direction where it is least: an edge is smooth along
-    itself.
+    itself. On few tactels a contact's own curvature makes it too large, see `noise_left`.
     """
-    rows, columns = pressure.shape
-    second = np.empty(rows * columns)
-    best = np.nan
+    second, best = np.empty(pressure.size), np.nan
     for dr, dc in DIRECTIONS:
-        n, side = 0, abs(dc)
-        for r in range(dr, rows - dr):
-            for c in range(side, columns - side):
-                value = pressure[r - dr, c - dc] + pressure[r + dr, c + dc] - 2.0 * pressure[r, c]
-                if np.isfinite(value):
-                    second[n] = abs(value)
-                    n += 1
+        n = _second_differences(pressure, dr, dc, 0, second)
         if n > 0:
-            level = np.median(second[:n]) / (0.6745 * np.sqrt(6.0))
+            level = np.median(second[:n]) / OF_NOISE
             best = level if np.isnan(best) else min(best, level)
     return best
+
+
+@njit(error_model='numpy')
+def noise_left(left, censored, parameters):
+    """
+    Noise of one tactel [Pa], from what a load leaves; infinite where too little is left.
+
+    Median absolute second difference in all directions: of what a wrong load leaves they see
+    less than chi-square does.
+    """
+    rest, live = left.copy(), 0
+    for i in range(rest.size):
+        if censored.flat[i]:
+            rest.flat[i] = np.nan
+        live += np.isfinite(rest.flat[i])
+    second, n = np.empty(len(DIRECTIONS) * rest.size), 0
+    for dr, dc in DIRECTIONS:
+        n = _second_differences(rest, dr, dc, n, second)
+    if n < FEWEST or live <= parameters:
+        return np.inf
+    return np.median(second[:n]) / OF_NOISE * np.sqrt(live / (live - parameters))
 
 
 @njit(error_model='numpy')
@@ -190,7 +219,7 @@ def _noise_of(image, given, floor, censored):
     for value in image.flat:
         if abs(value) > largest:  # false for NaN
             largest = abs(value)
-    least = max(1e-6 * largest, 1e-37)
+    least = max(LEAST_NOISE * largest, 1e-37)
     return max(noise, least) if np.isfinite(noise) else least
 
 
