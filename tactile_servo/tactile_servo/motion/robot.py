@@ -106,6 +106,17 @@ class RobotModel:
         ).reshape(6, -1)  # of one joint it is no matrix
         return np.ascontiguousarray(placement.homogeneous), jacobian
 
+    def bias(self, q: np.ndarray, velocities: np.ndarray) -> np.ndarray:
+        """
+        Acceleration (6,) of the tip frame, in it, where joints (n,) keep their velocities (n,).
+
+        The change of the Jacobian times the velocities [m/s^2, rad/s^2].
+        """
+        pinocchio.forwardKinematics(self._model, self._data, q[self._order],
+                                    velocities[self._order], np.zeros(len(q)))
+        return pinocchio.getFrameAcceleration(
+            self._model, self._data, self._frame, pinocchio.LOCAL).vector
+
     def inverse(self, pose: np.ndarray,
                 seed: Sequence[float] | np.ndarray | None = None) -> np.ndarray:
         """
