@@ -36,6 +36,7 @@ from tactile_sensing.contact.model_selection import (
     overrules,
     UNCONVINCING,
 )
+from tactile_sensing.contact.noise import lower_noise, measure_noise
 from tactile_sensing.contact.outliers import (
     any_off,
     fit_depth,
@@ -50,15 +51,13 @@ from tactile_sensing.contact.parameters import (
     write_line,
     write_point,
 )
-from tactile_sensing.contact.preprocessing import LEAST_NOISE, noise_left, preprocess
+from tactile_sensing.contact.preprocessing import preprocess
 from tactile_sensing.contact.scatter import measure_scatter
 from tactile_sensing.half_space.kernels import FORCE
 from tactile_sensing.half_space.layers import LAYER, Sensor
 from tactile_sensing.types.contact import ContactType, ESTIMATE, Reason
 
 NOISE_LOOKS = 3  # at noise that nobody tells, each by what the last load has left
-LESS_NOISE = 0.9  # of what was taken: less is worth another fit
-MOST_TOLD = 5  # parameters of a load without extras
 MOST_FAULTS = 3  # tactels that are left out beside the end of a line, or beside a patch
 ANY_MODEL, PENDING = 0, -1  # rules.model, estimate.type
 # How contacts are estimated, see EstimatorConfig; model: ANY_MODEL, POINT or LINE.
@@ -160,7 +159,7 @@ def estimate_frame(stress, sensor, layers, rules, reasons, saturated, calibrated
         copy_record(memory.estimates, 2, memory.estimates, 1)
         memory.noise[:] = np.inf
         best = _estimate_as_likelier(stress, sensor, layers, rules, memory)
-        if look == NOISE_LOOKS or not _lower_noise(layers, memory.noise):
+        if look == NOISE_LOOKS or not lower_noise(layers, memory.noise):
             break
     return best
 
@@ -182,16 +181,6 @@ def _estimate_as_likelier(stress, sensor, layers, rules, memory):
         second.reasons |= first.reasons & _LOW_SNR
         return 1
     return 0
-
-
-@njit(error_model='numpy')
-def _lower_noise(layers, left):
-    """Take a noise that a load has left, where it is told by the picture; whether it is less."""
-    lower = False
-    for k in range(layers.size):
-        if not layers[k].given_noise > 0.0 and left[k] < LESS_NOISE * layers[k].noise:
-            layers[k].noise, lower = left[k], True
-    return lower
 
 
 @njit(error_model='numpy', inline='always')
@@ -228,7 +217,7 @@ def estimate_as(kind, measured, sensor, layers, rules, memory, estimate):
             left_out = True
     by_noise = 0.0
     if fitted:
-        _measure_noise(layers, memory)
+        measure_noise(layers, memory)
     if not fitted:
         estimate.type, missed = _OTHER, _BAD_FIT
     else:
@@ -320,16 +309,6 @@ def _fit_mended(kind, sensor, given_layers, forces, mend, rules, memory):
     fitted = fit_load(kind, stress, sensor, layers, forces, rules.model_error, np.inf,
                       rules.gain_spread, memory.tactels, fit)
     return fitted, left_out, variance
-
-
-@njit(error_model='numpy')
-def _measure_noise(layers, memory):
-    """Noise that the load leaves, where nobody tells it, if it is the least so far."""
-    for k in range(layers.size):
-        if not layers[k].given_noise > 0.0:
-            left = noise_left(memory.left[k], memory.censored[k], MOST_TOLD)
-            memory.noise[k] = max(
-                min(memory.noise[k], left), LEAST_NOISE * np.abs(memory.model[k]).max())
 
 
 @njit(error_model='numpy')
