@@ -178,7 +178,8 @@ def test_a_command_is_what_its_parts_give(reach):
                          config.committed)
         positions = kept.positions[-1]
         coast = (COAST + 1.0) * DT
-        pose = ROBOT.pose(positions)
+        end = positions + DT * kept.velocities[-1]
+        pose = ROBOT.pose(end)
         horizon = DT + coast + 2.0 * LIMITS.stopping_time
         velocity = pose[:3, :3] @ twist[:3]
         nearest = np.clip(velocity, np.minimum((box.lower - pose[:3, 3]) / horizon, 0.0),
@@ -187,7 +188,7 @@ def test_a_command_is_what_its_parts_give(reach):
         let = np.append(pose[:3, :3].T @ nearest, twist[3:])
         asked, name, _ = BoundedInverse(
             LIMITS, config.damping, config.rotation_length).solve(
-                ROBOT.jacobian(positions + DT * kept.velocities[-1]), let, positions, DT + coast)
+                ROBOT.jacobian(end), let, positions, DT + coast)
         settling = kept.times[0] > 0.0
         target, scale, kind = limit_velocities(
             LIMITS, positions, kept.velocities[-1], 0.0 * asked if settling else asked, DT, coast)

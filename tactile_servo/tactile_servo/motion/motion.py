@@ -9,7 +9,12 @@ import numpy as np
 from tactile_common.config import bounded
 from tactile_common.kernels import njit
 from tactile_servo.motion.agility import Pace, pace
-from tactile_servo.motion.inverse import agility, BoundedInverse, damped_least_squares
+from tactile_servo.motion.inverse import (
+    agility,
+    BoundedInverse,
+    damped_least_squares,
+    least_squares,
+)
 from tactile_servo.motion.limits import JointLimits, nearest, room, WorkspaceBox
 from tactile_servo.motion.robot import RobotModel
 from tactile_servo.motion.trajectory import Trajectory
@@ -169,24 +174,21 @@ class Motion:
         first = self._stamp_ns is None
         if first:
             self._stamped = stamped and c.stamped
-        pose, _ = self._robot.place(positions)
+        # Velocities are those of the period's end, where the arm stands otherwise: with the
+        # Jacobian of its start a probe that rolls at 1.5 rad/s is led 0.7 mm/s off its surface.
+        end = positions + period * speeds[kept - 1]
+        pose, jacobian = self._robot.place(end)
         if self._workspace is not None:
             twist, clipped = self._workspace.limit(
                 pose, twist, period + coast + 2.0 * self._limits.stopping_time)
             at_wall = 'workspace' if clipped else ''
-        # Velocities are those of the period's end, where the arm stands otherwise: with the
-        # Jacobian of its start a probe that rolls at 1.5 rad/s is led 0.7 mm/s off its surface.
-        end = positions + period * speeds[kept - 1]
-        _, jacobian = self._robot.place(end)
-        # Joint rates that keep a twist change as the arm bends; they do while a window coasts.
-        bend, _ = damped_least_squares(
-            jacobian, -self._robot.bias(end, speeds[kept - 1]), damping=c.damping,
-            rotation_length=c.rotation_length)
         asked, bound, manipulability = self._inverse.solve(
             jacobian, twist, positions, period + coast)
+        bias = self._robot.bias(end, speeds[kept - 1])
         # Whatever that gave: no command passes a limit, and none moves a robot that settles.
         parts = (times, places, speeds, kept, self._limits.bounds)
-        onward = (bend, period, COAST * period, coast, jacobian, wanted, c.rotation_length)
+        onward = (bias, period, COAST * period, coast, jacobian, wanted, c.damping,
+                  c.rotation_length)
         velocities = 0.0 * asked if settling else asked  # what is no number stays none
         scale, kind, joint, progress = _onward(*parts, velocities, *onward)
         if at_wall and self._bends_out(places[:kept + 3]):
@@ -253,8 +255,8 @@ def _begin(times, positions, velocities, elapsed, ahead, *into):
 
 
 @njit(cache=True)
-def _onward(times, places, speeds, kept, bounds, velocities, bend, period, coasting, coast,
-            jacobian, wanted, rotation_length):
+def _onward(times, places, speeds, kept, bounds, velocities, bias, period, coasting, coast,
+            jacobian, wanted, damping, rotation_length):
     """
     Write the window on from its first `kept` points, which are committed, and its velocities.
 
@@ -262,6 +264,8 @@ def _onward(times, places, speeds, kept, bounds, velocities, bend, period, coast
     """
     velocities[:], scale, kind, joint = nearest(
         *bounds, places[kept - 1], speeds[kept - 1], velocities, period, coast)
+    # Joint rates that keep a twist change as the arm bends; they do while the window coasts.
+    bend, _ = least_squares(jacobian, -bias, damping, rotation_length)
     coasted = _coasted(*bounds, places[kept - 1], speeds[kept - 1], velocities, bend, coasting,
                        period + coast)
     window = extended(Window(times[:kept], places[:kept], speeds[:kept]), velocities, coasted,
