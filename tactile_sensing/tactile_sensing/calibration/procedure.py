@@ -7,6 +7,7 @@ import math
 import numpy as np
 
 from tactile_common.errors import ConfigurationError
+from tactile_sensing.calibration.force_scale import edge_force_std
 from tactile_sensing.calibration.gains import flat_field, Gains
 from tactile_sensing.calibration.order import solve_order
 from tactile_sensing.calibration.presses import Presses, sort_presses
@@ -18,6 +19,7 @@ from tactile_sensing.types.skin import Skin
 
 FEWEST_UNLOADED = 20  # frames
 FEWEST_PRESSES = 5  # of a ball, that tell a skin; some twenty are better
+OF_MEDIAN = 1.2533  # standard deviation of a median over that of a mean, of a normal distribution
 
 
 @dataclass
@@ -211,6 +213,7 @@ def _skin(recordings, known, draft, outcome, found, assumed, tell):
             fit = fit_skin(presses.scaled(gains.gain), radius, area=area, start=fit)
             gains = flat_field(presses, radius, fit, area, force, source)
         outcome.gains, gain, spread = gains, gains.gain, gains.left
+        fit = fit_skin(presses.scaled(gain), radius, area=area, start=fit)
         found['gains'] = {'presses': len(presses), 'spread': _short(gains.spread),
                           'left': _short(gains.left)}
     values: dict = {'gain_spread': float(spread)}
@@ -225,12 +228,13 @@ def _skin(recordings, known, draft, outcome, found, assumed, tell):
             'left_out': _short(fit.scatter), 'patch': _short(fit.patch)}
         if not math.isfinite(fit.poisson_std):
             assumed.append(f"a Poisson's ratio of {known.poisson}")
-    if recordings.flat is not None:
-        fit = fit_skin(presses.scaled(gain), radius, area=area, known=fit.skin)
     values['gain'] = known.gain * gain if known.gain else gain
     if recordings.force is not None and not known.gain:
         pressed = source == 'ball'
-        values |= _gain(recordings, presses.number[pressed], fit.amplitudes[pressed], gain, found)
+        values |= _gain(_force(recordings)[presses.number[pressed]]
+                        / fit.amplitudes[pressed, 0], gain, found)
+        values['force_std'] = math.hypot(
+            values['force_std'], edge_force_std(presses.scaled(gain), fit, radius, area))
     outcome.presses, outcome.skin = presses, fit
     return values
 
@@ -240,13 +244,16 @@ def _force(recordings):
     return np.broadcast_to(np.asarray(recordings.force, float), len(recordings.ball))
 
 
-def _gain(recordings, numbers, amplitudes, gain, found):
-    each = _force(recordings)[numbers] / amplitudes[:, 0]
+def _gain(each, gain, found):
+    """Gain and its relative standard deviation, of what each press of known force says of it."""
+    if len(each) < FEWEST_PRESSES:
+        raise ConfigurationError(f'ball: only {len(each)} presses of known force are like the '
+                                 f'others, at least {FEWEST_PRESSES} are needed')
     usual = float(np.median(each))
-    spread = 1.4826 * float(np.median(np.abs(each / usual - 1.0)))
-    found['force'] = {'presses': len(each), 'gain': _short(usual),
-                      'gain_std': _short(usual * spread / math.sqrt(len(each)))}
-    return {'gain': usual * gain, 'unit': 'Pa'}
+    std = OF_MEDIAN * float(np.std(each, ddof=1)) / math.sqrt(len(each))
+    found['force'] = {
+        'presses': len(each), 'gain': _short(usual), 'gain_std': _short(std)}
+    return {'gain': usual * gain, 'unit': 'Pa', 'force_std': std / usual}
 
 
 def _short(value):

@@ -21,6 +21,7 @@ EVIDENCE = 9.0  # chi-square that a further parameter of the skin must explain
 DEPTHS = (0.35, 0.6, 1.0, 1.5, 2.2, 3.2)  # pitches at which the search for the depth begins
 RATIOS = (0.35, 0.8)  # likewise depth over thickness
 STEPS = 25  # at most
+STEP_SIZES = 1e-3, 1e-3, 5e-3  # of the skin's parameters, for derivatives
 SCATTER_ROUNDS = 2
 PATCH, PATCH_STD = 0.5, 0.15  # of a patch's radius over the ball's, before anything is measured
 BAD = 3.0  # times the usual misfit at which a press is none of the ball
@@ -43,6 +44,44 @@ class SkinFit:
     chi_square: float
     misfit: np.ndarray  # (N,): RMS of what is left over what is expected
     free: tuple[int, ...]  # which of depth, thickness and Poisson's ratio were fitted
+    # Of these (logarithm of the depth, depth over thickness, Poisson's ratio) and the patch.
+    covariance: np.ndarray
+
+    def moved_skins(self) -> list[tuple[Skin, float]]:
+        """Skins with one of the fitted parameters a step further, and that step."""
+        return _moved_skins(_theta(self.skin), self.free)
+
+
+def patch_radius(patch: float, ball_radius: float, level: float, skin: Skin) -> float:
+    """Radius of the patch of a ball [m], by Hertz' law of its force over the usual one."""
+    return min(patch * ball_radius * level ** (1 / 3), 0.95 * ball_radius, 1.4 * skin.depth)
+
+
+def levels(forces: np.ndarray) -> np.ndarray:
+    """Forces over the usual one, (N,)."""
+    forces = np.maximum(forces, 1e-12)
+    return np.clip(forces / np.median(forces), 0.05, 20.0)
+
+
+def _skin(theta):
+    """Skin of the logarithm of the depth, depth over thickness, and Poisson's ratio."""
+    depth, ratio = math.exp(theta[0]), min(max(theta[1], 0.0), 1.0)
+    return Skin(depth, depth / ratio if ratio > 1e-3 else math.inf, min(max(theta[2], 0.0), 0.5))
+
+
+def _theta(skin):
+    return np.array([math.log(skin.depth), skin.depth / skin.thickness, skin.poisson])
+
+
+def _moved_skins(theta, free):
+    """See `SkinFit.moved_skins`."""
+    moved = []
+    for k in free:
+        sign = -1.0 if (k == 1 and theta[1] > 0.99) or (k == 2 and theta[2] > 0.49) else 1.0
+        other = theta.copy()
+        other[k] += sign * STEP_SIZES[k]
+        moved.append((_skin(other), sign * STEP_SIZES[k]))
+    return moved
 
 
 class _Problem:
@@ -60,16 +99,9 @@ class _Problem:
         self.amplitudes = np.zeros((len(presses), 3))
         self.scatter = LEAST_SCATTER
 
-    def skin(self, theta):
-        """Skin of the logarithm of the depth, depth over thickness, and Poisson's ratio."""
-        depth, ratio = math.exp(theta[0]), min(max(theta[1], 0.0), 1.0)
-        return Skin(depth, depth / ratio if ratio > 1e-3 else math.inf,
-                    min(max(theta[2], 0.0), 0.5))
-
     def basis(self, pressure, i, place, patch):
         """Pressure by normal force and shear, (tactels, 3)."""
-        radius = min(patch * self.radius * self.level[i] ** (1 / 3),
-                     0.95 * self.radius, 1.4 * pressure.skin.depth)
+        radius = patch_radius(patch, self.radius, self.level[i], pressure.skin)
         return pressure.point_basis(self.x, self.y, *place, radius).reshape(-1, 3)
 
     def fill(self, i):
@@ -106,14 +138,9 @@ def _step(problem, theta, patch, places, free):
     presses, count = problem.presses, len(places)
     n_free = len(free) + 1  # and the patch
     normal, right, chi = np.zeros((n_free, n_free)), np.zeros(n_free), 0.0
-    here = SkinPressure(problem.skin(theta), *problem.size)
-    steps = np.array([1e-3, 1e-3, 5e-3])
-    moved = []
-    for k in free:
-        other = theta.copy()
-        sign = -1.0 if (k == 1 and theta[1] > 0.99) or (k == 2 and theta[2] > 0.49) else 1.0
-        other[k] += sign * steps[k]
-        moved.append((SkinPressure(problem.skin(other), *problem.size), sign * steps[k]))
+    here = SkinPressure(_skin(theta), *problem.size)
+    moved = [(SkinPressure(skin, *problem.size), step)
+             for skin, step in _moved_skins(theta, free)]
     blocks = []
     d = 1e-3 * min(presses.array.pitch_x, presses.array.pitch_y)
     for i in range(count):
@@ -160,8 +187,7 @@ def _iterate(problem, theta, patch, places, free, steps=STEPS):
     covariance = np.zeros((len(free) + 1,) * 2)
     for k in range(steps):
         theta, patch, places, chi, covariance, step = _step(problem, theta, patch, places, free)
-        force = np.maximum(problem.amplitudes[:, 0], 1e-12)
-        problem.level = np.clip(force / np.median(force), 0.05, 20.0)
+        problem.level = levels(problem.amplitudes[:, 0])
         if k > 2 and abs(before - chi) < 1e-3 * max(chi, 1.0) ** 0.5 and (
                 np.abs(step).max() < 1e-3):
             break
@@ -234,7 +260,7 @@ def fit_skin(presses: Presses, ball_radius: float, *, area: bool = True,
     free: tuple[int, ...] = ()
     skin = start.skin if start else known
     if skin:
-        theta = np.array([math.log(skin.depth), skin.depth / skin.thickness, skin.poisson])
+        theta = _theta(skin)
     else:
         theta = _start(problem, presses, places)
     if start:
@@ -262,24 +288,25 @@ def _scatter(problem):
 
 
 def _result(problem, theta, patch, places, chi, covariance, free):
-    skin = problem.skin(theta)
+    skin = _skin(theta)
     live = problem.weight > 0.0
     rest = np.where(live, (problem.values - problem.models) * problem.weight, 0.0)
     misfit = np.sqrt((rest**2).sum(axis=(1, 2)) / live.sum(axis=(1, 2)))
     spread = max(1.0, chi / max(live.sum() - 5 * len(places), 1))
-    std = dict(zip(free, np.sqrt(spread * np.diag(covariance)), strict=False))
+    covariance = spread * covariance
+    std = dict(zip(free, np.sqrt(np.diag(covariance)), strict=False))
     depth_std = skin.depth * std.get(0, 0.0)
     thickness_std = poisson_std = math.inf
     if 1 in free and not skin.is_half_space:
         # thickness = depth / ratio
         gradient = np.array([1.0, -1.0 / theta[1]])
-        block = covariance[np.ix_((0, 1), (0, 1))] * spread
-        thickness_std = skin.thickness * math.sqrt(max(gradient @ block @ gradient, 0.0))
+        thickness_std = skin.thickness * math.sqrt(
+            max(gradient @ covariance[:2, :2] @ gradient, 0.0))
     if 2 in free:
         poisson_std = std[2]
     return SkinFit(skin, depth_std, thickness_std, poisson_std, patch, places,
                    problem.amplitudes.copy(), problem.models.copy(), problem.scatter, chi, misfit,
-                   free)
+                   free, covariance)
 
 
 def bad_presses(fit: SkinFit) -> np.ndarray:
