@@ -60,14 +60,15 @@ def ball(backing, poisson=0.45, radius=1e-3):
     return found
 
 
-def pad(profile, array, converter, rng, *, gains=1.0, presses=20, flat=0, least=1.0):
-    """Calibration by presses of a ball, with `least` times its force to all of it."""
+def pad(profile, array, converter, rng, *, gains=1.0, presses=20, flat=0, least=1.0, held=1):
+    """Calibration by presses of a ball, with `least` times its force to all, held some frames."""
     highest = profile['pressure'].max()
 
     def pressed(count, reach):
         places, share = rng.uniform(-reach, reach, (count, 2)), rng.uniform(least, 1.0, count)
         pictures = rendered(profile, array, places) * (share / highest)[:, None, None]
-        return converter(pictures, rng, gains), share * profile['force']
+        return (converter(np.repeat(pictures, held, axis=0), rng, gains),
+                np.repeat(share, held) * profile['force'])
     unloaded = converter(np.zeros((100, *array.shape)), rng)
     frames, force = pressed(presses, 8e-3)
     recordings = Recordings(
@@ -117,12 +118,16 @@ def gains(seeds):
         spread = 1.0 + 0.1 * rng.standard_normal(array.shape)
         places = drawn(profile, 200, rng)
         pictures = rendered(profile, array, places) / highest
-        for name, gain, flat, least in (
-                ('uniform', 1.0, 0, 1.0), ('off, forty presses of one weight', spread, 40, 1.0),
-                ('off, forty presses of any force', spread, 40, 0.5),
-                ('off, none', spread, 0, 1.0)):
+        for name, gain, flat, least, held in (
+                ('uniform', 1.0, 0, 1.0, 1),
+                ('off, forty presses of one weight', spread, 40, 1.0, 1),
+                ('off, forty presses of one weight, ten frames each', spread, 40, 1.0, 10),
+                ('off, forty presses of any force', spread, 40, 0.5, 1),
+                ('off, forty presses of any force, ten frames each', spread, 40, 0.5, 10),
+                ('off, none', spread, 0, 1.0, 1)):
             converter = Converter()
-            known = pad(profile, array, converter, rng, gains=gain, flat=flat, least=least)
+            known = pad(profile, array, converter, rng, gains=gain, flat=flat, least=least,
+                        held=held)
             found = estimated(known, converter(pictures, rng, gain))
             row = points(found, places, profile['force'])
             inner = (known.gain * gain)[3:-3, 3:-3]

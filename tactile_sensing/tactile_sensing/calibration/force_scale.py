@@ -49,11 +49,11 @@ def _by_presses(presses, fit, ball_radius, here, moved):
     """Derivatives of the mean logarithm of the presses' forces by skin and patch."""
     x, y = presses.array.x[None, :], presses.array.y[:, None]
     total, d = np.zeros(len(moved) + 1), STEP * presses.array.pitch_x
-    for values, model, (a, b), amplitudes, level in zip(
-            presses.values, fit.models, fit.places, fit.amplitudes,
+    for values, noise, model, (a, b), amplitudes, level in zip(
+            presses.values, presses.noise, fit.models, fit.places, fit.amplitudes,
             levels(fit.amplitudes[:, 0]), strict=True):
         weight = np.where(np.isfinite(values), 1.0 / np.hypot(
-            presses.noise, fit.scatter * model), 0.0).reshape(-1, 1)
+            noise, fit.scatter * model), 0.0).reshape(-1, 1)
 
         def basis(pressure, dx=0.0, dy=0.0, wider=0.0, a=a, b=b, level=level):
             return pressure.point_basis(x, y, a + dx, b + dy, patch_radius(

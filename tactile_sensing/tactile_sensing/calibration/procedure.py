@@ -165,6 +165,7 @@ def _presses(frames, calibration, force=None):
     arranged = calibration.arrange(np.asarray(frames, dtype=np.float64))
     full = (arranged >= calibration.counts.saturation) & calibration.live
     noise = np.maximum(calibration.noise.astype(float), 12**-0.5)
+    noise = np.broadcast_to(noise, arranged.shape)
     values = np.where(calibration.live & ~full, arranged - calibration.baseline, np.nan)
     floor = calibration.counts.threshold - 0.5 - calibration.baseline.astype(float)
     number = np.arange(len(values))
@@ -177,8 +178,9 @@ def _sorted(name, frames, calibration, outcome):
     outcome.left_out[name] = bad
     if len(good) < FEWEST_PRESSES:
         why = '; '.join(f'frame {k}: {text}' for k, text in list(bad.items())[:3])
-        raise ConfigurationError(f'{name}: only {len(good)} of {len(frames)} frames show one '
-                                 f'press, at least {FEWEST_PRESSES} are needed ({why})')
+        raise ConfigurationError(
+            f'{name}: only {len(frames) - len(bad)} of {len(frames)} frames show one press, '
+            f'{len(good)} different ones, at least {FEWEST_PRESSES} are needed ({why})')
     return good
 
 

@@ -106,7 +106,7 @@ class _Problem:
 
     def fill(self, i):
         """Values of a press; what is below the floor as the model expects it there."""
-        noise, floor = self.presses.noise, self.presses.floor
+        noise, floor = self.presses.noise[i], self.presses.floor
         raw, model = self.presses.values[i], self.models[i]
         below = raw <= floor
         if not below.any():
@@ -277,7 +277,7 @@ def fit_skin(presses: Presses, ball_radius: float, *, area: bool = True,
 def _scatter(problem):
     """Share of the pressure by which tactels are off, so that chi-square is as expected."""
     rest = np.where(problem.weight > 0.0, problem.values - problem.models, np.nan)
-    noise = np.broadcast_to(problem.presses.noise, rest.shape)
+    noise = problem.presses.noise
     strong = problem.models > 0.03 * problem.models.max(axis=(1, 2), keepdims=True)
     strong &= np.isfinite(rest)
     # Place, force and shear of a press take up what five of its tactels are off.
