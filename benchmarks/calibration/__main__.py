@@ -187,7 +187,7 @@ def objects(seeds):
                 places = drawn(profile, frames, rng)
                 pictures = rendered(profile, array, places)
                 found = estimated(skins[skin], Converter()(pictures / pictures.max(), rng))
-                judged = judge(profile, places, _scaled(found, pictures.max(), skin))
+                judged = judge(profile, places, scaled(found, pictures.max(), skin))
                 blunt = np.mean(~found['valid'] | (found['patch'] > 0.0))
                 rows.setdefault((size, str(profile['kind'])), []).append((judged, blunt))
     return table(['tactels', 'object', 'right', 'wrong', 'refused', 'patch or refused', 'force',
@@ -202,7 +202,7 @@ def objects(seeds):
         for (size, kind), some in rows.items()])
 
 
-def _scaled(found, highest, skin):
+def scaled(found, highest, skin):
     """Forces of pictures that the converter has scaled to their highest pressure."""
     found = found.copy()
     factor = highest / ball(*skin)['pressure'].max()
