@@ -105,6 +105,19 @@ def test_gains_of_the_tactels(there, profile, held, left):
     assert any('no force is known' in text for text in pad.found['assumed'])
 
 
+def test_a_wrong_ball_is_doubted_and_a_missing_recording_is_named(there, profile, capsys):
+    rng = np.random.default_rng(9)
+    np.savez('b.npz', frames=digitised(presses(profile, 8, rng)[0], rng))
+    known = ['--ball', 'b.npz', '--depth', f'{DEPTH}', '--thickness', f'{BACKING}']
+    for radius, doubted in ((BALL, False), (0.5 * BALL, True)):
+        assert calibrate.main([
+            *OPTIONS, '--unloaded', 'u.npz', *known, '--ball-radius', f'{radius}']) == 0
+        told = 'doubtful: the ball touches within' in capsys.readouterr().err
+        assert told == doubted == ('doubtful' in load_calibration('pad.yaml').found)
+    assert calibrate.main([*OPTIONS, *known, '--ball-radius', f'{BALL}']) == 1
+    assert '--unloaded is missing' in capsys.readouterr().err
+
+
 def test_presses_of_another_weight_are_left_alone():
     """Of one weight in each file within 1 %, but one press twice as hard."""
     expected, told, source = np.repeat([1.0, 3.0], 20), np.ones(40), np.repeat([0, 1], 20)

@@ -47,10 +47,10 @@ class Presses:
             self.array, self.values[chosen], self.noise[chosen], self.floor, self.number[chosen])
 
     def averaged(self) -> 'Presses':
-        """Return the presses with consecutive frames that differ by noise alone as one."""
+        """Return the presses with frames in turn that differ by noise alone as one."""
         groups: list[list[int]] = []
-        for i, number in enumerate(self.number):
-            if groups and number == self.number[i - 1] + 1 and self._is_like(i, groups[-1]):
+        for i in range(len(self)):
+            if groups and self._is_like(i, groups[-1]):
                 groups[-1].append(i)
             else:
                 groups.append([i])

@@ -19,6 +19,9 @@ from tactile_sensing.types.skin import Skin
 
 FEWEST_UNLOADED = 20  # frames
 FEWEST_PRESSES = 5  # of a ball, that tell a skin; some twenty are better
+MOST_LEFT_OUT = 0.04  # share of the pressure that a skin and a ball may leave unexplained
+USUAL_PATCH = 0.25, 0.75  # radius of a patch over that of the ball
+UNLOADED = 0.03  # of the peak, less than which tactels far from a press read
 OF_MEDIAN = 1.2533  # standard deviation of a median over that of a mean, of a normal distribution
 
 
@@ -196,6 +199,8 @@ def _skin(recordings, known, draft, outcome, found, assumed, tell):
         presses = presses.joined(other)
     source = np.repeat(list(parts), [len(part) for part in parts.values()])
     given = Skin(known.depth, known.thickness or math.inf, known.poisson) if known.depth else None
+    if recordings.unloaded is None:
+        _check_unloaded(presses)
     tell(f'skin from {len(presses)} presses')
     fit = fit_skin(presses, radius, area=area, known=given)
     bad = bad_presses(fit)
@@ -204,21 +209,19 @@ def _skin(recordings, known, draft, outcome, found, assumed, tell):
             outcome.left_out[name][int(number)] = 'unlike the others: no ball, or it moved'
         presses, source = presses.only(~bad), source[~bad]
         fit = fit_skin(presses, radius, area=area, known=given)
-    gain, spread = np.ones(draft.array.shape), fit.scatter
+    gain, pressed = np.ones(draft.array.shape), source == 'ball'
+    force = np.ones(len(presses))
+    if recordings.force is not None:
+        force[pressed] = _force(recordings)[presses.number[pressed]]
     if recordings.flat is not None:
         tell(f'gains from {len(presses)} presses')
-        force = np.ones(len(presses))
-        if recordings.force is not None:
-            force[source == 'ball'] = _force(recordings)[presses.number[source == 'ball']]
-        gains = flat_field(presses, radius, fit, area, force, source)
-        if not given:  # gains that differ had moved the skin, and the skin the gains
-            fit = fit_skin(presses.scaled(gains.gain), radius, area=area, start=fit)
+        for _ in range(1 if given else 2):  # gains that differ move the skin, the skin the gains
             gains = flat_field(presses, radius, fit, area, force, source)
-        outcome.gains, gain, spread = gains, gains.gain, gains.left
-        fit = fit_skin(presses.scaled(gain), radius, area=area, start=fit)
+            fit = fit_skin(presses.scaled(gains.gain), radius, area=area, start=fit)
+        outcome.gains, gain = gains, gains.gain
         found['gains'] = {'presses': len(presses), 'spread': _short(gains.spread),
                           'left': _short(gains.left)}
-    values: dict = {'gain_spread': float(spread)}
+    values: dict = {'gain_spread': float(outcome.gains.left if outcome.gains else fit.scatter)}
     if not given:
         if assumed and assumed[-1].startswith('tactels one pitch'):
             assumed.pop()
@@ -230,15 +233,36 @@ def _skin(recordings, known, draft, outcome, found, assumed, tell):
             'left_out': _short(fit.scatter), 'patch': _short(fit.patch)}
         if not math.isfinite(fit.poisson_std):
             assumed.append(f"a Poisson's ratio of {known.poisson}")
+    if doubts := _doubts(fit, radius, recordings.flat is not None):
+        found['doubtful'] = doubts
     values['gain'] = known.gain * gain if known.gain else gain
     if recordings.force is not None and not known.gain:
-        pressed = source == 'ball'
-        values |= _gain(_force(recordings)[presses.number[pressed]]
-                        / fit.amplitudes[pressed, 0], gain, found)
-        values['force_std'] = math.hypot(
-            values['force_std'], edge_force_std(presses.scaled(gain), fit, radius, area))
+        values |= _gain(force[pressed] / fit.amplitudes[pressed, 0], gain, found)
+        values['force_std'] = math.hypot(values['force_std'], edge_force_std(
+            presses.scaled(gain), fit, radius, area))
     outcome.presses, outcome.skin = presses, fit
     return values
+
+
+def _check_unloaded(presses):
+    each = presses.values.reshape(len(presses), -1)
+    low = float(np.median(np.nanquantile(each, 0.05, axis=1)))
+    if low > UNLOADED * np.median(np.nanmax(each, axis=1)):
+        raise ConfigurationError(f'tactels that nothing presses read {low:.0f} counts: --unloaded '
+                                 'is missing, frames of the unloaded pad')
+
+
+def _doubts(fit, radius, flat):
+    """What a skin that was found has of one that is none, as a wrong ball or pitch makes it."""
+    doubts, check = [], 'check --ball-radius and --pitch'
+    if fit.scatter > MOST_LEFT_OUT:
+        doubts.append(f'{100.0 * fit.scatter:.0f} % of the pressure is not that of a ball of '
+                      f'{1e3 * radius:g} mm radius (usual: less than {100.0 * MOST_LEFT_OUT:.0f} '
+                      f'%): {check}' + ('' if flat else ', or gains differ: record --flat'))
+    if not USUAL_PATCH[0] < fit.patch < USUAL_PATCH[1]:
+        doubts.append(f'the ball touches within {fit.patch:.2f} of its radius (usual: '
+                      f'{USUAL_PATCH[0]} to {USUAL_PATCH[1]}): {check}')
+    return doubts
 
 
 def _force(recordings):

@@ -159,7 +159,8 @@ def describe(outcome: Outcome) -> str:
         lines += [f'{name}, frame {k} left out: {bad[k]}' for k in numbers]
         if len(bad) > MOST_NAMED:
             lines.append(f'{name}: and {len(bad) - MOST_NAMED} more')
-    lines += [f'assumed: {text}' for text in found['assumed']]
+    lines += [f'{kind}: {text}' for kind in ('assumed', 'doubtful')
+              for text in found.get(kind, [])]
     return '\n'.join(lines)
 
 
