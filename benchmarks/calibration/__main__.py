@@ -2,7 +2,8 @@
 What calibrations are worth: pictures by finite elements, digitised, calibrated, estimated.
 
 Everything goes the way of the commands `calibrate` and `estimate`. Tables are printed, of
-sensors whose gains differ (`gains`), converters (`counts`) and objects on skins (`objects`).
+sensors whose gains differ (`gains`) and what can be had of these at best (`bound`), converters
+(`counts`) and objects on skins (`objects`).
 """
 
 import argparse
@@ -10,6 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from benchmarks.calibration.bound import bound
 from benchmarks.contact.cases.real_skin import ARRAYS, drawn, judge, rendered
 from benchmarks.contact.fe_frames import profiles
 from benchmarks.contact.tables.limits import table
@@ -212,7 +214,7 @@ def scaled(found, highest, skin):
     return found
 
 
-TABLES = {'gains': gains, 'counts': counts, 'objects': objects}
+TABLES = {'gains': gains, 'bound': bound, 'counts': counts, 'objects': objects}
 
 
 def main():

@@ -39,7 +39,8 @@ class Presses:
     def joined(self, other: 'Presses') -> 'Presses':
         """Return these and other presses of the same array."""
         return Presses(self.array, np.concatenate([self.values, other.values]),
-                       np.concatenate([self.noise, other.noise]), self.floor, np.concatenate([self.number, other.number]))
+                       np.concatenate([self.noise, other.noise]), self.floor,
+                       np.concatenate([self.number, other.number]))
 
     def only(self, chosen: np.ndarray) -> 'Presses':
         """Return the presses that are chosen."""
