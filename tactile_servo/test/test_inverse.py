@@ -133,18 +133,21 @@ def test_whatever_the_solver_answers_no_limit_is_passed(monkeypatch, answer):
 
 
 class _Slides:
-    """Six joints, each along or about one axis of the tip."""
+    """Joints, each along or about one axis of the tip, and any change of their rates."""
 
-    def __init__(self, jacobian):
-        self._jacobian = np.ascontiguousarray(jacobian)
+    def __init__(self, jacobian, bias=0.0):
+        self._jacobian, self._bias = np.ascontiguousarray(jacobian), bias
 
     def place(self, positions):
         return np.eye(4), self._jacobian
 
+    def bias(self, positions, velocities):
+        return np.full(6, self._bias)
 
-def _motion_at(positions, jacobian=None, limits=None):
+
+def _motion_at(positions, jacobian=None, limits=None, bias=0.0):
     joints = len(positions)
-    motion = Motion(_Slides(np.eye(6) if jacobian is None else jacobian),
+    motion = Motion(_Slides(np.eye(6) if jacobian is None else jacobian, bias),
                     limits or limits_of(joints), MotionConfig(), DT)
     motion.seed(positions)
     return motion
@@ -155,7 +158,13 @@ def _step_within(motion, twist, now_ns):
     step = motion.command(twist, now_ns)
     assert (np.abs(motion.velocities) <= limits.velocity + 1e-12).all()
     assert (np.abs(motion.velocities - before) <= limits.acceleration * DT + 1e-12).all()
-    assert step.trajectory is None or (np.abs(step.trajectory.positions) <= 2.0 + 1e-9).all()
+    if step.trajectory is not None:
+        speeds = step.trajectory.velocities
+        assert (np.abs(step.trajectory.positions) <= 2.0 + 1e-9).all()
+        assert (np.abs(speeds) <= limits.velocity + 1e-12).all()
+        changes = np.diff(speeds, axis=0) / np.diff(step.trajectory.times)[:, None]
+        assert (np.abs(changes) <= limits.acceleration * (1.0 + 1e-6)).all()
+        assert not speeds[-1].any()
     assert 0.0 <= step.scale <= 1.0
 
 
@@ -166,11 +175,11 @@ numbers = st.floats(-20.0, 20.0) | st.sampled_from([0.0, float('nan'), float('in
 @given(joints=st.sampled_from([5, 6, 7]), seed=st.integers(0, 2**31),
        starts=st.lists(st.sampled_from([-2.0, 2.0, 0.0, 1.999]), min_size=7, max_size=7),
        twists=st.lists(st.lists(numbers, min_size=6, max_size=6), min_size=1, max_size=6),
-       rank=st.integers(0, 6))
-def test_any_twist_from_any_start_keeps_every_limit(joints, seed, starts, twists, rank):
+       rank=st.integers(0, 6), bias=numbers)
+def test_any_twist_from_any_start_keeps_every_limit(joints, seed, starts, twists, rank, bias):
     rng = np.random.default_rng(seed)
     jacobian = rng.normal(size=(6, rank)) @ rng.normal(size=(rank, joints))
-    motion = _motion_at(np.array(starts[:joints]), jacobian)
+    motion = _motion_at(np.array(starts[:joints]), jacobian, bias=bias)
     for cycle, twist in enumerate(twist for twist in twists for _ in range(60)):
         _step_within(motion, np.array(twist), cycle * DT_NS)
 

@@ -178,7 +178,8 @@ def test_a_command_is_what_its_parts_give(reach):
                          config.committed)
         positions = kept.positions[-1]
         coast = (COAST + 1.0) * DT
-        pose = ROBOT.pose(positions)
+        end = positions + DT * kept.velocities[-1]
+        pose = ROBOT.pose(end)
         horizon = DT + coast + 2.0 * LIMITS.stopping_time
         velocity = pose[:3, :3] @ twist[:3]
         nearest = np.clip(velocity, np.minimum((box.lower - pose[:3, 3]) / horizon, 0.0),
@@ -187,7 +188,7 @@ def test_a_command_is_what_its_parts_give(reach):
         let = np.append(pose[:3, :3].T @ nearest, twist[3:])
         asked, name, _ = BoundedInverse(
             LIMITS, config.damping, config.rotation_length).solve(
-                ROBOT.jacobian(positions + DT * kept.velocities[-1]), let, positions, DT + coast)
+                ROBOT.jacobian(end), let, positions, DT + coast)
         settling = kept.times[0] > 0.0
         target, scale, kind = limit_velocities(
             LIMITS, positions, kept.velocities[-1], 0.0 * asked if settling else asked, DT, coast)
@@ -198,11 +199,37 @@ def test_a_command_is_what_its_parts_give(reach):
         if settling and before is not None:
             assert step.trajectory is None  # the controller plays what it was sent first
             continue
-        before, window = now, extended(kept, target, DT, COAST * DT, LIMITS.acceleration)
+        before, window = now, extended(kept, target, motion._window.velocities[-2], DT,
+                                       COAST * DT, LIMITS.acceleration)
         for one, other in zip(motion._window, window, strict=True):
             np.testing.assert_allclose(one, other, rtol=0, atol=1e-11)
         window = motion._window  # what one cycle rounds is not the next one's affair
     assert bound and (clipped > 0) == (reach < 1.0)
+
+
+def test_a_window_that_is_not_renewed_keeps_the_twist_of_the_sensor():
+    motion = motion_at([0.0, 0.0, 0.0, 0.3, 0.5, 0.2])
+    driven(motion, np.zeros(6), round(SETTLING / DT))
+    twist = np.array([0.1, 0.05, 0.0, 0.5, 0.3, -0.4])
+    window = driven(motion, twist, 400).trajectory
+    (turned, begin), (left, end) = [
+        (ROBOT.jacobian(window.positions[k]) @ window.velocities[k], window.velocities[k])
+        for k in (-3, -2)]  # before and after coasting
+    np.testing.assert_allclose(turned, twist, atol=2e-3)
+    np.testing.assert_allclose(left, turned, atol=1e-4)
+    straight = ROBOT.jacobian(window.positions[-2]) @ begin
+    assert np.abs(straight - turned).max() > 1e-3  # as one that coasts in joint space would not
+
+
+def test_what_comes_to_rest_does_not_coast_back():
+    motion = motion_at([0.0, 0.0, 0.0, 0.3, 0.5, 0.2])
+    driven(motion, np.zeros(6), round(SETTLING / DT))
+    driven(motion, [0.1, 0.05, 0.0, 0.5, 0.3, -0.4], 400)
+    for _ in range(200):
+        window = driven(motion, np.zeros(6), 1).trajectory
+        speeds = np.abs(window.velocities)
+        assert (speeds[-2] <= speeds[-3] + 1e-3).all()
+    assert motion.standing
 
 
 def test_a_command_that_is_not_sent_in_time_is_forgotten():

@@ -90,6 +90,16 @@ def test_joint_order_can_be_chosen(puma):
     np.testing.assert_array_equal(shuffled.lower, puma.lower[order])
 
 
+def test_bias_is_the_change_of_the_jacobian_times_the_velocities(puma):
+    rng, step, order = np.random.default_rng(1), 1e-6, [3, 0, 5, 1, 4, 2]
+    shuffled = RobotModel.from_urdf(PUMA, 'tactile_pad', [puma.joint_names[i] for i in order])
+    for q in rng.uniform(puma.lower, puma.upper, (50, 6)):
+        v = rng.normal(size=6)
+        change = puma.jacobian(q + step * v) - puma.jacobian(q - step * v)
+        np.testing.assert_allclose(puma.bias(q, v), change @ v / (2.0 * step), atol=1e-8)
+        np.testing.assert_allclose(shuffled.bias(q[order], v[order]), puma.bias(q, v), atol=1e-12)
+
+
 @pytest.mark.parametrize('kind', ['revolute', 'prismatic'])
 def test_one_joint_is_a_chain_too(kind):
     hinge, q = RobotModel.from_urdf(urdf(kind), 'tip'), np.array([0.3])

@@ -37,7 +37,7 @@ def next_window(window, elapsed, wanted):
     kept = committed(window, elapsed, AHEAD)
     velocities, _, _ = limit_velocities(
         LIMITS, kept.positions[-1], kept.velocities[-1], wanted, PERIOD, COAST + PERIOD)
-    return kept, extended(kept, velocities, PERIOD, COAST, LIMITS.acceleration)
+    return kept, extended(kept, velocities, velocities, PERIOD, COAST, LIMITS.acceleration)
 
 
 @settings(max_examples=200, deadline=None)
@@ -97,7 +97,7 @@ def test_cycles_that_nearly_coincide_do_not_bend_what_is_committed():
 def test_the_end_brakes_evenly_within_the_acceleration(target):
     target, limits = np.array(target), LIMITS
     kept = Window(np.array([AHEAD]), np.zeros((1, 3)), target[None])
-    window = extended(kept, target, PERIOD, COAST, limits.acceleration)
+    window = extended(kept, target, target, PERIOD, COAST, limits.acceleration)
     np.testing.assert_allclose(np.diff(window.times)[:2], [PERIOD, COAST])
     stop = window.times[-1] - window.times[-2]
     assert stop == pytest.approx(max(0.01, (np.abs(target) / limits.acceleration).max()))

@@ -40,6 +40,12 @@ def largest(values: np.ndarray) -> float:
     return float(values.max()) if len(values) else NAN
 
 
+def roughest(accelerations: np.ndarray) -> float:
+    """Return the RMS of the joint of which it is largest, of (K, n)."""
+    return (largest(np.sqrt(np.nanmean(accelerations**2, axis=0))) if accelerations.size
+            else NAN)
+
+
 def percentile(values: Sequence[float] | np.ndarray, percent: float = 50.0) -> float:
     """Return a percentile, the median unless told."""
     return float(np.percentile(values, percent)) if len(values) else NAN
@@ -120,8 +126,7 @@ METRICS = (
     Metric('joint_acceleration_max', 'joint acceleration, largest', 'rad/s^2', 1.0, 1,
            lambda e: largest(e.acceleration)),
     Metric('joint_acceleration_rms', 'RMS of the roughest joint', 'rad/s^2', 1.0, 2,
-           lambda e: largest(np.sqrt(np.nanmean(e.acceleration**2, axis=0)))
-           if e.acceleration.size else NAN),
+           lambda e: roughest(e.acceleration)),
     Metric('pad_speed_scatter', "scatter of the pad's speed", 'mm/s', 1e3, 2,
            lambda e: scatter(e.truth.time, e.truth.speed, e.truth.settled)),
     Metric('contour_max_error', 'rebuilt outline within', 'mm', 1e3, 3,

@@ -42,7 +42,8 @@ def summarise_surface(simulation: SurfaceSimulation, goal: SurfaceGoal, status, 
                       elapsed: float = NAN) -> dict[str, Any]:
     """Summary of a run with the keys and SI units of every command."""
     scene, truth = simulation.scene, simulation.surface_truth()
-    measured = measure_surface(scene, truth, simulation.contacts, goal.force)
+    measured = measure_surface(scene, truth, simulation.contacts, goal.force,
+                               simulation.accelerations())
     return {
         'ok': bool(simulation.servo.success) and not measured['broken'],
         'state': status.state.name.lower(), 'reason': status.reason.text,

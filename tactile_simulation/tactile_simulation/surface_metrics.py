@@ -3,7 +3,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from tactile_simulation.metrics import largest, NAN, rms
+from tactile_simulation.metrics import largest, NAN, rms, roughest
 from tactile_simulation.scene_surface import SurfaceScene
 from tactile_simulation.surface_objects import normal_at
 
@@ -29,8 +29,12 @@ def place_on_pad(scene: SurfaceScene, pose: np.ndarray) -> np.ndarray:
 
 
 def measure_surface(scene: SurfaceScene, truth: SurfaceTruth, contacts: np.ndarray,
-                    force: float) -> dict[str, Any]:
-    """Numbers of a run with a wanted force [N], of the contacts (N, 3) that it felt [m]."""
+                    force: float, accelerations: np.ndarray) -> dict[str, Any]:
+    """
+    Numbers of a run with a wanted force [N], of the contacts (N, 3) that it felt [m].
+
+    The accelerations (K, n) are those of the joints [rad/s^2].
+    """
     errors = scene.surface.distance(contacts) if len(contacts) else np.zeros(0)
     aside, settled = np.hypot(*truth.place.T)[truth.settled], truth.force[truth.settled]
     tracked, fragile = truth.force[truth.tracking], scene.touch.fragile
@@ -40,4 +44,6 @@ def measure_surface(scene: SurfaceScene, truth: SurfaceTruth, contacts: np.ndarr
         'contact_kept': float(np.mean(tracked > TOUCHING * force)) if len(tracked) else 0.0,
         'force_target': force, 'force_mean': float(np.mean(settled)) if len(settled) else NAN,
         'force_rms_error': rms(settled - force), 'force_max': largest(truth.force),
+        'joint_acceleration_max': largest(accelerations),
+        'joint_acceleration_rms': roughest(accelerations),
         'broken': bool(fragile and largest(truth.force) > fragile)}

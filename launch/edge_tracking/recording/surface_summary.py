@@ -51,7 +51,8 @@ def summarise_surface_run(run: RunData, scene: SurfaceScene, truth: SurfaceTruth
     Forces, places on the pad and the distances of the contacts are those of the scene at the
     recorded poses; `ok` only if the action succeeded and nothing fragile broke.
     """
-    measured = measure_surface(scene, truth, run.touches.position, force)
+    measured = measure_surface(scene, truth, run.touches.position, force,
+                               run.joint_acceleration)
     summary = {
         **of_servo(run, scene.name, reason, reason_code, speed, seed),
         **measured, **told_shape(run.patches)}

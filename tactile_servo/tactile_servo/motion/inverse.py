@@ -62,9 +62,14 @@ def damped_least_squares(jacobian: np.ndarray, twist: np.ndarray, *, damping: fl
     smallest : float
         Smallest singular value of the weighted Jacobian [m/rad].
     """
-    jacobian = np.ascontiguousarray(jacobian, dtype=float)
-    return _free(jacobian, np.ascontiguousarray(twist, dtype=float),
-                 np.zeros(jacobian.shape[1]), damping, rotation_length)
+    return least_squares(np.ascontiguousarray(jacobian, dtype=float),
+                         np.ascontiguousarray(twist, dtype=float), damping, rotation_length)
+
+
+@njit(cache=True)
+def least_squares(jacobian, twist, damping, rotation_length):
+    """Law of `damped_least_squares`."""
+    return _free(jacobian, twist, np.zeros(jacobian.shape[1]), damping, rotation_length)
 
 
 class BoundedInverse:

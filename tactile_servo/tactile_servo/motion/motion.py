@@ -1,6 +1,7 @@
 """From the wanted twist of the sensor to joint commands that keep every limit."""
 
 from dataclasses import dataclass, field
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -8,13 +9,17 @@ import numpy as np
 from tactile_common.config import bounded
 from tactile_common.kernels import njit
 from tactile_servo.motion.agility import Pace, pace
-from tactile_servo.motion.inverse import agility, BoundedInverse, damped_least_squares
-from tactile_servo.motion.limits import JointLimits, nearest, WorkspaceBox
+from tactile_servo.motion.inverse import (
+    agility,
+    BoundedInverse,
+    damped_least_squares,
+    least_squares,
+)
+from tactile_servo.motion.limits import JointLimits, nearest, room, WorkspaceBox
 from tactile_servo.motion.robot import RobotModel
 from tactile_servo.motion.trajectory import Trajectory
 from tactile_servo.motion.window import APART, at_rest, committed, extended, Window
 
-AHEAD = 0.02  # rad, by which joints are moved on to see how their rates change
 UNDAMPED = 1e-6  # damping that does nothing [m/rad]
 COAST = 8.0  # control periods that a window goes on before it brakes
 SETTLING = 0.1  # s at least, in which the robot's controller comes to where a motion is started
@@ -109,12 +114,10 @@ class Motion:
         """
         limits, joints = self._limits, self.positions
         rates, _ = damped_least_squares(self._jacobian, way, damping=UNDAMPED)
-        reach = AHEAD / max(float(np.abs(rates).max()), 1e-9)
-        _, jacobian = self._robot.place(joints + reach * rates)
-        ahead, _ = damped_least_squares(jacobian, way, damping=UNDAMPED)
+        bend, _ = damped_least_squares(
+            self._jacobian, -self._robot.bias(joints, rates), damping=UNDAMPED)
         top, most, kind, joint = pace(
-            *limits.bounds, joints, rates, (ahead - rates) / reach, speed, bending,
-            (COAST + 2.0) * self._period)
+            *limits.bounds, joints, rates, bend, speed, bending, (COAST + 2.0) * self._period)
         return Pace(top, most, limits.name_of(kind, joint))
 
     def seed(self, positions: np.ndarray) -> None:
@@ -171,19 +174,21 @@ class Motion:
         first = self._stamp_ns is None
         if first:
             self._stamped = stamped and c.stamped
-        pose, _ = self._robot.place(positions)
+        # Velocities are those of the period's end, where the arm stands otherwise: with the
+        # Jacobian of its start a probe that rolls at 1.5 rad/s is led 0.7 mm/s off its surface.
+        end = positions + period * speeds[kept - 1]
+        pose, jacobian = self._robot.place(end)
         if self._workspace is not None:
             twist, clipped = self._workspace.limit(
                 pose, twist, period + coast + 2.0 * self._limits.stopping_time)
             at_wall = 'workspace' if clipped else ''
-        # Velocities are those of the period's end, where the arm stands otherwise: with the
-        # Jacobian of its start a probe that rolls at 1.5 rad/s is led 0.7 mm/s off its surface.
-        _, jacobian = self._robot.place(positions + period * speeds[kept - 1])
         asked, bound, manipulability = self._inverse.solve(
             jacobian, twist, positions, period + coast)
+        bias = self._robot.bias(end, speeds[kept - 1])
         # Whatever that gave: no command passes a limit, and none moves a robot that settles.
         parts = (times, places, speeds, kept, self._limits.bounds)
-        onward = (period, COAST * period, coast, jacobian, wanted, c.rotation_length)
+        onward = (bias, period, COAST * period, coast, jacobian, wanted, c.damping,
+                  c.rotation_length)
         velocities = 0.0 * asked if settling else asked  # what is no number stays none
         scale, kind, joint, progress = _onward(*parts, velocities, *onward)
         if at_wall and self._bends_out(places[:kept + 3]):
@@ -250,8 +255,8 @@ def _begin(times, positions, velocities, elapsed, ahead, *into):
 
 
 @njit(cache=True)
-def _onward(times, places, speeds, kept, bounds, velocities, period, coasting, coast, jacobian,
-            wanted, rotation_length):
+def _onward(times, places, speeds, kept, bounds, velocities, bias, period, coasting, coast,
+            jacobian, wanted, damping, rotation_length):
     """
     Write the window on from its first `kept` points, which are committed, and its velocities.
 
@@ -259,11 +264,39 @@ def _onward(times, places, speeds, kept, bounds, velocities, period, coasting, c
     """
     velocities[:], scale, kind, joint = nearest(
         *bounds, places[kept - 1], speeds[kept - 1], velocities, period, coast)
-    window = extended(Window(times[:kept], places[:kept], speeds[:kept]), velocities, period,
-                      coasting, bounds[3])
+    # Joint rates that keep a twist change as the arm bends; they do while the window coasts.
+    bend, _ = least_squares(jacobian, -bias, damping, rotation_length)
+    coasted = _coasted(*bounds, places[kept - 1], speeds[kept - 1], velocities, bend, coasting,
+                       period + coast)
+    window = extended(Window(times[:kept], places[:kept], speeds[:kept]), velocities, coasted,
+                      period, coasting, bounds[3])
     count = len(window.times)
     times[:count], places[:count], speeds[:count] = window
     return scale, kind, joint, _progress(jacobian, velocities, wanted, rotation_length)
+
+
+@njit(cache=True)
+def _coasted(lower, upper, fastest, acceleration, stopping_time, positions, previous, velocities,
+             bend, coasting, horizon):
+    """
+    Joint velocities after `coasting` with the accelerations `bend` of the `previous` velocities.
+
+    Both (n,); as much of that as the limits allow, and as is left of the motion.
+    """
+    down, up = room(lower, upper, stopping_time, positions, horizon)
+    kept = square = 0.0
+    for k in range(len(velocities)):
+        kept += velocities[k] * previous[k]
+        square += previous[k] * previous[k]
+    share = coasting * min(max(kept / max(square, 1e-12), 0.0), 1.0) ** 2
+    for k in range(len(velocities)):
+        if not math.isfinite(bend[k]):
+            return velocities
+        most = min(up[k], fastest[k]) if bend[k] > 0.0 else min(-down[k], fastest[k])
+        toward = velocities[k] if bend[k] > 0.0 else -velocities[k]
+        by = max(abs(bend[k]), 1e-12)
+        share = min(share, acceleration[k] / by * coasting, max(most - toward, 0.0) / by)
+    return velocities + share * bend
 
 
 @njit(cache=True)

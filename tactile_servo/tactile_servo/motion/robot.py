@@ -46,7 +46,9 @@ class RobotModel:
         self._model = pinocchio_model(robot, joints, self.root_frame)
         self._data = self._model.createData()
         self._frame = self._model.getFrameId(tip_frame)
-        self._order = np.array([self.joint_names.index(name) for name in self._model.names[1:]])
+        names = list(self._model.names[1:])
+        self._order = np.array([self.joint_names.index(name) for name in names])
+        self._columns = np.array([names.index(name) for name in self.joint_names])
 
     @property
     def middle(self) -> np.ndarray:
@@ -100,11 +102,22 @@ class RobotModel:
             raise ValueError(f'positions of shape {q.shape}, must be of {joints} joints')
         pinocchio.computeJointJacobians(self._model, self._data, q[self._order])
         placement = pinocchio.updateFramePlacement(self._model, self._data, self._frame)
-        jacobian = np.empty((6, joints))
-        jacobian[:, self._order] = pinocchio.getFrameJacobian(
+        jacobian = pinocchio.getFrameJacobian(
             self._model, self._data, self._frame, pinocchio.LOCAL,
         ).reshape(6, -1)  # of one joint it is no matrix
-        return np.ascontiguousarray(placement.homogeneous), jacobian
+        return (np.ascontiguousarray(placement.homogeneous),
+                jacobian.take(self._columns, axis=1))
+
+    def bias(self, q: np.ndarray, velocities: np.ndarray) -> np.ndarray:
+        """
+        Acceleration (6,) of the tip frame, in it, where joints (n,) keep their velocities (n,).
+
+        The change of the Jacobian times the velocities [m/s^2, rad/s^2].
+        """
+        pinocchio.forwardKinematics(self._model, self._data, q[self._order],
+                                    velocities[self._order], np.zeros(len(q)))
+        return pinocchio.getFrameAcceleration(
+            self._model, self._data, self._frame, pinocchio.LOCAL).vector
 
     def inverse(self, pose: np.ndarray,
                 seed: Sequence[float] | np.ndarray | None = None) -> np.ndarray:

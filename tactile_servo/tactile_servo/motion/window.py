@@ -87,12 +87,13 @@ def committed(window, elapsed, ahead):
 
 
 @njit(cache=True)
-def extended(window, target, period, coast, acceleration):
+def extended(window, target, coasted, period, coast, acceleration):
     """
     Add to what is committed: evenly to the velocities `target` (n,) within a period, then a rest.
 
-    After the period the motion coasts [s], then all joints brake evenly over the time that the
-    slowest of them needs for it within its acceleration (n,).
+    After the period the motion coasts [s], evenly to the velocities `coasted` (n,), then all
+    joints brake evenly over the time that the slowest of them needs for it within its
+    acceleration (n,).
     """
     count, joints = window.positions.shape
     times = np.empty(count + 3)
@@ -101,11 +102,12 @@ def extended(window, target, period, coast, acceleration):
     positions[:count], velocities[:count] = window.positions, window.velocities
     stop = MIN_STOP
     for j in range(joints):
-        stop = max(stop, abs(target[j]) / acceleration[j])
-    for k, duration in ((count, period), (count + 1, coast), (count + 2, stop)):
+        stop = max(stop, abs(coasted[j]) / acceleration[j])
+    for k, duration, end in ((count, period, target), (count + 1, coast, coasted),
+                             (count + 2, stop, np.zeros(joints))):
         times[k] = times[k - 1] + duration
         for j in range(joints):
-            velocities[k, j] = target[j] if k < count + 2 else 0.0
+            velocities[k, j] = end[j]
             positions[k, j] = positions[k - 1, j] + 0.5 * duration * (
                 velocities[k - 1, j] + velocities[k, j])
     return Window(times, positions, velocities)
