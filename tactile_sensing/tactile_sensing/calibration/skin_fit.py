@@ -16,7 +16,7 @@ from tactile_sensing.devices.unloaded import missing_mean
 from tactile_sensing.skin.pressure import SkinPressure
 from tactile_sensing.types.skin import Skin
 
-ASSUMED_POISSON = 0.45  # of a soft skin, where the presses do not tell it
+ASSUMED_POISSON, POISSON_STD = 0.45, 0.1  # of a soft skin, before the presses tell it
 EVIDENCE = 9.0  # chi-square that a further parameter of the skin must explain
 DEPTHS = (0.35, 0.6, 1.0, 1.5, 2.2, 3.2)  # pitches at which the search for the depth begins
 RATIOS = (0.35, 0.8)  # likewise depth over thickness
@@ -163,9 +163,13 @@ def _step(problem, theta, patch, places, free):
         normal += skin_columns.T @ skin_columns - cross.T @ solved[:, :-1]
         right += skin_columns.T @ left - cross.T @ solved[:, -1]
         chi += left @ left
-    normal[-1, -1] += 1.0 / PATCH_STD**2
-    right[-1] += (PATCH - patch) / PATCH_STD**2
-    chi += (PATCH - patch)**2 / PATCH_STD**2
+    expected = [(-1, patch, PATCH, PATCH_STD)]
+    if 2 in free:
+        expected.append((free.index(2), theta[2], ASSUMED_POISSON, POISSON_STD))
+    for k, value, usual, std in expected:
+        normal[k, k] += 1.0 / std**2
+        right[k] += (usual - value) / std**2
+        chi += (usual - value)**2 / std**2
     covariance = np.linalg.pinv(normal)
     step = covariance @ right
     step *= min(1.0, 0.2 / max(np.abs(step).max(), 1e-12))
