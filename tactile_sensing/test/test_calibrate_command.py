@@ -12,6 +12,7 @@ from tactile_sensing.cli import calibrate, estimate
 from tactile_sensing.devices.calibration_file import load_calibration
 from tactile_sensing.devices.counts import Counts
 from tactile_sensing.types.array import TactelArray
+from tactile_sensing.types.contact import Reason
 
 REPOSITORY = Path(__file__).parents[2]
 PROFILES = REPOSITORY / 'benchmarks' / 'contact' / 'fe_frames.npz'
@@ -253,6 +254,9 @@ def test_a_finger_on_a_foil_is_neither_point_nor_line(there):
     assert np.isnan(found['normal_force']).all() and not found['valid'].any()
     assert (found['type'][load[::8] == 0.0] == 0).all()
     assert (found['type'][raw[::8].max(axis=(1, 2)) > 2 * pad.threshold] == 3).all()
+    beside = raw[::8, :, :2].max(axis=(1, 2)) > 2 * pad.threshold  # a second spot, at the border
+    assert beside.any() and not beside.all()
+    assert ((found['reasons'] & int(Reason.TWO_CONTACTS) > 0) == beside).all()
 
 
 @SHARED_ONLY

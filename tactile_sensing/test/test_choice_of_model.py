@@ -89,6 +89,8 @@ def test_type_is_told(make, kind, decibels):
     right = sum(contact.type == kind for contact in found)
     bar = 90 if kind == ContactType.OTHER and decibels == 20 else 99
     assert right >= bar, [contact.type.name for contact in found if contact.type != kind]
+    two = sum(Reason.TWO_CONTACTS in contact.reasons for contact in found)
+    assert two >= bar if make is two_points else two <= 100 - bar
     told = {ContactType.POINT, ContactType.LINE}
     if make is end_of_an_edge:  # which may leave the pad before it crosses y = 0
         found = [contact for contact in found
@@ -147,6 +149,23 @@ def test_second_contact_is_named():
     contact = estimate(press(-5e-3, 0.0) + press(5e-3, 1e-3), 20.0)
     assert contact.type == ContactType.OTHER and Reason.TWO_CONTACTS in contact.reasons
     assert not contact.valid and np.isnan(contact.normal_force)
+
+
+@pytest.mark.parametrize('depth', [1e-4, DEPTH])
+def test_one_spot_that_no_load_explains_is_not_two(depth):
+    """A finger on a foil: even in the middle, with a tail; and two of them, a tactel between."""
+    spot = np.zeros(ARRAY.shape)
+    spot[8:13, 8:13], spot[9, 13:17], spot[10, 13:16] = 0.7, 0.2, 0.15
+    spot[9:12, 9:12] = 1.0
+    two = spot.copy()
+    two[9:12, 3:7] = 0.4
+    rng = np.random.default_rng(12)
+    for picture, told in ((spot, False), (two, True)):
+        stress = (picture + 0.01 * rng.standard_normal(ARRAY.shape)).astype(np.float32)
+        contact = ESTIMATOR.estimate(TactileImage(
+            0, 0, (Layer('zz', depth, stress, noise_std=0.01),), ARRAY, tared=True))
+        assert contact.type == ContactType.OTHER and Reason.BAD_FIT in contact.reasons
+        assert (Reason.TWO_CONTACTS in contact.reasons) == told
 
 
 def test_point_beside_the_pad_is_refused():

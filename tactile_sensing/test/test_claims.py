@@ -137,7 +137,7 @@ def test_a_second_contact_that_one_tactel_shows_is_no_dead_tactel():
         add_point(frame, ARRAY.x, ARRAY.y, DEPTH, *second, 0.3 * FORCES[ContactType.POINT][1])
     found = estimates(frames + noise * rng.standard_normal(frames.shape), noise)
     assert found['valid'].mean() < 0.01
-    assert (found['reasons'] & int(Reason.TWO_CONTACTS) > 0).mean() > 0.5
+    assert (found['reasons'] & int(Reason.TWO_CONTACTS) > 0).mean() > 0.99
 
 
 @pytest.mark.parametrize('std', [0.3, 1.0])  # noise [LSB]

@@ -3,6 +3,7 @@ import numpy as np
 import pytest
 
 from tactile_common.errors import ConfigurationError
+from tactile_sensing.contact import noise as noise_of_pictures
 from tactile_sensing.contact import preprocessing
 from tactile_sensing.contact.estimator import ContactEstimator, EstimatorConfig
 from tactile_sensing.devices.calibration import Calibration
@@ -211,7 +212,7 @@ def test_readings_that_are_no_noise_weigh_what_they_say():
 
 @pytest.mark.parametrize('noise', [0.2, 0.4, 0.8])
 def test_what_noise_raises_above_the_floor_bounds_it(noise):
-    hidden_noise = preprocessing._hidden_noise.py_func
+    hidden_noise = noise_of_pictures._hidden_noise.py_func
     above = np.count_nonzero(noise * np.random.default_rng(0).standard_normal(100_000) > 0.5)
     assert hidden_noise(0.5, 100_000 - above, above) == pytest.approx(noise, rel=0.03)
     assert hidden_noise(0.5, 10, 20) == hidden_noise(0.0, 20, 10) == np.inf

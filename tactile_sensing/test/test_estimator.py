@@ -6,7 +6,6 @@ import pytest
 from tactile_common.errors import ConfigurationError
 from tactile_sensing.contact.estimator import ContactEstimator, EstimatorConfig
 from tactile_sensing.contact.load_fits import fit_loads
-from tactile_sensing.contact.preprocessing import noise_from_image
 from tactile_sensing.half_space import line, point
 from tactile_sensing.half_space.forward_model import LineModel
 from tactile_sensing.half_space.layers import Layer as FitLayer
@@ -242,23 +241,37 @@ def test_a_valid_estimate_has_no_nan():
 
 def test_unknown_noise_is_read_from_the_picture():
     rng = np.random.default_rng(10)
-    picture = noisy(edge(0.002, 0.1), rng)
-    assert noise_from_image.py_func(picture) == pytest.approx(NOISE, rel=0.3)
-    assert estimate(picture, noise=0.0).valid
+    contact = estimate(noisy(edge(0.002, 0.1), rng), noise=0.0)
+    noise = line.peak_pressure(FORCE, DEPTH) / 10.0 ** (contact.snr / 20.0)
+    assert contact.valid and noise == pytest.approx(NOISE, rel=0.3)
 
 
-@pytest.mark.parametrize('side', [8, 16, 32])
+@pytest.mark.parametrize('decibels', [20, 30, 40, 50])
+@pytest.mark.parametrize('side', [5, 8, 32])
 @pytest.mark.parametrize('yaw', [None, 0.0, 0.2, 0.4, 0.6, np.pi / 4])  # None: a point
-def test_unknown_noise_of_small_pads_and_slanting_edges(side, yaw):
+def test_unknown_noise_of_small_pads_and_slanting_edges(side, yaw, decibels):
     rng, array, depth = np.random.default_rng(11), TactelArray(side, side, 1e-3, 1e-3), 1.3e-3
-    x, y, found, noise = array.x, array.y[:, None], [], 10.0 ** (-30.0 / 20.0)
+    x, y, found, noise = array.x, array.y[:, None], [], 10.0 ** (-decibels / 20.0)
     for _ in range(40):
         a, b = rng.uniform(-0.3e-3, 0.3e-3, 2) * side
         picture = (point.stress('zz', x, y, a, b, 1.0, 0.0, 0.0, depth) if yaw is None
                    else line.pressure(x, y, a, yaw, 1.0, depth))
-        picture = picture / picture.max() + noise * rng.standard_normal(picture.shape)
-        found.append(noise_from_image.py_func(picture))
-    assert 1.0 / 1.5 < np.median(found) / noise < 1.5
+        peak = picture.max() if yaw is None else line.peak_pressure(1.0, depth)
+        picture = picture / peak + noise * rng.standard_normal(picture.shape)
+        found.append(estimate(picture, array=array, noise=0.0, depth=depth).snr)
+    assert 1.0 / 1.5 < 10.0 ** ((decibels - np.nanmedian(found)) / 20.0) < 1.5
+
+
+@pytest.mark.parametrize('side', [5, 8, 16])
+def test_what_is_taken_for_noise_hides_no_wrong_load(side):
+    """Of a ring, which is neither point nor edge: told the noise, and not, it is refused."""
+    rng, array = np.random.default_rng(13), TactelArray(side, side, 1e-3, 1e-3)
+    distance = np.hypot(array.x, array.y[:, None]) - 0.3e-3 * side
+    ring = np.exp(-0.5 * (distance / 0.6e-3) ** 2)
+    for noise in (0.03, 0.01, 0.003):
+        for _ in range(20):
+            picture = ring + noise * rng.standard_normal(ring.shape)
+            assert not estimate(picture, array=array, noise=0.0, depth=1.3e-3).valid
 
 
 @pytest.mark.parametrize('method', ['fit', 'compensated'])

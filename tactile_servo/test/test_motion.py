@@ -168,7 +168,7 @@ def test_a_command_is_what_its_parts_give(reach):
     box = WorkspaceBox(place - reach, place + reach)
     motion = Motion(ROBOT, LIMITS, config, DT, box)
     motion.seed(np.full(6, 0.5))
-    window, now, before = motion._window, 0, None
+    window, now, before = motion._now.window, 0, None
     clipped = bound = 0
     for cycle in range(600):
         if cycle % 60 == 0:
@@ -199,11 +199,11 @@ def test_a_command_is_what_its_parts_give(reach):
         if settling and before is not None:
             assert step.trajectory is None  # the controller plays what it was sent first
             continue
-        before, window = now, extended(kept, target, motion._window.velocities[-2], DT,
+        before, window = now, extended(kept, target, motion._now.window.velocities[-2], DT,
                                        COAST * DT, LIMITS.acceleration)
-        for one, other in zip(motion._window, window, strict=True):
+        for one, other in zip(motion._now.window, window, strict=True):
             np.testing.assert_allclose(one, other, rtol=0, atol=1e-11)
-        window = motion._window  # what one cycle rounds is not the next one's affair
+        window = motion._now.window  # what one cycle rounds is not the next one's affair
     assert bound and (clipped > 0) == (reach < 1.0)
 
 

@@ -26,7 +26,6 @@ BORDER_STD = 0.1  # depths; a load under the outermost tactels must be located b
 _NONE, _OTHER = int(ContactType.NONE), int(ContactType.OTHER)
 _LOW_SNR, _OFF_PAD, _FEW = int(Reason.LOW_SNR), int(Reason.OFF_PAD), int(Reason.FEW_TACTELS)
 _LOST, _BAD_FIT = int(Reason.NOT_CONVERGED), int(Reason.BAD_FIT)
-_TWO = int(Reason.TWO_CONTACTS)
 
 
 @njit(error_model='numpy')
@@ -201,7 +200,7 @@ def refute(kind, sensor, layers, rules, memory, estimate):
         return _NONE, _LOW_SNR
     threshold = max(DETECTION * noise / 3.0, SECOND_CONTACT * peak)
     if state.second or _second_contact(kind, left[main], sensor, fit, depth, threshold):
-        return _OTHER, _BAD_FIT | _TWO
+        return _OTHER, _BAD_FIT
     if chi > rules.max_chi_square * freedom or _lacks_load(left[main], threshold):
         return _OTHER, _BAD_FIT
     if weak:

@@ -12,7 +12,7 @@ START_LEVEL = 0.25  # tactels above this fraction of the peak give the principal
 
 
 @njit(error_model='numpy')
-def _is_spike(image, row, column):
+def is_spike(image, row, column):
     """Whether a tactel stands alone, as no load under a skin makes it."""
     highest = -np.inf
     around = 0
@@ -36,7 +36,7 @@ def peak(stress, layers):
         for r in range(stress.shape[1]):
             for c in range(stress.shape[2]):
                 # False for NaN.
-                if level < stress[k, r, c] < np.inf and not _is_spike(stress[k], r, c):
+                if level < stress[k, r, c] < np.inf and not is_spike(stress[k], r, c):
                     level = stress[k, r, c]
                     layer, row, column = k, r, c
         best = max(best, level / layers[k].noise)

@@ -91,7 +91,7 @@ def any_off(left, model, layers, rules):
 
 
 @njit(error_model='numpy')
-def _may_be_contact(left, row, column, sensor, layer):
+def may_be_contact(left, row, column, sensor, layer):
     """
     Whether what is left around a high tactel is that of a load on it, and whether that shows.
 
@@ -116,7 +116,7 @@ def _is_fault(left, row, column, sensor, layer, state):
     """Whether a tactel that is off is broken: not a high one that is, or may be, a contact."""
     if not left[row, column] > 0.0 or layer.component != PRESSURE:
         return True
-    found, known = _may_be_contact(left, row, column, sensor, layer)
+    found, known = may_be_contact(left, row, column, sensor, layer)
     if found or not known:
         state.second = found
         return False

@@ -28,6 +28,7 @@ from tactile_sensing.contact.goodness_of_fit import (
     compare,
     refute,
 )
+from tactile_sensing.contact.hills import has_second_hill
 from tactile_sensing.contact.ladder import climb
 from tactile_sensing.contact.model_selection import (
     fit_without_idle_shear,
@@ -35,6 +36,7 @@ from tactile_sensing.contact.model_selection import (
     overrules,
     UNCONVINCING,
 )
+from tactile_sensing.contact.noise import lower_noise, measure_noise
 from tactile_sensing.contact.outliers import (
     any_off,
     fit_depth,
@@ -56,6 +58,7 @@ from tactile_sensing.half_space.kernels import FORCE
 from tactile_sensing.half_space.layers import LAYER, Sensor
 from tactile_sensing.types.contact import ContactType, ESTIMATE, Reason
 
+NOISE_LOOKS = 3  # at noise that nobody tells, each by what the last load has left
 MOST_FAULTS = 3  # tactels that are left out beside the end of a line, or beside a patch
 ANY_MODEL, PENDING = 0, -1  # rules.model, estimate.type
 # How contacts are estimated, see EstimatorConfig; model: ANY_MODEL, POINT or LINE.
@@ -65,6 +68,7 @@ RULES = np.dtype([('min_snr', 'f8'), ('model_error', 'f8'), ('max_chi_square', '
 
 _OTHER, _BAD_FIT = int(ContactType.OTHER), int(Reason.BAD_FIT)
 _LOW_SNR, _OFF_PAD = int(Reason.LOW_SNR), int(Reason.OFF_PAD)
+_TWO = int(Reason.TWO_CONTACTS)
 _DEAD, _MISMATCH = int(Reason.DEAD_TACTELS), int(Reason.FORCE_MISMATCH)
 
 
@@ -90,7 +94,9 @@ class Memory(NamedTuple):
     fits: np.ndarray  # of FIT: the load; one a rung below; one with idle shear; one with faults
     equations: np.ndarray  # of EQUATIONS, shape (1,)
     state: np.ndarray  # of STATE, shape (1,)
-    estimates: np.ndarray  # of ESTIMATE, shape (2,): of the first model and of the second
+    noise: np.ndarray  # (layers,): least that a load has left [Pa]
+    # Of ESTIMATE, shape (3,): of the first model, of the second, and before there is any.
+    estimates: np.ndarray
 
 
 @njit(error_model='numpy')
@@ -100,7 +106,7 @@ def make_memory(layers, rows, columns, nodes):
     return Memory(
         np.empty(shape), np.empty(shape), np.empty(shape), np.zeros(shape, np.bool_),
         np.zeros(layers, LAYER), make_tactels(layers * rows * columns, nodes), np.zeros(4, FIT),
-        np.zeros(1, EQUATIONS), np.zeros(1, STATE), np.zeros(2, ESTIMATE))
+        np.zeros(1, EQUATIONS), np.zeros(1, STATE), np.empty(layers), np.zeros(3, ESTIMATE))
 
 
 @njit(cache=True, error_model='numpy')
@@ -129,6 +135,9 @@ def estimate_frames(stress, x, y, pitch_x, pitch_y, nodes, window, polynomials, 
         copy_record(estimates, f, memory.estimates, 0)
         best = estimate_frame(
             stress[f], sensor, layers, rules[0], reasons, saturated, calibrated, memory)
+        if memory.estimates[best].reasons & _BAD_FIT and has_second_hill(
+                stress[f], sensor, layers):
+            memory.estimates[best].reasons |= _TWO
         if not calibrated:
             forget_forces(memory.estimates[best])
         elif rules[0].force_std > 0.0:
@@ -139,7 +148,7 @@ def estimate_frames(stress, x, y, pitch_x, pitch_y, nodes, window, polynomials, 
 @njit(error_model='numpy', inline='always')
 def estimate_frame(stress, sensor, layers, rules, reasons, saturated, calibrated, memory):
     """Estimate one frame; returns which of the two estimates in the memory holds."""
-    first, second = memory.estimates[0], memory.estimates[1]
+    first = memory.estimates[0]
     if not preprocess(stress, sensor, layers, reasons, saturated, calibrated, memory.censored,
                       first):
         return 0
@@ -147,11 +156,26 @@ def estimate_frame(stress, sensor, layers, rules, reasons, saturated, calibrated
     if not rules.fit:
         first.type = PENDING
         return 0
-    copy_record(memory.estimates, 0, memory.estimates, 1)
+    copy_record(memory.estimates, 0, memory.estimates, 2)
+    best = 0
+    for look in range(1 + NOISE_LOOKS):  # not one after the other: it would be compiled twice
+        copy_record(memory.estimates, 2, memory.estimates, 0)
+        copy_record(memory.estimates, 2, memory.estimates, 1)
+        memory.noise[:] = np.inf
+        best = _estimate_as_likelier(stress, sensor, layers, rules, memory)
+        if look == NOISE_LOOKS or not lower_noise(layers, memory.noise):
+            break
+    return best
+
+
+@njit(error_model='numpy', inline='always')
+def _estimate_as_likelier(stress, sensor, layers, rules, memory):
+    """Estimate as the likelier kind, and as the other; returns which of the two holds."""
+    first, second = memory.estimates[0], memory.estimates[1]
     model = rules.model
     if rules.model == ANY_MODEL:
         model = likelier_model(stress, sensor, layers)
-    for attempt in range(2):  # not one after the other: `estimate_as` would be compiled twice
+    for attempt in range(2):  # likewise
         estimate_as(
             model, stress, sensor, layers, rules, memory, memory.estimates[attempt])
         if rules.model != ANY_MODEL or not first.reasons & UNCONVINCING:
@@ -196,6 +220,8 @@ def estimate_as(kind, measured, sensor, layers, rules, memory, estimate):
                 break
             left_out = True
     by_noise = 0.0
+    if fitted:
+        measure_noise(layers, memory)
     if not fitted:
         estimate.type, missed = _OTHER, _BAD_FIT
     else:

@@ -5,13 +5,12 @@ import math
 import numpy as np
 
 from tactile_common.kernels import njit
+from tactile_sensing.contact.noise import DIRECTIONS, noise_of
 from tactile_sensing.half_space.layers import first_pressure_layer, PRESSURE
 from tactile_sensing.types.contact import ContactType, Reason
 
 MIN_LIVE = 15  # tactels; three for each parameter of a point
 DETECTION = 5.0  # standard deviations
-# To a neighbour: rows and columns. Edges of any angle run within some degrees of one of them.
-DIRECTIONS = (0, 1), (1, 0), (1, 1), (1, -1), (1, 2), (2, 1), (1, -2), (2, -1)
 IMPOSSIBLE = 1e12  # Pa; a tactel that reports more, or no number, is not read
 SILENT = 3.0  # standard deviations below its floor at which a tactel tells nothing
 # Times as many equal readings at the top as just below it, and as of any other number: cut off.
@@ -25,31 +24,6 @@ _NONE, _OTHER = int(ContactType.NONE), int(ContactType.OTHER)
 _NO_CONTACT, _FEW = int(Reason.NO_CONTACT), int(Reason.FEW_TACTELS)
 _BAD_FIT, _UNCALIBRATED = int(Reason.BAD_FIT), int(Reason.UNCALIBRATED)
 _SATURATED, _DEAD = int(Reason.SATURATED), int(Reason.DEAD_TACTELS)
-
-
-@njit(error_model='numpy')
-def noise_from_image(pressure):
-    """
-    Noise of one tactel, from the picture alone [Pa]; NaN if no tactel is left.
-
-    Median absolute second difference, in the direction where it is least: an edge is smooth along
-    itself.
-    """
-    rows, columns = pressure.shape
-    second = np.empty(rows * columns)
-    best = np.nan
-    for dr, dc in DIRECTIONS:
-        n, side = 0, abs(dc)
-        for r in range(dr, rows - dr):
-            for c in range(side, columns - side):
-                value = pressure[r - dr, c - dc] + pressure[r + dr, c + dc] - 2.0 * pressure[r, c]
-                if np.isfinite(value):
-                    second[n] = abs(value)
-                    n += 1
-        if n > 0:
-            level = np.median(second[:n]) / (0.6745 * np.sqrt(6.0))
-            best = level if np.isnan(best) else min(best, level)
-    return best
 
 
 @njit(error_model='numpy')
@@ -154,47 +128,6 @@ def fill_censored(stress, model, layers, censored):
 
 
 @njit(error_model='numpy')
-def _hidden_noise(floor, below, above):
-    """
-    Noise that leaves so many tactels below a floor above 0, at most [Pa]; inf if there are few.
-
-    Those above are what noise has raised of a pad without any load, or fewer.
-    """
-    share, low, high = above / max(below + above, 1), 0.0, 10.0
-    if not (floor > 0.0 and share < 0.5):
-        return np.inf
-    for _ in range(40):  # bisection of share = Q(z)
-        z = 0.5 * (low + high)
-        if 0.5 * math.erfc(0.7071067811865476 * z) > share:
-            low = z
-        else:
-            high = z
-    return floor / high
-
-
-@njit(error_model='numpy')
-def _noise_of(image, given, floor, censored):
-    """Noise of a layer [Pa]: as given, or as it shows; never 0, not even of a perfect picture."""
-    noise = given
-    if not noise > 0.0:
-        seen, below, live = image.copy(), 0, 0
-        for i in range(seen.size):
-            live += np.isfinite(seen.flat[i])
-            if censored.flat[i]:
-                seen.flat[i] = np.nan
-                below += 1
-        noise = noise_from_image(seen)
-        if below > 0:
-            noise = min(noise, _hidden_noise(floor, below, live - below))
-    largest = 0.0
-    for value in image.flat:
-        if abs(value) > largest:  # false for NaN
-            largest = abs(value)
-    least = max(1e-6 * largest, 1e-37)
-    return max(noise, least) if np.isfinite(noise) else least
-
-
-@njit(error_model='numpy')
 def _survey(image, sensor, calibrated, estimate):
     """Moments of the pressure (NaN as zero) into the estimate; live tactels, sum and peak."""
     x, y, area = sensor.x, sensor.y, sensor.pitch_x * sensor.pitch_y
@@ -238,7 +171,7 @@ def preprocess(stress, sensor, layers, reasons, saturated, calibrated, censored,
         layer = layers[k]
         gone, full, below = drop_unusable(
             stress[k], layer.full_scale, layer.floor, layer.component != PRESSURE, censored[k])
-        layer.noise = _noise_of(stress[k], layer.given_noise, layer.floor, censored[k])
+        layer.noise = noise_of(stress[k], layer.given_noise, layer.floor, censored[k])
         if layer.component == PRESSURE:
             ceiling = hidden_ceiling(stress[k], layer.noise)
             for r in range(stress.shape[1]) if ceiling < np.inf else range(0):

@@ -147,6 +147,30 @@ def nearest(lower, upper, fastest, acceleration, stopping_time, positions, previ
     return velocities, (scale if finite else 0.0), kind, joint
 
 
+@njit(cache=True)
+def coasting_velocities(lower, upper, fastest, acceleration, stopping_time, positions, previous,
+                        velocities, bend, coasting, horizon):
+    """
+    Joint velocities after `coasting` with the accelerations `bend` of the `previous` velocities.
+
+    Both (n,); as much of that as the limits allow, and as is left of the motion.
+    """
+    down, up = room(lower, upper, stopping_time, positions, horizon)
+    kept = square = 0.0
+    for k in range(len(velocities)):
+        kept += velocities[k] * previous[k]
+        square += previous[k] * previous[k]
+    share = coasting * min(max(kept / max(square, 1e-12), 0.0), 1.0) ** 2
+    for k in range(len(velocities)):
+        if not math.isfinite(bend[k]):
+            return velocities
+        most = min(up[k], fastest[k]) if bend[k] > 0.0 else min(-down[k], fastest[k])
+        toward = velocities[k] if bend[k] > 0.0 else -velocities[k]
+        by = max(abs(bend[k]), 1e-12)
+        share = min(share, acceleration[k] / by * coasting, max(most - toward, 0.0) / by)
+    return velocities + share * bend
+
+
 @dataclass(frozen=True)
 class WorkspaceBox:
     """Box in the base frame that the sensor's origin must not leave: corners (3,) [m]."""
