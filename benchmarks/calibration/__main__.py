@@ -3,7 +3,7 @@ What calibrations are worth: pictures by finite elements, digitised, calibrated,
 
 Everything goes the way of the commands `calibrate` and `estimate`. Tables are printed, of
 sensors whose gains differ (`gains`) and what can be had of these at best (`bound`), converters
-(`counts`) and objects on skins (`objects`).
+(`counts`), skins (`skins`) and objects on them (`objects`).
 """
 
 import argparse
@@ -13,7 +13,7 @@ import numpy as np
 
 from benchmarks.calibration.bound import bound
 from benchmarks.contact.cases.real_skin import ARRAYS, drawn, judge, rendered
-from benchmarks.contact.fe_frames import profiles
+from benchmarks.contact.fe_frames import DEPTH, profiles
 from benchmarks.contact.tables.limits import table
 from tactile_sensing.calibration.procedure import calibrate, Known, Recordings
 from tactile_sensing.contact.estimator import ContactEstimator, EstimatorConfig
@@ -204,6 +204,24 @@ def objects(seeds):
         for (size, kind), some in rows.items()])
 
 
+def skins(seeds):
+    """What twenty presses of a ball tell of skins."""
+    rows, array = [], ARRAYS['16x16']
+    for backing, poisson in sorted({(float(it['backing']), float(it['poisson']))
+                                    for it in profiles()}):
+        found = [pad(ball(backing, poisson), array, Converter(), np.random.default_rng(seed))
+                 for seed in range(seeds)]
+        off = np.array([it.depth / DEPTH - 1.0 for it in found])
+        claimed = np.array([it.found['skin']['depth_std'] / DEPTH for it in found])
+        rows.append([f'{1e3 * backing:g}', f'{poisson:g}', f'{100.0 * _rms(off):.1f} %',
+                     f'{100.0 * np.abs(off).max():.1f} %', f'{_rms(off / claimed):.2f}',
+                     ', '.join(f'{1e3 * it.thickness:.2f}' if it.thickness else 'none'
+                               for it in found),
+                     f'{100.0 * _rms([it.force_std for it in found]):.2f} %'])
+    return table(['backing [mm]', "Poisson's ratio", 'depth, RMS', 'at most', 'over claim',
+                  'thickness found [mm]', 'force_std'], rows)
+
+
 def scaled(found, highest, skin):
     """Forces of pictures that the converter has scaled to their highest pressure."""
     found = found.copy()
@@ -214,7 +232,8 @@ def scaled(found, highest, skin):
     return found
 
 
-TABLES = {'gains': gains, 'bound': bound, 'counts': counts, 'objects': objects}
+TABLES = {'gains': gains, 'bound': bound, 'counts': counts, 'skins': skins,
+          'objects': objects}
 
 
 def main():
