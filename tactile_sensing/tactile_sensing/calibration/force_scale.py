@@ -5,7 +5,13 @@ import math
 import numpy as np
 
 from tactile_sensing.calibration.presses import Presses
-from tactile_sensing.calibration.skin_fit import levels, patch_radius, SkinFit
+from tactile_sensing.calibration.skin_fit import SkinFit
+from tactile_sensing.calibration.skin_parameters import (
+    levels,
+    moved_skins,
+    parameters_of,
+    patch_radius,
+)
 from tactile_sensing.skin.pressure import SkinPressure
 
 SLANT = 0.3  # rad: yaw of an edge through the middle of the pad
@@ -31,7 +37,8 @@ def edge_force_std(presses: Presses, fit: SkinFit, ball_radius: float, area: boo
     """
     size = (presses.array.pitch_x, presses.array.pitch_y) if area else (0.0, 0.0)
     here = SkinPressure(fit.skin, *size)
-    moved = [(SkinPressure(skin, *size), step) for skin, step in fit.moved_skins()]
+    moved = [(SkinPressure(skin, *size), step)
+             for skin, step in moved_skins(parameters_of(fit.skin), fit.free)]
     off = _by_edge(presses.array, here, moved) - _by_presses(
         presses, fit, ball_radius, here, moved)
     return math.sqrt(off @ fit.covariance @ off)

@@ -12,6 +12,13 @@ import math
 import numpy as np
 
 from tactile_sensing.calibration.presses import Presses
+from tactile_sensing.calibration.skin_parameters import (
+    levels,
+    moved_skins,
+    parameters_of,
+    patch_radius,
+    skin_of,
+)
 from tactile_sensing.devices.unloaded import missing_mean
 from tactile_sensing.skin.pressure import SkinPressure
 from tactile_sensing.types.skin import Skin
@@ -21,7 +28,6 @@ EVIDENCE = 9.0  # chi-square that a further parameter of the skin must explain
 DEPTHS = (0.35, 0.6, 1.0, 1.5, 2.2, 3.2)  # pitches at which the search for the depth begins
 RATIOS = (0.35, 0.8)  # likewise depth over thickness
 STEPS = 25  # at most
-STEP_SIZES = 1e-3, 1e-3, 5e-3  # of the skin's parameters, for derivatives
 SCATTER_ROUNDS = 2
 PATCH, PATCH_STD = 0.5, 0.15  # of a patch's radius over the ball's, before anything is measured
 BAD = 3.0  # times the usual misfit at which a press is none of the ball
@@ -46,42 +52,6 @@ class SkinFit:
     free: tuple[int, ...]  # which of depth, thickness and Poisson's ratio were fitted
     # Of these (logarithm of the depth, depth over thickness, Poisson's ratio) and the patch.
     covariance: np.ndarray
-
-    def moved_skins(self) -> list[tuple[Skin, float]]:
-        """Skins with one of the fitted parameters a step further, and that step."""
-        return _moved_skins(_theta(self.skin), self.free)
-
-
-def patch_radius(patch: float, ball_radius: float, level: float, skin: Skin) -> float:
-    """Radius of the patch of a ball [m], by Hertz' law of its force over the usual one."""
-    return min(patch * ball_radius * level ** (1 / 3), 0.95 * ball_radius, 1.4 * skin.depth)
-
-
-def levels(forces: np.ndarray) -> np.ndarray:
-    """Forces over the usual one, (N,)."""
-    forces = np.maximum(forces, 1e-12)
-    return np.clip(forces / np.median(forces), 0.05, 20.0)
-
-
-def _skin(theta):
-    """Skin of the logarithm of the depth, depth over thickness, and Poisson's ratio."""
-    depth, ratio = math.exp(theta[0]), min(max(theta[1], 0.0), 1.0)
-    return Skin(depth, depth / ratio if ratio > 1e-3 else math.inf, min(max(theta[2], 0.0), 0.5))
-
-
-def _theta(skin):
-    return np.array([math.log(skin.depth), skin.depth / skin.thickness, skin.poisson])
-
-
-def _moved_skins(theta, free):
-    """See `SkinFit.moved_skins`."""
-    moved = []
-    for k in free:
-        sign = -1.0 if (k == 1 and theta[1] > 0.99) or (k == 2 and theta[2] > 0.49) else 1.0
-        other = theta.copy()
-        other[k] += sign * STEP_SIZES[k]
-        moved.append((_skin(other), sign * STEP_SIZES[k]))
-    return moved
 
 
 class _Problem:
@@ -138,9 +108,9 @@ def _step(problem, theta, patch, places, free):
     presses, count = problem.presses, len(places)
     n_free = len(free) + 1  # and the patch
     normal, right, chi = np.zeros((n_free, n_free)), np.zeros(n_free), 0.0
-    here = SkinPressure(_skin(theta), *problem.size)
+    here = SkinPressure(skin_of(theta), *problem.size)
     moved = [(SkinPressure(skin, *problem.size), step)
-             for skin, step in _moved_skins(theta, free)]
+             for skin, step in moved_skins(theta, free)]
     blocks = []
     d = 1e-3 * min(presses.array.pitch_x, presses.array.pitch_y)
     for i in range(count):
@@ -264,7 +234,7 @@ def fit_skin(presses: Presses, ball_radius: float, *, area: bool = True,
     free: tuple[int, ...] = ()
     skin = start.skin if start else known
     if skin:
-        theta = _theta(skin)
+        theta = parameters_of(skin)
     else:
         theta = _start(problem, presses, places)
     if start:
@@ -292,7 +262,7 @@ def _scatter(problem):
 
 
 def _result(problem, theta, patch, places, chi, covariance, free):
-    skin = _skin(theta)
+    skin = skin_of(theta)
     live = problem.weight > 0.0
     rest = np.where(live, (problem.values - problem.models) * problem.weight, 0.0)
     misfit = np.sqrt((rest**2).sum(axis=(1, 2)) / live.sum(axis=(1, 2)))
