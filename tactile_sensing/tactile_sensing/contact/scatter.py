@@ -114,7 +114,7 @@ def measure_scatter(kind, layers, forces, memory):
         total += part
         squares += part * part
     freedom = max(total * total / squares - count, LEAST_FREEDOM)
-    # In the mean over what the variance may be; and few tactels may hide some, which grows with what
+    # In the mean over what the variance may be; and few tactels may hide some, the more the more
     # they show.
     shown = min(excess / deviation, EVIDENCE)
     more = shown / EVIDENCE * freedom / (freedom - 2.0) * more + (
