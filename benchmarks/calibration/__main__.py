@@ -2,7 +2,8 @@
 What calibrations are worth: pictures by finite elements, digitised, calibrated, estimated.
 
 Everything goes the way of the commands `calibrate` and `estimate`. Tables are printed, of
-sensors whose gains differ (`gains`), converters (`counts`) and objects on skins (`objects`).
+sensors whose gains differ (`gains`) and what can be had of these at best (`bound`), converters
+(`counts`), skins (`skins`) and objects on them (`objects`).
 """
 
 import argparse
@@ -10,8 +11,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from benchmarks.calibration.bound import bound
 from benchmarks.contact.cases.real_skin import ARRAYS, drawn, judge, rendered
-from benchmarks.contact.fe_frames import profiles
+from benchmarks.contact.fe_frames import DEPTH, profiles
 from benchmarks.contact.tables.limits import table
 from tactile_sensing.calibration.procedure import calibrate, Known, Recordings
 from tactile_sensing.contact.estimator import ContactEstimator, EstimatorConfig
@@ -60,14 +62,15 @@ def ball(backing, poisson=0.45, radius=1e-3):
     return found
 
 
-def pad(profile, array, converter, rng, *, gains=1.0, presses=20, flat=0, least=1.0):
-    """Calibration by presses of a ball, with `least` times its force to all of it."""
+def pad(profile, array, converter, rng, *, gains=1.0, presses=20, flat=0, least=1.0, held=1):
+    """Calibration by presses of a ball, with `least` times its force to all, held some frames."""
     highest = profile['pressure'].max()
 
     def pressed(count, reach):
         places, share = rng.uniform(-reach, reach, (count, 2)), rng.uniform(least, 1.0, count)
         pictures = rendered(profile, array, places) * (share / highest)[:, None, None]
-        return converter(pictures, rng, gains), share * profile['force']
+        return (converter(np.repeat(pictures, held, axis=0), rng, gains),
+                np.repeat(share, held) * profile['force'])
     unloaded = converter(np.zeros((100, *array.shape)), rng)
     frames, force = pressed(presses, 8e-3)
     recordings = Recordings(
@@ -117,12 +120,16 @@ def gains(seeds):
         spread = 1.0 + 0.1 * rng.standard_normal(array.shape)
         places = drawn(profile, 200, rng)
         pictures = rendered(profile, array, places) / highest
-        for name, gain, flat, least in (
-                ('uniform', 1.0, 0, 1.0), ('off, forty presses of one weight', spread, 40, 1.0),
-                ('off, forty presses of any force', spread, 40, 0.5),
-                ('off, none', spread, 0, 1.0)):
+        for name, gain, flat, least, held in (
+                ('uniform', 1.0, 0, 1.0, 1),
+                ('off, forty presses of one weight', spread, 40, 1.0, 1),
+                ('off, forty presses of one weight, ten frames each', spread, 40, 1.0, 10),
+                ('off, forty presses of any force', spread, 40, 0.5, 1),
+                ('off, forty presses of any force, ten frames each', spread, 40, 0.5, 10),
+                ('off, none', spread, 0, 1.0, 1)):
             converter = Converter()
-            known = pad(profile, array, converter, rng, gains=gain, flat=flat, least=least)
+            known = pad(profile, array, converter, rng, gains=gain, flat=flat, least=least,
+                        held=held)
             found = estimated(known, converter(pictures, rng, gain))
             row = points(found, places, profile['force'])
             inner = (known.gain * gain)[3:-3, 3:-3]
@@ -182,7 +189,7 @@ def objects(seeds):
                 places = drawn(profile, frames, rng)
                 pictures = rendered(profile, array, places)
                 found = estimated(skins[skin], Converter()(pictures / pictures.max(), rng))
-                judged = judge(profile, places, _scaled(found, pictures.max(), skin))
+                judged = judge(profile, places, scaled(found, pictures.max(), skin))
                 blunt = np.mean(~found['valid'] | (found['patch'] > 0.0))
                 rows.setdefault((size, str(profile['kind'])), []).append((judged, blunt))
     return table(['tactels', 'object', 'right', 'wrong', 'refused', 'patch or refused', 'force',
@@ -197,7 +204,25 @@ def objects(seeds):
         for (size, kind), some in rows.items()])
 
 
-def _scaled(found, highest, skin):
+def skins(seeds):
+    """What twenty presses of a ball tell of skins."""
+    rows, array = [], ARRAYS['16x16']
+    for backing, poisson in sorted({(float(it['backing']), float(it['poisson']))
+                                    for it in profiles()}):
+        found = [pad(ball(backing, poisson), array, Converter(), np.random.default_rng(seed))
+                 for seed in range(seeds)]
+        off = np.array([it.depth / DEPTH - 1.0 for it in found])
+        claimed = np.array([it.found['skin']['depth_std'] / DEPTH for it in found])
+        rows.append([f'{1e3 * backing:g}', f'{poisson:g}', f'{100.0 * _rms(off):.1f} %',
+                     f'{100.0 * np.abs(off).max():.1f} %', f'{_rms(off / claimed):.2f}',
+                     ', '.join(f'{1e3 * it.thickness:.2f}' if it.thickness else 'none'
+                               for it in found),
+                     f'{100.0 * _rms([it.force_std for it in found]):.2f} %'])
+    return table(['backing [mm]', "Poisson's ratio", 'depth, RMS', 'at most', 'over claim',
+                  'thickness found [mm]', 'force_std'], rows)
+
+
+def scaled(found, highest, skin):
     """Forces of pictures that the converter has scaled to their highest pressure."""
     found = found.copy()
     factor = highest / ball(*skin)['pressure'].max()
@@ -207,7 +232,8 @@ def _scaled(found, highest, skin):
     return found
 
 
-TABLES = {'gains': gains, 'counts': counts, 'objects': objects}
+TABLES = {'gains': gains, 'bound': bound, 'counts': counts, 'skins': skins,
+          'objects': objects}
 
 
 def main():

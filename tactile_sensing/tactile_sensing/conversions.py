@@ -177,7 +177,7 @@ def _layer_to_msg(layer, message):
     message.noise_std, message.stress = float(layer.noise_std), stress
     message.skin_thickness = float(layer.thickness) if layer.thickness < math.inf else 0.0
     message.poisson, message.gain_spread = float(layer.poisson), float(layer.gain_spread)
-    message.floor = float(layer.floor)
+    message.floor, message.force_std = float(layer.floor), float(layer.force_std)
     return message
 
 
@@ -194,7 +194,7 @@ def _layer_from_msg(layer, shape):
                  # Pictures in older bags do not say it.
                  getattr(layer, 'skin_thickness', 0.0) or math.inf,
                  getattr(layer, 'poisson', 0.5), getattr(layer, 'gain_spread', 0.0),
-                 getattr(layer, 'floor', 0.0))
+                 getattr(layer, 'floor', 0.0), getattr(layer, 'force_std', 0.0))
 
 
 _EMPTY = np.empty(0, np.float32)

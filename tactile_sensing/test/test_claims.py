@@ -59,6 +59,20 @@ def test_gains_that_differ(kind, spread, told):
     assert over_claims(found, truth) < HONEST
 
 
+@pytest.mark.parametrize('kind', FORCES)
+def test_a_gain_that_all_tactels_have_in_common(kind):
+    rng = np.random.default_rng(37)
+    truth, frames = presses(kind, rng)
+    noise = 0.01 * frames.max()
+    frames *= 1.0 + 0.05 * rng.standard_normal((COUNT, 1, 1))
+    found = estimates(
+        frames + noise * rng.standard_normal(frames.shape), noise, force_std=0.05)
+    assert found['valid'].mean() > 0.95
+    name, force = FORCES[kind]
+    assert 1.0 / HONEST < over_claims(found, {name: force}) < HONEST
+    assert over_claims(found, truth) < HONEST
+
+
 def test_claims_without_a_fault_are_not_wide():
     rng = np.random.default_rng(36)
     truth, frames = presses(ContactType.POINT, rng, 2000)

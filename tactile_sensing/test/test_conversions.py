@@ -26,7 +26,8 @@ ARRAY = TactelArray(3, 4, 0.0015, 0.0025)
 def image():
     stress = np.arange(12, dtype=np.float32).reshape(3, 4)
     stress[1, 2] = np.nan
-    layers = (Layer('zz', 0.002, stress, 160e3, 630.0, 'Pa', 0.004, 0.4375, 0.0625),
+    layers = (Layer('zz', 0.002, stress, 160e3, 630.0, 'Pa', 0.004, 0.4375, 0.0625,
+                    force_std=0.125),
               Layer('yz', 0.004, -stress, 0.0, 0.0, 'counts'))
     return TactileImage(1_700_000_000_123_456_789, 2 ** 40, layers, ARRAY, True, 1, 'pad', 'left')
 
@@ -48,6 +49,7 @@ def test_image_round_trip():
         assert (got.full_scale, got.noise_std) == (want.full_scale, want.noise_std)
         assert got.thickness == pytest.approx(want.thickness)
         assert (got.poisson, got.gain_spread) == (want.poisson, want.gain_spread)
+        assert got.force_std == want.force_std
 
 
 def contact(**values):

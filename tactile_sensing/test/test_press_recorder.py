@@ -2,6 +2,7 @@
 import numpy as np
 import pytest
 
+from tactile_sensing.calibration.presses import Presses
 from tactile_sensing.calibration.recorder import HELD, PressCatcher, Recorder, Step
 from tactile_sensing.skin.pressure import SkinPressure
 from tactile_sensing.types.array import TactelArray
@@ -80,6 +81,22 @@ def test_an_interrupted_session_goes_on(tmp_path):
                     'ball: 2 of 3', 'ball: 3 of 3']
     assert sorted(path.name for path in tmp_path.iterdir()) == [
         'ball.npz', 'corners.npz', 'unloaded.npz']
+
+
+def test_a_press_that_is_held_keeps_some_frames_which_are_one_press(tmp_path):
+    script = [*NOTHING, *held(ball(0.0, 0.0)), *held(ball(1e-3, 0.0)), *held(ball(0.0, 2e-3))]
+    recorder, _, told = wizard(tmp_path, script)
+    recorder.run((STEPS[0], Step('ball', 3, 'Ball.', frames=4)))
+    assert told[1:] == ['ball: 1 of 3', 'ball: 2 of 3', 'ball: 3 of 3']
+    with np.load(tmp_path / 'ball.npz') as file:
+        values = file['frames'] - 20.0
+    values[5, 0, 0] = floor = -10.0  # hides in one frame of the second press: tells nothing
+    presses = Presses(ARRAY, values, np.full(values.shape, 2.0), np.full(ARRAY.shape, floor),
+                      np.arange(12)).averaged()
+    assert presses.number.tolist() == [0, 4, 8]
+    np.testing.assert_allclose(presses.noise, 1.0)
+    assert np.argwhere(np.isnan(presses.values)).tolist() == [[1, 0, 0]]
+    np.testing.assert_allclose(presses.values[2], values[8:].mean(axis=0))
 
 
 def test_what_is_skipped_is_not_there_and_presses_need_the_unloaded_pad(tmp_path):

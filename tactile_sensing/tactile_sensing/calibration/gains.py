@@ -96,11 +96,11 @@ def _demands(presses, sensitivity, pressure, fit, force, force_std):
     count = sensitivity.size
     information, demanded = np.zeros((count, count)), np.zeros(count)
     step = 1e-3 * min(presses.array.pitch_x, presses.array.pitch_y)
-    for values, model, (a, b), amplitudes, expected, std in zip(
-            presses.values, fit.models, fit.places, fit.amplitudes, force, force_std,
-            strict=True):
+    for values, noise, model, (a, b), amplitudes, expected, std in zip(
+            presses.values, presses.noise, fit.models, fit.places, fit.amplitudes, force,
+            force_std, strict=True):
         seen = np.isfinite(values) & (values > presses.floor)
-        weight = np.where(seen, 1.0 / np.hypot(presses.noise, MODEL_ERROR * model), 0.0).ravel()
+        weight = np.where(seen, 1.0 / np.hypot(noise, MODEL_ERROR * model), 0.0).ravel()
         basis = pressure.point_basis(x, y, a, b)
         moved = [(pressure.point_basis(x, y, a + dx, b + dy) - basis) @ amplitudes / step
                  for dx, dy in ((step, 0.0), (0.0, step))]

@@ -1,30 +1,32 @@
-"""Presses of a small ball: frames in counts above those of the unloaded pad, good ones and bad."""
+"""Presses of a small ball: counts above those of the unloaded pad, good ones and bad."""
 
 from dataclasses import dataclass
 
 import numpy as np
 
+from tactile_sensing.devices.unloaded import QUANTISATION
 from tactile_sensing.types.array import TactelArray
 
 LEAST_PEAK = 10.0  # standard deviations that the peak of a usable press must reach
 BORDER = 1.5  # pitches that its peak must be away from the border
 SECOND = 0.3  # of the peak; as high elsewhere means that something else presses as well
+HELD = 1.5  # chi-square per tactel below which two frames are of one press that is held
 MOST = 120  # presses that are used; more of them cost time and tell little
 
 
 @dataclass(frozen=True, eq=False)
 class Presses:
     """
-    Frames that each show one press.
+    Pictures that each show one press: a frame, or the mean of those while it was held.
 
     What a tactel reports at or below the floor is only known to be below it. NaN is no value.
     """
 
     array: TactelArray
     values: np.ndarray  # (N, rows, columns) [counts]
-    noise: np.ndarray  # (rows, columns) [counts]
+    noise: np.ndarray  # (N, rows, columns) [counts]
     floor: np.ndarray  # (rows, columns) [counts]
-    number: np.ndarray  # (N,) of the frame in its file
+    number: np.ndarray  # (N,) of its first frame in its file
 
     def __len__(self) -> int:
         return len(self.values)
@@ -36,13 +38,37 @@ class Presses:
 
     def joined(self, other: 'Presses') -> 'Presses':
         """Return these and other presses of the same array."""
-        return Presses(self.array, np.concatenate([self.values, other.values]), self.noise,
-                       self.floor, np.concatenate([self.number, other.number]))
+        return Presses(self.array, np.concatenate([self.values, other.values]),
+                       np.concatenate([self.noise, other.noise]), self.floor,
+                       np.concatenate([self.number, other.number]))
 
     def only(self, chosen: np.ndarray) -> 'Presses':
         """Return the presses that are chosen."""
         return Presses(
-            self.array, self.values[chosen], self.noise, self.floor, self.number[chosen])
+            self.array, self.values[chosen], self.noise[chosen], self.floor, self.number[chosen])
+
+    def averaged(self) -> 'Presses':
+        """Return the presses with frames in turn that differ by noise alone as one."""
+        groups: list[list[int]] = []
+        for i in range(len(self)):
+            if groups and self._is_like(i, groups[-1]):
+                groups[-1].append(i)
+            else:
+                groups.append([i])
+        values, noise = np.array([self._mean(group) for group in groups]).swapaxes(0, 1)
+        return Presses(self.array, values, noise, self.floor,
+                       self.number[[group[0] for group in groups]])
+
+    def _is_like(self, i, group):
+        off = (self.values[i] - self.values[group].mean(axis=0)) / self.noise[i]
+        return np.nanmean(off**2) < HELD * (1.0 + 1.0 / len(group))
+
+    def _mean(self, group):
+        """Mean of some frames and its noise; what hides in some of them alone tells nothing."""
+        values = self.values[group]
+        hidden = values <= self.floor
+        mean = np.where(hidden.any(axis=0) & ~hidden.all(axis=0), np.nan, values.mean(axis=0))
+        return mean, np.maximum(self.noise[group[0]] / np.sqrt(len(group)), QUANTISATION**0.5)
 
 
 def sort_presses(presses: Presses, saturated: np.ndarray) -> tuple[Presses, dict[int, str]]:
@@ -52,32 +78,41 @@ def sort_presses(presses: Presses, saturated: np.ndarray) -> tuple[Presses, dict
     Parameters
     ----------
     presses : Presses
+        One for every frame.
     saturated : ndarray, shape (N,)
         How many tactels of each are at full scale.
 
     Returns
     -------
     good : Presses
-        At most MOST of them, spread over the pad.
+        At most MOST of them, spread over the pad; those that were held are averaged.
     bad : dict
         From the number of a frame to what is wrong with it.
     """
-    array, bad, good, peaks = presses.array, {}, [], []
+    bad, good = {}, []
     for i, values in enumerate(presses.values):
-        peak = np.unravel_index(np.nanargmax(np.nan_to_num(values, nan=-np.inf)), values.shape)
-        reason = why_not(values, peak, presses.noise, array, int(saturated[i]))
+        peak = np.unravel_index(_peak(values), values.shape)
+        reason = why_not(values, peak, presses.noise[i], presses.array, int(saturated[i]))
         if reason:
             bad[int(presses.number[i])] = reason
         else:
             good.append(i)
-            peaks.append(peak[0] * array.columns + peak[1])
+    if not good:
+        return presses.only(np.zeros(0, int)), bad
+    presses = presses.only(np.array(good)).averaged()
+    peaks = [_peak(values) for values in presses.values]
     # In turns over the tactels that were pressed, so that none of them crowds out the others.
     _, place, count = np.unique(peaks, return_inverse=True, return_counts=True)
     turn = np.zeros(len(peaks), int)
     for k in range(len(count)):
         turn[place == k] = np.arange(count[k])
     order = np.argsort(turn, kind='stable')[:MOST]
-    return presses.only(np.array(good, int)[np.sort(order)]), bad
+    return presses.only(np.sort(order)), bad
+
+
+def _peak(values):
+    """Index of the highest tactel."""
+    return int(np.nan_to_num(values, nan=-np.inf).argmax())
 
 
 def why_not(values: np.ndarray, peak: tuple, noise: np.ndarray, array: TactelArray,

@@ -7,6 +7,7 @@ import math
 import numpy as np
 
 from tactile_common.errors import ConfigurationError
+from tactile_sensing.calibration.force_scale import edge_force_std
 from tactile_sensing.calibration.gains import flat_field, Gains
 from tactile_sensing.calibration.order import solve_order
 from tactile_sensing.calibration.presses import Presses, sort_presses
@@ -18,6 +19,10 @@ from tactile_sensing.types.skin import Skin
 
 FEWEST_UNLOADED = 20  # frames
 FEWEST_PRESSES = 5  # of a ball, that tell a skin; some twenty are better
+MOST_LEFT_OUT = 0.04  # share of the pressure that a skin and a ball may leave unexplained
+USUAL_PATCH = 0.25, 0.75  # radius of a patch over that of the ball
+UNLOADED = 0.03  # of the peak, less than which tactels far from a press read
+OF_MEDIAN = 1.2533  # standard deviation of a median over that of a mean, of a normal distribution
 
 
 @dataclass
@@ -163,6 +168,7 @@ def _presses(frames, calibration, force=None):
     arranged = calibration.arrange(np.asarray(frames, dtype=np.float64))
     full = (arranged >= calibration.counts.saturation) & calibration.live
     noise = np.maximum(calibration.noise.astype(float), 12**-0.5)
+    noise = np.broadcast_to(noise, arranged.shape)
     values = np.where(calibration.live & ~full, arranged - calibration.baseline, np.nan)
     floor = calibration.counts.threshold - 0.5 - calibration.baseline.astype(float)
     number = np.arange(len(values))
@@ -175,8 +181,9 @@ def _sorted(name, frames, calibration, outcome):
     outcome.left_out[name] = bad
     if len(good) < FEWEST_PRESSES:
         why = '; '.join(f'frame {k}: {text}' for k, text in list(bad.items())[:3])
-        raise ConfigurationError(f'{name}: only {len(good)} of {len(frames)} frames show one '
-                                 f'press, at least {FEWEST_PRESSES} are needed ({why})')
+        raise ConfigurationError(
+            f'{name}: only {len(frames) - len(bad)} of {len(frames)} frames show one press, '
+            f'{len(good)} different ones, at least {FEWEST_PRESSES} are needed ({why})')
     return good
 
 
@@ -192,6 +199,8 @@ def _skin(recordings, known, draft, outcome, found, assumed, tell):
         presses = presses.joined(other)
     source = np.repeat(list(parts), [len(part) for part in parts.values()])
     given = Skin(known.depth, known.thickness or math.inf, known.poisson) if known.depth else None
+    if recordings.unloaded is None:
+        _check_unloaded(presses)
     tell(f'skin from {len(presses)} presses')
     fit = fit_skin(presses, radius, area=area, known=given)
     bad = bad_presses(fit)
@@ -200,20 +209,19 @@ def _skin(recordings, known, draft, outcome, found, assumed, tell):
             outcome.left_out[name][int(number)] = 'unlike the others: no ball, or it moved'
         presses, source = presses.only(~bad), source[~bad]
         fit = fit_skin(presses, radius, area=area, known=given)
-    gain, spread = np.ones(draft.array.shape), fit.scatter
+    gain, pressed = np.ones(draft.array.shape), source == 'ball'
+    force = np.ones(len(presses))
+    if recordings.force is not None:
+        force[pressed] = _force(recordings)[presses.number[pressed]]
     if recordings.flat is not None:
         tell(f'gains from {len(presses)} presses')
-        force = np.ones(len(presses))
-        if recordings.force is not None:
-            force[source == 'ball'] = _force(recordings)[presses.number[source == 'ball']]
-        gains = flat_field(presses, radius, fit, area, force, source)
-        if not given:  # gains that differ had moved the skin, and the skin the gains
-            fit = fit_skin(presses.scaled(gains.gain), radius, area=area, start=fit)
+        for _ in range(1 if given else 2):  # gains that differ move the skin, the skin the gains
             gains = flat_field(presses, radius, fit, area, force, source)
-        outcome.gains, gain, spread = gains, gains.gain, gains.left
+            fit = fit_skin(presses.scaled(gains.gain), radius, area=area, start=fit)
+        outcome.gains, gain = gains, gains.gain
         found['gains'] = {'presses': len(presses), 'spread': _short(gains.spread),
                           'left': _short(gains.left)}
-    values: dict = {'gain_spread': float(spread)}
+    values: dict = {'gain_spread': float(outcome.gains.left if outcome.gains else fit.scatter)}
     if not given:
         if assumed and assumed[-1].startswith('tactels one pitch'):
             assumed.pop()
@@ -225,14 +233,36 @@ def _skin(recordings, known, draft, outcome, found, assumed, tell):
             'left_out': _short(fit.scatter), 'patch': _short(fit.patch)}
         if not math.isfinite(fit.poisson_std):
             assumed.append(f"a Poisson's ratio of {known.poisson}")
-    if recordings.flat is not None:
-        fit = fit_skin(presses.scaled(gain), radius, area=area, known=fit.skin)
+    if doubts := _doubts(fit, radius, recordings.flat is not None):
+        found['doubtful'] = doubts
     values['gain'] = known.gain * gain if known.gain else gain
     if recordings.force is not None and not known.gain:
-        pressed = source == 'ball'
-        values |= _gain(recordings, presses.number[pressed], fit.amplitudes[pressed], gain, found)
+        values |= _gain(force[pressed] / fit.amplitudes[pressed, 0], gain, found)
+        values['force_std'] = math.hypot(values['force_std'], edge_force_std(
+            presses.scaled(gain), fit, radius, area))
     outcome.presses, outcome.skin = presses, fit
     return values
+
+
+def _check_unloaded(presses):
+    each = presses.values.reshape(len(presses), -1)
+    low = float(np.median(np.nanquantile(each, 0.05, axis=1)))
+    if low > UNLOADED * np.median(np.nanmax(each, axis=1)):
+        raise ConfigurationError(f'tactels that nothing presses read {low:.0f} counts: --unloaded '
+                                 'is missing, frames of the unloaded pad')
+
+
+def _doubts(fit, radius, flat):
+    """What a skin that was found has of one that is none, as a wrong ball or pitch makes it."""
+    doubts, check = [], 'check --ball-radius and --pitch'
+    if fit.scatter > MOST_LEFT_OUT:
+        doubts.append(f'{100.0 * fit.scatter:.0f} % of the pressure is not that of a ball of '
+                      f'{1e3 * radius:g} mm radius (usual: less than {100.0 * MOST_LEFT_OUT:.0f} '
+                      f'%): {check}' + ('' if flat else ', or gains differ: record --flat'))
+    if not USUAL_PATCH[0] < fit.patch < USUAL_PATCH[1]:
+        doubts.append(f'the ball touches within {fit.patch:.2f} of its radius (usual: '
+                      f'{USUAL_PATCH[0]} to {USUAL_PATCH[1]}): {check}')
+    return doubts
 
 
 def _force(recordings):
@@ -240,13 +270,16 @@ def _force(recordings):
     return np.broadcast_to(np.asarray(recordings.force, float), len(recordings.ball))
 
 
-def _gain(recordings, numbers, amplitudes, gain, found):
-    each = _force(recordings)[numbers] / amplitudes[:, 0]
+def _gain(each, gain, found):
+    """Gain and its relative standard deviation, of what each press of known force says of it."""
+    if len(each) < FEWEST_PRESSES:
+        raise ConfigurationError(f'ball: only {len(each)} presses of known force are like the '
+                                 f'others, at least {FEWEST_PRESSES} are needed')
     usual = float(np.median(each))
-    spread = 1.4826 * float(np.median(np.abs(each / usual - 1.0)))
-    found['force'] = {'presses': len(each), 'gain': _short(usual),
-                      'gain_std': _short(usual * spread / math.sqrt(len(each)))}
-    return {'gain': usual * gain, 'unit': 'Pa'}
+    std = OF_MEDIAN * float(np.std(each, ddof=1)) / math.sqrt(len(each))
+    found['force'] = {
+        'presses': len(each), 'gain': _short(usual), 'gain_std': _short(std)}
+    return {'gain': usual * gain, 'unit': 'Pa', 'force_std': std / usual}
 
 
 def _short(value):

@@ -13,6 +13,7 @@ from tactile_sensing.devices.unloaded import unloaded_statistics
 from tactile_sensing.types.array import TactelArray
 
 HELD = 20  # frames that a press must rest to be taken
+KEPT = 10  # of these
 STEADY = 0.05  # of its peak, by which a press that rests may change
 RELEASED = 0.5  # of the peak at which a press begins, below which it has ended
 
@@ -22,18 +23,21 @@ class Step:
     """One recording, a file of its name."""
 
     name: str
-    count: int  # frames
+    count: int  # frames, or presses
     ask: str
     presses: bool = True  # else the frames come one after the other
     anywhere: bool = False  # presses are not judged: a finger, at the border
+    frames: int = 1  # of each press: their mean tells more
 
 
 STEPS = (
     Step('unloaded', 100, 'Take everything off the pad.', presses=False),
     Step('corners', 4, 'Press with a finger: first row and column; first row, last column; last '
          'row and column; last row, first column.', anywhere=True),
-    Step('ball', 20, 'Press the small ball, each time elsewhere; hold it until it counts.'),
-    Step('flat', 40, 'Press the same ball, straight, all over the pad.'))
+    Step('ball', 20, 'Press the small ball, each time elsewhere; hold it until it counts.',
+         frames=KEPT),
+    Step('flat', 40, 'Press the same ball, straight, evenly all over the pad.',
+         frames=KEPT))
 
 
 class PressCatcher:
@@ -108,7 +112,7 @@ class Recorder:
         self._folder.mkdir(parents=True, exist_ok=True)
         for step in steps:
             frames = self._there(step)
-            if len(frames) >= step.count:
+            if len(frames) >= step.count * step.frames:
                 self._tell(f'{step.name}: {len(frames)} frames are there')
             elif step.presses and not self._file('unloaded').exists():
                 self._tell(f'{step.name}: needs unloaded')
@@ -124,17 +128,19 @@ class Recorder:
     def _presses(self, step, frames):
         catcher = PressCatcher(
             self._array, read_arrays(self._file('unloaded'), ('frames',))['frames'])
-        while len(frames) < step.count:
+        last: deque[np.ndarray] = deque(maxlen=step.frames)
+        while len(frames) < step.count * step.frames:
             frame, full = self._look()
+            last.append(frame)
             wrong = catcher.see(frame, full)
             if wrong is None:
                 continue
             if wrong and not step.anywhere:
                 self._tell(f'{step.name}: not taken: {wrong}; press again')
                 continue
-            frames.append(frame)
+            frames.extend(last)
             self._save(step, frames)
-            self._tell(f'{step.name}: {len(frames)} of {step.count}')
+            self._tell(f'{step.name}: {len(frames) // step.frames} of {step.count}')
 
     def _there(self, step):
         path = self._file(step.name)

@@ -12,11 +12,18 @@ import math
 import numpy as np
 
 from tactile_sensing.calibration.presses import Presses
+from tactile_sensing.calibration.skin_parameters import (
+    levels,
+    moved_skins,
+    parameters_of,
+    patch_radius,
+    skin_of,
+)
 from tactile_sensing.devices.unloaded import missing_mean
 from tactile_sensing.skin.pressure import SkinPressure
 from tactile_sensing.types.skin import Skin
 
-ASSUMED_POISSON = 0.45  # of a soft skin, where the presses do not tell it
+ASSUMED_POISSON, POISSON_STD = 0.45, 0.1  # of a soft skin, before the presses tell it
 EVIDENCE = 9.0  # chi-square that a further parameter of the skin must explain
 DEPTHS = (0.35, 0.6, 1.0, 1.5, 2.2, 3.2)  # pitches at which the search for the depth begins
 RATIOS = (0.35, 0.8)  # likewise depth over thickness
@@ -43,6 +50,8 @@ class SkinFit:
     chi_square: float
     misfit: np.ndarray  # (N,): RMS of what is left over what is expected
     free: tuple[int, ...]  # which of depth, thickness and Poisson's ratio were fitted
+    # Of these (logarithm of the depth, depth over thickness, Poisson's ratio) and the patch.
+    covariance: np.ndarray
 
 
 class _Problem:
@@ -60,21 +69,14 @@ class _Problem:
         self.amplitudes = np.zeros((len(presses), 3))
         self.scatter = LEAST_SCATTER
 
-    def skin(self, theta):
-        """Skin of the logarithm of the depth, depth over thickness, and Poisson's ratio."""
-        depth, ratio = math.exp(theta[0]), min(max(theta[1], 0.0), 1.0)
-        return Skin(depth, depth / ratio if ratio > 1e-3 else math.inf,
-                    min(max(theta[2], 0.0), 0.5))
-
     def basis(self, pressure, i, place, patch):
         """Pressure by normal force and shear, (tactels, 3)."""
-        radius = min(patch * self.radius * self.level[i] ** (1 / 3),
-                     0.95 * self.radius, 1.4 * pressure.skin.depth)
+        radius = patch_radius(patch, self.radius, self.level[i], pressure.skin)
         return pressure.point_basis(self.x, self.y, *place, radius).reshape(-1, 3)
 
     def fill(self, i):
         """Values of a press; what is below the floor as the model expects it there."""
-        noise, floor = self.presses.noise, self.presses.floor
+        noise, floor = self.presses.noise[i], self.presses.floor
         raw, model = self.presses.values[i], self.models[i]
         below = raw <= floor
         if not below.any():
@@ -106,14 +108,9 @@ def _step(problem, theta, patch, places, free):
     presses, count = problem.presses, len(places)
     n_free = len(free) + 1  # and the patch
     normal, right, chi = np.zeros((n_free, n_free)), np.zeros(n_free), 0.0
-    here = SkinPressure(problem.skin(theta), *problem.size)
-    steps = np.array([1e-3, 1e-3, 5e-3])
-    moved = []
-    for k in free:
-        other = theta.copy()
-        sign = -1.0 if (k == 1 and theta[1] > 0.99) or (k == 2 and theta[2] > 0.49) else 1.0
-        other[k] += sign * steps[k]
-        moved.append((SkinPressure(problem.skin(other), *problem.size), sign * steps[k]))
+    here = SkinPressure(skin_of(theta), *problem.size)
+    moved = [(SkinPressure(skin, *problem.size), step)
+             for skin, step in moved_skins(theta, free)]
     blocks = []
     d = 1e-3 * min(presses.array.pitch_x, presses.array.pitch_y)
     for i in range(count):
@@ -136,9 +133,13 @@ def _step(problem, theta, patch, places, free):
         normal += skin_columns.T @ skin_columns - cross.T @ solved[:, :-1]
         right += skin_columns.T @ left - cross.T @ solved[:, -1]
         chi += left @ left
-    normal[-1, -1] += 1.0 / PATCH_STD**2
-    right[-1] += (PATCH - patch) / PATCH_STD**2
-    chi += (PATCH - patch)**2 / PATCH_STD**2
+    expected = [(-1, patch, PATCH, PATCH_STD)]
+    if 2 in free:
+        expected.append((free.index(2), theta[2], ASSUMED_POISSON, POISSON_STD))
+    for k, value, usual, std in expected:
+        normal[k, k] += 1.0 / std**2
+        right[k] += (usual - value) / std**2
+        chi += (usual - value)**2 / std**2
     covariance = np.linalg.pinv(normal)
     step = covariance @ right
     step *= min(1.0, 0.2 / max(np.abs(step).max(), 1e-12))
@@ -160,8 +161,7 @@ def _iterate(problem, theta, patch, places, free, steps=STEPS):
     covariance = np.zeros((len(free) + 1,) * 2)
     for k in range(steps):
         theta, patch, places, chi, covariance, step = _step(problem, theta, patch, places, free)
-        force = np.maximum(problem.amplitudes[:, 0], 1e-12)
-        problem.level = np.clip(force / np.median(force), 0.05, 20.0)
+        problem.level = levels(problem.amplitudes[:, 0])
         if k > 2 and abs(before - chi) < 1e-3 * max(chi, 1.0) ** 0.5 and (
                 np.abs(step).max() < 1e-3):
             break
@@ -234,7 +234,7 @@ def fit_skin(presses: Presses, ball_radius: float, *, area: bool = True,
     free: tuple[int, ...] = ()
     skin = start.skin if start else known
     if skin:
-        theta = np.array([math.log(skin.depth), skin.depth / skin.thickness, skin.poisson])
+        theta = parameters_of(skin)
     else:
         theta = _start(problem, presses, places)
     if start:
@@ -251,7 +251,7 @@ def fit_skin(presses: Presses, ball_radius: float, *, area: bool = True,
 def _scatter(problem):
     """Share of the pressure by which tactels are off, so that chi-square is as expected."""
     rest = np.where(problem.weight > 0.0, problem.values - problem.models, np.nan)
-    noise = np.broadcast_to(problem.presses.noise, rest.shape)
+    noise = problem.presses.noise
     strong = problem.models > 0.03 * problem.models.max(axis=(1, 2), keepdims=True)
     strong &= np.isfinite(rest)
     # Place, force and shear of a press take up what five of its tactels are off.
@@ -262,24 +262,25 @@ def _scatter(problem):
 
 
 def _result(problem, theta, patch, places, chi, covariance, free):
-    skin = problem.skin(theta)
+    skin = skin_of(theta)
     live = problem.weight > 0.0
     rest = np.where(live, (problem.values - problem.models) * problem.weight, 0.0)
     misfit = np.sqrt((rest**2).sum(axis=(1, 2)) / live.sum(axis=(1, 2)))
     spread = max(1.0, chi / max(live.sum() - 5 * len(places), 1))
-    std = dict(zip(free, np.sqrt(spread * np.diag(covariance)), strict=False))
+    covariance = spread * covariance
+    std = dict(zip(free, np.sqrt(np.diag(covariance)), strict=False))
     depth_std = skin.depth * std.get(0, 0.0)
     thickness_std = poisson_std = math.inf
     if 1 in free and not skin.is_half_space:
         # thickness = depth / ratio
         gradient = np.array([1.0, -1.0 / theta[1]])
-        block = covariance[np.ix_((0, 1), (0, 1))] * spread
-        thickness_std = skin.thickness * math.sqrt(max(gradient @ block @ gradient, 0.0))
+        thickness_std = skin.thickness * math.sqrt(
+            max(gradient @ covariance[:2, :2] @ gradient, 0.0))
     if 2 in free:
         poisson_std = std[2]
     return SkinFit(skin, depth_std, thickness_std, poisson_std, patch, places,
                    problem.amplitudes.copy(), problem.models.copy(), problem.scatter, chi, misfit,
-                   free)
+                   free, covariance)
 
 
 def bad_presses(fit: SkinFit) -> np.ndarray:

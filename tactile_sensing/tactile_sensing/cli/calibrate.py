@@ -31,9 +31,11 @@ optional, and the file says what was assumed instead:
   2 corners   four frames, a finger in each corner: of the first row and column, the first row and
               last column, the last row and last column, the last row and first column. Where wires
               are scrambled: --rolling, a ball rolled slowly all over the pad
-  3 ball      twenty frames, a small ball (1 mm radius or so) pressed anywhere, neither hard nor
-              close to the border: depth and thickness of the skin; with --force also the gain
-  4 flat      forty presses of the same ball all over the pad: the gain of every tactel
+  3 ball      twenty presses of a small ball (1 mm radius or so) anywhere, neither hard nor close
+              to the border, ten frames of each: depth and thickness of the skin; with --force also
+              the gain
+  4 flat      forty presses of the same ball evenly all over the pad, likewise: the gain of every
+              tactel
 
 Example: a pad of 16 x 16 tactels on one inch, a ball pressed by a weight of 100 g
   ros2 run tactile_sensing calibrate --out pad.yaml --pitch 0.0015875 --unloaded u.npz \\
@@ -159,7 +161,8 @@ def describe(outcome: Outcome) -> str:
         lines += [f'{name}, frame {k} left out: {bad[k]}' for k in numbers]
         if len(bad) > MOST_NAMED:
             lines.append(f'{name}: and {len(bad) - MOST_NAMED} more')
-    lines += [f'assumed: {text}' for text in found['assumed']]
+    lines += [f'{kind}: {text}' for kind in ('assumed', 'doubtful')
+              for text in found.get(kind, [])]
     return '\n'.join(lines)
 
 

@@ -12,7 +12,7 @@ from tactile_common.errors import ConfigurationError
 from tactile_sensing.contact.closed_forms import estimate_by_moments
 from tactile_sensing.contact.extended_load import BEGINS, ENDS, PATCH
 from tactile_sensing.contact.gauss_newton import LINE, POINT
-from tactile_sensing.contact.parameters import forget_forces
+from tactile_sensing.contact.parameters import forget_forces, widen_forces
 from tactile_sensing.contact.pipeline import ANY_MODEL, estimate_frames, PENDING, RULES
 from tactile_sensing.half_space.layers import Layer as FitLayer
 from tactile_sensing.half_space.layers import Sensor, sensor_of
@@ -81,7 +81,7 @@ class ContactEstimator:
     def __init__(self, config: EstimatorConfig | None = None):
         self.config = config = config or EstimatorConfig()
         self._rules = np.array([(
-            config.min_snr, config.model_error, config.max_chi_square, 0.0, config.fit_depth,
+            config.min_snr, config.model_error, config.max_chi_square, 0.0, 0.0, config.fit_depth,
             MODELS[config.model], config.method == 'fit')], RULES)
 
     def estimate(self, image: TactileImage) -> Contact:
@@ -164,9 +164,9 @@ class ContactEstimator:
         main = next(layer for layer in layers if layer.component == 'zz')
         sensor, table = _sensor(array, plan, TACTELS[config.tactel], main.thickness, main.poisson)
         table, rules = table.copy(), self._rules
-        if main.gain_spread > 0.0:
+        if main.gain_spread > 0.0 or main.force_std > 0.0:
             rules = rules.copy()
-            rules['gain_spread'] = main.gain_spread
+            rules['gain_spread'], rules['force_std'] = main.gain_spread, main.force_std
         table['given_noise'] = [config.noise_std or layer.noise_std for layer in layers]
         table['full_scale'] = [layer.full_scale for layer in layers]
         table['floor'] = [layer.floor for layer in layers]
@@ -181,6 +181,8 @@ class ContactEstimator:
                 estimate_by_moments(stress[i], array, table, config, part[0])
                 if not calibrated:
                     forget_forces.py_func(part.view(np.recarray)[0])
+                else:
+                    widen_forces.py_func(part.view(np.recarray)[0], main.force_std)
         return estimates
 
     def _model_name(self, kind, shear, extras, layers):
@@ -195,6 +197,7 @@ def is_possible(layer: Layer) -> bool:
     """Whether there is a skin with the numbers that come with a picture."""
     return (0.0 < layer.depth < np.inf and layer.thickness >= layer.depth
             and 0.0 <= layer.poisson <= 0.5 and 0.0 <= layer.gain_spread < 1.0
+            and 0.0 <= layer.force_std < 1.0
             and (layer.component == 'zz' or layer.thickness == np.inf))
 
 

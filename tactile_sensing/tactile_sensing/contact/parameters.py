@@ -138,6 +138,16 @@ def forget_forces(estimate):
 
 
 @njit(error_model='numpy')
+def widen_forces(estimate, std):
+    """Add to the covariance of forces what all of them are off by in common, as a share."""
+    forces = (estimate.normal_force, estimate.shear_force_x, estimate.shear_force_y,
+              estimate.line_force)
+    for i in range(len(forces)):
+        for j in range(len(forces)):
+            estimate.covariance[FORCE_ROWS[i], FORCE_ROWS[j]] += std * std * forces[i] * forces[j]
+
+
+@njit(error_model='numpy')
 def compare_forces(estimate, relative_std):
     """Second force estimate into the first's unit; whether it disagrees, and how far, is told."""
     off, covariance = estimate.force_windowed - 1.0, estimate.covariance

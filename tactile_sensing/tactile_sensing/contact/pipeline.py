@@ -50,6 +50,7 @@ from tactile_sensing.contact.parameters import (
     compare_forces,
     copy_record,
     forget_forces,
+    widen_forces,
     write_line,
     write_point,
 )
@@ -64,7 +65,8 @@ MOST_FAULTS = 3  # tactels that are left out beside the end of a line, or beside
 ANY_MODEL, PENDING = 0, -1  # rules.model, estimate.type
 # How contacts are estimated, see EstimatorConfig; model: ANY_MODEL, POINT or LINE.
 RULES = np.dtype([('min_snr', 'f8'), ('model_error', 'f8'), ('max_chi_square', 'f8'),
-                  ('gain_spread', 'f8'), ('fit_depth', '?'), ('model', 'i8'), ('fit', '?')])
+                  ('gain_spread', 'f8'), ('force_std', 'f8'), ('fit_depth', '?'), ('model', 'i8'),
+                  ('fit', '?')])
 
 _OTHER, _BAD_FIT = int(ContactType.OTHER), int(Reason.BAD_FIT)
 _LOW_SNR, _OFF_PAD = int(Reason.LOW_SNR), int(Reason.OFF_PAD)
@@ -142,6 +144,8 @@ def estimate_frames(stress, x, y, pitch_x, pitch_y, nodes, window, polynomials, 
             memory.estimates[best].reasons |= _TWO
         if not calibrated:
             forget_forces(memory.estimates[best])
+        elif rules[0].force_std > 0.0:
+            widen_forces(memory.estimates[best], rules[0].force_std)
         copy_record(memory.estimates, best, estimates, f)
 
 

@@ -34,6 +34,8 @@ class Calibration:
     baseline: np.ndarray = 0.0  # type: ignore[assignment]
     noise: np.ndarray = 0.0  # type: ignore[assignment]  # standard deviation [counts]; 0 = unknown
     gain_spread: float = 0.0  # standard deviation of the true gains about these, relative
+    # Of the forces of all contacts in common, relative: by what gains and skin may be off.
+    force_std: float = 0.0
     bits: int = 8  # this and the next three: see `Counts`
     signed: bool = False
     threshold: int | None = None
@@ -64,7 +66,7 @@ class Calibration:
     def __post_init__(self):
         checked('depth', self.depth, float, {'range': (0.0, PITCH[1]), 'unit': 'm'})
         for name in ('tare_tolerance', 'depth', 'thickness', 'skin_stiffness', 'max_load',
-                     'gain_spread', 'acquisition_delay', 'nominal_rate'):
+                     'gain_spread', 'force_std', 'acquisition_delay', 'nominal_rate'):
             value = getattr(self, name)
             if not _is_number(value) or not 0.0 <= value < math.inf:
                 raise ConfigurationError(f'{name} is {value!r}, must be a number of at least 0')
@@ -235,7 +237,7 @@ class Calibration:
         return Layer(
             self.component, self.depth, np.empty(0, np.float32), float(full_scale),
             float(np.sqrt(np.mean((gain * noise)**2))), self.unit, self.thickness or math.inf,
-            self.poisson, self.gain_spread, float(floor) or 1e-9)
+            self.poisson, self.gain_spread, float(floor) or 1e-9, self.force_std)
 
     def sensor_info(self, sensor, frame_id, stamp_ns, tare=None, tared_at_ns=0) -> SensorInfo:
         """Return what is known of the sensor, for those who read its pictures."""

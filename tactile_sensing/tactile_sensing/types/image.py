@@ -26,6 +26,8 @@ class Layer:
     gain_spread: float = 0.0  # standard deviation of the tactels' gains, relative; 0 = unknown
     # A tactel at or below it is only known to be below it, in `unit`; 0 = all are measured.
     floor: float = 0.0
+    # Standard deviation that the forces of all contacts have in common, relative; 0 = unknown.
+    force_std: float = 0.0
 
     @property
     def skin(self) -> Skin:

@@ -1,7 +1,6 @@
 """From the wanted twist of the sensor to joint commands that keep every limit."""
 
 from dataclasses import dataclass, field
-import math
 from typing import NamedTuple
 
 import numpy as np
@@ -15,17 +14,22 @@ from tactile_servo.motion.inverse import (
     damped_least_squares,
     least_squares,
 )
-from tactile_servo.motion.limits import JointLimits, nearest, room, WorkspaceBox
+from tactile_servo.motion.limits import (
+    coasting_velocities,
+    JointLimits,
+    nearest,
+    WorkspaceBox,
+)
 from tactile_servo.motion.robot import RobotModel
 from tactile_servo.motion.trajectory import Trajectory
-from tactile_servo.motion.window import APART, at_rest, committed, extended, Window
+from tactile_servo.motion.window import ADDED, APART, at_rest, committed, extended, Window
 
 UNDAMPED = 1e-6  # damping that does nothing [m/rad]
 COAST = 8.0  # control periods that a window goes on before it brakes
 SETTLING = 0.1  # s at least, in which the robot's controller comes to where a motion is started
 BENT = 5e-4  # m by which braking in a curve may lead out of the box
 LONGEST_COMMITTED = 0.01  # s; a pad that swings in fast is led less well by more
-MORE = 5  # points at the most that the next window has more than the last one
+MORE = 2 + ADDED  # points at the most that the next window has more than the last one
 HELD_BACK = 0.05  # of the wanted motion; with less than this left the robot does not get on
 BLOCKED_AFTER = 1.0  # s held back until the motion counts as blocked
 
@@ -57,17 +61,26 @@ class MotionStep(NamedTuple):
     manipulability: float  # smallest singular value of the weighted Jacobian [m/rad]
 
 
+class Commanded(NamedTuple):
+    """What is commanded: a window, and the state at the end of its change of velocity."""
+
+    window: Window
+    positions: np.ndarray  # (n,), reached a period after what is committed [rad]
+    velocities: np.ndarray  # (n,) [rad/s]
+    pose: np.ndarray  # (4, 4), of the sensor in the base frame
+    jacobian: np.ndarray  # (6, n), there
+    end: np.ndarray  # (n,), where the last window that was sent comes to rest [rad]
+    stamp_ns: int | None = None  # None until it is sent
+
+
 class Motion:
     """
     Commanded state of the robot, and how a twist moves it on.
 
+    What is commanded is NaN before the first `seed`.
+
     Attributes
     ----------
-    positions, velocities : ndarray (n,)
-        Commanded last: those at the end of the newest change of velocity, which is reached a
-        period after what is committed [rad, rad/s]; NaN before the first `seed`.
-    pose : ndarray (4, 4)
-        Commanded pose of the sensor in the base frame.
     blocked : str
         Which limit, of which joint, has held back (nearly) all of the wanted motion for a
         second, or the singularity or workspace that has; empty while the robot gets on.
@@ -80,28 +93,40 @@ class Motion:
         self._ahead = config.committed  # s, which the newest window leaves to the one before
         self._inverse = BoundedInverse(limits, config.damping, config.rotation_length)
         unknown = np.full(len(limits.names), np.nan)
-        self.positions, self.velocities, self.pose = unknown, unknown, np.full((4, 4), np.nan)
-        self._jacobian = np.full((6, len(unknown)), np.nan)  # there
-        self._window = at_rest(unknown, 0.0)
-        self._stamp_ns: int | None = None  # None until it is commanded
+        self._now = Commanded(at_rest(unknown, 0.0), unknown, unknown, np.full((4, 4), np.nan),
+                              np.full((6, len(unknown)), np.nan), unknown)
+        self._before: Commanded | None = None  # a window earlier
         self._stamped = config.stamped
-        self._end = unknown  # where the last window that was commanded comes to rest
-        self._before: tuple | None = None  # the same, and what was commanded, a window earlier
         self._held_back, self.blocked = 0.0, ''
+
+    @property
+    def positions(self) -> np.ndarray:
+        """Commanded last (n,): at the end of the newest change of velocity [rad]."""
+        return self._now.positions
+
+    @property
+    def velocities(self) -> np.ndarray:
+        """Commanded last (n,) [rad/s]."""
+        return self._now.velocities
+
+    @property
+    def pose(self) -> np.ndarray:
+        """Commanded pose (4, 4) of the sensor in the base frame [m]."""
+        return self._now.pose
 
     @property
     def standing(self) -> bool:
         """Whether the robot has been commanded to a rest, and that command is over."""
-        return not self._window.velocities.any()
+        return not self._now.window.velocities.any()
 
     @property
     def lasting(self) -> float:
         """Time from the last cycle that had a window to the rest at the end of it [s]."""
-        return float(self._window.times[-1])
+        return float(self._now.window.times[-1])
 
     def across(self) -> float:
         """Acceleration of the sensor across its normal that all joints allow [m/s^2]."""
-        return agility(self._jacobian, self._limits.acceleration,
+        return agility(self._now.jacobian, self._limits.acceleration,
                        self._config.damping, self._config.rotation_length)
 
     def along(self, way: np.ndarray, speed: float = 0.0, bending: float = 1.0) -> Pace:
@@ -112,10 +137,10 @@ class Motion:
         `bending` is the share of that bounds the speed. What is left at a `speed` on the way is
         the acceleration of the pace. Nothing is damped: at a singularity that is another way.
         """
-        limits, joints = self._limits, self.positions
-        rates, _ = damped_least_squares(self._jacobian, way, damping=UNDAMPED)
+        limits, joints, jacobian = self._limits, self._now.positions, self._now.jacobian
+        rates, _ = damped_least_squares(jacobian, way, damping=UNDAMPED)
         bend, _ = damped_least_squares(
-            self._jacobian, -self._robot.bias(joints, rates), damping=UNDAMPED)
+            jacobian, -self._robot.bias(joints, rates), damping=UNDAMPED)
         top, most, kind, joint = pace(
             *limits.bounds, joints, rates, bend, speed, bending, (COAST + 2.0) * self._period)
         return Pace(top, most, limits.name_of(kind, joint))
@@ -127,14 +152,13 @@ class Motion:
         The robot's controller may still command what it was told last: it is given the time to
         come from there with half of the limits, `SETTLING` at least, before anything moves.
         """
-        self.positions = np.array(positions, dtype=float)
-        way, limits = np.abs(self.positions - self._end), self._limits
+        joints = np.array(positions, dtype=float)
+        way, limits = np.abs(joints - self._now.end), self._limits
         # A cubic between two rests has 1.5 times its mean velocity and 6 way / time^2.
         settling = np.fmax(3.0 * way / limits.velocity, np.sqrt(12.0 * way / limits.acceleration))
-        self._window, self._stamp_ns = at_rest(
-            self.positions, float(np.fmax(settling.max(), SETTLING))), None
-        self.velocities = np.zeros_like(self.positions)
-        self.pose, self._jacobian = self._robot.place(self.positions)
+        rest = at_rest(joints, float(np.fmax(settling.max(), SETTLING)))
+        self._now = Commanded(rest, joints, np.zeros_like(joints), *self._robot.place(joints),
+                              self._now.end)
         self.reset_blocked()
 
     def reset_blocked(self) -> None:
@@ -163,15 +187,16 @@ class Motion:
         """
         c, period, wanted, at_wall = self._config, self._period, twist, ''
         coast = (COAST + 1.0) * period
-        elapsed = 0.0 if self._stamp_ns is None else max(1e-9 * (now_ns - self._stamp_ns), 0.0)
+        window, since = self._now.window, self._now.stamp_ns
+        elapsed = 0.0 if since is None else max(1e-9 * (now_ns - since), 0.0)
         times, places, speeds = (np.empty((len(part) + MORE, *part.shape[1:]))
-                                 for part in self._window)
+                                 for part in window)
         # Kernels write into what they are given: to make an array of what one returns costs more.
-        kept = _begin(*self._window, elapsed, self._ahead, times, places, speeds)
+        kept = _begin(*window, elapsed, self._ahead, times, places, speeds)
         positions = places[kept - 1]
         # On its way to the first point the controller is left alone: each window is a seam there.
         settling = times[0] > APART
-        first = self._stamp_ns is None
+        first = since is None
         if first:
             self._stamped = stamped and c.stamped
         # Velocities are those of the period's end, where the arm stands otherwise: with the
@@ -191,7 +216,7 @@ class Motion:
                   c.rotation_length)
         velocities = 0.0 * asked if settling else asked  # what is no number stays none
         scale, kind, joint, progress = _onward(*parts, velocities, *onward)
-        if at_wall and self._bends_out(places[:kept + 3]):
+        if at_wall and self._bends_out(places[:kept + ADDED]):
             velocities = np.zeros_like(asked)
             scale, kind, joint, progress = _onward(*parts, velocities, *onward)
         limited_by = at_wall or bound or self._limits.name_of(kind, joint)
@@ -199,12 +224,11 @@ class Motion:
         self._watch(progress if hindered else 1.0, limited_by, period)
         trajectory = None
         if first or not settling:  # only what is sent is what the robot's controller plays
-            self._before = (self._window, self.velocities, self._stamp_ns, self._end,
-                            self.positions, self.pose, self._jacobian)
-            window = Window(times[:kept + 3], places[:kept + 3], speeds[:kept + 3])
-            self._window, self.velocities, self._stamp_ns = window, velocities, now_ns
-            self._end, self.positions = places[kept + 2], places[kept]
-            self.pose, self._jacobian = self._robot.place(self.positions)
+            size = kept + ADDED
+            window = Window(times[:size], places[:size], speeds[:size])
+            self._before, self._now = self._now, Commanded(
+                window, places[kept], velocities, *self._robot.place(places[kept]),
+                window.positions[-1], now_ns)
             trajectory = Trajectory(self._limits.names, *window,
                                     stamp_ns=now_ns if self._stamped else 0)
         return MotionStep(trajectory, twist, scale, limited_by, manipulability)
@@ -224,8 +248,7 @@ class Motion:
         """
         if age <= max(self._ahead, command.times[0]) or self._before is None:
             return True
-        (self._window, self.velocities, self._stamp_ns, self._end, self.positions, self.pose,
-         self._jacobian) = self._before
+        self._now = self._before
         return False
 
     def _watch(self, progress, limited_by, dt):
@@ -262,41 +285,17 @@ def _onward(times, places, speeds, kept, bounds, velocities, bias, period, coast
 
     These are the limited ones of those asked for; what limits them, and their progress.
     """
-    velocities[:], scale, kind, joint = nearest(
-        *bounds, places[kept - 1], speeds[kept - 1], velocities, period, coast)
-    # Joint rates that keep a twist change as the arm bends; they do while the window coasts.
+    # Joint rates that keep a twist change as the arm bends.
     bend, _ = least_squares(jacobian, -bias, damping, rotation_length)
-    coasted = _coasted(*bounds, places[kept - 1], speeds[kept - 1], velocities, bend, coasting,
-                       period + coast)
+    velocities[:], scale, kind, joint = nearest(
+        *bounds, places[kept - 1], speeds[kept - 1], velocities, bend, period, coast)
+    coasted = coasting_velocities(*bounds, places[kept - 1], speeds[kept - 1], velocities, bend,
+                                  coasting, period + coast)
     window = extended(Window(times[:kept], places[:kept], speeds[:kept]), velocities, coasted,
-                      period, coasting, bounds[3])
+                      period, coasting, bounds)
     count = len(window.times)
     times[:count], places[:count], speeds[:count] = window
     return scale, kind, joint, _progress(jacobian, velocities, wanted, rotation_length)
-
-
-@njit(cache=True)
-def _coasted(lower, upper, fastest, acceleration, stopping_time, positions, previous, velocities,
-             bend, coasting, horizon):
-    """
-    Joint velocities after `coasting` with the accelerations `bend` of the `previous` velocities.
-
-    Both (n,); as much of that as the limits allow, and as is left of the motion.
-    """
-    down, up = room(lower, upper, stopping_time, positions, horizon)
-    kept = square = 0.0
-    for k in range(len(velocities)):
-        kept += velocities[k] * previous[k]
-        square += previous[k] * previous[k]
-    share = coasting * min(max(kept / max(square, 1e-12), 0.0), 1.0) ** 2
-    for k in range(len(velocities)):
-        if not math.isfinite(bend[k]):
-            return velocities
-        most = min(up[k], fastest[k]) if bend[k] > 0.0 else min(-down[k], fastest[k])
-        toward = velocities[k] if bend[k] > 0.0 else -velocities[k]
-        by = max(abs(bend[k]), 1e-12)
-        share = min(share, acceleration[k] / by * coasting, max(most - toward, 0.0) / by)
-    return velocities + share * bend
 
 
 @njit(cache=True)

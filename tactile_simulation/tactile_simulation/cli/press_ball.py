@@ -17,6 +17,7 @@ from tactile_simulation.tactel_response import TactelResponse
 
 PERIOD = 0.005  # s between frames
 HELD, BETWEEN = 0.5, 2.0  # s that a press is held, and that nothing touches before it
+KEPT = 10  # frames of each press
 CLEAR = 1.6  # pitches from the border of the pad to a press
 
 
@@ -61,27 +62,28 @@ class Press:
         self._now = 0.0
 
     def frames(self, presses: int) -> np.ndarray:
-        """Return the last frame of each press, (presses, rows, columns)."""
+        """Return the last KEPT frames of each press, (presses * KEPT, rows, columns)."""
         array = self._array
         reach = (np.array([array.size_x, array.size_y]) / 2.0
                  - CLEAR * np.array([array.pitch_x, array.pitch_y]))
-        pictures = []
+        pictures: list[np.ndarray] = []
         for a, b in self._rng.uniform(-reach, reach, (presses, 2)):
             self._lasting(np.zeros(array.shape), BETWEEN)
-            pictures.append(self._lasting(self._pressure.point(
-                array.x, array.y[:, None], a, b, self._force, radius=self._patch), HELD))
+            pictures += self._lasting(self._pressure.point(
+                array.x, array.y[:, None], a, b, self._force, radius=self._patch), HELD)[-KEPT:]
         return np.array(pictures)
 
     def unloaded(self, count: int) -> np.ndarray:
         """Return frames (count, rows, columns) with nothing on the pad."""
         nothing = np.zeros(self._array.shape)
-        return np.array([self._lasting(nothing, PERIOD) for _ in range(count)])
+        return np.array([self._lasting(nothing, PERIOD)[-1] for _ in range(count)])
 
     def _lasting(self, pressure, seconds):
+        frames = []
         for _ in range(round(seconds / PERIOD)):
             self._now += PERIOD
-            frame = self._response.counts(pressure, self._rng, self._now)
-        return frame
+            frames.append(self._response.counts(pressure, self._rng, self._now))
+        return frames
 
 
 def run(options: argparse.Namespace) -> str:
