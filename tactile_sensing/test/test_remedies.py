@@ -117,14 +117,33 @@ def test_clipping_that_nobody_tells_is_seen(presses, level):
     assert (untold['reasons'] & int(Reason.SATURATED) > 0).all()
 
 
-@pytest.mark.parametrize('level', [0.4, 0.3])
+@pytest.mark.parametrize('level', [0.6, 0.5, 0.4, 0.3])
 def test_of_eight_bits_most_clipping_is_seen(presses, level):
     _, frames, clean, noise = presses
     lsb = clean.max(axis=(1, 2)) / 200.0
     counts = np.rint(np.minimum(frames, level * clean.max(axis=(1, 2), keepdims=True))
                      / lsb[:, None, None])
-    records = found(counts * lsb[:, None, None], np.hypot(noise, lsb / 12**0.5))
+    noise = np.hypot(noise, lsb / 12**0.5)
+    records = found(counts * lsb[:, None, None], noise)
     assert (records['reasons'] & int(Reason.SATURATED) > 0).mean() > 0.75
+    off = np.abs(noise * records['normal_force'] - 1.0)
+    claimed = noise * np.sqrt(records['covariance'][:, 3, 3])
+    assert (records['valid'] & (off > 0.02) & (off > 5.0 * claimed)).mean() < 0.03
+
+
+@pytest.mark.parametrize('radius', [0.5e-3, 1e-3, 1.5e-3])
+def test_a_blunt_object_of_eight_bits_is_not_clipped(presses, radius):
+    loads, _, _, _ = presses
+    rng = np.random.default_rng(19)
+    share = (np.arange(6) + 0.5) / 6  # of Hertz' force, by rings
+    ring, turn = np.meshgrid(radius * np.sqrt(1.0 - (1.0 - share)**(2.0 / 3.0)), np.arange(6))
+    offsets = zip((ring * np.cos(turn)).flat, (ring * np.sin(turn)).flat, strict=True)
+    pictures = np.mean([[point.stress('zz', X, Y, a + x, b + y, 1.0, 0.0, 0.0, DEPTH)
+                         for a, b, *_ in loads[:200]] for x, y in offsets], axis=0)
+    counts = 200.0 * pictures / pictures.max(axis=(1, 2), keepdims=True)
+    records = found(np.rint(counts + 2.0 * rng.standard_normal(counts.shape)),
+                    np.full(200, np.hypot(2.0, 12**-0.5)))
+    assert (records['reasons'] & int(Reason.SATURATED) > 0).mean() < 0.02
 
 
 @pytest.mark.parametrize('decibels', [30.0, 40.0, 300.0])

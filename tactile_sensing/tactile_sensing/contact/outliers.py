@@ -189,6 +189,32 @@ def leave_out_worst(sensor, layers, rules, memory):
 
 
 @njit(error_model='numpy')
+def leave_out_top(image, top):
+    """Mark the highest readings, NaN from now on if several are equal; what they read, or inf."""
+    highest, count = 0.0, 0
+    for value in image.flat:
+        if value > highest:  # false for NaN
+            highest, count = value, 0
+        count += value == highest
+    top[:] = image == highest
+    if count < 2:
+        return np.inf
+    for i in range(image.size):
+        if top.flat[i]:
+            image.flat[i] = np.nan
+    return highest
+
+
+@njit(error_model='numpy')
+def is_cut_off(top, model, reading):
+    """Whether a load that was fitted without the highest readings is above all of them."""
+    for i in range(top.size):
+        if top.flat[i] and not model.flat[i] > reading:
+            return False
+    return True
+
+
+@njit(error_model='numpy')
 def scale_depths(layers, factor, scaled):
     """Layers with all depths multiplied; what is given with pictures is not needed."""
     for k in range(layers.size):

@@ -41,6 +41,8 @@ from tactile_sensing.contact.outliers import (
     any_off,
     fit_depth,
     fit_despite_faults,
+    is_cut_off,
+    leave_out_top,
     leave_out_worst,
     scale_depths,
 )
@@ -55,10 +57,10 @@ from tactile_sensing.contact.parameters import (
 from tactile_sensing.contact.preprocessing import preprocess
 from tactile_sensing.contact.scatter import measure_scatter
 from tactile_sensing.half_space.kernels import FORCE
-from tactile_sensing.half_space.layers import LAYER, Sensor
+from tactile_sensing.half_space.layers import first_pressure_layer, LAYER, Sensor
 from tactile_sensing.types.contact import ContactType, ESTIMATE, Reason
 
-NOISE_LOOKS = 3  # at noise that nobody tells, each by what the last load has left
+MOST_LOOKS = 5  # with the noise that the last load has left, or without readings that are cut off
 MOST_FAULTS = 3  # tactels that are left out beside the end of a line, or beside a patch
 ANY_MODEL, PENDING = 0, -1  # rules.model, estimate.type
 # How contacts are estimated, see EstimatorConfig; model: ANY_MODEL, POINT or LINE.
@@ -68,7 +70,7 @@ RULES = np.dtype([('min_snr', 'f8'), ('model_error', 'f8'), ('max_chi_square', '
 
 _OTHER, _BAD_FIT = int(ContactType.OTHER), int(Reason.BAD_FIT)
 _LOW_SNR, _OFF_PAD = int(Reason.LOW_SNR), int(Reason.OFF_PAD)
-_TWO = int(Reason.TWO_CONTACTS)
+_TWO, _SATURATED = int(Reason.TWO_CONTACTS), int(Reason.SATURATED)
 _DEAD, _MISMATCH = int(Reason.DEAD_TACTELS), int(Reason.FORCE_MISMATCH)
 
 
@@ -95,7 +97,8 @@ class Memory(NamedTuple):
     equations: np.ndarray  # of EQUATIONS, shape (1,)
     state: np.ndarray  # of STATE, shape (1,)
     noise: np.ndarray  # (layers,): least that a load has left [Pa]
-    # Of ESTIMATE, shape (3,): of the first model, of the second, and before there is any.
+    top: np.ndarray  # (rows, columns): whether a reading is one of several that are highest
+    # Of ESTIMATE, shape (4,): of the first model, of the second, before there is any, with `top`.
     estimates: np.ndarray
 
 
@@ -106,7 +109,8 @@ def make_memory(layers, rows, columns, nodes):
     return Memory(
         np.empty(shape), np.empty(shape), np.empty(shape), np.zeros(shape, np.bool_),
         np.zeros(layers, LAYER), make_tactels(layers * rows * columns, nodes), np.zeros(4, FIT),
-        np.zeros(1, EQUATIONS), np.zeros(1, STATE), np.empty(layers), np.zeros(3, ESTIMATE))
+        np.zeros(1, EQUATIONS), np.zeros(1, STATE), np.empty(layers),
+        np.zeros((rows, columns), np.bool_), np.zeros(4, ESTIMATE))
 
 
 @njit(cache=True, error_model='numpy')
@@ -157,14 +161,28 @@ def estimate_frame(stress, sensor, layers, rules, reasons, saturated, calibrated
         first.type = PENDING
         return 0
     copy_record(memory.estimates, 0, memory.estimates, 2)
-    best = 0
-    for look in range(1 + NOISE_LOOKS):  # not one after the other: it would be compiled twice
+    best, ceiling, main = 0, np.inf, first_pressure_layer(layers)
+    for _ in range(MOST_LOOKS):  # not one after the other: it would be compiled twice
         copy_record(memory.estimates, 2, memory.estimates, 0)
         copy_record(memory.estimates, 2, memory.estimates, 1)
         memory.noise[:] = np.inf
         best = _estimate_as_likelier(stress, sensor, layers, rules, memory)
-        if look == NOISE_LOOKS or not lower_noise(layers, memory.noise):
+        found = memory.estimates[best]
+        if ceiling < np.inf:  # this was without the highest readings
+            if found.reasons & UNCONVINCING or not is_cut_off(
+                    memory.top, memory.model[main], ceiling):
+                copy_record(memory.estimates, 3, memory.estimates, best)
+            else:
+                found.reasons |= _SATURATED
             break
+        if lower_noise(layers, memory.noise):
+            continue
+        # Rounded readings of a point that are cut off may look like those of a blunt one.
+        if found.type == POINT and found.extras & PATCH and not found.reasons & _SATURATED:
+            ceiling = leave_out_top(stress[main], memory.top)
+        if ceiling == np.inf:
+            break
+        copy_record(memory.estimates, best, memory.estimates, 3)
     return best
 
 

@@ -11,7 +11,7 @@ from tactile_sensing.contact.parameters import invert
 from tactile_sensing.half_space.kernels import FORCE, SHEAR_X, SHEAR_Y
 
 EVIDENCE = 2.0  # standard deviations from which on scatter has a part in the weights
-LEAST_FREEDOM, FEW = 3.0, 4.0  # tactels that tell it, beside those that the fit follows
+LEAST_FREEDOM, FEW = 3.0, 3.0  # tactels that tell it, beside those that the fit follows
 USUAL = 0.07  # of the pressure: scatter by which tactels are weighed to find it
 
 
@@ -114,9 +114,11 @@ def measure_scatter(kind, layers, forces, memory):
         total += part
         squares += part * part
     freedom = max(total * total / squares - count, LEAST_FREEDOM)
-    # In the mean over what the variance may be; where few tactels show none, there may be some.
-    more = min(excess / (EVIDENCE * deviation), 1.0) * freedom / (freedom - 2.0) * more + (
-        (FEW / freedom) ** 2 * deviation / slope)
+    # In the mean over what the variance may be; and few tactels may hide some, the more the more
+    # they show.
+    shown = min(excess / deviation, EVIDENCE)
+    more = shown / EVIDENCE * freedom / (freedom - 2.0) * more + (
+        (FEW / freedom * max(1.0 + 2.0 * shown, 0.0)) ** 2 * deviation / slope)
     if excess > EVIDENCE * deviation:
         state.found = math.sqrt(known * known + more)
     elif kind == POINT and known == 0.0:
