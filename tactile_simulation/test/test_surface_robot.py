@@ -89,23 +89,6 @@ def test_a_servo_that_misses_cycles_leads_the_probe_no_worse(name):
     assert forces[1] < 1.2 * forces[0]
 
 
-@pytest.mark.parametrize('what', ['servo', 'images', 'joint states'])
-def test_a_probe_that_is_stopped_on_a_curve_stays_on_it(what):
-    # Straight on in joint space it left the can: the wrist takes 0.2 s to come to rest.
-    simulation = loop_of('cylinder_65')
-    goal = SurfaceGoal(0.05, FORCE, direction=(0.0, 1.0, 0.0), length=0.06)
-    status = simulation.run(goal, 20.0, until=lambda status: status.progress > 0.03)
-    if what == 'servo':
-        simulation.servo.cycle = lambda now, now_ns: (status, None)
-    simulation.sensor_alive, simulation.robot_alive = what != 'images', what != 'joint states'
-    for _ in range(240):  # 0.6 s
-        simulation.step()
-    forces = [cycle.force for cycle in simulation.log[-240:]]
-    assert 0.7 * FORCE < min(forces) and max(forces) < 1.1 * FORCE
-    rest = [cycle.pose[:3, 3] for cycle in simulation.log[-20:]]
-    assert np.ptp(rest, axis=0).max() < 1e-6
-
-
 def test_what_the_arm_cannot_reach_ends_the_goal_in_contact_and_says_which_joint():
     # From the top of the can the arm is stretched out after some 45 mm, the probe turned by 80
     # degrees: before that singularity the joints' rates grow without bound.

@@ -12,7 +12,6 @@ from tactile_common.kernels import njit
 # What bounds a motion most; those that end with a space are of one joint.
 KINDS = ('', 'velocity of ', 'position of ', 'acceleration of ', 'velocity not finite')
 NEGLIGIBLE = 1e-6  # of a joint's velocity limit; what it is asked beyond a limit by rounding
-BENDING = 0.5  # of a joint's acceleration at most, for keeping to a way: the rest is to stop
 FREE, VELOCITY, POSITION, ACCELERATION, NOT_FINITE = range(len(KINDS))
 
 
@@ -59,15 +58,14 @@ class JointLimits:
 
 
 def limit_velocities(limits: JointLimits, positions: np.ndarray, previous: np.ndarray,
-                     wanted: np.ndarray, dt: float, coast: float = 0.0,
-                     bend: np.ndarray | None = None) -> tuple[np.ndarray, float, str]:
+                     wanted: np.ndarray, dt: float,
+                     coast: float = 0.0) -> tuple[np.ndarray, float, str]:
     """
     Nearest joint velocities to the wanted ones that keep every limit.
 
     The wanted velocities are first scaled as a whole, which keeps the direction of motion,
-    then their change from what would keep to the way is, to what the accelerations allow. What a
-    joint is asked beyond its limits by less than NEGLIGIBLE does not scale the others, it is cut
-    off.
+    then their change is, to what the accelerations allow. What a joint is asked beyond its
+    limits by less than NEGLIGIBLE does not scale the others, it is cut off.
 
     Parameters
     ----------
@@ -79,9 +77,6 @@ def limit_velocities(limits: JointLimits, positions: np.ndarray, previous: np.nd
         Time in which the velocities may change [s], > 0,
     coast : float
         and for which the new ones go on then before the joints brake [s].
-    bend : ndarray (n,), optional
-        Accelerations with which the joints would keep to their way at their speed [rad/s^2];
-        default none. They get half of what the limits allow at most.
 
     Returns
     -------
@@ -91,9 +86,8 @@ def limit_velocities(limits: JointLimits, positions: np.ndarray, previous: np.nd
     limited_by : str
         The limit that bound most, for instance 'velocity of joint1'; empty if none did.
     """
-    onward = np.zeros(len(wanted)) if bend is None else bend
-    velocities, scale, kind, joint = nearest(
-        *limits.bounds, positions, previous, wanted, onward, dt, coast)
+    velocities, scale, kind, joint = nearest(*limits.bounds, positions, previous, wanted, dt,
+                                             coast)
     return velocities, scale, limits.name_of(kind, joint)
 
 
@@ -113,8 +107,8 @@ def room(lower, upper, stopping_time, positions, dt):
 
 
 @njit(cache=True)
-def nearest(lower, upper, fastest, acceleration, stopping_time, positions, previous, wanted, bend,
-            dt, coast):
+def nearest(lower, upper, fastest, acceleration, stopping_time, positions, previous, wanted, dt,
+            coast):
     """Law of `limit_velocities`: velocities, scale, index of the kind of limit and joint."""
     count = len(wanted)
     down, up = room(lower, upper, stopping_time, positions, dt + coast)
@@ -131,25 +125,16 @@ def nearest(lower, upper, fastest, acceleration, stopping_time, positions, previ
         if asked > most + NEGLIGIBLE * fastest[k] and most / asked < scale:
             scale, joint = most / asked, k
             kind = VELOCITY if most == fastest[k] else POSITION
-    # All joints change in proportion, from keeping to the way: one that lags behind would lead off
-    # it, as would all where the way bends and they slow down.
-    bent = 1.0
+    # All joints change in proportion: one that lags behind would bend the motion.
+    share = 1.0
     for k in range(count):
-        most = BENDING * acceleration[k]
-        bent = min(bent, most / max(abs(bend[k]), most)) if math.isfinite(bend[k]) else 0.0
-    onward, share = np.zeros(count), 1.0
-    for k in range(count):
-        if bent > 0.0:
-            onward[k] = bent * bend[k] * dt
-        delta = scale * wanted[k] - previous[k] - onward[k]
-        left = acceleration[k] * dt - (onward[k] if delta > 0.0 else -onward[k])
-        share = min(share, left / max(abs(delta), 1e-12))
+        delta = abs(scale * wanted[k] - previous[k])
+        share = min(share, acceleration[k] * dt / max(delta, 1e-12))
     worst = 0.0
     for k in range(count):
         scaled, change = scale * wanted[k], acceleration[k] * dt
         slowest, quickest = previous[k] - change, previous[k] + change
-        value = previous[k] + (1.0 - share) * onward[k] + share * (scaled - previous[k])
-        value = min(max(value, slowest), quickest)
+        value = min(max(previous[k] + share * (scaled - previous[k]), slowest), quickest)
         # A joint that is too close to its limit brakes as hard as it may, no harder.
         if value > up[k]:
             value = max(up[k], slowest)

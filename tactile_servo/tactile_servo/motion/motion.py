@@ -22,14 +22,14 @@ from tactile_servo.motion.limits import (
 )
 from tactile_servo.motion.robot import RobotModel
 from tactile_servo.motion.trajectory import Trajectory
-from tactile_servo.motion.window import ADDED, APART, at_rest, committed, extended, Window
+from tactile_servo.motion.window import APART, at_rest, committed, extended, Window
 
 UNDAMPED = 1e-6  # damping that does nothing [m/rad]
 COAST = 8.0  # control periods that a window goes on before it brakes
 SETTLING = 0.1  # s at least, in which the robot's controller comes to where a motion is started
 BENT = 5e-4  # m by which braking in a curve may lead out of the box
 LONGEST_COMMITTED = 0.01  # s; a pad that swings in fast is led less well by more
-MORE = 2 + ADDED  # points at the most that the next window has more than the last one
+MORE = 5  # points at the most that the next window has more than the last one
 HELD_BACK = 0.05  # of the wanted motion; with less than this left the robot does not get on
 BLOCKED_AFTER = 1.0  # s held back until the motion counts as blocked
 
@@ -216,7 +216,7 @@ class Motion:
                   c.rotation_length)
         velocities = 0.0 * asked if settling else asked  # what is no number stays none
         scale, kind, joint, progress = _onward(*parts, velocities, *onward)
-        if at_wall and self._bends_out(places[:kept + ADDED]):
+        if at_wall and self._bends_out(places[:kept + 3]):
             velocities = np.zeros_like(asked)
             scale, kind, joint, progress = _onward(*parts, velocities, *onward)
         limited_by = at_wall or bound or self._limits.name_of(kind, joint)
@@ -224,11 +224,10 @@ class Motion:
         self._watch(progress if hindered else 1.0, limited_by, period)
         trajectory = None
         if first or not settling:  # only what is sent is what the robot's controller plays
-            size = kept + ADDED
-            window = Window(times[:size], places[:size], speeds[:size])
+            window = Window(times[:kept + 3], places[:kept + 3], speeds[:kept + 3])
             self._before, self._now = self._now, Commanded(
                 window, places[kept], velocities, *self._robot.place(places[kept]),
-                window.positions[-1], now_ns)
+                places[kept + 2], now_ns)
             trajectory = Trajectory(self._limits.names, *window,
                                     stamp_ns=now_ns if self._stamped else 0)
         return MotionStep(trajectory, twist, scale, limited_by, manipulability)
@@ -285,14 +284,14 @@ def _onward(times, places, speeds, kept, bounds, velocities, bias, period, coast
 
     These are the limited ones of those asked for; what limits them, and their progress.
     """
-    # Joint rates that keep a twist change as the arm bends.
-    bend, _ = least_squares(jacobian, -bias, damping, rotation_length)
     velocities[:], scale, kind, joint = nearest(
-        *bounds, places[kept - 1], speeds[kept - 1], velocities, bend, period, coast)
+        *bounds, places[kept - 1], speeds[kept - 1], velocities, period, coast)
+    # Joint rates that keep a twist change as the arm bends; they do while the window coasts.
+    bend, _ = least_squares(jacobian, -bias, damping, rotation_length)
     coasted = coasting_velocities(*bounds, places[kept - 1], speeds[kept - 1], velocities, bend,
                                   coasting, period + coast)
     window = extended(Window(times[:kept], places[:kept], speeds[:kept]), velocities, coasted,
-                      period, coasting, bounds)
+                      period, coasting, bounds[3])
     count = len(window.times)
     times[:count], places[:count], speeds[:count] = window
     return scale, kind, joint, _progress(jacobian, velocities, wanted, rotation_length)

@@ -14,9 +14,6 @@ import numpy as np
 from tactile_common.kernels import njit
 
 MIN_STOP = 0.01  # s, so that the times of a window at rest still increase
-BRAKING = 4  # steps in which a window slows down to a rest
-SLOWEST = 0.1  # of a joint's acceleration, what its way leaves for braking
-ADDED = 2 + BRAKING  # points, to what is committed: the change of velocity, coasting, braking
 APART = 1e-6  # s between points; a joint_trajectory_controller counts nanoseconds
 
 
@@ -90,67 +87,27 @@ def committed(window, elapsed, ahead):
 
 
 @njit(cache=True)
-def extended(window, target, coasted, period, coast, bounds):
+def extended(window, target, coasted, period, coast, acceleration):
     """
     Add to what is committed: evenly to the velocities `target` (n,) within a period, then a rest.
 
-    After the period the motion coasts [s], evenly to the velocities `coasted` (n,), and comes to
-    rest on the way that this begins; straight on where that way would pass one of the `bounds` of
-    the joints, see `JointLimits`.
+    After the period the motion coasts [s], evenly to the velocities `coasted` (n,), then all
+    joints brake evenly over the time that the slowest of them needs for it within its
+    acceleration (n,).
     """
     count, joints = window.positions.shape
-    size = count + ADDED
-    into = Window(np.empty(size), np.empty((size, joints)), np.empty((size, joints)))
-    into.times[:count] = window.times
-    into.positions[:count], into.velocities[:count] = window.positions, window.velocities
-    _write(into, count, period, target)
-    _write(into, count + 1, coast, coasted)
-    if not _brake(into, count + 2, (coasted - target) / coast, bounds):
-        _brake(into, count + 2, np.zeros(joints), bounds)
-    return into
-
-
-@njit(cache=True)
-def _write(window, k, duration, end):
-    """Write point k: velocities (n,) that are evenly reached a duration [s] after the last one."""
-    window.times[k] = window.times[k - 1] + duration
-    for j in range(len(end)):
-        window.velocities[k, j] = end[j]
-        window.positions[k, j] = window.positions[k - 1, j] + 0.5 * duration * (
-            window.velocities[k - 1, j] + end[j])
-
-
-@njit(cache=True)
-def _brake(window, k, bend, bounds):
-    """
-    Write the points from k on that slow down to a rest; whether they keep to the bounds.
-
-    With velocities v before them and w the way, in seconds at full speed, the joints follow
-    v + `bend` w (n,) at speeds that fall by equal steps, each in the time that the joint that
-    takes longest needs within its acceleration. As long as they keep to the bounds they can stop
-    in time as well where something else is wanted on the way.
-    """
-    lower, upper, fastest, acceleration, stopping_time = bounds
-    rates, end, way, keeps = window.velocities[k - 1], np.empty(len(bend)), 0.0, True
-    for step in range(BRAKING):
-        before, after = 1.0 - step / BRAKING, 1.0 - (step + 1) / BRAKING
-        mean, duration = 0.5 * (before + after), MIN_STOP / BRAKING
-        for j in range(len(bend)):
-            less = (before - after) * (rates[j] + bend[j] * way)
-            more = after * mean * bend[j]  # per second
-            most = acceleration[j] + (more if less > 0.0 else -more)
-            duration = max(duration, abs(less) / max(most, SLOWEST * acceleration[j]))
-            keeps &= most >= SLOWEST * acceleration[j] and abs(more) <= acceleration[j]
-        way += mean * duration
-        for j in range(len(bend)):
-            end[j] = after * (rates[j] + bend[j] * way)
-        _write(window, k + step, duration, end)
-        for j in range(len(bend)):
-            place, first = window.positions[k + step - 1, j], window.velocities[k + step - 1, j]
-            up, down = max(first, 0.0) + max(end[j], 0.0), min(first, 0.0) + min(end[j], 0.0)
-            keeps &= (abs(end[j]) <= fastest[j]
-                      and place + 0.5 * duration * up
-                      + stopping_time * max(first, end[j], 0.0) <= upper[j]
-                      and place + 0.5 * duration * down
-                      + stopping_time * min(first, end[j], 0.0) >= lower[j])
-    return keeps
+    times = np.empty(count + 3)
+    positions, velocities = np.empty((count + 3, joints)), np.empty((count + 3, joints))
+    times[:count] = window.times
+    positions[:count], velocities[:count] = window.positions, window.velocities
+    stop = MIN_STOP
+    for j in range(joints):
+        stop = max(stop, abs(coasted[j]) / acceleration[j])
+    for k, duration, end in ((count, period, target), (count + 1, coast, coasted),
+                             (count + 2, stop, np.zeros(joints))):
+        times[k] = times[k - 1] + duration
+        for j in range(joints):
+            velocities[k, j] = end[j]
+            positions[k, j] = positions[k - 1, j] + 0.5 * duration * (
+                velocities[k - 1, j] + velocities[k, j])
+    return Window(times, positions, velocities)
