@@ -11,6 +11,7 @@ from tactile_common.kernels import njit
 State = TypeVar('State')
 NS = 1_000_000_000
 RESTART = 10  # gaps that a recording which begins anew is behind its end
+ONWARD = 10  # spans of the last two states that their motion is believed to go on for
 
 
 class StateBuffer(Generic[State]):
@@ -20,11 +21,12 @@ class StateBuffer(Generic[State]):
     Parameters
     ----------
     between : callable
-        Of two states and a share from 0 to 1: the state on the way from one to the other.
+        Of two states and a share: the state on the way from one to the other, 0 to 1, or beyond.
     max_gap_ns : float
         Between states farther apart nothing is interpolated.
     max_ahead_ns : int
-        How much newer than the newest state a stamp may be, which then stands for it.
+        How much newer than the newest state a stamp may be: the motion of the last two goes on
+        for so long, and for `ONWARD` times what is between them.
     restart_ns : int
         A stamp older than the newest by this, or by more, means that the clock went back.
     """
@@ -64,10 +66,16 @@ class StateBuffer(Generic[State]):
         return True
 
     def at(self, stamp_ns: int) -> State | None:
-        """State at a stamp; None where there are none close enough on both sides."""
+        """State at a stamp; None where there are none close enough."""
         if self.newest_ns is None or stamp_ns > self.newest_ns + self._max_ahead_ns:
             return None
         later_ns, later = self._states[-1]
+        if stamp_ns > later_ns and len(self._states) > 1:
+            before_ns, before = self._states[-2]
+            span = later_ns - before_ns
+            if span > self._max_gap_ns or stamp_ns - later_ns > ONWARD * span:
+                return None
+            return self._between(before, later, (stamp_ns - before_ns) / span)
         for earlier_ns, earlier in reversed(self._states):
             if earlier_ns <= stamp_ns:
                 break

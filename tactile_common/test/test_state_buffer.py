@@ -3,7 +3,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 import pytest
 
-from tactile_common.state_buffer import StateBuffer
+from tactile_common.state_buffer import ONWARD, StateBuffer
 
 
 def mean(one, other, share):
@@ -35,9 +35,25 @@ def test_nothing_is_interpolated_across_a_gap():
     assert it.at(5) == 50.0 and it.at(15) is None and it.at(10) == 100.0 and it.at(21) == 210.0
 
 
-def test_the_newest_stands_for_what_is_a_little_ahead():
+def test_the_motion_of_the_last_two_goes_on_a_little_ahead():
     it = buffer(0, 10, max_ahead_ns=3)
+    assert it.at(13) == 130.0 and it.at(14) is None
+
+
+def test_one_state_stands_for_what_is_a_little_ahead():
+    it = buffer(10, max_ahead_ns=3)
     assert it.at(13) == 100.0 and it.at(14) is None
+
+
+def test_two_states_at_nearly_one_stamp_tell_no_motion():
+    it = buffer(0, 10, 11, max_ahead_ns=30)
+    assert it.at(11 + ONWARD) == pytest.approx(10.0 * (11 + ONWARD))
+    assert it.at(12 + ONWARD) is None
+
+
+def test_no_motion_goes_on_from_across_a_gap():
+    it = buffer(0, 10, max_gap_ns=9, max_ahead_ns=3)
+    assert it.at(10) == 100.0 and it.at(11) is None
 
 
 def test_old_states_go_first():
@@ -72,6 +88,7 @@ def test_any_order_of_stamps_gives_what_lies_between_or_nothing(
     it = buffer(*stamps, max_gap_ns=gap, max_ahead_ns=ahead, restart_ns=restart)
     found = it.at(wanted)
     if found is not None:
-        # The states are a straight line over the stamps; beyond the newest it goes level.
-        assert found == pytest.approx(10.0 * min(wanted, it.newest_ns))
+        # The states are a straight line over the stamps; beyond a single one it goes level.
+        assert found == pytest.approx(
+            10.0 * (wanted if len(it) > 1 else min(wanted, it.newest_ns)))
         assert wanted <= it.newest_ns + ahead

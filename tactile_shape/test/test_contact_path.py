@@ -68,6 +68,13 @@ def test_a_large_area_is_at_its_centre_of_pressure_and_a_bent_edge_is_not():
     assert locate(other(0.0, (0.0, 0.0), 9e-6, 8e-6)) == (None, False)
 
 
+def test_what_hardly_stands_out_of_the_noise_is_nowhere():
+    """The first picture of a pad that touches down is 1 to 2 mm off the edge."""
+    faint = Reason.BAD_FIT | Reason.LOW_SNR
+    assert locate(other(0.2, (1e-3, 2e-3), 9e-6, 8e-6, faint)) == (None, False)
+    assert locate(replace(line(1e-3, 0.0), reasons=Reason.LOW_SNR)) == (None, False)
+
+
 def test_a_bent_edge_is_located_in_its_picture():
     array = TactelArray(16, 16, 0.0016, 0.0016)
     pressure = line_pressure(array.x, array.y[:, None], 1e-3, 0.3, 200.0, 0.002)

@@ -225,6 +225,36 @@ def test_a_frame_shows_the_pose_at_its_own_instant(mock, scene, tmp_path):
             assert shown_at <= at - 0.029  # the latency before it was rendered, or earlier if late
 
 
+def test_a_frame_that_is_newer_than_every_pose_shows_the_motion_go_on(mock, scene, tmp_path):
+    """Of a pad that sinks steadily, known 8 ms late, a frame shows where it is by now."""
+    node = mock(scene=scene, latency=0.001, max_pose_age=0.05)
+    ahead = []
+    render = node._renderer.counts
+    message = PoseStamped()
+    message.pose.position.x, message.pose.orientation.y = 0.297, 1.0
+    message.pose.orientation.w = 0.0
+    begin, begin_steady = time.time(), time.monotonic()
+
+    def counts(pose, rng, instant):
+        if pose is not None and len(node._poses) > 1:
+            shown_at = (0.15 - pose[2, 3]) / 0.01
+            ahead.append(instant - begin_steady - shown_at)
+        return render(pose, rng)
+
+    node._renderer.counts = counts
+    with Listener(tmp_path / 'sensor') as listener:
+        end = time.monotonic() + DEADLINE
+        while len(ahead) < 20:
+            assert time.monotonic() < end
+            at = time.time() - 0.008
+            message.header.stamp = stamp_from_ns(round(at * 1e9))
+            message.pose.position.z = 0.15 - 0.01 * (at - begin)
+            node._on_pose(message)
+            node._stop.wait(0.002)
+        listener.read_bytes(300)
+    assert abs(np.median(ahead)) < 0.002  # s; of the newest pose it would be more than 7 ms
+
+
 def test_recording_streams_exactly(mock, recording, tmp_path):
     path, frames = recording
     node = mock(recording=path)

@@ -54,7 +54,10 @@ def locate(contact: Contact, picture: TactileImage | None = None) -> tuple[Place
 
     Of an edge it is the point nearest to the pad's centre, of a large area, which is neither
     point nor edge, its centre of pressure. The picture is the contact's, if it `needs_picture`.
+    A contact that hardly stands out of the noise lies anywhere: that of a pad that touches down.
     """
+    if contact.reasons & Reason.LOW_SNR:
+        return None, False
     seen = edge_point(picture) if picture is not None and needs_picture(contact) else None
     if contact.type == ContactType.LINE and contact.valid and np.isfinite(contact.a + contact.yaw):
         c, s = np.cos(contact.yaw), np.sin(contact.yaw)
