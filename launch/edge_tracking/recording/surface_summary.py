@@ -29,16 +29,23 @@ def surface_truth(run: RunData, scene: SurfaceScene) -> SurfaceTruth:
 
 
 def told_shape(patches: list) -> dict[str, Any]:
-    """Kind of surface that most patches are, and its radius [m] by their curvatures."""
+    """
+    Kind of surface that most patches are, its radius [m], and whether both curvatures were seen.
+
+    A straight way over a sphere is as one round a cylinder: the curvature across it is not seen.
+    """
     kinds = [patch.kind for patch in patches if patch.valid]
     if not kinds:
-        return {'surface_kind': Kind.NONE.name.lower(), 'surface_radius': NAN}
+        return {'surface_kind': Kind.NONE.name.lower(), 'surface_radius': NAN,
+                'surface_seen_across': False}
     kind = max(set(kinds), key=kinds.count)
-    known = [patch.curvature[0] for patch in patches if patch.kind == kind and patch.seen[0]]
-    curvature = percentile(known)
+    of_kind = [patch for patch in patches if patch.kind == kind]
+    curvature = percentile([patch.curvature[0] for patch in of_kind if patch.seen[0]])
     round_ = kind in (Kind.CYLINDER, Kind.SPHERE) and curvature != 0.0
     return {'surface_kind': kind.name.lower(),
-            'surface_radius': 1.0 / curvature if round_ else NAN}
+            'surface_radius': 1.0 / curvature if round_ else NAN,
+            'surface_seen_across': 2 * sum(bool(patch.seen.all()) for patch in of_kind)
+            > len(of_kind)}
 
 
 def summarise_surface_run(run: RunData, scene: SurfaceScene, truth: SurfaceTruth, *,
