@@ -172,6 +172,8 @@ def launched(*arguments, **environment):
 
 def main(arguments):
     """Launch the file with arguments NAME:=VALUE; returns the launch service's exit status."""
+    # It is ignored where a script without job control runs the tests in its background.
+    signal.signal(signal.SIGINT, signal.default_int_handler)
     service = LaunchService(noninteractive=True)
     service.include_launch_description(LaunchDescription([
         RegisterEventHandler(OnProcessStart(on_start=lambda event, _: print(
