@@ -74,6 +74,7 @@ class GoalRun:
         law.agility = motion
         self._motion, self._machine = motion, machine
         self._anchor = motion.pose  # where the current way (approach, retreat, press) began
+        self._touched = False  # whether what is to be tracked has ever been met
         self._following = Following(config.input, config.motion.rotation_length)
         self._laps = LapGuard(config.contour.miss)
         self._times = StateTimes(config, goal)
@@ -152,15 +153,16 @@ class GoalRun:
     def _decide_approach(self, now):
         c, load, lacking = self._config, self._inputs.load, self._law.lacks(now)
         since = self._machine.since
+        # What was touched before is sought where it was: a sensor gone blind presses no harder.
+        farthest = self._unseen_way() if self._touched else c.approach.distance
         if load >= c.approach.contact_force and lacking is None:
-            self._anchor = self._motion.pose
+            self._anchor, self._touched = self._motion.pose, True
             self._machine.fire(Event.TOUCH, Reason(ReasonCode.CONTACT), now)
         elif lacking is not None and load >= self.goal.force and (
                 self.observed > since or now - since > c.input.lost_after):
             self._end(Reason(ReasonCode.NO_EDGE, lacking.text), lift=True)
-        elif self._advance() >= c.approach.distance:
-            self._end(Reason(ReasonCode.NO_CONTACT, f'within {c.approach.distance:g} m'),
-                      lift=True)
+        elif self._advance() >= farthest:
+            self._end(Reason(ReasonCode.NO_CONTACT, f'within {farthest:.2g} m'), lift=True)
 
     def _decide_track(self, now):
         deepest = self._config.force.press_depth
@@ -209,6 +211,10 @@ class GoalRun:
         blind = hold.searching and hold.lost is None  # a search sees nothing either
         unseen = None if hold.resumption != Event.RESUME_TRACK or blind else (
             self._law.lacks(now))
+        if unseen is not None and hold.lost is None and (
+                self._inputs.load < self._config.approach.contact_force):
+            # The stop has led off what bends away: it is to be touched again.
+            hold.resumption, unseen = Event.RESUME_APPROACH, None
         if why is None and unseen is not None:
             self._machine.reason = hold.lost or unseen
         back = why is None and unseen is None
@@ -228,6 +234,8 @@ class GoalRun:
     def _resume_at_rest(self, now, reason):
         """Go on from the measured state, once the robot stands."""
         if not self._told or now < self._moving or self.ending.stopping:
+            return
+        if not self.hold.asked and self._stands_off() > self._config.input.following_distance:
             return
         self._start_here()
         self._law.resume()
@@ -278,11 +286,7 @@ class GoalRun:
         if self._told or now < self._moving + SETTLE or not self._inputs.joints_fresh or dt == 0.0:
             return None
         self._told = True
-        following = self._config.input.following_distance
-        off = apart(motion.pose, self._inputs.pose, self._config.motion.rotation_length)
-        if off > following:
-            self.hold.bound, self.hold.cause = True, Reason(
-                ReasonCode.NOT_FOLLOWING, f'it stands {1e3 * off:.1f} mm from where it was sent')
+        off, following = self._stands_off(), self._config.input.following_distance
         self._start_here()
         # Not where it has come to be elsewhere: who brought it there has commanded it since.
         if off > NEAR * following:
@@ -291,6 +295,18 @@ class GoalRun:
         if off > SLIGHT * following:  # it moves there
             self._moving = now + motion.lasting
         return step
+
+    def _stands_off(self) -> float:
+        """
+        How far a robot at rest stands from where it was sent [m], rotations as in `apart`.
+
+        By more than `following_distance` it goes on only when asked.
+        """
+        off = apart(self._motion.pose, self._inputs.pose, self._config.motion.rotation_length)
+        if off > self._config.input.following_distance:
+            self.hold.bound, self.hold.cause = True, Reason(
+                ReasonCode.NOT_FOLLOWING, f'it stands {1e3 * off:.1f} mm from where it was sent')
+        return off
 
     def twist(self, dt: float) -> np.ndarray:
         """Wanted twist of the sensor in its own frame (6,) [m/s, rad/s]."""
@@ -311,11 +327,14 @@ class GoalRun:
 
     def _sighted_speed(self) -> float:
         """Speed at which the force cannot grow much on a way that no image has shown [m/s]."""
-        way = BLIND * self.goal.force / self._law.stiffness
-        contact = self._inputs.contact
+        way, contact = self._unseen_way(), self._inputs.contact
         seen = None if contact is None else self._inputs.pose_at(contact.stamp_ns)
         if seen is None:
             return way / self._config.input.max_stamp_age
         pose = self._motion.pose
         blind = float((pose[:3, 3] - seen[:3, 3]) @ pose[:3, 2])
         return clipped((way - blind) / REACTION, 0.0, np.inf)
+
+    def _unseen_way(self) -> float:
+        """Way on which the force can grow by `BLIND` of it [m]."""
+        return BLIND * self.goal.force / self._law.stiffness

@@ -329,6 +329,15 @@ def beyond(place, bounds):
          margin=0.4, goal=EdgeGoal(0.125, 1.0, -1, 0.0, False), prelude=0,
          # One joint state lies, in the very cycle in which a motion begins.
          script=[{'cycles': 1}, {'cycles': 1, 'joints': [0.0] * 6}, {'cycles': 1}])
+@example(start=np.clip(ELBOW, LIMITS.lower, LIMITS.upper), margin=0.4, prelude=0,
+         goal=EdgeGoal(0.125, 1.0, -1, 0.0, False),
+         # Before anything was sent joint states lie, one after the other,
+         script=[{'cycles': 5, 'joints': [0.0] * 6}])
+@example(start=np.clip(ELBOW, LIMITS.lower, LIMITS.upper), margin=0.4, prelude=0,
+         goal=EdgeGoal(0.125, 1.0, -1, 0.0, False),
+         # or one does after a silence.
+         script=[{'cycles': 1, 'asleep': 0.03, 'jump': 10**9, 'joints': [0.0] * 6},
+                 {'cycles': 5}])
 @example(start=LIMITS.lower, margin=0.4, goal=EdgeGoal(0.125, 5.0, -1, 0.0, False), prelude=0,
          # It sleeps while the controller settles, and awakes in the motion that was sent then.
          script=[{'cycles': 30, 'late_contact': 10**7}, {'cycles': 2, 'asleep': 0.03}])

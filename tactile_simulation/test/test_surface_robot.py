@@ -89,6 +89,41 @@ def test_a_servo_that_misses_cycles_leads_the_probe_no_worse(name):
     assert forces[1] < 1.2 * forces[0]
 
 
+def paused_at(simulation, progress):
+    """Pause a goal that has come so far [m], until the probe rests; cycles until then."""
+    goal = SurfaceGoal(0.05, FORCE, direction=(0.0, 1.0, 0.0), length=0.06)
+    simulation.run(goal, 20.0, until=lambda status: status.state == State.TRACK
+                   and status.progress > progress)
+    simulation.servo.pause(True, simulation.now)
+    for _ in range(200):
+        simulation.step()
+    return len(simulation.log)
+
+
+@pytest.mark.parametrize('name, progress', [('cylinder_65', 0.01), ('sphere_70', 0.03)])
+def test_a_stop_that_leads_off_a_small_object_is_made_good(name, progress):
+    simulation = loop_of(name)
+    paused = paused_at(simulation, progress)
+    assert simulation.log[-1].force < 0.1  # it brakes straight on, the object bends away
+    simulation.servo.pause(False, simulation.now)
+    assert simulation.run(None, 20.0).reason.code == ReasonCode.LENGTH_REACHED
+    assert max(cycle.force for cycle in simulation.log[paused:]) < 1.1 * FORCE
+
+
+def test_a_sensor_that_goes_blind_in_a_pause_does_not_press():
+    simulation = loop_of('sphere_126')
+    paused = paused_at(simulation, 0.03)
+    assert simulation.log[-1].force > 0.5 * FORCE
+    picture, away = simulation.picture, np.eye(4)
+    away[2, 3] = -0.02  # m, of the probe
+    simulation.picture = lambda pose: picture(pose @ away)
+    for _ in range(40):
+        simulation.step()
+    simulation.servo.pause(False, simulation.now)
+    assert simulation.run(None, 20.0).reason.code == ReasonCode.NO_CONTACT
+    assert max(cycle.force for cycle in simulation.log[paused:]) < 1.5 * FORCE
+
+
 def test_what_the_arm_cannot_reach_ends_the_goal_in_contact_and_says_which_joint():
     # From the top of the can the arm is stretched out after some 45 mm, the probe turned by 80
     # degrees: before that singularity the joints' rates grow without bound.

@@ -153,12 +153,13 @@ class Motion:
         come from there with half of the limits, `SETTLING` at least, before anything moves.
         """
         joints = np.array(positions, dtype=float)
-        way, limits = np.abs(joints - self._now.end), self._limits
+        # Before anything was sent it stands where it was first measured.
+        end = np.where(np.isfinite(self._now.end), self._now.end, joints)
+        way, limits = np.abs(joints - end), self._limits
         # A cubic between two rests has 1.5 times its mean velocity and 6 way / time^2.
         settling = np.fmax(3.0 * way / limits.velocity, np.sqrt(12.0 * way / limits.acceleration))
         rest = at_rest(joints, float(np.fmax(settling.max(), SETTLING)))
-        self._now = Commanded(rest, joints, np.zeros_like(joints), *self._robot.place(joints),
-                              self._now.end)
+        self._now = Commanded(rest, joints, np.zeros_like(joints), *self._robot.place(joints), end)
         self.reset_blocked()
 
     def reset_blocked(self) -> None:

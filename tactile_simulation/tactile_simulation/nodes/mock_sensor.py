@@ -45,7 +45,7 @@ class MockSensorConfig:
     latency: float = bounded(
         0.0025, 'from the instant that a frame shows to its last byte', 's', 0.0, 1.0)
     max_pose_age: float = bounded(
-        0.02, 'a frame is not sent where no pose is known so close to its instant',
+        0.01, 'a frame is not sent where no pose is known so close to its instant',
         's', 0.001, 10.0)
     seed: int = bounded(0, 'seed of the noise', '', 0, 2**31 - 1)
 
