@@ -211,8 +211,9 @@ class GoalRun:
         blind = hold.searching and hold.lost is None  # a search sees nothing either
         unseen = None if hold.resumption != Event.RESUME_TRACK or blind else (
             self._law.lacks(now))
-        if unseen is not None and hold.lost is None and (
-                self._inputs.load < self._config.approach.contact_force):
+        if unseen is not None and hold.lost is None and self._told and (
+                hold.cause.code is not ReasonCode.NOT_FOLLOWING
+                and self._inputs.load < self._config.approach.contact_force):
             # The stop has led off what bends away: it is to be touched again.
             hold.resumption, unseen = Event.RESUME_APPROACH, None
         if why is None and unseen is not None:
@@ -302,7 +303,8 @@ class GoalRun:
 
         By more than `following_distance` it goes on only when asked.
         """
-        off = apart(self._motion.pose, self._inputs.pose, self._config.motion.rotation_length)
+        off = apart(self._motion.rest_pose, self._inputs.pose,
+                    self._config.motion.rotation_length)
         if off > self._config.input.following_distance:
             self.hold.bound, self.hold.cause = True, Reason(
                 ReasonCode.NOT_FOLLOWING, f'it stands {1e3 * off:.1f} mm from where it was sent')

@@ -115,6 +115,11 @@ class Motion:
         return self._now.pose
 
     @property
+    def rest_pose(self) -> np.ndarray:
+        """Pose (4, 4) of the sensor where the last window that was sent comes to rest [m]."""
+        return self._robot.pose(self._now.end)
+
+    @property
     def standing(self) -> bool:
         """Whether the robot has been commanded to a rest, and that command is over."""
         return not self._now.window.velocities.any()
