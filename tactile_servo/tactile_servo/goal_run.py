@@ -209,13 +209,8 @@ class GoalRun:
                 now - hold.began > limits.resume_within)
             hold.bound, hold.asked = hold.bound or elsewhere or why.code in ASKED, False
         blind = hold.searching and hold.lost is None  # a search sees nothing either
-        unseen = None if hold.resumption != Event.RESUME_TRACK or blind else (
+        unseen = None if self._resumption(now) != Event.RESUME_TRACK or blind else (
             self._law.lacks(now))
-        if unseen is not None and hold.lost is None and self._told and (
-                hold.cause.code is not ReasonCode.NOT_FOLLOWING
-                and self._inputs.load < self._config.approach.contact_force):
-            # The stop has led off what bends away: it is to be touched again.
-            hold.resumption, unseen = Event.RESUME_APPROACH, None
         if why is None and unseen is not None:
             self._machine.reason = hold.lost or unseen
         back = why is None and unseen is None
@@ -238,9 +233,23 @@ class GoalRun:
             return
         if not self.hold.asked and self._stands_off() > self._config.input.following_distance:
             return
+        resumption = self._resumption(now)
         self._start_here()
         self._law.resume()
-        self._machine.fire(self.hold.resumption, self.ending.reason or reason, now)
+        self._machine.fire(resumption, self.ending.reason or reason, now)
+
+    def _resumption(self, now):
+        """What takes up again what the hold interrupted."""
+        hold = self.hold
+        lost = (hold.resumption is Event.RESUME_TRACK and not hold.searching
+                and hold.lost is None and self._told
+                and self._inputs.load < self._config.approach.contact_force
+                and self._law.lacks(now) is not None)
+        # The stop has led off what bends away: a robot that is still there touches it again.
+        if lost and hold.cause.code is not ReasonCode.NOT_FOLLOWING and (
+                self._stands_off() <= self._config.input.following_distance):
+            return Event.RESUME_APPROACH
+        return hold.resumption
 
     def _start_here(self):
         """Forget what was commanded: the robot is where it is measured, at rest."""

@@ -11,6 +11,7 @@ from tactile_sensing.dome.skin import SkinConfig
 from tactile_servo.laws.surface_goal import SurfaceGoal
 from tactile_servo.reasons import ReasonCode
 from tactile_servo.types import EdgeGoal, State
+from tactile_simulation.joint_controller import MockController
 from tactile_simulation.scene_surface import SurfaceStart
 from tactile_simulation.scenes import load_any_scene
 from tactile_simulation.surface_loop import summarise_surface, SurfaceSimulation
@@ -108,6 +109,37 @@ def test_a_stop_that_leads_off_a_small_object_is_made_good(name, progress):
     simulation.servo.pause(False, simulation.now)
     assert simulation.run(None, 20.0).reason.code == ReasonCode.LENGTH_REACHED
     assert max(cycle.force for cycle in simulation.log[paused:]) < 1.1 * FORCE
+
+
+def test_a_stop_from_a_speed_is_where_the_robot_was_sent():
+    simulation = loop_of('sphere_126')
+    paused_at(simulation, 0.03)  # it brakes over 3 mm
+    assert simulation.servo.run.hold.cause.code == ReasonCode.PAUSED
+
+
+def test_a_short_silence_of_the_images_ends_by_itself():
+    simulation = loop_of('sphere_126')
+    goal = SurfaceGoal(0.05, FORCE, direction=(0.0, 1.0, 0.0), length=0.06)
+    simulation.run(goal, 20.0, until=lambda status: status.progress > 0.03)
+    simulation.sensor_alive = False
+    assert simulation.run(None, 0.15).state == State.HOLD
+    simulation.sensor_alive = True
+    assert simulation.run(None, 20.0).reason.code == ReasonCode.LENGTH_REACHED
+    assert max(cycle.force for cycle in simulation.log) < 1.1 * FORCE
+
+
+def test_a_robot_that_comes_back_elsewhere_touches_nothing_there():
+    simulation = loop_of('sphere_126')
+    paused_at(simulation, 0.03)
+    begin = simulation.commands[0][1]
+    simulation.robot = MockController(
+        PUMA.joint_names, PUMA.lower, PUMA.upper, PUMA.velocity_limit, initial_positions=begin)
+    for _ in range(400):
+        simulation.step()
+    simulation.servo.pause(False, simulation.now)
+    status = simulation.run(None, 3.0)
+    assert (status.state, status.reason.code) == (State.HOLD, ReasonCode.CONTACT_LOST)
+    assert max(cycle.force for cycle in simulation.log[-1000:]) < 0.1
 
 
 def test_a_sensor_that_goes_blind_in_a_pause_does_not_press():

@@ -44,8 +44,7 @@ def told_shape(patches: list) -> dict[str, Any]:
     round_ = kind in (Kind.CYLINDER, Kind.SPHERE) and curvature != 0.0
     return {'surface_kind': kind.name.lower(),
             'surface_radius': 1.0 / curvature if round_ else NAN,
-            'surface_seen_across': 2 * sum(bool(patch.seen.all()) for patch in of_kind)
-            > len(of_kind)}
+            'surface_seen_across': bool(np.mean([patch.seen.all() for patch in of_kind]) > 0.5)}
 
 
 def summarise_surface_run(run: RunData, scene: SurfaceScene, truth: SurfaceTruth, *,

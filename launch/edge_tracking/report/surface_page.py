@@ -46,7 +46,7 @@ def make_surface_report(run: RunData, summary: Mapping[str, Any], scene: Surface
     lead += f' The least surface that explains them: {summary["surface_kind"]}'
     if math.isfinite(summary['surface_radius']):
         lead += f' of {1e3 * summary["surface_radius"]:.2f} mm radius'
-    if not summary['surface_seen_across']:
+    if len(run.patches) and not summary['surface_seen_across']:
         lead += ' (how it bends across the way was not seen)'
     verdict = (f'Surface {"" if summary["ok"] else "not "}tracked', summary['ok'])
     title = f'Scene \u201c{scene.name}\u201d, {1e3 * summary["speed"]:.0f} mm/s asked for'
