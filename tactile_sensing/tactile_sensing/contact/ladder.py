@@ -174,13 +174,16 @@ def climb(kind, sensor, layers, forces, shear, memory):
     """
     Give the load that was fitted the extras that the frame shows, one by one.
 
-    Each must explain enough, by the scatter that is left. Returns whether the load has shear.
+    Each must explain enough, by the scatter that is left; where nobody tells the noise, by that
+    alone, as the picture's own may be what the rung explains. Returns whether the load has shear.
     """
     load, below, tried = memory.fits[0], memory.fits[1], 0
+    least = 1.0 if layers[0].given_noise > 0.0 else 0.0
     while True:
         extra, gain = _likelier_extra(
             kind, sensor, layers, forces if shear else forces // 2, tried, memory)
-        spread = max(1.0, load.squared_error / max(load.used - 2.0 - forces, 1.0))
+        # By what it would leave: on few tactels a patch is most of what the load below leaves.
+        spread = max(least, (load.squared_error - gain) / max(load.used - 3.0 - forces, 1.0))
         if gain < EVIDENCE * spread:
             return shear
         copy_record(memory.fits, 0, memory.fits, 1)
@@ -191,7 +194,7 @@ def climb(kind, sensor, layers, forces, shear, memory):
             load.end = last
         fitted, with_shear = fit_without_idle_shear(
             kind, sensor, layers, forces, load.extras | extra, memory)
-        spread = max(1.0, load.squared_error / max(load.used - 3.0 - forces, 1.0))
+        spread = max(least, load.squared_error / max(load.used - 3.0 - forces, 1.0))
         if (not fitted or below.squared_error - load.squared_error < EVIDENCE * spread
                 or not _ends_show(sensor, load, layers[0].depth)):
             copy_record(memory.fits, 1, memory.fits, 0)

@@ -19,7 +19,7 @@ MAX_OUTLIERS = 0.25  # of the loaded tactels; more is a contact of another kind
 MAX_OUTLIERS_AROUND = 3  # of the eight around one; likewise
 MANY_OFF = 12  # tactels that one broken one may make contradict the load
 MAX_CENSORED = 0.1  # share of censored tactels beside which drift shows
-DRIFT_LOOKS = 3  # each leaves a part of the drift that it found
+CENSORED_LOOKS = 3  # each fills in what the last load expects below the floor
 DEPTH_STEPS = 0.05, 0.02, 0.01  # relative differences by which the depth is searched
 LONGEST_DEPTH_STEP = 0.15
 
@@ -45,19 +45,23 @@ def _share(flags):
 
 
 @njit(error_model='numpy')
-def _take_off_drift(stress, left, model, layers, censored, values, first):
+def take_off_drift(layers, first, spread, memory):
     """
     Subtract from every layer the median of its unloaded tactels; whether it did.
 
-    The first time only where that is more than noise; then to its end.
+    The first time only where that is more than noise, and than a load that does not fit leaves:
+    the spread is what it leaves over what is expected. On a small pad a blunt load that is taken
+    for a sharp one leaves something of its own where a sharp one hardly presses.
     """
-    found = False
+    stress, left, model, censored = memory.stress, memory.left, memory.model, memory.censored
+    values, found = memory.tactels.by[MODEL], False
     for k in range(stress.shape[0]):
         if layers[k].floor != 0.0 and _share(censored[k]) > MAX_CENSORED:
             continue  # the median of what is left of the noise is no drift
         noise, largest = layers[k].noise, max(model[k].max(), -model[k].min())
         median, n = _unloaded_median(left[k], model[k], max(noise, UNLOADED * largest), values)
-        enough = DRIFT_EVIDENCE * 1.2533 * noise / np.sqrt(max(n, 1)) if first else 0.0
+        error = 1.2533 * noise * spread / np.sqrt(max(n, 1))
+        enough = DRIFT_EVIDENCE * error if first else error
         if enough < abs(median) <= MAX_DRIFT * largest:
             for r in range(stress.shape[1]):
                 for c in range(stress.shape[2]):
@@ -216,11 +220,11 @@ def is_cut_off(top, model, reading):
 
 @njit(error_model='numpy')
 def scale_depths(layers, factor, scaled):
-    """Layers with all depths multiplied; what is given with pictures is not needed."""
+    """Layers with all depths multiplied; the given full scale is not needed."""
     for k in range(layers.size):
         old, new = layers[k], scaled[k]
         new.depth, new.noise, new.floor = old.depth * factor, old.noise, old.floor
-        new.component = old.component
+        new.component, new.given_noise = old.component, old.given_noise
         new.gz, new.gx, new.gy = old.gz, old.gx / factor, old.gy / factor
 
 
@@ -258,25 +262,23 @@ def fit_depth(kind, stress, sensor, layers, scaled, forces, rules, tactels, fit,
 @njit(error_model='numpy')
 def fit_despite_faults(kind, sensor, layers, forces, mend, rules, memory):
     """
-    Fit with shear, without drift of the baseline and, to mend it, tactels that contradict others.
+    Fit with shear and, to mend the frame, without tactels that contradict others.
 
     Returns whether it worked, and whether tactels were left out.
     """
     stress, left, model, fit = memory.stress, memory.left, memory.model, memory.fits[0]
     model_error, tactels, state = rules.model_error, memory.tactels, memory.state[0]
     scatter = state.scatter
-    for look in range(DRIFT_LOOKS + 1):
+    for look in range(CENSORED_LOOKS + 1):
         if not fit_load(kind, stress, sensor, layers, forces, model_error, np.inf, scatter,
                         tactels, fit):
             return False, False
+        if not (mend or state.any_censored):
+            return True, False
         compare(kind, sensor, layers, fit, memory)
-        if look == DRIFT_LOOKS:
+        if look == CENSORED_LOOKS or not state.any_censored:
             break
         fill_censored(stress, model, layers, memory.censored)
-        drifted = _take_off_drift(
-            stress, left, model, layers, memory.censored, tactels.by[MODEL], look == 0)
-        if not drifted and not state.any_censored:
-            break
     if not mend or not any_off(left, model, layers, rules):
         return True, False
     left_out = False

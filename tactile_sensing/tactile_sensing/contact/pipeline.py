@@ -45,6 +45,7 @@ from tactile_sensing.contact.outliers import (
     leave_out_top,
     leave_out_worst,
     scale_depths,
+    take_off_drift,
 )
 from tactile_sensing.contact.parameters import (
     compare_forces,
@@ -61,6 +62,7 @@ from tactile_sensing.half_space.layers import first_pressure_layer, LAYER, Senso
 from tactile_sensing.types.contact import ContactType, ESTIMATE, Reason
 
 MOST_LOOKS = 5  # with the noise that the last load has left, or without readings that are cut off
+MOST_DRIFTS = 3  # each leaves a part of the drift that it found
 MOST_FAULTS = 3  # tactels that are left out beside the end of a line, or beside a patch
 ANY_MODEL, PENDING = 0, -1  # rules.model, estimate.type
 # How contacts are estimated, see EstimatorConfig; model: ANY_MODEL, POINT or LINE.
@@ -218,7 +220,8 @@ def estimate_as(kind, measured, sensor, layers, rules, memory, estimate):
     # Faults are looked for above the ladder: a blunt load is no row of broken tactels. Then
     # below it, and at last, one by one, by what it has found: the end of a line is none, either.
     left_out = shear = False
-    for look in range(2 + MOST_FAULTS):
+    look = drifts = 0
+    while look < 2 + MOST_FAULTS:
         copy_record(memory.fits, 0, memory.fits, 3)
         fitted, found, depth_variance = _fit_mended(
             kind, sensor, layers, forces, look == 1 or not ladder, rules, memory)
@@ -231,12 +234,17 @@ def estimate_as(kind, measured, sensor, layers, rules, memory, estimate):
             fitted, shear = _fit_least(kind, sensor, forces, ladder, memory)
         if look > 0 and fit.extras:
             state.second = False
+        if fitted and drifts < MOST_DRIFTS and take_off_drift(
+                memory.layers, drifts == 0, math.sqrt(_excess(fit, forces)), memory):
+            drifts += 1
+            continue
         if not (fitted and ladder and any_off(memory.left, memory.model, memory.layers, rules)):
             break
         if look > 0:
             if not (fit.extras and leave_out_worst(sensor, memory.layers, rules, memory)):
                 break
             left_out = True
+        look += 1
     by_noise = 0.0
     if fitted:
         measure_noise(layers, memory)
@@ -244,8 +252,7 @@ def estimate_as(kind, measured, sensor, layers, rules, memory, estimate):
         estimate.type, missed = _OTHER, _BAD_FIT
     else:
         # What scatter nobody told may be a wrong model: forces are compared as by noise alone.
-        by_noise = fit.cov[FORCE, FORCE] / fit.force ** 2 * max(
-            1.0, fit.squared_error / max(fit.used - 2.0 - forces, 1.0))
+        by_noise = fit.cov[FORCE, FORCE] / fit.force ** 2 * _excess(fit, forces)
         shear = _weigh_scatter(kind, sensor, forces, shear, rules, memory)
         estimate.type, missed = refute(kind, sensor, memory.layers, rules, memory, estimate)
     if not missed:
@@ -266,6 +273,12 @@ def estimate_as(kind, measured, sensor, layers, rules, memory, estimate):
         estimate.patch = 2.0 * math.sqrt(fit.variance)
     disagrees = compare_forces(estimate, math.sqrt(by_noise))
     estimate.reasons |= (_DEAD if left_out else 0) | (_MISMATCH if disagrees else 0)
+
+
+@njit(error_model='numpy')
+def _excess(fit, forces):
+    """Squared error over what is expected, at least 1."""
+    return max(1.0, fit.squared_error / max(fit.used - 2.0 - forces, 1.0))
 
 
 @njit(error_model='numpy', inline='always')
