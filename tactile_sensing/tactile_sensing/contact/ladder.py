@@ -39,6 +39,7 @@ EVIDENCE = 16.0  # chi-square that a rung must take off: four standard deviation
 ALONE = 0.8  # share of the evidence of a second end that no single tactel may have
 MUCH = 0.7  # of a hopeless chi-square, of which a rung may leave no more
 SHORTEST = 2.0  # depths; a shorter line that begins and ends on the pad is a point or its patch
+MOSTLY = 0.25  # of what a load leaves: a rung that leaves less is judged by that
 LEFT_OVER = 1.0  # standard deviations of chi-square from which on a line may have ends
 
 
@@ -174,16 +175,19 @@ def climb(kind, sensor, layers, forces, shear, memory):
     """
     Give the load that was fitted the extras that the frame shows, one by one.
 
-    Each must explain enough, by the scatter that is left; where nobody tells the noise, by that
-    alone, as the picture's own may be what the rung explains. Returns whether the load has shear.
+    Each must explain enough, by the scatter that is left; where nobody tells the noise, a rung
+    that explains most by that alone, as it was part of what was taken for noise. Returns whether
+    the load has shear.
     """
     load, below, tried = memory.fits[0], memory.fits[1], 0
     least = 1.0 if layers[0].given_noise > 0.0 else 0.0
     while True:
         extra, gain = _likelier_extra(
             kind, sensor, layers, forces if shear else forces // 2, tried, memory)
-        # By what it would leave: on few tactels a patch is most of what the load below leaves.
-        spread = max(least, (load.squared_error - gain) / max(load.used - 3.0 - forces, 1.0))
+        spread = max(1.0, load.squared_error / max(load.used - 2.0 - forces, 1.0))
+        would_leave = load.squared_error - gain
+        if would_leave < MOSTLY * load.squared_error:  # as a patch on few tactels
+            spread = max(least, would_leave / max(load.used - 3.0 - forces, 1.0))
         if gain < EVIDENCE * spread:
             return shear
         copy_record(memory.fits, 0, memory.fits, 1)
