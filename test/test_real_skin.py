@@ -14,11 +14,13 @@ from benchmarks.contact.cases.real_skin import (
 )
 from benchmarks.contact.fe_frames import Object, profiles, RADII, solve
 from tactile_sensing.skin.pressure import SkinPressure
+from tactile_sensing.types.array import TactelArray
 from tactile_sensing.types.skin import Skin
 
 DEPTH = 2e-3
 FRAMES = 8  # of every profile and array
 PUNCHES = 'round punch', 'strip'
+PITCH = 25.4e-3 / 16
 
 
 @pytest.fixture(scope='module')
@@ -95,3 +97,32 @@ def test_claims_hold_with_skins_that_were_calibrated():
                 squares.append(judge(
                     profile, places, scaled(told, frames.max(), skin)).force_claims**2)
     assert np.sqrt(np.mean(squares)) < 1.3
+
+
+@pytest.mark.parametrize('radius, backing, decibels', [
+    (1e-3, np.inf, 50), (3e-3, np.inf, 40), (1e-3, 4e-3, 50)])
+def test_noise_of_one_picture_of_a_small_pad(radius, backing, decibels):
+    """That a sharp load leaves of a blunt one is no noise, though it would explain itself."""
+    rng, array, profile = np.random.default_rng(7), TactelArray(5, 5, PITCH, PITCH), ball(
+        backing, radius=radius)
+    frames = rendered(profile, array, rng.uniform(-1.5, 1.5, (60, 2)) * PITCH)
+    frames /= frames.max(axis=(1, 2), keepdims=True)
+    frames += 10.0 ** (-decibels / 20.0) * rng.standard_normal(frames.shape)
+    found = estimates(profile, array, frames, 0.0)
+    off = 10.0 ** ((decibels - np.median(found['snr'])) / 20.0)
+    assert found['valid'].mean() > 0.95 and 1.0 / 1.5 < off < 1.5
+
+
+@pytest.mark.parametrize('decibels', [30, 40, 50])
+def test_a_flat_punch_that_presses_all_of_a_pad_drifts_by_nothing(decibels):
+    """What a sharp load leaves of it where it hardly presses is no drift of the baseline."""
+    rng, array = np.random.default_rng(8), TactelArray(8, 8, 1e-3, 1e-3)
+    [profile] = [it for it in profiles() if it['kind'] == 'round punch' and it['radius'] == 2e-3
+                 and it['backing'] == 4e-3 and it['poisson'] == 0.45]
+    places = rng.uniform(-2.4e-3, 2.4e-3, (60, 2))
+    frames = rendered(profile, array, places)
+    noise = 10.0 ** (-decibels / 20.0) * frames.max()
+    frames += noise * rng.standard_normal(frames.shape)
+    for told in (0.0, noise):
+        share = judge(profile, places, estimates(profile, array, frames, told))
+        assert share.wrong <= 0.03 and share.refused < 0.35

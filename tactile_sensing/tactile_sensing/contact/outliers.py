@@ -10,7 +10,7 @@ from tactile_sensing.contact.variable_projection import TUKEY
 from tactile_sensing.half_space.layers import PRESSURE
 
 DRIFT_EVIDENCE = 4.0  # standard errors of the median that are a drift
-MAX_DRIFT = 0.1  # of the peak; more is a load of its own
+MAX_DRIFT = 0.12  # of the peak: a tenth, as a load that knows of none leaves it; more is a load
 UNLOADED = 0.02  # of the peak: what presses less shows the baseline
 MIN_UNLOADED = 8  # tactels that a median is taken of
 AROUND_EVIDENCE = 2.5  # standard deviations by which the tactels around one must tell
