@@ -126,3 +126,16 @@ def test_a_flat_punch_that_presses_all_of_a_pad_drifts_by_nothing(decibels):
     for told in (0.0, noise):
         share = judge(profile, places, estimates(profile, array, frames, told))
         assert share.wrong <= 0.03 and share.refused < 0.35
+
+
+def test_claims_allow_for_a_poisson_ratio_that_is_assumed():
+    """Thin skins of .3, assumed to be .45; and claims are narrow where it is told."""
+    ratios = []
+    for backing in (2e-3, 4e-3):
+        assumed, told = (
+            pad(ball(backing, 0.3), ARRAYS['16x16'], Converter(), np.random.default_rng(2),
+                poisson=poisson) for poisson in (None, 0.3))
+        ratios.append([(it.depth - DEPTH) / it.found['skin']['depth_std']
+                       for it in (assumed, told)])
+        assert told.found['skin']['depth_std'] < 0.8 * assumed.found['skin']['depth_std']
+    assert (np.sqrt(np.mean(np.square(ratios), axis=0)) < 1.3).all()

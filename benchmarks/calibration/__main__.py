@@ -62,7 +62,8 @@ def ball(backing, poisson=0.45, radius=1e-3):
     return found
 
 
-def pad(profile, array, converter, rng, *, gains=1.0, presses=20, flat=0, least=1.0, held=1):
+def pad(profile, array, converter, rng, *, gains=1.0, presses=20, flat=0, least=1.0, held=1,
+        poisson=None):
     """Calibration by presses of a ball, with `least` times its force to all, held some frames."""
     highest = profile['pressure'].max()
 
@@ -77,7 +78,7 @@ def pad(profile, array, converter, rng, *, gains=1.0, presses=20, flat=0, least=
         unloaded=unloaded, ball=frames, force=force, ball_radius=float(profile['radius']),
         flat=pressed(flat, WIDE)[0] if flat else None)
     return calibrate(recordings, Known((array.pitch_x, array.pitch_y), bits=converter.bits,
-                                       signed=converter.signed)).calibration
+                                       signed=converter.signed, poisson=poisson)).calibration
 
 
 def estimated(calibration, counts, **config):
@@ -213,13 +214,20 @@ def skins(seeds):
                  for seed in range(seeds)]
         off = np.array([it.depth / DEPTH - 1.0 for it in found])
         claimed = np.array([it.found['skin']['depth_std'] / DEPTH for it in found])
+        seen = [it for it in found if it.thickness]
+        thick = np.array([it.thickness - backing for it in seen])
+        thick_claimed = np.array([it.found['skin']['thickness_std'] for it in seen])
         rows.append([f'{1e3 * backing:g}', f'{poisson:g}', f'{100.0 * _rms(off):.1f} %',
-                     f'{100.0 * np.abs(off).max():.1f} %', f'{_rms(off / claimed):.2f}',
+                     f'{100.0 * np.abs(off).max():.1f} %', f'{100.0 * _rms(claimed):.1f} %',
+                     f'{_rms(off / claimed):.2f}',
                      ', '.join(f'{1e3 * it.thickness:.2f}' if it.thickness else 'none'
                                for it in found),
+                     f'{1e3 * _rms(thick_claimed):.2f}' if seen else '',
+                     f'{_rms(thick / thick_claimed):.2f}' if seen else '',
                      f'{100.0 * _rms([it.force_std for it in found]):.2f} %'])
-    return table(['backing [mm]', "Poisson's ratio", 'depth, RMS', 'at most', 'over claim',
-                  'thickness found [mm]', 'force_std'], rows)
+    return table(['backing [mm]', "Poisson's ratio", 'depth, RMS', 'at most', 'claimed',
+                  'over claim', 'thickness found [mm]', 'claimed', 'over claim',
+                  'force_std'], rows)
 
 
 def scaled(found, highest, skin):

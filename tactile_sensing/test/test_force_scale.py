@@ -33,7 +33,8 @@ def test_it_is_the_difference_of_what_fits_with_a_wrong_depth_find(thickness):
         forces.append([np.log(np.vdot(line, edge) / np.vdot(line, line)),
                        np.log(fit.amplitudes[:, 0]).mean()])
     by_edge, by_presses = np.diff(forces, axis=0)[0] / (2.0 * MOVED)
-    fit = replace(fit_skin(presses, SHARP, known=skin), free=(0,), covariance=np.diag([STD**2, 0]))
+    fit = replace(
+        fit_skin(presses, SHARP, known=skin), uncertain=(0,), covariance=np.diag([STD**2, 0]))
     assert abs(by_edge - by_presses) > 0.02
     assert edge_force_std(presses, fit, SHARP, True) == pytest.approx(
         STD * abs(by_edge - by_presses), rel=0.05)

@@ -38,7 +38,7 @@ def edge_force_std(presses: Presses, fit: SkinFit, ball_radius: float, area: boo
     size = (presses.array.pitch_x, presses.array.pitch_y) if area else (0.0, 0.0)
     here = SkinPressure(fit.skin, *size)
     moved = [(SkinPressure(skin, *size), step)
-             for skin, step in moved_skins(parameters_of(fit.skin), fit.free)]
+             for skin, step in moved_skins(parameters_of(fit.skin), fit.uncertain)]
     off = _by_edge(presses.array, here, moved) - _by_presses(
         presses, fit, ball_radius, here, moved)
     return math.sqrt(off @ fit.covariance @ off)

@@ -12,6 +12,7 @@ from tactile_sensing.calibration.gains import flat_field, Gains
 from tactile_sensing.calibration.order import solve_order
 from tactile_sensing.calibration.presses import Presses, sort_presses
 from tactile_sensing.calibration.skin_fit import bad_presses, fit_skin, SkinFit
+from tactile_sensing.calibration.skin_parameters import ASSUMED_POISSON
 from tactile_sensing.calibration.unloaded import range_of, survey, Tactels
 from tactile_sensing.devices.calibration import Calibration
 from tactile_sensing.types.array import TactelArray
@@ -53,10 +54,15 @@ class Known:
     saturation: int | None = None
     depth: float = 0.0  # [m]
     thickness: float = 0.0  # [m]
-    poisson: float = 0.45
+    poisson: float | None = None
     gain: float = 0.0  # [Pa/count]
     tactel: str = 'area'
     transposed: bool = False
+
+    @property
+    def usual_poisson(self) -> float:
+        """Poisson's ratio, where nobody knows it that of a soft skin."""
+        return ASSUMED_POISSON if self.poisson is None else self.poisson
 
 
 @dataclass
@@ -107,7 +113,7 @@ def calibrate(recordings: Recordings, known: Known,
     draft = Calibration(array, unit='counts', depth=min(known.pitch), transposed=transposed,
                         **values)
     values |= {'unit': 'counts', 'depth': known.depth or min(known.pitch),
-               'thickness': known.thickness, 'poisson': known.poisson}
+               'thickness': known.thickness, 'poisson': known.usual_poisson}
     if not known.depth:
         assumed.append('tactels one pitch below the surface, as no ball says it')
     if known.gain:
@@ -198,17 +204,18 @@ def _skin(recordings, known, draft, outcome, found, assumed, tell):
     for other in more:
         presses = presses.joined(other)
     source = np.repeat(list(parts), [len(part) for part in parts.values()])
-    given = Skin(known.depth, known.thickness or math.inf, known.poisson) if known.depth else None
+    given = Skin(known.depth, known.thickness or math.inf,
+                 known.usual_poisson) if known.depth else None
     if recordings.unloaded is None:
         _check_unloaded(presses)
     tell(f'skin from {len(presses)} presses')
-    fit = fit_skin(presses, radius, area=area, known=given)
+    fit = fit_skin(presses, radius, area=area, known=given, poisson=known.poisson)
     bad = bad_presses(fit)
     if bad.any() and (~bad).sum() >= FEWEST_PRESSES:
         for name, number in zip(source[bad], presses.number[bad], strict=True):
             outcome.left_out[name][int(number)] = 'unlike the others: no ball, or it moved'
         presses, source = presses.only(~bad), source[~bad]
-        fit = fit_skin(presses, radius, area=area, known=given)
+        fit = fit_skin(presses, radius, area=area, known=given, poisson=known.poisson)
     gain, pressed = np.ones(draft.array.shape), source == 'ball'
     force = np.ones(len(presses))
     if recordings.force is not None:
@@ -217,7 +224,8 @@ def _skin(recordings, known, draft, outcome, found, assumed, tell):
         tell(f'gains from {len(presses)} presses')
         for _ in range(1 if given else 2):  # gains that differ move the skin, the skin the gains
             gains = flat_field(presses, radius, fit, area, force, source)
-            fit = fit_skin(presses.scaled(gains.gain), radius, area=area, start=fit)
+            fit = fit_skin(presses.scaled(gains.gain), radius, area=area, start=fit,
+                           poisson=known.poisson)
         outcome.gains, gain = gains, gains.gain
         found['gains'] = {'presses': len(presses), 'spread': _short(gains.spread),
                           'left': _short(gains.left)}
@@ -231,8 +239,8 @@ def _skin(recordings, known, draft, outcome, found, assumed, tell):
             'presses': len(presses), 'depth_std': _short(fit.depth_std),
             'thickness_std': _short(fit.thickness_std), 'poisson_std': _short(fit.poisson_std),
             'left_out': _short(fit.scatter), 'patch': _short(fit.patch)}
-        if not math.isfinite(fit.poisson_std):
-            assumed.append(f"a Poisson's ratio of {known.poisson}")
+        if known.poisson is None and not math.isfinite(fit.poisson_std):
+            assumed.append(f"a Poisson's ratio of {ASSUMED_POISSON}")
     if doubts := _doubts(fit, radius, recordings.flat is not None):
         found['doubtful'] = doubts
     values['gain'] = known.gain * gain if known.gain else gain

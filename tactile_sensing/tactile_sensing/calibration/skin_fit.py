@@ -13,17 +13,19 @@ import numpy as np
 
 from tactile_sensing.calibration.presses import Presses
 from tactile_sensing.calibration.skin_parameters import (
+    allow_for_poisson,
+    ASSUMED_POISSON,
     levels,
     moved_skins,
     parameters_of,
     patch_radius,
+    POISSON_STD,
     skin_of,
 )
 from tactile_sensing.devices.unloaded import missing_mean
 from tactile_sensing.skin.pressure import SkinPressure
 from tactile_sensing.types.skin import Skin
 
-ASSUMED_POISSON, POISSON_STD = 0.45, 0.1  # of a soft skin, before the presses tell it
 EVIDENCE = 9.0  # chi-square that a further parameter of the skin must explain
 DEPTHS = (0.35, 0.6, 1.0, 1.5, 2.2, 3.2)  # pitches at which the search for the depth begins
 RATIOS = (0.35, 0.8)  # likewise depth over thickness
@@ -41,7 +43,7 @@ class SkinFit:
     skin: Skin
     depth_std: float  # [m]
     thickness_std: float  # [m]; infinite where no backing shows
-    poisson_std: float  # infinite where it was assumed
+    poisson_std: float  # infinite where it was not fitted
     patch: float  # radius of a patch over that of the ball, at the usual force
     places: np.ndarray  # (N, 2) [m]
     amplitudes: np.ndarray  # (N, 3): normal force and shear over the gain [counts m^2]
@@ -50,6 +52,7 @@ class SkinFit:
     chi_square: float
     misfit: np.ndarray  # (N,): RMS of what is left over what is expected
     free: tuple[int, ...]  # which of depth, thickness and Poisson's ratio were fitted
+    uncertain: tuple[int, ...]  # these, and Poisson's ratio where a layer's is only assumed
     # Of these (logarithm of the depth, depth over thickness, Poisson's ratio) and the patch.
     covariance: np.ndarray
 
@@ -190,20 +193,23 @@ def _start(problem, presses, places):
     return least
 
 
-def _least_skin(problem, theta, patch, places):
+def _least_skin(problem, theta, patch, places, poisson):
     """Fit of a half-space, or of the layer or any Poisson's ratio where that explains more."""
+    usual = ASSUMED_POISSON if poisson is None else poisson
     plain = theta.copy()
-    plain[1:] = 0.0, ASSUMED_POISSON
+    plain[1:] = 0.0, usual
     free: tuple[int, ...] = (0,)
     best = _iterate(problem, plain, patch, places, free)
     layers = []
     for ratio in RATIOS if theta[1] == 0.0 else (theta[1],):
         layer = best[0].copy()
-        layer[1:] = ratio, ASSUMED_POISSON  # whatever an earlier round has found
+        layer[1:] = ratio, usual  # whatever an earlier round has found
         layers.append(_iterate(problem, layer, best[1], best[2], (0, 1)))
     layer = min(layers, key=lambda found: found[3])
     if best[3] - layer[3] > EVIDENCE:
         best, free = layer, (0, 1)
+        if poisson is not None:
+            return best, free
         more = _iterate(problem, best[0], best[1], best[2], (0, 1, 2))
         if best[3] - more[3] > EVIDENCE:
             best, free = more, (0, 1, 2)
@@ -211,7 +217,8 @@ def _least_skin(problem, theta, patch, places):
 
 
 def fit_skin(presses: Presses, ball_radius: float, *, area: bool = True,
-             known: Skin | None = None, start: SkinFit | None = None) -> SkinFit:
+             known: Skin | None = None, start: SkinFit | None = None,
+             poisson: float | None = None) -> SkinFit:
     """
     Fit the skin that explains presses of a ball.
 
@@ -228,6 +235,8 @@ def fit_skin(presses: Presses, ball_radius: float, *, area: bool = True,
         Nothing of it is fitted then, only the presses.
     start : SkinFit, optional
         An earlier fit of the same presses, whose kind of skin is kept.
+    poisson : float, optional
+        Poisson's ratio where it is known; else it is found, or assumed and widens the claims.
     """
     problem = _Problem(presses, ball_radius, area)
     places, patch, chi = _peaks(presses), PATCH, math.inf
@@ -241,11 +250,17 @@ def fit_skin(presses: Presses, ball_radius: float, *, area: bool = True,
         places, patch, free = start.places, start.patch, start.free
     for _ in range(SCATTER_ROUNDS):  # the scatter of the tactels follows from what is left
         if not skin:
-            (theta, patch, places, chi, _), free = _least_skin(problem, theta, patch, places)
+            (theta, patch, places, chi, _), free = _least_skin(
+                problem, theta, patch, places, poisson)
         theta, patch, places, chi, covariance = _iterate(problem, theta, patch, places, free)
+        uncertain = free
+        if free == (0, 1) and poisson is None:
+            uncertain = 0, 1, 2
+            covariance = allow_for_poisson(
+                *_step(problem, theta, patch, places, uncertain)[4:])
         problem.scatter = _scatter(problem)
         problem.set_weights()
-    return _result(problem, theta, patch, places, chi, covariance, free)
+    return _result(problem, theta, patch, places, chi, covariance, free, uncertain)
 
 
 def _scatter(problem):
@@ -261,14 +276,14 @@ def _scatter(problem):
     return math.sqrt(max(excess, LEAST_SCATTER**2))
 
 
-def _result(problem, theta, patch, places, chi, covariance, free):
+def _result(problem, theta, patch, places, chi, covariance, free, uncertain):
     skin = skin_of(theta)
     live = problem.weight > 0.0
     rest = np.where(live, (problem.values - problem.models) * problem.weight, 0.0)
     misfit = np.sqrt((rest**2).sum(axis=(1, 2)) / live.sum(axis=(1, 2)))
     spread = max(1.0, chi / max(live.sum() - 5 * len(places), 1))
     covariance = spread * covariance
-    std = dict(zip(free, np.sqrt(np.diag(covariance)), strict=False))
+    std = dict(zip(uncertain, np.sqrt(np.diag(covariance)), strict=False))
     depth_std = skin.depth * std.get(0, 0.0)
     thickness_std = poisson_std = math.inf
     if 1 in free and not skin.is_half_space:
@@ -280,7 +295,7 @@ def _result(problem, theta, patch, places, chi, covariance, free):
         poisson_std = std[2]
     return SkinFit(skin, depth_std, thickness_std, poisson_std, patch, places,
                    problem.amplitudes.copy(), problem.models.copy(), problem.scatter, chi, misfit,
-                   free, covariance)
+                   free, uncertain, covariance)
 
 
 def bad_presses(fit: SkinFit) -> np.ndarray:

@@ -12,6 +12,7 @@ import numpy as np
 from tactile_sensing.types.skin import Skin
 
 STEPS = 1e-3, 1e-3, 5e-3  # for derivatives
+ASSUMED_POISSON, POISSON_STD = 0.45, 0.1  # of a soft skin, before the presses tell it
 
 
 def skin_of(theta: np.ndarray) -> Skin:
@@ -34,6 +35,17 @@ def moved_skins(theta: np.ndarray, free: Sequence[int]) -> list[tuple[Skin, floa
         other[k] += sign * STEPS[k]
         moved.append((skin_of(other), sign * STEPS[k]))
     return moved
+
+
+def allow_for_poisson(covariance: np.ndarray, step: np.ndarray) -> np.ndarray:
+    """
+    Covariance of a fit of everything, about one with an assumed Poisson's ratio.
+
+    The step is what would lead from that to the ratio that presses and assumption make likeliest:
+    not large enough to be told, but what was fitted is off by what follows from it.
+    """
+    follows = covariance[:, 2] / covariance[2, 2]
+    return covariance + step[2]**2 * np.outer(follows, follows)
 
 
 def patch_radius(patch: float, ball_radius: float, level: float, skin: Skin) -> float:

@@ -78,6 +78,8 @@ def parser() -> argparse.ArgumentParser:
     add('--depth', metavar='M', type=metres, help='of the tactels, where it is known [m]')
     add('--thickness', metavar='M', type=metres,
         help='of the skin on its backing, where it is known [m]')
+    add('--poisson', metavar='NU', type=between(0.0, 0.5),
+        help="Poisson's ratio of the skin, where it is known (else it is found, or assumed)")
     add('--gain', metavar='PA', type=between(1e-9, 1e12, 'Pa'),
         help='pressure of a count, where it is known [Pa]')
     add('--tactel', choices=('area', 'point'), default='area',
@@ -143,7 +145,7 @@ def read_known(options: argparse.Namespace) -> Known:
     return Known(
         pitch_of(options.pitch), options.bits, options.signed and options.signed == 'yes',
         options.threshold, options.saturation, options.depth or 0.0, options.thickness or 0.0,
-        gain=options.gain or 0.0, tactel=options.tactel)
+        options.poisson, gain=options.gain or 0.0, tactel=options.tactel)
 
 
 def describe(outcome: Outcome) -> str:
