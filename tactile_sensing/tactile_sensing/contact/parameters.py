@@ -138,6 +138,17 @@ def forget_forces(estimate):
 
 
 @njit(error_model='numpy')
+def widen(fit, state, depth_variance):
+    """Add to a covariance shear and a patch that may be there, the depth, and more noise."""
+    moved, hidden, slope = fit.moved, state.hidden, state.slope
+    fit.cov[:] *= state.excess
+    for i in range(5):
+        for j in range(5):
+            fit.cov[i, j] += moved[i] * moved[j] + hidden[i] * hidden[j] + state.by_gains[i, j] + (
+                state.excess * depth_variance * slope[i] * slope[j])
+
+
+@njit(error_model='numpy')
 def widen_forces(estimate, std):
     """Add to the covariance of forces what all of them are off by in common, as a share."""
     forces = (estimate.normal_force, estimate.shear_force_x, estimate.shear_force_y,

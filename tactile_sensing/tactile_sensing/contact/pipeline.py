@@ -7,29 +7,16 @@ and says what is known of it.
 """
 
 import math
-from typing import NamedTuple
 
 import numpy as np
 
 from tactile_common.kernels import njit
-from tactile_sensing.contact.extended_fit import EQUATIONS
 from tactile_sensing.contact.extended_load import PATCH
-from tactile_sensing.contact.gauss_newton import (
-    FIT,
-    fit_load,
-    LINE,
-    make_tactels,
-    PARAMETERS,
-    POINT,
-    Tactels,
-)
-from tactile_sensing.contact.goodness_of_fit import (
-    beyond_sight,
-    compare,
-    refute,
-)
+from tactile_sensing.contact.gauss_newton import fit_load, LINE, POINT
+from tactile_sensing.contact.goodness_of_fit import beyond_sight, compare, refute
 from tactile_sensing.contact.hills import has_second_hill
 from tactile_sensing.contact.ladder import climb
+from tactile_sensing.contact.memory import make_memory
 from tactile_sensing.contact.model_selection import (
     fit_without_idle_shear,
     likelier_model,
@@ -51,6 +38,7 @@ from tactile_sensing.contact.parameters import (
     compare_forces,
     copy_record,
     forget_forces,
+    widen,
     widen_forces,
     write_line,
     write_point,
@@ -58,8 +46,8 @@ from tactile_sensing.contact.parameters import (
 from tactile_sensing.contact.preprocessing import preprocess
 from tactile_sensing.contact.scatter import measure_scatter
 from tactile_sensing.half_space.kernels import FORCE
-from tactile_sensing.half_space.layers import first_pressure_layer, LAYER, Sensor
-from tactile_sensing.types.contact import ContactType, ESTIMATE, Reason
+from tactile_sensing.half_space.layers import first_pressure_layer, Sensor
+from tactile_sensing.types.contact import ContactType, Reason
 
 MOST_LOOKS = 5  # with the noise that the last load has left, or without readings that are cut off
 MOST_DRIFTS = 3  # each leaves a part of the drift that it found
@@ -74,45 +62,6 @@ _OTHER, _BAD_FIT = int(ContactType.OTHER), int(Reason.BAD_FIT)
 _LOW_SNR, _OFF_PAD = int(Reason.LOW_SNR), int(Reason.OFF_PAD)
 _TWO, _SATURATED = int(Reason.TWO_CONTACTS), int(Reason.SATURATED)
 _DEAD, _MISMATCH = int(Reason.DEAD_TACTELS), int(Reason.FORCE_MISMATCH)
-
-
-# What is known of a frame beside its load: how the load moves with the depth, and with a patch
-# that hardly shows; what tactels are off beside noise, as a share of the pressure: known, found,
-# and the covariance that a part too small for the weights makes; squared error over what is
-# expected, at least 1; whether what seemed an outlier is a contact, and whether
-# tactels are only known to be below the floor.
-STATE = np.dtype([('slope', 'f8', (5,)), ('hidden', 'f8', (5,)), ('scatter', 'f8'),
-                  ('found', 'f8'), ('by_gains', 'f8', (PARAMETERS, PARAMETERS)),
-                  ('excess', 'f8'), ('second', '?'), ('any_censored', '?')])
-
-
-class Memory(NamedTuple):
-    """What the stages hand on to each other; of one frame and one model at a time."""
-
-    stress: np.ndarray  # (layers, rows, columns): the frame, mended
-    left: np.ndarray  # likewise: what the load leaves of it
-    model: np.ndarray  # likewise: stress under the load
-    censored: np.ndarray  # likewise: whether a tactel is only known to be below the floor
-    layers: np.ndarray  # of LAYER, at the depth that was found
-    tactels: Tactels
-    fits: np.ndarray  # of FIT: the load; one a rung below; one with idle shear; one with faults
-    equations: np.ndarray  # of EQUATIONS, shape (1,)
-    state: np.ndarray  # of STATE, shape (1,)
-    noise: np.ndarray  # (layers,): least that a load has left [Pa]
-    top: np.ndarray  # (rows, columns): whether a reading is one of several that are highest
-    # Of ESTIMATE, shape (4,): of the first model, of the second, before there is any, with `top`.
-    estimates: np.ndarray
-
-
-@njit(error_model='numpy')
-def make_memory(layers, rows, columns, nodes):
-    """Memory for frames of one shape."""
-    shape = (layers, rows, columns)
-    return Memory(
-        np.empty(shape), np.empty(shape), np.empty(shape), np.zeros(shape, np.bool_),
-        np.zeros(layers, LAYER), make_tactels(layers * rows * columns, nodes), np.zeros(4, FIT),
-        np.zeros(1, EQUATIONS), np.zeros(1, STATE), np.empty(layers),
-        np.zeros((rows, columns), np.bool_), np.zeros(4, ESTIMATE))
 
 
 @njit(cache=True, error_model='numpy')
@@ -258,7 +207,7 @@ def estimate_as(kind, measured, sensor, layers, rules, memory, estimate):
     if not missed:
         if not ladder or fit.extras & PATCH:
             state.hidden[:] = 0.0
-        _widen(fit, state, depth_variance)
+        widen(fit, state, depth_variance)
         if beyond_sight(kind, sensor, memory.layers[0].depth, fit, fit.cov):
             missed = _OFF_PAD
     estimate.reasons |= missed
@@ -344,14 +293,3 @@ def _fit_mended(kind, sensor, given_layers, forces, mend, rules, memory):
     fitted = fit_load(kind, stress, sensor, layers, forces, rules.model_error, np.inf,
                       rules.gain_spread, memory.tactels, fit)
     return fitted, left_out, variance
-
-
-@njit(error_model='numpy')
-def _widen(fit, state, depth_variance):
-    """Add to a covariance shear and a patch that may be there, the depth, and more noise."""
-    moved, hidden, slope = fit.moved, state.hidden, state.slope
-    fit.cov[:] *= state.excess
-    for i in range(5):
-        for j in range(5):
-            fit.cov[i, j] += moved[i] * moved[j] + hidden[i] * hidden[j] + state.by_gains[i, j] + (
-                state.excess * depth_variance * slope[i] * slope[j])
