@@ -48,7 +48,10 @@ def by_arrays(limits, positions, previous, wanted, dt):
     horizon = dt + limits.stopping_time
     up = np.clip((limits.upper - positions) / horizon, 0.0, limits.velocity)
     down = np.clip((limits.lower - positions) / horizon, -limits.velocity, 0.0)
-    room = np.where(wanted > 0.0, up, -down)
+    change = limits.acceleration * dt
+    slowest, quickest = previous - change, previous + change
+    room = np.where(wanted > 0.0, np.maximum(up, np.minimum(slowest, quickest)),
+                    -np.minimum(down, quickest))
     beyond = np.abs(wanted) > room + NEGLIGIBLE * limits.velocity
     shares = np.where(beyond, room / np.maximum(np.abs(wanted), 1e-12), 1.0)
     scale, change = shares.min(), limits.acceleration * dt

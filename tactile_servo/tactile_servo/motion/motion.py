@@ -213,17 +213,19 @@ class Motion:
             twist, clipped = self._workspace.limit(
                 pose, twist, period + coast + 2.0 * self._limits.stopping_time)
             at_wall = 'workspace' if clipped else ''
-        asked, bound, manipulability = self._inverse.solve(
-            jacobian, twist, positions, period + coast)
+        velocities, let, bound, manipulability = self._inverse.solve(
+            jacobian, twist, positions, speeds[kept - 1], period, coast)
+        if settling:  # it is not moved, so that only a place can hold it; no number stays none
+            velocities, let = 0.0 * velocities, 1.0
+            bound = bound if bound.startswith('position') else ''
         bias = self._robot.bias(end, speeds[kept - 1])
-        # Whatever that gave: no command passes a limit, and none moves a robot that settles.
+        # Whatever that gave: no command passes a limit.
         parts = (times, places, speeds, kept, self._limits.bounds)
         onward = (bias, period, COAST * period, coast, jacobian, wanted, c.damping,
                   c.rotation_length)
-        velocities = 0.0 * asked if settling else asked  # what is no number stays none
         scale, kind, joint, progress = _onward(*parts, velocities, *onward)
         if at_wall and self._bends_out(places[:kept + 3]):
-            velocities = np.zeros_like(asked)
+            velocities = np.zeros_like(velocities)
             scale, kind, joint, progress = _onward(*parts, velocities, *onward)
         limited_by = at_wall or bound or self._limits.name_of(kind, joint)
         hindered = limited_by or manipulability < c.damping
@@ -236,7 +238,7 @@ class Motion:
                 places[kept + 2], now_ns)
             trajectory = Trajectory(self._limits.names, *window,
                                     stamp_ns=now_ns if self._stamped else 0)
-        return MotionStep(trajectory, twist, scale, limited_by, manipulability)
+        return MotionStep(trajectory, twist, min(scale, let), limited_by, manipulability)
 
     def _bends_out(self, positions):
         """Whether a window of positions (N, n) that brakes in a curve ends beyond the box."""
