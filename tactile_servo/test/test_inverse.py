@@ -5,6 +5,7 @@ from pathlib import Path
 import daqp
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from limited import limit_velocities
 import numpy as np
 import pytest
 from scipy.optimize import lsq_linear
@@ -20,7 +21,7 @@ from tactile_servo.motion.inverse import (
     TAKE_OVER,
     YIELDING,
 )
-from tactile_servo.motion.limits import JointLimits, limit_velocities, NEGLIGIBLE, room
+from tactile_servo.motion.limits import JointLimits, NEGLIGIBLE, room
 from tactile_servo.motion.motion import Motion, MotionConfig
 from tactile_servo.motion.robot import RobotModel
 
@@ -143,7 +144,7 @@ def test_position_is_kept_where_orientation_gives_way():
 
 
 def random_states(joints, count):
-    """Yield Jacobians, twists, positions and velocities of an arm that is anywhere, in any motion."""
+    """Yield Jacobian, twist, positions and velocities of an arm anywhere, in any motion."""
     rng, limits = np.random.default_rng(joints), limits_of(joints)
     for _ in range(count):
         jacobian = PUMA.jacobian(rng.uniform(PUMA.lower, PUMA.upper))

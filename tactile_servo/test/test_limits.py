@@ -2,12 +2,13 @@
 
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from limited import limit_velocities
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
 from tactile_common.errors import ConfigurationError
-from tactile_servo.motion.limits import JointLimits, limit_velocities, NEGLIGIBLE, WorkspaceBox
+from tactile_servo.motion.limits import JointLimits, NEGLIGIBLE, WorkspaceBox
 
 DT = 0.0025
 LIMITS = JointLimits(

@@ -1,10 +1,11 @@
 """From a twist to commands: what is held back is noticed and named."""
 
+from limited import limit_velocities
 import numpy as np
 import pytest
 
 from tactile_servo.motion.inverse import BoundedInverse
-from tactile_servo.motion.limits import JointLimits, limit_velocities, WorkspaceBox
+from tactile_servo.motion.limits import JointLimits, WorkspaceBox
 from tactile_servo.motion.motion import BLOCKED_AFTER, COAST, Motion, MotionConfig, SETTLING
 from tactile_servo.motion.robot import RobotModel
 from tactile_servo.motion.window import committed, extended

@@ -15,15 +15,11 @@ lies within the bounds it is the solution: the gradient is zero there, so that t
 Karush-Kuhn-Tucker conditions hold with multipliers that are all zero, and H is positive
 definite. No solver is needed then.
 
-Else up to three programs follow one another, each for what the one before it gave, w, and only
-where w is not within the next bounds. Position limits last, and the other joints take over. A
-limit of velocity is kept by less speed, one of acceleration by more time: with p the velocities
-until now, errors along ``y = w`` and ``y = w - p`` hardly cost anything, in place of H
-
-    H - (1 - EASED) H y y^T H / (y^T H y)
-
-This is a task that is scaled, ``q = w - y + share y``, with the share eliminated: a motion
-begins, turns and brakes evenly, and deviates where that gains more than 1 / EASED times as much.
+Else up to three programs follow, each for what the last one gave, w, where that is not within its
+bounds. At a limit of position the other joints take over. A limit of velocity is met by going
+slower, then one of acceleration by taking longer: with p the velocities until now, errors along
+``y = w``, then ``y = w - p``, weigh EASED times as much. That is a task that is scaled,
+``q = w - y + share y``, with its share eliminated: a motion begins, turns and ends on its way.
 """
 
 import math
@@ -35,10 +31,10 @@ from tactile_common.kernels import njit
 from tactile_servo.motion.limits import (
     ACCELERATION,
     JointLimits,
-    NEGLIGIBLE,
     POSITION,
     reach,
     VELOCITY,
+    within,
 )
 
 YIELDING = 0.1  # of its weight, a turn about the sensor's normal by six joints, one at its limit
@@ -104,29 +100,26 @@ class BoundedInverse:
               previous: np.ndarray, dt: float,
               coast: float = 0.0) -> tuple[np.ndarray, float, str, float]:
         """
-        Joint velocities (n,) [rad/s] for a twist (6,), see `limit_velocities` for the arguments.
+        Joint velocities (n,) [rad/s] for a twist (6,), other arguments as of `nearest`.
 
-        Not within all limits where the solver fails, not finite where the twist or the Jacobian
-        is not. With them the fraction of the motion that velocities let through, the limit that
-        costs most, empty if none does, and the smallest singular value of the weighted Jacobian
-        [m/rad].
+        Not within all limits where the solver fails, not finite where twist or Jacobian are not.
+        With them the fraction of the motion that velocity limits let through, the limit that
+        costs most in the first program that is needed, empty if none is, and the smallest
+        singular value of the weighted Jacobian [m/rad].
         """
-        limits, found = self._limits, np.empty(len(positions))
-        scale, limited_by = 1.0, ''
-        smallest, inside = _within(jacobian, twist, positions, previous, limits.bounds, self._zone,
-                                   dt, coast, self._damping, self._length, found)
+        limits, found, scale, limited_by = self._limits, np.empty(len(positions)), 1.0, ''
+        smallest, inside = _unbounded(
+            jacobian, twist, positions, previous, limits.bounds, self._zone, dt, coast,
+            self._damping, self._length, found)
         if inside:
             return found, scale, limited_by, smallest
         least, most = reach(*limits.bounds, positions, previous, dt, coast)
         matrix = hessian(jacobian, self._damping, TAKE_OVER * self._damping, self._length)
         for row, kind in enumerate(ROWS):
-            if _all_within(found, least[row], most[row], limits.velocity):
+            if within(found, least[row], most[row], limits.velocity):
                 continue
-            wanted, weights = found, matrix
-            if kind != POSITION:
-                way = wanted - previous if kind == ACCELERATION else wanted
-                along = matrix @ way
-                weights = matrix - (1.0 - EASED) / (along @ way) * along * along[:, None]
+            wanted, weights = found, matrix if kind == POSITION else _eased(
+                matrix, found - previous if kind == ACCELERATION else found)
             self._sense[:] = 0
             found, _, flag, info = daqp.solve(
                 weights, -weights @ wanted, self._no_rows, most[row], least[row], self._sense)
@@ -134,6 +127,7 @@ class BoundedInverse:
                 return wanted, scale, limited_by, smallest
             found = np.clip(found, least[row], most[row])
             if kind == VELOCITY:
+                along = matrix @ wanted
                 scale = float(np.clip(along @ found / (along @ wanted), 0.0, 1.0))
             if not limited_by:
                 joint = np.abs(info['lam']).argmax()
@@ -162,6 +156,18 @@ def agility(jacobian, acceleration, damping, rotation_length):
     for k in range(len(acceleration)):
         most = min(most, acceleration[k] / max(math.hypot(across[k, 0], across[k, 1]), 1e-12))
     return most
+
+
+@njit(cache=True)
+def progress(jacobian, velocities, wanted, rotation_length):
+    """Share of a wanted twist that joint velocities bring; 1 if none is wanted."""
+    along = square = 0.0
+    for i in range(6):  # loops: a call of BLAS costs more than this does
+        weighted = wanted[i] * (rotation_length**2 if i >= 3 else 1.0)
+        square += weighted * wanted[i]
+        for k in range(len(velocities)):
+            along += weighted * jacobian[i, k] * velocities[k]
+    return 1.0 if square < 1e-12 else along / square
 
 
 @njit(cache=True)
@@ -194,8 +200,8 @@ def _free(jacobian, twist, push, damping, rotation_length):
 
 
 @njit(cache=True)
-def _within(jacobian, twist, positions, previous, bounds, zone, dt, coast, damping,
-            rotation_length, wanted):
+def _unbounded(jacobian, twist, positions, previous, bounds, zone, dt, coast, damping,
+               rotation_length, wanted):
     """Write unconstrained velocities; smallest s, and whether they are within bounds (or NaN)."""
     lower, upper, fastest, _, _ = bounds
     joints = len(positions)
@@ -212,18 +218,15 @@ def _within(jacobian, twist, positions, previous, bounds, zone, dt, coast, dampi
     least, most = reach(*bounds, positions, previous, dt, coast)
     inside, finite = True, np.isfinite(wanted).all()
     for row in range(len(least)):
-        inside &= _all_within(wanted, least[row], most[row], fastest)
+        inside &= within(wanted, least[row], most[row], fastest)
     return smallest, inside or not finite
 
 
 @njit(cache=True)
-def _all_within(velocities, least, most, fastest):
-    """Whether joint velocities (n,) pass no bound by more than rounding does."""
-    for k in range(len(velocities)):
-        slack = NEGLIGIBLE * fastest[k]
-        if not least[k] - slack <= velocities[k] <= most[k] + slack:
-            return False
-    return True
+def _eased(matrix, way):
+    """Matrix (n, n) of a program in which errors along a way (n,) weigh EASED times as much."""
+    along = matrix @ way
+    return matrix - (1.0 - EASED) / (along @ way) * np.outer(along, along)
 
 
 @njit(cache=True)

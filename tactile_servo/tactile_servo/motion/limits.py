@@ -57,40 +57,6 @@ class JointLimits:
         return name + self.names[joint] if name.endswith(' ') else name
 
 
-def limit_velocities(limits: JointLimits, positions: np.ndarray, previous: np.ndarray,
-                     wanted: np.ndarray, dt: float,
-                     coast: float = 0.0) -> tuple[np.ndarray, float, str]:
-    """
-    Nearest joint velocities to the wanted ones that keep every limit.
-
-    The wanted velocities are first scaled as a whole, which keeps the direction of motion,
-    then their change is, to what the accelerations allow. What a joint is asked beyond its
-    limits by less than NEGLIGIBLE does not scale the others, it is cut off.
-
-    Parameters
-    ----------
-    limits : JointLimits
-    positions, previous, wanted : ndarray (n,)
-        Commanded positions [rad], velocities of the last cycle and those wanted now [rad/s];
-        a wanted velocity that is not finite counts as a stop.
-    dt : float
-        Time in which the velocities may change [s], > 0,
-    coast : float
-        and for which the new ones go on then before the joints brake [s].
-
-    Returns
-    -------
-    velocities : ndarray (n,)
-    scale : float
-        Fraction of the wanted motion that was let through, 0 to 1.
-    limited_by : str
-        The limit that bound most, for instance 'velocity of joint1'; empty if none did.
-    """
-    velocities, scale, kind, joint = nearest(*limits.bounds, positions, previous, wanted, dt,
-                                             coast)
-    return velocities, scale, limits.name_of(kind, joint)
-
-
 @njit(cache=True)
 def room(lower, upper, stopping_time, positions, dt):
     """
@@ -126,9 +92,28 @@ def reach(lower, upper, fastest, acceleration, stopping_time, positions, previou
 
 
 @njit(cache=True)
+def within(velocities, least, most, fastest):
+    """Whether joint velocities (n,) pass no bound by more than rounding does."""
+    for k in range(len(velocities)):
+        slack = NEGLIGIBLE * fastest[k]
+        if not least[k] - slack <= velocities[k] <= most[k] + slack:
+            return False
+    return True
+
+
+@njit(cache=True)
 def nearest(lower, upper, fastest, acceleration, stopping_time, positions, previous, wanted, dt,
             coast):
-    """Law of `limit_velocities`: velocities, scale, index of the kind of limit and joint."""
+    """
+    Nearest joint velocities (n,) to the wanted ones that keep every limit [rad/s].
+
+    Wanted ones that are not finite count as a stop. They are first scaled as a whole, which keeps
+    the direction of motion, then their change from the previous ones is, to what accelerations
+    allow within dt; for `coast` they go on then before the joints brake [s]. What a joint is asked
+    beyond its limits by less than NEGLIGIBLE does not scale the others, it is cut off. Also
+    returned are the fraction of the wanted motion that is let through, 0 to 1, and the indices
+    of the kind of limit that binds most and of its joint.
+    """
     count = len(wanted)
     least, most = reach(lower, upper, fastest, acceleration, stopping_time, positions, previous,
                         dt, coast)
