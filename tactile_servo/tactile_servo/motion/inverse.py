@@ -226,7 +226,7 @@ def _unbounded(jacobian, twist, positions, previous, bounds, zone, dt, coast, da
 def _eased(matrix, way):
     """Matrix (n, n) of a program in which errors along a way (n,) weigh EASED times as much."""
     along = matrix @ way
-    return matrix - (1.0 - EASED) / (along @ way) * np.outer(along, along)
+    return matrix - (1.0 - EASED) / max(along @ way, 1e-300) * np.outer(along, along)
 
 
 @njit(cache=True)
