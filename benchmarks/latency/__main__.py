@@ -1,26 +1,32 @@
 """
 CPU and latency of the servo, part by part, on the real graph.
 
-Mocks, sensing and servo run in processes of their own, as in the demo. Prints tables, and writes
+Mocks, sensing and servo run in processes of their own, as in the demo. Every case runs twice: as
+the machine is, and with its processors kept awake. Prints tables, and writes
 benchmarks/results/latency.json and the tables into docs/latency.md.
 """
 
+from contextlib import nullcontext
 import os
 
 from benchmarks.harness import run
 from benchmarks.latency import runs
+from benchmarks.latency.awake import kept_awake
 
-CASES = (('trace', 203.0), ('trace', 1000.0))
+CASES = (('trace', 203.0, False), ('trace', 203.0, True), ('trace', 1000.0, False),
+         ('trace', 1000.0, True))
+QUICK = CASES[:2]
 
 
 def measure(arguments, progress):
     """Everything that the tables show, as one dictionary."""
-    rows = []
-    for tracker, rate in CASES[:1] if arguments.quick else CASES:
-        progress.step(f'{tracker}, {rate:g} Hz')
-        rows.append(runs.account(tracker, rate))
-    return {'load': os.getloadavg()[0], 'cores': os.cpu_count(), 'runs': rows}
+    load, rows = os.getloadavg()[0], []
+    for tracker, rate, awake in QUICK if arguments.quick else CASES:
+        progress.step(f'{tracker}, {rate:g} Hz{", awake" * awake}')
+        with kept_awake() if awake else nullcontext():
+            rows.append(runs.account(tracker, rate) | {'awake': awake})
+    return {'load': load, 'cores': os.cpu_count(), 'runs': rows}
 
 
 if __name__ == '__main__':
-    run('latency', __doc__, measure, lambda arguments: 1 if arguments.quick else len(CASES))
+    run('latency', __doc__, measure, lambda arguments: len(QUICK if arguments.quick else CASES))

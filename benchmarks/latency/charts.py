@@ -23,7 +23,8 @@ def draw(result, folder):
     axis.axvline(1e3 * BAR, color='black', ls='--', lw=0.8)
     axis.text(1e3 * BAR, 1.0, ' wanted', transform=axis.get_xaxis_transform(), fontsize=8)
     axis.set(yticks=range(len(rows)), xlabel='processor time of a control cycle, mean [ms]',
-             yticklabels=[f'{run["rate"]:g} Hz' for run in result['runs']])
+             yticklabels=[f'{run["rate"]:g} Hz' + ',\nkept awake' * run['awake']
+                          for run in result['runs']])
     axis.invert_yaxis()
     figure.legend(loc='outside lower center', ncols=5, fontsize=8, frameon=False)
     figure.savefig(folder / 'latency_cycle.png', dpi=110)

@@ -2,15 +2,19 @@
 What a cycle of the servo's core costs, without ROS: the inputs of one run, again and again.
 
 The simulation records what a servo hears while it follows the straight edge at 30 mm/s; a servo
-of its own then hears the same. Warm, and with caches as between the cycles of a servo whose
-machine does other things: 8 MB are touched before every call. Of every call the best of several
-passes counts; on a busy machine runs still differ by a third. Prints a table; run it as a module.
+of its own then hears the same: warm; with 8 MB touched before every call; after a sleep before
+every cycle, on processors that halt meanwhile, and on such that are kept awake. Of every call the
+best of several passes counts; on a busy machine runs still differ by a third. Prints a table; run
+it as a module.
 """
 
 import argparse
+from contextlib import nullcontext
+from time import sleep
 
 import numpy as np
 
+from benchmarks.latency.awake import kept_awake
 from benchmarks.latency.meter import Meter
 from edge_tracking.resources import find_scene, share
 from tactile_servo.goal_run import GoalRun
@@ -26,7 +30,8 @@ from tactile_simulation.scene import load_scene
 GOAL, SECONDS = EdgeGoal(0.03, 5.0, length=0.05), 4.0
 ELBOW = np.radians([-22, 35, -172, 0, -48, -22])
 WORKSPACE = WorkspaceBox(np.full(3, -10.0), np.full(3, 10.0))  # m
-CACHES = 8_000_000  # bytes
+OTHER = np.zeros(1_000_000)  # 8 MB
+PAUSE = 0.0025  # s
 PASSES = 5
 CALLS = ('see_joints', 'see_image', 'see_contact', 'cycle')
 # Clocks cost: of parts that stand within one another only one set is timed in a pass.
@@ -67,12 +72,12 @@ def record():
     return tape, given
 
 
-def play(tape, meter=None, cold=False):
+def play(tape, meter=None, disturb=None):
     """Let a new servo hear a tape; the trajectories that it gives."""
-    servo, given, other = simulation().servo, [], np.zeros(CACHES // 8)
+    servo, given = simulation().servo, []
     for name, arguments in tape:
-        if cold:
-            other += 1.0
+        if disturb is not None:
+            disturb(name)
         if meter is not None:
             meter.running = servo.state in TRACKING
         result = getattr(servo, name)(*arguments)
@@ -88,7 +93,18 @@ def same(one, other):
                for field in ('times', 'positions', 'velocities'))
 
 
-def account(tape, cold):
+def touch(_):
+    """Touch other memory before any call."""
+    OTHER[:] += 1.0
+
+
+def rest(name):
+    """Sleep before a cycle."""
+    if name == 'cycle':
+        sleep(PAUSE)
+
+
+def account(tape, disturb=None):
     """Processor time of every part [s]: mean over its calls, each of them the best of passes."""
     means = {}
     for parts in SETS:
@@ -97,7 +113,7 @@ def account(tape, cold):
             meter = Meter()
             meter.apart = meter.inside = True
             with meter.timing(parts):
-                play(tape, meter, cold)
+                play(tape, meter, disturb)
             passes.append(meter.times)
         for name in parts:
             means[name] = float(np.min([times[name] for times in passes], axis=0).mean())
@@ -109,10 +125,15 @@ def main():
     argparse.ArgumentParser(description=__doc__).parse_args()
     tape, given = record()
     print(f'replayed to {same(given, play(tape)):.1g} rad')
-    warm, cold = account(tape, False), account(tape, True)
-    print('\n| mean, us | warm | caches cold |\n| --- | --- | --- |')
+    columns = {}
+    for title, disturb, awake in (('warm', None, False), ('caches cold', touch, False),
+                                  ('after a sleep', rest, False), ('the same, awake', rest, True)):
+        with kept_awake() if awake else nullcontext():
+            columns[title] = account(tape, disturb)
+    print('\n| mean, us | ' + ' | '.join(columns) + ' |\n|' + ' --- |' * (1 + len(columns)))
     for name in (name for parts in SETS for name in parts):
-        print(f'| {name} | {1e6 * warm[name]:.1f} | {1e6 * cold[name]:.1f} |')
+        print(f'| {name} | ' + ' | '.join(
+            f'{1e6 * means[name]:.1f}' for means in columns.values()) + ' |')
 
 
 if __name__ == '__main__':

@@ -1,5 +1,7 @@
 """Tables of the latency benchmark, in Markdown."""
 
+AWAKE = ', processors kept awake'
+
 
 def _table(head, rows):
     lines = ['| ' + ' | '.join(head) + ' |', '|' + ' --- |' * len(head)]
@@ -16,8 +18,9 @@ def _quantiles(row):
 
 def one(run):
     """Account of one run."""
-    head = (f'**{run["tracker"]}, pictures at {run["rate"]:g} Hz**: {run["cycles"]} cycles in '
-            f'{run["seconds"]:.1f} s, {run["missed"]} missed; {run["reason"]}')
+    head = (f'**{run["tracker"]}, pictures at {run["rate"]:g} Hz{AWAKE * run["awake"]}**: '
+            f'{run["cycles"]} cycles in {run["seconds"]:.1f} s, {run["missed"]} missed; '
+            f'{run["reason"]}')
     latency = _table(('latency [ms]', 'mean', 'p50', 'p99'),
                      [[name, *_quantiles(row)] for name, row in run['latency'].items()])
     cpu = _table(('CPU [ms]', 'mean', 'p50', 'p99', 'calls per cycle'), [

@@ -6,15 +6,16 @@ import numpy as np
 
 from tactile_servo.config import ServoConfig
 from tactile_servo.control.lap_guard import LapGuard
-from tactile_servo.control.scaling import clipped
 from tactile_servo.cycle_clock import CycleClock
 from tactile_servo.following import apart, Following
+from tactile_servo.hold import ASKED, Hold
 from tactile_servo.inputs import Inputs
 from tactile_servo.law import Goal, Reference, ServoLaw
 from tactile_servo.motion.motion import Motion, MotionStep
+from tactile_servo.normal_way import NormalWay
 from tactile_servo.reasons import Reason, ReasonCode
 from tactile_servo.state_machine import ASSESSED, Event, RESUMPTION, StateMachine
-from tactile_servo.state_times import approach_speed, StateTimes
+from tactile_servo.state_times import StateTimes
 from tactile_servo.track_statistics import TrackStatistics
 from tactile_servo.types import ON_TRACK, State, TRACKING
 
@@ -23,26 +24,6 @@ OFFER = 'resume with ~/pause false'
 SETTLE = 0.1  # s after the end of the last command, until what is measured is where it stands
 NEAR = 5.0  # times `following_distance`, within which a robot at rest is told to stay there
 SLIGHT = 0.1  # of it, which a robot at rest may be told to move at once
-BLIND = 0.5  # of the force, by which it may grow on a way that no image has shown
-REACTION = 0.01  # s in which the approach slows down to keep to that
-# What goes on only when asked: who caused it must know that the robot will move.
-ASKED = frozenset({ReasonCode.PAUSED, ReasonCode.NOT_FOLLOWING, ReasonCode.CONTROLLER_INACTIVE,
-                   ReasonCode.SEVERAL_PUBLISHERS, ReasonCode.CLOCK_STOPPED})
-
-
-@dataclass
-class Hold:
-    """What a hold is about."""
-
-    paused: bool = False  # it was asked for
-    lost: Reason | None = None  # what the law said, if it is the law's
-    searching: bool = False  # it interrupted a search, which need not see what is tracked
-    resumption: Event = Event.RESUME_APPROACH  # what takes up again what it interrupted
-    cause: Reason = Reason(ReasonCode.NONE)  # what is wrong
-    began: float = -np.inf  # steady time at which it went wrong [s],
-    back: float | None = None  # and at which it no longer was
-    bound: bool = False  # it ends only when it is
-    asked: bool = False  # for
 
 
 @dataclass
@@ -73,8 +54,7 @@ class GoalRun:
         self._config, self._law, self._inputs = config, law, inputs
         law.agility = motion
         self._motion, self._machine = motion, machine
-        self._anchor = motion.pose  # where the current way (approach, retreat, press) began
-        self._touched = False  # whether what is to be tracked has ever been met
+        self._way = NormalWay(config, goal, law, inputs, motion)
         self._following = Following(config.input, config.motion.rotation_length)
         self._laps = LapGuard(config.contour.miss)
         self._times = StateTimes(config, goal)
@@ -134,7 +114,7 @@ class GoalRun:
             self._decide_approach(now)
         elif state in TRACKING:
             self._decide_track(now)
-        elif -self._advance() >= self._config.retreat.distance and self._motion.standing:
+        elif self._way.lifted and self._motion.standing:
             self._machine.fire(Event.REST, self._machine.reason)
 
     def _standstill(self) -> Reason | None:
@@ -153,15 +133,13 @@ class GoalRun:
     def _decide_approach(self, now):
         c, load, lacking = self._config, self._inputs.load, self._law.lacks(now)
         since = self._machine.since
-        # What was touched before is sought where it was: a sensor gone blind presses no harder.
-        farthest = self._unseen_way() if self._touched else c.approach.distance
         if load >= c.approach.contact_force and lacking is None:
-            self._anchor, self._touched = self._motion.pose, True
+            self._way.touch()
             self._machine.fire(Event.TOUCH, Reason(ReasonCode.CONTACT), now)
         elif lacking is not None and load >= self.goal.force and (
                 self.observed > since or now - since > c.input.lost_after):
             self._end(Reason(ReasonCode.NO_EDGE, lacking.text), lift=True)
-        elif self._advance() >= farthest:
+        elif self._way.advance >= (farthest := self._way.farthest):
             self._end(Reason(ReasonCode.NO_CONTACT, f'within {farthest:.2g} m'), lift=True)
 
     def _decide_track(self, now):
@@ -175,20 +153,15 @@ class GoalRun:
         if error is not None:
             self.statistics.see(error, self._inputs.pose, self._inputs.contact.stamp_ns)
             if error.force >= SOUND_FORCE * self.goal.force:
-                self._anchor = self._motion.pose
+                self._way.begin()
         if found.state == State.DONE:
             self._end(found.reason, found.success, found.lift)
-        elif self._advance() > deepest:
+        elif self._way.advance > deepest:
             self._end(Reason(ReasonCode.TOO_DEEP, f'{deepest:g} m'), lift=True)
         elif self._laps.problem(self.statistics.length):
             self._end(Reason(ReasonCode.LAP_LIMIT, self._laps.problem(self.statistics.length)))
         elif found.state != self._machine.state:
             self._machine.fire(ASSESSED[found.state], found.reason, now)
-
-    def _advance(self) -> float:
-        """How far the commanded sensor stands beyond the anchor along its own normal [m]."""
-        pose, anchor = self._motion.pose, self._anchor
-        return 0.0 if pose is anchor else float((pose[:3, 3] - anchor[:3, 3]) @ anchor[:3, 2])
 
     def _hold(self, now, reason, began):
         bound = reason.code in ASKED or now - began > self._config.hold.resume_within
@@ -202,21 +175,15 @@ class GoalRun:
         hold, limits = self.hold, self._config.hold
         if why is not None:
             self._machine.reason = why
-            if hold.cause.code is not ReasonCode.NOT_FOLLOWING:
-                hold.cause = why
-            # A robot that was not heard of for so long may have come to be elsewhere.
-            elsewhere = why.code is ReasonCode.STALE_JOINT_STATE and (
-                now - hold.began > limits.resume_within)
-            hold.bound, hold.asked = hold.bound or elsewhere or why.code in ASKED, False
+            hold.worsen(why, now, limits.resume_within)
         blind = hold.searching and hold.lost is None  # a search sees nothing either
         unseen = None if self._resumption(now) != Event.RESUME_TRACK or blind else (
             self._law.lacks(now))
         if why is None and unseen is not None:
             self._machine.reason = hold.lost or unseen
         back = why is None and unseen is None
-        hold.back = None if not back else now if hold.back is None else hold.back
-        in_time = hold.back is not None and hold.back - hold.began <= limits.resume_within
-        if why is None and (hold.asked or (in_time and not hold.bound)):
+        hold.see(back, now)
+        if why is None and hold.over(limits.resume_within):
             code = ReasonCode.RESUMED if hold.asked else ReasonCode.INPUT_BACK
             self._resume_at_rest(now, Reason(code))
         elif now - self._machine.since > (limits.longest_pause if hold.paused
@@ -231,7 +198,7 @@ class GoalRun:
         """Go on from the measured state, once the robot stands."""
         if not self._told or now < self._moving or self.ending.stopping:
             return
-        if not self.hold.asked and self._stands_off() > self._config.input.following_distance:
+        if not self.hold.asked and self._see_place() > self._config.input.following_distance:
             return
         resumption = self._resumption(now)
         self._start_here()
@@ -242,14 +209,12 @@ class GoalRun:
         """What takes up again what the hold interrupted."""
         hold = self.hold
         lost = (hold.resumption is Event.RESUME_TRACK and not hold.searching
-                and hold.lost is None and self._told
+                and hold.lost is None and self._told and not hold.strayed
                 and self._inputs.load < self._config.approach.contact_force
                 and self._law.lacks(now) is not None)
         # The stop has led off what bends away: a robot that is still there touches it again.
-        if lost and hold.cause.code is not ReasonCode.NOT_FOLLOWING and (
-                self._stands_off() <= self._config.input.following_distance):
-            return Event.RESUME_APPROACH
-        return hold.resumption
+        there = lost and self._off() <= self._config.input.following_distance
+        return Event.RESUME_APPROACH if there else hold.resumption
 
     def _start_here(self):
         """Forget what was commanded: the robot is where it is measured, at rest."""
@@ -265,7 +230,7 @@ class GoalRun:
                 held and (self.hold.bound or not self._told)):
             if held:
                 self._start_here()
-            self._anchor = self._motion.pose
+            self._way.begin()
             self._machine.fire(Event.LIFT, reason, self._now)
         else:
             self._stop(reason)
@@ -296,7 +261,7 @@ class GoalRun:
         if self._told or now < self._moving + SETTLE or not self._inputs.joints_fresh or dt == 0.0:
             return None
         self._told = True
-        off, following = self._stands_off(), self._config.input.following_distance
+        off, following = self._see_place(), self._config.input.following_distance
         self._start_here()
         # Not where it has come to be elsewhere: who brought it there has commanded it since.
         if off > NEAR * following:
@@ -306,17 +271,16 @@ class GoalRun:
             self._moving = now + motion.lasting
         return step
 
-    def _stands_off(self) -> float:
-        """
-        How far a robot at rest stands from where it was sent [m], rotations as in `apart`.
+    def _off(self):
+        """How far the robot is from where its last window comes to rest, as in `apart` [m]."""
+        return apart(self._motion.rest_pose, self._inputs.pose,
+                     self._config.motion.rotation_length)
 
-        By more than `following_distance` it goes on only when asked.
-        """
-        off = apart(self._motion.rest_pose, self._inputs.pose,
-                    self._config.motion.rotation_length)
+    def _see_place(self):
+        """How far a robot at rest is off [m]; where that is too far it goes on only when asked."""
+        off = self._off()
         if off > self._config.input.following_distance:
-            self.hold.bound, self.hold.cause = True, Reason(
-                ReasonCode.NOT_FOLLOWING, f'it stands {1e3 * off:.1f} mm from where it was sent')
+            self.hold.stray(off)
         return off
 
     def twist(self, dt: float) -> np.ndarray:
@@ -329,23 +293,6 @@ class GoalRun:
                 # The force is larger than it seems, nobody knows by how much: give way.
                 twist[2] = min(twist[2], -c.approach.speed)
             return twist
-        twist, force = np.zeros(6), self.goal.force
-        if state is State.APPROACH and self._inputs.load < force:
-            twist[2] = min(approach_speed(c, force), self._law.touch_speed, self._sighted_speed())
-        elif state is State.RETREAT and -self._advance() < c.retreat.distance:
-            twist[2] = -c.approach.speed
-        return twist
-
-    def _sighted_speed(self) -> float:
-        """Speed at which the force cannot grow much on a way that no image has shown [m/s]."""
-        way, contact = self._unseen_way(), self._inputs.contact
-        seen = None if contact is None else self._inputs.pose_at(contact.stamp_ns)
-        if seen is None:
-            return way / self._config.input.max_stamp_age
-        pose = self._motion.pose
-        blind = float((pose[:3, 3] - seen[:3, 3]) @ pose[:3, 2])
-        return clipped((way - blind) / REACTION, 0.0, np.inf)
-
-    def _unseen_way(self) -> float:
-        """Way on which the force can grow by `BLIND` of it [m]."""
-        return BLIND * self.goal.force / self._law.stiffness
+        if state is State.APPROACH:
+            return self._way.approach()
+        return self._way.retreat() if state is State.RETREAT else np.zeros(6)

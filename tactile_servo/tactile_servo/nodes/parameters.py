@@ -2,12 +2,18 @@
 
 from dataclasses import dataclass, field
 
+import numpy as np
 from rcl_interfaces.msg import ParameterDescriptor
 from rclpy.node import Node
 
 from tactile_common.config import bounded, one_of
 from tactile_common.errors import ConfigurationError
-from tactile_servo.laws.registry import DEFAULT, LAWS
+from tactile_common.ros.parameters import declare_from
+from tactile_servo.config import ServoConfig
+from tactile_servo.laws.registry import DEFAULT, law_named, LAWS
+from tactile_servo.motion.limits import JointLimits, WorkspaceBox
+from tactile_servo.motion.robot import RobotModel
+from tactile_servo.supervisor import Supervisor
 
 # What a flat name of former parameter files became.
 RENAMED = {
@@ -101,3 +107,22 @@ def refuse_old_names(node: Node) -> None:
         node.undeclare_parameter(old)
     if given:
         raise ConfigurationError('parameters have been renamed: ' + '; '.join(given))
+
+
+def declared_supervisor(node: Node) -> tuple[Supervisor, RobotModel, NodeConfig]:
+    """Declare the parameters and make the servo that they ask for."""
+    refuse_old_names(node)
+    c, config = declare_from(node, NodeConfig), declare_from(node, ServoConfig)
+    law = law_named(c.law).law
+    settings = declare_from(node, law.config_type)
+    if not c.robot_description:
+        raise ConfigurationError(
+            'robot_description: no URDF given; pass its text or the path of a file')
+    model = RobotModel.from_urdf(c.robot_description, c.tip_frame)
+    limits = JointLimits(
+        tuple(model.joint_names), model.lower + c.joints.position_margin,
+        model.upper - c.joints.position_margin,
+        model.velocity_limit * c.joints.velocity_scale,
+        np.full(len(model.joint_names), c.joints.acceleration))
+    box = WorkspaceBox(c.workspace.lower, c.workspace.upper)
+    return Supervisor(model, limits, law(config, settings), config, box), model, c

@@ -7,7 +7,6 @@ from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticStatus
 from geometry_msgs.msg import PoseStamped
-import numpy as np
 from rcl_interfaces.msg import SetParametersResult
 from rclpy.clock import Clock, ClockType
 from rclpy.qos import DurabilityPolicy, qos_profile_sensor_data, QoSProfile
@@ -15,17 +14,16 @@ from sensor_msgs.msg import JointState
 from std_srvs.srv import SetBool
 from trajectory_msgs.msg import JointTrajectory
 
-from tactile_common.errors import ConfigurationError, TactileError
+from tactile_common.errors import TactileError
 from tactile_common.ros.conversions import NS, pose_to_msg, set_stamp, stamp_to_ns, unpacked
 from tactile_common.ros.node import TactileNode
-from tactile_common.ros.parameters import declare_from, follow_changes
+from tactile_common.ros.parameters import follow_changes
 from tactile_common.ros.runner import plain, run
 from tactile_msgs.msg import Contact as ContactMsg
 from tactile_msgs.msg import SensorInfo, ServoStatus, TactileImage
 from tactile_msgs.srv import TeachFeatures
 from tactile_sensing.conversions import contact_from_msg, image_from_msg, sensor_info_from_msg
 from tactile_servo.compile_kernels import compile_kernels
-from tactile_servo.config import ServoConfig
 from tactile_servo.conversions import (
     joint_positions,
     status_to_msg,
@@ -34,14 +32,11 @@ from tactile_servo.conversions import (
 )
 from tactile_servo.law import Teachable
 from tactile_servo.laws.registry import law_named
-from tactile_servo.motion.limits import JointLimits, WorkspaceBox
-from tactile_servo.motion.robot import RobotModel
 from tactile_servo.nodes.goal_server import GoalServer
 from tactile_servo.nodes.graph_guard import GraphGuard
 from tactile_servo.nodes.pace import Pace
-from tactile_servo.nodes.parameters import NodeConfig, refuse_old_names
+from tactile_servo.nodes.parameters import declared_supervisor
 from tactile_servo.reasons import Reason, ReasonCode
-from tactile_servo.supervisor import Supervisor
 from tactile_servo.types import State, Status
 
 GUARD_PERIOD = 0.1  # s between looks at the graph
@@ -82,25 +77,6 @@ class Telling:
             self.latency = (now_ns - stamp_ns) / NS if commanded else math.nan
 
 
-def _supervisor(node: TactileNode) -> tuple[Supervisor, RobotModel, NodeConfig]:
-    """Declare the parameters and make the servo that they ask for."""
-    refuse_old_names(node)
-    c, config = declare_from(node, NodeConfig), declare_from(node, ServoConfig)
-    law = law_named(c.law).law
-    settings = declare_from(node, law.config_type)
-    if not c.robot_description:
-        raise ConfigurationError(
-            'robot_description: no URDF given; pass its text or the path of a file')
-    model = RobotModel.from_urdf(c.robot_description, c.tip_frame)
-    limits = JointLimits(
-        tuple(model.joint_names), model.lower + c.joints.position_margin,
-        model.upper - c.joints.position_margin,
-        model.velocity_limit * c.joints.velocity_scale,
-        np.full(len(model.joint_names), c.joints.acceleration))
-    box = WorkspaceBox(c.workspace.lower, c.workspace.upper)
-    return Supervisor(model, limits, law(config, settings), config, box), model, c
-
-
 class EdgeServoNode(TactileNode):
     """
     Track something by touch.
@@ -119,7 +95,7 @@ class EdgeServoNode(TactileNode):
         self._server = None  # until the parameters have proved right
         self._stopping: Reason | None = None
         super().__init__('edge_servo', **kwargs)
-        self._servo, self._model, config = _supervisor(self)
+        self._servo, self._model, config = declared_supervisor(self)
         follow_changes(self, self._servo.law.config_type, self._servo.law.retune)
         compile_kernels()
         self._pace, self._heard = Pace(1.0 / self._servo.config.rate), Heard()
