@@ -1,8 +1,11 @@
 """Joint velocities within the position limits: the nearest ones, whatever is asked."""
 
+from pathlib import Path
+
 import daqp
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from limited import limit_velocities
 import numpy as np
 import pytest
 from scipy.optimize import lsq_linear
@@ -11,26 +14,41 @@ from tactile_servo.motion.inverse import (
     agility,
     BoundedInverse,
     damped_least_squares,
+    EASED,
+    hessian,
     PUSH,
     PUSH_SPEED,
     TAKE_OVER,
     YIELDING,
 )
-from tactile_servo.motion.limits import JointLimits, room
+from tactile_servo.motion.limits import JointLimits, NEGLIGIBLE, room
 from tactile_servo.motion.motion import Motion, MotionConfig
+from tactile_servo.motion.robot import RobotModel
 
+ROOT = Path(__file__).resolve().parents[2]
+PUMA = RobotModel.from_urdf(ROOT / 'launch/urdf/puma260.urdf', 'tactile_pad')
 DT, DAMPING, LENGTH = 0.0025, 0.01, 0.04
 DT_NS = round(DT * 1e9)
 WEIGHT = np.repeat([1.0, LENGTH], 3)
 
 
-def limits_of(joints, reach=2.0):
-    return JointLimits(tuple(f'joint{k}' for k in range(joints)), np.full(joints, -reach),
-                       np.full(joints, reach), np.full(joints, 2.0), np.full(joints, 10.0))
+def limits_of(joints, velocity=2.0, acceleration=10.0):
+    return JointLimits(tuple(f'joint{k}' for k in range(joints)), np.full(joints, -2.0),
+                       np.full(joints, 2.0), np.full(joints, velocity),
+                       np.full(joints, acceleration))
+
+
+def quick(joints):
+    """Joints that only position limits hold back."""
+    return limits_of(joints, 20.0, 1e6)
 
 
 def solve(limits, jacobian, twist, positions):
-    return BoundedInverse(limits, DAMPING, LENGTH).solve(jacobian, twist, positions, DT)
+    """Solve from a rest, for joints that only position limits hold back."""
+    velocities, scale, limited_by, smallest = BoundedInverse(limits, DAMPING, LENGTH).solve(
+        jacobian, twist, positions, np.zeros(len(positions)), DT)
+    assert scale == 1.0 and limited_by[:1] in ('', 'p')
+    return velocities, limited_by, smallest
 
 
 def by_least_squares(jacobian, wanted, bounds):
@@ -45,7 +63,7 @@ def by_least_squares(jacobian, wanted, bounds):
 
 @pytest.mark.parametrize('joints', [6, 7])
 def test_at_a_limit_the_nearest_velocities_are_found(joints):
-    rng, limits = np.random.default_rng(3), limits_of(joints)
+    rng, limits, count = np.random.default_rng(3), quick(joints), 0
     for _ in range(50):
         jacobian, twist = rng.normal(size=(6, joints)), rng.normal(size=6)
         wanted, _ = damped_least_squares(jacobian, twist, damping=DAMPING,
@@ -55,14 +73,18 @@ def test_at_a_limit_the_nearest_velocities_are_found(joints):
         positions[held] = 2.0 * np.sign(wanted[held])
         velocities, limited_by, smallest = solve(limits, jacobian, twist, positions)
         bounds = room(limits.lower, limits.upper, limits.stopping_time, positions, DT)
-        expected = by_least_squares(jacobian, _pushed(jacobian, twist, positions, limits),
-                                    (bounds[0] - 1e-15, bounds[1] + 1e-15))
+        pushed = _pushed(jacobian, twist, positions, limits)
+        expected = by_least_squares(jacobian, pushed, (bounds[0] - 1e-15, bounds[1] + 1e-15))
         np.testing.assert_allclose(velocities, expected, atol=1e-7)
-        assert velocities[held] * np.sign(wanted[held]) <= 0.0 and 'position of' in limited_by
+        assert velocities[held] * positions[held] <= 0.0
+        bound = pushed[held] * positions[held] > 0.0  # a seventh joint may let it come out
+        assert limited_by == (f'position of joint{held}' if bound else '')
+        count += bound
         # So that what limits the velocities afterwards does not stop the others for rounding.
         assert (velocities >= bounds[0]).all() and (velocities <= bounds[1]).all()
         assert smallest == pytest.approx(np.linalg.svd(
             WEIGHT[:, None] * jacobian, compute_uv=False)[-1], rel=1e-6)
+    assert count > 25
 
 
 def _pushed(jacobian, twist, positions, limits):
@@ -77,7 +99,7 @@ def _pushed(jacobian, twist, positions, limits):
 
 
 def test_a_seventh_joint_takes_over_for_one_at_its_limit():
-    rng, limits = np.random.default_rng(4), limits_of(7)
+    rng, limits = np.random.default_rng(4), quick(7)
     jacobian = rng.normal(size=(6, 7)) / np.array([1, 1, 1, LENGTH, LENGTH, LENGTH])[:, None]
     twist = 0.01 * rng.normal(size=6)
     wanted, _ = damped_least_squares(jacobian, twist, rotation_length=LENGTH)
@@ -90,7 +112,7 @@ def test_a_seventh_joint_takes_over_for_one_at_its_limit():
 
 def test_away_from_limits_a_redundant_arm_is_not_pushed():
     jacobian, twist = np.random.default_rng(5).normal(size=(6, 7)), np.ones(6) * 0.01
-    velocities, limited_by, _ = solve(limits_of(7), jacobian, twist, np.zeros(7))
+    velocities, limited_by, _ = solve(quick(7), jacobian, twist, np.zeros(7))
     wanted, _ = damped_least_squares(jacobian, twist)
     np.testing.assert_allclose(velocities, wanted, atol=1e-15)
     assert limited_by == ''
@@ -99,16 +121,16 @@ def test_away_from_limits_a_redundant_arm_is_not_pushed():
 def test_near_a_limit_a_redundant_arm_moves_out_without_moving_the_tip():
     jacobian, twist = np.random.default_rng(6).normal(size=(6, 7)), np.ones(6) * 0.01
     positions = np.array([0.0, 0.0, 0.0, 1.9, 0.0, 0.0, 0.0])
-    velocities, _, _ = solve(limits_of(7), jacobian, twist, positions)
+    velocities, _, _ = solve(quick(7), jacobian, twist, positions)
     np.testing.assert_allclose(jacobian @ velocities, twist, atol=1e-12)
     assert velocities[3] < damped_least_squares(jacobian, twist)[0][3]
-    still, _, _ = solve(limits_of(7), jacobian, np.zeros(6), positions)
+    still, _, _ = solve(quick(7), jacobian, np.zeros(6), positions)
     assert not still.any()
 
 
 def test_position_is_kept_where_orientation_gives_way():
     """One joint of six at its limit: most of what is missing is rotation."""
-    rng, limits, positions = np.random.default_rng(7), limits_of(6), np.zeros(6)
+    rng, limits, positions = np.random.default_rng(7), quick(6), np.zeros(6)
     kept = []
     for _ in range(30):
         jacobian, twist = rng.normal(size=(6, 6)), np.array([*rng.normal(size=3), 0, 0, 0]) * 0.02
@@ -119,6 +141,58 @@ def test_position_is_kept_where_orientation_gives_way():
         error = jacobian @ velocities - twist
         kept.append(np.linalg.norm(error[:3]) / max(np.linalg.norm(error[3:]), 1e-12))
     assert np.median(kept) < LENGTH
+
+
+def random_states(joints, count):
+    """Yield Jacobian, twist, positions and velocities of an arm anywhere, in any motion."""
+    rng, limits = np.random.default_rng(joints), limits_of(joints)
+    for _ in range(count):
+        jacobian = PUMA.jacobian(rng.uniform(PUMA.lower, PUMA.upper))
+        jacobian = np.hstack([jacobian, 0.1 * rng.normal(size=(6, joints - 6))])
+        jacobian = np.ascontiguousarray(jacobian)
+        positions = rng.choice([-2.0, 2.0, 1.99, *rng.uniform(-2.0, 2.0, 7)], joints)
+        previous = rng.choice([0.0, 0.1, 1.0]) * rng.uniform(-1.0, 1.0, joints) * limits.velocity
+        twist = rng.choice([0.0, 0.01, 0.1, 10.0]) * rng.normal(size=6) * np.repeat([1, 4], 3)
+        yield jacobian, twist, positions, previous
+
+
+@pytest.mark.parametrize('joints', [6, 7])
+def test_what_the_program_answers_needs_no_more_limiting(joints):
+    limits, named = limits_of(joints), set()
+    inverse = BoundedInverse(limits, DAMPING, LENGTH)
+    for jacobian, twist, positions, previous in random_states(joints, 3000):
+        case = positions, previous
+        answer, _, name, _ = inverse.solve(jacobian, twist, *case, DT)
+        velocities, scale, _ = limit_velocities(limits, *case, answer, DT)
+        np.testing.assert_allclose(velocities, answer, rtol=0, atol=NEGLIGIBLE * 2.0)
+        assert scale == 1.0
+        named.add(name.partition(' of ')[0])
+    assert named == {'', 'position', 'velocity', 'acceleration'}
+
+
+@pytest.mark.parametrize('joints', [6, 7])
+def test_what_is_delayed_keeps_to_its_way_as_scaled_changes_do(joints):
+    """To begin, to turn and to brake, as far as only accelerations bind."""
+    limits, count, nearer = limits_of(joints), 0, []
+    inverse = BoundedInverse(limits, DAMPING, LENGTH)
+    for jacobian, twist, _, previous in random_states(joints, 2000):
+        case = np.zeros(joints), previous
+        wanted, _ = damped_least_squares(jacobian, twist)
+        answer, scale, name, _ = inverse.solve(jacobian, twist, *case, DT)
+        if scale < 1.0 or not name:
+            continue
+        count += 1
+        assert name.startswith('acceleration')
+        matrix = hessian(jacobian, DAMPING, TAKE_OVER * DAMPING, LENGTH)
+        evenly, _, _ = limit_velocities(limits, *case, wanted, DT)
+        way, along = wanted - previous, matrix @ (wanted - previous)
+        off = answer - wanted - along @ (answer - wanted) / (along @ way) * way
+        left, right = (np.sqrt(error @ matrix @ error) for error in (answer - wanted,
+                                                                     evenly - wanted))
+        assert np.sqrt(off @ matrix @ off) <= 1.001 * np.sqrt(EASED) * right + 1e-9
+        assert left <= (1.0 + EASED) * right + 1e-9
+        nearer.append(left / right)
+    assert count > 500
 
 
 @pytest.mark.parametrize('answer', [

@@ -2,12 +2,13 @@
 
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from limited import limit_velocities
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
 from tactile_common.errors import ConfigurationError
-from tactile_servo.motion.limits import JointLimits, limit_velocities, NEGLIGIBLE, WorkspaceBox
+from tactile_servo.motion.limits import JointLimits, NEGLIGIBLE, WorkspaceBox
 
 DT = 0.0025
 LIMITS = JointLimits(
@@ -48,7 +49,10 @@ def by_arrays(limits, positions, previous, wanted, dt):
     horizon = dt + limits.stopping_time
     up = np.clip((limits.upper - positions) / horizon, 0.0, limits.velocity)
     down = np.clip((limits.lower - positions) / horizon, -limits.velocity, 0.0)
-    room = np.where(wanted > 0.0, up, -down)
+    change = limits.acceleration * dt
+    slowest, quickest = previous - change, previous + change
+    room = np.where(wanted > 0.0, np.maximum(up, np.minimum(slowest, quickest)),
+                    -np.minimum(down, quickest))
     beyond = np.abs(wanted) > room + NEGLIGIBLE * limits.velocity
     shares = np.where(beyond, room / np.maximum(np.abs(wanted), 1e-12), 1.0)
     scale, change = shares.min(), limits.acceleration * dt

@@ -1,10 +1,11 @@
 """From a twist to commands: what is held back is noticed and named."""
 
+from limited import limit_velocities
 import numpy as np
 import pytest
 
 from tactile_servo.motion.inverse import BoundedInverse
-from tactile_servo.motion.limits import JointLimits, limit_velocities, WorkspaceBox
+from tactile_servo.motion.limits import JointLimits, WorkspaceBox
 from tactile_servo.motion.motion import BLOCKED_AFTER, COAST, Motion, MotionConfig, SETTLING
 from tactile_servo.motion.robot import RobotModel
 from tactile_servo.motion.window import committed, extended
@@ -186,15 +187,17 @@ def test_a_command_is_what_its_parts_give(reach):
                           np.maximum((box.upper - pose[:3, 3]) / horizon, 0.0))
         clipped += not np.array_equal(velocity, nearest)
         let = np.append(pose[:3, :3].T @ nearest, twist[3:])
-        asked, name, _ = BoundedInverse(
-            LIMITS, config.damping, config.rotation_length).solve(
-                ROBOT.jacobian(end), let, positions, DT + coast)
         settling = kept.times[0] > 0.0
-        target, scale, kind = limit_velocities(
-            LIMITS, positions, kept.velocities[-1], 0.0 * asked if settling else asked, DT, coast)
-        bound += bool(name or kind)
+        target, scale, name, _ = BoundedInverse(
+            LIMITS, config.damping, config.rotation_length).solve(
+                ROBOT.jacobian(end), let, positions, kept.velocities[-1], DT, coast)
+        if settling:
+            target, scale = 0.0 * target, 1.0
+        target, whole, _ = limit_velocities(
+            LIMITS, positions, kept.velocities[-1], target, DT, coast)
+        bound += bool(name)
         step = motion.command(twist, now)
-        assert step.scale == pytest.approx(scale, abs=1e-9)
+        assert whole == 1.0 and step.scale == pytest.approx(scale, abs=1e-9)
         np.testing.assert_allclose(step.twist, let, rtol=0, atol=1e-12)
         if settling and before is not None:
             assert step.trajectory is None  # the controller plays what it was sent first

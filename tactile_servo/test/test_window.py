@@ -2,11 +2,12 @@
 
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from limited import limit_velocities
 import numpy as np
 import pytest
 from scipy.interpolate import CubicHermiteSpline
 
-from tactile_servo.motion.limits import JointLimits, limit_velocities
+from tactile_servo.motion.limits import JointLimits
 from tactile_servo.motion.window import APART, at_rest, committed, extended, Window
 
 PERIOD, AHEAD, COAST = 0.0025, 0.004, 0.005

@@ -1,9 +1,9 @@
 """
-Joint velocities for a twist of the sensor, and the nearest ones within the position limits.
+Joint velocities for a twist of the sensor, and the nearest ones within the joints' limits.
 
-`BoundedInverse` minimises ``(q - a - z)^T H (q - a - z)`` over joint velocities q that the
-position limits leave room for (`JointLimits.room`): `a` is the damped least squares solution of
-the twist, z moves a redundant arm away from its limits in its null space. With the weighted
+`BoundedInverse` minimises ``(q - a - z)^T H (q - a - z)`` over joint velocities q within the
+limits (`limits.reach`): `a` is the damped least squares solution of the twist, z moves a
+redundant arm away from its limits in its null space. With the weighted
 Jacobian ``G = W J``, its singular values s, right singular vectors v and the damping d (the turn
 about the sensor's normal, without which a pad feels the same, weighs YIELDING where no joint is to
 spare for it)
@@ -14,6 +14,12 @@ so that away from singularities the cost is the squared weighted error of the tw
 lies within the bounds it is the solution: the gradient is zero there, so that the
 Karush-Kuhn-Tucker conditions hold with multipliers that are all zero, and H is positive
 definite. No solver is needed then.
+
+Else up to three programs follow, each for what the last one gave, w, where that is not within its
+bounds. At a limit of position the other joints take over. A limit of velocity is met by going
+slower, then one of acceleration by taking longer: with p the velocities until now, errors along
+``y = w``, then ``y = w - p``, weigh EASED times as much. That is a task that is scaled,
+``q = w - y + share y``, with its share eliminated: a motion begins, turns and ends on its way.
 """
 
 import math
@@ -22,13 +28,22 @@ import daqp
 import numpy as np
 
 from tactile_common.kernels import njit
-from tactile_servo.motion.limits import JointLimits, NEGLIGIBLE, room
+from tactile_servo.motion.limits import (
+    ACCELERATION,
+    JointLimits,
+    POSITION,
+    reach,
+    VELOCITY,
+    within,
+)
 
 YIELDING = 0.1  # of its weight, a turn about the sensor's normal by six joints, one at its limit
+EASED = 1e-4  # squared errors along a motion that is slowed or delayed, against others
 TAKE_OVER = 0.5  # of the damping; weighs the null space, which is free to stand in for a joint
 PUSH_ZONE = 0.15  # of a joint's range at either end, which a redundant arm is moved out of
 PUSH = 4.0  # rad of a joint at its limit per metre of (weighted) way
 PUSH_SPEED = 0.1  # of a joint's velocity limit
+ROWS = POSITION, VELOCITY, ACCELERATION  # kinds of limit that rows of `reach` add
 
 
 def damped_least_squares(jacobian: np.ndarray, twist: np.ndarray, *, damping: float = 0.01,
@@ -73,7 +88,7 @@ def least_squares(jacobian, twist, damping, rotation_length):
 
 
 class BoundedInverse:
-    """Joint velocities for a twist within the room that the position limits leave."""
+    """Joint velocities for a twist within the limits of position, velocity and acceleration."""
 
     def __init__(self, limits: JointLimits, damping: float, rotation_length: float):
         self._limits, self._damping, self._length = limits, damping, rotation_length
@@ -82,29 +97,43 @@ class BoundedInverse:
         self._no_rows, self._sense = np.empty((0, joints)), np.zeros(joints, np.int32)
 
     def solve(self, jacobian: np.ndarray, twist: np.ndarray, positions: np.ndarray,
-              dt: float) -> tuple[np.ndarray, str, float]:
+              previous: np.ndarray, dt: float,
+              coast: float = 0.0) -> tuple[np.ndarray, float, str, float]:
         """
-        Joint velocities (n,) [rad/s] for a twist (6,) at joint positions (n,).
+        Joint velocities (n,) [rad/s] for a twist (6,), other arguments as of `nearest`.
 
-        Those of damped least squares where the solver fails, not finite where the twist or the
-        Jacobian is not. With them the position limit that costs most, empty if none does, and
-        the smallest singular value of the weighted Jacobian [m/rad].
+        Not within all limits where the solver fails, not finite where twist or Jacobian are not.
+        With them the fraction of the motion that velocity limits let through, the limit that
+        costs most in the first program that is needed, empty if none is, and the smallest
+        singular value of the weighted Jacobian [m/rad].
         """
-        limits, wanted = self._limits, np.empty(len(positions))
-        smallest, inside = _within(
-            jacobian, twist, positions, limits.lower, limits.upper, limits.stopping_time,
-            limits.velocity, self._zone, dt, self._damping, self._length, wanted)
+        limits, found, scale, limited_by = self._limits, np.empty(len(positions)), 1.0, ''
+        smallest, inside = _unbounded(
+            jacobian, twist, positions, previous, limits.bounds, self._zone, dt, coast,
+            self._damping, self._length, found)
         if inside:
-            return wanted, '', smallest
-        down, up = room(limits.lower, limits.upper, limits.stopping_time, positions, dt)
+            return found, scale, limited_by, smallest
+        least, most = reach(*limits.bounds, positions, previous, dt, coast)
         matrix = hessian(jacobian, self._damping, TAKE_OVER * self._damping, self._length)
-        self._sense[:] = 0
-        velocities, _, flag, info = daqp.solve(
-            matrix, -matrix @ wanted, self._no_rows, up, down, self._sense)
-        if flag != 1 or not np.isfinite(velocities).all():
-            return wanted, '', smallest
-        joint = np.abs(info['lam']).argmax()
-        return np.clip(velocities, down, up), f'position of {limits.names[joint]}', smallest
+        for row, kind in enumerate(ROWS):
+            if within(found, least[row], most[row], limits.velocity):
+                continue
+            wanted, weights = found, matrix if kind == POSITION else _eased(
+                matrix, found - previous if kind == ACCELERATION else found)
+            self._sense[:] = 0
+            found, _, flag, info = daqp.solve(
+                weights, -weights @ wanted, self._no_rows, most[row], least[row], self._sense)
+            if flag != 1 or not np.isfinite(found).all():
+                return wanted, scale, limited_by, smallest
+            found = np.clip(found, least[row], most[row])
+            if kind == VELOCITY:
+                along = matrix @ wanted
+                scale = float(np.clip(along @ found / (along @ wanted), 0.0, 1.0))
+            if not limited_by:
+                joint = np.abs(info['lam']).argmax()
+                bounds = (most if info['lam'][joint] > 0.0 else least)[:, joint]
+                limited_by = limits.name_of(ROWS[np.argmax(bounds == bounds[row])], joint)
+        return found, scale, limited_by, smallest
 
 
 @njit(cache=True)
@@ -127,6 +156,18 @@ def agility(jacobian, acceleration, damping, rotation_length):
     for k in range(len(acceleration)):
         most = min(most, acceleration[k] / max(math.hypot(across[k, 0], across[k, 1]), 1e-12))
     return most
+
+
+@njit(cache=True)
+def progress(jacobian, velocities, wanted, rotation_length):
+    """Share of a wanted twist that joint velocities bring; 1 if none is wanted."""
+    along = square = 0.0
+    for i in range(6):  # loops: a call of BLAS costs more than this does
+        weighted = wanted[i] * (rotation_length**2 if i >= 3 else 1.0)
+        square += weighted * wanted[i]
+        for k in range(len(velocities)):
+            along += weighted * jacobian[i, k] * velocities[k]
+    return 1.0 if square < 1e-12 else along / square
 
 
 @njit(cache=True)
@@ -159,9 +200,10 @@ def _free(jacobian, twist, push, damping, rotation_length):
 
 
 @njit(cache=True)
-def _within(jacobian, twist, positions, lower, upper, stopping_time, fastest, zone, dt, damping,
-            rotation_length, wanted):
+def _unbounded(jacobian, twist, positions, previous, bounds, zone, dt, coast, damping,
+               rotation_length, wanted):
     """Write unconstrained velocities; smallest s, and whether they are within bounds (or NaN)."""
+    lower, upper, fastest, _, _ = bounds
     joints = len(positions)
     push = np.zeros(joints)
     if joints > 6:
@@ -173,13 +215,18 @@ def _within(jacobian, twist, positions, lower, upper, stopping_time, fastest, zo
             elif upper[k] - positions[k] < zone[k]:
                 push[k] = -speed * min(1.0 - (upper[k] - positions[k]) / zone[k], 1.0)
     wanted[:], smallest = _free(jacobian, twist, push, damping, rotation_length)
-    down, up = room(lower, upper, stopping_time, positions, dt)
-    inside = finite = True
-    for k in range(joints):
-        slack = NEGLIGIBLE * fastest[k]
-        inside &= down[k] - slack <= wanted[k] <= up[k] + slack
-        finite &= math.isfinite(wanted[k])
+    least, most = reach(*bounds, positions, previous, dt, coast)
+    inside, finite = True, np.isfinite(wanted).all()
+    for row in range(len(least)):
+        inside &= within(wanted, least[row], most[row], fastest)
     return smallest, inside or not finite
+
+
+@njit(cache=True)
+def _eased(matrix, way):
+    """Matrix (n, n) of a program in which errors along a way (n,) weigh EASED times as much."""
+    along = matrix @ way
+    return matrix - (1.0 - EASED) / max(along @ way, 1e-300) * np.outer(along, along)
 
 
 @njit(cache=True)

@@ -57,40 +57,6 @@ class JointLimits:
         return name + self.names[joint] if name.endswith(' ') else name
 
 
-def limit_velocities(limits: JointLimits, positions: np.ndarray, previous: np.ndarray,
-                     wanted: np.ndarray, dt: float,
-                     coast: float = 0.0) -> tuple[np.ndarray, float, str]:
-    """
-    Nearest joint velocities to the wanted ones that keep every limit.
-
-    The wanted velocities are first scaled as a whole, which keeps the direction of motion,
-    then their change is, to what the accelerations allow. What a joint is asked beyond its
-    limits by less than NEGLIGIBLE does not scale the others, it is cut off.
-
-    Parameters
-    ----------
-    limits : JointLimits
-    positions, previous, wanted : ndarray (n,)
-        Commanded positions [rad], velocities of the last cycle and those wanted now [rad/s];
-        a wanted velocity that is not finite counts as a stop.
-    dt : float
-        Time in which the velocities may change [s], > 0,
-    coast : float
-        and for which the new ones go on then before the joints brake [s].
-
-    Returns
-    -------
-    velocities : ndarray (n,)
-    scale : float
-        Fraction of the wanted motion that was let through, 0 to 1.
-    limited_by : str
-        The limit that bound most, for instance 'velocity of joint1'; empty if none did.
-    """
-    velocities, scale, kind, joint = nearest(*limits.bounds, positions, previous, wanted, dt,
-                                             coast)
-    return velocities, scale, limits.name_of(kind, joint)
-
-
 @njit(cache=True)
 def room(lower, upper, stopping_time, positions, dt):
     """
@@ -107,11 +73,50 @@ def room(lower, upper, stopping_time, positions, dt):
 
 
 @njit(cache=True)
+def reach(lower, upper, fastest, acceleration, stopping_time, positions, previous, dt, coast):
+    """
+    Least and largest joint velocities (3, n) [rad/s], each row within those above it.
+
+    What position limits leave room for, velocities too, and accelerations too: a joint that is
+    too close to its limit brakes as hard as it may, no harder.
+    """
+    least, most = np.empty((3, len(lower))), np.empty((3, len(lower)))
+    least[0], most[0] = room(lower, upper, stopping_time, positions, dt + coast)
+    for k in range(len(lower)):
+        least[1, k], most[1, k] = max(least[0, k], -fastest[k]), min(most[0, k], fastest[k])
+        change = acceleration[k] * dt
+        slowest, quickest = previous[k] - change, previous[k] + change
+        least[2, k] = min(max(least[1, k], slowest), quickest)
+        most[2, k] = min(max(most[1, k], slowest), quickest)
+    return least, most
+
+
+@njit(cache=True)
+def within(velocities, least, most, fastest):
+    """Whether joint velocities (n,) pass no bound by more than rounding does."""
+    for k in range(len(velocities)):
+        slack = NEGLIGIBLE * fastest[k]
+        if not least[k] - slack <= velocities[k] <= most[k] + slack:
+            return False
+    return True
+
+
+@njit(cache=True)
 def nearest(lower, upper, fastest, acceleration, stopping_time, positions, previous, wanted, dt,
             coast):
-    """Law of `limit_velocities`: velocities, scale, index of the kind of limit and joint."""
+    """
+    Nearest joint velocities (n,) to the wanted ones that keep every limit [rad/s].
+
+    Wanted ones that are not finite count as a stop. They are first scaled as a whole, which keeps
+    the direction of motion, then their change from the previous ones is, to what accelerations
+    allow within dt; for `coast` they go on then before the joints brake [s]. What a joint is asked
+    beyond its limits by less than NEGLIGIBLE does not scale the others, it is cut off. Also
+    returned are the fraction of the wanted motion that is let through, 0 to 1, and the indices
+    of the kind of limit that binds most and of its joint.
+    """
     count = len(wanted)
-    down, up = room(lower, upper, stopping_time, positions, dt + coast)
+    least, most = reach(lower, upper, fastest, acceleration, stopping_time, positions, previous,
+                        dt, coast)
     velocities = np.empty(count)
     scale, kind, joint = 1.0, FREE, 0
     for k in range(count):
@@ -120,11 +125,12 @@ def nearest(lower, upper, fastest, acceleration, stopping_time, positions, previ
             break
     finite = kind == FREE
     for k in range(count):
-        up[k], down[k] = min(up[k], fastest[k]), max(down[k], -fastest[k])
-        most, asked = up[k] if wanted[k] > 0.0 else -down[k], abs(wanted[k])
-        if asked > most + NEGLIGIBLE * fastest[k] and most / asked < scale:
-            scale, joint = most / asked, k
-            kind = VELOCITY if most == fastest[k] else POSITION
+        # What a joint cannot help, because it brakes no harder, does not slow down the others.
+        let, asked = (max(most[1, k], most[2, k]) if wanted[k] > 0.0
+                      else -min(least[1, k], least[2, k])), abs(wanted[k])
+        if asked > let + NEGLIGIBLE * fastest[k] and let / asked < scale:
+            scale, joint = let / asked, k
+            kind = VELOCITY if let == fastest[k] else POSITION
     # All joints change in proportion: one that lags behind would bend the motion.
     share = 1.0
     for k in range(count):
@@ -132,14 +138,8 @@ def nearest(lower, upper, fastest, acceleration, stopping_time, positions, previ
         share = min(share, acceleration[k] * dt / max(delta, 1e-12))
     worst = 0.0
     for k in range(count):
-        scaled, change = scale * wanted[k], acceleration[k] * dt
-        slowest, quickest = previous[k] - change, previous[k] + change
-        value = min(max(previous[k] + share * (scaled - previous[k]), slowest), quickest)
-        # A joint that is too close to its limit brakes as hard as it may, no harder.
-        if value > up[k]:
-            value = max(up[k], slowest)
-        if value < down[k]:
-            value = min(down[k], quickest)
+        scaled = scale * wanted[k]
+        value = min(max(previous[k] + share * (scaled - previous[k]), least[2, k]), most[2, k])
         velocities[k] = value
         held = abs(value - scaled)
         if held > max(worst, NEGLIGIBLE * fastest[k]) and kind in (FREE, ACCELERATION):

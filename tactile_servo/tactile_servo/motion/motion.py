@@ -13,6 +13,7 @@ from tactile_servo.motion.inverse import (
     BoundedInverse,
     damped_least_squares,
     least_squares,
+    progress,
 )
 from tactile_servo.motion.limits import (
     coasting_velocities,
@@ -22,7 +23,7 @@ from tactile_servo.motion.limits import (
 )
 from tactile_servo.motion.robot import RobotModel
 from tactile_servo.motion.trajectory import Trajectory
-from tactile_servo.motion.window import APART, at_rest, committed, extended, Window
+from tactile_servo.motion.window import APART, at_rest, begin, extended, Window
 
 UNDAMPED = 1e-6  # damping that does nothing [m/rad]
 COAST = 8.0  # control periods that a window goes on before it brakes
@@ -198,7 +199,7 @@ class Motion:
         times, places, speeds = (np.empty((len(part) + MORE, *part.shape[1:]))
                                  for part in window)
         # Kernels write into what they are given: to make an array of what one returns costs more.
-        kept = _begin(*window, elapsed, self._ahead, times, places, speeds)
+        kept = begin(*window, elapsed, self._ahead, times, places, speeds)
         positions = places[kept - 1]
         # On its way to the first point the controller is left alone: each window is a seam there.
         settling = times[0] > APART
@@ -213,21 +214,23 @@ class Motion:
             twist, clipped = self._workspace.limit(
                 pose, twist, period + coast + 2.0 * self._limits.stopping_time)
             at_wall = 'workspace' if clipped else ''
-        asked, bound, manipulability = self._inverse.solve(
-            jacobian, twist, positions, period + coast)
+        velocities, let, bound, manipulability = self._inverse.solve(
+            jacobian, twist, positions, speeds[kept - 1], period, coast)
+        if settling:  # it is not moved, so that only a place can hold it; no number stays none
+            velocities, let = 0.0 * velocities, 1.0
+            bound = bound if bound.startswith('position') else ''
         bias = self._robot.bias(end, speeds[kept - 1])
-        # Whatever that gave: no command passes a limit, and none moves a robot that settles.
+        # Whatever that gave: no command passes a limit.
         parts = (times, places, speeds, kept, self._limits.bounds)
         onward = (bias, period, COAST * period, coast, jacobian, wanted, c.damping,
                   c.rotation_length)
-        velocities = 0.0 * asked if settling else asked  # what is no number stays none
-        scale, kind, joint, progress = _onward(*parts, velocities, *onward)
+        scale, kind, joint, brought = _onward(*parts, velocities, *onward)
         if at_wall and self._bends_out(places[:kept + 3]):
-            velocities = np.zeros_like(asked)
-            scale, kind, joint, progress = _onward(*parts, velocities, *onward)
+            velocities = np.zeros_like(velocities)
+            scale, kind, joint, brought = _onward(*parts, velocities, *onward)
         limited_by = at_wall or bound or self._limits.name_of(kind, joint)
         hindered = limited_by or manipulability < c.damping
-        self._watch(progress if hindered else 1.0, limited_by, period)
+        self._watch(brought if hindered else 1.0, limited_by, period)
         trajectory = None
         if first or not settling:  # only what is sent is what the robot's controller plays
             window = Window(times[:kept + 3], places[:kept + 3], speeds[:kept + 3])
@@ -236,7 +239,7 @@ class Motion:
                 places[kept + 2], now_ns)
             trajectory = Trajectory(self._limits.names, *window,
                                     stamp_ns=now_ns if self._stamped else 0)
-        return MotionStep(trajectory, twist, scale, limited_by, manipulability)
+        return MotionStep(trajectory, twist, min(scale, let), limited_by, manipulability)
 
     def _bends_out(self, positions):
         """Whether a window of positions (N, n) that brakes in a curve ends beyond the box."""
@@ -256,9 +259,9 @@ class Motion:
         self._now = self._before
         return False
 
-    def _watch(self, progress, limited_by, dt):
+    def _watch(self, brought, limited_by, dt):
         """Count for how long the wanted motion has been held back."""
-        if progress > HELD_BACK:
+        if brought > HELD_BACK:
             self.reset_blocked()
             return
         self._held_back += dt
@@ -271,15 +274,6 @@ class Motion:
                 side, end = (('lower', low) if self.positions[index] - low
                              < high - self.positions[index] else ('upper', high))
                 self.blocked = f'{joint} is at its {side} limit, {end:g}'
-
-
-@njit(cache=True)
-def _begin(times, positions, velocities, elapsed, ahead, *into):
-    """Write what of a window is committed into arrays like its own; how many points these are."""
-    kept = committed(Window(times, positions, velocities), elapsed, ahead)
-    count = len(kept.times)
-    into[0][:count], into[1][:count], into[2][:count] = kept
-    return count
 
 
 @njit(cache=True)
@@ -300,16 +294,4 @@ def _onward(times, places, speeds, kept, bounds, velocities, bias, period, coast
                       period, coasting, bounds[3])
     count = len(window.times)
     times[:count], places[:count], speeds[:count] = window
-    return scale, kind, joint, _progress(jacobian, velocities, wanted, rotation_length)
-
-
-@njit(cache=True)
-def _progress(jacobian, velocities, wanted, rotation_length):
-    """Share of a wanted twist that joint velocities bring; 1 if none is wanted."""
-    along = square = 0.0
-    for i in range(6):  # loops: a call of BLAS costs more than this does
-        weighted = wanted[i] * (rotation_length**2 if i >= 3 else 1.0)
-        square += weighted * wanted[i]
-        for k in range(len(velocities)):
-            along += weighted * jacobian[i, k] * velocities[k]
-    return 1.0 if square < 1e-12 else along / square
+    return scale, kind, joint, progress(jacobian, velocities, wanted, rotation_length)

@@ -87,6 +87,15 @@ def committed(window, elapsed, ahead):
 
 
 @njit(cache=True)
+def begin(times, positions, velocities, elapsed, ahead, *into):
+    """Write what of a window is committed into arrays like its own; how many points these are."""
+    kept = committed(Window(times, positions, velocities), elapsed, ahead)
+    count = len(kept.times)
+    into[0][:count], into[1][:count], into[2][:count] = kept
+    return count
+
+
+@njit(cache=True)
 def extended(window, target, coasted, period, coast, acceleration):
     """
     Add to what is committed: evenly to the velocities `target` (n,) within a period, then a rest.
