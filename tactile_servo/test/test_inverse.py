@@ -173,7 +173,7 @@ def test_what_the_program_answers_needs_no_more_limiting(joints):
 @pytest.mark.parametrize('joints', [6, 7])
 def test_what_is_delayed_keeps_to_its_way_as_scaled_changes_do(joints):
     """To begin, to turn and to brake, as far as only accelerations bind."""
-    limits, count, nearer = limits_of(joints), 0, []
+    limits, count = limits_of(joints), 0
     inverse = BoundedInverse(limits, DAMPING, LENGTH)
     for jacobian, twist, _, previous in random_states(joints, 2000):
         case = np.zeros(joints), previous
@@ -191,7 +191,6 @@ def test_what_is_delayed_keeps_to_its_way_as_scaled_changes_do(joints):
                                                                      evenly - wanted))
         assert np.sqrt(off @ matrix @ off) <= 1.001 * np.sqrt(EASED) * right + 1e-9
         assert left <= (1.0 + EASED) * right + 1e-9
-        nearer.append(left / right)
     assert count > 500
 
 

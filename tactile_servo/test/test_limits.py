@@ -51,8 +51,7 @@ def by_arrays(limits, positions, previous, wanted, dt):
     down = np.clip((limits.lower - positions) / horizon, -limits.velocity, 0.0)
     change = limits.acceleration * dt
     slowest, quickest = previous - change, previous + change
-    room = np.where(wanted > 0.0, np.maximum(up, np.minimum(slowest, quickest)),
-                    -np.minimum(down, quickest))
+    room = np.where(wanted > 0.0, np.maximum(up, slowest), -np.minimum(down, quickest))
     beyond = np.abs(wanted) > room + NEGLIGIBLE * limits.velocity
     shares = np.where(beyond, room / np.maximum(np.abs(wanted), 1e-12), 1.0)
     scale, change = shares.min(), limits.acceleration * dt
