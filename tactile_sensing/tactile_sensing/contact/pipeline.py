@@ -173,7 +173,7 @@ def estimate_as(kind, measured, sensor, layers, rules, memory, estimate):
     while look < 2 + MOST_FAULTS:
         copy_record(memory.fits, 0, memory.fits, 3)
         fitted, found, depth_variance = _fit_mended(
-            kind, sensor, layers, forces, look == 1 or not ladder, rules, memory)
+            kind, sensor, layers, forces, look == 1, rules, memory)
         left_out |= found
         if look == 1 and not found:  # no other frame than before
             fitted = True
@@ -187,7 +187,7 @@ def estimate_as(kind, measured, sensor, layers, rules, memory, estimate):
                 memory.layers, drifts == 0, math.sqrt(_excess(fit, forces)), memory):
             drifts += 1
             continue
-        if not (fitted and ladder and any_off(memory.left, memory.model, memory.layers, rules)):
+        if not (fitted and any_off(memory.left, memory.model, memory.layers, rules)):
             break
         if look > 0:
             if not (fit.extras and leave_out_worst(sensor, memory.layers, rules, memory)):
