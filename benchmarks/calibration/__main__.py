@@ -3,22 +3,26 @@ What calibrations are worth: pictures by finite elements, digitised, calibrated,
 
 Everything goes the way of the commands `calibrate` and `estimate`. Tables are printed, of
 sensors whose gains differ (`gains`) and what can be had of these at best (`bound`), converters
-(`counts`), skins (`skins`) and objects on them (`objects`).
+(`counts`), skins (`skins`) and objects on them (`objects`); and what is taken for the noise of a
+single picture where nobody tells it (`noise`).
 """
 
 import argparse
 from dataclasses import dataclass
+from itertools import product
 
 import numpy as np
 
 from benchmarks.calibration.bound import bound
-from benchmarks.contact.cases.real_skin import ARRAYS, drawn, judge, rendered
+from benchmarks.contact.cases.real_skin import ARRAYS, drawn, estimates, judge, rendered
 from benchmarks.contact.fe_frames import DEPTH, profiles
 from benchmarks.contact.tables.limits import table
 from tactile_sensing.calibration.procedure import calibrate, Known, Recordings
 from tactile_sensing.contact.estimator import ContactEstimator, EstimatorConfig
+from tactile_sensing.types.array import TactelArray
 
 NOISE = 0.01  # of the highest tactel: 40 dB
+SIDES = 5, 6, 8, 12, 16, 32  # of pads
 WIDE = 11e-3  # m from the middle, within which balls are pressed for the gains
 
 
@@ -230,6 +234,30 @@ def skins(seeds):
                   'force_std'], rows)
 
 
+def noise(seeds):
+    """Noise that is found in single pictures over the true one: medians of 60, and all of them."""
+    rows = []
+    for side in SIDES:
+        found = []
+        for pitch, profile, decibels in product((1e-3, 1.6e-3), profiles(), (20, 30, 40, 50)):
+            if (profile['kind'] in ('ball', 'wedge') and profile['poisson'] == 0.45
+                    and profile['backing'] in (4e-3, np.inf)):
+                rng, array = np.random.default_rng(seeds), TactelArray(side, side, pitch, pitch)
+                angle = np.pi / 2 if profile['kind'] == 'wedge' else 1.5 * pitch
+                places = rng.uniform(-1.0, 1.0, (60, 2)) * (1.5 * pitch, angle)
+                pictures = rendered(profile, array, places)
+                pictures /= pictures.max(axis=(1, 2), keepdims=True)
+                pictures += 10.0**(-decibels / 20.0) * rng.standard_normal(pictures.shape)
+                snr = estimates(profile, array, pictures, 0.0)['snr']
+                found.append(10.0**((decibels - snr[np.isfinite(snr)]) / 20.0))
+        medians = [np.median(some) for some in found]
+        rows.append([f'{side}x{side}', f'{len(found)}', f'{min(medians):.2f}',
+                     f'{max(medians):.2f}', *(f'{value:.2f}' for value in np.quantile(
+                         np.concatenate(found), (0.1, 0.9)))])
+    return table(['tactels', 'cases', 'least median', 'largest', 'a tenth of all below',
+                  'and above'], rows)
+
+
 def scaled(found, highest, skin):
     """Forces of pictures that the converter has scaled to their highest pressure."""
     found = found.copy()
@@ -241,7 +269,7 @@ def scaled(found, highest, skin):
 
 
 TABLES = {'gains': gains, 'bound': bound, 'counts': counts, 'skins': skins,
-          'objects': objects}
+          'objects': objects, 'noise': noise}
 
 
 def main():
