@@ -235,7 +235,7 @@ def skins(seeds):
 
 
 def noise(seeds):
-    """Noise that is found in single pictures over the true one: medians of 60, and all of them."""
+    """Noise that is found in single pictures over the true one: medians of 200, and all."""
     rows = []
     for side in SIDES:
         found = []
@@ -244,7 +244,7 @@ def noise(seeds):
                     and profile['backing'] in (4e-3, np.inf)):
                 rng, array = np.random.default_rng(seeds), TactelArray(side, side, pitch, pitch)
                 angle = np.pi / 2 if profile['kind'] == 'wedge' else 1.5 * pitch
-                places = rng.uniform(-1.0, 1.0, (60, 2)) * (1.5 * pitch, angle)
+                places = rng.uniform(-1.0, 1.0, (200, 2)) * (1.5 * pitch, angle)
                 pictures = rendered(profile, array, places)
                 pictures /= pictures.max(axis=(1, 2), keepdims=True)
                 pictures += 10.0**(-decibels / 20.0) * rng.standard_normal(pictures.shape)

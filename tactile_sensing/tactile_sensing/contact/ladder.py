@@ -180,6 +180,7 @@ def climb(kind, sensor, layers, forces, shear, memory):
     the load has shear.
     """
     load, below, tried = memory.fits[0], memory.fits[1], 0
+    memory.state[0].unexplained = 0.0
     least = 1.0 if layers[0].given_noise > 0.0 else 0.0
     while True:
         extra, gain = _likelier_extra(
@@ -189,6 +190,7 @@ def climb(kind, sensor, layers, forces, shear, memory):
         if would_leave < MOSTLY * load.squared_error:  # as a patch on few tactels
             spread = max(least, would_leave / max(load.used - 3.0 - forces, 1.0))
         if gain < EVIDENCE * spread:
+            memory.state[0].unexplained = gain / max(load.squared_error, gain)
             return shear
         copy_record(memory.fits, 0, memory.fits, 1)
         first, last = along_chord(sensor, load.rho, load.yaw)

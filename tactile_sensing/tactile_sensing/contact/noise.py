@@ -109,10 +109,15 @@ def noise_of(image, given, floor, censored):
 
 @njit(error_model='numpy')
 def measure_noise(layers, memory):
-    """Noise that the load leaves, where nobody tells it, if it is the least so far."""
+    """
+    Noise that the load leaves, where nobody tells it, if it is the least so far.
+
+    What a patch or an end would explain is not noise, also where it is too weak to be kept.
+    """
+    noise = math.sqrt(1.0 - memory.state[0].unexplained)
     for k in range(layers.size):
         if not layers[k].given_noise > 0.0:
-            left = max(_noise_left(memory.left[k], memory.censored[k]),
+            left = max(noise * _noise_left(memory.left[k], memory.censored[k]),
                        LEAST * np.abs(memory.model[k]).max(), TINY)
             memory.noise[k] = min(memory.noise[k], left)
 
