@@ -3,13 +3,16 @@ What calibrations are worth: pictures by finite elements, digitised, calibrated,
 
 Everything goes the way of the commands `calibrate` and `estimate`. Tables are printed, of
 sensors whose gains differ (`gains`) and what can be had of these at best (`bound`), converters
-(`counts`), skins (`skins`) and objects on them (`objects`); and what is taken for the noise of a
-single picture where nobody tells it (`noise`).
+(`counts`), skins (`skins`) and objects on them (`objects`); what is taken for the noise of a
+single picture where nobody tells it (`noise`); and how edges are followed with sensors of the
+scene `real_skin` that differ in their gains, each calibrated in the simulation (`specimens`).
 """
 
 import argparse
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import product
+from pathlib import Path
+from tempfile import TemporaryDirectory
 
 import numpy as np
 
@@ -17,12 +20,18 @@ from benchmarks.calibration.bound import bound
 from benchmarks.contact.cases.real_skin import ARRAYS, drawn, estimates, judge, rendered
 from benchmarks.contact.fe_frames import DEPTH, profiles
 from benchmarks.contact.tables.limits import table
+from benchmarks.edge import runs
+from benchmarks.harness import Steps
 from tactile_sensing.calibration.procedure import calibrate, Known, Recordings
 from tactile_sensing.contact.estimator import ContactEstimator, EstimatorConfig
+from tactile_sensing.devices.calibration_file import save_calibration
 from tactile_sensing.types.array import TactelArray
+from tactile_simulation.cli.press_ball import KEPT, Press
 
 NOISE = 0.01  # of the highest tactel: 40 dB
 SIDES = 5, 6, 8, 12, 16, 32  # of pads
+SPECIMENS, FOLLOWED = 12, {'real_skin': 0.03, 'real_skin_course': 0.1}  # scenes and speeds [m/s]
+BALL, FORCE, MODULUS = 3e-3, 1.0, 4e5  # m, N, Pa: how their sensors are pressed
 WIDE = 11e-3  # m from the middle, within which balls are pressed for the gains
 
 
@@ -258,6 +267,34 @@ def noise(seeds):
                   'and above'], rows)
 
 
+def specimens(_):
+    """Edges, followed with sensors of one kind: each calibrated by sixty presses of a ball."""
+    rows = {}
+    with TemporaryDirectory() as folder, Steps(SPECIMENS) as steps:
+        for number in range(SPECIMENS):
+            steps.step(f'sensor {1 + number}')
+            for name, speed in FOLLOWED.items():
+                scene = runs.shipped(name)
+                scene = replace(scene, sensor=replace(scene.sensor, specimen=1 + number),
+                                calibration=Path(folder, f'{number}.yaml'))
+                if not scene.calibration.exists():
+                    press = Press(scene, BALL, FORCE, MODULUS, seed=number)
+                    unloaded, ball, flat = press.unloaded(100), press.frames(20), press.frames(40)
+                    save_calibration(calibrate(Recordings(
+                        unloaded=unloaded, ball=ball, ball_radius=BALL, flat=flat,
+                        force=np.full(20 * KEPT, FORCE),
+                    ), Known((scene.sensor.pitch_x, scene.sensor.pitch_y))).calibration,
+                        scene.calibration)
+                rows.setdefault(name, []).append(runs.follow(scene, 'trace', speed, number)[1])
+    return table(['scene', 'speed [mm/s]', 'sensors', 'goals met', 'lateral RMS [mm]', 'largest',
+                  'force RMS [N]', 'force, largest [N]'], [
+        [name, f'{1e3 * FOLLOWED[name]:.0f}', f'{len(some)}', f'{sum(it["ok"] for it in some)}',
+         ' to '.join(f'{1e3 * end([it["lateral_rms"] for it in some]):.4f}' for end in (min, max)),
+         f'{1e3 * max(it["lateral_max"] for it in some):.3f}',
+         f'{max(it["force_rms_error"] for it in some):.3f}',
+         f'{max(it["force_max"] for it in some):.2f}'] for name, some in rows.items()])
+
+
 def scaled(found, highest, skin):
     """Forces of pictures that the converter has scaled to their highest pressure."""
     found = found.copy()
@@ -269,7 +306,7 @@ def scaled(found, highest, skin):
 
 
 TABLES = {'gains': gains, 'bound': bound, 'counts': counts, 'skins': skins,
-          'objects': objects, 'noise': noise}
+          'objects': objects, 'noise': noise, 'specimens': specimens}
 
 
 def main():

@@ -61,6 +61,9 @@ class Sensor:
         0.0, 'share of a reading that each of the four neighbours gets', '', 0.0, 0.2)
     dead: int = bounded(
         0, 'tactels that always report the baseline, unknown to the driver', 'tactels', 0, 64)
+    specimen: int = bounded(
+        1, 'which of the sensors of this kind, each with gains and dead tactels of its own', '',
+        0, 2**31 - 1)
     rows: int = bounded(16, "along the pad's y", 'tactels', 3, 256)
     columns: int = bounded(16, "along the pad's x", 'tactels', 3, 256)
     pitch_x: float = bounded(0.0254 / 16, 'distance of the columns', 'm', 1e-5, 0.1)

@@ -14,15 +14,15 @@ class TactelResponse:
     Under a load that rests, a reading grows by the share `creep` with the time constant
     `creep_time`, and falls as slowly after it. While a load is taken away it stays what it was,
     until it is higher by the share `hysteresis`. Each of the four neighbours gets the share
-    `crosstalk` of it. Flaws are those of this one sensor: the same at
-    every run, whatever the seed of the noise.
+    `crosstalk` of it. Flaws are those of this one `specimen`: the
+    same at every run, whatever the seed of the noise.
     """
 
     def __init__(self, sensor: Sensor):
         self._sensor = sensor
         self._counts = Counts(sensor.bits)
         rows_columns = sensor.rows, sensor.columns
-        flaws = np.random.default_rng(1)
+        flaws = np.random.default_rng(sensor.specimen)
         gain = 1.0 + sensor.gain_spread * flaws.standard_normal(rows_columns)
         alive = np.ones(gain.size)
         alive[flaws.permutation(alive.size)[:int(sensor.dead)]] = 0.0

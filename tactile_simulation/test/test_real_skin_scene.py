@@ -76,6 +76,14 @@ def test_counts_have_the_bits_of_the_converter():
         Sensor(bits=6, baseline=64)
 
 
+def test_specimens_differ_in_their_flaws_and_are_the_same_at_every_run():
+    load, rng = np.full((16, 16), 50e3), np.random.default_rng
+    one, same, other = (TactelResponse(Sensor(gain_spread=0.1, noise_std=0.0, specimen=number))
+                        .counts(load, rng(0), 0.0).astype(float) for number in (1, 1, 2))
+    assert (one == same).all()
+    assert 0.05 < np.std(one / other) < 0.3
+
+
 def test_the_shipped_calibration_is_what_its_commands_make(scene, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     assert press_ball.main([str(LAUNCH / 'scenes' / 'real_skin.yaml'), '--out', '.', *PRESS]) == 0
