@@ -26,7 +26,7 @@ from tactile_sensing.calibration.procedure import calibrate, Known, Recordings
 from tactile_sensing.contact.estimator import ContactEstimator, EstimatorConfig
 from tactile_sensing.devices.calibration_file import save_calibration
 from tactile_sensing.types.array import TactelArray
-from tactile_simulation.cli.press_ball import KEPT, Press
+from tactile_simulation.ball_press import BallPress, KEPT
 
 NOISE = 0.01  # of the highest tactel: 40 dB
 SIDES = 5, 6, 8, 12, 16, 32  # of pads
@@ -278,7 +278,7 @@ def specimens(_):
                 scene = replace(scene, sensor=replace(scene.sensor, specimen=1 + number),
                                 calibration=Path(folder, f'{number}.yaml'))
                 if not scene.calibration.exists():
-                    press = Press(scene, BALL, FORCE, MODULUS, seed=number)
+                    press = BallPress(scene, BALL, FORCE, MODULUS, seed=number)
                     unloaded, ball, flat = press.unloaded(100), press.frames(20), press.frames(40)
                     save_calibration(calibrate(Recordings(
                         unloaded=unloaded, ball=ball, ball_radius=BALL, flat=flat,

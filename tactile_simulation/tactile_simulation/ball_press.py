@@ -1,0 +1,56 @@
+"""A ball pressed on the sensor of a scene: what one records of a real array to calibrate it."""
+
+import numpy as np
+
+from tactile_common.errors import ConfigurationError
+from tactile_sensing.skin.pressure import SkinPressure
+from tactile_simulation.scene import Scene
+from tactile_simulation.tactel_response import TactelResponse
+
+PERIOD = 0.005  # s between frames
+HELD, BETWEEN = 0.5, 2.0  # s that a press is held, and that nothing touches before it
+KEPT = 10  # frames of each press
+CLEAR = 1.6  # pitches from the border of the pad to a press
+
+
+class BallPress:
+    """A ball on the sensor of a scene."""
+
+    def __init__(self, scene: Scene, radius: float, force: float, modulus: float, seed: int):
+        skin, sensor = scene.skin, scene.sensor
+        self._array, self._force = sensor.array, force
+        # Hertz; a skin on a backing gives way less, but the patch hardly feels it.
+        effective = modulus / (1.0 - skin.poisson**2)
+        self._patch = (0.75 * force * radius / effective) ** (1.0 / 3.0)
+        if not 0.0 < self._patch < min(radius, 1.5 * skin.depth):
+            raise ConfigurationError(
+                f'a ball of {radius} m and {force} N would touch within {self._patch:.2g} m, must '
+                f'be less than its radius and {1.5 * skin.depth:g} m')
+        self._pressure = SkinPressure(
+            skin.layer, sensor.area * sensor.pitch_x, sensor.area * sensor.pitch_y)
+        self._response, self._rng = TactelResponse(sensor), np.random.default_rng(seed)
+        self._now = 0.0
+
+    def frames(self, presses: int) -> np.ndarray:
+        """Return the last KEPT frames of each press, (presses * KEPT, rows, columns)."""
+        array = self._array
+        reach = (np.array([array.size_x, array.size_y]) / 2.0
+                 - CLEAR * np.array([array.pitch_x, array.pitch_y]))
+        pictures: list[np.ndarray] = []
+        for a, b in self._rng.uniform(-reach, reach, (presses, 2)):
+            self._lasting(np.zeros(array.shape), BETWEEN)
+            pictures += self._lasting(self._pressure.point(
+                array.x, array.y[:, None], a, b, self._force, radius=self._patch), HELD)[-KEPT:]
+        return np.array(pictures)
+
+    def unloaded(self, count: int) -> np.ndarray:
+        """Return frames (count, rows, columns) with nothing on the pad."""
+        nothing = np.zeros(self._array.shape)
+        return np.array([self._lasting(nothing, PERIOD)[-1] for _ in range(count)])
+
+    def _lasting(self, pressure, seconds):
+        frames = []
+        for _ in range(round(seconds / PERIOD)):
+            self._now += PERIOD
+            frames.append(self._response.counts(pressure, self._rng, self._now))
+        return frames
