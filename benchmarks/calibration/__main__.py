@@ -317,6 +317,8 @@ def main():
     parser.add_argument('tables', nargs='*', metavar='TABLE', help=f'of {", ".join(TABLES)}')
     parser.add_argument('--seeds', type=int, default=2, help='(default: %(default)s)')
     options = parser.parse_args()
+    for name in set(options.tables) - TABLES.keys():
+        parser.error(f'{name!r} is no table; there are {", ".join(TABLES)}')
     for name in options.tables or TABLES:
         print(TABLES[name](options.seeds), flush=True)
 
