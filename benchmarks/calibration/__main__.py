@@ -26,12 +26,12 @@ from tactile_sensing.calibration.procedure import calibrate, Known, Recordings
 from tactile_sensing.contact.estimator import ContactEstimator, EstimatorConfig
 from tactile_sensing.devices.calibration_file import save_calibration
 from tactile_sensing.types.array import TactelArray
-from tactile_simulation.ball_press import BallPress, KEPT
+from tactile_simulation.ball_press import BallPress, MODULUS
 
 NOISE = 0.01  # of the highest tactel: 40 dB
 SIDES = 5, 6, 8, 12, 16, 32  # of pads
-SPECIMENS, FOLLOWED = 12, {'real_skin': 0.03, 'real_skin_course': 0.1}  # scenes and speeds [m/s]
-BALL, FORCE, MODULUS = 3e-3, 1.0, 4e5  # m, N, Pa: how their sensors are pressed
+FOLLOWED = {'real_skin': 0.03, 'real_skin_course': 0.1}  # scenes of one sensor, speeds [m/s]
+BALL, FORCE = 3e-3, 1.0  # m, N: with what it is pressed
 WIDE = 11e-3  # m from the middle, within which balls are pressed for the gains
 
 
@@ -244,16 +244,16 @@ def skins(seeds):
 
 
 def noise(seeds):
-    """Noise that is found in single pictures over the true one: medians of 200, and all."""
+    """Noise found in single pictures over the true one: medians of 100 for each seed, and all."""
     rows = []
     for side in SIDES:
         found = []
         for pitch, profile, decibels in product((1e-3, 1.6e-3), profiles(), (20, 30, 40, 50)):
             if (profile['kind'] in ('ball', 'wedge') and profile['poisson'] == 0.45
                     and profile['backing'] in (4e-3, np.inf)):
-                rng, array = np.random.default_rng(seeds), TactelArray(side, side, pitch, pitch)
+                rng, array = np.random.default_rng(0), TactelArray(side, side, pitch, pitch)
                 angle = np.pi / 2 if profile['kind'] == 'wedge' else 1.5 * pitch
-                places = rng.uniform(-1.0, 1.0, (200, 2)) * (1.5 * pitch, angle)
+                places = rng.uniform(-1.0, 1.0, (100 * seeds, 2)) * (1.5 * pitch, angle)
                 pictures = rendered(profile, array, places)
                 pictures /= pictures.max(axis=(1, 2), keepdims=True)
                 pictures += 10.0**(-decibels / 20.0) * rng.standard_normal(pictures.shape)
@@ -267,25 +267,18 @@ def noise(seeds):
                   'and above'], rows)
 
 
-def specimens(_):
-    """Edges, followed with sensors of one kind: each calibrated by sixty presses of a ball."""
-    rows = {}
-    with TemporaryDirectory() as folder, Steps(SPECIMENS) as steps:
-        for number in range(SPECIMENS):
+def specimens(seeds):
+    """Edges, followed with six sensors for each seed, calibrated by sixty presses of a ball."""
+    rows = {name: [] for name in FOLLOWED}
+    with TemporaryDirectory() as folder, Steps(6 * seeds) as steps:
+        for number in range(6 * seeds):
             steps.step(f'sensor {1 + number}')
-            for name, speed in FOLLOWED.items():
-                scene = runs.shipped(name)
-                scene = replace(scene, sensor=replace(scene.sensor, specimen=1 + number),
-                                calibration=Path(folder, f'{number}.yaml'))
-                if not scene.calibration.exists():
-                    press = BallPress(scene, BALL, FORCE, MODULUS, seed=number)
-                    unloaded, ball, flat = press.unloaded(100), press.frames(20), press.frames(40)
-                    save_calibration(calibrate(Recordings(
-                        unloaded=unloaded, ball=ball, ball_radius=BALL, flat=flat,
-                        force=np.full(20 * KEPT, FORCE),
-                    ), Known((scene.sensor.pitch_x, scene.sensor.pitch_y))).calibration,
-                        scene.calibration)
-                rows.setdefault(name, []).append(runs.follow(scene, 'trace', speed, number)[1])
+            path = Path(folder, f'{number}.yaml')
+            scenes = {name: _with_specimen(runs.shipped(name), 1 + number) for name in FOLLOWED}
+            save_calibration(pressed(scenes['real_skin'], number), path)
+            for name, scene in scenes.items():
+                rows[name].append(runs.follow(
+                    replace(scene, calibration=path), 'trace', FOLLOWED[name], number)[1])
     return table(['scene', 'speed [mm/s]', 'sensors', 'goals met', 'lateral RMS [mm]', 'largest',
                   'force RMS [N]', 'force, largest [N]'], [
         [name, f'{1e3 * FOLLOWED[name]:.0f}', f'{len(some)}', f'{sum(it["ok"] for it in some)}',
@@ -293,6 +286,20 @@ def specimens(_):
          f'{1e3 * max(it["lateral_max"] for it in some):.3f}',
          f'{max(it["force_rms_error"] for it in some):.3f}',
          f'{max(it["force_max"] for it in some):.2f}'] for name, some in rows.items()])
+
+
+def _with_specimen(scene, number):
+    return replace(scene, sensor=replace(scene.sensor, specimen=number))
+
+
+def pressed(scene, seed):
+    """Calibration of a scene's sensor, by what `press_ball` and `calibrate` do."""
+    press = BallPress(scene, BALL, FORCE, MODULUS, seed)
+    unloaded, ball, flat = press.unloaded(100), press.frames(20), press.frames(40)
+    recordings = Recordings(unloaded=unloaded, ball=ball, ball_radius=BALL, flat=flat,
+                            force=np.full(len(ball), FORCE))
+    return calibrate(
+        recordings, Known((scene.sensor.pitch_x, scene.sensor.pitch_y))).calibration
 
 
 def scaled(found, highest, skin):

@@ -10,11 +10,17 @@ from tactile_simulation.tactel_response import TactelResponse
 PERIOD = 0.005  # s between frames
 HELD, BETWEEN = 0.5, 2.0  # s that a press is held, and that nothing touches before it
 KEPT = 10  # frames of each press
+MODULUS = 4e5  # Pa, Young's, of a soft skin
 CLEAR = 1.6  # pitches from the border of the pad to a press
 
 
 class BallPress:
-    """A ball on the sensor of a scene."""
+    """
+    A ball pressed on the sensor of a scene, straight, at random places.
+
+    Radius [m], force [N], and Young's modulus of the skin [Pa], which tell the patch of contact
+    (Hertz); ConfigurationError where that is too wide for a ball, or for the model of a patch.
+    """
 
     def __init__(self, scene: Scene, radius: float, force: float, modulus: float, seed: int):
         skin, sensor = scene.skin, scene.sensor

@@ -10,7 +10,7 @@ import sys
 import numpy as np
 
 from tactile_common.command_line import between, Parser, run_command
-from tactile_simulation.ball_press import BallPress
+from tactile_simulation.ball_press import BallPress, MODULUS
 from tactile_simulation.scene import load_scene
 
 
@@ -27,7 +27,7 @@ def parser() -> argparse.ArgumentParser:
     add('--radius', type=between(1e-5, 0.1, 'm'), default=0.003, help='of the ball [m]')
     add('--force', type=between(1e-3, 100.0, 'N'), default=0.5,
         help='with which it is pressed [N]')
-    add('--modulus', type=between(1e3, 1e9, 'Pa'), default=4e5,
+    add('--modulus', type=between(1e3, 1e9, 'Pa'), default=MODULUS,
         help="Young's modulus of the skin [Pa]")
     add('--presses', type=count, default=20, help='of ball.npz')
     add('--flat', type=count, default=40, help='presses of flat.npz')
