@@ -42,7 +42,7 @@ def ball(x, y, force):
 
 estimator = ContactEstimator(EstimatorConfig(tactel='point'))  # not the mean over tactels
 contact = estimator.estimate(ball(1e-3, -2e-3, 2.0))
-print(contact.type.name, f'at ({1e3 * contact.a:.1f}, {1e3 * contact.b:.1f}) mm,',
+print(contact.type.name, f'at ({1e3 * contact.x:.1f}, {1e3 * contact.y:.1f}) mm,',
       f'{contact.normal_force:.1f} N')
 
 # %% [markdown]
@@ -67,7 +67,7 @@ for x, y, force in ((-6e-3, -6e-3, 4.0), (5e-3, -5e-3, 2.0), (6e-3, 5e-3, 1.0),
                     (-5e-3, 5e-3, 0.5)):
     estimates = [estimator.estimate(ball(x, y, force)) for _ in range(50)]
     contacts = [it for it in estimates if it.valid]
-    off = np.array([(it.a - x, it.b - y) for it in contacts])
+    off = np.array([(it.x - x, it.y - y) for it in contacts])
     inside += sum(it @ np.linalg.solve(c.covariance[:2, :2], it) < 5.99
                   for it, c in zip(off, contacts, strict=True))
     total += len(contacts)
@@ -111,12 +111,15 @@ for axis, (picture, _, contact) in zip(
     half_x, half_y = 1e3 * picture.array.half_width_x, 1e3 * picture.array.half_width_y
     axis.imshow(1e-3 * picture.layers[0].stress, origin='lower', cmap='Greys',
                 extent=(-half_x, half_x, -half_y, half_y))
-    y = np.linspace(-half_y, half_y, 20) * 1e-3
-    x = contact.a - y * np.tan(contact.yaw)
-    wide = 20.0 * np.sqrt(contact.covariance[0, 0] - 2.0 * y * contact.covariance[0, 2]
-                          + y**2 * contact.covariance[2, 2])
-    axis.plot(1e3 * x, 1e3 * y, color='#c05a00')
-    axis.fill_betweenx(1e3 * y, 1e3 * (x - wide), 1e3 * (x + wide), color='#c05a00', alpha=0.3)
+    across = np.array([np.cos(contact.yaw), np.sin(contact.yaw)])
+    along = np.linspace(-40.0, 40.0, 20) * 1e-3  # m from the point (x, y) of the edge
+    points = np.array([[contact.x], [contact.y]]) + np.outer([-across[1], across[0]], along)
+    covariance = contact.covariance
+    wide = 20.0 * np.sqrt(np.trace(covariance[:2, :2]) - 2.0 * along * (across @ covariance[:2, 2])
+                          + along**2 * covariance[2, 2])
+    axis.plot(*(1e3 * points), color='#c05a00')
+    sides = [1e3 * (points + side * np.outer(across, wide)) for side in (-1.0, 1.0)]
+    axis.fill(*np.hstack([sides[0], sides[1][:, ::-1]]), color='#c05a00', alpha=0.3)
     axis.set(title=contact.type.name.lower(), xlabel='x [mm]', ylabel='y [mm]',
              xlim=(-half_x, half_x), ylim=(-half_y, half_y))
 

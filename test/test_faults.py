@@ -211,8 +211,8 @@ def test_random_bytes_make_no_picture_and_cost_no_memory(record_testsuite_proper
 def a_contact(it, **fields):
     """Return a line contact as an estimator would publish it now, with fields replaced."""
     contact = Contact(
-        type=Contact.TYPE_LINE, valid=True, method='fit', model='line/zz', a=0.0, b=0.0, yaw=0.0,
-        normal_force=5.0, line_force=197.0, snr=40.0, residual=1.0)
+        type=Contact.TYPE_LINE, valid=True, force_valid=True, method='fit', model='line/zz',
+        x=0.0, y=0.0, yaw=0.0, normal_force=5.0, line_force=197.0, snr=40.0, residual=1.0)
     contact.moments = np.array([5.0, 0.0, 0.0, 1e-5, 2.7e-4, 0.0])
     contact.header.stamp = it.listener.get_clock().now().to_msg()
     contact.header.frame_id = 'tactile_pad'
@@ -222,13 +222,13 @@ def a_contact(it, **fields):
 
 
 def wrong_frame(it):
-    contact = a_contact(it, a=0.005)
+    contact = a_contact(it, x=0.005)
     contact.header.frame_id = 'map'
     return contact
 
 
 def stamped(it, seconds):
-    contact = a_contact(it, a=0.005)
+    contact = a_contact(it, x=0.005)
     contact.header.stamp.sec += seconds
     return contact
 
@@ -237,11 +237,12 @@ EVIL_CONTACTS = {
     'unknown_type': lambda it: a_contact(it, type=99),
     'unknown_reasons': lambda it: a_contact(it, valid=False, reasons=0xFFFFFFFF),
     'not_a_number': lambda it: a_contact(
-        it, a=NAN, yaw=NAN, normal_force=NAN, moments=np.full(6, NAN)),
-    'infinite': lambda it: a_contact(it, a=INF, normal_force=INF, moments=np.full(6, INF)),
+        it, x=NAN, y=NAN, yaw=NAN, normal_force=NAN, moments=np.full(6, NAN)),
+    'infinite': lambda it: a_contact(
+        it, x=INF, y=INF, normal_force=INF, moments=np.full(6, INF)),
     'huge': lambda it: a_contact(
-        it, a=1e300, yaw=0.9, normal_force=1e300, moments=np.full(6, 1e300)),
-    'huge_and_far': lambda it: a_contact(it, a=1e300, yaw=0.9),
+        it, x=1e300, yaw=0.9, normal_force=1e300, moments=np.full(6, 1e300)),
+    'huge_and_far': lambda it: a_contact(it, x=1e300, yaw=0.9),
     'negative_force': lambda it: a_contact(it, normal_force=-1e9, moments=-np.ones(6)),
     'no_force': lambda it: a_contact(it, normal_force=0.0, moments=np.zeros(6)),
     'other_with_mad_moments': lambda it: a_contact(

@@ -85,5 +85,5 @@ def test_replayed_pictures_give_the_recorded_contacts(bag):
         assert (one.type, one.valid, one.reasons) == (other.type, other.valid, other.reasons)
         assert other.header.stamp.sec == one.header.stamp.sec
         if one.valid:
-            assert (one.a, one.yaw, one.normal_force) == (
-                other.a, other.yaw, other.normal_force)
+            assert (one.x, one.y, one.yaw, one.normal_force) == (
+                other.x, other.y, other.yaw, other.normal_force)

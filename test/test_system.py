@@ -149,11 +149,11 @@ def test_a_pad_of_another_size_needs_no_more_than_its_scene(tmp_path):
 
 
 def edge_seen_from(pose, scene):
-    """Where an edge crosses y = 0 and its yaw, as the sensor sees it: the oracle."""
+    """Offset of an edge and its yaw, as the sensor sees it: the oracle."""
     points = (scene.edge.points - pose[:3, 3]) @ pose[:3, :3]
     (x0, y0, _), (x1, y1, _) = points[0], points[-1]
-    yaw = np.arctan2(x0 - x1, y1 - y0)
-    return x0 - y0 * (x1 - x0) / (y1 - y0), (yaw + np.pi / 2) % np.pi - np.pi / 2
+    yaw = (np.arctan2(x0 - x1, y1 - y0) + np.pi / 2) % np.pi - np.pi / 2
+    return x0 * np.cos(yaw) + y0 * np.sin(yaw), yaw
 
 
 def test_two_sensors_side_by_side(tmp_path):
@@ -192,7 +192,8 @@ def test_two_sensors_side_by_side(tmp_path):
 
         left.wait(both, 'lines of both sensors')
         for name, found in lines.items():
-            a, yaw = edge_seen_from(poses[name], scenes[name])
-            assert np.mean([c.a for c in found]) == pytest.approx(a, abs=1e-4)
+            offset, yaw = edge_seen_from(poses[name], scenes[name])
+            lines[name] = np.mean([c.x * np.cos(c.yaw) + c.y * np.sin(c.yaw) for c in found])
+            assert lines[name] == pytest.approx(offset, abs=1e-4)
             assert np.mean([c.yaw for c in found]) == pytest.approx(yaw, abs=0.01)
-        assert abs(lines['left'][-1].a - lines['right'][-1].a) > 0.005
+        assert abs(lines['left'] - lines['right']) > 0.005

@@ -104,7 +104,7 @@ def estimated(calibration, counts, **config):
 def points(found, places, force):
     """Share that is valid; errors and what they are over the claims, of place and force."""
     good = found['valid'] & (found['type'] == 1)
-    off = np.stack([found['a'], found['b']], -1)[good] - places[good]
+    off = np.stack([found['x'], found['y']], -1)[good] - places[good]
     own = np.sqrt(np.stack([found['covariance'][good, k, k] for k in (0, 1)], -1))
     error = found['normal_force'][good] / force - 1.0
     claimed = np.sqrt(found['covariance'][good, 3, 3]) / force

@@ -137,8 +137,8 @@ def _picture(scene, renderer, rng, sequence, stamp):
     arrival = stamp + round(DELAY * NS)
     yield '/tactile/image', arrival + 100_000, image
     touching = depth_at(scene, seconds) > 1e-4
-    found = {'a': -lateral_at(seconds), 'yaw': 0.0, 'normal_force': renderer.force(pose),
-             'snr': 40.0} if touching else {}
+    found = {'x': -lateral_at(seconds), 'y': 0.0, 'yaw': 0.0, 'force_valid': True,
+             'normal_force': renderer.force(pose), 'snr': 40.0} if touching else {}
     contact = contact_to_msg(ContactData(
         ContactType.LINE if touching else ContactType.NONE, touching,
         Reason(0) if touching else Reason.NO_CONTACT, 'fit', 'line/zz',

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from recorded_run import pose_at, START, TOPICS, write_bag
-from rosbags.rosbag2 import StoragePlugin
+from rosbags.rosbag2 import StoragePlugin, Writer
 
 from edge_tracking.recording.reader import read_run
 from tactile_common.errors import ConfigurationError
@@ -20,7 +20,8 @@ def test_run_reads_back_as_written(bag, scene):
     assert len(run.contacts.stamp_ns) == len(images.stamp_ns)
     touching = run.contacts.valid
     assert (run.contacts.normal_force[touching] > 0.0).all()
-    assert np.isnan(run.contacts.a[~touching]).all()
+    assert (run.contacts.force_valid == touching).all()
+    assert np.isnan(run.contacts.x[~touching]).all()
     assert run.poses.matrix.shape == (len(run.statuses.stamp_ns), 4, 4)
     np.testing.assert_allclose(run.poses.matrix[200], pose_at(scene, 0.5), atol=1e-12)
     assert run.start_ns == START
@@ -50,6 +51,21 @@ def test_namespace_is_that_of_the_bag(tmp_path, scene):
     assert read_run(path).namespace == '/left'
     assert len(read_run(path, 'left').images.stamp_ns)
     assert not len(read_run(path, 'right').images.stamp_ns)
+
+
+def test_contacts_of_another_version_are_refused_by_name(tmp_path):
+    text = 'std_msgs/Header header\nuint8 type\nbool valid\nfloat64 a\n' + '=' * 80 + (
+        '\nMSG: std_msgs/Header\nbuiltin_interfaces/Time stamp\nstring frame_id\n') + '=' * 80 + (
+        '\nMSG: builtin_interfaces/Time\nint32 sec\nuint32 nanosec\n')
+    with Writer(tmp_path / 'run', version=9) as writer:
+        connection = writer.add_connection(
+            '/tactile/contact', 'tactile_msgs/msg/Contact', msgdef=text,
+            rihs01='RIHS01_' + 64 * '0')
+        writer.write(connection, 1000, b'\x00\x01\x00\x00' + 8 * b'\x00'
+                     + b'\x01\x00\x00\x00\x00\x02\x01\x00' + 8 * b'\x00')
+    with pytest.raises(ConfigurationError, match='messages on /tactile/contact are of another '
+                       "version of tactile_msgs/msg/Contact: they have no field 'force_valid'"):
+        read_run(tmp_path / 'run')
 
 
 def test_two_sensors_need_a_choice(tmp_path, scene):

@@ -16,7 +16,7 @@ A ball is pressed onto an array of 16 x 16 tactels, 2 mm below the skin's surfac
 ...     TactileImage(0, 0, (Layer('zz', depth, pressure),), array, tared=True))
 >>> contact.type.name, contact.valid
 ('POINT', True)
->>> [f'{1e3 * it:.1f} mm' for it in (contact.a, contact.b)], f'{contact.normal_force:.1f} N'
+>>> [f'{1e3 * it:.1f} mm' for it in (contact.x, contact.y)], f'{contact.normal_force:.1f} N'
 (['1.0 mm', '-2.0 mm'], '5.0 N')
 """
 from tactile_common.exports import exported

@@ -98,7 +98,8 @@ def contact_to_msg(
     _copy_header(image_message.header, message.header)
     message.sensor = image_message.sensor
     message.sequence, message.type = image_message.sequence, int(contact.type)
-    message.valid, message.reasons = bool(contact.valid), int(contact.reasons)
+    message.valid, message.force_valid = bool(contact.valid), bool(contact.force_valid)
+    message.reasons = int(contact.reasons)
     message.method, message.model = contact.method, contact.model
     message.iterations = contact.iterations
     for name in REALS:
@@ -120,7 +121,8 @@ def contact_from_msg(message) -> Contact:
         raise TactileError(
             f'contact type is {message.type}, must be at most {max(ContactType)}')
     return Contact(
-        type=ContactType(message.type), valid=message.valid, reasons=Reason(message.reasons),
+        type=ContactType(message.type), valid=message.valid, force_valid=message.force_valid,
+        reasons=Reason(message.reasons),
         method=message.method, model=message.model, iterations=message.iterations,
         covariance=np.array(message.covariance).reshape(len(PARAMETERS), -1),
         moments=Moments(*map(float, message.moments)),
@@ -140,9 +142,9 @@ def contact_to_wrench(contact: Contact, image_message: Any, into: Any = None) ->
     force.x, force.y = (0.0 if math.isnan(shear) else float(shear)
                         for shear in (contact.shear_force_x, contact.shear_force_y))
     force.z = -float(contact.normal_force)
-    # The place (a, b, 0) times the force.
-    torque.x, torque.y = float(contact.b * force.z), float(-contact.a * force.z)
-    torque.z = float(contact.a * force.y - contact.b * force.x)
+    # The place (x, y, 0) times the force.
+    torque.x, torque.y = float(contact.y * force.z), float(-contact.x * force.z)
+    torque.z = float(contact.x * force.y - contact.y * force.x)
     return message
 
 

@@ -80,7 +80,7 @@ def test_from_twenty_presses_to_honest_contacts(there, profile, capsys):
     with np.load('o.npz') as found:
         good = found['valid'] & (found['type'] == 1)
         assert good.mean() >= 0.95
-        assert np.hypot(found['a'] - places[:, 0], found['b'] - places[:, 1])[good].max() < 0.3e-3
+        assert np.hypot(found['x'] - places[:, 0], found['y'] - places[:, 1])[good].max() < 0.3e-3
         assert np.mean(found['normal_force'][good]) == pytest.approx(profile['force'], rel=0.03)
 
 

@@ -7,14 +7,14 @@ from tactile_sensing.contact.estimator import ContactEstimator, EstimatorConfig
 from tactile_sensing.half_space import line, point
 from tactile_sensing.half_space.kernels import add_point, add_segment
 from tactile_sensing.types.array import TactelArray
-from tactile_sensing.types.contact import ContactType, Reason, ROW
+from tactile_sensing.types.contact import ContactType, line_offsets, Reason, ROW
 from tactile_sensing.types.image import Layer
 
 ARRAY, DEPTH, COUNT = TactelArray(16, 16, 0.0254 / 16, 0.0254 / 16), 0.002, 600
 X, Y = ARRAY.x, ARRAY.y[:, None]
 # N and N/m
 FORCES = {ContactType.POINT: ('normal_force', 5.0), ContactType.LINE: ('line_force', 200.0)}
-PLACES = {ContactType.POINT: ('a', 'b'), ContactType.LINE: ('a', 'yaw')}
+PLACES = {ContactType.POINT: ('x', 'y'), ContactType.LINE: ('offset', 'yaw')}
 HONEST = 1.3  # RMS of error over claimed standard deviation
 
 
@@ -27,8 +27,7 @@ def presses(kind, rng, count=COUNT):
                            for a, b in truth])
     else:
         truth = rng.uniform((-6e-3, -0.6), (6e-3, 0.6), (count, 2))
-        frames = np.array([line.pressure(X, Y, a * np.cos(yaw), yaw, force, DEPTH)
-                           for a, yaw in truth])
+        frames = np.array([line.pressure(X, Y, *load, force, DEPTH) for load in truth])
     return {**dict(zip(PLACES[kind], truth.T, strict=True)), name: force}, frames
 
 
@@ -40,8 +39,13 @@ def estimates(frames, noise, **layer):
 def over_claims(found, truth):
     """Largest RMS of error over claimed standard deviation of what is valid."""
     valid = found['valid']
-    ratios = [(found[name] - truth[name]) / np.sqrt(found['covariance'][:, row, row])
+    claimed = found['covariance']
+    ratios = [(found[name] - truth[name]) / np.sqrt(claimed[:, row, row])
               for name, row in ROW._asdict().items() if name in truth]
+    if 'offset' in truth:  # across the edge at the place that is told
+        across = found['x'] * np.cos(truth['yaw']) + found['y'] * np.sin(truth['yaw'])
+        ratios.append((across - truth['offset'])
+                      / np.sqrt(claimed[:, ROW.x, ROW.x] + claimed[:, ROW.y, ROW.y]))
     return max(np.sqrt(np.mean(ratio[valid]**2)) for ratio in ratios)
 
 
@@ -78,19 +82,19 @@ def test_claims_without_a_fault_are_not_wide():
     truth, frames = presses(ContactType.POINT, rng, 2000)
     noise = 0.01 * frames.max()
     found = estimates(frames + noise * rng.standard_normal(frames.shape), noise)
-    del truth['a'], truth['b']  # shear that may hide is in their claims
+    del truth['x'], truth['y']  # shear that may hide is in their claims
     assert 0.77 < over_claims(found, truth) < 1.1
 
 
 def ending_edges(rng, count=COUNT):
-    """Truth (count, 3): a, yaw and end along the edge, and pictures without noise [Pa]."""
+    """Truth (count, 3): offset, yaw and end along the edge, and pictures without noise [Pa]."""
     force = FORCES[ContactType.LINE][1]
     truth = rng.uniform((-5e-3, -0.5, -3e-3), (5e-3, 0.5, 7e-3), (count, 3))
     frames = np.zeros((count, *ARRAY.shape))
-    for frame, (a, yaw, end) in zip(frames, truth, strict=True):
+    for frame, (offset, yaw, end) in zip(frames, truth, strict=True):
         across, along = (np.array([np.cos(yaw), np.sin(yaw)]),
                          np.array([-np.sin(yaw), np.cos(yaw)]))
-        foot = a * np.cos(yaw) * across
+        foot = offset * across
         add_segment(frame, ARRAY.x, ARRAY.y, DEPTH, *(foot - 0.1 * along), *(foot + end * along),
                     force, force)
     return truth, frames
@@ -105,8 +109,8 @@ def test_an_edge_that_ends_on_the_pad():
     valid = found['valid']
     assert valid.mean() > 0.9 and (found['type'][valid] == ContactType.LINE).all()
     assert np.isfinite(found['end'][valid]).mean() > 0.99
-    a, yaw, end = truth.T
-    assert over_claims(found, {'a': a, 'yaw': yaw, 'line_force': force}) < HONEST
+    offset, yaw, end = truth.T
+    assert over_claims(found, {'offset': offset, 'yaw': yaw, 'line_force': force}) < HONEST
     off = (found['end'] - end)[valid]
     assert np.sqrt(np.nanmean(off**2)) < 0.05e-3  # a thirtieth of the pitch
 
@@ -118,10 +122,10 @@ def test_a_dead_tactel_on_an_edge_that_ends_is_no_other_end():
     for frame in frames:  # what presses the border most
         frame[0, frame[0].argmax()] = 0.0
     found = estimates(frames + noise * rng.standard_normal(frames.shape), noise)
-    a, yaw, end = truth.T
+    offset, yaw, end = truth.T
     assert found['valid'].mean() > 0.9
     assert (found['reasons'][found['valid']] & int(Reason.DEAD_TACTELS) > 0).all()
-    length = end + (ARRAY.half_width_y + a * np.sin(yaw) * np.cos(yaw)) / np.cos(yaw)
+    length = end + (ARRAY.half_width_y + offset * np.sin(yaw)) / np.cos(yaw)
     off = found['normal_force'] / (FORCES[ContactType.LINE][1] * length) - 1.0
     assert np.nanmax(np.abs(off)) < 0.02
 
@@ -130,7 +134,7 @@ def test_a_second_contact_that_one_tactel_shows_is_no_dead_tactel():
     rng = np.random.default_rng(33)
     truth, frames = presses(ContactType.POINT, rng)
     noise = 0.01 * frames.max()
-    for frame, a, b in zip(frames, truth['a'], truth['b'], strict=True):
+    for frame, a, b in zip(frames, truth['x'], truth['y'], strict=True):
         second = rng.uniform(-9e-3, 9e-3, 2)
         while np.hypot(second[0] - a, second[1] - b) < 4.0 * DEPTH:
             second = rng.uniform(-9e-3, 9e-3, 2)
@@ -154,5 +158,7 @@ def test_six_bits_clipped_at_zero(kind, std):
     assert found['valid'].mean() > ideal['valid'].mean() - 0.02
     assert over_claims(found, truth) < HONEST
     for name, values in truth.items():
-        rms = [np.sqrt(np.nanmean((records[name] - values)**2)) for records in (found, ideal)]
+        told = [line_offsets(records) if name == 'offset' else records[name]
+                for records in (found, ideal)]
+        rms = [np.sqrt(np.nanmean((each - values)**2)) for each in told]
         assert rms[0] < 1.1 * rms[1] * (1.0 + 2.0 / np.sqrt(COUNT)), name

@@ -11,9 +11,12 @@ from tactile_sensing.types.array import TactelArray
 from tactile_sensing.types.contact import (
     COLUMNS,
     Contact,
+    ContactType,
     ESTIMATE,
+    line_offsets,
     PARAMETERS,
     REALS,
+    Reason,
     RECORD,
     ROW,
 )
@@ -23,9 +26,9 @@ ARRAY = TactelArray(12, 14, 1e-3, 1e-3)
 
 
 def test_rows_of_the_covariance_are_those_of_the_message():
-    assert PARAMETERS == ('a', 'b', 'yaw', 'normal_force', 'shear_force_x', 'shear_force_y',
+    assert PARAMETERS == ('x', 'y', 'yaw', 'normal_force', 'shear_force_x', 'shear_force_y',
                           'line_force')
-    assert ROW.a == 0 and ROW.line_force == 6
+    assert ROW.x == 0 and ROW.line_force == 6
     assert COLUMNS['covariance'].metadata['doc'] == f'of ({", ".join(PARAMETERS)})'
     assert tuple(name for name in COLUMNS if name in PARAMETERS) == PARAMETERS
     assert len(ContactMsg().covariance) == len(PARAMETERS)**2
@@ -36,6 +39,26 @@ def test_messages_and_estimates_have_every_field():
     assert told <= set(ContactMsg.get_fields_and_field_types())
     assert set(REALS) <= set(ESTIMATE.names)
     assert list(COLUMNS) == list(RECORD.names)
+    assert RECORD.names[:7] == ('type', 'valid', 'force_valid', 'reasons', 'x', 'y', 'yaw')
+
+
+def test_reasons_are_those_of_the_message():
+    for reason in Reason:
+        assert getattr(ContactMsg, f'REASON_{reason.name}') == reason
+
+
+def test_the_offset_of_a_line_is_the_same_wherever_its_point_is():
+    for yaw in (0.0, 0.4, -1.2, np.pi / 2):
+        across, along = np.array([np.cos(yaw), np.sin(yaw)]), np.array([-np.sin(yaw), np.cos(yaw)])
+        for at in (-0.01, 0.0, 0.02):
+            x, y = 3e-3 * across + at * along
+            contact = Contact(ContactType.LINE, True, Reason(0), 'fit', x=x, y=y, yaw=yaw)
+            assert contact.offset == pytest.approx(3e-3, abs=1e-12)
+            record = np.array((x, y, yaw), [(name, 'f8') for name in ('x', 'y', 'yaw')])
+            assert line_offsets(record) == pytest.approx(contact.offset, abs=1e-12)
+    for yaw in (np.nan, np.inf):
+        assert np.isnan(Contact(ContactType.LINE, True, Reason(0), 'fit', x=0.0, y=0.0,
+                                yaw=yaw).offset)
 
 
 @pytest.mark.parametrize('name', [name for name in RECORD.names if name not in ('type', 'valid')])

@@ -53,11 +53,11 @@ def test_image_round_trip():
 
 
 def contact(**values):
-    numbers = dict.fromkeys(('a', 'b', 'yaw', 'normal_force', 'shear_force_x', 'shear_force_y',
-                             'line_force', 'patch', 'start', 'end', 'snr', 'residual',
-                             'force_windowed'), 0.5)
+    numbers = dict.fromkeys(('x', 'y', 'yaw', 'normal_force', 'shear_force_x', 'shear_force_y',
+                             'line_force', 'patch', 'start', 'end', 'snr', 'residual'),
+                            0.5)
     return Contact(ContactType.POINT, True, Reason.SATURATED, 'fit', 'point/zz',
-                   covariance=np.arange(49.0).reshape(7, 7), iterations=3,
+                   covariance=np.arange(49.0).reshape(7, 7), iterations=3, force_valid=True,
                    moments=Moments(4.0, 1.0, 2.0, 3.0, 4.0, 5.0), **(numbers | values))
 
 
@@ -71,7 +71,7 @@ def test_a_message_that_is_filled_again_is_as_a_new_one():
         assert image_to_msg(sent, filled) is filled and filled == image_to_msg(sent)
     message, wrench = contact_to_msg(contact(), filled, 10**18), contact_to_wrench(
         contact(), filled)
-    sent = contact(a=0.25, normal_force=3.0, snr=30.0)
+    sent = contact(x=0.25, normal_force=3.0, snr=30.0)
     assert contact_to_msg(sent, filled, 2 * 10**18, message) is message
     assert message == contact_to_msg(sent, filled, 2 * 10**18)
     assert contact_to_wrench(sent, filled, wrench) == contact_to_wrench(sent, filled)
@@ -79,11 +79,11 @@ def test_a_message_that_is_filled_again_is_as_a_new_one():
 
 def test_contact_round_trip():
     header = image_to_msg(image())
-    sent = contact(a=0.25)
+    sent = contact(x=0.25)
     message = contact_to_msg(sent, header, 1_700_000_000_124_000_000)
     back = contact_from_msg(message)
-    for name in ('type', 'valid', 'reasons', 'method', 'model', 'iterations', 'moments', 'a',
-                 'b', 'yaw', 'normal_force', 'snr'):
+    for name in ('type', 'valid', 'force_valid', 'reasons', 'method', 'model', 'iterations',
+                 'moments', 'x', 'y', 'yaw', 'normal_force', 'snr'):
         assert getattr(back, name) == getattr(sent, name)
     np.testing.assert_array_equal(back.covariance, sent.covariance)
     assert (message.latency.sec, message.latency.nanosec) == (0, 543_211)
@@ -97,13 +97,13 @@ def test_contact_round_trip():
 
 @pytest.mark.parametrize('shear', [(0.3, -0.4), (np.nan, np.nan)])
 def test_wrench_is_the_force_at_its_place(shear):
-    a, b = 0.002, -0.003
-    wrench = contact_to_wrench(contact(a=a, b=b, normal_force=5.0, shear_force_x=shear[0],
+    x, y = 0.002, -0.003
+    wrench = contact_to_wrench(contact(x=x, y=y, normal_force=5.0, shear_force_x=shear[0],
                                        shear_force_y=shear[1]), image_to_msg(image())).wrench
     force = np.array([*np.nan_to_num(shear), -5.0])
     assert [wrench.force.x, wrench.force.y, wrench.force.z] == force.tolist()
     np.testing.assert_allclose([wrench.torque.x, wrench.torque.y, wrench.torque.z],
-                               np.cross([a, b, 0.0], force), atol=1e-15)
+                               np.cross([x, y, 0.0], force), atol=1e-15)
 
 
 def test_a_transposed_view_is_sent_row_major():

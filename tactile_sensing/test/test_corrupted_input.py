@@ -18,8 +18,8 @@ ESTIMATORS = {(method, model): ContactEstimator(EstimatorConfig(method=method, m
 THOUSAND = settings(max_examples=1000, deadline=None, derandomize=True,
                     suppress_health_check=[HealthCheck.too_slow])
 PARAMETERS = {
-    ContactType.POINT: ('a', 'b', 'normal_force', 'shear_force_x', 'shear_force_y'),
-    ContactType.LINE: ('a', 'b', 'yaw', 'normal_force', 'line_force')}
+    ContactType.POINT: ('x', 'y', 'normal_force', 'shear_force_x', 'shear_force_y'),
+    ContactType.LINE: ('x', 'y', 'yaw', 'normal_force', 'line_force')}
 
 dtypes = st.one_of(npst.floating_dtypes(), npst.integer_dtypes(), npst.boolean_dtypes())
 lengths = st.one_of(st.sampled_from([1e-3, 2e-3]), st.floats(1e-6, 0.1))
@@ -50,7 +50,7 @@ def check(contact):
         assert contact.normal_force > 0.0
     else:
         assert contact.reasons & ~INFORMATION
-        assert np.isnan([contact.a, contact.b, contact.normal_force]).all()
+        assert np.isnan([contact.x, contact.y, contact.normal_force]).all()
         assert np.isnan(contact.covariance).all()
     return contact.valid
 
@@ -116,7 +116,7 @@ def test_a_corrupted_contact_is_close_or_refused(method):
             for frame, (_, top) in zip(frames, truth, strict=True)])
     valid = found['valid']
     assert valid.mean() > 0.2
-    off = np.abs(found['a'] - truth[:, 0])[valid]
+    off = np.abs(found['x'] - truth[:, 0])[valid]
     claimed = np.sqrt(found['covariance'][valid, 0, 0])
     surprising = (off > 0.5e-3) & (off > 5.0 * claimed)
     assert surprising.mean() <= 0.002, np.flatnonzero(valid)[surprising]

@@ -22,9 +22,9 @@ NOISE = 0.01 * line.peak_pressure(FORCE, DEPTH)
 OPTIONS = ['--pitch', '0.001', '--layers', 'zz@0.002']
 
 # The arrays of an output file: other people's scripts read them.
-OUTPUT = ['type', 'valid', 'reasons', 'a', 'b', 'yaw', 'normal_force', 'shear_force_x',
-          'shear_force_y', 'line_force', 'patch', 'start', 'end', 'covariance', 'snr', 'residual',
-          'force_windowed', 'iterations', 'moments']
+OUTPUT = ['type', 'valid', 'force_valid', 'reasons', 'x', 'y', 'yaw', 'normal_force',
+          'shear_force_x', 'shear_force_y', 'line_force', 'patch', 'start', 'end', 'covariance',
+          'snr', 'residual', 'iterations', 'moments']
 
 
 def edges(count, seed=1, depth=DEPTH):
@@ -71,11 +71,12 @@ def test_edges_and_empty_frames(there, capsys):
     line_frames = np.arange(20) != 7
     np.testing.assert_array_equal(found['valid'], line_frames)
     np.testing.assert_array_equal(found['type'], 2 * line_frames)
-    np.testing.assert_allclose(found['a'][line_frames], a[line_frames], atol=3e-5)
+    np.testing.assert_array_equal(found['force_valid'], line_frames)
+    np.testing.assert_allclose(found['x'][line_frames], a[line_frames], atol=3e-5)
     np.testing.assert_allclose(found['line_force'][line_frames], FORCE, rtol=0.02)
     np.testing.assert_allclose(found['normal_force'][line_frames], FORCE * ROWS * PITCH, rtol=0.02)
     assert found['reasons'][7] == Reason.NO_CONTACT and not found['reasons'][line_frames].any()
-    assert np.isfinite(found['covariance'][line_frames][:, [0, 2, 3, 6], [0, 2, 3, 6]]).all()
+    assert np.isfinite(found['covariance'][line_frames][:, [0, 1, 2, 3, 6], [0, 1, 2, 3, 6]]).all()
     for name, values in found.items():
         if values.dtype.kind == 'f' and name != 'moments':
             assert np.isnan(values[7]).all(), name
@@ -138,11 +139,11 @@ def test_layers_dead_and_saturated_tactels(there):
     assert run('--dead', '3,4;0,0', frames=layers, args=args) == 0
     found = result()
     assert found['valid'].all() and (found['reasons'] == Reason.DEAD_TACTELS).all()
-    np.testing.assert_allclose(found['a'], a, atol=3e-5)
+    np.testing.assert_allclose(found['x'], a, atol=3e-5)
     assert run('--full-scale', '1e6', frames=frames) == 0
     found = result()
     assert found['valid'].all() and (found['reasons'] == Reason.SATURATED).all()
-    np.testing.assert_allclose(found['a'], a, atol=3e-5)
+    np.testing.assert_allclose(found['x'], a, atol=3e-5)
 
 
 def test_input_behind_the_pitch(there):
@@ -297,7 +298,7 @@ def check_garbage(frames, capsys):
     if good:
         found = result()
         assert len(found['valid']) == len(frames)
-        for name in ('a', 'normal_force', 'snr'):
+        for name in ('x', 'normal_force', 'snr'):
             np.testing.assert_array_equal(np.isfinite(found[name]), found['valid'])
 
 
@@ -345,4 +346,4 @@ def test_example_of_the_help_works(there):
     assert estimate.main(options.split()) == 0
     found = result('contacts.npz')
     assert (found['type'] == ContactType.LINE).all()
-    assert found['a'].mean() == pytest.approx(1e-3, abs=1e-5)
+    assert found['x'].mean() == pytest.approx(1e-3, abs=1e-5)

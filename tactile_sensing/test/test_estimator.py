@@ -10,7 +10,7 @@ from tactile_sensing.half_space import line, point
 from tactile_sensing.half_space.forward_model import LineModel
 from tactile_sensing.half_space.layers import Layer as FitLayer
 from tactile_sensing.types.array import TactelArray
-from tactile_sensing.types.contact import ContactType, Reason
+from tactile_sensing.types.contact import ContactType, line_offsets, Reason
 from tactile_sensing.types.image import Layer, TactileImage
 
 DEPTH, FORCE = 0.002, 200.0
@@ -18,9 +18,8 @@ ARRAY = TactelArray(16, 16, 0.0254 / 16, 0.0254 / 16)
 NOISE = 0.01 * line.peak_pressure(FORCE, DEPTH)  # 40 dB
 
 
-def edge(a=0.0, yaw=0.0, force=FORCE, array=ARRAY, depth=DEPTH):
-    return line.pressure(
-        array.x[None, :], array.y[:, None], a * np.cos(yaw), yaw, force, depth)
+def edge(offset=0.0, yaw=0.0, force=FORCE, array=ARRAY, depth=DEPTH):
+    return line.pressure(array.x[None, :], array.y[:, None], offset, yaw, force, depth)
 
 
 def tactile_image(stress, array=ARRAY, noise=NOISE, saturated=0, tared=True, **layer):
@@ -43,18 +42,17 @@ def test_line_is_at_the_cramer_rao_bound(decibels):
     rng = np.random.default_rng(decibels)
     truth = rng.uniform((-8e-3, np.radians(-40)), (8e-3, np.radians(40)), (6000, 2))
     noise = 10.0 ** (-decibels / 20.0) * line.peak_pressure(FORCE, DEPTH)
-    frames = np.array([noisy(edge(a, yaw), rng, noise) for a, yaw in truth])
+    frames = np.array([noisy(edge(*load), rng, noise) for load in truth])
     found = ContactEstimator(EstimatorConfig(tactel='point')).estimate_batch(
         frames, ARRAY, [Layer('zz', DEPTH, None, 0, noise)])
     told = found['valid'] & (found['type'] == ContactType.LINE)
     assert told.mean() > 0.999
     found, truth = found[told], truth[told]
-    rho = truth[:, 0] * np.cos(truth[:, 1])
-    error = np.column_stack([found['a'] * np.cos(found['yaw']) - rho, found['yaw'] - truth[:, 1],
+    error = np.column_stack([line_offsets(found) - truth[:, 0], found['yaw'] - truth[:, 1],
                              found['line_force'] - FORCE])
     bound, model = [], LineModel(ARRAY, (DEPTH,))
-    for distance, yaw in zip(rho, truth[:, 1], strict=True):
-        j = model.jacobian((distance, yaw, FORCE, 0.0)).reshape(-1, 4)[:, :3]
+    for load in truth:
+        j = model.jacobian((*load, FORCE, 0.0)).reshape(-1, 4)[:, :3]
         bound.append(np.diag(noise**2 * np.linalg.inv(j.T @ j)))
     rms = np.sqrt(np.mean(error**2, axis=0))
     assert (rms / np.sqrt(np.mean(bound, axis=0)) < 1.05).all()
@@ -79,15 +77,15 @@ def test_covariance_of_the_closed_forms_is_the_spread(method, layers):
         frames, array, given)
     found = found[found['valid']]
     assert len(found) > 130
-    for row, name in {0: 'a', 1: 'b', 3: 'normal_force', 4: 'shear_force_x',
+    for row, name in {0: 'x', 1: 'y', 3: 'normal_force', 4: 'shear_force_x',
                       5: 'shear_force_y'}.items():
         residual = np.maximum(1.0, found['residual'])
         claimed = np.sqrt(np.mean(found['covariance'][:, row, row] / residual**2))
         assert np.std(found[name]) / claimed == pytest.approx(1.0, abs=0.25), name
 
 
-def sheared_edge(a, yaw, share):
-    return line.stress_with_shear(ARRAY.x[None, :], ARRAY.y[:, None], a * np.cos(yaw), yaw, FORCE,
+def sheared_edge(offset, yaw, share):
+    return line.stress_with_shear(ARRAY.x[None, :], ARRAY.y[:, None], offset, yaw, FORCE,
                                   share * FORCE, DEPTH)
 
 
@@ -95,9 +93,12 @@ def sheared_edge(a, yaw, share):
 def test_covariance_is_the_spread_of_the_estimates(share):
     rng = np.random.default_rng(2)
     contacts = [estimate(noisy(sheared_edge(0.003, 0.3, share), rng)) for _ in range(1500)]
-    values = np.array([[c.a, c.yaw, c.normal_force, c.line_force] for c in contacts])
-    rows = [0, 2, 3, 6]
-    claimed = np.sqrt(np.mean([np.diag(c.covariance)[rows] for c in contacts], axis=0))
+    across = np.array([np.cos(0.3), np.sin(0.3)])
+    values = np.array([[np.dot(across, (c.x, c.y)), c.yaw, c.normal_force, c.line_force]
+                       for c in contacts])
+    rows = [2, 3, 6]
+    claimed = np.sqrt(np.mean([[np.trace(c.covariance[:2, :2]), *np.diag(c.covariance)[rows]]
+                               for c in contacts], axis=0))
     ratio = values.std(axis=0) / claimed
     yaw, *forces = ratio[1:]
     assert yaw == pytest.approx(1.0, abs=0.1)
@@ -118,9 +119,9 @@ def test_covariance_is_the_spread_of_the_estimates(share):
 
 
 def test_noise_free_fit_is_exact():
-    for a, yaw in ((0.0, 0.0), (0.007, 0.6), (-0.005, -0.6)):
-        contact = estimate(edge(a, yaw), noise=0.0)
-        assert contact.a == pytest.approx(a, abs=1e-7)
+    for offset, yaw in ((0.0, 0.0), (0.007, 0.6), (-0.005, -0.6)):
+        contact = estimate(edge(offset, yaw), noise=0.0)
+        assert contact.offset == pytest.approx(offset, abs=1e-7)
         assert contact.yaw == pytest.approx(yaw, abs=1e-5)
         assert contact.line_force == pytest.approx(FORCE, rel=1e-4)
 
@@ -137,7 +138,7 @@ def test_estimate_scales_with_pitch_and_force(scale):
     contact = estimate(
         edge(0.003 * scale, 0.2, FORCE * scale**2, wide, DEPTH * scale), array=wide,
         depth=DEPTH * scale, noise=0.0)
-    assert contact.a == pytest.approx(0.003 * scale, rel=1e-4)
+    assert contact.offset == pytest.approx(0.003 * scale, rel=1e-4)
     assert contact.yaw == pytest.approx(0.2, rel=1e-4)
     assert contact.line_force == pytest.approx(FORCE * scale**2, rel=1e-4)
 
@@ -146,7 +147,7 @@ def test_mirrored_picture_gives_the_mirrored_line():
     rng = np.random.default_rng(3)
     picture = noisy(edge(0.003, 0.3), rng)
     one, other = estimate(picture), estimate(picture[:, ::-1])
-    assert (other.a, other.yaw) == pytest.approx((-one.a, -one.yaw))
+    assert (other.x, other.y, other.yaw) == pytest.approx((-one.x, one.y, -one.yaw))
 
 
 def test_moments_baseline_is_worse_than_the_fit_but_sane():
@@ -154,9 +155,35 @@ def test_moments_baseline_is_worse_than_the_fit_but_sane():
     picture = noisy(edge(0.002, 0.2), rng)
     baseline, fit = estimate(picture, method='moments'), estimate(picture)
     assert baseline.valid and baseline.method == 'moments'
-    assert baseline.a == pytest.approx(0.002, abs=5e-4)
+    assert baseline.offset == pytest.approx(0.002, abs=5e-4)
     assert baseline.yaw == pytest.approx(0.2, abs=0.05)
-    assert abs(fit.a - 0.002) < abs(baseline.a - 0.002)
+    assert abs(fit.offset - 0.002) < abs(baseline.offset - 0.002)
+
+
+@pytest.mark.parametrize('degrees', [-89.9, -75, -45, 0, 30, 60, 80, 85, 89, 90])
+def test_all_directions_are_alike(degrees):
+    """An edge turned with its place: found as well whichever way it lies; 90 is told as such."""
+    rng, yaw, errors = np.random.default_rng(21), np.radians(degrees), []
+    across, along = np.array([np.cos(yaw), np.sin(yaw)]), np.array([-np.sin(yaw), np.cos(yaw)])
+    for offset in np.linspace(-6e-3, 6e-3, 40):
+        contact = estimate(noisy(edge(offset, yaw), rng))
+        assert contact.valid and contact.type == ContactType.LINE and contact.force_valid
+        assert -np.pi / 2 < contact.yaw <= np.pi / 2
+        turned = contact.yaw - yaw
+        assert abs(np.sin(turned)) < 0.01
+        place = np.array([contact.x, contact.y])
+        claimed = contact.covariance[:2, :2]
+        errors.append((across @ place - offset) / np.sqrt(across @ claimed @ across))
+        # On the pad, at the middle of the chord; the claim is across the edge only.
+        assert (np.abs(place) < ARRAY.half_width_x).all()
+        ends = [[(at - offset * n) / t for at in (-ARRAY.half_width_x, ARRAY.half_width_x)]
+                for n, t in zip(across, along, strict=True) if abs(t) > 1e-6]
+        middle = 0.5 * (max(map(min, ends)) + min(map(max, ends)))
+        assert along @ place == pytest.approx(middle, abs=2e-4)
+        told = np.array([np.cos(contact.yaw), np.sin(contact.yaw)])
+        np.testing.assert_allclose(
+            claimed, np.trace(claimed) * np.outer(told, told), atol=1e-6 * np.trace(claimed))
+    assert np.sqrt(np.mean(np.square(errors))) < 1.3
 
 
 def test_invalid_tactels_cost_accuracy_only():
@@ -165,7 +192,7 @@ def test_invalid_tactels_cost_accuracy_only():
     picture[rng.random(picture.shape) < 0.15] = np.nan
     contact = estimate(picture)
     assert contact.valid and Reason.DEAD_TACTELS in contact.reasons
-    assert contact.a == pytest.approx(0.003, abs=5e-5)
+    assert contact.offset == pytest.approx(0.003, abs=5e-5)
 
 
 def test_saturated_tactels_are_left_out_and_said_so():
@@ -188,7 +215,7 @@ def test_weak_contact_is_seen_but_not_valid():
     rng = np.random.default_rng(7)
     contact = estimate(noisy(edge(force=0.04 * FORCE), rng))
     assert not contact.valid and Reason.LOW_SNR in contact.reasons
-    assert contact.moments.m0 > 0.0 and np.isnan(contact.a)
+    assert contact.moments.m0 > 0.0 and np.isnan(contact.x)
 
 
 def test_a_flat_and_a_corner_are_no_line():
@@ -235,8 +262,8 @@ def test_a_valid_estimate_has_no_nan():
         contact = estimate(picture)
         if contact.valid:
             assert contact.type == ContactType.LINE
-            assert np.isfinite([contact.a, contact.yaw, contact.normal_force, contact.snr,
-                                contact.line_force, contact.residual]).all()
+            assert np.isfinite([contact.x, contact.y, contact.yaw, contact.normal_force,
+                                contact.snr, contact.line_force, contact.residual]).all()
 
 
 def test_unknown_noise_is_read_from_the_picture():
@@ -282,9 +309,10 @@ def test_without_a_gain_the_place_is_told_and_no_force(method):
                   for scale, name in ((1.0, 'Pa'), (unit, 'counts')))
     assert other.valid and other.type == ContactType.LINE
     assert other.reasons == one.reasons | Reason.UNCALIBRATED
-    assert (other.a, other.yaw) == pytest.approx((one.a, one.yaw), rel=1e-4)
+    assert one.force_valid and not other.force_valid
+    assert (other.x, other.y, other.yaw) == pytest.approx((one.x, one.y, one.yaw), rel=1e-4)
     assert other.covariance[0, 0] == pytest.approx(one.covariance[0, 0], rel=1e-3)
-    forces = [other.normal_force, other.line_force, other.shear_force_x, other.force_windowed]
+    forces = [other.normal_force, other.line_force, other.shear_force_x, other.patch]
     assert np.isnan(forces).all() and np.isnan(other.covariance[[3, 4, 5, 6]]).all()
 
 
@@ -315,5 +343,5 @@ def test_layers_without_a_closed_form_leave_the_pressure_alone(method, second):
     layers = [Layer('zz', DEPTH, picture), Layer(component, ratio * DEPTH, picture)]
     both = estimator.estimate_batch(np.stack([picture, picture])[None], ARRAY, layers)
     alone = estimator.estimate_batch(picture[None], ARRAY, layers[:1])
-    assert both['valid'].all() and both['a'] == alone['a']
+    assert both['valid'].all() and both['x'] == alone['x']
     assert both['normal_force'] == alone['normal_force']

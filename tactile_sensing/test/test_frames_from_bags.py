@@ -111,7 +111,7 @@ def test_of_a_bag_is_told_what_the_node_tells(there):
         contact = ContactEstimator().estimate(received(image))
         assert (found['type'][k], found['valid'][k], found['reasons'][k]) == (
             contact.type, contact.valid, contact.reasons)
-        assert np.isnan(found['a'][k]) if not contact.valid else found['a'][k] == contact.a
+        assert np.isnan(found['x'][k]) if not contact.valid else found['x'][k] == contact.x
         np.testing.assert_array_equal(found['covariance'][k], contact.covariance)
         assert found['moments'][k][0] == contact.moments.m0
     narrow = run('run', '--dead', '0,0', '--noise', '600')

@@ -35,11 +35,11 @@ def found(frames, noise, *, depth=DEPTH, full_scale=0.0, floor=0.0, **config):
 
 
 def errors(records, loads, noise):
-    """RMS errors: a [mm], P, Qx and Qy [% of P]; of frames that are valid points."""
+    """RMS errors: x [mm], P, Qx and Qy [% of P]; of frames that are valid points."""
     good = records['valid'] & (records['type'] == 1)
     assert good.mean() > 0.98
     estimate = np.column_stack([
-        records['a'], *(noise * records[name] for name in (
+        records['x'], *(noise * records[name] for name in (
             'normal_force', 'shear_force_x', 'shear_force_y'))])
     error = (estimate - loads[:, [0, 2, 3, 4]])[good]
     return np.sqrt(np.mean(error**2, axis=0)) * [1e3, 100.0, 100.0, 100.0]
@@ -83,7 +83,7 @@ def test_stuck_tactels_do_not_draw_the_point(presses):
     records = found(np.where(stuck, 2.0 * clean.max(), frames), noise)
     good = records['valid']
     assert good.mean() > 0.93
-    assert np.abs(records['a'] - loads[:, 0])[good].max() < 0.3e-3
+    assert np.abs(records['x'] - loads[:, 0])[good].max() < 0.3e-3
 
 
 def test_missing_and_saturated_tactels_have_no_weight(presses):
@@ -111,7 +111,7 @@ def test_clipping_that_nobody_tells_is_seen(presses, level):
     clipped = np.minimum(scale[:, None, None] * frames, ceiling)
     told, untold = (found(clipped, noise, full_scale=given)
                     for given in (ceiling / noise[0], 0.0))
-    for name in ('a', 'normal_force'):  # 10 % and more of the force if it were not seen
+    for name in ('x', 'normal_force'):  # 10 % and more of the force if it were not seen
         assert np.array_equal(told[name], untold[name], equal_nan=True)
     assert np.array_equal(told['reasons'], untold['reasons'])
     assert (untold['reasons'] & int(Reason.SATURATED) > 0).all()
@@ -204,14 +204,11 @@ def test_depth_can_be_found(presses, wrong):
     assert np.sqrt(np.nanmean(deviation**2)) == pytest.approx(1.0, abs=0.1)
 
 
-def test_a_wrong_depth_is_told_and_costs_certainty(presses):
+def test_a_wrong_depth_costs_certainty(presses):
     _, frames, _, noise = presses
     records = found(frames, noise, depth=1.2 * DEPTH)
-    assert (records['reasons'] & int(Reason.FORCE_MISMATCH) > 0).mean() > 0.3
     off = np.abs(noise * records['normal_force'] - 1.0)
     assert (off < 3.0 * noise * np.sqrt(records['covariance'][:, 3, 3])).all()
-    right = found(frames, noise)
-    assert (right['reasons'] & int(Reason.FORCE_MISMATCH) > 0).mean() < 0.005
 
 
 def test_an_extended_patch_is_told():
@@ -226,10 +223,9 @@ def test_an_extended_patch_is_told():
     noise = 0.01 * frames.max(axis=(1, 2))
     records = found(frames + noise[:, None, None] * rng.normal(size=frames.shape), noise)
     assert records['valid'].all()
-    for name in ('normal_force', 'force_windowed'):  # a sharp point would have 8 % too little
-        assert np.mean(noise * records[name]) == pytest.approx(1.0, abs=0.01)
+    # A sharp point would have 8 % too little.
+    assert np.mean(noise * records['normal_force']) == pytest.approx(1.0, abs=0.01)
     assert np.mean(records['patch']) == pytest.approx(1e-3, abs=0.05e-3)
-    assert (records['reasons'] & int(Reason.FORCE_MISMATCH) > 0).mean() < 0.05
 
 
 @pytest.mark.parametrize('most', [2.0, 4.0])
@@ -241,7 +237,7 @@ def test_shear_beyond_friction(presses, most):
     records = found(clean, noise)
     assert records['valid'].all()
     # To the place 1e-4 mm, as without noise; forces as well.
-    assert np.abs(records['a'] - loads[:, 0]).max() < 1e-7
+    assert np.abs(records['x'] - loads[:, 0]).max() < 1e-7
     assert np.abs(noise * records['shear_force_x'] - loads[:, 3]).max() < 1e-4
 
 
@@ -250,17 +246,17 @@ def test_shear_across_a_line():
     rng = np.random.default_rng(16)
     place = rng.uniform((-8e-3, -0.7), (8e-3, 0.7), (300, 2))
     clean = np.array([line.stress_with_shear(
-        array.x, array.y[:, None], a * np.cos(yaw), yaw, 200.0, 60.0, DEPTH)
-        for a, yaw in place])
+        array.x, array.y[:, None], *load, 200.0, 60.0, DEPTH) for load in place])
     noise = 0.01 * line.peak_pressure(200.0, DEPTH)
     frames = clean + rng.normal(0.0, noise, clean.shape)
     layer = Layer('zz', DEPTH, None, 0.0, noise)
     records = ContactEstimator(EstimatorConfig(tactel='point')).estimate_batch(
         frames, array, [layer])
     assert records['valid'].all() and np.isfinite(records['shear_force_x']).all()
-    off = (records['a'] - place[:, 0]) * np.cos(place[:, 1])
+    offset, yaw = place.T
+    off = records['x'] * np.cos(yaw) + records['y'] * np.sin(yaw) - offset
     assert np.sqrt(np.mean(off**2)) < 0.015e-3  # .2 mm if the shear were left out
-    claimed = np.sqrt(records['covariance'][:, 0, 0]) * np.cos(place[:, 1])
+    claimed = np.sqrt(records['covariance'][:, 0, 0] + records['covariance'][:, 1, 1])
     assert np.sqrt(np.mean((off / claimed) ** 2)) == pytest.approx(1.0, abs=0.12)
 
 

@@ -66,8 +66,8 @@ class Inputs:
     def see_contact(self, contact: Contact, stamp_ns: int, arrival: float) -> None:
         """Take a contact estimate."""
         self.contact, self.refused = Sample(contact, stamp_ns, arrival), None
-        self._felt = max(filter(math.isfinite, (contact.normal_force, contact.moments.m0)),
-                         default=0.0)
+        fitted = contact.normal_force if contact.force_valid else 0.0
+        self._felt = max(filter(math.isfinite, (fitted, contact.moments.m0)), default=0.0)
         reasons = int(contact.reasons)  # a set of flags is slow to ask
         self.saturated = bool(reasons & _SATURATED)
         self._tared = not reasons & _NOT_TARED

@@ -16,12 +16,13 @@ from tactile_shape.contour.contact_path import ContactPath, locate, needs_pictur
 MS = 1_000_000
 
 
-def point(a=0.0, b=0.0, valid=True):
-    return Contact(ContactType.POINT, valid, Reason(0), 'fit', a=a, b=b, yaw=np.nan)
+def point(x=0.0, y=0.0, valid=True):
+    return Contact(ContactType.POINT, valid, Reason(0), 'fit', x=x, y=y, yaw=np.nan)
 
 
-def line(a, yaw):
-    return Contact(ContactType.LINE, True, Reason(0), 'fit', a=a, b=0.0, yaw=yaw)
+def line(x, yaw, y=0.0, **known):
+    """Line through (x, y)."""
+    return Contact(ContactType.LINE, True, Reason(0), 'fit', x=x, y=y, yaw=yaw, **known)
 
 
 NOTHING = Contact(ContactType.NONE, False, Reason.NO_CONTACT, 'fit')
@@ -49,14 +50,30 @@ def test_point_on_a_flat_pad():
     np.testing.assert_array_equal(normal, [0.0, 0.0, 1.0])
 
 
-@pytest.mark.parametrize('yaw', [0.0, 0.4, -1.0])
+@pytest.mark.parametrize('yaw', [0.0, 0.4, -1.0, 1.5, np.pi / 2])
 def test_edge_is_touched_where_it_is_nearest_to_the_centre(yaw):
     place, edge = locate(line(3e-3, yaw))
     along = np.array([-np.sin(yaw), np.cos(yaw)])
     assert edge and np.dot(place, along) == pytest.approx(0.0, abs=1e-15)
-    # and on the line through (a, 0) with direction (-sin, cos)
+    # and on the line through (3 mm, 0) with direction (-sin, cos)
     away = np.subtract(place, [3e-3, 0.0])
     assert away[0] * along[1] - away[1] * along[0] == pytest.approx(0.0, abs=1e-15)
+
+
+def test_an_edge_along_x_is_the_same_on_either_side_of_the_wrap():
+    """At 90 and just past -90 degrees: one edge, whose ends change places."""
+    places = []
+    for yaw, ends in ((np.pi / 2, {'start': 1e-3}), (1e-9 - np.pi / 2, {'end': -1e-3})):
+        for known in ({}, ends):
+            contact = line(0.0, yaw, y=4e-3, **known)
+            place, edge = locate(contact)
+            assert edge
+            places.append(place)
+    np.testing.assert_allclose(places, [(0.0, 4e-3), (-1e-3, 4e-3)] * 2, atol=1e-10)
+
+
+def test_no_force_is_needed_for_a_place():
+    assert locate(line(1e-3, 0.2, normal_force=np.nan, force_valid=False))[0] is not None
 
 
 def test_a_large_area_is_at_its_centre_of_pressure_and_a_bent_edge_is_not():

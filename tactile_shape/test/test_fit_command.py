@@ -218,7 +218,7 @@ def messages(point, normal, stamp_ns, offset=(0.001, -0.002)):
         setattr(pose.pose.position, axis, float(value))
     for axis, value in zip('xyzw', turn.as_quat(), strict=True):
         setattr(pose.pose.orientation, axis, float(value))
-    contact = ContactMsg(type=ContactMsg.TYPE_POINT, valid=True, a=offset[0], b=offset[1])
+    contact = ContactMsg(type=ContactMsg.TYPE_POINT, valid=True, x=offset[0], y=offset[1])
     contact.header.stamp = stamp_from_ns(stamp_ns)
     contact.header.frame_id = 'tactile_pad'
     return pose, contact

@@ -98,8 +98,8 @@ def pose_msg(stamp_ns, position, normal, frame='base', offset=(0.0, 0.0)):
     return pose
 
 
-def contact_msg(stamp_ns, a=0.0, b=0.0, kind=ContactMsg.TYPE_POINT, valid=True, yaw=0.0):
-    contact = ContactMsg(sensor='pad', type=kind, valid=valid, a=a, b=b, yaw=yaw)
+def contact_msg(stamp_ns, x=0.0, y=0.0, kind=ContactMsg.TYPE_POINT, valid=True, yaw=0.0):
+    contact = ContactMsg(sensor='pad', type=kind, valid=valid, x=x, y=y, yaw=yaw)
     contact.header.stamp, contact.header.frame_id = stamp_from_ns(stamp_ns), 'tactile_pad'
     return contact
 
@@ -115,7 +115,7 @@ def test_a_trace_over_a_sphere_of_70_mm():
         for k, (point, normal, x) in enumerate(zip(noisy, turned, offsets, strict=True)):
             stamp = (1000 + 5 * k) * MS
             patch = it.touch(
-                contact_msg(stamp, a=x), pose_msg(stamp, point, normal, 'base', (x, 0)))
+                contact_msg(stamp, x=x), pose_msg(stamp, point, normal, 'base', (x, 0)))
             assert stamp_to_ns(patch.header.stamp) == stamp and patch.header.frame_id == 'base'
             if patch.valid and all(patch.curvature_seen) and patch.extent > 0.02:
                 assert patch.kind == SurfacePatch.KIND_SPHERE
@@ -139,7 +139,7 @@ def test_poses_are_interpolated_at_the_stamp_of_a_contact():
     up = np.array([0.0, 0.0, 1.0])
     with bench() as it:
         it.replay.poses.publish(pose_msg(100 * MS, np.zeros(3), up))
-        it.replay.contacts.publish(contact_msg(105 * MS, a=1e-3))
+        it.replay.contacts.publish(contact_msg(105 * MS, x=1e-3))
         it.wait(lambda: it.node._path._waiting, 'the contact')
         assert not it.replay.patches  # its later pose has not come
         it.replay.poses.publish(pose_msg(110 * MS, np.array([0.02, 0.0, 0.0]), up))
@@ -195,9 +195,10 @@ def test_an_edge_makes_a_contour_of_its_radius():
             for axis, value in zip('xyzw', turn.as_quat(), strict=True):
                 setattr(pose.pose.orientation, axis, float(value))
             # In the frame of the pad the edge is at 3e-4 along the radius, turned back by lean.
-            a = (3e-4 + rng.normal(0.0, 2e-5)) / np.cos(lean)
-            patch = it.touch(contact_msg((1000 + 10 * k) * MS, a=a, kind=ContactMsg.TYPE_LINE,
-                                         yaw=-lean), pose)
+            away = 3e-4 + rng.normal(0.0, 2e-5)
+            patch = it.touch(contact_msg(
+                (1000 + 10 * k) * MS, x=away * np.cos(lean), y=-away * np.sin(lean),
+                kind=ContactMsg.TYPE_LINE, yaw=-lean), pose)
         assert not patch.valid and 'an edge' in patch.reason
         it.wait(lambda: len(it.replay.contours[-1].poses) > 75, 'the contour')
         xyz = np.array([[getattr(p.pose.position, axis) for axis in 'xyz']
@@ -226,7 +227,7 @@ def test_odd_input_is_passed_over():
             it.replay.poses.publish(message)
         it.replay.contacts.publish(contact_msg(99 * MS, kind=77))
         patch = it.touch(
-            contact_msg(102 * MS, a=float('nan')), pose_msg(102 * MS, np.zeros(3), up))
+            contact_msg(102 * MS, x=float('nan')), pose_msg(102 * MS, np.zeros(3), up))
         assert not patch.valid and 'not located' in patch.reason
         same = [it.touch(contact_msg(103 * MS), pose_msg(103 * MS, np.zeros(3), up))
                 for _ in range(3)]

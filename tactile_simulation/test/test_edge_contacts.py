@@ -14,8 +14,8 @@ from tactile_simulation.renderer import render
 from tactile_simulation.scene import Skin
 
 
-def line(a, yaw):
-    return Contact(ContactType.LINE, True, Reason(0), 'fit', a=a, b=0.0, yaw=yaw)
+def line(x, yaw):
+    return Contact(ContactType.LINE, True, Reason(0), 'fit', x=x, y=0.0, yaw=yaw)
 
 
 def test_a_line_through_a_bend_is_located_in_its_picture():
@@ -29,12 +29,12 @@ def test_a_line_through_a_bend_is_located_in_its_picture():
     picture = TactileImage(
         0, 0, (Layer('zz', skin.depth, pressure, noise_std=noise),), array, tared=True)
     contact = ContactEstimator(EstimatorConfig(tactel='point')).estimate(picture)
-    assert contact.valid and abs(contact.a) > 5e-5  # the edge is through the middle
+    assert contact.valid and abs(contact.offset) > 5e-5  # the edge is through the middle
     place, is_edge = locate(contact, picture)
     assert is_edge and np.hypot(*place) < 2e-5
 
 
-@pytest.mark.parametrize('yaw', [-0.5, 0.0, 0.3])
+@pytest.mark.parametrize('yaw', [-1.5, -0.5, 0.0, 0.3, 1.5, np.pi / 2])
 def test_a_whole_straight_edge_needs_no_picture(yaw):
     array = TactelArray(16, 16, 0.0016, 0.0016)
     for end, needed in ((0.03, False), (0.0, True)):

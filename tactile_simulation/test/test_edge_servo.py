@@ -130,8 +130,9 @@ def test_too_much_load_in_a_hold_lifts_off_once_it_is_known():
     loop.run(None, 0.2)
     assert loop.servo.state == State.HOLD
     stamp = round(loop.now * 1e9)
-    loop.servo.see_contact(Contact(ContactType.LINE, True, Reason(0), 'fit', a=0.0, yaw=0.0,
-                                   normal_force=100.0), stamp, loop.now)
+    loop.servo.see_contact(Contact(
+        ContactType.LINE, True, Reason(0), 'fit', force_valid=True, x=0.0, y=0.0, yaw=0.0,
+        normal_force=100.0), stamp, loop.now)
     status, _ = loop.servo.cycle(loop.now + 0.0025, stamp + 2_500_000)
     assert status.state == State.RETREAT and status.reason.code == ReasonCode.OVERLOAD
 

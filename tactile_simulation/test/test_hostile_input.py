@@ -48,16 +48,17 @@ KINDS = ('edge', 'corner', 'blob', 'heavy', 'noise', 'blank', 'saturated', 'nan'
 values = st.floats(-1.0, 1.0) | st.sampled_from(
     [float('nan'), float('inf'), -1e300, 1e300, 0.0, 1e-3, 5.0, 50.0, 100.0])
 wild = st.builds(
-    Contact, type=st.sampled_from(ContactType), valid=st.booleans(),
+    Contact, type=st.sampled_from(ContactType), valid=st.booleans(), force_valid=st.booleans(),
     reasons=st.sampled_from([Reason(0), Reason.NOT_TARED, Reason.LOW_SNR, Reason.SATURATED]),
-    method=st.just('fit'), a=values, yaw=values, normal_force=values,
+    method=st.just('fit'), x=values, y=values, yaw=values, normal_force=values,
     moments=st.builds(Moments, values, values, values, values, values, values))
 
 
-def line(force, a, yaw):
+def line(force, x, yaw):
     """Contact that looks right: without it a sequence never comes to track."""
-    return Contact(ContactType.LINE, True, Reason(0), 'fit', a=a, yaw=yaw, normal_force=force,
-                   moments=Moments(force, force * a, 0.0, 0.0, force * 5.4e-5, 0.0))
+    return Contact(ContactType.LINE, True, Reason(0), 'fit', force_valid=True, x=x, y=0.0, yaw=yaw,
+                   normal_force=force,
+                   moments=Moments(force, force * x, 0.0, 0.0, force * 5.4e-5, 0.0))
 
 
 contacts = wild | st.builds(line, st.floats(0.0, 12.0) | st.just(100.0),

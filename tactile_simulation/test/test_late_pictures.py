@@ -43,8 +43,8 @@ def test_limit_is_where_the_phase_of_the_loop_reaches_half_a_turn(delay, lag):
 
 def line(lateral=0.001, remaining=0.0, force=4.9):
     moments = Moments(force, 0.0, force * remaining, 0.0, force * HALF**2 / 3.0, 0.0)
-    return Contact(ContactType.LINE, True, Reason(0), 'fit', moments=moments, a=lateral,
-                   yaw=0.02, normal_force=force)
+    return Contact(ContactType.LINE, True, Reason(0), 'fit', force_valid=True, moments=moments,
+                   x=lateral, y=0.0, yaw=0.02, normal_force=force)
 
 
 def seen_late(age, contact=None, pictures=100, goal=GOAL):

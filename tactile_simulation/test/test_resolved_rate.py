@@ -31,7 +31,8 @@ EDGE_MOMENTS = Moments(5.0, 0.005, 0.0, 25e-6, 260e-6, 0.0)
 
 
 def contact(kind=ContactType.LINE, valid=True, moments=EDGE_MOMENTS, reasons=0, **known):
-    return Contact(kind, valid, Reason(reasons), 'fit', moments=moments, **known)
+    return Contact(kind, valid, Reason(reasons), 'fit', moments=moments,
+                   **{'force_valid': valid} | known)
 
 
 def test_twist_moves_the_pad_onto_the_edge():
@@ -62,8 +63,16 @@ def test_every_rate_is_bounded():
 
 def test_a_valid_line_is_taken_as_fitted():
     features, why = edge_features(
-        contact(a=0.002, yaw=0.1, normal_force=5.0), ARRAY, CONFIG.edge, STIFFNESS)
-    assert (features.lateral, features.yaw, features.force, why) == (0.002, 0.1, 5.0, '')
+        contact(x=0.002, y=0.001, yaw=0.1, normal_force=4.0), ARRAY, CONFIG.edge, STIFFNESS)
+    offset = 0.002 * np.cos(0.1) + 0.001 * np.sin(0.1)  # of the centre from the line
+    assert features.lateral == pytest.approx(offset)
+    assert (features.yaw, features.force, why) == (0.1, 4.0, '')
+
+
+def test_a_line_whose_force_is_not_valid_has_that_of_the_moments():
+    features, _ = edge_features(contact(x=0.0, y=0.0, yaw=0.1, normal_force=np.nan,
+                                        force_valid=False), ARRAY, CONFIG.edge, STIFFNESS)
+    assert features.force == EDGE_MOMENTS.m0
 
 
 def test_an_elongated_contact_is_followed_by_its_moments():
@@ -78,10 +87,12 @@ def test_an_elongated_contact_is_followed_by_its_moments():
     (contact(ContactType.OTHER, False, Moments(5.0, 0, 0, 2e-4, 2e-4, 0)), 'elongation'),
     (contact(ContactType.OTHER, False, Moments(-5.0, 0, 0, 2e-4, 2e-4, 0),
              reasons=Reason.LOW_SNR), 'low_snr'),
-    (contact(a=0.0, yaw=1.3, normal_force=5.0), 'across the pad'),
-    (contact(a=0.02, yaw=0.0, normal_force=5.0), 'impossible'),
-    (contact(a=0.0, yaw=0.0, normal_force=-1.0), 'impossible'),
-    (contact(a=float('nan'), yaw=0.0, normal_force=5.0), 'not finite')])
+    (contact(x=0.0, y=0.0, yaw=1.3, normal_force=5.0), 'across the pad'),
+    (contact(x=0.0, y=0.0, yaw=np.pi / 2, normal_force=5.0), 'across the pad'),
+    (contact(x=0.02, y=0.0, yaw=0.0, normal_force=5.0), 'impossible'),
+    (contact(x=0.0, y=0.0, yaw=0.0, normal_force=-1.0), 'impossible'),
+    (contact(x=0.0, y=0.0, yaw=float('inf'), normal_force=5.0), 'not finite'),
+    (contact(x=float('nan'), y=0.0, yaw=0.0, normal_force=5.0), 'not finite')])
 def test_what_is_no_edge_is_refused_with_its_reason(seen, text):
     features, why = edge_features(seen, ARRAY, CONFIG.edge, STIFFNESS)
     assert features is None and text in why

@@ -7,16 +7,16 @@ import numpy as np
 
 from benchmarks.contact.cases.loads import DEPTH, LINE_ARRAY, POINT_ARRAY, POINT_PEAK
 from tactile_sensing.half_space import line, point
-from tactile_sensing.types.contact import ContactType
+from tactile_sensing.types.contact import ContactType, line_offsets
 
 DECIBELS = 40.0
 REACH = 8e-3  # m
 LINE_FORCE = 200.0  # N/m
 
-# A point has a, b, P, Qx and Qy, a line a, yaw, line_force and line_shear (both per length), as
-# the estimator's records name them; the rest is 0.
+# A point has x, y, P, Qx and Qy, a line x, y, yaw, line_force and line_shear (both per length), as
+# the estimator's records name them; the rest is 0. A line's (x, y) is nearest to the pad's centre.
 LOAD = np.dtype([(name, 'f8') for name in (
-    'a', 'b', 'yaw', 'normal_force', 'shear_force_x', 'shear_force_y', 'line_force',
+    'x', 'y', 'yaw', 'normal_force', 'shear_force_x', 'shear_force_y', 'line_force',
     'line_shear')])
 
 
@@ -62,12 +62,12 @@ def clean(kind, truth):
     """Noise-free frames of loads."""
     t = truth[:, None, None]
     if kind == ContactType.POINT:
-        return point.stress('zz', POINT_ARRAY.x, POINT_ARRAY.y[:, None], t['a'], t['b'],
+        return point.stress('zz', POINT_ARRAY.x, POINT_ARRAY.y[:, None], t['x'], t['y'],
                             t['normal_force'],
                             t['shear_force_x'], t['shear_force_y'], DEPTH)
     return line.stress_with_shear(
-        LINE_ARRAY.x, LINE_ARRAY.y[:, None], t['a'] * np.cos(t['yaw']), t['yaw'],
-        t['line_force'], t['line_shear'], DEPTH)
+        LINE_ARRAY.x, LINE_ARRAY.y[:, None], line_offsets(t), t['yaw'], t['line_force'],
+        t['line_shear'], DEPTH)
 
 
 def noisy(kind, truth, rng, decibels=DECIBELS, pictures=None):
@@ -79,23 +79,29 @@ def noisy(kind, truth, rng, decibels=DECIBELS, pictures=None):
 
 def draw(kind, count, rng, shear=(0.0, 0.5)):
     """
-    Parameters of loads with |a|, |b| <= 8 mm or |b| <= 8 mm, |yaw| <= 40 degrees.
+    Parameters of loads with |x|, |y| <= 8 mm or |offset| <= 8 mm, |yaw| <= 40 degrees.
 
     Shear is from so much to so much of the force: in any direction for a point, across a line
     with either sign.
     """
     truth = np.zeros(count, LOAD)
     ratio = rng.uniform(*shear, count)
-    truth['a'] = rng.uniform(-REACH, REACH, count)
+    place = rng.uniform(-REACH, REACH, count)
     if kind == ContactType.POINT:
         turn = rng.uniform(-np.pi, np.pi, count)
-        truth['b'], truth['normal_force'] = rng.uniform(-REACH, REACH, count), 1.0
+        truth['x'], truth['y'] = place, rng.uniform(-REACH, REACH, count)
+        truth['normal_force'] = 1.0
         truth['shear_force_x'], truth['shear_force_y'] = ratio * np.cos(turn), ratio * np.sin(turn)
     else:
-        truth['yaw'] = np.radians(rng.uniform(-40.0, 40.0, count))
+        _lay(truth, place, np.radians(rng.uniform(-40.0, 40.0, count)))
         truth['line_force'] = LINE_FORCE
         truth['line_shear'] = LINE_FORCE * ratio * rng.choice([-1, 1], count)
     return truth
+
+
+def _lay(truth, offset, yaw):
+    """Lay lines at a distance from the centre."""
+    truth['x'], truth['y'], truth['yaw'] = offset * np.cos(yaw), offset * np.sin(yaw), yaw
 
 
 def sample(kind, count, rng, **options):
@@ -110,9 +116,11 @@ def near_border(kind, count, rng, millimetres):
     """Point at a distance from the border; line at a distance from one that it is along."""
     truth = draw(kind, count, rng, (0.0, 0.5 if kind == ContactType.POINT else 0.0))
     half = (POINT_ARRAY if kind == ContactType.POINT else LINE_ARRAY).half_width_x
-    truth['a'] = rng.choice([-1.0, 1.0], count) * (half - 1e-3 * millimetres)
+    place = rng.choice([-1.0, 1.0], count) * (half - 1e-3 * millimetres)
     if kind == ContactType.LINE:
-        truth['yaw'] = np.radians(rng.uniform(-2.0, 2.0, count))
+        _lay(truth, place, np.radians(rng.uniform(-2.0, 2.0, count)))
+    else:
+        truth['x'] = place
     return noisy(kind, truth, rng)
 
 
@@ -194,11 +202,12 @@ def patch(kind, count, rng, millimetres):
         distance = radius * np.sqrt(1.0 - (1.0 - share) ** (2.0 / 3.0))
         turn = 2.0 * np.pi * (np.arange(8) + 0.5 * np.arange(12)[:, None]) / 8
         offsets = np.stack([distance * np.cos(turn), distance * np.sin(turn)], -1).reshape(-1, 2)
-        parts = [_changed(truth, a=truth['a'] + x, b=truth['b'] + y) for x, y in offsets]
+        parts = [_changed(truth, x=truth['x'] + x, y=truth['y'] + y) for x, y in offsets]
     else:  # Gauss-Chebyshev of the second kind: exact for a half ellipse
         angle = np.pi * np.arange(1, 9) / 9
         parts = [_changed(
-            truth, a=truth['a'] + radius * np.cos(t) / np.cos(truth['yaw']),
+            truth, x=truth['x'] + radius * np.cos(t) * np.cos(truth['yaw']),
+            y=truth['y'] + radius * np.cos(t) * np.sin(truth['yaw']),
             line_force=truth['line_force'] * 16 / 9 * np.sin(t) ** 2) for t in angle]
     pictures = sum(clean(kind, part) for part in parts) / len(parts)
     return noisy(kind, truth, rng, pictures=pictures)

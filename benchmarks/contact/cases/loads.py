@@ -15,8 +15,8 @@ DEPTH = 2e-3  # of the tactels [m]
 SECOND_DEPTH = 4e-3  # of model 2's second layer [m]
 STRUCTURES = {1: (('zz', DEPTH),), 2: (('zz', DEPTH), ('zz', SECOND_DEPTH)),
               3: (('zz', DEPTH), ('xz', DEPTH))}
-POINT_NAMES = 'a', 'b', 'normal_force', 'shear_force_x', 'shear_force_y'
-LINE_NAMES = 'a', 'yaw', 'line_force'
+POINT_NAMES = 'x', 'y', 'normal_force', 'shear_force_x', 'shear_force_y'
+LINE_NAMES = 'offset', 'yaw', 'line_force'
 POINT_PEAK = 1.5 / (np.pi * DEPTH**2)  # pressure above a normal load of 1 N [Pa]
 
 
@@ -74,7 +74,7 @@ def point_contacts(truth, model):
 
 
 def random_points(count, model, rng, *, reach=8e-3, shear=0.5):
-    """Loads of 1 N with |a|, |b| <= reach and shear of any direction up to shear * P."""
+    """Loads of 1 N with |x|, |y| <= reach and shear of any direction up to shear * P."""
     size, direction = shear * rng.random(count), 2.0 * np.pi * rng.random(count)
     truth = np.column_stack([
         rng.uniform(-reach, reach, count), rng.uniform(-reach, reach, count), np.ones(count),
@@ -83,25 +83,22 @@ def random_points(count, model, rng, *, reach=8e-3, shear=0.5):
 
 
 def line_contacts(truth):
-    """Contacts of lines from (b, yaw, line_force), shape (N, 3)."""
+    """Contacts of lines from (offset, yaw, line_force), shape (N, 3)."""
     truth = np.atleast_2d(truth)
     x, y = np.meshgrid(LINE_ARRAY.x, LINE_ARRAY.y)
     clean = np.empty((len(truth), *LINE_ARRAY.shape))
     bound = np.empty_like(truth)
     forward = LineModel(LINE_ARRAY, (DEPTH,))
-    for i, (b, yaw, force) in enumerate(truth):
-        rho = b * np.cos(yaw)
-        clean[i] = line.pressure(x, y, rho, yaw, force, DEPTH)
-        jacobian = forward.jacobian(np.array([rho, yaw, force, 0.0])).reshape(-1, 4)[:, :3]
-        # rho = b cos(yaw): derivatives by (b, yaw) at constant yaw and b.
-        change = np.array([[np.cos(yaw), -b * np.sin(yaw), 0.0], [0, 1, 0], [0, 0, 1]])
-        bound[i] = _bound(jacobian @ change)
+    for i, (offset, yaw, force) in enumerate(truth):
+        clean[i] = line.pressure(x, y, offset, yaw, force, DEPTH)
+        jacobian = forward.jacobian(np.array([offset, yaw, force, 0.0])).reshape(-1, 4)
+        bound[i] = _bound(jacobian[:, :3])
     _, _, force = truth.T
     return Contacts(LINE_NAMES, truth, clean, bound, line.peak_pressure(force, DEPTH))
 
 
 def random_lines(count, rng):
-    """Lines of 200 N/m with |yaw| <= 40 degrees and |b| <= 8 mm."""
+    """Lines of 200 N/m with |yaw| <= 40 degrees and |offset| <= 8 mm."""
     return line_contacts(np.column_stack([
         rng.uniform(-8e-3, 8e-3, count), np.radians(rng.uniform(-40.0, 40.0, count)),
         np.full(count, 200.0)]))

@@ -7,7 +7,7 @@ import numpy as np
 from benchmarks.contact.fe_frames import DEPTH, profiles, RADII
 from tactile_sensing.contact.estimator import ContactEstimator
 from tactile_sensing.types.array import TactelArray
-from tactile_sensing.types.contact import COLUMNS, ContactType
+from tactile_sensing.types.contact import COLUMNS, ContactType, line_offsets
 from tactile_sensing.types.image import Layer
 
 ARRAYS = {'16x16': TactelArray(16, 16, 25.4e-3 / 16, 25.4e-3 / 16),
@@ -81,18 +81,17 @@ def judge(profile, places, found):
     covariance = found['covariance']
     if line:
         rho, yaw = places.T
-        cos = np.cos(found['yaw'])
+        across = line_offsets(found) - rho
         turned = found['yaw'] - yaw
-        off = np.abs(found['a'] * cos - rho * np.cos(turned)) + 8e-3 * np.abs(np.sin(turned))
-        across = (found['a'] - rho / np.cos(yaw)) * np.cos(yaw)
-        sd = np.sqrt(covariance[:, 0, 0]) * np.cos(yaw)
-        normalised = across / sd
+        off = np.abs(across + rho * (1.0 - np.cos(turned))) + 8e-3 * np.abs(np.sin(turned))
+        sd = np.sqrt(covariance[:, 0, 0] + covariance[:, 1, 1])
+        normalised = (found['x'] * np.cos(yaw) + found['y'] * np.sin(yaw) - rho) / sd
         force, force_sd = found['line_force'], np.sqrt(covariance[:, 6, 6])
         sd = np.hypot(sd, 8e-3 * np.sqrt(covariance[:, 2, 2]))
     else:
-        off = np.hypot(found['a'] - places[:, 0], found['b'] - places[:, 1])
+        off = np.hypot(found['x'] - places[:, 0], found['y'] - places[:, 1])
         sd = np.sqrt(np.maximum(covariance[:, 0, 0], covariance[:, 1, 1]))
-        normalised = (found['a'] - places[:, 0]) / np.sqrt(covariance[:, 0, 0])
+        normalised = (found['x'] - places[:, 0]) / np.sqrt(covariance[:, 0, 0])
         force = found[COLUMN_OF_FORCE]
         force_sd = np.sqrt(covariance[:, 3, 3])
     error = force / profile['force'] - 1.0

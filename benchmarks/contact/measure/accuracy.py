@@ -211,18 +211,25 @@ def table_33(draws, peers, rng, progress):
     pitch = cases.LINE_ARRAY.pitch_x
     for name, (tactels, degrees, force) in TABLE_33.items():
         progress.step(f'Table 3.3, {name}')
-        contacts = cases.line_contacts([[tactels * pitch, -np.radians(degrees), force]] * draws)
+        yaw = -np.radians(degrees)
+        contacts = cases.line_contacts([[tactels * pitch * np.cos(yaw), yaw, force]] * draws)
         noise = float(contacts.noise(DECIBELS)[0])
         noisy = contacts.noisy(DECIBELS, rng)
         for method in methods.line_methods(noise, peers):
             if method.name.startswith('estimator'):
                 continue
-            [(b, yaw, line_force)] = method.run(contacts.clean[:1])
-            error = method.run(noisy) - contacts.truth
-            rms = contacts.told(np.sqrt((error**2).mean(axis=0)))
+            [(b, yaw, line_force)] = _as_printed(method.run(contacts.clean[:1]))
+            error = _as_printed(method.run(noisy)) - _as_printed(contacts.truth)
+            rms_b, rms_yaw, rms_force = np.sqrt((error**2).mean(axis=0))
             rows.append({
                 'case': name, 'method': method.name, 'b_tactel': b / pitch,
                 'alpha_deg': -np.degrees(yaw), 'force': line_force,
-                'rms_b_tactel': rms['a'] / pitch, 'rms_alpha_deg': np.degrees(rms['yaw']),
-                'rms_force_percent': 100.0 * rms['line_force'] / force})
+                'rms_b_tactel': rms_b / pitch, 'rms_alpha_deg': np.degrees(rms_yaw),
+                'rms_force_percent': 100.0 * rms_force / force})
     return rows
+
+
+def _as_printed(lines):
+    """Lines (N, 3) by the thesis' b, where they cross y = 0, in place of their offset."""
+    offset, yaw, force = lines.T
+    return np.column_stack([offset / np.cos(yaw), yaw, force])

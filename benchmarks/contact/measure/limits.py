@@ -7,7 +7,7 @@ import numpy as np
 from benchmarks.contact.cases import scenes
 from benchmarks.contact.cases.faults import FAULTS, LOAD, noisy
 from tactile_sensing.contact.estimator import ContactEstimator, EstimatorConfig
-from tactile_sensing.types.contact import ContactType, Reason, ROW
+from tactile_sensing.types.contact import ContactType, line_offsets, Reason, ROW
 from tactile_sensing.types.image import Layer
 
 METHODS = {'fit': {}, 'fit with depth': {'fit_depth': True},
@@ -32,18 +32,18 @@ def errors(given, records):
     variance = {name: records['covariance'][:, i, i] for name, i in ROW._asdict().items()}
     shear, claimed_shear = nothing, nothing
     if given.kind == ContactType.POINT:
-        place = np.hypot(records['a'] - truth['a'], records['b'] - truth['b'])
-        claimed_place = np.sqrt(variance['a'] + variance['b'])
+        place = np.hypot(records['x'] - truth['x'], records['y'] - truth['y'])
+        claimed_place = np.sqrt(variance['x'] + variance['y'])
         force = records['normal_force'] - truth['normal_force']
         claimed_force = np.sqrt(variance['normal_force'])
         shear = np.hypot(*(records[name] - truth[name]
                            for name in ('shear_force_x', 'shear_force_y')))
         claimed_shear = np.sqrt(variance['shear_force_x'] + variance['shear_force_y'])
     else:  # farthest between the two lines within the circle in the pad
-        cos, half = np.cos(records['yaw']), given.array.half_width_x
-        place = np.abs(records['a'] * cos - truth['a'] * np.cos(truth['yaw'])) + half * (
+        half = given.array.half_width_x
+        place = np.abs(line_offsets(records) - line_offsets(truth)) + half * (
             np.abs(np.sin(records['yaw'] - truth['yaw'])))
-        claimed_place = np.sqrt(variance['a'] * cos**2 + half**2 * variance['yaw'])
+        claimed_place = np.sqrt(variance['x'] + variance['y'] + half**2 * variance['yaw'])
         force = records['line_force'] - truth['line_force']
         claimed_force = np.sqrt(variance['line_force'])
     scale = np.array([[1.0], [given.force], [given.force]])
@@ -57,7 +57,7 @@ def judge(given, records):
     valid, right = records['valid'], records['type'] == given.kind
     off = [(error > least) & (error > times * claimed) for least, times in LIMITS]
     wrong = valid & (~right | np.any(off, axis=(0, 1)))
-    told = wrong & ((records['reasons'] & int(Reason.FORCE_MISMATCH)) > 0)
+    told = wrong & ((records['reasons'] & int(Reason.SKIN_MISMATCH)) > 0)
     used = error[:, valid & right]
     place, force, shear = np.sqrt((used**2).mean(axis=1)) if used.shape[1] >= 10 else (np.nan,) * 3
     return {'refused': float(1.0 - valid.mean()), 'wrong': float(wrong.mean()),

@@ -5,9 +5,9 @@ import numpy as np
 from benchmarks.contact.cases import faults
 from benchmarks.contact.cases.real_skin import all_profiles, ARRAYS, estimates, judge, pictures
 from benchmarks.contact.measure.limits import estimates as estimated
-from benchmarks.contact.measure.remedies import plain
+from benchmarks.contact.measure.remedies import place_errors, plain
 from tactile_sensing.half_space.kernels import add_segment
-from tactile_sensing.types.contact import ContactType
+from tactile_sensing.types.contact import ContactType, line_offsets
 from tactile_sensing.types.image import Layer
 
 
@@ -50,7 +50,7 @@ def _ended(count, rng):
     frames = np.zeros(given.frames.shape)
     for frame, truth in zip(frames, given.truth, strict=True):
         along = rng.uniform(-4e-3, 8e-3)
-        rho, yaw = truth['a'] * np.cos(truth['yaw']), truth['yaw']
+        rho, yaw = line_offsets(truth), truth['yaw']
         start, end = (np.array([rho * np.cos(yaw) - at * np.sin(yaw),
                                 rho * np.sin(yaw) + at * np.cos(yaw)]) for at in (-0.1, along))
         add_segment(frame, given.array.x, given.array.y, given.depth, *start, *end,
@@ -76,7 +76,7 @@ def ladder(count, rng, progress):
         for label, records in (('sharp', bare), ('ladder', found)):
             valid = records['valid'] & (records['type'] == given.kind)
             off = records[force] / given.force - 1.0
-            row[label] = {'place_mm': _rms(1e3 * (records['a'] - given.truth['a'])[valid]),
+            row[label] = {'place_mm': _rms(1e3 * place_errors(given, records)[valid]),
                           'force': _rms(off[valid]), 'refused': float(1.0 - valid.mean())}
         valid = found['valid']
         row['patch'] = float(np.mean(found['patch'][valid] > 0.0)) if valid.any() else 0.0

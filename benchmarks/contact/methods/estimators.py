@@ -20,7 +20,7 @@ from tactile_sensing.contact.load_fits import fit_loads
 from tactile_sensing.moments.compensation import compensated
 from tactile_sensing.moments.image_moments import image_moments, line_from_moments
 from tactile_sensing.moments.point_moments import basic, MomentFlag
-from tactile_sensing.types.contact import ContactType
+from tactile_sensing.types.contact import ContactType, line_offsets
 from tactile_sensing.types.image import Layer, TactileImage
 
 REFUSED = (MomentFlag.NO_FORCE | MomentFlag.SINGULAR | MomentFlag.OFF_PAD
@@ -69,7 +69,8 @@ def _records(frames, estimator, layers, array, names):
     found = estimator.estimate_batch(frames, array, [
         Layer(layer.component, layer.depth, None, noise_std=layer.noise_std)
         for layer in layers])
-    return np.stack([found[name] for name in names], axis=1)
+    return np.stack([line_offsets(found) if name == 'offset' else found[name] for name in names],
+                    axis=1)
 
 
 def _estimator(kind, method, layers, model=1):
@@ -94,7 +95,7 @@ def _fit_points(frames, layers):
 
 def _fit_lines(images, layers):
     fit = fit_loads(ContactType.LINE, images[:, None], LINE_ARRAY, layers, shear=False)
-    found = np.column_stack([fit['rho'] / np.cos(fit['yaw']), fit['yaw'], fit['force']])
+    found = np.column_stack([fit['rho'], fit['yaw'], fit['force']])
     return np.where(fit['converged'][:, None], found, np.nan)
 
 
@@ -151,7 +152,7 @@ def _line_moments(image, noise_std, printed):
     # The thesis' only preprocessing (3.5): a threshold of four times the noise.
     moments = image_moments(image, LINE_ARRAY, threshold=4.0 * noise_std)
     found = line_from_moments(moments, LINE_ARRAY.half_width_y, printed=printed)
-    return [found.a, found.yaw, found.line_force]
+    return [found.a * np.cos(found.yaw), found.yaw, found.line_force]
 
 
 def line_fit_method(noise_std):

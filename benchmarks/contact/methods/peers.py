@@ -111,7 +111,7 @@ def opencv_line(cv2, image, noise_std):
     """OpenCV's moments above the thesis' threshold through (3.8) to (3.10), corrected."""
     moments = cv2.moments(np.where(image > 4.0 * noise_std, image, 0.0))
     found = line_from_moments(_sensor_moments(moments, LINE_ARRAY), LINE_ARRAY.half_width_y)
-    return [found.a, found.yaw, found.line_force]
+    return [found.a * np.cos(found.yaw), found.yaw, found.line_force]
 
 
 def _sensor_moments(m, array):
@@ -153,9 +153,9 @@ def _through(column, row, vx, vy):
     """Offset and yaw of the line through a tactel along (vx, vy); no force."""
     if vy < 0.0:
         vx, vy = -vx, -vy
-    centre, pitch = 0.5 * (LINE_ARRAY.columns - 1), LINE_ARRAY.pitch_x
-    slope = vx / vy if vy else math.inf
-    return [(column - centre - (row - centre) * slope) * pitch, math.atan2(-vx, vy), np.nan]
+    centre, yaw = 0.5 * (LINE_ARRAY.columns - 1), math.atan2(-vx, vy)
+    offset = (column - centre) * math.cos(yaw) + (row - centre) * math.sin(yaw)
+    return [offset * LINE_ARRAY.pitch_x, yaw, np.nan]
 
 
 _YAWS = np.radians(np.arange(-60.0, 60.5, 1.0))
@@ -180,4 +180,4 @@ def berger_khosla(image):
     votes = votes[:, :-2] + votes[:, 1:-1] + votes[:, 2:]
     best_rho, best_yaw = np.nonzero(votes == votes.max())
     yaw = _YAWS[best_yaw].mean()
-    return [(best_rho.mean() - 40) * HOUGH_STEP / math.cos(yaw), yaw, np.nan]
+    return [(best_rho.mean() - 40) * HOUGH_STEP, yaw, np.nan]

@@ -39,9 +39,9 @@ def _speed(result):
         times = [f'{row[key] / unit:.2f}' if row[key] else '' for key in ('single_s', 'batched_s')]
         rms = row['rms']
         if row['contact'] == 'point':
-            error = f'{1e3 * rms["a"]:.3f} mm, P {100 * rms["normal_force"]:.2f} %'
+            error = f'{1e3 * rms["x"]:.3f} mm, P {100 * rms["normal_force"]:.2f} %'
         else:
-            error = f'{1e3 * rms["a"]:.3f} mm, {57.29578 * rms["yaw"]:.2f}°'
+            error = f'{1e3 * rms["offset"]:.3f} mm, {57.29578 * rms["yaw"]:.2f}°'
             error += f', {rms["line_force"] / 2:.2f} %' if 'line_force' in rms else ', no force'
         rows.append([row['contact'], row['label'], *times, error, f'{row["ratio"]:.2f}',
                      f'{100 * row["refused"]:.1f} %'])

@@ -22,7 +22,7 @@ def goals(result, ratios):
             ('line fit, 20 to 50 dB: worst RMS / CRB', worst['line'], 1.05)]
     line = next(r['rms'] for r in result['speed_and_accuracy']
                 if r['label'] == 'fit' and r['contact'] == 'line')
-    rows += [('line fit at 40 dB: b [mm]', 1e3 * line['a'], 0.005),
+    rows += [('line fit at 40 dB: place [mm]', 1e3 * line['offset'], 0.005),
              ('line fit at 40 dB: angle [degrees]', 57.29578 * line['yaw'], 0.03),
              ('line fit at 40 dB: force [%]', line['line_force'] / 2.0, 0.25)]
     failures = sum(r['failures'] for r in result['noise_free_loads'])

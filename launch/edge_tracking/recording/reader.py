@@ -40,8 +40,8 @@ def read_run(path, namespace=None) -> run.RunData:
                 namespace=prefix,
                 start_ns=start or 0,
                 images=_images(rows['image']),
-                contacts=run.Contacts.of(rows['contact']),
-                statuses=run.Statuses.of(rows['servo_status']),
+                contacts=_table(bag, run.Contacts, rows['contact']),
+                statuses=_table(bag, run.Statuses, rows['servo_status']),
                 poses=run.Poses.of(rows['sensor_pose']),
                 contour=_contour(rows['contour']),
                 patches=[patch_from_msg(row.message) for row in rows['surface_patch']
@@ -72,6 +72,13 @@ def _namespace(bag, wanted):
         return found[0]
     raise ConfigurationError(
         f'bag {bag.path}: holds several sensors, {", ".join(found)}; choose a namespace')
+
+
+def _table(bag, kind, rows):
+    try:
+        return kind.of(rows)
+    except AttributeError as error:
+        raise bag.damaged(rows[0].topic, rows[0].received_ns, error) from error
 
 
 def _geometry(message):

@@ -75,7 +75,9 @@ class Contacts(Table):
     stamp_ns: np.ndarray = _stamp()
     type: np.ndarray = _column(np.int64)
     valid: np.ndarray = _column(bool)
-    a: np.ndarray = _column()
+    force_valid: np.ndarray = _column(bool)
+    x: np.ndarray = _column()
+    y: np.ndarray = _column()
     yaw: np.ndarray = _column()
     normal_force: np.ndarray = _column()
     m0: np.ndarray = _column(read=lambda message: message.moments[0])  # [N, or counts m^2]

@@ -82,7 +82,7 @@ def _draw(plan, felt, run, scene, chosen):
     line, = felt.plot([], [], color=style.ESTIMATE_COLOUR, linewidth=2.2)
     style.label(felt, 'x [mm]', 'y [mm]')
     felt.grid(False)
-    along = np.array([-y, y])
+    along = 2.0 * np.hypot(x, y) * np.array([-1.0, 1.0])  # [m], beyond the pad
     scale, unit = (1e-3, 'kPa') if run.images.unit == 'Pa' else (1.0, run.images.unit)
     dark = f'What it feels (darkest: {scale * top:.0f} {unit})'
 
@@ -96,9 +96,10 @@ def _draw(plan, felt, run, scene, chosen):
         text = dark
         if len(contacts.stamp_ns) and stamp >= contacts.stamp_ns[0]:
             k = _nearest(contacts.stamp_ns, stamp)
-            if contacts.valid[k] and np.isfinite(contacts.a[k] + contacts.yaw[k]):
-                line.set_data(1e3 * (contacts.a[k] - along * np.tan(contacts.yaw[k])), 1e3 * along)
-            if contacts.valid[k] and np.isfinite(contacts.normal_force[k]):
+            if contacts.valid[k] and np.isfinite(contacts.yaw[k]):
+                line.set_data(1e3 * (contacts.x[k] - along * np.sin(contacts.yaw[k])),
+                              1e3 * (contacts.y[k] + along * np.cos(contacts.yaw[k])))
+            if contacts.force_valid[k]:
                 text += f'; {contacts.normal_force[k]:.1f} N'
         felt.set_title(text, fontsize=11, loc='left', color=style.INK)
     return update

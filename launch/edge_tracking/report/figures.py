@@ -63,7 +63,7 @@ def _left(run, scene, real):
 
 def _force(axes, run, summary, real):
     axes.plot(run.seconds(run.contacts.stamp_ns),
-              np.where(run.contacts.valid, run.contacts.normal_force, np.nan), color=ORANGE,
+              np.where(run.contacts.force_valid, run.contacts.normal_force, np.nan), color=ORANGE,
               linewidth=0.7)
     axes.plot(real.time, real.force, color=BLUE, linewidth=1.5)
     target = summary['force_target']
@@ -129,12 +129,14 @@ def _estimate(axes, run, index):
     match = np.flatnonzero(contacts.stamp_ns == run.images.stamp_ns[index])
     x, y = 1e3 * array.half_width_x, 1e3 * array.half_width_y
     if match.size and contacts.valid[match[0]] and np.isfinite(contacts.yaw[match[0]]):
-        a, yaw = 1e3 * contacts.a[match[0]], contacts.yaw[match[0]]
+        at_x, at_y, yaw = (values[match[0]] for values in (
+            1e3 * contacts.x, 1e3 * contacts.y, contacts.yaw))
         reach = 2.0 * np.hypot(x, y) * np.array([-1.0, 1.0])
-        axes.plot(a - reach * np.sin(yaw), reach * np.cos(yaw), color=style.ESTIMATE_COLOUR,
-                  linewidth=2.0)
+        axes.plot(at_x - reach * np.sin(yaw), at_y + reach * np.cos(yaw),
+                  color=style.ESTIMATE_COLOUR, linewidth=2.0)
         angle = round(np.degrees(yaw), 1) + 0.0  # no minus zero
-        text = f'a = {a:+.2f} mm, yaw = {angle:+.1f}\u00b0'
+        offset = at_x * np.cos(yaw) + at_y * np.sin(yaw)
+        text = f'{offset:+.2f} mm from the centre, yaw = {angle:+.1f}\u00b0'
     elif match.size and contacts.type[match[0]] == ContactType.OTHER:
         style.mark_centre(axes, contacts.centre_of_pressure[match[0]])
         text = 'no straight line'

@@ -129,7 +129,11 @@ class Bag:
                 raise ReaderError(f'{missing} messages in it are lost')
 
     def damaged(self, topic: str, time_ns: int, error: Exception) -> ConfigurationError:
-        """Return the error that says in one line which message is damaged, and how."""
+        """Return the error that says in one line which message cannot be read, and why."""
+        if isinstance(error, AttributeError):
+            return ConfigurationError(
+                f'bag {self.path}: messages on {topic} are of another version of '
+                f'{self.topics.get(topic)}: they have no field {error.name!r}')
         return ConfigurationError(
             f'bag {self.path}: the message on {topic} at {1e-9 * time_ns:.6f} s is damaged or of '
             f'another kind: {_one_line(error)}')

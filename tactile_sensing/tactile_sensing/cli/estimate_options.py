@@ -36,7 +36,8 @@ FLAGS = {
     Reason.NOT_TARED: 'not set by this command: it takes frames as tared',
     Reason.SATURATED: 'saturated tactels were left out (can be set with valid)',
     Reason.DEAD_TACTELS: 'invalid tactels were left out (can be set with valid)',
-    Reason.FORCE_MISMATCH: 'normal_force and force_windowed disagree (can be set with valid)',
+    Reason.SKIN_MISMATCH: 'the told skin does not explain the frame: place and direction only '
+                          '(can be set with valid)',
 }
 
 EXAMPLE = """\
@@ -47,7 +48,7 @@ EXAMPLE = """\
   np.savez('frames.npz', frames=np.tile(p, (100, 16, 1)) + np.random.normal(0, 630, (100, 16, 16)))
   "
   ros2 run tactile_sensing estimate frames.npz --pitch 0.001 --layers zz@0.002 -o contacts.npz
-  python3 -c "import numpy as np; c = np.load('contacts.npz'); print(c['a'].mean(), c['type'][0])"
+  python3 -c "import numpy as np; c = np.load('contacts.npz'); print(c['x'].mean(), c['type'][0])"
 """
 
 
@@ -90,8 +91,8 @@ sensor is, and what is told of them is what the node contact_estimator tells wit
 that are options here. With --calibration they must be raw counts that the driver passed through.
 """,
         epilog=f"""\
-Output arrays, SI units; NaN where a type does not have a value, and in every real number of a
-frame that is not valid:
+Output arrays, SI units; NaN where a type does not have a value, in every real number of a frame
+that is not valid, and in its forces and patch where force_valid is false:
 {arrays}
 and of a BAG
   t                (N,)      float64  s    stamp of the picture

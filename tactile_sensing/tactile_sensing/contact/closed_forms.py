@@ -5,7 +5,7 @@ import math
 
 import numpy as np
 
-from tactile_sensing.contact.parameters import FORCE_MISMATCH, LINE_ROWS, POINT_ROWS
+from tactile_sensing.contact.parameters import LINE_ROWS, POINT_ROWS
 from tactile_sensing.half_space import point
 from tactile_sensing.half_space.layers import first_pressure_layer, Layer
 from tactile_sensing.half_space.line import chord_length, pressure
@@ -18,7 +18,7 @@ from tactile_sensing.moments.compensation import (
 )
 from tactile_sensing.moments.image_moments import image_moments, line_from_moments
 from tactile_sensing.moments.point_moments import basic, MomentFlag
-from tactile_sensing.types.contact import ContactType, PARAMETERS, Reason, ROW
+from tactile_sensing.types.contact import ContactType, PARAMETERS, Reason
 from tactile_sensing.types.image import COMPONENTS
 from tactile_sensing.types.moments import Moments
 
@@ -28,8 +28,8 @@ UNEXPLAINED = 0.5  # share of the energy that the biased closed forms may leave 
 KNOWN_LAYERS = (('zz',), ('zz', 'xz'), ('zz', 'xz', 'yz'))  # at one depth
 STEP = 1e-6  # m, for derivatives by the place
 
-_POINT_NAMES = tuple(PARAMETERS[i] for i in POINT_ROWS)
-_POINT, _LINE = np.ix_(POINT_ROWS, POINT_ROWS), np.ix_(LINE_ROWS[:4], LINE_ROWS[:4])
+_POINT_NAMES = ('a', 'b', *(PARAMETERS[i] for i in POINT_ROWS[2:]))  # of PointMoments
+_POINT, _LINE = np.ix_(POINT_ROWS, POINT_ROWS), np.ix_(LINE_ROWS[:5], LINE_ROWS[:5])
 
 
 def estimate_by_moments(frame, array, layers, config, estimate):
@@ -72,15 +72,10 @@ def _judge(kind, why, image, model, noise, array, config, estimate):
         return ContactType.OTHER, Reason.BAD_FIT
     if why:
         return kind, why
-    if abs(estimate['a']) > array.half_width_x or abs(estimate['b']) > array.half_width_y:
+    if abs(estimate['x']) > array.half_width_x or abs(estimate['y']) > array.half_width_y:
         return kind, Reason.OFF_PAD
-    covariance = estimate['covariance']
-    covariance *= max(1.0, estimate['residual']**2)
-    estimate['force_windowed'] = force * image[live].sum() / model[live].sum()
-    variance = covariance[ROW.normal_force, ROW.normal_force]
-    allowed = FORCE_MISMATCH * force + 3.0 * math.sqrt(variance)
-    differs = abs(estimate['force_windowed'] - force) > allowed
-    return kind, Reason.FORCE_MISMATCH if differs else Reason(0)
+    estimate['covariance'] *= max(1.0, estimate['residual']**2)
+    return kind, Reason(0)
 
 
 def _line(image, cleaned, array, depth, noise, estimate):
@@ -90,22 +85,28 @@ def _line(image, cleaned, array, depth, noise, estimate):
     if not cleaned.elongation() >= MIN_ELONGATION:
         return ContactType.OTHER, Reason.BAD_FIT, None
 
-    def closed(moments):  # in the order of LINE_ROWS
+    def closed(moments):
         line = line_from_moments(Moments(*moments[0]), array.half_width_y)
-        length = chord_length(line.a * math.cos(line.yaw), line.yaw,
-                              array.half_width_x, array.half_width_y)
-        return np.array([line.a, line.yaw, line.line_force * length, line.line_force])
+        offset = line.a * math.cos(line.yaw)
+        length = chord_length(offset, line.yaw, array.half_width_x, array.half_width_y)
+        return np.array([offset, line.yaw, line.line_force * length, line.line_force])
 
     moments = np.array([astuple(cleaned)])
-    a, yaw, force, line_force = closed(moments)
-    estimate['a'], estimate['b'], estimate['yaw'] = a, 0.0, yaw
-    estimate['normal_force'], estimate['line_force'] = force, line_force
+    offset, yaw, force, line_force = closed(moments)
+    cos, sin = math.cos(yaw), math.sin(yaw)
+    centre_x, centre_y = cleaned.centre_of_pressure
+    along = centre_y * cos - centre_x * sin
+    estimate['x'], estimate['y'] = offset * cos - along * sin, offset * sin + along * cos
+    estimate['yaw'], estimate['normal_force'], estimate['line_force'] = yaw, force, line_force
     if not force > 0.0:
         return ContactType.LINE, Reason.OFF_PAD, None
     weights = _weights(array, 0.0, 0.0, np.inf)[:, (image >= THRESHOLD * noise).ravel()]
     spread = noise**2 * weights @ weights.T
-    estimate['covariance'][_LINE] = _propagated(closed, moments, [spread])
-    model = pressure(array.x, array.y[:, None], a * math.cos(yaw), yaw, line_force, depth)
+    change = np.eye(5, 4, -1)  # of x, y, yaw, forces by offset, yaw, forces
+    change[:2, 0] = cos, sin  # across the edge alone
+    change[:2, 1] = -along * cos, -along * sin
+    estimate['covariance'][_LINE] = change @ _propagated(closed, moments, [spread]) @ change.T
+    model = pressure(array.x, array.y[:, None], offset, yaw, line_force, depth)
     return ContactType.LINE, Reason(0), model
 
 
@@ -125,8 +126,8 @@ def _point(frame, layers, array, config, estimate):
         why = Reason.NOT_CONVERGED
     if found.flags & MomentFlag.OFF_PAD:
         why = Reason.OFF_PAD
-    for name in _POINT_NAMES:
-        estimate[name] = getattr(found, name)
+    for row, value in zip(POINT_ROWS, _five(found), strict=True):
+        estimate[PARAMETERS[row]] = value
     estimate['has_shear'] = True
     depth = next(layer.depth for layer in layers if layer.component == 'zz')
     stress, area = (point.average, (array.pitch_x, array.pitch_y)) if averaging else (

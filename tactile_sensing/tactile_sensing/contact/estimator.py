@@ -100,13 +100,14 @@ class ContactEstimator:
         told: dict[str, Any] = dict(zip(_ESTIMATED, estimate.item(), strict=True))
         kind, reasons = ContactType(told.pop('type')), Reason(told.pop('reasons'))
         moments = Moments(*(told.pop(name) for name in _MOMENTS))
-        valid, model = _is_valid(kind, int(reasons)), ''
+        valid, model = bool(_is_valid(kind, int(reasons))), ''
         shear, extras = told.pop('has_shear'), told.pop('extras')
         if valid:
             model = self._model_name(kind, shear, extras, layers)
         else:
             told.update(_INVALID, covariance=no_covariance())
-        return Contact(kind, valid, reasons, self.config.method, model, moments=moments, **told)
+        return Contact(kind, valid, reasons, self.config.method, model, moments=moments,
+                       force_valid=valid and main.unit == 'Pa', **told)
 
     def estimate_batch(self, frames: np.ndarray, array: TactelArray, layers: Sequence[Layer], *,
                        tared: bool = True) -> np.ndarray:
@@ -126,7 +127,8 @@ class ContactEstimator:
         Returns
         -------
         ndarray of contact.RECORD, shape (N,)
-            Every real number of a frame that is not valid is NaN.
+            Every real number of a frame that is not valid is NaN, and forces and patch of one that
+            is not force_valid.
 
         Raises
         ------
@@ -150,6 +152,7 @@ class ContactEstimator:
                 records[name] = estimates[name]
                 if name == 'covariance' or name in REALS:
                     records[name][~valid] = np.nan
+        records['force_valid'] = valid & (main.unit == 'Pa')
         records['moments'] = np.stack([estimates[name] for name in _MOMENTS], axis=-1)
         return records
 

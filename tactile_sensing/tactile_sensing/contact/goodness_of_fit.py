@@ -169,8 +169,8 @@ def refute(kind, sensor, layers, rules, memory, estimate):
     """
     Hold the load that was fitted to a frame against what it leaves.
 
-    The estimate, a `contact.ESTIMATE` record, gets the evidence: snr, residual, iterations, and in
-    force_windowed a ratio of forces. Returns ContactType and Reason; no reason if it stands.
+    The estimate, a `contact.ESTIMATE` record, gets the evidence: snr, residual, iterations.
+    Returns ContactType and Reason; no reason if it stands.
     """
     left, model, fit, state = memory.left, memory.model, memory.fits[0], memory.state[0]
     if fit.used < (MIN_POINT_TACTELS if kind == POINT else MIN_LINE_TACTELS):
@@ -193,7 +193,7 @@ def refute(kind, sensor, layers, rules, memory, estimate):
     estimate.residual = math.sqrt(squared / freedom)
     state.excess = max(1.0, weighted / freedom)
     estimate.iterations = fit.iterations
-    estimate.force_windowed = _window_ratio(kind, left[main], model[main], sensor, fit, depth)
+    state.ratio = _window_ratio(kind, left[main], model[main], sensor, fit, depth)
 
     weak = estimate.snr < rules.min_snr
     if weak and kind == POINT:  # noise has peaks, but hardly ridges: a line is judged first
@@ -214,8 +214,13 @@ def _off_pad(kind, sensor, load):
     half_x, half_y = half_sides(sensor)
     if kind == POINT:
         return abs(load.a) > half_x or abs(load.b) > half_y
-    return not (abs(load.rho) <= half_x * math.cos(load.yaw)
-                and chord(load.rho, load.yaw, half_x, half_y) > 0.0)
+    return not _crosses(load, half_x, half_y)
+
+
+@njit(error_model='numpy')
+def _crosses(line, half_x, half_y):
+    """Whether a line has a chord in a rectangle, of at least half of its shorter side."""
+    return chord(line.rho, line.yaw, half_x, half_y) >= min(half_x, half_y)
 
 
 @njit(error_model='numpy')
@@ -227,6 +232,6 @@ def beyond_sight(kind, sensor, depth, load, cov):
         inside = abs(load.a) <= last_x and abs(load.b) <= last_y
         variance = max(cov[Q0, Q0], cov[Q1, Q1])
     else:
-        inside = abs(load.rho) <= last_x * math.cos(load.yaw)
+        inside = _crosses(load, last_x, last_y)
         variance = cov[Q0, Q0]
     return not inside and variance > (BORDER_STD * depth) ** 2

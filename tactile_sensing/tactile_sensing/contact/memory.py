@@ -14,10 +14,12 @@ from tactile_sensing.types.contact import ESTIMATE
 # that hardly shows; what tactels are off beside noise, as a share of the pressure: known, found,
 # and the covariance that a part too small for the weights makes; squared error over what is
 # expected, at least 1; share of it that an extra would explain that was not kept; whether what
-# seemed an outlier is a contact, and whether tactels are only known to be below the floor.
+# seemed an outlier is a contact, and whether tactels are only known to be below the floor; the
+# pressure that is seen over that of the load.
 STATE = np.dtype([('slope', 'f8', (5,)), ('hidden', 'f8', (5,)), ('scatter', 'f8'),
                   ('found', 'f8'), ('by_gains', 'f8', (PARAMETERS, PARAMETERS)),
-                  ('excess', 'f8'), ('unexplained', 'f8'), ('second', '?'), ('any_censored', '?')])
+                  ('excess', 'f8'), ('unexplained', 'f8'), ('second', '?'), ('any_censored', '?'),
+                  ('ratio', 'f8')])
 
 
 class Memory(NamedTuple):

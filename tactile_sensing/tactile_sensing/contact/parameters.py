@@ -12,14 +12,14 @@ from tactile_sensing.half_space.kernels import FORCE, Q0, Q1, SHEAR_X
 from tactile_sensing.half_space.line import chord_length
 from tactile_sensing.types.contact import ROW
 
-FORCE_MISMATCH = 0.03  # relative difference of the two force estimates that is told
+FORCE_MISMATCH = 0.03  # relative difference of the two force estimates that is allowed for
 
 chord: Any = njit(error_model='numpy')(chord_length)
 # Rows of an estimate's covariance for the parameters of a point's fit, and for what `_line_map`
-# makes of a line's: without shear the first four.
-POINT_ROWS = (ROW.a, ROW.b, ROW.normal_force, ROW.shear_force_x, ROW.shear_force_y)
+# makes of a line's: without shear the first five.
+POINT_ROWS = (ROW.x, ROW.y, ROW.normal_force, ROW.shear_force_x, ROW.shear_force_y)
 FORCE_ROWS = (ROW.normal_force, ROW.shear_force_x, ROW.shear_force_y, ROW.line_force)
-LINE_ROWS = (ROW.a, ROW.yaw, ROW.normal_force, ROW.line_force,
+LINE_ROWS = (ROW.x, ROW.y, ROW.yaw, ROW.normal_force, ROW.line_force,
              ROW.shear_force_x, ROW.shear_force_y)
 LINE_PARAMETERS = Q0, Q1, FORCE, SHEAR_X, START, END
 
@@ -73,7 +73,7 @@ def invert(matrix, n, inverse):
 @njit(error_model='numpy')
 def write_point(load, cov, estimate):
     """Point into an estimate."""
-    estimate.a, estimate.b, estimate.normal_force = load.a, load.b, load.force
+    estimate.x, estimate.y, estimate.normal_force = load.a, load.b, load.force
     estimate.shear_force_x, estimate.shear_force_y = load.shear_x, load.shear_y
     for i in range(5):
         for j in range(5):
@@ -89,7 +89,7 @@ def _loaded_length(sensor, rho, yaw, start, end):
 
 @njit(error_model='numpy')
 def write_line(load, cov, with_shear, sensor, estimate):
-    """Line into an estimate: forces on the pad."""
+    """Line into an estimate: the middle of what is loaded on the pad, and the forces there."""
     rho, yaw, force, shear = load.rho, load.yaw, load.force, load.shear
     start, end = -np.inf, np.inf
     if load.extras & BEGINS:
@@ -102,13 +102,17 @@ def write_line(load, cov, with_shear, sensor, estimate):
     by_yaw = (_loaded_length(sensor, rho, yaw + step, start, end) - length) / step
     by_start = (_loaded_length(sensor, rho, yaw, start + step, end) - length) / step
     by_end = (_loaded_length(sensor, rho, yaw, start, end + step) - length) / step
-    estimate.a, estimate.b, estimate.yaw = rho / cos, 0.0, yaw
+    first, last = along_chord(sensor, rho, yaw)
+    middle = 0.5 * (max(first, start) + min(last, end)) if length > 0.0 else 0.0
+    estimate.x, estimate.y = rho * cos - middle * sin, rho * sin + middle * cos
+    estimate.yaw = yaw
     estimate.normal_force, estimate.line_force = force * length, force
     if with_shear:
         estimate.shear_force_x = shear * length * cos
         estimate.shear_force_y = shear * length * sin
     change = np.array((  # by the parameters of LINE_PARAMETERS, in the order of LINE_ROWS
-        (1.0 / cos, rho * sin / cos**2, 0.0, 0.0, 0.0, 0.0),
+        (cos, -middle * cos, 0.0, 0.0, 0.0, 0.0),  # across the edge
+        (sin, -middle * sin, 0.0, 0.0, 0.0, 0.0),
         (0.0, 1.0, 0.0, 0.0, 0.0, 0.0),
         (force * by_rho, force * by_yaw, length, 0.0, force * by_start, force * by_end),
         (0.0, 0.0, 1.0, 0.0, 0.0, 0.0),
@@ -116,7 +120,7 @@ def write_line(load, cov, with_shear, sensor, estimate):
          shear * cos * by_start, shear * cos * by_end),
         (shear * sin * by_rho, shear * (sin * by_yaw + cos * length), 0.0, sin * length,
          shear * sin * by_start, shear * sin * by_end)))
-    told = 6 if with_shear else 4
+    told = 7 if with_shear else 5
     for i in range(told):
         for j in range(told):
             total = 0.0
@@ -129,8 +133,8 @@ def write_line(load, cov, with_shear, sensor, estimate):
 
 @njit(error_model='numpy')
 def forget_forces(estimate):
-    """Make every force NaN, and their covariance: no gain is known."""
-    estimate.normal_force = estimate.line_force = estimate.force_windowed = np.nan
+    """Make every force NaN, their covariance, and the patch: no gain is known."""
+    estimate.normal_force = estimate.line_force = estimate.patch = np.nan
     estimate.shear_force_x = estimate.shear_force_y = np.nan
     for row in FORCE_ROWS:
         for i in range(estimate.covariance.shape[0]):
@@ -159,12 +163,9 @@ def widen_forces(estimate, std):
 
 
 @njit(error_model='numpy')
-def compare_forces(estimate, relative_std):
-    """Second force estimate into the first's unit; whether it disagrees, and how far, is told."""
-    off, covariance = estimate.force_windowed - 1.0, estimate.covariance
-    estimate.force_windowed *= estimate.normal_force
-    disagrees = abs(off) > FORCE_MISMATCH + 3.0 * relative_std
-    if disagrees:  # one of the two is wrong by as much
+def compare_forces(ratio, relative_std, estimate):
+    """Add to the covariance of a force what the pressure that is seen says otherwise."""
+    off, covariance = ratio - 1.0, estimate.covariance
+    if abs(off) > FORCE_MISMATCH + 3.0 * relative_std:  # one of the two is wrong by as much
         covariance[ROW.normal_force, ROW.normal_force] += (off * estimate.normal_force) ** 2
         covariance[ROW.line_force, ROW.line_force] += (off * estimate.line_force) ** 2
-    return disagrees

@@ -61,7 +61,7 @@ RULES = np.dtype([('min_snr', 'f8'), ('model_error', 'f8'), ('max_chi_square', '
 _OTHER, _BAD_FIT = int(ContactType.OTHER), int(Reason.BAD_FIT)
 _LOW_SNR, _OFF_PAD = int(Reason.LOW_SNR), int(Reason.OFF_PAD)
 _TWO, _SATURATED = int(Reason.TWO_CONTACTS), int(Reason.SATURATED)
-_DEAD, _MISMATCH = int(Reason.DEAD_TACTELS), int(Reason.FORCE_MISMATCH)
+_DEAD = int(Reason.DEAD_TACTELS)
 
 
 @njit(cache=True, error_model='numpy')
@@ -220,8 +220,8 @@ def estimate_as(kind, measured, sensor, layers, rules, memory, estimate):
     else:
         write_line(fit, fit.cov, shear, sensor, estimate)
         estimate.patch = 2.0 * math.sqrt(fit.variance)
-    disagrees = compare_forces(estimate, math.sqrt(by_noise))
-    estimate.reasons |= (_DEAD if left_out else 0) | (_MISMATCH if disagrees else 0)
+    compare_forces(state.ratio, math.sqrt(by_noise), estimate)
+    estimate.reasons |= _DEAD if left_out else 0
 
 
 @njit(error_model='numpy')

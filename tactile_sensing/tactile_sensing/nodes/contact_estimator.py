@@ -21,7 +21,7 @@ class ContactEstimatorNode(TactileNode):
     """
     Estimate the contact of every tactile image.
 
-    Subscribes to `image`; publishes `contact` and, for a valid estimate, `wrench`: the force
+    Subscribes to `image`; publishes `contact` and, where its force is valid, `wrench`: the force
     of the object on the sensor. Parameters: `EstimatorConfig`.
     """
 
@@ -56,7 +56,7 @@ class ContactEstimatorNode(TactileNode):
             contact = self._estimator.estimate(image)
         self._contact.publish(contact_to_msg(
             contact, msg, self.get_clock().now().nanoseconds, self._contact_msg))
-        if contact.valid:
+        if contact.force_valid:
             self._wrench.publish(contact_to_wrench(contact, msg, self._wrench_msg))
 
 

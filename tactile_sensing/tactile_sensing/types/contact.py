@@ -3,6 +3,7 @@
 from collections import namedtuple
 from dataclasses import dataclass, field, fields
 from enum import IntEnum, IntFlag
+import math
 from typing import Any
 
 import numpy as np
@@ -35,12 +36,12 @@ class Reason(IntFlag):
     NOT_TARED = 256
     SATURATED = 512
     DEAD_TACTELS = 1024
-    FORCE_MISMATCH = 2048
+    SKIN_MISMATCH = 2048
     UNCALIBRATED = 4096
 
 
 # What says that something was left out, not that there is no estimate.
-INFORMATION = (Reason.SATURATED | Reason.DEAD_TACTELS | Reason.FORCE_MISMATCH | Reason.NOT_TARED
+INFORMATION = (Reason.SATURATED | Reason.DEAD_TACTELS | Reason.SKIN_MISMATCH | Reason.NOT_TARED
                | Reason.UNCALIBRATED)
 
 
@@ -64,22 +65,25 @@ class Contact:
     """
     Contact estimate in the sensor frame; fields as in Contact.msg, SI units.
 
-    Parameters that the type does not have are NaN, and all of them are when not valid.
+    Parameters that the type does not have are NaN, and all of them are when not valid. Forces and
+    patch are NaN unless force_valid, too.
     """
 
     type: ContactType = field(metadata=_told(
         '', 'least model that explains the frame; see Types', dtype='u1'))
     valid: bool = field(metadata=_told(
-        '', 'whether the values of that type may be used', dtype='?'))
+        '', 'whether place and direction may be used', dtype='?'))
+    force_valid: bool = field(default=False, kw_only=True, metadata=_told(
+        '', 'whether forces and patch may be used as well', dtype='?'))
     reasons: Reason = field(metadata=_told(
         '', 'why not valid, or what was left out; see Flags', dtype='u4'))
     method: str
     model: str = ''
-    a: float = field(default=NAN, metadata=_parameter(
-        'm', 'x of the contact; line: where the edge crosses y = 0'))
-    b: float = field(default=NAN, metadata=_parameter('m', 'y of the contact; line: 0'))
+    x: float = field(default=NAN, metadata=_parameter(
+        'm', 'of the contact; line: of its point nearest to the centre of the load'))
+    y: float = field(default=NAN, metadata=_parameter('m', 'likewise'))
     yaw: float = field(default=NAN, metadata=_parameter(
-        'rad', 'line: direction of the edge, right-handed about +z, 0 along +y'))
+        'rad', 'line: its direction, right-handed about +z, 0 along +y, in (-pi/2, pi/2]'))
     normal_force: float = field(default=NAN, metadata=_parameter(
         'N', 'normal force, positive into the skin; line: on the whole pad'))
     shear_force_x: float = field(default=NAN, metadata=_parameter(
@@ -94,21 +98,32 @@ class Contact:
         'm', 'line: where it begins within the pad, along yaw from the foot of the origin'))
     end: float = field(default=NAN, metadata=_told('m', 'line: where it ends, likewise'))
     covariance: np.ndarray = field(default_factory=no_covariance, metadata=_told(
-        'SI', 'of (a, b, yaw, normal_force, shear_force_x, shear_force_y, line_force)'))
+        'SI', 'of (x, y, yaw, normal_force, shear_force_x, shear_force_y, line_force)'))
     snr: float = field(default=NAN, metadata=_told(
         'dB', '20 log10 of the fitted peak over the noise of a tactel'))
     residual: float = field(default=NAN, metadata=_told('', 'RMS of (frame - model) / noise'))
-    force_windowed: float = field(default=NAN, metadata=_told(
-        'N', 'second estimate of normal_force, from the windowed zeroth moment'))
     iterations: int = field(default=0, metadata=_told(
         '', 'steps taken by the estimator', dtype='u4'))
     moments: Moments = field(default=Moments(NAN, NAN, NAN, NAN, NAN, NAN), metadata=_told(
         'SI', 'M0, Mx, My, Mxx, Myy, Mxy of the pressure, of every frame'))
 
+    @property
+    def offset(self) -> float:
+        """Distance of a line from the origin, positive towards (cos yaw, sin yaw) [m]."""
+        if not math.isfinite(self.yaw):
+            return NAN
+        return self.x * math.cos(self.yaw) + self.y * math.sin(self.yaw)
 
-# Order of the rows and columns of Contact.covariance, and the row of each: ROW.a ...
+
+def line_offsets(records: np.ndarray) -> np.ndarray:
+    """`Contact.offset` of lines, given as rows of RECORD or of what has their x, y and yaw."""
+    return records['x'] * np.cos(records['yaw']) + records['y'] * np.sin(records['yaw'])
+
+
+# Order of the rows and columns of Contact.covariance, and the row of each: ROW.x ...
 PARAMETERS = tuple(f.name for f in fields(Contact) if f.metadata.get('row'))
 ROW: Any = namedtuple('ROW', PARAMETERS)(*range(len(PARAMETERS)))
+FORCES = ('normal_force', 'shear_force_x', 'shear_force_y', 'line_force')  # in PARAMETERS
 REALS = tuple(f.name for f in fields(Contact) if f.type is float)
 # Fields that are written to files.
 COLUMNS = {f.name: f for f in fields(Contact) if f.metadata}

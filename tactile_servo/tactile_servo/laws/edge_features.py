@@ -15,7 +15,7 @@ from tactile_servo.control.scaling import ramp
 class EdgeFeatures:
     """Pose of the edge in the sensor frame, X_a of (5.6)."""
 
-    lateral: float  # where the edge crosses y = 0 [m]
+    lateral: float  # distance from the centre of the pad, positive towards +x [m]
     yaw: float  # rad
     force: float  # on the pad [N]
     # How far the centre of pressure stands ahead of the pad's centre along +y, negative once the
@@ -54,14 +54,15 @@ def edge_features(contact: Contact, array: TactelArray, config: EdgeFeatureConfi
     remaining = moments.centre_of_pressure[1]
     tilt = edge_tilt(moments, half, config.uneven, stiffness)
     if contact.type == ContactType.LINE and contact.valid:
-        features = EdgeFeatures(contact.a, contact.yaw, contact.normal_force, remaining, tilt)
+        force = contact.normal_force if contact.force_valid else moments.m0
+        features = EdgeFeatures(contact.offset, contact.yaw, force, remaining, tilt)
     elif (contact.type == ContactType.OTHER and moments.m0 > 0.0
           and ContactReason.LOW_SNR not in contact.reasons):
         elongation = moments.elongation()
         if not elongation >= config.min_elongation:
             return None, f'contact is no edge, elongation {elongation:.1f}'
         line = line_from_moments(moments, half)
-        features = EdgeFeatures(line.a, line.yaw, moments.m0, remaining, tilt)
+        features = EdgeFeatures(line.a * math.cos(line.yaw), line.yaw, moments.m0, remaining, tilt)
     else:
         return None, (contact.reasons.name or '').lower().replace('|', ', ')
     if not math.isfinite(features.lateral + features.yaw + features.force + remaining):

@@ -112,7 +112,7 @@ class EdgeFollowing:
 
     def _refine_force(self, contact: Contact):
         load = self._seen.load
-        if (contact.valid and contact.type == ContactType.LINE
+        if (contact.force_valid and contact.type == ContactType.LINE
                 and abs(contact.normal_force - load.force) < FITTED * load.force):
             self._seen.load = load._replace(force=contact.normal_force)
 

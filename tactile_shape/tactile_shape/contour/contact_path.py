@@ -59,11 +59,11 @@ def locate(contact: Contact, picture: TactileImage | None = None) -> tuple[Place
     if contact.reasons & Reason.LOW_SNR:
         return None, False
     seen = edge_point(picture) if picture is not None and needs_picture(contact) else None
-    if contact.type == ContactType.LINE and contact.valid and np.isfinite(contact.a + contact.yaw):
+    if contact.type == ContactType.LINE and contact.valid and np.isfinite(contact.offset):
         c, s = np.cos(contact.yaw), np.sin(contact.yaw)
         # From the foot of the pad's centre, unless the line begins after it or ends before.
         along = float(np.fmin(np.fmax(0.0, contact.start), contact.end))
-        place = (contact.a * c * c - along * s, contact.a * c * s + along * c)
+        place = (contact.offset * c - along * s, contact.offset * s + along * c)
         if picture is None or not needs_picture(contact):
             return place, True
         if seen is None:
@@ -82,7 +82,7 @@ def locate(contact: Contact, picture: TactileImage | None = None) -> tuple[Place
             return None, False
         return place, False
     if contact.type == ContactType.POINT and contact.valid:
-        return (contact.a, contact.b), False
+        return (contact.x, contact.y), False
     return None, False
 
 
