@@ -7,7 +7,7 @@ from tactile_tests.imports import cycles, read_tree
 
 ROOT = Path(__file__).resolve().parents[1]
 RULES = ('wrong_arrows', 'imported_programs', 'core_with_ros', 'offline_where_it_runs',
-         'import_cycles', 'manifests')
+         'import_cycles', 'thesis_apart', 'manifests')
 # A sound tree: path -> text; '.xml' stands for the dependencies in a package's package.xml.
 SOUND = {
     'tactile_common/.xml': 'rclpy',
@@ -20,6 +20,9 @@ SOUND = {
         'from tactile_msgs.msg import Image\nfrom tactile_common.ros import runner',
     'tactile_sensing/tactile_sensing/nodes/driver.py':
         'from tactile_sensing.conversions import f\nfrom tactile_common.ros.runner import run',
+    'tactile_sensing/tactile_sensing/thesis/moments.py': 'from tactile_sensing.image import x',
+    'tactile_sensing/tactile_sensing/contact/methods.py':
+        "def f():\n    import_module('tactile_sensing.thesis.moments')",
     'tactile_sensing/test/test_image.py': 'import pytest\nfrom tactile_sensing.image import x',
     'tactile_servo/.xml': 'tactile_sensing',
     'tactile_servo/tactile_servo/laws/law.py': 'from tactile_sensing import image',
@@ -104,6 +107,11 @@ def test_a_sound_tree_passes(rule, tmp_path):
     ('offline_where_it_runs', {SENSING + 'nodes/a.py': 'from tactile_sensing.cli import plots',
                                SENSING + 'cli/plots.py': 'import matplotlib'},
      'tactile_sensing.nodes.a -> tactile_sensing.cli.plots -> matplotlib'),
+    # the thesis' methods
+    ('thesis_apart', {SENSING + 'a.py': 'from tactile_sensing.thesis.moments import f'},
+     'tactile_sensing.a imports tactile_sensing.thesis.moments'),
+    ('thesis_apart', {SERVO + 'a.py': "import_module('tactile_sensing.thesis.moments')"},
+     'tactile_servo.a imports tactile_sensing.thesis.moments'),
     # circles
     ('import_cycles', {SERVO + 'a.py': 'import tactile_servo.b',
                        SERVO + 'b.py': 'def f():\n    from tactile_servo import a'},

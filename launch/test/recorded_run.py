@@ -17,7 +17,7 @@ from tactile_common.ros.conversions import stamp_from_ns
 from tactile_common.ros.message_definitions import definition_of
 from tactile_msgs.msg import Contact, SensorInfo, ServoStatus, TactileImage
 from tactile_sensing.conversions import contact_to_msg, image_to_msg, sensor_info_to_msg
-from tactile_sensing.moments.image_moments import image_moments
+from tactile_sensing.image import image_moments
 from tactile_sensing.types.array import TactelArray
 from tactile_sensing.types.contact import Contact as ContactData
 from tactile_sensing.types.contact import ContactType, Reason

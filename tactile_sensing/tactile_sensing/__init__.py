@@ -27,7 +27,7 @@ __all__, __getattr__, __dir__ = exported(__name__, {
     'devices.calibration': 'Calibration',
     'devices.calibration_file': 'load_calibration',
     'devices.recording': 'Recording load_recording',
-    'moments.image_moments': 'image_moments',
+    'image': 'image_moments',
     'skin.pressure': 'SkinPressure',
     'types.array': 'TactelArray',
     'types.contact': 'Contact ContactType Reason',

@@ -5,7 +5,8 @@ import pytest
 from scipy.integrate import dblquad, quad
 
 from tactile_sensing.half_space import line
-from tactile_sensing.moments.image_moments import image_moments, line_from_moments
+from tactile_sensing.image import image_moments
+from tactile_sensing.thesis.line_moments import line_from_moments
 from tactile_sensing.types.array import TactelArray
 from tactile_sensing.types.moments import Moments
 

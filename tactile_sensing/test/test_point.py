@@ -8,7 +8,7 @@ from scipy.integrate import dblquad
 
 from tactile_common.errors import ConfigurationError
 from tactile_sensing.half_space import point
-from tactile_sensing.moments.image_moments import image_moments
+from tactile_sensing.image import image_moments
 from tactile_sensing.types.array import TactelArray
 from tactile_sensing.types.moments import Moments
 

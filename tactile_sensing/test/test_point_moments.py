@@ -8,8 +8,8 @@ import pytest
 
 from tactile_common.errors import ConfigurationError
 from tactile_sensing.half_space import point
-from tactile_sensing.moments.compensation import compensated, compensation_factors
-from tactile_sensing.moments.point_moments import (
+from tactile_sensing.thesis.compensation import compensated, compensation_factors
+from tactile_sensing.thesis.point_moments import (
     basic,
     MomentFlag,
     normal_and_shear,

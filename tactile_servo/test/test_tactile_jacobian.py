@@ -8,7 +8,7 @@ from tactile_sensing.dome.finite_elements import solve
 from tactile_sensing.dome.geometry import Dome
 from tactile_sensing.dome.half_space import HalfSpaceDome
 from tactile_sensing.dome.skin import SkinConfig
-from tactile_sensing.moments.image_moments import image_moments
+from tactile_sensing.image import image_moments
 from tactile_sensing.types.array import TactelArray
 from tactile_servo.cli.build_jacobian_table import main
 from tactile_servo.tactile_jacobian.features import (

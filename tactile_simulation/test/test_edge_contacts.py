@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from tactile_sensing.contact.estimator import ContactEstimator, EstimatorConfig
-from tactile_sensing.moments.image_moments import image_moments
+from tactile_sensing.image import image_moments
 from tactile_sensing.types.array import TactelArray
 from tactile_sensing.types.contact import Contact, ContactType, Reason
 from tactile_sensing.types.image import Layer, TactileImage

@@ -26,6 +26,10 @@ ROS = ('rclpy', 'builtin_interfaces', 'rcl_interfaces', 'std_srvs', 'ament_index
 OFFLINE = ('matplotlib', 'mpl_toolkits', 'PIL', 'rosbags', 'skfem', 'pyvista')
 OFFLINE_MODULES = ('*.plots', '*.plot', '*.charts', 'benchmarks.*', 'edge_tracking.report.*',
                    'edge_tracking.recording.*', *BAGS)
+# Methods of the thesis lie in folders of this name; these modules alone reach into one: where the
+# method is chosen by its name, and a law that is the thesis' itself.
+THESIS = '*.thesis.*'
+REACH_THESIS = ('tactile_sensing.contact.methods', 'tactile_servo.laws.edge_features')
 # Distribution packages of what is imported, where the name differs.
 KEYS = {'numpy': 'python3-numpy', 'scipy': 'python3-scipy', 'numba': 'python3-numba',
         'yaml': 'python3-yaml', 'serial': 'python3-serial', 'matplotlib': 'python3-matplotlib',
@@ -96,6 +100,15 @@ def offline_where_it_runs(tree: Tree) -> list[str]:
             found += [f'{way} -> {item.target}' for way, item, _ in tree.closure(module.name)
                       if matches(top(item.target), OFFLINE)]
     return found
+
+
+def thesis_apart(tree: Tree) -> list[str]:
+    """Imports of the thesis' methods by product code, within functions as well."""
+    return [f'{module.at(item.line)}: {module.name} imports {item.target}'
+            for module in production(tree) for item in module.imports
+            if module.package not in ('benchmarks', 'tactile_tests')
+            and matches(f'{item.target}.', (THESIS,)) and top(item.target) in ARROWS
+            and not matches(f'{module.name}.', (THESIS, *(f'{it}.' for it in REACH_THESIS)))]
 
 
 def import_cycles(tree: Tree) -> list[str]:

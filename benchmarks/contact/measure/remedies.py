@@ -7,7 +7,7 @@ from benchmarks.contact.measure.limits import estimates
 from benchmarks.contact.methods.peers import numpy_gauss_newton
 from tactile_sensing.contact.load_fits import fit_loads
 from tactile_sensing.half_space.layers import Layer
-from tactile_sensing.moments.point_moments import basic, MomentFlag
+from tactile_sensing.thesis.point_moments import basic, MomentFlag
 from tactile_sensing.types.contact import ContactType, line_offsets, RECORD
 
 POINT, LINE = ContactType.POINT, ContactType.LINE

@@ -17,9 +17,10 @@ from benchmarks.contact.cases.loads import (
 from benchmarks.contact.methods import peers as peer
 from tactile_sensing.contact.estimator import ContactEstimator, EstimatorConfig
 from tactile_sensing.contact.load_fits import fit_loads
-from tactile_sensing.moments.compensation import compensated
-from tactile_sensing.moments.image_moments import image_moments, line_from_moments
-from tactile_sensing.moments.point_moments import basic, MomentFlag
+from tactile_sensing.image import image_moments
+from tactile_sensing.thesis.compensation import compensated
+from tactile_sensing.thesis.line_moments import line_from_moments
+from tactile_sensing.thesis.point_moments import basic, MomentFlag
 from tactile_sensing.types.contact import ContactType, line_offsets
 from tactile_sensing.types.image import Layer, TactileImage
 

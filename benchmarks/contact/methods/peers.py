@@ -7,8 +7,8 @@ import numpy as np
 
 from benchmarks.contact.cases.loads import DEPTH, LINE_ARRAY, POINT_ARRAY
 from tactile_sensing.half_space import point
-from tactile_sensing.moments.image_moments import line_from_moments
-from tactile_sensing.moments.point_moments import one_layer
+from tactile_sensing.thesis.line_moments import line_from_moments
+from tactile_sensing.thesis.point_moments import one_layer
 from tactile_sensing.types.moments import Moments
 
 LINE_LEVEL = 0.5  # fraction of the peak above which other libraries see the line

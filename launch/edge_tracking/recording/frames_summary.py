@@ -4,7 +4,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from edge_tracking.recording.run import RunData
-from tactile_sensing.moments.image_moments import image_moments
+from tactile_sensing.image import image_moments
 from tactile_sensing.types.contact import ContactType
 from tactile_simulation.metrics import largest, Metric, NAN, percentile, rate, span
 

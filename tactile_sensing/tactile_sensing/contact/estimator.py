@@ -1,7 +1,7 @@
 """Contact estimation: the least model that explains a tactile image, or an honest refusal."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field, fields, replace
 from functools import lru_cache
 from typing import Any
 
@@ -9,9 +9,9 @@ import numpy as np
 
 from tactile_common.config import bounded, check_fields, one_of
 from tactile_common.errors import ConfigurationError
-from tactile_sensing.contact.closed_forms import estimate_by_moments
 from tactile_sensing.contact.extended_load import BEGINS, ENDS, PATCH
 from tactile_sensing.contact.gauss_newton import LINE, POINT
+from tactile_sensing.contact.methods import estimate_by_thesis, METHODS
 from tactile_sensing.contact.parameters import forget_forces, widen_forces
 from tactile_sensing.contact.pipeline import ANY_MODEL, estimate_frames, PENDING, RULES
 from tactile_sensing.half_space.layers import Layer as FitLayer
@@ -33,7 +33,6 @@ from tactile_sensing.types.contact import (
 from tactile_sensing.types.image import Layer, TactileImage
 from tactile_sensing.types.moments import Moments
 
-METHODS = ('fit', 'compensated', 'moments')
 MODELS = {'auto': ANY_MODEL, 'point': POINT, 'line': LINE}
 TACTELS = {'point': 1, 'area': 3}  # Gauss points along each side that stand for a tactel
 
@@ -181,7 +180,10 @@ class ContactEstimator:
             estimate_frames(stress[i:i + step], *sensor, table, rules, reasons, saturated,
                             calibrated, part)
             if part[0]['type'] == PENDING:
-                estimate_by_moments(stress[i], array, table, config, part[0])
+                measured = [replace(layer, noise_std=float(noise))
+                            for layer, noise in zip(layers, table['noise'], strict=True)]
+                _copy(estimate_by_thesis(config.method, stress[i], array, measured, config),
+                      part[0])
                 if not calibrated:
                     forget_forces.py_func(part.view(np.recarray)[0])
                 else:
@@ -194,6 +196,15 @@ class ContactEstimator:
         return (kind.name.lower() + '+shear' * shear + '+patch' * bool(extras & PATCH)
                 + '+ends' * bool(extras & (BEGINS | ENDS)) + '+depth' * self.config.fit_depth
                 + '/' + names)
+
+
+def _copy(contact, estimate):
+    """Contact of the thesis into an ESTIMATE record."""
+    estimate['type'], estimate['iterations'] = contact.type, contact.iterations
+    estimate['reasons'] |= int(contact.reasons)
+    estimate['has_shear'] = contact.type == ContactType.POINT
+    for name in (*REALS, 'covariance'):
+        estimate[name] = getattr(contact, name)
 
 
 def is_possible(layer: Layer) -> bool:

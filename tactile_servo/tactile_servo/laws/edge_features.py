@@ -4,10 +4,11 @@ from dataclasses import dataclass
 import math
 
 from tactile_common.config import bounded
-from tactile_sensing.moments.image_moments import line_from_moments, Moments
+from tactile_sensing.thesis.line_moments import line_from_moments
 from tactile_sensing.types.array import TactelArray
 from tactile_sensing.types.contact import Contact, ContactType
 from tactile_sensing.types.contact import Reason as ContactReason
+from tactile_sensing.types.moments import Moments
 from tactile_servo.control.scaling import ramp
 
 

@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 
 from tactile_sensing.dome.geometry import Dome
-from tactile_sensing.moments.image_moments import image_moments
+from tactile_sensing.image import image_moments
 from tactile_sensing.types.array import TactelArray
 from tactile_sensing.types.image import TactileImage
 from tactile_servo.laws.surface_config import SurfaceFollowingConfig

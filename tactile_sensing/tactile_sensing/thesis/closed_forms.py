@@ -1,25 +1,26 @@
 """Contact by the closed forms of the thesis: what the fit is compared with (2.3, 2.4, 3.3)."""
 
+from collections.abc import Sequence
 from dataclasses import astuple
 import math
+from typing import Any
 
 import numpy as np
 
-from tactile_sensing.contact.parameters import LINE_ROWS, POINT_ROWS
 from tactile_sensing.half_space import point
-from tactile_sensing.half_space.layers import first_pressure_layer, Layer
 from tactile_sensing.half_space.line import chord_length, pressure
-from tactile_sensing.moments.compensation import (
+from tactile_sensing.image import image_moments
+from tactile_sensing.thesis.compensation import (
     compensated,
     from_window,
     MOMENT_ORDERS,
     window_arms,
     window_moments,
 )
-from tactile_sensing.moments.image_moments import image_moments, line_from_moments
-from tactile_sensing.moments.point_moments import basic, MomentFlag
-from tactile_sensing.types.contact import ContactType, PARAMETERS, Reason
-from tactile_sensing.types.image import COMPONENTS
+from tactile_sensing.thesis.line_moments import line_from_moments
+from tactile_sensing.thesis.point_moments import basic, MomentFlag
+from tactile_sensing.types.array import TactelArray
+from tactile_sensing.types.contact import Contact, ContactType, Reason, ROW
 from tactile_sensing.types.moments import Moments
 
 THRESHOLD = 4.0  # standard deviations below which a line's tactels count as zero (3.5)
@@ -28,62 +29,78 @@ UNEXPLAINED = 0.5  # share of the energy that the biased closed forms may leave 
 KNOWN_LAYERS = (('zz',), ('zz', 'xz'), ('zz', 'xz', 'yz'))  # at one depth
 STEP = 1e-6  # m, for derivatives by the place
 
-_POINT_NAMES = ('a', 'b', *(PARAMETERS[i] for i in POINT_ROWS[2:]))  # of PointMoments
-_POINT, _LINE = np.ix_(POINT_ROWS, POINT_ROWS), np.ix_(LINE_ROWS[:5], LINE_ROWS[:5])
+_POINT = ROW.x, ROW.y, ROW.normal_force, ROW.shear_force_x, ROW.shear_force_y
+_LINE = ROW.x, ROW.y, ROW.yaw, ROW.normal_force, ROW.line_force
 
 
-def estimate_by_moments(frame, array, layers, config, estimate):
+def estimate_by_moments(frame: np.ndarray, array: TactelArray, layers: Sequence[Any], *,
+                        method: str, model: str, averaging: bool, min_snr: float) -> Contact:
     """
-    Estimate a preprocessed frame (layers, rows, columns) [Pa] by 'moments' or 'compensated'.
+    Contact of a frame by the closed forms.
 
-    NaN marks tactels that are not used; layers are `layers.LAYER` records with the frame's noise;
-    the estimate, a `contact.ESTIMATE` record, is written.
+    Parameters
+    ----------
+    frame : ndarray, shape (layers, rows, columns)
+        Stress [Pa]; NaN marks tactels that are not used.
+    array : TactelArray
+    layers : sequence
+        Objects with component, depth [m] and noise_std, that of the frame [Pa].
+    method : str
+        'moments', or 'compensated', with the iteration of section 2.4.
+    model : str
+        'point', 'line', or 'auto' for the one that the elongation says.
+    averaging : bool
+        Whether a tactel measures the mean over its area.
+    min_snr : float
+        Weaker contacts are refused [dB].
+
+    Returns
+    -------
+    Contact
+        Valid if it has no reasons.
     """
-    main = first_pressure_layer.py_func(layers.view(np.recarray))
-    noise, image = layers['noise'][main], frame[main]
+    main = [layer.component for layer in layers].index('zz')
+    noise, image = layers[main].noise_std, frame[main]
     cleaned = image_moments(image, array, threshold=THRESHOLD * noise)
-    is_line = config.model == 'line' or (
-        config.model == 'auto' and cleaned.elongation() >= MIN_ELONGATION)
-    if is_line:
-        kind, why, model = _line(image, cleaned, array, layers['depth'][main], noise, estimate)
+    contact = Contact(ContactType.OTHER, False, Reason(0), method)
+    if model == 'line' or (model == 'auto' and cleaned.elongation() >= MIN_ELONGATION):
+        expected = _line(contact, image, cleaned, array, layers[main].depth, noise)
     else:
-        known = tuple(Layer(COMPONENTS[layer['component']], float(layer['depth']),
-                            float(layer['noise'])) for layer in layers)
-        kind, why, model = _point(np.nan_to_num(frame), known, array, config, estimate)
-    if model is not None:
-        kind, why = _judge(kind, why, image, model, noise, array, config, estimate)
-    estimate['type'] = kind
-    estimate['reasons'] |= int(why)
+        expected = _point(contact, np.nan_to_num(frame), layers, array, averaging)
+    if expected is not None:
+        _judge(contact, image, expected, noise, array, min_snr)
+    contact.valid = contact.force_valid = not contact.reasons
+    return contact
 
 
-def _judge(kind, why, image, model, noise, array, config, estimate):
+def _judge(contact, image, expected, noise, array, min_snr):
     """Refuse what is too weak, off the pad or unlike its model; scale the covariance."""
-    rest = image - model
-    squared = np.nansum(rest**2)
-    top, force = model.max(), estimate['normal_force']
-    if not (top > 0.0 and np.isfinite(force)):
-        return ContactType.OTHER, Reason.BAD_FIT
-    estimate['snr'] = 20.0 * math.log10(top / noise)
-    live = np.isfinite(image)
-    estimate['residual'] = math.sqrt(squared / max(np.count_nonzero(live) - 5, 1)) / noise
-    if estimate['snr'] < config.min_snr:
-        return ContactType.NONE, Reason.LOW_SNR
-    if not squared <= UNEXPLAINED * np.nansum(image**2):
-        return ContactType.OTHER, Reason.BAD_FIT
-    if why:
-        return kind, why
-    if abs(estimate['x']) > array.half_width_x or abs(estimate['y']) > array.half_width_y:
-        return kind, Reason.OFF_PAD
-    estimate['covariance'] *= max(1.0, estimate['residual']**2)
-    return kind, Reason(0)
+    squared = np.nansum((image - expected)**2)
+    top = expected.max()
+    if not (top > 0.0 and np.isfinite(contact.normal_force)):
+        contact.type, contact.reasons = ContactType.OTHER, Reason.BAD_FIT
+        return
+    contact.snr = 20.0 * math.log10(top / noise)
+    used = np.count_nonzero(np.isfinite(image))
+    contact.residual = math.sqrt(squared / max(used - 5, 1)) / noise
+    if contact.snr < min_snr:
+        contact.type, contact.reasons = ContactType.NONE, Reason.LOW_SNR
+    elif not squared <= UNEXPLAINED * np.nansum(image**2):
+        contact.type, contact.reasons = ContactType.OTHER, Reason.BAD_FIT
+    elif not contact.reasons:
+        if abs(contact.x) > array.half_width_x or abs(contact.y) > array.half_width_y:
+            contact.reasons = Reason.OFF_PAD
+        contact.covariance *= max(1.0, contact.residual**2)
 
 
-def _line(image, cleaned, array, depth, noise, estimate):
-    """(3.8) to (3.10), corrected, from the tactels above the threshold."""
+def _line(contact, image, cleaned, array, depth, noise):
+    """(3.8) to (3.10), corrected, from the tactels above the threshold; its picture, if any."""
     if not cleaned.m0 > 0.0:
-        return ContactType.NONE, Reason.LOW_SNR, None
+        contact.type, contact.reasons = ContactType.NONE, Reason.LOW_SNR
+        return None
     if not cleaned.elongation() >= MIN_ELONGATION:
-        return ContactType.OTHER, Reason.BAD_FIT, None
+        contact.reasons = Reason.BAD_FIT
+        return None
 
     def closed(moments):
         line = line_from_moments(Moments(*moments[0]), array.half_width_y)
@@ -92,52 +109,54 @@ def _line(image, cleaned, array, depth, noise, estimate):
         return np.array([offset, line.yaw, line.line_force * length, line.line_force])
 
     moments = np.array([astuple(cleaned)])
-    offset, yaw, force, line_force = closed(moments)
+    offset, yaw, force, line_force = closed(moments).tolist()
     cos, sin = math.cos(yaw), math.sin(yaw)
     centre_x, centre_y = cleaned.centre_of_pressure
     along = centre_y * cos - centre_x * sin
-    estimate['x'], estimate['y'] = offset * cos - along * sin, offset * sin + along * cos
-    estimate['yaw'], estimate['normal_force'], estimate['line_force'] = yaw, force, line_force
+    contact.type = ContactType.LINE
+    contact.x, contact.y = offset * cos - along * sin, offset * sin + along * cos
+    contact.yaw, contact.normal_force, contact.line_force = yaw, force, line_force
     if not force > 0.0:
-        return ContactType.LINE, Reason.OFF_PAD, None
+        contact.reasons = Reason.OFF_PAD
+        return None
     weights = _weights(array, 0.0, 0.0, np.inf)[:, (image >= THRESHOLD * noise).ravel()]
     spread = noise**2 * weights @ weights.T
     change = np.eye(5, 4, -1)  # of x, y, yaw, forces by offset, yaw, forces
     change[:2, 0] = cos, sin  # across the edge alone
     change[:2, 1] = -along * cos, -along * sin
-    estimate['covariance'][_LINE] = change @ _propagated(closed, moments, [spread]) @ change.T
-    model = pressure(array.x, array.y[:, None], offset, yaw, line_force, depth)
-    return ContactType.LINE, Reason(0), model
+    contact.covariance[np.ix_(_LINE, _LINE)] = (
+        change @ _propagated(closed, moments, [spread]) @ change.T)
+    return pressure(array.x, array.y[:, None], offset, yaw, line_force, depth)
 
 
-def _point(frame, layers, array, config, estimate):
-    """(2.3), (2.4) or (2.6), at once or with the iteration of section 2.4."""
+def _point(contact, frame, layers, array, averaging):
+    """(2.3), (2.4) or (2.6), at once or with the iteration of section 2.4; its picture, if any."""
     if not _has_closed_form(layers):
         main = [layer.component for layer in layers].index('zz')
         frame, layers = frame[main:main + 1], layers[main:main + 1]
-    averaging = config.tactel == 'area'
-    iterated = config.method == 'compensated'
+    iterated = contact.method == 'compensated'
     found = (compensated if iterated else basic)(frame, array, layers, averaging=averaging)
-    estimate['iterations'] = found.iterations
+    contact.iterations = found.iterations
     if found.flags & MomentFlag.NO_FORCE:
-        return ContactType.OTHER, Reason.BAD_FIT, None
-    why = Reason(0)
+        contact.reasons = Reason.BAD_FIT
+        return None
+    contact.type = ContactType.POINT
     if found.flags & (MomentFlag.NOT_CONVERGED | MomentFlag.SINGULAR):
-        why = Reason.NOT_CONVERGED
+        contact.reasons = Reason.NOT_CONVERGED
     if found.flags & MomentFlag.OFF_PAD:
-        why = Reason.OFF_PAD
-    for row, value in zip(POINT_ROWS, _five(found), strict=True):
-        estimate[PARAMETERS[row]] = value
-    estimate['has_shear'] = True
-    depth = next(layer.depth for layer in layers if layer.component == 'zz')
-    stress, area = (point.average, (array.pitch_x, array.pitch_y)) if averaging else (
-        point.stress, ())
-    model = stress('zz', array.x, array.y[:, None], *_five(found), depth, *area)
-    if not why:
-        estimate['covariance'][_POINT] = (
+        contact.reasons = Reason.OFF_PAD
+    contact.x, contact.y, contact.normal_force = found.a, found.b, found.normal_force
+    contact.shear_force_x, contact.shear_force_y = found.shear_force_x, found.shear_force_y
+    if not contact.reasons:
+        contact.covariance[np.ix_(_POINT, _POINT)] = (
             _iterated_noise(found, frame, layers, array, averaging) if iterated else
             _window_noise(np.zeros(2), np.inf, found, frame, layers, array, averaging))
-    return ContactType.POINT, why, model
+    depth = next(layer.depth for layer in layers if layer.component == 'zz')
+    load = found.a, found.b, found.normal_force, found.shear_force_x, found.shear_force_y
+    if averaging:
+        return point.average('zz', array.x, array.y[:, None], *load, depth, array.pitch_x,
+                             array.pitch_y)
+    return point.stress('zz', array.x, array.y[:, None], *load, depth)
 
 
 def _has_closed_form(layers):
@@ -149,7 +168,8 @@ def _has_closed_form(layers):
 
 
 def _five(found):
-    return np.array([getattr(found, name) for name in _POINT_NAMES])
+    return np.array([found.a, found.b, found.normal_force, found.shear_force_x,
+                     found.shear_force_y])
 
 
 def _iterated_noise(found, frame, layers, array, averaging):
@@ -174,10 +194,10 @@ def _iterated_noise(found, frame, layers, array, averaging):
     lead[:, :2] -= by_place
     once = _window_noise(at, found.mask, found, frame, layers, array, averaging)
     try:
-        lead = np.linalg.inv(lead)
+        inverse = np.linalg.inv(lead)
     except np.linalg.LinAlgError:
         return np.full((5, 5), np.inf)
-    return lead @ once @ lead.T
+    return inverse @ once @ inverse.T
 
 
 def _window_noise(at, mask, found, frame, layers, array, averaging):

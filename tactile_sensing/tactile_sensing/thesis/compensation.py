@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from tactile_common.errors import ConfigurationError
-from tactile_sensing.moments.point_moments import (
+from tactile_sensing.thesis.point_moments import (
     basic,
     checked_images,
     closed_form,

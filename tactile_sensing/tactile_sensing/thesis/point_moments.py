@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from tactile_common.errors import ConfigurationError
-from tactile_sensing.moments.image_moments import image_moments
+from tactile_sensing.image import image_moments
 from tactile_sensing.types.array import TactelArray
 from tactile_sensing.types.moments import Moments
 

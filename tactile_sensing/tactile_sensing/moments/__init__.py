@@ -1,1 +1,0 @@
-"""Moments of a tactile image and the closed forms of the thesis."""

@@ -1,0 +1,1 @@
+"""Methods of the thesis as printed, and corrected: chosen by name, imported by no product code."""
