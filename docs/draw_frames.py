@@ -26,12 +26,12 @@ def from_the_object(axis):
         axis.plot(k - 7.5, i - 7.5, 's', color=INK, ms=6)
         axis.text(k - 7.5, i - 7.5 + (2.5 if i else -2.5), text, ha='center', va='center',
                   fontsize=9)
-    axis.plot([5.1, 0.9], [-10, 12], color=EDGE, lw=3)  # x = a - y tan(yaw)
+    axis.plot([5.1, 0.9], [-10, 12], color=EDGE, lw=3)
     axis.text(-2.2, 10.6, 'edge, yaw > 0', color=EDGE, fontsize=10, ha='center')
     arrow(axis, (0, 0), (0, 6.5), 'y', (-0.9, 6))
     arrow(axis, (0, 0), (6.8, 0), 'x', (7.2, -1))
-    axis.plot(3.19, 0, 'o', color=EDGE)
-    axis.text(2.4, -1.2, 'a', color=EDGE, fontsize=11)
+    axis.plot(3.19, 0, 'o', color=EDGE)  # the middle of what is on the array
+    axis.text(1.6, -1.2, '(x, y)', color=EDGE, fontsize=10)
     axis.set(xlim=(-12, 12), ylim=(-13, 13))
 
 

@@ -138,7 +138,7 @@ def _closed_form_and_noise(count, rng, row):
         given = faults.noise(POINT, 4 * count, rng, decibels)
         for text, options in zip(texts, ({'min_snr': 0.0}, {}), strict=True):
             found = estimates(given, options)
-            far = np.hypot(*(found[name] - given.truth[name] for name in 'ab')) > 1e-3
+            far = np.hypot(*(found[name] - given.truth[name] for name in 'xy')) > 1e-3
             wrong = found['valid'] & (far | (found['type'] != POINT))
             text.append('{:.0f} dB: valid {:.1f} %, off by 1 mm {:.2f} %'.format(
                 decibels, 100.0 * found['valid'].mean(), 100.0 * wrong.mean()))
