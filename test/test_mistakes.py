@@ -74,6 +74,12 @@ MISTAKES = [
      "component 'zy' is not one of zz, xz, yz"),
     (estimate, 'flat.npz --pitch 0.001 --layers zz@0.002 -o out.npz',
      'frames has shape (5, 16), must be (N, rows, columns)'),
+    (estimate, 'counts.npz --pitch 0.001 --layers zz@0.002 -o out.npz',
+     'frames are counts (uint8): --calibration CAL.yaml says what a count means'),
+    (estimate, 'table.csv --pitch 0.001 -o out.npz',
+     'table.csv: a row of 16 numbers is a frame: --shape R C says'),
+    (demo, '--recording table.csv --shape 4 4 --pitch 0.001', "'rate_hz' is missing: --rate HZ"),
+    (demo, '--recording table.csv --rate 0', '--rate: value is 0.0, must be between 0.001 and'),
     (estimate, 'text.txt --pitch 0.001 --layers zz@0.002 -o out.npz', 'is not an .npz archive'),
     (estimate, 'frames.npz --pitch 0.001 --layers zz@0.002 -o nowhere/out.npz', 'folder nowhere'),
     (fit, 'none -o out.npz', 'none: there is no such file'),
@@ -90,6 +96,8 @@ def folder(tmp_path, monkeypatch):
     np.savez(tmp_path / 'frames.npz', frames=np.zeros((50, 16, 16)), rate_hz=100.0)
     np.savez(tmp_path / 'other.npz', pictures=np.zeros((5, 4, 4)))
     np.savez(tmp_path / 'flat.npz', frames=np.zeros((5, 16)), rate_hz=100.0)
+    np.savez(tmp_path / 'counts.npz', frames=np.zeros((5, 4, 4), np.uint8))
+    np.savetxt(tmp_path / 'table.csv', np.zeros((5, 16)))
     (tmp_path / 'text.txt').write_text('1 2 3')
     for name, (path, old, new) in EDITED.items():
         text = path.read_text()

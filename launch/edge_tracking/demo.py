@@ -34,12 +34,13 @@ from edge_tracking.report.surface_page import picture as surface_picture
 from edge_tracking.resources import find_scene, scene_names, share
 from edge_tracking.track import RESUMES, TrackNode
 from edge_tracking.transport import local_environment
-from tactile_common.command_line import Parser
+from tactile_common.command_line import between, Parser
 from tactile_common.errors import TactileError
 from tactile_common.progress import live_progress
 from tactile_common.ros.domains import hold_domain
 from tactile_common.ros.runner import freeze_heap, stop_on_signals
-from tactile_sensing.devices.recording import load_recording
+from tactile_sensing.cli.options import add_shape
+from tactile_sensing.devices.recording import load_recording, MAX_RATE
 from tactile_sensing.nodes.driver import DriverConfig
 from tactile_servo.config import check_goal, ServoConfig
 from tactile_servo.laws.registry import DEFAULT, law_for, LAWS
@@ -62,8 +63,9 @@ def parser() -> argparse.ArgumentParser:
         'mock sensor on a pseudo-terminal and a mock robot. Writes a rosbag2 recording (.mcap) '
         'and a report (report.html, picture.png; of a surface surface.ply). Exit status 0 only '
         'if it was tracked.',
-        epilog='With --recording FILE.npz the frames of a real array (frames (N, rows, '
-        'columns), rate_hz, optional pitch_m) run through driver and estimator instead.')
+        epilog='With --recording FILE the frames of a real array (.npz with frames (N, rows, '
+        'columns), rate_hz and pitch_m; or .npy, .csv, with --rate, --pitch, --shape) run through '
+        'driver and estimator instead.')
     add = arguments.add_argument
     add('--scene', default='real_skin',
         help=f'{", ".join(scene_names())}, or the path of a .yaml file')
@@ -74,10 +76,13 @@ def parser() -> argparse.ArgumentParser:
     add('--seed', type=SEED, default=0, help="of the sensor's noise")
     add('--parameters', metavar='FILE.yaml',
         help='parameter file of all nodes; default edge_tracking.yaml of this package')
-    add('--recording', metavar='FILE.npz', help='play a recording instead of a scene')
+    add('--recording', metavar='FILE', help='play a recording instead of a scene')
     add('--calibration', metavar='FILE.yaml',
-        help='counts -> pressure of the recording; without it, raw counts')
+        help='counts -> pressure of the recording; without it, tared frames of any unit')
     add('--pitch', type=float, help='of the recording, where it does not say it itself [m]')
+    add('--rate', type=between(1e-3, MAX_RATE, 'Hz'), metavar='HZ',
+        help='of the recording, where it does not say it itself [Hz]')
+    add_shape(arguments)
     add('--live', metavar='ROWS,COLUMNS', help='use these tactels of the recording only, for '
         'instance 15:26,15:26 (first:end, from 0)')
     add('--out', metavar='FOLDER',
@@ -158,7 +163,8 @@ def run(options: argparse.Namespace) -> tuple[dict[str, Any], Path]:
     name = Path(options.recording or options.scene).stem
     # What cannot be read is refused before a folder is made, and once, not by every part.
     if options.recording:
-        recording = load_recording(options.recording)
+        recording = load_recording(
+            options.recording, options.rate, options.shape and tuple(options.shape))
         calibration = calibration_for(options, recording)
     else:
         path = find_scene(options.scene)
@@ -171,9 +177,7 @@ def run(options: argparse.Namespace) -> tuple[dict[str, Any], Path]:
     folder = out_folder(options.out, name)
     common = {'parameters': options.parameters, 'domain': own_domain()}
     if options.recording:
-        success, reason = play(
-            options.recording, len(recording.frames) / recording.rate_hz, calibration,
-            folder, **common)
+        success, reason = play(options.recording, recording, calibration, folder, **common)
     else:
         success, reason, code = track_scene(options, path, scene, folder, **common)
     try:

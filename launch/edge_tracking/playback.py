@@ -2,8 +2,11 @@
 from argparse import Namespace
 from collections.abc import Mapping
 from pathlib import Path
+import sys
 import time
 from typing import Any
+
+import numpy as np
 
 from edge_tracking.graph import Graph, linger, private_port
 from edge_tracking.process_group import record
@@ -11,28 +14,72 @@ from tactile_common.progress import live_progress
 from tactile_common.ros.runner import stop_on_signals
 from tactile_sensing.devices.calibration import Calibration
 from tactile_sensing.devices.calibration_file import load_calibration
+from tactile_sensing.devices.counts import Counts, MAX_BITS
 from tactile_sensing.devices.recording import Recording
 from tactile_sensing.nodes.contact_estimator import ContactEstimatorNode
 from tactile_sensing.nodes.driver import DriverNode
 from tactile_simulation.nodes.mock_sensor import MockSensorNode
+
+MAX_OFFSET = 0.1  # of unloaded tactels, all together, as a share of the largest load
 
 
 def calibration_for(options: Namespace, recording: Recording) -> Calibration:
     """Calibration of a recording by options of the demo; ValueError where they do not fit it."""
     rows, columns = recording.shape
     if options.calibration:
-        calibration = load_calibration(options.calibration)
+        calibration, source = load_calibration(options.calibration), options.calibration
     elif options.pitch or recording.pitch:
         outside = live_window(options.live, recording.shape) if options.live else ()
         calibration = Calibration.uncalibrated(
             rows, columns, options.pitch or recording.pitch, nominal_rate=recording.rate_hz,
-            dead_tactels=tuple(sorted({*outside, *recording.absent})))
+            dead_tactels=tuple(sorted({*outside, *recording.absent})), **_range_of(recording))
+        source = 'the recording'
     else:
         raise ValueError(f'{options.recording}: no pitch_m in the file; give --pitch')
-    if calibration.array.shape != (rows, columns):
+    if calibration.raw_shape != (rows, columns):
         raise ValueError(f'{options.recording}: frames of {rows}x{columns}, but '
-                         f'{options.calibration} is for {calibration.array.shape}')
+                         f'{options.calibration} is for {calibration.raw_shape}')
+    counts, impossible = recording.counts(calibration.counts, calibration.resolution)
+    if impossible:
+        raise ValueError(
+            f'{options.recording}: {impossible} values are outside {calibration.counts.lowest} to '
+            f'{calibration.counts.highest}, what `bits: {calibration.bits}` of {source} allows')
+    offset = _offset(calibration, counts) * calibration.resolution
+    if offset and options.calibration:
+        print(f'{options.recording}: nearly all tactels read {offset:+.3g} and more off the '
+              f'baseline of {source}: if nothing touched them, every place is wrong',
+              file=sys.stderr)
+    elif offset:
+        raise ValueError(
+            f'{options.recording}: tactels without a load read {offset:+.3g}, an offset that '
+            'moves every place: give a --calibration CAL.yaml with their baseline, or subtract '
+            'the unloaded picture')
     return calibration
+
+
+def _range_of(recording: Recording) -> dict[str, Any]:
+    """Fields of a calibration that lose nothing of frames of which nothing is told."""
+    values = recording.frames[np.isfinite(recording.frames)]
+    low, high = (float(values.min()), float(values.max())) if values.size else (0.0, 0.0)
+    signed = low < 0.0
+    if np.array_equal(values, np.rint(values)):
+        for bits in (8, MAX_BITS):
+            limits = Counts(bits, signed)
+            if limits.lowest <= low and high <= limits.highest:
+                return {'bits': bits, 'signed': signed}
+    step = max(-low, high) / 32000  # of real numbers, volts say: pictures keep their unit
+    return {'bits': MAX_BITS, 'signed': True, 'resolution': step, 'gain': step}
+
+
+def _offset(calibration: Calibration, frames: np.ndarray) -> float:
+    """Counts that nearly all tactels are off the baseline; 0: no more than moves no place."""
+    counts, live = calibration.arrange(frames), calibration.live
+    above = np.where(counts < calibration.counts.threshold, 0.0, counts - calibration.baseline)
+    above = above[:, live]
+    low, high = np.percentile(np.median(above, axis=0), (10, 90))
+    offset = max(low, 0.0) + min(high, 0.0)  # where a load is held, the others tell
+    load = np.abs(above.sum(axis=1) - offset * live.sum()).max()
+    return float(offset) if abs(offset) * live.sum() > MAX_OFFSET * load else 0.0
 
 
 def live_window(text: str, shape: tuple[int, int]) -> tuple[int, ...]:
@@ -51,18 +98,21 @@ def live_window(text: str, shape: tuple[int, int]) -> tuple[int, ...]:
                  if r not in rows or c not in columns)
 
 
-def play(path: str | Path, duration: float, calibration: Calibration, folder: Path,
+def play(path: str | Path, recording: Recording, calibration: Calibration, folder: Path,
          **common) -> tuple[bool, str]:
     """
-    Stream a recording of some duration [s] through driver and estimator; success and reason.
+    Stream a recording through driver and estimator; success and reason.
 
     That is recorded in the folder's `bag`; `common` is of the `Graph`.
     """
+    duration = len(recording.frames) / recording.rate_hz  # s
     with private_port() as port, stop_on_signals() as stop, Graph(**common) as graph, \
             live_progress(duration) as progress:
         record(graph, folder / 'bag')
         graph.add(ContactEstimatorNode)
-        sensor = graph.add(MockSensorNode, port=str(port), recording=str(path))
+        sensor = graph.add(
+            MockSensorNode, own={'recording': recording, 'calibration': calibration},
+            port=str(port), recording=str(path))
         graph.add(DriverNode, own={'calibration': calibration}, port=str(port),
                   tare_at_start=False)
         started = time.monotonic()

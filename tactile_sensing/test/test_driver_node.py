@@ -1,5 +1,6 @@
 """The driver node on a pseudo-terminal, in a private context per test."""
 from contextlib import contextmanager
+import dataclasses
 import os
 from pathlib import Path
 import signal
@@ -77,13 +78,13 @@ def unloaded(value=BASELINE):
 class Graph:
     """A driver, a listener and the executor that both run in."""
 
-    def __init__(self, context, device, **parameters):
+    def __init__(self, context, device, calibration=CALIBRATION, **parameters):
         parameters = {'port': str(device.link), 'tare_at_start': False, 'tare_frames': 20,
                       'reconnect_period': 0.01, **parameters}
         self.context = context
         self.device = device
         self.driver = DriverNode(
-            calibration=CALIBRATION, context=context, namespace='/tactile',
+            calibration=calibration, context=context, namespace='/tactile',
             parameter_overrides=[Parameter(k, value=v) for k, v in parameters.items()])
         self.node = Node('listener', context=context, namespace='/tactile')
         self.images, self.infos, self.reports = [], [], []
@@ -304,6 +305,29 @@ def test_wrong_array_size_is_named(make_graph):
     assert level == DiagnosticStatus.ERROR
     assert 'no frame of 4x5 = 20 bytes' in text
     assert graph.images == []
+
+
+@pytest.mark.parametrize('bits, kind, sent, words', [
+    (8, np.uint16, '20 bytes: the sensor sends 40 bytes', 'two a tactel: `bits` of the '
+     'calibration must be above 8'),
+    (10, np.uint8, '40 bytes: the sensor sends 20 bytes', 'one a tactel: `bits` of the '
+     'calibration must be at most 8')])
+def test_words_in_place_of_bytes_are_named(make_graph, bits, kind, sent, words):
+    graph = make_graph(calibration=dataclasses.replace(CALIBRATION, bits=bits, saturation=None))
+    frame = encode_frame(np.full(SHAPE, BASELINE, kind))
+    end = time.monotonic() + DEADLINE
+    while not any(sent in report[1] and words in report[1] for report in graph.reports):
+        assert time.monotonic() < end, graph.reports
+        graph.device.write(frame)
+        graph.executor.spin_once(timeout_sec=0.005)
+    assert graph.images == []
+
+
+def test_counts_that_the_bits_exclude_are_named(make_graph):
+    graph = make_graph(calibration=dataclasses.replace(CALIBRATION, bits=10, saturation=None))
+    words = 'counts outside 0 to 1023 arrive, which `bits: 10` of the calibration excludes'
+    graph.stream(np.full(SHAPE, 3000, np.uint16),
+                 lambda: any(words in report[1] for report in graph.reports))
 
 
 def test_rate_is_reported(make_graph):

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from tactile_common.errors import ConfigurationError
+from tactile_sensing.devices.counts import Counts
 from tactile_sensing.devices.recording import load_recording, Recording
 
 SHARED = Path(os.environ.get('TACTILE_SHARED_DATA', Path(__file__).parents[3] / 'shared' / 'data'))
@@ -37,6 +38,27 @@ def test_counts_round_clip_and_say_so():
     assert counts.dtype == np.uint8
     np.testing.assert_array_equal(counts, [[[0, 0, 1], [255, 255, 255], [0, 255, 0]]])
     assert clipped == 4
+
+
+def test_counts_of_another_range():
+    frames = np.array([[[-0.6, 0.25, 5.12]]])
+    counts, clipped = Recording(frames, 10.0).counts(Counts(10, signed=True), 0.01)
+    assert counts.dtype == np.int16 and clipped == 1
+    np.testing.assert_array_equal(counts, [[[-60, 25, 511]]])
+
+
+def test_arrays_and_tables_are_told_rate_and_shape(tmp_path):
+    np.save(tmp_path / 'f.npy', FRAMES)
+    np.savetxt(tmp_path / 'f.csv', FRAMES.reshape(2, -1), delimiter=',')
+    for name in ('f.npy', 'f.csv'):
+        recording = load_recording(tmp_path / name, 25.0, (3, 4))
+        np.testing.assert_array_equal(recording.frames, FRAMES)
+        assert recording.rate_hz == 25.0 and recording.pitch is None
+    for name, shape, words in (
+            ('f.npy', None, "'rate_hz' is missing: --rate HZ"), ('f.csv', None, '--shape R C'),
+            ('f.csv', (4, 4), '--shape says 4 x 4 = 16')):
+        with pytest.raises(ConfigurationError, match=words):
+            load_recording(tmp_path / name, shape=shape)
 
 
 def test_tactels_that_are_never_there_are_told():

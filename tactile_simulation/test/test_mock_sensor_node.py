@@ -15,6 +15,8 @@ from rclpy.qos import qos_profile_sensor_data
 from tactile_common.errors import ConfigurationError
 from tactile_common.ros.conversions import pose_from_msg, stamp_from_ns
 from tactile_common.ros.runner import make_executor
+from tactile_sensing.devices.calibration import Calibration
+from tactile_sensing.devices.calibration_file import save_calibration
 from tactile_sensing.devices.flexitac import FlexiTacDecoder, MARKER, NEED_DATA
 from tactile_sensing.types.array import TactelArray
 from tactile_simulation.nodes.mock_sensor import MockSensorConfig, MockSensorNode
@@ -108,8 +110,8 @@ class Listener:
         self.close()
 
 
-def decoded(data, shape):
-    decoder = FlexiTacDecoder(*shape)
+def decoded(data, shape, kind=np.uint8):
+    decoder = FlexiTacDecoder(*shape, kind)
     decoder.receive_data(data)
     events = list(iter(decoder.next_event, NEED_DATA))
     assert decoder.dropped_bytes == 0
@@ -263,6 +265,17 @@ def test_recording_streams_exactly(mock, recording, tmp_path):
         assert node.finished.wait(DEADLINE)
         np.testing.assert_array_equal(decoded(data, (5, 7)), frames)
     assert (node.sent, node.dropped) == (30, 0)
+
+
+def test_recording_streams_the_words_of_its_calibration(mock, tmp_path):
+    frames = np.random.default_rng(0).integers(0, 1024, (10, 5, 7))
+    np.savez(tmp_path / 'recording.npz', frames=frames, rate_hz=200.0)
+    save_calibration(Calibration.uncalibrated(5, 7, 0.001, bits=10), tmp_path / 'pad.yaml')
+    node = mock(recording=str(tmp_path / 'recording.npz'), calibration=str(tmp_path / 'pad.yaml'))
+    with Listener(tmp_path / 'sensor') as listener:
+        data = listener.read_bytes(2 + 10 * 72)
+        assert node.finished.wait(DEADLINE)
+        np.testing.assert_array_equal(decoded(data, (5, 7), np.uint16), frames)
 
 
 def test_recording_waits_for_its_listener_and_loops(mock, recording, tmp_path):

@@ -8,7 +8,7 @@ import numpy as np
 
 from tactile_common.command_line import between, Parser
 from tactile_common.errors import ConfigurationError
-from tactile_sensing.cli.options import add_pitch, is_bag, length
+from tactile_sensing.cli.options import add_pitch, add_shape, is_bag, length
 from tactile_sensing.contact.estimator import EstimatorConfig, METHODS, MODELS, TACTELS
 from tactile_sensing.types.array import TactelArray
 from tactile_sensing.types.contact import COLUMNS, ContactType, Reason, RECORD
@@ -49,6 +49,8 @@ EXAMPLE = """\
   "
   ros2 run tactile_sensing estimate frames.npz --pitch 0.001 --layers zz@0.002 -o contacts.npz
   python3 -c "import numpy as np; c = np.load('contacts.npz'); print(c['x'].mean(), c['type'][0])"
+
+  ros2 run tactile_sensing estimate volts.csv --shape 16 16 --pitch 0.001 --noise 0.01 -o c.npz
 """
 
 
@@ -73,18 +75,26 @@ def parser() -> argparse.ArgumentParser:
         prog='estimate',
         usage='estimate FRAMES|BAG --calibration CAL.yaml [options] -o OUT\n       estimate '
               'FRAMES --pitch M [M] --layers COMPONENT@DEPTH,... [options] -o OUT\n       '
+              'estimate FRAMES --pitch M [M] [--noise SD] [options] -o OUT\n       '
               'estimate BAG [options] -o OUT',
         description="""\
 Estimate the contact in every frame of a file: point or edge, where, and with what force.
 A file of any length takes the same memory. The summary goes to standard error.
 
 Input array of FRAMES.npz (from numpy.savez or numpy.savez_compressed), or the one of FRAMES.npy
-  frames           (N, rows, columns) or (N, layers, rows, columns), real numbers, in Pa:
+  frames           (N, rows, columns) or (N, layers, rows, columns), real numbers, tared:
                    pressure (compression positive) or shear stress above that of the unloaded pad;
                    x runs along increasing column, y along increasing row, the origin is the
                    centre of the array. NaN and infinity mark invalid tactels.
-                   With --calibration: raw counts, (N, rows, columns), as they come from the
-                   device; the file, which the command `calibrate` makes, says all the rest.
+                   (N, rows*columns) with --shape R C.
+FRAMES.csv holds a frame a line, rows*columns numbers, row by row; a header line may stand above.
+
+What the numbers mean:
+  --calibration    raw counts as they come from the device, or volts where the file has a
+                   `resolution`; the file, which the command `calibrate` makes, says all the rest
+  --pitch --layers pressure in Pa, or in a unit of --scale Pa: place, direction and force
+  --pitch          floats of any unit, linear in the pressure: place and direction, no force
+Integers are counts: without a calibration they are refused unless --scale is given.
 
 A BAG is a rosbag2 recording (folder, .mcap or .db3) of the topic image; its pictures say what the
 sensor is, and what is told of them is what the node contact_estimator tells with the parameters
@@ -109,7 +119,7 @@ Flags (sum of)
 Example
 {EXAMPLE}
 Exit status: 0, or 1 after one line that says what is wrong; then nothing is written.""")
-    arguments.add_argument('frames', nargs='?', metavar='FRAMES.npz|FRAMES.npy|BAG', help='input')
+    arguments.add_argument('frames', nargs='?', metavar='FRAMES.npz|.npy|.csv|BAG', help='input')
     arguments.add_argument('--calibration', metavar='CAL.yaml',
                            help='what turns counts into pressure: size, pitch, gains, noise, skin')
     arguments.add_argument('--namespace', help='of the sensor in a bag that has several')
@@ -117,10 +127,15 @@ Exit status: 0, or 1 after one line that says what is wrong; then nothing is wri
                            help='frames (n, rows, columns) of the unloaded pad in counts, taken '
                            'close to those to estimate (default: the baseline of the calibration)')
     add_pitch(arguments)
+    add_shape(arguments)
+    arguments.add_argument('--scale', metavar='PA', type=between(1e-12, 1e12, 'Pa'),
+                           help='pressure of one unit of tared frames: Pa per volt or count '
+                           '(default: 1)')
     arguments.add_argument(
         '--layers', metavar='COMPONENT@DEPTH,...',
         help=f'stress component ({", ".join(COMPONENTS)}) and depth below the surface of the '
-        'skin [m] of each layer in turn, for instance zz@0.002 or zz@0.002,xz@0.002')
+        'skin [m] of each layer in turn, for instance zz@0.002 or zz@0.002,xz@0.002 (default: '
+        'pressure under a skin of which nothing is known)')
     arguments.add_argument('-o', '--out', required=True, metavar='OUT',
                            help='file to write, .npz or .csv; replaced if it exists')
     arguments.add_argument('--method', help=f'estimator: {", ".join(METHODS)} '
@@ -135,9 +150,10 @@ Exit status: 0, or 1 after one line that says what is wrong; then nothing is wri
     arguments.add_argument('--dead', default='', metavar='R,C;R,C',
                            help='row and column, from 0, of tactels that are never used (in '
                            'quotes, because of the semicolon)')
-    arguments.add_argument('--noise', metavar='PA', type=between(0.0, 1e9, 'Pa'),
-                           help='standard deviation of one tactel (default: as the finest detail '
-                           'of each frame shows)')
+    arguments.add_argument('--noise', metavar='SD', type=between(0.0, 1e9, 'Pa'),
+                           help='standard deviation of one tactel, in Pa, or without --layers and '
+                           '--scale in the unit of the frames, as the next two (default: '
+                           'estimated from the finest detail of each frame)')
     arguments.add_argument('--full-scale', metavar='PA', type=between(0.0, 1e12, 'Pa'),
                            help='from here on a tactel is saturated and not used')
     arguments.add_argument('--floor', metavar='PA', type=between(-1e12, 1e12, 'Pa'),
@@ -159,13 +175,13 @@ def parse(args: list[str] | None = None) -> argparse.Namespace:
     if options.frames is None:
         raise ConfigurationError('FRAMES.npz is missing')
     bag = is_bag(options.frames)
-    for name in ('pitch', 'layers'):
+    for name in ('pitch', 'layers', 'shape', 'scale'):
         given = getattr(options, name) is not None
         if given and (options.calibration or bag):
             raise ConfigurationError(
                 f'--{name} stands in the {"calibration" if options.calibration else "bag"}')
-        if not (given or options.calibration or bag):
-            raise ConfigurationError(f'--calibration is missing, or --{name}')
+    if not (options.pitch or options.calibration or bag):
+        raise ConfigurationError('--calibration is missing, or --pitch')
     if options.tare and not options.calibration:
         raise ConfigurationError('--tare needs --calibration: it is of frames in counts')
     return options

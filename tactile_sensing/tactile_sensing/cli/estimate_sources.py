@@ -8,15 +8,17 @@ import math
 from typing import Any
 
 import numpy as np
+import numpy.lib.recfunctions as rfn
 
 from tactile_common.command_line import reading_bags
 from tactile_common.errors import ConfigurationError
-from tactile_common.npz_stream import ArrayReader
 from tactile_sensing.cli.estimate_options import layer_values, parse_dead, parse_layers
-from tactile_sensing.cli.options import counts_reader, is_bag, MAX_CHUNK, pitch_of, read_counts
-from tactile_sensing.contact.estimator import ContactEstimator
+from tactile_sensing.cli.options import counts_reader, is_bag, pitch_of, read_counts
+from tactile_sensing.contact.estimator import ContactEstimator, is_possible
+from tactile_sensing.devices.calibration import Calibration
 from tactile_sensing.devices.calibration_file import load_calibration
-from tactile_sensing.devices.tare import TareRefusedError
+from tactile_sensing.devices.frame_file import CHUNK, frame_reader
+from tactile_sensing.devices.tare import Tare, TareRefusedError
 from tactile_sensing.types.array import TactelArray
 from tactile_sensing.types.contact import COLUMNS, Contact, REALS, RECORD, STAMPED
 from tactile_sensing.types.image import Layer
@@ -44,10 +46,14 @@ class Frames:
     def records(self, estimator: ContactEstimator) -> Iterator[np.ndarray]:
         """Yield what is estimated of all frames in turn, some at a time."""
         frame_size = math.prod(self.reader.shape[1:]) * self.reader.dtype.itemsize
-        for frames in self.reader.chunks(min(max(CHUNK_BYTES // frame_size, 1), MAX_CHUNK)):
+        for frames in self.reader.chunks(min(max(CHUNK_BYTES // frame_size, 1), CHUNK)):
             stress = self.to_stress(frames)
             stress[..., self.dead] = np.nan
-            yield estimator.estimate_batch(stress, self.array, self.layers)
+            if all(map(is_possible, self.layers)):
+                yield estimator.estimate_batch(stress, self.array, self.layers)
+            else:  # the skin is not known, and the estimator needs one
+                refused = np.array([_record(0, estimator.refuse_malformed())], STAMPED)
+                yield rfn.require_fields(refused, RECORD).repeat(len(frames))
 
 
 class Pictures:
@@ -67,7 +73,7 @@ class Pictures:
         """Likewise."""
         told = (_record(picture.stamp_ns, estimator.estimate(self._completed(picture)))
                 for picture in self._pictures)
-        while some := list(islice(told, MAX_CHUNK)):
+        while some := list(islice(told, CHUNK)):
             yield np.array(some, STAMPED)
 
     def _completed(self, picture):
@@ -96,28 +102,47 @@ def source_of(options: argparse.Namespace) -> Frames | Pictures:
 
 def _plain(options):
     """Frames of stress, of the sensor that the options describe."""
-    reader = ArrayReader(options.frames, 'frames')
-    layers = parse_layers(options.layers)
+    reader = frame_reader(options.frames, options.shape and tuple(options.shape))
+    # A depth of 0: the skin is not known. Then no force can be told either.
+    unit = 'counts'
+    layers: tuple[tuple[str, float], ...] = (('zz', 0.0),)
+    if options.layers is not None:
+        unit, layers = 'Pa', parse_layers(options.layers)
     pitch_x, pitch_y = pitch_of(options.pitch)
     shape = reader.shape
-    if len(shape) not in (3, 4) or 0 in shape:
-        raise ConfigurationError(
-            f'{options.frames}: frames has shape {shape}, must be (N, rows, columns) or (N, '
-            'layers, rows, columns), none of them 0')
-    if reader.dtype.kind not in 'uif':
-        raise ConfigurationError(
-            f'{options.frames}: frames is of type {reader.dtype}, must be of real numbers')
+    _check_frames(options, reader)
     there = 1 if len(shape) == 3 else shape[1]
     if there != len(layers):
         raise ConfigurationError(
-            f'--layers names {len(layers)} (of {options.layers}), but frames has shape {shape}: '
-            f'{there} layer{"s" * (there > 1)}')
+            f'--layers names {len(layers)} (of {options.layers or "zz"}), but frames has shape '
+            f'{shape}: {there} layer{"s" * (there > 1)}')
     known, (rows, columns) = layer_values(options), shape[-2:]
     array = TactelArray(rows, columns, pitch_x, pitch_y)
     return Frames(reader, array,
-                  [Layer(component, depth, np.empty(0), **known) for component, depth in layers],
-                  lambda frames: np.array(frames, dtype=np.float64),
+                  [Layer(component, depth, np.empty(0), unit=unit, **known)
+                   for component, depth in layers],
+                  lambda frames: (options.scale or 1.0) * frames.astype(np.float64),
                   parse_dead(options.dead, array))
+
+
+def _check_frames(options, reader):
+    """Refuse an array that holds no frames, or frames of which nobody says what they mean."""
+    path, shape, dtype = options.frames, reader.shape, reader.dtype
+    if len(shape) == 2 and 0 not in shape:
+        raise ConfigurationError(
+            f'{path}: frames has shape {shape}, must be (N, rows, columns); where a frame lies '
+            'flat, (N, rows*columns), --shape R C says how many rows and columns it has')
+    if len(shape) not in (3, 4) or 0 in shape:
+        raise ConfigurationError(
+            f'{path}: frames has shape {shape}, must be (N, rows, columns) or (N, layers, rows, '
+            'columns), none of them 0')
+    if dtype.kind not in 'uif':
+        raise ConfigurationError(f'{path}: frames is of type {dtype}, must be of real numbers')
+    if dtype.kind != 'f' and options.scale is None:
+        raise ConfigurationError(
+            f'{path}: frames are counts ({dtype}): --calibration CAL.yaml says what a count '
+            'means; or subtract the unloaded picture and save floats, or, if that is done, give '
+            '--scale PA_PER_COUNT')
 
 
 def _calibrated(options):
@@ -127,10 +152,40 @@ def _calibrated(options):
     reader = counts_reader(options.frames, shape, options.namespace)
     if options.tare:
         try:
-            tare = calibration.make_tare(read_counts(options.tare, shape, options.namespace))
+            tare = calibration.make_tare(read_counts(
+                options.tare, shape, options.namespace, calibration.resolution))
         except TareRefusedError as error:
             raise ConfigurationError(f'--tare {options.tare}: {error}') from error
-    return Frames(reader, calibration.array,
-                  [replace(calibration.layer(tare), **layer_values(options))],
-                  lambda frames: calibration.stress(frames, tare),
+    layer = replace(calibration.layer(tare), **layer_values(options))
+    to_stress = CountsToStress(options, calibration, tare, layer.full_scale)
+    return Frames(reader, calibration.array, [layer], to_stress,
                   parse_dead(options.dead, calibration.array), calibration.tactel or None)
+
+
+class CountsToStress:
+    """What a calibration makes of the frames of a file, in order; refuses impossible counts."""
+
+    def __init__(self, options: argparse.Namespace, calibration: Calibration, tare: Tare | None,
+                 full_scale: float):
+        self._options, self._calibration, self._tare = options, calibration, tare
+        self._full_scale = full_scale
+        self._resolution = 1.0 if is_bag(options.frames) else calibration.resolution
+        self._done = 0  # frames
+
+    def __call__(self, frames: np.ndarray) -> np.ndarray:
+        calibration, limits = self._calibration, self._calibration.counts
+        counts = frames.astype(np.float64) / self._resolution
+        outside = limits.outside(counts) & np.isfinite(counts)
+        if outside.any():
+            k, row, column = np.argwhere(outside)[0]
+            raise ConfigurationError(
+                f'{self._options.frames}: frame {self._done + k}, row {row}, column {column} '
+                f'reads {counts[k, row, column]:.6g} counts, but `bits: {limits.bits}` of '
+                f'{self._options.calibration} allows {limits.lowest} to {limits.highest}: set '
+                '`bits` and `signed` there as the sensor has them')
+        self._done += len(frames)
+        stress = calibration.stress(counts, self._tare)
+        if self._full_scale > 0.0:  # a reading, not a hole: else it would count as dead
+            full = (calibration.arrange(counts) >= limits.saturation) & calibration.live
+            stress[full] = self._full_scale
+        return stress

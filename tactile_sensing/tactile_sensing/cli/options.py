@@ -2,19 +2,18 @@
 
 import argparse
 from collections.abc import Sequence
-import math
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from tactile_common.command_line import reading_bags
+from tactile_common.command_line import between, reading_bags
 from tactile_common.config import checked
 from tactile_common.errors import ConfigurationError
-from tactile_common.npz_stream import ArrayReader, MAX_WHOLE
+from tactile_sensing.devices.frame_file import frame_reader, read_whole, Shape
 from tactile_sensing.types.array import PITCH
 
-MAX_CHUNK = 1024  # frames
+MAX_SIDE = 1024  # rows or columns
 BAGS = ('.mcap', '.db3')  # endings of files that are bags, which may be folders as well
 
 
@@ -41,24 +40,31 @@ def add_pitch(arguments: argparse.ArgumentParser, **kwargs) -> None:
                            help='distance between tactels, or along x and along y [m]')
 
 
+def add_shape(arguments: argparse.ArgumentParser) -> None:
+    """Add the option that says how flat frames lie."""
+    arguments.add_argument(
+        '--shape', nargs=2, metavar=('R', 'C'), type=between(1, MAX_SIDE, kind=int),
+        help='rows and columns of frames that lie flat: (N, rows*columns), .csv')
+
+
 def is_bag(path: str) -> bool:
     """Whether a path is that of a bag, and not of an archive of arrays."""
     return Path(path).suffix in BAGS or Path(path).is_dir()
 
 
-def counts_reader(path: str, shape: tuple[int, int] | None = None,
+def counts_reader(path: str, shape: Shape | None = None,
                   namespace: str | None = None) -> Any:
     """
     Return the reader of frames in counts, (N, rows, columns), of a shape if one is given.
 
-    It is an ArrayReader, or a RecordedCounts of a bag, which has the same `shape` and `chunks`.
+    It is a `frame_reader`, or a RecordedCounts of a bag, which has the same `shape` and `chunks`.
     """
     if is_bag(path):
         with reading_bags():
             from tactile_sensing.observations import RecordedCounts
         reader: Any = RecordedCounts(path, namespace)
     else:
-        reader = ArrayReader(path, 'frames')
+        reader = frame_reader(path, shape, 'the calibration')
     there = reader.shape
     if len(there) != 3 or 0 in there or (shape is not None and there[1:] != shape):
         wanted = f'{shape[0]}, {shape[1]}) as the calibration says' if shape else 'rows, columns)'
@@ -69,12 +75,12 @@ def counts_reader(path: str, shape: tuple[int, int] | None = None,
     return reader
 
 
-def read_counts(path: str, shape: tuple[int, int] | None = None,
-                namespace: str | None = None) -> np.ndarray:
-    """Return all frames of counts, (N, rows, columns); ConfigurationError if they are too many."""
-    reader = counts_reader(path, shape, namespace)
-    size = math.prod(reader.shape) * reader.dtype.itemsize
-    if size > MAX_WHOLE:
-        raise ConfigurationError(f'{path}: frames {reader.shape} would take {size / 1e6:.0f} MB, '
-                                 f'at most {MAX_WHOLE / 1e6:.0f} MB are read')
-    return np.concatenate([np.array(part) for part in reader.chunks(MAX_CHUNK)])
+def read_counts(path: str, shape: Shape | None = None, namespace: str | None = None,
+                resolution: float = 1.0) -> np.ndarray:
+    """
+    Return all frames of counts, (N, rows, columns); ConfigurationError if they are too many.
+
+    Frames of a file are divided by the resolution (`Calibration.resolution`); a bag holds counts.
+    """
+    frames = read_whole(path, counts_reader(path, shape, namespace))
+    return frames if resolution == 1.0 or is_bag(path) else frames / resolution

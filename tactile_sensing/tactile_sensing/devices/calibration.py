@@ -14,6 +14,7 @@ from tactile_sensing.types.image import COMPONENTS, Layer, SensorInfo
 from tactile_sensing.types.skin import Skin
 
 UNITS = ('Pa', 'counts')
+RESOLUTION = (1e-12, 1e12)
 TOLERANCE = 5 / 255  # of the range, where no tolerance of a tare is given
 
 
@@ -40,6 +41,8 @@ class Calibration:
     signed: bool = False
     threshold: int | None = None
     saturation: int | None = None
+    # Of a count, in the unit of frames in files (V, say), where that is another than counts.
+    resolution: float = 1.0
     dead_tactels: tuple = ()  # row-major indices of tactels that are never used
     # From `baseline` of an unloaded tactel [counts]; more is a load. 0: TOLERANCE.
     tare_tolerance: float = 0.0
@@ -70,6 +73,7 @@ class Calibration:
             value = getattr(self, name)
             if not _is_number(value) or not 0.0 <= value < math.inf:
                 raise ConfigurationError(f'{name} is {value!r}, must be a number of at least 0')
+        checked('resolution', self.resolution, float, {'range': RESOLUTION})
         for name, choices in (('unit', UNITS), ('component', COMPONENTS)):
             value = getattr(self, name)
             if value not in choices:

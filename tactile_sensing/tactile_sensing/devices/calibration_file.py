@@ -48,7 +48,7 @@ def save_calibration(calibration: Calibration, path) -> None:
         value = getattr(calibration, item.name)
         default: Any = item.default
         if item.name not in _FILE_KEYS or (
-                item.name != 'gain' and np.array_equal(value, default)):
+                item.name not in ('gain', 'bits') and np.array_equal(value, default)):
             continue
         if isinstance(value, np.ndarray):
             value = _tidy(value)

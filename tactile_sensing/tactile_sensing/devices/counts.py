@@ -57,6 +57,10 @@ class Counts:
         """Largest count of the converter."""
         return (1 << self.bits - self.signed) - 1
 
+    def outside(self, readings: np.ndarray) -> np.ndarray:
+        """Return which readings the converter cannot send, rounded; NaN is none of them."""
+        return (readings < self.lowest - 0.5) | (readings > self.highest + 0.5)
+
     @property
     def dtype(self) -> np.dtype:
         """Least integer type that holds them."""

@@ -118,7 +118,12 @@ class FlexiTacDecoder:
         size = payload_size(sample)
         if size is None or size == self._period - len(MARKER):
             return ''
-        return f'the sensor sends {size} bytes a frame'
+        told, tactels = f'the sensor sends {size} bytes a frame', self._shape[0] * self._shape[1]
+        if size == 2 * tactels:
+            told += ', two a tactel: `bits` of the calibration must be above 8'
+        elif size == tactels:
+            told += ', one a tactel: `bits` of the calibration must be at most 8'
+        return told
 
     def _frame(self):
         payload = bytes(self._buffer[len(MARKER):self._period])

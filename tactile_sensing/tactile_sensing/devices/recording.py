@@ -1,12 +1,16 @@
-"""Recordings of tactile frames in `.npz` files, with `frames` and `rate_hz`."""
+"""Recordings of tactile frames in files, and what a sensor would have sent for them."""
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 
 from tactile_common.errors import ConfigurationError
 from tactile_common.npz_stream import read_arrays, scalar
+from tactile_sensing.devices.counts import Counts
+from tactile_sensing.devices.frame_file import frame_reader, read_whole, Shape
 
 MAX_RATE = 10e3
+BYTES = Counts(8)
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,22 +49,25 @@ class Recording:
         """Row-major indices of the tactels that are NaN in every frame: there are none."""
         return np.flatnonzero(np.isnan(self.frames).all(axis=0)).tolist()
 
-    def counts(self) -> tuple[np.ndarray, int]:
+    def counts(self, limits: Counts = BYTES, resolution: float = 1.0) -> tuple[np.ndarray, int]:
         """
-        Return the frames as bytes that a sensor of eight bits could have sent.
+        Return the frames as counts that a sensor of some range could have sent.
 
-        NaN becomes 0; everything else is rounded and clipped to 0..255. The second item is how
-        many values were clipped by more than rounding.
+        Frames are divided by the resolution, rounded and clipped to the range; NaN becomes 0. The
+        second item is how many values were clipped by more than rounding.
         """
         with np.errstate(invalid='ignore'):
-            values = np.where(np.isnan(self.frames), 0, np.rint(self.frames))
-        clipped = int(np.count_nonzero((values < 0) | (values > 255)))
-        return np.clip(values, 0, 255).astype(np.uint8), clipped
+            values = np.where(np.isnan(self.frames), 0, np.rint(self.frames / resolution))
+        clipped = int(np.count_nonzero(limits.outside(values)))
+        return np.clip(values, limits.lowest, limits.highest).astype(limits.dtype), clipped
 
 
-def load_recording(path) -> Recording:
+def load_recording(path, rate_hz: float | None = None, shape: Shape | None = None) -> Recording:
     """
-    Read a NumPy archive with `frames` `(N, rows, columns)`, `rate_hz` and perhaps `pitch_m`.
+    Read an `.npz` archive with `frames` `(N, rows, columns)`, `rate_hz` and perhaps `pitch_m`.
+
+    Of an archive without a rate, an `.npy` array or a `.csv` file the rate must be given, and of
+    frames that lie flat the shape.
 
     Raises
     ------
@@ -68,9 +75,13 @@ def load_recording(path) -> Recording:
         The file cannot be read, or an array in it is missing or impossible.
     """
     try:
-        arrays = read_arrays(path, ('frames', 'rate_hz'), ('pitch_m',))
-        return Recording(arrays['frames'], scalar('rate_hz', arrays['rate_hz']),
-                         scalar('pitch_m', arrays['pitch_m']) if 'pitch_m' in arrays else None)
+        frames = read_whole(path, frame_reader(path, shape))
+        arrays = {} if Path(path).suffix in ('.npy', '.csv') else read_arrays(
+            path, (), ('rate_hz', 'pitch_m'))
+        if rate_hz is None and 'rate_hz' not in arrays:
+            raise ConfigurationError("array 'rate_hz' is missing: --rate HZ says it")
+        told = {name: scalar(name, values) for name, values in arrays.items()}
+        return Recording(frames, rate_hz or told['rate_hz'], told.get('pitch_m'))
     except ConfigurationError as error:
         where = '' if str(error).startswith(str(path)) else f'{path}: '
         raise ConfigurationError(f'recording {where}{error}') from error

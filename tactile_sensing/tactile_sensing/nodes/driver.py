@@ -111,6 +111,7 @@ class DriverNode(TactileNode):
         self._image_msg = TactileImageMsg()
         self._fault = f'{self._config.port} is not open yet'
         self._sample = bytearray()
+        self._impossible = False  # whether counts arrived that the calibration excludes
         self._last_byte_at = self._last_frame_at = time.monotonic()
         self._reported = Report(time.monotonic())
         self._shown: tuple[bytes, str] | None = None
@@ -183,6 +184,7 @@ class DriverNode(TactileNode):
         with self._lock:
             self._recent.append(frame.counts)
             convert, tared = self._convert, self._tare is not None
+        self._impossible |= bool(self._calibration.counts.outside(frame.counts).any())
         layer, saturated = convert(frame.counts)
         self._images.publish(image_to_msg(TactileImage(
             stamp_ns, frame.sequence, (layer,), self._calibration.array, tared, saturated,
@@ -275,6 +277,11 @@ class DriverNode(TactileNode):
             return DiagnosticStatus.ERROR, f'{self._config.port} is silent'
         if now - self._last_frame_at > _SILENCE:
             return DiagnosticStatus.ERROR, self._no_frames()
+        if self._impossible:
+            counts, self._impossible = self._calibration.counts, False
+            return DiagnosticStatus.WARN, (
+                f'counts outside {counts.lowest} to {counts.highest} arrive, which `bits: '
+                f'{counts.bits}` of the calibration excludes: set `bits` and `signed` there')
         if self._tare is None:
             return DiagnosticStatus.WARN, f'not tared: {self._tare_refusal}'
         if self._reported.thinned > before.thinned:
@@ -292,7 +299,7 @@ class DriverNode(TactileNode):
         text = f'bytes arrive on {self._config.port}, but no frame of {rows}x{columns}'
         told = self._decoder.explain(bytes(self._sample))
         if told:
-            return f'{text} = {rows * columns} bytes: {told}'
+            return f'{text} = {self._frame_size} bytes: {told}'
         return f'{text}: wrong sensor, size or baud rate'
 
 

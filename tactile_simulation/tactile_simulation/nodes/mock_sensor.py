@@ -18,7 +18,8 @@ from tactile_common.ros.node import TactileNode
 from tactile_common.ros.parameters import declare_from
 from tactile_common.ros.runner import run
 from tactile_common.state_buffer import NS, pose_between, StateBuffer
-from tactile_sensing.devices.recording import load_recording
+from tactile_sensing.devices.calibration_file import load_calibration
+from tactile_sensing.devices.recording import BYTES, load_recording
 from tactile_sensing.devices.registry import protocol_named, PROTOCOLS
 from tactile_simulation.pseudo_terminal import PseudoTerminal
 from tactile_simulation.scenes import load_any_scene, renderer_of
@@ -39,6 +40,8 @@ class MockSensorConfig:
         'doc': 'YAML file of the scene that the sensor touches'})
     recording: str = field(default='', metadata={
         'doc': '.npz file to play instead, from the moment the port is opened, at its own rate'})
+    calibration: str = field(default='', metadata={
+        'doc': "file that says which counts a recording's sensor sends; empty = bytes"})
     loop: bool = field(default=False, metadata={
         'doc': 'whether a recording starts again at its end'})
     rate: float = bounded(200.0, 'frames per second of a scene', 'Hz', 0.1, 2000.0)
@@ -56,7 +59,8 @@ class MockSensorNode(TactileNode):
 
     A frame is sent as a device that runs free sends it behind the one before, with whatever
     announces the next. The first frame waits for the first listener; before the first
-    `sensor_pose` the sensor touches nothing. A frame shows the pose at its own instant, or it is
+    `sensor_pose` the sensor touches nothing. A `recording` and `calibration` that are given take
+    the place of the files. A frame shows the pose at its own instant, or it is
     not sent: an old pose in a frame that looks new makes a servo press on. Most of its attributes
     are ROS entities.
 
@@ -70,7 +74,7 @@ class MockSensorNode(TactileNode):
         listener none of them is counted.
     """
 
-    def __init__(self, **kwargs):
+    def __init__(self, recording=None, calibration=None, **kwargs):
         super().__init__('mock_sensor', **kwargs)
         self.finished = threading.Event()
         self.sent = self.dropped = self.late = self.blind = 0
@@ -82,7 +86,7 @@ class MockSensorNode(TactileNode):
             self._config = declare_from(self, MockSensorConfig)
             self._protocol = protocol_named(self._config.protocol)
             self._lock = threading.Lock()  # of the poses: a callback writes, the thread reads
-            self._open_source()
+            self._open_source(recording, calibration)
             self._port = PseudoTerminal(self._config.port)
         except BaseException:
             self.destroy_node()
@@ -99,7 +103,7 @@ class MockSensorNode(TactileNode):
             self._port.close()
         super().destroy_node()
 
-    def _open_source(self):
+    def _open_source(self, recording, calibration):
         config = self._config
         if bool(config.scene) == bool(config.recording):
             raise ConfigurationError(
@@ -119,12 +123,17 @@ class MockSensorNode(TactileNode):
             self.create_subscription(
                 PoseStamped, 'sensor_pose', self._on_pose, qos_profile_sensor_data)
         else:
-            recording = load_recording(config.recording)
-            self._recorded, clipped = recording.counts()
+            recording = recording or load_recording(config.recording)
+            if config.calibration:
+                calibration = calibration or load_calibration(config.calibration)
+            limits = calibration.counts if calibration else BYTES
+            self._recorded, clipped = recording.counts(
+                limits, calibration.resolution if calibration else 1.0)
             self._period = 1.0 / recording.rate_hz
             if clipped:
                 self.get_logger().warning(
-                    f'{clipped} values of {config.recording} were clipped to 0..255')
+                    f'{clipped} values of {config.recording} were clipped to {limits.lowest}..'
+                    f'{limits.highest}: a calibration says what the sensor sends')
 
     def _on_pose(self, message):
         try:

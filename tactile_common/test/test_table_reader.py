@@ -1,0 +1,61 @@
+"""Tables in text files: as spreadsheets and NumPy write them, and what is none."""
+import numpy as np
+import pytest
+
+from tactile_common.errors import ConfigurationError
+from tactile_common.table_reader import TableReader
+
+
+def read(path):
+    return np.concatenate(list(TableReader(path).chunks(2)))
+
+
+@pytest.mark.parametrize('text', [
+    '1,2.5,-3\n4,5,6\n7,8,9\n', 'a,b,c\n1,2.5,-3\n4,5,6\n7,8,9',
+    '# saved\n1 2.5 -3\n4 5  6\n7 8 9\n',
+    '1;2.5;-3\r\n4;5;6\r\n\r\n7;8;9\r\n', '1\t2.5\t-3\n4\t5\t6\n7\t8\t9\n',
+    '\ufeff1,2.5,-3\n4,5,6\n7,8,9\n', '"x [V]",y,z\n1,2.5,-3e0\n4,5,6\n7,8,9\n',
+], ids=['plain', 'header', 'blanks', 'semicolons', 'tabs', 'byte order mark', 'quoted header'])
+def test_ways_to_write_a_table(tmp_path, text):
+    path = tmp_path / 't.csv'
+    path.write_bytes(text.encode())
+    reader = TableReader(path)
+    assert reader.shape == (3, 3) and reader.dtype == np.float64
+    np.testing.assert_array_equal(read(path), [[1, 2.5, -3], [4, 5, 6], [7, 8, 9]])
+
+
+def test_numbers_survive_as_saved(tmp_path):
+    table = np.random.default_rng(0).normal(0.0, 1e-3, (5, 7))
+    table[2, 3] = np.nan
+    np.savetxt(tmp_path / 't.csv', table, delimiter=',')
+    np.testing.assert_array_equal(read(tmp_path / 't.csv'), table)
+
+
+def test_integers_are_told_from_real_numbers(tmp_path):
+    path = tmp_path / 't.csv'
+    path.write_text('1,-2\n3,4\n')
+    assert TableReader(path).dtype == read(path).dtype == np.int64
+    path.write_text('1,-2\n3,4.0\n')
+    assert TableReader(path).dtype == np.float64
+
+
+@pytest.mark.parametrize('data, words', [
+    (b'', 'holds no row of numbers'), (b'a,b\n', 'holds no row of numbers'),
+    (b'a,b\nc,d\n1,2\n', 'line 2 is not a row of numbers'),
+    (b'1,2\n3\n', 'line 2 has 1 numbers, the first row has 2'),
+    (b'1,2\n3,\n', "line 2 could not convert string to float: b''"),
+    (b'1,2\n3,x\n', 'line 2 could not convert'),
+    (b'\x00\xff\n\x01\n', 'line 2 is not a row of numbers'),
+    (b'1,' * 3_000_000, 'line 1 is longer than 4194304 bytes'),
+])
+def test_what_is_no_table_is_named(tmp_path, data, words):
+    path = tmp_path / 't.csv'
+    path.write_bytes(data)
+    with pytest.raises(ConfigurationError) as error:
+        read(path)
+    assert words in str(error.value) and str(error.value).startswith(f'{path}: ')
+
+
+def test_no_file(tmp_path):
+    with pytest.raises(ConfigurationError, match=r'gone.csv: cannot be read: No such file'):
+        TableReader(tmp_path / 'gone.csv')

@@ -1,0 +1,197 @@
+"""Command `estimate` on what people have: counts, volts, tables, flat arrays, no skin at all."""
+import numpy as np
+import pytest
+
+from tactile_sensing.cli import estimate, estimate_options, estimate_sources
+from tactile_sensing.devices.calibration import Calibration
+from tactile_sensing.devices.calibration_file import load_calibration, save_calibration
+from tactile_sensing.half_space import line
+from tactile_sensing.types.array import TactelArray
+from tactile_sensing.types.contact import ContactType, Reason, RECORD
+
+ROWS, COLUMNS, PITCH, DEPTH, FORCE = 12, 14, 0.001, 0.002, 200.0
+ARRAY = TactelArray(ROWS, COLUMNS, PITCH, PITCH)
+PEAK = line.peak_pressure(FORCE, DEPTH)
+BARE = ['--pitch', '0.001']
+TOLD = [*BARE, '--layers', 'zz@0.002']
+SHAPE = ['--shape', str(ROWS), str(COLUMNS)]
+BASELINE, GAIN = 50.0, PEAK / 600.0  # counts, Pa per count: of ten bits
+
+
+def edges(count=4):
+    """Pressure of edges along y, shape (count, rows, columns) [Pa], with noise."""
+    rng = np.random.default_rng(1)
+    frames = np.array([line.pressure(ARRAY.x[None, :], ARRAY.y[:, None], rho, 0.0, FORCE, DEPTH)
+                       for rho in rng.uniform(-4e-3, 4e-3, count)])
+    return frames + rng.normal(0.0, 0.01 * PEAK, frames.shape)
+
+
+def counts(frames):
+    return np.rint(BASELINE + frames / GAIN).astype(np.uint16)
+
+
+@pytest.fixture(autouse=True)
+def there(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+@pytest.fixture
+def run(capsys, monkeypatch):
+    """Run the command; returns its records, or the line that says what is wrong."""
+    monkeypatch.setattr(estimate, 'QUIET', 1e9)
+
+    def run(*args):
+        status = estimate.main([*args, '-o', 'out.npz'])
+        out, err = capsys.readouterr()
+        assert out == '' and err.count('\n') == 1 and err.startswith('estimate: ')
+        if status:
+            return err
+        with np.load('out.npz') as archive:
+            return {name: archive[name] for name in archive.files}
+    return run
+
+
+def calibrate(**values):
+    values = {'gain': GAIN, 'baseline': BASELINE, 'noise': 6.0, 'depth': DEPTH, 'bits': 10,
+              'tactel': 'point', **values}
+    save_calibration(Calibration(ARRAY, **values), 'cal.yaml')
+    return ['--calibration', 'cal.yaml']
+
+
+def same(found, expected):
+    for name in found:
+        np.testing.assert_array_equal(found[name], expected[name], name)
+
+
+def test_without_a_skin_records_come_out(run):
+    np.savez('in.npz', frames=edges() / 1e5)  # volts
+    found = run('in.npz', *BARE, '--noise', '0.01')
+    assert set(found) == set(RECORD.names) and len(found['valid']) == 4
+    # Until the estimator takes a skin that nobody knows.
+    assert (found['reasons'] == Reason.BAD_IMAGE).all() and not found['valid'].any()
+    assert run('in.npz', *BARE)['valid'].shape == (4,)  # noise is estimated
+
+
+def test_without_a_skin_the_layer_says_so():
+    np.save('in.npy', edges())
+    options = estimate_options.parse(['in.npy', *BARE, '--noise', '3', '-o', 'out.npz'])
+    layer, = estimate_sources.source_of(options).layers
+    assert (layer.component, layer.depth, layer.unit) == ('zz', 0.0, 'counts')
+    assert layer.noise_std == 3.0
+
+
+def test_archive_array_and_table_say_the_same(run):
+    frames = edges()
+    np.savez('in.npz', frames=frames)
+    np.save('in.npy', frames)
+    np.save('flat.npy', frames.reshape(4, -1))
+    np.savetxt('in.csv', frames.reshape(4, -1), delimiter=',')
+    np.savetxt('head.csv', frames.reshape(4, -1), delimiter=';', comments='', header='a;b')
+    expected = run('in.npz', *TOLD)
+    assert expected['valid'].all() and (expected['type'] == ContactType.LINE).all()
+    same(run('in.npy', *TOLD), expected)
+    same(run('in.npz', *TOLD, *SHAPE), expected)
+    for name in ('flat.npy', 'in.csv', 'head.csv'):
+        same(run(name, *TOLD, *SHAPE), expected)
+
+
+def test_flat_arrays_ask_for_their_shape(run):
+    np.save('flat.npy', edges().reshape(4, -1))
+    np.savetxt('flat.csv', edges().reshape(4, -1))
+    np.save('cube.npy', edges())
+    assert '(N, rows*columns), --shape R C says' in run('flat.npy', *TOLD)
+    assert 'flat.csv: a row of 168 numbers is a frame: --shape R C' in run('flat.csv', *TOLD)
+    for name in ('flat.npy', 'flat.csv'):
+        assert ('frames has shape (4, 168), --shape says 16 x 16 = 256 tactels'
+                in run(name, *TOLD, '--shape', '16', '16'))
+    assert '--shape says 14 x 12 = 168' in run('cube.npy', *TOLD, '--shape', '14', '12')
+    assert '--shape: value is 0, must be between 1' in run('flat.npy', *TOLD, '--shape', '0', '1')
+    assert '--shape stands in the calibration' in run('flat.npy', *calibrate(), *SHAPE)
+
+
+def test_integers_need_a_meaning(run):
+    np.savez('in.npz', frames=counts(edges()))
+    np.savetxt('in.csv', counts(edges()).reshape(4, -1), fmt='%d', delimiter=',')
+    for args in (BARE, TOLD):
+        text = run('in.npz', *args)
+        assert 'in.npz: frames are counts (uint16): --calibration CAL.yaml says' in text
+        assert 'save floats' in text and '--scale PA_PER_COUNT' in text
+        assert 'frames are counts (int64)' in run('in.csv', *args, *SHAPE)
+    tared = np.rint(edges() / GAIN).astype(np.int16)
+    np.savez('in.npz', frames=tared)
+    found = run('in.npz', *TOLD, '--scale', f'{GAIN}')
+    np.savez('in.npz', frames=tared * GAIN)
+    same(found, run('in.npz', *TOLD))
+
+
+def test_volts_with_a_scale(run):
+    frames = edges()
+    np.savez('in.npz', frames=frames)
+    expected = run('in.npz', *TOLD)
+    np.savez('in.npz', frames=frames / 2e5)
+    found = run('in.npz', *TOLD, '--scale', '2e5')
+    for name in ('a', 'line_force'):
+        np.testing.assert_allclose(found[name], expected[name], rtol=1e-9)
+    assert '--scale stands in the calibration' in run('in.npz', *calibrate(), '--scale', '2')
+
+
+def test_volts_with_a_calibration_are_not_rounded_away(run):
+    exact = BASELINE + edges() / GAIN
+    np.savez('in.npz', frames=exact)
+    expected = run('in.npz', *calibrate())
+    assert expected['valid'].all()
+    volt = 5.0 / 1023.0
+    assert load_calibration('cal.yaml').resolution == 1.0
+    np.savez('in.npz', frames=exact * volt)
+    np.savez('unloaded.npz', frames=volt * np.random.default_rng(3).normal(
+        BASELINE, 6.0, (40, ROWS, COLUMNS)))
+    found = run('in.npz', *calibrate(resolution=volt))
+    for name in ('a', 'line_force'):
+        np.testing.assert_allclose(found[name], expected[name], rtol=1e-6)
+    tared = run('in.npz', *calibrate(resolution=volt), '--tare', 'unloaded.npz')
+    assert tared['valid'].all()
+    np.testing.assert_allclose(tared['line_force'], expected['line_force'], rtol=0.03)
+
+
+def test_a_calibration_knows_the_shape_of_flat_counts(run):
+    np.savez('in.npz', frames=counts(edges()))
+    np.savetxt('in.csv', counts(edges()).reshape(4, -1), fmt='%d', delimiter=',')
+    same(run('in.csv', *calibrate()), run('in.npz', *calibrate()))
+    np.save('in.npy', counts(edges()).reshape(4, -1)[:, :-1])
+    assert '(4, 167), the calibration says 12 x 14 = 168 tactels' in run('in.npy', *calibrate())
+
+
+def test_counts_beyond_the_bits_are_refused_by_name(run):
+    frames = counts(edges())
+    frames[:2] = BASELINE
+    np.savez('in.npz', frames=frames)
+    text = run('in.npz', *calibrate(bits=8))
+    k, row, column = np.argwhere(frames > 255)[0]
+    assert (f'in.npz: frame {k}, row {row}, column {column} reads {frames[k, row, column]} counts,'
+            ' but `bits: 8` of cal.yaml allows 0 to 255: set `bits`') in text
+    np.savez('in.npz', frames=frames.astype(float) - BASELINE)
+    frames = np.clip(frames, 0, 255)
+    np.savez('in.npz', frames=frames)
+    assert isinstance(run('in.npz', *calibrate(bits=8)), dict)
+    np.savez('in.npz', frames=edges() / GAIN)  # tared twice
+    assert 'reads -' in run('in.npz', *calibrate())
+
+
+def test_the_file_says_its_bits():
+    calibrate(bits=8)
+    assert 'bits: 8' in open('cal.yaml', encoding='utf-8').read()
+
+
+def test_saturated_counts_are_no_dead_tactels(run):
+    frames = np.minimum(counts(1.9 * edges(1)), 1023)
+    assert 0 < (frames == 1023).sum() < 40
+    np.savez('in.npz', frames=frames)
+    for more in ([], ['--full-scale', f'{3.0 * PEAK}']):  # more than the readings reach
+        assert run('in.npz', *calibrate(), *more)['reasons'] == Reason.SATURATED
+        options = estimate_options.parse(['in.npz', *calibrate(), *more, '-o', 'out.npz'])
+        source = estimate_sources.source_of(options)
+        stress, layer = source.to_stress(frames), source.layers[0]
+        np.testing.assert_array_equal(stress >= layer.full_scale, frames == 1023)
+    found = run('in.npz', *calibrate(dead_tactels=(3,)))
+    assert found['reasons'] == Reason.SATURATED | Reason.DEAD_TACTELS
