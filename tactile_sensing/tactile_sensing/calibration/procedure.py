@@ -7,23 +7,26 @@ import math
 import numpy as np
 
 from tactile_common.errors import ConfigurationError
-from tactile_sensing.calibration.force_scale import edge_force_std
-from tactile_sensing.calibration.gains import flat_field, Gains
+from tactile_sensing.calibration.likelihood import (
+    ASSUMED_POISSON,
+    edge_force_std,
+    Fit,
+    fit_presses,
+    POISSON_STD,
+    UNLIKE,
+)
 from tactile_sensing.calibration.order import solve_order
 from tactile_sensing.calibration.presses import Presses, sort_presses
-from tactile_sensing.calibration.skin_fit import bad_presses, fit_skin, SkinFit
-from tactile_sensing.calibration.skin_parameters import ASSUMED_POISSON
 from tactile_sensing.calibration.unloaded import range_of, survey, Tactels
+from tactile_sensing.calibration.verdict import doubts
 from tactile_sensing.devices.calibration import Calibration
 from tactile_sensing.types.array import TactelArray
 from tactile_sensing.types.skin import Skin
 
 FEWEST_UNLOADED = 20  # frames
 FEWEST_PRESSES = 5  # of a ball, that tell a skin; some twenty are better
-MOST_LEFT_OUT = 0.04  # share of the pressure that a skin and a ball may leave unexplained
-USUAL_PATCH = 0.25, 0.75  # radius of a patch over that of the ball
+LINE = 0.25  # of a row or column: dead ones that make all that was not loaded dead
 UNLOADED = 0.03  # of the peak, less than which tactels far from a press read
-OF_MEDIAN = 1.2533  # standard deviation of a median over that of a mean, of a normal distribution
 
 
 @dataclass
@@ -73,8 +76,8 @@ class Outcome:
     left_out: dict[str, dict[int, str]] = field(default_factory=dict)
     tactels: Tactels | None = None
     presses: Presses | None = None
-    skin: SkinFit | None = None
-    gains: Gains | None = None
+    skin: Fit | None = None
+    doubts: list[str] = field(default_factory=list)  # why not to trust it
 
 
 def calibrate(recordings: Recordings, known: Known,
@@ -96,11 +99,16 @@ def calibrate(recordings: Recordings, known: Known,
         if frames.shape[1:] != raw_shape:
             raise ConfigurationError(f'recordings have frames of {raw_shape[0]} x {raw_shape[1]} '
                                      f'and of {frames.shape[1]} x {frames.shape[2]} tactels')
+    if known.bits is None and all(it is None for it in (
+            recordings.ball, recordings.flat, recordings.corners, recordings.rolling)):
+        raise ConfigurationError('--bits is missing: frames of the unloaded pad do not show the '
+                                 'range of its converter')
     tell('range and noise')
     found: dict = {}
     counts, assumed = range_of(given, known.bits, known.signed, known.threshold)
     values: dict = {'bits': counts.bits, 'signed': counts.signed, 'threshold': counts.threshold,
-                    'saturation': known.saturation or counts.saturation, 'tactel': known.tactel}
+                    'saturation': known.saturation or counts.saturation, 'tactel': known.tactel,
+                    'dead_tactels': ()}
     values |= _order(recordings, known, raw_shape, found, assumed)
     transposed = values.pop('_transposed')
     shape = raw_shape[::-1] if transposed else raw_shape
@@ -123,6 +131,10 @@ def calibrate(recordings: Recordings, known: Known,
     if not known.gain and recordings.force is None:
         assumed.append('no force is known: places, yaw and type can be told, forces cannot')
     found['assumed'] = assumed
+    outcome.doubts = doubts(outcome.skin, recordings.ball_radius, len(values['dead_tactels']) / (
+        rows * columns))
+    if outcome.doubts:
+        found['doubtful'] = outcome.doubts
     outcome.calibration = Calibration(array, transposed=transposed, model='calibrated',
                                       source='calibrate', found=found, **values)
     return outcome
@@ -162,7 +174,8 @@ def _unloaded(recordings, draft, outcome, found, assumed):
     found['unloaded'] = {
         'frames': len(recordings.unloaded), 'noise': _short(usual), 'step': tactels.step,
         'drift': _short(tactels.drift),
-        'dead': {f'{row},{column}': why for (row, column), why in tactels.dead.items()}}
+        'dead': {f'{row},{column}': why for (row, column), why in tactels.dead.items()},
+        'not_loaded': int(tactels.unloaded.sum())}
     # One frame of an unloaded pad may be that far off by chance.
     return {'baseline': np.clip(tactels.offset, draft.counts.lowest, draft.counts.saturation - 1),
             'noise': tactels.noise,
@@ -195,60 +208,80 @@ def _sorted(name, frames, calibration, outcome):
 
 def _skin(recordings, known, draft, outcome, found, assumed, tell):
     """Skin, gain and flat field from presses of the ball."""
-    area, radius = known.tactel == 'area', recordings.ball_radius
-    if not radius > 0.0:
+    if not recordings.ball_radius > 0.0:
         raise ConfigurationError('--ball-radius is missing')
     parts = {name: _sorted(name, frames, draft, outcome) for name, frames in (
         ('ball', recordings.ball), ('flat', recordings.flat)) if frames is not None}
     presses, *more = parts.values()
     for other in more:
         presses = presses.joined(other)
-    source = np.repeat(list(parts), [len(part) for part in parts.values()])
-    given = Skin(known.depth, known.thickness or math.inf,
-                 known.usual_poisson) if known.depth else None
+    source = np.repeat(np.arange(len(parts)), [len(part) for part in parts.values()])
     if recordings.unloaded is None:
         _check_unloaded(presses)
-    tell(f'skin from {len(presses)} presses')
-    fit = fit_skin(presses, radius, area=area, known=given, poisson=known.poisson)
-    bad = bad_presses(fit)
-    if bad.any() and (~bad).sum() >= FEWEST_PRESSES:
-        for name, number in zip(source[bad], presses.number[bad], strict=True):
-            outcome.left_out[name][int(number)] = 'unlike the others: no ball, or it moved'
-        presses, source = presses.only(~bad), source[~bad]
-        fit = fit_skin(presses, radius, area=area, known=given, poisson=known.poisson)
-    gain, pressed = np.ones(draft.array.shape), source == 'ball'
-    force = np.ones(len(presses))
-    if recordings.force is not None:
-        force[pressed] = _force(recordings)[presses.number[pressed]]
-    if recordings.flat is not None:
-        tell(f'gains from {len(presses)} presses')
-        for _ in range(1 if given else 2):  # gains that differ move the skin, the skin the gains
-            gains = flat_field(presses, radius, fit, area, force, source)
-            fit = fit_skin(presses.scaled(gains.gain), radius, area=area, start=fit,
-                           poisson=known.poisson)
-        outcome.gains, gain = gains, gains.gain
-        found['gains'] = {'presses': len(presses), 'spread': _short(gains.spread),
-                          'left': _short(gains.left)}
-    values: dict = {'gain_spread': float(outcome.gains.left if outcome.gains else fit.scatter)}
+        offset_std = np.maximum(draft.noise, 12**-0.5)
+    else:
+        offset_std = np.maximum(draft.noise, 12**-0.5) / len(recordings.unloaded)**0.5
+    told = np.ones(len(presses))
+    forced = recordings.force is not None and recordings.ball is not None
+    if forced:
+        told[source == 0] = _force(recordings)[presses.number[source == 0]]
+    given = Skin(known.depth, known.thickness or math.inf,
+                 known.usual_poisson) if known.depth else None
+
+    def fit(chosen):
+        tell(f'skin and gains from {chosen.sum()} presses')
+        return fit_presses(presses.only(chosen), recordings.ball_radius,
+                           area=known.tactel == 'area', known=given, poisson=known.poisson,
+                           told=told[chosen], source=source[chosen], offset_std=offset_std)
+    chosen = np.ones(len(presses), bool)
+    skin = fit(chosen)
+    bad = skin.misfit > UNLIKE * np.median(skin.misfit)
+    if bad.any() and len(np.unique(skin.groups[~bad])) >= FEWEST_PRESSES:
+        for k, number in zip(source[bad], presses.number[bad], strict=True):
+            outcome.left_out[list(parts)[k]][
+                int(number)] = 'unlike the others: no ball, or it moved'
+        chosen = ~bad
+        skin = fit(chosen)
+    presses = presses.only(chosen)
+    if forced and (source[chosen] == 0).sum() < FEWEST_PRESSES:
+        raise ConfigurationError(
+            f'ball: only {(source[chosen] == 0).sum()} presses of known force are like the '
+            f'others, at least {FEWEST_PRESSES} are needed')
+    outcome.presses, outcome.skin = presses, skin
+    return _found_skin(known, given, outcome, draft, forced, found, assumed)
+
+
+def _found_skin(known, given, outcome, draft, forced, found, assumed):
+    """What the fit says of the calibration."""
+    fit, count = outcome.skin, int(outcome.skin.groups[-1]) + 1
+    gain = fit.gain
+    values: dict = {'gain_spread': float(fit.left)}
+    found['gains'] = {'presses': count, 'spread': _short(fit.spread), 'left': _short(fit.left)}
     if not given:
         if assumed and assumed[-1].startswith('tactels one pitch'):
             assumed.pop()
         values |= {'depth': float(fit.skin.depth), 'poisson': float(fit.skin.poisson),
                    'thickness': 0.0 if fit.skin.is_half_space else float(fit.skin.thickness)}
         found['skin'] = {
-            'presses': len(presses), 'depth_std': _short(fit.depth_std),
+            'presses': count, 'depth_std': _short(fit.depth_std),
             'thickness_std': _short(fit.thickness_std), 'poisson_std': _short(fit.poisson_std),
             'left_out': _short(fit.scatter), 'patch': _short(fit.patch)}
-        if known.poisson is None and not math.isfinite(fit.poisson_std):
-            assumed.append(f"a Poisson's ratio of {ASSUMED_POISSON}")
-    if doubts := _doubts(fit, radius, recordings.flat is not None):
-        found['doubtful'] = doubts
+        if known.poisson is None:
+            assumed.append(f"a Poisson's ratio of {ASSUMED_POISSON} +- {POISSON_STD}, beside "
+                           'what presses say of it')
+    if fit.dead.any() or not draft.live.all():
+        dead = _with_lines(fit.dead | ~draft.live, outcome.tactels)
+        for row, column in np.argwhere(dead):
+            found.setdefault('unloaded', {}).setdefault('dead', {}).setdefault(
+                f'{row},{column}', 'does not follow the load')
+        values['dead_tactels'] = tuple(np.flatnonzero(dead).tolist())
     values['gain'] = known.gain * gain if known.gain else gain
-    if recordings.force is not None and not known.gain:
-        values |= _gain(force[pressed] / fit.amplitudes[pressed, 0], gain, found)
-        values['force_std'] = math.hypot(values['force_std'], edge_force_std(
-            presses.scaled(gain), fit, radius, area))
-    outcome.presses, outcome.skin = presses, fit
+    if forced and not known.gain:
+        # Counts are those of the ball's level, which is the first source.
+        values |= {'gain': gain / fit.level[0], 'unit': 'Pa', 'force_std': edge_force_std(
+            outcome.presses, fit, 0, known.tactel == 'area')}
+        found['force'] = {'presses': count, 'gain': _short(1.0 / fit.level[0]),
+                          'gain_std': _short(fit.level_std(0) / fit.level[0])}
     return values
 
 
@@ -260,34 +293,17 @@ def _check_unloaded(presses):
                                  'is missing, frames of the unloaded pad')
 
 
-def _doubts(fit, radius, flat):
-    """What a skin that was found has of one that is none, as a wrong ball or pitch makes it."""
-    doubts, check = [], 'check --ball-radius and --pitch'
-    if fit.scatter > MOST_LEFT_OUT:
-        doubts.append(f'{100.0 * fit.scatter:.0f} % of the pressure is not that of a ball of '
-                      f'{1e3 * radius:g} mm radius (usual: less than {100.0 * MOST_LEFT_OUT:.0f} '
-                      f'%): {check}' + ('' if flat else ', or gains differ: record --flat'))
-    if not USUAL_PATCH[0] < fit.patch < USUAL_PATCH[1]:
-        doubts.append(f'the ball touches within {fit.patch:.2f} of its radius (usual: '
-                      f'{USUAL_PATCH[0]} to {USUAL_PATCH[1]}): {check}')
-    return doubts
-
-
 def _force(recordings):
     """Of every frame of the ball [N]."""
     return np.broadcast_to(np.asarray(recordings.force, float), len(recordings.ball))
 
 
-def _gain(each, gain, found):
-    """Gain and its relative standard deviation, of what each press of known force says of it."""
-    if len(each) < FEWEST_PRESSES:
-        raise ConfigurationError(f'ball: only {len(each)} presses of known force are like the '
-                                 f'others, at least {FEWEST_PRESSES} are needed')
-    usual = float(np.median(each))
-    std = OF_MEDIAN * float(np.std(each, ddof=1)) / math.sqrt(len(each))
-    found['force'] = {
-        'presses': len(each), 'gain': _short(usual), 'gain_std': _short(std)}
-    return {'gain': usual * gain, 'unit': 'Pa', 'force_std': std / usual}
+def _with_lines(dead, tactels):
+    """Dead tactels, and those of a row or column that is dead as far as it was loaded."""
+    if tactels is not None:
+        for some, idle in ((dead, tactels.unloaded), (dead.T, tactels.unloaded.T)):
+            some[(some.mean(axis=1) >= LINE) & (some | idle).all(axis=1)] = True
+    return dead
 
 
 def _short(value):

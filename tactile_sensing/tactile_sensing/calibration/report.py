@@ -4,8 +4,10 @@ from pathlib import Path
 
 import numpy as np
 
+from tactile_sensing.calibration.likelihood import fit_presses, skin_of
 from tactile_sensing.calibration.procedure import Outcome
-from tactile_sensing.calibration.skin_fit import fit_skin
+from tactile_sensing.calibration.verdict import verdict
+from tactile_sensing.skin.pressure import SkinPressure
 from tactile_sensing.types.skin import Skin
 
 
@@ -16,48 +18,62 @@ def draw_report(outcome: Outcome, ball_radius: float, path: str | Path) -> None:
     from matplotlib import pyplot
 
     calibration = outcome.calibration
-    figure, axes = pyplot.subplots(2, 3, figsize=(12, 7.5), layout='constrained')
+    figure, axes = pyplot.subplots(2, 4, figsize=(15, 7.5), layout='constrained')
     _map(figure, axes[0, 0], calibration.noise, 'noise of every tactel [counts]')
     relative = calibration.gain / calibration.gain[calibration.live].mean()
     _map(figure, axes[0, 1], np.where(calibration.live, relative, np.nan),
          'gain of every tactel, relative')
     if outcome.skin is None or outcome.presses is None:
-        for axis in (axes[0, 2], *axes[1]):
+        for axis in (*axes[0, 2:], *axes[1]):
             axis.axis('off')
         axes[0, 2].text(0.0, 0.5, 'no presses of a ball: skin and gains are assumed')
     else:
+        _map(figure, axes[0, 2], np.where(calibration.live, 100.0 * outcome.skin.gain_std, np.nan),
+             '+- of every gain [%]')
         _presses(figure, axes, outcome, ball_radius)
-    figure.suptitle(f'{calibration.array.rows} x {calibration.array.columns} tactels, depth '
-                    f'{1e3 * calibration.depth:.2f} mm, skin '
-                    + (f'{1e3 * calibration.thickness:.2f} mm thick' if calibration.thickness
-                       else 'without a backing near') + f', unit {calibration.unit}')
+    figure.suptitle(f'{calibration.array.rows} x {calibration.array.columns} tactels: '
+                    + verdict(calibration, outcome.skin))
     figure.savefig(path, dpi=110)
     pyplot.close(figure)
 
 
 def _presses(figure, axes, outcome, ball_radius):
     presses, after = outcome.presses, outcome.skin
-    area = outcome.calibration.tactel == 'area'
     assumed = Skin(min(presses.array.pitch_x, presses.array.pitch_y))
-    before = fit_skin(presses, ball_radius, area=area, known=assumed)
-    relative = outcome.gains.gain if outcome.gains is not None else 1.0
+    before = fit_presses(presses, ball_radius, area=outcome.calibration.tactel == 'area',
+                         known=assumed)
     strongest = int(np.nanargmax(np.nanmax(presses.values, axis=(1, 2))))
-    rest = (presses.values[strongest] - before.models[strongest],
-            presses.values[strongest] * relative - after.models[strongest])
+    rest = [presses.values[strongest] - fit.models[strongest] for fit in (before, after)]
     limit = float(np.nanmax(np.abs(rest[0])))
     _map(figure, axes[1, 0], presses.values[strongest],
          f'frame {presses.number[strongest]} [counts]')
     for axis, left, title in zip(axes[1, 1:], rest, (
-            'left before: half-space, depth one pitch', 'left after'), strict=True):
+            'left before: depth one pitch', 'left after'), strict=False):
         _map(figure, axis, left, f'{title} [counts]', (-limit, limit))
-    axis = axes[0, 2]
-    for values, fit, label in ((presses.values, before, 'before'),
-                               (presses.values * relative, after, 'after')):
-        left = np.sqrt(np.nanmean((values - fit.models)**2, axis=(1, 2)))
-        axis.plot(100.0 * left / np.nanmax(fit.models, axis=(1, 2)), 'o', label=label)
-    axis.set(title='left of every press', ylabel='RMS over the peak [%]', xlabel='press',
-             ylim=(0.0, None))
-    axis.legend()
+    for fit, label in ((before, 'before'), (after, 'after')):
+        left = np.sqrt(np.nanmean((presses.values - fit.models)**2, axis=(1, 2)))
+        axes[0, 3].plot(100.0 * left / np.nanmax(fit.models, axis=(1, 2)), 'o', label=label)
+    axes[0, 3].set(title='left of every press', ylabel='RMS over the peak [%]', xlabel='press',
+                   ylim=(0.0, None))
+    axes[0, 3].legend()
+    _profile(axes[1, 3], outcome.skin)
+
+
+def _profile(axis, fit):
+    """What a point load makes in the skin, with the standard deviation of it."""
+    x = np.linspace(0.0, 4.0 * fit.skin.depth, 60)
+
+    def pressure(kind):
+        values = SkinPressure(skin_of(kind)).point(x, 0.0 * x, 0.0, 0.0, 1.0)
+        return values / values[0]
+    here = pressure(fit.kind)
+    slopes = np.stack([(pressure(fit.kind + step) - here) / 1e-2 for step in
+                       1e-2 * np.array([[1, 0, 0, 0], [0, -1, 0, 0], [0, 0, -1, 0]])], -1)
+    slopes *= [1.0, -1.0, -1.0]
+    std = np.sqrt(np.einsum('xi,ij,xj->x', slopes, fit.covariance[:3, :3], slopes))
+    axis.plot(1e3 * x, here)
+    axis.fill_between(1e3 * x, here - std, here + std, alpha=0.4)
+    axis.set(title='point load, +- standard deviation', xlabel='from it [mm]')
 
 
 def _map(figure, axis, values, title, limits=(None, None)):

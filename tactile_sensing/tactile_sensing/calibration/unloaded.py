@@ -4,13 +4,17 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from tactile_common.errors import ConfigurationError
 from tactile_sensing.devices.counts import Counts, MAX_BITS
 from tactile_sensing.devices.unloaded import unloaded_statistics
 
 NOISY = 5.0  # times the usual noise at which a tactel is not used
 GAP = 5.0  # usual readings that a gap in the counts lacks where it shows a threshold
-STUCK = 0.05  # share of what its neighbours show that a tactel must show under load
-LEAST_SHOWN = 40.0  # standard deviations that these must show
+STUCK = 0.1  # share of what those on either side show that a tactel must show under load
+SHOWN = 10.0  # standard deviations that these must show in a frame
+ENOUGH = 20.0  # and in all frames, root of the sum of squares
+LOADED = 5.0  # standard deviations that a tactel shows where it was loaded
+MOST = 2000  # frames that are looked at
 
 
 @dataclass(frozen=True, eq=False)
@@ -22,6 +26,7 @@ class Tactels:
     dead: dict  # from (row, column) to what is wrong
     step: int  # between neighbouring counts that occur: the effective least significant bit
     drift: float  # median change from the first half of the frames to the second [counts]
+    unloaded: np.ndarray  # bool: not dead, but no frame shows that it was loaded
 
 
 def range_of(recordings: list[np.ndarray], bits: int | None, signed: bool | None,
@@ -30,7 +35,8 @@ def range_of(recordings: list[np.ndarray], bits: int | None, signed: bool | None
     Range of the counts, and what of it was assumed.
 
     What is not given follows from the counts: the fewest bits that hold them; a threshold where
-    small counts are never reported though larger ones are.
+    small counts are never reported though larger ones are. ConfigurationError where the bits that
+    are given do not hold the counts.
     """
     assumed = []
     counts = np.concatenate([np.rint(frames[np.isfinite(frames)]) for frames in recordings])
@@ -38,8 +44,10 @@ def range_of(recordings: list[np.ndarray], bits: int | None, signed: bool | None
     if signed is None:
         signed = low < 0
         assumed.append(f'{"signed" if signed else "unsigned"} counts, as the recordings show')
+    need = max(high, -low - 1, 1).bit_length() + signed
+    if bits is not None and bits < need:
+        raise ConfigurationError(f'--bits is {bits}, but counts of {low} to {high} need {need}')
     if bits is None:
-        need = max(high, -low - 1, 1).bit_length() + signed
         bits = next((b for b in (8, 10, 12, 14, MAX_BITS) if b >= need), MAX_BITS)
         assumed.append(f'{bits} bits: the least usual converter for counts of {low} to {high}')
     plain = Counts(bits, signed)
@@ -76,8 +84,11 @@ def survey(frames: np.ndarray, counts: Counts, loaded: list[np.ndarray]) -> Tact
         dead[tuple(place.tolist())] = f'noise {first.noise[tuple(place)]:.1f} counts'
     for place in np.argwhere(first.offset >= counts.saturation - 1):
         dead[tuple(place.tolist())] = 'at full scale without load'
+    never = np.zeros(live.shape, bool)
     if loaded:
-        dead |= _silent(np.concatenate(loaded), first.offset, usual)
+        silent, never = _silent(np.concatenate(loaded), first.offset, usual)
+        dead |= {tuple(place.tolist()): 'shows nothing under load'
+                 for place in np.argwhere(silent)}
     for place in dead:
         live[place] = False
     offset, noise = unloaded_statistics(frames, counts.threshold, counts.lowest, live)
@@ -87,16 +98,21 @@ def survey(frames: np.ndarray, counts: Counts, loaded: list[np.ndarray]) -> Tact
         np.rint(it[np.isfinite(it)]).ravel() for it in loaded)]))
     step = int(np.gcd.reduce(np.diff(values).astype(np.int64))) if values.size > 2 else 1
     return Tactels(offset, np.maximum(noise, max(step, 1) * 12**-0.5), dead, max(step, 1),
-                   float(change))
+                   float(change), never & live)
 
 
 def _silent(loaded, offset, noise):
-    """Tactels that show next to nothing where those around them show much."""
-    peak = np.nanmax(loaded - offset, axis=0)
-    padded = np.pad(peak, 1, constant_values=np.nan)
-    rows, columns = peak.shape
-    around = np.stack([padded[i:i + rows, j:j + columns] for i in range(3) for j in range(3)
-                       if (i, j) != (1, 1)])
-    usual = np.nanmedian(around, axis=0)
-    silent = (usual > LEAST_SHOWN * noise) & (peak < STUCK * usual)
-    return {tuple(place.tolist()): 'shows nothing under load' for place in np.argwhere(silent)}
+    """Tactels that do not follow those on either side of them; others that were never loaded."""
+    values = np.nan_to_num(loaded[::-(-len(loaded) // MOST)] - offset)
+    padded = np.pad(values, ((0, 0), (1, 1), (1, 1)))
+    rows, columns = offset.shape
+
+    def beside(i, j):
+        return padded[:, 1 + i:1 + i + rows, 1 + j:1 + j + columns]
+    # Under an elastic skin a tactel between two loaded ones is loaded, one beside them need not.
+    between = np.max([np.minimum(beside(i, j), beside(-i, -j))
+                      for i, j in ((0, 1), (1, 0), (1, 1), (1, -1))], axis=0)
+    between = np.where(between > SHOWN * noise, between, 0.0)
+    power = (between**2).sum(axis=0)
+    silent = (power > (ENOUGH * noise)**2) & ((between * values).sum(axis=0) < STUCK * power)
+    return silent, ~silent & (values.max(axis=0) < LOADED * noise)

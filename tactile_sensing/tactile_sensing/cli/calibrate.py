@@ -13,6 +13,7 @@ from tactile_common.npz_stream import read_arrays
 from tactile_common.progress import Progress
 from tactile_sensing.calibration.procedure import calibrate, Known, Outcome, Recordings
 from tactile_sensing.calibration.report import draw_report
+from tactile_sensing.calibration.verdict import named, verdict
 from tactile_sensing.cli.options import add_pitch, pitch_of, read_counts
 from tactile_sensing.devices.calibration_file import save_calibration
 from tactile_sensing.devices.counts import MAX_BITS
@@ -20,6 +21,7 @@ from tactile_sensing.types.array import PITCH
 
 RECORDED = ('unloaded', 'corners', 'rolling', 'ball', 'flat')
 STEPS = 4  # that the progress bar counts, at most
+DOUBTFUL = 2  # exit status
 MOST_NAMED = 8  # frames that are named as left out
 
 EPILOG = """\
@@ -48,7 +50,9 @@ which press was none, and goes on from where it was interrupted.
 Frames that are no single press of the ball are named and left out. Without --force places and
 directions are told and forces are not.
 
-Exit status: 0, or 1 after one line that says what is wrong; then nothing is written."""
+The last line says what the calibration is good for. Exit status: 0; 1 after one line that says
+what is wrong, then nothing is written; 2 where the file is written but is not to be trusted: the
+lines before the last one say why."""
 
 
 def parser() -> argparse.ArgumentParser:
@@ -86,7 +90,8 @@ def parser() -> argparse.ArgumentParser:
         help='a tactel measures the mean over its area, or the stress at its centre '
         '(default: %(default)s)')
     add('--bits', metavar='N', type=between(1, MAX_BITS, kind=int),
-        help='of the converter, 1 to 16 (default: as the counts show)')
+        help='of the converter, 1 to 16 (default: as counts under load show; '
+        'needed where only the unloaded pad was recorded)')
     add('--signed', choices=('yes', 'no'), help='counts (default: as they show)')
     add('--threshold', metavar='COUNT', type=count, help='least count that is reported as '
         'such: smaller ones become the lowest (default: as the counts show)')
@@ -158,14 +163,15 @@ def describe(outcome: Outcome) -> str:
     lines.append(f'depth {1e3 * calibration.depth:.3f} mm, skin ' + (
         f'{1e3 * calibration.thickness:.3f} mm thick' if calibration.thickness
         else 'without a backing near') + f', unit {calibration.unit}')
+    if outcome.tactels is not None and (idle := outcome.tactels.unloaded).any():
+        lines.append('not loaded, and kept: ' + (
+            named(idle) if idle.sum() <= MOST_NAMED else f'{idle.sum()} tactels'))
     for name, bad in outcome.left_out.items():
         numbers = list(bad)[:MOST_NAMED]
         lines += [f'{name}, frame {k} left out: {bad[k]}' for k in numbers]
         if len(bad) > MOST_NAMED:
             lines.append(f'{name}: and {len(bad) - MOST_NAMED} more')
-    lines += [f'{kind}: {text}' for kind in ('assumed', 'doubtful')
-              for text in found.get(kind, [])]
-    return '\n'.join(lines)
+    return '\n'.join(lines + [f'assumed: {text}' for text in found['assumed']])
 
 
 def _plain(value):
@@ -174,8 +180,8 @@ def _plain(value):
     return str(value)
 
 
-def run(options: argparse.Namespace) -> str:
-    """Calibrate; returns what was found."""
+def run(options: argparse.Namespace) -> tuple[str, bool]:
+    """Calibrate; returns what was found, and whether it can be trusted."""
     known = read_known(options)
     if options.live:
         record(options)
@@ -191,9 +197,19 @@ def run(options: argparse.Namespace) -> str:
             progress.show(STEPS, 'report')
             draw_report(outcome, recordings.ball_radius, options.report)
     save_calibration(outcome.calibration, options.out)
-    return f'{describe(outcome)}\n{options.out} written'
+    lines = [describe(outcome), f'{options.out} written',
+             *(f'doubtful: {text}' for text in outcome.doubts),
+             verdict(outcome.calibration, outcome.skin)
+             + '; do not trust it' * bool(outcome.doubts)]
+    return '\n'.join(lines), not outcome.doubts
 
 
 def main(args: list[str] | None = None) -> int:
-    """Run the command; exit status 0 if the file was written."""
-    return run_command('calibrate', lambda: run(parser().parse_args(args)))
+    """Run the command; exit status 0 if the file was written and can be trusted."""
+    trusted = []
+
+    def told():
+        text, good = run(parser().parse_args(args))
+        trusted.append(good)
+        return text
+    return run_command('calibrate', told) or (0 if all(trusted) else DOUBTFUL)

@@ -74,9 +74,13 @@ class SkinPressure:
         """Pressure under Hertz' patch of this radius [m], at most 1.5 depths; 0: a point."""
         return self.point_basis(x, y, a, b, radius) @ np.array([normal_force, shear_x, shear_y])
 
-    def point_basis(self, x: np.ndarray, y: np.ndarray, a: float, b: float,
-                    radius: float = 0.0) -> np.ndarray:
-        """Pressure by a unit of normal force, shear along x and along y, shape (..., 3)."""
+    def point_basis(self, x: np.ndarray, y: np.ndarray, a: float | np.ndarray,
+                    b: float | np.ndarray, radius: float | np.ndarray = 0.0) -> np.ndarray:
+        """
+        Pressure by a unit of normal force, shear along x and along y, shape (..., 3).
+
+        Places and radius may be arrays as well, that broadcast with x and y.
+        """
         parts: list = [0.0, 0.0, 0.0]
         for dx, dy in self._nodes:
             u, v = x + dx - a, y + dy - b
@@ -98,9 +102,10 @@ class SkinPressure:
 
     def _kernel(self, coefficients, order, squared, variance):
         depth = self.skin.depth
-        relative = min(variance / depth**2, MAX_VARIANCE)
-        coefficients = np.polynomial.polynomial.polyval(relative, coefficients)
         t = CENTRE**2 / (squared / depth**2 + CENTRE**2)
-        f, g = np.polynomial.polynomial.polyval(t, coefficients.T)
+        relative = np.minimum(variance / depth**2, MAX_VARIANCE)
+        relative = np.reshape(relative, (1,) * (t.ndim - np.ndim(relative)) + np.shape(relative))
+        coefficients = np.polynomial.polynomial.polyval(relative, coefficients)
+        f, g = np.polynomial.polynomial.polyval(t, coefficients.swapaxes(0, 1), tensor=False)
         scale = depth**-order
         return f * scale, g * scale / depth

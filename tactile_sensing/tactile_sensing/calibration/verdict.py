@@ -1,0 +1,82 @@
+"""What a calibration is worth, in words and units, and whether to trust it."""
+
+import numpy as np
+
+from tactile_sensing.calibration.likelihood import Fit
+from tactile_sensing.devices.calibration import Calibration
+
+MOST_LEFT_OUT = 0.04  # share of the pressure that a skin and a ball may leave unexplained
+USUAL_PATCH = 0.25, 0.75  # radius of a patch over that of the ball
+FEW_PRESSES = 8  # fewer do not show how wrong they are
+MOST_DEAD = 0.1  # share of the tactels
+MOST_UNCERTAIN = 0.1  # share of the depth, and of forces
+MOST_SPREAD = 0.3  # of the gains
+
+
+def doubts(fit: Fit | None, ball_radius: float, dead: float) -> list[str]:
+    """
+    Return why not to trust a calibration, as a wrong ball, a wrong pitch or a broken pad makes it.
+
+    Parameters
+    ----------
+    fit : Fit, optional
+        Of presses of a ball.
+    ball_radius : float
+        [m].
+    dead : float
+        Share of the tactels that are.
+    """
+    found, check = [], 'check --ball-radius and --pitch'
+    if dead > MOST_DEAD:
+        found.append(f'{100.0 * dead:.0f} % of the tactels are dead: check the wiring')
+    if fit is None:
+        return found
+    if fit.scatter > MOST_LEFT_OUT:
+        found.append(f'{100.0 * fit.scatter:.0f} % of the pressure is not that of a ball of '
+                     f'{1e3 * ball_radius:g} mm radius (usual: less than '
+                     f'{100.0 * MOST_LEFT_OUT:.0f} %): {check}')
+    if not USUAL_PATCH[0] < fit.patch < USUAL_PATCH[1]:
+        found.append(f'the ball touches within {fit.patch:.2f} of its radius (usual: '
+                     f'{USUAL_PATCH[0]} to {USUAL_PATCH[1]}): {check}')
+    if fit.groups[-1] + 1 < FEW_PRESSES:
+        found.append(f'only {fit.groups[-1] + 1} presses at different places, '
+                     f'{FEW_PRESSES} and more are needed')
+    if fit.depth_std > MOST_UNCERTAIN * fit.skin.depth:
+        found.append(f'the depth is only known within {1e3 * fit.depth_std:.2f} mm')
+    if fit.spread > MOST_SPREAD:
+        found.append(f'the gains of the tactels differ by {100.0 * fit.spread:.0f} %')
+    return found
+
+
+def verdict(calibration: Calibration, fit: Fit | None) -> str:
+    """Return what forces, depth, thickness and tactels are good for, in one line."""
+    parts = []
+    if calibration.unit == 'Pa' and fit is not None:
+        force = np.hypot(calibration.force_std, fit.force_left)
+        parts.append(f'good for +-{100.0 * force:.1f} % of force')
+    elif calibration.unit == 'Pa':
+        parts.append('forces by the gain that was told')
+    else:
+        parts.append('good for places and directions, not for forces')
+    if fit is not None and fit.depth_std > 0.0:
+        parts.append(f'depth {_mm(fit.skin.depth, fit.depth_std)}')
+        if not fit.skin.is_half_space:
+            parts.append(f'thickness {_mm(fit.skin.thickness, fit.thickness_std)}')
+    dead = named(~calibration.live)
+    return '; '.join([*parts, f'{dead} dead' if dead else 'no tactel dead'])
+
+
+def _mm(value, std):
+    digits = int(np.clip(1 - np.floor(np.log10(max(1e3 * std, 1e-9))), 0, 4)) - 1
+    digits = max(digits, 0)
+    return f'{1e3 * value:.{digits}f} +- {1e3 * std:.{digits}f} mm'
+
+
+def named(some: np.ndarray) -> str:
+    """Return the names of some tactels, (rows, columns) bool: whole rows and columns first."""
+    rows, columns = np.asarray(some.all(axis=1)), np.asarray(some.all(axis=0))
+    rest = some & ~rows[:, None] & ~columns
+    alone = ', '.join(f'({row}, {column})' for row, column in np.argwhere(rest))
+    names = [f'tactels {alone}'] if alone else []
+    return ', '.join([*names, *(f'row {k}' for k in np.flatnonzero(rows)),
+                      *(f'column {k}' for k in np.flatnonzero(columns))])
