@@ -1,0 +1,112 @@
+"""
+Golden pictures of contacts and their judge: one estimator's answers against the truth.
+
+`python3 -m benchmarks.contact.golden make FOLDER` writes the sets, a .npz each; `score FOLDER`
+estimates all of them and prints the table. GOLDEN in the environment stands for FOLDER.
+"""
+
+import argparse
+import os
+from pathlib import Path
+import sys
+import time
+
+import numpy as np
+
+from benchmarks.contact import golden_score
+from benchmarks.contact.golden_sets import all_sets, made
+
+SEED = 26
+
+
+def wanted(name: str, sets: str) -> bool:
+    """Whether a set is among prefixes, comma separated; all of them if there are none."""
+    return not sets or any(name.startswith(prefix) for prefix in sets.split(','))
+
+
+def stored(folder: Path, sets: str = '') -> list[str]:
+    """Names of the sets in a folder, `family/variant`."""
+    names = (f'{file.parent.name}/{file.stem}' for file in sorted(folder.glob('*/*.npz')))
+    return [name for name in names if wanted(name, sets) and _is_set(folder / f'{name}.npz')]
+
+
+def _is_set(file):
+    with np.load(file) as arrays:
+        return 'frames' in arrays.files
+
+
+def load(folder: Path, name: str, share: float = 1.0) -> dict:
+    """Arrays of a set, the first part of its pictures."""
+    with np.load(folder / f'{name}.npz') as file:
+        arrays = {key: file[key] for key in file.files}
+    count = len(arrays['frames'])
+    keep = max(1, round(share * count))
+    return {key: value[:keep] if value.ndim and len(value) == count and key not in (
+        'components', 'depths', 'crb_names') else value for key, value in arrays.items()}
+
+
+def make(arguments):
+    """Write the sets."""
+    total = 0
+    for name, (count, maker) in all_sets(arguments.folder).items():
+        if not wanted(name, arguments.sets):
+            continue
+        begin = time.process_time()
+        arrays = made(name, max(2, round(arguments.share * count)), maker, arguments.seed)
+        file = arguments.folder / f'{name}.npz'
+        file.parent.mkdir(parents=True, exist_ok=True)
+        np.savez(file, **arrays)
+        total += len(arrays['frames'])
+        print(f'{name} {len(arrays["frames"])} {time.process_time() - begin:.1f} s', flush=True)
+    print(f'{total} pictures')
+
+
+def score(arguments):
+    """Estimate the sets, or read the answers, and print the table."""
+    rows = []
+    for name in stored(arguments.folder, arguments.sets):
+        arrays = load(arguments.folder, name, arguments.share)
+        skins = ('told', 'untold') if arguments.both else (
+            ('untold',) if arguments.untold else ('told',))
+        for skin in skins if np.isfinite(arrays['depth']) else ('untold',):
+            answers = golden_score.answered(arrays, told=skin == 'told')
+            if arguments.save:
+                file = arguments.save / f'{name.replace("/", "-")}-{skin}.npz'
+                file.parent.mkdir(parents=True, exist_ok=True)
+                np.savez(file, records=answers.records, seconds=answers.seconds)
+            rows.append({'set': name, 'skin': skin, **golden_score.score(
+                arrays, answers.records), **answers.times})
+            if sys.stderr.isatty():
+                print(f'\r{name:40}', end='', file=sys.stderr)
+    text = golden_score.table(rows)
+    print(text)
+    if arguments.out:
+        arguments.out.write_text(text + '\n', 'utf-8')
+
+
+def main():
+    """Run a command."""
+    parser = argparse.ArgumentParser(
+        prog='python3 -m benchmarks.contact.golden', description=__doc__.strip(),
+        formatter_class=argparse.RawDescriptionHelpFormatter)
+    commands = parser.add_subparsers(required=True)
+    for command in (make, score):
+        part = commands.add_parser(command.__name__, help=command.__doc__)
+        part.set_defaults(run=command)
+        part.add_argument('folder', type=Path, nargs='?',
+                          default=Path(os.environ.get('GOLDEN', 'runs/golden')))
+        part.add_argument('--share', type=float, default=1.0, help='of the pictures')
+        part.add_argument('--sets', default='', help='prefixes of names, comma separated')
+        if command is make:
+            part.add_argument('--seed', type=int, default=SEED)
+        else:
+            part.add_argument('--untold', action='store_true', help='tell pitch and noise alone')
+            part.add_argument('--both', action='store_true', help='told and untold')
+            part.add_argument('--save', type=Path, help='folder for the answers')
+            part.add_argument('--out', type=Path, help='file for the table')
+    arguments = parser.parse_args()
+    arguments.run(arguments)
+
+
+if __name__ == '__main__':
+    main()

@@ -1,0 +1,71 @@
+"""
+Profiles of pressure that the golden pictures need beyond those of `fe_frames`.
+
+More depths of the bone, a cylinder of 5 mm at 1 N/mm, narrow punches, and the answer to a load
+on a disc or strip of .15 mm, which adds up to loads of any shape.
+"""
+
+from dataclasses import dataclass
+import math
+from pathlib import Path
+
+import numpy as np
+
+from benchmarks.contact.fe_frames import Object, PROFILE, profiles, solve
+
+POISSON = 0.45
+BACKINGS = {'2mm': 2e-3, '3mm': 3e-3, '4mm': 4e-3, '6mm': 6e-3, '12mm': 12e-3, 'none': math.inf}
+CYLINDER = 5e-3, 1e3  # radius [m], force [N/m]
+NARROW = 0.15e-3  # radius or half width of what stands for a load in one place [m]
+MORE_BACKINGS = 3e-3, 12e-3
+SUPERPOSED = 3e-3, math.inf
+
+
+@dataclass(frozen=True)
+class Sunk(Object):
+    """Object that is pressed in by a given depth [m]."""
+
+    sunk: float = 0.2e-3
+
+    @property
+    def indentation(self):
+        """How deep it is pressed [m]."""
+        return self.sunk
+
+
+def cylinder(backing: float) -> np.ndarray:
+    """Profile of the cylinder at its force, a PROFILE record: secants of the indentation."""
+    radius, force = CYLINDER
+    deep, record = 0.4e-3, None
+    for _ in range(6):
+        record = solve(Sunk('wedge', radius, deep), backing, POISSON)
+        if abs(record['force'] / force - 1.0) < 0.02:
+            break
+        deep *= (force / float(record['force']))**0.7
+    record['kind'] = 'cylinder'
+    return record
+
+
+def more_profiles(folder: Path) -> np.ndarray:
+    """Every profile, PROFILE records; what is not in `fe_frames` is solved once and kept."""
+    file = folder / 'fe_more.npz'
+    if not file.exists():
+        rows = [cylinder(backing) for backing in BACKINGS.values()]
+        rows += [solve(Object(kind, radius), backing, POISSON) for backing in MORE_BACKINGS
+                 for kind, radii in (('ball', (0.5e-3, 1e-3, 2e-3, 3e-3)),
+                                     ('wedge', (1e-3, 3e-3))) for radius in radii]
+        rows += [solve(Object(kind, 1e-3), backing, POISSON)
+                 for backing in (2e-3, 4e-3, math.inf) for kind in ('round punch', 'strip')]
+        rows += [solve(Object(kind, NARROW), backing, POISSON)
+                 for backing in SUPERPOSED for kind in ('round punch', 'strip')]
+        file.parent.mkdir(parents=True, exist_ok=True)
+        np.savez_compressed(file, profiles=np.array(rows, PROFILE))
+    return np.concatenate([profiles(), np.load(file)['profiles']])
+
+
+def chosen(table: np.ndarray, kind: str, backing: float, poisson: float = POISSON, *,
+           radius: float | None = None) -> np.ndarray:
+    """PROFILE records of a kind of object on one skin; of every radius but NARROW, or of one."""
+    keep = (table['kind'] == kind) & (table['backing'] == backing) & (table['poisson'] == poisson)
+    keep &= table['radius'] > 2.0 * NARROW if radius is None else table['radius'] == radius
+    return table[keep]
