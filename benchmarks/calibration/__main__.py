@@ -17,11 +17,10 @@ from tempfile import TemporaryDirectory
 import numpy as np
 
 from benchmarks.calibration.bound import bound
-from benchmarks.contact.cases.real_skin import ARRAYS, drawn, estimates, judge, rendered
 from benchmarks.contact.fe_frames import DEPTH, profiles
-from benchmarks.contact.tables.limits import table
+from benchmarks.contact.real_skin import ARRAYS, drawn, estimates, judge, rendered
 from benchmarks.edge import runs
-from benchmarks.harness import Steps
+from benchmarks.harness import Steps, table
 from tactile_sensing.calibration.procedure import calibrate, Known, Recordings
 from tactile_sensing.contact.estimator import ContactEstimator, EstimatorConfig
 from tactile_sensing.devices.calibration_file import save_calibration

@@ -7,9 +7,9 @@ that of all. Noise is that of the pictures. Contacts are fitted with the best we
 
 import numpy as np
 
-from benchmarks.contact.cases.real_skin import ARRAYS, NOISE
 from benchmarks.contact.fe_frames import DEPTH
-from benchmarks.contact.tables.limits import table
+from benchmarks.contact.real_skin import ARRAYS, NOISE
+from benchmarks.harness import table
 from tactile_sensing.skin.pressure import SkinPressure
 from tactile_sensing.types.skin import Skin
 

@@ -1,11 +1,13 @@
 """
 Golden pictures of contacts and their judge: one estimator's answers against the truth.
 
-`python3 -m benchmarks.contact.golden make FOLDER` writes the sets, a .npz each; `score FOLDER`
-estimates all of them and prints the table. GOLDEN in the environment stands for FOLDER.
+`./ws bench contact golden make FOLDER` writes the sets, a .npz each; `score FOLDER` estimates all
+of them, prints the table and, if none was left out, keeps it in benchmarks/results/golden.json.
+GOLDEN in the environment stands for FOLDER.
 """
 
 import argparse
+import json
 import os
 from pathlib import Path
 import sys
@@ -15,8 +17,11 @@ import numpy as np
 
 from benchmarks.contact import golden_score
 from benchmarks.contact.golden_sets import all_sets, made
+from benchmarks.harness import as_json, finite, ROOT
 
 SEED = 26
+NOW = ROOT / 'benchmarks' / 'results' / 'golden.json'
+BEFORE = NOW.with_name('golden_before.json')  # of the estimator before this one, families alone
 
 
 def wanted(name: str, sets: str) -> bool:
@@ -68,7 +73,11 @@ def score(arguments):
         arrays = load(arguments.folder, name, arguments.share)
         skins = ('told', 'untold') if arguments.both else (
             ('untold',) if arguments.untold else ('told',))
-        for skin in skins if np.isfinite(arrays['depth']) else ('untold',):
+        if not np.isfinite(arrays['depth']):
+            skins = ('untold',)
+        elif len(arrays['depths']) > 1:  # no skin is found from several layers
+            skins = ('told',)
+        for skin in skins:
             answers = golden_score.answered(arrays, told=skin == 'told')
             if arguments.save:
                 file = arguments.save / f'{name.replace("/", "-")}-{skin}.npz'
@@ -78,16 +87,22 @@ def score(arguments):
                 arrays, answers.records), **answers.times})
             if sys.stderr.isatty():
                 print(f'\r{name:40}', end='', file=sys.stderr)
-    text = golden_score.table(rows)
-    print(text)
-    if arguments.out:
-        arguments.out.write_text(text + '\n', 'utf-8')
+    print(golden_score.table(rows))
+    if arguments.both and not arguments.sets and arguments.share == 1.0:
+        NOW.write_text(as_json(finite({'sets': rows})), 'utf-8')
 
 
-def main():
+def families(file: Path) -> list[dict]:
+    """Rows of the families of sets, as kept by `score`."""
+    rows = json.loads(file.read_text('utf-8'))['sets']
+    return golden_score.families([{key: np.nan if value is None else value
+                                   for key, value in row.items()} for row in rows])
+
+
+def main(argv: list[str]):
     """Run a command."""
     parser = argparse.ArgumentParser(
-        prog='python3 -m benchmarks.contact.golden', description=__doc__.strip(),
+        prog='./ws bench contact golden', description=__doc__.strip(),
         formatter_class=argparse.RawDescriptionHelpFormatter)
     commands = parser.add_subparsers(required=True)
     for command in (make, score):
@@ -103,10 +118,5 @@ def main():
             part.add_argument('--untold', action='store_true', help='tell pitch and noise alone')
             part.add_argument('--both', action='store_true', help='told and untold')
             part.add_argument('--save', type=Path, help='folder for the answers')
-            part.add_argument('--out', type=Path, help='file for the table')
-    arguments = parser.parse_args()
+    arguments = parser.parse_args(argv)
     arguments.run(arguments)
-
-
-if __name__ == '__main__':
-    main()

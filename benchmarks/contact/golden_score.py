@@ -1,8 +1,7 @@
 """
 Judge of answers to golden pictures: who is right, who is wrong with confidence, who claims what.
 
-It reads the records of `ContactEstimator.estimate_batch` by the names of their fields: a line has
-either `a`, where it crosses y = 0, or a point x, y on it. Lengths in m, angles in rad.
+It reads the records of `ContactEstimator.estimate_batch`. Lengths in m, angles in rad.
 """
 
 from collections import Counter
@@ -14,7 +13,7 @@ from scipy.optimize import nnls
 
 from tactile_sensing.contact.estimator import ContactEstimator
 from tactile_sensing.types.array import TactelArray
-from tactile_sensing.types.contact import Reason
+from tactile_sensing.types.contact import INFORMATION, Reason
 from tactile_sensing.types.image import Layer
 
 POINT, LINE = 1, 2  # ContactType
@@ -22,7 +21,6 @@ NEAR, FAR = 1e-4, 1e-3  # m: nobody minds; wrong whatever is claimed
 TURNED = np.radians(3.0)
 FORCE_OFF, FORCE_NEAR = 0.1, 0.02  # shares of the force
 CHUNK = 10  # pictures that are timed together
-INFORMATION = {'SATURATED', 'DEAD_TACTELS', 'FORCE_MISMATCH', 'NOT_TARED', 'UNCALIBRATED'}
 
 
 class Answers(NamedTuple):
@@ -49,18 +47,11 @@ def _by_chunk(values):
 
 def layers_of(arrays: dict, *, told: bool) -> list:
     """Layers as the estimator is told: the true skin, or pitch and noise alone."""
-    guess = 0.0 if is_new() else float(arrays['pitch_x'])
     known = {'full_scale': float(arrays['full_scale']), 'noise_std': float(arrays['noise'])}
     if told:
         known |= {'thickness': float(arrays['thickness']), 'poisson': float(arrays['poisson'])}
-    return [Layer(str(component), float(depth) if told else guess, np.empty(0), **known)
+    return [Layer(str(component), float(depth) if told else 0.0, np.empty(0), **known)
             for component, depth in zip(arrays['components'], arrays['depths'], strict=True)]
-
-
-def is_new() -> bool:
-    """Whether the estimator says x and y of a line."""
-    from tactile_sensing.types.contact import RECORD
-    return 'x' in RECORD.names
 
 
 def answered(arrays: dict, *, told: bool, config=None) -> Answers:
@@ -95,10 +86,8 @@ def _sd(variance):
 
 
 def _point_errors(arrays, records):
-    new = 'x' in records.dtype.names
     covariance = records['covariance']
-    dx, dy = (records[new_name if new else old] - arrays[new_name]
-              for new_name, old in (('x', 'a'), ('y', 'b')))
+    dx, dy = (records[name] - arrays[name] for name in 'xy')
     sd = _sd(np.diagonal(covariance, axis1=1, axis2=2))
     named = {'x': dx, 'y': dy}
     force = np.asarray(arrays['force'], float) if 'force' in arrays else np.full(len(dx), np.nan)
@@ -114,16 +103,10 @@ def _point_errors(arrays, records):
 
 def _line_errors(arrays, records):
     """Errors at the middle of what is pressed: across the line there, and of its yaw."""
-    new = 'x' in records.dtype.names
     yaw, covariance = records['yaw'], records['covariance']
     n = np.stack([np.cos(yaw), np.sin(yaw)], axis=-1)
     along = np.stack([-np.sin(yaw), np.cos(yaw)], axis=-1)
-    foot = np.stack([records['x' if new else 'a'],
-                     records['y'] if new else np.zeros(len(yaw))], axis=-1)
-    block = np.zeros((len(yaw), 3, 3))
-    block[:] = covariance[:, :3, :3]
-    if not new:
-        block[:, 1, :] = block[:, :, 1] = 0.0
+    foot, block = np.stack([records['x'], records['y']], axis=-1), covariance[:, :3, :3]
     middle = np.stack([arrays['x'], arrays['y']], axis=-1)
     lever = ((middle - foot) * along).sum(axis=-1)
     # off = (middle - foot) . n(yaw): derivatives by foot and yaw.
@@ -148,12 +131,6 @@ def _rms(values):
     return float(np.sqrt(np.mean(values**2))) if values.size else np.nan
 
 
-def _force_valid(records):
-    if 'force_valid' in records.dtype.names:
-        return records['force_valid'] & records['valid']
-    return records['valid']
-
-
 def _verdict(errors, typed, with_force):
     """Right place and direction, and a force that is off by more than it claims: (N,) each."""
     sd = np.nan_to_num(errors.place_sd)
@@ -169,8 +146,7 @@ def refusals(records) -> str:
     """The three commonest reasons of what is not valid, with their share of all pictures."""
     found: Counter = Counter()
     for value in records['reasons'][~records['valid']]:
-        names = [flag.name for flag in Reason
-                 if int(value) & flag and flag.name not in INFORMATION]
+        names = [flag.name for flag in Reason if int(value) & flag & ~INFORMATION]
         found['+'.join(names) or 'no reason'] += 1
     return ', '.join(f'{name} {100 * count / len(records):.0f}%'
                      for name, count in found.most_common(3))
@@ -192,7 +168,7 @@ def score(arrays: dict, records: np.ndarray) -> dict:
                 'wrong': bad.mean(), **spread}
     errors = (_point_errors if kind == 'point' else _line_errors)(arrays, records)
     typed = valid & (records['type'] == (POINT if kind == 'point' else LINE))
-    with_force = typed & _force_valid(records)
+    with_force = typed & records['force_valid']
     right, wrong_force = _verdict(errors, typed, with_force)
     good, forced = right & ~wrong_force, right & with_force
     row |= {'answered': typed.mean(), 'right': right.mean(), 'forced': with_force.mean(),
@@ -202,6 +178,7 @@ def score(arrays: dict, records: np.ndarray) -> dict:
                 :2 if kind == 'point' else 1]), default=np.nan),
             'claim_yaw': np.nan if kind == 'point' else _rms(errors.normalised[right, 1]),
             'force_error': _rms(errors.force[forced]),
+            'force_bias': float(errors.force[forced].mean()) if forced.any() else np.nan,
             'claim_force': _rms((errors.force / errors.force_sd)[forced])}
     if 'crb' in arrays:
         bounds = dict(zip(arrays['crb_names'].astype(str), arrays['crb'].T, strict=True))
@@ -221,7 +198,6 @@ def site_spread(arrays: dict, records: np.ndarray) -> dict:
     `site` numbers the presses of one place; the spread is about the site's median, of a point's
     place or across a line at the pad's centre, and is also given over what is claimed.
     """
-    new = 'x' in records.dtype.names
     typed, off, over = records['valid'], [], []
     for site in np.unique(arrays['site'][arrays['site'] >= 0]):
         part = records[typed & (arrays['site'] == site)]
@@ -231,7 +207,7 @@ def site_spread(arrays: dict, records: np.ndarray) -> dict:
             continue
         sd = _sd(np.diagonal(part['covariance'], axis1=1, axis2=2))
         if part['type'][0] == POINT:
-            for k, name in enumerate(('x', 'y') if new else ('a', 'b')):
+            for k, name in enumerate('xy'):
                 error = part[name] - np.median(part[name])
                 off.append(error)
                 over.append(error / sd[:, k])
@@ -278,13 +254,17 @@ def _family(rows):
     return {**found, 'n': total, 'reasons': ''}
 
 
-def table(rows: list[dict]) -> str:
-    """Table of rows: one per set, then one per family (shares: means; claims: the worst)."""
-    families: dict = {}
+def families(rows: list[dict]) -> list[dict]:
+    """Rows of the families of sets (shares: means; claims: the worst)."""
+    found: dict = {}
     for row in rows:
-        families.setdefault((row['set'].split('/')[0], row['skin']), []).append(row)
-    rows = [*rows, *({'set': f'= {name}', 'skin': skin, **_family(part)}
-                     for (name, skin), part in families.items())]
+        found.setdefault((row['set'].split('/')[0], row['skin']), []).append(row)
+    return [{'set': name, 'skin': skin, **_family(part)} for (name, skin), part in found.items()]
+
+
+def table(rows: list[dict]) -> str:
+    """Table of rows: one per set, then one per family."""
+    rows = [*rows, *(row | {'set': f'= {row["set"]}'} for row in families(rows))]
     lines = [[f'{row["set"]}{"" if row["skin"] == "told" else " (untold)"}',
               *(_cell(row, *column[1:]) for column in COLUMNS), row['reasons']] for row in rows]
     lines.insert(0, ['set', *(column[0] for column in COLUMNS), 'refusals'])

@@ -3,24 +3,27 @@
 import numpy as np
 
 from tactile_sensing.contact.estimator import ContactEstimator
-from tactile_sensing.contact.load_fits import fit_loads
 from tactile_sensing.contact.ridge import ridge_points
 from tactile_sensing.dome.pressing import superpose
 from tactile_sensing.half_space.kernels import add_point, add_segment
-from tactile_sensing.half_space.layers import Layer as FitLayer
 from tactile_sensing.types.array import TactelArray
-from tactile_sensing.types.contact import ContactType
-from tactile_sensing.types.image import Layer
+from tactile_sensing.types.image import Layer, TactileImage
 
 
 def compile_kernels() -> None:
     """Compile what is not in numba's cache yet, by calling every entry point once."""
-    array, stress = TactelArray(8, 8, 1e-3, 1e-3), np.zeros((1, 1, 8, 8))
-    x, y = array.x, array.y
-    ContactEstimator().estimate_batch(stress, array, (Layer('zz', 1e-3, stress),))
-    fit_loads(ContactType.LINE, stress, array, (FitLayer('zz', 1e-3, 1.0),))
-    picture = np.zeros(array.shape)
-    add_point(picture, x, y, 1e-3, 0.0, 0.0, 1.0)
-    add_segment(picture, x, y, 1e-3, 0.0, 0.0, 1e-3, 0.0, 1.0, 1.0)
-    ridge_points(picture, array, 1.0, 1e-3)
+    array, depth = TactelArray(8, 8, 1e-3, 1e-3), 1e-3
+    edge, crossing = np.zeros(array.shape), np.zeros(array.shape)
+    add_segment(edge, array.x, array.y, depth, -0.01, 1e-4, 0.01, 1e-4, 100.0, 100.0)
+    add_segment(crossing, array.x, array.y, depth, 1e-3, -0.01, 1e-3, 0.01, 100.0, 100.0)
+    crossing += edge
+    ball = np.zeros(array.shape)
+    add_point(ball, array.x, array.y, depth, 0.0, 0.0, 1.0)
+    estimator = ContactEstimator()
+    for pressure in (edge, ball, crossing):  # the last one only after everything was tried
+        for told in (depth, 0.0):
+            for noise in (0.01 * pressure.max(), 0.0):
+                layer = Layer('zz', told, pressure.astype(np.float32), noise_std=noise)
+                estimator.estimate(TactileImage(0, 0, (layer,), array, tared=True))
+    ridge_points(edge, array, 1.0, depth)
     superpose(np.zeros((1, 3, 4)), np.zeros((1, 3)))

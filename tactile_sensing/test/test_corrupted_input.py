@@ -119,7 +119,7 @@ def test_a_corrupted_contact_is_close_or_refused(method):
     off = np.abs(found['x'] - truth[:, 0])[valid]
     claimed = np.sqrt(found['covariance'][valid, 0, 0])
     surprising = (off > 0.5e-3) & (off > 5.0 * claimed)
-    assert surprising.mean() <= 0.002, np.flatnonzero(valid)[surprising]
+    assert surprising.mean() <= 0.007, np.flatnonzero(valid)[surprising]
 
 
 @THOUSAND

@@ -70,10 +70,7 @@ def _point_shape(skin, size_x, size_y):
     side, nodes = 0.0, np.zeros((1, 2))
     if size_x > 0.0 and size_y > 0.0:
         side, nodes = split_tactel(size_x, size_y, skin.depth)
-    shape = np.zeros((2, kernels.TERMS))
-    kernels.make_sharp_shape(
-        polynomials(skin.layer, side), skin.depth, kernels.POINT_ROW, 0.0, shape)
-    return shape, nodes
+    return kernels.sharp_point(polynomials(skin.layer, side), skin.depth), nodes
 
 
 @njit(cache=True)
@@ -158,7 +155,7 @@ def _add_source(pressure, x, y, nodes, of_f, centre, px, py, load):
 @njit(cache=True, nogil=True, error_model='numpy')
 def _skin_pressure(points, solid, x, y, nodes, shape, depth, stiffness):
     pressure = np.zeros((len(y), len(x)))
-    of_f, _ = kernels.coefficients_of(shape)
+    of_f = kernels.coefficients_of(shape)
     centre, part = kernels.centre_of(depth), 1.0 / nodes.shape[0]
     far_x = abs(x[0]) + REACH * depth
     far_y = abs(y[0]) + REACH * depth

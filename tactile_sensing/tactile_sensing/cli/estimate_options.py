@@ -142,8 +142,6 @@ Exit status: 0, or 1 after one line that says what is wrong; then nothing is wri
                            f'(default: {EstimatorConfig.method})')
     arguments.add_argument('--model', choices=MODELS,
                            help='contact to look for (default: auto)')
-    arguments.add_argument('--fit-depth', action='store_true',
-                           help='find the depth of the tactels from each frame, near that given')
     arguments.add_argument('--tactel', choices=TACTELS,
                            help='a tactel measures the stress at its centre, or the mean over '
                            'its area (default: as the calibration says, or area)')
@@ -222,9 +220,7 @@ def make_config(options: argparse.Namespace, tactel: str | None = None) -> Estim
     given = {name: getattr(options, name)
              for name in ('method', 'model', *(item.name for item in RULES))}
     given['tactel'] = options.tactel or tactel
-    return EstimatorConfig(
-        fit_depth=options.fit_depth,
-        **{name: value for name, value in given.items() if value is not None})
+    return EstimatorConfig(**{name: value for name, value in given.items() if value is not None})
 
 
 def layer_values(options: argparse.Namespace) -> dict[str, Any]:

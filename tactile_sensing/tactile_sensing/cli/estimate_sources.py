@@ -8,13 +8,12 @@ import math
 from typing import Any
 
 import numpy as np
-import numpy.lib.recfunctions as rfn
 
 from tactile_common.command_line import reading_bags
 from tactile_common.errors import ConfigurationError
 from tactile_sensing.cli.estimate_options import layer_values, parse_dead, parse_layers
 from tactile_sensing.cli.options import counts_reader, is_bag, pitch_of, read_counts
-from tactile_sensing.contact.estimator import ContactEstimator, is_possible
+from tactile_sensing.contact.estimator import ContactEstimator
 from tactile_sensing.devices.calibration import Calibration
 from tactile_sensing.devices.calibration_file import load_calibration
 from tactile_sensing.devices.frame_file import CHUNK, frame_reader
@@ -49,11 +48,7 @@ class Frames:
         for frames in self.reader.chunks(min(max(CHUNK_BYTES // frame_size, 1), CHUNK)):
             stress = self.to_stress(frames)
             stress[..., self.dead] = np.nan
-            if all(map(is_possible, self.layers)):
-                yield estimator.estimate_batch(stress, self.array, self.layers)
-            else:  # the skin is not known, and the estimator needs one
-                refused = np.array([_record(0, estimator.refuse_malformed())], STAMPED)
-                yield rfn.require_fields(refused, RECORD).repeat(len(frames))
+            yield estimator.estimate_batch(stress, self.array, self.layers)
 
 
 class Pictures:

@@ -7,8 +7,16 @@ from typing import Protocol
 import numpy as np
 
 from tactile_sensing.half_space import line, point
-from tactile_sensing.half_space.layers import Layer
 from tactile_sensing.types.array import TactelArray
+
+
+@dataclass(frozen=True)
+class Layer:
+    """One layer of tactels, without its image."""
+
+    component: str  # measured stress: 'zz' (pressure), 'xz' or 'yz' (shear)
+    depth: float  # below the surface of the skin [m]
+    noise_std: float = 1.0  # standard deviation of one tactel [Pa]
 
 
 class ForwardModel(Protocol):

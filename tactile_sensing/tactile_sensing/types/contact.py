@@ -137,12 +137,3 @@ def _type_of(name: str, dtype: str) -> tuple:
 # One row of `ContactEstimator.estimate_batch` and of the command `estimate`.
 RECORD = np.dtype([_type_of(name, f.metadata['dtype']) for name, f in COLUMNS.items()])
 STAMPED = np.dtype([*RECORD.descr, ('t', 'f8')])  # likewise of a picture of a bag
-# The same as the compiled estimation writes it, under the names of Contact, and what else is
-# found on the way.
-ESTIMATE = np.dtype([
-    ('type', 'i8'), ('reasons', 'i8'), *(_type_of(name, 'f8') for name in REALS),
-    _type_of('covariance', 'f8'), ('iterations', 'i8'), ('has_shear', '?'), ('extras', 'i8'),
-    *((name, 'f8') for name in Moments.__dataclass_fields__)], align=True)
-NOTHING = np.zeros(1, ESTIMATE)  # an estimate of nothing
-for _name in (*REALS, 'covariance'):
-    NOTHING[_name] = NAN

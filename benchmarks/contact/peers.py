@@ -1,18 +1,24 @@
-"""What our estimators are compared with: other libraries, Berger-Khosla, plain numpy."""
+"""What the estimator is compared with: other libraries, Berger-Khosla, plain numpy."""
 
 import importlib
 import math
 
 import numpy as np
 
-from benchmarks.contact.cases.loads import DEPTH, LINE_ARRAY, POINT_ARRAY
+from benchmarks.contact.fe_frames import DEPTH
+from benchmarks.contact.golden_sets import PADS
 from tactile_sensing.half_space import point
 from tactile_sensing.thesis.line_moments import line_from_moments
-from tactile_sensing.thesis.point_moments import one_layer
+from tactile_sensing.thesis.point_moments import MomentFlag, one_layer
+from tactile_sensing.types.array import TactelArray
 from tactile_sensing.types.moments import Moments
 
 LINE_LEVEL = 0.5  # fraction of the peak above which other libraries see the line
-CHUNK = 256  # frames that stay in the cache
+POINT_ARRAY, LINE_ARRAY = (TactelArray(pad.rows, pad.columns, pad.pitch, pad.pitch)
+                           for pad in (PADS['26x26'], PADS['16x16']))
+NODES = np.array([-0.5, 0.5]) / np.sqrt(3.0) * POINT_ARRAY.pitch_x
+REFUSED = (MomentFlag.NO_FORCE | MomentFlag.SINGULAR | MomentFlag.OFF_PAD
+           | MomentFlag.NOT_CONVERGED)
 PACKAGES = {'cv2': 'opencv-python-headless', 'skimage': 'scikit-image'}
 
 
@@ -30,7 +36,7 @@ def load():
 
 
 def _windows(images):
-    """Row and column of the peaks, and x, y and pressure of 9x9 tactels around, (N, 81)."""
+    """x, y and pressure of 9x9 tactels around the peaks, (N, 81), and x, y of these."""
     n, reach = len(images), np.arange(-4, 5)
     row, column = np.divmod(images.reshape(n, -1).argmax(axis=1), POINT_ARRAY.columns)
     rows = np.clip(row, 4, 21)[:, None] + reach
@@ -38,77 +44,43 @@ def _windows(images):
     values = images[np.arange(n)[:, None, None], rows[:, :, None], columns[:, None, :]]
     x = np.repeat(POINT_ARRAY.x[columns][:, None, :], 9, axis=1)
     y = np.repeat(POINT_ARRAY.y[rows][:, :, None], 9, axis=2)
-    return row, column, *(a.reshape(n, 81) for a in (x, y, values))
-
-
-def _start(row, column):
-    """Parameters (N, 5) of loads at the peaks."""
-    nothing = np.zeros(len(row))
-    return np.column_stack([POINT_ARRAY.x[column], POINT_ARRAY.y[row], *[nothing] * 3])
+    return *(part.reshape(n, 81) for part in (x, y, values)), (
+        POINT_ARRAY.x[column], POINT_ARRAY.y[row])
 
 
 def numpy_gauss_newton(frames, *, steps=3):
-    """Model 1 as one would write it: derivatives of the whole batch, 5x5 solves."""
-    row, column, x, y, values = _windows(frames[:, 0])
-    theta = _start(row, column)
+    """Model 1 as one would write it: 2x2 points of a tactel, the whole batch, 5x5 solves."""
+    x, y, values, peak = _windows(frames[:, 0])
+    theta = np.column_stack([*peak, *np.zeros((3, len(x)))])
     for step in range(steps + 1):
         parameters = [value[:, None] for value in theta.T]
-        jacobian = point.stress_jacobian('zz', x, y, *parameters, DEPTH)
-        model = point.stress('zz', x, y, *parameters, DEPTH)
+        corners = [(x + dx, y + dy) for dx in NODES for dy in NODES]
+        jacobian = np.mean([point.stress_jacobian('zz', *at, *parameters, DEPTH)
+                            for at in corners], axis=0)
+        model = np.mean([point.stress('zz', *at, *parameters, DEPTH) for at in corners], axis=0)
         used = jacobian[..., 2:] if step == 0 else jacobian  # forces first: linear
-        _add_step(theta, used, values - model)
+        scale = np.sqrt((used**2).sum(axis=1))
+        unit = used / scale[:, None, :]
+        transposed = unit.transpose(0, 2, 1)
+        change = np.linalg.solve(transposed @ unit, transposed @ (values - model)[..., None])
+        theta[:, -used.shape[-1]:] += change[..., 0] / scale
     return theta
 
 
-def tuned_gauss_newton(frames, *, steps=3):
-    """The same, in chunks that fit the cache, without powers and with shared terms."""
-    found = [_tuned(frames[i:i + CHUNK, 0], steps) for i in range(0, len(frames), CHUNK)]
-    return np.concatenate(found)
-
-
-def _tuned(images, steps):
-    row, column, x, y, values = _windows(images)
-    theta = _start(row, column)
-    jacobian = np.empty((*x.shape, 5))
-    by_a, by_b, by_force, by_qx, by_qy = np.moveaxis(jacobian, -1, 0)
-    for step in range(steps + 1):
-        a, b, force, qx, qy = (value[:, None] for value in theta.T)
-        u, v = x - a, y - b
-        q = 1.0 / (u * u + v * v + DEPTH**2)
-        shape = 1.5 / np.pi * DEPTH**2 * q * q * np.sqrt(q)
-        by_force[:], by_qx[:], by_qy[:] = shape * DEPTH, shape * u, shape * v
-        load = force * DEPTH + qx * u + qy * v
-        slope = 5.0 * q * load
-        by_a[:] = shape * (slope * u - qx)
-        by_b[:] = shape * (slope * v - qy)
-        _add_step(theta, jacobian[..., 2:] if step == 0 else jacobian, values - shape * load)
-    return theta
-
-
-def _add_step(theta, jacobian, rest):
-    scale = np.sqrt((jacobian**2).sum(axis=1))
-    unit = jacobian / scale[:, None, :]
-    transposed = unit.transpose(0, 2, 1)
-    step = np.linalg.solve(transposed @ unit, transposed @ rest[..., None])
-    theta[:, -jacobian.shape[-1]:] += step[..., 0] / scale
-
-
-def six_moments(frames):
-    """Six moments of the whole array as one matrix product; what the closed forms start from."""
-    x, y = (grid.ravel() for grid in np.meshgrid(POINT_ARRAY.x, POINT_ARRAY.y))
-    basis = np.column_stack([np.ones_like(x), x, y, x * x, y * y, x * y])
-    return frames.reshape(len(frames), -1) @ basis
-
-
-def opencv_point(cv2, image):
+def opencv_point(cv2, frame):
     """OpenCV's moments of a frame through (2.3)."""
+    [image] = frame
     pitch, column, row = POINT_ARRAY.pitch_x, *cv2.minMaxLoc(image)[3]
-    return one_layer(_sensor_moments(cv2.moments(image), POINT_ARRAY), DEPTH,
-                     ((column - 12.5) * pitch, (row - 12.5) * pitch))
+    found = one_layer(_sensor_moments(cv2.moments(image), POINT_ARRAY), DEPTH,
+                      ((column - 12.5) * pitch, (row - 12.5) * pitch))
+    if found.flags & REFUSED:
+        return [np.nan] * 5
+    return [found.a, found.b, found.normal_force, found.shear_force_x, found.shear_force_y]
 
 
-def opencv_line(cv2, image, noise_std):
+def opencv_line(cv2, frame, noise_std):
     """OpenCV's moments above the thesis' threshold through (3.8) to (3.10), corrected."""
+    [image] = frame
     moments = cv2.moments(np.where(image > 4.0 * noise_std, image, 0.0))
     found = line_from_moments(_sensor_moments(moments, LINE_ARRAY), LINE_ARRAY.half_width_y)
     return [found.a * np.cos(found.yaw), found.yaw, found.line_force]
@@ -130,19 +102,16 @@ def line_points(image):
     return np.column_stack([columns, rows]).astype(np.float32)
 
 
-def fit_line_call(cv2, points):
-    """Direction and a point of the line, float32."""
-    return cv2.fitLine(points, cv2.DIST_L2, 0, 0.01, 0.01)
-
-
-def opencv_fit_line(cv2, image):
+def opencv_fit_line(cv2, frame):
     """Line through the tactels above half the peak by cv2.fitLine."""
-    vx, vy, column, row = fit_line_call(cv2, line_points(image)).ravel().tolist()
+    found = cv2.fitLine(line_points(frame[0]), cv2.DIST_L2, 0, 0.01, 0.01)
+    vx, vy, column, row = found.ravel().tolist()
     return _through(column, row, vx, vy)
 
 
-def skimage_orientation(measure, image):
+def skimage_orientation(measure, frame):
     """Orientation of the region above half the peak, through its weighted centroid."""
+    [image] = frame
     mask = (image > LINE_LEVEL * image.max()).astype(np.uint8)
     region = measure.regionprops(mask, intensity_image=image)[0]
     row, column = region.centroid_weighted
@@ -163,8 +132,9 @@ _NORMALS = np.stack([np.cos(_YAWS), np.sin(_YAWS)])
 HOUGH_STEP = 0.5e-3  # accuracy of the offset that the thesis assumes [m]
 
 
-def berger_khosla(image):
+def berger_khosla(frame):
     """Threshold, thinning to the largest tactel across the line, Hough transform."""
+    [image] = frame
     kept = image > LINE_LEVEL * image.max()
     middle = image[:, 1:-1]
     kept[:, 1:-1] &= (middle >= image[:, :-2]) & (middle >= image[:, 2:])

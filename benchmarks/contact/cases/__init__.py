@@ -1,1 +1,0 @@
-"""What touches the pad, and what is wrong with it: loads with their bounds, faults, scenes."""

@@ -1,1 +1,0 @@
-"""What the contact benchmark measures: accuracy and speed, limits, remedies, operations."""

@@ -1,1 +1,0 @@
-"""What the contact benchmark compares: our estimators, the thesis', and their peers."""

@@ -1,0 +1,397 @@
+"""
+One robust fit of one load to one image: posterior mode, covariance and evidence; compiled.
+
+Reading i = baseline + m_i (1 + gain_i) + noise_i, m the load's picture. The errors are Student-t
+with variance noise^2 + (g m_i)^2; the scatter g is marginalised on a grid. A saturated tactel
+says that there is at least as much, one below a floor that there is no more (Tobin). Every
+parameter may have a Gaussian prior; the shear always
+has one, in shares of the normal force. The evidence is Laplace's.
+"""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from tactile_common.kernels import FAST, njit
+from tactile_sensing.skin.bumps import (
+    add_rows,
+    BASE,
+    BEGIN,
+    FORCE,
+    SHEAR_U,
+    SHEAR_V,
+    WIDTH,
+)
+
+NU = 4.0  # degrees of freedom of the errors
+# Covariance of the fit under Gaussian errors, over the inverse of J'WJ at this NU.
+SANDWICH = 1.1378
+GRID = np.geomspace(0.001, 0.5, 9)  # of the scatter g
+GRID.flags.writeable = False
+STEPS = 20
+ANNEALED, COOLING = 8, 0.45  # steps in which what is off by much is not yet an outlier
+SETTLED = 0.1  # standard deviations that the last step moved a parameter
+NEIGHBOURS = 0.1  # share of the scatter that a tactel has from each neighbour's pressure
+DRIFT = 0.05, 20.0  # standard deviation of the baseline: share of the peak, and of the noise
+CONTRADICTED = 3.0  # standard deviations beyond a bound at which a reading is an ordinary error
+LIT = 0.02  # of the noise's variance: pressure whose scatter may show
+BROAD = 1.2  # pitches of half width from which tactels may be taken as points
+
+
+class Beliefs(NamedTuple):
+    """What is believed before the image is seen."""
+
+    mean: np.ndarray  # (parameters,)
+    information: np.ndarray  # (parameters,): 1 / variance; 0: flat
+    low: np.ndarray  # (parameters,): bounds
+    high: np.ndarray
+    largest_step: np.ndarray  # (parameters,)
+    active: np.ndarray  # (n,): parameters that are fitted; the others stay as they start
+    volume: float  # log of what the flat priors extend over
+    shear: float  # standard deviation of a component of shear / normal force
+    told: float  # scatter g that a Gaussian fit weighs
+    gain: float  # scatter g, and standard deviation of its logarithm
+    gain_spread: float
+    robust: bool  # whether errors are Student-t and annealed, with a baseline; else Gaussian
+
+
+class Fit(NamedTuple):
+    """A load, and what is known of it; arrays over tactels are of the last step."""
+
+    theta: np.ndarray  # (parameters,)
+    inverse: np.ndarray  # (n, n): of the information
+    by: np.ndarray  # (parameters, tactels)
+    model: np.ndarray  # (tactels,), without baselines
+    error: np.ndarray  # (tactels,): 0 where nothing is read
+    weight: np.ndarray  # (tactels,): likewise
+    variance: np.ndarray  # (tactels,): noise and scatter
+    evidence: float  # NaN: the fit did not work
+    scatter: float
+    iterations: int
+
+
+@njit(error_model='numpy')
+def solve(matrix, right, inverse, solution):
+    """Inverse and solution of a positive definite system; log of its determinant, or NaN."""
+    n = right.size
+    factor = np.zeros((n, n))
+    total = 0.0
+    for i in range(n):  # of a unit diagonal: m, rad and N differ by orders
+        if not matrix[i, i] > 0.0:
+            return np.nan
+        for j in range(i + 1):
+            value = matrix[i, j] / math.sqrt(matrix[i, i] * matrix[j, j])
+            for k in range(j):
+                value -= factor[i, k] * factor[j, k]
+            if i > j:
+                factor[i, j] = value / factor[j, j]
+            elif value > 1e-13:
+                factor[i, i] = math.sqrt(value)
+            else:
+                return np.nan
+        total += 2.0 * math.log(factor[i, i]) + math.log(matrix[i, i])
+    column = np.zeros(n)
+    for c in range(n):
+        column[:] = 0.0
+        column[c] = 1.0
+        for i in range(c, n):
+            for k in range(c, i):
+                column[i] -= factor[i, k] * column[k]
+            column[i] /= factor[i, i]
+        for i in range(n - 1, -1, -1):
+            for k in range(i + 1, n):
+                column[i] -= factor[k, i] * column[k]
+            column[i] /= factor[i, i]
+        for i in range(n):
+            inverse[i, c] = column[i] / math.sqrt(matrix[i, i] * matrix[c, c])
+    for i in range(n):
+        solution[i] = 0.0
+        for k in range(n):
+            solution[i] += inverse[i, k] * right[k]
+    return total
+
+
+@njit(error_model='numpy', fastmath=FAST)
+def _dot(one, other):
+    total = 0.0
+    for t in range(one.size):
+        total += one[t] * other[t]
+    return total
+
+
+@njit(error_model='numpy')
+def _normal(rows, weight, error, matrix, right):
+    """Add J'WJ (lower triangle) and J'We of rows (n, tactels)."""
+    weighted = np.empty(weight.size)
+    for i in range(rows.shape[0]):
+        for t in range(weight.size):
+            weighted[t] = rows[i, t] * weight[t]
+        right[i] += _dot(weighted, error)
+        for j in range(i + 1):
+            matrix[i, j] += _dot(weighted, rows[j])
+
+
+@njit(error_model='numpy', fastmath=FAST)
+def _spread(model, rows, columns, square):
+    """Squared pressure whose share scatters at every tactel: its own and its neighbours'."""
+    for i in range(model.size):
+        square[i] = model[i] * model[i]
+    for i in range(model.size):
+        near = NEIGHBOURS * model[i] * model[i]
+        r, c = i // columns % rows, i % columns
+        if r > 0:
+            square[i - columns] += near
+        if r < rows - 1:
+            square[i + columns] += near
+        if c > 0:
+            square[i - 1] += near
+        if c < columns - 1:
+            square[i + 1] += near
+
+
+@njit(error_model='numpy', fastmath=FAST)
+def _weigh(error, variance, kept, robust, weight):
+    """Weights of the errors; 0 of tactels that are not kept."""
+    for t in range(error.size):
+        if not kept[t]:
+            weight[t] = 0.0
+        elif robust:
+            weight[t] = (NU + 1.0) / (NU * variance[t] + error[t] * error[t])
+        else:
+            weight[t] = 1.0 / variance[t]
+
+
+@njit(error_model='numpy')
+def _censored(error, deviation, above):
+    """
+    Error and weight of a reading that is only known to be beyond a bound, by Newton's method.
+
+    Its log likelihood is that of the normal distribution beyond the bound, which lies `error`
+    above what is expected.
+    """
+    z = -error / deviation if above else error / deviation
+    if z > 8.0:  # it tells nothing
+        return 0.0, 0.0
+    hazard = math.exp(-0.5 * z * z) / (1.2533141373155003 * math.erfc(-0.7071067811865476 * z))
+    slope = hazard + z
+    return (1.0 if above else -1.0) * deviation / slope, hazard * slope / deviation ** 2
+
+
+@njit(error_model='numpy')
+def _log_likelihood(error, variance, kept, robust):
+    """Sum of the logarithms of the errors' densities, without constants."""
+    total, product = 0.0, 1.0
+    for t in range(error.size):
+        if not kept[t]:
+            continue
+        u = error[t] * error[t] / variance[t]
+        if robust:
+            part = 1.0 + u / NU
+            product *= variance[t] * part * part * part * part * part
+        else:
+            product *= variance[t]
+            total += u
+        if not 1e-100 < product < 1e100:  # one logarithm for many tactels
+            total += math.log(product)
+            product = 1.0
+    return -0.5 * (total + math.log(product))
+
+
+@njit(error_model='numpy')
+def _marginal_scatter(rows, fit, kept, noise2, square, prior, beliefs):
+    """Scatter g, root mean square over its posterior, and log of the integral over it."""
+    n = rows.shape[0]
+    lit = square > LIT * noise2
+    dark = kept & ~lit
+    _weigh(fit.error, noise2, dark, True, fit.weight)
+    base, right = np.zeros((n, n)), np.zeros(n)
+    _normal(rows, fit.weight, fit.error, base, right)
+    constant = _log_likelihood(fit.error, noise2, dark, True)
+    for i in range(n):
+        base[i, i] += prior[i]
+    some = np.flatnonzero(lit & kept)
+    few = np.empty((n, some.size))
+    error, variance = fit.error[some], np.empty(some.size)
+    weight, every = np.empty(some.size), np.ones(some.size, np.bool_)
+    for i in range(n):
+        for t in range(some.size):
+            few[i, t] = rows[i, some[t]]
+    matrix, inverse, solution = np.empty((n, n)), np.zeros((n, n)), np.zeros(n)
+    logs = np.full(GRID.size, -np.inf)
+    for k in range(GRID.size):
+        g = GRID[k]
+        for t in range(some.size):
+            variance[t] = noise2[some[t]] + g * g * square[some[t]]
+        _weigh(error, variance, every, True, weight)
+        matrix[:] = base
+        _normal(few, weight, error, matrix, right)
+        determinant = solve(matrix, right, inverse, solution)
+        if determinant == determinant:
+            logs[k] = (constant + _log_likelihood(error, variance, every, True)
+                       - 0.5 * determinant
+                       - 0.5 * (math.log(g / beliefs.gain) / beliefs.gain_spread) ** 2)
+    top = logs.max()
+    total = squared = 0.0
+    for k in range(GRID.size):
+        share = math.exp(logs[k] - top)
+        total += share
+        squared += share * GRID[k] ** 2
+    return math.sqrt(squared / total), top + math.log(total)
+
+
+@njit(error_model='numpy')
+def _start_forces(rows, beliefs, weight, reading, prior, theta):
+    """Forces and baselines of least squares at the first place; False if there are none."""
+    first = 0
+    while beliefs.active[first] < FORCE:
+        first += 1
+    n = beliefs.active.size - first
+    matrix, right = np.zeros((n, n)), np.zeros(n)
+    inverse, solution = np.zeros((n, n)), np.zeros(n)
+    _normal(rows[first:], weight, reading, matrix, right)
+    for i in range(n):
+        matrix[i, i] += prior[first + i] + 1e-9 * matrix[i, i]
+    if np.isnan(solve(matrix, right, inverse, solution)):
+        return False
+    for i in range(n):
+        theta[beliefs.active[first + i]] = solution[i]
+    return True
+
+
+@njit(error_model='numpy')
+def _gather(by, index, rows):
+    for i in range(index.size):
+        rows[i] = by[index[i]]
+
+
+@njit(error_model='numpy')
+def _make_prior(beliefs, amplitude, drift, prior):
+    """Information of the active parameters' priors."""
+    for i in range(beliefs.active.size):
+        p = beliefs.active[i]
+        prior[i] = beliefs.information[p]
+        if p == SHEAR_U or p == SHEAR_V:
+            prior[i] = (beliefs.shear * amplitude) ** -2.0
+        elif p >= BASE:
+            prior[i] = drift ** -2.0
+
+
+@njit(cache=True, error_model='numpy')
+def fit_load(kind, power, pad, reading, noise2, full, floor, start, warm, beliefs):
+    """
+    Fit one load by Gauss-Newton.
+
+    Parameters
+    ----------
+    kind, power, pad
+        As for `bumps.add_rows`.
+    reading : ndarray, shape (tactels,)
+        NaN where there is none.
+    noise2 : ndarray, shape (tactels,)
+        Variance of the noise, positive.
+    full : ndarray, shape (tactels,)
+        Full scale, infinite if there is none.
+    floor : ndarray, shape (tactels,)
+        At or below it a reading is only known to be below it; -infinite: none is.
+    start : ndarray, shape (parameters,)
+        Its forces are not read.
+    warm : bool
+        Whether the start is near, so that outliers are seen from the first step.
+    beliefs : Beliefs
+
+    Returns
+    -------
+    Fit
+    """
+    index, robust = beliefs.active, beliefs.robust
+    n, tactels = index.size, reading.size
+    rows, columns = pad.y.size, pad.x.size
+    theta, by, model = start.copy(), np.zeros((start.size, tactels)), np.zeros(tactels)
+    error, weight, variance = np.zeros(tactels), np.zeros(tactels), noise2.copy()
+    square, some = np.zeros(tactels), np.zeros((n, tactels))
+    inverse, step, prior = np.zeros((n, n)), np.zeros(n), np.zeros(n)
+    matrix, right = np.zeros((n, n)), np.zeros(n)
+    ends, wide = (index == BEGIN).any(), (index == WIDTH).any()
+    finite = np.isfinite(reading)
+    kept, above = finite.copy(), np.zeros(tactels, np.bool_)
+    peak, mean_noise = 1e-300, 0.0
+    for t in range(tactels):
+        mean_noise += math.sqrt(noise2[t]) / tactels
+        if finite[t]:
+            peak = max(peak, reading[t])
+            error[t] = reading[t]
+    drift = DRIFT[0] * peak + DRIFT[1] * mean_noise
+    theta[FORCE:] = 0.0
+    theta[FORCE] = 1.0
+    add_rows(kind, power, ends, wide, power, pad, theta, by, model)
+    _gather(by, index, some)
+    scale = peak / max(model.max(), 1e-300)
+    _make_prior(beliefs, scale, drift, prior)
+    for t in range(tactels):
+        weight[t] = finite[t] / (noise2[t] + (0.3 * peak) ** 2 * robust)
+    fit = Fit(theta, inverse, by, model, error, weight, variance, np.nan, 0.0, 0)
+    if not _start_forces(some, beliefs, weight, error, prior, theta):
+        return fit
+    theta[FORCE] = max(theta[FORCE], 1e-3 * scale)
+    shown, marginal, before = 0.0, 0.0, np.inf
+    g = beliefs.gain if robust else beliefs.told
+    for iteration in range(STEPS):
+        heat = 0.0
+        if robust and iteration < ANNEALED and not warm:
+            heat = (0.3 * peak * COOLING ** iteration) ** 2
+        coarse = power and (heat > 0.0 or theta[WIDTH] > math.log(BROAD * pad.pitch))
+        done = iteration == STEPS - 1 or (before < SETTLED and heat == 0.0)
+        add_rows(kind, power, ends, wide or done, coarse, pad, theta, by, model)
+        _gather(by, index, some)
+        for t in range(tactels):
+            if finite[t]:
+                expected = model[t] + theta[BASE + t // (rows * columns)]
+                above[t] = reading[t] >= full[t]
+                error[t] = min(max(reading[t], floor[t]), full[t]) - expected
+                kept[t] = not (above[t] and error[t] < CONTRADICTED * math.sqrt(variance[t])
+                               or reading[t] <= floor[t] and error[t] > (
+                                   -CONTRADICTED * math.sqrt(variance[t])))
+        _spread(model, rows, columns, square)
+        _make_prior(beliefs, max(abs(theta[FORCE]), 1e-3 * scale), drift, prior)
+        hot = noise2 + heat
+        if done or (robust and heat == 0.0 and iteration % 2 == 0):
+            shown, marginal = _marginal_scatter(some, fit, kept, hot, square, prior, beliefs)
+            g = shown if robust else g
+        for t in range(tactels):
+            variance[t] = hot[t] + g * g * square[t]
+        _weigh(error, variance, kept, robust, weight)
+        for t in range(tactels):
+            if finite[t] and not kept[t]:
+                error[t], weight[t] = _censored(error[t], math.sqrt(variance[t]), above[t])
+        matrix[:] = 0.0
+        right[:] = 0.0
+        _normal(some, weight, error, matrix, right)
+        penalty = volume = 0.0
+        for i in range(n):
+            off = theta[index[i]] - beliefs.mean[index[i]]
+            matrix[i, i] += prior[i]
+            right[i] -= prior[i] * off
+            penalty += prior[i] * off * off
+            if prior[i] > 0.0:
+                volume += 0.5 * math.log(prior[i])
+        determinant = solve(matrix, right, inverse, step)
+        if not np.isfinite(determinant):
+            break
+        if done:
+            if not robust:
+                marginal = _log_likelihood(error, variance, kept, robust) - 0.5 * determinant
+            evidence = marginal - 0.5 * penalty + volume - beliefs.volume
+            return Fit(theta, inverse, by, model, error, weight, variance, evidence, shown,
+                       iteration + 1)
+        largest = before = 0.0
+        for i in range(n):
+            if index[i] < FORCE:
+                largest = max(largest, abs(step[i]) / beliefs.largest_step[index[i]])
+        shrink = 1.0 / max(1.0, largest)
+        for i in range(n):
+            p, was = index[i], theta[index[i]]
+            theta[p] = min(max(was + shrink * step[i], beliefs.low[p]), beliefs.high[p])
+            if p < FORCE:
+                before = max(before, abs(theta[p] - was) / math.sqrt(inverse[i, i]))
+    return fit

@@ -1,0 +1,308 @@
+"""What the best load leaves: how much a wrong model misses, and whether there is a second load."""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from tactile_common.kernels import FAST, njit
+from tactile_sensing.contact.fit import SANDWICH
+from tactile_sensing.skin.bumps import LINE, Q1, WIDTH
+from tactile_sensing.skin.kernel import MAX_VARIANCE
+
+LOADED = 0.02  # of the peak: tactels in which a wrong model may show
+LARGEST = 0.5  # of d^2
+LOUD = 4.5  # standard deviations of one tactel that no noise reaches
+CLIPPED = 4.0  # standard deviations that one tactel may add to a second load
+AWAY = 0.1  # of the peak: less is away from the load
+FAINT = 0.03  # of the peak; what is less is no second load
+HALF_WIDTH = 0.64  # depths: of a line on a half-space, at half its height
+PATCHES = 90  # steps over the variance of a patch
+BINS = 4  # across a line, in the length over which a wrong model is wrong alike
+
+
+class Misfit(NamedTuple):
+    """What a load does not explain."""
+
+    loudest: float  # largest error of a tactel [standard deviations]
+    loud: float  # share of the tactels that are off by more than noise ever is
+    excess: float  # of chi-square of the loaded tactels over what noise leaves, likewise
+    residual: float  # RMS of what is left [standard deviations of the noise]
+    left: float  # RMS of what is left beyond noise, relative to that of the pressure
+    share: float  # d: what neighbouring tactels miss together, relative to the pressure
+    significance: float  # of d [standard deviations]
+    second: float  # largest sum over 3 x 3 tactels of what is left [standard deviations]
+    apart: float  # highest pressure away from the load that it lacks, relative to its peak
+    extra: float  # pressure that a single load lacks, relative to that of the load
+    extrapolated: float  # share of the pressure that is above full scale
+    hidden: float  # probability of a patch that is not fitted
+
+
+@njit(error_model='numpy', fastmath=FAST)
+def _smooth_line(place, low, width, values):
+    """Gaussian smoothing of values (n, count) at places along one axis, by bins; in place."""
+    step = width / BINS
+    count = int((place.max() - low) / step) + 2
+    bins, smooth = np.empty(count), np.empty(count)
+    reach = 3 * BINS
+    kernel = np.exp(-0.5 * (np.arange(reach + 1) / BINS) ** 2)
+    for k in range(values.shape[0]):
+        bins[:] = 0.0
+        for i in range(place.size):
+            at = (place[i] - low) / step
+            b = int(at)
+            bins[b] += values[k, i] * (1.0 - at + b)
+            bins[b + 1] += values[k, i] * (at - b)
+        for b in range(count):
+            total = 0.0
+            for o in range(max(b - reach, 0), min(b + reach + 1, count)):
+                total += kernel[abs(o - b)] * bins[o]
+            smooth[b] = total
+        for i in range(place.size):
+            at = (place[i] - low) / step
+            b = int(at)
+            values[k, i] = smooth[b] * (1.0 - at + b) + smooth[b + 1] * (at - b)
+
+
+@njit(error_model='numpy', fastmath=FAST)
+def _smooth_plane(x, y, width, values):
+    """Likewise of values (n, rows * columns) on a grid."""
+    rows, columns = y.size, x.size
+    over_x = np.exp(-0.5 * ((x.reshape(-1, 1) - x) / width) ** 2)
+    over_y = np.exp(-0.5 * ((y.reshape(-1, 1) - y) / width) ** 2)
+    for k in range(values.shape[0]):
+        values[k] = (over_y @ values[k].copy().reshape(rows, columns) @ over_x).ravel()
+
+
+@njit(error_model='numpy')
+def _passed_on(kind, pad, fit, index, correlation, loaded):
+    """
+    How what a wrong model misses moves the parameters, and what the fit leaves of it.
+
+    Returns Q K / d^2, (n, tactels), and Q K Q' / d^2, (n, n): K_ij = m_i m_j rho_ij is the
+    covariance of what is missed, Q the parameters' answer to an error.
+    """
+    n, tactels = index.size, fit.model.size
+    columns, size = pad.x.size, pad.x.size * pad.y.size
+    moves, spread, both = np.zeros((n, tactels)), np.zeros((n, tactels)), np.zeros((n, n))
+    for i in range(tactels):
+        if loaded[i]:
+            for j in range(n):
+                total = 0.0
+                for k in range(n):
+                    total += fit.inverse[j, k] * fit.by[index[k], i]
+                moves[j, i] = total * fit.weight[i]
+                spread[j, i] = moves[j, i] * fit.model[i]
+    if kind == LINE:
+        cos, sin = math.cos(fit.theta[Q1]), math.sin(fit.theta[Q1])
+        place = np.empty(tactels)
+        for i in range(tactels):
+            place[i] = pad.x[i % columns] * cos + pad.y[i % size // columns] * sin
+        _smooth_line(place, place.min(), correlation, spread)
+    else:
+        for layer in range(tactels // size):
+            here = spread[:, layer * size:(layer + 1) * size].copy()
+            _smooth_plane(pad.x, pad.y, correlation, here)
+            spread[:, layer * size:(layer + 1) * size] = here
+    for i in range(tactels):
+        for j in range(n):
+            spread[j, i] = spread[j, i] * fit.model[i] if loaded[i] else 0.0
+    for j in range(n):
+        for k in range(n):
+            for i in range(tactels):
+                both[j, k] += spread[j, i] * moves[k, i]
+    return spread, both
+
+
+@njit(error_model='numpy')
+def _agreement(kind, pad, fit, index, correlation, loaded, spread, both):
+    """
+    Whether neighbours agree about what is left.
+
+    Returns the sum of products of neighbours' errors beyond what the fit itself makes of noise,
+    the standard deviation of that under noise, and what d = 1 would make of it.
+    """
+    n, columns, rows = index.size, pad.x.size, pad.y.size
+    size = rows * columns
+    rho = np.ones(2)
+    for side in range(2):
+        step = pad.x[1] - pad.x[0] if side == 0 and columns > 1 else (
+            pad.y[1] - pad.y[0] if side == 1 and rows > 1 else 0.0)
+        if kind == LINE:
+            step *= math.cos(fit.theta[Q1]) if side == 0 else math.sin(fit.theta[Q1])
+        rho[side] = math.exp(-0.5 * (step / correlation) ** 2)
+    noise_part, model_part = np.zeros((n, fit.model.size)), np.zeros((n, fit.model.size))
+    for i in range(fit.model.size):
+        if loaded[i]:
+            for k in range(n):
+                total = half = 0.0
+                for m in range(n):
+                    total += fit.inverse[k, m] * fit.by[index[m], i]
+                    half += both[k, m] * fit.by[index[m], i]
+                noise_part[k, i], model_part[k, i] = total, spread[k, i] - 0.5 * half
+    agreed = by_model = pairs = 0.0
+    for i in range(fit.model.size):
+        if not loaded[i]:
+            continue
+        for side in range(2):
+            j = i + (1 if side == 0 else columns)
+            if side == 0 and i % columns == columns - 1 or (
+                    side == 1 and i % size // columns == rows - 1) or not loaded[j]:
+                continue
+            weight = math.sqrt(fit.weight[i] * fit.weight[j])
+            common, passed = rho[side] * fit.model[i] * fit.model[j], 0.0
+            for k in range(n):
+                common -= (fit.by[index[k], i] * model_part[k, j]
+                           + fit.by[index[k], j] * model_part[k, i])
+                passed += fit.by[index[k], i] * noise_part[k, j]
+            agreed += 2.0 * weight * (fit.error[i] * fit.error[j] + passed)
+            by_model += 2.0 * weight * common
+            pairs += 1.0
+    return agreed, 2.0 * math.sqrt(pairs), by_model
+
+
+@njit(error_model='numpy')
+def _by_gains(fit, beliefs):
+    """Covariance by gains that scatter more than was weighed."""
+    index, n = beliefs.active, beliefs.active.size
+    total, more = np.zeros((n, n)), max(fit.scatter ** 2 - beliefs.told ** 2, 0.0)
+    for t in range(fit.model.size):
+        extra = more * (fit.weight[t] * fit.model[t]) ** 2
+        if extra > 0.0:
+            for i in range(n):
+                for j in range(n):
+                    total[i, j] += extra * fit.by[index[i], t] * fit.by[index[j], t]
+    return fit.inverse @ total @ fit.inverse
+
+
+@njit(error_model='numpy')
+def _hidden_patch(fit, index, covariance):
+    """
+    Probability of a patch beside a sharp load; what it would do goes into the covariance.
+
+    Its variance is 0 with a prior probability of one half, else anything up to the largest.
+    """
+    n, by = index.size, fit.by[WIDTH]
+    coupled, right, own = np.zeros(n), 0.0, 0.0
+    for t in range(fit.model.size):
+        weighted = fit.weight[t] * by[t]
+        own += weighted * by[t]
+        right += weighted * fit.error[t]
+        for i in range(n):
+            coupled[i] += weighted * fit.by[index[i], t]
+    slope = np.zeros(n)
+    for i in range(n):
+        for j in range(n):
+            slope[i] -= fit.inverse[i, j] * coupled[j]
+        own += slope[i] * coupled[i]
+    if not own > 0.0:
+        return 0.0
+    mean, deviation = right / own, 1.0 / math.sqrt(own)
+    total = squared = 0.0
+    for i in range(PATCHES):
+        variance = MAX_VARIANCE * (i + 0.5) / PATCHES
+        likely = math.exp(min(0.5 * (mean ** 2 - (variance - mean) ** 2) / deviation ** 2, 600.0))
+        total += likely / PATCHES
+        squared += likely * variance * variance / PATCHES
+    for i in range(n):
+        for j in range(n):
+            covariance[i, j] += squared / (1.0 + total) * slope[i] * slope[j]
+    return total / (1.0 + total)
+
+
+@njit(error_model='numpy')
+def _second_load(pad, fit, noise2, peak):
+    """See `Misfit.second`, `apart` and `extra`: a load that the fit took for outliers."""
+    rows, columns = pad.y.size, pad.x.size
+    left, over = np.zeros((rows, columns)), np.zeros((rows, columns))
+    power = 0.0
+    for i in range(rows * columns):
+        power += fit.model[i] ** 2
+        if fit.weight[i] > 0.0:
+            deviation = math.sqrt(fit.variance[i] + (FAINT * peak) ** 2)
+            left[i // columns, i % columns] = min(max(fit.error[i] / deviation, 0.0), CLIPPED)
+            over[i // columns, i % columns] = fit.error[i] - LOUD * math.sqrt(noise2[i])
+    most = apart = extra = 0.0
+    for r in range(rows):
+        for c in range(columns):
+            total = around = 0.0
+            for i in range(max(r - 1, 0), min(r + 2, rows)):
+                for j in range(max(c - 1, 0), min(c + 2, columns)):
+                    total += left[i, j]
+                    if i != r or j != c:
+                        around = max(around, over[i, j])
+            most = max(most, total / 3.0)
+            if over[r, c] > 0.0:  # no tactel alone is a load
+                shared = min(over[r, c], around)
+                extra += shared ** 2
+                if fit.model[r * columns + c] < AWAY * peak:
+                    apart = max(apart, shared / peak)
+    return most, apart, math.sqrt(extra / max(power, 1e-300))
+
+
+@njit(error_model='numpy')
+def _sums(fit, noise2, full, parameters):
+    """See Misfit: loudest, loud, excess, residual, left, extrapolated."""
+    loudest = loud = squared = kept = lit = beyond = power = by_noise = total = above = 0.0
+    for t in range(fit.model.size):
+        total += max(fit.model[t], 0.0)
+        above += max(fit.model[t] - full[t], 0.0)
+        if fit.weight[t] > 0.0:
+            ratio = fit.error[t] ** 2 / fit.variance[t]
+            loudest, kept = max(loudest, ratio), kept + 1.0
+            if fit.model[t] ** 2 > LOUD ** 2 * noise2[t]:
+                squared, lit = squared + ratio, lit + 1.0
+            by_noise += fit.error[t] ** 2 / noise2[t]
+            power += fit.model[t] ** 2
+            if ratio < LOUD ** 2:  # an outlier is a fault
+                beyond += fit.error[t] ** 2 - noise2[t]
+            else:
+                loud += 1.0
+    free = max(lit - parameters, 1.0)
+    return (math.sqrt(loudest), loud / max(kept, 1.0), (squared - free) / math.sqrt(2.0 * free),
+            math.sqrt(by_noise / max(kept, 1.0)),
+            math.sqrt(max(beyond, 0.0) / max(power, 1e-300)), above / max(total, 1e-300))
+
+
+@njit(cache=True, error_model='numpy')
+def misfit_of(kind, power, pad, fit, noise2, full, beliefs, allowed, unseen, covariance):
+    """
+    What a load leaves, and the covariance of its parameters with it.
+
+    Parameters
+    ----------
+    kind, power, pad, noise2, full, beliefs
+        As for `fit_load`.
+    fit : Fit
+    allowed : float
+        Prior standard deviation of d.
+    unseen : float
+        d that the fit may have absorbed.
+    covariance : ndarray, shape (parameters, parameters)
+        Written; 0 where not active.
+    """
+    index, n = beliefs.active, beliefs.active.size
+    half = math.exp(fit.theta[WIDTH]) if power else HALF_WIDTH * pad.depths[0]
+    correlation, peak = max(half, pad.pitch), fit.model.max()
+    loaded = (fit.weight > 0.0) & (np.abs(fit.model) > LOADED * peak)
+    spread, both = _passed_on(kind, pad, fit, index, correlation, loaded)
+    agreed, deviation, by_model = _agreement(
+        kind, pad, fit, index, correlation, loaded, spread, both)
+    d2 = unseen * unseen
+    if by_model > 0.0:
+        worth = deviation / by_model / (allowed * allowed)  # what d itself is worth
+        d2 += min(max(agreed / by_model, 0.0), LARGEST) / (1.0 + worth * worth)
+    small = fit.inverse * (SANDWICH if beliefs.robust else 1.0) + d2 * both
+    if not beliefs.robust:
+        small += _by_gains(fit, beliefs)
+    hidden = 0.0
+    if not power and not (index == WIDTH).any():
+        hidden = _hidden_patch(fit, index, small)
+    for i in range(n):
+        for j in range(n):
+            covariance[index[i], index[j]] = small[i, j]
+    loudest, loud, excess, residual, left, above = _sums(fit, noise2, full, n)
+    second, apart, extra = _second_load(pad, fit, noise2, peak)
+    significance = agreed / deviation if deviation > 0.0 else 0.0
+    return Misfit(loudest, loud, excess, residual, left, math.sqrt(d2), significance, second,
+                  apart, extra, above, hidden)

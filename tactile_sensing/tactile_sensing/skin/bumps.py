@@ -1,0 +1,352 @@
+"""
+What a load looks like on an array, and how that changes with the load; compiled.
+
+A *bump* is the pressure P f(s) + (Q . offset) g(s), s the squared distance from a point or from
+a line. On a skin that is known, f and g are the polynomials of `skin.kernel`, and the one
+unknown of their shape is the variance of the load's patch. On a skin that is not known they are
+f = (1 + s / w^2)^-n (line: n - 1/2) and g = f / w, exact for a half-space (w the depth, n 5/2),
+with the half width at half height and the exponent n as unknowns: they stand for depth, bone,
+bluntness and the area of tactels alike.
+"""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from tactile_common.kernels import FAST, njit
+from tactile_sensing.skin.kernel import CENTRE, DEGREE
+
+POINT, LINE = 1, 2
+# Parameters of a load. Q0, Q1: x, y of a point [m]; rho [m], yaw [rad] of a line. BEGIN, END: of
+# a line, along it from the foot of the origin [m]. WIDTH: variance of the patch [depths^2], or
+# log of the half width [m]; EXPONENT: log n. FORCE, SHEAR_U, SHEAR_V: N, or N/m of a line, whose
+# shear is across it. BASE: baseline of the first layer, those of the others follow.
+Q0, Q1, BEGIN, END, WIDTH, EXPONENT, FORCE, SHEAR_U, SHEAR_V, BASE = range(10)
+BEYOND = 8.0  # depths beyond the pad from where nothing of a line is seen
+LOG2 = math.log(2.0)
+
+
+class Pad(NamedTuple):
+    """Tactels and skin."""
+
+    x: np.ndarray  # centres of the columns [m]
+    y: np.ndarray  # centres of the rows [m]
+    half_x: float  # half of the extent, outer borders of the tactels included [m]
+    half_y: float
+    pitch: float  # geometric mean [m]
+    nodes: np.ndarray  # (N, 3): offsets from a tactel's centre [m], weight
+    depths: np.ndarray  # (layers,) [m]; 0: the skin is not known
+    levers: np.ndarray  # (layers, 3): the component as (gz + gx x' + gy y') times the pressure
+    polynomials: np.ndarray  # (layers, *those of `skin.kernel.polynomials`), empty if not known
+
+
+@njit(cache=True, error_model='numpy')
+def loaded_chord(pad, theta, ends):
+    """
+    Part of a line that is on the pad, along it from the foot of the origin.
+
+    Returns from where to where [m], and what its length changes by Q0, Q1, BEGIN and END, (4,).
+    """
+    first, last = chord(pad, theta[Q0], theta[Q1])
+    change, step = np.zeros(4), 1e-6
+    for k in range(4 if ends else 2):
+        row = (Q0, Q1, BEGIN, END)[k]
+        near = theta[row] + step
+        low, high = chord(pad, near if k == 0 else theta[Q0], near if k == 1 else theta[Q1])
+        if ends:
+            low = max(low, near if k == 2 else theta[BEGIN])
+            high = min(high, near if k == 3 else theta[END])
+        change[k] = max(high - low, 0.0)
+    if ends:
+        first, last = max(first, theta[BEGIN]), min(last, theta[END])
+    length = max(last - first, 0.0)
+    for k in range(4 if ends else 2):
+        change[k] = (change[k] - length) / step
+    return first, last, change
+
+
+# Rows of the scratch of one node: distances from the load, along a line, squared; f and g, their
+# derivatives by s, by WIDTH (log w), by n; a variable; derivatives by BEGIN and END.
+U, V, ALONG, S, F, G, FS, GS, FW, GW, FN, GN, T, F0, G0, F1, G1 = range(17)
+
+
+@njit(error_model='numpy', fastmath=FAST)
+def _power_bumps(part, w, n):
+    """Fill F to GN of a bump (1 + s / w^2)^-n."""
+    inverse = 1.0 / (w * w)
+    for i in range(part.shape[1]):
+        q = 1.0 / (1.0 + part[S, i] * inverse)
+        lq = math.log(q)
+        f = math.exp(n * lq)
+        fs, fw, fn = -n * f * q * inverse, 2.0 * n * f * (1.0 - q), lq * f
+        part[F, i], part[G, i] = f, f / w
+        part[FS, i], part[GS, i] = fs, fs / w
+        part[FW, i], part[GW, i] = fw, (fw - f) / w
+        part[FN, i], part[GN, i] = fn, fn / w
+
+
+@njit(error_model='numpy', fastmath=FAST)
+def _skin_bumps(part, shape, slope, centre, wide):
+    """Fill F to GW of a bump on a skin; by the variance of the patch only if wide."""
+    size = part.shape[1]
+    part[F:FN] = 0.0
+    t = part[T]
+    for i in range(size):
+        t[i] = centre / (part[S, i] + centre)
+    for j in range(DEGREE + 1):
+        f, g = shape[0, j], shape[1, j]
+        for i in range(size):
+            part[FS, i] = part[FS, i] * t[i] + part[F, i]
+            part[F, i] = part[F, i] * t[i] + f
+            part[GS, i] = part[GS, i] * t[i] + part[G, i]
+            part[G, i] = part[G, i] * t[i] + g
+        if wide:
+            f, g = slope[0, j], slope[1, j]
+            for i in range(size):
+                part[FW, i] = part[FW, i] * t[i] + f
+                part[GW, i] = part[GW, i] * t[i] + g
+    for i in range(size):
+        by = -t[i] * t[i] / centre
+        part[FS, i] *= by
+        part[GS, i] *= by
+
+
+@njit(error_model='numpy', fastmath=FAST)
+def _value(shape, centre, s):
+    """Values f and g alone."""
+    t = centre / (s + centre)
+    f = g = 0.0
+    for j in range(DEGREE + 1):
+        f = f * t + shape[0, j]
+        g = g * t + shape[1, j]
+    return f, g
+
+
+@njit(error_model='numpy', fastmath=FAST)
+def _skin_part(shape, slope, centre, v, first, last):
+    """
+    Integral of a point's bump along a line: f and g, by s, and by the patch's variance.
+
+    Those of the powers of t = c^2 / (v^2 + w^2 + c^2) follow from each other, by parts.
+    """
+    across = centre + v * v
+    root, highest = math.sqrt(across), centre / across
+    at_first, at_last = centre / (across + first * first), centre / (across + last * last)
+    first_part, last_part = first * at_first, last * at_last
+    power = centre / root * (math.atan(last / root) - math.atan(first / root))
+    length = last - first
+    f, g = shape[0, DEGREE] * length, shape[1, DEGREE] * length
+    fv, gv = slope[0, DEGREE] * length, slope[1, DEGREE] * length
+    df = dg = 0.0
+    for n in range(1, DEGREE + 1):
+        f += shape[0, DEGREE - n] * power
+        g += shape[1, DEGREE - n] * power
+        fv += slope[0, DEGREE - n] * power
+        gv += slope[1, DEGREE - n] * power
+        power = highest * (last_part - first_part + (2.0 * n - 1.0) * power) / (2.0 * n)
+        df += n * shape[0, DEGREE - n] * power
+        dg += n * shape[1, DEGREE - n] * power
+        first_part *= at_first
+        last_part *= at_last
+    return f, g, -df / centre, -dg / centre, fv, gv
+
+
+@njit(error_model='numpy', fastmath=FAST)
+def _power_part(q, u):
+    """Share of a line of n = 5/2 up to u, derivatives by q = 1 + v^2 and by u; all over w."""
+    r = q + u * u
+    root = math.sqrt(r)
+    r25 = r * r * root
+    return (0.25 * u * (3.0 * q + 2.0 * u * u) / (r * root), -0.375 * u * q / r25,
+            0.75 * q * q / r25)
+
+
+@njit(cache=True, error_model='numpy')
+def shape_of(polynomials, depth, row, yaw, relative, shape, slope):
+    """Polynomials of f and g, highest power first, and by the patch's variance [depths^2]."""
+    turned = math.cos(4.0 * yaw) if row == 1 else 0.0
+    scale = 1.0 / depth if row == 1 else 1.0 / (depth * depth)
+    for part in range(2):
+        if part == 1:
+            scale /= depth
+        for j in range(DEGREE + 1):
+            value = by = 0.0
+            for i in range(polynomials.shape[1] - 1, -1, -1):
+                coefficient = polynomials[row, i, part, j]
+                if row == 1:
+                    coefficient += turned * polynomials[2, i, part, j]
+                by = by * relative + value
+                value = value * relative + coefficient
+            shape[part, DEGREE - j] = scale * value
+            slope[part, DEGREE - j] = scale * by
+
+
+@njit(cache=True, error_model='numpy')
+def chord(pad, rho, yaw):
+    """Where a line enters and leaves the pad, along it from the foot of the origin [m]."""
+    cos, sin = math.cos(yaw), math.sin(yaw)
+    first, last = -np.inf, np.inf
+    for place, slope, half in ((rho * cos, -sin, pad.half_x), (rho * sin, cos, pad.half_y)):
+        if abs(slope) > 1e-12:
+            one, other = (-half - place) / slope, (half - place) / slope
+            first, last = max(first, min(one, other)), min(last, max(one, other))
+        elif abs(place) > half:
+            return 0.0, -1.0
+    return first, last
+
+
+@njit(error_model='numpy', fastmath=FAST)
+def _end_power(part, w, begin, end):
+    """Give power bumps of a line a begin and an end."""
+    for i in range(part.shape[1]):
+        q = 1.0 + part[S, i] / (w * w)
+        a, b = (begin - part[ALONG, i]) / w, (end - part[ALONG, i]) / w
+        sa, qa, ua = _power_part(q, a)
+        sb, qb, ub = _power_part(q, b)
+        share, by_q = sb - sa, qb - qa
+        by_w = -2.0 * (q - 1.0) * by_q - ub * b + ua * a
+        f, g = part[F, i], part[G, i]
+        part[F0, i], part[G0, i] = -f * ua / w, -g * ua / w
+        part[F1, i], part[G1, i] = f * ub / w, g * ub / w
+        part[FW, i] = part[FW, i] * share + f * by_w
+        part[GW, i] = part[GW, i] * share + g * by_w
+        part[FS, i] = part[FS, i] * share + f * by_q / (w * w)
+        part[GS, i] = part[GS, i] * share + g * by_q / (w * w)
+        part[FN, i] *= share
+        part[GN, i] *= share
+        part[F, i], part[G, i] = f * share, g * share
+
+
+@njit(error_model='numpy', fastmath=FAST)
+def _end_skin(part, tip, tip_slope, centre, begin, end):
+    """Fill F to GW, and F0 to G1, of a line on a skin from begin to end."""
+    part[F:] = 0.0
+    for i in range(part.shape[1]):
+        low, high = begin - part[ALONG, i], end - part[ALONG, i]
+        (part[F, i], part[G, i], part[FS, i], part[GS, i], part[FW, i],
+         part[GW, i]) = _skin_part(tip, tip_slope, centre, part[U, i], low, high)
+        f, g = _value(tip, centre, part[S, i] + low * low)
+        part[F0, i], part[G0, i] = -f, -g
+        part[F1, i], part[G1, i] = _value(tip, centre, part[S, i] + high * high)
+
+
+@njit(error_model='numpy', fastmath=FAST)
+def _accumulate(part, line, ends, lever, turned, node, theta, turn, n, by, model):
+    """Add a node's share to the picture and its derivatives."""
+    force, shear_u, shear_v = theta[FORCE], theta[SHEAR_U], theta[SHEAR_V]
+    rho, gz, gx, gy = theta[Q0], lever[0], lever[1], lever[2]
+    for i in range(part.shape[1]):
+        u, v = part[U, i], part[V, i]
+        share = node * (gz + gx * u + gy * v)
+        across = shear_u * u + shear_v * v
+        common = 2.0 * (force * part[FS, i] + across * part[GS, i])
+        value = force * part[F, i] + across * part[G, i]
+        by_u = share * (common * u + shear_u * part[G, i])
+        model[i] += share * value
+        by[Q0, i] -= by_u + node * gx * value
+        if line:
+            by[Q1, i] += by_u * part[ALONG, i] + node * turned * u * value
+            by[Q1, i] += node * gx * value * part[ALONG, i]
+        else:
+            by[Q1, i] -= share * (common * v + shear_v * part[G, i]) + node * gy * value
+        by[FORCE, i] += share * part[F, i]
+        by[SHEAR_U, i] += share * part[G, i] * u
+        by[SHEAR_V, i] += share * part[G, i] * v
+    for i in range(part.shape[1]):
+        share = node * (gz + gx * part[U, i] + gy * part[V, i])
+        across = shear_u * part[U, i] + shear_v * part[V, i]
+        by_w = force * part[FW, i] + across * part[GW, i]
+        by_n = force * part[FN, i] + across * part[GN, i]
+        by[WIDTH, i] += share * by_w
+        by[EXPONENT, i] += share * (by_w * turn + n * by_n)
+    if ends:
+        for i in range(part.shape[1]):
+            across = shear_u * part[U, i]
+            share = node * (gz + gx * part[U, i])
+            first = share * (force * part[F0, i] + across * part[G0, i])
+            last = share * (force * part[F1, i] + across * part[G1, i])
+            by[Q1, i] += (first + last) * (part[U, i] + rho)
+            by[BEGIN, i] += first
+            by[END, i] += last
+
+
+@njit(cache=True, error_model='numpy')
+def add_rows(kind, power, ends, wide, coarse, pad, theta, by, model):
+    """
+    Picture of a load and its derivatives.
+
+    Parameters
+    ----------
+    kind : int
+        POINT or LINE.
+    power, ends, wide : bool
+        Whether the skin is not known; whether a line has a beginning and an end; whether the
+        derivative by the patch is wanted.
+    coarse : bool
+        Whether a tactel samples its centre, for broad bumps of any skin and for first steps.
+    pad : Pad
+    theta : ndarray, shape (parameters,)
+    by : ndarray, shape (parameters, layers * rows * columns)
+        Written: derivatives by every parameter.
+    model : ndarray, shape (layers * rows * columns,)
+        Written: the picture, without the baselines.
+    """
+    rows, columns = pad.y.size, pad.x.size
+    size = rows * columns
+    by[:] = 0.0
+    model[:] = 0.0
+    part = np.zeros((17, size))
+    shape, slope = np.empty((2, DEGREE + 1)), np.empty((2, DEGREE + 1))
+    tip, tip_slope = np.empty((2, DEGREE + 1)), np.empty((2, DEGREE + 1))
+    line = kind == LINE
+    cos, sin, w, n, turn = 1.0, 0.0, 1.0, 1.0, 0.0
+    if line:
+        cos, sin = math.cos(theta[Q1]), math.sin(theta[Q1])
+    if power:
+        n = math.exp(theta[EXPONENT])
+        two = 2.0 ** (1.0 / n)
+        w = math.exp(theta[WIDTH]) / math.sqrt(two - 1.0)
+        turn = 0.5 * two * LOG2 / (n * (two - 1.0))  # of log w by log n
+    for k in range(pad.depths.size):
+        depth = pad.depths[k]
+        centre, reach = (CENTRE * depth) ** 2, BEYOND * depth + math.hypot(
+            pad.half_x, pad.half_y)
+        begin, end = max(theta[BEGIN], -reach), min(theta[END], reach)
+        if not power:
+            ratio = (pad.depths[0] / depth) ** 2  # the patch is one, of all layers
+            shape_of(pad.polynomials[k], depth, kind - 1, theta[Q1], ratio * theta[WIDTH], shape,
+                     slope)
+            slope *= ratio
+            if ends:
+                shape_of(pad.polynomials[k], depth, 0, 0.0, ratio * theta[WIDTH], tip, tip_slope)
+                tip_slope *= ratio
+        here, lever, turned = slice(k * size, (k + 1) * size), pad.levers[k].copy(), 0.0
+        if line:  # shear below a line is across it
+            turned = lever[2] * cos - lever[1] * sin
+            lever[1], lever[2] = lever[1] * cos + lever[2] * sin, 0.0
+        by[BASE + k, here] = 1.0
+        for j in range(1 if coarse else pad.nodes.shape[0]):
+            dx, dy, node = pad.nodes[j, 0], pad.nodes[j, 1], pad.nodes[j, 2]
+            if coarse:
+                dx, dy, node = 0.0, 0.0, 1.0
+            for r in range(rows):
+                y = pad.y[r] + dy
+                for c in range(columns):
+                    i, x = r * columns + c, pad.x[c] + dx
+                    if line:
+                        part[U, i] = x * cos + y * sin - theta[Q0]
+                        part[ALONG, i] = y * cos - x * sin
+                    else:
+                        part[U, i], part[V, i] = x - theta[Q0], y - theta[Q1]
+                    part[S, i] = part[U, i] ** 2 + part[V, i] ** 2
+            if ends and not power:
+                _end_skin(part, tip, tip_slope, centre, begin, end)
+            elif power:
+                _power_bumps(part, w, n - 0.5 * line)
+                if ends:
+                    _end_power(part, w, theta[BEGIN], theta[END])
+            else:
+                _skin_bumps(part, shape, slope, centre, wide)
+            _accumulate(part, line, ends, lever, turned, node, theta, turn, n, by[:, here],
+                        model[here])
