@@ -192,6 +192,9 @@ class ContactEstimator:
         image = Image(pad, flat.ravel(), (tactels * np.square(noise)[:, None]).ravel(),
                       (tactels * full).ravel(), (tactels * floor).ravel(),
                       float(layers[main].gain_spread))
+        if np.nanmax(flat[main]) < noise[main] * 10.0 ** (self.config.min_snr / 20.0):
+            record['reasons'] = reasons | Reason.LOW_SNR  # whatever a fit would say
+            return ''
         one, why = search(image, MODELS[self.config.model])
         if one and not told[main]:
             left = (flat.ravel() - one.fit.model).reshape(frame.shape)
