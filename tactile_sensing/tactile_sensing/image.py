@@ -1,9 +1,30 @@
 """What a picture of the pressure tells by itself."""
 
+import math
+from typing import NamedTuple
+
 import numpy as np
 
+from tactile_common.kernels import njit
 from tactile_sensing.types.array import TactelArray
 from tactile_sensing.types.moments import Moments
+
+
+@njit(cache=True, error_model='numpy')
+def moments_of(pressure, x, y, threshold):
+    """Sums of pressure (rows, columns) over M0, Mx, My, Mxx, Myy, Mxy; NaN counts as 0."""
+    m0 = mx = my = mxx = myy = mxy = 0.0
+    for r in range(y.size):
+        for c in range(x.size):
+            value = pressure[r, c]
+            if math.isfinite(value) and value >= threshold:
+                m0 += value
+                mx += value * x[c]
+                my += value * y[r]
+                mxx += value * x[c] * x[c]
+                myy += value * y[r] * y[r]
+                mxy += value * x[c] * y[r]
+    return m0, mx, my, mxx, myy, mxy
 
 
 def image_moments(
@@ -13,11 +34,50 @@ def image_moments(
 
     So do values below the threshold [Pa], the thesis' only preprocessing (3.5).
     """
-    p = np.where(pressure >= threshold, pressure, 0.0) if threshold > 0.0 else np.nan_to_num(
-        np.asarray(pressure, dtype=float))
-    p = p * (array.pitch_x * array.pitch_y)
-    by_column, by_row = p.sum(axis=0), p.sum(axis=1)
-    x, y = array.x, array.y
-    return Moments(
-        m0=float(by_column.sum()), mx=float(by_column @ x), my=float(by_row @ y),
-        mxx=float(by_column @ x**2), myy=float(by_row @ y**2), mxy=float(y @ p @ x))
+    sums = moments_of(np.asarray(pressure, dtype=float), array.x, array.y,
+                      threshold if threshold > 0.0 else -math.inf)
+    cell = array.pitch_x * array.pitch_y
+    return Moments(*(cell * value for value in sums))
+
+
+class Survey(NamedTuple):
+    """What is seen of an image before anything is fitted."""
+
+    moments: tuple  # of the main layer, see `moments_of`
+    top: float  # highest pressure of the main layer
+    total: float  # sum of its readings
+    live: int  # tactels of it that are read
+    highest: int  # tactels of it at the top
+    clipped: int  # tactels of all layers at or above full scale
+    missing: int  # tactels of all layers that are not read
+
+
+@njit(cache=True, error_model='numpy')
+def survey(frame, main, full, pad):
+    """
+    See what is in an image before anything is fitted.
+
+    Parameters
+    ----------
+    frame : ndarray, shape (layers, rows, columns)
+        NaN where there is no reading.
+    main : int
+        Layer that is looked at.
+    full : ndarray, shape (layers,)
+        Full scale; infinite if there is none.
+    pad : skin.bumps.Pad
+    """
+    top, total, live, highest, clipped, missing = -np.inf, 0.0, 0, 0, 0, 0
+    for k in range(frame.shape[0]):
+        for value in frame[k].flat:
+            if np.isnan(value):
+                missing += 1
+                continue
+            clipped += value >= full[k]
+            if k == main:
+                total, live = total + value, live + 1
+                if value > top:
+                    top, highest = value, 0
+                highest += value == top
+    return Survey(moments_of(frame[main], pad.x, pad.y, -np.inf), top, total, live, highest,
+                  clipped, missing)

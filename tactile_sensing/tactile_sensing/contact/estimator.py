@@ -1,7 +1,7 @@
 """Contact estimation: the least load that explains a tactile image, or an honest refusal."""
 
 from collections.abc import Sequence
-from dataclasses import astuple, dataclass, replace
+from dataclasses import dataclass, replace
 import math
 from typing import Any
 
@@ -9,31 +9,14 @@ import numpy as np
 
 from tactile_common.config import bounded, check_fields, one_of
 from tactile_common.errors import ConfigurationError
-from tactile_sensing.contact.hypotheses import (
-    has_second_hill,
-    Hypothesis,
-    Image,
-    LOUD,
-    search,
-)
+from tactile_sensing.contact.fit import Readings
+from tactile_sensing.contact.hypotheses import has_second_hill, Hypothesis, Image, search
 from tactile_sensing.contact.methods import estimate_by_thesis, METHODS
+from tactile_sensing.contact.misfit import LOUD
 from tactile_sensing.contact.noise import noise_of_image
-from tactile_sensing.image import image_moments
-from tactile_sensing.skin.bumps import (
-    BEGIN,
-    chord,
-    END,
-    FORCE,
-    LINE,
-    loaded_chord,
-    Pad,
-    POINT,
-    Q0,
-    Q1,
-    SHEAR_U,
-    SHEAR_V,
-    WIDTH,
-)
+from tactile_sensing.contact.reported import reported
+from tactile_sensing.image import Survey, survey
+from tactile_sensing.skin.bumps import LINE, Pad, POINT, WIDTH
 from tactile_sensing.skin.pad import pad_of
 from tactile_sensing.types.array import TactelArray
 from tactile_sensing.types.contact import (
@@ -162,54 +145,54 @@ class ContactEstimator:
         records, model = _NOTHING.repeat(len(stress)), ''
         stress[~(np.abs(stress) < IMPOSSIBLE)] = np.nan
         for frame, record in zip(stress, records, strict=True):
-            record['moments'] = astuple(image_moments(frame[main], array))
             model = self._estimate_one(frame, array, pad, layers, main, tared, saturated, record)
+        records['moments'] *= array.pitch_x * array.pitch_y
         return records, model
 
     def _estimate_one(self, frame, array, pad, layers, main, tared, saturated, record):
-        """Write the record of one frame, without its moments; returns the model's name."""
+        """Write the record of one frame; returns the model's name."""
         calibrated = layers[main].unit == 'Pa'
-        full = np.array([[layer.full_scale or (
-            hidden_scale(image) if layer.component == 'zz' else np.inf)]
-                         for layer, image in zip(layers, frame, strict=True)])
-        flat = frame.reshape(len(layers), -1)
-        clipped = int((flat >= full).sum()) + saturated
-        missing = int(np.isnan(flat).sum()) - saturated
+        full = np.array([layer.full_scale or np.inf for layer in layers])
+        seen = survey(frame, main, full, pad)
+        record['moments'] = seen.moments
+        clipped, missing = seen.clipped + saturated, seen.missing - saturated
+        if full[main] == np.inf and CUT_OFF <= seen.highest <= 0.25 * frame[main].size:
+            full[main] = hidden_scale(frame[main])
+            clipped += seen.highest * (full[main] < np.inf)
         reasons = (Reason.SATURATED * (clipped > 0) | Reason.DEAD_TACTELS * (missing > 0)
                    | Reason.UNCALIBRATED * (not calibrated) | Reason.NOT_TARED * (not tared))
         told = [max(self.config.noise_std or layer.noise_std, 0.0) for layer in layers]
         noise = [std or noise_of_image(image, True)
                  for std, image in zip(told, frame, strict=True)]
-        why = undetected(flat[main], noise[main], clipped > 0)
+        why = undetected(seen, noise[main], clipped > 0)
         if why:
             record['type'] = ContactType.NONE if clipped == 0 else ContactType.OTHER
             record['reasons'] = reasons | why
             return ''
         if self.config.method != 'fit':
             return self._by_thesis(frame, array, layers, main, noise, reasons, record)
-        floor = np.array([[layer.floor or -np.inf] for layer in layers])
-        tactels = np.ones(flat.shape)
-        image = Image(pad, flat.ravel(), (tactels * np.square(noise)[:, None]).ravel(),
-                      (tactels * full).ravel(), (tactels * floor).ravel(),
-                      float(layers[main].gain_spread))
-        if np.nanmax(flat[main]) < noise[main] * 10.0 ** (self.config.min_snr / 20.0):
+        if seen.top < noise[main] * 10.0 ** (self.config.min_snr / 20.0):
             record['reasons'] = reasons | Reason.LOW_SNR  # whatever a fit would say
             return ''
-        one, why = search(image, MODELS[self.config.model])
+        size, floor = frame[0].size, [layer.floor or -np.inf for layer in layers]
+        readings = Readings(frame.ravel(), np.repeat(np.square(noise), size),
+                            np.repeat(full, size), np.repeat(floor, size))
+        image, kinds = Image(pad, readings, layers[main].gain_spread), MODELS[self.config.model]
+        one, why = search(image, kinds)
         if one and not told[main]:
-            left = (flat.ravel() - one.fit.model).reshape(frame.shape)
+            left = (readings.value - one.model).reshape(frame.shape)
             quieter = noise_of_image(left[main], False)
             if quieter < QUIETER * noise[main]:
                 noise[main] = quieter
-                image.noise2[:] = quieter ** 2
-                one, why = search(image, MODELS[self.config.model])
+                readings.noise2[:] = quieter ** 2
+                one, why = search(image, kinds)
         if why & Reason.BAD_FIT and has_second_hill(frame[main], noise[main]):
             why |= Reason.TWO_CONTACTS
         if one is None:
             record['type'], record['reasons'] = ContactType.OTHER, reasons | why
             return ''
-        record['snr'] = 20.0 * math.log10(max(one.fit.model.max(), 1e-300) / noise[main])
-        record['iterations'] = one.fit.iterations
+        record['snr'] = 20.0 * math.log10(max(one.model.max(), 1e-300) / noise[main])
+        record['iterations'] = one.iterations
         record['residual'] = one.misfit.residual
         if not why & ~Reason.SKIN_MISMATCH and record['snr'] < self.config.min_snr:
             why |= Reason.LOW_SNR
@@ -222,13 +205,12 @@ class ContactEstimator:
         record['force_valid'] = forced = valid and calibrated and not one.power
         if not valid:
             return ''
-        (write_point if one.kind == POINT else write_line)(pad, one, record)
+        write(pad, one, record)
         if not forced:
             forget_forces(record)
         elif layers[main].force_std > 0.0:
             widen_forces(record, layers[main].force_std)
         return name_of(one, layers)
-
 
     def _by_thesis(self, frame, array, layers, main, noise, reasons, record):
         """Write the record of one frame by a method of the thesis; returns the model's name."""
@@ -273,14 +255,12 @@ def hidden_scale(image: np.ndarray) -> float:
     return float(top) if shows else np.inf
 
 
-def undetected(pressure: np.ndarray, noise: float, clipped: bool) -> Reason:
-    """Why nothing is to be fitted to the readings of one layer; Reason(0) if there is a load."""
-    live = np.isfinite(pressure)
-    count = np.count_nonzero(live)
-    if count < FEWEST:
+def undetected(seen: Survey, noise: float, clipped: bool) -> Reason:
+    """Why nothing is to be fitted to an image; Reason(0) if there is a load."""
+    if seen.live < FEWEST:
         return Reason.FEW_TACTELS
-    if pressure[live].max() < DETECTION * noise and (
-            pressure[live].sum() < DETECTION * noise * math.sqrt(count)):
+    if seen.top < DETECTION * noise and (
+            seen.total < DETECTION * noise * math.sqrt(seen.live)):
         return Reason.BAD_FIT if clipped else Reason.NO_CONTACT
     return Reason(0)
 
@@ -294,49 +274,15 @@ def type_of(one: Hypothesis, why: Reason) -> ContactType:
     return ContactType.POINT if one.kind == POINT else ContactType.LINE
 
 
-def write_point(pad: Pad, one: Hypothesis, record: np.void) -> None:
-    """Point into a record."""
-    theta, rows = one.theta, [Q0, Q1, FORCE, SHEAR_U, SHEAR_V]
-    names = [ROW.x, ROW.y, ROW.normal_force, ROW.shear_force_x, ROW.shear_force_y]
-    for row, name in zip(rows, ('x', 'y', 'normal_force', 'shear_force_x', 'shear_force_y'),
-                         strict=True):
-        record[name] = theta[row]
-    record['covariance'][np.ix_(names, names)] = one.covariance[np.ix_(rows, rows)]
-    record['patch'] = pad.depths[0] * math.sqrt(5.0 * theta[WIDTH]) if one.has_patch else 0.0
-
-
-def write_line(pad: Pad, one: Hypothesis, record: np.void) -> None:
-    """Line into a record: the middle of what is loaded on the pad, and forces on the pad."""
-    theta = one.theta
-    rho, yaw, force, shear = theta[Q0], theta[Q1], theta[FORCE], theta[SHEAR_U]
-    first, last, by_length = loaded_chord(pad, theta, one.has_ends)
-    middle, length = 0.5 * (first + last), last - first
-    cos, sin = math.cos(yaw), math.sin(yaw)
-    record['x'], record['y'] = rho * cos - middle * sin, rho * sin + middle * cos
-    turns = math.ceil(yaw / math.pi - 0.5)
-    record['yaw'] = yaw - math.pi * turns
-    record['normal_force'], record['line_force'] = force * length, force
-    record['shear_force_x'] = shear * length * cos
-    record['shear_force_y'] = shear * length * sin
-    record['patch'] = 2.0 * pad.depths[0] * math.sqrt(theta[WIDTH]) if one.has_patch else 0.0
-    if one.has_ends:
-        begin, end = theta[BEGIN], theta[END]
-        if turns % 2:
-            begin, end = -end, -begin
-        low, high = chord(pad, rho * (-1) ** turns, record['yaw'])
-        record['start'] = begin if begin > low else np.nan
-        record['end'] = end if end < high else np.nan
-    rows = [Q0, Q1, BEGIN, END, FORCE, SHEAR_U]
-    change = np.zeros((7, 6))  # of x, y, yaw, forces by the rows
-    change[ROW.x, :2], change[ROW.y, :2] = (cos, cos * middle), (sin, sin * middle)
-    change[ROW.yaw, 1] = 1.0
-    change[ROW.normal_force] = *(force * by for by in by_length), length, 0.0
-    change[ROW.line_force, 4] = 1.0
-    change[ROW.shear_force_x] = *(shear * cos * by for by in by_length), 0.0, length * cos
-    change[ROW.shear_force_y] = *(shear * sin * by for by in by_length), 0.0, length * sin
-    change[ROW.shear_force_x, 1] -= shear * length * sin
-    change[ROW.shear_force_y, 1] += shear * length * cos
-    record['covariance'] = change @ one.covariance[np.ix_(rows, rows)] @ change.T
+def write(pad: Pad, one: Hypothesis, record: np.void) -> None:
+    """Load into a record."""
+    values, covariance, start, end = reported(
+        pad, one.kind, one.theta, one.has_ends, one.covariance)
+    for name, value in zip(PARAMETERS, values.tolist(), strict=True):
+        record[name] = value
+    record['covariance'], record['start'], record['end'] = covariance, start, end
+    spread = math.sqrt(one.theta[WIDTH]) if one.has_patch else 0.0
+    record['patch'] = pad.depths[0] * spread * (math.sqrt(5.0) if one.kind == POINT else 2.0)
 
 
 def forget_forces(record: np.void) -> None:

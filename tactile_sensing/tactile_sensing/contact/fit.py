@@ -4,8 +4,8 @@ One robust fit of one load to one image: posterior mode, covariance and evidence
 Reading i = baseline + m_i (1 + gain_i) + noise_i, m the load's picture. The errors are Student-t
 with variance noise^2 + (g m_i)^2; the scatter g is marginalised on a grid. A saturated tactel
 says that there is at least as much, one below a floor that there is no more (Tobin). Every
-parameter may have a Gaussian prior; the shear always
-has one, in shares of the normal force. The evidence is Laplace's.
+parameter may have a Gaussian prior; the shear always has one, in shares of the normal force.
+The evidence is Laplace's.
 """
 
 import math
@@ -29,14 +29,23 @@ NU = 4.0  # degrees of freedom of the errors
 SANDWICH = 1.1378
 GRID = np.geomspace(0.001, 0.5, 9)  # of the scatter g
 GRID.flags.writeable = False
-STEPS = 20
-ANNEALED, COOLING = 8, 0.45  # steps in which what is off by much is not yet an outlier
+STEPS = 8, 12  # at most: Gaussian, robust
+ANNEALED, COOLING = 5, 0.3  # steps in which what is off by much is not yet an outlier
 SETTLED = 0.1  # standard deviations that the last step moved a parameter
 NEIGHBOURS = 0.1  # share of the scatter that a tactel has from each neighbour's pressure
 DRIFT = 0.05, 20.0  # standard deviation of the baseline: share of the peak, and of the noise
 CONTRADICTED = 3.0  # standard deviations beyond a bound at which a reading is an ordinary error
 LIT = 0.02  # of the noise's variance: pressure whose scatter may show
 BROAD = 1.2  # pitches of half width from which tactels may be taken as points
+
+
+class Readings(NamedTuple):
+    """Readings of one image, flat over layers, rows and columns."""
+
+    value: np.ndarray  # NaN where there is none
+    noise2: np.ndarray  # variance of the noise, positive
+    full: np.ndarray  # full scale, infinite if there is none
+    floor: np.ndarray  # at or below it a reading is only known to be below it; or -infinite
 
 
 class Beliefs(NamedTuple):
@@ -53,6 +62,7 @@ class Beliefs(NamedTuple):
     told: float  # scatter g that a Gaussian fit weighs
     gain: float  # scatter g, and standard deviation of its logarithm
     gain_spread: float
+    unseen: float  # d of `misfit` that a fit may absorb
     robust: bool  # whether errors are Student-t and annealed, with a baseline; else Gaussian
 
 
@@ -72,12 +82,10 @@ class Fit(NamedTuple):
 
 
 @njit(error_model='numpy')
-def solve(matrix, right, inverse, solution):
-    """Inverse and solution of a positive definite system; log of its determinant, or NaN."""
-    n = right.size
-    factor = np.zeros((n, n))
+def _factor(matrix, factor):
+    """Cholesky factor of a positive definite matrix, scaled; log of its determinant, or NaN."""
     total = 0.0
-    for i in range(n):  # of a unit diagonal: m, rad and N differ by orders
+    for i in range(matrix.shape[0]):  # of a unit diagonal: m, rad and N differ by orders
         if not matrix[i, i] > 0.0:
             return np.nan
         for j in range(i + 1):
@@ -90,7 +98,18 @@ def solve(matrix, right, inverse, solution):
                 factor[i, i] = math.sqrt(value)
             else:
                 return np.nan
-        total += 2.0 * math.log(factor[i, i]) + math.log(matrix[i, i])
+        total += math.log(factor[i, i] * factor[i, i] * matrix[i, i])
+    return total
+
+
+@njit(error_model='numpy')
+def solve(matrix, right, inverse, solution):
+    """Inverse and solution of a positive definite system; log of its determinant, or NaN."""
+    n = right.size
+    factor = np.zeros((n, n))
+    total = _factor(matrix, factor)
+    if np.isnan(total):
+        return np.nan
     column = np.zeros(n)
     for c in range(n):
         column[:] = 0.0
@@ -199,34 +218,38 @@ def _log_likelihood(error, variance, kept, robust):
 
 
 @njit(error_model='numpy')
-def _marginal_scatter(rows, fit, kept, noise2, square, prior, beliefs):
-    """Scatter g, root mean square over its posterior, and log of the integral over it."""
+def _marginal_scatter(rows, fit, kept, noise2, square, prior, beliefs, whole):
+    """
+    Scatter g, root mean square over its posterior, and log of the integral over it.
+
+    Only if whole, the parameters are integrated over at each g; else they are taken as known.
+    """
     n = rows.shape[0]
     lit = square > LIT * noise2
     dark = kept & ~lit
-    _weigh(fit.error, noise2, dark, True, fit.weight)
-    base, right = np.zeros((n, n)), np.zeros(n)
-    _normal(rows, fit.weight, fit.error, base, right)
     constant = _log_likelihood(fit.error, noise2, dark, True)
-    for i in range(n):
-        base[i, i] += prior[i]
     some = np.flatnonzero(lit & kept)
-    few = np.empty((n, some.size))
+    few, base, matrix = np.empty((n, some.size)), np.zeros((n, n)), np.zeros((n, n))
     error, variance = fit.error[some], np.empty(some.size)
     weight, every = np.empty(some.size), np.ones(some.size, np.bool_)
-    for i in range(n):
-        for t in range(some.size):
-            few[i, t] = rows[i, some[t]]
-    matrix, inverse, solution = np.empty((n, n)), np.zeros((n, n)), np.zeros(n)
+    right, factor = np.zeros(n), np.zeros((n, n))
+    if whole:
+        _weigh(fit.error, noise2, dark, True, fit.weight)
+        _normal(rows, fit.weight, fit.error, base, right)
+        for i in range(n):
+            base[i, i] += prior[i]
+            for t in range(some.size):
+                few[i, t] = rows[i, some[t]]
     logs = np.full(GRID.size, -np.inf)
     for k in range(GRID.size):
-        g = GRID[k]
+        g, determinant = GRID[k], 0.0
         for t in range(some.size):
             variance[t] = noise2[some[t]] + g * g * square[some[t]]
-        _weigh(error, variance, every, True, weight)
-        matrix[:] = base
-        _normal(few, weight, error, matrix, right)
-        determinant = solve(matrix, right, inverse, solution)
+        if whole:
+            _weigh(error, variance, every, True, weight)
+            matrix[:] = base
+            _normal(few, weight, error, matrix, right)
+            determinant = _factor(matrix, factor)
         if determinant == determinant:
             logs[k] = (constant + _log_likelihood(error, variance, every, True)
                        - 0.5 * determinant
@@ -277,8 +300,8 @@ def _make_prior(beliefs, amplitude, drift, prior):
             prior[i] = drift ** -2.0
 
 
-@njit(cache=True, error_model='numpy')
-def fit_load(kind, power, pad, reading, noise2, full, floor, start, warm, beliefs):
+@njit(error_model='numpy')
+def fit_load(kind, power, pad, readings, start, warm, beliefs):
     """
     Fit one load by Gauss-Newton.
 
@@ -286,14 +309,7 @@ def fit_load(kind, power, pad, reading, noise2, full, floor, start, warm, belief
     ----------
     kind, power, pad
         As for `bumps.add_rows`.
-    reading : ndarray, shape (tactels,)
-        NaN where there is none.
-    noise2 : ndarray, shape (tactels,)
-        Variance of the noise, positive.
-    full : ndarray, shape (tactels,)
-        Full scale, infinite if there is none.
-    floor : ndarray, shape (tactels,)
-        At or below it a reading is only known to be below it; -infinite: none is.
+    readings : Readings
     start : ndarray, shape (parameters,)
         Its forces are not read.
     warm : bool
@@ -304,6 +320,7 @@ def fit_load(kind, power, pad, reading, noise2, full, floor, start, warm, belief
     -------
     Fit
     """
+    reading, noise2, full, floor = readings
     index, robust = beliefs.active, beliefs.robust
     n, tactels = index.size, reading.size
     rows, columns = pad.y.size, pad.x.size
@@ -336,12 +353,13 @@ def fit_load(kind, power, pad, reading, noise2, full, floor, start, warm, belief
     theta[FORCE] = max(theta[FORCE], 1e-3 * scale)
     shown, marginal, before = 0.0, 0.0, np.inf
     g = beliefs.gain if robust else beliefs.told
-    for iteration in range(STEPS):
+    steps = STEPS[1 if robust else 0]
+    for iteration in range(steps):
         heat = 0.0
         if robust and iteration < ANNEALED and not warm:
             heat = (0.3 * peak * COOLING ** iteration) ** 2
         coarse = power and (heat > 0.0 or theta[WIDTH] > math.log(BROAD * pad.pitch))
-        done = iteration == STEPS - 1 or (before < SETTLED and heat == 0.0)
+        done = iteration == steps - 1 or (before < SETTLED and heat == 0.0)
         add_rows(kind, power, ends, wide or done, coarse, pad, theta, by, model)
         _gather(by, index, some)
         for t in range(tactels):
@@ -356,7 +374,8 @@ def fit_load(kind, power, pad, reading, noise2, full, floor, start, warm, belief
         _make_prior(beliefs, max(abs(theta[FORCE]), 1e-3 * scale), drift, prior)
         hot = noise2 + heat
         if done or (robust and heat == 0.0 and iteration % 2 == 0):
-            shown, marginal = _marginal_scatter(some, fit, kept, hot, square, prior, beliefs)
+            shown, marginal = _marginal_scatter(some, fit, kept, hot, square, prior, beliefs,
+                                                done)
             g = shown if robust else g
         for t in range(tactels):
             variance[t] = hot[t] + g * g * square[t]

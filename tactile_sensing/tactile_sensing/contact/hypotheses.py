@@ -13,12 +13,13 @@ An image that the best of these does not explain is refused.
 from dataclasses import dataclass
 from functools import lru_cache
 import math
+from typing import NamedTuple
 
 import numpy as np
 
 from tactile_common.kernels import FAST, njit
-from tactile_sensing.contact.fit import Beliefs, Fit, fit_load, NU
-from tactile_sensing.contact.misfit import LOUD, Misfit, misfit_of
+from tactile_sensing.contact.fit import Beliefs, NU, Readings
+from tactile_sensing.contact.misfit import fit_and_judge, LOUD, Misfit
 from tactile_sensing.skin.bumps import (
     BASE,
     BEGIN,
@@ -42,7 +43,6 @@ HALF_SPACE = 2.5  # exponent of a point's bump on a half-space
 SHEAR = 0.3, 0.15  # standard deviation of a component of Q / P, on a told skin and on any
 # Of tactels' gains where nobody tells it: of a sharp load; where that has failed; on any skin.
 SCATTER = 0.05, 0.1, 0.05
-MISFIT = 0.1  # prior standard deviation of d
 UNSEEN = 0.0, 0.01  # d that a fit has absorbed: of a sharp load on a told skin, of any other
 EXCESS = 3.0  # standard deviations of chi-square that a sharp load may leave
 DOUBT = 3.0  # standard deviations of what a sharp load leaves that call for more
@@ -67,44 +67,30 @@ STRIPS = 3  # rows or columns: fewer see a point at most
 LONG = 2.0  # half length over half width of what is tried as a line first
 
 
-@dataclass
-class Image:
-    """Readings of one image, flat over layers, rows and columns."""
+class Image(NamedTuple):
+    """One image of one sensor."""
 
     pad: Pad
-    reading: np.ndarray  # NaN where there is none
-    noise2: np.ndarray  # variance of the noise
-    full: np.ndarray  # full scale
-    floor: np.ndarray  # at or below it a reading is only known to be below it
+    readings: Readings
     scatter: float = 0.0  # told scatter of the gains; 0: not known
 
 
 @dataclass
 class Hypothesis:
-    """One kind of load, fitted."""
+    """One kind of load, fitted; `fit_and_judge` describes what comes from it."""
 
     kind: int
-    power: bool
+    power: bool  # whether the skin is not known
+    has_ends: bool  # whether a line begins and ends
+    has_patch: bool  # whether the load on a told skin is blunt
     beliefs: Beliefs
-    fit: Fit
+    theta: np.ndarray
+    model: np.ndarray
+    covariance: np.ndarray
     evidence: float
-    covariance: np.ndarray  # (parameters, parameters); written with the misfit
-    misfit: Misfit = Misfit(*[math.nan] * len(Misfit._fields))  # not looked at yet
-
-    @property
-    def theta(self) -> np.ndarray:
-        """Parameters, see `skin.bumps`."""
-        return self.fit.theta
-
-    @property
-    def has_ends(self) -> bool:
-        """Whether a line begins and ends."""
-        return BEGIN in self.beliefs.active
-
-    @property
-    def has_patch(self) -> bool:
-        """Whether the load on a told skin is blunt."""
-        return not self.power and WIDTH in self.beliefs.active
+    scatter: float
+    iterations: int
+    misfit: Misfit
 
 
 @njit(cache=True, error_model='numpy', fastmath=FAST)
@@ -236,7 +222,7 @@ def _beliefs(half_x, half_y, pitch, layers, scatter, kind, power, ends, robust, 
     gain, spread = (scatter, 0.5) if scatter > 0.0 else (SCATTER[robust + power], 1.0)
     return Beliefs(mean, information, low, high, step, np.flatnonzero(active),
                    volume - 0.5 * math.log(2.0 * math.pi) * flat, SHEAR[power], scatter,
-                   gain, spread, robust)
+                   gain, spread, UNSEEN[power or patch], robust)
 
 
 def widest(half_x, half_y, pitch):
@@ -268,27 +254,17 @@ def fitted(image, kind, power, guess, *, ends=False, robust=True, patch=False, b
         begin[BEGIN], begin[END] = middle - 1.6 * length, middle + 1.6 * length
     if patch and not begin[WIDTH]:
         begin[WIDTH] = 0.1
-    fit = fit_load(kind, power, pad, image.reading, image.noise2, image.full, image.floor, begin,
-                   start is not None and (patch or not ends), beliefs)
-    works = fit.evidence == fit.evidence and fit.theta[FORCE] > 0.0
-    return Hypothesis(kind, power, beliefs, fit,
-                      fit.evidence - EXTRA * (ends + patch) if works else -math.inf,
-                      np.zeros((begin.size, begin.size)))
-
-
-def examined(image, one):
-    """See what a hypothesis leaves, and its covariance with that."""
-    if math.isnan(one.misfit.loudest):
-        one.misfit = misfit_of(
-            one.kind, one.power, image.pad, one.fit, image.noise2, image.full, one.beliefs, MISFIT,
-            UNSEEN[one.power or one.has_patch], one.covariance)
-    return one
+    theta, model, covariance, evidence, scatter, iterations, misfit = fit_and_judge(
+        kind, power, pad, image.readings, begin, start is not None and (patch or not ends),
+        beliefs)
+    return Hypothesis(kind, power, ends, patch, beliefs, theta, model, covariance,
+                      evidence - EXTRA * (ends + patch), scatter, iterations, misfit)
 
 
 def _unexplained(one):
     """Whether a load leaves more than noise and the usual scatter."""
     return (one.misfit.significance > 2.0 or one.misfit.second > 5.0
-            or one.fit.scatter > 2.0 * one.beliefs.gain or one.misfit.hidden > SHOWN)
+            or one.scatter > 2.0 * one.beliefs.gain or one.misfit.hidden > SHOWN)
 
 
 def _best(hypotheses):
@@ -299,14 +275,14 @@ def _search_sharp(image, guess, kinds):
     """Find a sharp load that explains an image of a told skin to within noise, or None."""
     for kind in kinds:
         sharp = fitted(image, kind, False, guess, robust=False)
-        if _is_noise(examined(image, sharp)):
+        if _is_noise(sharp):
             return sharp
         if sharp.evidence == -math.inf or sharp.misfit.loudest > MUCH:
             continue
         for extra in ('patch', 'base'):
             one = fitted(image, kind, False, guess, robust=False, start=sharp.theta,
                          **{extra: True})
-            if _is_noise(examined(image, one)):
+            if _is_noise(one):
                 return one
     return None
 
@@ -323,30 +299,28 @@ def _search_robust(image, guess, kinds, power):
     """Find the load of the greatest evidence, with whatever nuisances it needs."""
     found = []
     for kind in kinds:
-        one = examined(image, fitted(image, kind, power, guess))
+        one = fitted(image, kind, power, guess)
         if power and _unexplained(one) and guess[3] > 0.7 * image.pad.pitch:
             narrow = guess[:3] + (0.5 * guess[3], guess[4])
-            one = examined(image, _best([one, fitted(image, kind, power, narrow)]))
+            one = _best([one, fitted(image, kind, power, narrow)])
         if one.evidence == -math.inf:
             continue
         found.append(one)
     if not found:
         return None
     best = _best(found)
-    if not _unexplained(best):
-        return best
-    more = [best]
-    for one in found:
-        if one.kind == LINE:
-            more.append(examined(image, fitted(image, LINE, power, guess, ends=True,
-                                               start=one.theta)))
+    for one in found if _unexplained(best) else ():
         if one.misfit.hidden > SHOWN and one.evidence > best.evidence - RIVAL:
-            more.append(fitted(image, one.kind, power, guess, patch=True, start=one.theta))
-    best = examined(image, _best(more))
+            best = _best([best, fitted(image, one.kind, power, guess, patch=True,
+                                       start=one.theta)])
+    line = next((one for one in found if one.kind == LINE), None)
+    if not line or not _unexplained(best):
+        return best
+    best = _best([best, fitted(image, LINE, power, guess, ends=True, start=line.theta)])
     if best.has_ends and best.misfit.hidden > SHOWN:
         best = _best([best, fitted(image, LINE, power, guess, ends=True, patch=True,
                                    start=best.theta)])
-    return examined(image, best)
+    return best
 
 
 def search(image, kinds=(POINT, LINE)):
@@ -357,7 +331,7 @@ def search(image, kinds=(POINT, LINE)):
     free bump on a told skin comes SKIN_MISMATCH.
     """
     pad = image.pad
-    guess = first_guess(pad, image.reading[:pad.x.size * pad.y.size])
+    guess = first_guess(pad, image.readings.value[:pad.x.size * pad.y.size])
     if min(pad.x.size, pad.y.size) < STRIPS:  # no direction is seen
         kinds = (POINT,)
     elif len(kinds) > 1 and guess[4] > LONG * guess[3]:
@@ -385,13 +359,14 @@ def search(image, kinds=(POINT, LINE)):
 
 def _is_nothing(image, one):
     """Whether a baseline alone explains an image as well as a load."""
-    return _nothing(image.reading, image.noise2) > one.evidence - EXTRA
+    return _nothing(image.readings.value, image.readings.noise2) > one.evidence - EXTRA
 
 
 def _presses(image):
     """Whether something plainly presses: a plate, or what no load explains on two neighbours."""
     rows, columns = image.pad.y.size, image.pad.x.size
-    reading = image.reading[:rows * columns].reshape(rows, columns) / math.sqrt(image.noise2[0])
+    noise = math.sqrt(image.readings.noise2[0])
+    reading = image.readings.value[:rows * columns].reshape(rows, columns) / noise
     base = np.nanmedian(reading)
     high = reading - base > PLAIN
     return abs(base) > DRIFTED or (high[1:] & high[:-1]).any() or (

@@ -6,12 +6,12 @@ from typing import NamedTuple
 import numpy as np
 
 from tactile_common.kernels import FAST, njit
-from tactile_sensing.contact.fit import SANDWICH
-from tactile_sensing.skin.bumps import LINE, Q1, WIDTH
+from tactile_sensing.contact.fit import fit_load, SANDWICH
+from tactile_sensing.skin.bumps import FORCE, LINE, Q1, WIDTH
 from tactile_sensing.skin.kernel import MAX_VARIANCE
 
 LOADED = 0.02  # of the peak: tactels in which a wrong model may show
-LARGEST = 0.5  # of d^2
+ALLOWED, LARGEST = 0.1, 0.5  # prior standard deviation of d; largest d^2
 LOUD = 4.5  # standard deviations of one tactel that no noise reaches
 CLIPPED = 4.0  # standard deviations that one tactel may add to a second load
 AWAY = 0.1  # of the peak: less is away from the load
@@ -74,91 +74,88 @@ def _smooth_plane(x, y, width, values):
         values[k] = (over_y @ values[k].copy().reshape(rows, columns) @ over_x).ravel()
 
 
-@njit(error_model='numpy')
-def _passed_on(kind, pad, fit, index, correlation, loaded):
+@njit(error_model='numpy', fastmath=FAST)
+def _passed_on(kind, pad, fit, answer, correlation, loaded):
     """
     How what a wrong model misses moves the parameters, and what the fit leaves of it.
 
-    Returns Q K / d^2, (n, tactels), and Q K Q' / d^2, (n, n): K_ij = m_i m_j rho_ij is the
-    covariance of what is missed, Q the parameters' answer to an error.
+    Parameters
+    ----------
+    answer : ndarray, shape (n, tactels)
+        What the parameters make of a weighted error.
+    correlation : float
+        Length over which a wrong model is wrong alike [m].
+    loaded : ndarray of bool, shape (tactels,)
+
+    Returns
+    -------
+    moved : ndarray, shape (n, tactels)
+        Q K / d^2; K_ij = m_i m_j rho_ij is the covariance of what is missed, Q the answer.
+    both : ndarray, shape (n, n)
+        Q K Q' / d^2.
     """
-    n, tactels = index.size, fit.model.size
+    n, tactels = answer.shape
     columns, size = pad.x.size, pad.x.size * pad.y.size
-    moves, spread, both = np.zeros((n, tactels)), np.zeros((n, tactels)), np.zeros((n, n))
-    for i in range(tactels):
-        if loaded[i]:
-            for j in range(n):
-                total = 0.0
-                for k in range(n):
-                    total += fit.inverse[j, k] * fit.by[index[k], i]
-                moves[j, i] = total * fit.weight[i]
-                spread[j, i] = moves[j, i] * fit.model[i]
+    moves = answer * fit.weight
+    moved = moves * fit.model
     if kind == LINE:
         cos, sin = math.cos(fit.theta[Q1]), math.sin(fit.theta[Q1])
         place = np.empty(tactels)
         for i in range(tactels):
             place[i] = pad.x[i % columns] * cos + pad.y[i % size // columns] * sin
-        _smooth_line(place, place.min(), correlation, spread)
+        _smooth_line(place, place.min(), correlation, moved)
     else:
         for layer in range(tactels // size):
-            here = spread[:, layer * size:(layer + 1) * size].copy()
+            here = moved[:, layer * size:(layer + 1) * size].copy()
             _smooth_plane(pad.x, pad.y, correlation, here)
-            spread[:, layer * size:(layer + 1) * size] = here
+            moved[:, layer * size:(layer + 1) * size] = here
     for i in range(tactels):
+        by = fit.model[i] if loaded[i] else 0.0
         for j in range(n):
-            spread[j, i] = spread[j, i] * fit.model[i] if loaded[i] else 0.0
-    for j in range(n):
-        for k in range(n):
-            for i in range(tactels):
-                both[j, k] += spread[j, i] * moves[k, i]
-    return spread, both
+            moved[j, i] *= by
+    return moved, moved @ moves.T
 
 
-@njit(error_model='numpy')
-def _agreement(kind, pad, fit, index, correlation, loaded, spread, both):
+@njit(error_model='numpy', fastmath=FAST)
+def _agreement(kind, pad, fit, rows, answer, correlation, loaded, moved, both):
     """
     Whether neighbours agree about what is left.
 
     Returns the sum of products of neighbours' errors beyond what the fit itself makes of noise,
     the standard deviation of that under noise, and what d = 1 would make of it.
     """
-    n, columns, rows = index.size, pad.x.size, pad.y.size
-    size = rows * columns
-    rho = np.ones(2)
+    n, tactels = rows.shape
+    columns, size = pad.x.size, pad.x.size * pad.y.size
+    by_model = moved - 0.5 * (both @ rows)
+    common, passed = np.empty(tactels), np.empty(tactels)
+    agreed = expected = pairs = 0.0
     for side in range(2):
-        step = pad.x[1] - pad.x[0] if side == 0 and columns > 1 else (
-            pad.y[1] - pad.y[0] if side == 1 and rows > 1 else 0.0)
+        step, ahead = 0.0, 1 if side == 0 else columns
+        if side == 0 and columns > 1:
+            step = pad.x[1] - pad.x[0]
+        elif side == 1 and pad.y.size > 1:
+            step = pad.y[1] - pad.y[0]
         if kind == LINE:
             step *= math.cos(fit.theta[Q1]) if side == 0 else math.sin(fit.theta[Q1])
-        rho[side] = math.exp(-0.5 * (step / correlation) ** 2)
-    noise_part, model_part = np.zeros((n, fit.model.size)), np.zeros((n, fit.model.size))
-    for i in range(fit.model.size):
-        if loaded[i]:
-            for k in range(n):
-                total = half = 0.0
-                for m in range(n):
-                    total += fit.inverse[k, m] * fit.by[index[m], i]
-                    half += both[k, m] * fit.by[index[m], i]
-                noise_part[k, i], model_part[k, i] = total, spread[k, i] - 0.5 * half
-    agreed = by_model = pairs = 0.0
-    for i in range(fit.model.size):
-        if not loaded[i]:
-            continue
-        for side in range(2):
-            j = i + (1 if side == 0 else columns)
-            if side == 0 and i % columns == columns - 1 or (
-                    side == 1 and i % size // columns == rows - 1) or not loaded[j]:
-                continue
-            weight = math.sqrt(fit.weight[i] * fit.weight[j])
-            common, passed = rho[side] * fit.model[i] * fit.model[j], 0.0
-            for k in range(n):
-                common -= (fit.by[index[k], i] * model_part[k, j]
-                           + fit.by[index[k], j] * model_part[k, i])
-                passed += fit.by[index[k], i] * noise_part[k, j]
-            agreed += 2.0 * weight * (fit.error[i] * fit.error[j] + passed)
-            by_model += 2.0 * weight * common
-            pairs += 1.0
-    return agreed, 2.0 * math.sqrt(pairs), by_model
+        rho = math.exp(-0.5 * (step / correlation) ** 2)
+        count = tactels - ahead
+        for i in range(count):
+            common[i], passed[i] = rho * fit.model[i] * fit.model[i + ahead], 0.0
+        for k in range(n):
+            for i in range(count):
+                j = i + ahead
+                common[i] -= rows[k, i] * by_model[k, j] + rows[k, j] * by_model[k, i]
+                passed[i] += rows[k, i] * answer[k, j]
+        for i in range(count):
+            j = i + ahead
+            border = i % columns == columns - 1 if side == 0 else (
+                i % size // columns == pad.y.size - 1)
+            if loaded[i] and loaded[j] and not border:
+                weight = 2.0 * math.sqrt(fit.weight[i] * fit.weight[j])
+                agreed += weight * (fit.error[i] * fit.error[j] + passed[i])
+                expected += weight * common[i]
+                pairs += 1.0
+    return agreed, 2.0 * math.sqrt(pairs), expected
 
 
 @njit(error_model='numpy')
@@ -264,33 +261,24 @@ def _sums(fit, noise2, full, parameters):
             math.sqrt(max(beyond, 0.0) / max(power, 1e-300)), above / max(total, 1e-300))
 
 
-@njit(cache=True, error_model='numpy')
-def misfit_of(kind, power, pad, fit, noise2, full, beliefs, allowed, unseen, covariance):
-    """
-    What a load leaves, and the covariance of its parameters with it.
-
-    Parameters
-    ----------
-    kind, power, pad, noise2, full, beliefs
-        As for `fit_load`.
-    fit : Fit
-    allowed : float
-        Prior standard deviation of d.
-    unseen : float
-        d that the fit may have absorbed.
-    covariance : ndarray, shape (parameters, parameters)
-        Written; 0 where not active.
-    """
+@njit(error_model='numpy')
+def _misfit(kind, power, pad, fit, readings, beliefs, covariance):
+    """What a load leaves; covariance (parameters, parameters) of the load is written with it."""
     index, n = beliefs.active, beliefs.active.size
     half = math.exp(fit.theta[WIDTH]) if power else HALF_WIDTH * pad.depths[0]
     correlation, peak = max(half, pad.pitch), fit.model.max()
     loaded = (fit.weight > 0.0) & (np.abs(fit.model) > LOADED * peak)
-    spread, both = _passed_on(kind, pad, fit, index, correlation, loaded)
+    rows = np.empty((n, loaded.size))
+    for k in range(n):
+        for i in range(loaded.size):
+            rows[k, i] = fit.by[index[k], i] if loaded[i] else 0.0
+    answer = fit.inverse @ rows
+    moved, both = _passed_on(kind, pad, fit, answer, correlation, loaded)
     agreed, deviation, by_model = _agreement(
-        kind, pad, fit, index, correlation, loaded, spread, both)
-    d2 = unseen * unseen
+        kind, pad, fit, rows, answer, correlation, loaded, moved, both)
+    d2 = beliefs.unseen * beliefs.unseen
     if by_model > 0.0:
-        worth = deviation / by_model / (allowed * allowed)  # what d itself is worth
+        worth = deviation / by_model / (ALLOWED * ALLOWED)  # what d itself is worth
         d2 += min(max(agreed / by_model, 0.0), LARGEST) / (1.0 + worth * worth)
     small = fit.inverse * (SANDWICH if beliefs.robust else 1.0) + d2 * both
     if not beliefs.robust:
@@ -301,8 +289,34 @@ def misfit_of(kind, power, pad, fit, noise2, full, beliefs, allowed, unseen, cov
     for i in range(n):
         for j in range(n):
             covariance[index[i], index[j]] = small[i, j]
-    loudest, loud, excess, residual, left, above = _sums(fit, noise2, full, n)
-    second, apart, extra = _second_load(pad, fit, noise2, peak)
+    loudest, loud, excess, residual, left, above = _sums(fit, readings.noise2, readings.full, n)
+    second, apart, extra = _second_load(pad, fit, readings.noise2, peak)
     significance = agreed / deviation if deviation > 0.0 else 0.0
     return Misfit(loudest, loud, excess, residual, left, math.sqrt(d2), significance, second,
                   apart, extra, above, hidden)
+
+
+@njit(cache=True, error_model='numpy')
+def fit_and_judge(kind, power, pad, readings, start, warm, beliefs):
+    """
+    Fit one load, and see what it leaves; parameters as of `fit_load`.
+
+    Returns
+    -------
+    theta : ndarray, shape (parameters,)
+    model : ndarray, shape (tactels,)
+        Without baselines.
+    covariance : ndarray, shape (parameters, parameters)
+        0 where not active.
+    evidence : float
+        Minus infinity: the fit did not work.
+    scatter : float
+    iterations : int
+    misfit : Misfit
+    """
+    fit = fit_load(kind, power, pad, readings, start, warm, beliefs)
+    covariance = np.zeros((start.size, start.size))
+    misfit = _misfit(kind, power, pad, fit, readings, beliefs, covariance)
+    works = fit.evidence == fit.evidence and fit.theta[FORCE] > 0.0
+    return (fit.theta, fit.model, covariance, fit.evidence if works else -np.inf, fit.scatter,
+            fit.iterations, misfit)

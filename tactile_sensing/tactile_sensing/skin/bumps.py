@@ -67,8 +67,9 @@ def loaded_chord(pad, theta, ends):
 
 
 # Rows of the scratch of one node: distances from the load, along a line, squared; f and g, their
-# derivatives by s, by WIDTH (log w), by n; a variable; derivatives by BEGIN and END.
+# derivatives by s, by WIDTH (log w), by n; a variable; derivatives by BEGIN and END; scratch.
 U, V, ALONG, S, F, G, FS, GS, FW, GW, FN, GN, T, F0, G0, F1, G1 = range(17)
+FIRST, LAST, AT_FIRST, AT_LAST, POWER, SCRATCH = 17, 18, 19, 20, 21, 22
 
 
 @njit(error_model='numpy', fastmath=FAST)
@@ -121,35 +122,6 @@ def _value(shape, centre, s):
         f = f * t + shape[0, j]
         g = g * t + shape[1, j]
     return f, g
-
-
-@njit(error_model='numpy', fastmath=FAST)
-def _skin_part(shape, slope, centre, v, first, last):
-    """
-    Integral of a point's bump along a line: f and g, by s, and by the patch's variance.
-
-    Those of the powers of t = c^2 / (v^2 + w^2 + c^2) follow from each other, by parts.
-    """
-    across = centre + v * v
-    root, highest = math.sqrt(across), centre / across
-    at_first, at_last = centre / (across + first * first), centre / (across + last * last)
-    first_part, last_part = first * at_first, last * at_last
-    power = centre / root * (math.atan(last / root) - math.atan(first / root))
-    length = last - first
-    f, g = shape[0, DEGREE] * length, shape[1, DEGREE] * length
-    fv, gv = slope[0, DEGREE] * length, slope[1, DEGREE] * length
-    df = dg = 0.0
-    for n in range(1, DEGREE + 1):
-        f += shape[0, DEGREE - n] * power
-        g += shape[1, DEGREE - n] * power
-        fv += slope[0, DEGREE - n] * power
-        gv += slope[1, DEGREE - n] * power
-        power = highest * (last_part - first_part + (2.0 * n - 1.0) * power) / (2.0 * n)
-        df += n * shape[0, DEGREE - n] * power
-        dg += n * shape[1, DEGREE - n] * power
-        first_part *= at_first
-        last_part *= at_last
-    return f, g, -df / centre, -dg / centre, fv, gv
 
 
 @njit(error_model='numpy', fastmath=FAST)
@@ -220,15 +192,46 @@ def _end_power(part, w, begin, end):
 
 @njit(error_model='numpy', fastmath=FAST)
 def _end_skin(part, tip, tip_slope, centre, begin, end):
-    """Fill F to GW, and F0 to G1, of a line on a skin from begin to end."""
+    """
+    Fill F to GW, and F0 to G1, of a line on a skin from begin to end.
+
+    Integrals of a point's bump along the line: those of the powers of
+    t = c^2 / (u^2 + w^2 + c^2) follow from each other, by parts.
+    """
     part[F:] = 0.0
     for i in range(part.shape[1]):
         low, high = begin - part[ALONG, i], end - part[ALONG, i]
-        (part[F, i], part[G, i], part[FS, i], part[GS, i], part[FW, i],
-         part[GW, i]) = _skin_part(tip, tip_slope, centre, part[U, i], low, high)
-        f, g = _value(tip, centre, part[S, i] + low * low)
-        part[F0, i], part[G0, i] = -f, -g
+        part[F0, i], part[G0, i] = _value(tip, centre, part[S, i] + low * low)
         part[F1, i], part[G1, i] = _value(tip, centre, part[S, i] + high * high)
+        across = centre + part[S, i]
+        root = math.sqrt(across)
+        part[T, i] = centre / across
+        part[AT_FIRST, i], part[AT_LAST, i] = (
+            centre / (across + low * low), centre / (across + high * high))
+        part[FIRST, i], part[LAST, i] = low * part[AT_FIRST, i], high * part[AT_LAST, i]
+        part[POWER, i] = centre / root * math.atan2((high - low) * root, across + high * low)
+        part[F, i] = tip[0, DEGREE] * (high - low)
+        part[G, i] = tip[1, DEGREE] * (high - low)
+        part[FW, i] = tip_slope[0, DEGREE] * (high - low)
+        part[GW, i] = tip_slope[1, DEGREE] * (high - low)
+    for n in range(1, DEGREE + 1):
+        f, g = tip[0, DEGREE - n], tip[1, DEGREE - n]
+        fw, gw = tip_slope[0, DEGREE - n], tip_slope[1, DEGREE - n]
+        for i in range(part.shape[1]):
+            power = part[POWER, i]
+            part[F, i] += f * power
+            part[G, i] += g * power
+            part[FW, i] += fw * power
+            part[GW, i] += gw * power
+            power = part[T, i] * (
+                part[LAST, i] - part[FIRST, i] + (2.0 * n - 1.0) * power) / (2.0 * n)
+            part[FS, i] -= n * f * power / centre
+            part[GS, i] -= n * g * power / centre
+            part[FIRST, i] *= part[AT_FIRST, i]
+            part[LAST, i] *= part[AT_LAST, i]
+            part[POWER, i] = power
+    for i in range(part.shape[1]):
+        part[F0, i], part[G0, i] = -part[F0, i], -part[G0, i]
 
 
 @njit(error_model='numpy', fastmath=FAST)
@@ -296,7 +299,7 @@ def add_rows(kind, power, ends, wide, coarse, pad, theta, by, model):
     size = rows * columns
     by[:] = 0.0
     model[:] = 0.0
-    part = np.zeros((17, size))
+    part = np.zeros((SCRATCH, size))
     shape, slope = np.empty((2, DEGREE + 1)), np.empty((2, DEGREE + 1))
     tip, tip_slope = np.empty((2, DEGREE + 1)), np.empty((2, DEGREE + 1))
     line = kind == LINE
