@@ -1,11 +1,11 @@
 """The node of the estimator: what it publishes of a picture."""
+from averages_over_tactels import line_average
 import numpy as np
 import pytest
 import rclpy
 from rclpy.serialization import serialize_message
 
 from tactile_sensing.conversions import image_to_msg
-from tactile_sensing.half_space import line
 from tactile_sensing.nodes.contact_estimator import ContactEstimatorNode
 from tactile_sensing.types.array import TactelArray
 from tactile_sensing.types.image import Layer, TactileImage
@@ -28,7 +28,8 @@ def test_a_wrench_is_published_where_the_force_is_valid(node, monkeypatch, unit)
     contacts, wrenches = [], []
     monkeypatch.setattr(node._contact, 'publish', contacts.append)
     monkeypatch.setattr(node._wrench, 'publish', wrenches.append)
-    picture = line.pressure(ARRAY.x, ARRAY.y[:, None], 2e-3, np.pi / 2, 200.0, 2e-3)
+    picture = line_average(ARRAY.x, ARRAY.y[:, None], 2e-3, np.pi / 2, 200.0, 0.0, 2e-3,
+                           ARRAY.pitch_x, ARRAY.pitch_y)
     layer = Layer('zz', 2e-3, picture.astype(np.float32), noise_std=500.0, unit=unit)
     image = image_to_msg(TactileImage(0, 1, (layer,), ARRAY, tared=True, frame_id='pad'))
     node._on_image(bytes(serialize_message(image)))

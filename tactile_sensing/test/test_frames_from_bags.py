@@ -146,7 +146,8 @@ def test_raw_counts_of_a_bag_are_calibrated(there, capsys):
     with_tare = run('frames.npz', '--calibration', 'pad.yaml', '--tare', 'unloaded.npy')
     assert with_tare['valid'].sum() == 7
     same(run('run', '--calibration', 'pad.yaml', '--tare', 'rest'), with_tare)
-    assert calibrate.main(['--out', 'own.yaml', '--pitch', '0.001', '--unloaded', 'rest']) == 0
+    assert calibrate.main(['--out', 'own.yaml', '--pitch', '0.001', '--bits', '10', '--unloaded',
+                           'rest']) == 0
     write_bag('told', pad=pictures(pressures(2)))
     capsys.readouterr()
     assert 'no raw counts in the pictures' in refused(capsys, 'told', '--calibration', 'pad.yaml')

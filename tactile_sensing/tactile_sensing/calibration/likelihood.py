@@ -9,6 +9,7 @@ of a reading is noise^2 + n (scatter m)^2, so that n frames of one press share o
 those of Student's t. Spread of the gains, scatter and spread of the forces follow from the fit.
 """
 
+from copy import copy
 from dataclasses import dataclass, replace
 import math
 
@@ -29,7 +30,9 @@ EVIDENCE = 4.0  # chi-square that a backing must explain
 BARE = 4.0  # times as likely as one of the depth that fits is none, before presses tell
 DEPTHS = (0.35, 0.6, 1.0, 1.5, 2.2, 3.2)  # pitches at which the search for the depth begins
 RATIOS = (0.35, 0.8)  # likewise depth over thickness
-STEPS, ROUNDS = 25, 3  # of the fit, at most; of the spreads, which follow from it
+LONGEST, UPHILL = 0.2, 1.0  # step of the numbers of the skin; chi-square that one may add
+SETTLED = 2e-3  # relative, and in pitches: a shorter step is the last
+STEPS, FEW, ROUNDS = 25, 8, 3  # of the fit; of those before the last; of the spreads by it
 SAME_PLACE = 0.3  # pitches between frames in turn of one press
 UNLIKE = 3.0  # standard deviations at which a press is of another weight, times the usual misfit
 DEAD = 0.3  # of the expected reading, less than which a tactel does not follow the load
@@ -180,22 +183,39 @@ class Likelihood:
         forces[:, 0] = np.maximum(forces[:, 0], least)
         return replace(unknowns, forces=forces)
 
+    def residuals(self, unknowns):
+        """
+        Models (N, tactels), what they and the expectations leave and its weight, forces that fit.
+
+        Three more columns say that the ball is pressed straight, with a force as it is told. Last
+        come the unknowns with their forces, the basis (N, tactels, 3) and the level of each press.
+        """
+        force = unknowns.forces[:, 0]
+        level = np.clip(force / np.median(force), 0.05, 20.0) if force.any() else 1.0 + force
+        basis = self.basis(unknowns.kind, unknowns.places, level)
+        unknowns = self.solve_forces(unknowns, basis)
+        here = np.einsum('ntk,nk->nt', basis, unknowns.forces)
+        rest, variance, weight = self.left(unknowns, here)
+        force = unknowns.forces[:, 0]
+        expected = self.told * unknowns.level[self.source] / force
+        tilt = unknowns.forces[:, 1:] / force[:, None]
+        rest = np.column_stack([rest, -tilt, expected - 1.0])
+        weight = np.column_stack([weight / variance, np.full((len(here), 2), SHEAR**-2),
+                                  (force / self.force_std)**2])
+        return here, rest, weight, unknowns, basis, level
+
     def slopes(self, unknowns):
         """
-        Models (N, tactels), what they and the expectations leave, slopes, and forces that fit.
+        Models, rest, weight, slopes (N, tactels + 3, parameters), and forces that fit.
 
-        Three more rows say that the ball is pressed straight, with a force as it is told. Slopes
-        are of the KIND numbers, the logarithms of the levels, and the OWN numbers of a press.
+        Slopes are of the KIND numbers, the logarithms of the levels, and the OWN numbers of a
+        press.
         """
-        places, force = unknowns.places, unknowns.forces[:, 0]
-        level = np.clip(force / np.median(force), 0.05, 20.0) if force.any() else 1.0 + force
-        basis = self.basis(unknowns.kind, places, level)
-        unknowns = self.solve_forces(unknowns, basis)
+        here, rest, weight, unknowns, basis, level = self.residuals(unknowns)
 
         def model(kind=unknowns.kind, dx=0.0, dy=0.0):
             return np.einsum('ntk,nk->nt', self.basis(
-                kind, places + np.array([dx, dy]), level), unknowns.forces)
-        here: np.ndarray = model()
+                kind, unknowns.places + np.array([dx, dy]), level), unknowns.forces)
         d, force = DERIVATIVE[KIND], unknowns.forces[:, 0]
         count, tactels, common = *here.shape, KIND + len(unknowns.level)
         slope = np.zeros((count, tactels + 3, common + OWN))
@@ -207,14 +227,8 @@ class Likelihood:
         for k, moved in enumerate((model(dx=d * self.pitch), model(dy=d * self.pitch))):
             slope[:, :tactels, common + 3 + k] = (moved - here) / d
         slope[:, :tactels] *= (1.0 + unknowns.gain)[:, None]
-        rest, variance, weight = self.left(unknowns, here)
-        expected = self.told * unknowns.level[self.source] / force
-        tilt = unknowns.forces[:, 1:] / force[:, None]
         slope[:, tactels:, common:common + 3] = [[0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [1.0, 0.0, 0.0]]
-        slope[range(count), -1, KIND + self.source] = -expected
-        rest = np.column_stack([rest, -tilt, expected - 1.0])
-        weight = np.column_stack([weight / variance, np.full((count, 2), SHEAR**-2),
-                                  (force / self.force_std)**2])
+        slope[range(count), -1, KIND + self.source] = -rest[:, -1] - 1.0
         return here, rest, weight, slope, unknowns
 
     def system(self, unknowns):
@@ -267,42 +281,52 @@ class Likelihood:
 
     def chi(self, unknowns: Unknowns) -> float:
         """Return twice the negative logarithm of the posterior, but for a constant."""
-        here, rest, weight, _, unknowns = self.slopes(unknowns)
+        here, rest, weight, unknowns, _, _ = self.residuals(unknowns)
         tactels = here.shape[1]
         _, variance, _ = self.left(unknowns, here)
         square = rest[:, :tactels]**2 / variance
         tails = 1.0 + (TAILS + 1.0) * np.log(np.maximum((TAILS + square) / (TAILS + 1.0), 1.0))
         off = (unknowns.kind - self.usual)[self.known < FIXED]
-        return (np.where(square < 1.0, square, tails)[np.isfinite(self.values)].sum()
+        return ((np.where(square < 1.0, square, tails) + np.log(variance))[
+            np.isfinite(self.values)].sum()
                 + (weight * rest**2)[:, tactels:].sum()
                 + (unknowns.gain**2).sum() / self.spread**2
                 + ((unknowns.offset / self.offset_std)**2).sum()
                 + (self.known[self.known < FIXED] * off**2).sum())
 
-    def step(self, unknowns: Unknowns) -> tuple[Unknowns, float]:
-        """Return the unknowns after one step of Gauss and Newton, and how long it is."""
+    def step(self, unknowns: Unknowns, longest: float) -> tuple[Unknowns, np.ndarray]:
+        """Return the unknowns after a step of Gauss and Newton, and what it wanted of the kind."""
         matrix, right, cross, own, by_gain, unknowns = self.system(unknowns)
         share = cross / own[:, None]
         move = np.linalg.solve(matrix - cross.T @ share, right - share.T @ by_gain)
-        common = KIND + len(unknowns.level)
-        longest = np.abs(move[:KIND]).max()
-        move[:common] *= min(1.0, 0.2 / max(longest, 1e-12))
+        wanted, common = move[:KIND].copy(), KIND + len(unknowns.level)
+        part = min(1.0, longest / max(np.abs(wanted).max(), 1e-12))
+        move *= part
         places = np.clip(move[common:].reshape(-1, OWN)[:, 3:], -0.5, 0.5)
         kind = np.clip(unknowns.kind + move[:KIND], [-np.inf, 0.0, 0.0, 0.05],
                        [np.inf, 1.0, 0.5, 0.95])
-        gain = np.clip(unknowns.gain + by_gain / own - share @ move, -0.7, 2.0)
+        gain = np.clip(unknowns.gain + part * by_gain / own - share @ move, -0.7, 2.0)
         plain, by_gains, by_others = self.offsets
-        offset = unknowns.offset + plain - by_gains * (gain - unknowns.gain) - by_others @ move
+        offset = unknowns.offset + (
+            part * plain - by_gains * (gain - unknowns.gain) - by_others @ move)
         return Unknowns(
             kind, gain, offset,
             unknowns.places + places * self.pitch, unknowns.forces,
-            unknowns.level * np.exp(move[KIND:common])), max(longest, np.abs(places).max())
+            unknowns.level * np.exp(move[KIND:common])), np.append(wanted, places.ravel())
 
     def iterate(self, unknowns: Unknowns, steps: int = STEPS) -> Unknowns:
-        """Step until nothing moves."""
+        """Step downhill until nothing moves."""
+        longest, chi = LONGEST, self.chi(unknowns)
         for _ in range(steps):
-            unknowns, longest = self.step(unknowns)
-            if longest < 1e-3:
+            moved, move = self.step(unknowns, longest)
+            below = self.chi(moved)
+            if below > chi + UPHILL:
+                longest = 0.3 * min(longest, np.abs(move[:KIND]).max())
+                if longest < SETTLED:
+                    break
+                continue
+            unknowns, chi, longest = moved, below, min(2.0 * longest, LONGEST)
+            if np.abs(move).max() < SETTLED:
                 break
         return unknowns
 
@@ -314,7 +338,7 @@ class Likelihood:
 
     def learn(self, unknowns: Unknowns) -> Unknowns:
         """Set spread of gains, scatter, and what is expected of forces by what a fit leaves."""
-        here, rest, weight, _, unknowns = self.slopes(unknowns)
+        here, rest, weight, unknowns, _, _ = self.residuals(unknowns)
         inverse, share, own, _ = self.inverse(unknowns)
         variance = 1.0 / own + np.einsum('tk,kl,tl->t', share, inverse, share, optimize=True)
         told = max(len(variance) - (variance / self.spread**2).sum(), 1.0)
@@ -340,7 +364,7 @@ class Likelihood:
 
     def dead(self, unknowns: Unknowns) -> np.ndarray:
         """Which tactels do not follow the load that presses around them make, bool."""
-        here, _, _, _, _ = self.slopes(unknowns)
+        here = self.residuals(unknowns)[0]
         values = np.nan_to_num(self.values)
         load = np.where(np.isfinite(self.values), here, 0.0) / self.noise
         power, follows = (load**2).sum(axis=0), (load * values / self.noise).sum(axis=0)
@@ -353,7 +377,7 @@ class Likelihood:
     def settle(self, unknowns: Unknowns) -> Unknowns:
         """Fit, with the spreads that follow from it and without the tactels that are dead."""
         for _ in range(ROUNDS):
-            unknowns = self.iterate(unknowns)
+            unknowns = self.iterate(unknowns, FEW)
             self.gone |= self.dead(unknowns)
             self.values = np.where(self.gone, np.nan, self.values)
             unknowns = self.learn(unknowns)
@@ -405,12 +429,15 @@ def fit_presses(presses: Presses, ball_radius: float, *, area: bool = True,
         problem.hold(0, 1, 2)
         return _result(problem, problem.settle(problem.at_peaks(problem.usual.copy())))
     problem.hold(1)
-    plain = problem.iterate(problem.at_peaks(_start(problem)))
+    start = _start(problem)
+    plain = problem.iterate(problem.at_peaks(start))
     problem.known[1] = 1.0
-    layers = [problem.iterate(replace(plain, kind=np.array(
-        [plain.kind[0], ratio, *problem.usual[2:]]))) for ratio in RATIOS]
-    layer = problem.settle(min(layers, key=problem.chi))
-    least = problem.chi(layer)
+    layers = []
+    for ratio in RATIOS:
+        trial = copy(problem)
+        layer = trial.settle(replace(plain, kind=np.array([start[0], ratio, *trial.usual[2:]])))
+        layers.append((trial.chi(layer), trial, layer))
+    least, problem, layer = min(layers, key=lambda it: it[0])
     problem.hold(1)
     plain = problem.iterate(replace(layer, kind=plain.kind))
     evidence = problem.chi(plain) - least

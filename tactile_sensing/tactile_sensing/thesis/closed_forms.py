@@ -64,17 +64,21 @@ def estimate_by_moments(frame: np.ndarray, array: TactelArray, layers: Sequence[
     cleaned = image_moments(image, array, threshold=THRESHOLD * noise)
     contact = Contact(ContactType.OTHER, False, Reason(0), method)
     if model == 'line' or (model == 'auto' and cleaned.elongation() >= MIN_ELONGATION):
-        expected = _line(contact, image, cleaned, array, layers[main].depth, noise)
+        found = _line(contact, image, cleaned, array, layers[main].depth, noise)
     else:
-        expected = _point(contact, np.nan_to_num(frame), layers, array, averaging)
-    if expected is not None:
+        found = _point(contact, np.nan_to_num(frame), layers, array, averaging)
+    if found is not None:
+        expected, rows, covariance = found
         _judge(contact, image, expected, noise, array, min_snr)
+        if not contact.reasons:  # it takes longer than the rest
+            contact.covariance[np.ix_(rows, rows)] = (
+                max(1.0, contact.residual**2) * covariance())
     contact.valid = contact.force_valid = not contact.reasons
     return contact
 
 
 def _judge(contact, image, expected, noise, array, min_snr):
-    """Refuse what is too weak, off the pad or unlike its model; scale the covariance."""
+    """Refuse what is too weak, off the pad or unlike its model."""
     squared = np.nansum((image - expected)**2)
     top = expected.max()
     if not (top > 0.0 and np.isfinite(contact.normal_force)):
@@ -87,14 +91,13 @@ def _judge(contact, image, expected, noise, array, min_snr):
         contact.type, contact.reasons = ContactType.NONE, Reason.LOW_SNR
     elif not squared <= UNEXPLAINED * np.nansum(image**2):
         contact.type, contact.reasons = ContactType.OTHER, Reason.BAD_FIT
-    elif not contact.reasons:
-        if abs(contact.x) > array.half_width_x or abs(contact.y) > array.half_width_y:
-            contact.reasons = Reason.OFF_PAD
-        contact.covariance *= max(1.0, contact.residual**2)
+    elif not contact.reasons and (
+            abs(contact.x) > array.half_width_x or abs(contact.y) > array.half_width_y):
+        contact.reasons = Reason.OFF_PAD
 
 
 def _line(contact, image, cleaned, array, depth, noise):
-    """(3.8) to (3.10), corrected, from the tactels above the threshold; its picture, if any."""
+    """(3.8) to (3.10), corrected, from the tactels above the threshold; see `_point`."""
     if not cleaned.m0 > 0.0:
         contact.type, contact.reasons = ContactType.NONE, Reason.LOW_SNR
         return None
@@ -119,18 +122,26 @@ def _line(contact, image, cleaned, array, depth, noise):
     if not force > 0.0:
         contact.reasons = Reason.OFF_PAD
         return None
-    weights = _weights(array, 0.0, 0.0, np.inf)[:, (image >= THRESHOLD * noise).ravel()]
-    spread = noise**2 * weights @ weights.T
-    change = np.eye(5, 4, -1)  # of x, y, yaw, forces by offset, yaw, forces
-    change[:2, 0] = cos, sin  # across the edge alone
-    change[:2, 1] = -along * cos, -along * sin
-    contact.covariance[np.ix_(_LINE, _LINE)] = (
-        change @ _propagated(closed, moments, [spread]) @ change.T)
-    return pressure(array.x, array.y[:, None], offset, yaw, line_force, depth)
+
+    def covariance():
+        weights = _weights(array, 0.0, 0.0, np.inf)[:, (image >= THRESHOLD * noise).ravel()]
+        spread = noise**2 * weights @ weights.T
+        change = np.eye(5, 4, -1)  # of x, y, yaw, forces by offset, yaw, forces
+        change[:2, 0] = cos, sin  # across the edge alone
+        change[:2, 1] = -along * cos, -along * sin
+        return change @ _propagated(closed, moments, [spread]) @ change.T
+
+    expected = pressure(array.x, array.y[:, None], offset, yaw, line_force, depth)
+    return expected, _LINE, covariance
 
 
 def _point(contact, frame, layers, array, averaging):
-    """(2.3), (2.4) or (2.6), at once or with the iteration of section 2.4; its picture, if any."""
+    """
+    (2.3), (2.4) or (2.6), at once or with the iteration of section 2.4, into a contact.
+
+    Returns None if there is none, else its picture, the rows of its covariance, and a function
+    that gives this.
+    """
     if not _has_closed_form(layers):
         main = [layer.component for layer in layers].index('zz')
         frame, layers = frame[main:main + 1], layers[main:main + 1]
@@ -147,16 +158,18 @@ def _point(contact, frame, layers, array, averaging):
         contact.reasons = Reason.OFF_PAD
     contact.x, contact.y, contact.normal_force = found.a, found.b, found.normal_force
     contact.shear_force_x, contact.shear_force_y = found.shear_force_x, found.shear_force_y
-    if not contact.reasons:
-        contact.covariance[np.ix_(_POINT, _POINT)] = (
-            _iterated_noise(found, frame, layers, array, averaging) if iterated else
-            _window_noise(np.zeros(2), np.inf, found, frame, layers, array, averaging))
+
+    def covariance():
+        if iterated:
+            return _iterated_noise(found, frame, layers, array, averaging)
+        return _window_noise(np.zeros(2), np.inf, found, frame, layers, array, averaging)
+
     depth = next(layer.depth for layer in layers if layer.component == 'zz')
     load = found.a, found.b, found.normal_force, found.shear_force_x, found.shear_force_y
-    if averaging:
-        return point.average('zz', array.x, array.y[:, None], *load, depth, array.pitch_x,
-                             array.pitch_y)
-    return point.stress('zz', array.x, array.y[:, None], *load, depth)
+    place = array.x, array.y[:, None], *load, depth
+    expected = (point.average('zz', *place, array.pitch_x, array.pitch_y) if averaging else
+                point.stress('zz', *place))
+    return expected, _POINT, covariance
 
 
 def _has_closed_form(layers):
