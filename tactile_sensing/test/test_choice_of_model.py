@@ -172,8 +172,8 @@ def test_two_layers_and_a_shear_layer_are_used():
             assert contact.valid and contact.model.endswith('+'.join(c for c, _ in plan))
             found.append([contact.x, contact.shear_force_x])
         spread[name] = np.std(found, axis=0)
-    assert (spread['shear'] < 0.95 * spread['one']).all()
-    assert (spread['two'] < 1.3 * spread['one']).all()
+    assert (spread['shear'] < 0.7 * spread['one']).all()
+    assert (spread['two'] < spread['one']).all()
 
 
 @pytest.mark.parametrize('model, kind', [('point', 'LINE'), ('line', 'POINT')])
@@ -205,4 +205,4 @@ def test_load_just_beyond_the_border_is_not_put_inside(kind, beyond):
         contact = estimate(picture + rng.normal(0.0, noise, ARRAY.shape), noise)
         wrong += contact.valid and abs(contact.x - at) > 1e-3
         right += not contact.valid
-    assert wrong <= 12 and right >= 185
+    assert wrong <= 2 and right >= 195

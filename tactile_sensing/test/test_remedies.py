@@ -115,9 +115,7 @@ def test_clipping_that_nobody_tells_is_not_believed(presses, level, bits):
     assert np.nanmax(np.hypot(records['x'] - loads[:, 0], records['y'] - loads[:, 1])) < 0.5e-3
     off = np.abs(noise * records['normal_force'] - 1.0)
     claimed = noise * np.sqrt(records['covariance'][:, 3, 3])
-    # Rounded to eight bits, a flat top is not always told from a blunt object's.
-    assert (records['force_valid'] & (off > 0.02) & (off > 5.0 * claimed)).mean() < (
-        0.12 if bits == 8 else 0.03)
+    assert (records['force_valid'] & (off > 0.02) & (off > 5.0 * claimed)).mean() < 0.03
 
 
 @pytest.mark.parametrize('radius', [0.5e-3, 1e-3, 1.5e-3])

@@ -217,7 +217,7 @@ class Likelihood:
             return np.einsum('ntk,nk->nt', self.basis(
                 kind, unknowns.places + np.array([dx, dy]), level), unknowns.forces)
         d, force = DERIVATIVE[KIND], unknowns.forces[:, 0]
-        count, tactels, common = *here.shape, KIND + len(unknowns.level)
+        (count, tactels), common = here.shape, KIND + len(unknowns.level)
         slope = np.zeros((count, tactels + 3, common + OWN))
         for k in np.flatnonzero(self.known < FIXED):
             back = unknowns.kind[k] > (np.inf, 0.99, 0.49, np.inf)[k]

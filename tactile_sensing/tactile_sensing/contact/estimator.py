@@ -35,7 +35,9 @@ from tactile_sensing.types.moments import Moments
 MODELS = {'auto': (POINT, LINE), 'point': (POINT,), 'line': (LINE,)}
 TACTELS = ('point', 'area')
 FEWEST = 6  # tactels
-LOADED, CUT_OFF = 0.3, 4  # of the peak; equal readings at the top that are cut off
+# Equal readings at the top that may be cut off; steps of the converter to there, at least.
+CUT_OFF, COARSE = 4, 30
+LOADED, FINEST = 0.1, 1e-6  # of the peak: tactels that are looked at; resolution of readings
 DETECTION = 5.0  # standard deviations
 IMPOSSIBLE = 1e12  # in the unit; a tactel that reports more, or no number, is not read
 QUIETER = 0.9  # of the noise that an image seemed to have: worth another fit
@@ -156,14 +158,14 @@ class ContactEstimator:
         seen = survey(frame, main, full, pad)
         record['moments'] = seen.moments
         clipped, missing = seen.clipped + saturated, seen.missing - saturated
-        if full[main] == np.inf and CUT_OFF <= seen.highest <= 0.25 * frame[main].size:
-            full[main] = hidden_scale(frame[main])
-            clipped += seen.highest * (full[main] < np.inf)
-        reasons = (Reason.SATURATED * (clipped > 0) | Reason.DEAD_TACTELS * (missing > 0)
-                   | Reason.UNCALIBRATED * (not calibrated) | Reason.NOT_TARED * (not tared))
         told = [max(self.config.noise_std or layer.noise_std, 0.0) for layer in layers]
         noise = [std or noise_of_image(image, True)
                  for std, image in zip(told, frame, strict=True)]
+        if full[main] == np.inf and CUT_OFF <= seen.highest <= 0.25 * frame[main].size:
+            full[main] = hidden_scale(frame[main], noise[main])
+            clipped += seen.highest * (full[main] < np.inf)
+        reasons = (Reason.SATURATED * (clipped > 0) | Reason.DEAD_TACTELS * (missing > 0)
+                   | Reason.UNCALIBRATED * (not calibrated) | Reason.NOT_TARED * (not tared))
         why = undetected(seen, noise[main], clipped > 0)
         if why:
             record['type'] = ContactType.NONE if clipped == 0 else ContactType.OTHER
@@ -197,7 +199,7 @@ class ContactEstimator:
         if not why & ~Reason.SKIN_MISMATCH and record['snr'] < self.config.min_snr:
             why |= Reason.LOW_SNR
         valid = not why & ~Reason.SKIN_MISMATCH
-        if valid and one.misfit.loudest > 2.0 * LOUD:
+        if valid and (one.misfit.silent or one.misfit.loudest > 2.0 * LOUD):
             reasons |= Reason.DEAD_TACTELS
         record['reasons'] = reasons | why
         record['type'] = type_of(one, why)
@@ -244,15 +246,21 @@ def check_layer(layer: Layer) -> None:
             f'gain_spread {layer.gain_spread!r}, force_std {layer.force_std!r}: no such skin')
 
 
-def hidden_scale(image: np.ndarray) -> float:
+def hidden_scale(image: np.ndarray, noise: float) -> float:
     """Full scale that nobody told, if readings show to be cut off; else infinite."""
-    top = np.nanmax(image, initial=0.0)
-    equal = np.count_nonzero(image == top)
-    if not CUT_OFF <= equal <= 0.25 * image.size:
+    top = float(np.nanmax(image))
+    unit = FINEST * top
+    values, counts = np.unique(np.rint(image[np.isfinite(image)] / unit), return_counts=True)
+    steps, below, others = np.diff(values), values[:-1], counts[:-1]
+    resolution = steps.min(initial=np.inf)
+    if values[-1] < COARSE * resolution:  # rounding alone makes them equal
         return np.inf
-    values, counts = np.unique(image[image > LOADED * top], return_counts=True)
-    shows = len(values) > CUT_OFF and equal > 2 * counts[:-1].max()
-    return float(top) if shows else np.inf
+    # Below a blunt top that is whole, noise and rounding leave as many as at it. Symmetry makes
+    # others equal as well, where there is no noise.
+    most = others[below >= values[-1] - 2.0 * max(noise / unit, resolution)].sum()
+    if noise / unit <= np.median(steps):
+        most = max(most, others[below > LOADED * values[-1]].max(initial=0))
+    return top if counts[-1] > 2 * most else np.inf
 
 
 def undetected(seen: Survey, noise: float, clipped: bool) -> Reason:

@@ -9,7 +9,7 @@ The evidence is Laplace's.
 """
 
 import math
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -27,7 +27,8 @@ from tactile_sensing.skin.bumps import (
 NU = 4.0  # degrees of freedom of the errors
 # Covariance of the fit under Gaussian errors, over the inverse of J'WJ at this NU.
 SANDWICH = 1.1378
-GRID = np.geomspace(0.001, 0.5, 9)  # of the scatter g
+GRID = np.geomspace(1e-4, 0.5, 10)  # of the scatter g
+GRID_STEP = math.log(GRID[1] / GRID[0])
 GRID.flags.writeable = False
 STEPS = 8, 12  # at most: Gaussian, robust
 ANNEALED, COOLING = 5, 0.3  # steps in which what is off by much is not yet an outlier
@@ -222,6 +223,8 @@ def _marginal_scatter(rows, fit, kept, noise2, square, prior, beliefs, whole):
     """
     Scatter g, root mean square over its posterior, and log of the integral over it.
 
+    The posterior of log g is the parabola through the highest point of a grid and its neighbours.
+
     Only if whole, the parameters are integrated over at each g; else they are taken as known.
     """
     n = rows.shape[0]
@@ -254,13 +257,15 @@ def _marginal_scatter(rows, fit, kept, noise2, square, prior, beliefs, whole):
             logs[k] = (constant + _log_likelihood(error, variance, every, True)
                        - 0.5 * determinant
                        - 0.5 * (math.log(g / beliefs.gain) / beliefs.gain_spread) ** 2)
-    top = logs.max()
-    total = squared = 0.0
-    for k in range(GRID.size):
-        share = math.exp(logs[k] - top)
-        total += share
-        squared += share * GRID[k] ** 2
-    return math.sqrt(squared / total), top + math.log(total)
+    near: Any = min(max(logs.argmax(), 1), GRID.size - 2)
+    slope = 0.5 * (logs[near + 1] - logs[near - 1])
+    bend = logs[near - 1] - 2.0 * logs[near] + logs[near + 1]
+    if not bend < 0.0:  # nothing was found, or at one end
+        return GRID[logs.argmax()], logs.max()
+    shift = min(max(-slope / bend, -1.5), 1.5)
+    variance = -1.0 / bend  # as a Gaussian of log g, in steps of the grid
+    return (GRID[near] * math.exp(GRID_STEP * shift + GRID_STEP**2 * variance),
+            logs[near] + (slope + 0.5 * bend * shift) * shift + 0.5 * math.log(variance))
 
 
 @njit(error_model='numpy')

@@ -23,6 +23,7 @@ from tactile_sensing.contact.misfit import fit_and_judge, LOUD, Misfit
 from tactile_sensing.skin.bumps import (
     BASE,
     BEGIN,
+    chord,
     END,
     EXPONENT,
     FORCE,
@@ -62,7 +63,7 @@ SECOND = 7.0  # standard deviations of a second load, and
 APART = 0.05  # its pressure away from the first, relative to its peak, and
 EXTRA_LOAD = 0.4  # its pressure, relative to that of the first
 SHORTEST = 3.0  # pitches of a line on the pad
-DISTINCT, ROUND = 2.5, 1.2  # half length over half width of what is no point, and no line
+DISTINCT, ROUND = 4.0, 1.2  # half length over half width of what is no point, and no line
 STRIPS = 3  # rows or columns: fewer see a point at most
 LONG = 2.0  # half length over half width of what is tried as a line first
 
@@ -392,5 +393,8 @@ def refusal(image, one):
         off = abs(theta[Q0]) > pad.half_x or abs(theta[Q1]) > pad.half_y
     else:
         first, last, _ = loaded_chord(pad, theta, one.has_ends)
-        off = last - first < SHORTEST * pad.pitch
+        low, high = chord(pad, theta[Q0], theta[Q1])
+        off = high - low < SHORTEST * pad.pitch
+        if not off and last - first < SHORTEST * pad.pitch:  # rather a blob
+            return Reason.BAD_FIT
     return Reason.OFF_PAD if off else Reason(0)

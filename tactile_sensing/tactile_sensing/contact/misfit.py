@@ -13,6 +13,7 @@ from tactile_sensing.skin.kernel import MAX_VARIANCE
 LOADED = 0.02  # of the peak: tactels in which a wrong model may show
 ALLOWED, LARGEST = 0.1, 0.5  # prior standard deviation of d; largest d^2
 LOUD = 4.5  # standard deviations of one tactel that no noise reaches
+SILENT = 0.7  # share of its load that a dead tactel lacks
 CLIPPED = 4.0  # standard deviations that one tactel may add to a second load
 AWAY = 0.1  # of the peak: less is away from the load
 FAINT = 0.03  # of the peak; what is less is no second load
@@ -36,6 +37,7 @@ class Misfit(NamedTuple):
     extra: float  # pressure that a single load lacks, relative to that of the load
     extrapolated: float  # share of the pressure that is above full scale
     hidden: float  # probability of a patch that is not fitted
+    silent: int  # tactels that plainly should read something, and hardly do
 
 
 @njit(error_model='numpy', fastmath=FAST)
@@ -239,8 +241,9 @@ def _second_load(pad, fit, noise2, peak):
 
 @njit(error_model='numpy')
 def _sums(fit, noise2, full, parameters):
-    """See Misfit: loudest, loud, excess, residual, left, extrapolated."""
-    loudest = loud = squared = kept = lit = beyond = power = by_noise = total = above = 0.0
+    """See Misfit: loudest, loud, excess, residual, left, extrapolated, silent."""
+    silent, loudest, loud = 0, 0.0, 0.0
+    squared = kept = lit = beyond = power = by_noise = total = above = 0.0
     for t in range(fit.model.size):
         total += max(fit.model[t], 0.0)
         above += max(fit.model[t] - full[t], 0.0)
@@ -249,6 +252,8 @@ def _sums(fit, noise2, full, parameters):
             loudest, kept = max(loudest, ratio), kept + 1.0
             if fit.model[t] ** 2 > LOUD ** 2 * noise2[t]:
                 squared, lit = squared + ratio, lit + 1.0
+            silent += (fit.model[t] > 2.0 * LOUD * math.sqrt(noise2[t])
+                       and fit.error[t] < -SILENT * fit.model[t])
             by_noise += fit.error[t] ** 2 / noise2[t]
             power += fit.model[t] ** 2
             if ratio < LOUD ** 2:  # an outlier is a fault
@@ -258,7 +263,7 @@ def _sums(fit, noise2, full, parameters):
     free = max(lit - parameters, 1.0)
     return (math.sqrt(loudest), loud / max(kept, 1.0), (squared - free) / math.sqrt(2.0 * free),
             math.sqrt(by_noise / max(kept, 1.0)),
-            math.sqrt(max(beyond, 0.0) / max(power, 1e-300)), above / max(total, 1e-300))
+            math.sqrt(max(beyond, 0.0) / max(power, 1e-300)), above / max(total, 1e-300), silent)
 
 
 @njit(error_model='numpy')
@@ -289,11 +294,12 @@ def _misfit(kind, power, pad, fit, readings, beliefs, covariance):
     for i in range(n):
         for j in range(n):
             covariance[index[i], index[j]] = small[i, j]
-    loudest, loud, excess, residual, left, above = _sums(fit, readings.noise2, readings.full, n)
+    loudest, loud, excess, residual, left, above, silent = _sums(
+        fit, readings.noise2, readings.full, n)
     second, apart, extra = _second_load(pad, fit, readings.noise2, peak)
     significance = agreed / deviation if deviation > 0.0 else 0.0
     return Misfit(loudest, loud, excess, residual, left, math.sqrt(d2), significance, second,
-                  apart, extra, above, hidden)
+                  apart, extra, above, hidden, silent)
 
 
 @njit(cache=True, error_model='numpy')
