@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile
-from tactile_tests.graph import bench
+from tactile_tests.graph import bench, half_rates
 
 from tactile_msgs.msg import SurfacePatch
 from tactile_shape.contour.outline import find_outline
@@ -45,8 +45,8 @@ class ContourListener(Node):
                          for pose in poses]).reshape(-1, 3)
 
 
-def test_the_curved_edge_has_its_radius():
-    with bench('curve') as it:
+def test_the_curved_edge_has_its_radius(tmp_path):
+    with bench('curve', parameters=half_rates(tmp_path)) as it:
         it.add_all()
         it.graph.add(ShapeEstimatorNode)
         listener = it.graph.add(ContourListener)
@@ -60,8 +60,8 @@ def test_the_curved_edge_has_its_radius():
     assert curved.kind == 'arc' and curved.radius == pytest.approx(RADIUS, rel=0.01)
 
 
-def test_the_tape_case_has_its_sides():
-    with bench('tape_case') as it:
+def test_the_tape_case_has_its_sides(tmp_path):
+    with bench('tape_case', parameters=half_rates(tmp_path)) as it:
         it.add_all()
         it.graph.add(ShapeEstimatorNode)
         listener = it.graph.add(ContourListener)

@@ -2,7 +2,7 @@
 from geometry_msgs.msg import PoseStamped
 import numpy as np
 import pytest
-from tactile_tests.graph import bench
+from tactile_tests.graph import bench, half_rates
 import yaml
 
 from edge_tracking.resources import find_scene
@@ -20,10 +20,11 @@ COARSE = {'across': 15}  # solved in some seconds, where the whole takes half a 
 @pytest.fixture(scope='module')
 def tracked(tmp_path_factory):
     """Follow a ball once; the tests look at what happened."""
-    path = tmp_path_factory.mktemp('scene') / 'ball.yaml'
+    folder = tmp_path_factory.mktemp('scene')
+    path = folder / 'ball.yaml'
     scene = yaml.safe_load(find_scene('surfaces/sphere_126').read_text('utf-8'))
     path.write_text(yaml.safe_dump(scene | {'rubber': COARSE}))
-    with bench(str(path), domain=hold_domain()) as it:
+    with bench(str(path), parameters=half_rates(folder), domain=hold_domain()) as it:
         renderer_of(it.scene)  # before the nodes begin
         it.add_all()
         it.graph.add(ShapeEstimatorNode, **parameters_for(it.scene).shape)

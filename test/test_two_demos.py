@@ -5,6 +5,7 @@ from pathlib import Path
 import subprocess
 
 from ament_index_python.packages import get_package_prefix
+from tactile_tests.graph import half_rates
 
 DEMO = Path(get_package_prefix('edge_tracking'), 'lib/edge_tracking/demo')
 DEADLINE = 240.0  # s
@@ -13,7 +14,8 @@ DEADLINE = 240.0  # s
 def test_neither_hears_the_other(tmp_path):
     environment = {**os.environ, 'ROS_DOMAIN_ID': '7'}
     demos = [subprocess.Popen(
-        [DEMO, '--speed', '0.06', '--seed', str(seed), '--out', tmp_path / str(seed), '--json'],
+        [DEMO, '--speed', '0.06', '--seed', str(seed), '--out', tmp_path / str(seed), '--json',
+         '--parameters', half_rates(tmp_path)],
         env=environment, text=True, stdout=subprocess.PIPE, stderr=subprocess.PIPE)
         for seed in range(2)]
     try:

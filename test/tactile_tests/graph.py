@@ -1,6 +1,7 @@
 """A graph under test: a listener to its topics, waits with a deadline, and its geometry."""
 
 from contextlib import contextmanager
+from pathlib import Path
 import time
 from typing import Any
 
@@ -11,6 +12,7 @@ from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, qos_profile_sensor_data, QoSProfile
 from sensor_msgs.msg import JointState
 from std_srvs.srv import SetBool
+import yaml
 
 from edge_tracking.graph import (
     add_mocks,
@@ -18,6 +20,7 @@ from edge_tracking.graph import (
     add_servo,
     calibrate,
     Graph,
+    PARAMETERS,
     private_port,
 )
 from edge_tracking.resources import find_scene, share
@@ -208,6 +211,16 @@ class Bench:
         poses = list(self.listener.poses)
         return (np.array([stamp_to_seconds(pose.header.stamp) for pose in poses]),
                 np.array([pose_from_msg(pose.pose) for pose in poses]).reshape(-1, 4, 4))
+
+
+def half_rates(folder: Path) -> Path:
+    """Write the graph's parameters at half of their rates, for a machine that others use too."""
+    parameters = yaml.safe_load(PARAMETERS.read_text('utf-8'))
+    for node in parameters.values():
+        node['ros__parameters']['rate'] *= 0.5
+    path = folder / 'half_rates.yaml'
+    path.write_text(yaml.safe_dump(parameters), 'utf-8')
+    return path
 
 
 @contextmanager
