@@ -45,8 +45,10 @@ def test_every_argument_has_a_description_and_a_default():
         assert argument.default_value is not None
 
 
-def test_the_lines_of_the_readme_have_arguments_that_there_are():
-    text = (Path(__file__).resolve().parents[1] / 'README.md').read_text('utf-8')
+def test_the_lines_of_the_pages_have_arguments_that_there_are():
+    root = Path(__file__).resolve().parents[1]
+    text = '\n'.join(page.read_text('utf-8') for page in (
+        root / 'README.md', *sorted((root / 'docs').glob('*.md'))))
     lines = re.findall(r'ros2 launch edge_tracking edge_tracking\S+((?:\s+\w+:=\S+)*)', text)
     named = {name for line in lines for name in re.findall(r'(\w+):=', line)}
     assert len(lines) > 5 and named <= NAMED | {'start'}
