@@ -3,7 +3,7 @@
 import os
 
 import pytest
-from tactile_tests.graph import bench
+from tactile_tests.graph import bench, half_rates
 
 from edge_tracking.transport import local_environment
 
@@ -11,7 +11,7 @@ os.environ.update(local_environment())  # no robot of another host is moved, no 
 
 
 @pytest.fixture
-def running():
+def running(tmp_path):
     """Give the whole graph on the straight edge, with nothing started yet."""
-    with bench() as it:
+    with bench(parameters=half_rates(tmp_path)) as it:
         yield it.add_all()

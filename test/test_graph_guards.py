@@ -10,7 +10,7 @@ from rclpy.action import ActionClient
 from rclpy.qos import qos_profile_sensor_data
 from rclpy.serialization import deserialize_message, serialize_message
 from sensor_msgs.msg import JointState
-from tactile_tests.graph import bench
+from tactile_tests.graph import bench, half_rates
 from trajectory_msgs.msg import JointTrajectory
 
 from tactile_msgs.action import TrackEdge
@@ -22,9 +22,9 @@ TOPICS = {'image': TactileImage, 'contact': Contact, '/joint_states': JointState
 
 
 @pytest.fixture(scope='module')
-def it():
+def it(tmp_path_factory):
     """Give the whole graph; each test leaves an idle servo."""
-    with bench() as whole:
+    with bench(parameters=half_rates(tmp_path_factory.mktemp('rates'))) as whole:
         yield whole.add_all()
 
 

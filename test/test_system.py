@@ -4,7 +4,7 @@ from geometry_msgs.msg import PoseStamped
 import numpy as np
 import pytest
 from rclpy.qos import qos_profile_sensor_data
-from tactile_tests.graph import bench, ROBOT, stamp_of
+from tactile_tests.graph import bench, half_rates, ROBOT, stamp_of
 
 from edge_tracking.graph import private_port
 from tactile_common.ros.conversions import pose_to_msg
@@ -33,9 +33,10 @@ start: {{s: 0.1, offset: {offset}, height: -0.001, yaw: {yaw}}}
 
 
 @pytest.fixture(scope='module')
-def tracked():
+def tracked(tmp_path_factory):
     """Track a short way once; the tests look at what happened."""
-    with bench(domain=hold_domain()) as it:  # it lasts; of the others it must not be heard
+    rates = half_rates(tmp_path_factory.mktemp('rates'))
+    with bench(parameters=rates, domain=hold_domain()) as it:  # it lasts, and is not heard
         it.add_all()
         it.client = it.track(length=LENGTH)
         yield it
@@ -135,7 +136,7 @@ def test_a_pad_of_another_size_needs_no_more_than_its_scene(tmp_path):
     scene.write_text(SCENE.format(name='oblong', offset=0.003, yaw=0).replace(
         'sensor: {', 'sensor: {rows: 12, columns: 24, pitch_x: 0.001, pitch_y: 0.0015, ').replace(
         's: 0.1', 's: 0.05').replace('height: -0.001', 'height: 0.004'))
-    with bench(str(scene), 'oblong') as it:
+    with bench(str(scene), 'oblong', half_rates(tmp_path)) as it:
         it.add_all()
         client = it.track(length=LENGTH)
         assert client.success, client.reason
