@@ -86,11 +86,11 @@ class ContactEstimator:
             record, model = self._estimate(stress, array, layers, image.tared, image.saturated)
         except ConfigurationError:
             return self.refuse_malformed()
-        told: dict[str, Any] = dict(zip(RECORD.names or (), record[0].item(), strict=True))
-        told |= {'type': ContactType(told['type']), 'reasons': Reason(told['reasons']),
+        fields: dict[str, Any] = dict(zip(RECORD.names or (), record[0].item(), strict=True))
+        fields |= {'type': ContactType(fields['type']), 'reasons': Reason(fields['reasons']),
                  'covariance': record['covariance'][0],
-                 'moments': Moments(*told['moments'].tolist())}
-        return Contact(method=self.config.method, model=model, **told)
+                 'moments': Moments(*fields['moments'].tolist())}
+        return Contact(method=self.config.method, model=model, **fields)
 
     def estimate_batch(self, frames: np.ndarray, array: TactelArray, layers: Sequence[Layer], *,
                        tared: bool = True) -> np.ndarray:
@@ -158,9 +158,9 @@ class ContactEstimator:
         seen = survey(frame, main, full, pad)
         record['moments'] = seen.moments
         clipped, missing = seen.clipped + saturated, seen.missing - saturated
-        told = [max(self.config.noise_std or layer.noise_std, 0.0) for layer in layers]
+        given = [max(self.config.noise_std or layer.noise_std, 0.0) for layer in layers]
         noise = [std or noise_of_image(image, True)
-                 for std, image in zip(told, frame, strict=True)]
+                 for std, image in zip(given, frame, strict=True)]
         if full[main] == np.inf and CUT_OFF <= seen.highest <= 0.25 * frame[main].size:
             full[main] = hidden_scale(frame[main], noise[main])
             clipped += seen.highest * (full[main] < np.inf)
@@ -181,7 +181,7 @@ class ContactEstimator:
                             np.repeat(full, size), np.repeat(floor, size))
         image, kinds = Image(pad, readings, layers[main].gain_spread), MODELS[self.config.model]
         one, why = search(image, kinds)
-        if one and not told[main]:
+        if one and not given[main]:
             left = (readings.value - one.model).reshape(frame.shape)
             quieter = noise_of_image(left[main], False)
             if quieter < QUIETER * noise[main]:
@@ -247,7 +247,7 @@ def check_layer(layer: Layer) -> None:
 
 
 def hidden_scale(image: np.ndarray, noise: float) -> float:
-    """Full scale that nobody told, if readings show to be cut off; else infinite."""
+    """Full scale where it is not known, if readings show to be cut off; else infinite."""
     top = float(np.nanmax(image))
     unit = FINEST * top
     values, counts = np.unique(np.rint(image[np.isfinite(image)] / unit), return_counts=True)

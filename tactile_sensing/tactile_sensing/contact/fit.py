@@ -60,7 +60,7 @@ class Beliefs(NamedTuple):
     active: np.ndarray  # (n,): parameters that are fitted; the others stay as they start
     volume: float  # log of what the flat priors extend over
     shear: float  # standard deviation of a component of shear / normal force
-    told: float  # scatter g that a Gaussian fit weighs
+    known: float  # scatter g that is known, 0 if none is: what a Gaussian fit weighs
     gain: float  # scatter g, and standard deviation of its logarithm
     gain_spread: float
     unseen: float  # d of `misfit` that a fit may absorb
@@ -357,7 +357,7 @@ def fit_load(kind, power, pad, readings, start, warm, beliefs):
         return fit
     theta[FORCE] = max(theta[FORCE], 1e-3 * scale)
     shown, marginal, before = 0.0, 0.0, np.inf
-    g = beliefs.gain if robust else beliefs.told
+    g = beliefs.gain if robust else beliefs.known
     steps = STEPS[1 if robust else 0]
     for iteration in range(steps):
         heat = 0.0

@@ -1,7 +1,7 @@
 """
 Which load explains an image: the least first, and more only where that leaves something.
 
-1. *Sharp*: a point or a line on the told skin, Gaussian noise. Most images of a calibrated skin
+1. *Sharp*: a point or a line on the known skin, Gaussian noise. Most images of a calibrated skin
    end here.
 2. *Robust*: the same with outliers, scatter and baseline, and with a patch or ends where the
    evidence is for them.
@@ -41,18 +41,18 @@ from tactile_sensing.skin.kernel import MAX_VARIANCE
 from tactile_sensing.types.contact import Reason
 
 HALF_SPACE = 2.5  # exponent of a point's bump on a half-space
-SHEAR = 0.3, 0.15  # standard deviation of a component of Q / P, on a told skin and on any
-# Of tactels' gains where nobody tells it: of a sharp load; where that has failed; on any skin.
+SHEAR = 0.3, 0.15  # standard deviation of a component of Q / P, on a known skin and on any other
+# Scatter of the gains where it is not known: sharp tier, robust tier, free tier.
 SCATTER = 0.05, 0.1, 0.05
-UNSEEN = 0.0, 0.01  # d that a fit has absorbed: of a sharp load on a told skin, of any other
+UNSEEN = 0.0, 0.01  # d that a fit has absorbed: of a sharp load on a known skin, of any other
 EXCESS = 3.0  # standard deviations of chi-square that a sharp load may leave
 DOUBT = 3.0  # standard deviations of what a sharp load leaves that call for more
 SHOWN = 0.9  # probability of a patch that is then fitted
 MUCH = 15.0  # standard deviations of one tactel that neither a patch nor drift explains
 RIVAL = 50.0  # log evidence by which no patch makes up for the wrong kind
 EXTRA = 3.0  # log evidence that an extra must bring
-WRONG_SKIN = 0.05  # share of the pressure that the told skin may leave, and
-# that any bump may leave: the less, the more neighbours agree about it [standard deviations].
+WRONG_SKIN = 0.05  # share of the pressure that is left beyond noise: more is a wrong skin
+# Significance of d, and the share of the pressure that may then be left, else it is refused.
 WRONG = (6.0, 0.12), (3.0, 0.15), (2.0, 0.2), (-math.inf, 0.5)
 NOISY = 0.1  # share of tactels that are off by more than noise: no few of them are broken
 # Standard deviations of one tactel: of all, more is no drift; of two, more is no noise.
@@ -73,7 +73,7 @@ class Image(NamedTuple):
 
     pad: Pad
     readings: Readings
-    scatter: float = 0.0  # told scatter of the gains; 0: not known
+    scatter: float = 0.0  # of the gains; 0: not known
 
 
 @dataclass
@@ -83,7 +83,7 @@ class Hypothesis:
     kind: int
     power: bool  # whether the skin is not known
     has_ends: bool  # whether a line begins and ends
-    has_patch: bool  # whether the load on a told skin is blunt
+    has_patch: bool  # whether the load on a known skin is blunt
     beliefs: Beliefs
     theta: np.ndarray
     model: np.ndarray
@@ -273,7 +273,7 @@ def _best(hypotheses):
 
 
 def _search_sharp(image, guess, kinds):
-    """Find a sharp load that explains an image of a told skin to within noise, or None."""
+    """Find a sharp load that explains an image of a known skin to within noise, or None."""
     for kind in kinds:
         sharp = fitted(image, kind, False, guess, robust=False)
         if _is_noise(sharp):
@@ -329,7 +329,7 @@ def search(image, kinds=(POINT, LINE)):
     Find the least load that explains an image.
 
     Returns the Hypothesis and why it is no answer, Reason(0) if it is one; with the answer of a
-    free bump on a told skin comes SKIN_MISMATCH.
+    free bump on a known skin comes SKIN_MISMATCH.
     """
     pad = image.pad
     guess = first_guess(pad, image.readings.value[:pad.x.size * pad.y.size])
@@ -339,8 +339,8 @@ def search(image, kinds=(POINT, LINE)):
         kinds = (LINE,) if guess[4] > DISTINCT * guess[3] else (LINE, POINT)
     elif len(kinds) > 1 and guess[4] < ROUND * guess[3]:
         kinds = (POINT,)
-    told, mismatch = pad.depths[0] > 0.0, Reason(0)
-    if told:
+    mismatch = Reason(0)
+    if pad.depths[0] > 0.0:  # the skin is known
         sharp = _search_sharp(image, guess, kinds)
         if sharp is not None:
             return sharp, refusal(image, sharp)

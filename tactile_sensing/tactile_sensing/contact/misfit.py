@@ -164,7 +164,7 @@ def _agreement(kind, pad, fit, rows, answer, correlation, loaded, moved, both):
 def _by_gains(fit, beliefs):
     """Covariance by gains that scatter more than was weighed."""
     index, n = beliefs.active, beliefs.active.size
-    total, more = np.zeros((n, n)), max(fit.scatter ** 2 - beliefs.told ** 2, 0.0)
+    total, more = np.zeros((n, n)), max(fit.scatter ** 2 - beliefs.known ** 2, 0.0)
     for t in range(fit.model.size):
         extra = more * (fit.weight[t] * fit.model[t]) ** 2
         if extra > 0.0:

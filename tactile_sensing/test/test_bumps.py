@@ -1,0 +1,117 @@
+"""Bumps: pictures against the closed forms and each other, derivatives against differences."""
+from averages_over_tactels import line_average
+import numpy as np
+import pytest
+
+from tactile_sensing.half_space import point
+from tactile_sensing.skin.bumps import (
+    add_rows,
+    BASE,
+    BEGIN,
+    END,
+    EXPONENT,
+    FORCE,
+    LINE,
+    POINT,
+    Q0,
+    Q1,
+    SHEAR_U,
+    SHEAR_V,
+    WIDTH,
+)
+from tactile_sensing.skin.pad import pad_of
+from tactile_sensing.types.array import TactelArray
+
+ARRAY, DEPTH = TactelArray(12, 16, 1.6e-3, 1.4e-3), 2e-3
+ONE, TWO, SHEARED = (('zz', DEPTH),), (('zz', DEPTH), ('zz', 2 * DEPTH)), (
+    ('zz', DEPTH), ('xz', DEPTH), ('yz', DEPTH))
+SHARP = [Q0, Q1, FORCE, SHEAR_U]
+STEPS = {Q0: 1e-7, Q1: 1e-7, BEGIN: 1e-7, END: 1e-7, WIDTH: 1e-5, EXPONENT: 1e-5}  # forces: 1e-3
+
+
+def loaded(kind, layers=1, seed=0, **values):
+    """Parameters of a load somewhere on the pad."""
+    rng = np.random.default_rng(seed)
+    theta = np.zeros(BASE + layers)
+    theta[Q0] = rng.uniform(-5e-3, 5e-3)
+    theta[Q1] = rng.uniform(-5e-3, 5e-3) if kind == POINT else rng.uniform(-1.5, 1.5)
+    theta[FORCE], theta[SHEAR_U] = 3.0, 0.5
+    if kind == POINT:
+        theta[SHEAR_V] = -0.7
+    for name, value in values.items():
+        theta[globals()[name]] = value
+    return theta
+
+
+def rows(kind, power, pad, theta, *, ends=False, wide=True):
+    """Picture (tactels,) and derivatives (parameters, tactels)."""
+    size = pad.depths.size * ARRAY.rows * ARRAY.columns
+    by, model = np.zeros((theta.size, size)), np.zeros(size)
+    add_rows(kind, power, ends, wide, False, pad, theta, by, model)
+    return model, by
+
+
+@pytest.mark.parametrize('seed', range(3))
+@pytest.mark.parametrize('layers', [ONE, TWO, SHEARED])
+def test_a_point_is_that_of_the_half_space(layers, seed):
+    pad, theta = pad_of(ARRAY, layers, area=False), loaded(POINT, len(layers), seed)
+    model, _ = rows(POINT, False, pad, theta)
+    for found, (component, depth) in zip(
+            model.reshape(-1, *ARRAY.shape), layers, strict=True):
+        true = point.stress(component, ARRAY.x, ARRAY.y[:, None], *theta[[Q0, Q1]],
+                            *theta[FORCE:BASE], depth)
+        assert np.abs(found - true).max() < 1e-3 * np.abs(true).max()
+
+
+@pytest.mark.parametrize('seed', range(6))
+def test_a_line_is_that_of_the_half_space_on_tactels_of_some_area(seed):
+    pad, theta = pad_of(ARRAY, ONE), loaded(LINE, seed=seed)
+    model, _ = rows(LINE, False, pad, theta)
+    true = line_average(ARRAY.x, ARRAY.y[:, None], theta[Q0], theta[Q1], theta[FORCE],
+                        theta[SHEAR_U], DEPTH, ARRAY.pitch_x, ARRAY.pitch_y)
+    assert np.abs(model.reshape(ARRAY.shape) - true).max() < 4e-3 * true.max()
+
+
+@pytest.mark.parametrize('thickness, patch', [(np.inf, 0.0), (4e-3, 0.0), (4e-3, 0.2)])
+def test_a_line_with_far_ends_has_none_and_two_parts_are_one(thickness, patch):
+    pad, theta = pad_of(ARRAY, ONE, thickness=thickness), loaded(LINE, seed=3, WIDTH=patch)
+    whole, _ = rows(LINE, False, pad, theta)
+
+    def part(begin, end):
+        return rows(LINE, False, pad, loaded(
+            LINE, seed=3, WIDTH=patch, BEGIN=begin, END=end), ends=True)[0]
+    assert np.abs(part(-1.0, 1.0) - whole).max() < 5e-3 * whole.max()  # two polynomials
+    np.testing.assert_allclose(part(-1.0, 1e-3) + part(1e-3, 1.0), part(-1.0, 1.0), rtol=1e-9)
+
+
+@pytest.mark.parametrize('seed', range(4))
+@pytest.mark.parametrize('kind, power, layers, ends', [
+    (POINT, False, ONE, False), (POINT, False, TWO, False), (POINT, False, SHEARED, False),
+    (POINT, True, (('zz', 0.0),), False), (LINE, False, ONE, False), (LINE, False, TWO, False),
+    (LINE, False, ONE, True), (LINE, True, (('zz', 0.0),), False),
+    (LINE, True, (('zz', 0.0),), True)])
+def test_derivatives_are_differences(kind, power, layers, ends, seed):
+    pad, extra = pad_of(ARRAY, layers, thickness=4e-3 if layers == ONE else np.inf), {}
+    if power:
+        extra |= {'WIDTH': np.log(2.3e-3), 'EXPONENT': np.log(3.1)}
+    else:
+        extra |= {'WIDTH': 0.15}
+    if ends:
+        extra |= {'BEGIN': -4e-3, 'END': 5e-3}
+    theta = loaded(kind, len(layers), seed, **extra)
+    model, by = rows(kind, power, pad, theta, ends=ends)
+    active = [*SHARP, WIDTH, *[EXPONENT] * power, *[BEGIN, END] * ends,
+              *[SHEAR_V] * (kind == POINT)]
+    for parameter in active:
+        step = np.zeros(theta.size)
+        step[parameter] = STEPS.get(parameter, 1e-3)
+        above, below = (rows(kind, power, pad, theta + s * step, ends=ends)[0] for s in (1, -1))
+        slope = (above - below) / (2.0 * step[parameter])
+        assert np.abs(slope).max() > 0.0
+        # How the mean over a tactel depends on a line's direction is left out of the derivative.
+        bound = 3e-4 if kind == LINE and not power and parameter == Q1 else 1e-5
+        assert np.abs(by[parameter] - slope).max() < bound * np.abs(slope).max(), parameter
+    for layer in range(len(layers)):  # the baseline of each is 1 in its own
+        np.testing.assert_array_equal(
+            by[BASE + layer].reshape(len(layers), -1).max(axis=1), np.eye(len(layers))[layer])
+    assert np.isfinite(model).all()
