@@ -301,9 +301,6 @@ def _search_robust(image, guess, kinds, power):
     found = []
     for kind in kinds:
         one = fitted(image, kind, power, guess)
-        if power and _unexplained(one) and guess[3] > 0.7 * image.pad.pitch:
-            narrow = guess[:3] + (0.5 * guess[3], guess[4])
-            one = _best([one, fitted(image, kind, power, narrow)])
         if one.evidence == -math.inf:
             continue
         found.append(one)
