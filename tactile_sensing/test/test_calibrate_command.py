@@ -105,6 +105,31 @@ def test_gains_of_the_tactels(there, profile, held, left):
     assert any('no force is known' in text for text in pad.found['assumed'])
 
 
+def test_volts_in_flat_tables_calibrate_as_counts_do(there, profile, capsys):
+    rng, volt = np.random.default_rng(3), 5.0 / 1023.0
+    frames = {'u': digitised(np.zeros((100, *ARRAY.shape)), rng),
+              'b': digitised(presses(profile, 20, rng)[0], rng)}
+    for name, counts in frames.items():
+        np.savez(f'{name}.npz', frames=counts)
+        np.savetxt(f'{name}.csv', counts.reshape(len(counts), -1) * volt, delimiter=',')
+    ball = ['--ball-radius', f'{BALL}', '--force', '2', '--bits', '10']
+    files = [word for name in ('unloaded', 'ball') for word in (f'--{name}', f'{name[0]}.npz')]
+    tables = [word.replace('.npz', '.csv') for word in files]
+    assert calibrate.main([*OPTIONS, *ball, *files]) == 0
+    expected = load_calibration('pad.yaml')
+    assert calibrate.main([*OPTIONS, *ball, *tables]) == 1
+    assert '--shape' in capsys.readouterr().err
+    assert calibrate.main([*OPTIONS, *ball, *tables, '--shape', '16', '16',
+                           '--resolution', f'{volt}']) == 0
+    found = load_calibration('pad.yaml')
+    assert found.resolution == volt and found.bits == 10
+    np.testing.assert_allclose(found.gain, expected.gain, rtol=1e-3)
+    assert found.depth == pytest.approx(expected.depth, rel=1e-3)
+    np.savez('balls.npz', frames=frames['b'] * volt)
+    assert estimate.main(['balls.npz', '--calibration', 'pad.yaml', '-o', 'o.npz']) == 0
+    assert np.load('o.npz')['valid'].all()
+
+
 def test_a_wrong_ball_is_doubted_and_a_missing_recording_is_named(there, profile, capsys):
     rng = np.random.default_rng(9)
     np.savez('b.npz', frames=digitised(presses(profile, 8, rng)[0], rng))

@@ -61,6 +61,7 @@ class Known:
     gain: float = 0.0  # [Pa/count]
     tactel: str = 'area'
     transposed: bool = False
+    resolution: float = 1.0  # of a count, in the unit of the recordings
 
     @property
     def usual_poisson(self) -> float:
@@ -108,6 +109,7 @@ def calibrate(recordings: Recordings, known: Known,
     counts, assumed = range_of(given, known.bits, known.signed, known.threshold)
     values: dict = {'bits': counts.bits, 'signed': counts.signed, 'threshold': counts.threshold,
                     'saturation': known.saturation or counts.saturation, 'tactel': known.tactel,
+                    'resolution': known.resolution,
                     'dead_tactels': ()}
     values |= _order(recordings, known, raw_shape, found, assumed)
     transposed = values.pop('_transposed')

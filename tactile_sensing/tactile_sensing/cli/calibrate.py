@@ -14,7 +14,8 @@ from tactile_common.progress import Progress
 from tactile_sensing.calibration.procedure import calibrate, Known, Outcome, Recordings
 from tactile_sensing.calibration.report import draw_report
 from tactile_sensing.calibration.verdict import named, verdict
-from tactile_sensing.cli.options import add_pitch, pitch_of, read_counts
+from tactile_sensing.cli.options import add_pitch, add_shape, pitch_of, read_counts
+from tactile_sensing.devices.calibration import RESOLUTION
 from tactile_sensing.devices.calibration_file import save_calibration
 from tactile_sensing.devices.counts import MAX_BITS
 from tactile_sensing.types.array import PITCH
@@ -26,8 +27,9 @@ MOST_NAMED = 8  # frames that are named as left out
 
 EPILOG = """\
 What to record, each into a file of its own (numpy.savez(FILE, frames=frames) or numpy.save, frames
-of raw counts, (N, rows, columns), or a bag of a driver that passes counts through); every step is
-optional, and the file says what was assumed instead:
+of raw counts, (N, rows, columns), or a bag of a driver that passes counts through; flat frames and
+.csv files with --shape, volts with --resolution); every step is optional, and the file says what
+was assumed instead:
 
   1 unloaded  a hundred frames with nothing on the pad: offset, noise, dead tactels, threshold
   2 corners   four frames, a finger in each corner: of the first row and column, the first row and
@@ -64,6 +66,7 @@ def parser() -> argparse.ArgumentParser:
     add = arguments.add_argument
     add('--out', required=True, metavar='CAL.yaml', help='file to write')
     add_pitch(arguments, required=True)
+    add_shape(arguments)
     add('--live', metavar='FOLDER', help='ask for every recording, take it from the pictures of '
         'a driver and keep it in this folder; what is there already stays')
     add('--topic', default='/tactile/image', metavar='NAME', help='of those pictures '
@@ -92,6 +95,8 @@ def parser() -> argparse.ArgumentParser:
     add('--bits', metavar='N', type=between(1, MAX_BITS, kind=int),
         help='of the converter, 1 to 16 (default: as counts under load show; '
         'needed where only the unloaded pad was recorded)')
+    add('--resolution', metavar='V', type=between(*RESOLUTION), default=1.0,
+        help='step of the converter where recordings are volts (or another unit), not counts')
     add('--signed', choices=('yes', 'no'), help='counts (default: as they show)')
     add('--threshold', metavar='COUNT', type=count, help='least count that is reported as '
         'such: smaller ones become the lowest (default: as the counts show)')
@@ -102,8 +107,10 @@ def parser() -> argparse.ArgumentParser:
     return arguments
 
 
-def _read(path):
-    values = read_counts(path).astype(float)
+def _read(path, options):
+    shape = tuple(options.shape) if options.shape else None
+    values = read_counts(
+        path, shape, resolution=options.resolution, source='--shape').astype(float)
     if not np.isfinite(values).all():
         raise ConfigurationError(f'{path}: frames holds values that are not finite')
     return values
@@ -123,7 +130,7 @@ def record(options: argparse.Namespace) -> None:
 def read_recordings(options: argparse.Namespace) -> Recordings:
     """Read the files of the options."""
     paths = {name: getattr(options, name) for name in RECORDED}
-    recordings = Recordings(**{name: _read(path) for name, path in paths.items() if path})
+    recordings = Recordings(**{name: _read(path, options) for name, path in paths.items() if path})
     if options.ball or options.flat:
         if options.ball_radius is None:
             raise ConfigurationError('--ball-radius is missing')
@@ -150,7 +157,8 @@ def read_known(options: argparse.Namespace) -> Known:
     return Known(
         pitch_of(options.pitch), options.bits, options.signed and options.signed == 'yes',
         options.threshold, options.saturation, options.depth or 0.0, options.thickness or 0.0,
-        options.poisson, gain=options.gain or 0.0, tactel=options.tactel)
+        options.poisson, gain=options.gain or 0.0, tactel=options.tactel,
+        resolution=options.resolution)
 
 
 def describe(outcome: Outcome) -> str:

@@ -52,10 +52,10 @@ def is_bag(path: str) -> bool:
     return Path(path).suffix in BAGS or Path(path).is_dir()
 
 
-def counts_reader(path: str, shape: Shape | None = None,
-                  namespace: str | None = None) -> Any:
+def counts_reader(path: str, shape: Shape | None = None, namespace: str | None = None,
+                  source: str = 'the calibration') -> Any:
     """
-    Return the reader of frames in counts, (N, rows, columns), of a shape if one is given.
+    Return the reader of frames in counts, (N, rows, columns), of a shape if a source gives one.
 
     It is a `frame_reader`, or a RecordedCounts of a bag, which has the same `shape` and `chunks`.
     """
@@ -64,10 +64,10 @@ def counts_reader(path: str, shape: Shape | None = None,
             from tactile_sensing.observations import RecordedCounts
         reader: Any = RecordedCounts(path, namespace)
     else:
-        reader = frame_reader(path, shape, 'the calibration')
+        reader = frame_reader(path, shape, source)
     there = reader.shape
     if len(there) != 3 or 0 in there or (shape is not None and there[1:] != shape):
-        wanted = f'{shape[0]}, {shape[1]}) as the calibration says' if shape else 'rows, columns)'
+        wanted = f'{shape[0]}, {shape[1]}) as {source} says' if shape else 'rows, columns)'
         raise ConfigurationError(
             f'{path}: frames has shape {there}, must be (N, {wanted}, none of them 0')
     if reader.dtype.kind not in 'uif':
@@ -76,11 +76,11 @@ def counts_reader(path: str, shape: Shape | None = None,
 
 
 def read_counts(path: str, shape: Shape | None = None, namespace: str | None = None,
-                resolution: float = 1.0) -> np.ndarray:
+                resolution: float = 1.0, source: str = 'the calibration') -> np.ndarray:
     """
     Return all frames of counts, (N, rows, columns); ConfigurationError if they are too many.
 
     Frames of a file are divided by the resolution (`Calibration.resolution`); a bag holds counts.
     """
-    frames = read_whole(path, counts_reader(path, shape, namespace))
+    frames = read_whole(path, counts_reader(path, shape, namespace, source))
     return frames if resolution == 1.0 or is_bag(path) else frames / resolution
