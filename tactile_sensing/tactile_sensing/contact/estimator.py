@@ -204,14 +204,11 @@ class ContactEstimator:
         record['reasons'] = reasons | why
         record['type'] = type_of(one, why)
         record['valid'] = valid
-        record['force_valid'] = forced = valid and calibrated and not one.power
+        record['force_valid'] = valid and calibrated and not one.power
         if not valid:
             return ''
         write(pad, one, record)
-        if not forced:
-            forget_forces(record)
-        elif layers[main].force_std > 0.0:
-            widen_forces(record, layers[main].force_std)
+        grade_forces(record, layers[main].force_std)
         return name_of(one, layers)
 
     def _by_thesis(self, frame, array, layers, main, noise, reasons, record):
@@ -228,10 +225,8 @@ class ContactEstimator:
         if not contact.valid:
             for name in (*PARAMETERS, 'patch', 'covariance'):
                 record[name] = np.nan
-        elif not record['force_valid']:
-            forget_forces(record)
-        elif layers[main].force_std > 0.0:
-            widen_forces(record, layers[main].force_std)
+        else:
+            grade_forces(record, layers[main].force_std)
         return contact.model
 
 
@@ -293,19 +288,20 @@ def write(pad: Pad, one: Hypothesis, record: np.void) -> None:
     record['patch'] = pad.depths[0] * spread * (math.sqrt(5.0) if one.kind == POINT else 2.0)
 
 
-def forget_forces(record: np.void) -> None:
-    """Make every force NaN, and its covariance."""
+def grade_forces(record: np.void, std: float) -> None:
+    """
+    Make forces NaN that are not valid; widen the covariance of those that are.
+
+    `std` is what all of them are off by in common, as a share.
+    """
+    rows = [getattr(ROW, name) for name in FORCES]
+    if record['force_valid']:
+        forces = np.array([record[name] for name in FORCES])
+        record['covariance'][np.ix_(rows, rows)] += std ** 2 * np.outer(forces, forces)
+        return
     for name in (*FORCES, 'patch'):
         record[name] = np.nan
-    rows = [getattr(ROW, name) for name in FORCES]
     record['covariance'][rows] = record['covariance'][:, rows] = np.nan
-
-
-def widen_forces(record: np.void, std: float) -> None:
-    """Add to the covariance of forces what all of them are off by in common, as a share."""
-    forces = np.array([record[name] for name in FORCES])
-    rows = [getattr(ROW, name) for name in FORCES]
-    record['covariance'][np.ix_(rows, rows)] += std ** 2 * np.outer(forces, forces)
 
 
 def name_of(one: Hypothesis, layers: Sequence[Layer]) -> str:
