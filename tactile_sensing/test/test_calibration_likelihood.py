@@ -2,8 +2,8 @@
 import numpy as np
 import pytest
 
-from tactile_sensing.calibration.likelihood import edge_force_std, fit_presses
 from tactile_sensing.calibration.presses import Presses
+from tactile_sensing.calibration.skin_fit import edge_force_std, fit_presses
 from tactile_sensing.calibration.verdict import doubts, named
 from tactile_sensing.skin.pressure import SkinPressure
 from tactile_sensing.types.array import TactelArray

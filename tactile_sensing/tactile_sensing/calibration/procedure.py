@@ -7,16 +7,10 @@ import math
 import numpy as np
 
 from tactile_common.errors import ConfigurationError
-from tactile_sensing.calibration.likelihood import (
-    ASSUMED_POISSON,
-    edge_force_std,
-    Fit,
-    fit_presses,
-    POISSON_STD,
-    UNLIKE,
-)
+from tactile_sensing.calibration.likelihood import ASSUMED_POISSON, POISSON_STD, UNLIKE
 from tactile_sensing.calibration.order import solve_order
 from tactile_sensing.calibration.presses import Presses, sort_presses
+from tactile_sensing.calibration.skin_fit import edge_force_std, Fit, fit_presses
 from tactile_sensing.calibration.unloaded import range_of, survey, Tactels
 from tactile_sensing.calibration.verdict import doubts
 from tactile_sensing.devices.calibration import Calibration

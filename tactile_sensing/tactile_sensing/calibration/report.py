@@ -4,8 +4,9 @@ from pathlib import Path
 
 import numpy as np
 
-from tactile_sensing.calibration.likelihood import fit_presses, skin_of
+from tactile_sensing.calibration.likelihood import skin_of
 from tactile_sensing.calibration.procedure import Outcome
+from tactile_sensing.calibration.skin_fit import fit_presses
 from tactile_sensing.calibration.verdict import verdict
 from tactile_sensing.skin.pressure import SkinPressure
 from tactile_sensing.types.skin import Skin

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from tactile_sensing.calibration.likelihood import Fit
+from tactile_sensing.calibration.skin_fit import Fit
 from tactile_sensing.devices.calibration import Calibration
 
 MOST_LEFT_OUT = 0.04  # share of the pressure that a skin and a ball may leave unexplained
