@@ -10,10 +10,11 @@ import numpy as np
 from tactile_common.config import bounded, check_fields, one_of
 from tactile_common.errors import ConfigurationError
 from tactile_sensing.contact.fit import Readings
-from tactile_sensing.contact.hypotheses import has_second_hill, Hypothesis, Image, search
+from tactile_sensing.contact.hypotheses import Hypothesis, Image, search
 from tactile_sensing.contact.methods import estimate_by_thesis, METHODS
 from tactile_sensing.contact.misfit import LOUD
 from tactile_sensing.contact.noise import noise_of_image
+from tactile_sensing.contact.refusal import has_second_hill
 from tactile_sensing.contact.reported import reported
 from tactile_sensing.image import Survey, survey
 from tactile_sensing.skin.bumps import LINE, Pad, POINT, WIDTH

@@ -1,0 +1,104 @@
+"""Why the load that explains an image best is no answer."""
+
+import math
+
+import numpy as np
+
+from tactile_common.kernels import njit
+from tactile_sensing.contact.beliefs import widest
+from tactile_sensing.contact.fit import NU
+from tactile_sensing.skin.bumps import chord, EXPONENT, loaded_chord, POINT, Q0, Q1, WIDTH
+from tactile_sensing.types.contact import Reason
+
+DOUBT = 3.0  # standard deviations of what a sharp load leaves that call for more
+EXTRA = 3.0  # log evidence that an extra must bring
+# Significance of d, and the share of the pressure that may then be left, else it is refused.
+WRONG = (6.0, 0.12), (3.0, 0.15), (2.0, 0.2), (-math.inf, 0.5)
+NOISY = 0.1  # share of tactels that are off by more than noise: no few of them are broken
+# Standard deviations of one tactel: of all, more is no drift; of two, more is no noise.
+DRIFTED, PLAIN = 20.0, 8.0
+HILL, SADDLE, RISE = 0.2, 0.3, 6.0  # a second hill: of the first; of itself; of the noise
+SECOND = 7.0  # standard deviations of a second load, and
+APART = 0.05  # its pressure away from the first, relative to its peak, and
+EXTRA_LOAD = 0.4  # its pressure, relative to that of the first
+SHORTEST = 3.0  # pitches of a line on the pad
+
+
+@njit(cache=True, error_model='numpy')
+def has_second_hill(image, noise):
+    """
+    Whether the readings (rows, columns) have a second hill, with a saddle before the first.
+
+    From the highest tactel down, each joins its higher neighbours; where two hills meet, the
+    lower one counts if it rises far enough from there.
+    """
+    rows, columns = image.shape
+    flat = np.where(np.isfinite(image.ravel()), image.ravel(), -np.inf)
+    order = np.argsort(-flat)
+    hill = np.full(flat.size, -1)  # index of its highest tactel
+    for t in order:
+        if not flat[t] > 0.0:
+            break
+        r, c = t // columns, t % columns
+        hill[t] = t
+        for i in range(max(r - 1, 0), min(r + 2, rows)):
+            for j in range(max(c - 1, 0), min(c + 2, columns)):
+                other = hill[i * columns + j]
+                if other < 0 or other == hill[t]:
+                    continue
+                top, low = max(flat[hill[t]], flat[other]), min(flat[hill[t]], flat[other])
+                rise = low - flat[t]
+                if low > HILL * top and rise > max(SADDLE * low, RISE * noise):
+                    return True
+                higher = hill[t] if flat[hill[t]] >= flat[other] else other
+                lower = hill[t] if higher == other else other
+                for k in range(flat.size):
+                    if hill[k] == lower:
+                        hill[k] = higher
+    return False
+
+
+def is_nothing(image, one):
+    """Whether a baseline alone explains an image as well as a load."""
+    finite = np.isfinite(image.readings.value)
+    reading, noise2 = image.readings.value[finite], image.readings.noise2[finite]
+    tails = np.log1p((reading - np.median(reading)) ** 2 / (NU * noise2)).sum()
+    evidence = -0.5 * ((NU + 1.0) * tails + np.log(noise2).sum() + math.log((1.0 / noise2).sum()))
+    return evidence > one.evidence - EXTRA
+
+
+def _presses(image):
+    """Whether something plainly presses: a plate, or what no load explains on two neighbours."""
+    rows, columns = image.pad.y.size, image.pad.x.size
+    noise = math.sqrt(image.readings.noise2[0])
+    reading = image.readings.value[:rows * columns].reshape(rows, columns) / noise
+    base = np.nanmedian(reading)
+    high = reading - base > PLAIN
+    return abs(base) > DRIFTED or (high[1:] & high[:-1]).any() or (
+        high[:, 1:] & high[:, :-1]).any()
+
+
+def refusal(image, one):
+    """Why a hypothesis is no answer; Reason(0) if it is one."""
+    theta, misfit, pad = one.theta, one.misfit, image.pad
+    if one.beliefs.robust and is_nothing(image, one):
+        return Reason.BAD_FIT if _presses(image) else Reason.NO_CONTACT
+    if misfit.loud > NOISY:
+        return Reason.BAD_FIT
+    if misfit.second > SECOND or misfit.extra > EXTRA_LOAD or misfit.apart > APART:
+        return Reason.BAD_FIT
+    allowed = next(share for significance, share in WRONG if misfit.significance > significance)
+    if misfit.left > allowed or (misfit.significance > DOUBT and one.power
+                                 and theta[EXPONENT] < math.log(1.71)):
+        return Reason.BAD_FIT
+    if one.power and theta[WIDTH] > math.log(0.98 * widest(pad.half_x, pad.half_y, pad.pitch)):
+        return Reason.BAD_FIT
+    if one.kind == POINT:
+        off = abs(theta[Q0]) > pad.half_x or abs(theta[Q1]) > pad.half_y
+    else:
+        first, last, _ = loaded_chord(pad, theta, one.has_ends)
+        low, high = chord(pad, theta[Q0], theta[Q1])
+        off = high - low < SHORTEST * pad.pitch
+        if not off and last - first < SHORTEST * pad.pitch:  # rather a blob
+            return Reason.BAD_FIT
+    return Reason.OFF_PAD if off else Reason(0)
