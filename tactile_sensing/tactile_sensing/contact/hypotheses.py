@@ -130,13 +130,13 @@ def fitted(image, kind, power, guess, *, ends=False, robust=True, patch=False, b
             begin[Q1] = across
         if power:
             begin[WIDTH], begin[EXPONENT] = math.log(width), math.log(HALF_SPACE)
-    if ends:
+    if ends and not patch:
         middle = cy * math.cos(begin[Q1]) - cx * math.sin(begin[Q1])
         begin[BEGIN], begin[END] = middle - 1.6 * length, middle + 1.6 * length
     if patch:
         begin[WIDTH] = 0.1
     theta, model, covariance, evidence, scatter, iterations, misfit = fit_and_judge(
-        kind, power, pad, image.readings, begin, start is not None and not ends, beliefs)
+        kind, power, pad, image.readings, begin, start is not None and (patch or not ends), beliefs)
     return Hypothesis(kind, power, ends, patch, beliefs, theta, model, covariance,
                       evidence - EXTRA * (ends + patch), scatter, iterations, misfit)
 
@@ -188,7 +188,11 @@ def _search_robust(image, guess, kinds, power):
     line = next((one for one in found if one.kind == LINE), None)
     if not line or not _unexplained(best):
         return best
-    return _best([best, fitted(image, LINE, power, guess, ends=True, start=line.theta)])
+    best = _best([best, fitted(image, LINE, power, guess, ends=True, start=line.theta)])
+    if best.has_ends and best.misfit.hidden > SHOWN:
+        best = _best([best, fitted(image, LINE, power, guess, ends=True, patch=True,
+                                   start=best.theta)])
+    return best
 
 
 def search(image, kinds=(POINT, LINE)):
