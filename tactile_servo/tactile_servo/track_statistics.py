@@ -3,7 +3,6 @@
 from collections.abc import Sequence
 
 import numpy as np
-from scipy.spatial import cKDTree
 
 from tactile_servo.types import TaskError
 
@@ -83,7 +82,8 @@ def along_contour(nodes: np.ndarray, poses: list) -> list[tuple[int, np.ndarray]
     """
     if not poses:
         return []
-    _, nearest = cKDTree([pose[:3, 3] for _, pose in poses]).query(nodes)
+    places = np.array([pose[:3, 3] for _, pose in poses])
+    nearest = [((places - node)**2).sum(axis=1).argmin() for node in nodes]
     result = []
     for node, index in zip(nodes, nearest, strict=True):
         stamp, pose = poses[index]

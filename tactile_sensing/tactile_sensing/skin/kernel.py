@@ -15,7 +15,6 @@ Tactels too large for that are split.
 from functools import lru_cache
 
 import numpy as np
-from scipy.special import j0, j1
 
 from tactile_sensing.skin.layer import pressure_transforms
 from tactile_sensing.types.skin import Skin
@@ -46,6 +45,7 @@ def _transforms():
 
     Returns arrays (2, 2, DEGREE + 1, wave numbers): of point and line, for f and g.
     """
+    from scipy.special import j0, j1  # of 35 MB, which only a fit needs
     k, weights = _quadrature()
     nearest = CENTRE**2 / (REACH**2 + CENTRE**2)
     t = nearest + (1.0 - nearest) * 0.5 * (
@@ -86,6 +86,7 @@ def patch_transforms(k: np.ndarray, variance: float) -> tuple[np.ndarray, np.nda
     """
     if variance == 0.0:
         return np.ones_like(k), np.ones_like(k)
+    from scipy.special import j1
     disc, strip = k * np.sqrt(5.0 * variance), k * np.sqrt(4.0 * variance)
     small = disc < 0.02
     safe = np.where(small, 1.0, disc)

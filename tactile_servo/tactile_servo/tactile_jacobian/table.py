@@ -6,7 +6,6 @@ from typing import NamedTuple
 import zipfile
 
 import numpy as np
-from scipy.spatial import cKDTree
 
 from tactile_common.errors import ConfigurationError
 from tactile_servo.tactile_jacobian.features import FeatureKind
@@ -74,6 +73,7 @@ class JacobianTable:
                        & (self.condition <= USABLE))
         if not self.usable.any():
             raise ConfigurationError(f'table: none of its {count} entries is usable')
+        from scipy.spatial import cKDTree  # of 35 MB, which only this needs
         self._index = np.flatnonzero(self.usable)
         self._tree = cKDTree(self.features[self._index] / self.scale)
         self._last: np.ndarray | None = None
@@ -183,6 +183,7 @@ def table_of_recording(contacts: np.ndarray, features: np.ndarray, kind: Feature
         raise ConfigurationError(
             f'recording: {len(contacts)} sound contacts, must be more than {NEIGHBOURS}')
     scale = scale_for(kind, force, length, stiffness)
+    from scipy.spatial import cKDTree
     motions = contacts / [1.0, 1.0, stiffness]
     distances, places = cKDTree(motions / scale.motions).query(
         motions / scale.motions, k=NEIGHBOURS + 1)
