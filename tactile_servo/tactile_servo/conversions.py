@@ -40,7 +40,11 @@ _NUMBERS = ('lateral_error', 'longitudinal_error', 'angle_error', 'normal_force'
 
 
 def trajectory_to_bytes(trajectory: Trajectory) -> bytes:
-    """Bytes of the JointTrajectory message of a Trajectory, sooner than by way of the message."""
+    """
+    Bytes of the JointTrajectory message of a Trajectory.
+
+    Sooner than by way of the message: `benchmarks/latency/shortcuts.py`.
+    """
     names, times = trajectory.joint_names, trajectory.times.tolist()
     fields = [getattr(trajectory, name) for name in _FIELDS]
     given = [None if values is None else values.tolist() for values in fields]

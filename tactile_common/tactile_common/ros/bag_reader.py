@@ -4,12 +4,10 @@ from collections.abc import Collection, Iterator, Mapping
 from contextlib import contextmanager
 from os import PathLike
 from pathlib import Path
-import struct
 from typing import Any, NamedTuple
 
 from rosbags.interfaces import MessageDefinitionFormat
 from rosbags.rosbag2 import Reader, ReaderError
-from rosbags.serde import SerdeError
 from rosbags.typesys import (
     get_types_from_idl,
     get_types_from_msg,
@@ -20,12 +18,9 @@ from rosbags.typesys import (
 
 from tactile_common.errors import ConfigurationError
 from tactile_common.ros.bag_limits import bound_chunks, check_text, check_types
+from tactile_common.ros.cdr import DAMAGE, deserialised, register
 from tactile_common.ros.message_definitions import definition, SEPARATOR
 from tactile_common.yaml_file import read_yaml
-
-# What a damaged message raises, or one that lacks a field.
-DAMAGE = (SerdeError, struct.error, LookupError, AttributeError, TypeError, ValueError,
-          OverflowError, MemoryError, RecursionError)
 
 
 class Recorded(NamedTuple):
@@ -139,15 +134,8 @@ class Bag:
             f'another kind: {_one_line(error)}')
 
     def _deserialise(self, connection, time_ns, data):
-        # Not by deserialize_cdr, which refuses what middlewares do with empty sequences of
-        # doubles at the end of a message: bytes without meaning after the last value.
         try:
-            encoding, little_endian = bytes(data[:2])
-            if encoding or little_endian > 1:
-                raise SerdeError(f'its first bytes are {bytes(data[:4]).hex()}, not those of CDR')
-            known = self._types.get_msgdef(connection.msgtype)
-            read = known.deserialize_cdr_le if little_endian else known.deserialize_cdr_be
-            return read(data[4:], 0, known.cls, self._types)[0]
+            return deserialised(self._types, connection.msgtype, data)
         except DAMAGE as error:
             raise self.damaged(connection.topic, time_ns, error) from error
 
@@ -165,8 +153,7 @@ class Bag:
                 if body.strip():
                     types |= get_types_from_idl(body)
         check_types(types, self._types.fielddefs)
-        self._types.register({name: fields for name, fields in types.items()
-                              if name not in self._types.fielddefs})
+        register(self._types, types)
 
     @contextmanager
     def clear_errors(self) -> Iterator[None]:

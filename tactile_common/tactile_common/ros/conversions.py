@@ -1,31 +1,13 @@
 """Between ROS messages of time and place and what the core reckons with."""
 import math
-from struct import error as StructError
 
 from builtin_interfaces.msg import Time
 from geometry_msgs.msg import Pose
 import numpy as np
-from rclpy.serialization import deserialize_message
 
 from tactile_common.errors import TactileError
-from tactile_common.ros.cdr import HEAD, reader
 
 NS = 1_000_000_000  # in a second
-
-
-def unpacked(raw: bytes, kind):
-    """
-    Return what is in the bytes of a raw subscription, with the fields of a message of that kind.
-
-    Who subscribes to raw bytes must do what the middleware does otherwise and pass over bytes that
-    are no such message, of which this raises a TactileError. See `cdr` for what is returned.
-    """
-    try:
-        if raw.startswith(HEAD):
-            return reader(kind)(bytearray(raw[len(HEAD):]), 0)[0]
-        return deserialize_message(raw, kind)
-    except (RuntimeError, ValueError, StructError) as error:  # the first is the middleware's
-        raise TactileError(f'{len(raw)} bytes that are no {kind.__name__}') from error
 
 
 def set_stamp(stamp, nanoseconds: int) -> None:

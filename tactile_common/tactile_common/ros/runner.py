@@ -2,7 +2,6 @@
 from contextlib import contextmanager, suppress
 import faulthandler
 import gc
-import inspect
 import os
 import re
 import signal
@@ -75,23 +74,10 @@ def freeze_heap():
     """
     Leave what is in memory now out of all garbage collections to come, once a process is set up.
 
-    Modules and compiled kernels are some 160,000 objects and more. To go through them takes 0.1 s,
-    longer than a servo may be silent; what comes later is little.
+    A collection of all of it would silence a servo for 0.1 s: `benchmarks/latency/shortcuts.py`.
     """
     gc.collect()
     gc.freeze()
-
-
-def plain(callback):
-    """
-    Return a callback of a fast timer that says at once that it takes nothing.
-
-    rclpy looks up its signature at every call, which takes longer than many a callback.
-    """
-    def call():
-        callback()
-    call.__signature__ = inspect.Signature()  # type: ignore[attr-defined]
-    return call
 
 
 class Stop:

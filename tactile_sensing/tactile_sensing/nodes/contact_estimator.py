@@ -6,7 +6,7 @@ from geometry_msgs.msg import WrenchStamped
 from rclpy.qos import qos_profile_sensor_data
 
 from tactile_common.errors import TactileError
-from tactile_common.ros.conversions import unpacked
+from tactile_common.ros.cdr import unpacked
 from tactile_common.ros.node import TactileNode
 from tactile_common.ros.parameters import declare_from
 from tactile_common.ros.runner import run

@@ -15,10 +15,11 @@ from std_srvs.srv import SetBool
 from trajectory_msgs.msg import JointTrajectory
 
 from tactile_common.errors import TactileError
-from tactile_common.ros.conversions import NS, pose_to_msg, set_stamp, stamp_to_ns, unpacked
+from tactile_common.ros.cdr import unpacked
+from tactile_common.ros.conversions import NS, pose_to_msg, set_stamp, stamp_to_ns
 from tactile_common.ros.node import TactileNode
 from tactile_common.ros.parameters import follow_changes
-from tactile_common.ros.runner import plain, run
+from tactile_common.ros.runner import run
 from tactile_msgs.msg import Contact as ContactMsg
 from tactile_msgs.msg import SensorInfo, ServoStatus, TactileImage
 from tactile_msgs.srv import TeachFeatures
@@ -123,7 +124,7 @@ class EdgeServoNode(TactileNode):
                                   self._model.root_frame, self._look_around)
         # Steady, so that the watchdogs run even where simulated time stands still.
         steady = Clock(clock_type=ClockType.STEADY_TIME)
-        self._timer = self.create_timer(self._pace.period, plain(self._on_timer), clock=steady)
+        self._timer = self.create_timer(self._pace.period, self._on_timer, clock=steady)
         # What the node's clock says, several times as fast to ask where that is the system's.
         self._now_ns = self._simulated_ns if self.get_parameter('use_sim_time').value else time_ns
         self._guard = GraphGuard(

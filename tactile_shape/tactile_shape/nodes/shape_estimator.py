@@ -11,7 +11,8 @@ from visualization_msgs.msg import MarkerArray
 
 from tactile_common.config import bounded, one_of
 from tactile_common.errors import TactileError
-from tactile_common.ros.conversions import pose_from_msg, stamp_to_ns, unpacked
+from tactile_common.ros.cdr import unpacked
+from tactile_common.ros.conversions import pose_from_msg, stamp_to_ns
 from tactile_common.ros.node import TactileNode
 from tactile_common.ros.parameters import declare_from
 from tactile_common.ros.runner import run

@@ -8,7 +8,7 @@ from tactile_common.errors import Rejected
 from tactile_common.ros.conversions import stamp_from_ns
 from tactile_common.ros.node import TactileNode
 from tactile_common.ros.parameters import declare_from
-from tactile_common.ros.runner import plain, run
+from tactile_common.ros.runner import run
 from tactile_servo.conversions import joint_state_to_msg, trajectory_from_msg
 from tactile_servo.motion.robot import RobotModel
 from tactile_simulation.joint_controller import Late, MockController, MockRobotConfig
@@ -45,7 +45,7 @@ class MockRobotNode(TactileNode):
             JointTrajectory, f'{config.controller}/joint_trajectory', self._on_trajectory,
             QoSProfile(depth=10))
         self.create_service(SetBool, '~/activate', self._on_activate)
-        self.create_timer(1.0 / config.rate, plain(self._on_timer))
+        self.create_timer(1.0 / config.rate, self._on_timer)
 
     def _on_trajectory(self, message):
         try:

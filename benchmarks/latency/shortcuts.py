@@ -1,0 +1,101 @@
+"""
+What the shortcuts of a control cycle buy: processor time of each, and of the plain way.
+
+Each is measured by itself and counted as often as a cycle of the servo at 400 Hz has it, with
+images at 200 Hz. The share is of what benchmarks/results/latency.json says of the servo's thread;
+one that buys less than 5 % should go. The heap is not of every cycle: its line is the longest time
+that a collection of garbage silences a servo. Prints a table; run it as a module.
+"""
+
+import argparse
+import gc
+import json
+from time import perf_counter
+from timeit import repeat
+
+from builtin_interfaces.msg import Duration
+import numpy as np
+from rclpy.serialization import deserialize_message, serialize_message
+from sensor_msgs.msg import JointState
+from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
+
+from benchmarks.harness import ROOT, table
+from tactile_common.ros.cdr import unpacked
+from tactile_common.ros.conversions import stamp_from_ns
+from tactile_common.ros.runner import freeze_heap
+from tactile_msgs.msg import Contact
+from tactile_sensing.conversions import image_to_msg
+from tactile_sensing.types.array import TactelArray
+from tactile_sensing.types.image import Layer
+from tactile_sensing.types.image import TactileImage as Image
+from tactile_servo.conversions import trajectory_to_bytes
+from tactile_servo.motion.trajectory import Trajectory
+import tactile_servo.nodes.servo  # noqa: F401  its heap is that of the node
+
+POINTS, JOINTS = 3, 6  # of a window
+
+
+def seconds(function, calls=200, rounds=15):
+    """Least time of a call [s]."""
+    function()
+    return min(repeat(function, number=calls, repeat=rounds)) / calls
+
+
+def messages():
+    """Messages that a servo hears, and how many of each in a cycle."""
+    joints = JointState(name=[f'joint_{k}' for k in range(JOINTS)], position=[0.1] * JOINTS,
+                        velocity=[0.2] * JOINTS)
+    array = TactelArray(16, 16, 1e-3, 1e-3)
+    image = image_to_msg(Image(0, 0, (Layer('zz', 2e-3, np.ones((16, 16))),), array, tared=True))
+    return (joints, 0.6), (Contact(), 0.5), (image, 0.5)
+
+
+def message_of(window):
+    """JointTrajectory message of a window, made by rclpy's setters."""
+    message = JointTrajectory(joint_names=list(window.joint_names))
+    message.header.stamp = stamp_from_ns(window.stamp_ns)
+    for k, time in enumerate(window.times.tolist()):
+        message.points.append(JointTrajectoryPoint(
+            positions=window.positions[k], velocities=window.velocities[k],
+            time_from_start=Duration(nanosec=round(1e9 * time))))
+    return message
+
+
+def measured():
+    """Rows: what, its time in a cycle, and that of the plain way [s]."""
+    times = np.zeros(2)
+    for message, calls in messages():
+        raw, kind = bytes(serialize_message(message)), type(message)
+        times += [calls * seconds(lambda read=read, raw=raw, kind=kind: read(raw, kind))
+                  for read in (unpacked, deserialize_message)]
+    yield 'messages read by rosbags', *times
+    rows = np.zeros((POINTS, JOINTS))
+    window = Trajectory(tuple(f'joint_{k}' for k in range(JOINTS)),
+                        0.01 * np.arange(1, POINTS + 1), rows, rows, stamp_ns=10**18)
+    yield ('command laid out as bytes', seconds(lambda: trajectory_to_bytes(window)),
+           seconds(lambda: serialize_message(message_of(window))))
+
+
+def collection():
+    """Time of a collection of all garbage [s]."""
+    begin = perf_counter()
+    gc.collect()
+    return perf_counter() - begin
+
+
+def main():
+    """Print the table."""
+    argparse.ArgumentParser(description=__doc__).parse_args()
+    results = json.loads((ROOT / 'benchmarks' / 'results' / 'latency.json').read_text('utf-8'))
+    cycle = results['runs'][0]['thread']
+    rows = [(what, f'{1e6 * own:.1f}', f'{1e6 * other:.1f}',
+             f'{100.0 * (other - own) / cycle:.1f} %') for what, own, other in measured()]
+    gc.collect()
+    other = collection()
+    freeze_heap()
+    rows.append(('heap frozen', f'{1e6 * collection():.0f}', f'{1e6 * other:.0f}', '-'))
+    print(table(('shortcut', 'time [us]', 'plain way [us]', 'buys'), rows))
+
+
+if __name__ == '__main__':
+    main()
