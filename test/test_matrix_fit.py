@@ -11,8 +11,8 @@ from benchmarks.shape.motion import (
     screw_motion,
 )
 from tactile_common.errors import ConfigurationError
-from tactile_shape.surface_matrix.matrix_estimator import contacts_in_frame
-from tactile_shape.surface_matrix.matrix_fit import design_matrix, fit_matrix
+from tactile_shape.thesis.matrix_estimator import contacts_in_frame
+from tactile_shape.thesis.matrix_fit import design_matrix, fit_matrix
 from tactile_shape.types.surface_matrix import SurfaceMatrix
 
 R = 0.1  # m, of the thesis' cylinder and of the sphere

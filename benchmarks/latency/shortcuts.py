@@ -20,6 +20,7 @@ from sensor_msgs.msg import JointState
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 from benchmarks.harness import ROOT, table
+import edge_tracking.graph  # noqa: F401  with the heap of the nodes
 from tactile_common.ros.cdr import unpacked
 from tactile_common.ros.conversions import stamp_from_ns
 from tactile_common.ros.runner import freeze_heap
@@ -30,7 +31,6 @@ from tactile_sensing.types.image import Layer
 from tactile_sensing.types.image import TactileImage as Image
 from tactile_servo.conversions import trajectory_to_bytes
 from tactile_servo.motion.trajectory import Trajectory
-import tactile_servo.nodes.servo  # noqa: F401  its heap is that of the node
 
 POINTS, JOINTS = 3, 6  # of a window
 

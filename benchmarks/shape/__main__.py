@@ -9,8 +9,8 @@ import numpy as np
 
 from benchmarks.harness import run
 from benchmarks.shape import cases, methods, thesis
-from tactile_shape.surface_matrix.matrix_estimator import MatrixEstimator, MatrixEstimatorConfig
-from tactile_shape.surface_matrix.matrix_fit import fit_matrix
+from tactile_shape.thesis.matrix_estimator import MatrixEstimator, MatrixEstimatorConfig
+from tactile_shape.thesis.matrix_fit import fit_matrix
 from tactile_shape.types.patch import Kind
 
 SPEEDS = (1e-5, 5e-5, 2e-4, 1e-3, 5e-3, 2e-2, 5e-2)  # m/s, Table 4.1

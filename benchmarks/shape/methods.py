@@ -6,7 +6,7 @@ import numpy as np
 
 from tactile_shape.local_surface.local_quadric import LocalQuadric, LocalQuadricConfig
 from tactile_shape.shape_estimator import SurfaceEstimator
-from tactile_shape.surface_matrix.matrix_estimator import MatrixEstimator, MatrixEstimatorConfig
+from tactile_shape.thesis.matrix_estimator import MatrixEstimator, MatrixEstimatorConfig
 from tactile_shape.types.patch import Kind, Patch, refusal
 from tactile_shape.types.tangent import principal_axes, tangent_frame
 

@@ -31,7 +31,7 @@ __all__, __getattr__, __dir__ = exported(__name__, {
     'known_surfaces': 'cylinder sphere Torus Weave',
     'local_surface.local_quadric': 'LocalQuadric LocalQuadricConfig',
     'shape_estimator': 'ShapeEstimator',
-    'surface_matrix.matrix_estimator': 'MatrixEstimator MatrixEstimatorConfig',
+    'thesis.matrix_estimator': 'MatrixEstimator MatrixEstimatorConfig',
     'types.patch': 'Kind Patch',
     'types.surface_matrix': 'SurfaceMatrix',
 })

@@ -1,18 +1,14 @@
-"""Compiling every kernel of the package: at the build, and before contacts come."""
+"""Compiling every kernel that the package calls: at the build, and before contacts come."""
 import numpy as np
 
 from tactile_common.state_buffer import pose_between
 from tactile_sensing.types.array import TactelArray
 from tactile_sensing.types.image import Layer, TactileImage
 from tactile_shape.contour.edge_point import edge_point
-from tactile_shape.local_surface.local_quadric import LocalQuadric
 
 
 def compile_kernels() -> None:
     """Call every kernel once; some seconds where numba's cache is empty."""
-    estimator = LocalQuadric()
-    for x in (0.0, 1.0):
-        estimator.update(np.array([x, 0.0, 0.0]), np.array([0.0, 0.0, 1.0]))
     pose_between(np.eye(4), np.eye(4), 0.5)
     array = TactelArray(8, 8, 1e-3, 1e-3)
     ridge = np.tile(np.exp(-np.linspace(-2.0, 2.0, 8)**2), (8, 1))

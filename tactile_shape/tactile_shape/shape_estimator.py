@@ -1,25 +1,29 @@
 """From contacts in space to patches and a model of the object, with either surface estimator."""
-from dataclasses import fields
+from importlib import import_module
 
 import numpy as np
 
 from tactile_shape.contour.contact_path import Placed
 from tactile_shape.contour.object_model import ObjectModel
 from tactile_shape.local_surface.local_quadric import LocalQuadric, LocalQuadricConfig
-from tactile_shape.surface_matrix.matrix_estimator import MatrixEstimator, MatrixEstimatorConfig
 from tactile_shape.types.patch import Patch, refusal, SurfaceEstimator
 
-METHODS = (LocalQuadric.method, MatrixEstimator.method)
+
+def _of_thesis(config: LocalQuadricConfig) -> SurfaceEstimator:
+    thesis = import_module('tactile_shape.thesis.matrix_estimator')
+    return thesis.MatrixEstimator(thesis.MatrixEstimatorConfig(
+        window=config.window, position_noise=config.position_noise,
+        normal_noise=config.normal_noise, max_curvature_std=config.max_curvature_std,
+        prior_curvature=config.prior_curvature))
+
+
+_ESTIMATORS = {LocalQuadric.method: LocalQuadric, 'surface_matrix': _of_thesis}
+METHODS = tuple(_ESTIMATORS)
 
 
 def make_surface_estimator(method: str, config: LocalQuadricConfig) -> SurfaceEstimator:
-    """Return the estimator of a method, with what it knows of a LocalQuadricConfig."""
-    if method == LocalQuadric.method:
-        return LocalQuadric(config)
-    shared = {item.name for item in fields(MatrixEstimatorConfig)} & {
-        item.name for item in fields(LocalQuadricConfig)}
-    return MatrixEstimator(MatrixEstimatorConfig(
-        **{name: getattr(config, name) for name in shared}))
+    """Return the estimator of a method, with what it takes of a LocalQuadricConfig."""
+    return _ESTIMATORS[method](config)
 
 
 class ShapeEstimator:

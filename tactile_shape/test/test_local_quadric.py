@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 
 from tactile_common.errors import ConfigurationError
 from tactile_shape.known_surfaces import add_noise, cylinder, PLANE, sphere, Torus, Weave
-from tactile_shape.local_surface import normal_equations
+from tactile_shape.local_surface import curvature_fit
 from tactile_shape.local_surface.contact_window import MAX_CELLS
 from tactile_shape.local_surface.local_quadric import LocalQuadric, LocalQuadricConfig
 from tactile_shape.types.patch import Kind
@@ -284,12 +284,12 @@ def test_a_finger_that_crawls_needs_no_more_memory_or_time():
 
 
 def test_equations_are_those_of_their_rows():
-    """The compiled sums against plain matrices, with the noise of each row written out."""
+    """The sums against plain matrices, with the noise of each row written out."""
     rng = np.random.default_rng(13)
     u, z = rng.normal(0.0, 0.01, (7, 2)), rng.normal(0.0, 0.002, 7)
     n = np.column_stack([0.2 * rng.normal(size=(7, 2)), np.full(7, 0.9)])
     weights = rng.uniform(1.0, 4.0, 7)
-    noise = normal_equations.Noise(position=2e-5, location=1.5e-4, normal=5e-4, height=1e-5)
+    noise = curvature_fit.Noise(position=2e-5, location=1.5e-4, normal=5e-4, height=1e-5)
     curvature = np.array([20.0, 3.0, -5.0])
     doubt = np.array([1.0, 4.0, 9.0])
     bend = np.array([[20.0, 3.0], [3.0, -5.0]])
@@ -309,11 +309,11 @@ def test_equations_are_those_of_their_rows():
         matrix += rows.T @ inverse @ rows
         right += rows.T @ inverse @ target
         square += target @ inverse @ target
-    found = normal_equations.equations(
-        normal_equations.Cells(u, z, n, weights), noise, curvature, doubt, 0.0)
-    np.testing.assert_allclose(found.matrix, matrix, rtol=1e-9, atol=1e-6)
-    np.testing.assert_allclose(found.right, right, rtol=1e-9)
-    assert found.square == pytest.approx(square)
+    contacts = curvature_fit.Contacts(u, z, n, weights)
+    found = curvature_fit.moments(contacts, contacts.rows(), noise, curvature, doubt)
+    np.testing.assert_allclose(found[:6, :6], matrix, rtol=1e-9, atol=1e-6)
+    np.testing.assert_allclose(found[:6, 6], right, rtol=1e-9)
+    assert found[6, 6] == pytest.approx(square)
 
 
 @pytest.mark.parametrize('noise', [0.0, 3e-4])

@@ -7,7 +7,7 @@ import pytest
 
 from tactile_common.errors import ConfigurationError
 from tactile_shape.known_surfaces import add_noise, cylinder, PLANE, sphere, Weave
-from tactile_shape.surface_matrix.matrix_estimator import MatrixEstimator, MatrixEstimatorConfig
+from tactile_shape.thesis.matrix_estimator import MatrixEstimator, MatrixEstimatorConfig
 from tactile_shape.types.patch import Kind
 from tactile_shape.types.surface_matrix import SurfaceMatrix
 

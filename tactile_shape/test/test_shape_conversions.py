@@ -16,7 +16,7 @@ from tactile_shape.conversions import (
 )
 from tactile_shape.known_surfaces import cylinder, sphere, Weave
 from tactile_shape.local_surface.local_quadric import LocalQuadric
-from tactile_shape.surface_matrix.matrix_estimator import MatrixEstimator
+from tactile_shape.thesis.matrix_estimator import MatrixEstimator
 from tactile_shape.types.patch import Kind
 from tactile_shape.types.surface_matrix import SurfaceMatrix
 

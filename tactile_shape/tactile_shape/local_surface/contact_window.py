@@ -3,62 +3,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from tactile_common.kernels import njit
-
 CELLS = 24  # that a window is usually divided into
 MAX_CELLS = 3 * CELLS  # noise makes cells shorter than they should be
 MAX_WEIGHT = 16.0  # samples of one cell that count as independent; a finger at rest adds no more
-
-
-class _Cells(NamedTuple):
-    points: np.ndarray  # (n, 3), means
-    normals: np.ndarray  # (n, 3), means
-    starts: np.ndarray  # (n, 3), where each cell began
-    counts: np.ndarray  # (n,), contacts in it
-
-
-@njit(cache=True)
-def _add(cells, used, point, normal, size):
-    """Add a contact to the newest cell, or open one; returns how many cells there are."""
-    points, normals, starts, counts = cells
-    if used and ((point - starts[used - 1])**2).sum() < size * size:
-        k = used - 1
-        counts[k] += 1.0
-        points[k] += (point - points[k]) / counts[k]
-        normals[k] += (normal - normals[k]) / counts[k]
-        return used
-    if used == len(points):
-        for values in (points, normals, starts):
-            values[:-1] = values[1:].copy()
-        counts[:-1] = counts[1:].copy()
-        used -= 1
-    points[used], normals[used], starts[used], counts[used] = point, normal, point, 1.0
-    return used + 1
-
-
-@njit(cache=True)
-def _span(cells, used, length, max_turn):
-    """First cell within a length of path, and the length of the path from there [m]."""
-    points, normals = cells.points, cells.normals
-    first, travel = used - 1, 0.0
-    newest = normals[used - 1]
-    flattest = np.cos(max_turn) * np.sqrt((newest * newest).sum())
-    while first > 0:
-        step = np.sqrt(((points[first] - points[first - 1])**2).sum())
-        other = normals[first - 1]
-        turned = (newest * other).sum() < flattest * np.sqrt((other * other).sum())
-        if travel + step > length or turned:
-            break
-        first, travel = first - 1, travel + step
-    return first, travel
-
-
-@njit(cache=True)
-def _take(cells, used, point, normal, size, length, max_turn):
-    """Add a contact; returns how many cells there are, the first of the stretch, its length."""
-    used = _add(cells, used, point, normal, size)
-    first, extent = _span(cells, used, length, max_turn)
-    return used, first, extent
 
 
 class Stretch(NamedTuple):
@@ -82,8 +29,7 @@ class Stretch(NamedTuple):
     def newer_half(self) -> 'Stretch':
         """Return the newer half of the cells."""
         first = (len(self.points) + 1) // 2
-        steps = np.diff(self.points[first:], axis=0)
-        extent = float(np.sqrt((steps**2).sum(axis=1)).sum())
+        extent = float(_lengths(np.diff(self.points[first:], axis=0)).sum())
         return Stretch(self.points[first:], self.normals[first:], self.counts[first:], extent)
 
 
@@ -105,19 +51,39 @@ class ContactWindow:
     """
 
     def __init__(self, length: float, max_turn: float, cell: float):
-        self._length, self._max_turn, self._cell = length, max_turn, cell
-        points, normals, starts = np.zeros((3, MAX_CELLS, 3))
-        self._cells = _Cells(points, normals, starts, np.zeros(MAX_CELLS))
+        self._length, self._flattest, self._cell = length, np.cos(max_turn), cell
         self.reset()
 
     def reset(self) -> None:
         """Forget all contacts."""
-        self._used = 0
+        self._cells = np.empty((0, 7))  # mean point, mean normal, contacts
+        self._start = np.full(3, np.nan)  # first point of the newest cell
 
     def add(self, point: np.ndarray, normal: np.ndarray) -> Stretch:
         """Add a contact (3,), (3,) and return the last stretch of the path."""
-        cells = self._cells
-        self._used, first, extent = _take(
-            cells, self._used, point, normal, self._cell, self._length, self._max_turn)
-        part = slice(first, self._used)
-        return Stretch(cells.points[part], cells.normals[part], cells.counts[part], extent)
+        contact = np.concatenate([point, normal])
+        away = point - self._start
+        if away @ away < self._cell**2:  # not of the first, whose start is NaN
+            newest = self._cells[-1]
+            newest[6] += 1.0
+            newest[:6] += (contact - newest[:6]) / newest[6]
+        else:
+            self._cells = np.vstack([self._cells[1 - MAX_CELLS:], [*contact, 1.0]])
+            self._start = point
+        return self._stretch()
+
+    def _stretch(self) -> Stretch:
+        points, normals, counts = self._cells[:, :3], self._cells[:, 3:6], self._cells[:, 6]
+        # From the newest cell backwards.
+        travel = np.cumsum(_lengths(np.diff(points, axis=0))[::-1])
+        lengths = _lengths(normals)
+        turned = normals @ normals[-1] < self._flattest * lengths * lengths[-1]
+        beyond = (travel > self._length) | turned[-2::-1]
+        steps = int(beyond.argmax()) if beyond.any() else len(beyond)
+        first = len(points) - 1 - steps
+        return Stretch(points[first:], normals[first:], counts[first:],
+                       float(travel[steps - 1]) if steps else 0.0)
+
+
+def _lengths(vectors: np.ndarray) -> np.ndarray:
+    return np.sqrt((vectors * vectors).sum(axis=1))

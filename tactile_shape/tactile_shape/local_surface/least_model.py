@@ -1,115 +1,111 @@
-"""Compiled choice of the least surface: plane, sphere, cylinder or general, by chi-square."""
+"""Choice of the least surface: plane, sphere, cylinder or general, by chi-square."""
 import math
 from typing import NamedTuple
 
 import numpy as np
 
-from tactile_common.kernels import njit
 from tactile_shape.types.patch import Kind
 
-PLANE, CYLINDER, SPHERE, GENERAL = (
-    int(kind) for kind in (Kind.PLANE, Kind.CYLINDER, Kind.SPHERE, Kind.GENERAL))
 # Chi-square exceeded by 1 % of samples with 1, 2 and 3 degrees of freedom.
-LEVELS = np.array([0.0, 6.635, 9.210, 11.345])
-_HEADINGS = 48
+LEVELS = (0.0, 6.635, 9.210, 11.345)
+_ALIKE = np.array([1.0, 0.0, 1.0])  # of (K11, K12, K22): a sphere's
 
 
-@njit(cache=True)
-def principal_curvatures(c11, c12, c22):
+class Principal(NamedTuple):
+    """Principal curvatures [1/m], or eigenvalues, and the angle of the first's direction [rad]."""
+
+    first: float
+    second: float
+    heading: float
+
+
+def principal(k11: float, k12: float, k22: float) -> Principal:
     """Eigenvalues of a symmetric 2 x 2, the larger first, and the first direction's angle."""
-    mean, half = 0.5 * (c11 + c22), 0.5 * (c11 - c22)
-    radius = math.hypot(half, c12)
-    return mean + radius, mean - radius, 0.5 * math.atan2(c12, half)
+    mean, half = 0.5 * (k11 + k22), 0.5 * (k11 - k22)
+    radius = math.hypot(half, k12)
+    return Principal(mean + radius, mean - radius, 0.5 * math.atan2(k12, half))
 
 
-class _Cylinder(NamedTuple):
-    gain: float  # chi-square that it takes away
-    curvature: float
-    heading: float  # of that curvature [rad]
-
-
-@njit(cache=True)
-def _cylinder(information, right, heading):
+def along(heading: float) -> np.ndarray:
+    """(K11, K12, K22) of the curvature 1 along a heading [rad] and none across."""
     c, s = math.cos(heading), math.sin(heading)
-    d0, d1, d2 = c * c, c * s, s * s
-    r11, r12, r22 = right
-    slope = d0 * r11 + d1 * r12 + d2 * r22
-    bend = (d0 * (information[0, 0] * d0 + 2.0 * information[0, 1] * d1
-                  + 2.0 * information[0, 2] * d2)
-            + d1 * (information[1, 1] * d1 + 2.0 * information[1, 2] * d2)
-            + information[2, 2] * d2 * d2)
-    return _Cylinder(slope * slope / bend, slope / bend, heading)
+    return np.array([c * c, c * s, s * s])
 
 
-@njit(cache=True)
-def _best_cylinder(information, right):
-    """Best cylinder of any heading: the best of a grid, then by golden section."""
-    best = _cylinder(information, right, 0.0)
-    width = math.pi / _HEADINGS
-    for i in range(1, _HEADINGS):
-        other = _cylinder(information, right, i * width)
-        if other.gain > best.gain:
-            best = other
-    low, high = best.heading - width, best.heading + width
-    for _ in range(40):
-        left, right_of_it = low + 0.382 * (high - low), low + 0.618 * (high - low)
-        if (_cylinder(information, right, left).gain
-                > _cylinder(information, right, right_of_it).gain):
-            high = right_of_it
-        else:
-            low = left
-    return _cylinder(information, right, 0.5 * (low + high))
+def _gain(information: np.ndarray, right: np.ndarray, form: np.ndarray) -> float:
+    """Chi-square that a curvature of a form (3,) takes away."""
+    return (form @ right)**2 / (form @ information @ form)
 
 
-@njit(cache=True)
-def least_model(information, right, count):
+def _best_cylinder(information: np.ndarray, right: np.ndarray) -> float:
+    """
+    Heading of the cylinder that takes away most chi-square [rad].
+
+    With t the tangent of the heading it takes away p(t)^2 / q(t): at its largest
+    2 p' q = p q', a polynomial of degree 4.
+    """
+    p, i = right[::-1], information
+    q = np.array([i[2, 2], 2.0 * i[1, 2], i[1, 1] + 2.0 * i[0, 2], 2.0 * i[0, 1], i[0, 0]])
+    stationary = (2.0 * np.convolve(p[:2] * [2.0, 1.0], q)
+                  - np.convolve(p, q[:4] * [4.0, 3.0, 2.0, 1.0]))
+    headings = [0.5 * math.pi, *np.arctan(np.roots(stationary[1:]).real).tolist()]
+    return max(headings, key=lambda heading: _gain(information, right, along(heading)))
+
+
+def least_model(information: np.ndarray, right: np.ndarray,
+                count: int) -> tuple[Kind, np.ndarray]:
     """
     Least of plane, sphere, cylinder and general whose chi-square is no worse than chance.
 
-    `information` and `right` are of (K11, K12, K22); `count` of them were seen, K22 last.
-    Returns kind and the curvature of that model.
+    Parameters
+    ----------
+    information, right : ndarray, shapes (3, 3) and (3,)
+        Of (K11, K12, K22).
+    count : int
+        How many of them were seen, K22 last.
+
+    Returns
+    -------
+    kind, curvature : Kind, ndarray (3,)
     """
     full = np.linalg.solve(information, right)
     most = full @ right
     if most < LEVELS[count]:
-        return PLANE, np.zeros(3)
-    best = _best_cylinder(information, right)
-    c, s = math.cos(best.heading), math.sin(best.heading)
-    cylinder = best.curvature * np.array([c * c, c * s, s * s])
+        return Kind.PLANE, np.zeros(3)
+    form = along(_best_cylinder(information, right))
+    cylinder = form @ right / (form @ information @ form) * form
     if count < 3:
         # A cylinder tells the curvature across the path from the other two, as long as it leans
         # little on what was not seen.
-        if c * c > 0.5:
-            return CYLINDER, cylinder
-        return GENERAL, full
-    slope = right[0] + right[2]  # along K11 and K22 alike
-    bend = information[0, 0] + 2.0 * information[0, 2] + information[2, 2]
-    sphere_gap, cylinder_gap = most - slope * slope / bend, most - best.gain
+        return (Kind.CYLINDER, cylinder) if form[0] > 0.5 else (Kind.GENERAL, full)
+    sphere_gap = most - _gain(information, right, _ALIKE)
+    cylinder_gap = most - _gain(information, right, form)
     if sphere_gap < LEVELS[2] and sphere_gap < cylinder_gap + LEVELS[1]:
-        return SPHERE, slope / bend * np.array([1.0, 0.0, 1.0])
-    if cylinder_gap < LEVELS[1]:
-        return CYLINDER, cylinder
-    return GENERAL, full
+        return Kind.SPHERE, _ALIKE @ right / (_ALIKE @ information @ _ALIKE) * _ALIKE
+    return (Kind.CYLINDER, cylinder) if cylinder_gap < LEVELS[1] else (Kind.GENERAL, full)
 
 
-@njit(cache=True)
-def curvature_covariance(kind, information, k1, heading):
-    """Covariance of the principal curvatures, of what a model fixes the data's; variances."""
+def curvature_covariance(kind: Kind, information: np.ndarray,
+                         found: Principal) -> tuple[np.ndarray, np.ndarray]:
+    """
+    Covariance (2, 2) of the principal curvatures, and their variances (2,) by the data alone.
+
+    What a model fixes has in the covariance what the data alone say.
+    """
     covariance = np.linalg.inv(information)
-    c, s = math.cos(heading), math.sin(heading)
-    along, across = np.array([c * c, 2 * c * s, s * s]), np.array([s * s, -2 * c * s, c * c])
-    v11, v12, v22 = (along @ covariance @ along, along @ covariance @ across,
-                     across @ covariance @ across)
-    seen = np.array([v11, v22])
-    if kind == SPHERE:
-        bend = information[0, 0] + 2.0 * information[0, 2] + information[2, 2]
-        return np.full((2, 2), 1.0 / bend), seen
-    if kind == CYLINDER:
-        d = np.array([c * c, c * s, s * s])
-        e = k1 * np.array([-2 * c * s, c * c - s * s, 2 * c * s])
-        dd, de, ee = d @ information @ d, d @ information @ e, e @ information @ e
-        v11 = 1.0 / (dd - de * de / ee) if ee > 0.0 else 1.0 / dd
-        v12 = 0.0
-    elif kind == PLANE:
-        v12 = 0.0
-    return np.array([[v11, v12], [v12, v22]]), seen
+    form, across = along(found.heading), along(found.heading + 0.5 * math.pi)
+    both = np.array([form, across]) * [1.0, 2.0, 1.0]
+    free = both @ covariance @ both.T
+    seen = np.diag(free).copy()
+    if kind == Kind.SPHERE:
+        return np.full((2, 2), 1.0 / (_ALIKE @ information @ _ALIKE)), seen
+    if kind == Kind.GENERAL:
+        return free, seen
+    if kind == Kind.CYLINDER:
+        c, s = math.cos(found.heading), math.sin(found.heading)
+        turn = found.first * np.array([-2.0 * c * s, c * c - s * s, 2.0 * c * s])
+        both = np.array([form, turn])  # per curvature and per angle
+        (kk, ka), (_, aa) = both @ information @ both.T
+        seen_of_it = 1.0 / (kk - ka * ka / aa) if aa > 0.0 else 1.0 / kk
+        return np.diag([seen_of_it, seen[1]]), seen
+    return np.diag(seen), seen

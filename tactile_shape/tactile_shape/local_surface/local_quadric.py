@@ -14,9 +14,8 @@ import numpy as np
 
 from tactile_common.config import bounded, check_fields
 from tactile_shape.local_surface.contact_window import CELLS, ContactWindow, Stretch
-from tactile_shape.local_surface.normal_equations import Noise
-from tactile_shape.local_surface.quadric_kernel import ENOUGH, Fit, solve
-from tactile_shape.types.patch import certain_enough, Kind, Patch, SurfaceEstimator, usable_normal
+from tactile_shape.local_surface.curvature_fit import ENOUGH, Fit, fit_curvature, Noise
+from tactile_shape.types.patch import certain_enough, Patch, SurfaceEstimator, usable_normal
 from tactile_shape.types.tangent import tangent_frame
 
 QUIET = 5.0  # times the noise of location that a cell of the window is long, at least
@@ -93,7 +92,7 @@ class LocalQuadric(SurfaceEstimator):
                 'the contacts lie on no surface of second order, or have far more noise than '
                 f'told: they scatter by {1e3 * fit.scatter:.2g} mm, residuals are '
                 f'{fit.residual:.2g} standard deviations', **known)
-        curvature, covariance, variance = fit.principal, fit.covariance, fit.seen
+        curvature, covariance, variance = np.array(fit.principal[:2]), fit.covariance, fit.seen
         radius, enough = self.config.finger_radius, self.config.max_curvature_std
         if radius:
             # The centre moves on a surface whose radii are larger by the finger's.
@@ -107,7 +106,7 @@ class LocalQuadric(SurfaceEstimator):
         known |= {'curvature': curvature, 'covariance': covariance}
         seen = certain_enough(variance, curvature, enough)
         if seen.any():
-            return Patch(Kind(fit.kind), True, '', self.method, seen=seen, **known)
+            return Patch(fit.kind, True, '', self.method, seen=seen, **known)
         why = 'too short, or too noisy, to show any curvature'
         if fit.along < enough**2:
             why = 'straight and along no principal direction: the curvature across is unseen'
@@ -124,23 +123,19 @@ class LocalQuadric(SurfaceEstimator):
         return stretch, fit
 
     def _fit(self, stretch: Stretch) -> Fit:
-        return solve(
-            stretch.points, stretch.normals, stretch.weights, self._centre,
+        return fit_curvature(
+            stretch.points - self._centre, stretch.normals, stretch.weights,
             tangent_frame(self._normal), self._noise, self.config.prior_curvature)
 
 
-def _frame(centre, fit, radius):
+def _frame(centre: np.ndarray, fit: Fit, radius: float) -> np.ndarray:
     """Pose of the contact frame: fitted origin and normal, x along the first principal axis."""
-    axes = fit.axes
-    normal = np.array([-fit.slope[0], -fit.slope[1], 1.0])
-    normal = axes @ (normal / np.sqrt(normal @ normal))
-    x = axes[:, 0] * np.cos(fit.heading) + axes[:, 1] * np.sin(fit.heading)
-    x = x - (x @ normal) * normal
-    x /= np.sqrt(x @ x)
+    normal = fit.axes @ [-fit.slope[0], -fit.slope[1], 1.0]
+    normal /= np.linalg.norm(normal)
+    x = fit.axes[:, :2] @ [math.cos(fit.principal.heading), math.sin(fit.principal.heading)]
+    x -= (x @ normal) * normal
+    x /= np.linalg.norm(x)
     frame = np.eye(4)
-    frame[:3, 0], frame[:3, 2] = x, normal
-    frame[:3, 1] = np.array([normal[1] * x[2] - normal[2] * x[1],
-                             normal[2] * x[0] - normal[0] * x[2],
-                             normal[0] * x[1] - normal[1] * x[0]])
-    frame[:3, 3] = centre + fit.height * axes[:, 2] + radius * normal
+    frame[:3, :3] = np.column_stack([x, np.cross(normal, x), normal])
+    frame[:3, 3] = centre + fit.height * fit.axes[:, 2] + radius * normal
     return frame

@@ -1,14 +1,13 @@
 """The thesis' estimator on a stream of contacts: ten parameters from the last few of them."""
 from collections import deque
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from tactile_common.config import bounded, check_fields
 from tactile_common.errors import SurfaceError
-from tactile_shape.local_surface.local_quadric import LocalQuadricConfig
-from tactile_shape.surface_matrix.matrix_fit import fit_matrix
+from tactile_shape.thesis.matrix_fit import fit_matrix
 from tactile_shape.types.patch import certain_enough, Kind, Patch, SurfaceEstimator, usable_normal
 from tactile_shape.types.surface_matrix import PARAMETERS
 from tactile_shape.types.tangent import tangent_frame
@@ -16,24 +15,18 @@ from tactile_shape.types.tangent import tangent_frame
 _CURVATURE = [PARAMETERS.index(name) for name in ('c11', 'c12', 'c22')]
 
 
-def _as_of_local_quadric(name: str, **other) -> Any:
-    """Field as of LocalQuadricConfig, but for what of its description differs."""
-    of = LocalQuadricConfig.__dataclass_fields__[name]
-    return field(default=of.default, metadata={**of.metadata, **other})
-
-
 @dataclass(frozen=True)
 class MatrixEstimatorConfig:
-    """How a surface matrix is estimated; what both estimators know is of `LocalQuadricConfig`."""
+    """How a surface matrix is estimated; the rest is as in `LocalQuadricConfig`."""
 
     contacts: int = bounded(
         6, 'contacts that a surface matrix is fitted to; the thesis takes 5', '', 4, 100)
-    window: float = _as_of_local_quadric(
-        'window', doc='length of the path that they are spread over', range=(1e-6, 1.0))
-    position_noise: float = _as_of_local_quadric('position_noise', range=(0.0, 0.1))
-    normal_noise: float = _as_of_local_quadric('normal_noise', range=(0.0, 1.0))
-    max_curvature_std: float = _as_of_local_quadric('max_curvature_std')
-    prior_curvature: float = _as_of_local_quadric('prior_curvature')
+    window: float = bounded(
+        0.024, 'length of the path that they are spread over', 'm', 1e-6, 1.0)
+    position_noise: float = bounded(2e-5, '', 'm', 0.0, 0.1)
+    normal_noise: float = bounded(5e-4, '', 'rad', 0.0, 1.0)
+    max_curvature_std: float = bounded(2.5, '', '1/m', 1e-6, 1e6)
+    prior_curvature: float = bounded(100.0, '', '1/m', 1e-3, 1e6)
 
     def __post_init__(self):
         check_fields(self)

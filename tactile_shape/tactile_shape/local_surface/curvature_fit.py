@@ -1,0 +1,250 @@
+"""
+Least squares of a plane, sphere, cylinder or general surface at a contact.
+
+In a tangent frame with inward normal n and u = (x, y), any plane, sphere or cylinder satisfies
+
+    -n_xy = b + K u    and    z (1 + n_z) / 2 = a + b u + u' K u / 2
+
+however large the arc. Both are linear in the height a, the slope b and the curvature K.
+"""
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from tactile_shape.local_surface.least_model import (
+    curvature_covariance,
+    least_model,
+    Principal,
+    principal,
+)
+from tactile_shape.types.patch import Kind
+
+PASSES = 2  # weights depend on K: by the second pass they hardly change
+# A path's breadth counts where its variance is that many times the variance of noise.
+CLEAR = 9.0
+# Share of its third order that a general surface may depart from a second-order one; makes far
+# contacts count less.
+MODEL_ERROR = 0.1
+ENOUGH = 10  # cells whose residuals tell their noise
+_HEIGHTS_SPENT = 2.0  # of the six parameters, what the heights alone have paid for, about
+
+
+class Noise(NamedTuple):
+    """Standard deviations of one contact; of the normal [rad], else [m]."""
+
+    position: float
+    location: float  # of what moves along the surface
+    normal: float
+    height: float  # beyond that of position
+
+
+class Contacts(NamedTuple):
+    """Contacts in a tangent frame."""
+
+    u: np.ndarray  # (m, 2) [m]
+    z: np.ndarray  # (m,) [m]
+    n: np.ndarray  # (m, 3)
+    weights: np.ndarray  # (m,), independent samples in each contact
+
+    def rows(self) -> np.ndarray:
+        """
+        Coefficients of a, b1, b2, K11, K12, K22 and right side, ndarray (3, m, 7).
+
+        The first equation of a contact is that of its height, two are those of its normal.
+        """
+        rows = np.zeros((3, len(self.z), 7))
+        x, y = self.u.T
+        rows[0, :, 0] = rows[1, :, 1] = rows[2, :, 2] = 1.0
+        rows[0, :, 1] = rows[1, :, 3] = rows[2, :, 4] = x
+        rows[0, :, 2] = rows[1, :, 4] = rows[2, :, 5] = y
+        rows[0, :, 3], rows[0, :, 4], rows[0, :, 5] = 0.5 * x * x, x * y, 0.5 * y * y
+        rows[0, :, 6] = 0.5 * self.z * (1.0 + self.n[:, 2])
+        rows[1:, :, 6] = -self.n[:, :2].T
+        return rows
+
+
+class Fit(NamedTuple):
+    """Least model of contacts; height and slope in the frame `axes`."""
+
+    kind: Kind  # NONE where the path is too short to see any curvature
+    axes: np.ndarray  # (3, 3), tangent frame turned so that x is the path's direction
+    height: float  # a [m]
+    slope: np.ndarray  # b, (2,)
+    principal: Principal
+    covariance: np.ndarray  # (2, 2), of the principal curvatures
+    seen: np.ndarray  # (2,), variance of each as the data alone tell it
+    along: float  # variance of the curvature along the path
+    residual: float  # RMS in standard deviations
+    scatter: float  # standard deviation of positions about the surface, at least that told [m]
+
+
+def moments(contacts: Contacts, rows: np.ndarray, noise: Noise, curvature: np.ndarray,
+            doubt: np.ndarray, model_error: float = 0.0) -> np.ndarray:
+    """
+    Sums over contacts of the products of their rows, by the inverse of their covariance.
+
+    Parameters
+    ----------
+    curvature : ndarray, shape (3,)
+        K11, K12, K22: with them, a displacement along the surface is an error of the normal.
+    doubt : ndarray, shape (3,)
+        Their variances, since what is not known of K makes errors as well.
+    model_error : float
+        What the model leaves out, over the third-order term |K u|^3 of normal and height.
+
+    Returns
+    -------
+    ndarray, shape (7, 7)
+        Normal equations of (a, b1, b2, K11, K12, K22); in the last column their right side, and
+        its weighted square.
+    """
+    k11, k12, k22 = curvature.tolist()
+    x, y = contacts.u.T
+    lean, up = (contacts.n[:, :2]**2).sum(axis=1), np.maximum(contacts.n[:, 2], 0.1)
+    turn = (k11 * x + k12 * y)**2 + (k12 * x + k22 * y)**2
+    unlike = contacts.weights * model_error**2 * turn
+    # Along the surface, height and slope move together and cancel up to the second order.
+    left_over = 0.5 * (1.0 - up) / up
+    height = (noise.position**2 * (lean + 0.25 * (1.0 + up)**2) + noise.height**2
+              + noise.location**2 * lean * left_over**2
+              + unlike * contacts.weights * contacts.z**2)
+    slide = noise.position**2 + noise.location**2
+    normal = noise.normal**2 + unlike * turn**2
+    s11 = normal + slide * (k11 * k11 + k12 * k12 + doubt[0] + doubt[1])
+    s22 = normal + slide * (k12 * k12 + k22 * k22 + doubt[1] + doubt[2])
+    s12 = slide * k12 * (k11 + k22)
+    weights = contacts.weights / (s11 * s22 - s12 * s12)
+    weighted = np.stack([
+        (contacts.weights / height)[:, None] * rows[0],
+        (weights * s22)[:, None] * rows[1] - (weights * s12)[:, None] * rows[2],
+        (weights * s11)[:, None] * rows[2] - (weights * s12)[:, None] * rows[1]])
+    return rows.reshape(-1, 7).T @ weighted.reshape(-1, 7)
+
+
+class _Fitter:
+    """
+    Least squares of a stretch of contacts; the first `count` of K are seen, else the prior's.
+
+    With height and slope eliminated, `left` (4, 4) holds information and right side of K, and the
+    chi-square of K = 0; height and slope are the last column of `lift` (3, 4) less the others
+    times K.
+    """
+
+    def __init__(self, contacts: Contacts, noise: Noise, count: int, prior: float):
+        self._contacts, self._count, self._prior = contacts, count, prior
+        self._rows, self.noise = contacts.rows(), noise
+        self._solve(np.zeros(3), np.zeros(3))
+        for _ in range(PASSES - 1 if count else 0):
+            covariance = np.linalg.inv(self.information)
+            curvature = covariance @ self.right
+            self.noise = noise._replace(position=self._scatter(curvature, noise.position))
+            self._solve(curvature, np.diag(covariance))
+
+    @property
+    def information(self) -> np.ndarray:
+        """Inverse covariance (3, 3) of (K11, K12, K22)."""
+        return self._left[:3, :3]
+
+    @property
+    def right(self) -> np.ndarray:
+        """The information times K, ndarray (3,)."""
+        return self._left[:3, 3]
+
+    def flat(self, curvature: np.ndarray) -> np.ndarray:
+        """Height and slope, ndarray (3,), with a curvature (3,)."""
+        return self._lift[:, 3] - self._lift[:, :3] @ curvature
+
+    def general(self) -> np.ndarray:
+        """Curvature (3,) of a general surface, of which far contacts count less."""
+        for _ in range(2):
+            self._solve(np.linalg.solve(self.information, self.right), self._doubt, MODEL_ERROR)
+        return np.linalg.solve(self.information, self.right)
+
+    def excess(self) -> tuple[float, float]:
+        """Chi-square per degree of freedom, at least 1: what is unexplained is noise. Its RMS."""
+        freedom = 3 * len(self._contacts.z) - 3 - self._count
+        if freedom < 1:
+            return 1.0, math.nan
+        explained = float(self.right @ np.linalg.solve(self.information, self.right))
+        left = max(float(self._left[3, 3]) - explained, 0.0) / freedom
+        return max(1.0, left), math.sqrt(left)
+
+    def _solve(self, curvature: np.ndarray, doubt: np.ndarray, model_error: float = 0.0) -> None:
+        self._doubt = doubt
+        sums = moments(self._contacts, self._rows, self.noise, curvature, doubt, model_error)
+        self._lift = np.linalg.solve(sums[:3, :3], sums[:3, 3:])
+        self._left = sums[3:, 3:] - sums[3:, :3] @ self._lift
+        for unseen in range(self._count, 3):
+            self._left[unseen] = self._left[:, unseen] = 0.0
+            self._left[unseen, unseen] = 1.0 / self._prior**2
+
+    def _scatter(self, curvature: np.ndarray, told: float) -> float:
+        """Standard deviation of positions [m], from residuals of heights if that is the larger."""
+        weights = self._contacts.weights
+        if len(weights) < ENOUGH:
+            return told
+        heights = self._rows[0]
+        residual = heights[:, 6] - heights[:, :6] @ [*self.flat(curvature), *curvature]
+        return max(told, math.sqrt(weights @ residual**2 / (len(weights) - _HEIGHTS_SPENT)))
+
+
+def _path_frame(u: np.ndarray, weights: np.ndarray, std: float) -> tuple[np.ndarray, int]:
+    """Turn (3, 3) about z that brings x along a path (m, 2), and how many of K it can see."""
+    off = u - weights @ u / weights.sum()
+    spread = (weights[:, None] * off).T @ off / weights.sum()
+    large, small, heading = principal(spread[0, 0], spread[0, 1], spread[1, 1])
+    c, s = math.cos(heading), math.sin(heading)
+    fuzz = CLEAR * std**2 * len(weights) / weights.sum() + 1e-24
+    count = 0 if large < fuzz else 2 if small < fuzz else 3
+    return np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]]), count
+
+
+def fit_curvature(points: np.ndarray, normals: np.ndarray, weights: np.ndarray,
+                  axes: np.ndarray, noise: Noise, prior: float) -> Fit:
+    """
+    Fit of the least model to contacts, each the mean of some samples.
+
+    Parameters
+    ----------
+    points, normals : ndarray, shape (m, 3)
+        The points from the origin of the tangent frame.
+    weights : ndarray, shape (m,)
+        Samples of each contact.
+    axes : ndarray, shape (3, 3)
+        Tangent frame: columns x, y and the inward normal.
+    noise : Noise
+        Of one sample; what it has along the surface may fake a path's breadth.
+    prior : float
+        Standard deviation of curvature before anything was touched [1/m].
+    """
+    turn, count = _path_frame(
+        points @ axes[:, :2], weights, math.hypot(noise.position, noise.location))
+    axes = axes @ turn
+    local = points @ axes
+    fitter = _Fitter(Contacts(local[:, :2], local[:, 2], normals @ axes, weights),
+                     noise, count, prior)
+    kind, curvature, residual, excess = Kind.NONE, np.zeros(3), math.nan, 1.0
+    if count:
+        excess, residual = fitter.excess()
+        kind, curvature = least_model(fitter.information / excess, fitter.right / excess, count)
+        if kind == Kind.GENERAL:
+            curvature = fitter.general()
+            excess, residual = fitter.excess()
+    information, flat = fitter.information / excess, fitter.flat(curvature)
+    main = _principal(kind, curvature)
+    # What was not seen cannot be known better by calling it a cylinder.
+    covariance, seen = curvature_covariance(
+        kind if count == 3 else Kind.GENERAL, information, main)
+    return Fit(kind, axes, flat[0], flat[1:], main, covariance, seen,
+               np.linalg.inv(information)[0, 0], residual, fitter.noise.position)
+
+
+def _principal(kind: Kind, curvature: np.ndarray) -> Principal:
+    """Principal curvatures of a model, the larger in magnitude first."""
+    one, other, heading = principal(*curvature.tolist())
+    if abs(other) > abs(one):
+        one, other, heading = other, one, heading + 0.5 * math.pi
+    if kind == Kind.CYLINDER:
+        return Principal(one, 0.0, heading)
+    return Principal(one, other, heading if kind == Kind.GENERAL else 0.0)

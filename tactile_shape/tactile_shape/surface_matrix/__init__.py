@@ -1,1 +1,0 @@
-"""The thesis' surface matrix and its estimator (chapter 4)."""
