@@ -11,6 +11,7 @@ ABOUT = ElementTree.parse('package.xml').getroot()
 setup(
     name=PACKAGE,
     packages=find_packages(include=[PACKAGE, f'{PACKAGE}.*']),
+    package_data={PACKAGE: ['py.typed']},
     data_files=[
         ('share/ament_index/resource_index/packages', [f'resource/{PACKAGE}']),
         (f'share/{PACKAGE}', ['package.xml']),

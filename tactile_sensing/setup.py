@@ -10,6 +10,7 @@ ABOUT = ElementTree.parse('package.xml').getroot()
 setup(
     name=PACKAGE,
     packages=find_packages(exclude=['test']),
+    package_data={PACKAGE: ['py.typed']},
     data_files=[
         ('share/ament_index/resource_index/packages', [f'resource/{PACKAGE}']),
         (f'share/{PACKAGE}', ['package.xml']),
