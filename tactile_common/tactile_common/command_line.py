@@ -3,7 +3,7 @@ import argparse
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 import sys
-from typing import Any
+from typing import Any, NoReturn
 
 from tactile_common.config import checked
 from tactile_common.errors import ConfigurationError, TactileError
@@ -12,17 +12,17 @@ from tactile_common.errors import ConfigurationError, TactileError
 class Parser(argparse.ArgumentParser):
     """Parser of whole option names; ConfigurationError in place of usage and an exit."""
 
-    def __init__(self, **kwargs):
+    def __init__(self, **kwargs: Any):
         super().__init__(allow_abbrev=False, **kwargs)
 
-    def error(self, message):
+    def error(self, message: str) -> NoReturn:
         """Refuse what was given."""
         raise ConfigurationError(f'{message}; --help tells more')
 
 
 def between(low: float, high: float, unit: str = '', kind: type = float) -> Callable[[str], Any]:
     """Type of an option: a number between two bounds, both allowed."""
-    def convert(text):
+    def convert(text: str) -> Any:
         try:
             return checked('value', kind(text), kind, {'range': (low, high), 'unit': unit})
         except ConfigurationError as error:

@@ -5,13 +5,13 @@ A field's default stands in the dataclass, its bounds in the field's metadata: `
 `range` (smallest and largest value, both allowed), `choices` and `live`. `check_fields`, called
 in `__post_init__`, and the declaration of ROS parameters read both from there.
 """
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 import dataclasses
 from functools import lru_cache
 import math
 from numbers import Integral, Real
 import types
-from typing import Any, get_args, get_origin, get_type_hints, Literal, Union
+from typing import Any, get_args, get_origin, get_type_hints, Literal, NoReturn, Union
 
 import numpy as np
 
@@ -33,7 +33,7 @@ def bounded(default: Any, doc: str = '', unit: str = '', low: float = -math.inf,
         metadata={'doc': doc, 'unit': unit, 'range': (low, high), 'live': live})
 
 
-def one_of(default: str, doc: str, choices) -> Any:
+def one_of(default: str, doc: str, choices: Iterable[str]) -> Any:
     """Return a dataclass field for one of several texts."""
     return dataclasses.field(default=default, metadata={'doc': doc, 'choices': tuple(choices)})
 
@@ -86,7 +86,8 @@ def types_of(config_class: type) -> dict[str, Any]:
     return get_type_hints(config_class)
 
 
-def checked(name: str, value: Any, kind: Any, metadata: Mapping = types.MappingProxyType({})):
+def checked(name: str, value: Any, kind: Any,
+            metadata: Mapping = types.MappingProxyType({})) -> Any:
     """
     Check one value, as `check_fields` does, and return it as what it shall be.
 
@@ -124,7 +125,7 @@ def checked(name: str, value: Any, kind: Any, metadata: Mapping = types.MappingP
     return value
 
 
-def _bounds(low, high, unit):
+def _bounds(low: float, high: float, unit: str) -> str:
     if math.isinf(low) and math.isinf(high):
         return 'finite'
     if math.isinf(high):
@@ -133,12 +134,12 @@ def _bounds(low, high, unit):
     return f'{lowest} {high:g} {unit}'.rstrip()
 
 
-def _thousandth(value, low, high, unit):
+def _thousandth(value: float, low: float, high: float, unit: str) -> str:
     """Question whether a length or speed was given in millimetres."""
     meant = value / 1000.0
     asked = unit.startswith('m') and value > high and low <= meant <= high
     return f'; did you mean {meant:g}?' if asked else ''
 
 
-def _refuse(name, value, expected):
+def _refuse(name: str, value: Any, expected: str) -> NoReturn:
     raise ConfigurationError(f'{name} is {value!r:.60}, must be {expected}')

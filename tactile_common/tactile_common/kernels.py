@@ -5,7 +5,8 @@ Numba looks at the file of the compiled function only, not at those of the funct
 calls; a folder of its own for every state of the sources makes its cache right. Every module
 with a kernel takes `njit` from here, so that the folder is set before anything is compiled.
 
-`compile_kernels`, also a command, fills that folder, so that no first start has to wait.
+`compile_kernels`, also a command, fills that folder, so that no first start has to wait. Who does
+not call it reads a line on the terminal while kernels are compiled.
 """
 from collections.abc import Callable, Iterator
 from concurrent.futures import as_completed, ProcessPoolExecutor
@@ -23,6 +24,7 @@ import zlib
 
 from numba import config
 from numba import njit as numba_njit
+from numba.core import event
 from numba.np.unsafe.ndarray import to_fixed_tuple
 
 __all__ = ['FAST', 'njit', 'to_fixed_tuple']
@@ -59,6 +61,25 @@ def njit(*functions: Callable, cache: bool = False, **options: Any) -> Any:
 
 def _refuse(*args: Any, **kwargs: Any) -> None:
     raise TypeError('a kernel without cache=True is called by other kernels alone')
+
+
+class _Notice(event.Listener):
+    """Says on a terminal, once, that kernels are compiled; nothing of those in the folder."""
+
+    said = False
+
+    def on_start(self, event: Any) -> None:
+        package = event.data['dispatcher'].py_func.__module__.partition('.')[0]
+        if not self.said and package in PACKAGES and sys.stderr.isatty():
+            self.said = True
+            print('compiling kernels, once: this takes up to a minute', file=sys.stderr)
+
+    def on_end(self, event: Any) -> None:
+        pass
+
+
+_NOTICE = _Notice()
+event.register('numba:compile', _NOTICE)
 
 
 def cache_folder() -> Path:
@@ -100,8 +121,9 @@ def compile_kernels() -> Iterator[tuple[str, float]]:
             yield one.result()
 
 
-def _compile(package, folder):
+def _compile(package: str, folder: str) -> tuple[str, float]:
     config.CACHE_DIR = folder  # a new process: nothing is imported yet
+    _NOTICE.said = True  # by the command
     begin = time.perf_counter()
     import_module(f'{package}.compile_kernels').compile_kernels()
     return package, time.perf_counter() - begin

@@ -7,6 +7,7 @@ import os
 from pathlib import Path
 import shutil
 import tempfile
+from typing import Any, IO
 import zipfile
 import zlib
 
@@ -40,11 +41,11 @@ def clear_errors(path: str | os.PathLike) -> Iterator[None]:
             f'{path}: is not an {_kind(path)} of numbers, or damaged') from error
 
 
-def _kind(path):
+def _kind(path: str | os.PathLike) -> str:
     return '.npy array' if _is_plain(path) else '.npz archive'
 
 
-def _is_plain(path):
+def _is_plain(path: str | os.PathLike) -> bool:
     """Whether a file is one array, and not an archive of them."""
     return Path(path).suffix == '.npy'
 
@@ -78,7 +79,7 @@ def scalar(name: str, value: np.ndarray) -> float:
     return float(value.item())
 
 
-def _archive(path):
+def _archive(path: str | os.PathLike) -> zipfile.ZipFile:
     archive = zipfile.ZipFile(path)
     if len(archive.filelist) > MAX_MEMBERS:
         archive.close()
@@ -87,18 +88,18 @@ def _archive(path):
     return archive
 
 
-def _names(members):
+def _names(members: list[str]) -> str:
     names = sorted(member.removesuffix('.npy')[:40] for member in members)
     return f'{names[:20]}{" and more" if len(names) > 20 else ""}'
 
 
-def _refuse_above(most, size, what):
+def _refuse_above(most: int, size: int, what: str) -> None:
     if size > most:
         raise ConfigurationError(
             f'{what} would take {size / 1e6:.0f} MB, at most {most / 1e6:.0f} MB are read')
 
 
-def _header(stream):
+def _header(stream: IO[bytes]) -> tuple[tuple[int, ...], bool, np.dtype, int]:
     """Shape, order, type and length of the header of a `.npy` stream."""
     head = BytesIO(stream.read(MAX_HEADER))  # whatever length it claims to have
     version = npy.read_magic(head)
@@ -108,7 +109,7 @@ def _header(stream):
 
 
 @contextmanager
-def _opened(path, name):
+def _opened(path: str | os.PathLike, name: str) -> Iterator[tuple[IO[bytes], int]]:
     """Stream of an `.npy` file, or of that array of an archive, and its length."""
     if _is_plain(path):
         with open(path, 'rb') as stream:
@@ -163,7 +164,7 @@ class ArrayReader:
             return values.reshape(self.shape, order='F' if self._column_major else 'C')
 
     @contextmanager
-    def _values(self):
+    def _values(self) -> Iterator[IO[bytes]]:
         """Open the array behind its header."""
         with _opened(self._path, self._name) as (stream, _):
             stream.seek(self._begin)
@@ -174,14 +175,14 @@ class ArrayReader:
         with clear_errors(self._path), self._values() as stream:
             yield from (self._mapped if self._column_major else self._streamed)(stream, rows)
 
-    def _streamed(self, stream, rows):
+    def _streamed(self, stream: IO[bytes], rows: int) -> Iterator[np.ndarray]:
         row_size = math.prod(self.shape[1:]) * self.dtype.itemsize
         for first in range(0, self.shape[0], rows):
             count = min(rows, self.shape[0] - first)
             values = np.frombuffer(stream.read(count * row_size), self.dtype)
             yield values.reshape(count, *self.shape[1:])
 
-    def _mapped(self, stream, rows):
+    def _mapped(self, stream: IO[bytes], rows: int) -> Iterator[np.ndarray]:
         """Rows of a column-major array lie apart: copy it to a file that allows jumps."""
         with tempfile.TemporaryFile() as copy:
             shutil.copyfileobj(stream, copy)
@@ -231,7 +232,7 @@ class RecordWriter:
     def __enter__(self) -> 'RecordWriter':
         return self
 
-    def __exit__(self, kind, *_) -> None:
+    def __exit__(self, kind: type | None, *_: Any) -> None:
         with self._folder:
             for part in self._parts.values():
                 part.close()
@@ -241,7 +242,7 @@ class RecordWriter:
                     self._gather(table)
                 os.replace(table, self._path)
 
-    def _gather(self, table):
+    def _gather(self, table: Path) -> None:
         with zipfile.ZipFile(table, 'w') as archive:
             for name, part in self._parts.items():
                 with archive.open(f'{name}.npy', 'w', force_zip64=True) as member, \
@@ -262,9 +263,9 @@ class RecordWriter:
         self._row += len(records)
 
 
-def _columns(records):
+def _columns(records: np.ndarray) -> Iterator[tuple[str, np.ndarray]]:
     """Names and values of the columns of a `.csv` file: of a symmetric matrix, the upper half."""
-    for name in records.dtype.names:
+    for name in records.dtype.names or ():
         values = records[name]
         if values.ndim == 2:
             for column in range(values.shape[1]):

@@ -25,7 +25,7 @@ class Projection(NamedTuple):
 
 
 @njit(cache=True)
-def arc_length(points, first=0.0):
+def arc_length(points: np.ndarray, first: float = 0.0) -> np.ndarray:
     """Stations (N,) of the vertices (N, D) of a polyline, of which the first is at `first`."""
     stations = np.empty(len(points))
     way = 0.0
@@ -41,7 +41,7 @@ def arc_length(points, first=0.0):
 
 
 @njit(cache=True)
-def resample(points, stations, wanted):
+def resample(points: np.ndarray, stations: np.ndarray, wanted: np.ndarray) -> np.ndarray:
     """
     Points (M, D) of a polyline of vertices (N, D) at the wanted stations (M,), else its ends.
 
@@ -54,7 +54,8 @@ def resample(points, stations, wanted):
 
 
 @njit(cache=True)
-def nearest_on_polyline(xs, ys, stations, x, y, first=-np.inf, last=np.inf):
+def nearest_on_polyline(xs: np.ndarray, ys: np.ndarray, stations: np.ndarray, x: float, y: float,
+                        first: float = -np.inf, last: float = np.inf) -> Projection:
     """
     Project a point onto a polyline in the plane.
 

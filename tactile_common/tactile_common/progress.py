@@ -5,6 +5,7 @@ import math
 import os
 import sys
 import threading
+from typing import TextIO
 
 from tqdm import tqdm
 
@@ -22,7 +23,7 @@ class Progress(tqdm):
 
     monitor_interval = 0  # no thread beside
 
-    def __init__(self, total: float, delay: float = 0.0, stream=None):
+    def __init__(self, total: float, delay: float = 0.0, stream: TextIO | None = None):
         stream = stream or sys.stderr
         self._terminal, self._drawn = stream.isatty(), False
         super().__init__(
@@ -39,7 +40,7 @@ class Progress(tqdm):
             self.n = min(done, self.total) if done > 1e-3 * self.total else 0.0
         self.update(0)
 
-    def display(self, msg=None, pos=None):
+    def display(self, msg: str | None = None, pos: int | None = None) -> bool:
         """Draw the bar, in a log as a line of its own."""
         self._drawn = True
         if self._terminal:
@@ -48,7 +49,7 @@ class Progress(tqdm):
             self.fp.write(f'{self if msg is None else msg}\n')
         return False
 
-    def close(self):
+    def close(self) -> None:
         """Draw what there is at the end, if anything was drawn before."""
         if not self.disable and self._drawn and not self._terminal:
             self.display()
@@ -69,7 +70,7 @@ def live_progress(total: float) -> Iterator[Progress]:
     sys.stderr.flush()
     reading, writing = os.pipe()
     with os.fdopen(os.dup(2), 'w') as terminal, Progress(total, stream=terminal) as progress:
-        def relay():
+        def relay() -> None:
             with os.fdopen(reading, errors='replace') as lines:
                 for line in lines:
                     progress.write(line, file=terminal, end='')

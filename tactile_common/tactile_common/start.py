@@ -4,6 +4,7 @@ import importlib
 import os
 import signal
 import sys
+from typing import Any
 
 _SIGNALS = (signal.SIGINT, signal.SIGTERM)
 INTERRUPTED = 'INTERRUPTED_STATUS'  # environment: exit status in place of the executable's own
@@ -48,15 +49,15 @@ def executable(module: str, interrupted: int = 130) -> Callable[[], None]:
     return entry
 
 
-def _interrupt(*_):
+def _interrupt(*_: Any) -> None:
     _handle(_pass_over)  # one is enough; a second would interrupt the cleaning up
     raise KeyboardInterrupt
 
 
-def _pass_over(*_):
+def _pass_over(*_: Any) -> None:
     """Take a signal; where one comes as SIG_IGN is set, Python would write a line about it."""
 
 
-def _handle(handler):
+def _handle(handler: Callable[..., Any]) -> None:
     for number in _SIGNALS:
         signal.signal(number, handler)

@@ -81,8 +81,8 @@ class TableReader:
         except OSError as error:
             raise ConfigurationError(f'{self._path}: cannot be read: {error.strerror}') from error
 
-    def _cells(self, line):
+    def _cells(self, line: bytes) -> list[bytes]:
         return line.split(self._separator)
 
-    def _refusal(self, number, text):
+    def _refusal(self, number: int, text: str) -> ConfigurationError:
         return ConfigurationError(f'{self._path}: line {number} {text}')

@@ -1,4 +1,5 @@
 """YAML files of strangers: bounded before anything in them is expanded."""
+from collections.abc import Iterable
 import os
 from typing import Any
 
@@ -47,7 +48,7 @@ def read_yaml(path: str | os.PathLike) -> Any:
         raise ConfigurationError(f'is not YAML: {reason:.300}') from error
 
 
-def _check(events):
+def _check(events: Iterable[yaml.Event]) -> None:
     """Refuse a stream of events before a value is made of it."""
     nodes = depth = 0
     for event in events:

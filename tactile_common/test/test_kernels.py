@@ -94,6 +94,21 @@ def test_a_kernel_without_a_wrapper_refuses_python():
         inner(1)
 
 
+def test_a_terminal_reads_once_that_kernels_are_compiled(monkeypatch, capsys):
+    monkeypatch.setattr(kernels, 'PACKAGES', (__name__.partition('.')[0],))
+    monkeypatch.setattr(kernels._NOTICE, 'said', False)
+
+    def compiled(terminal):
+        monkeypatch.setattr(sys.stderr, 'isatty', lambda: terminal)
+        for add in (1, 2):
+            kernels.numba_njit(lambda x, add=add: x + add)(1)
+        return capsys.readouterr().err
+
+    assert compiled(False) == ''
+    assert compiled(True) == 'compiling kernels, once: this takes up to a minute\n'
+    assert compiled(True) == ''
+
+
 def takes_numba_itself(source):
     """Whether a module compiles by numba's own decorators, before the folder may be set."""
     return any(

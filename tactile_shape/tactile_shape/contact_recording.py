@@ -43,7 +43,7 @@ class ContactRecording:
     normal_noise: float | None = None
     location_noise: float | None = None
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         count = len(self.t) if np.ndim(self.t) == 1 else 0
         for name, shape in (('t', (count,)), ('position', (count, 3)), ('normal', (count, 3))):
             value = np.asarray(getattr(self, name))
@@ -115,7 +115,7 @@ def read_rows(path: Path, columns: int) -> np.ndarray:
     return reader.read()
 
 
-def _from_bag(path, namespace, finger_radius):
+def _from_bag(path: Path, namespace: str | None, finger_radius: float) -> ContactRecording:
     with reading_bags():  # knows messages, which arrays do not need
         from tactile_common.ros.bag_reader import Bag
         from tactile_sensing.observations import observations, TYPES

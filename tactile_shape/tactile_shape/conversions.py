@@ -1,4 +1,7 @@
 """Between the core's data and ROS messages; nothing else converts, but for bags."""
+from collections.abc import Iterable
+from typing import Any
+
 from geometry_msgs.msg import Point, PoseStamped
 import numpy as np
 from std_msgs.msg import ColorRGBA, Header
@@ -13,6 +16,7 @@ from tactile_shape.types.patch import Kind, Patch
 # What markers show at most of a model, so that they cost little.
 MAX_PATCHES, MAX_SEGMENTS = 100, 1000
 _RED, _GREEN = (0.85, 0.15, 0.15), (0.15, 0.6, 0.15)
+Shade = tuple[float, float, float]  # red, green, blue
 _LINE_WIDTH = 5e-4  # m
 _ALPHA = 0.6
 
@@ -30,7 +34,7 @@ def patch_to_msg(patch: Patch, header: Header, sensor: str = '') -> SurfacePatch
     return message
 
 
-def patch_from_msg(message) -> Patch:
+def patch_from_msg(message: Any) -> Patch:
     """Patch of a SurfacePatch message; TactileError of a kind or a valid pose that is none."""
     if message.kind not in list(Kind):
         raise TactileError(f'kind of patch is {message.kind}, must be at most {max(Kind)}')
@@ -61,25 +65,25 @@ def model_to_markers(model: ObjectModel, patch: Patch | None, header: Header) ->
     return MarkerArray(markers=[marker for marker in markers if marker.points])
 
 
-def _mesh(model, patches, header, namespace):
+def _mesh(model: ObjectModel, patches: list[Patch], header: Header, namespace: str) -> Marker:
     marker = _marker(header, namespace, Marker.TRIANGLE_LIST, 1.0)
     mesh = model.mesh(patches)
     corners = mesh.faces.reshape(-1)
     marker.points = [_point(vertex) for vertex in mesh.vertices[corners].tolist()]
-    shades = {}  # of the few kinds, one message each
+    shades: dict[Shade, ColorRGBA] = {}  # of the few kinds, one message each
     marker.colors = [shades.setdefault(shade, _colour(shade)) for shade in
                      map(tuple, mesh.colours[corners].tolist())]
     return marker
 
 
-def _lines(strokes, header):
+def _lines(strokes: list[list[np.ndarray]], header: Header) -> Marker:
     marker = _marker(header, 'contour', Marker.LINE_LIST, _LINE_WIDTH)
     pairs = [pair for stroke in strokes for pair in zip(stroke, stroke[1:], strict=False)]
     marker.points = [_point(point.tolist()) for pair in pairs[-MAX_SEGMENTS:] for point in pair]
     return marker
 
 
-def _directions(patch, header, length):
+def _directions(patch: Patch, header: Header, length: float) -> Marker:
     marker = _marker(header, 'principal directions', Marker.LINE_LIST, _LINE_WIDTH)
     for axis, shade, seen in zip(patch.directions, (_RED, _GREEN), patch.seen, strict=True):
         if seen:
@@ -89,7 +93,7 @@ def _directions(patch, header, length):
     return marker
 
 
-def _marker(header, namespace, kind, scale):
+def _marker(header: Header, namespace: str, kind: int, scale: float) -> Marker:
     marker = Marker(header=header, ns=namespace, type=kind, action=Marker.ADD,
                     color=_colour(COLOURS[Kind.NONE], 1.0))
     marker.pose.orientation.w = 1.0
@@ -97,11 +101,11 @@ def _marker(header, namespace, kind, scale):
     return marker
 
 
-def _colour(shade, alpha=_ALPHA):
+def _colour(shade: Shade, alpha: float = _ALPHA) -> ColorRGBA:
     red, green, blue = shade
     return ColorRGBA(r=red, g=green, b=blue, a=alpha)
 
 
-def _point(values):
+def _point(values: Iterable[float]) -> Point:
     x, y, z = values
     return Point(x=x, y=y, z=z)

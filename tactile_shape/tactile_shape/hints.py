@@ -37,7 +37,7 @@ def hints(recording: ContactRecording, records: np.ndarray, window: float) -> It
     yield from _reasons(recording.position[touched], recording.normal[touched], window)
 
 
-def _reasons(position, normal, window) -> Iterator[str]:
+def _reasons(position: np.ndarray, normal: np.ndarray, window: float) -> Iterator[str]:
     length = np.median(np.linalg.norm(normal, axis=1))
     if not abs(length - 1.0) < UNIT:
         yield (f'normals have a length of {length:.3g}, must have 1'

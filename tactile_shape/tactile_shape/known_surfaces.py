@@ -32,7 +32,7 @@ class Torus:
     ring: float
     tube: float
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         if not (self.ring >= 0.0 and self.tube > 0.0):
             raise ConfigurationError(
                 f'torus: ring {self.ring} m, tube {self.tube} m, must be at least 0 and above 0')
@@ -93,7 +93,7 @@ def sphere(radius: float) -> Torus:
     return Torus(0.0, radius)
 
 
-def _sagitta(arc, radius):
+def _sagitta(arc: np.ndarray, radius: float) -> np.ndarray:
     return 0.0 * arc if np.isinf(radius) else 2.0 * radius * np.sin(0.5 * arc / radius)**2
 
 
@@ -165,7 +165,7 @@ def add_noise(
     -------
     points, normals : ndarray, shape (N, 3)
     """
-    def tangential(std):
+    def tangential(std: float) -> np.ndarray:
         noise = rng.normal(0.0, std, points.shape)
         return noise - (noise * normals).sum(axis=1, keepdims=True) * normals
 

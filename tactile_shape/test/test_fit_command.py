@@ -124,7 +124,7 @@ def test_the_example_of_the_help(there, capsys):
     np.testing.assert_allclose(1 / result('patches.npz')['curvature'][-1], 0.035, rtol=0.01)
 
 
-GOOD = contacts()
+GOOD = contacts(length=0.01)
 
 
 @pytest.mark.parametrize('change, options, message', [

@@ -1,5 +1,5 @@
 """What a recording of a stranger may ask for: checked before it is expanded."""
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import Any
 
 from lz4.frame import LZ4FrameDecompressor
@@ -19,8 +19,8 @@ def bound_chunks() -> None:
     storage_mcap.DECOMPRESSORS['zstd'] = _bounded(storage_mcap.zstd.ZstdDecompressor)
 
 
-def _bounded(make):
-    def decompress(data, size):
+def _bounded(make: Callable[[], Any]) -> Callable[[bytes, int], bytes]:
+    def decompress(data: bytes, size: int) -> bytes:
         if size > MAX_CHUNK:
             raise ReaderError(
                 f'a chunk of {size / 1e6:.0f} MB, at most {MAX_CHUNK / 1e6:.0f} MB are read')
@@ -42,9 +42,10 @@ def check_types(types: Mapping[str, Any], known: Mapping[str, Any]) -> None:
 
     `known` are those that they may contain. Raises a ConfigurationError.
     """
-    everything, counts = {**known, **types}, {}
+    everything = {**known, **types}
+    counts: dict[str, int] = {}
 
-    def of_type(name, inside):
+    def of_type(name: str, inside: tuple[str, ...]) -> int:
         if name in inside:
             raise ConfigurationError(f'the definition of {name} contains itself')
         if name not in counts:
@@ -52,7 +53,7 @@ def check_types(types: Mapping[str, Any], known: Mapping[str, Any]) -> None:
             counts[name] = sum(of_field(kind, (*inside, name)) for _, kind in fields)
         return counts[name]
 
-    def of_field(kind, inside):
+    def of_field(kind: Any, inside: tuple[str, ...]) -> int:
         node, detail = kind
         if node == Nodetype.BASE:
             return 1

@@ -57,7 +57,7 @@ class Bag:
     def __enter__(self) -> 'Bag':
         return self
 
-    def __exit__(self, *_) -> None:
+    def __exit__(self, *_: Any) -> None:
         self._reader.close()
 
     @property
@@ -133,13 +133,13 @@ class Bag:
             f'bag {self.path}: the message on {topic} at {1e-9 * time_ns:.6f} s is damaged or of '
             f'another kind: {_one_line(error)}')
 
-    def _deserialise(self, connection, time_ns, data):
+    def _deserialise(self, connection: Any, time_ns: int, data: Any) -> Any:
         try:
             return deserialised(self._types, connection.msgtype, data)
         except DAMAGE as error:
             raise self.damaged(connection.topic, time_ns, error) from error
 
-    def _learn(self, connection):
+    def _learn(self, connection: Any) -> None:
         name, (kind, text) = connection.msgtype, connection.msgdef
         check_text(name, text)
         if kind == MessageDefinitionFormat.NONE:
@@ -171,5 +171,5 @@ class Bag:
                 f'bag {self.path}: is not a rosbag2 recording: {_one_line(error)}') from error
 
 
-def _one_line(error):
+def _one_line(error: Exception) -> str:
     return f'{" ".join(str(error).split()) or type(error).__name__:.200}'

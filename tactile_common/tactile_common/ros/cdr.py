@@ -30,7 +30,7 @@ def register(types: Typestore, found: dict[str, Any]) -> None:
                     if name not in types.fielddefs})
 
 
-def deserialised(types: Typestore, name: str, data: bytes | bytearray | memoryview) -> Any:
+def deserialised(types: Typestore, name: str, data: Any) -> Any:
     """
     Return the message of a known type that bytes hold; sequences of numbers are ndarrays.
 

@@ -1,5 +1,6 @@
 """Between ROS messages of time and place and what the core reckons with."""
 import math
+from typing import Any
 
 from builtin_interfaces.msg import Time
 from geometry_msgs.msg import Pose
@@ -10,7 +11,7 @@ from tactile_common.errors import TactileError
 NS = 1_000_000_000  # in a second
 
 
-def set_stamp(stamp, nanoseconds: int) -> None:
+def set_stamp(stamp: Any, nanoseconds: int) -> None:
     """Set a stamp, or a duration, to an instant [ns]."""
     stamp.sec, stamp.nanosec = divmod(nanoseconds, NS)
 
@@ -21,17 +22,17 @@ def stamp_from_ns(nanoseconds: int) -> Time:
     return Time(sec=seconds, nanosec=rest)
 
 
-def stamp_to_ns(stamp) -> int:
+def stamp_to_ns(stamp: Any) -> int:
     """Return a stamp, or a duration, as nanoseconds."""
     return stamp.sec * NS + stamp.nanosec
 
 
-def stamp_to_seconds(stamp) -> float:
+def stamp_to_seconds(stamp: Any) -> float:
     """Return a stamp, or a duration, as seconds."""
     return stamp.sec + 1e-9 * stamp.nanosec
 
 
-def pose_from_msg(pose) -> np.ndarray:
+def pose_from_msg(pose: Any) -> np.ndarray:
     """
     Return a geometry_msgs/Pose as a homogeneous transform (4, 4) [m].
 
@@ -52,7 +53,7 @@ def pose_from_msg(pose) -> np.ndarray:
         [0.0, 0.0, 0.0, 1.0]])
 
 
-def pose_to_msg(matrix: np.ndarray, into=None) -> Pose:
+def pose_to_msg(matrix: np.ndarray, into: Pose | None = None) -> Pose:
     """Return the Pose message of a homogeneous transform (4, 4) [m]; of NaN, one of NaN."""
     pose = Pose() if into is None else into
     place, turn = pose.position, pose.orientation

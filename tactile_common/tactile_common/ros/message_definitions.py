@@ -43,6 +43,6 @@ def definition(name: str) -> MessageDefinition:
         for part, other in zip(inner, texts, strict=True)), digest)
 
 
-def _interface_file(name, suffix):
+def _interface_file(name: str, suffix: str) -> Path:
     package, folder, stem = name.split('/')
     return Path(get_package_share_directory(package), folder, f'{stem}.{suffix}')

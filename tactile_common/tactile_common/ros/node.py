@@ -17,7 +17,7 @@ class _SurvivingPublisher(Publisher):
 
     on_error: Any = None
 
-    def publish(self, msg):
+    def publish(self, msg: Any) -> None:
         try:
             super().publish(msg)
         except RCLError as error:
@@ -46,7 +46,7 @@ class TactileNode(Node):
     errors = 0
     _errors_told = 0
 
-    def __init__(self, name, **kwargs):
+    def __init__(self, name: str, **kwargs: Any):
         super().__init__(name, **kwargs)
         self._begun = time.monotonic()
         self._diagnostics = self.create_publisher(DiagnosticArray, '/diagnostics', 10)
@@ -54,11 +54,12 @@ class TactileNode(Node):
                           clock=Clock(clock_type=ClockType.STEADY_TIME))
 
     @property
-    def starting(self):
+    def starting(self) -> bool:
         """Whether it is so early that an input that is not there yet is nothing to warn of."""
         return time.monotonic() - self._begun < START
 
-    def create_publisher(self, *arguments, publisher_class=_SurvivingPublisher, **kwargs):
+    def create_publisher(self, *arguments: Any, publisher_class: type = _SurvivingPublisher,
+                         **kwargs: Any) -> Publisher:
         """As of every node; what cannot be published is counted."""
         publisher = super().create_publisher(
             *arguments, publisher_class=publisher_class, **kwargs)
@@ -66,7 +67,7 @@ class TactileNode(Node):
             publisher.on_error = self.count_error
         return publisher
 
-    def count_error(self, error, what=''):
+    def count_error(self, error: Exception, what: str = '') -> None:
         """Count and tell an error of rcl; raise it again where the context is shut down."""
         if not self.context.ok():
             raise error
@@ -75,7 +76,8 @@ class TactileNode(Node):
         self.get_logger().warning(
             f'not sent{where} ({self.errors} so far): {error}', throttle_duration_sec=5.0)
 
-    def diagnose(self, level, text, values=None, *, name='node', hardware_id=''):
+    def diagnose(self, level: bytes, text: str, values: dict[str, Any] | None = None, *,
+                 name: str = 'node', hardware_id: str = '') -> None:
         """Publish the state of the node, with the number of errors; new ones are a warning."""
         if self.errors > self._errors_told and level == DiagnosticStatus.OK:
             level, text = DiagnosticStatus.WARN, f'{text}; messages could not be sent'
@@ -88,5 +90,5 @@ class TactileNode(Node):
         message.header.stamp = self.get_clock().now().to_msg()
         self._diagnostics.publish(message)
 
-    def _on_diagnose(self):
+    def _on_diagnose(self) -> None:
         self.diagnose(DiagnosticStatus.OK, 'running')

@@ -1,4 +1,7 @@
 """ROS parameters declared from a configuration dataclass, where the defaults live."""
+from collections.abc import Callable, Mapping
+from typing import Any
+
 from rcl_interfaces.msg import (
     FloatingPointRange,
     IntegerRange,
@@ -6,12 +9,14 @@ from rcl_interfaces.msg import (
     SetParametersResult,
 )
 from rclpy.exceptions import ParameterException
+from rclpy.node import Node
+from rclpy.parameter import Parameter
 
 from tactile_common.config import built, checked
 from tactile_common.errors import ConfigurationError
 
 
-def declare_from(node, config_class, prefix='', defaults=None):
+def declare_from(node: Node, config_class: type, prefix: str = '', defaults: Any = None) -> Any:
     """
     Declare one parameter per field of a dataclass; returns it with the values of the user.
 
@@ -34,7 +39,7 @@ def declare_from(node, config_class, prefix='', defaults=None):
     ConfigurationError
         A value has the wrong type, is out of range or is refused by `config_class`.
     """
-    def declare(name, default, kind, metadata):
+    def declare(name: str, default: Any, kind: Any, metadata: Mapping) -> Any:
         try:
             parameter = node.declare_parameter(
                 name, list(default) if isinstance(default, tuple) else default,
@@ -46,20 +51,20 @@ def declare_from(node, config_class, prefix='', defaults=None):
     return built(config_class, declare, prefix, defaults)
 
 
-def follow_changes(node, config_class, apply):
+def follow_changes(node: Node, config_class: type, apply: Callable[[Any], None]) -> None:
     """
     Call `apply(config)` with the dataclass whenever a parameter of it has been set.
 
     A value of the wrong type or out of range, or one that the dataclass refuses, is not set; the
     answer says why. The parameters must have been declared by `declare_from`.
     """
-    def of(changed):
-        def value_of(name, _, kind, metadata):
+    def of(changed: Mapping[str, Any]) -> Any:
+        def value_of(name: str, _: Any, kind: Any, metadata: Mapping) -> Any:
             value = changed[name] if name in changed else node.get_parameter(name).value
             return checked(f"parameter '{name}'", value, kind, metadata)
         return built(config_class, value_of)
 
-    def check(parameters):
+    def check(parameters: list[Parameter]) -> SetParametersResult:
         try:
             of({parameter.name: parameter.value for parameter in parameters})
         except ConfigurationError as error:
@@ -70,7 +75,7 @@ def follow_changes(node, config_class, apply):
     node.add_post_set_parameters_callback(lambda _: apply(of({})))
 
 
-def _descriptor(metadata, kind):
+def _descriptor(metadata: Mapping, kind: Any) -> ParameterDescriptor:
     text = metadata.get('doc', '')
     if metadata.get('unit'):
         text = f'{text} [{metadata["unit"]}]'.lstrip()
@@ -90,6 +95,6 @@ def _descriptor(metadata, kind):
     return descriptor
 
 
-def _integer(bound):
+def _integer(bound: float) -> int:
     """Bound of an integer parameter, which has 64 bits."""
     return int(min(max(bound, -2**63), 2**63 - 1))

@@ -1,4 +1,5 @@
 """Start, spin and stop one node, or several in one process, with clean exits."""
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 import faulthandler
 import gc
@@ -9,10 +10,11 @@ import sys
 import threading
 import time
 import traceback
+from typing import Any
 
 import rclpy
 from rclpy.exceptions import NameValidationException, ParameterException
-from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
+from rclpy.executors import Executor, ExternalShutdownException, SingleThreadedExecutor
 from rclpy.logging import get_logger
 from rclpy.signals import SignalHandlerOptions
 from rclpy.subscription import RCLError
@@ -35,14 +37,15 @@ _UNHEARD = 1.0  # s longer, where a call of the middleware lets no other thread 
 _DELIVERY = 0.2  # s, in which the last word leaves: what a writer that is gone wrote is lost
 
 
-def make_executor(context=None):
+def make_executor(context: rclpy.Context | None = None) -> Executor:
     """Return the cheapest executor that this rclpy offers for nodes of a context, for `spin`."""
     if EventsExecutor is not None:
         return EventsExecutor(context=context)
     return SingleThreadedExecutor(context=context)
 
 
-def spin(executor, context=None, until=None):
+def spin(executor: Executor, context: rclpy.Context | None = None,
+         until: Callable[[], bool] | None = None) -> None:
     """
     Work off callbacks until the context is shut down or `until()` holds.
 
@@ -70,7 +73,7 @@ def spin(executor, context=None, until=None):
                 node.count_error(error)
 
 
-def freeze_heap():
+def freeze_heap() -> None:
     """
     Leave what is in memory now out of all garbage collections to come, once a process is set up.
 
@@ -83,7 +86,7 @@ def freeze_heap():
 class Stop:
     """A flag with the methods of an Event but no lock, on which two signals could dead-lock."""
 
-    def __init__(self):
+    def __init__(self) -> None:
         self._on = False
 
     def is_set(self) -> bool:
@@ -100,7 +103,7 @@ class Stop:
 
 
 @contextmanager
-def stop_on_signals():
+def stop_on_signals() -> Iterator[Stop]:
     """
     Give a flag that SIGINT and SIGTERM set, in place of every other effect of theirs.
 
@@ -117,7 +120,9 @@ def stop_on_signals():
             signal.signal(number, handler)
 
 
-def run(node_class, args=None, until=None, on_stop=None) -> int:
+def run(node_class: Any, args: list[str] | None = None,
+        until: Callable[[Any], bool] | None = None,
+        on_stop: Callable[[Any], None] | None = None) -> int:
     """
     Run one node until SIGINT, SIGTERM or the shutdown of its context; returns the exit status.
 
@@ -166,7 +171,7 @@ def run(node_class, args=None, until=None, on_stop=None) -> int:
 
 
 @contextmanager
-def _on_one_core():
+def _on_one_core() -> Iterator[None]:
     """
     Let the threads of this process take turns on one core.
 
@@ -188,14 +193,14 @@ def _on_one_core():
         _keep_to(cores)
 
 
-def _keep_to(cores):
+def _keep_to(cores: set[int]) -> None:
     for thread in os.listdir('/proc/self/task'):
         with suppress(OSError):  # it has ended
             os.sched_setaffinity(int(thread), cores)
 
 
 @contextmanager
-def _in_time(stopped, seconds, text=''):
+def _in_time(stopped: Callable[[], bool], seconds: float, text: str = '') -> Iterator[None]:
     """
     End the process when it has `stopped()`, but what stands in the context takes longer.
 
@@ -207,7 +212,7 @@ def _in_time(stopped, seconds, text=''):
     if stopped():
         faulthandler.dump_traceback_later(seconds + _UNHEARD, exit=True)
 
-    def watch():
+    def watch() -> None:
         while not done.wait(_TICK):
             if stopped() and not done.wait(seconds):
                 if text:
@@ -223,7 +228,7 @@ def _in_time(stopped, seconds, text=''):
         faulthandler.cancel_dump_traceback_later()
 
 
-def _refuse(node_class, error):
+def _refuse(node_class: type, error: Exception) -> int:
     """Print why a node cannot start, in one line; the traceback shows with log level debug."""
     name = re.sub('(?<!^)(?=[A-Z])', '_', node_class.__name__.removesuffix('Node')).lower()
     get_logger(name).debug(''.join(traceback.format_exception(error)))

@@ -1,14 +1,16 @@
 """Offline command: the surface at every contact of a recorded path."""
 import argparse
+from collections.abc import Iterable
 import os
 from pathlib import Path
-import sys
+from textwrap import indent
 import time
+from typing import Any
 
 import numpy as np
 
-from tactile_common.command_line import Parser
-from tactile_common.errors import ConfigurationError, TactileError
+from tactile_common.command_line import Parser, run_command
+from tactile_common.errors import ConfigurationError
 from tactile_common.npz_stream import RecordWriter
 from tactile_common.progress import Progress
 from tactile_shape.contact_recording import ContactRecording, load_contacts, OPTIONAL
@@ -35,7 +37,7 @@ EXAMPLE = """\
 """
 
 
-def _table(rows, width):
+def _table(rows: Iterable[tuple[Any, str]], width: int) -> str:
     return '\n'.join(f'  {str(name):{width}} {text}' for name, text in rows)
 
 
@@ -168,13 +170,4 @@ def run(options: argparse.Namespace) -> str:
 
 def main(args: list[str] | None = None) -> int:
     """Run the command; exit status 0 if the output was written."""
-    try:
-        for line in run(parser().parse_args(args)).splitlines():
-            print(f'fit: {line}', file=sys.stderr)
-    except (TactileError, OSError) as error:
-        print(f'fit: {" ".join(str(error).split())}', file=sys.stderr)
-        return 1
-    except KeyboardInterrupt:
-        print('fit: interrupted, nothing written', file=sys.stderr)
-        return 130
-    return 0
+    return run_command('fit', lambda: indent(run(parser().parse_args(args)), 'fit: '))

@@ -1,5 +1,6 @@
 """Pictures of patches and contours; the only module that needs matplotlib."""
 from os import PathLike
+from typing import Any
 
 from matplotlib.figure import Figure
 import numpy as np
@@ -34,7 +35,7 @@ def draw_patches(path: str | PathLike, recording: ContactRecording, table: Patch
         raise ConfigurationError(f'{path}: cannot be drawn: {error}') from error
 
 
-def draw_model(axis, model: ObjectModel, samples: np.ndarray | None = None) -> None:
+def draw_model(axis: Any, model: ObjectModel, samples: np.ndarray | None = None) -> None:
     """Draw an object model, and contacts (N, 3) [m] if given, into 3-D axes, in mm."""
     vertices, colours, faces = model.mesh()
     shown = [vertices, model.contour]
@@ -61,7 +62,7 @@ def draw_model(axis, model: ObjectModel, samples: np.ndarray | None = None) -> N
     axis.legend(loc='upper left', fontsize=8)
 
 
-def _curvature(axis, records):
+def _curvature(axis: Any, records: np.ndarray) -> None:
     t = records['t']
     for column, colour in ((0, '#0b6e99'), (1, '#c05a00')):
         good = records['valid'] & records['seen'][:, column]

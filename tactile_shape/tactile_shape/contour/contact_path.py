@@ -166,7 +166,7 @@ class ContactPath:
             placed.append(Placed(waiting.extra, contact, anew, reason))
         return placed
 
-    def _place(self, waiting):
+    def _place(self, waiting: _Waiting) -> tuple[SpatialContact | None, bool, str]:
         """Contact in space, whether the path begins anew with it, and why there is none."""
         stamp = waiting.stamp_ns
         place, edge = locate(waiting.contact, waiting.picture)
@@ -187,7 +187,7 @@ class ContactPath:
         return SpatialContact(stamp, pose[:3, :3] @ position + pose[:3, 3],
                               pose[:3, :3] @ normal, edge), anew, ''
 
-    def _leaves(self, stamp, load):
+    def _leaves(self, stamp: int, load: float) -> bool:
         """Whether the pad lifts off: what little it still touches lies anywhere on it."""
         if not 0 <= stamp - self._touched <= self._max_gap:
             self._heaviest = 0.0

@@ -8,7 +8,7 @@ RUN = 4  # neighbouring points, whose mean distance tells a form that is wrong t
 CHORD = 1e-3  # m, of an arc as a polyline
 
 
-def _distances(off):
+def _distances(off: np.ndarray) -> tuple[float, float]:
     """RMS of signed distances (N,), and the largest mean of a run of neighbours, in magnitude."""
     run = min(RUN, len(off))
     means = np.convolve(off, np.full(run, 1.0 / run), 'valid')
@@ -89,25 +89,25 @@ class Arc:
         off = np.linalg.norm(points - centre, axis=1) - radius
         return cls(centre, radius, *_distances(off))
 
-    def tangent(self, point):  # noqa: D102
+    def tangent(self, point: np.ndarray) -> tuple[np.ndarray, np.ndarray]:  # noqa: D102
         out = point - self.centre
         out = out / np.linalg.norm(out)
         return self.centre + self.radius * out, np.array([-out[1], out[0]])
 
-    def heading(self, point, onward):  # noqa: D102
+    def heading(self, point: np.ndarray, onward: np.ndarray) -> np.ndarray:  # noqa: D102
         away = point - self.centre
         across = np.array([-away[1], away[0]])
         return across if across @ onward >= 0.0 else -across
 
-    def _sweep(self, path):
+    def _sweep(self, path: np.ndarray) -> float:
         """Angle along a path, by steps so that more than half a circle counts [rad]."""
         away = path - self.centre
         return angle_between(away[:-1], away[1:]).sum()
 
-    def length(self, path):  # noqa: D102
+    def length(self, path: np.ndarray) -> float:  # noqa: D102
         return float(self.radius * abs(self._sweep(path)))
 
-    def polyline(self, path):  # noqa: D102
+    def polyline(self, path: np.ndarray) -> np.ndarray:  # noqa: D102
         sweep = self._sweep(path)
         first, last = path[0] - self.centre, path[-1] - self.centre
         share = np.linspace(0.0, 1.0, int(abs(sweep) * self.radius / CHORD) + 2)

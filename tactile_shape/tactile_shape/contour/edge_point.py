@@ -40,7 +40,8 @@ def edge_point(image: TactileImage) -> tuple[float, float] | None:
     return x + along * tx, y + along * ty
 
 
-def _reach(ahead, pressures, here, half, pitch):
+def _reach(ahead: np.ndarray, pressures: np.ndarray, here: float, half: float,
+           pitch: float) -> float:
     """How far a ridge goes on [m]: to where its pressure falls to half, or is no more seen."""
     reach = 0.0
     for place, pressure in zip([*ahead, math.inf], [*pressures, 0.0], strict=True):

@@ -34,7 +34,7 @@ class ModelConfig:
     max_points: int = bounded(
         5000, 'contour points, and patches, that are kept; the oldest go first', '', 10, 1000000)
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         check_fields(self)
 
 
@@ -90,20 +90,20 @@ class ObjectModel:
         self._remember(position)
         return True
 
-    def _remember(self, position):
+    def _remember(self, position: np.ndarray) -> None:
         """Keep a contact that may tell where its stroke ends, or begins."""
         self._tail.append(position)
         if len(self.strokes[-1]) == 1 and len(self._first) < TAIL:
             self._first.append(position)
 
-    def _begin_at_first(self):
+    def _begin_at_first(self) -> None:
         """Begin a stroke where its first contacts lie: the very first is light, and may be off."""
         first = np.array(self._first[:len(self._first) // 4 + 1])
         if len(first) > 2:
             away = ((first - np.median(first, axis=0))**2).sum(axis=1)
             self.strokes[-1][0] = first[away.argmin()]
 
-    def _end_stroke(self):
+    def _end_stroke(self) -> None:
         """End at the median of the newest contacts that lie about the last point or beyond it."""
         before, last = self.strokes[-1][-2:]
         onward = (last - before) / np.linalg.norm(last - before)
@@ -118,7 +118,7 @@ class ObjectModel:
         else:
             self.strokes[-1][-1] = end
 
-    def _keep(self, position):
+    def _keep(self, position: np.ndarray) -> None:
         self.strokes[-1].append(position)
         self._recent.append(position)
         self.total += 1

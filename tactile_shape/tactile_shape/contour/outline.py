@@ -1,4 +1,5 @@
 """The outline of an object from the contour traced along its edge: corners, sides, their form."""
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -8,7 +9,7 @@ from tactile_common.config import bounded, check_fields
 from tactile_common.errors import ConfigurationError
 from tactile_common.polyline import arc_length
 from tactile_shape.contour.curves import angle_between, Line, meeting, on_curve
-from tactile_shape.contour.pieces import divide, Ends, fit_piece
+from tactile_shape.contour.pieces import divide, Ends, fit_piece, Piece
 
 STRAIGHT = 0.1  # width per length of a contour that has no plane of its own
 ROUNDED = 0.15  # of the rounding: how far from its sides the skin puts contacts at a corner
@@ -33,7 +34,7 @@ class OutlineConfig:
     closing: float = bounded(
         2e-3, 'largest gap between the ends of a closed contour', 'm', 0.0, 1.0)
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         check_fields(self)
 
 
@@ -120,7 +121,8 @@ def find_outline(points: ArrayLike, config: OutlineConfig | None = None) -> Outl
     return _assemble(pieces, closed, lambda u: centre + np.asarray(u) @ axes[:, :2].T)
 
 
-def _pieces(flat, corners, closed, rounding, tolerance):
+def _pieces(flat: np.ndarray, corners: list[int], closed: bool, rounding: float,
+            tolerance: float) -> list[Piece]:
     """Lines and arcs of a contour, from corner to corner."""
     pieces, runs = [], _runs(flat, corners, closed)
     round_ends = bool(closed and corners)
@@ -139,7 +141,7 @@ def _pieces(flat, corners, closed, rounding, tolerance):
     return pieces
 
 
-def _without_roundings(pieces, rounding):
+def _without_roundings(pieces: list[Piece], rounding: float) -> list[Piece]:
     """Pieces with none between two lines that is their corner, rounded by the skin."""
     k = 1
     while k < len(pieces) - 1:
@@ -161,17 +163,17 @@ def _without_roundings(pieces, rounding):
     return pieces
 
 
-def _are_lines(one, other):
+def _are_lines(one: Piece, other: Piece) -> bool:
     return isinstance(one.curve, Line) and isinstance(other.curve, Line)
 
 
-def _straight_on(one, other):
+def _straight_on(one: Piece, other: Piece) -> bool:
     """Whether one line goes on in the direction of another."""
     return _are_lines(one, other) and abs(angle_between(
         one.curve.direction, other.curve.direction)) < LEAST_TURN
 
 
-def _plane(points):
+def _plane(points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Centre and axes (3, 3) of the best plane, of a straight contour that seen from +z."""
     centre = points.mean(axis=0)
     _, spread, axes = np.linalg.svd(points - centre, full_matrices=False)
@@ -185,7 +187,7 @@ def _plane(points):
     return centre, axes
 
 
-def _average(flat, spacing):
+def _average(flat: np.ndarray, spacing: float) -> np.ndarray:
     """Points (n, 2), those within a spacing of each other averaged; the ends stay."""
     travel = arc_length(flat)
     if not spacing or travel[-1] < spacing:
@@ -197,7 +199,7 @@ def _average(flat, spacing):
     return np.concatenate([flat[:1], means[1:-1], flat[-1:]])
 
 
-def _noise(flat):
+def _noise(flat: np.ndarray) -> float:
     """Standard deviation of points across their contour, by their second differences [m]."""
     step = flat[2:] - flat[:-2]
     length = np.linalg.norm(step, axis=1)
@@ -207,7 +209,7 @@ def _noise(flat):
     return np.median(across[some] / length[some]) / (0.6745 * np.sqrt(6.0)) if some.any() else 0.0
 
 
-def _cut_overlap(flat, config):
+def _cut_overlap(flat: np.ndarray, config: OutlineConfig) -> tuple[np.ndarray, bool]:
     """Contour without what was traced twice, and whether it is closed."""
     travel = arc_length(flat)
     away = np.linalg.norm(flat - flat[0], axis=1)
@@ -223,7 +225,7 @@ def _cut_overlap(flat, config):
     return flat, False
 
 
-def _corners(flat, closed, config):
+def _corners(flat: np.ndarray, closed: bool, config: OutlineConfig) -> list[int]:
     """Indices of points at which the contour turns sharply."""
     count = len(flat)
     around = np.concatenate([flat, flat, flat]) if closed else flat
@@ -235,7 +237,7 @@ def _corners(flat, closed, config):
     inside = (travel >= config.leg) & (travel <= travel[-1] - config.leg)
     into, out = around - around[before], around[after] - around
     turn[inside] = np.abs(angle_between(into, out)[inside])
-    found = []
+    found: list[int] = []
     for k in range(offset, offset + count):
         near = (travel > travel[k] - config.leg) & (travel < travel[k] + config.leg)
         # A rounded corner has a flat top: its middle.
@@ -249,7 +251,7 @@ def _corners(flat, closed, config):
     return found
 
 
-def _runs(flat, corners, closed):
+def _runs(flat: np.ndarray, corners: list[int], closed: bool) -> list[np.ndarray]:
     """Points between corners."""
     if not closed:
         return [flat[a:b + 1] for a, b in zip(
@@ -261,7 +263,8 @@ def _runs(flat, corners, closed):
     return [around[a:b + 1] for a, b in zip(corners, ends, strict=True)]
 
 
-def _assemble(pieces, closed, lift):
+def _assemble(pieces: list[Piece], closed: bool,
+              lift: Callable[[ArrayLike], np.ndarray]) -> Outline:
     """Outline of pieces in the plane; `lift` brings points (..., 2) into space."""
     joints = [meeting(before.curve, piece.curve, piece.points[0]) if piece.ends.start
               else on_curve(piece.curve, piece.points[0]) for before, piece in zip(

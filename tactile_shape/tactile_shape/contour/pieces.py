@@ -62,7 +62,7 @@ def divide(points: np.ndarray, ends: Ends, rounding: float, tolerance: float) ->
     return pieces
 
 
-def _best_joint(points, ends, rounding, first, last):
+def _best_joint(points: np.ndarray, ends: Ends, rounding: float, first: int, last: int) -> int:
     """Index from first to last at which two pieces leave the least squares."""
     candidates = range(first, max(last, first + 1), max(1, (last - first) // _JOINTS))
     return min(candidates, key=lambda joint: sum(
@@ -70,7 +70,8 @@ def _best_joint(points, ends, rounding, first, last):
         for part in _two(points, ends, rounding, joint, steps=1)))
 
 
-def _two(points, ends, rounding, joint, steps=STEPS):
+def _two(points: np.ndarray, ends: Ends, rounding: float, joint: int,
+         steps: int = STEPS) -> list[Piece]:
     return [fit_piece(points[:joint + 1], Ends(ends.start, False), rounding, steps),
             fit_piece(points[joint:], Ends(False, ends.end), rounding, steps)]
 
@@ -82,7 +83,7 @@ def fit_piece(points: np.ndarray, ends: Ends, rounding: float, steps: int = STEP
     return Piece(points, ends, _fit_curve(points[keep] if keep.sum() >= 3 else points, steps))
 
 
-def _fit_curve(points, steps):
+def _fit_curve(points: np.ndarray, steps: int) -> Line | Arc:
     """Line or, where the points demand it, arc."""
     line = Line.fit(points)
     arc = Arc.fit(points, steps) if len(points) >= _FEW else None

@@ -20,7 +20,7 @@ from tactile_shape.local_surface.least_model import (
 )
 from tactile_shape.types.patch import Kind
 
-PASSES = 2  # weights depend on K: by the second pass they hardly change
+PASSES = 3  # weights depend on K: by the third pass they no longer change
 # A path's breadth counts where its variance is that many times the variance of noise.
 CLEAR = 9.0
 # Share of its third order that a general surface may depart from a second-order one; makes far

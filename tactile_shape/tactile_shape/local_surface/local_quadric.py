@@ -47,7 +47,7 @@ class LocalQuadricConfig:
     prior_curvature: float = bounded(
         100.0, 'standard deviation of curvature before anything is touched', '1/m', 1e-3, 1e6)
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         check_fields(self)
 
 

@@ -2,6 +2,7 @@
 from collections import deque
 from dataclasses import dataclass
 from struct import Struct
+from typing import Any
 
 from geometry_msgs.msg import PoseStamped
 from nav_msgs.msg import Path
@@ -20,6 +21,7 @@ from tactile_msgs.msg import Contact as ContactMsg
 from tactile_msgs.msg import SurfacePatch, TactileImage
 from tactile_sensing.conversions import contact_from_msg, image_from_msg
 from tactile_sensing.types.contact import ContactType
+from tactile_sensing.types.image import TactileImage as Image
 from tactile_shape.compile_kernels import compile_kernels
 from tactile_shape.contour.contact_path import (
     ContactPath,
@@ -31,7 +33,7 @@ from tactile_shape.contour.object_model import ModelConfig, ObjectModel
 from tactile_shape.conversions import contour_point_to_msg, model_to_markers, patch_to_msg
 from tactile_shape.local_surface.local_quadric import LocalQuadricConfig
 from tactile_shape.shape_estimator import make_surface_estimator, METHODS, ShapeEstimator
-from tactile_shape.types.patch import refusal
+from tactile_shape.types.patch import Patch, refusal
 
 PICTURES = 200  # that wait for their contact: a second of them
 _STAMP = Struct('<iI')  # of a message, after its first four bytes
@@ -63,19 +65,20 @@ class ShapeEstimatorConfig:
 class _ModelPublisher:
     """Publishes contour and markers if they have changed and it is time, or contact is lost."""
 
-    def __init__(self, node, period, max_points):
+    def __init__(self, node: TactileNode, period: float, max_points: int):
         self._contours = node.create_publisher(Path, 'contour', _LATCHED)
         self._markers = node.create_publisher(MarkerArray, 'markers', _LATCHED)
         self._period_ns, self._max_points = round(1e9 * period), max_points
         self.begin()
 
-    def begin(self):
+    def begin(self) -> None:
         """Forget what was touched."""
-        self._contour = deque(maxlen=self._max_points)
-        self._newest, self._total, self._ends_open = None, 0, False
-        self._changed, self._published_ns = False, None
+        self._contour: deque[PoseStamped] = deque(maxlen=self._max_points)
+        self._newest: Patch | None = None
+        self._published_ns: int | None = None
+        self._total, self._ends_open, self._changed = 0, False, False
 
-    def take(self, model, patch, placed, header):
+    def take(self, model: ObjectModel, patch: Patch, placed: Placed, header: Header) -> None:
         """Take in the patch of a contact, and what the model has become by it."""
         if patch.valid:
             self._newest, self._changed = patch, True
@@ -110,7 +113,7 @@ class ShapeEstimatorNode(TactileNode):
     and then. Parameters: `ShapeEstimatorConfig`, `LocalQuadricConfig`, `ModelConfig`.
     """
 
-    def __init__(self, **kwargs):
+    def __init__(self, **kwargs: Any):
         super().__init__('shape_estimator', **kwargs)
         compile_kernels()
         own = declare_from(self, ShapeEstimatorConfig)
@@ -133,12 +136,12 @@ class ShapeEstimatorNode(TactileNode):
         self.create_subscription(ContactMsg, 'contact', self._on_contact, _LATE)
         self.create_subscription(PoseStamped, 'sensor_pose', self._on_pose, _POSES)
 
-    def _begin_model(self):
+    def _begin_model(self) -> None:
         self._surface.reset()
         self._shape = ShapeEstimator(self._surface, ObjectModel(self._model_config))
         self._model.begin()
 
-    def _on_pose(self, msg):
+    def _on_pose(self, msg: PoseStamped) -> None:
         try:
             pose = pose_from_msg(msg.pose)
         except TactileError as error:
@@ -155,7 +158,7 @@ class ShapeEstimatorNode(TactileNode):
             self._frame = msg.header.frame_id
         self._take(self._path.add_pose(stamp_to_ns(msg.header.stamp), pose))
 
-    def _on_image(self, raw):
+    def _on_image(self, raw: bytes) -> None:
         if len(raw) < 4 + _STAMP.size:
             return
         # Few are needed, and to unpack all would cost the most.
@@ -163,7 +166,7 @@ class ShapeEstimatorNode(TactileNode):
         if len(self._pictures) > PICTURES:
             del self._pictures[next(iter(self._pictures))]
 
-    def _on_contact(self, msg):
+    def _on_contact(self, msg: ContactMsg) -> None:
         try:
             contact = contact_from_msg(msg)
             if self._by_servo and contact.type != ContactType.NONE:
@@ -179,7 +182,7 @@ class ShapeEstimatorNode(TactileNode):
                 f'{self._path.lost} contacts had no sensor_pose within max_gap of their stamp',
                 throttle_duration_sec=5.0)
 
-    def _on_touch(self, msg):
+    def _on_touch(self, msg: PoseStamped) -> None:
         try:
             pose = pose_from_msg(msg.pose)
         except TactileError as error:
@@ -194,14 +197,14 @@ class ShapeEstimatorNode(TactileNode):
         contact = SpatialContact(stamp_ns, pose[:3, 3], -pose[:3, 2], edge=False)
         self._take([Placed(ContactMsg(header=msg.header), contact, anew, '')])
 
-    def _picture_at(self, stamp):
+    def _picture_at(self, stamp: Any) -> Image | None:
         raw = self._pictures.get((stamp.sec, stamp.nanosec))
         try:
             return None if raw is None else image_from_msg(unpacked(raw, TactileImage))
         except TactileError:
             return None
 
-    def _take(self, all_placed):
+    def _take(self, all_placed: list[Placed]) -> None:
         for placed in all_placed:
             patch = self._shape.take(placed)
             msg = placed.extra
@@ -209,7 +212,7 @@ class ShapeEstimatorNode(TactileNode):
             self._patches.publish(self._message_of(patch, header, msg.sensor))
             self._model.take(self._shape.model, patch, placed, header)
 
-    def _message_of(self, patch, header, sensor):
+    def _message_of(self, patch: Patch, header: Header, sensor: str) -> SurfacePatch:
         if patch.method:
             return patch_to_msg(patch, header, sensor)
         message = self._none  # of an edge every contact has none
@@ -217,6 +220,6 @@ class ShapeEstimatorNode(TactileNode):
         return message
 
 
-def main(args=None):
+def main(args: list[str] | None = None) -> int:
     """Run the shape estimator node."""
     return run(ShapeEstimatorNode, args)

@@ -7,7 +7,7 @@ import numpy as np
 
 from tactile_common.config import bounded, check_fields
 from tactile_common.errors import SurfaceError
-from tactile_shape.thesis.matrix_fit import fit_matrix
+from tactile_shape.thesis.matrix_fit import fit_matrix, MatrixFit
 from tactile_shape.types.patch import certain_enough, Kind, Patch, SurfaceEstimator, usable_normal
 from tactile_shape.types.surface_matrix import PARAMETERS
 from tactile_shape.types.tangent import tangent_frame
@@ -28,7 +28,7 @@ class MatrixEstimatorConfig:
     max_curvature_std: float = bounded(2.5, '', '1/m', 1e-6, 1e6)
     prior_curvature: float = bounded(100.0, '', '1/m', 1e-3, 1e6)
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         check_fields(self)
 
 
@@ -100,7 +100,7 @@ class MatrixEstimator(SurfaceEstimator):
                                 'curvature', **known)
         return Patch(Kind.GENERAL, True, '', self.method, **known)
 
-    def _certainty(self, fit, axes):
+    def _certainty(self, fit: MatrixFit, axes: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Covariance of the principal curvatures, with the prior where unseen; which are seen."""
         gradient = np.zeros((2, 10))
         for row, (x, y, _) in zip(gradient, axes.T[:2], strict=True):

@@ -105,7 +105,7 @@ class Patch:
         return self.origin + u @ axes[:, :2].T + z[..., None] * axes[:, 2]
 
 
-def refusal(reason: str, method: str = '', **known) -> Patch:
+def refusal(reason: str, method: str = '', **known: Any) -> Patch:
     """Patch that is not valid, and why, with what is known all the same."""
     return Patch(Kind.NONE, False, reason, method, **known)
 
@@ -137,6 +137,6 @@ class SurfaceEstimator(ABC):
             return self.estimate()
         return self.refused('contact is not finite or its normal not of length 1')
 
-    def refused(self, reason: str, **known) -> Patch:
+    def refused(self, reason: str, **known: Any) -> Patch:
         """Patch of this method that is not valid, as `refusal`."""
         return refusal(reason, self.method, **known)

@@ -37,7 +37,7 @@ class SurfaceMatrix:
 
     matrix: np.ndarray  # S of X' S X = 0; lengths in m
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         matrix = np.array(self.matrix, dtype=float)
         if matrix.shape != (4, 4):
             raise SurfaceError(f'surface matrix has shape {matrix.shape}, must be (4, 4)')
@@ -148,7 +148,7 @@ class SurfaceMatrix:
                 -_NEARLY / bends[0] if -bends[0] * far > 1.0 else far]
         low, high = np.full(len(flat), ends[0]), np.full(len(flat), ends[1])
 
-        def foot_of(multiplier):
+        def foot_of(multiplier: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
             foot = (flat - multiplier[:, None] * offset) / (1.0 + multiplier[:, None] * bends)
             return foot, foot**2 @ bends + 2.0 * foot @ offset + self.matrix[3, 3]
 
@@ -167,6 +167,6 @@ class SurfaceMatrix:
         return (np.where(outside, 1.0, -1.0) * np.sqrt(square)).reshape(points.shape[:-1])
 
 
-def _homogeneous(points):
+def _homogeneous(points: ArrayLike) -> np.ndarray:
     points = np.asarray(points, dtype=float)
     return np.concatenate([points, np.ones((*points.shape[:-1], 1))], axis=-1)
