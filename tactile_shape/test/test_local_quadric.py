@@ -283,7 +283,8 @@ def test_a_finger_that_crawls_needs_no_more_memory_or_time():
     np.testing.assert_allclose(patch.curvature, 20.0, rtol=0.02)
 
 
-def test_equations_are_those_of_their_rows():
+@pytest.mark.parametrize('model_error', [0.0, 0.1])
+def test_equations_are_those_of_their_rows(model_error):
     """The sums against plain matrices, with the noise of each row written out."""
     rng = np.random.default_rng(13)
     u, z = rng.normal(0.0, 0.01, (7, 2)), rng.normal(0.0, 0.002, 7)
@@ -305,12 +306,15 @@ def test_equations_are_those_of_their_rows():
         covariance[1:, 1:] = (noise.normal**2 * np.eye(2)
                               + (noise.position**2 + noise.location**2) * (
                                   bend @ bend + np.diag([1.0 + 4.0, 4.0 + 9.0])))
+        lean_of_model = np.linalg.norm(bend @ [x, y])  # third order of it is not averaged
+        covariance[0, 0] += weight * (model_error * lean_of_model**2 * height)**2
+        covariance[1:, 1:] += weight * (model_error * lean_of_model**3)**2 * np.eye(2)
         inverse = weight * np.linalg.inv(covariance)
         matrix += rows.T @ inverse @ rows
         right += rows.T @ inverse @ target
         square += target @ inverse @ target
     contacts = curvature_fit.Contacts(u, z, n, weights)
-    found = curvature_fit.moments(contacts, contacts.rows(), noise, curvature, doubt)
+    found = curvature_fit.moments(contacts, contacts.rows(), noise, curvature, doubt, model_error)
     np.testing.assert_allclose(found[:6, :6], matrix, rtol=1e-9, atol=1e-6)
     np.testing.assert_allclose(found[:6, 6], right, rtol=1e-9)
     assert found[6, 6] == pytest.approx(square)

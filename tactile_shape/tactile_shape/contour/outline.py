@@ -169,8 +169,9 @@ def _are_lines(one: Piece, other: Piece) -> bool:
 
 def _straight_on(one: Piece, other: Piece) -> bool:
     """Whether one line goes on in the direction of another."""
-    return _are_lines(one, other) and abs(angle_between(
-        one.curve.direction, other.curve.direction)) < LEAST_TURN
+    lines = one.curve, other.curve
+    return isinstance(lines[0], Line) and isinstance(lines[1], Line) and bool(
+        abs(angle_between(lines[0].direction, lines[1].direction)) < LEAST_TURN)
 
 
 def _plane(points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

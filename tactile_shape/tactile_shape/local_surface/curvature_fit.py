@@ -108,7 +108,7 @@ def moments(contacts: Contacts, rows: np.ndarray, noise: Noise, curvature: np.nd
     left_over = 0.5 * (1.0 - up) / up
     height = (noise.position**2 * (lean + 0.25 * (1.0 + up)**2) + noise.height**2
               + noise.location**2 * lean * left_over**2
-              + unlike * contacts.weights * contacts.z**2)
+              + unlike * turn * contacts.z**2)
     slide = noise.position**2 + noise.location**2
     normal = noise.normal**2 + unlike * turn**2
     s11 = normal + slide * (k11 * k11 + k12 * k12 + doubt[0] + doubt[1])
