@@ -8,7 +8,7 @@ from scipy.spatial.transform import Rotation
 
 from tactile_common.errors import ConfigurationError
 from tactile_shape.contour.curves import Arc, Line
-from tactile_shape.contour.outline import find_outline, OutlineConfig
+from tactile_shape.contour.outline import find_outline
 
 TAPE = np.array([[0.0, 0.0], [0.109, 0.0], [0.109, 0.069], [0.0, 0.069]])
 
@@ -183,8 +183,6 @@ def test_arc_and_line():
 def test_refused_contours(points, message):
     with pytest.raises(ConfigurationError, match=message):
         find_outline(points)
-    with pytest.raises(ConfigurationError, match='leg'):
-        OutlineConfig(leg=-1.0)
 
 
 @settings(max_examples=100, deadline=None)

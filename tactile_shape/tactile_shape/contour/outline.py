@@ -5,37 +5,21 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from tactile_common.config import bounded, check_fields
 from tactile_common.errors import ConfigurationError
 from tactile_common.polyline import arc_length
 from tactile_shape.contour.curves import angle_between, Line, meeting, on_curve
-from tactile_shape.contour.pieces import divide, Ends, fit_piece, Piece
+from tactile_shape.contour.pieces import divide, Ends, fit_piece, Piece, ROUNDING
 
 STRAIGHT = 0.1  # width per length of a contour that has no plane of its own
 ROUNDED = 0.15  # of the rounding: how far from its sides the skin puts contacts at a corner
 LEAST_TURN = 0.05  # rad between two lines that is a corner
-
-
-@dataclass(frozen=True)
-class OutlineConfig:
-    """How corners are told from what lies between them."""
-
-    leg: float = bounded(
-        6e-3, 'length before and after a point over which the direction is taken', 'm', 1e-5, 1.0)
-    corner_angle: float = bounded(
-        0.5, 'a turn by more than this between the two legs is a corner', 'rad', 0.05, 3.0)
-    rounding: float = bounded(
-        3e-3, 'contour next to a corner that is not used: the skin rounds it', 'm', 0.0, 1.0)
-    tolerance: float = bounded(
-        1e-4, 'RMS distance of its points that a line or an arc may have, beyond their noise; '
-        'else it is divided', 'm', 1e-9, 1.0)
-    spacing: float = bounded(
-        1e-3, 'contour points nearer to each other are averaged', 'm', 0.0, 1.0)
-    closing: float = bounded(
-        2e-3, 'largest gap between the ends of a closed contour', 'm', 0.0, 1.0)
-
-    def __post_init__(self) -> None:
-        check_fields(self)
+LEG = 6e-3  # m before and after a point over which the direction is taken
+CORNER_ANGLE = 0.5  # rad; a turn by more than this between the two legs is a corner
+# RMS distance of its points that a line or an arc may have beyond their noise [m]; else it is
+# divided.
+TOLERANCE = 1e-4
+SPACING = 1e-3  # m; contour points nearer to each other are averaged
+CLOSING = 2e-3  # m, largest gap between the ends of a closed contour
 
 
 @dataclass(frozen=True, eq=False)
@@ -78,7 +62,7 @@ class Outline:
         return '\n'.join(lines)
 
 
-def find_outline(points: ArrayLike, config: OutlineConfig | None = None) -> Outline:
+def find_outline(points: ArrayLike) -> Outline:
     """
     Find corners and sides of a contour: points (N, 3) along the edge, in order [m].
 
@@ -89,59 +73,58 @@ def find_outline(points: ArrayLike, config: OutlineConfig | None = None) -> Outl
     ConfigurationError
         Fewer than four points, a number that is not finite, or shorter than two legs.
     """
-    config = config or OutlineConfig()
     points = np.asarray(points, dtype=float)
     if points.ndim != 2 or points.shape[1] != 3 or len(points) < 4:
         raise ConfigurationError(f'contour has shape {points.shape}, must be (N, 3), N above 3')
     if not np.isfinite(points).all():
         raise ConfigurationError('contour: a number is not finite')
     length = arc_length(points)[-1]
-    if length < 2.0 * config.leg:
+    if length < 2.0 * LEG:
         raise ConfigurationError(
             f'contour is {1e3 * length:.3g} mm long, must be at least two legs, '
-            f'{2e3 * config.leg:.3g} mm')
+            f'{2e3 * LEG:.3g} mm')
     centre, axes = _plane(points)
-    flat, closed = _cut_overlap((points - centre) @ axes[:, :2], config)
-    flat = _average(flat, config.spacing)
+    flat, closed = _cut_overlap((points - centre) @ axes[:, :2])
+    flat = _average(flat)
     if len(flat) < 4:
         raise ConfigurationError('contour: fewer than four of its points are apart')
-    tolerance = np.hypot(config.tolerance, 1.5 * _noise(flat))
-    corners = _corners(flat, closed, config)
-    pieces = _pieces(flat, corners, closed, config.rounding, tolerance)
+    tolerance = float(np.hypot(TOLERANCE, 1.5 * _noise(flat)))
+    corners = _corners(flat, closed)
+    pieces = _pieces(flat, corners, closed, tolerance)
     # A contact that is off, beside a gap, is no corner.
     off = [other.points[0] for one, other in zip(pieces, pieces[1:], strict=False)
            if other.ends.start and _straight_on(one, other)]
     if off:
         corners = [k for k in corners if not (flat[k] == off).all(axis=1).any()]
-        pieces = _pieces(flat, corners, closed, config.rounding, tolerance)
+        pieces = _pieces(flat, corners, closed, tolerance)
     if closed and not corners and len(pieces) > 1:
         # The first point is not an end: begin again where one piece goes over into another.
         flat = np.roll(flat, 1 - len(pieces[0].points), axis=0)
-        pieces = _pieces(flat, corners, closed, config.rounding, tolerance)
+        pieces = _pieces(flat, corners, closed, tolerance)
     return _assemble(pieces, closed, lambda u: centre + np.asarray(u) @ axes[:, :2].T)
 
 
-def _pieces(flat: np.ndarray, corners: list[int], closed: bool, rounding: float,
+def _pieces(flat: np.ndarray, corners: list[int], closed: bool,
             tolerance: float) -> list[Piece]:
     """Lines and arcs of a contour, from corner to corner."""
     pieces, runs = [], _runs(flat, corners, closed)
     round_ends = bool(closed and corners)
     for k, run in enumerate(runs):
         ends = Ends(k > 0 or round_ends, k < len(runs) - 1 or round_ends)
-        pieces += divide(run, ends, rounding, tolerance)
-    pieces = _without_roundings(pieces, rounding)
+        pieces += divide(run, ends, tolerance)
+    pieces = _without_roundings(pieces)
     # Where one line follows another there is a corner, if it turns by less than the others.
     for k in range(1, len(pieces)):
-        one = fit_piece(pieces[k - 1].points, pieces[k - 1].ends._replace(end=True), rounding)
-        other = fit_piece(pieces[k].points, pieces[k].ends._replace(start=True), rounding)
+        one = fit_piece(pieces[k - 1].points, pieces[k - 1].ends._replace(end=True))
+        other = fit_piece(pieces[k].points, pieces[k].ends._replace(start=True))
         joint = other.points[0]
         if _are_lines(one, other) and not _straight_on(one, other) and np.linalg.norm(
-                meeting(one.curve, other.curve, joint) - joint) < rounding:
+                meeting(one.curve, other.curve, joint) - joint) < ROUNDING:
             pieces[k - 1:k + 1] = one, other
     return pieces
 
 
-def _without_roundings(pieces: list[Piece], rounding: float) -> list[Piece]:
+def _without_roundings(pieces: list[Piece]) -> list[Piece]:
     """Pieces with none between two lines that is their corner, rounded by the skin."""
     k = 1
     while k < len(pieces) - 1:
@@ -151,13 +134,13 @@ def _without_roundings(pieces: list[Piece], rounding: float) -> list[Piece]:
             away = np.linalg.norm(middle.points - corner, axis=1)
             off = [min(np.linalg.norm(point - on_curve(side.curve, point))
                        for side in (one, other)) for point in middle.points]
-            if away.max() < 3.0 * rounding and max(off) < ROUNDED * rounding:
+            if away.max() < 3.0 * ROUNDING and max(off) < ROUNDED * ROUNDING:
                 nearest = away.argmin()
                 pieces[k - 1:k + 2] = [
                     fit_piece(np.concatenate([one.points, middle.points[1:nearest + 1]]),
-                              one.ends._replace(end=True), rounding),
+                              one.ends._replace(end=True)),
                     fit_piece(np.concatenate([middle.points[nearest:], other.points[1:]]),
-                              other.ends._replace(start=True), rounding)]
+                              other.ends._replace(start=True))]
                 continue
         k += 1
     return pieces
@@ -188,12 +171,12 @@ def _plane(points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return centre, axes
 
 
-def _average(flat: np.ndarray, spacing: float) -> np.ndarray:
+def _average(flat: np.ndarray) -> np.ndarray:
     """Points (n, 2), those within a spacing of each other averaged; the ends stay."""
     travel = arc_length(flat)
-    if not spacing or travel[-1] < spacing:
+    if travel[-1] < SPACING:
         return flat
-    cell = np.minimum((travel / spacing).astype(int), int(travel[-1] / spacing))
+    cell = np.minimum((travel / SPACING).astype(int), int(travel[-1] / SPACING))
     used, cell = np.unique(cell, return_inverse=True)
     sums = np.stack([np.bincount(cell, values, len(used)) for values in flat.T], axis=1)
     means = sums / np.bincount(cell, minlength=len(used))[:, None]
@@ -210,14 +193,14 @@ def _noise(flat: np.ndarray) -> float:
     return np.median(across[some] / length[some]) / (0.6745 * np.sqrt(6.0)) if some.any() else 0.0
 
 
-def _cut_overlap(flat: np.ndarray, config: OutlineConfig) -> tuple[np.ndarray, bool]:
+def _cut_overlap(flat: np.ndarray) -> tuple[np.ndarray, bool]:
     """Contour without what was traced twice, and whether it is closed."""
     travel = arc_length(flat)
     away = np.linalg.norm(flat - flat[0], axis=1)
     # The first return to the start, after having been a good way off it.
-    far = np.flatnonzero(away > max(2.0 * config.leg, 0.1 * away.max()))
+    far = np.flatnonzero(away > max(2.0 * LEG, 0.1 * away.max()))
     if len(far):
-        back = np.flatnonzero((away < max(config.closing, 1e-12)) & (travel > travel[far[0]]))
+        back = np.flatnonzero((away < CLOSING) & (travel > travel[far[0]]))
         if len(back):
             last = back[0]
             while last + 1 < len(flat) and away[last + 1] < away[last]:
@@ -226,28 +209,28 @@ def _cut_overlap(flat: np.ndarray, config: OutlineConfig) -> tuple[np.ndarray, b
     return flat, False
 
 
-def _corners(flat: np.ndarray, closed: bool, config: OutlineConfig) -> list[int]:
+def _corners(flat: np.ndarray, closed: bool) -> list[int]:
     """Indices of points at which the contour turns sharply."""
     count = len(flat)
     around = np.concatenate([flat, flat, flat]) if closed else flat
     offset = count if closed else 0
     travel = arc_length(around)
-    before = np.searchsorted(travel, travel - config.leg)
-    after = np.minimum(np.searchsorted(travel, travel + config.leg), len(travel) - 1)
+    before = np.searchsorted(travel, travel - LEG)
+    after = np.minimum(np.searchsorted(travel, travel + LEG), len(travel) - 1)
     turn = np.zeros(len(around))
-    inside = (travel >= config.leg) & (travel <= travel[-1] - config.leg)
+    inside = (travel >= LEG) & (travel <= travel[-1] - LEG)
     into, out = around - around[before], around[after] - around
     turn[inside] = np.abs(angle_between(into, out)[inside])
     found: list[int] = []
     for k in range(offset, offset + count):
-        near = (travel > travel[k] - config.leg) & (travel < travel[k] + config.leg)
+        near = (travel > travel[k] - LEG) & (travel < travel[k] + LEG)
         # A rounded corner has a flat top: its middle.
-        if turn[k] > config.corner_angle and turn[k] >= turn[near].max() and not (
-                found and travel[k] - travel[found[-1]] < config.leg):
+        if turn[k] > CORNER_ANGLE and turn[k] >= turn[near].max() and not (
+                found and travel[k] - travel[found[-1]] < LEG):
             found.append(k)
     found = [k - offset for k in found]
     if closed and len(found) > 1 and (
-            travel[found[0] + count] - travel[found[-1]] < config.leg):
+            travel[found[0] + count] - travel[found[-1]] < LEG):
         found.pop()
     return found
 

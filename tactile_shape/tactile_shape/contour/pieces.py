@@ -7,6 +7,7 @@ import numpy as np
 from tactile_common.polyline import arc_length
 from tactile_shape.contour.curves import Arc, Line, STEPS
 
+ROUNDING = 3e-3  # m of contour next to a corner that is not used: the skin rounds it
 _JOINTS = 30  # places at which a division is tried
 _FEW = 6  # points that a line or an arc needs at least
 _F_LEVEL = 12.0  # how much better than chance an arc must explain a side than a line does
@@ -32,54 +33,54 @@ class Piece:
         return np.array([start, *self.points[1:-1], end])
 
 
-def divide(points: np.ndarray, ends: Ends, rounding: float, tolerance: float) -> list[Piece]:
+def divide(points: np.ndarray, ends: Ends, tolerance: float) -> list[Piece]:
     """
     Pieces of a run without corners, each a line or an arc, as few as the tolerance allows.
 
     A run that is neither is divided where the two parts fit best, and so on; neighbours that
     fit as one are joined again, and the joints moved to where they are best.
     """
-    whole = fit_piece(points, ends, rounding)
+    whole = fit_piece(points, ends)
     if whole.curve.departure <= tolerance or len(points) < 4 * _FEW:
         return [whole]
-    joint = _best_joint(points, ends, rounding, _FEW, len(points) - _FEW)
-    pieces = (divide(points[:joint + 1], Ends(ends.start, False), rounding, tolerance)
-              + divide(points[joint:], Ends(False, ends.end), rounding, tolerance))
+    joint = _best_joint(points, ends, _FEW, len(points) - _FEW)
+    pieces = (divide(points[:joint + 1], Ends(ends.start, False), tolerance)
+              + divide(points[joint:], Ends(False, ends.end), tolerance))
     k = 0
     while k + 1 < len(pieces):
         one, other = pieces[k], pieces[k + 1]
         both = np.concatenate([one.points, other.points[1:]])
         around = Ends(one.ends.start, other.ends.end)
-        joined = fit_piece(both, around, rounding)
+        joined = fit_piece(both, around)
         if joined.curve.departure <= tolerance:
             pieces[k:k + 2] = [joined]
             continue
         middle, reach = len(one.points) - 1, len(both) // 8
-        joint = _best_joint(both, around, rounding, max(_FEW, middle - reach),
+        joint = _best_joint(both, around, max(_FEW, middle - reach),
                             min(len(both) - _FEW, middle + reach))
-        pieces[k:k + 2] = _two(both, around, rounding, joint)
+        pieces[k:k + 2] = _two(both, around, joint)
         k += 1
     return pieces
 
 
-def _best_joint(points: np.ndarray, ends: Ends, rounding: float, first: int, last: int) -> int:
+def _best_joint(points: np.ndarray, ends: Ends, first: int, last: int) -> int:
     """Index from first to last at which two pieces leave the least squares."""
     candidates = range(first, max(last, first + 1), max(1, (last - first) // _JOINTS))
     return min(candidates, key=lambda joint: sum(
         part.curve.residual**2 * len(part.points)
-        for part in _two(points, ends, rounding, joint, steps=1)))
+        for part in _two(points, ends, joint, steps=1)))
 
 
-def _two(points: np.ndarray, ends: Ends, rounding: float, joint: int,
+def _two(points: np.ndarray, ends: Ends, joint: int,
          steps: int = STEPS) -> list[Piece]:
-    return [fit_piece(points[:joint + 1], Ends(ends.start, False), rounding, steps),
-            fit_piece(points[joint:], Ends(False, ends.end), rounding, steps)]
+    return [fit_piece(points[:joint + 1], Ends(ends.start, False), steps),
+            fit_piece(points[joint:], Ends(False, ends.end), steps)]
 
 
-def fit_piece(points: np.ndarray, ends: Ends, rounding: float, steps: int = STEPS) -> Piece:
+def fit_piece(points: np.ndarray, ends: Ends, steps: int = STEPS) -> Piece:
     """Line or arc through points (N, 2), without what the corners have rounded [m]."""
     travel = arc_length(points)
-    keep = (travel >= rounding * ends.start) & (travel <= travel[-1] - rounding * ends.end)
+    keep = (travel >= ROUNDING * ends.start) & (travel <= travel[-1] - ROUNDING * ends.end)
     return Piece(points, ends, _fit_curve(points[keep] if keep.sum() >= 3 else points, steps))
 
 
