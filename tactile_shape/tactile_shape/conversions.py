@@ -10,7 +10,7 @@ from visualization_msgs.msg import Marker, MarkerArray
 from tactile_common.errors import TactileError
 from tactile_common.ros.conversions import pose_from_msg, pose_to_msg
 from tactile_msgs.msg import SurfacePatch
-from tactile_shape.contour.object_model import COLOURS, ObjectModel
+from tactile_shape.contour.object_model import COLOURS, ObjectModel, PATCH_SIZE
 from tactile_shape.types.patch import Kind, Patch
 
 # What markers show at most of a model, so that they cost little.
@@ -61,7 +61,7 @@ def model_to_markers(model: ObjectModel, patch: Patch | None, header: Header) ->
                _lines(model.strokes, header)]
     if patch is not None:
         markers += [_mesh(model, [patch], header, 'patch'),
-                    _directions(patch, header, 0.5 * model.config.patch_size)]
+                    _directions(patch, header, 0.5 * PATCH_SIZE)]
     return MarkerArray(markers=[marker for marker in markers if marker.points])
 
 

@@ -13,8 +13,7 @@ def _of_thesis(config: LocalQuadricConfig) -> SurfaceEstimator:
     thesis = import_module('tactile_shape.thesis.matrix_estimator')
     return thesis.MatrixEstimator(thesis.MatrixEstimatorConfig(
         window=config.window, position_noise=config.position_noise,
-        normal_noise=config.normal_noise, max_curvature_std=config.max_curvature_std,
-        prior_curvature=config.prior_curvature))
+        normal_noise=config.normal_noise, max_curvature_std=config.max_curvature_std))
 
 
 _ESTIMATORS = {LocalQuadric.method: LocalQuadric, 'surface_matrix': _of_thesis}

@@ -352,7 +352,7 @@ def test_garbage_never_raises(points, normals):
 
 
 @pytest.mark.parametrize('field, value', [
-    ('window', 0.0), ('max_turn', 2.0), ('finger_radius', -1.0), ('position_noise', 0.0),
+    ('window', 0.0), ('finger_radius', -1.0), ('position_noise', 0.0),
     ('normal_noise', np.nan), ('location_noise', -1.0), ('max_curvature_std', 0.0)])
 def test_refused_configurations(field, value):
     with pytest.raises(ConfigurationError, match=field):

@@ -16,6 +16,8 @@ from tactile_shape.types.patch import Kind, Patch
 COLOURS = {Kind.NONE: (0.6, 0.6, 0.6), Kind.PLANE: (0.30, 0.55, 0.80),
            Kind.CYLINDER: (0.25, 0.65, 0.40), Kind.SPHERE: (0.90, 0.60, 0.15),
            Kind.GENERAL: (0.75, 0.30, 0.35)}
+PATCH_SPACING = 4e-3  # m between the patches that are kept
+PATCH_SIZE = 6e-3  # m, side of a patch that is drawn
 STEPS = (5, 5)  # points along the sides of a patch
 TAIL = 100  # contacts about the first and the last point of a contour that tell its ends,
 BEHIND = 0.4  # of the spacing: how far behind the last one; farther, the pad is on its way
@@ -28,9 +30,6 @@ class ModelConfig:
 
     spacing: float = bounded(
         1e-3, 'distance between the contour points that are kept', 'm', 1e-5, 0.1)
-    patch_spacing: float = bounded(
-        4e-3, 'distance between the patches that are kept', 'm', 1e-4, 1.0)
-    patch_size: float = bounded(6e-3, 'side of a patch that is drawn', 'm', 1e-4, 1.0)
     max_points: int = bounded(
         5000, 'contour points, and patches, that are kept; the oldest go first', '', 10, 1000000)
 
@@ -138,7 +137,7 @@ class ObjectModel:
         if not patch.valid:
             return False
         if self.patches and np.linalg.norm(
-                patch.origin - self.patches[-1].origin) < self.config.patch_spacing:
+                patch.origin - self.patches[-1].origin) < PATCH_SPACING:
             return False
         self.patches.append(patch)
         if len(self.patches) > self.config.max_points:
@@ -157,8 +156,7 @@ class ObjectModel:
         corner = (np.arange(rows - 1)[:, None] * columns + np.arange(columns - 1)).reshape(-1, 1)
         squares = np.concatenate([corner + [0, columns, 1], corner + [1, columns, columns + 1]])
         for patch in self.patches if patches is None else patches:
-            size = self.config.patch_size
-            sheet = patch.sheet(size, size, steps=STEPS).reshape(-1, 3)
+            sheet = patch.sheet(PATCH_SIZE, PATCH_SIZE, steps=STEPS).reshape(-1, 3)
             whole = squares[np.isfinite(sheet).all(axis=1)[squares].all(axis=1)]
             faces.append(whole + sum(map(len, vertices)))
             vertices.append(np.where(np.isfinite(sheet), sheet, patch.origin))

@@ -4,6 +4,7 @@ from typing import NamedTuple
 import numpy as np
 
 CELLS = 24  # that a window is usually divided into
+MAX_TURN = 0.7  # rad of the normal, where a stretch ends
 MAX_CELLS = 3 * CELLS  # noise makes cells shorter than they should be
 MAX_WEIGHT = 16.0  # samples of one cell that count as independent; a finger at rest adds no more
 
@@ -44,14 +45,12 @@ class ContactWindow:
     ----------
     length : float
         Of the path [m].
-    max_turn : float
-        The stretch ends where the normal has turned by more than this [rad].
     cell : float
         Distance within which contacts are averaged [m]; well above their noise.
     """
 
-    def __init__(self, length: float, max_turn: float, cell: float):
-        self._length, self._flattest, self._cell = length, np.cos(max_turn), cell
+    def __init__(self, length: float, cell: float):
+        self._length, self._cell = length, cell
         self.reset()
 
     def reset(self) -> None:
@@ -77,7 +76,7 @@ class ContactWindow:
         # From the newest cell backwards.
         travel = np.cumsum(_lengths(np.diff(points, axis=0))[::-1])
         lengths = _lengths(normals)
-        turned = normals @ normals[-1] < self._flattest * lengths * lengths[-1]
+        turned = normals @ normals[-1] < np.cos(MAX_TURN) * lengths * lengths[-1]
         beyond = (travel > self._length) | turned[-2::-1]
         steps = int(beyond.argmax()) if beyond.any() else len(beyond)
         first = len(points) - 1 - steps

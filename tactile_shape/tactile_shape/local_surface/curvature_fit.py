@@ -18,7 +18,7 @@ from tactile_shape.local_surface.least_model import (
     Principal,
     principal,
 )
-from tactile_shape.types.patch import Kind
+from tactile_shape.types.patch import Kind, PRIOR_CURVATURE
 
 PASSES = 3  # weights depend on K: by the third pass they no longer change
 # A path's breadth counts where its variance is that many times the variance of noise.
@@ -131,8 +131,8 @@ class _Fitter:
     times K.
     """
 
-    def __init__(self, contacts: Contacts, noise: Noise, count: int, prior: float):
-        self._contacts, self._count, self._prior = contacts, count, prior
+    def __init__(self, contacts: Contacts, noise: Noise, count: int):
+        self._contacts, self._count = contacts, count
         self._rows, self.noise = contacts.rows(), noise
         self._solve(np.zeros(3), np.zeros(3))
         for _ in range(PASSES - 1 if count else 0):
@@ -177,7 +177,7 @@ class _Fitter:
         self._left = sums[3:, 3:] - sums[3:, :3] @ self._lift
         for unseen in range(self._count, 3):
             self._left[unseen] = self._left[:, unseen] = 0.0
-            self._left[unseen, unseen] = 1.0 / self._prior**2
+            self._left[unseen, unseen] = 1.0 / PRIOR_CURVATURE**2
 
     def _scatter(self, curvature: np.ndarray, told: float) -> float:
         """Standard deviation of positions [m], from residuals of heights if that is the larger."""
@@ -201,7 +201,7 @@ def _path_frame(u: np.ndarray, weights: np.ndarray, std: float) -> tuple[np.ndar
 
 
 def fit_curvature(points: np.ndarray, normals: np.ndarray, weights: np.ndarray,
-                  axes: np.ndarray, noise: Noise, prior: float) -> Fit:
+                  axes: np.ndarray, noise: Noise) -> Fit:
     """
     Fit of the least model to contacts, each the mean of some samples.
 
@@ -215,15 +215,13 @@ def fit_curvature(points: np.ndarray, normals: np.ndarray, weights: np.ndarray,
         Tangent frame: columns x, y and the inward normal.
     noise : Noise
         Of one sample; what it has along the surface may fake a path's breadth.
-    prior : float
-        Standard deviation of curvature before anything was touched [1/m].
     """
     turn, count = _path_frame(
         points @ axes[:, :2], weights, math.hypot(noise.position, noise.location))
     axes = axes @ turn
     local = points @ axes
     fitter = _Fitter(Contacts(local[:, :2], local[:, 2], normals @ axes, weights),
-                     noise, count, prior)
+                     noise, count)
     kind, curvature, residual, excess = Kind.NONE, np.zeros(3), math.nan, 1.0
     if count:
         excess, residual = fitter.excess()

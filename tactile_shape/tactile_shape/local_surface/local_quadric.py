@@ -32,8 +32,6 @@ class LocalQuadricConfig:
 
     window: float = bounded(
         0.024, 'length of the path that a patch is fitted to', 'm', 1e-4, 1.0)
-    max_turn: float = bounded(
-        0.7, 'the path is cut shorter where the normal turns by more than this', 'rad', 0.01, 1.2)
     finger_radius: float = bounded(0.0, 'radius of a round finger; 0 = flat pad', 'm', 0.0, 1.0)
     position_noise: float = bounded(
         2e-5, "standard deviation of the pose's position, per axis", 'm', 1e-9, 0.1)
@@ -44,8 +42,6 @@ class LocalQuadricConfig:
     max_curvature_std: float = bounded(
         2.5, 'a curvature less certain than this, and than a tenth of itself, is called unseen',
         '1/m', 1e-6, 1e6)
-    prior_curvature: float = bounded(
-        100.0, 'standard deviation of curvature before anything is touched', '1/m', 1e-3, 1e6)
 
     def __post_init__(self) -> None:
         check_fields(self)
@@ -64,7 +60,7 @@ class LocalQuadric(SurfaceEstimator):
             c.position_noise, c.location_noise, math.hypot(c.normal_noise, on_finger),
             c.finger_radius * c.normal_noise)
         self._cell = max(c.window / CELLS, QUIET * math.hypot(c.position_noise, c.location_noise))
-        self._window = ContactWindow(c.window, c.max_turn, self._cell)
+        self._window = ContactWindow(c.window, self._cell)
         self.reset()
 
     def reset(self) -> None:  # noqa: D102
@@ -125,7 +121,7 @@ class LocalQuadric(SurfaceEstimator):
     def _fit(self, stretch: Stretch) -> Fit:
         return fit_curvature(
             stretch.points - self._centre, stretch.normals, stretch.weights,
-            tangent_frame(self._normal), self._noise, self.config.prior_curvature)
+            tangent_frame(self._normal), self._noise)
 
 
 def _frame(centre: np.ndarray, fit: Fit, radius: float) -> np.ndarray:

@@ -8,7 +8,14 @@ import numpy as np
 from tactile_common.config import bounded, check_fields
 from tactile_common.errors import SurfaceError
 from tactile_shape.thesis.matrix_fit import fit_matrix, MatrixFit
-from tactile_shape.types.patch import certain_enough, Kind, Patch, SurfaceEstimator, usable_normal
+from tactile_shape.types.patch import (
+    certain_enough,
+    Kind,
+    Patch,
+    PRIOR_CURVATURE,
+    SurfaceEstimator,
+    usable_normal,
+)
 from tactile_shape.types.surface_matrix import PARAMETERS
 from tactile_shape.types.tangent import tangent_frame
 
@@ -26,7 +33,6 @@ class MatrixEstimatorConfig:
     position_noise: float = bounded(2e-5, '', 'm', 0.0, 0.1)
     normal_noise: float = bounded(5e-4, '', 'rad', 0.0, 1.0)
     max_curvature_std: float = bounded(2.5, '', '1/m', 1e-6, 1e6)
-    prior_curvature: float = bounded(100.0, '', '1/m', 1e-3, 1e6)
 
     def __post_init__(self) -> None:
         check_fields(self)
@@ -107,7 +113,7 @@ class MatrixEstimator(SurfaceEstimator):
             row[_CURVATURE] = -2.0 * np.array([x * x, 2.0 * x * y, y * y])
         blind = np.linalg.norm(gradient @ fit.unseen.T, axis=1) if len(fit.unseen) else np.zeros(2)
         covariance = gradient @ fit.covariance @ gradient.T
-        return (covariance + np.diag(blind * 0.5 * self.config.prior_curvature)**2,
+        return (covariance + np.diag(blind * 0.5 * PRIOR_CURVATURE)**2,
                 blind < 0.1)
 
 

@@ -21,6 +21,7 @@ class Kind(IntEnum):
     GENERAL = 4
 
 
+PRIOR_CURVATURE = 100.0  # 1/m, standard deviation before anything is touched
 RELATIVE = 0.1  # uncertainty with which a curvature still counts as seen
 _FAR = 1e6  # m; no contact is there
 _LENGTH = 1e-3  # largest difference of a normal's length from 1
