@@ -14,6 +14,7 @@ from tactile_sensing.devices.flexitac import (
     FlexiTacDecoder,
     MARKER,
     payload_size,
+    SAMPLE_SIZE,
 )
 from tactile_sensing.devices.marker_search import AMBIGUOUS_PERIODS
 from tactile_sensing.devices.protocol import Frame, NEED_DATA, Resync
@@ -237,6 +238,12 @@ def test_reset_forgets_the_stream_and_keeps_the_counters():
     assert (decoder.frames, decoder.dropped_bytes) == (len(PICTURES), 4)
     decoder.receive_data(STREAM)
     assert len(pictures_of(drain(decoder))) == len(PICTURES)
+
+
+def test_the_sample_that_explains_other_frames_is_bounded():
+    decoder = FlexiTacDecoder(ROWS, COLUMNS)
+    decoder.receive_data(bytes(3 * SAMPLE_SIZE))
+    assert len(decoder._sample) == SAMPLE_SIZE
 
 
 @pytest.mark.parametrize('rows, columns', [(0, 4), (4, -1), (4.0, 4), ('4', 4)])

@@ -18,16 +18,17 @@ noise. A loss that brings such a place to where a marker is expected would keep 
 lock in the wrong phase; it shows by the true marker, now at the mirrored place, and ends the lock.
 """
 from collections import deque
+import math
 
 import numpy as np
 from numpy.typing import DTypeLike
 
-from tactile_common.errors import ConfigurationError
 from tactile_sensing.devices.marker_search import AMBIGUOUS_PERIODS, Known, MarkerSearch
-from tactile_sensing.devices.protocol import Frame, NEED_DATA, Resync, Signal
+from tactile_sensing.devices.protocol import Decoder, Device, NEED_DATA
 
 MARKER = b'\xaa\x55'
 BAUD_RATE = 2_000_000
+SAMPLE_SIZE = 16384  # bytes
 FIXED_FRAMES = 8  # in which a mimic has stood at one place, so that it counts as fixed
 
 
@@ -48,55 +49,52 @@ def encode_next(counts: np.ndarray) -> bytes:
     return encode_payload(counts) + MARKER
 
 
-class FlexiTacDecoder:
+class FlexiTacDevice(Device):
+    """A reading circuit: it announces a frame by its marker as soon as the last one is out."""
+
+    preamble = MARKER
+
+    def encode(self, counts: np.ndarray, time_ns: int = 0) -> bytes:
+        """Return what a device sends once a marker is out."""
+        return encode_next(counts)
+
+
+class FlexiTacDecoder(Decoder):
     """
     Turn received bytes into frames, see `protocol.Decoder`.
 
     `buffer_bound` is without lock the `AMBIGUOUS_PERIODS` that may be needed to choose a phase,
-    and the markers around them. `lost_frames` is estimated from the dropped bytes. Raises a
-    ConfigurationError where a size is not a positive integer. Counts are of the type that is
-    given, an integer of one byte or two. Many of its attributes are the counters of a `Decoder`.
+    and the markers around them. Counts are of the type that is given, an integer of one byte or
+    two.
     """
 
     def __init__(self, rows: int, columns: int, kind: DTypeLike = np.uint8):
-        for name, value in (('rows', rows), ('columns', columns)):
-            if not isinstance(value, int) or value < 1:
-                raise ConfigurationError(f'{name} is {value!r}, must be an integer of at least 1')
-        self._shape = (rows, columns)
-        self._kind = np.empty(0, kind).dtype.newbyteorder('<')
-        self._period = len(MARKER) + rows * columns * self._kind.itemsize
-        self.buffer_bound = (AMBIGUOUS_PERIODS + 2) * self._period + len(MARKER)
-        self.frames = self.lost_frames = self.resyncs = self.dropped_bytes = 0
-        self._buffer = bytearray()
-        self._origin = 0  # position of the buffer in the stream
-        self._search = MarkerSearch(MARKER, self._period)
         self._known: Known | None = None  # survives a reset: the pad is the same one
         self._fixed: dict[int, int] = {}  # places of mimics, and for how many frames by now
-        self.reset()
+        super().__init__(rows, columns, np.dtype(kind).newbyteorder('<'))
 
-    def reset(self) -> None:
-        """Forget the buffer and the lock, as after the port was opened anew; counters stay."""
-        self.dropped_bytes += len(self._buffer)
-        self._gap = 0  # bytes passed over since the last frame
-        self._origin += len(self._buffer)
-        self._buffer.clear()
+    def _begin(self):
+        super()._begin()
+        self._period = len(MARKER) + math.prod(self._shape) * self._kind.itemsize
+        self.buffer_bound = (AMBIGUOUS_PERIODS + 2) * self._period + len(MARKER)
+        self._search = MarkerSearch(MARKER, self._period)
+        self._search.restart(self._origin)
         self._breaks: deque[int] = deque(maxlen=4 * AMBIGUOUS_PERIODS)
         self._held = 0  # confirmed frames at the head of the buffer
-        self.locked = False
-        self._search.restart(self._origin)
-
-    @property
-    def buffered(self) -> int:
-        """Bytes that are held at the moment."""
-        return len(self._buffer)
+        self._sample = bytearray()  # kept without lock, to see how long other frames are
 
     def receive_data(self, data: bytes) -> None:
         """Append what came from the port; parsing is left to `next_event`."""
-        self._buffer += data
+        super().receive_data(data)
         self._breaks.append((self._origin + len(self._buffer)) % self._period)
+        if self.locked:
+            self._sample.clear()
+        else:
+            self._sample += data
+            del self._sample[:-SAMPLE_SIZE]
 
-    def next_event(self) -> Frame | Resync | Signal:
-        """Return the next `Frame` or `Resync`, or `NEED_DATA`."""
+    def next_event(self):
+        """Return the next event, or `NEED_DATA`."""
         if self.locked and self._held == 0:
             if len(self._buffer) < self._period + len(MARKER):
                 return NEED_DATA
@@ -110,22 +108,23 @@ class FlexiTacDecoder:
             if not self._find_lock():
                 return NEED_DATA
             if self._gap:
-                return self._resync()
-        return self._frame()
+                return self._resync(self._period)
+        return self._head()
 
-    def explain(self, sample: bytes) -> str:
+    def explain(self) -> str:
         """Say how long the frames of a stream are that makes none of this array."""
-        size = payload_size(sample)
+        size = payload_size(self._sample)
         if size is None or size == self._period - len(MARKER):
             return ''
-        told, tactels = f'the sensor sends {size} bytes a frame', self._shape[0] * self._shape[1]
+        text, tactels = f'the sensor sends {size} bytes a frame', self._shape[0] * self._shape[1]
         if size == 2 * tactels:
-            told += ', two a tactel: `bits` of the calibration must be above 8'
+            text += ', two a tactel: `bits` of the calibration must be above 8'
         elif size == tactels:
-            told += ', one a tactel: `bits` of the calibration must be at most 8'
-        return told
+            text += ', one a tactel: `bits` of the calibration must be at most 8'
+        return text
 
-    def _frame(self):
+    def _head(self):
+        """Take the frame at the head of the buffer."""
         payload = bytes(self._buffer[len(MARKER):self._period])
         mimics = frozenset(_places(payload))
         self._fixed = {place: self._fixed.get(place, 0) + 1 for place in mimics}
@@ -133,25 +132,13 @@ class FlexiTacDecoder:
         first = self._origin + len(MARKER)
         self._take(self._period)
         self._held -= 1
-        counts = np.frombuffer(payload, self._kind).reshape(self._shape)
-        frame = Frame(counts, self.frames + self.lost_frames, first, self._origin)
-        self.frames += 1
-        return frame
+        return self._frame(np.frombuffer(payload, self._kind).reshape(self._shape), first)
 
     def _slipped(self):
         """Whether a marker stands where the true one is if a fixed mimic has taken its place."""
         fixed = [place for place, count in self._fixed.items() if count >= FIXED_FRAMES]
         return any(self._buffer.startswith(MARKER, self._period - place) for place in fixed
                    if self._period - place not in self._fixed)
-
-    def _resync(self):
-        # Nothing is lost before the first frame; afterwards at least the one that broke the lock.
-        if self.frames:
-            self.lost_frames += max(round(self._gap / self._period), 1)
-        self.resyncs += 1
-        event = Resync(self._gap)
-        self._gap = 0
-        return event
 
     def _find_lock(self):
         """Put the start of a confirmed frame at the head of the buffer; False: not there yet."""
@@ -163,17 +150,6 @@ class FlexiTacDecoder:
         self._drop(run.last - self._held * self._period - self._origin)
         self.locked = True
         return True
-
-    def _drop(self, count):
-        """Pass over bytes that belong to no frame."""
-        if count > 0:
-            self._take(count)
-            self._gap += count
-            self.dropped_bytes += count
-
-    def _take(self, count):
-        del self._buffer[:count]
-        self._origin += count
 
 
 def _places(payload):

@@ -1,17 +1,79 @@
-"""Byte protocols that driver and mock sensor know: one row each."""
+"""Byte protocols that driver and mock sensor know; other packages add theirs by an entry point."""
+from collections.abc import Mapping
+from importlib.metadata import entry_points
+from typing import Any
+
+import numpy as np
+
 from tactile_common.errors import ConfigurationError
-from tactile_sensing.devices import flexitac
+from tactile_sensing.devices import flexitac, lines, robotiq, weiss
 from tactile_sensing.devices.protocol import SensorProtocol
 
-PROTOCOLS = {
+GROUP = 'tactile_sensing.protocols'  # of entry points: a name, and the SensorProtocol of it
+OWN = {
     'flexitac': SensorProtocol(
-        flexitac.FlexiTacDecoder, flexitac.encode_next, flexitac.MARKER, flexitac.BAUD_RATE,
-        'flexitac_16x16.yaml'),
+        flexitac.FlexiTacDecoder, flexitac.FlexiTacDevice, flexitac.BAUD_RATE,
+        calibration='flexitac_16x16.yaml'),
+    'csv_lines': SensorProtocol(
+        lines.CsvDecoder, lines.CsvDevice, 115200, 2**31 - 1, -2**31, np.int32,
+        options={'stamp': '', 'checksum': False}),
+    'vitac': SensorProtocol(lines.VitacDecoder, lines.VitacDevice, 2_000_000),
+    'weiss_wts': SensorProtocol(
+        weiss.WeissDecoder, weiss.WeissDevice, 115200, 65535, kind=np.uint16,
+        start=weiss.start_wts, stop=weiss.stop_wts,
+        options={'rle': False, 'tare': '', 'threshold': 0, 'cells': 0, 'first': 0}),
+    'weiss_dsa': SensorProtocol(
+        weiss.DsaDecoder, weiss.DsaDevice, 115200, 4095, kind=np.uint16,
+        start=weiss.start_dsa, stop=weiss.stop_dsa,
+        options={'rle': True, 'cells': 0, 'first': 0}),
+    'robotiq_tsf85': SensorProtocol(
+        robotiq.TsfDecoder, robotiq.TsfDevice, 115200, 65535, kind=np.uint16,
+        shape=robotiq.SHAPE, start=robotiq.start, stop=robotiq.stop,
+        options={'finger': 0, 'crc': ''}),
 }
+_OTHERS = {point.name: point for point in entry_points(group=GROUP)}
+PROTOCOLS = (*OWN, *sorted(_OTHERS.keys() - OWN.keys()))  # names
 
 
 def protocol_named(name: str) -> SensorProtocol:
     """Return the protocol of a name; ConfigurationError where there is none."""
-    if name not in PROTOCOLS:
+    if name in OWN:
+        return OWN[name]
+    if name not in _OTHERS:
         raise ConfigurationError(f'protocol is {name!r}, must be one of {", ".join(PROTOCOLS)}')
-    return PROTOCOLS[name]
+    try:
+        found = _OTHERS[name].load()
+    except Exception as error:  # of a package that is not ours
+        raise ConfigurationError(f'protocol {name} cannot be loaded: {error}') from error
+    if not isinstance(found, SensorProtocol):
+        raise ConfigurationError(f'protocol {name}: {_OTHERS[name].value} is no SensorProtocol')
+    return found
+
+
+def options_of(name: str, given: str | Mapping[str, Any]) -> dict[str, Any]:
+    """
+    Return the options of a protocol, as keyword arguments of its decoder.
+
+    They are a mapping, or a text `name=value name=value`; ConfigurationError where one is
+    unknown or of another type.
+    """
+    known, values = protocol_named(name).options, {}
+    if isinstance(given, str):
+        given = dict(item.partition('=')[::2] for item in given.replace(',', ' ').split())
+    for key, value in given.items():
+        if key not in known:
+            there = ', '.join(known) or 'none'
+            raise ConfigurationError(f'{name} has no option {key!r}, there are: {there}')
+        values[key] = _as(key, value, type(known[key]))
+    return {**known, **values}
+
+
+def _as(key, value, kind):
+    words = {'true': True, 'yes': True, '1': True, 'false': False, 'no': False, '0': False}
+    try:
+        if kind is bool and isinstance(value, str):
+            return words[value.lower()]
+        return kind(value)
+    except (KeyError, TypeError, ValueError):
+        raise ConfigurationError(
+            f'option {key} is {value!r}, must be of the type {kind.__name__}') from None

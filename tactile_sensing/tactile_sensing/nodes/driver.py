@@ -30,8 +30,6 @@ from tactile_sensing.types.image import TactileImage
 _SILENCE = 1.0
 # Longest wait for the reader at the end [s]; it looks up after each read of some 20 ms.
 _LAST_READ = 2.0
-# Bytes kept while they make no frame, to tell how long the frames of another array are.
-_SAMPLE_SIZE = 16384
 MIN_BAUD = 1200
 _LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 
@@ -110,7 +108,6 @@ class DriverNode(TactileNode):
 
         self._image_msg = TactileImageMsg()
         self._fault = f'{self._config.port} is not open yet'
-        self._sample = bytearray()
         self._impossible = False  # whether counts arrived that the calibration excludes
         self._last_byte_at = self._last_frame_at = time.monotonic()
         self._reported = Report(time.monotonic())
@@ -153,7 +150,6 @@ class DriverNode(TactileNode):
 
     def _on_connected(self):
         self._frames.restart()
-        self._sample.clear()
         self._last_byte_at = self._last_frame_at = time.monotonic()
         self._fault = ''
         self.get_logger().info(f'reading {self._config.port}')
@@ -170,11 +166,6 @@ class DriverNode(TactileNode):
         self._last_byte_at = time.monotonic()
         waited_ns = round(1e9 * (self._last_byte_at - caught_up_at))
         frames = self._frames.receive(data, arrival_ns, arrival_ns - waited_ns)
-        if self._decoder.locked:
-            self._sample.clear()
-        else:
-            self._sample += data
-            del self._sample[:-_SAMPLE_SIZE]
         for frame, frame_ns in frames:
             self._last_frame_at = self._last_byte_at
             self._publish(frame, max(frame_ns - self._delay_ns, 0))
@@ -297,9 +288,9 @@ class DriverNode(TactileNode):
     def _no_frames(self):
         rows, columns = self._calibration.array.shape
         text = f'bytes arrive on {self._config.port}, but no frame of {rows}x{columns}'
-        told = self._decoder.explain(bytes(self._sample))
-        if told:
-            return f'{text} = {self._frame_size} bytes: {told}'
+        reason = self._decoder.explain()
+        if reason:
+            return f'{text} = {self._frame_size} bytes: {reason}'
         return f'{text}: wrong sensor, size or baud rate'
 
 

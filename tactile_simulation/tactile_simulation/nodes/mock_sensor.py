@@ -84,7 +84,7 @@ class MockSensorNode(TactileNode):
         self._thread: threading.Thread | None = None
         try:
             self._config = declare_from(self, MockSensorConfig)
-            self._protocol = protocol_named(self._config.protocol)
+            self._device = protocol_named(self._config.protocol).device()
             self._lock = threading.Lock()  # of the poses: a callback writes, the thread reads
             self._open_source(recording, calibration)
             self._port = PseudoTerminal(self._config.port)
@@ -175,7 +175,7 @@ class MockSensorNode(TactileNode):
                 return
             counts = self._frame(number, instant)
             if counts is not None:
-                self._send(self._protocol.encode(counts))
+                self._send(self._device.encode(counts, round(instant * NS)))
         self.get_logger().info('recording ended')
         self.finished.set()
 
@@ -184,7 +184,7 @@ class MockSensorNode(TactileNode):
             self._in_step = False
             self._port.forget()
             return
-        head = b'' if self._in_step else self._protocol.preamble
+        head = b'' if self._in_step else self._device.preamble
         if self._port.write(head + frame):
             self._in_step = True
             self.sent += 1

@@ -1,0 +1,114 @@
+"""
+Protocol of the Robotiq TSF-85: two fingers of 7x4 tactels, with inertial sensors.
+
+A packet is `9A`, a CRC-8 over all behind it, a command, the size of its data (at most 60), and
+data: a tag (kind of the values in the upper four bits, then two of the finger, two of an index)
+and its values, big-endian, tag by tag. What polynomial the CRC has is not public, and 00 stands
+for none: it is only checked where `crc` gives one. Else what is no sequence of tags is no packet.
+"""
+import struct
+
+import numpy as np
+from numpy.typing import DTypeLike
+
+from tactile_common.errors import ConfigurationError
+from tactile_sensing.devices.protocol import Device, PacketDecoder, Piece
+
+START = 0x9A
+AUTOSEND = 0x58
+COMMAND = 0x0F  # of it; the upper bits are flags
+LARGEST = 60  # bytes of data
+SHAPE = (7, 4)
+TEMPERATURE, STATIC = 0x60, 0x10
+SIZES = {STATIC: 56, 0x20: 2, 0x30: 6, 0x40: 6, 0x50: 6, TEMPERATURE: 2}  # bytes by the tag
+STOP_LENGTH = 5  # bytes of a command
+
+
+def crc8(data: bytes, polynomial: int) -> int:
+    """Return the CRC of bytes, most significant bit first, from 0."""
+    crc = 0
+    for byte in data:
+        crc ^= byte
+        for _ in range(8):
+            crc = (crc << 1 ^ (polynomial if crc & 0x80 else 0)) & 0xFF
+    return crc
+
+
+def packet(data: bytes, polynomial: int = 0) -> bytes:
+    """Return a packet of the command that makes the sensor send; without polynomial, CRC 00."""
+    body = bytes([AUTOSEND, len(data)]) + data
+    return bytes([START, crc8(body, polynomial) if polynomial else 0]) + body
+
+
+class TsfDecoder(PacketDecoder):
+    """Decoder of one `finger`; `crc`: the polynomial in hexadecimal digits."""
+
+    PREAMBLE, HEAD = bytes([START]), 4
+    buffer_bound = 4 + LARGEST
+
+    def __init__(self, rows: int, columns: int, kind: DTypeLike = np.uint16, *, finger: int = 0,
+                 crc: str = ''):
+        super().__init__(rows, columns, kind)
+        if (rows, columns) != SHAPE:
+            raise ConfigurationError(f'the array is {rows}x{columns}, of this sensor it is 7x4')
+        self._finger, self._polynomial = finger, int(crc or '0', 16)
+        self._full = np.iinfo(self._kind).max
+
+    def _size(self, at):
+        command, size = self._buffer[at + 2:at + 4]
+        sound = command & COMMAND == AUTOSEND & COMMAND and size <= LARGEST
+        return self.HEAD + size if sound else 0
+
+    def _parse(self, packet):
+        if packet[1] and self._polynomial and crc8(packet[2:], self._polynomial) != packet[1]:
+            return None
+        at, counts = self.HEAD, None
+        while at < len(packet):
+            kind, finger = packet[at] & 0xF0, packet[at] >> 2 & 3
+            values = packet[at + 1:at + 1 + SIZES.get(kind, LARGEST)]
+            at += 1 + SIZES.get(kind, LARGEST)
+            if at > len(packet):
+                return None
+            if finger == self._finger and kind == STATIC:
+                counts = np.frombuffer(values, '>u2')
+            elif finger == self._finger and kind == TEMPERATURE:
+                self.temperature = float(struct.unpack('>h', values)[0])
+        if counts is not None and counts.max() > self._full:
+            self._refuse(counts.size, counts.max())
+            counts = None
+        return Piece(len(packet), None if counts is None
+                     else counts.astype(self._kind).reshape(SHAPE))
+
+
+class TsfDevice(Device):
+    """A finger that sends once it was asked to."""
+
+    def __init__(self, finger: int = 0, crc: str = ''):
+        self.running, self._finger, self._polynomial = False, finger, int(crc or '0', 16)
+        self._commands = b''
+
+    def encode(self, counts: np.ndarray, time_ns: int = 0) -> bytes:
+        """Return the packets of both fingers: the other one is not touched."""
+        other = bytes([STATIC | (1 - self._finger) << 2]) + bytes(56)
+        own = bytes([STATIC | self._finger << 2]) + counts.astype('>u2').tobytes()
+        return packet(own, self._polynomial) + packet(other, self._polynomial)
+
+    def answer(self, commands: bytes) -> bytes:
+        """Follow the commands; none of them is answered."""
+        self._commands += commands
+        while (at := self._commands.find(START)) >= 0 and len(self._commands) >= at + STOP_LENGTH:
+            if self._commands[at + 2] == AUTOSEND:
+                self.running = self._commands[at + 4] > 0
+            self._commands = self._commands[at + STOP_LENGTH:]
+        self._commands = self._commands[-STOP_LENGTH:]
+        return b''
+
+
+def start(rate: float, **_) -> bytes:
+    """Return the command that starts frames of a rate [Hz]."""
+    return packet(bytes([min(max(round(1e3 / rate), 1), 255)]))
+
+
+def stop(rate: float, **_) -> bytes:
+    """Return the command that ends the frames."""
+    return packet(b'\0')

@@ -1,0 +1,177 @@
+"""
+Protocols of Weiss Robotics: `weiss_wts`, and `weiss_dsa` of the DSACON32m controller.
+
+A packet is `AA AA AA`, its id, the size of its payload (u16), the payload and a CRC. WTS: the CRC
+is over all before it. DSA: it is over id, size and payload, and absent where there is no payload.
+Frames have id 00: time [ms] (u32), flags (bit 0: run-length coded), cells (u16; run-length coded:
+how often in the upper four bits, the value in the lower twelve). All numbers are little-endian.
+"""
+from functools import partial
+import struct
+
+import numpy as np
+from numpy.typing import DTypeLike
+
+from tactile_common.errors import ConfigurationError
+from tactile_sensing.devices.protocol import Device, PacketDecoder, Piece, Reply
+
+PREAMBLE = b'\xaa\xaa\xaa'
+FRAME, DSA_CONFIGURE = 0x00, 0x03
+SINGLE, START, STOP, TARE, MATRIX, THRESHOLD = 0x20, 0x21, 0x22, 0x23, 0x30, 0x34
+HEAD = len(PREAMBLE) + 3
+LARGEST_REPLY = 256  # bytes of payload
+RUN_LENGTH, ACQUIRE = 0x01, 0x80  # flags
+LONGEST_RUN, HIGHEST = 15, 4095
+NO_COMMAND = 4  # status of a command that is not known; 0 is success
+
+
+def _row(value):
+    for _ in range(8):
+        value = (value << 1 ^ (0x1021 if value & 0x8000 else 0)) & 0xFFFF
+    return value
+
+
+_TABLE = [_row(byte << 8) for byte in range(256)]
+
+
+def crc16(data: bytes) -> int:
+    """Return the CRC of the protocol: the table of 0x1021, shifted to the right."""
+    crc = 0xFFFF
+    for byte in data:
+        crc = crc >> 8 ^ _TABLE[(crc ^ byte) & 0xFF]
+    return crc
+
+
+def packet(command: int, payload: bytes = b'', dsa: bool = False) -> bytes:
+    """Return a packet of either protocol."""
+    body = struct.pack('<BH', command, len(payload)) + payload
+    if dsa and not payload:
+        return PREAMBLE + body
+    return PREAMBLE + body + struct.pack('<H', crc16(body if dsa else PREAMBLE + body))
+
+
+class WeissDecoder(PacketDecoder):
+    """
+    Decoder of both, see `protocol.Decoder`.
+
+    A frame may hold several matrices: `cells` are all of them (0: rows * columns), of which the
+    image begins at `first`. What the device answers to commands comes as `Reply`.
+    """
+
+    PREAMBLE, HEAD = PREAMBLE, HEAD
+    tick_ns = 1_000_000
+
+    def __init__(self, rows: int, columns: int, kind: DTypeLike = np.uint16, *, cells: int = 0,
+                 first: int = 0, dsa: bool = False, **_):
+        super().__init__(rows, columns, kind)
+        size = rows * columns
+        self._cells, self._first, self._dsa = cells or first + size, first, dsa
+        if not 0 <= first <= self._cells - size:
+            raise ConfigurationError(
+                f'first is {first}, must be from 0 to {self._cells - size} of {self._cells} cells')
+        self._most = max(5 + 2 * self._cells, LARGEST_REPLY)
+        self.buffer_bound = HEAD + self._most + 2
+        self._full = np.iinfo(self._kind).max
+
+    def _size(self, at):
+        command, size = struct.unpack_from('<BH', self._buffer, at + len(PREAMBLE))
+        if size > self._most:
+            if command == FRAME:
+                self._mismatch = f'the sensor sends {(size - 5) // 2} cells a frame'
+            return 0
+        return HEAD + size + (0 if self._dsa and not size else 2)
+
+    def _parse(self, packet):
+        command, size = struct.unpack_from('<BH', packet, len(PREAMBLE))
+        payload, crc = packet[HEAD:HEAD + size], packet[HEAD + size:]
+        if crc and crc16(packet[len(PREAMBLE) if self._dsa else 0:HEAD + size]) != (
+                int.from_bytes(crc, 'little')):
+            return None
+        if command != FRAME or size < 5:
+            if len(payload) >= 2 and any(payload[:2]):
+                self._mismatch = (f'the sensor refuses command {command:#04x} with status '
+                                  f'{int.from_bytes(payload[:2], "little")}')
+            return Piece(len(packet), reply=Reply(command, payload))
+        ticks, flags = struct.unpack_from('<IB', payload)
+        values = np.frombuffer(payload[5:5 + (size - 5) // 2 * 2], '<u2')
+        if flags & RUN_LENGTH:
+            values = np.repeat(values & HIGHEST, values >> 12)
+        rows, columns = self._shape
+        image = values[self._first:self._first + rows * columns]
+        if values.size != self._cells or image.max() > self._full:
+            self._refuse(values.size if values.size != self._cells else image.size, image.max(
+                initial=0))
+            return Piece(len(packet))
+        return Piece(len(packet), image.astype(self._kind).reshape(rows, columns), ticks)
+
+
+class WeissDevice(Device):
+    """A sensor that sends once it was asked to, and answers every command."""
+
+    def __init__(self, dsa: bool = False, first: int = 0, cells: int = 0, **_):
+        self.running, self._dsa, self._first, self._cells = False, dsa, first, cells
+        self._flags = 0
+        self._commands = WeissDecoder(1, 1, dsa=dsa)
+
+    def encode(self, counts: np.ndarray, time_ns: int = 0) -> bytes:
+        """Return a frame; cells of other matrices are 0."""
+        cells = np.zeros(max(self._cells, self._first + counts.size), np.uint16)
+        cells[self._first:self._first + counts.size] = counts.ravel()
+        if self._flags & RUN_LENGTH:
+            cells = run_lengths(cells)
+        head = struct.pack('<IB', time_ns // 1_000_000 % WeissDecoder.wrap, self._flags)
+        return packet(FRAME, head + cells.astype('<u2').tobytes(), self._dsa)
+
+    def answer(self, commands: bytes) -> bytes:
+        """Return the status of every command that has come."""
+        self._commands.receive_data(commands)
+        answer = b''
+        while isinstance(event := self._commands.next_event(), Reply):
+            status = 0
+            if event.command in (DSA_CONFIGURE, START) and event.payload:
+                self._flags = event.payload[0] & RUN_LENGTH
+                self.running = not self._dsa or bool(event.payload[0] & ACQUIRE)
+            elif event.command == STOP:
+                self.running = False
+            elif event.command not in (TARE, MATRIX, THRESHOLD):
+                status = NO_COMMAND
+            answer += packet(event.command, struct.pack('<H', status), self._dsa)
+        return answer
+
+
+def run_lengths(cells: np.ndarray) -> np.ndarray:
+    """Return cells below 4096 as words of how often (four bits) and value (twelve)."""
+    starts = np.flatnonzero(np.diff(cells, prepend=-1))
+    words = []
+    for value, count in zip(cells[starts].tolist(), np.diff(starts, append=cells.size).tolist(),
+                            strict=True):
+        while count > 0:
+            words.append(min(count, LONGEST_RUN) << 12 | value)
+            count -= LONGEST_RUN
+    return np.array(words, np.uint16)
+
+
+def start_wts(rate: float, rle: bool = False, tare: str = '', threshold: int = 0, **_) -> bytes:
+    """Return the commands that start frames of a rate [Hz], after those that were asked for."""
+    setup = packet(TARE, bytes.fromhex(tare)) if tare else b''
+    if threshold:
+        setup += packet(THRESHOLD, struct.pack('<H', threshold))
+    return setup + packet(START, struct.pack('<BH', rle, min(max(round(1e3 / rate), 1), 65535)))
+
+
+def start_dsa(rate: float, rle: bool = False, **_) -> bytes:
+    """Return the command that starts frames of a rate [Hz]."""
+    return packet(DSA_CONFIGURE, struct.pack('<BH', ACQUIRE | rle, round(rate)), dsa=True)
+
+
+def stop_wts(rate: float, **_) -> bytes:
+    """Return the command that ends the frames."""
+    return packet(STOP)
+
+
+def stop_dsa(rate: float, **_) -> bytes:
+    """Return the command that ends the frames."""
+    return packet(DSA_CONFIGURE, struct.pack('<BH', 0, 0), dsa=True)
+
+
+DsaDecoder, DsaDevice = partial(WeissDecoder, dsa=True), partial(WeissDevice, dsa=True)
