@@ -4,6 +4,7 @@ import pytest
 
 from tactile_sensing.devices.flexitac import encode_next, encode_payload, FlexiTacDecoder, MARKER
 from tactile_sensing.devices.frame_clock import BURST, FrameClock, RATE_MARGIN, STALL_PERIODS
+from tactile_sensing.devices.lines import CsvDecoder, CsvDevice
 
 SHAPE = (4, 5)
 RATE = 200.0
@@ -146,3 +147,51 @@ def test_frames_that_waited_and_are_all_there_have_their_time(clock):
     got += clock.receive(data[half:], NOON + 100 * PERIOD + 1000, NOON)
     np.testing.assert_allclose([frame.arrival_ns - NOON for frame in got],
                                PERIOD * np.arange(1, 101), atol=50 * 1000)
+
+
+def received(jitter, drift=50e-6, seconds=14.0, stamp='', step=0, lost=()):
+    """Times of a sensor's frames, and the stamps that the clock gives them [s]."""
+    rng = np.random.default_rng(6)
+    count = round(seconds * RATE)
+    sent = (np.arange(count) / RATE * (1.0 + drift)
+            + (0.001 * rng.random(count) if stamp else 0.0))  # a device that is not so even
+    sent[count // 2:] += step
+    device, clock = CsvDevice(stamp), FrameClock(CsvDecoder(*SHAPE, stamp=stamp), RATE)
+    clock.receive(b'\n', NOON)
+    arrival, stamps = 0.0, np.full(count, np.nan)
+    for k, at in enumerate(sent):
+        arrival = max(at + jitter(rng), arrival)
+        data = device.encode(picture(k), round(at / (1.0 + drift) * 1e9))
+        if k in lost:
+            data = b'x' + data
+        for frame in clock.receive(data, NOON + round(arrival * 1e9)):
+            stamps[k] = 1e-9 * (frame.arrival_ns - NOON)
+    return sent, stamps
+
+
+@pytest.mark.parametrize('stamp', ['', 'us'])
+@pytest.mark.parametrize('jitter', [
+    lambda rng: 0.002 * rng.random(), lambda rng: abs(rng.normal(0.0, 0.002)),
+    lambda rng: rng.exponential(0.002)], ids=['uniform', 'normal', 'exponential'])
+def test_stamps_are_without_the_jitter_of_the_reception(jitter, stamp):
+    """At 200 Hz, 2 ms of it, and a clock that is off by 50 ppm: .3 ms RMS after 5 s."""
+    sent, stamps = received(jitter, stamp=stamp)
+    off = (stamps - sent)[round(5.0 * RATE):]
+    assert np.sqrt(np.mean(off**2)) < 0.3e-3
+    assert np.all(np.diff(stamps) > 0.0)
+
+
+@pytest.mark.parametrize('step', [-0.004, 0.1, 2.0])
+def test_a_device_that_pauses_is_followed_within_half_a_second(step):
+    sent, stamps = received(lambda rng: 0.002 * rng.random(), step=step)
+    off = (stamps - sent)[len(sent) // 2:]
+    assert np.all(off < 0.003 - min(step, 0.0)) and np.all(off > -0.0201)
+    assert np.abs(off[round(0.55 * RATE):]).max() < 0.0021
+    assert np.sqrt(np.mean(off[round(3.0 * RATE):]**2)) < 0.3e-3
+
+
+def test_a_frame_that_is_counted_as_lost_moves_no_stamp():
+    sent, stamps = received(lambda rng: 0.002 * rng.random(), lost=range(1200, 2700, 300))
+    off = (stamps - sent)[round(5.0 * RATE):]
+    assert np.isnan(off).sum() == 5
+    assert np.sqrt(np.nanmean(off**2)) < 0.3e-3

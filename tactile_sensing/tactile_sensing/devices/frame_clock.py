@@ -2,6 +2,8 @@
 from collections import Counter, deque
 from typing import NamedTuple
 
+import numpy as np
+
 from tactile_sensing.devices.protocol import Decoder, Frame, NEED_DATA
 
 NS = 1_000_000_000
@@ -11,10 +13,14 @@ RATE_MARGIN = 6.0  # times the nominal rate: a sensor may be set faster, but not
 MAX_RATE = 10e3  # Hz, where no rate is known
 BURST = 0.1  # s of frames that may come at once, after a pause
 JUMP_NS = NS  # a time so far before the last one means that the clock was set back
+BLOCK_NS = NS // 2  # of each the frame that came with the least delay is looked at
+LEAST_BLOCKS, BLOCKS = 4, 20  # for a line
+STEADY_NS = 1e6  # by which the blocks may differ from a line, else a clock or a count has jumped
+MOST_JITTER_NS = 20_000_000  # that is taken out
 
 
 class Stamped(NamedTuple):
-    """A frame and when it arrived, had its bytes come as usual [ns]."""
+    """A frame and when it arrived, had its bytes come as usual and without jitter [ns]."""
 
     frame: Frame
     arrival_ns: int
@@ -25,6 +31,56 @@ class Arrival(NamedTuple):
 
     end: int  # position behind its last byte in the stream
     time_ns: int
+
+
+class SendTime:
+    """
+    Time at which frames were sent, without the jitter of their reception.
+
+    Nothing arrives before it was sent. Of frames that are evenly spaced in the device's time,
+    those that came with the least delay lie on a line; its slope holds the drift of the device's
+    clock. A time is never later than the arrival, nor by more than `MOST_JITTER_NS` earlier.
+    """
+
+    def __init__(self):
+        self.restart()
+
+    def restart(self) -> None:
+        """Begin anew; until there is a line, a frame was sent as it arrived."""
+        self._block: list[tuple[int, int]] = []  # times of device and arrival
+        self._blocks: deque[np.ndarray] = deque(maxlen=BLOCKS)
+        self._line: np.ndarray | None = None  # slope and offset from the origin
+        self._origin = (0, 0)
+
+    def of(self, device_ns: int, arrival_ns: int) -> int:
+        """Return when a frame of a time of the device was sent [ns]."""
+        self._block.append((device_ns, arrival_ns))
+        if abs(arrival_ns - self._block[0][1]) >= BLOCK_NS:
+            self._blocks.append(np.array(self._block))
+            self._block = []
+            self._fit()
+        if self._line is None:
+            return arrival_ns
+        sent_ns = self._origin[1] + round(
+            float(np.polyval(self._line, device_ns - self._origin[0])))
+        return min(max(sent_ns, arrival_ns - MOST_JITTER_NS), arrival_ns)
+
+    def _fit(self):
+        if len(self._blocks) < LEAST_BLOCKS:
+            return
+        origin = self._blocks[0][0]
+        blocks = [(block - origin).astype(float) for block in self._blocks]
+        lowest = np.concatenate(blocks)
+        for _ in range(3):
+            line = np.polyfit(*lowest.T, 1)
+            lowest = np.array([block[(block[:, 1] - line[0] * block[:, 0]).argmin()]
+                               for block in blocks])
+        if np.abs(lowest[:, 1] - np.polyval(line, lowest[:, 0])).max() > STEADY_NS:
+            last = self._blocks[-1]
+            self.restart()
+            self._blocks.append(last)
+            return
+        self._line, self._origin = line, (int(origin[0]), int(origin[1]))
 
 
 class FrameClock:
@@ -57,12 +113,14 @@ class FrameClock:
         self._credit = BURST * self.limit
         self._received = self._backlog = 0  # bytes; frames since the reader had caught up
         self._caught_up_ns: int | None = None
+        self._send_time = SendTime()
         self._newest_ns = self._given_ns = 0  # arrival of the newest frame; and of one given
         self.restart()
 
     def restart(self) -> None:
         """Begin anew, as after the port was opened."""
         self.decoder.reset()
+        self._send_time.restart()
         self._arrivals: deque[Arrival] = deque()  # of bytes that may belong to a frame to come
 
     def receive(self, data: bytes, now_ns: int, caught_up_ns: int | None = None) -> list[Stamped]:
@@ -96,7 +154,7 @@ class FrameClock:
             if late:
                 arrival_ns = min(arrival_ns, now_ns - waited_ns + round(
                     self._backlog * NS / self._nominal_rate))
-            arrival_ns = self._judge(first_ns, arrival_ns)
+            arrival_ns = self._judge(frame, first_ns, arrival_ns)
             if arrival_ns is not None:
                 given.append(Stamped(frame, arrival_ns))
         return given
@@ -121,7 +179,7 @@ class FrameClock:
         period_ns = NS / self._nominal_rate if self._nominal_rate else self._period_ns
         return max(STALL_PERIODS * period_ns, STALL_NS) if period_ns else NS
 
-    def _judge(self, first_ns, last_ns):
+    def _judge(self, frame, first_ns, last_ns):
         """Arrival of a frame by the times of its bytes; None: it is not given."""
         took_ns = max(last_ns - first_ns, 0)
         if took_ns >= self._stall_ns():
@@ -129,6 +187,11 @@ class FrameClock:
             return None
         arrival_ns = last_ns - max(took_ns - round(self._usual_ns), 0)
         self._usual_ns += 0.1 * (took_ns - self._usual_ns)
+        if frame.device_ns is not None:
+            arrival_ns = self._send_time.of(frame.device_ns, arrival_ns)
+        elif self._nominal_rate:
+            arrival_ns = self._send_time.of(
+                round(frame.sequence * NS / self._nominal_rate), arrival_ns)
         if 0 <= self._given_ns - arrival_ns < JUMP_NS:
             arrival_ns = self._given_ns + 1  # a period was overestimated
         elapsed = 1e-9 * max(arrival_ns - self._given_ns, 0)
