@@ -75,7 +75,7 @@ class FlexiTacDecoder(Decoder):
 
     def _begin(self):
         super()._begin()
-        self._period = len(MARKER) + math.prod(self._shape) * self._kind.itemsize
+        self._period = len(MARKER) + math.prod(self.shape) * self._kind.itemsize
         self.buffer_bound = (AMBIGUOUS_PERIODS + 2) * self._period + len(MARKER)
         self._search = MarkerSearch(MARKER, self._period)
         self._search.restart(self._origin)
@@ -116,7 +116,7 @@ class FlexiTacDecoder(Decoder):
         size = payload_size(self._sample)
         if size is None or size == self._period - len(MARKER):
             return ''
-        text, tactels = f'the sensor sends {size} bytes a frame', self._shape[0] * self._shape[1]
+        text, tactels = f'the sensor sends {size} bytes a frame', self.shape[0] * self.shape[1]
         if size == 2 * tactels:
             text += ', two a tactel: `bits` of the calibration must be above 8'
         elif size == tactels:
@@ -132,7 +132,7 @@ class FlexiTacDecoder(Decoder):
         first = self._origin + len(MARKER)
         self._take(self._period)
         self._held -= 1
-        return self._frame(np.frombuffer(payload, self._kind).reshape(self._shape), first)
+        return self._frame(np.frombuffer(payload, self._kind).reshape(self.shape), first)
 
     def _slipped(self):
         """Whether a marker stands where the true one is if a fixed mimic has taken its place."""

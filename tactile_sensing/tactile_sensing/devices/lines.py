@@ -65,13 +65,13 @@ class LineDecoder(Decoder):
 
     def _counts(self, values, size, ticks=None):
         """Piece of a frame's values, if they are as many as tactels and fit their type."""
-        fits = values.size == self._shape[0] * self._shape[1]
+        fits = values.size == self.shape[0] * self.shape[1]
         low, high = (values.min(), values.max()) if values.size else (0, 0)
         if not fits or not self._bounds.min <= low <= high <= self._bounds.max:
             if values.size:
                 self._refuse(values.size, high if high > self._bounds.max else low)
             return Piece(size, good=False)
-        return Piece(size, np.rint(values).astype(self._kind).reshape(self._shape), ticks)
+        return Piece(size, np.rint(values).astype(self._kind).reshape(self.shape), ticks)
 
 
 class CsvDecoder(LineDecoder):
@@ -133,7 +133,7 @@ class VitacDecoder(LineDecoder):
         if len({row.size for row in rows}) > 1:
             return Piece(size, good=False)
         values = np.concatenate(rows)
-        if len(rows) != self._shape[0] and values.size == self._shape[0] * self._shape[1]:
+        if len(rows) != self.shape[0] and values.size == self.shape[0] * self.shape[1]:
             self._mismatch = f'the sensor sends {len(rows)} rows of {rows[0].size} values'
             return Piece(size, good=False)
         return self._counts(values, size)

@@ -71,6 +71,8 @@ class Decoder:
         Counted since the start; lost frames are estimated from the dropped bytes.
     locked : bool
         Whether the byte stream is understood at the moment.
+    shape : (int, int)
+        Rows and columns.
     temperature : float or None
         Where the device reports one [degrees Celsius].
     """
@@ -83,7 +85,7 @@ class Decoder:
         for name, value in (('rows', rows), ('columns', columns)):
             if not isinstance(value, int) or value < 1:
                 raise ConfigurationError(f'{name} is {value!r}, must be an integer of at least 1')
-        self._shape, self._kind = (rows, columns), np.dtype(kind)
+        self.shape, self._kind = (rows, columns), np.dtype(kind)
         self.frames = self.lost_frames = self.resyncs = 0
         self.dropped_bytes = self.check_errors = 0
         self.locked = False
@@ -148,7 +150,7 @@ class Decoder:
 
     def _refuse(self, count, most):
         """Keep why values make no frame: how many, and the largest one."""
-        rows, columns = self._shape
+        rows, columns = self.shape
         if count != rows * columns:
             self._mismatch = (f'the sensor sends {count} values a frame, {rows}x{columns} = '
                               f'{rows * columns} are expected')

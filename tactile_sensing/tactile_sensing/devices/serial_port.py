@@ -1,20 +1,44 @@
-"""Serial port of a sensor: opening it for low latency and reading what is there."""
+"""Serial port of a sensor: finding it, opening it for low latency, reading what is there."""
 import os
+import re
 import termios
 import time
 
 import serial
+from serial.tools import list_ports
 
 # Longest wait for a byte; bounds how long a reader takes to notice that it should stop [s].
 READ_TIMEOUT = 0.02
+MOST = 1 << 16  # bytes of a read
+_USB = re.compile(r'usb:([0-9a-f]{4}):([0-9a-f]{4})(?::(.+))?', re.IGNORECASE)
+
+
+def device_path(port: str) -> str:
+    """
+    Return the path of a port: what is given, or that of `usb:VENDOR:PRODUCT[:SERIAL NUMBER]`.
+
+    Vendor and product have four hexadecimal digits. Raises an OSError where no device or several
+    ones are of that kind.
+    """
+    usb = _USB.fullmatch(port)
+    if not usb:
+        return port
+    vendor, product, number = int(usb[1], 16), int(usb[2], 16), usb[3]
+    found = [item for item in list_ports.comports() if (item.vid, item.pid) == (vendor, product)
+             and number in (None, item.serial_number)]
+    if len(found) != 1:
+        there = ', '.join(f'{item.device} ({item.serial_number})' for item in found) or 'none'
+        raise OSError(f'{port} must be one device, there are: {there}')
+    return found[0].device
 
 
 class SensorPort:
     """
     An open serial port, 8N1, to be used as a context manager.
 
-    The path is a device or a link to one, baud the line speed [bit/s]. Raises an OSError where
-    the port is absent, in use or gone; `read` as well.
+    The port is a device, a link to one, or see `device_path`; baud the line speed [bit/s]. Nobody
+    else can open it meanwhile. Raises an OSError where the port is absent, in use or gone; `read`
+    and `write` as well.
 
     Attributes
     ----------
@@ -23,14 +47,15 @@ class SensorPort:
         read came after that: a reader that comes late cannot know more.
     """
 
-    def __init__(self, path: str, baud: int, frame_size: int = 1):
-        self._path, self._frame_size = path, frame_size
+    def __init__(self, port: str, baud: int, frame_size: int = 1):
+        self._path, self._frame_size = device_path(port), frame_size
         self.caught_up_at = time.monotonic()
-        self._device = os.path.realpath(path)
+        self._device = os.path.realpath(self._path)
         try:
-            self._serial = serial.Serial(path, baud, timeout=READ_TIMEOUT, exclusive=True)
+            self._serial = serial.Serial(
+                self._path, baud, timeout=READ_TIMEOUT, write_timeout=1.0, exclusive=True)
         except (termios.error, ValueError) as error:  # gone while it was opened; impossible baud
-            raise OSError(f'could not configure port {path}: {error}') from error
+            raise OSError(f'could not configure port {self._path}: {error}') from error
         try:
             # USB adapters hold bytes back for up to 16 ms otherwise.
             self._serial.set_low_latency_mode(True)
@@ -48,7 +73,11 @@ class SensorPort:
         waiting = self._serial.in_waiting
         if waiting < self._frame_size:
             self.caught_up_at = time.monotonic()
-        data = self._serial.read(waiting or 1)
+        data = self._serial.read(min(waiting, MOST) or 1)
         if not data and os.path.realpath(self._path) != self._device:
             raise OSError(f'{self._path} is another device now')
         return data
+
+    def write(self, data: bytes) -> None:
+        """Send bytes."""
+        self._serial.write(data)

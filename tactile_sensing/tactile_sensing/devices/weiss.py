@@ -96,7 +96,7 @@ class WeissDecoder(PacketDecoder):
         values = np.frombuffer(payload[5:5 + (size - 5) // 2 * 2], '<u2')
         if flags & RUN_LENGTH:
             values = np.repeat(values & HIGHEST, values >> 12)
-        rows, columns = self._shape
+        rows, columns = self.shape
         image = values[self._first:self._first + rows * columns]
         if values.size != self._cells or image.max() > self._full:
             self._refuse(values.size if values.size != self._cells else image.size, image.max(

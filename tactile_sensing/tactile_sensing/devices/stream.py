@@ -1,0 +1,150 @@
+"""A sensor on a serial port that may come and go: frames with their times, without a thread."""
+from collections.abc import Callable, Mapping
+from contextlib import ExitStack
+import threading
+import time
+from typing import Any
+
+import numpy as np
+from numpy.typing import DTypeLike
+
+from tactile_sensing.devices.frame_clock import FrameClock, Stamped
+from tactile_sensing.devices.registry import protocol_named
+from tactile_sensing.devices.serial_port import SensorPort
+
+BACK_OFF = 0.02, 0.5  # s from one attempt to open the port to the next: at first, at most
+ASK_AGAIN = 2.0  # s without a frame after which a device is asked to send again: it has restarted
+LAG_NS = 100_000_000  # frames that are so much older than the newest of a read are passed over
+SILENCE = 1.0  # s without a byte or a frame that is reported
+
+
+class SensorStream:
+    """
+    Open the port of a sensor, start it and read it; open it again whenever it is lost.
+
+    Parameters
+    ----------
+    port : str
+        See `serial_port.device_path`.
+    protocol : str
+        Name in the table of protocols; `options` are the protocol's.
+    shape : (rows, columns)
+    kind : dtype
+        Of the counts; None: what the protocol says.
+    rate : float
+        Frames a second [Hz]; 0 = unknown.
+    baud : int
+        Line speed [bit/s]; 0 = the protocol's.
+    now_ns : callable
+        The clock of the stamps.
+    tell : callable
+        Takes a line whenever the port has come or gone, and whether it has gone.
+
+    Attributes
+    ----------
+    fault : str
+        Why the port is not open; empty where it is.
+    connections, skipped : int
+        How often the port was opened; frames that were passed over as newer ones were there.
+    """
+
+    def __init__(self, port: str, protocol: str, shape: tuple[int, int], *,
+                 kind: DTypeLike = None, rate: float = 0.0, baud: int = 0,
+                 options: Mapping[str, Any] | None = None,
+                 now_ns: Callable[[], int] = time.time_ns,
+                 tell: Callable[[str, bool], None] = lambda text, gone: None):
+        self._row, self._options, self._rate = protocol_named(protocol), options or {}, rate
+        kind = np.dtype(self._row.kind if kind is None else kind)
+        self.decoder = self._row.decoder(*shape, kind, **self._options)
+        self.frames = FrameClock(self.decoder, rate)
+        self.port, self.frame_size = port, shape[0] * shape[1] * kind.itemsize
+        self._baud, self._now_ns, self._tell = baud or self._row.baud_rate, now_ns, tell
+        self.fault = f'{port} is not open yet'
+        self.connections = self.skipped = 0
+        self.last_byte_at = self.last_frame_at = self._asked_at = time.monotonic()
+        self._back_off, self._news = BACK_OFF[0], False
+        self._open: ExitStack | None = None
+        self._line: SensorPort | None = None
+        self.closed = threading.Event()
+
+    def connect(self) -> None:
+        """Open the port and start the sensor; raises an OSError where that fails."""
+        with ExitStack() as stack:
+            line = stack.enter_context(SensorPort(self.port, self._baud, self.frame_size))
+            line.write(self._row.start(self._rate or 100.0, **self._options))
+            self._open, self._line = stack.pop_all(), line
+        self.frames.restart()
+        self.fault, self._back_off = '', BACK_OFF[0]
+        self.last_byte_at = self.last_frame_at = self._asked_at = time.monotonic()
+        self.connections += 1
+        self._tell(f'reading {self.port}', False)
+
+    def read(self) -> list[Stamped]:
+        """Return the frames that have come, soon; without a port none, and after a while."""
+        try:
+            if self._line is None:
+                self._wait()
+                return []
+            data, caught_up_at = self._line.read(), self._line.caught_up_at
+            now, now_ns = time.monotonic(), self._now_ns()
+            asked = self._row.start(self._rate or 100.0, **self._options)
+            if asked and now - max(self.last_frame_at, self._asked_at) > ASK_AGAIN:
+                self._asked_at = now
+                self._line.write(asked)
+        except OSError as error:
+            self._on_lost(error)
+            return []
+        if not data:
+            return []
+        self.last_byte_at = now
+        frames = self.frames.receive(data, now_ns, now_ns - round(1e9 * (now - caught_up_at)))
+        if frames:
+            self.last_frame_at = now
+            newest_ns, count = frames[-1].arrival_ns, len(frames)
+            frames = [item for item in frames if newest_ns - item.arrival_ns < LAG_NS]
+            self.skipped += count - len(frames)
+        return frames
+
+    def trouble(self) -> str:
+        """Return why no frames come; empty where they do."""
+        now = time.monotonic()
+        if self.fault:
+            return self.fault
+        if now - self.last_byte_at > SILENCE:
+            return f'{self.port} is silent'
+        if now - self.last_frame_at <= SILENCE:
+            return ''
+        rows, columns = self.decoder.shape
+        reason = self.decoder.explain() or 'wrong sensor, size or baud rate'
+        return (f'bytes arrive on {self.port}, but no frame of {rows}x{columns} = '
+                f'{self.frame_size} bytes: {reason}')
+
+    def close(self) -> None:
+        """Stop the sensor and close the port."""
+        self.closed.set()
+        if self._line is not None:
+            try:
+                self._line.write(self._row.stop(self._rate or 100.0, **self._options))
+            except OSError:  # it is gone
+                pass
+        self._release()
+
+    def _release(self):
+        if self._open is not None:
+            self._open.close()
+        self._open = self._line = None
+
+    def _wait(self):
+        """Wait for the next attempt, and make it."""
+        if self.closed.wait(self._back_off):
+            return
+        if self._news:  # not at once: what ends together with its sensor warns of nothing
+            self._news = False
+            self._tell(f'{self.port} is lost: {self.fault}', True)
+        self._back_off = min(2.0 * self._back_off, BACK_OFF[1])
+        self.connect()
+
+    def _on_lost(self, error):
+        self._news |= not self.fault
+        self._release()
+        self.fault = f'{self.port} is not there: {error}'

@@ -1,0 +1,213 @@
+"""A sensor without ROS, on a pseudo-terminal: images, unplugging, silence, overload."""
+import logging
+import os
+import threading
+import time
+import tty
+
+import numpy as np
+import pytest
+
+from tactile_common.errors import ConfigurationError
+from tactile_sensing import open_sensor
+from tactile_sensing.devices import serial_port, stream
+from tactile_sensing.devices.registry import options_of, protocol_named, PROTOCOLS
+from tactile_sensing.devices.sensor import SensorSilentError
+
+RATE = 100.0
+DEADLINE = 20.0  # s
+
+
+class Array:
+    """A device that sends frames, numbered in their first tactel, and hears commands."""
+
+    def __init__(self, link, protocol='csv_lines', rate=RATE):
+        self.link, row = link, protocol_named(protocol)
+        self.shape, self._period = row.shape or (4, 6), 1.0 / rate
+        self.device = row.device(**options_of(protocol, ''))
+        self.sent = 0
+        self.plug_in()
+
+    def plug_in(self):
+        self.master, slave = os.openpty()
+        tty.setraw(slave)
+        os.set_blocking(self.master, False)
+        self.link.unlink(missing_ok=True)
+        self.link.symlink_to(os.ttyname(slave))
+        self._end, self._slave = threading.Event(), slave
+        self._thread = threading.Thread(target=self._run, args=(self.master, self._end))
+        self._thread.start()
+
+    def unplug(self):
+        self._end.set()
+        self._thread.join()
+        os.close(self._slave)
+        os.close(self.master)
+        self.link.unlink()
+
+    def _run(self, master, end):
+        begun = False
+        while not end.wait(self._period):
+            try:
+                self.write(self.device.answer(os.read(master, 4096)))
+            except BlockingIOError:
+                pass
+            if self.device.running:
+                counts = np.full(self.shape, 7, np.uint8)
+                counts[0, 0] = self.sent % 100
+                self.write((b'' if begun else self.device.preamble) + self.device.encode(
+                    counts, time.monotonic_ns()))
+                begun, self.sent = True, self.sent + 1
+
+    def write(self, data):
+        try:
+            os.write(self.master, data)
+        except BlockingIOError:  # nobody reads
+            pass
+
+
+@pytest.fixture
+def plug(tmp_path):
+    arrays = []
+
+    def make(*args):
+        arrays.append(Array(tmp_path / 'port', *args))
+        return arrays[-1]
+    yield make
+    for array in arrays:
+        if not array._end.is_set():
+            array.unplug()
+
+
+@pytest.mark.parametrize('protocol', PROTOCOLS)
+def test_images_of_every_protocol(plug, protocol):
+    array = plug(protocol)
+    rows, columns = array.shape
+    before = time.time_ns()
+    with open_sensor(str(array.link), protocol, rows, columns, RATE) as sensor:
+        images = [image for image, _ in zip(sensor, range(20), strict=False)]
+    numbers = [int(image.counts[0, 0]) for image in images]
+    assert numbers == list(range(numbers[0], numbers[0] + 20))
+    assert all((image.counts.ravel()[1:] == 7).all() for image in images)
+    assert [image.sequence for image in images] == list(range(20))
+    stamps = np.array([image.stamp_ns for image in images])
+    assert before < stamps[0] and np.all(np.diff(stamps) > 0) and stamps[-1] <= time.time_ns()
+    assert list(sensor) == []  # it is closed
+
+
+def test_a_device_is_started_and_stopped(plug):
+    array = plug('weiss_wts')
+    with open_sensor(str(array.link), 'weiss_wts', 4, 6, RATE) as sensor:
+        next(sensor)
+        assert array.device.running
+    deadline = time.monotonic() + DEADLINE
+    while array.device.running and time.monotonic() < deadline:
+        time.sleep(0.01)
+    assert not array.device.running
+
+
+def test_a_device_that_restarts_is_asked_again(plug, monkeypatch):
+    """As one that needs seconds after power-up, or was switched off behind its adapter."""
+    monkeypatch.setattr(stream, 'ASK_AGAIN', 0.1)
+    array = plug('robotiq_tsf85')
+    with open_sensor(str(array.link), 'robotiq_tsf85', 7, 4, RATE) as sensor:
+        next(sensor)
+        array.device.running = False
+        for _ in range(30):
+            next(sensor)
+    assert array.sent > 30
+
+
+def test_fifty_unplugs(plug, caplog):
+    """Back within two seconds, without a thread or a descriptor more; one line a change."""
+    array, waits = plug('csv_lines'), []
+    caplog.set_level(logging.INFO, 'tactile_sensing')
+    with open_sensor(str(array.link), rows=4, columns=6, rate=RATE) as sensor:
+        next(sensor)
+        threads, files = threading.active_count(), len(os.listdir('/proc/self/fd'))
+        for _ in range(50):
+            array.unplug()
+            while not sensor.stream.fault:
+                sensor.stream.read()
+            array.plug_in()
+            begin = time.monotonic()
+            sensor.forget()
+            next(sensor)
+            waits.append(time.monotonic() - begin)
+        assert (threading.active_count(), len(os.listdir('/proc/self/fd'))) == (threads, files)
+    assert max(waits) < 2.0
+    assert sensor.stream.connections == 51
+    lines = [record.getMessage() for record in caplog.records]
+    assert len([line for line in lines if line.startswith('reading')]) == 51
+    lost = [line for line in lines if 'is lost' in line]
+    assert len(lost) == 50 and len(lines) == 101
+
+
+def test_attempts_are_spaced_out_to_a_bound(tmp_path, monkeypatch):
+    waits = []
+    it = stream.SensorStream(str(tmp_path / 'none'), 'csv_lines', (4, 6))
+    monkeypatch.setattr(it.closed, 'wait', lambda seconds: waits.append(seconds))
+    for _ in range(10):
+        assert it.read() == []
+    np.testing.assert_allclose(waits, np.minimum(0.02 * 2.0**np.arange(10), 0.5))
+    assert 'is not there' in it.trouble()
+
+
+def test_what_does_not_come_is_explained(plug, monkeypatch):
+    monkeypatch.setattr('tactile_sensing.devices.sensor.PATIENCE', 1.5)
+    array = plug('csv_lines')
+    with open_sensor(str(array.link), rows=5, columns=6, rate=RATE) as sensor, pytest.raises(
+            SensorSilentError, match='sends 24 values a frame, 5x6 = 30 are expected'):
+        next(sensor)
+    array.device.running = False
+    with open_sensor(str(array.link), rows=4, columns=6, rate=RATE) as sensor, pytest.raises(
+            SensorSilentError, match='is silent'):
+        time.sleep(0.1)
+        sensor.forget()
+        next(sensor)
+
+
+def test_a_reader_that_comes_late_gets_the_latest_images(plug):
+    array = plug('csv_lines')
+    with open_sensor(str(array.link), rows=4, columns=6, rate=RATE) as sensor:
+        for _ in range(30):
+            next(sensor)
+        before = sensor.stream.skipped
+        time.sleep(0.5)
+        image = next(sensor)
+        assert time.time_ns() - image.stamp_ns < 300_000_000  # of 0.5 s, 0.1 s and the way here
+        assert sensor.stream.skipped > before
+
+
+def test_ports_that_are_not_there_or_taken(plug, tmp_path):
+    with pytest.raises(OSError, match='none'):
+        open_sensor(str(tmp_path / 'none'))
+    array = plug('csv_lines')
+    with open_sensor(str(array.link)), pytest.raises(OSError, match='lock'):
+        open_sensor(str(array.link))
+
+
+def test_wrong_arguments(tmp_path):
+    for words, arguments in (('morse', {'protocol': 'morse'}), ('rows is 0', {'rows': 0}),
+                             ('no option', {'stampp': 'us'})):
+        with pytest.raises(ConfigurationError, match=words):
+            open_sensor(str(tmp_path / 'none'), **arguments)
+
+
+class Usb:
+    def __init__(self, device, vid, pid, serial_number):
+        self.device, self.vid, self.pid = device, vid, pid
+        self.serial_number = serial_number
+
+
+def test_a_port_by_what_it_is(monkeypatch):
+    monkeypatch.setattr(serial_port.list_ports, 'comports', lambda: [
+        Usb('/dev/ttyS0', None, None, None), Usb('/dev/ttyUSB0', 0x0403, 0x6001, 'A1'),
+        Usb('/dev/ttyUSB1', 0x0403, 0x6001, 'B2'), Usb('/dev/ttyACM0', 0x2341, 0x0043, 'C3')])
+    assert serial_port.device_path('/dev/ttyUSB7') == '/dev/ttyUSB7'
+    assert serial_port.device_path('usb:2341:0043') == '/dev/ttyACM0'
+    assert serial_port.device_path('usb:0403:6001:B2') == '/dev/ttyUSB1'
+    with pytest.raises(OSError, match=r'there are: /dev/ttyUSB0 \(A1\), /dev/ttyUSB1 \(B2\)'):
+        serial_port.device_path('usb:0403:6001')
+    with pytest.raises(OSError, match='there are: none'):
+        serial_port.device_path('usb:0403:6001:Z9')
