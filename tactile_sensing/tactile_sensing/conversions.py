@@ -21,6 +21,8 @@ from tactile_sensing.types.contact import Contact, ContactType, PARAMETERS, REAL
 from tactile_sensing.types.image import COMPONENTS, Layer, SensorInfo, TactileImage
 from tactile_sensing.types.moments import Moments
 
+#: Type of the pixels of an Image by its encoding.
+ENCODINGS = {'mono8': 'u1', '8UC1': 'u1', 'mono16': 'u2', '16UC1': 'u2', '32FC1': 'f4'}
 # Pictures of one sensor share their geometry, and with it the computed centres.
 _array = lru_cache(maxsize=16)(TactelArray)
 
@@ -51,6 +53,41 @@ def image_from_msg(message) -> TactileImage:
         layers=tuple(_layer_from_msg(layer, geometry.shape) for layer in message.layers),
         array=geometry, tared=message.tared, saturated=message.saturated,
         frame_id=message.header.frame_id, sensor=message.sensor)
+
+
+def counts_from_msg(message: Any, shape: tuple[int, int]) -> np.ndarray:
+    """
+    Return the raw values (rows, columns) of an Image, or of a MultiArray of numbers.
+
+    An array without a layout has the given shape. Raises a TactileError where the message has
+    another one, or its data do not have that of its own.
+    """
+    if hasattr(message, 'encoding'):
+        if message.encoding not in ENCODINGS:
+            raise TactileError(
+                f'encoding is {message.encoding!r}, must be one of {", ".join(ENCODINGS)}')
+        kind = np.dtype(ENCODINGS[message.encoding]).newbyteorder(
+            '>' if message.is_bigendian else '<')
+        found, values = (message.height, message.width), np.frombuffer(message.data, np.uint8)
+        offset, step, unit = 0, message.step, kind.itemsize
+    else:
+        values, kind, unit = np.asarray(message.data), None, 1
+        dims, offset = [(dim.size, dim.stride) for dim in message.layout.dim], (
+            message.layout.data_offset)
+        if len(dims) not in (0, 2):
+            raise TactileError(f'layout has {len(dims)} dimensions, must be rows and columns')
+        found = (dims[0][0], dims[1][0]) if dims else shape
+        step = (dims[1][1] if dims else 0) or found[1]
+    if found != shape:
+        raise TactileError(f'image is {found[0]}x{found[1]}, must be {shape[0]}x{shape[1]}')
+    width = shape[1] * unit
+    needed = offset + (shape[0] - 1) * step + width
+    if step < width or values.size < needed:
+        raise TactileError(f'data holds {values.size} values, {needed} are needed')
+    # A last row may lack its padding.
+    values = np.concatenate([values[offset:needed], np.zeros(step - width, values.dtype)])
+    rows = np.ascontiguousarray(values.reshape(shape[0], step)[:, :width])
+    return rows if kind is None else rows.view(kind).astype(kind.newbyteorder('='))
 
 
 def sensor_info_to_msg(info: SensorInfo) -> Any:

@@ -80,7 +80,7 @@ class Graph:
 
     def __init__(self, context, device, calibration=CALIBRATION, **parameters):
         parameters = {'port': str(device.link), 'tare_at_start': False, 'tare_frames': 20,
-                      'reconnect_period': 0.01, **parameters}
+                      **parameters}
         self.context = context
         self.device = device
         self.driver = DriverNode(
@@ -261,7 +261,7 @@ def test_random_bytes_give_no_picture_and_do_not_pile_up(make_graph):
     graph = make_graph()
     graph.connect()
     rng = np.random.default_rng(4)
-    decoder = graph.driver._decoder
+    decoder = graph.driver.source.decoder
     end = time.monotonic() + DEADLINE
     sent = 0
     while not any('no frame of 4x5' in report[1] for report in graph.reports):

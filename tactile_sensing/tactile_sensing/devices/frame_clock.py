@@ -102,12 +102,15 @@ class FrameClock:
         Frames that were refused because their bytes took too long, or came too fast.
     limit : float
         Frames that are given at most [Hz].
+    jitter_ns : float
+        By which frames come later than they were sent, in the mean of some [ns].
     """
 
     def __init__(self, decoder: Decoder, nominal_rate: float = 0.0):
         self.decoder, self._nominal_rate = decoder, nominal_rate
         self.limit = RATE_MARGIN * nominal_rate or MAX_RATE
         self.stalled = self.thinned = 0
+        self.jitter_ns = 0.0
         self._period_ns = NS / nominal_rate if nominal_rate else 0.0
         self._usual_ns = 0.0  # from the first to the last byte of a frame
         self._credit = BURST * self.limit
@@ -156,6 +159,7 @@ class FrameClock:
                     self._backlog * NS / self._nominal_rate))
             arrival_ns = self._judge(frame, first_ns, arrival_ns)
             if arrival_ns is not None:
+                self.jitter_ns += 0.02 * (now_ns - arrival_ns - self.jitter_ns)
                 given.append(Stamped(frame, arrival_ns))
         return given
 

@@ -119,6 +119,20 @@ class SensorStream:
         return (f'bytes arrive on {self.port}, but no frame of {rows}x{columns} = '
                 f'{self.frame_size} bytes: {reason}')
 
+    def counters(self) -> dict[str, Any]:
+        """Return what is reported: numbers since the start, and what is the case."""
+        decoder, frames = self.decoder, self.frames
+        found = {
+            'frames': decoder.frames, 'lost_frames': decoder.lost_frames,
+            'resyncs': decoder.resyncs, 'dropped_bytes': decoder.dropped_bytes,
+            'check_errors': decoder.check_errors, 'stalled_frames': frames.stalled,
+            'thinned_frames': frames.thinned, 'skipped_frames': self.skipped,
+            'connections': self.connections, 'jitter_ms': f'{1e-6 * frames.jitter_ns:.2f}',
+            'locked': decoder.locked}
+        if decoder.temperature is not None:
+            found['temperature'] = f'{decoder.temperature:g}'
+        return found
+
     def close(self) -> None:
         """Stop the sensor and close the port."""
         self.closed.set()

@@ -1,0 +1,86 @@
+"""A sensor whose driver publishes images or arrays already."""
+from collections.abc import Callable
+import time
+from typing import Any
+
+import numpy as np
+from rclpy.node import Node
+from rclpy.qos import qos_profile_sensor_data
+from sensor_msgs.msg import Image
+from std_msgs.msg import Float32MultiArray, UInt16MultiArray
+
+from tactile_common.errors import TactileError
+from tactile_common.ros.conversions import stamp_to_ns
+from tactile_sensing.conversions import counts_from_msg
+from tactile_sensing.devices.stream import SILENCE
+
+LOOK = 0.5  # s from one look for a publisher to the next
+TYPES = {'sensor_msgs/msg/Image': Image, 'std_msgs/msg/Float32MultiArray': Float32MultiArray,
+         'std_msgs/msg/UInt16MultiArray': UInt16MultiArray}
+
+
+class ImageTopic:
+    """
+    Hear a topic as soon as somebody publishes it, whichever of `TYPES` it has.
+
+    Parameters
+    ----------
+    node : Node
+    topic : str
+    shape : (rows, columns)
+        Of the raw frames.
+    on_counts : callable
+        Takes counts (rows, columns), stamp [ns] and sequence; without a stamp in the message it
+        is that of its arrival.
+    """
+
+    def __init__(self, node: Node, topic: str, shape: tuple[int, int],
+                 on_counts: Callable[[np.ndarray, int, int], None]):
+        self._node, self._shape, self._on_counts = node, shape, on_counts
+        self.port = node.resolve_topic_name(topic)
+        self._subscription: Any = None
+        self._trouble = f'nobody publishes {self.port}'
+        self.frames = 0
+        self._last_at = time.monotonic()
+        self._timer = node.create_timer(LOOK, self._look)
+        self._look()
+
+    def _look(self):
+        kinds = {info.topic_type for info in self._node.get_publishers_info_by_topic(self.port)}
+        known = sorted(kinds & TYPES.keys())
+        if known:
+            self._timer.cancel()
+            self._trouble = ''
+            self._subscription = self._node.create_subscription(
+                TYPES[known[0]], self.port, self._on_message, qos_profile_sensor_data)
+            self._node.get_logger().info(f'hearing {self.port}, {known[0]}')
+        elif kinds:
+            self._trouble = (f'{self.port} is of {", ".join(sorted(kinds))}, must be one of '
+                             f'{", ".join(TYPES)}')
+
+    def _on_message(self, message):
+        try:
+            counts = counts_from_msg(message, self._shape)
+        except TactileError as error:
+            self._trouble = f'{self.port}: {error}'
+            return
+        self._trouble = ''
+        self._last_at = time.monotonic()
+        stamp_ns = stamp_to_ns(message.header.stamp) if hasattr(message, 'header') else 0
+        self._on_counts(counts, stamp_ns or self._node.get_clock().now().nanoseconds, self.frames)
+        self.frames += 1
+
+    def trouble(self) -> str:
+        """Return why no images come; empty where they do."""
+        silent = time.monotonic() - self._last_at > SILENCE
+        return self._trouble or (f'{self.port} is silent' if silent else '')
+
+    def counters(self) -> dict[str, Any]:
+        """Return what is reported."""
+        return {'frames': self.frames}
+
+    def close(self) -> None:
+        """Hear no more."""
+        self._node.destroy_timer(self._timer)
+        if self._subscription is not None:
+            self._node.destroy_subscription(self._subscription)
