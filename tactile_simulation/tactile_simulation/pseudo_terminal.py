@@ -68,6 +68,13 @@ class PseudoTerminal:
         self._unsent = data[sent:] if sent else b''
         return sent > 0
 
+    def read(self) -> bytes:
+        """Return what the listener has sent; empty if that is nothing."""
+        try:
+            return os.read(self._master, 4096)
+        except OSError:  # nothing is there, or nobody listens
+            return b''
+
     def forget(self) -> None:
         """Drop the rest of a half-sent write, for the next listener."""
         self._unsent = b''

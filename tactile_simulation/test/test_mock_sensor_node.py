@@ -15,9 +15,11 @@ from rclpy.qos import qos_profile_sensor_data
 from tactile_common.errors import ConfigurationError
 from tactile_common.ros.conversions import pose_from_msg, stamp_from_ns
 from tactile_common.ros.runner import make_executor
+from tactile_sensing import open_sensor
 from tactile_sensing.devices.calibration import Calibration
 from tactile_sensing.devices.calibration_file import save_calibration
 from tactile_sensing.devices.flexitac import FlexiTacDecoder, MARKER, NEED_DATA
+from tactile_sensing.devices.registry import options_of, PROTOCOLS
 from tactile_sensing.types.array import TactelArray
 from tactile_simulation.nodes.mock_sensor import MockSensorConfig, MockSensorNode
 from tactile_simulation.pseudo_terminal import PseudoTerminal
@@ -276,6 +278,31 @@ def test_recording_streams_the_words_of_its_calibration(mock, tmp_path):
         data = listener.read_bytes(2 + 10 * 72)
         assert node.finished.wait(DEADLINE)
         np.testing.assert_array_equal(decoded(data, (5, 7), np.uint16), frames)
+
+
+@pytest.mark.parametrize('protocol', PROTOCOLS)
+def test_every_protocol_is_spoken_and_its_commands_are_heard(mock, tmp_path, protocol):
+    frames = np.random.default_rng(0).integers(0, 200, (400, 7, 4))
+    np.savez(tmp_path / 'recording.npz', frames=frames, rate_hz=100.0)
+    options = 'stamp=us checksum=true' if protocol == 'csv_lines' else ''
+    node = mock(recording=str(tmp_path / 'recording.npz'), protocol=protocol, options=options,
+                loop=True)
+    with open_sensor(str(tmp_path / 'sensor'), protocol, 7, 4, 100.0,
+                     **options_of(protocol, options)) as sensor:
+        images = [image for image, _ in zip(sensor, range(50), strict=False)]
+        first = [image.tolist() for image in frames].index(images[0].counts.tolist())
+        np.testing.assert_array_equal(
+            [image.counts for image in images], frames[first:first + 50])
+        answer = node.set_parameters([Parameter('faults', value='hang_up=1.0')])
+        assert answer[0].successful
+        end = time.monotonic() + DEADLINE
+        while not sensor.stream.fault:
+            assert time.monotonic() < end
+            sensor.stream.read()
+        node.set_parameters([Parameter('faults', value='')])
+        while not sensor.stream.read() or sensor.stream.connections < 2:
+            assert time.monotonic() < end
+    assert not node.set_parameters([Parameter('faults', value='flip=7')])[0].successful
 
 
 def test_recording_waits_for_its_listener_and_loops(mock, recording, tmp_path):

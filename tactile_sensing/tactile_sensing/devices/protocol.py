@@ -16,6 +16,9 @@ class Signal(enum.Enum):
     NEED_DATA = 'need data'
 
 
+LEAST_STEP = 4  # ticks from frame to frame that show whether one is missing
+CLOCK_RESTARTS = 100  # times the usual step
+
 #: Returned by `Decoder.next_event` when it has seen all that was received.
 NEED_DATA = Signal.NEED_DATA
 
@@ -68,7 +71,7 @@ class Decoder:
     Attributes
     ----------
     frames, lost_frames, resyncs, dropped_bytes, check_errors : int
-        Counted since the start; lost frames are estimated from the dropped bytes.
+        Counted since the start; lost frames by the device's clock, or by the dropped bytes.
     locked : bool
         Whether the byte stream is understood at the moment.
     shape : (int, int)
@@ -91,8 +94,7 @@ class Decoder:
         self.locked = False
         self._buffer = bytearray()
         self._origin = 0  # position of the buffer in the stream
-        self._ticks: int | None = None  # of the last frame
-        self._device_ns = 0
+        self._device_ns, self._step = 0, 0.0  # its clock; usual ticks from frame to frame
         self._mismatch = ''
         self._begin()
 
@@ -122,10 +124,14 @@ class Decoder:
                 self.check_errors += piece.failed
                 self._drop(piece.size)
                 continue
-            resync = self._resync(piece.size) if piece.counts is not None and self._gap else None
             self._take(piece.size)
             if piece.counts is not None:
-                frame = self._frame(piece.counts, self._origin - piece.size, piece.ticks)
+                missed = None if piece.ticks is None else self._tick(piece.ticks)
+                resync = self._resync(piece.size, missed) if self._gap else None
+                if missed and resync is None:
+                    self.lost_frames += missed
+                frame = self._frame(piece.counts, self._origin - piece.size,
+                                    None if piece.ticks is None else self._device_ns)
                 if resync is None:
                     return frame
                 self._waiting = frame
@@ -146,6 +152,7 @@ class Decoder:
         """Start as with a port that was just opened."""
         self._gap = 0  # bytes passed over since the last frame
         self._waiting: Frame | None = None
+        self._ticks: int | None = None  # of the last frame
         self.locked = False
 
     def _refuse(self, count, most):
@@ -157,22 +164,31 @@ class Decoder:
         else:
             self._mismatch = f'a value of {most:g} is no {self._kind}: see `bits` and `signed`'
 
-    def _frame(self, counts, first, ticks=None):
-        if ticks is not None:
-            if self._ticks is not None:
-                self._device_ns += (ticks - self._ticks) % self.wrap * self.tick_ns
-            self._ticks = ticks
+    def _tick(self, ticks):
+        """Follow the device's clock; returns how many frames it skipped, None: not known."""
+        step = 0 if self._ticks is None else (ticks - self._ticks) % self.wrap
+        self._ticks = ticks
+        self._device_ns += step * self.tick_ns
+        if step > CLOCK_RESTARTS * self._step > 0 or not step:
+            return None
+        missed = round(step / self._step) - 1 if self._step >= LEAST_STEP else 0
+        if missed <= 0:
+            self._step += (step - self._step) * (0.1 if self._step else 1.0)
+        return max(missed, 0)
+
+    def _frame(self, counts, first, device_ns=None):
         counts.flags.writeable = False
-        frame = Frame(counts, self.frames + self.lost_frames, first, self._origin,
-                      None if ticks is None else self._device_ns)
+        frame = Frame(
+            counts, self.frames + self.lost_frames, first, self._origin, device_ns)
         self.frames += 1
         self.locked = True
         return frame
 
-    def _resync(self, period):
-        # Nothing is lost before the first frame; afterwards at least the one that broke the lock.
+    def _resync(self, period, missed=None):
+        # Nothing is lost before the first frame; afterwards, where no clock tells, at least the
+        # one that broke the lock.
         if self.frames:
-            self.lost_frames += max(round(self._gap / period), 1)
+            self.lost_frames += max(round(self._gap / period), 1) if missed is None else missed
         self.resyncs += 1
         event = Resync(self._gap)
         self._gap = 0

@@ -15,17 +15,19 @@ from tactile_common.config import bounded, one_of
 from tactile_common.errors import ConfigurationError, TactileError
 from tactile_common.ros.conversions import pose_from_msg, stamp_to_ns
 from tactile_common.ros.node import TactileNode
-from tactile_common.ros.parameters import declare_from
+from tactile_common.ros.parameters import declare_from, follow_changes
 from tactile_common.ros.runner import run
 from tactile_common.state_buffer import NS, pose_between, StateBuffer
 from tactile_sensing.devices.calibration_file import load_calibration
 from tactile_sensing.devices.recording import BYTES, load_recording
-from tactile_sensing.devices.registry import protocol_named, PROTOCOLS
+from tactile_sensing.devices.registry import options_of, protocol_named, PROTOCOLS
+from tactile_simulation.line_faults import LineFaults
 from tactile_simulation.pseudo_terminal import PseudoTerminal
 from tactile_simulation.scenes import load_any_scene, renderer_of
 
 _LISTENER_CHECK = 0.002  # s between looks for the first listener; nothing is sent before
 _LATE = 2  # periods; a frame of a scene that is later is not sent: its stamp would be too young
+_STALLED, _UNPLUGGED = 0.05, 0.3  # s
 _POSES = 2000  # kept for the latency: a second at any rate that a robot has
 
 
@@ -36,6 +38,12 @@ class MockSensorConfig:
     port: str = field(default='', metadata={
         'doc': 'path of the link to the pseudo-terminal, which the driver opens'})
     protocol: str = one_of(next(iter(PROTOCOLS)), 'byte protocol to speak', PROTOCOLS)
+    options: str = field(default='', metadata={
+        'doc': 'options of the protocol, as for the driver'})
+    faults: str = field(default='', metadata={
+        'doc': 'how often faults of the line happen, for instance `flip=0.001 drop=0.01`: shares '
+        'of bytes for flip and lose, of frames for garbage, cut, drop, stall and hang_up',
+        'live': True})
     scene: str = field(default='', metadata={
         'doc': 'YAML file of the scene that the sensor touches'})
     recording: str = field(default='', metadata={
@@ -52,17 +60,20 @@ class MockSensorConfig:
         's', 0.001, 10.0)
     seed: int = bounded(0, 'seed of the noise', '', 0, 2**31 - 1)
 
+    def __post_init__(self):
+        LineFaults.from_text(self.faults)
+
 
 class MockSensorNode(TactileNode):
     """
     Sensor that exists only as bytes: renders a scene at the robot's pose, or plays a recording.
 
-    A frame is sent as a device that runs free sends it behind the one before, with whatever
-    announces the next. The first frame waits for the first listener; before the first
-    `sensor_pose` the sensor touches nothing. A `recording` and `calibration` that are given take
-    the place of the files. A frame shows the pose at its own instant, or it is
-    not sent: an old pose in a frame that looks new makes a servo press on. Most of its attributes
-    are ROS entities.
+    A frame is sent as a device sends it behind the one before, with whatever announces the next;
+    commands are answered, and faults of the line happen on request. The first frame waits for the
+    first listener; before the first `sensor_pose` the sensor touches nothing. A `recording` and
+    `calibration` that are given take the place of the files. A frame shows the pose at its own
+    instant, or it is not sent: an old pose in a frame that looks new makes a servo press on. Most
+    of its attributes are ROS entities.
 
     Attributes
     ----------
@@ -84,7 +95,11 @@ class MockSensorNode(TactileNode):
         self._thread: threading.Thread | None = None
         try:
             self._config = declare_from(self, MockSensorConfig)
-            self._device = protocol_named(self._config.protocol).device()
+            self._device = protocol_named(self._config.protocol).device(
+                **options_of(self._config.protocol, self._config.options))
+            self._set_faults(self._config)
+            follow_changes(self, MockSensorConfig, self._set_faults)
+            self._fault_rng = np.random.default_rng(self._config.seed)
             self._lock = threading.Lock()  # of the poses: a callback writes, the thread reads
             self._open_source(recording, calibration)
             self._port = PseudoTerminal(self._config.port)
@@ -135,6 +150,9 @@ class MockSensorNode(TactileNode):
                     f'{clipped} values of {config.recording} were clipped to {limits.lowest}..'
                     f'{limits.highest}: a calibration says what the sensor sends')
 
+    def _set_faults(self, config):
+        self._faults = LineFaults.from_text(config.faults)
+
     def _on_pose(self, message):
         try:
             pose = pose_from_msg(message.pose)
@@ -173,23 +191,40 @@ class MockSensorNode(TactileNode):
             instant = begin + number * self._period
             if self._stop.wait(max(instant + self._config.latency - time.monotonic(), 0.0)):
                 return
+            self._answer()
             counts = self._frame(number, instant)
             if counts is not None:
                 self._send(self._device.encode(counts, round(instant * NS)))
         self.get_logger().info('recording ended')
         self.finished.set()
 
+    def _answer(self):
+        answer = self._device.answer(self._port.read())
+        if answer:
+            self._port.write(answer)
+
     def _send(self, frame):
-        if not self._port.listened:
+        if not self._port.listened or not self._device.running:
             self._in_step = False
             self._port.forget()
             return
         head = b'' if self._in_step else self._device.preamble
-        if self._port.write(head + frame):
+        data, faults, rng = head + frame, self._faults, self._fault_rng
+        if faults != LineFaults():
+            data = faults.spoil(data, rng)
+            if rng.random() < faults.stall:
+                self._port.write(data[:len(data) // 2])
+                self._stop.wait(_STALLED)
+                data = data[len(data) // 2:]
+        if self._port.write(data):
             self._in_step = True
             self.sent += 1
         else:
             self.dropped += 1
+        if rng.random() < faults.hang_up:
+            self._port.close()
+            self._stop.wait(_UNPLUGGED)
+            self._port, self._in_step = PseudoTerminal(self._config.port), False
 
     def _on_diagnose(self):
         counts = {'sent': self.sent, 'dropped': self.dropped, 'late': self.late,

@@ -1,0 +1,172 @@
+"""Other roads into the driver: topics, protocols of others, states that a manager asks for."""
+import threading
+import time
+
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+from lifecycle_msgs.msg import Transition
+from lifecycle_msgs.srv import ChangeState
+import numpy as np
+import pytest
+import rclpy
+from rclpy.node import Node
+from rclpy.parameter import Parameter
+from rclpy.qos import qos_profile_sensor_data
+from sensor_msgs.msg import Image
+from std_msgs.msg import Float32MultiArray, UInt16MultiArray
+
+from tactile_common.errors import ConfigurationError
+from tactile_common.ros import runner
+from tactile_common.ros.conversions import stamp_from_ns, stamp_to_ns
+from tactile_msgs.msg import TactileImage
+from tactile_sensing.conversions import image_from_msg
+from tactile_sensing.devices.calibration import Calibration
+from tactile_sensing.nodes.driver import DriverNode
+
+DEADLINE = 20.0  # s
+SHAPE = (3, 4)
+CALIBRATION = Calibration.uncalibrated(*SHAPE, 0.002, bits=10, resolution=0.5)
+
+
+class Bench:
+    """A driver and who listens to it."""
+
+    def __init__(self, **parameters):
+        self.context = rclpy.Context()
+        rclpy.init(context=self.context)
+        self.node = Node('bench', context=self.context)
+        self.images, self.reports = [], []
+        self.node.create_subscription(
+            TactileImage, 'image', self.images.append, qos_profile_sensor_data)
+        self.node.create_subscription(
+            DiagnosticArray, '/diagnostics', lambda it: self.reports.append(it.status[0]), 10)
+        self.driver = DriverNode(
+            calibration=CALIBRATION, context=self.context, parameter_overrides=[
+                Parameter(name, value=value) for name, value in {
+                    'tare_at_start': False, 'tare_frames': 20, **parameters}.items()])
+        self.executor = runner.make_executor(self.context)
+        for node in (self.driver, self.node):
+            self.executor.add_node(node)
+
+    def until(self, condition, what, act=lambda: None):
+        end = time.monotonic() + DEADLINE
+        while not condition():
+            assert time.monotonic() < end, f'{what} did not come; {self.reports[-1:]}'
+            act()
+            self.executor.spin_once(timeout_sec=0.01)
+
+    def state(self, words):
+        return any(words in report.message for report in self.reports)
+
+    def __enter__(self):
+        return self
+
+    def __exit__(self, *_):
+        self.node.destroy_node()
+        self.driver.destroy_node()
+        self.executor.shutdown()
+        self.context.try_shutdown()
+        assert not [it for it in threading.enumerate() if it.name == 'tactile driver']
+
+
+VALUES = np.arange(12).reshape(SHAPE) * 10
+
+
+@pytest.mark.parametrize('message, gain', [
+    (Image(height=3, width=4, encoding='mono8', step=4, data=VALUES.astype(np.uint8).tobytes()),
+     1.0),
+    (Image(height=3, width=4, encoding='mono16', step=8, data=VALUES.astype('<u2').tobytes()),
+     1.0),
+    # Floats are in the unit of `resolution`: 0.5 of it a count.
+    (Image(height=3, width=4, encoding='32FC1', step=16, data=VALUES.astype('<f4').tobytes()),
+     2.0),
+    (UInt16MultiArray(data=VALUES.ravel().tolist()), 1.0),
+    (Float32MultiArray(data=VALUES.ravel().astype(float).tolist()), 2.0)],
+    ids=lambda it: getattr(it, 'encoding', type(it).__name__))
+def test_images_of_a_topic(message, gain):
+    with Bench(topic='raw') as bench:
+        bench.until(lambda: bench.state('nobody publishes /raw'), 'a report')
+        assert bench.reports[-1].level == DiagnosticStatus.ERROR
+        publisher = bench.node.create_publisher(type(message), 'raw', 5)
+        stamp = bench.node.get_clock().now().nanoseconds - 50_000_000
+        if isinstance(message, Image):
+            message.header.stamp = stamp_from_ns(stamp)
+        bench.until(lambda: bench.images, 'an image', lambda: publisher.publish(message))
+        image = image_from_msg(bench.images[-1])
+        np.testing.assert_array_equal(image.layers[0].stress, gain * VALUES)
+        if isinstance(message, Image):
+            assert stamp_to_ns(bench.images[-1].header.stamp) == stamp
+        else:
+            assert stamp_to_ns(bench.images[-1].header.stamp) > stamp
+
+
+def test_topics_that_are_no_images_of_the_array_are_explained():
+    with Bench(topic='raw') as bench:
+        bench.node.create_publisher(TactileImage, 'raw', 5)
+        bench.until(lambda: bench.state('is of tactile_msgs/msg/TactileImage, must be'), 'a type')
+    with Bench(topic='raw') as bench:
+        publisher = bench.node.create_publisher(UInt16MultiArray, 'raw', 5)
+        bench.until(lambda: bench.state('data holds 3 values, 12 are needed'), 'a size',
+                    lambda: publisher.publish(UInt16MultiArray(data=[1, 2, 3])))
+        assert bench.images == []
+
+
+def change(bench, transition):
+    client = bench.node.create_client(ChangeState, 'driver/change_state')
+    bench.until(client.service_is_ready, 'the service')
+    answer = client.call_async(ChangeState.Request(transition=Transition(id=transition)))
+    bench.until(answer.done, 'an answer')
+    return answer.result().success
+
+
+def test_a_manager_starts_and_stops_it():
+    with Bench(topic='raw', autostart=False) as bench:
+        publisher = bench.node.create_publisher(UInt16MultiArray, 'raw', 5)
+        message = UInt16MultiArray(data=VALUES.ravel().tolist())
+
+        def send():
+            publisher.publish(message)
+        bench.until(lambda: bench.state('not active'), 'a report', send)
+        assert bench.images == [] and bench.driver.source is None
+        assert change(bench, Transition.TRANSITION_CONFIGURE)
+        assert change(bench, Transition.TRANSITION_ACTIVATE)
+        bench.until(lambda: bench.images, 'an image', send)
+        assert change(bench, Transition.TRANSITION_DEACTIVATE)
+        assert bench.driver.source is None
+        bench.until(lambda: bench.reports[-1].message == 'not active', 'a report', send)
+        assert change(bench, Transition.TRANSITION_ACTIVATE)
+        bench.images.clear()
+        bench.until(lambda: bench.images, 'an image', send)
+
+
+def test_drift_is_followed_while_nothing_touches():
+    rng = np.random.default_rng(8)
+    with Bench(topic='raw', tare_at_start=True, track_drift=True) as bench:
+        publisher = bench.node.create_publisher(UInt16MultiArray, 'raw', 5)
+        level, touch = 0.0, 0
+
+        def send():
+            nonlocal level
+            level += 0.02
+            counts = np.rint(level + rng.normal(0.0, 2.0, SHAPE) + 6)
+            counts[0, 0] += touch
+            publisher.publish(UInt16MultiArray(data=np.clip(counts, 0, 999).astype(int).ravel()
+                                               .tolist()))
+        bench.until(lambda: len(bench.images) > 10 and level > 30.0, 'images', send)
+        stress = np.mean([image_from_msg(it).layers[0].stress for it in bench.images[-10:]], 0)
+        assert bench.images[-1].tared and np.abs(stress).max() < 5.0  # of 30 counts
+        touch = 40
+        before = len(bench.images)
+        bench.until(lambda: len(bench.images) > before + 60, 'images', send)
+        stress = np.mean([image_from_msg(it).layers[0].stress for it in bench.images[-10:]], 0)
+        assert stress[0, 0] > 35.0
+
+
+def test_a_protocol_without_a_calibration_says_what_it_needs():
+    context = rclpy.Context()
+    rclpy.init(context=context)
+    try:
+        with pytest.raises(ConfigurationError, match="'calibration' is empty: csv_lines needs"):
+            DriverNode(context=context, parameter_overrides=[
+                Parameter('port', value='x'), Parameter('protocol', value='csv_lines')])
+    finally:
+        context.try_shutdown()
