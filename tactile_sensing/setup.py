@@ -26,5 +26,6 @@ setup(
         f'contact_estimator = {PACKAGE}.executables:contact_estimator',
         f'estimate = {PACKAGE}.executables:estimate',
         f'calibrate = {PACKAGE}.executables:calibrate',
+        f'record = {PACKAGE}.executables:record',
     ]},
 )

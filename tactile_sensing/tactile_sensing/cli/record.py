@@ -1,0 +1,97 @@
+"""Command: look at a sensor on a serial port, and record its raw counts."""
+import argparse
+from collections.abc import Iterable
+import sys
+import time
+
+import numpy as np
+
+from tactile_common.command_line import between, Parser, run_command
+from tactile_common.errors import ConfigurationError
+from tactile_common.npz_stream import MAX_WHOLE
+from tactile_sensing.cli.options import add_pitch, pitch_of
+from tactile_sensing.cli.sensor_options import add_sensor, opened
+from tactile_sensing.devices.sensor import SensorImage
+
+SHADES = ' .:-=+*#%@'
+LEAST_RANGE = 10.0  # counts that are drawn black: noise stays white
+DRAWN = 0.2  # s from one drawing to the next
+HOME = '\x1b[H\x1b[J'  # of a terminal
+
+
+def parser() -> argparse.ArgumentParser:
+    """Command line."""
+    arguments = Parser(
+        prog='record', formatter_class=argparse.RawDescriptionHelpFormatter,
+        description='Record raw counts of a sensor on a serial port, without a graph: an .npz '
+        'that `calibrate` and `estimate` read.\nWithout a file it draws them in the terminal '
+        'until Ctrl-C: what changes since the start, dark for more.',
+        epilog='Example:\n  ros2 run tactile_sensing record --port /dev/ttyACM0 --size 8 8\n  '
+        'ros2 run tactile_sensing record unloaded.npz --port /dev/ttyACM0 --size 8 8 --seconds 2')
+    arguments.add_argument('file', nargs='?', metavar='FILE.npz', help='to write')
+    add_sensor(arguments, required=True)
+    add_pitch(arguments)
+    arguments.add_argument('--seconds', type=between(0.1, 3600.0, 's'), default=10.0, metavar='S',
+                           help='to record (default: %(default)g)')
+    return arguments
+
+
+def drawing(change: np.ndarray) -> str:
+    """Return counts (rows, columns) as lines of shades."""
+    level = np.clip(change / max(change.max(), LEAST_RANGE), 0.0, 1.0) * (len(SHADES) - 1)
+    return '\n'.join(''.join(2 * SHADES[int(value)] for value in row) for row in np.rint(level))
+
+
+def look(images: Iterable[SensorImage], show=sys.stdout.write) -> None:
+    """Draw images until they end."""
+    first, at, drawn = None, 0.0, 0
+    for count, image in enumerate(images):
+        first = image.counts.astype(float) if first is None else first
+        now = time.monotonic()
+        if now - at >= DRAWN:
+            rate, at, drawn = (count - drawn) / (now - at), now, count
+            show(f'{HOME}{drawing(image.counts - first)}\n{rate:.0f} Hz, counts '
+                 f'{image.counts.min()} to {image.counts.max()}; Ctrl-C ends\n')
+
+
+def record(images: Iterable[SensorImage], seconds: float) -> dict[str, np.ndarray]:
+    """Return images of some time as arrays: `frames`, `stamps_ns` and the `rate_hz` they have."""
+    kept: list[SensorImage] = []
+    try:
+        for image in images:
+            kept.append(image)
+            if image.stamp_ns - kept[0].stamp_ns >= 1e9 * seconds or (
+                    len(kept) * image.counts.nbytes > MAX_WHOLE // 2):
+                break
+    except KeyboardInterrupt:  # what has come is kept
+        pass
+    if len(kept) < 2:
+        raise ConfigurationError('no image came')
+    stamps = np.array([image.stamp_ns for image in kept])
+    missed = kept[-1].sequence - kept[0].sequence + 1 - len(kept)
+    rate = (len(kept) - 1 + missed) / (1e-9 * (stamps[-1] - stamps[0]))
+    return {'frames': np.array([image.counts for image in kept]), 'stamps_ns': stamps,
+            'rate_hz': np.array(rate)}
+
+
+def run(options: argparse.Namespace) -> str:
+    """Look or record; returns what was done."""
+    if options.file and not options.file.endswith('.npz'):
+        raise ConfigurationError(f'{options.file}: must end in .npz')
+    pitch = pitch_of(options.pitch) if options.pitch else ()
+    with opened(options) as sensor:
+        if not options.file:
+            look(sensor)
+            return ''
+        arrays = record(sensor, options.seconds)
+        lost = sensor.stream.decoder.lost_frames + sensor.stream.skipped
+    if len(set(pitch)) == 1:
+        arrays['pitch_m'] = np.array(pitch[0])
+    np.savez_compressed(options.file, **arrays)  # type: ignore[arg-type]
+    return (f'{options.file}: {len(arrays["frames"])} images at {arrays["rate_hz"]:.1f} Hz, '
+            f'{lost} lost')
+
+
+def main(args: list[str] | None = None) -> int:
+    """Run the command."""
+    return run_command('record', lambda: run(parser().parse_args(args)))
