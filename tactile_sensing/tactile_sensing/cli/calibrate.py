@@ -12,13 +12,15 @@ from tactile_common.errors import ConfigurationError
 from tactile_common.npz_stream import read_arrays
 from tactile_common.progress import Progress
 from tactile_sensing.calibration.procedure import calibrate, Known, Outcome, Recordings
+from tactile_sensing.calibration.recorder import Recorder
 from tactile_sensing.calibration.report import draw_report
 from tactile_sensing.calibration.verdict import named, verdict
 from tactile_sensing.cli.options import add_pitch, add_shape, pitch_of, read_counts
+from tactile_sensing.cli.sensor_options import add_sensor, opened
 from tactile_sensing.devices.calibration import RESOLUTION
 from tactile_sensing.devices.calibration_file import save_calibration
 from tactile_sensing.devices.counts import MAX_BITS
-from tactile_sensing.types.array import PITCH
+from tactile_sensing.types.array import PITCH, TactelArray
 
 RECORDED = ('unloaded', 'corners', 'rolling', 'ball', 'flat')
 STEPS = 4  # that the progress bar counts, at most
@@ -46,8 +48,9 @@ Example: a pad of 16 x 16 tactels on one inch, a ball pressed by a weight of 100
       --ball b.npz --ball-radius 0.001 --force 0.981 --flat f.npz --report pad.png
   ros2 run tactile_sensing estimate frames.npz --calibration pad.yaml -o contacts.npz
 
-With a driver that publishes raw counts, `--live FOLDER` asks for them one by one instead, tells
-which press was none, and goes on from where it was interrupted.
+`--live FOLDER` asks for them one by one instead, tells which press was none, and goes on from
+where it was interrupted: with `--port` and `--shape` of the sensor on that port, else of a driver
+that publishes raw counts.
 
 Frames that are no single press of the ball are named and left out. Without --force places and
 directions are told and forces are not.
@@ -71,6 +74,7 @@ def parser() -> argparse.ArgumentParser:
         'a driver and keep it in this folder; what is there already stays')
     add('--topic', default='/tactile/image', metavar='NAME', help='of those pictures '
         '(default: %(default)s)')
+    add_sensor(arguments)
     for name, text in (('unloaded', 'of the unloaded pad'),
                        ('corners', 'of presses in the corners'),
                        ('rolling', 'of a ball rolled over the pad, or of anything on it: without '
@@ -118,13 +122,35 @@ def _read(path, options):
 
 def record(options: argparse.Namespace) -> None:
     """Have the recordings of the options made; a program of its own knows ROS."""
-    if subprocess.run([sys.executable, '-m', 'tactile_sensing.nodes.press_recorder',
+    if options.port:
+        record_port(options)
+    elif subprocess.run([sys.executable, '-m', 'tactile_sensing.nodes.press_recorder',
                        options.live, options.topic], check=False).returncode:
         raise ConfigurationError('not all is recorded; the same command goes on from here')
     for name in RECORDED:
         path = Path(options.live, f'{name}.npz')
         if path.exists() and getattr(options, name) is None:
             setattr(options, name, str(path))
+
+
+def record_port(options: argparse.Namespace) -> None:
+    """Have them made of the sensor on a port, without a graph."""
+    full = 2 ** options.bits - 1 if options.bits else np.inf
+    with opened(options) as sensor:
+        def look():
+            counts = next(sensor).counts
+            return counts.astype(float), int((counts >= full).sum())
+
+        def ask(text):
+            answer = input(text)
+            sensor.forget()
+            return answer
+        array = TactelArray(*options.shape, *pitch_of(options.pitch))
+        try:
+            Recorder(Path(options.live), array, look, ask, print).run()
+        except EOFError:
+            raise ConfigurationError('no more answers; the same command goes on from here') from (
+                None)
 
 
 def read_recordings(options: argparse.Namespace) -> Recordings:

@@ -9,7 +9,7 @@ import numpy as np
 from tactile_common.command_line import between, Parser, run_command
 from tactile_common.errors import ConfigurationError
 from tactile_common.npz_stream import MAX_WHOLE
-from tactile_sensing.cli.options import add_pitch, pitch_of
+from tactile_sensing.cli.options import add_pitch, MAX_SIDE, pitch_of
 from tactile_sensing.cli.sensor_options import add_sensor, opened
 from tactile_sensing.devices.sensor import SensorImage
 
@@ -26,10 +26,12 @@ def parser() -> argparse.ArgumentParser:
         description='Record raw counts of a sensor on a serial port, without a graph: an .npz '
         'that `calibrate` and `estimate` read.\nWithout a file it draws them in the terminal '
         'until Ctrl-C: what changes since the start, dark for more.',
-        epilog='Example:\n  ros2 run tactile_sensing record --port /dev/ttyACM0 --size 8 8\n  '
-        'ros2 run tactile_sensing record unloaded.npz --port /dev/ttyACM0 --size 8 8 --seconds 2')
+        epilog='Example:\n  ros2 run tactile_sensing record --port /dev/ttyACM0 --shape 8 8\n  '
+        'ros2 run tactile_sensing record unloaded.npz --port /dev/ttyACM0 --shape 8 8 --seconds 2')
     arguments.add_argument('file', nargs='?', metavar='FILE.npz', help='to write')
     add_sensor(arguments, required=True)
+    arguments.add_argument('--shape', nargs=2, metavar=('R', 'C'), required=True,
+                           type=between(1, MAX_SIDE, kind=int), help='rows and columns')
     add_pitch(arguments)
     arguments.add_argument('--seconds', type=between(0.1, 3600.0, 's'), default=10.0, metavar='S',
                            help='to record (default: %(default)g)')

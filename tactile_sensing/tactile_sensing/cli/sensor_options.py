@@ -3,13 +3,12 @@ import argparse
 
 from tactile_common.command_line import between
 from tactile_common.errors import ConfigurationError
-from tactile_sensing.cli.options import MAX_SIDE
 from tactile_sensing.devices.registry import options_of, PROTOCOLS
 from tactile_sensing.devices.sensor import open_sensor, Sensor
 
 
 def add_sensor(arguments: argparse.ArgumentParser, required: bool = False) -> None:
-    """Add the options that `opened` reads."""
+    """Add the options that `opened` reads, but `--shape`."""
     add = arguments.add_argument
     add('--port', required=required, metavar='PORT', help='serial port of the sensor, for '
         'instance /dev/ttyUSB0 or usb:VENDOR:PRODUCT[:SERIAL NUMBER]')
@@ -17,8 +16,6 @@ def add_sensor(arguments: argparse.ArgumentParser, required: bool = False) -> No
         help='byte protocol (default: %(default)s)')
     add('--options', default='', metavar='TEXT', help='of the protocol, for instance '
         "'stamp=us checksum=true'")
-    add('--size', nargs=2, metavar=('R', 'C'), type=between(1, MAX_SIDE, kind=int),
-        help='rows and columns of the sensor', required=required)
     add('--rate', type=between(0.1, 10e3, 'Hz'), default=200.0, metavar='HZ',
         help='images a second, about (default: %(default)g)')
     add('--baud', type=between(0, 12_000_000, 'bit/s', int), default=0, metavar='BAUD',
@@ -27,7 +24,7 @@ def add_sensor(arguments: argparse.ArgumentParser, required: bool = False) -> No
 
 def opened(options: argparse.Namespace) -> Sensor:
     """Open the sensor of the options; OSError, ConfigurationError: see `open_sensor`."""
-    if not options.size:
-        raise ConfigurationError('--size R C is missing: rows and columns of the sensor')
-    return open_sensor(options.port, options.protocol, *options.size, options.rate,
+    if not options.shape:
+        raise ConfigurationError('--shape R C is missing: rows and columns of the sensor')
+    return open_sensor(options.port, options.protocol, *options.shape, options.rate,
                        baud=options.baud, **options_of(options.protocol, options.options))

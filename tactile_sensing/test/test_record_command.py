@@ -1,0 +1,108 @@
+"""Recording and calibrating from a port, without a graph."""
+import os
+import threading
+import time
+import tty
+
+import numpy as np
+import pytest
+
+from tactile_sensing.calibration import recorder
+from tactile_sensing.cli import calibrate, record
+from tactile_sensing.devices.lines import CsvDevice
+from tactile_sensing.devices.recording import load_recording
+from tactile_sensing.devices.sensor import SensorImage
+from tactile_sensing.skin.pressure import SkinPressure
+from tactile_sensing.types.array import TactelArray
+from tactile_sensing.types.skin import Skin
+
+ARRAY = TactelArray(8, 8, 2e-3, 2e-3)
+SKIN = SkinPressure(Skin(2e-3), 2e-3, 2e-3)
+RATE = 200.0
+
+
+def ball(a, b):
+    picture = SKIN.point(ARRAY.x, ARRAY.y[:, None], a, b, 1.0)
+    return 400.0 * picture / picture.max()
+
+
+@pytest.fixture
+def port(tmp_path):
+    """An array that prints; the lines of a list are what it sees, then nothing more."""
+    master, slave = os.openpty()
+    tty.setraw(slave)
+    os.set_blocking(master, False)
+    end, script = threading.Event(), []
+
+    def run():
+        device, rng, at = CsvDevice(), np.random.default_rng(1), time.monotonic()
+        while not end.wait(max(at - time.monotonic(), 0.0)):
+            at += 1.0 / RATE
+            clean = script.pop(0) if script else np.zeros(ARRAY.shape)
+            counts = np.clip(np.rint(20.0 + clean + 2.0 * rng.standard_normal(ARRAY.shape)), 0,
+                             1023)
+            try:
+                os.write(master, device.encode(counts.astype(int)))
+            except BlockingIOError:
+                pass
+    thread = threading.Thread(target=run)
+    thread.start()
+    yield os.ttyname(slave), script
+    end.set()
+    thread.join()
+    os.close(slave)
+    os.close(master)
+
+
+def test_a_recording_is_what_the_other_commands_read(port, tmp_path, capsys):
+    path = tmp_path / 'unloaded.npz'
+    assert record.main([str(path), '--port', port[0], '--shape', '8', '8', '--seconds', '0.5',
+                        '--pitch', '0.002']) == 0
+    recording = load_recording(path)
+    assert recording.shape == (8, 8) and recording.pitch == 0.002
+    assert abs(len(recording.frames) - 100) < 10 and abs(recording.rate_hz - RATE) < 20.0
+    assert abs(recording.frames.mean() - 20.0) < 0.2
+    assert '8 8' not in capsys.readouterr().err
+
+
+def test_a_drawing_shows_where_it_is_pressed():
+    press = 100.0 * np.eye(3)
+    shown = []
+    images = [SensorImage(k, k, np.rint(k * press + 7).astype(int)) for k in range(2)]
+    record.look(images[:1], shown.append)
+    assert '0 Hz' in shown[0] or 'counts 7 to 7' in shown[0]
+    assert record.drawing(images[1].counts - images[0].counts) == '@@    \n  @@  \n    @@'
+    assert set(record.drawing(np.ones((3, 3)))) == set('.\n')
+
+
+def test_calibrate_asks_for_presses_of_a_port(port, tmp_path, monkeypatch, capsys):
+    name, script = port
+    steps = (recorder.Step('unloaded', 40, 'Off.', presses=False),
+             recorder.Step('ball', 6, 'Ball.'))
+    monkeypatch.setattr(recorder.Recorder.run, '__defaults__', (steps,))
+
+    def answer(text):
+        if text.startswith('ball'):
+            for a in (-3e-3, -1.5e-3, 0.0, 1e-3, 2e-3, 3e-3):
+                script.extend([np.zeros(ARRAY.shape)] * 60 + [ball(a, 1e-3)] * 60)
+        return ''
+    monkeypatch.setattr('builtins.input', answer)
+    status = calibrate.main([
+        '--live', str(tmp_path), '--port', name, '--shape', '8', '8', '--bits', '10', '--pitch',
+        '0.002', '--out', str(tmp_path / 'pad.yaml'), '--ball-radius', '0.001'])
+    captured = capsys.readouterr()
+    assert 'ball: 6 of 6' in captured.out
+    with np.load(tmp_path / 'ball.npz') as file:
+        assert file['frames'].shape == (6, 8, 8)
+    assert status in (0, 2) and (tmp_path / 'pad.yaml').exists(), captured.err
+
+
+@pytest.mark.parametrize('arguments, reason', [
+    (['x.csv', '--port', '/dev/none', '--shape', '8', '8'], 'x.csv: must end in .npz'),
+    (['--port', '/dev/none', '--shape', '8', '8'], 'No such file'),
+    (['--port', '/dev/none'], '--shape'),
+    (['--port', '/dev/none', '--shape', '8', '8', '--options', 'a=1'], "no option 'a'")])
+def test_wrong_arguments(arguments, reason, capsys):
+    assert record.main(arguments) == 1
+    text = capsys.readouterr().err
+    assert reason in text and len(text.splitlines()) == 1
