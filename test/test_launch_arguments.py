@@ -22,7 +22,7 @@ from tactile_tests.graph import bench  # noqa: E402, I100
 
 NAMED = {'sensor', 'port', 'calibration', 'scene', 'law', 'speed', 'force', 'robot_description',
          'controller', 'use_sim_time', 'use_rviz', 'use_respawn', 'log_level', 'params_file',
-         'namespace', 'robot_namespace'}
+         'namespace', 'robot_namespace', 'topic', 'options'}
 FORMER = {'parameters', 'rviz', 'tracker'}
 
 
@@ -62,7 +62,8 @@ def test_the_lines_of_the_pages_have_arguments_that_there_are():
     ('scene:=nowhere.yaml', "scene 'nowhere.yaml': no such file"),
     ('sensor:=flexitac', 'sensor:=flexitac needs its port, for instance port:=/dev/ttyUSB0'),
     ('speed:=fast', 'speed:=fast is not a number'),
-    ('sensor:=other', "Valid options are: ['mock', 'flexitac']"),
+    ('sensor:=other', "Valid options are: ['mock', 'flexitac', 'csv_lines', 'vitac', "),
+    ('sensor:=topic', 'sensor:=topic needs its topic, for instance topic:=/my_sensor/image'),
     ('tracker:=other', 'tracker:=other is none of trace, resolved_rate'),
     ('law:=tactile_jacobian', "law: 'tactile_jacobian' works on goals of track_surface; what is "
      'to be touched here asks for track_edge'),

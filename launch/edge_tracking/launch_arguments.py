@@ -15,8 +15,11 @@ from tactile_servo.laws.registry import law_for, LAWS
 NAMESPACE = 'tactile'
 SWITCH = ('true', 'false')
 ARGUMENTS = (
-    ('sensor', 'mock', 'mock: synthetic array on a pseudo-terminal; else the byte protocol of a '
-     'real array on a serial port', ('mock', *PROTOCOLS)),
+    ('sensor', 'mock', 'mock: synthetic array on a pseudo-terminal; topic: raw images of another '
+     'driver; none: you publish tactile images; else the byte protocol of a real array on a '
+     'serial port', ('mock', *PROTOCOLS, 'topic', 'none')),
+    ('topic', '', 'of raw images (sensor:=topic): Image, Float32MultiArray or UInt16MultiArray'),
+    ('options', '', 'of the byte protocol, for instance stamp=us,checksum=true'),
     ('port', '', 'serial port of a real array; for the mock, the link to its pseudo-terminal '
      '(default: one of its own in the folder for temporary files)'),
     ('calibration', '', 'calibration file of the array (default: of its protocol; the mock: of '

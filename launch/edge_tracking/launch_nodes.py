@@ -13,7 +13,7 @@ from launch_ros.actions import Node
 from launch_ros.parameter_descriptions import ParameterValue
 
 from edge_tracking.launch_arguments import NAMESPACE, number
-from edge_tracking.parameters import check_file, names_in, values_in
+from edge_tracking.parameters import check_file, driver_parameters, names_in, values_in
 from edge_tracking.resources import find_scene, share
 from edge_tracking.ros2_control import require_packages, starting_at, text_of
 from edge_tracking.track import RESUMES
@@ -49,9 +49,7 @@ class Nodes:
             own = self.robot != 'real' and value['namespace'].strip('/') != NAMESPACE
             robot = value['namespace'].strip('/') if own else ''
         self.robot_namespace = f'/{robot}'.rstrip('/')
-        if not self.mock_sensor and not value['port']:
-            raise RuntimeError(
-                f'sensor:={value["sensor"]} needs its port, for instance port:=/dev/ttyUSB0')
+        self.driver = driver_parameters(value)
         simulated = self.mock_sensor or self.robot != 'real'
         self.scene_path = str(find_scene(value['scene'])) if simulated else ''
         self.scene: Any = load_any_scene(self.scene_path) if simulated else None
@@ -68,7 +66,8 @@ class Nodes:
         """Refuse what no node could start with: parameter file, robot, calibration."""
         value = self.value
         nodes = names_in(value['namespace'], self.robot_namespace)
-        for name, there in (('mock_sensor', self.mock_sensor), ('track', self.starts),
+        for name, there in (('mock_sensor', self.mock_sensor),
+                            ('driver', value['sensor'] != 'none'), ('track', self.starts),
                             ('mock_robot', self.robot == 'mock')):
             if not there:
                 del nodes[name]
@@ -109,8 +108,7 @@ class Nodes:
 
     def sensing(self):
         """Driver and estimators, and the mock sensor with its calibration."""
-        driver = {} if self.mock_sensor else {'protocol': self.value['sensor']}
-        actions, calibration = [], self.value['calibration']
+        actions, driver = [], self.driver
         if self.mock_sensor:
             own = Path(f'{self.port}.yaml')
 
@@ -125,11 +123,10 @@ class Nodes:
                         RegisterEventHandler(OnShutdown(on_shutdown=remove)),
                         *self.node('tactile_simulation', 'mock_sensor', port=self.port,
                                    scene=self.scene_path)]
-            calibration = calibration or str(own)
-        if calibration:
-            driver['calibration'] = calibration
-        return [*actions, *self.node('tactile_sensing', 'driver', port=self.port, **driver),
-                *self.node('tactile_sensing', 'contact_estimator', **self.own.contact),
+            driver = {'port': self.port, 'calibration': str(own), **driver}
+        if self.value['sensor'] != 'none':
+            actions += self.node('tactile_sensing', 'driver', **driver)
+        return [*actions, *self.node('tactile_sensing', 'contact_estimator', **self.own.contact),
                 *self.node('tactile_shape', 'shape_estimator', **self.own.shape)]
 
     def servo(self):

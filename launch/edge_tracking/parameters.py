@@ -18,6 +18,7 @@ from tactile_common.config import built, checked
 from tactile_common.errors import ConfigurationError
 from tactile_common.yaml_file import read_yaml
 from tactile_sensing.contact.estimator import EstimatorConfig
+from tactile_sensing.devices.registry import options_of, protocol_named
 from tactile_sensing.nodes.driver import DriverConfig
 from tactile_servo.config import ServoConfig
 from tactile_servo.laws.registry import DEFAULT, LAWS
@@ -47,6 +48,31 @@ class Parameter(NamedTuple):
     default: Any
     kind: Any
     metadata: Mapping
+
+
+def driver_parameters(value: Mapping[str, Any]) -> dict[str, Any]:
+    """
+    Return the driver's parameters that the launch arguments say, but those of the mock sensor.
+
+    Raises a ConfigurationError where too little is said of a sensor.
+    """
+    sensor = value['sensor']
+    given = {'calibration': value['calibration']} if value['calibration'] else {}
+    if sensor in ('mock', 'none'):
+        return given
+    name, example = ('topic', '/my_sensor/image') if sensor == 'topic' else (
+        'port', '/dev/ttyUSB0')
+    if not value[name]:
+        raise ConfigurationError(
+            f'sensor:={sensor} needs its {name}, for instance {name}:={example}')
+    if not given and (sensor == 'topic' or not protocol_named(sensor).calibration):
+        raise ConfigurationError(f'sensor:={sensor} needs calibration:=FILE.yaml, which says at '
+                                 'least rows, columns, pitch and gain')
+    if sensor == 'topic':
+        return {**given, 'topic': value['topic']}
+    options_of(sensor, value['options'])
+    options = {'options': value['options']} if value['options'] else {}
+    return {**given, 'port': value['port'], 'protocol': sensor, **options}
 
 
 def parameters_of(node: str, law: str = DEFAULT) -> list[Parameter]:

@@ -1,4 +1,8 @@
-"""Other roads into the driver: topics, protocols of others, states that a manager asks for."""
+"""Other roads than a port: topics, images of one's own; states that a manager asks for."""
+from pathlib import Path
+import re
+import subprocess
+import sys
 import threading
 import time
 
@@ -18,8 +22,10 @@ from tactile_common.errors import ConfigurationError
 from tactile_common.ros import runner
 from tactile_common.ros.conversions import stamp_from_ns, stamp_to_ns
 from tactile_msgs.msg import TactileImage
+from tactile_sensing.contact.estimator import ContactEstimator, EstimatorConfig
 from tactile_sensing.conversions import image_from_msg
 from tactile_sensing.devices.calibration import Calibration
+from tactile_sensing.devices.calibration_file import load_calibration
 from tactile_sensing.nodes.driver import DriverNode
 
 DEADLINE = 20.0  # s
@@ -170,3 +176,47 @@ def test_a_protocol_without_a_calibration_says_what_it_needs():
                 Parameter('port', value='x'), Parameter('protocol', value='csv_lines')])
     finally:
         context.try_shutdown()
+
+
+PAGE = (Path(__file__).parents[2] / 'docs/array.md').read_text('utf-8')
+
+
+def block(kind, words):
+    """Give the block of code of the page that has these words."""
+    blocks = re.findall(rf'^ *```{kind}\n(.*?)^ *```$', PAGE, re.M | re.S)
+    found, = (text for text in blocks if words in text)
+    return found
+
+
+def test_images_of_ones_own_are_estimated(tmp_path):
+    """The publisher of the page: 5 N at (1, -2) mm."""
+    program = block('python', 'my_sensor')
+    assert program.index('if __name__') > 0
+    (tmp_path / 'mine.py').write_text(program)
+    context, images = rclpy.Context(), []
+    rclpy.init(context=context)
+    node = Node('listener', context=context, namespace='tactile')
+    node.create_subscription(TactileImage, 'image', images.append, qos_profile_sensor_data)
+    executor = runner.make_executor(context)
+    executor.add_node(node)
+    child = subprocess.Popen([sys.executable, str(tmp_path / 'mine.py')])
+    try:
+        end = time.monotonic() + 2.0 * DEADLINE
+        runner.spin(executor, context, lambda: len(images) > 5 or time.monotonic() > end)
+    finally:
+        child.kill()
+        child.wait()
+        executor.shutdown()
+        node.destroy_node()
+        context.try_shutdown()
+    estimator = ContactEstimator(EstimatorConfig(tactel='point'))
+    contact = estimator.estimate(image_from_msg(images[-1]))
+    assert contact.valid and contact.type.name == 'POINT'
+    assert abs(contact.x - 1e-3) < 1e-4 and abs(contact.y + 2e-3) < 1e-4
+    assert abs(contact.normal_force - 5.0) < 0.3
+
+
+def test_the_calibration_of_the_page_is_one(tmp_path):
+    (tmp_path / 'mine.yaml').write_text(block('yaml', 'gain').strip())
+    calibration = load_calibration(tmp_path / 'mine.yaml')
+    assert calibration.array.shape == (8, 8) and calibration.counts.highest == 1023

@@ -50,4 +50,4 @@ class LineFaults:
                         1 << rng.integers(8, size=values.size), 0).astype(np.uint8)
         kept = (values ^ bits)[rng.random(values.size) >= self.lose]
         garbage = rng.random() < self.garbage
-        return rng.bytes(rng.integers(1, MOST_GARBAGE)) * garbage + kept.tobytes()
+        return rng.bytes(int(rng.integers(1, MOST_GARBAGE))) * garbage + kept.tobytes()

@@ -145,7 +145,8 @@ def record_port(options: argparse.Namespace) -> None:
             answer = input(text)
             sensor.forget()
             return answer
-        array = TactelArray(*options.shape, *pitch_of(options.pitch))
+        (rows, columns), (pitch_x, pitch_y) = options.shape, pitch_of(options.pitch)
+        array = TactelArray(rows, columns, pitch_x, pitch_y)
         try:
             Recorder(Path(options.live), array, look, ask, print).run()
         except EOFError:

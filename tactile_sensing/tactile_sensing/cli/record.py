@@ -80,15 +80,15 @@ def run(options: argparse.Namespace) -> str:
     """Look or record; returns what was done."""
     if options.file and not options.file.endswith('.npz'):
         raise ConfigurationError(f'{options.file}: must end in .npz')
-    pitch = pitch_of(options.pitch) if options.pitch else ()
+    pitch_x, pitch_y = pitch_of(options.pitch) if options.pitch else (0.0, 0.0)
     with opened(options) as sensor:
         if not options.file:
             look(sensor)
             return ''
         arrays = record(sensor, options.seconds)
         lost = sensor.stream.decoder.lost_frames + sensor.stream.skipped
-    if len(set(pitch)) == 1:
-        arrays['pitch_m'] = np.array(pitch[0])
+    if pitch_x > 0.0 and pitch_x == pitch_y:
+        arrays['pitch_m'] = np.array(pitch_x)
     np.savez_compressed(options.file, **arrays)  # type: ignore[arg-type]
     return (f'{options.file}: {len(arrays["frames"])} images at {arrays["rate_hz"]:.1f} Hz, '
             f'{lost} lost')

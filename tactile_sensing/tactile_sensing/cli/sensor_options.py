@@ -26,5 +26,6 @@ def opened(options: argparse.Namespace) -> Sensor:
     """Open the sensor of the options; OSError, ConfigurationError: see `open_sensor`."""
     if not options.shape:
         raise ConfigurationError('--shape R C is missing: rows and columns of the sensor')
-    return open_sensor(options.port, options.protocol, *options.shape, options.rate,
+    rows, columns = options.shape
+    return open_sensor(options.port, options.protocol, rows, columns, options.rate,
                        baud=options.baud, **options_of(options.protocol, options.options))

@@ -160,7 +160,7 @@ def _places(payload):
         at = payload.find(MARKER, at + 1)
 
 
-def payload_size(sample: bytes) -> int | None:
+def payload_size(sample: bytes | bytearray) -> int | None:
     """
     Guess from some periods of a byte stream how long its payload is: bytes between two markers.
 

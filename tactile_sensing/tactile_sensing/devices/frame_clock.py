@@ -72,7 +72,7 @@ class SendTime:
         blocks = [(block - origin).astype(float) for block in self._blocks]
         lowest = np.concatenate(blocks)
         for _ in range(3):
-            line = np.polyfit(*lowest.T, 1)
+            line = np.polyfit(lowest[:, 0], lowest[:, 1], 1)
             lowest = np.array([block[(block[:, 1] - line[0] * block[:, 0]).argmin()]
                                for block in blocks])
         if np.abs(lowest[:, 1] - np.polyval(line, lowest[:, 0])).max() > STEADY_NS:

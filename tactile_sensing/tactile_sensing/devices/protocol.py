@@ -96,6 +96,8 @@ class Decoder:
         self._origin = 0  # position of the buffer in the stream
         self._device_ns, self._step = 0, 0.0  # its clock; usual ticks from frame to frame
         self._mismatch = ''
+        self._waiting: Frame | None = None  # behind the event that was returned before it
+        self._ticks: int | None = None  # of the last frame
         self._begin()
 
     @property
@@ -116,7 +118,8 @@ class Decoder:
     def next_event(self) -> Frame | Resync | Reply | Signal:
         """Return the next event, or `NEED_DATA`."""
         if self._waiting is not None:
-            frame, self._waiting = self._waiting, None
+            frame = self._waiting
+            self._waiting = None
             return frame
         while (piece := self._scan()) is not None:
             if not piece.good:
@@ -151,8 +154,7 @@ class Decoder:
     def _begin(self):
         """Start as with a port that was just opened."""
         self._gap = 0  # bytes passed over since the last frame
-        self._waiting: Frame | None = None
-        self._ticks: int | None = None  # of the last frame
+        self._waiting = self._ticks = None
         self.locked = False
 
     def _refuse(self, count, most):
