@@ -195,3 +195,28 @@ def test_a_frame_that_is_counted_as_lost_moves_no_stamp():
     off = (stamps - sent)[round(5.0 * RATE):]
     assert np.isnan(off).sum() == 5
     assert np.sqrt(np.nanmean(off**2)) < 0.3e-3
+
+
+@pytest.mark.parametrize('tick', [
+    lambda rng, k: 7, lambda rng, k: rng.integers(2**32), lambda rng, k: -k % 2**32,
+    lambda rng, k: k * 2**31 % 2**32, lambda rng, k: k * 3], ids=str)
+@pytest.mark.parametrize('rate', [RATE, 0.0])
+def test_a_device_whose_clock_is_nonsense_gets_times_of_arrival_or_shortly_before(tick, rate):
+    rng, got = np.random.default_rng(7), []
+    clock = FrameClock(CsvDecoder(1, 1, stamp='ms'), rate)
+    clock.receive(b'\n', NOON)
+    for k in range(5000):
+        now = NOON + k * PERIOD
+        got += [(it.arrival_ns, now) for it in clock.receive(b'%d,1\n' % tick(rng, k), now)]
+    stamps, nows = np.array(got).T
+    assert len(got) == 5000 and np.all(np.diff(stamps) > 0)
+    assert np.all(stamps <= nows + 1) and np.all(nows - stamps <= 20_000_000)
+
+
+def test_a_clock_of_the_machine_that_stands_still_costs_no_memory():
+    """As simulated time that is paused."""
+    clock = FrameClock(CsvDecoder(1, 1, stamp='ms'))
+    clock.receive(b'\n', NOON)
+    for k in range(25_000):
+        clock.receive(b'%d,1\n' % k, NOON)
+    assert len(clock._send_time._block) <= 10_000

@@ -49,20 +49,21 @@ class SendTime:
         """Begin anew; until there is a line, a frame was sent as it arrived."""
         self._block: list[tuple[int, int]] = []  # times of device and arrival
         self._blocks: deque[np.ndarray] = deque(maxlen=BLOCKS)
-        self._line: np.ndarray | None = None  # slope and offset from the origin
+        self._line: tuple[float, float] | None = None  # slope and offset from the origin
         self._origin = (0, 0)
 
     def of(self, device_ns: int, arrival_ns: int) -> int:
         """Return when a frame of a time of the device was sent [ns]."""
         self._block.append((device_ns, arrival_ns))
-        if abs(arrival_ns - self._block[0][1]) >= BLOCK_NS:
+        if (abs(arrival_ns - self._block[0][1]) >= BLOCK_NS
+                or len(self._block) >= MAX_RATE):  # of a clock that stands still
             self._blocks.append(np.array(self._block))
             self._block = []
             self._fit()
         if self._line is None:
             return arrival_ns
-        sent_ns = self._origin[1] + round(
-            float(np.polyval(self._line, device_ns - self._origin[0])))
+        slope, offset = self._line
+        sent_ns = self._origin[1] + round(slope * (device_ns - self._origin[0]) + offset)
         return min(max(sent_ns, arrival_ns - MOST_JITTER_NS), arrival_ns)
 
     def _fit(self):
@@ -72,15 +73,18 @@ class SendTime:
         blocks = [(block - origin).astype(float) for block in self._blocks]
         lowest = np.concatenate(blocks)
         for _ in range(3):
-            line = np.polyfit(lowest[:, 0], lowest[:, 1], 1)
-            lowest = np.array([block[(block[:, 1] - line[0] * block[:, 0]).argmin()]
+            (x, y), mean = lowest.T, lowest.mean(axis=0)
+            slope = np.dot(x - mean[0], y - mean[1]) / max(np.dot(x - mean[0], x - mean[0]), 1.0)
+            lowest = np.array([block[(block[:, 1] - slope * block[:, 0]).argmin()]
                                for block in blocks])
-        if np.abs(lowest[:, 1] - np.polyval(line, lowest[:, 0])).max() > STEADY_NS:
+        offset = mean[1] - slope * mean[0]
+        if np.abs(lowest[:, 1] - slope * lowest[:, 0] - offset).max() > STEADY_NS:
             last = self._blocks[-1]
             self.restart()
             self._blocks.append(last)
             return
-        self._line, self._origin = line, (int(origin[0]), int(origin[1]))
+        self._line = float(slope), float(offset)
+        self._origin = int(origin[0]), int(origin[1])
 
 
 class FrameClock:

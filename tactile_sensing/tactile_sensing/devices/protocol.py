@@ -17,7 +17,7 @@ class Signal(enum.Enum):
 
 
 LEAST_STEP = 4  # ticks from frame to frame that show whether one is missing
-CLOCK_RESTARTS = 100  # times the usual step
+LONGEST_STEP_NS = 10_000_000_000  # beyond which the device's clock has begun anew
 
 #: Returned by `Decoder.next_event` when it has seen all that was received.
 NEED_DATA = Signal.NEED_DATA
@@ -170,9 +170,9 @@ class Decoder:
         """Follow the device's clock; returns how many frames it skipped, None: not known."""
         step = 0 if self._ticks is None else (ticks - self._ticks) % self.wrap
         self._ticks = ticks
-        self._device_ns += step * self.tick_ns
-        if step > CLOCK_RESTARTS * self._step > 0 or not step:
+        if not 0 < step * self.tick_ns <= LONGEST_STEP_NS:
             return None
+        self._device_ns += step * self.tick_ns
         missed = round(step / self._step) - 1 if self._step >= LEAST_STEP else 0
         if missed <= 0:
             self._step += (step - self._step) * (0.1 if self._step else 1.0)
