@@ -16,6 +16,7 @@ from tactile_sensing.skin.pressure import SkinPressure
 from tactile_sensing.types.array import TactelArray
 from tactile_sensing.types.skin import Skin
 
+pytestmark = pytest.mark.graph  # in real time: no other test beside it
 ARRAY = TactelArray(8, 8, 2e-3, 2e-3)
 SKIN = SkinPressure(Skin(2e-3), 2e-3, 2e-3)
 RATE = 200.0

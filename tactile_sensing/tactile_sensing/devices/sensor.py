@@ -40,6 +40,7 @@ class Sensor:
 
     def close(self) -> None:
         """Close the port; no image comes any more."""
+        self._images = []
         self.stream.close()
 
     def forget(self) -> None:

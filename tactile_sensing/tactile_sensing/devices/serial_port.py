@@ -80,4 +80,5 @@ class SensorPort:
 
     def write(self, data: bytes) -> None:
         """Send bytes."""
-        self._serial.write(data)
+        if data:
+            self._serial.write(data)

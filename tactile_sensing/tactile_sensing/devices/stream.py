@@ -15,6 +15,7 @@ from tactile_sensing.devices.serial_port import SensorPort
 BACK_OFF = 0.02, 0.5  # s from one attempt to open the port to the next: at first, at most
 ASK_AGAIN = 2.0  # s without a frame after which a device is asked to send again: it has restarted
 LAG_NS = 100_000_000  # frames that are so much older than the newest of a read are passed over
+USUAL_RATE = 100.0  # Hz that a device is asked for where none is known
 SILENCE = 1.0  # s without a byte or a frame that is reported
 
 
@@ -53,12 +54,14 @@ class SensorStream:
                  options: Mapping[str, Any] | None = None,
                  now_ns: Callable[[], int] = time.time_ns,
                  tell: Callable[[str, bool], None] = lambda text, gone: None):
-        self._row, self._options, self._rate = protocol_named(protocol), options or {}, rate
-        kind = np.dtype(self._row.kind if kind is None else kind)
-        self.decoder = self._row.decoder(*shape, kind, **self._options)
+        row, options = protocol_named(protocol), options or {}
+        kind = np.dtype(row.kind if kind is None else kind)
+        self.decoder = row.decoder(*shape, kind, **options)
+        self._start = row.start(rate or USUAL_RATE, **options)
+        self._stop = row.stop(rate or USUAL_RATE, **options)
         self.frames = FrameClock(self.decoder, rate)
         self.port, self.frame_size = port, shape[0] * shape[1] * kind.itemsize
-        self._baud, self._now_ns, self._tell = baud or self._row.baud_rate, now_ns, tell
+        self._baud, self._now_ns, self._tell = baud or row.baud_rate, now_ns, tell
         self.fault = f'{port} is not open yet'
         self.connections = self.skipped = 0
         self.last_byte_at = self.last_frame_at = self._asked_at = time.monotonic()
@@ -71,7 +74,7 @@ class SensorStream:
         """Open the port and start the sensor; raises an OSError where that fails."""
         with ExitStack() as stack:
             line = stack.enter_context(SensorPort(self.port, self._baud, self.frame_size))
-            line.write(self._row.start(self._rate or 100.0, **self._options))
+            line.write(self._start)
             self._open, self._line = stack.pop_all(), line
         self.frames.restart()
         self.fault, self._back_off = '', BACK_OFF[0]
@@ -87,10 +90,9 @@ class SensorStream:
                 return []
             data, caught_up_at = self._line.read(), self._line.caught_up_at
             now, now_ns = time.monotonic(), self._now_ns()
-            asked = self._row.start(self._rate or 100.0, **self._options)
-            if asked and now - max(self.last_frame_at, self._asked_at) > ASK_AGAIN:
+            if now - max(self.last_frame_at, self._asked_at) > ASK_AGAIN:
                 self._asked_at = now
-                self._line.write(asked)
+                self._line.write(self._start)
         except OSError as error:
             self._on_lost(error)
             return []
@@ -138,7 +140,7 @@ class SensorStream:
         self.closed.set()
         if self._line is not None:
             try:
-                self._line.write(self._row.stop(self._rate or 100.0, **self._options))
+                self._line.write(self._stop)
             except OSError:  # it is gone
                 pass
         self._release()
