@@ -1,6 +1,7 @@
 """Other roads than a port: topics, images of one's own; states that a manager asks for."""
 from pathlib import Path
 import re
+import signal
 import subprocess
 import sys
 import threading
@@ -199,13 +200,16 @@ def test_images_of_ones_own_are_estimated(tmp_path):
     node.create_subscription(TactileImage, 'image', images.append, qos_profile_sensor_data)
     executor = runner.make_executor(context)
     executor.add_node(node)
-    child = subprocess.Popen([sys.executable, str(tmp_path / 'mine.py')])
+    child = subprocess.Popen(
+        [sys.executable, str(tmp_path / 'mine.py')], stderr=subprocess.DEVNULL)
     try:
         end = time.monotonic() + 2.0 * DEADLINE
         runner.spin(executor, context, lambda: len(images) > 5 or time.monotonic() > end)
     finally:
-        child.kill()
-        child.wait()
+        child.send_signal(signal.SIGINT)
+        child.wait(DEADLINE)
+        end = time.monotonic() + 1.0  # nobody may leave while this node is destroyed
+        runner.spin(executor, context, lambda: time.monotonic() > end)
         executor.shutdown()
         node.destroy_node()
         context.try_shutdown()
