@@ -8,7 +8,7 @@ with a kernel takes `njit` from here, so that the folder is set before anything 
 `compile_kernels`, also a command, fills that folder, so that no first start has to wait. Who does
 not call it reads a line on the terminal while kernels are compiled.
 """
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from concurrent.futures import as_completed, ProcessPoolExecutor
 from importlib import import_module
 from importlib.util import find_spec
@@ -22,8 +22,7 @@ import time
 from typing import Any
 import zlib
 
-from numba import config
-from numba import njit as numba_njit
+from numba import config, njit
 from numba.core import event
 from numba.np.unsafe.ndarray import to_fixed_tuple
 
@@ -35,32 +34,6 @@ PACKAGES = ('tactile_common', 'tactile_sensing', 'tactile_shape', 'tactile_servo
 COMPILED = re.compile(rb'@njit|dtype\(|NamedTuple|IntEnum')
 # Reassociation lets sums be vectorised; NaN and infinity keep their meaning.
 FAST = {'reassoc', 'contract', 'nsz', 'arcp'}
-
-
-def njit(*functions: Callable, cache: bool = False, **options: Any) -> Any:
-    """
-    Return numba's decorator for compiled functions.
-
-    Those that are not cached are called by compiled functions alone, and compiled without the
-    wrappers that Python needs to call them, which saves a quarter of the time. From Python they
-    raise TypeError; a test may take their `py_func`.
-    """
-    if cache:
-        return numba_njit(*functions, cache=True, **options)
-    decorate = numba_njit(no_cpython_wrapper=True, no_cfunc_wrapper=True, **options)
-
-    def without_wrappers(function: Callable) -> Any:
-        compiled = decorate(function)
-        # What Python finds compiled, or has compiled, it would call without a wrapper: a crash.
-        compiled._insert = lambda *args, **kwargs: None
-        compiled._compile_for_args = _refuse
-        return compiled
-
-    return without_wrappers(*functions) if functions else without_wrappers
-
-
-def _refuse(*args: Any, **kwargs: Any) -> None:
-    raise TypeError('a kernel without cache=True is called by other kernels alone')
 
 
 class _Notice(event.Listener):

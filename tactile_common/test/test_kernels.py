@@ -78,22 +78,6 @@ def test_a_kernel_that_does_not_compile_is_an_error(made):
     assert 'no_such_name' in error.value.stderr
 
 
-def test_a_kernel_without_a_wrapper_refuses_python():
-    @kernels.njit
-    def inner(x):
-        return x + 1
-
-    @kernels.njit(cache=True)
-    def outer(x):
-        return inner(x)
-
-    with pytest.raises(TypeError, match='cache=True'):
-        inner(1)
-    assert outer(1) == inner.py_func(1) == 2
-    with pytest.raises(TypeError, match='cache=True'):
-        inner(1)
-
-
 def test_a_terminal_reads_once_that_kernels_are_compiled(monkeypatch, capsys):
     monkeypatch.setattr(kernels, 'PACKAGES', (__name__.partition('.')[0],))
     monkeypatch.setattr(kernels._NOTICE, 'said', False)
@@ -101,7 +85,7 @@ def test_a_terminal_reads_once_that_kernels_are_compiled(monkeypatch, capsys):
     def compiled(terminal):
         monkeypatch.setattr(sys.stderr, 'isatty', lambda: terminal)
         for add in (1, 2):
-            kernels.numba_njit(lambda x, add=add: x + add)(1)
+            kernels.njit(lambda x, add=add: x + add)(1)
         return capsys.readouterr().err
 
     assert compiled(False) == ''
