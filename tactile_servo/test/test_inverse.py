@@ -21,7 +21,7 @@ from tactile_servo.motion.inverse import (
     TAKE_OVER,
     YIELDING,
 )
-from tactile_servo.motion.limits import JointLimits, NEGLIGIBLE, room
+from tactile_servo.motion.limits import JointLimits, Joints, NEGLIGIBLE
 from tactile_servo.motion.motion import Motion, MotionConfig
 from tactile_servo.motion.robot import RobotModel
 
@@ -45,8 +45,9 @@ def quick(joints):
 
 def solve(limits, jacobian, twist, positions):
     """Solve from a rest, for joints that only position limits hold back."""
+    joints = Joints(positions, np.zeros(len(positions)))
     velocities, scale, limited_by, smallest = BoundedInverse(limits, DAMPING, LENGTH).solve(
-        jacobian, twist, positions, np.zeros(len(positions)), DT)
+        jacobian, twist, joints, limits.reach(joints, DT))
     assert scale == 1.0 and limited_by[:1] in ('', 'p')
     return velocities, limited_by, smallest
 
@@ -72,7 +73,7 @@ def test_at_a_limit_the_nearest_velocities_are_found(joints):
         held = rng.integers(joints)
         positions[held] = 2.0 * np.sign(wanted[held])
         velocities, limited_by, smallest = solve(limits, jacobian, twist, positions)
-        bounds = room(limits.lower, limits.upper, limits.stopping_time, positions, DT)
+        bounds = limits.room(positions, DT)
         pushed = _pushed(jacobian, twist, positions, limits)
         expected = by_least_squares(jacobian, pushed, (bounds[0] - 1e-15, bounds[1] + 1e-15))
         np.testing.assert_allclose(velocities, expected, atol=1e-7)
@@ -161,11 +162,11 @@ def test_what_the_program_answers_needs_no_more_limiting(joints):
     limits, named = limits_of(joints), set()
     inverse = BoundedInverse(limits, DAMPING, LENGTH)
     for jacobian, twist, positions, previous in random_states(joints, 3000):
-        case = positions, previous
-        answer, _, name, _ = inverse.solve(jacobian, twist, *case, DT)
-        velocities, scale, _ = limit_velocities(limits, *case, answer, DT)
+        joints = Joints(positions, previous)
+        answer, _, name, _ = inverse.solve(jacobian, twist, joints, limits.reach(joints, DT))
+        velocities, held = limit_velocities(limits, *joints, answer, DT)
         np.testing.assert_allclose(velocities, answer, rtol=0, atol=NEGLIGIBLE * 2.0)
-        assert scale == 1.0
+        assert held == ''
         named.add(name.partition(' of ')[0])
     assert named == {'', 'position', 'velocity', 'acceleration'}
 
@@ -176,22 +177,32 @@ def test_what_is_delayed_keeps_to_its_way_as_scaled_changes_do(joints):
     limits, count = limits_of(joints), 0
     inverse = BoundedInverse(limits, DAMPING, LENGTH)
     for jacobian, twist, _, previous in random_states(joints, 2000):
-        case = np.zeros(joints), previous
+        start = Joints(np.zeros(joints), previous)
         wanted, _ = damped_least_squares(jacobian, twist)
-        answer, scale, name, _ = inverse.solve(jacobian, twist, *case, DT)
+        answer, scale, name, _ = inverse.solve(jacobian, twist, start, limits.reach(start, DT))
         if scale < 1.0 or not name:
             continue
         count += 1
         assert name.startswith('acceleration')
         matrix = hessian(jacobian, DAMPING, TAKE_OVER * DAMPING, LENGTH)
-        evenly, _, _ = limit_velocities(limits, *case, wanted, DT)
         way, along = wanted - previous, matrix @ (wanted - previous)
+        evenly = previous + min(1.0, (limits.acceleration * DT / np.abs(way)).min()) * way
         off = answer - wanted - along @ (answer - wanted) / (along @ way) * way
         left, right = (np.sqrt(error @ matrix @ error) for error in (answer - wanted,
                                                                      evenly - wanted))
         assert np.sqrt(off @ matrix @ off) <= 1.001 * np.sqrt(EASED) * right + 1e-9
         assert left <= (1.0 + EASED) * right + 1e-9
     assert count > 500
+
+
+def test_velocity_limit_scales_all_joints_alike():
+    limits, wanted = limits_of(6, 2.0, 1e6), np.array([4.0, 0.5, 1.0, 0.0, -2.0, 0.0])
+    rest = Joints(np.zeros(6), np.zeros(6))
+    jacobian = np.diag([1.0, 1.0, 1.0, 1.0 / LENGTH, 1.0 / LENGTH, 1.0 / LENGTH])
+    velocities, scale, limited_by, _ = BoundedInverse(limits, DAMPING, LENGTH).solve(
+        jacobian, jacobian @ wanted, rest, limits.reach(rest, DT))
+    assert limited_by == 'velocity of joint0' and scale == pytest.approx(0.5, rel=1e-3)
+    np.testing.assert_allclose(velocities, 0.5 * wanted, atol=1e-3)
 
 
 @pytest.mark.parametrize('answer', [

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from tactile_servo.motion.inverse import BoundedInverse
-from tactile_servo.motion.limits import JointLimits, WorkspaceBox
+from tactile_servo.motion.limits import JointLimits, Joints, WorkspaceBox
 from tactile_servo.motion.motion import BLOCKED_AFTER, COAST, Motion, MotionConfig, SETTLING
 from tactile_servo.motion.robot import RobotModel
 from tactile_servo.motion.window import committed, extended
@@ -177,9 +177,9 @@ def test_a_command_is_what_its_parts_give(reach):
         now += round(1e9 * DT * rng.choice([0.9, 1.0, 1.1, 3.0]))
         kept = committed(window, 0.0 if before is None else 1e-9 * (now - before),
                          config.committed)
-        positions = kept.positions[-1]
+        joints = Joints(kept.positions[-1], kept.velocities[-1])
         coast = (COAST + 1.0) * DT
-        end = positions + DT * kept.velocities[-1]
+        end = joints.positions + DT * joints.velocities
         pose = ROBOT.pose(end)
         horizon = DT + coast + 2.0 * LIMITS.stopping_time
         velocity = pose[:3, :3] @ twist[:3]
@@ -190,14 +190,13 @@ def test_a_command_is_what_its_parts_give(reach):
         settling = kept.times[0] > 0.0
         target, scale, name, _ = BoundedInverse(
             LIMITS, config.damping, config.rotation_length).solve(
-                ROBOT.jacobian(end), let, positions, kept.velocities[-1], DT, coast)
+                ROBOT.jacobian(end), let, joints, LIMITS.reach(joints, DT, coast))
         if settling:
             target, scale = 0.0 * target, 1.0
-        target, whole, _ = limit_velocities(
-            LIMITS, positions, kept.velocities[-1], target, DT, coast)
+        target, held = limit_velocities(LIMITS, *joints, target, DT, coast)
         bound += bool(name)
         step = motion.command(twist, now)
-        assert whole == 1.0 and step.scale == pytest.approx(scale, abs=1e-9)
+        assert held == '' and step.scale == pytest.approx(scale, abs=1e-9)
         np.testing.assert_allclose(step.twist, let, rtol=0, atol=1e-12)
         if settling and before is not None:
             assert step.trajectory is None  # the controller plays what it was sent first

@@ -36,7 +36,7 @@ def accelerations(window):
 def next_window(window, elapsed, wanted):
     """What a cycle does: go on from what is committed within the limits."""
     kept = committed(window, elapsed, AHEAD)
-    velocities, _, _ = limit_velocities(
+    velocities, _ = limit_velocities(
         LIMITS, kept.positions[-1], kept.velocities[-1], wanted, PERIOD, COAST + PERIOD)
     return kept, extended(kept, velocities, velocities, PERIOD, COAST, LIMITS.acceleration)
 

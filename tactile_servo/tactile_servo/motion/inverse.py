@@ -2,18 +2,15 @@
 Joint velocities for a twist of the sensor, and the nearest ones within the joints' limits.
 
 `BoundedInverse` minimises ``(q - a - z)^T H (q - a - z)`` over joint velocities q within the
-limits (`limits.reach`): `a` is the damped least squares solution of the twist, z moves a
-redundant arm away from its limits in its null space. With the weighted
-Jacobian ``G = W J``, its singular values s, right singular vectors v and the damping d (the turn
-about the sensor's normal, without which a pad feels the same, weighs YIELDING where no joint is to
-spare for it)
+limits (`JointLimits.reach`): `a` is the damped least squares solution of the twist, z moves a
+redundant arm away from its limits in its null space. With the weighted Jacobian ``G = W J``, its
+singular values s, right singular vectors v and the damping d (the turn about the sensor's normal,
+without which a pad feels the same, weighs YIELDING where no joint is to spare for it)
 
     H = sum of max(s^2, d^2) v v^T + (TAKE_OVER d)^2 (I - sum of v v^T)
 
 so that away from singularities the cost is the squared weighted error of the twist. Where a + z
-lies within the bounds it is the solution: the gradient is zero there, so that the
-Karush-Kuhn-Tucker conditions hold with multipliers that are all zero, and H is positive
-definite. No solver is needed then.
+lies within the bounds it is the solution, for the gradient is zero there.
 
 Else up to three programs follow, each for what the last one gave, w, where that is not within its
 bounds. At a limit of position the other joints take over. A limit of velocity is met by going
@@ -23,19 +20,13 @@ slower, then one of acceleration by taking longer: with p the velocities until n
 """
 
 import math
+from typing import NamedTuple
 
 import daqp
 import numpy as np
 
 from tactile_common.kernels import njit
-from tactile_servo.motion.limits import (
-    ACCELERATION,
-    JointLimits,
-    POSITION,
-    reach,
-    VELOCITY,
-    within,
-)
+from tactile_servo.motion.limits import ACCELERATION, JointLimits, Joints, KINDS, Reach, VELOCITY
 
 YIELDING = 0.1  # of its weight, a turn about the sensor's normal by six joints, one at its limit
 EASED = 1e-4  # squared errors along a motion that is slowed or delayed, against others
@@ -43,7 +34,6 @@ TAKE_OVER = 0.5  # of the damping; weighs the null space, which is free to stand
 PUSH_ZONE = 0.15  # of a joint's range at either end, which a redundant arm is moved out of
 PUSH = 4.0  # rad of a joint at its limit per metre of (weighted) way
 PUSH_SPEED = 0.1  # of a joint's velocity limit
-ROWS = POSITION, VELOCITY, ACCELERATION  # kinds of limit that rows of `reach` add
 
 
 def damped_least_squares(jacobian: np.ndarray, twist: np.ndarray, *, damping: float = 0.01,
@@ -77,14 +67,17 @@ def damped_least_squares(jacobian: np.ndarray, twist: np.ndarray, *, damping: fl
     smallest : float
         Smallest singular value of the weighted Jacobian [m/rad].
     """
-    return least_squares(np.ascontiguousarray(jacobian, dtype=float),
-                         np.ascontiguousarray(twist, dtype=float), damping, rotation_length)
+    return _least_squares(np.ascontiguousarray(jacobian, dtype=float), np.asarray(twist, float),
+                          np.zeros(np.shape(jacobian)[1]), damping, rotation_length)
 
 
-@njit(cache=True)
-def least_squares(jacobian, twist, damping, rotation_length):
-    """Law of `damped_least_squares`."""
-    return _free(jacobian, twist, np.zeros(jacobian.shape[1]), damping, rotation_length)
+class Solution(NamedTuple):
+    """Joint velocities for a twist, and what they leave of it."""
+
+    velocities: np.ndarray  # (n,) [rad/s]
+    scale: float  # fraction of the motion that velocity limits let through
+    limited_by: str  # the limit that costs most in the first program that is needed, or empty
+    smallest: float  # singular value of the weighted Jacobian [m/rad]
 
 
 class BoundedInverse:
@@ -93,85 +86,78 @@ class BoundedInverse:
     def __init__(self, limits: JointLimits, damping: float, rotation_length: float):
         self._limits, self._damping, self._length = limits, damping, rotation_length
         joints, span = len(limits.names), limits.upper - limits.lower
-        self._zone = np.where(np.isfinite(span) & (joints > 6), PUSH_ZONE * span, 0.0)
+        # Without a zone where a joint has no range, an infinite room divided by it is no push.
+        self._zone = np.where(np.isfinite(span), PUSH_ZONE * span, 1e-300)
         self._no_rows, self._sense = np.empty((0, joints)), np.zeros(joints, np.int32)
 
-    def solve(self, jacobian: np.ndarray, twist: np.ndarray, positions: np.ndarray,
-              previous: np.ndarray, dt: float,
-              coast: float = 0.0) -> tuple[np.ndarray, float, str, float]:
+    def solve(self, jacobian: np.ndarray, twist: np.ndarray, joints: Joints,
+              reach: Reach) -> Solution:
         """
-        Joint velocities (n,) [rad/s] for a twist (6,), other arguments as of `nearest`.
+        Joint velocities for a twist (6,), from the state of the joints, within their reach.
 
         Not within all limits where the solver fails, not finite where twist or Jacobian are not.
-        With them the fraction of the motion that velocity limits let through, the limit that
-        costs most in the first program that is needed, empty if none is, and the smallest
-        singular value of the weighted Jacobian [m/rad].
         """
-        limits, found, scale, limited_by = self._limits, np.empty(len(positions)), 1.0, ''
-        smallest, inside = _unbounded(
-            jacobian, twist, positions, previous, limits.bounds, self._zone, dt, coast,
-            self._damping, self._length, found)
-        if inside:
-            return found, scale, limited_by, smallest
-        least, most = reach(*limits.bounds, positions, previous, dt, coast)
+        limits, scale, limited_by = self._limits, 1.0, ''
+        found, smallest = _least_squares(jacobian, twist, self._push(twist, joints.positions),
+                                         self._damping, self._length)
+        if limits.keeps(found, reach.least[-1], reach.most[-1]) or not np.isfinite(found).all():
+            return Solution(found, scale, limited_by, smallest)
         matrix = hessian(jacobian, self._damping, TAKE_OVER * self._damping, self._length)
-        for row, kind in enumerate(ROWS):
-            if within(found, least[row], most[row], limits.velocity):
+        for row, (kind, least, most) in enumerate(zip(KINDS, *reach, strict=True)):
+            if limits.keeps(found, least, most):
                 continue
-            wanted, weights = found, matrix if kind == POSITION else _eased(
-                matrix, found - previous if kind == ACCELERATION else found)
+            wanted, weights = found, matrix
+            if kind == VELOCITY:
+                weights = _eased(matrix, wanted)
+            elif kind == ACCELERATION:
+                weights = _eased(matrix, wanted - joints.velocities)
             self._sense[:] = 0
             found, _, flag, info = daqp.solve(
-                weights, -weights @ wanted, self._no_rows, most[row], least[row], self._sense)
+                weights, -weights @ wanted, self._no_rows, most, least, self._sense)
             if flag != 1 or not np.isfinite(found).all():
-                return wanted, scale, limited_by, smallest
-            found = np.clip(found, least[row], most[row])
+                return Solution(wanted, scale, limited_by, smallest)
+            found = np.clip(found, least, most)
             if kind == VELOCITY:
                 along = matrix @ wanted
                 scale = float(np.clip(along @ found / (along @ wanted), 0.0, 1.0))
             if not limited_by:
                 joint = np.abs(info['lam']).argmax()
-                bounds = (most if info['lam'][joint] > 0.0 else least)[:, joint]
-                limited_by = limits.name_of(ROWS[np.argmax(bounds == bounds[row])], joint)
-        return found, scale, limited_by, smallest
+                bounds = (reach.most if info['lam'][joint] > 0.0 else reach.least)[:, joint]
+                limited_by = limits.name_of((bounds == bounds[row]).argmax(), joint)
+        return Solution(found, scale, limited_by, smallest)
+
+    def _push(self, twist: np.ndarray, positions: np.ndarray) -> np.ndarray:
+        """Velocities (n,) out of the zones at the limits, for a redundant arm's null space."""
+        limits = self._limits
+        if len(positions) <= 6:
+            return np.zeros(len(positions))
+        way = math.hypot(np.linalg.norm(twist[:3]), self._length * np.linalg.norm(twist[3:]))
+        low, high = (np.clip(1.0 - room / self._zone, 0.0, 1.0)
+                     for room in (positions - limits.lower, limits.upper - positions))
+        return np.minimum(PUSH * way, PUSH_SPEED * limits.velocity) * (low - high)
 
 
 @njit(cache=True)
-def agility(jacobian, acceleration, damping, rotation_length):
+def agility(jacobian: np.ndarray, acceleration: np.ndarray, damping: float,
+            rotation_length: float) -> float:
     """
     Largest acceleration of the sensor in every direction across its normal [m/s^2].
 
     None of the joints' accelerations (n,) [rad/s^2] is exceeded by it, from rest, without turning
-    the sensor or moving it along its normal; inf where a Jacobian is not finite.
+    the sensor or moving it along its normal; inf where a Jacobian (6, n) is not finite.
     """
-    weighted = jacobian.copy()
-    weighted[3:] *= rotation_length
-    square = weighted @ weighted.T
-    if not math.isfinite(square.sum()):
-        return np.inf
-    for i in range(6):
-        square[i, i] += damping * damping
-    across = weighted.T @ np.linalg.solve(square, np.eye(6)[:, :2].copy())
-    most = np.inf
-    for k in range(len(acceleration)):
-        most = min(most, acceleration[k] / max(math.hypot(across[k, 0], across[k, 1]), 1e-12))
+    none, most, ways = np.zeros(jacobian.shape[1]), np.inf, np.eye(6)
+    x, _ = _least_squares(jacobian, ways[0], none, damping, rotation_length)
+    y, _ = _least_squares(jacobian, ways[1], none, damping, rotation_length)
+    for k in range(len(x)):
+        if math.isfinite(x[k]):
+            most = min(most, acceleration[k] / max(math.hypot(x[k], y[k]), 1e-12))
     return most
 
 
 @njit(cache=True)
-def progress(jacobian, velocities, wanted, rotation_length):
-    """Share of a wanted twist that joint velocities bring; 1 if none is wanted."""
-    along = square = 0.0
-    for i in range(6):  # loops: a call of BLAS costs more than this does
-        weighted = wanted[i] * (rotation_length**2 if i >= 3 else 1.0)
-        square += weighted * wanted[i]
-        for k in range(len(velocities)):
-            along += weighted * jacobian[i, k] * velocities[k]
-    return 1.0 if square < 1e-12 else along / square
-
-
-@njit(cache=True)
-def _free(jacobian, twist, push, damping, rotation_length):
+def _least_squares(jacobian: np.ndarray, twist: np.ndarray, push: np.ndarray, damping: float,
+                   rotation_length: float) -> tuple[np.ndarray, float]:
     """Velocities for the twist, with the part of `push` that moves no tip; smallest s."""
     joints, weighted, square = jacobian.shape[1], jacobian.copy(), np.zeros((6, 6))
     weighted[3:] *= rotation_length
@@ -199,44 +185,20 @@ def _free(jacobian, twist, push, damping, rotation_length):
     return velocities, math.sqrt(max(squared[max(0, 6 - joints)], 0.0))
 
 
-@njit(cache=True)
-def _unbounded(jacobian, twist, positions, previous, bounds, zone, dt, coast, damping,
-               rotation_length, wanted):
-    """Write unconstrained velocities; smallest s, and whether they are within bounds (or NaN)."""
-    lower, upper, fastest, _, _ = bounds
-    joints = len(positions)
-    push = np.zeros(joints)
-    if joints > 6:
-        way = math.hypot(np.linalg.norm(twist[:3]), rotation_length * np.linalg.norm(twist[3:]))
-        for k in range(joints):
-            speed = min(PUSH * way, PUSH_SPEED * fastest[k])
-            if positions[k] - lower[k] < zone[k]:
-                push[k] = speed * min(1.0 - (positions[k] - lower[k]) / zone[k], 1.0)
-            elif upper[k] - positions[k] < zone[k]:
-                push[k] = -speed * min(1.0 - (upper[k] - positions[k]) / zone[k], 1.0)
-    wanted[:], smallest = _free(jacobian, twist, push, damping, rotation_length)
-    least, most = reach(*bounds, positions, previous, dt, coast)
-    inside, finite = True, np.isfinite(wanted).all()
-    for row in range(len(least)):
-        inside &= within(wanted, least[row], most[row], fastest)
-    return smallest, inside or not finite
-
-
-@njit(cache=True)
-def _eased(matrix, way):
+def _eased(matrix: np.ndarray, way: np.ndarray) -> np.ndarray:
     """Matrix (n, n) of a program in which errors along a way (n,) weigh EASED times as much."""
     along = matrix @ way
     return matrix - (1.0 - EASED) / max(along @ way, 1e-300) * np.outer(along, along)
 
 
-@njit(cache=True)
-def hessian(jacobian, damping, light, rotation_length):
-    """Matrix H (n, n)."""
+def hessian(jacobian: np.ndarray, damping: float, light: float,
+            rotation_length: float) -> np.ndarray:
+    """Matrix H (n, n), in which the null space weighs `light`^2."""
     weighted = jacobian.copy()
     weighted[3:] *= rotation_length
     if weighted.shape[1] <= 6:  # none is to spare for it
         weighted[5] *= YIELDING
     squared, right = np.linalg.eigh(weighted.T @ weighted)
     weights = np.maximum(squared, damping**2)
-    weights[:max(len(weights) - 6, 0)] = light**2  # the null space
+    weights[:max(len(weights) - 6, 0)] = light**2
     return (right * weights) @ right.T

@@ -14,6 +14,8 @@ LEAP = 0.02  # rad
 SILENCE = 0.5  # s
 MAX_AHEAD_NS = 20_000_000  # a picture may be this much newer than the newest joint state
 
+Stamped = tuple[int, list[float]]  # joint positions and their stamp [ns]
+
 
 class JointHistory:
     """The last measured joint states that can be believed, and those in between."""
@@ -23,11 +25,12 @@ class JointHistory:
         self._believed = list(zip(
             (limits.lower - BEYOND_LIMITS).tolist(), (limits.upper + BEYOND_LIMITS).tolist(),
             strict=True))
-        self._states = StateBuffer(lambda one, other, share: one + share * (other - one),
-                                   size=SIZE, max_ahead_ns=MAX_AHEAD_NS)
+        self._states: StateBuffer[np.ndarray] = StateBuffer(
+            lambda one, other, share: one + share * (other - one), size=SIZE,
+            max_ahead_ns=MAX_AHEAD_NS)
         self._fastest = (2.0 * limits.velocity).tolist()
-        self._last: tuple[int, list[float]] | None = None
-        self._doubted: tuple[int, list[float]] | None = None
+        self._last: Stamped | None = None
+        self._doubted: Stamped | None = None
 
     def add(self, positions: ArrayLike, stamp_ns: int) -> np.ndarray:
         """
@@ -51,7 +54,7 @@ class JointHistory:
         self._states.add(stamp_ns, positions)
         return positions
 
-    def _leaping(self, before, state):
+    def _leaping(self, before: Stamped | None, state: Stamped) -> str | None:
         """Name of a joint that leaps from one state (stamp, angles) to another; None if none."""
         if before is None:
             return None
@@ -64,7 +67,7 @@ class JointHistory:
                 return name
         return None
 
-    def _why_not(self, positions):
+    def _why_not(self, positions: np.ndarray) -> str:
         """Why a joint state cannot be believed."""
         limits = self._limits
         if positions.shape != limits.lower.shape or not np.isfinite(positions).all():

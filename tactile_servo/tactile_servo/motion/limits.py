@@ -2,17 +2,35 @@
 
 from dataclasses import dataclass
 from functools import cached_property
-import math
+from typing import NamedTuple
 
 import numpy as np
 
 from tactile_common.errors import ConfigurationError
 from tactile_common.kernels import njit
 
-# What bounds a motion most; those that end with a space are of one joint.
-KINDS = ('', 'velocity of ', 'position of ', 'acceleration of ', 'velocity not finite')
+KINDS = POSITION, VELOCITY, ACCELERATION = 'position', 'velocity', 'acceleration'
+NOT_FINITE = 'velocity not finite'
 NEGLIGIBLE = 1e-6  # of a joint's velocity limit; what it is asked beyond a limit by rounding
-FREE, VELOCITY, POSITION, ACCELERATION, NOT_FINITE = range(len(KINDS))
+
+
+class Joints(NamedTuple):
+    """State of the joints: positions (n,) [rad] and velocities (n,) [rad/s]."""
+
+    positions: np.ndarray
+    velocities: np.ndarray
+
+
+class Reach(NamedTuple):
+    """
+    Least and largest joint velocities (3, n) of a period [rad/s], rows as KINDS.
+
+    What position limits leave room for, velocity limits too, and acceleration limits too: a joint
+    that is too close to its limit brakes as hard as it may, no harder.
+    """
+
+    least: np.ndarray
+    most: np.ndarray
 
 
 @dataclass(frozen=True)
@@ -25,7 +43,7 @@ class JointLimits:
     velocity: np.ndarray  # largest magnitudes, above 0 [rad/s]
     acceleration: np.ndarray  # [rad/s^2]
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         for name in ('lower', 'upper', 'velocity', 'acceleration'):
             values = np.asarray(getattr(self, name), dtype=float)
             if values.shape != (len(self.names),):
@@ -47,128 +65,71 @@ class JointLimits:
         return float(np.max(self.velocity / self.acceleration))
 
     @cached_property
-    def bounds(self) -> tuple:
-        """What `nearest` takes of the limits."""
-        return self.lower, self.upper, self.velocity, self.acceleration, self.stopping_time
+    def _bounds(self) -> np.ndarray:
+        """Lower, upper, velocity and acceleration (4, n), for kernels."""
+        return np.array([self.lower, self.upper, self.velocity, self.acceleration])
 
-    def name_of(self, kind: int, joint: int) -> str:
+    @cached_property
+    def slack(self) -> np.ndarray:
+        """Joint velocities (n,) that are rounding [rad/s]."""
+        return NEGLIGIBLE * self.velocity
+
+    def room(self, positions: np.ndarray, within: float) -> tuple[np.ndarray, np.ndarray]:
+        """
+        Joint velocities (n,) <= 0 and (n,) >= 0 that position limits leave room for [rad/s].
+
+        They fall with the distance left, a velocity damper (Faverjon and Tournassoud, 1987): at
+        distance / (within + stopping_time) the joints can always stop together in time, if they
+        begin to within that time [s].
+        """
+        horizon = within + self.stopping_time
+        return (np.minimum((self.lower - positions) / horizon, 0.0),
+                np.maximum((self.upper - positions) / horizon, 0.0))
+
+    def reach(self, joints: Joints, dt: float, coast: float = 0.0) -> Reach:
+        """Velocities that joints may have in `dt`, and for `coast` before they brake [s]."""
+        horizon = dt + coast + self.stopping_time
+        return Reach(*_reach(self._bounds, *joints, dt, horizon))
+
+    def keeps(self, velocities: np.ndarray, least: np.ndarray, most: np.ndarray) -> bool:
+        """Whether joint velocities (n,) pass no bound (n,) by more than rounding does."""
+        return bool((np.maximum(least - velocities, velocities - most) <= self.slack).all())
+
+    def guard(self, wanted: np.ndarray, reach: Reach) -> tuple[np.ndarray, str]:
+        """
+        Joint velocities (n,) within all limits, and what was in the way of the wanted ones (n,).
+
+        Wanted ones that are not finite are a stop. Nothing is named for what is within rounding.
+        """
+        kept = np.minimum(np.maximum(wanted, reach.least[-1]), reach.most[-1])
+        held = np.abs(kept - wanted)
+        if (held <= self.slack).all():
+            return kept, ''
+        if not np.isfinite(wanted).all():
+            return self.guard(np.zeros_like(wanted), reach)[0], NOT_FINITE
+        joint = (held - self.slack).argmax()
+        outside = (wanted < reach.least - self.slack) | (wanted > reach.most + self.slack)
+        return kept, self.name_of(outside[:, joint].argmax(), joint)
+
+    def name_of(self, kind: np.intp, joint: np.intp) -> str:
         """Name of a limit, by the indices of its kind and joint."""
-        name = KINDS[kind]
-        return name + self.names[joint] if name.endswith(' ') else name
+        return f'{KINDS[kind]} of {self.names[joint]}'
 
 
 @njit(cache=True)
-def room(lower, upper, stopping_time, positions, dt):
-    """
-    Joint velocities (n,) <= 0 and (n,) >= 0 that position limits leave room for [rad/s].
-
-    They fall with the distance left, a velocity damper (Faverjon and Tournassoud, 1987): at
-    distance / (dt + stopping_time) the joints can always stop together in time.
-    """
-    down, up, horizon = np.empty(len(lower)), np.empty(len(lower)), dt + stopping_time
-    for k in range(len(lower)):
-        up[k] = max((upper[k] - positions[k]) / horizon, 0.0)
-        down[k] = min((lower[k] - positions[k]) / horizon, 0.0)
-    return down, up
-
-
-@njit(cache=True)
-def reach(lower, upper, fastest, acceleration, stopping_time, positions, previous, dt, coast):
-    """
-    Least and largest joint velocities (3, n) [rad/s], each row within those above it.
-
-    What position limits leave room for, velocities too, and accelerations too: a joint that is
-    too close to its limit brakes as hard as it may, no harder.
-    """
+def _reach(bounds: np.ndarray, positions: np.ndarray, previous: np.ndarray, dt: float,
+           horizon: float) -> tuple[np.ndarray, np.ndarray]:
+    """Rows of a Reach."""
+    lower, upper, fastest, acceleration = bounds
     least, most = np.empty((3, len(lower))), np.empty((3, len(lower)))
-    least[0], most[0] = room(lower, upper, stopping_time, positions, dt + coast)
     for k in range(len(lower)):
+        least[0, k] = min((lower[k] - positions[k]) / horizon, 0.0)
+        most[0, k] = max((upper[k] - positions[k]) / horizon, 0.0)
         least[1, k], most[1, k] = max(least[0, k], -fastest[k]), min(most[0, k], fastest[k])
-        change = acceleration[k] * dt
-        slowest, quickest = previous[k] - change, previous[k] + change
-        least[2, k] = min(max(least[1, k], slowest), quickest)
-        most[2, k] = min(max(most[1, k], slowest), quickest)
+        low, high = (previous[k] - acceleration[k] * dt, previous[k] + acceleration[k] * dt)
+        least[2, k] = min(max(least[1, k], low), high)
+        most[2, k] = min(max(most[1, k], low), high)
     return least, most
-
-
-@njit(cache=True)
-def within(velocities, least, most, fastest):
-    """Whether joint velocities (n,) pass no bound by more than rounding does."""
-    for k in range(len(velocities)):
-        slack = NEGLIGIBLE * fastest[k]
-        if not least[k] - slack <= velocities[k] <= most[k] + slack:
-            return False
-    return True
-
-
-@njit(cache=True)
-def nearest(lower, upper, fastest, acceleration, stopping_time, positions, previous, wanted, dt,
-            coast):
-    """
-    Nearest joint velocities (n,) to the wanted ones that keep every limit [rad/s].
-
-    Wanted ones that are not finite count as a stop. They are first scaled as a whole, which keeps
-    the direction of motion, then their change from the previous ones is, to what accelerations
-    allow within dt; for `coast` they go on then before the joints brake [s]. What a joint is asked
-    beyond its limits by less than NEGLIGIBLE does not scale the others, it is cut off. Also
-    returned are the fraction of the wanted motion that is let through, 0 to 1, and the indices
-    of the kind of limit that binds most and of its joint.
-    """
-    count = len(wanted)
-    least, most = reach(lower, upper, fastest, acceleration, stopping_time, positions, previous,
-                        dt, coast)
-    velocities = np.empty(count)
-    scale, kind, joint = 1.0, FREE, 0
-    for k in range(count):
-        if not math.isfinite(wanted[k]):
-            wanted, kind = np.zeros(count), NOT_FINITE
-            break
-    finite = kind == FREE
-    for k in range(count):
-        # What a joint cannot help, because it brakes no harder, does not slow down the others.
-        let, asked = (max(most[1, k], most[2, k]) if wanted[k] > 0.0
-                      else -min(least[1, k], least[2, k])), abs(wanted[k])
-        if asked > let + NEGLIGIBLE * fastest[k] and let / asked < scale:
-            scale, joint = let / asked, k
-            kind = VELOCITY if let == fastest[k] else POSITION
-    # All joints change in proportion: one that lags behind would bend the motion.
-    share = 1.0
-    for k in range(count):
-        delta = abs(scale * wanted[k] - previous[k])
-        share = min(share, acceleration[k] * dt / max(delta, 1e-12))
-    worst = 0.0
-    for k in range(count):
-        scaled = scale * wanted[k]
-        value = min(max(previous[k] + share * (scaled - previous[k]), least[2, k]), most[2, k])
-        velocities[k] = value
-        held = abs(value - scaled)
-        if held > max(worst, NEGLIGIBLE * fastest[k]) and kind in (FREE, ACCELERATION):
-            worst, kind, joint = held, ACCELERATION, k
-    return velocities, (scale if finite else 0.0), kind, joint
-
-
-@njit(cache=True)
-def coasting_velocities(lower, upper, fastest, acceleration, stopping_time, positions, previous,
-                        velocities, bend, coasting, horizon):
-    """
-    Joint velocities after `coasting` with the accelerations `bend` of the `previous` velocities.
-
-    Both (n,); as much of that as the limits allow, and as is left of the motion.
-    """
-    down, up = room(lower, upper, stopping_time, positions, horizon)
-    kept = square = 0.0
-    for k in range(len(velocities)):
-        kept += velocities[k] * previous[k]
-        square += previous[k] * previous[k]
-    share = coasting * min(max(kept / max(square, 1e-12), 0.0), 1.0) ** 2
-    for k in range(len(velocities)):
-        if not math.isfinite(bend[k]):
-            return velocities
-        most = min(up[k], fastest[k]) if bend[k] > 0.0 else min(-down[k], fastest[k])
-        toward = velocities[k] if bend[k] > 0.0 else -velocities[k]
-        by = max(abs(bend[k]), 1e-12)
-        share = min(share, acceleration[k] / by * coasting, max(most - toward, 0.0) / by)
-    return velocities + share * bend
 
 
 @dataclass(frozen=True)
@@ -178,7 +139,7 @@ class WorkspaceBox:
     lower: np.ndarray
     upper: np.ndarray
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         for name in ('lower', 'upper'):
             values = np.asarray(getattr(self, name), dtype=float)
             if values.shape != (3,) or np.isnan(values).any():
@@ -197,25 +158,13 @@ class WorkspaceBox:
         """
         Clip a twist (6,) in the frame of a pose (4, 4) that would leave the box within `horizon`.
 
-        Returns it and whether it was clipped [m, m/s and rad/s, s].
+        Returns it and whether it was clipped [m, m/s and rad/s, s]. One that is not finite stays
+        so: the joints' limits make a stop of it.
         """
-        clipped = twist.copy()
-        return clipped, _clip(self.lower, self.upper, pose, clipped, horizon)
-
-
-@njit(cache=True)
-def _clip(lower, upper, pose, twist, horizon):
-    velocity, changed = np.zeros(3), False
-    for k in range(3):
-        for j in range(3):
-            velocity[k] += pose[k, j] * twist[j]
-        up = max((upper[k] - pose[k, 3]) / horizon, 0.0)
-        down = min((lower[k] - pose[k, 3]) / horizon, 0.0)
-        if velocity[k] > up or velocity[k] < down:  # not if it is NaN: that is stopped later
-            velocity[k], changed = (up if velocity[k] > up else down), True
-    if changed:
-        twist[:3] = 0.0
-        for k in range(3):
-            for j in range(3):
-                twist[j] += pose[k, j] * velocity[k]
-    return changed
+        rotation, place = pose[:3, :3], pose[:3, 3]
+        velocity = rotation @ twist[:3]
+        kept = np.maximum(np.minimum(velocity, np.maximum((self.upper - place) / horizon, 0.0)),
+                          np.minimum((self.lower - place) / horizon, 0.0))
+        if (kept == velocity).all() or np.isnan(velocity).any():
+            return twist, False
+        return np.concatenate([rotation.T @ kept, twist[3:]]), True

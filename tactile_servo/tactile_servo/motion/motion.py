@@ -6,31 +6,27 @@ from typing import NamedTuple
 import numpy as np
 
 from tactile_common.config import bounded
-from tactile_common.kernels import njit
-from tactile_servo.motion.agility import Pace, pace
-from tactile_servo.motion.inverse import (
-    agility,
-    BoundedInverse,
-    damped_least_squares,
-    least_squares,
-    progress,
-)
+from tactile_servo.motion.agility import Pace
+from tactile_servo.motion.inverse import agility, BoundedInverse, damped_least_squares
 from tactile_servo.motion.limits import (
-    coasting_velocities,
     JointLimits,
-    nearest,
+    Joints,
+    NOT_FINITE,
+    POSITION,
+    Reach,
     WorkspaceBox,
 )
 from tactile_servo.motion.robot import RobotModel
 from tactile_servo.motion.trajectory import Trajectory
-from tactile_servo.motion.window import APART, at_rest, begin, extended, Window
+from tactile_servo.motion.window import APART, at_rest, committed, extended, Window
 
 UNDAMPED = 1e-6  # damping that does nothing [m/rad]
+STILL = 1e-12  # joint rates per unit of a way, below which a joint does not move on it
+WITHIN = 0.8  # of a joint's velocity, which a way may take: corrections need some too
 COAST = 8.0  # control periods that a window goes on before it brakes
 SETTLING = 0.1  # s at least, in which the robot's controller comes to where a motion is started
 BENT = 5e-4  # m by which braking in a curve may lead out of the box
 LONGEST_COMMITTED = 0.01  # s; a pad that swings in fast is led less well by more
-MORE = 5  # points at the most that the next window has more than the last one
 HELD_BACK = 0.05  # of the wanted motion; with less than this left the robot does not get on
 BLOCKED_AFTER = 1.0  # s held back until the motion counts as blocked
 
@@ -66,12 +62,22 @@ class Commanded(NamedTuple):
     """What is commanded: a window, and the state at the end of its change of velocity."""
 
     window: Window
-    positions: np.ndarray  # (n,), reached a period after what is committed [rad]
-    velocities: np.ndarray  # (n,) [rad/s]
+    joints: Joints  # a period after what is committed
     pose: np.ndarray  # (4, 4), of the sensor in the base frame
     jacobian: np.ndarray  # (6, n), there
     end: np.ndarray  # (n,), where the last window that was sent comes to rest [rad]
     stamp_ns: int | None = None  # None until it is sent
+
+
+class Plan(NamedTuple):
+    """A window that could be commanded, and what became of the wanted motion in it."""
+
+    window: Window
+    twist: np.ndarray  # (6,), that the workspace let through
+    scale: float
+    limited_by: str
+    manipulability: float
+    brought: float  # share of the wanted twist
 
 
 class Motion:
@@ -93,9 +99,10 @@ class Motion:
         self._config, self._period = config, period
         self._ahead = config.committed  # s, which the newest window leaves to the one before
         self._inverse = BoundedInverse(limits, config.damping, config.rotation_length)
+        self._weights = np.repeat([1.0, config.rotation_length**2], 3)
         unknown = np.full(len(limits.names), np.nan)
-        self._now = Commanded(at_rest(unknown, 0.0), unknown, unknown, np.full((4, 4), np.nan),
-                              np.full((6, len(unknown)), np.nan), unknown)
+        self._now = Commanded(at_rest(unknown, 0.0), Joints(unknown, unknown),
+                              np.full((4, 4), np.nan), np.full((6, len(unknown)), np.nan), unknown)
         self._before: Commanded | None = None  # a window earlier
         self._stamped = config.stamped
         self._held_back, self.blocked = 0.0, ''
@@ -103,12 +110,12 @@ class Motion:
     @property
     def positions(self) -> np.ndarray:
         """Commanded last (n,): at the end of the newest change of velocity [rad]."""
-        return self._now.positions
+        return self._now.joints.positions
 
     @property
     def velocities(self) -> np.ndarray:
         """Commanded last (n,) [rad/s]."""
-        return self._now.velocities
+        return self._now.joints.velocities
 
     @property
     def pose(self) -> np.ndarray:
@@ -143,13 +150,20 @@ class Motion:
         `bending` is the share of that bounds the speed. What is left at a `speed` on the way is
         the acceleration of the pace. Nothing is damped: at a singularity that is another way.
         """
-        limits, joints, jacobian = self._limits, self._now.positions, self._now.jacobian
+        limits, joints, jacobian = self._limits, self.positions, self._now.jacobian
         rates, _ = damped_least_squares(jacobian, way, damping=UNDAMPED)
         bend, _ = damped_least_squares(
             jacobian, -self._robot.bias(joints, rates), damping=UNDAMPED)
-        top, most, kind, joint = pace(
-            *limits.bounds, joints, rates, bend, speed, bending, (COAST + 2.0) * self._period)
-        return Pace(top, most, limits.name_of(kind, joint))
+        # At a speed v the joints' velocities are rates v, their accelerations rates dv/dt + bend
+        # v^2.
+        moving, bent = np.fmax(np.abs(rates), STILL), np.fmax(np.abs(bend), STILL)
+        down, up = limits.room(joints, (COAST + 2.0) * self._period)
+        speeds = np.array([np.where(rates > 0.0, up, -down) / moving,
+                           WITHIN * limits.velocity / moving,
+                           np.sqrt(bending * limits.acceleration / bent)])
+        kind, joint = np.unravel_index(speeds.argmin(), speeds.shape)
+        most = float(((limits.acceleration - bent * speed**2) / moving).min())
+        return Pace(float(speeds[kind, joint]), max(most, 0.0), limits.name_of(kind, joint))
 
     def seed(self, positions: np.ndarray) -> None:
         """
@@ -165,7 +179,8 @@ class Motion:
         # A cubic between two rests has 1.5 times its mean velocity and 6 way / time^2.
         settling = np.fmax(3.0 * way / limits.velocity, np.sqrt(12.0 * way / limits.acceleration))
         rest = at_rest(joints, float(np.fmax(settling.max(), SETTLING)))
-        self._now = Commanded(rest, joints, np.zeros_like(joints), *self._robot.place(joints), end)
+        self._now = Commanded(rest, Joints(joints, np.zeros_like(joints)),
+                              *self._robot.place(joints), end)
         self.reset_blocked()
 
     def reset_blocked(self) -> None:
@@ -192,59 +207,89 @@ class Motion:
         that is not `stamped` on windows begin when they are received: to change that while the
         robot moves is a jolt.
         """
-        c, period, wanted, at_wall = self._config, self._period, twist, ''
-        coast = (COAST + 1.0) * period
-        window, since = self._now.window, self._now.stamp_ns
-        elapsed = 0.0 if since is None else max(1e-9 * (now_ns - since), 0.0)
-        times, places, speeds = (np.empty((len(part) + MORE, *part.shape[1:]))
-                                 for part in window)
-        # Kernels write into what they are given: to make an array of what one returns costs more.
-        kept = begin(*window, elapsed, self._ahead, times, places, speeds)
-        positions = places[kept - 1]
-        # On its way to the first point the controller is left alone: each window is a seam there.
-        settling = times[0] > APART
-        first = since is None
+        first = self._now.stamp_ns is None
         if first:
-            self._stamped = stamped and c.stamped
-        # Velocities are those of the period's end, where the arm stands otherwise: with the
-        # Jacobian of its start a probe that rolls at 1.5 rad/s is led 0.7 mm/s off its surface.
-        end = positions + period * speeds[kept - 1]
-        pose, jacobian = self._robot.place(end)
-        if self._workspace is not None:
-            twist, clipped = self._workspace.limit(
-                pose, twist, period + coast + 2.0 * self._limits.stopping_time)
-            at_wall = 'workspace' if clipped else ''
-        velocities, let, bound, manipulability = self._inverse.solve(
-            jacobian, twist, positions, speeds[kept - 1], period, coast)
-        if settling:  # it is not moved, so that only a place can hold it; no number stays none
-            velocities, let = 0.0 * velocities, 1.0
-            bound = bound if bound.startswith('position') else ''
-        bias = self._robot.bias(end, speeds[kept - 1])
-        # Whatever that gave: no command passes a limit.
-        parts = (times, places, speeds, kept, self._limits.bounds)
-        onward = (bias, period, COAST * period, coast, jacobian, wanted, c.damping,
-                  c.rotation_length)
-        scale, kind, joint, brought = _onward(*parts, velocities, *onward)
-        if at_wall and self._bends_out(places[:kept + 3]):
-            velocities = np.zeros_like(velocities)
-            scale, kind, joint, brought = _onward(*parts, velocities, *onward)
-        limited_by = at_wall or bound or self._limits.name_of(kind, joint)
-        hindered = limited_by or manipulability < c.damping
-        self._watch(brought if hindered else 1.0, limited_by, period)
+            self._stamped = stamped and self._config.stamped
+        elapsed = 1e-9 * (now_ns - self._now.stamp_ns) if self._now.stamp_ns is not None else 0.0
+        kept = committed(self._now.window, max(elapsed, 0.0), self._ahead)
+        # On its way to the first point the controller is left alone: each window is a seam there.
+        settling = bool(kept.times[0] > APART)
+        with np.errstate(over='ignore', invalid='ignore'):  # of a twist that is not finite
+            plan = self._plan(kept, twist, settling)
+        hindered = plan.limited_by or plan.manipulability < self._config.damping
+        self._watch(plan.brought if hindered else 1.0, plan.limited_by)
         trajectory = None
         if first or not settling:  # only what is sent is what the robot's controller plays
-            window = Window(times[:kept + 3], places[:kept + 3], speeds[:kept + 3])
+            window = plan.window
+            joints = Joints(window.positions[-3], window.velocities[-3])
             self._before, self._now = self._now, Commanded(
-                window, places[kept], velocities, *self._robot.place(places[kept]),
-                places[kept + 2], now_ns)
+                window, joints, *self._robot.place(joints.positions), window.positions[-1],
+                now_ns)
             trajectory = Trajectory(self._limits.names, *window,
                                     stamp_ns=now_ns if self._stamped else 0)
-        return MotionStep(trajectory, twist, min(scale, let), limited_by, manipulability)
+        return MotionStep(trajectory, plan.twist, plan.scale, plan.limited_by,
+                          plan.manipulability)
 
-    def _bends_out(self, positions):
-        """Whether a window of positions (N, n) that brakes in a curve ends beyond the box."""
-        here, there = (self._workspace.beyond(self._robot.pose(place)[:3, 3])
-                       for place in positions[[0, -1]])
+    def _plan(self, kept: Window, wanted: np.ndarray, settling: bool) -> Plan:
+        """Go on from what is committed with a wanted twist: a Plan."""
+        config, period, limits = self._config, self._period, self._limits
+        joints, twist, at_wall = Joints(kept.positions[-1], kept.velocities[-1]), wanted, ''
+        # Velocities are those of the period's end, where the arm stands otherwise: with the
+        # Jacobian of its start a probe that rolls at 1.5 rad/s is led 0.7 mm/s off its surface.
+        end = joints.positions + period * joints.velocities
+        pose, jacobian = self._robot.place(end)
+        coast = (COAST + 1.0) * period
+        if self._workspace is not None:
+            twist, clipped = self._workspace.limit(
+                pose, wanted, period + coast + 2.0 * limits.stopping_time)
+            at_wall = 'workspace' if clipped else ''
+        reach = limits.reach(joints, period, coast)
+        velocities, scale, bound, manipulability = self._inverse.solve(
+            jacobian, twist, joints, reach)
+        if settling:  # it is not moved, so that only a place can hold it; no number stays none
+            velocities, scale = 0.0 * velocities, 1.0
+            bound = bound if bound.startswith(POSITION) else ''
+        # Whatever the solver gave: no command passes a limit.
+        velocities, guarded = limits.guard(velocities, reach)
+        # Joint rates that keep a twist change as the arm bends; they do while the window coasts.
+        bend, _ = damped_least_squares(
+            jacobian, -self._robot.bias(end, joints.velocities), damping=config.damping,
+            rotation_length=config.rotation_length)
+        window = self._window(kept, velocities, bend, reach)
+        if self._workspace is not None and at_wall and self._bends_out(window, self._workspace):
+            velocities, guarded = limits.guard(np.zeros_like(velocities), reach)
+            window = self._window(kept, velocities, bend, reach)
+        weighted = wanted * self._weights
+        square = weighted @ wanted
+        brought = 1.0 if square < 1e-12 else weighted @ (jacobian @ velocities) / square
+        return Plan(window, twist, 0.0 if guarded == NOT_FINITE else scale,
+                    at_wall or bound or guarded, manipulability, brought)
+
+    def _window(self, kept: Window, velocities: np.ndarray, bend: np.ndarray,
+                reach: Reach) -> Window:
+        """
+        Go on from what is committed to joint velocities (n,), then coast as the arm bends.
+
+        That is with accelerations `bend` (n,), as far as the limits allow them, and as much as is
+        left of the motion.
+        """
+        coast, previous = COAST * self._period, kept.velocities[-1]
+        left = velocities @ previous / max(previous @ previous, 1e-12)
+        most = coast * self._limits.acceleration
+        change = coast * min(max(left, 0.0), 1.0)**2 * bend
+        if not np.isfinite(change).all():
+            change = np.zeros_like(bend)
+        coasted = velocities + np.minimum(np.maximum(change, -most), most)
+        # What is beyond its room already, because it brakes no harder, goes no further out.
+        coasted = np.minimum(np.maximum(coasted, np.minimum(reach.least[1], velocities)),
+                             np.maximum(reach.most[1], velocities))
+        return extended(kept, velocities, coasted, self._period, coast,
+                        self._limits.acceleration)
+
+    def _bends_out(self, window: Window, box: WorkspaceBox) -> bool:
+        """Whether a window that brakes in a curve ends beyond the box."""
+        here, there = (box.beyond(self._robot.pose(place)[:3, 3])
+                       for place in window.positions[[0, -1]])
         return bool((there > here + BENT).any())
 
     def in_time(self, command: Trajectory, age: float) -> bool:
@@ -259,39 +304,19 @@ class Motion:
         self._now = self._before
         return False
 
-    def _watch(self, brought, limited_by, dt):
+    def _watch(self, brought: float, limited_by: str) -> None:
         """Count for how long the wanted motion has been held back."""
         if brought > HELD_BACK:
             self.reset_blocked()
             return
-        self._held_back += dt
-        if self._held_back >= BLOCKED_AFTER:
-            self.blocked = limited_by or 'singularity'
-            kind, _, joint = limited_by.partition(' of ')
-            if kind == 'position':
-                index = self._limits.names.index(joint)
-                low, high = self._limits.lower[index], self._limits.upper[index]
-                side, end = (('lower', low) if self.positions[index] - low
-                             < high - self.positions[index] else ('upper', high))
-                self.blocked = f'{joint} is at its {side} limit, {end:g}'
-
-
-@njit(cache=True)
-def _onward(times, places, speeds, kept, bounds, velocities, bias, period, coasting, coast,
-            jacobian, wanted, damping, rotation_length):
-    """
-    Write the window on from its first `kept` points, which are committed, and its velocities.
-
-    These are the limited ones of those asked for; what limits them, and their progress.
-    """
-    velocities[:], scale, kind, joint = nearest(
-        *bounds, places[kept - 1], speeds[kept - 1], velocities, period, coast)
-    # Joint rates that keep a twist change as the arm bends; they do while the window coasts.
-    bend, _ = least_squares(jacobian, -bias, damping, rotation_length)
-    coasted = coasting_velocities(*bounds, places[kept - 1], speeds[kept - 1], velocities, bend,
-                                  coasting, period + coast)
-    window = extended(Window(times[:kept], places[:kept], speeds[:kept]), velocities, coasted,
-                      period, coasting, bounds[3])
-    count = len(window.times)
-    times[:count], places[:count], speeds[:count] = window
-    return scale, kind, joint, progress(jacobian, velocities, wanted, rotation_length)
+        self._held_back += self._period
+        if self._held_back < BLOCKED_AFTER:
+            return
+        self.blocked = limited_by or 'singularity'
+        kind, _, joint = limited_by.partition(' of ')
+        if kind == POSITION:
+            index = self._limits.names.index(joint)
+            low, high = self._limits.lower[index], self._limits.upper[index]
+            side, end = (('lower', low) if self.positions[index] - low
+                         < high - self.positions[index] else ('upper', high))
+            self.blocked = f'{joint} is at its {side} limit, {end:g}'

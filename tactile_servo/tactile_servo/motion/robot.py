@@ -1,6 +1,6 @@
 """A robot arm from a URDF: forward kinematics, Jacobian, inverse."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from itertools import chain
 from pathlib import Path
 
@@ -170,24 +170,27 @@ class RobotModel:
             f'({", ".join(f"{v:.4f}" for v in target.translation)}) m in the wanted orientation; '
             f'closest {best[0] * 1e3:.3g} mm, {np.degrees(best[1]):.3g} deg')
 
-    def _descend(self, target, q):
+    def _descend(self, target: pinocchio.SE3,
+                 q: np.ndarray) -> tuple[np.ndarray, tuple[float, float]]:
         weight = np.repeat([1.0, ROTATION_LENGTH], 3)
         q = np.clip(q, self.lower, self.upper)
-        for step in range(ITERATIONS + 1):
+        for _ in range(ITERATIONS + 1):
             pose, jacobian = self.place(q)
             here = pinocchio.SE3(pose)
             twist = pinocchio.log6(here.actInv(target)).vector
-            residual = (float(np.linalg.norm(here.translation - target.translation)),
-                        float(np.linalg.norm(twist[3:])))
-            if step == ITERATIONS or _reached(residual):
-                return q, residual
+            found, residual = q, (float(np.linalg.norm(here.translation - target.translation)),
+                                  float(np.linalg.norm(twist[3:])))
+            if _reached(residual):
+                break
             weighted = weight[:, None] * jacobian
             error = weight * twist
             normal = weighted.T @ weighted
             normal.flat[::len(q) + 1] += 0.5 * (error @ error) + 1e-9
             q = np.clip(q + np.linalg.solve(normal, weighted.T @ error), self.lower, self.upper)
+        return found, residual
 
-    def _random_configurations(self, seed):
+    def _random_configurations(
+            self, seed: Sequence[float] | np.ndarray | None) -> Iterator[np.ndarray]:
         rng = np.random.default_rng(0)
         centre = np.zeros_like(self.lower) if seed is None else np.asarray(seed, dtype=float)
         bounded = np.isfinite(self.lower) & np.isfinite(self.upper)
@@ -196,23 +199,24 @@ class RobotModel:
         for _ in range(RESTARTS):
             yield rng.uniform(low, high)
 
-    def _unwound(self, q):
+    def _unwound(self, q: np.ndarray) -> np.ndarray:
         """Return q without the full turns that the limits let it do without."""
         near_zero = np.where(self._turns, q - 2 * np.pi * np.round(q / (2 * np.pi)), q)
         return np.where((near_zero >= self.lower) & (near_zero <= self.upper), near_zero, q)
 
-    def _clearance(self, q):
+    def _clearance(self, q: np.ndarray) -> float:
         """Smallest weighted singular value [m/rad], less within 30 degrees of a limit."""
         _, smallest = damped_least_squares(self.jacobian(q), np.zeros(6))
         margin = np.minimum(q - self.lower, self.upper - q).min()
         return smallest * min(1.0, margin / np.radians(30.0))
 
 
-def _reached(residual):
+def _reached(residual: tuple[float, float]) -> bool:
     return residual[0] <= POSITION_TOLERANCE and residual[1] <= ROTATION_TOLERANCE
 
 
-def _ordered_names(names, wanted, tip_frame):
+def _ordered_names(names: Sequence[str], wanted: Sequence[str] | None,
+                   tip_frame: str) -> tuple[str, ...]:
     if not wanted:
         return tuple(names)
     for name in wanted:
@@ -227,7 +231,7 @@ def _ordered_names(names, wanted, tip_frame):
     return tuple(wanted)
 
 
-def _checked_pose(pose):
+def _checked_pose(pose: np.ndarray) -> pinocchio.SE3:
     matrix = np.asarray(pose, dtype=float)
     if matrix.shape != (4, 4) or not np.all(np.isfinite(matrix)):
         raise ConfigurationError(f'pose: a finite (4, 4) transform is needed, got {matrix.shape}')

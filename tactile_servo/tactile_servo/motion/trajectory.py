@@ -22,7 +22,7 @@ class Trajectory:
     accelerations: np.ndarray | None = None  # (K, n) [rad/s^2 or m/s^2]
     stamp_ns: int = 0  # of the start, in the robot's clock; 0 means as soon as it is received
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         shape = len(self.times), len(self.joint_names)
         for name in ('positions', 'velocities', 'accelerations'):
             values = getattr(self, name)

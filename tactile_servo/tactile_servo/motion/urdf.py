@@ -52,11 +52,11 @@ def chain_to(robot: ElementTree.Element,
     return chain, link
 
 
-def _wrong(joint, why):
+def _wrong(joint: ElementTree.Element, why: str) -> ConfigurationError:
     return ConfigurationError(f'joint {joint.get("name")!r}: {why}')
 
 
-def _end(joint, kind):
+def _end(joint: ElementTree.Element, kind: str) -> str:
     """Name of a joint's 'parent' or 'child' link, empty if it has none."""
     element = joint.find(kind)
     return '' if element is None else element.get('link', '')

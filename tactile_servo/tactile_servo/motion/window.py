@@ -25,78 +25,24 @@ class Window(NamedTuple):
     velocities: np.ndarray  # (K, n) [rad/s]
 
 
-@njit(cache=True)
-def at_rest(positions, time):
+def at_rest(positions: np.ndarray, time: float) -> Window:
     """Window that has robot and command at rest at positions (n,), from a time on [s]."""
-    places = np.empty((2, len(positions)))
-    places[:] = positions
+    places = np.array([positions, positions])
     return Window(np.array([time, time + MIN_STOP]), places, np.zeros_like(places))
 
 
-@njit(cache=True)
-def _sample(window, time, position, velocity):
-    """Write the state at a time [s] into position and velocity (n,)."""
-    times, last = window.times, len(window.times) - 1
-    if time <= times[0] or time >= times[last]:
-        k = 0 if time <= times[0] else last
-        position[:], velocity[:] = window.positions[k], window.velocities[k]
-        return
-    k = 0
-    while times[k + 1] <= time:
-        k += 1
-    span = times[k + 1] - times[k]
-    s = (time - times[k]) / span
-    for j in range(len(position)):
-        way = window.positions[k + 1, j] - window.positions[k, j]
-        v0, v1 = window.velocities[k, j], window.velocities[k + 1, j]
-        a, b = span * v0 - way, way - span * v1
-        bend = (1.0 - s) * a + s * b
-        position[j] = window.positions[k, j] + s * way + s * (1.0 - s) * bend
-        velocity[j] = (way + (1.0 - 2.0 * s) * bend + s * (1.0 - s) * (b - a)) / span
-
-
-@njit(cache=True)
-def committed(window, elapsed, ahead):
+def committed(window: Window, elapsed: float, ahead: float) -> Window:
     """
     What of a window, `elapsed` after its stamp, is left until `ahead` from now [s].
 
     Begins now, or at the window's first point if that is still to come, and ends `ahead` from
     now (or at a point that nearly coincides, which would be lost else), or at that first point.
     """
-    count, joints = window.positions.shape
-    times = np.empty(count + 2)
-    positions, velocities = np.empty((count + 2, joints)), np.empty((count + 2, joints))
-    first, k = window.times[0] - elapsed, 0
-    for i in range(count):
-        if abs(window.times[i] - elapsed - ahead) <= APART:
-            ahead = window.times[i] - elapsed
-    ahead = max(ahead, first)
-    if first < ahead:
-        times[0] = max(first, 0.0)
-        _sample(window, elapsed + times[0], positions[0], velocities[0])
-        k = 1
-        for i in range(count):
-            time = window.times[i] - elapsed
-            if times[k - 1] + APART < time < ahead - APART:
-                times[k] = time
-                positions[k], velocities[k] = window.positions[i], window.velocities[i]
-                k += 1
-    times[k] = ahead
-    _sample(window, elapsed + ahead, positions[k], velocities[k])
-    return Window(times[:k + 1], positions[:k + 1], velocities[:k + 1])
+    return Window(*_committed(*window, elapsed, ahead))
 
 
-@njit(cache=True)
-def begin(times, positions, velocities, elapsed, ahead, *into):
-    """Write what of a window is committed into arrays like its own; how many points these are."""
-    kept = committed(Window(times, positions, velocities), elapsed, ahead)
-    count = len(kept.times)
-    into[0][:count], into[1][:count], into[2][:count] = kept
-    return count
-
-
-@njit(cache=True)
-def extended(window, target, coasted, period, coast, acceleration):
+def extended(window: Window, target: np.ndarray, coasted: np.ndarray, period: float,
+             coast: float, acceleration: np.ndarray) -> Window:
     """
     Add to what is committed: evenly to the velocities `target` (n,) within a period, then a rest.
 
@@ -104,19 +50,58 @@ def extended(window, target, coasted, period, coast, acceleration):
     joints brake evenly over the time that the slowest of them needs for it within its
     acceleration (n,).
     """
-    count, joints = window.positions.shape
-    times = np.empty(count + 3)
-    positions, velocities = np.empty((count + 3, joints)), np.empty((count + 3, joints))
-    times[:count] = window.times
-    positions[:count], velocities[:count] = window.positions, window.velocities
-    stop = MIN_STOP
-    for j in range(joints):
-        stop = max(stop, abs(coasted[j]) / acceleration[j])
-    for k, duration, end in ((count, period, target), (count + 1, coast, coasted),
-                             (count + 2, stop, np.zeros(joints))):
-        times[k] = times[k - 1] + duration
-        for j in range(joints):
-            velocities[k, j] = end[j]
-            positions[k, j] = positions[k - 1, j] + 0.5 * duration * (
-                velocities[k - 1, j] + velocities[k, j])
-    return Window(times, positions, velocities)
+    stop = max(MIN_STOP, float((np.abs(coasted) / acceleration).max()))
+    return Window(*_extended(*window, np.array([target, coasted, 0.0 * target]),
+                             (period, coast, stop)))
+
+
+@njit(cache=True)
+def _sample(times: np.ndarray, positions: np.ndarray, velocities: np.ndarray,
+            time: float) -> tuple[np.ndarray, np.ndarray]:
+    """Positions and velocities (n,) of a window at a time [s]."""
+    k = np.searchsorted(times, time, side='right') - 1
+    if k < 0 or k == len(times) - 1:
+        return positions[max(k, 0)], velocities[max(k, 0)]
+    # The acceleration between two points is constant.
+    since, span = time - times[k], times[k + 1] - times[k]
+    gain = (velocities[k + 1] - velocities[k]) / span
+    return (positions[k] + since * (velocities[k] + 0.5 * since * gain),
+            velocities[k] + since * gain)
+
+
+@njit(cache=True)
+def _committed(times: np.ndarray, positions: np.ndarray, velocities: np.ndarray, elapsed: float,
+               ahead: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Points of `committed`."""
+    left = times - elapsed
+    for time in left:
+        if abs(time - ahead) <= APART:
+            ahead = time
+    ahead, begin, now = max(ahead, left[0]), max(left[0], 0.0), left[0] < ahead
+    between = (left > begin + APART) & (left < ahead - APART)
+    count = 1 + now + (between.sum() if now else 0)
+    points = (np.empty(count), np.empty((count, positions.shape[1])),
+              np.empty((count, positions.shape[1])))
+    if now:
+        points[0][0], points[0][1:-1] = begin, left[between]
+        points[1][0], points[2][0] = _sample(times, positions, velocities, elapsed + begin)
+        points[1][1:-1], points[2][1:-1] = positions[between], velocities[between]
+    points[0][-1] = ahead
+    points[1][-1], points[2][-1] = _sample(times, positions, velocities, elapsed + ahead)
+    return points
+
+
+@njit(cache=True)
+def _extended(times: np.ndarray, positions: np.ndarray, velocities: np.ndarray,
+              targets: np.ndarray, spans: tuple[float, float, float]
+              ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Points of a window, and those that lead evenly to velocities (3, n), each in its span."""
+    count = len(times)
+    points = (np.append(times, np.zeros(3)), np.concatenate((positions, targets)),
+              np.concatenate((velocities, targets)))
+    for k in range(3):
+        at = count + k
+        points[0][at] = points[0][at - 1] + spans[k]
+        points[1][at] = points[1][at - 1] + 0.5 * spans[k] * (
+            points[2][at - 1] + points[2][at])
+    return points
