@@ -94,7 +94,7 @@ def _bars(result):
         ('2500 elements: memory', 1e-9 * full['memory'], 4.0, 'GB'),
         ('36 x 7 table after that', full['table'], 1.0, 's'),
         ('cached start', result['cached_start'], 1.0, 's'),
-        ('least squares against analytic and finite-difference Jacobian',
+        ('least squares against Jacobian by differences',
          100.0 * max(row['largest'] for row in result['jacobians']), 1.0, '%'))
     return _table('Bars', ['bar', 'found', 'at most', ''], [
         [name, f'{found:.3g} {unit}'.strip(), f'{bound:g} {unit}'.strip(),

@@ -4,7 +4,6 @@ import numpy as np
 
 from tactile_sensing.contact.estimator import ContactEstimator
 from tactile_sensing.contact.ridge import ridge_points
-from tactile_sensing.dome.pressing import superpose
 from tactile_sensing.half_space.kernels import add_point, add_segment
 from tactile_sensing.types.array import TactelArray
 from tactile_sensing.types.image import Layer, TactileImage
@@ -26,4 +25,3 @@ def compile_kernels() -> None:
                 layer = Layer('zz', told, pressure.astype(np.float32), noise_std=noise)
                 estimator.estimate(TactileImage(0, 0, (layer,), array, tared=True))
     ridge_points(edge, array, 1.0, depth)
-    superpose(np.zeros((1, 3, 4)), np.zeros((1, 3)))

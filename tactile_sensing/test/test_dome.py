@@ -16,7 +16,7 @@ from tactile_sensing.types.array import TactelArray
 PITCH = 0.0254 / 16
 ARRAY, DOME = TactelArray(16, 16, PITCH, PITCH), Dome()
 COARSE = SkinConfig(across=13, layers=2)  # solved in a second or two
-STATES = [(0.0, 0.0, 5.0, 0.3, -0.2), (3e-3, -2e-3, 5.0, 0.0, 0.0), (9e-3, 11e-3, 1.0, 0.0, 0.2)]
+STATES = [(0.0, 0.0, 5.0, 0.3, -0.2), (3e-3, -2e-3, 5.0, 0.0, 0.0)]
 
 
 @pytest.fixture(scope='module')
@@ -44,29 +44,17 @@ def test_places_and_directions_are_inverse():
 
 @pytest.mark.parametrize('place', [(0.0, 0.0), (1e-7, 2e-7), (4e-3, -7e-3), (12e-3, 12e-3)])
 def test_contact_frames(place):
-    axes, by_place = contact_frame(DOME, *place)
+    axes = contact_frame(DOME, *place)
     assert axes @ axes.T == pytest.approx(np.eye(3)) and np.linalg.det(axes) > 0.0
     assert axes[2] == pytest.approx(DOME.direction(place))
-    step = 1e-6
-    for k, change in enumerate(step * np.eye(2)):
-        there = contact_frame(DOME, *(place + change)).axes
-        back = contact_frame(DOME, *(place - change)).axes
-        assert by_place[k] == pytest.approx((there - back) / (2.0 * step), abs=1e-4)
-
-
-@pytest.mark.parametrize('state', STATES)
-def test_the_half_space_has_the_derivatives_of_its_image(state):
-    model, state = HalfSpaceDome(DOME, ARRAY), np.array(state)
-    analytic = model.jacobian(state)
-    for k, step in enumerate((1e-7, 1e-7, 1e-4, 1e-4, 1e-4)):
-        change = step * np.eye(5)[k]
-        numeric = (model.image(state + change) - model.image(state - change)) / (2.0 * step)
-        assert abs(analytic[..., k] - numeric).max() < 1e-6 * abs(numeric).max()
+    # Turned the shortest way: about an axis in the sensor's plane, which it leaves where it is.
+    across = np.array([-place[1], place[0], 0.0])
+    assert axes @ across == pytest.approx(across, abs=1e-12)
 
 
 def test_a_large_sphere_is_a_plane():
     flat = PointModel(ARRAY, [Layer('zz', 0.002, 1.0)])
-    for state in STATES[:2]:
+    for state in STATES:
         expected = flat.image(np.array(state))
         errors = [abs(HalfSpaceDome(Dome(r, r - 0.002, r - 0.004), ARRAY).image(
             np.array(state)) - expected).max() / expected.max() for r in (0.1, 1.0)]

@@ -13,7 +13,6 @@ from tactile_sensing.types.array import TactelArray
 from tactile_servo.cli.build_jacobian_table import main
 from tactile_servo.tactile_jacobian.features import (
     FeatureKind,
-    features_jacobian,
     features_of,
     filled,
     ModelFeatures,
@@ -53,9 +52,11 @@ def scaled(matrix, scale):
     return matrix * scale.motions / scale.features[:, None]
 
 
-def by_metres(features, contact, increments):
-    """Jacobian of the model's derivatives, by (x, y, p / K_z)."""
-    return features.jacobian(contact) * [1.0, 1.0, increments.stiffness]
+def by_metres(features, contact, increments, steps=(1e-6, 1e-6, 1e-4)):
+    """Central differences of the features over steps [m, m, N], by (x, y, p / K_z)."""
+    slopes = np.array([(features(contact + step) - features(contact - step)) / (2.0 * step.sum())
+                       for step in np.diag(steps)]).T
+    return slopes * [1.0, 1.0, increments.stiffness]
 
 
 def test_features_are_moments_and_centroid():
@@ -65,17 +66,6 @@ def test_features_are_moments_and_centroid():
     assert features_of(pressure, ARRAY, FeatureKind.CENTROID) == pytest.approx(
         [m.m0, *m.centre_of_pressure])
     assert np.isnan(features_of(np.zeros(ARRAY.shape), ARRAY, FeatureKind.CENTROID)[1:]).all()
-
-
-@pytest.mark.parametrize('kind', KINDS)
-def test_derivatives_of_features(kind):
-    rng = np.random.default_rng(1)
-    pressure, change = rng.uniform(1e3, 1e5, ARRAY.shape), rng.normal(size=(*ARRAY.shape, 2))
-    analytic = features_jacobian(pressure, change, ARRAY, kind)
-    for k in range(2):
-        numeric = (features_of(pressure + change[..., k], ARRAY, kind)
-                   - features_of(pressure - change[..., k], ARRAY, kind)) / 2.0
-        assert analytic[:, k] == pytest.approx(numeric, rel=1e-6)
 
 
 def test_missing_tactels_do_not_pull_the_centroid():
@@ -91,14 +81,14 @@ def test_missing_tactels_do_not_pull_the_centroid():
 
 
 @pytest.mark.parametrize('kind', KINDS)
-def test_least_squares_equals_the_analytic_jacobian_everywhere_on_the_pad(kind):
+def test_least_squares_equals_the_derivatives_everywhere_on_the_pad(kind):
     features, scale = ModelFeatures(HALF_SPACE, ARRAY, kind), scale_for(
         kind, FORCE, HALF, FINE.stiffness)
     for contact in PAD:
         found = least_squares(loading_cases(features, contact, FINE), scale)
-        analytic = scaled(by_metres(features, contact, FINE), scale)
-        error = np.linalg.norm(scaled(found.forward, scale) - analytic)
-        assert error < 0.01 * np.linalg.norm(analytic)
+        slopes = scaled(by_metres(features, contact, FINE), scale)
+        error = np.linalg.norm(scaled(found.forward, scale) - slopes)
+        assert error < 0.01 * np.linalg.norm(slopes)
         assert np.linalg.norm(found.inverse @ found.forward - np.eye(3)) < 0.01
 
 
@@ -109,9 +99,10 @@ def test_least_squares_equals_differences_of_the_elements_images(kind, elements)
     increments = Increments(place=1e-4, force=2e-3)
     for contact in grid(HALF, HALF, 4, (FORCE,)):
         found = least_squares(loading_cases(features, contact, increments), scale)
-        analytic = scaled(by_metres(features, contact, increments), scale)
-        error = np.linalg.norm(scaled(found.forward, scale) - analytic)
-        assert error < 0.01 * np.linalg.norm(analytic)
+        # The elements are pressed at single points: differences over less than these are rough.
+        slopes = scaled(by_metres(features, contact, increments, (1e-4, 1e-4, 1e-2)), scale)
+        error = np.linalg.norm(scaled(found.forward, scale) - slopes)
+        assert error < 0.01 * np.linalg.norm(slopes)
 
 
 def test_centroids_hardly_change_their_jacobian_and_moments_do():

@@ -3,9 +3,8 @@ import math
 
 import numpy as np
 
-from tactile_sensing.dome.finite_element_model import FiniteElementDome
+from tactile_sensing.dome.finite_element_model import FiniteElementDome, superpose
 from tactile_sensing.dome.operator_cache import operator_for
-from tactile_sensing.dome.pressing import superpose
 from tactile_sensing.types.array import TactelArray
 from tactile_simulation.renderer import EdgeRenderer
 from tactile_simulation.scene_surface import SurfaceScene

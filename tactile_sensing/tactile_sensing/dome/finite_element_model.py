@@ -6,11 +6,13 @@ import numpy as np
 from tactile_common.errors import ConfigurationError
 from tactile_sensing.dome.finite_elements import Operator
 from tactile_sensing.dome.geometry import contact_frame, Dome
-from tactile_sensing.dome.half_space import PARAMETERS
-from tactile_sensing.dome.pressing import superpose
 from tactile_sensing.types.array import TactelArray
 
-STEPS = np.array([1e-4, 1e-4, 1e-2, 1e-2, 1e-2])  # m and N, of the derivatives
+
+def superpose(green: np.ndarray, loads: np.ndarray) -> np.ndarray:
+    """Pressure (T,) [Pa] of loads (N, 3) [N], by unit loads' (N, 3, T) [Pa/N]."""
+    loaded = np.flatnonzero(loads.any(axis=1))  # few of them are
+    return np.tensordot(loads[loaded], green[loaded], 2)
 
 
 @dataclass(frozen=True, eq=False)
@@ -27,9 +29,8 @@ class FiniteElementDome:
     array: TactelArray
     operator: Operator
     curvature: float = 0.0  # of the object, positive where it is convex [1/m]
-    parameters: tuple[str, ...] = PARAMETERS
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         if self.operator.green.shape[2] != self.array.rows * self.array.columns:
             raise ConfigurationError(
                 f'operator: has {self.operator.green.shape[2]} tactels, the array '
@@ -45,20 +46,10 @@ class FiniteElementDome:
             return np.zeros((1, *self.array.shape))
         return superpose(self.operator.green, self._loads(state)).reshape(1, *self.array.shape)
 
-    def jacobian(self, state: np.ndarray) -> np.ndarray:
-        """Central differences of `image`, shape (1, rows, columns, 5)."""
-        found = np.empty((1, *self.array.shape, len(STEPS)))
-        for k, step in enumerate(STEPS):
-            change = np.zeros(len(STEPS))
-            change[k] = min(step, 0.5 * state[2]) if k == 2 else step
-            found[..., k] = (self.image(state + change) - self.image(state - change)) / (
-                2.0 * change[k])
-        return found
-
-    def _loads(self, state):
+    def _loads(self, state: np.ndarray) -> np.ndarray:
         """Forces (N, 3) on the points of the surface [N]."""
         op, radius = self.operator, self.dome.skin_radius
-        axes, _ = contact_frame(self.dome, state[0], state[1])
+        axes = contact_frame(self.dome, state[0], state[1])
         relative = radius / (1.0 + self.curvature * radius)
         patch = 4.0 * state[2] * relative / (np.pi * op.modulus)  # its radius^4
         outward = (op.points - self.dome.centre) / radius

@@ -5,12 +5,13 @@ A tactel reads a linear functional of the displacements, b' u with K u = f: with
 factorisation and one back-substitution for each tactel, the reading of any load f is g' f. That
 is the displacement which the tactel's own functional would make, read where the load presses.
 """
-from collections.abc import Callable
-from typing import NamedTuple
+from collections.abc import Callable, Iterator
+from types import ModuleType
+from typing import Any, NamedTuple
 
 import numpy as np
-from scipy.sparse import coo_matrix
-from scipy.sparse.linalg import splu
+from scipy.sparse import coo_matrix, csr_matrix
+from scipy.sparse.linalg import splu, SuperLU
 
 from tactile_sensing.dome.geometry import Dome
 from tactile_sensing.dome.skin import SkinConfig
@@ -64,7 +65,7 @@ def solve(dome: Dome, skin: SkinConfig, array: TactelArray,
     return Operator(points + dome.centre, areas, green.reshape(len(points), 3, -1), modulus)
 
 
-def _mesh(skfem, dome, skin):
+def _mesh(skfem: ModuleType, dome: Dome, skin: SkinConfig) -> Any:
     """Hexahedra between core and surface: a face of a cube, in equal angles, blown up."""
     across = np.linspace(-skin.half_angle, skin.half_angle, skin.across + 1)
     mesh = skfem.MeshHex.init_tensor(
@@ -73,21 +74,21 @@ def _mesh(skfem, dome, skin):
     return skfem.MeshHex(radius * _cube_direction(alpha, beta), mesh.t)
 
 
-def _cube_direction(alpha, beta):
+def _cube_direction(alpha: np.ndarray, beta: np.ndarray) -> np.ndarray:
     way = np.stack([np.tan(alpha), np.tan(beta), np.ones_like(alpha)])
     return way / np.linalg.norm(way, axis=0)
 
 
-def _lame(skin):
+def _lame(skin: SkinConfig) -> tuple[float, float]:
     mu = skin.young / (2.0 * (1.0 + skin.poisson))
     return 2.0 * mu * skin.poisson / (1.0 - 2.0 * skin.poisson), mu
 
 
-def _stiffness(skfem, lame, mu):
+def _stiffness(skfem: ModuleType, lame: float, mu: float) -> Any:
     from skfem.helpers import ddot, sym_grad, trace
 
     @skfem.BilinearForm
-    def form(u, v, w):
+    def form(u: Any, v: Any, w: Any) -> Any:
         strain, virtual = sym_grad(u), sym_grad(v)
         return lame * trace(strain) * trace(virtual) + 2.0 * mu * ddot(strain, virtual)
     return form
@@ -100,7 +101,8 @@ class _Numbering(NamedTuple):
     places: np.ndarray  # (3, N, 1), in the unit cube
 
 
-def _locate(basis, skin, angles, radial):
+def _locate(basis: Any, skin: SkinConfig, angles: np.ndarray,
+            radial: tuple[int, float]) -> _Numbering:
     """Where directions, angles (2, N) of the cube's face, meet a layer at a height of 0 to 1."""
     layer, height = radial
     step = 2.0 * skin.half_angle / skin.across
@@ -112,7 +114,7 @@ def _locate(basis, skin, angles, radial):
     return _Numbering(grid[index[0], index[1], layer], local[:, :, None])
 
 
-def _cell_grid(basis, skin):
+def _cell_grid(basis: Any, skin: SkinConfig) -> np.ndarray:
     """Numbers of the cells by their place across, across and up."""
     middle = basis.mesh.p[:, basis.mesh.t].mean(axis=1)
     step = 2.0 * skin.half_angle / skin.across
@@ -124,7 +126,8 @@ def _cell_grid(basis, skin):
     return grid
 
 
-def _shapes(basis, numbering):
+def _shapes(basis: Any, numbering: _Numbering
+            ) -> Iterator[tuple[np.ndarray, np.ndarray, np.ndarray]]:
     """Degrees of freedom, and shape functions' values and gradients there."""
     cells, places = numbering
     for k in range(basis.Nbfun):
@@ -132,7 +135,8 @@ def _shapes(basis, numbering):
         yield basis.element_dofs[k, cells], np.asarray(shape)[..., 0], shape.grad[..., 0]
 
 
-def _readings(basis, dome, skin, array, lame):
+def _readings(basis: Any, dome: Dome, skin: SkinConfig, array: TactelArray,
+              lame: tuple[float, float]) -> csr_matrix:
     """Rows of what each tactel reads: the mean radial stress over it, of both layers' sides."""
     x, y = np.meshgrid(array.x, array.y)
     rows, columns, numbers = [], [], []
@@ -159,7 +163,8 @@ def _readings(basis, dome, skin, array, lame):
                       shape=(x.size, basis.N)).tocsr()
 
 
-def _surface(basis, dome, skin):
+def _surface(basis: Any, dome: Dome,
+             skin: SkinConfig) -> tuple[np.ndarray, np.ndarray, csr_matrix]:
     """Points of the surface (N, 3), their areas, and the displacement there (3 N, dofs)."""
     fine = skin.across * skin.points
     angle = (np.arange(fine) + 0.5) / fine * 2.0 * skin.half_angle - skin.half_angle
@@ -184,7 +189,8 @@ def _surface(basis, dome, skin):
     return dome.skin_radius * direction.T, areas, values
 
 
-def _modulus(values, factor, points, areas, dome):
+def _modulus(values: csr_matrix, factor: SuperLU, points: np.ndarray, areas: np.ndarray,
+             dome: Dome) -> np.ndarray:
     """Pressure over indentation in the middle of a patch as wide as the skin is thick."""
     radius = dome.skin_radius - dome.core_radius
     outward = points / dome.skin_radius

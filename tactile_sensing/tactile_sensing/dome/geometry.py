@@ -7,15 +7,12 @@ on the sphere of the tactels, in the direction (x, y): an array that was wrapped
 keeps its pitches along x and y through the apex.
 """
 from dataclasses import dataclass
-from typing import NamedTuple
 
 import numpy as np
 
 from tactile_common.config import bounded, check_fields
 from tactile_common.errors import ConfigurationError
 from tactile_sensing.types.array import TactelArray
-
-NEAR = 1e-4  # rad from the apex, within which a series stands for what would be 0 / 0
 
 
 @dataclass(frozen=True)
@@ -26,7 +23,7 @@ class Dome:
     array_radius: float = bounded(0.025, 'of the sphere of the tactels', 'm', 1e-4, 1.0)
     core_radius: float = bounded(0.023, 'of the rigid core below the skin', 'm', 1e-4, 1.0)
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         check_fields(self, 'dome.')
         if not self.core_radius < self.array_radius < self.skin_radius:
             raise ConfigurationError(
@@ -64,30 +61,13 @@ class Dome:
         return self.direction(np.stack([x, y], axis=-1))
 
 
-class Frame(NamedTuple):
-    """Contact frame on the dome, and how it changes with the place."""
+def contact_frame(dome: Dome, x: float, y: float) -> np.ndarray:
+    """
+    Axes (3, 3) at a place [m], rows x, y along the skin, z outward.
 
-    axes: np.ndarray  # (3, 3): rows x, y along the skin, z outward
-    by_place: np.ndarray  # (2, 3, 3): derivatives of the axes by x and y of the place [1/m]
-
-
-def contact_frame(dome: Dome, x: float, y: float) -> Frame:
-    """Axes at a place [m]: those of the sensor turned the shortest way to the local normal."""
-    r = dome.array_radius
-    angle = np.hypot(x, y) / r
-    share = np.sinc(angle / np.pi) / r  # sin(angle) / way
-    # derivative of that by the way, divided by the way
-    bend = ((np.cos(angle) / r - share) / (x * x + y * y) if angle > NEAR else -1.0 / (3.0 * r**3))
-    nx, ny, nz = share * x, share * y, np.cos(angle)
-    changes = np.array([[share + bend * x * x, bend * x * y, -share * x / r],
-                        [bend * x * y, share + bend * y * y, -share * y / r]])
+    Those of the sensor turned the shortest way to the local normal.
+    """
+    nx, ny, nz = dome.direction(np.array([x, y]))
     fold = 1.0 / (1.0 + nz)
-    axes = np.array([[1.0 - nx * nx * fold, -nx * ny * fold, -nx],
+    return np.array([[1.0 - nx * nx * fold, -nx * ny * fold, -nx],
                      [-nx * ny * fold, 1.0 - ny * ny * fold, -ny], [nx, ny, nz]])
-    by_place = np.empty((2, 3, 3))
-    for k, (dx, dy, dz) in enumerate(changes):
-        refold = -fold * fold * dz
-        mixed = -(dx * ny + nx * dy) * fold - nx * ny * refold
-        by_place[k] = [[-2.0 * nx * dx * fold - nx * nx * refold, mixed, -dx],
-                       [mixed, -2.0 * ny * dy * fold - ny * ny * refold, -dy], [dx, dy, dz]]
-    return Frame(axes, by_place)

@@ -45,13 +45,13 @@ def operator_for(dome: Dome, skin: SkinConfig, array: TactelArray,
     return operator
 
 
-def _key(dome, skin, array):
+def _key(dome: Dome, skin: SkinConfig, array: TactelArray) -> str:
     source = Path(finite_elements.__file__).read_bytes()
     told = repr((astuple(dome), astuple(skin), astuple(array))).encode()
     return hashlib.sha256(source + told).hexdigest()[:20]
 
 
-def _write(operator, path):
+def _write(operator: Operator, path: Path) -> None:
     """Write beside and rename, so that nobody reads a half of it."""
     path.parent.mkdir(parents=True, exist_ok=True)
     with tempfile.NamedTemporaryFile(dir=path.parent, suffix='.npz', delete=False) as file:

@@ -16,5 +16,5 @@ class SkinConfig:
     layers: int = bounded(4, 'elements from core to surface', '', 1, 20)
     points: int = bounded(4, 'points on each side of an element that loads can press', '', 1, 9)
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         check_fields(self, 'skin.')

@@ -1,11 +1,11 @@
 """Features of a tactile image: its moments (6.6), or its force and centroid."""
 from dataclasses import dataclass, field
 from enum import Enum
+from typing import Protocol
 
 import numpy as np
 
 from tactile_common.errors import ConfigurationError
-from tactile_sensing.half_space.forward_model import ForwardModel
 from tactile_sensing.types.array import TactelArray
 
 REFERENCE = 5.0  # N, at which the sensitivity of a model is taken
@@ -32,19 +32,6 @@ def features_of(pressure: np.ndarray, array: TactelArray, kind: FeatureKind) -> 
     return np.array([m0, mx, my])
 
 
-def features_jacobian(pressure: np.ndarray, derivatives: np.ndarray, array: TactelArray,
-                      kind: FeatureKind) -> np.ndarray:
-    """Derivatives (3, K) of the features, of those (rows, columns, K) of the image."""
-    area = array.pitch_x * array.pitch_y
-    moments = area * np.stack([derivatives.sum(axis=(0, 1)),
-                               np.tensordot(array.x, derivatives.sum(axis=0), 1),
-                               np.tensordot(array.y, derivatives.sum(axis=1), 1)])
-    if kind is FeatureKind.CENTROID:
-        m0, x, y = features_of(pressure, array, kind)
-        moments[1:] = (moments[1:] - np.outer([x, y], moments[0])) / m0
-    return moments
-
-
 def filled(pressure: np.ndarray, most: float) -> np.ndarray | None:
     """
     Image whose NaN are the mean of the tactels around them; None if too many are NaN.
@@ -68,6 +55,14 @@ def filled(pressure: np.ndarray, most: float) -> np.ndarray | None:
     return np.where(missing, total / np.maximum(count, 1.0), known[1:-1, 1:-1])
 
 
+class ProbeModel(Protocol):
+    """What a probe shows of a load, as `HalfSpaceDome` and `FiniteElementDome` say it."""
+
+    def image(self, state: np.ndarray) -> np.ndarray:
+        """Pressure (1, rows, columns) [Pa] of a state: a, b, normal force and shear (5,)."""
+        ...
+
+
 @dataclass(frozen=True, eq=False)
 class ModelFeatures:
     """
@@ -77,13 +72,13 @@ class ModelFeatures:
     force at the pad's centre.
     """
 
-    model: ForwardModel  # of a, b, normal force and shear, as those of the dome
+    model: ProbeModel
     array: TactelArray
     kind: FeatureKind = FeatureKind.CENTROID
     sensitivity: float = field(init=False)
 
-    def __post_init__(self):
-        image = self.model.image(_state((0.0, 0.0, REFERENCE)))[0]
+    def __post_init__(self) -> None:
+        image = self.model.image(np.array([0.0, 0.0, REFERENCE, 0.0, 0.0]))[0]
         m0 = features_of(image, self.array, FeatureKind.MOMENTS)[0]
         if not m0 > 0.0:
             raise ConfigurationError(f'model: {REFERENCE:g} N at the centre give M0 = {m0:g} N')
@@ -92,16 +87,5 @@ class ModelFeatures:
     def __call__(self, contact: np.ndarray, shear: tuple[float, float] = (0.0, 0.0)
                  ) -> np.ndarray:
         """Features (3,) of a contact (3,) and a shear force on the skin [N]."""
-        image = self.model.image(_state(contact, shear))[0] / self.sensitivity
+        image = self.model.image(np.array([*contact, *shear]))[0] / self.sensitivity
         return features_of(image, self.array, self.kind)
-
-    def jacobian(self, contact: np.ndarray) -> np.ndarray:
-        """Derivatives (3, 3) of the features by x, y [1/m] and p [1/N], those of the model."""
-        state = _state(contact)
-        image, derivatives = self.model.image(state)[0], self.model.jacobian(state)[0, ..., :3]
-        return features_jacobian(image / self.sensitivity, derivatives / self.sensitivity,
-                                 self.array, self.kind)
-
-
-def _state(contact, shear=(0.0, 0.0)):
-    return np.array([*contact, *shear])

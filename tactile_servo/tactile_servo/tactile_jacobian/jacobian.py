@@ -24,7 +24,7 @@ class Increments:
         1.5e4, 'K_z of (6.7): force per way along the normal of skin, finger and robot', 'N/m',
         10.0, 1e7)
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         check_fields(self, 'increments.')
 
 

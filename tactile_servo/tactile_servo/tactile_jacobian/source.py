@@ -12,6 +12,7 @@ from tactile_servo.tactile_jacobian.jacobian import (
     least_squares,
     loading_cases,
     scale_for,
+    TactileJacobian,
 )
 from tactile_servo.tactile_jacobian.table import build_table, Entry, grid, JacobianTable
 
@@ -38,30 +39,22 @@ class ModelSource:
         self._half, self._force = np.array([array.half_width_x, array.half_width_y]), force
         self._scale = scale_for(kind, force, self._length, stiffness)
         self.features = ModelFeatures(HalfSpaceDome(dome, array), array, kind)
-        self._kind, self._table = kind, table
-        self.inverse: Inverse = {'constant': self._constant, 'nearest': self._nearest,
-                                 'interpolated': self._interpolated,
-                                 'online': self._online}[method]
         if table is None and method in TABLES:
             contacts = grid(array.half_width_x, array.half_width_y, 6, force * np.array(SHARES))
-            self._table = build_table(
+            table = build_table(
                 self.features, kind, contacts, self._increments, self._length, force)
         self._contact = np.array([0.0, 0.0, force])
-        self._at_centre = self._least_squares(self._contact)
+        at_centre = Entry(self._least_squares(self._contact).inverse, 0.0, True)
+        self.inverse: Inverse = self._online
+        if method == 'constant':
+            self.inverse = lambda features: at_centre
+        elif table is not None and method in TABLES:
+            self.inverse = table.nearest if method == 'nearest' else table.interpolated
 
-    def _least_squares(self, contact):
+    def _least_squares(self, contact: np.ndarray) -> TactileJacobian:
         return least_squares(loading_cases(self.features, contact, self._increments), self._scale)
 
-    def _constant(self, features):
-        return Entry(self._at_centre.inverse, 0.0, True)
-
-    def _nearest(self, features):
-        return self._table.nearest(features)
-
-    def _interpolated(self, features):
-        return self._table.interpolated(features)
-
-    def _online(self, features):
+    def _online(self, features: np.ndarray) -> Entry:
         """One step of Newton's method from the last contact, then the Jacobian there."""
         shown = self.features(self._contact)
         found = self._least_squares(self._contact)

@@ -58,7 +58,7 @@ class JacobianTable:
     stop: float = 1.0  # squared distance in scaled features, beyond which nothing is near
     usable: np.ndarray = field(init=False)  # (N,)
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         count = len(self.contacts)
         for name, shape in (('contacts', (count, 3)), ('features', (count, 3)),
                             ('forward', (count, 3, 3)), ('inverse', (count, 3, 3)),
@@ -90,7 +90,7 @@ class JacobianTable:
         """Mean of the nearest entries, weighted by the inverse of their squared distances."""
         return self._entry(features, min(BLENDED, len(self._index)))
 
-    def _entry(self, features, count):
+    def _entry(self, features: np.ndarray, count: int) -> Entry:
         if not np.isfinite(features).all():
             return Entry(self._fallback(self.inverse[self._index[0]]), np.inf, False)
         distances, places = self._tree.query(features / self.scale, k=count)
@@ -103,7 +103,7 @@ class JacobianTable:
         self._last = inverse
         return Entry(inverse, square, True)
 
-    def _fallback(self, otherwise):
+    def _fallback(self, otherwise: np.ndarray) -> np.ndarray:
         return otherwise if self._last is None else self._last
 
     def forget(self) -> None:
