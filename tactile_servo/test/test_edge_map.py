@@ -10,6 +10,7 @@ from tactile_sensing.half_space.kernels import add_segment
 from tactile_sensing.types.array import TactelArray
 from tactile_sensing.types.image import Layer, TactileImage
 from tactile_servo.edge_map.edge_map import EdgeMap, SURE_PICTURES
+from tactile_servo.edge_map.path_queries import place_at
 from tactile_servo.edge_map.picture import PadScale, Problem, read_picture
 from tactile_servo.edge_map.traced_path import PathEnd
 
@@ -131,7 +132,7 @@ def test_a_corner_is_found_ahead_of_the_pad():
 def test_the_end_of_a_ridge_is_told_from_the_end_of_the_view():
     edge_map, _ = walk(np.array([(0.0, -0.1), (0.0, 0.02)]), straight(16))
     assert edge_map.path.end is PathEnd.RIDGE
-    assert edge_map.along(edge_map.path.tip)[1] == pytest.approx(0.02, abs=0.6e-3)
+    assert place_at(edge_map.path.nodes, edge_map.path.tip)[1] == pytest.approx(0.02, abs=0.6e-3)
 
 
 def test_no_ridge_and_an_edge_elsewhere_are_told_and_a_slip_begins_a_path():
@@ -147,7 +148,7 @@ def test_no_ridge_and_an_edge_elsewhere_are_told_and_a_slip_begins_a_path():
         if seed < SURE_PICTURES - 1:
             assert sight.problem is Problem.ELSEWHERE
     assert sight.begun and sight.problem is None
-    x, _, _ = edge_map.along(edge_map.station)
+    x, _, _ = place_at(edge_map.path.nodes, edge_map.station)
     assert x == pytest.approx(6e-3 - 5e-4, abs=0.05e-3)
     assert not edge_map.path.may_close  # its start is not that of the contour
 

@@ -144,8 +144,8 @@ def test_the_example_of_section_6_5():
     # from it. The state that is chosen is the third (printed: the second), at 0.16e6.
     states = np.array([[-1000, 1000, 1000], [-1000, 2000, 2000], [-1000, -2500, 2000]], float)
     inverse = np.arange(3)[:, None, None] * np.ones((3, 3, 3))
-    table = JacobianTable(FeatureKind.MOMENTS, states, states, inverse, inverse, np.ones(3),
-                          np.ones(3), stop=0.5e6)
+    parts = states, states, inverse, inverse, np.ones(3), np.ones(3), 0.5e6
+    table = JacobianTable(FeatureKind.MOMENTS, *parts)
     shown = np.array([-1000.0, -2100.0, 2000.0])
     assert ((shown - states[0])**2).sum() == pytest.approx(10.61e6)
     entry = table.nearest(shown)
@@ -154,7 +154,7 @@ def test_the_example_of_section_6_5():
     # Beyond the stop radius the last one is used, whatever is nearest.
     entry = table.nearest(np.array([-1000.0, 0.0, 1000.0]))
     assert not entry.found and (entry.inverse == inverse[2]).all()
-    table.forget()
+    table = JacobianTable(FeatureKind.MOMENTS, *parts)  # before there was one
     assert (table.nearest(np.array([-1000.0, 0.0, 1000.0])).inverse == inverse[0]).all()
 
 

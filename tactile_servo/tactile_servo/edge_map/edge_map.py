@@ -193,10 +193,6 @@ class EdgeMap:
             self.path.nodes, self._near, self.picture.pose, scale.half_x, scale.half_y,
             scale.grain, direction, self.station, ahead, self.path.end is PathEnd.RIDGE)
 
-    def along(self, station: float) -> tuple[float, float, float]:
-        """Place (x, y, z) of the path at a station [m]."""
-        return path_queries.place_at(self.path.nodes, station)
-
     def way(self, first: float, last: float) -> tuple[float, float]:
         """Direction x, y of the path between two stations [m], beyond its end straight on."""
         return path_queries.direction(self.path.nodes, first, last, self.scale.grain)

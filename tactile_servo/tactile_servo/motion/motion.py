@@ -69,17 +69,6 @@ class Commanded(NamedTuple):
     stamp_ns: int | None = None  # None until it is sent
 
 
-class Plan(NamedTuple):
-    """A window that could be commanded, and what became of the wanted motion in it."""
-
-    window: Window
-    twist: np.ndarray  # (6,), that the workspace let through
-    scale: float
-    limited_by: str
-    manipulability: float
-    brought: float  # share of the wanted twist
-
-
 class Motion:
     """
     Commanded state of the robot, and how a twist moves it on.
@@ -99,7 +88,6 @@ class Motion:
         self._config, self._period = config, period
         self._ahead = config.committed  # s, which the newest window leaves to the one before
         self._inverse = BoundedInverse(limits, config.damping, config.rotation_length)
-        self._weights = np.repeat([1.0, config.rotation_length**2], 3)
         unknown = np.full(len(limits.names), np.nan)
         self._now = Commanded(at_rest(unknown, 0.0), Joints(unknown, unknown),
                               np.full((4, 4), np.nan), np.full((6, len(unknown)), np.nan), unknown)
@@ -215,23 +203,19 @@ class Motion:
         # On its way to the first point the controller is left alone: each window is a seam there.
         settling = bool(kept.times[0] > APART)
         with np.errstate(over='ignore', invalid='ignore'):  # of a twist that is not finite
-            plan = self._plan(kept, twist, settling)
-        hindered = plan.limited_by or plan.manipulability < self._config.damping
-        self._watch(plan.brought if hindered else 1.0, plan.limited_by)
-        trajectory = None
+            window, step = self._plan(kept, twist, settling)
         if first or not settling:  # only what is sent is what the robot's controller plays
-            window = plan.window
             joints = Joints(window.positions[-3], window.velocities[-3])
             self._before, self._now = self._now, Commanded(
                 window, joints, *self._robot.place(joints.positions), window.positions[-1],
                 now_ns)
-            trajectory = Trajectory(self._limits.names, *window,
-                                    stamp_ns=now_ns if self._stamped else 0)
-        return MotionStep(trajectory, plan.twist, plan.scale, plan.limited_by,
-                          plan.manipulability)
+            step = step._replace(trajectory=Trajectory(
+                self._limits.names, *window, stamp_ns=now_ns if self._stamped else 0))
+        return step
 
-    def _plan(self, kept: Window, wanted: np.ndarray, settling: bool) -> Plan:
-        """Go on from what is committed with a wanted twist: a Plan."""
+    def _plan(self, kept: Window, wanted: np.ndarray,
+              settling: bool) -> tuple[Window, MotionStep]:
+        """Go on from what is committed with a wanted twist; nothing is sent yet."""
         config, period, limits = self._config, self._period, self._limits
         joints, twist, at_wall = Joints(kept.positions[-1], kept.velocities[-1]), wanted, ''
         # Velocities are those of the period's end, where the arm stands otherwise: with the
@@ -259,11 +243,13 @@ class Motion:
         if self._workspace is not None and at_wall and self._bends_out(window, self._workspace):
             velocities, guarded = limits.guard(np.zeros_like(velocities), reach)
             window = self._window(kept, velocities, bend, reach)
-        weighted = wanted * self._weights
-        square = weighted @ wanted
-        brought = 1.0 if square < 1e-12 else weighted @ (jacobian @ velocities) / square
-        return Plan(window, twist, 0.0 if guarded == NOT_FINITE else scale,
-                    at_wall or bound or guarded, manipulability, brought)
+        limited_by = at_wall or bound or guarded
+        if limited_by or manipulability < config.damping:
+            self._watch(wanted, jacobian @ velocities, limited_by)
+        else:
+            self.reset_blocked()
+        return window, MotionStep(None, twist, 0.0 if guarded == NOT_FINITE else scale,
+                                  limited_by, manipulability)
 
     def _window(self, kept: Window, velocities: np.ndarray, bend: np.ndarray,
                 reach: Reach) -> Window:
@@ -304,9 +290,11 @@ class Motion:
         self._now = self._before
         return False
 
-    def _watch(self, brought: float, limited_by: str) -> None:
-        """Count for how long the wanted motion has been held back."""
-        if brought > HELD_BACK:
+    def _watch(self, wanted: np.ndarray, brought: np.ndarray, limited_by: str) -> None:
+        """Count for how long hardly any of a wanted twist (6,) has been brought."""
+        weighted = wanted * np.repeat([1.0, self._config.rotation_length**2], 3)
+        square = weighted @ wanted
+        if square < 1e-12 or weighted @ brought > HELD_BACK * square:
             self.reset_blocked()
             return
         self._held_back += self._period

@@ -106,10 +106,6 @@ class JacobianTable:
     def _fallback(self, otherwise: np.ndarray) -> np.ndarray:
         return otherwise if self._last is None else self._last
 
-    def forget(self) -> None:
-        """Forget the entry that was given last."""
-        self._last = None
-
     def save(self, path: str | os.PathLike) -> None:
         """Write the table; `load_table` reads it."""
         with open(path, 'wb') as file:
