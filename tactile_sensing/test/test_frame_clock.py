@@ -190,6 +190,23 @@ def test_a_device_that_pauses_is_followed_within_half_a_second(step):
     assert np.sqrt(np.mean(off[round(3.0 * RATE):]**2)) < 0.3e-3
 
 
+def test_frames_that_a_device_leaves_out_without_a_word_move_no_stamp():
+    rng, clock = np.random.default_rng(9), FrameClock(CsvDecoder(*SHAPE), RATE)
+    clock.receive(b'\n', NOON)
+    device, off, arrival = CsvDevice(), [], 0
+    for k in range(3000):
+        if k > 1000 and rng.random() < 0.1:  # neither sent nor counted
+            continue
+        sent = k * PERIOD
+        stall = 0.012e9 * (k > 1000 and rng.random() < 0.02)  # of the reader
+        arrival = max(arrival, sent + round(stall + 1.5e6 * rng.random()))
+        for frame in clock.receive(device.encode(picture(k)), NOON + arrival):
+            off.append((frame.arrival_ns - NOON - sent, arrival - sent))
+    off, late = np.array(off[1000:]).T
+    assert np.sqrt(np.mean(off[late < 2e6]**2)) < 0.3e6
+    assert np.all(off <= late + 100) and off.min() > -0.3e6
+
+
 def test_a_frame_that_is_counted_as_lost_moves_no_stamp():
     sent, stamps = received(lambda rng: 0.002 * rng.random(), lost=range(1200, 2700, 300))
     off = (stamps - sent)[round(5.0 * RATE):]

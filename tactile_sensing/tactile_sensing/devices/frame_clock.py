@@ -1,5 +1,6 @@
 """When the frames of a sensor arrived, and which of them are fit to be shown; reads no clock."""
 from collections import Counter, deque
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -16,7 +17,9 @@ JUMP_NS = NS  # a time so far before the last one means that the clock was set b
 BLOCK_NS = NS // 2  # of each the frame that came with the least delay is looked at
 LEAST_BLOCKS, BLOCKS = 4, 20  # for a line
 STEADY_NS = 1e6  # by which the blocks may differ from a line, else a clock or a count has jumped
-MOST_JITTER_NS = 20_000_000  # that is taken out
+EARLY = 0.25  # periods that a frame may come before its time; later ones are others
+SURE = 0.6  # periods of jitter up to which a late frame shows that one was left out
+MOST_JITTER = 3.0  # times the usual one, which is taken out
 
 
 class Stamped(NamedTuple):
@@ -39,32 +42,47 @@ class SendTime:
 
     Nothing arrives before it was sent. Of frames that are evenly spaced in the device's time,
     those that came with the least delay lie on a line; its slope holds the drift of the device's
-    clock. A time is never later than the arrival, nor by more than `MOST_JITTER_NS` earlier.
+    clock. Where that time is only a count of frames, one that comes a period late shows that the
+    device has left one out, if the jitter is well below a period. A time is never later than the
+    arrival, nor earlier by much more than the usual jitter.
     """
 
     def __init__(self):
+        self._left_out_ns = 0  # frames that the device did not count, in its time
+        self._jitter_ns = 0.0
         self.restart()
 
     def restart(self) -> None:
         """Begin anew; until there is a line, a frame was sent as it arrived."""
         self._block: list[tuple[int, int]] = []  # times of device and arrival
         self._blocks: deque[np.ndarray] = deque(maxlen=BLOCKS)
-        self._line: tuple[float, float] | None = None  # slope and offset from the origin
+        # Slope and offset from the origin; slope 0: there is no line.
+        self._line = 0.0, 0.0
         self._origin = (0, 0)
 
-    def of(self, device_ns: int, arrival_ns: int) -> int:
-        """Return when a frame of a time of the device was sent [ns]."""
+    def of(self, device_ns: int, arrival_ns: int, period_ns: float = 0.0) -> int:
+        """Return when a frame of a time of the device, or of a count of periods, was sent [ns]."""
+        device_ns += self._left_out_ns
+        if self._jitter_ns < SURE * self._line[0] * period_ns:
+            late_ns = arrival_ns - self._sent(device_ns)
+            left_out_ns = round(period_ns * math.floor(
+                late_ns / (self._line[0] * period_ns) + EARLY))
+            self._left_out_ns += left_out_ns
+            device_ns += left_out_ns
         self._block.append((device_ns, arrival_ns))
         if (abs(arrival_ns - self._block[0][1]) >= BLOCK_NS
                 or len(self._block) >= MAX_RATE):  # of a clock that stands still
             self._blocks.append(np.array(self._block))
             self._block = []
             self._fit()
-        if self._line is None:
+        if not self._line[0]:
             return arrival_ns
+        most_ns = round(MOST_JITTER * self._jitter_ns)
+        return min(max(self._sent(device_ns), arrival_ns - most_ns), arrival_ns)
+
+    def _sent(self, device_ns):
         slope, offset = self._line
-        sent_ns = self._origin[1] + round(slope * (device_ns - self._origin[0]) + offset)
-        return min(max(sent_ns, arrival_ns - MOST_JITTER_NS), arrival_ns)
+        return self._origin[1] + round(slope * (device_ns - self._origin[0]) + offset)
 
     def _fit(self):
         if len(self._blocks) < LEAST_BLOCKS:
@@ -83,6 +101,8 @@ class SendTime:
             self.restart()
             self._blocks.append(last)
             return
+        delays = np.concatenate([block[:, 1] - slope * block[:, 0] - offset for block in blocks])
+        self._jitter_ns = float(np.percentile(delays, 95))
         self._line = float(slope), float(offset)
         self._origin = int(origin[0]), int(origin[1])
 
@@ -199,7 +219,8 @@ class FrameClock:
             arrival_ns = self._send_time.of(frame.device_ns, arrival_ns)
         elif self._nominal_rate:
             arrival_ns = self._send_time.of(
-                round(frame.sequence * NS / self._nominal_rate), arrival_ns)
+                round(frame.sequence * NS / self._nominal_rate), arrival_ns,
+                NS / self._nominal_rate)
         if 0 <= self._given_ns - arrival_ns < JUMP_NS:
             arrival_ns = self._given_ns + 1  # a period was overestimated
         elapsed = 1e-9 * max(arrival_ns - self._given_ns, 0)
