@@ -14,6 +14,7 @@ from tactile_servo.following import Following
 from tactile_servo.inputs import Inputs
 from tactile_servo.law import Observation
 from tactile_servo.laws.edge_following import EdgeFollowing
+from tactile_servo.motion.agility import UNBOUNDED
 from tactile_servo.motion.limits import JointLimits, WorkspaceBox
 from tactile_servo.motion.motion import Motion, MotionConfig
 from tactile_servo.motion.robot import RobotModel
@@ -76,7 +77,7 @@ def _follow_an_edge():
         law.observe(Observation(count, now, 0.0, lambda _, at=pose: at, image=image))
         if law.lacks(now) is None:
             law.assess(now, station, FORCE)
-            law.reference(pose, pose, 0.0025)
+            law.reference(pose, pose, UNBOUNDED, 0.0025)
     _ = law.edge.picture.pull  # of a search; computed where it is asked for
 
 

@@ -100,15 +100,6 @@ class TimeLimits:
 
 
 @dataclass(frozen=True)
-class ContourConfig:
-    """Contours, whose end is their start."""
-
-    miss: float = bounded(
-        0.005, 'a goal without a length ends when the pad passes its start within this distance '
-        'and the contour does not close; or after one and a half laps', 'm', 1e-3, 0.1)
-
-
-@dataclass(frozen=True)
 class ServoConfig:
     """Bounds of the supervisor, whatever its law."""
 
@@ -120,7 +111,6 @@ class ServoConfig:
     input: InputConfig = field(default_factory=InputConfig)
     hold: HoldConfig = field(default_factory=HoldConfig)
     time: TimeLimits = field(default_factory=TimeLimits)
-    contour: ContourConfig = field(default_factory=ContourConfig)
     motion: MotionConfig = field(default_factory=MotionConfig)
 
 

@@ -1,298 +1,392 @@
 """What happens from a goal to its end: when the pad approaches, tracks, holds, lifts off."""
 
-from dataclasses import dataclass
+from collections.abc import Callable
 
 import numpy as np
 
 from tactile_servo.config import ServoConfig
-from tactile_servo.control.lap_guard import LapGuard
 from tactile_servo.cycle_clock import CycleClock
 from tactile_servo.following import apart, Following
-from tactile_servo.hold import ASKED, Hold
+from tactile_servo.hold import Hold
 from tactile_servo.inputs import Inputs
-from tactile_servo.law import Goal, Reference, ServoLaw
+from tactile_servo.law import Assessment, Goal, Reference, ServoLaw
 from tactile_servo.motion.motion import Motion, MotionStep
 from tactile_servo.normal_way import NormalWay
 from tactile_servo.reasons import Reason, ReasonCode
-from tactile_servo.state_machine import ASSESSED, Event, RESUMPTION, StateMachine
+from tactile_servo.state_machine import (
+    Event,
+    HELD,
+    MOVING,
+    Phase,
+    RESUMPTION,
+    STANDING,
+    StateMachine,
+    TOUCHING,
+    TRACKING,
+)
 from tactile_servo.state_times import StateTimes
 from tactile_servo.track_statistics import TrackStatistics
-from tactile_servo.types import ON_TRACK, State, TRACKING
+from tactile_servo.types import State
 
 SOUND_FORCE = 0.5  # of the force, from which the depth of the pad is known to be sound
-OFFER = 'resume with ~/pause false'
-SETTLE = 0.1  # s after the end of the last command, until what is measured is where it stands
-NEAR = 5.0  # times `following_distance`, within which a robot at rest is told to stay there
-SLIGHT = 0.1  # of it, which a robot at rest may be told to move at once
-
-
-@dataclass
-class Ending:
-    """Why a goal ends, None until then; whether it was met; whether the pad stays where it is."""
-
-    reason: Reason | None = None
-    success: bool = False
-    stopping: bool = False
+SETTLE = 0.1  # s after the end of the last command, until the robot stands
+NEAR = 5.0  # times `following_distance`, within which a robot at rest is sent to where it stands
+SLIGHT = 0.1  # of it, by which that may move a robot which counts as standing
 
 
 class GoalRun:
     """
     One goal, from its acceptance to its end.
 
-    Every change of state goes through the table of `state_machine`. In a hold nothing is
-    commanded: the last window ends at rest. Once the robot stands it is told to stay where it
-    is measured, so that no older command can move it any more; from there it goes on. It has
-    many parts, for all that a goal needs meets here.
+    `RULES`, below, is what happens: in every cycle the first of its rows that holds fires. In a
+    hold nothing is commanded, the last window ends at rest. Once the robot stands it is sent to
+    where it is measured, so that no older command can move it any more.
+
+    Attributes
+    ----------
+    reference : Reference or None
+        The last one; None unless the law moves the pad.
+    observed : float
+        Steady time of what the law has observed last [s].
+    success : bool
+        Whether the goal was met.
     """
 
     def __init__(self, goal: Goal, config: ServoConfig, law: ServoLaw, inputs: Inputs,
                  motion: Motion, machine: StateMachine):
         self.goal, self.statistics = goal, TrackStatistics(goal.force)
-        self.hold, self.ending = Hold(), Ending()
-        self.reference: Reference | None = None  # last one, None unless the law moves the pad
-        self.observed = -np.inf  # steady time at which the law was last told something [s]
+        self.reference: Reference | None = None
+        self.observed, self.success = -np.inf, False
+        self.hold = Hold(Event.APPROACH_AGAIN, Reason(ReasonCode.NONE), -np.inf)
         self._config, self._law, self._inputs = config, law, inputs
-        law.agility = motion
         self._motion, self._machine = motion, machine
         self._way = NormalWay(config, goal, law, inputs, motion)
         self._following = Following(config.input, config.motion.rotation_length)
-        self._laps = LapGuard(config.contour.miss)
         self._times = StateTimes(config, goal)
-        # Steady times [s]: of the last decision, and until which the robot may move.
-        self._now, self._moving = -np.inf, -np.inf
-        self._told = True  # that it stays where it stands
+        self._paused, self._outcome = False, machine.reason
+        # Of this cycle: steady time and period [s], why the robot must stand still, what must be
+        # seen first, and what the law says.
+        self._now, self._dt = -np.inf, 0.0
+        self._why: Reason | None = None
+        self._unseen: Reason | None = None
+        self._found: Assessment | None = None
+        # The robot may move until then [s]; whether it was sent to where it stands; and how far
+        # that is to move it now [m], None if it is not to be sent there.
+        self._moving, self._stays = -np.inf, True
+        self._stay: float | None = None
 
     def cancel(self, code: ReasonCode) -> None:
         """Stop within the robot's limits and end the goal."""
-        self._stop(Reason(code))
+        self._machine.fire(Event.STOP, Reason(code), self._now)
 
-    def pause(self, paused: bool, now: float) -> None:
+    def pause(self, paused: bool) -> None:
         """Hold (true) or go on (false)."""
-        self.hold.paused = paused
-        self.hold.asked = not paused and self._machine.state == State.HOLD
-        if self.hold.asked and self._standstill() is None:
-            self._resume_at_rest(now, Reason(ReasonCode.RESUMED))
+        self._paused, self.hold.asked = paused, not paused
 
     def count(self) -> None:
         """Count the way since the last cycle."""
-        statistics, reference = self.statistics, self.reference
-        if self._machine.state not in TRACKING or reference is None:
-            statistics.stand()
-            return
-        pose = self._inputs.pose
-        statistics.move(pose, reference.heading, self._machine.state in ON_TRACK)
-        if hasattr(self.goal, 'closed') and getattr(self.goal, 'length', 0.0) == 0.0:
-            self._laps.see(pose[:3, 3].tolist(), pose[:3, 2].tolist(), reference.heading,
-                           statistics.length)
+        phase, reference = self._machine.phase, self.reference
+        if phase in TRACKING and reference is not None:
+            self.statistics.move(self._inputs.pose, reference.heading, phase is not Phase.SEARCH)
+        else:
+            self.statistics.stand()
 
-    def decide(self, now: float, clock: CycleClock, around: Reason | None = None) -> None:
-        """Change the state where there is reason to, in the time or around the servo as well."""
-        why, overload = self._standstill(), self._inputs.load > self._config.force.max_load
-        state = self._machine.state
-        why = clock.fault or (around if state is not State.RETREAT else None) or why
-        self._now = now
-        self._times.count(state, now)
-        if state is State.HOLD and not self.ending.stopping:
-            self._decide_hold(now, why)
-        if self.ending.stopping:
-            if now >= self._moving + SETTLE:
-                self._machine.fire(Event.REST, self._machine.reason)
-            return
-        state = self._machine.state
-        if state is State.HOLD and (
-                why is not None or not overload or self.hold.bound or not self._told):
-            return
-        if why is not None:
-            self._hold(now, why, now - clock.gap)
-        elif self._motion.blocked:
-            self._end_early(Reason(ReasonCode.MOTION_BLOCKED, self._motion.blocked))
-        elif overload and state is not State.RETREAT:
-            self._end(Reason(ReasonCode.OVERLOAD, f'{self._inputs.load:.1f} N'), lift=True)
-        elif self._times.over(state):
-            self._end_early(Reason(ReasonCode.TIME_LIMIT, f'{self._times.longest(state):.0f} s'))
-        elif state is State.APPROACH:
-            self._decide_approach(now)
-        elif state in TRACKING:
-            self._decide_track(now)
-        elif self._way.lifted and self._motion.standing:
-            self._machine.fire(Event.REST, self._machine.reason)
+    def decide(self, now: float, dt: float, clock: CycleClock,
+               around: Reason | None = None) -> None:
+        """Change the phase where there is reason to, in the time or around the servo as well."""
+        phase = self._machine.phase
+        self._now, self._dt, self._found = now, dt, None
+        self._why = clock.fault or (
+            around if phase is not Phase.RETREAT else None) or self._standstill(phase)
+        self._times.count(phase.state, now)
+        if phase in HELD:
+            self._unseen = self._lacking()
+            self.hold.see(self._why is None and self._unseen is None, now)
+        for phases, guard, event in RULES:
+            if phase in phases and (reason := guard(self)) is not None:
+                self._fire(event, reason, clock.gap)
+                return
 
-    def _standstill(self) -> Reason | None:
+    def _standstill(self, phase: Phase) -> Reason | None:
         """Why the robot must stand still whatever is tracked, or None."""
-        if self.hold.paused:
+        if self._paused:
             return Reason(ReasonCode.PAUSED)
-        inputs, state = self._inputs, self._machine.state
+        inputs = self._inputs
         missing = inputs.joints_missing()
-        if missing is None and state != State.RETREAT:  # lifting off needs no image
+        if missing is None and phase is not Phase.RETREAT:  # lifting off needs no image
             missing = inputs.contact_missing(self._law.sees_images)
-        if missing is not None or inputs.joints is None or state is State.HOLD:
+        if missing is not None or inputs.joints is None or phase not in MOVING:
             return missing  # in a hold nothing is commanded
         return (inputs.astray(self._motion.positions)
                 or self._following.problem(inputs.pose, inputs.joints.arrival))
 
-    def _decide_approach(self, now):
-        c, load, lacking = self._config, self._inputs.load, self._law.lacks(now)
-        since = self._machine.since
-        if load >= c.approach.contact_force and lacking is None:
-            self._way.touch()
-            self._machine.fire(Event.TOUCH, Reason(ReasonCode.CONTACT), now)
-        elif lacking is not None and load >= self.goal.force and (
-                self.observed > since or now - since > c.input.lost_after):
-            self._end(Reason(ReasonCode.NO_EDGE, lacking.text), lift=True)
-        elif self._way.advance >= (farthest := self._way.farthest):
-            self._end(Reason(ReasonCode.NO_CONTACT, f'within {farthest:.2g} m'), lift=True)
-
-    def _decide_track(self, now):
-        deepest = self._config.force.press_depth
-        found = self._law.assess(now, self.statistics.length, self._inputs.load)
-        if found.state == State.HOLD:
-            self._hold(now, found.reason, now)
-            self.hold.lost = found.reason
-            return
-        error = self._law.error
-        if error is not None:
-            self.statistics.see(error, self._inputs.pose, self._inputs.contact.stamp_ns)
-            if error.force >= SOUND_FORCE * self.goal.force:
-                self._way.begin()
-        if found.state == State.DONE:
-            self._end(found.reason, found.success, found.lift)
-        elif self._way.advance > deepest:
-            self._end(Reason(ReasonCode.TOO_DEEP, f'{deepest:g} m'), lift=True)
-        elif self._laps.problem(self.statistics.length):
-            self._end(Reason(ReasonCode.LAP_LIMIT, self._laps.problem(self.statistics.length)))
-        elif found.state != self._machine.state:
-            self._machine.fire(ASSESSED[found.state], found.reason, now)
-
-    def _hold(self, now, reason, began):
-        bound = reason.code in ASKED or now - began > self._config.hold.resume_within
-        state = self._machine.state
-        self.hold = Hold(self.hold.paused, searching=state is State.SEARCH,
-                         resumption=RESUMPTION[state], cause=reason, began=began, bound=bound)
-        self._moving = max(self._moving, now)
-        self._machine.fire(Event.HOLD, reason, now)
-
-    def _decide_hold(self, now, why):
-        hold, limits = self.hold, self._config.hold
-        if why is not None:
-            self._machine.reason = why
-            hold.worsen(why, now, limits.resume_within)
-        blind = hold.searching and hold.lost is None  # a search sees nothing either
-        unseen = None if self._resumption(now) != Event.RESUME_TRACK or blind else (
-            self._law.lacks(now))
-        if why is None and unseen is not None:
-            self._machine.reason = hold.lost or unseen
-        back = why is None and unseen is None
-        hold.see(back, now)
-        if why is None and hold.over(limits.resume_within):
-            code = ReasonCode.RESUMED if hold.asked else ReasonCode.INPUT_BACK
-            self._resume_at_rest(now, Reason(code))
-        elif now - self._machine.since > (limits.longest_pause if hold.paused
-                                          else limits.give_up):
-            cause = hold.cause if back else self._machine.reason
-            self._end(Reason(ReasonCode.GAVE_UP, cause.text))
-        elif back and self._told:
-            self._machine.reason = Reason(
-                ReasonCode.INPUT_BACK, f'{OFFER} (held: {hold.cause.text})')
-
-    def _resume_at_rest(self, now, reason):
-        """Go on from the measured state, once the robot stands."""
-        if not self._told or now < self._moving or self.ending.stopping:
-            return
-        if not self.hold.asked and self._see_place() > self._config.input.following_distance:
-            return
-        resumption = self._resumption(now)
-        self._start_here()
-        self._law.resume()
-        self._machine.fire(resumption, self.ending.reason or reason, now)
-
-    def _resumption(self, now):
-        """What takes up again what the hold interrupted."""
+    def _lacking(self) -> Reason | None:
+        """What must be seen before a hold can end, or None."""
         hold = self.hold
-        lost = (hold.resumption is Event.RESUME_TRACK and not hold.searching
-                and hold.lost is None and self._told and not hold.strayed
+        if hold.resumption is not Event.TRACK_AGAIN or hold.blind or self._came_off():
+            return None
+        lacking = self._law.lacks(self._now)
+        return hold.cause if lacking and hold.of_law else lacking
+
+    def _came_off(self) -> bool:
+        """Whether the stop has led off what bends away: to be touched again from there."""
+        hold = self.hold
+        return (hold.resumption is Event.TRACK_AGAIN and not hold.blind and not hold.of_law
+                and hold.cause.code is not ReasonCode.NOT_FOLLOWING and self._stays
                 and self._inputs.load < self._config.approach.contact_force
-                and self._law.lacks(now) is not None)
-        # The stop has led off what bends away: a robot that is still there touches it again.
-        there = lost and self._off() <= self._config.input.following_distance
-        return Event.RESUME_APPROACH if there else hold.resumption
+                and self._law.lacks(self._now) is not None
+                and self._off() <= self._config.input.following_distance)
 
-    def _start_here(self):
-        """Forget what was commanded: the robot is where it is measured, at rest."""
-        self._motion.seed(self._inputs.joints.value)
-        self._following.reset()
-        self.reference = None
-
-    def _end(self, reason, success=False, lift=False):
-        """End the goal: lift off where that is asked for or needed, else stop."""
-        self.ending.reason, self.ending.success = reason, success
-        held = self._machine.state is State.HOLD
-        if (lift or self.goal.retreat) and self._standstill() is None and not (
-                held and (self.hold.bound or not self._told)):
-            if held:
-                self._start_here()
-            self._way.begin()
-            self._machine.fire(Event.LIFT, reason, self._now)
-        else:
-            self._stop(reason)
-
-    def _end_early(self, reason):
-        """End a goal whose motion does not get on."""
-        self._motion.reset_blocked()
-        if self._machine.state == State.RETREAT:  # its outcome stands
-            code, detail = self._machine.reason
-            self._stop(Reason(code, f'{detail}; {reason.text}' if detail else reason.text))
-        else:
-            self._end(reason, lift=reason.code is ReasonCode.TIME_LIMIT)
-
-    def _stop(self, reason):
-        self.ending.stopping = True
-        self._machine.fire(Event.STOP, reason)
-
-    def command(self, now: float, now_ns: int, dt: float, stamped: bool) -> MotionStep | None:
-        """Command the next piece of motion, of `dt` [s]; None if there is none."""
-        motion = self._motion
-        if self._machine.state not in (State.HOLD, State.DONE):
-            trust = self._inputs.trust(now, touch=self._machine.state is not State.RETREAT)
-            step = motion.command(trust * self.twist(dt), now_ns, stamped)
-            self._following.sent(now, motion.pose, self._inputs.pose)
-            if step.trajectory is not None:
-                self._moving, self._told = now + motion.lasting, False
-            return step
-        if self._told or now < self._moving + SETTLE or not self._inputs.joints_fresh or dt == 0.0:
-            return None
-        self._told = True
-        off, following = self._see_place(), self._config.input.following_distance
-        self._start_here()
-        # Not where it has come to be elsewhere: who brought it there has commanded it since.
-        if off > NEAR * following:
-            return None
-        step = motion.command(np.zeros(6), now_ns, stamped)
-        if off > SLIGHT * following:  # it moves there
-            self._moving = now + motion.lasting
-        return step
-
-    def _off(self):
+    def _off(self) -> float:
         """How far the robot is from where its last window comes to rest, as in `apart` [m]."""
         return apart(self._motion.rest_pose, self._inputs.pose,
                      self._config.motion.rotation_length)
 
-    def _see_place(self):
-        """How far a robot at rest is off [m]; where that is too far it goes on only when asked."""
+    # Guards: the reason of an event that is due, or None.
+
+    def _played_out(self) -> Reason | None:
+        """The last command is over."""
+        return self._machine.reason if self._now >= self._moving + SETTLE else None
+
+    def _stands(self) -> Reason | None:
+        """The last command is over, and it is known where that has led."""
+        known = self._inputs.joints_fresh and self._dt > 0.0
+        return self._machine.reason if self._stays else self._played_out() if known else None
+
+    def _waited_long(self) -> Reason | None:
+        limits, hold = self._config.hold, self.hold
+        if self._now - hold.began <= (limits.longest_pause if self._paused else limits.give_up):
+            return None
+        well = hold.well_since is not None
+        return Reason(ReasonCode.GAVE_UP, (hold.cause if well else self._machine.reason).text)
+
+    def _wrong(self) -> Reason | None:
+        return self._why
+
+    def _binds(self) -> Reason | None:
+        """It goes on only when asked: by its cause, or since the robot is elsewhere."""
         off = self._off()
         if off > self._config.input.following_distance:
             self.hold.stray(off)
-        return off
+        return self.hold.cause if self.hold.bound else None
+
+    def _asked(self) -> Reason | None:
+        able = self.hold.asked and self._now >= self._moving
+        return Reason(ReasonCode.RESUMED) if able else None
+
+    def _well_soon(self) -> Reason | None:
+        since, within = self.hold.well_since, self._config.hold.resume_within
+        able = (since is not None and since - self.hold.began <= within
+                and self._now >= self._moving)
+        return Reason(ReasonCode.INPUT_BACK) if able else None
+
+    def _must_see(self) -> Reason | None:
+        return self._unseen
+
+    def _well(self) -> Reason | None:
+        return Reason(ReasonCode.INPUT_BACK,
+                      f'resume with ~/pause false (held: {self.hold.cause.text})')
+
+    def _blocked(self) -> Reason | None:
+        blocked = self._motion.blocked
+        return Reason(ReasonCode.MOTION_BLOCKED, blocked) if blocked else None
+
+    def _too_long(self) -> Reason | None:
+        state = self._machine.phase.state
+        if not self._times.over(state):
+            return None
+        return Reason(ReasonCode.TIME_LIMIT, f'{self._times.longest(state):.0f} s')
+
+    def _cannot_lift(self) -> Reason | None:
+        """What keeps the pad from lifting off, beside the outcome, which it does not change."""
+        hindered, (code, detail) = self._blocked() or self._too_long(), self._machine.reason
+        return hindered and Reason(code, '; '.join(filter(None, (detail, hindered.text))))
+
+    def _overload(self) -> Reason | None:
+        load = self._inputs.load
+        over = load > self._config.force.max_load
+        return Reason(ReasonCode.OVERLOAD, f'{load:.1f} N') if over else None
+
+    def _touches(self) -> Reason | None:
+        touches = (self._inputs.load >= self._config.approach.contact_force
+                   and self._law.lacks(self._now) is None)
+        return Reason(ReasonCode.CONTACT) if touches else None
+
+    def _touches_nothing_to_track(self) -> Reason | None:
+        lacking, since = self._law.lacks(self._now), self._machine.since
+        looked = self.observed > since or self._now - since > self._config.input.lost_after
+        if lacking is None or self._inputs.load < self.goal.force or not looked:
+            return None
+        return Reason(ReasonCode.NO_EDGE, lacking.text)
+
+    def _meets_nothing(self) -> Reason | None:
+        farthest = self._way.farthest
+        far = self._way.advance >= farthest
+        return Reason(ReasonCode.NO_CONTACT, f'within {farthest:.2g} m') if far else None
+
+    def _too_deep(self) -> Reason | None:
+        deepest = self._config.force.press_depth
+        deep = self._assessed().state is not State.HOLD and self._way.advance > deepest
+        return Reason(ReasonCode.TOO_DEEP, f'{deepest:g} m') if deep else None
+
+    def _law_holds(self) -> Reason | None:
+        found = self._assessed()
+        return found.reason if found.state is State.HOLD else None
+
+    def _law_fails(self) -> Reason | None:
+        found = self._assessed()
+        return found.reason if found.state is State.DONE and found.lift else None
+
+    def _law_ends(self) -> Reason | None:
+        found = self._assessed()
+        return found.reason if found.state is State.DONE else None
+
+    def _law_tracks(self) -> Reason | None:
+        return self._law_goes_on(State.TRACK)
+
+    def _law_at_corner(self) -> Reason | None:
+        return self._law_goes_on(State.CORNER)
+
+    def _law_searches(self) -> Reason | None:
+        return self._law_goes_on(State.SEARCH)
+
+    def _law_goes_on(self, state: State) -> Reason | None:
+        found, machine = self._assessed(), self._machine
+        news = machine.phase.state is not state or machine.reason.code is not found.reason.code
+        return found.reason if found.state is state and news else None
+
+    def _assessed(self) -> Assessment:
+        """What the law says in this cycle."""
+        if self._found is None:
+            inputs, law = self._inputs, self._law
+            self._found = law.assess(self._now, self.statistics.length, inputs.load)
+            if law.error is not None and self._found.state is not State.HOLD:
+                self.statistics.see(law.error, inputs.pose, inputs.contact.stamp_ns)
+                if law.error.force >= SOUND_FORCE * self.goal.force:
+                    self._way.begin()
+        return self._found
+
+    def _lifted(self) -> Reason | None:
+        return self._machine.reason if self._way.lifted and self._motion.standing else None
+
+    def _fire(self, event: Event, reason: Reason, gap: float) -> None:
+        """Do what an event brings with it, and change the phase."""
+        phase, hold, now = self._machine.phase, self.hold, self._now
+        if event is Event.HOLD:
+            if phase in MOVING:
+                hold = self.hold = Hold(
+                    RESUMPTION[phase], reason, now - gap, of_law=reason is not self._why)
+                hold.blind = phase is Phase.SEARCH and not hold.of_law
+                hold.bound = gap > self._config.hold.resume_within
+                self._moving = max(self._moving, now)
+            hold.worsen(reason, now, self._config.hold.resume_within)
+        elif event is Event.RESUME:
+            event = Event.APPROACH_AGAIN if self._came_off() else hold.resumption
+            reason = self._outcome if event is Event.RETREAT_AGAIN else reason
+            self._start_here()
+            self._law.resume()
+        elif event in (Event.END, Event.LIFT):
+            event = self._ended(event, reason)
+        elif event is Event.TOUCH:
+            self._way.touch()
+        if not self._stays and self._stands() and event in (Event.STAND, Event.REST):
+            self._stand()
+        self._machine.fire(event, reason, now)
+
+    def _ended(self, event: Event, reason: Reason) -> Event:
+        """Note the outcome; LIFT if that is asked for and possible, else STOP."""
+        phase = self._machine.phase
+        self._outcome, self.success = reason, self._found is not None and self._found.success
+        asked = event is Event.LIFT or self.goal.retreat
+        if not asked or self._why is not None or phase in (Phase.SETTLING, Phase.ASKED):
+            return Event.STOP
+        if phase is Phase.WAITING:
+            self._start_here()
+        self._motion.reset_blocked()
+        self._way.begin()
+        return Event.LIFT
+
+    def _stand(self) -> None:
+        """Have the robot sent to where it stands."""
+        self._stays, off = True, self._off()
+        following = self._config.input.following_distance
+        if off > following:
+            self.hold.stray(off)
+        self._start_here()
+        # Not where it has come to be elsewhere: who brought it there has commanded it since.
+        self._stay = off if off <= NEAR * following else None
+
+    def _start_here(self) -> None:
+        """Forget what was commanded: the robot is where it is measured, at rest."""
+        assert self._inputs.joints is not None  # or there would be a reason to hold
+        self._motion.seed(self._inputs.joints.value)
+        self._following.reset()
+        self.reference = None
+
+    def command(self, now: float, now_ns: int, dt: float, stamped: bool) -> MotionStep | None:
+        """Command the next piece of motion, of `dt` [s]; None if there is none."""
+        motion, phase = self._motion, self._machine.phase
+        if phase in MOVING:
+            trust = self._inputs.trust(now, touch=phase is not Phase.RETREAT)
+            step = motion.command(trust * self.twist(dt), now_ns, stamped)
+            self._following.sent(now, motion.pose, self._inputs.pose)
+            if step.trajectory is not None:
+                self._moving, self._stays = now + motion.lasting, False
+            return step
+        if self._stay is None:
+            return None
+        step = motion.command(np.zeros(6), now_ns, stamped)
+        if self._stay > SLIGHT * self._config.input.following_distance:
+            self._moving = now + motion.lasting
+        self._stay = None
+        return step
 
     def twist(self, dt: float) -> np.ndarray:
         """Wanted twist of the sensor in its own frame (6,) [m/s, rad/s]."""
-        c, state = self._config, self._machine.state
-        if state in TRACKING:
-            self.reference = self._law.reference(self._inputs.pose, self._motion.pose, dt)
-            twist = self.reference.twist
-            if self._inputs.saturated and self._inputs.load >= c.approach.contact_force:
-                # The force is larger than it seems, nobody knows by how much: give way.
-                twist[2] = min(twist[2], -c.approach.speed)
-            return twist
-        if state is State.APPROACH:
+        c, phase = self._config, self._machine.phase
+        if phase is Phase.APPROACH:
             return self._way.approach()
-        return self._way.retreat() if state is State.RETREAT else np.zeros(6)
+        if phase is Phase.RETREAT:
+            return self._way.retreat()
+        self.reference = self._law.reference(
+            self._inputs.pose, self._motion.pose, self._motion, dt)
+        twist = self.reference.twist
+        if self._inputs.saturated and self._inputs.load >= c.approach.contact_force:
+            # The force is larger than it seems, nobody knows by how much: give way.
+            twist[2] = min(twist[2], -c.approach.speed)
+        return twist
+
+
+Rule = tuple[frozenset[Phase], Callable[[GoalRun], Reason | None], Event]
+_APPROACH, _RETREAT = frozenset({Phase.APPROACH}), frozenset({Phase.RETREAT})
+_SETTLING, _WAITING = frozenset({Phase.SETTLING}), frozenset({Phase.WAITING})
+_STOPPING = frozenset({Phase.STOPPING})
+# In these phases, if this guard has a reason, that event: the first row that holds.
+RULES: tuple[Rule, ...] = (
+    (_STOPPING, GoalRun._played_out, Event.REST),
+    (HELD, GoalRun._waited_long, Event.END),
+    (_SETTLING, GoalRun._stands, Event.STAND),
+    (HELD, GoalRun._wrong, Event.HOLD),
+    (_WAITING, GoalRun._binds, Event.BIND),
+    (_WAITING, GoalRun._overload, Event.LIFT),
+    (STANDING, GoalRun._asked, Event.RESUME),
+    (_WAITING, GoalRun._well_soon, Event.RESUME),
+    (HELD, GoalRun._must_see, Event.REPORT),
+    (STANDING, GoalRun._well, Event.REPORT),
+    (MOVING, GoalRun._wrong, Event.HOLD),
+    (_RETREAT, GoalRun._cannot_lift, Event.STOP),
+    (_RETREAT, GoalRun._lifted, Event.REST),
+    (TOUCHING, GoalRun._blocked, Event.END),
+    (TOUCHING, GoalRun._overload, Event.LIFT),
+    (TOUCHING, GoalRun._too_long, Event.LIFT),
+    (_APPROACH, GoalRun._touches, Event.TOUCH),
+    (_APPROACH, GoalRun._touches_nothing_to_track, Event.LIFT),
+    (_APPROACH, GoalRun._meets_nothing, Event.LIFT),
+    (TRACKING, GoalRun._law_holds, Event.HOLD),
+    (TRACKING, GoalRun._law_fails, Event.LIFT),
+    (TRACKING, GoalRun._law_ends, Event.END),
+    (TRACKING, GoalRun._too_deep, Event.LIFT),
+    (TRACKING, GoalRun._law_tracks, Event.TRACK),
+    (TRACKING, GoalRun._law_at_corner, Event.CORNER),
+    (TRACKING, GoalRun._law_searches, Event.SEARCH),
+)

@@ -84,7 +84,6 @@ class ServoLaw(Protocol):
     goal_type: ClassVar[type]
     config_type: ClassVar[type]
     sees_images: ClassVar[bool]  # whether images are observed beside contacts
-    agility: Agility  # told as a goal begins
 
     @property
     def stiffness(self) -> float: ...  # total, of skin, finger and robot [N/m]
@@ -118,7 +117,8 @@ class ServoLaw(Protocol):
     def assess(self, now: float, progress: float, load: float) -> Assessment:
         """Decide whether to go on, after a way of `progress` [m] and at a load [N]."""
 
-    def reference(self, pose: np.ndarray, commanded: np.ndarray, dt: float) -> Reference:
+    def reference(self, pose: np.ndarray, commanded: np.ndarray, agility: Agility,
+                  dt: float) -> Reference:
         """Wanted motion from the measured and the commanded pose (4, 4) of the sensor."""
 
     def result(self) -> LawResult:

@@ -1,4 +1,4 @@
-"""The states of a servo and every change between them that there is."""
+"""The phases of a servo and every change between them that there is."""
 
 from enum import auto, Enum
 
@@ -7,8 +7,29 @@ from tactile_servo.reasons import Reason, ReasonCode
 from tactile_servo.types import State
 
 
+class Phase(Enum):
+    """What a servo does. A hold has three phases, and the end of a goal is a hold as well."""
+
+    IDLE = auto()
+    APPROACH = auto()
+    TRACK = auto()
+    CORNER = auto()
+    SEARCH = auto()
+    RETREAT = auto()
+    SETTLING = auto()  # hold: the last command is played out
+    WAITING = auto()  # hold: the robot stands, and goes on by itself if all is well soon
+    ASKED = auto()  # hold: the robot stands, and goes on only when asked
+    STOPPING = auto()  # the goal ends where the pad is: the last command is played out
+    DONE = auto()
+
+    @property
+    def state(self) -> State:
+        """State that messages tell."""
+        return _STATES[self]
+
+
 class Event(Enum):
-    """What changes the state of a servo."""
+    """What changes the phase of a servo, or the reason of it."""
 
     START = auto()  # a goal is accepted
     TOUCH = auto()  # the approach has met what is to be tracked
@@ -16,57 +37,74 @@ class Event(Enum):
     CORNER = auto()  # is at a corner,
     SEARCH = auto()  # or searches
     HOLD = auto()  # something is wrong
-    RESUME_APPROACH = auto()  # it no longer is: go on with what was held
-    RESUME_TRACK = auto()
-    RESUME_RETREAT = auto()
-    LIFT = auto()  # the goal ends: lift off,
-    STOP = auto()  # or stop where the pad is
-    REST = auto()  # that has been done, the robot stands
+    STAND = auto()  # the robot stands
+    BIND = auto()  # who caused the hold must know that the robot will move
+    RESUME = auto()  # go on, with one of the next three
+    APPROACH_AGAIN = auto()
+    TRACK_AGAIN = auto()
+    RETREAT_AGAIN = auto()
+    END = auto()  # the goal ends: LIFT where it asks for that, else STOP
+    LIFT = auto()  # the goal ends: lift off where that is possible, else STOP
+    STOP = auto()  # the goal ends where the pad is
+    REST = auto()  # the robot stands at the end of a goal
     FINISH = auto()  # the result has been taken
+    REPORT = auto()  # only the reason is another
 
 
-_TRACKING = {Event.TRACK: State.TRACK, Event.CORNER: State.CORNER, Event.SEARCH: State.SEARCH,
-             Event.HOLD: State.HOLD, Event.LIFT: State.RETREAT, Event.STOP: State.HOLD}
-TRANSITIONS: dict[State, dict[Event, State]] = {
-    State.IDLE: {Event.START: State.APPROACH},
-    State.APPROACH: {Event.TOUCH: State.TRACK, Event.HOLD: State.HOLD,
-                     Event.LIFT: State.RETREAT, Event.STOP: State.HOLD},
-    State.TRACK: _TRACKING, State.CORNER: _TRACKING, State.SEARCH: _TRACKING,
-    State.HOLD: {Event.RESUME_APPROACH: State.APPROACH, Event.RESUME_TRACK: State.TRACK,
-                 Event.RESUME_RETREAT: State.RETREAT, Event.LIFT: State.RETREAT,
-                 Event.STOP: State.HOLD, Event.REST: State.DONE},
-    State.RETREAT: {Event.HOLD: State.HOLD, Event.STOP: State.HOLD, Event.REST: State.DONE},
-    State.DONE: {Event.FINISH: State.IDLE},
+HELD = frozenset({Phase.SETTLING, Phase.WAITING, Phase.ASKED})
+STANDING = frozenset({Phase.WAITING, Phase.ASKED})
+TRACKING = frozenset({Phase.TRACK, Phase.CORNER, Phase.SEARCH})  # the law moves the sensor
+TOUCHING = TRACKING | {Phase.APPROACH}
+MOVING = TOUCHING | {Phase.RETREAT}
+_STATES = {phase: State.HOLD if phase in HELD | {Phase.STOPPING} else State[phase.name]
+           for phase in Phase}
+
+_TRACKING = {Event.TRACK: Phase.TRACK, Event.CORNER: Phase.CORNER, Event.SEARCH: Phase.SEARCH,
+             Event.HOLD: Phase.SETTLING, Event.LIFT: Phase.RETREAT, Event.STOP: Phase.STOPPING}
+_STANDING = {Event.APPROACH_AGAIN: Phase.APPROACH, Event.TRACK_AGAIN: Phase.TRACK,
+             Event.RETREAT_AGAIN: Phase.RETREAT, Event.STOP: Phase.STOPPING}
+TRANSITIONS: dict[Phase, dict[Event, Phase]] = {
+    Phase.IDLE: {Event.START: Phase.APPROACH, Event.REPORT: Phase.IDLE},
+    Phase.APPROACH: {Event.TOUCH: Phase.TRACK, Event.HOLD: Phase.SETTLING,
+                     Event.LIFT: Phase.RETREAT, Event.STOP: Phase.STOPPING},
+    Phase.TRACK: _TRACKING, Phase.CORNER: _TRACKING, Phase.SEARCH: _TRACKING,
+    Phase.RETREAT: {Event.HOLD: Phase.SETTLING, Event.STOP: Phase.STOPPING,
+                    Event.REST: Phase.DONE},
+    Phase.SETTLING: {Event.HOLD: Phase.SETTLING, Event.REPORT: Phase.SETTLING,
+                     Event.STAND: Phase.WAITING, Event.STOP: Phase.STOPPING},
+    Phase.WAITING: {Event.HOLD: Phase.WAITING, Event.REPORT: Phase.WAITING,
+                    Event.BIND: Phase.ASKED, Event.LIFT: Phase.RETREAT, **_STANDING},
+    Phase.ASKED: {Event.HOLD: Phase.ASKED, Event.REPORT: Phase.ASKED, **_STANDING},
+    Phase.STOPPING: {Event.STOP: Phase.STOPPING, Event.REST: Phase.DONE},
+    Phase.DONE: {Event.FINISH: Phase.IDLE},
 }
 # What takes up again what a hold interrupted; the law says anew whether it is at a corner.
-RESUMPTION = {State.APPROACH: Event.RESUME_APPROACH, State.TRACK: Event.RESUME_TRACK,
-              State.CORNER: Event.RESUME_TRACK, State.SEARCH: Event.RESUME_TRACK,
-              State.RETREAT: Event.RESUME_RETREAT}
-# What a law's assessment means.
-ASSESSED = {State.TRACK: Event.TRACK, State.CORNER: Event.CORNER, State.SEARCH: Event.SEARCH}
+RESUMPTION = {Phase.APPROACH: Event.APPROACH_AGAIN, Phase.TRACK: Event.TRACK_AGAIN,
+              Phase.CORNER: Event.TRACK_AGAIN, Phase.SEARCH: Event.TRACK_AGAIN,
+              Phase.RETREAT: Event.RETREAT_AGAIN}
 
 
 class IllegalTransition(TactileError):
-    """An event that a state does not know: a fault of the program, not of its input."""
+    """An event that a phase does not know: a fault of the program, not of its input."""
 
 
 class StateMachine:
-    """State of a servo, why it is so, and since when (steady time of the last event [s])."""
+    """Phase of a servo, the reason of it, and since when (steady time [s])."""
 
     def __init__(self) -> None:
-        self.state, self.reason = State.IDLE, Reason(ReasonCode.WAITING)
+        self.phase, self.reason = Phase.IDLE, Reason(ReasonCode.WAITING)
         self.since = float('-inf')
 
     @property
     def active(self) -> bool:
         """Whether a goal is being worked on."""
-        return self.state not in (State.IDLE, State.DONE)
+        return self.phase not in (Phase.IDLE, Phase.DONE)
 
-    def fire(self, event: Event, reason: Reason, now: float | None = None) -> None:
-        """Change the state by the table; IllegalTransition if it knows no such event."""
-        following = TRANSITIONS[self.state].get(event)
+    def fire(self, event: Event, reason: Reason, now: float) -> None:
+        """Change the phase by the table; IllegalTransition if it knows no such event."""
+        following = TRANSITIONS[self.phase].get(event)
         if following is None:
-            raise IllegalTransition(f'{event.name} while {self.state.name}')
-        self.state, self.reason = following, reason
-        if now is not None:
+            raise IllegalTransition(f'{event.name} while {self.phase.name}')
+        if following is not self.phase:
             self.since = now
+        self.phase, self.reason = following, reason

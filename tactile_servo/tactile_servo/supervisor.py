@@ -24,11 +24,9 @@ from tactile_servo.motion.motion import Motion, MotionStep
 from tactile_servo.motion.robot import RobotModel
 from tactile_servo.motion.trajectory import Trajectory
 from tactile_servo.reasons import GoalRefused, Reason, ReasonCode
-from tactile_servo.state_machine import Event, StateMachine
+from tactile_servo.state_machine import Event, HELD, Phase, StateMachine, TRACKING
 from tactile_servo.track_statistics import along_contour, TrackStatistics
-from tactile_servo.types import NAN, State, Status, TaskError, TRACKING
-
-UNKNOWN = TaskError()
+from tactile_servo.types import NAN, State, Status
 
 
 class Supervisor:
@@ -90,7 +88,7 @@ class Supervisor:
     @property
     def state(self) -> State:
         """State of the servo."""
-        return self._machine.state
+        return self._machine.phase.state
 
     @property
     def reason(self) -> Reason:
@@ -105,7 +103,7 @@ class Supervisor:
     @property
     def success(self) -> bool:
         """Whether the last goal was met."""
-        return self.run is not None and self.run.ending.success
+        return self.run is not None and self.run.success
 
     @property
     def statistics(self) -> TrackStatistics:
@@ -130,7 +128,7 @@ class Supervisor:
     def note(self, refusal: Refusal) -> None:
         """Put a refusal into the status of an idle servo: it has no other answer."""
         if self.state is State.IDLE:  # the reason of one that is done belongs to its result
-            self._machine.reason = refusal
+            self._machine.fire(Event.REPORT, refusal, self._machine.since)
 
     def start(self, goal: Any, now: float) -> None:
         """Begin a goal at steady time `now` [s]; GoalRefused if it cannot be accepted."""
@@ -151,7 +149,7 @@ class Supervisor:
         """Hold (true) or go on (false); returns whether there was a goal to act on."""
         if self.run is None or not self.active:
             return False
-        self.run.pause(paused, now)
+        self.run.pause(paused)
         return True
 
     def teach(self, name: str) -> str:
@@ -178,7 +176,8 @@ class Supervisor:
 
     def finish(self) -> None:
         """Go from done to idle, once the result has been taken."""
-        self._machine.fire(Event.FINISH, Reason(ReasonCode.WAITING, f'last: {self.reason.text}'))
+        self._machine.fire(Event.FINISH, Reason(ReasonCode.WAITING, f'last: {self.reason.text}'),
+                           self._machine.since)
 
     def cycle(self, now: float, now_ns: int) -> tuple[Status, Trajectory | None]:
         """
@@ -194,28 +193,28 @@ class Supervisor:
         if self.run is None or not self.active or (dt == 0.0 and self._clock.fault is None):
             return self._status(self.run), None
         self.run.count()
-        self.run.decide(now, self._clock, self.around)
+        self.run.decide(now, dt, self._clock, self.around)
         self.motion.expect_lateness(self._robot_clock.lateness)
         step = self.run.command(now, now_ns, dt, self._robot_clock.agrees)
         return self._status(self.run, step), None if step is None else step.trajectory
 
     def _status(self, run: GoalRun | None, step: MotionStep | None = None) -> Status:
         inputs, machine = self.inputs, self._machine
-        status = Status(machine.state, machine.reason, contact_fresh=inputs.contact_fresh,
+        status = Status(machine.phase.state, machine.reason, contact_fresh=inputs.contact_fresh,
                         joints_fresh=inputs.joints_fresh)
         if inputs.contact is not None:
             status.normal_force = inputs.load
         used = self._image if self.law.sees_images else inputs.contact
         if used is not None:
             status.contact_stamp_ns = used.stamp_ns
-        if run is None or status.state == State.IDLE:
+        if run is None or machine.phase is Phase.IDLE:
             return status
-        if status.state in TRACKING or status.state == State.HOLD:
+        if machine.phase in TRACKING | HELD:
             error = self.law.error
             if error is not None:
                 status.lateral_error, status.longitudinal_error = error.lateral, error.longitudinal
                 status.angle_error = error.angle
-        if status.state in TRACKING and run.reference is not None:
+        if machine.phase in TRACKING and run.reference is not None:
             status.speed = run.reference.speed
         status.force_target, status.progress = run.goal.force, run.statistics.length
         if step is not None:

@@ -5,15 +5,14 @@ import math
 import numpy as np
 import pytest
 
-from tactile_servo.control.lap_guard import LapGuard
+from tactile_servo.control.lap_guard import LapGuard, MISS
 
-MISS = 0.005  # m
 STEP = 1e-3  # m
 
 
 def watch(path, heading):
     """Length at which a path (t -> x, y) is given up, and why; None if it never is."""
-    guard, length, last = LapGuard(MISS), 0.0, None
+    guard, length, last = LapGuard(), 0.0, None
     for x, y, way in zip(*path, heading, strict=True):
         place = (x, y, 0.0)
         length += 0.0 if last is None else math.dist(place, last)

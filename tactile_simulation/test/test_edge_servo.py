@@ -13,6 +13,7 @@ from tactile_sensing.types.moments import Moments
 from tactile_servo.config import ForceBounds, HoldConfig, ServoConfig
 from tactile_servo.motion.limits import WorkspaceBox
 from tactile_servo.reasons import GoalRefused, ReasonCode
+from tactile_servo.state_machine import Phase
 from tactile_servo.types import EdgeGoal, State
 
 GOAL = EdgeGoal(speed=0.03, force=5.0, length=0.05)
@@ -209,7 +210,7 @@ def test_pause_and_resume():
 def test_a_pause_during_a_search_ends_with_a_reason():
     loop = puma_loop(tracker='trace')
     tracking(loop)
-    loop.servo._machine.state = State.SEARCH  # what a late picture makes of it
+    loop.servo._machine.phase = Phase.SEARCH  # what a late picture makes of it
     loop.servo.pause(True, loop.now)
     loop.run(None, 0.3)
     loop.servo.pause(False, loop.now)

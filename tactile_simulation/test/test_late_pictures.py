@@ -14,6 +14,7 @@ from tactile_servo.config import HoldConfig, InputConfig, ServoConfig
 from tactile_servo.control.stability import gain_limit
 from tactile_servo.law import Observation
 from tactile_servo.laws.resolved_rate import ResolvedRate, ResolvedRateConfig
+from tactile_servo.motion.agility import UNBOUNDED
 from tactile_servo.motion.motion import MotionConfig
 from tactile_servo.reasons import ReasonCode
 from tactile_servo.types import EdgeGoal, State
@@ -59,7 +60,8 @@ def seen_late(age, contact=None, pictures=100, goal=GOAL):
 @pytest.mark.parametrize('age', [0.0, 0.01, 0.04, 0.08])
 def test_gains_are_the_lesser_of_what_is_asked_for_and_what_the_age_allows(age):
     law, _ = seen_late(age)
-    lateral, _, normal, _, _, turn = law.reference(np.eye(4), np.eye(4), 0.0025).twist
+    lateral, _, normal, _, _, turn = law.reference(
+        np.eye(4), np.eye(4), UNBOUNDED, 0.0025).twist
     # A picture is used for a period, a command for one at 400 Hz, and reached after two.
     delay = age + 0.5 * PICTURE + 0.5 / 400 + MotionConfig.committed + 0.0025
     allowed = scanned_limit(delay, 0.010) / 2.5

@@ -3,8 +3,9 @@
 from collections.abc import Sequence
 import math
 
+MISS = 0.005  # m, within which a pad passes the start of its way
+LEFT, BEYOND = 10.0, 3.0  # times that: to leave the start, and to be past it again
 LAPS = 1.5  # by the turns of the way
-LEFT, BEYOND = 10.0, 3.0  # times the bound: to leave the start, and to be past it again
 SAME_WAY = 0.5  # cosine of the largest angle between the ways at the start and past it
 
 Vector = Sequence[float]
@@ -14,12 +15,11 @@ class LapGuard:
     """
     Watch the way of a pad for its start coming again, and for its turns.
 
-    A contour that closes ends at its start. One that passes it within `miss` [m] and goes on
-    does not close any more.
+    A contour that closes ends at its start. One that passes it within `MISS` and goes on does not
+    close any more.
     """
 
-    def __init__(self, miss: float):
-        self._miss = miss
+    def __init__(self) -> None:
         self._start: tuple[Vector, Vector] | None = None  # place and way
         self._heading: Vector = (0.0, 0.0, 0.0)
         self._left = False
@@ -35,13 +35,13 @@ class LapGuard:
         self._heading = heading
         begin, way = self._start
         distance = math.dist(place, begin)
-        self._left = self._left or distance > LEFT * self._miss
-        if self._left and distance < self._miss and _dot(way, heading) > SAME_WAY:
+        self._left = self._left or distance > LEFT * MISS
+        if self._left and distance < MISS and _dot(way, heading) > SAME_WAY:
             self._passed = min(self._passed, length)
 
     def problem(self, length: float) -> str:
         """Why the contour will not close, after a length [m]; empty while it may."""
-        if length - self._passed > BEYOND * self._miss:
+        if length - self._passed > BEYOND * MISS:
             return 'the pad has passed its start'
         if abs(self.turned) > 2.0 * math.pi * LAPS:
             return f'{LAPS:g} laps'

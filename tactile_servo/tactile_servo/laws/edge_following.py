@@ -10,6 +10,7 @@ from tactile_sensing.types.image import SensorInfo, TactileImage
 from tactile_servo.config import ServoConfig
 from tactile_servo.control.attitude_controller import AttitudeController
 from tactile_servo.control.force_controller import ForceController, Load
+from tactile_servo.control.lap_guard import LapGuard
 from tactile_servo.control.path_controller import PathController
 from tactile_servo.control.speed_planner import SpeedPlanner
 from tactile_servo.control.stability import AGE_SHARE
@@ -20,8 +21,8 @@ from tactile_servo.edge_map.traced_path import PathEnd
 from tactile_servo.law import Assessment, LawResult, Observation, Reference, Refusal, Touch
 from tactile_servo.laws.edge_following_config import EdgeFollowingConfig
 from tactile_servo.laws.edge_following_state import Going, Seen
-from tactile_servo.laws.edge_goal import ended, refuse_edge_goal, unless_long_enough
-from tactile_servo.motion.agility import Agility, UNBOUNDED
+from tactile_servo.laws.edge_goal import ended, refuse_edge_goal, within_goal
+from tactile_servo.motion.agility import Agility
 from tactile_servo.reasons import Reason, ReasonCode
 from tactile_servo.types import EdgeGoal, State, TaskError
 
@@ -56,7 +57,6 @@ class EdgeFollowing:
     goal: EdgeGoal  # since `begin`
     touch: Touch | None = None
     touch_speed = math.inf
-    agility: Agility = UNBOUNDED
 
     def __init__(self, servo: ServoConfig, config: EdgeFollowingConfig | None = None):
         self.servo, self.config = servo, config or EdgeFollowingConfig()
@@ -69,7 +69,7 @@ class EdgeFollowing:
     def _forget(self):
         self.edge = EdgeMap(self.config.force.skin_stiffness)
         self.error: TaskError | None = None
-        self._seen, self._going = Seen(), Going()
+        self._seen, self._going, self._laps = Seen(), Going(), LapGuard()
 
     def retune(self, config: EdgeFollowingConfig) -> None:
         """Take other gains and speeds from now on."""
@@ -151,7 +151,8 @@ class EdgeFollowing:
 
     def assess(self, now: float, progress: float, load: float) -> Assessment:
         """Decide whether to go on."""
-        return unless_long_enough(self.goal, progress, self._assess(now, progress, load))
+        self._going.progress = progress
+        return within_goal(self.goal, self._laps, progress, self._assess(now, progress, load))
 
     def _assess(self, now, progress, load):
         going, edge = self._going, self.edge
@@ -214,7 +215,8 @@ class EdgeFollowing:
         self._going.mode = mode
         return Assessment(State.SEARCH, Reason(mode))
 
-    def reference(self, pose: np.ndarray, commanded: np.ndarray, dt: float) -> Reference:
+    def reference(self, pose: np.ndarray, commanded: np.ndarray, agility: Agility,
+                  dt: float) -> Reference:
         """Wanted motion from the measured and the commanded pose (4, 4) of the sensor."""
         edge, going, before = self.edge, self._going, self._path.velocity
         soon = 1.0 / self.config.force.gain
@@ -233,16 +235,18 @@ class EdgeFollowing:
             x, y = edge.picture.pull.tolist()
             velocity = self._path.change(speed * x, speed * y, dt)
         else:
-            velocity = self._along(stand, dt)
+            velocity = self._along(stand, agility, dt)
             normal = self._normal(stand, dt)
         if going.mode == ReasonCode.TRACKING:
             turn = self._attitude.rate(
                 stand.there, stand.way, self._seen.slope, self.goal.direction, dt)
         twist = np.empty(6)
         to_sensor(twist, stand.there, *velocity, normal, *turn)
-        return Reference(twist, self._planner.speed, edge.way_in_base(*stand.along))
+        heading = edge.way_in_base(*stand.along)
+        self._laps.see(pose[:3, 3].tolist(), pose[:3, 2].tolist(), heading, going.progress)
+        return Reference(twist, self._planner.speed, heading)
 
-    def _along(self, stand: Stand, dt):
+    def _along(self, stand: Stand, agility: Agility, dt: float):
         """Velocity x, y along the path and back to it."""
         going, edge = self._going, self.edge
         going.here, going.ahead = stand.here, stand.ahead
@@ -251,7 +255,7 @@ class EdgeFollowing:
             self.goal.speed, pressed=self._seen.load.force / self.goal.force,
             distance=math.hypot(*stand.aside), coming=self._seen.load.coming, scale=edge.scale,
             age=self._seen.age, coasting=coasting)
-        most = min(self.config.speed.acceleration, self.agility.across())
+        most = min(self.config.speed.acceleration, agility.across())
         self._planner.acceleration, self._path.acceleration = AGILE * most, most
         speed = self._planner.plan(edge, going.ahead, top, dt)
         if coasting:

@@ -27,6 +27,7 @@ class Going:
 
     here: float = 0.0  # station of the measured pad [m],
     ahead: float = 0.0  # and of the commanded one
+    progress: float = 0.0  # way of the pad [m]
     begun: bool = False  # the pad moves along the edge
     coasted: float = 0.0  # way so far [m]
     mode: ReasonCode = ReasonCode.TRACKING  # or COASTING, SEARCHING, REACHING_DOWN
@@ -39,5 +40,5 @@ class Going:
 
     def anew(self) -> 'Going':
         """After a standstill: at the same place."""
-        return Going(self.here, self.ahead, self.begun, self.coasted,
+        return Going(self.here, self.ahead, self.progress, self.begun, self.coasted,
                      probed_from=self.probed_from)

@@ -2,6 +2,7 @@
 
 import math
 
+from tactile_servo.control.lap_guard import LapGuard
 from tactile_servo.law import Assessment, Refusal
 from tactile_servo.reasons import Reason, ReasonCode
 from tactile_servo.types import EdgeGoal, State
@@ -17,11 +18,13 @@ def refuse_edge_goal(goal: EdgeGoal) -> Refusal | None:
     return None
 
 
-def unless_long_enough(goal: EdgeGoal, progress: float, found: Assessment) -> Assessment:
-    """End a goal that is going well once its length is reached."""
+def within_goal(goal: EdgeGoal, laps: LapGuard, progress: float, found: Assessment) -> Assessment:
+    """End a goal that is going well once its length is reached, or the contour cannot close."""
     if found.state is not State.HOLD and 0.0 < goal.length <= progress:
         return Assessment(State.DONE, Reason(ReasonCode.LENGTH_REACHED), True)
-    return found
+    problem = '' if goal.length or found.state in (State.HOLD, State.DONE) else (
+        laps.problem(progress))
+    return Assessment(State.DONE, Reason(ReasonCode.LAP_LIMIT, problem)) if problem else found
 
 
 def ended(goal: EdgeGoal, progress: float, shortest: float) -> Assessment:

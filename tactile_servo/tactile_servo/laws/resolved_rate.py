@@ -10,12 +10,13 @@ from tactile_common.config import bounded
 from tactile_sensing.types.array import TactelArray
 from tactile_sensing.types.image import SensorInfo
 from tactile_servo.config import ServoConfig
+from tactile_servo.control.lap_guard import LapGuard
 from tactile_servo.control.scaling import clipped, ramp, slewed
 from tactile_servo.control.stability import AGE_SHARE, gain_limit
 from tactile_servo.law import Assessment, LawResult, Observation, Reference, Refusal, Touch
 from tactile_servo.laws.edge_features import edge_features, EdgeFeatureConfig, EdgeFeatures
-from tactile_servo.laws.edge_goal import ended, refuse_edge_goal, unless_long_enough
-from tactile_servo.motion.agility import Agility, UNBOUNDED
+from tactile_servo.laws.edge_goal import ended, refuse_edge_goal, within_goal
+from tactile_servo.motion.agility import Agility
 from tactile_servo.reasons import Reason, ReasonCode
 from tactile_servo.types import EdgeGoal, State, TaskError
 
@@ -142,7 +143,6 @@ class ResolvedRate:
     config_type: ClassVar[type] = ResolvedRateConfig
     sees_images: ClassVar[bool] = False
     touch: Touch | None = None
-    agility: Agility = UNBOUNDED  # it is slow enough
     goal: EdgeGoal  # since `begin`, as well as
     _array: TactelArray
 
@@ -171,6 +171,7 @@ class ResolvedRate:
         self.features, self._problem, self._begun = UNKNOWN, '', True
         self.error = None
         self._looked = self._shown = -math.inf
+        self._laps, self._progress = LapGuard(), 0.0
         self.resume()
 
     def resume(self) -> None:
@@ -220,7 +221,8 @@ class ResolvedRate:
 
     def assess(self, now: float, progress: float, load: float) -> Assessment:
         """Decide whether to go on."""
-        return unless_long_enough(self.goal, progress, self._assess(now, progress, load))
+        self._progress = progress
+        return within_goal(self.goal, self._laps, progress, self._assess(now, progress, load))
 
     def _assess(self, now, progress, load):
         goal, array = self.goal, self._array
@@ -243,14 +245,16 @@ class ResolvedRate:
             return ended(goal, progress, shortest)
         return ON_EDGE
 
-    def reference(self, pose: np.ndarray, commanded: np.ndarray, dt: float) -> Reference:
+    def reference(self, pose: np.ndarray, commanded: np.ndarray, agility: Agility,
+                  dt: float) -> Reference:
         """Wanted motion from the measured and the commanded pose (4, 4) of the sensor."""
         goal, twist = self.goal, self._twist.copy()
         self._speed = slewed(self._speed, self._slowed * goal.speed,
                              self.config.speed.acceleration * dt)
         twist[1] = goal.direction * self._speed
-        return Reference(twist, self._speed,
-                         [goal.direction * way for way in pose[:3, 1].tolist()])
+        heading = [goal.direction * way for way in pose[:3, 1].tolist()]
+        self._laps.see(pose[:3, 3].tolist(), pose[:3, 2].tolist(), heading, self._progress)
+        return Reference(twist, self._speed, heading)
 
     def result(self) -> LawResult:
         """Nothing beyond the poses of the sensor."""

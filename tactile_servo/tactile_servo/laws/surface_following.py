@@ -31,7 +31,7 @@ from tactile_servo.laws.surface_goal import (
 from tactile_servo.laws.surface_motion import CENTRED, STAND, SurfaceMotion, thesis_twist
 from tactile_servo.laws.surface_state import Going, plan_path, Record
 from tactile_servo.laws.surface_teaching import between, Lessons, wanted_contacts
-from tactile_servo.motion.agility import Agility, UNBOUNDED
+from tactile_servo.motion.agility import Agility
 from tactile_servo.reasons import Reason, ReasonCode
 from tactile_servo.tactile_jacobian.table import load_table
 from tactile_servo.types import State, TaskError
@@ -50,7 +50,6 @@ class SurfaceFollowing:
     config_type: ClassVar[type] = SurfaceFollowingConfig
     sees_images: ClassVar[bool] = True
     touch_speed = math.inf
-    agility: Agility = UNBOUNDED
     goal: SurfaceGoal  # since `begin`
     _sense: ContactSense
 
@@ -180,7 +179,8 @@ class SurfaceFollowing:
                 ReasonCode.NO_PROGRESS, self._motion.bound), lift=True)
         return ON_SURFACE
 
-    def reference(self, pose: np.ndarray, commanded: np.ndarray, dt: float) -> Reference:
+    def reference(self, pose: np.ndarray, commanded: np.ndarray, agility: Agility,
+                  dt: float) -> Reference:
         """Wanted motion from the measured and the commanded pose (4, 4) of the sensor."""
         going, thesis = self._going, self.config.control == 'thesis'
         felt = going.felt
@@ -197,7 +197,7 @@ class SurfaceFollowing:
         elif step.left <= 0.0:
             going.end = Assessment(State.DONE, Reason(ReasonCode.PATH_COMPLETED), True)
         aim = going.aim
-        pace = self.agility.along(
+        pace = agility.along(
             self._motion.course(step.way, normal, commanded), self._motion.speed,
             self.config.course.bending)
         speed = self._motion.advance(
@@ -209,7 +209,7 @@ class SurfaceFollowing:
             self._motion.press(
                 pose, felt, aim, wanted, depth if going.met else None, commanded, dt)
             twist = self._motion.twist(
-                step.way, normal, commanded, aim, self.agility, dt)
+                step.way, normal, commanded, aim, agility, dt)
         return Reference(twist, speed, step.way.tolist())
 
     @property
