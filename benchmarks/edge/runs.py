@@ -9,9 +9,8 @@ import time
 import numpy as np
 import yaml
 
-from tactile_servo.control.path_controller import PathConfig
 from tactile_servo.control.stability import gain_limit
-from tactile_servo.laws.edge_following_config import EdgeFollowingConfig
+from tactile_servo.laws.edge_config import EdgeFollowingConfig, PathConfig
 from tactile_servo.laws.resolved_rate import PositionConfig, ResolvedRateConfig
 from tactile_servo.motion.motion import MotionConfig
 from tactile_servo.types import EdgeGoal, State

@@ -116,7 +116,7 @@ def _parameters(rate):
     # A busy machine is to be measured, too.
     tree['/**/edge_servo']['ros__parameters'].update({
         f'input.{name}': PATIENCE
-        for name in ('stale_image', 'stale_joints', 'max_stamp_age', 'lost_after')})
+        for name in ('stale_image', 'stale_joints', 'max_stamp_age')})
     return tree
 
 

@@ -1,6 +1,6 @@
 """What the surface benchmark follows in the closed loop."""
 from collections.abc import Iterator
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -8,14 +8,14 @@ import numpy as np
 from benchmarks.harness import ROOT
 from tactile_servo.config import ForceBounds, ServoConfig
 from tactile_servo.control.stability import gain_limit
+from tactile_servo.laws.jacobian_rate import JacobianRateConfig, RateConfig
 from tactile_servo.laws.surface_config import (
     CourseConfig,
     JacobianConfig,
     PressConfig,
     ProbeConfig,
     RollConfig,
-    SurfaceFollowingConfig,
-    ThesisConfig,
+    SurfaceConfig,
 )
 from tactile_servo.laws.surface_goal import Pattern, SurfaceGoal
 from tactile_simulation.closed_loop import PICTURE_EVERY, STEP
@@ -28,7 +28,7 @@ from tactile_simulation.surface_renderer import SurfaceRenderer
 
 OBJECTS = ('cylinder_65', 'cylinder_120', 'sphere_70', 'sphere_126')
 SPEEDS = (0.01, 0.05, 0.1, 0.15, 0.2)
-CONTROLS = ('predicted', 'thesis')
+LAWS = {'predicted': 'tactile_jacobian', 'thesis': 'jacobian_rate'}  # by their columns
 STEPS = (-0.003, -0.002, -0.001, 0.001, 0.002)  # m
 SOURCES = tuple((features, method) for features in ('centroid', 'moments')
                 for method in ('constant', 'nearest', 'interpolated', 'online'))
@@ -50,9 +50,10 @@ KEYS = ('ok', 'reason_code', 'tracked_length', 'surface_rms', 'surface_max', 'ce
 WORST = ('surface_rms', 'surface_max', 'centre_max', 'force_rms_error', 'force_max')
 LONGEST = 60.0  # s simulated
 # 150 and 200 mm/s: a wrist that can turn so fast, and gains that let it.
-FAST = SurfaceFollowingConfig(
-    course=CourseConfig(acceleration=1.0, blind=5e-5, bending=0.9),
-    roll=RollConfig(max_rate=10.0, acceleration=14.0))  # of 20 rad/s^2 that the wrist has
+COURSE = CourseConfig(acceleration=1.0, blind=5e-5)
+ROLL = RollConfig(max_rate=10.0, acceleration=14.0)  # of 20 rad/s^2 that the wrist has
+FAST = {'predicted': SurfaceConfig(course=COURSE, roll=ROLL),
+        'thesis': JacobianRateConfig(course=COURSE, roll=ROLL)}
 FAST_WRIST = 12.0  # rad/s
 
 
@@ -64,7 +65,8 @@ class Case:
     names: dict[str, Any]
     scene: str
     goal: SurfaceGoal
-    settings: SurfaceFollowingConfig = field(default_factory=SurfaceFollowingConfig)
+    settings: SurfaceConfig | None = None
+    law: str | None = None
     start: SurfaceStart = SurfaceStart()  # at the top, wherever the scene begins for an arm
     step: float | None = None  # m, of the scene `step`
     before: float = 0.0  # N with which the probe is pressed when the goal begins
@@ -93,13 +95,13 @@ def cases() -> Iterator[Case]:
     """Give everything that is run."""
     for name in OBJECTS:
         for speed in SPEEDS:
-            for control in CONTROLS:
+            for control, law in LAWS.items():
                 fast = speed > 0.1
-                settings = FAST if fast else SurfaceFollowingConfig()
+                settings = FAST[control] if fast else None
                 yield Case(
                     'speed_and_accuracy', {'object': name, 'control': control, 'speed': speed},
                     name, line(speed, length=0.1 if fast else 0.06),
-                    replace(settings, control=control), wrist=FAST_WRIST if fast else 0.0,
+                    settings, law, wrist=FAST_WRIST if fast else 0.0,
                     one=control == 'thesis', figure=speed == 0.05 and control == 'predicted')
     for name in ('sphere_126', 'torus'):
         yield Case('rasters', {'scene': name}, name, SurfaceGoal(
@@ -118,11 +120,11 @@ def cases() -> Iterator[Case]:
     yield Case('starts', {'start': 'fragile, 5 of 6 N'}, 'fragile', line(0.05))
     yield Case('starts', {'start': 'friction of 0.3'}, 'rough', line(0.05))
     for features, method in SOURCES:
-        settings = SurfaceFollowingConfig(jacobian=JacobianConfig(features, method))
+        settings = SurfaceConfig(jacobian=JacobianConfig(features, method))
         yield Case('sources', {'features': features, 'method': method}, 'sphere_70', line(0.05),
                    settings)
     for fault, change in FAULTS.items():
-        settings = SurfaceFollowingConfig(probe=ProbeConfig(**change))
+        settings = SurfaceConfig(probe=ProbeConfig(**change))
         yield Case('faults', {'fault': fault}, 'cylinder_65', line(0.05), settings)
     for fault, offset in OFFSETS.items():
         yield Case('faults', {'fault': fault}, 'cylinder_65', line(0.05), offset=offset)
@@ -138,14 +140,14 @@ def gains() -> Iterator[Case]:
         limit = gain_limit(delay, plant.lag)
         for share in GAINS:
             gain = share * limit
-            for control in CONTROLS:
+            for control, law in LAWS.items():
                 if gain > MOST_GAIN:
                     continue
-                settings = SurfaceFollowingConfig(
-                    control=control, press=PressConfig(gain=gain), thesis=ThesisConfig(gain=gain))
+                settings = (SurfaceConfig(press=PressConfig(gain=gain)) if control == 'predicted'
+                            else JacobianRateConfig(thesis=RateConfig(gain=gain)))
                 yield Case('gains', {'control': control, 'latency': latency, 'limit': limit,
                                      'share': share}, 'plane', line(0.02, length=0.02),
-                           settings, latency=latency, one=True)
+                           settings, law, latency=latency, one=True)
 
 
 def scene_file(name):
@@ -161,8 +163,9 @@ def follow(case: Case, seed: int) -> tuple[dict[str, Any], list, list]:
     bounds = ServoConfig(force=ForceBounds(max=16.0, max_load=20.0)) if max(
         case.goal.force, case.before) > 10.0 else ServoConfig()
     robot = gantry(scene.plant.acceleration, case.wrist) if case.wrist else None
-    simulation = SurfaceSimulation(scene, seed=seed, settings=case.settings, config=bounds,
-                                   latency=case.latency, robot=robot)
+    simulation = SurfaceSimulation(
+        scene, case.law, seed=seed, settings=case.settings, config=bounds, latency=case.latency,
+        robot=robot)
     if case.offset:
         simulation.renderer = Misplaced(scene, simulation.array)
         simulation.renderer.offset = np.eye(4)

@@ -4,7 +4,6 @@ Parameters of the graph: the check of a parameter file before a node starts, and
 What a node declares and what is checked here are the same dataclasses.
 """
 from collections.abc import Collection, Iterator, Mapping
-import difflib
 from pathlib import Path
 import re
 import sys
@@ -14,7 +13,7 @@ import yaml
 
 from edge_tracking.track import TrackConfig
 from tactile_common.command_line import Parser
-from tactile_common.config import built, checked
+from tactile_common.config import built, checked, did_you_mean
 from tactile_common.errors import ConfigurationError
 from tactile_common.yaml_file import read_yaml
 from tactile_sensing.contact.estimator import EstimatorConfig
@@ -22,7 +21,7 @@ from tactile_sensing.devices.registry import options_of, protocol_named
 from tactile_sensing.nodes.driver import DriverConfig
 from tactile_servo.config import ServoConfig
 from tactile_servo.laws.registry import DEFAULT, LAWS
-from tactile_servo.nodes.parameters import NodeConfig, RENAMED
+from tactile_servo.nodes.parameters import NodeConfig, OF_ROS
 from tactile_shape.contour.object_model import ModelConfig
 from tactile_shape.local_surface.local_quadric import LocalQuadricConfig
 from tactile_shape.nodes.shape_estimator import ShapeEstimatorConfig
@@ -38,7 +37,6 @@ NODES: dict[str, tuple[type, ...]] = {
 SERVO = 'edge_servo'
 # What launch file or demo give, whatever the file says.
 GIVEN = {'driver': {'port': '-'}}
-OF_ROS = ('use_sim_time', 'qos_overrides', 'start_type_description_service')
 
 
 class Parameter(NamedTuple):
@@ -148,7 +146,7 @@ def check_file(path: str | Path, nodes: Mapping[str, str], law: str = DEFAULT) -
     ------
     ConfigurationError
         The file cannot be read; a section is for a node of the graph in another namespace; a
-        value has the wrong type or is out of bounds; a parameter has a former name.
+        value has the wrong type or is out of bounds; a node has no such parameter.
     """
     sections, warnings = read_sections(path), []
     for section, values in sections:
@@ -159,9 +157,9 @@ def check_file(path: str | Path, nodes: Mapping[str, str], law: str = DEFAULT) -
                 f'parameter file {path}: {section} is not the name of the node, which is '
                 f"{nodes[name]}; '/**/{name}' holds in every namespace")
         if not meant and name not in NODES:
-            warnings.append(f'parameter file {path}: no node {section}{_near(name, NODES)}')
-        warnings += [f'parameter file {path}: {section}: {text}'
-                     for text in _unknown([name] if name in NODES else meant, values)]
+            warnings.append(f'parameter file {path}: no node {section}{did_you_mean(name, NODES)}')
+        for text in _unknown([name] if name in NODES else meant, values):
+            raise ConfigurationError(f'parameter file {path}: {section}: {text}')
     for node, full in nodes.items():
         values = _values(sections, full)
         try:
@@ -189,11 +187,6 @@ def _values(sections, full):
 
 
 def _check_values(node: str, law: str, values: Mapping[str, Any]) -> None:
-    if node == SERVO:
-        old = [f'{name} is now {RENAMED[name]}' for name in values if name in RENAMED]
-        if old:
-            raise ConfigurationError('parameters have been renamed: ' + '; '.join(old))
-
     def value_of(name, default, kind, metadata):
         return checked(name, values.get(name, default), kind, metadata)
 
@@ -204,16 +197,9 @@ def _check_values(node: str, law: str, values: Mapping[str, Any]) -> None:
 def _unknown(nodes: Collection[str], values: Mapping[str, Any]) -> Iterator[str]:
     known = {parameter.name for law in LAWS for node in nodes
              for parameter in parameters_of(node, law)}
-    if SERVO in nodes:
-        known |= RENAMED.keys()
     for name in values if nodes else ():
         if name not in known and name.split('.')[0] not in OF_ROS:
-            yield f'no parameter {name}{_near(name, known)}'
-
-
-def _near(name, known) -> str:
-    found = difflib.get_close_matches(name, list(known), 1)
-    return f'; did you mean {found[0]}?' if found else ''
+            yield f'no parameter {name}{did_you_mean(name, known)}'
 
 
 def text_of_all(law: str = DEFAULT) -> str:

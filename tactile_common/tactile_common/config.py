@@ -7,6 +7,7 @@ in `__post_init__`, and the declaration of ROS parameters read both from there.
 """
 from collections.abc import Callable, Iterable, Mapping
 import dataclasses
+import difflib
 from functools import lru_cache
 import math
 from numbers import Integral, Real
@@ -123,6 +124,12 @@ def checked(name: str, value: Any, kind: Any,
     if 'choices' in metadata and value not in metadata['choices']:
         _refuse(name, value, f'one of {", ".join(map(str, metadata["choices"]))}')
     return value
+
+
+def did_you_mean(name: str, known: Iterable[str]) -> str:
+    """Question about the known name that is nearest to one, empty if none is near."""
+    found = difflib.get_close_matches(name, list(known), 1)
+    return f'; did you mean {found[0]}?' if found else ''
 
 
 def _bounds(low: float, high: float, unit: str) -> str:

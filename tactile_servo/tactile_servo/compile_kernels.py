@@ -60,7 +60,7 @@ def compile_kernels() -> None:
     PlanarPath(place, -UP, ahead, raster(0.02, 0.01, 0.005), 1.0).step(place, -UP, 30.0, 0.05)
 
 
-def _follow_an_edge():
+def _follow_an_edge() -> None:
     """Lead a law along an edge with corners, a gap and an end that closes, by images of it."""
     law, goal = EdgeFollowing(ServoConfig()), EdgeGoal(0.1, FORCE, closed=True)
     law.begin(goal, Calibration(ARRAY, depth=DEPTH).sensor_info('pad', '', 0))
@@ -74,14 +74,15 @@ def _follow_an_edge():
         noise = NOISE if station < stations[-1] else 10.0 * NOISE
         layer = _layer(pose[:2, 3], stations, noise * rng.standard_normal(ARRAY.shape), noise)
         image = TactileImage(count, count, (layer,), ARRAY, True)
-        law.observe(Observation(count, now, 0.0, lambda _, at=pose: at, image=image))
+        at = {count: pose}
+        law.observe(Observation(count, now, 0.0, at.get, image=image))
         if law.lacks(now) is None:
             law.assess(now, station, FORCE)
             law.reference(pose, pose, UNBOUNDED, 0.0025)
-    _ = law.edge.picture.pull  # of a search; computed where it is asked for
+    _ = law.sight.edge.picture.pull  # of a search; computed where it is asked for
 
 
-def _layer(place, stations, pressure, noise):
+def _layer(place: np.ndarray, stations: np.ndarray, pressure: np.ndarray, noise: float) -> Layer:
     """What the array feels of the edge at a place (2,), added to a pressure."""
     cuts = np.union1d(stations, np.ravel(GAPS))
     corners = np.column_stack([np.interp(cuts, stations, axis) for axis in PATH.T]) - place

@@ -26,7 +26,7 @@ class ForceBounds:
         0.003, 'the force loop may press this much deeper than where it last met half of the '
         'force', 'm', 1e-4, 0.1)
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         if not self.max < self.max_load:
             raise ConfigurationError(
                 f'force.max: {self.max} N is not below force.max_load, {self.max_load} N')
@@ -39,8 +39,6 @@ class ApproachConfig:
     speed: float = bounded(
         0.01, 'speed along the normal towards the object, and away from it', 'm/s', 1e-4, 0.1)
     contact_force: float = bounded(0.5, 'force that ends the approach', 'N', 0.01, 100.0)
-    soft_touch: float = bounded(
-        2.5, 'a goal of less force than this approaches slower, in proportion', 'N', 0.01, 100.0)
     distance: float = bounded(0.03, 'the approach gives up after this way', 'm', 0.001, 1.0)
 
 
@@ -55,24 +53,19 @@ class RetreatConfig:
 class InputConfig:
     """How old an input may be."""
 
-    stale_image: float = bounded(0.05, 'hold when no image came for this long', 's', 0.002, 10.0)
+    stale_image: float = bounded(
+        0.05, 'hold when no image came, or none showed what is tracked, for this long', 's', 0.002,
+        10.0)
     stale_joints: float = bounded(
         0.05, 'hold when no joint state came for this long', 's', 0.002, 10.0)
     max_stamp_age: float = bounded(
         0.1, 'hold when the newest stamp is older, or further in the future, than this',
         's', 0.005, 10.0)
-    lost_after: float = bounded(
-        0.05, 'what is tracked counts as lost when no image has shown it for this long', 's',
-        0.002, 10.0)
-    following_error: float = bounded(
-        0.15, 'hold when a joint is this far from where it was commanded', 'rad', 0.001, 3.0)
     following_distance: float = bounded(
         0.002, 'hold when the sensor is measured this far from the way that it was sent on '
         'lately; a rotation counts on motion.rotation_length', 'm', 1e-4, 0.1)
     following_time: float = bounded(
         0.05, 'how late the robot may follow', 's', 0.005, 1.0)
-    stall: float = bounded(
-        0.05, 'hold when no cycle came, or time stood still, for this long', 's', 0.005, 10.0)
 
 
 @dataclass(frozen=True)
@@ -84,19 +77,6 @@ class HoldConfig:
         'waits for ~/pause false', 's', 0.0, 60.0)
     give_up: float = bounded(
         30.0, 'a hold that nobody ended by then aborts the goal', 's', 0.1, 3600.0)
-    longest_pause: float = bounded(
-        3600.0, 'the same for a hold that was asked for', 's', 0.1, 86400.0)
-
-
-@dataclass(frozen=True)
-class TimeLimits:
-    """How long a goal may take."""
-
-    slack: float = bounded(
-        10.0, 'approach, retreat and a goal with a length end when they take longer by this '
-        'than their ways at a small part of their speeds', 's', 0.1, 3600.0)
-    track: float = bounded(
-        1800.0, 'a goal without a length ends after tracking for this long', 's', 1.0, 86400.0)
 
 
 @dataclass(frozen=True)
@@ -110,7 +90,6 @@ class ServoConfig:
     retreat: RetreatConfig = field(default_factory=RetreatConfig)
     input: InputConfig = field(default_factory=InputConfig)
     hold: HoldConfig = field(default_factory=HoldConfig)
-    time: TimeLimits = field(default_factory=TimeLimits)
     motion: MotionConfig = field(default_factory=MotionConfig)
 
 

@@ -3,6 +3,8 @@
 from tactile_servo.control.scaling import clipped
 from tactile_servo.reasons import Reason, ReasonCode
 
+STALL = 0.05  # s without a cycle, or of time that stands still, of which nothing good can come
+
 
 class CycleClock:
     """
@@ -16,8 +18,8 @@ class CycleClock:
         What is wrong with the time of the newest cycle.
     """
 
-    def __init__(self, period: float, stall: float):
-        self._period, self._stall = period, stall
+    def __init__(self, period: float):
+        self._period = period
         self._last: float | None = None
         self._last_ns = 0
         self._advanced = 0.0  # steady time at which the clock of the stamps has gone on last [s]
@@ -35,11 +37,11 @@ class CycleClock:
         self.fault = self._judge(step, now)
         return clipped(step, 0.0, 2.0 * self._period)
 
-    def _judge(self, step, now):
+    def _judge(self, step: float, now: float) -> Reason | None:
         if step < 0.0:
             return Reason(ReasonCode.CLOCK_STOPPED, f'it went back by {-step:g} s')
-        if self.gap > self._stall:
+        if self.gap > STALL:
             return Reason(ReasonCode.STALLED, f'no cycle for {self.gap:.2f} s')
-        if now - self._advanced > self._stall:
+        if now - self._advanced > STALL:
             return Reason(ReasonCode.CLOCK_STOPPED)
         return None

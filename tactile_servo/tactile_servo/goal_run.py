@@ -32,6 +32,7 @@ SOUND_FORCE = 0.5  # of the force, from which the depth of the pad is known to b
 SETTLE = 0.1  # s after the end of the last command, until the robot stands
 NEAR = 5.0  # times `following_distance`, within which a robot at rest is sent to where it stands
 SLIGHT = 0.1  # of it, by which that may move a robot which counts as standing
+LONGEST_PAUSE = 3600.0  # s
 
 
 class GoalRun:
@@ -155,13 +156,10 @@ class GoalRun:
 
     def _waited_long(self) -> Reason | None:
         limits, hold = self._config.hold, self.hold
-        if self._now - hold.began <= (limits.longest_pause if self._paused else limits.give_up):
+        if self._now - hold.began <= (LONGEST_PAUSE if self._paused else limits.give_up):
             return None
         well = hold.well_since is not None
         return Reason(ReasonCode.GAVE_UP, (hold.cause if well else self._machine.reason).text)
-
-    def _wrong(self) -> Reason | None:
-        return self._why
 
     def _binds(self) -> Reason | None:
         """It goes on only when asked: by its cause, or since the robot is elsewhere."""
@@ -179,9 +177,6 @@ class GoalRun:
         able = (since is not None and since - self.hold.began <= within
                 and self._now >= self._moving)
         return Reason(ReasonCode.INPUT_BACK) if able else None
-
-    def _must_see(self) -> Reason | None:
-        return self._unseen
 
     def _well(self) -> Reason | None:
         return Reason(ReasonCode.INPUT_BACK,
@@ -214,7 +209,7 @@ class GoalRun:
 
     def _touches_nothing_to_track(self) -> Reason | None:
         lacking, since = self._law.lacks(self._now), self._machine.since
-        looked = self.observed > since or self._now - since > self._config.input.lost_after
+        looked = self.observed > since or self._now - since > self._config.input.stale_image
         if lacking is None or self._inputs.load < self.goal.force or not looked:
             return None
         return Reason(ReasonCode.NO_EDGE, lacking.text)
@@ -229,40 +224,24 @@ class GoalRun:
         deep = self._assessed().state is not State.HOLD and self._way.advance > deepest
         return Reason(ReasonCode.TOO_DEEP, f'{deepest:g} m') if deep else None
 
-    def _law_holds(self) -> Reason | None:
-        found = self._assessed()
-        return found.reason if found.state is State.HOLD else None
-
-    def _law_fails(self) -> Reason | None:
-        found = self._assessed()
-        return found.reason if found.state is State.DONE and found.lift else None
-
-    def _law_ends(self) -> Reason | None:
-        found = self._assessed()
-        return found.reason if found.state is State.DONE else None
-
-    def _law_tracks(self) -> Reason | None:
-        return self._law_goes_on(State.TRACK)
-
-    def _law_at_corner(self) -> Reason | None:
-        return self._law_goes_on(State.CORNER)
-
-    def _law_searches(self) -> Reason | None:
-        return self._law_goes_on(State.SEARCH)
-
-    def _law_goes_on(self, state: State) -> Reason | None:
+    def _law_says(self, state: State) -> Reason | None:
+        """The law goes over to a state, or is in it for another reason."""
         found, machine = self._assessed(), self._machine
         news = machine.phase.state is not state or machine.reason.code is not found.reason.code
         return found.reason if found.state is state and news else None
+
+    def _law_fails(self) -> Reason | None:
+        return self._law_says(State.DONE) if self._assessed().lift else None
 
     def _assessed(self) -> Assessment:
         """What the law says in this cycle."""
         if self._found is None:
             inputs, law = self._inputs, self._law
             self._found = law.assess(self._now, self.statistics.length, inputs.load)
-            if law.error is not None and self._found.state is not State.HOLD:
-                self.statistics.see(law.error, inputs.pose, inputs.contact.stamp_ns)
-                if law.error.force >= SOUND_FORCE * self.goal.force:
+            seen, contact = law.error, inputs.contact
+            if seen is not None and contact is not None and self._found.state is not State.HOLD:
+                self.statistics.see(seen, inputs.pose, contact.stamp_ns)
+                if seen.force >= SOUND_FORCE * self.goal.force:
                     self._way.begin()
         return self._found
 
@@ -366,14 +345,14 @@ RULES: tuple[Rule, ...] = (
     (_STOPPING, GoalRun._played_out, Event.REST),
     (HELD, GoalRun._waited_long, Event.END),
     (_SETTLING, GoalRun._stands, Event.STAND),
-    (HELD, GoalRun._wrong, Event.HOLD),
+    (HELD, lambda run: run._why, Event.HOLD),
     (_WAITING, GoalRun._binds, Event.BIND),
     (_WAITING, GoalRun._overload, Event.LIFT),
     (STANDING, GoalRun._asked, Event.RESUME),
     (_WAITING, GoalRun._well_soon, Event.RESUME),
-    (HELD, GoalRun._must_see, Event.REPORT),
+    (HELD, lambda run: run._unseen, Event.REPORT),
     (STANDING, GoalRun._well, Event.REPORT),
-    (MOVING, GoalRun._wrong, Event.HOLD),
+    (MOVING, lambda run: run._why, Event.HOLD),
     (_RETREAT, GoalRun._cannot_lift, Event.STOP),
     (_RETREAT, GoalRun._lifted, Event.REST),
     (TOUCHING, GoalRun._blocked, Event.END),
@@ -382,11 +361,11 @@ RULES: tuple[Rule, ...] = (
     (_APPROACH, GoalRun._touches, Event.TOUCH),
     (_APPROACH, GoalRun._touches_nothing_to_track, Event.LIFT),
     (_APPROACH, GoalRun._meets_nothing, Event.LIFT),
-    (TRACKING, GoalRun._law_holds, Event.HOLD),
+    (TRACKING, lambda run: run._law_says(State.HOLD), Event.HOLD),
     (TRACKING, GoalRun._law_fails, Event.LIFT),
-    (TRACKING, GoalRun._law_ends, Event.END),
+    (TRACKING, lambda run: run._law_says(State.DONE), Event.END),
     (TRACKING, GoalRun._too_deep, Event.LIFT),
-    (TRACKING, GoalRun._law_tracks, Event.TRACK),
-    (TRACKING, GoalRun._law_at_corner, Event.CORNER),
-    (TRACKING, GoalRun._law_searches, Event.SEARCH),
+    (TRACKING, lambda run: run._law_says(State.TRACK), Event.TRACK),
+    (TRACKING, lambda run: run._law_says(State.CORNER), Event.CORNER),
+    (TRACKING, lambda run: run._law_says(State.SEARCH), Event.SEARCH),
 )

@@ -7,6 +7,7 @@ import numpy as np
 
 from tactile_common.errors import TactileError
 from tactile_common.kernels import njit
+from tactile_sensing.types.array import TactelArray
 from tactile_sensing.types.contact import Contact
 from tactile_sensing.types.contact import Reason as ContactReason
 from tactile_sensing.types.image import SensorInfo, TactileImage
@@ -20,6 +21,7 @@ from tactile_servo.reasons import Reason, ReasonCode
 _SATURATED, _NOT_TARED = int(ContactReason.SATURATED), int(ContactReason.NOT_TARED)
 IMPOSSIBLE = 1e9  # Pa
 SAME_PITCH = 1e-3  # relative
+FOLLOWING_ERROR = 0.15  # rad of a joint: far off, whatever its way does to the sensor
 AGEING = 0.4  # of the time that an input may be silent, after which the pad slows down
 
 
@@ -118,7 +120,7 @@ class Inputs:
             self.contact, self._config.stale_image, now, now_ns)
         self.joints_fresh = self._fresh(self.joints, self._config.stale_joints, now, now_ns)
 
-    def _fresh(self, sample, limit, now, now_ns):
+    def _fresh(self, sample: Sample | None, limit: float, now: float, now_ns: int) -> bool:
         return (sample is not None and now - sample.arrival <= limit
                 and abs(now_ns - sample.stamp_ns) * 1e-9 <= self._config.max_stamp_age)
 
@@ -150,20 +152,20 @@ class Inputs:
         """Which joint is not where it was commanded (n,) [rad], or None."""
         if self.joints is None:
             return None
-        joint = _farthest(commanded, self.joints.value, self._config.following_error)
+        joint = _farthest(commanded, self.joints.value, FOLLOWING_ERROR)
         return None if joint < 0 else Reason(ReasonCode.NOT_FOLLOWING, self._names[joint])
 
 
-def _trust(sample, now, limit):
+def _trust(sample: Sample | None, now: float, limit: float) -> float:
     return 0.0 if sample is None else ramp(now - sample.arrival, limit, AGEING * limit)
 
 
-def _told(array):
+def _told(array: TactelArray) -> str:
     return (f'{array.rows} x {array.columns} tactels every {1e3 * array.pitch_y:g} x '
             f'{1e3 * array.pitch_x:g} mm')
 
 
-def _alike(one, other):
+def _alike(one: TactelArray, other: TactelArray) -> bool:
     """Whether two arrays are one, but for the rounding of their pitches."""
     return (one.shape == other.shape
             and abs(one.pitch_x - other.pitch_x) <= SAME_PITCH * other.pitch_x
@@ -171,7 +173,7 @@ def _alike(one, other):
 
 
 @njit(cache=True)
-def _sum(stress):
+def _sum(stress: np.ndarray) -> float:
     """Sum of the possible values of a layer (rows, columns)."""
     total = 0.0
     for value in stress.flat:
@@ -181,7 +183,7 @@ def _sum(stress):
 
 
 @njit(cache=True)
-def _farthest(commanded, measured, bound):
+def _farthest(commanded: np.ndarray, measured: np.ndarray, bound: float) -> int:
     """Index of the joint that is farthest off, or of none known; -1 if all are within bounds."""
     joint, most = -1, bound
     for k in range(len(commanded)):

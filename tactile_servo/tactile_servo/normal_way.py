@@ -3,14 +3,12 @@
 import numpy as np
 
 from tactile_servo.config import ServoConfig
+from tactile_servo.control.force_controller import REACTION, unseen_way
 from tactile_servo.control.scaling import clipped
 from tactile_servo.inputs import Inputs
 from tactile_servo.law import Goal, ServoLaw
 from tactile_servo.motion.motion import Motion
 from tactile_servo.state_times import approach_speed
-
-BLIND = 0.5  # of the force, by which it may grow on a way that no image has shown
-REACTION = 0.01  # s in which the approach slows down to keep to that
 
 
 class NormalWay:
@@ -66,7 +64,7 @@ class NormalWay:
         speed = 0.0 if self.lifted else self._config.approach.speed
         return np.array([0.0, 0.0, -speed, 0.0, 0.0, 0.0])
 
-    def _sighted_speed(self):
+    def _sighted_speed(self) -> float:
         """Speed at which the force cannot grow much on a way that no image has shown [m/s]."""
         way, contact = self._unseen_way(), self._inputs.contact
         seen = None if contact is None else self._inputs.pose_at(contact.stamp_ns)
@@ -76,6 +74,5 @@ class NormalWay:
         blind = float((pose[:3, 3] - seen[:3, 3]) @ pose[:3, 2])
         return clipped((way - blind) / REACTION, 0.0, np.inf)
 
-    def _unseen_way(self):
-        """Way on which the force can grow by `BLIND` of it [m]."""
-        return BLIND * self._goal.force / self._law.stiffness
+    def _unseen_way(self) -> float:
+        return unseen_way(self._goal.force, self._law.stiffness)

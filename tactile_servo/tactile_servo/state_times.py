@@ -5,26 +5,29 @@ from tactile_servo.law import Goal
 from tactile_servo.types import State, TRACKING
 
 SLOWEST = 0.05  # of the speed, for which a way has time
+SLACK = 10.0  # s beside that
+LONGEST_TRACK = 1800.0  # s of a goal without a length
+SOFT_TOUCH = 2.5  # N; what is to be touched with less is approached slower, in proportion
 
 
 def approach_speed(config: ServoConfig, force: float) -> float:
     """Speed of the approach: what is to be touched lightly is touched slowly [m/s]."""
-    return config.approach.speed * min(force / config.approach.soft_touch, 1.0)
+    return config.approach.speed * min(force / SOFT_TOUCH, 1.0)
 
 
 class StateTimes:
     """Time that a goal has spent approaching, tracking and lifting off, and how much it may."""
 
     def __init__(self, config: ServoConfig, goal: Goal):
-        slack, speed = config.time.slack, config.approach.speed
+        speed = config.approach.speed
         length = getattr(goal, 'length', 0.0)
 
-        def way(distance, speed):
-            return slack + distance / (SLOWEST * speed)
+        def way(distance: float, speed: float) -> float:
+            return SLACK + distance / (SLOWEST * speed)
 
         self._longest = {
             State.APPROACH: way(config.approach.distance, approach_speed(config, goal.force)),
-            State.TRACK: way(length, goal.speed) if length else config.time.track,
+            State.TRACK: way(length, goal.speed) if length else LONGEST_TRACK,
             State.RETREAT: way(config.retreat.distance, speed)}
         self._spent = dict.fromkeys(self._longest, 0.0)
         self._last: float | None = None
@@ -45,5 +48,5 @@ class StateTimes:
         return self._spent[_kind(state)] > self.longest(state)
 
 
-def _kind(state):
+def _kind(state: State) -> State:
     return State.TRACK if state in TRACKING else state

@@ -46,7 +46,7 @@ class Supervisor:
                              1.0 / self.config.rate, workspace)
         self.run: GoalRun | None = None  # of the goal that is worked on, or of the last one
         self._machine = StateMachine()
-        self._clock = CycleClock(1.0 / self.config.rate, self.config.input.stall)
+        self._clock = CycleClock(1.0 / self.config.rate)
         self._robot_clock = ClockCheck()
         self._image: TactileImage | None = None  # the newest
         self.around: Reason | None = None  # what is wrong around the servo, that no datum tells
@@ -79,7 +79,8 @@ class Supervisor:
         if self._machine.active and self.law.sees_images:
             self._tell(image.stamp_ns, arrival, image=image)
 
-    def _tell(self, stamp_ns, arrival, image=None, contact=None):
+    def _tell(self, stamp_ns: int, arrival: float, image: TactileImage | None = None,
+              contact: Contact | None = None) -> None:
         self.law.observe(Observation(
             stamp_ns, arrival, self.inputs.age(stamp_ns), self.inputs.pose_at, image, contact))
         if self.run is not None and self.law.sees_images == (image is not None):

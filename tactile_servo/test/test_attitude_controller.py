@@ -6,15 +6,20 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from tactile_servo.control.attitude_controller import AttitudeConfig, AttitudeController
+from tactile_servo.control.attitude_controller import (
+    AttitudeController,
+    AttitudeGains,
+    off_edge,
+)
 
-C = AttitudeConfig()
+C = AttitudeGains(5.0, 1.5, 5.0)
+STILL = np.zeros(3)
 ALONG_Y = (0.0, 1.0)
 
 
-def rate(rotation, way=ALONG_Y, slope=0.0, direction=1, config=C, dt=1.0):
-    return np.array(AttitudeController(config).rate(
-        rotation.as_matrix(), way, slope, direction, dt))
+def rate(rotation, way=ALONG_Y, slope=0.0, direction=1, max_turn=7.0, dt=1.0):
+    return AttitudeController(C).rate(
+        off_edge(rotation.as_matrix(), way, slope, direction, max_turn), STILL, dt)
 
 
 def test_a_pad_that_lies_right_stands():
@@ -44,8 +49,8 @@ def test_the_error_falls_from_anywhere_near(seed):
         normal, y = pose.as_matrix()[:, 2], pose.as_matrix()[:, 1]
         heading = math.atan2(y[0] * way[1] - y[1] * way[0], y[:2] @ way)
         errors.append(np.abs([normal @ edge, normal @ side, heading]).max())
-        pose = Rotation.from_rotvec(np.array(controller.rate(
-            pose.as_matrix(), way, slope, 1, 1e-3)) * 1e-3) * pose
+        error = off_edge(pose.as_matrix(), way, slope, 1, 7.0)
+        pose = Rotation.from_rotvec(controller.rate(error, STILL, 1e-3) * 1e-3) * pose
     assert errors[-1] < 0.01 * errors[0] + 1e-4
 
 
@@ -63,9 +68,18 @@ def test_rate_and_its_change_are_bounded():
 
 
 def test_beyond_its_largest_turn_the_pad_is_kept():
-    bounded = AttitudeConfig(max_turn=0.5)
     turned = Rotation.from_rotvec([0.0, 0.0, 0.6])
     further, back = (-math.sin(0.9), math.cos(0.9)), ALONG_Y
-    assert rate(turned, further, config=bounded)[2] == 0.0
+    assert rate(turned, further, max_turn=0.5)[2] == 0.0
     assert rate(turned, further)[2] > 0.0
-    assert rate(turned, back, config=bounded)[2] < 0.0
+    assert rate(turned, back, max_turn=0.5)[2] < 0.0
+
+
+def test_a_rate_ahead_is_followed_and_one_that_cannot_be_is_late():
+    controller, ahead = AttitudeController(C), np.array([0.0, 0.1, 0.0])
+    assert controller.rate(STILL, ahead, 1.0) == pytest.approx(ahead) and not controller.late
+    assert controller.way(np.array([0.1, 0.0, 0.0]), ahead) == pytest.approx([1.0, 0.0, 0.0])
+    controller.rate(np.array([0.2, 0.0, 0.0]), ahead, 1e-3, acceleration=1.0)
+    assert controller.late
+    controller.reset()
+    assert not controller.late and controller.rate(STILL, STILL, 1.0) == pytest.approx(STILL)

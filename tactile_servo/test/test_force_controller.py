@@ -4,25 +4,23 @@ import math
 
 import pytest
 
-from tactile_servo.control.force_controller import (
-    COMING_SHARE,
-    ForceConfig,
-    ForceController,
-    GIVE_WAY,
-    Load,
-)
+from tactile_servo.control.force_controller import ForceController, ForceGains
+from tactile_servo.laws.edge_motion import COMING_SHARE, Load, missing_depth
 
-C = ForceConfig(integral_gain=0.0, press_acceleration=100.0)
+SKIN = 2e5  # N/m^2
+C = ForceGains(60.0, 0.0, 1.0, 1.0, braking=100.0)
 HALF, DT = 0.0127, 0.0025
 
 
-def speed(load, force=5.0, config=C, length=2 * HALF, pressed=0.0, **options):
-    return ForceController(config).speed(
-        force, load, half=HALF, length=length, pressed=pressed, dt=DT, **options)
+def speed(load, force=5.0, gains=C, length=2 * HALF, pressed=0.0, **options):
+    """Speed that an edge under a pad asks for."""
+    missing = missing_depth(force, load, half=HALF, length=length, pressed=pressed,
+                            skin_stiffness=SKIN)
+    return ForceController(gains).speed(missing, None, DT, **options)
 
 
 def indentation(force, length):
-    return force / length / C.skin_stiffness
+    return force / length / SKIN
 
 
 def test_at_its_force_the_pad_stands():
@@ -49,18 +47,19 @@ def test_force_spreads_over_the_length_that_is_under_the_pad_soon():
     assert speed(Load(5.0, 2 * HALF), length=0.0) == speed(Load(5.0, 2 * HALF), length=HALF / 2)
 
 
-def test_a_leg_that_comes_is_given_way_to_fast():
+def test_a_leg_that_comes_is_given_way_to_before():
     coming = 0.01
     wanted = 5.0 / (2 * HALF + COMING_SHARE * coming)
-    error = (wanted - 5.0 / (2 * HALF)) / C.skin_stiffness
+    error = (wanted - 5.0 / (2 * HALF)) / SKIN
     assert error < 0.0
-    assert speed(Load(5.0, 2 * HALF, coming)) == pytest.approx(GIVE_WAY * C.gain * error)
+    assert speed(Load(5.0, 2 * HALF, coming)) == pytest.approx(C.gain * error)
+    assert speed(Load(5.0, 2 * HALF, coming), haste=5.0) == pytest.approx(5.0 * C.gain * error)
 
 
 def test_pressing_can_be_braked():
     missing = indentation(5.0, 2 * HALF)
-    hard = ForceConfig(gain=200.0, integral_gain=0.0, press_acceleration=1e-3)
-    assert speed(Load(0.0, 2 * HALF), config=hard) == pytest.approx(
+    hard = ForceGains(200.0, 0.0, 1.0, 1.0, braking=1e-3)
+    assert speed(Load(0.0, 2 * HALF), gains=hard) == pytest.approx(
         math.sqrt(2.0 * 1e-3 * missing))
 
 
@@ -70,18 +69,16 @@ def test_what_is_no_edge_is_no_reason_to_press():
 
 
 def test_the_integral_takes_what_remains_but_nothing_of_a_start():
-    controller = ForceController(ForceConfig())
-    near, far = Load(4.5, 2 * HALF), Load(1.0, 2 * HALF)
-    def told(load):
-        return controller.speed(5.0, load, half=HALF, length=2 * HALF, pressed=0.0, dt=DT)
-    first = told(far)
-    assert told(far) == first
-    second = told(near)
-    assert told(near) > second
+    controller = ForceController(ForceGains(60.0, 60.0, 0.05, 0.05))
+    first = controller.speed(1e-4, None, DT)
+    assert controller.speed(1e-4, None, DT) == first  # too far off to be counted
+    second = controller.speed(1e-4, 1e-4, DT)
+    assert second > first and controller.speed(1e-4, 1e-4, DT) > second
     controller.reset()
-    assert told(near) == second
+    assert controller.speed(1e-4, 1e-4, DT) == second
 
 
-@pytest.mark.parametrize('wanted', [-1.0, 1.0])
-def test_the_speed_is_bounded(wanted):
-    assert ForceController(C).bounded(wanted) == wanted * C.max_speed
+@pytest.mark.parametrize('missing, bound', [(-1.0, -0.04), (1.0, 0.02)])
+def test_the_speed_is_bounded(missing, bound):
+    gains = ForceGains(60.0, 0.0, press=0.02, lift=0.04, braking=100.0)
+    assert ForceController(gains).speed(missing, None, DT) == bound

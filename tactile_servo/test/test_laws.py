@@ -15,7 +15,7 @@ from tactile_servo.config import ServoConfig
 from tactile_servo.conversions import ACTIONS
 from tactile_servo.law import ServoLaw
 from tactile_servo.laws.registry import DEFAULT, law_for, law_named, LAWS, make_law
-from tactile_servo.nodes.parameters import NodeConfig, RENAMED
+from tactile_servo.nodes.parameters import NodeConfig
 
 MEMBERS = [name for name, _ in inspect.getmembers(ServoLaw) if not name.startswith('_')]
 
@@ -58,7 +58,7 @@ def test_a_law_is_found_for_an_action_and_refused_for_another():
     assert law_for('track_edge', 'resolved_rate') == 'resolved_rate'
     assert law_for('track_surface') == 'tactile_jacobian'
     with pytest.raises(ConfigurationError, match="'trace' works on goals of track_edge; .* asks "
-                       'for track_surface, which tactile_jacobian can'):
+                       'for track_surface, which tactile_jacobian, jacobian_rate can'):
         law_for('track_surface', 'trace')
     with pytest.raises(ConfigurationError, match="'telepathy' is not one of trace"):
         law_for('track_edge', 'telepathy')
@@ -71,18 +71,9 @@ def test_an_unknown_law_is_refused_by_name():
 
 
 @pytest.mark.parametrize('name', LAWS)
-def test_no_parameter_has_two_meanings_or_a_former_name(name):
+def test_no_parameter_has_two_meanings(name):
     declared = [*names(NodeConfig), *names(ServoConfig), *names(LAWS[name].law.config_type)]
     assert len(declared) == len(set(declared))
-    assert not set(declared) & set(RENAMED)
-
-
-def test_every_former_name_became_one_that_there_is():
-    declared = {*names(NodeConfig), *names(ServoConfig)}.union(
-        *(names(row.law.config_type) for row in LAWS.values()))
-    gone = [old for old, new in RENAMED.items()
-            if not any(word.strip(',') in declared for word in new.split())]
-    assert gone == ['array_half_width']
 
 
 def test_laws_do_not_import_each_other():

@@ -7,45 +7,57 @@ import numpy as np
 import pytest
 
 from tactile_sensing.types.array import TactelArray
-from tactile_servo.control.path_controller import PathConfig, PathController
+from tactile_servo.control.path_controller import PathController
 from tactile_servo.control.scaling import ramp, slewed
-from tactile_servo.control.speed_planner import (
-    contact_scale,
-    overload_scale,
-    SpeedConfig,
-    SpeedPlanner,
-    stray_scale,
-)
+from tactile_servo.control.speed_controller import caution, SpeedController
 from tactile_servo.edge_map.picture import PadScale
 from tactile_servo.edge_map.traced_path import PathEnd
+from tactile_servo.laws.edge_config import EdgeFollowingConfig
+from tactile_servo.laws.edge_motion import AGILE, BLIND, EdgeMotion, ENTRY, Load
+from tactile_servo.motion.agility import UNBOUNDED
+from tactile_servo.types import EdgeGoal
 
-DT, ACCELERATION = 0.0025, 2.0
+DT, ACCELERATION, GAIN, FORCE = 0.0025, 2.0, 30.0, 5.0
 SCALE = PadScale.of(TactelArray(16, 16, 0.0254 / 16, 0.0254 / 16), 0.002)
-S, P = SpeedConfig(), PathConfig()
 
 
-def edge(end=PathEnd.VIEW, limit=math.inf):
-    """An edge map as far as the planner looks at one."""
-    asked = []
+class Edge:
+    """An edge map as far as motion looks at one, and what it was asked for."""
 
-    def speed_limit(station, top, acceleration, end_speed, cut, settle):
-        asked.append(end_speed)
-        return min(top, limit)
-    return SimpleNamespace(path=SimpleNamespace(end=end), speed_limit=speed_limit, asked=asked)
+    scale = SCALE
+
+    def __init__(self, end=PathEnd.VIEW, limit=math.inf):
+        self.path, self._limit = SimpleNamespace(end=end), limit
+
+    def speed_limit(self, station, top, acceleration, end_speed, cut, settle):
+        self.top, self.end_speed, self.acceleration = top, end_speed, acceleration
+        return min(top, self._limit)
+
+    def way(self, first, last):
+        return 0.0, 1.0
 
 
-def top(speed=0.2, pressed=1.0, distance=0.0, age=0.0, **options):
-    return SpeedPlanner(S, P).top(speed, pressed=pressed, distance=distance, scale=SCALE, age=age,
-                                  **{'coming': 0.0, **options})
+def motion_on(edge, load=None, speed=0.2):
+    sight = SimpleNamespace(edge=edge, load=load or Load(FORCE, 0.0254))
+    return EdgeMotion(EdgeFollowingConfig(), EdgeGoal(speed, FORCE), sight)
 
 
-@pytest.mark.parametrize('scale, none, all_', [
-    (contact_scale, 0.3, 0.7), (overload_scale, 1.3, 1.1),
-    (lambda grains: stray_scale(grains * 0.002, 0.002), 0.6, 0.1)])
-def test_scales_go_from_nothing_to_all(scale, none, all_):
-    assert scale(none) == scale(2 * none - all_) == 0.0
-    assert scale(all_) == scale(2 * all_ - none) == 1.0
-    assert scale(0.5 * (none + all_)) == pytest.approx(0.5)
+def top(pressed=1.0, distance=0.0, coming=0.0, **options):
+    """Speed that is safe, whatever lies ahead."""
+    edge = Edge()
+    stand = SimpleNamespace(ahead=0.0, aside=(distance, 0.0))
+    motion_on(edge, Load(pressed * FORCE, 0.0254, coming)).along(stand, UNBOUNDED, DT, **options)
+    return edge.top
+
+
+@pytest.mark.parametrize('share, none, all_', [
+    (lambda pressed: caution(pressed, 0.0), 0.3, 0.7),
+    (lambda pressed: caution(pressed, 0.0), 1.3, 1.1),
+    (lambda astray: caution(1.0, astray), 1.0, 0.0)])
+def test_caution_goes_from_nothing_to_all(share, none, all_):
+    assert share(none) == share(none + 0.1 * math.copysign(1.0, none - all_)) == 0.0
+    assert share(all_) == 1.0
+    assert share(0.5 * (none + all_)) == pytest.approx(0.5)
 
 
 def test_ramp_and_slope():
@@ -59,43 +71,52 @@ def test_nothing_slows_down_a_pad_that_does_right():
 
 
 def test_each_trouble_slows_it_down():
-    assert top(pressed=0.3) == 0.0 and top(pressed=0.3, coasting=True) == 0.2
+    assert top(pressed=0.3) == 0.0 and top(pressed=0.3, may_lift=True) == 0.2
     assert top(pressed=1.2) == pytest.approx(0.1)
-    assert top(distance=0.6 * SCALE.grain) == 0.0
-    assert top(coming=0.0127) == pytest.approx(S.entry)
-    assert top(coming=0.0127 / 2) == pytest.approx(0.5 * (0.2 + S.entry))
-
-
-def test_late_images_bound_the_way_that_is_not_seen():
-    assert top(age=0.02) == pytest.approx(S.unseen * SCALE.grain / 0.025)
-    assert top(age=10.0) == S.entry
-    assert top(speed=0.01, age=10.0) == 0.01
+    assert top(distance=0.6 * SCALE.grain) == pytest.approx(0.0, abs=1e-12)
+    assert top(distance=0.1 * SCALE.grain) == 0.2
+    assert top(coming=0.0127) == pytest.approx(ENTRY)
+    assert top(coming=0.0127 / 2) == pytest.approx(0.5 * (0.2 + ENTRY))
 
 
 @pytest.mark.parametrize('end, speed', [
-    (PathEnd.VIEW, S.blind), (PathEnd.RIDGE, S.search), (PathEnd.CLOSED, 0.2)])
+    (PathEnd.VIEW, BLIND), (PathEnd.RIDGE, 0.2), (PathEnd.CLOSED, 0.2)])
 def test_speed_at_the_end_of_the_path(end, speed):
-    seen = edge(end)
-    SpeedPlanner(S, P).plan(seen, 0.0, 0.2, DT)
-    assert seen.asked == [speed]
+    seen = Edge(end)
+    motion_on(seen).along(SimpleNamespace(ahead=0.0, aside=(0.0, 0.0)), UNBOUNDED, DT)
+    assert seen.end_speed == speed
 
 
-def test_the_plan_speeds_up_by_its_acceleration_and_keeps_the_limit():
-    planner = SpeedPlanner(S, P)
-    assert planner.plan(edge(), 0.0, 0.2, DT) == pytest.approx(S.acceleration * DT)
+def test_the_pad_speeds_up_by_its_acceleration_and_keeps_the_limit():
+    edge, stand = Edge(), SimpleNamespace(ahead=0.0, aside=(0.0, 0.0))
+    motion = motion_on(edge)
+    motion.along(stand, UNBOUNDED, DT)
+    assert edge.acceleration == AGILE * EdgeFollowingConfig().speed.acceleration
+    assert motion.speed == pytest.approx(edge.acceleration * DT)
     for _ in range(100):
-        speed = planner.plan(edge(), 0.0, 0.2, DT)
-    assert speed == 0.2
-    assert planner.plan(edge(limit=0.05), 0.0, 0.2, DT) == 0.05
-    assert planner.search(0.2) == S.search and planner.search(0.001) == 0.001
-    planner.reset()
-    assert planner.speed == 0.0
+        motion.along(stand, UNBOUNDED, DT)
+    assert motion.speed == 0.2
+    edge._limit = 0.05
+    motion.along(stand, UNBOUNDED, DT)
+    assert motion.speed == 0.05
+    weak = SimpleNamespace(across=lambda: 0.5)
+    motion.along(stand, weak, DT)
+    assert edge.acceleration == AGILE * 0.5
+    motion.reset()
+    assert motion.speed == 0.0
+
+
+def test_a_speed_changes_by_no_more_than_allowed():
+    controller = SpeedController()
+    assert controller.change(1.0, 0.25, 0.5) == 0.25
+    assert controller.change(1.0, 0.0, 0.5) == 0.25
+    assert controller.change(0.0, 1.0, 0.125) == 0.125
 
 
 def test_the_pad_comes_to_the_path_and_does_not_overshoot():
-    controller, place, places = PathController(P, ACCELERATION), np.array([0.004, 0.0]), []
+    controller, place, places = PathController(GAIN), np.array([0.004, 0.0]), []
     for _ in range(800):
-        velocity = controller.follow((0.0, 1.0), 0.05, (-place[0], 0.0), DT)
+        velocity = controller.follow((0.0, 0.05), (-place[0], 0.0), ACCELERATION, DT)
         place = place + np.array(velocity) * DT
         places.append(place[0])
     assert abs(places[-1]) < 1e-7 and min(places) > -1e-4
@@ -103,8 +124,8 @@ def test_the_pad_comes_to_the_path_and_does_not_overshoot():
 
 
 def test_acceleration_in_the_plane_is_bounded_and_keeps_its_direction():
-    controller = PathController(P, ACCELERATION)
-    x, y = controller.change(3.0, 4.0, DT)
+    controller = PathController(GAIN)
+    x, y = controller.change(3.0, 4.0, ACCELERATION * DT)
     assert math.hypot(x, y) == pytest.approx(ACCELERATION * DT) and y / x == pytest.approx(4 / 3)
     controller.reset()
     assert controller.velocity == (0.0, 0.0)

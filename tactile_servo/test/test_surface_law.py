@@ -14,11 +14,11 @@ from tactile_sensing.dome.half_space import HalfSpaceDome
 from tactile_sensing.types.array import TactelArray
 from tactile_sensing.types.image import Layer, TactileImage
 from tactile_servo.config import ServoConfig
-from tactile_servo.control.surface_filter import NormalConfig, SurfaceFilter
+from tactile_servo.control.surface_filter import SurfaceFilter
 from tactile_servo.control.surface_path import Line, PlanarPath, raster, spiral
 from tactile_servo.conversions import surface_goal_from_msg, touch_to_msg
 from tactile_servo.law import Observation, Touch
-from tactile_servo.laws.surface_config import JacobianConfig, ProbeConfig, SurfaceFollowingConfig
+from tactile_servo.laws.surface_config import JacobianConfig, ProbeConfig, SurfaceConfig
 from tactile_servo.laws.surface_features import ContactSense, Felt
 from tactile_servo.laws.surface_following import SurfaceFollowing
 from tactile_servo.laws.surface_goal import Pattern, refuse_surface_goal, SurfaceGoal
@@ -44,7 +44,7 @@ def image_of(place, force, stress=None):
 
 def sense(**jacobian):
     """How the law sees contacts."""
-    return ContactSense(ARRAY, DOME, SurfaceFollowingConfig(
+    return ContactSense(ARRAY, DOME, SurfaceConfig(
         jacobian=JacobianConfig(**jacobian)), FORCE)
 
 
@@ -63,7 +63,7 @@ def arc(radius, cylinder, count=160, step=3e-4):
 @pytest.mark.parametrize('radius, cylinder', [(0.062, False), (0.06, True), (1e4, False)])
 def test_the_filter_is_exact_on_spheres_cylinders_and_planes(radius, cylinder):
     centres, normals = arc(radius, cylinder)
-    felt = SurfaceFilter(NormalConfig())
+    felt = SurfaceFilter()
     felt.reset(0.0, normals[0], centres[0], 1e-3)
     for centre, normal in zip(centres[1:-20], normals[1:-20], strict=True):
         felt.update(0.0, normal, centre, 1e-3)
@@ -81,7 +81,7 @@ def test_depths_tell_more_of_the_normal_than_places_do():
     centres, normals = arc(0.062, False)
     errors = {}
     for name, noise in (('depth', 4e-6), ('no depth', 1e-2)):
-        felt = SurfaceFilter(NormalConfig(depth_noise=noise))
+        felt = SurfaceFilter(noise)
         felt.reset(0.0, normals[0], centres[0], 4e-3)
         for centre, normal in zip(centres[1:], normals[1:], strict=True):
             felt.update(rng.normal(0.0, 2e-6), normal + rng.normal(0.0, 4e-3, 3), centre, 4e-3)
@@ -91,7 +91,7 @@ def test_depths_tell_more_of_the_normal_than_places_do():
 
 def test_an_edge_is_a_surprise():
     centres, normals = arc(1e4, False, 120)
-    felt = SurfaceFilter(NormalConfig())
+    felt = SurfaceFilter()
     felt.reset(0.0, normals[0], centres[0], 1e-3)
     for centre, normal in zip(centres[1:], normals[1:], strict=True):
         felt.update(0.0, normal, centre, 1e-3)
@@ -223,7 +223,7 @@ def test_a_table_on_disk_is_used_and_a_wrong_one_refused(tmp_path):
                 0.0127).save(path)
     with pytest.raises(ConfigurationError, match='jacobian.method is .constant., must be nearest'):
         JacobianConfig(table=str(path))
-    config = SurfaceFollowingConfig(jacobian=JacobianConfig(
+    config = SurfaceConfig(jacobian=JacobianConfig(
         method='interpolated', table=str(path)))
     law = SurfaceFollowing(ServoConfig(), config)
     law.begin(GOAL, Calibration(ARRAY).sensor_info('pad', '', 0))

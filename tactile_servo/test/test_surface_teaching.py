@@ -13,7 +13,7 @@ from tactile_sensing.types.image import Layer, TactileImage
 from tactile_servo.config import ServoConfig
 from tactile_servo.law import Observation, Teachable
 from tactile_servo.laws.registry import LAWS, make_law
-from tactile_servo.laws.surface_config import JacobianConfig, SurfaceFollowingConfig
+from tactile_servo.laws.surface_config import JacobianConfig, SurfaceConfig
 from tactile_servo.laws.surface_features import Told
 from tactile_servo.laws.surface_following import SurfaceFollowing
 from tactile_servo.laws.surface_goal import Pattern, SurfaceGoal
@@ -54,7 +54,7 @@ def see(law, image):
 @pytest.mark.parametrize('features', ['centroid', 'moments'])
 @pytest.mark.parametrize('method', ['constant', 'online'])
 def test_what_was_taught_is_what_is_wanted(features, method):
-    law = SurfaceFollowing(ServoConfig(), SurfaceFollowingConfig(
+    law = SurfaceFollowing(ServoConfig(), SurfaceConfig(
         jacobian=JacobianConfig(features, method)))
     law.teach('aside', image_of(3e-3, -1e-3, 4.0), ARRAY)
     law.begin(replace(GOAL, features='aside'), SENSOR)

@@ -6,7 +6,7 @@ import numpy as np
 from puma_loop import LIMITS, puma_loop, ROOT
 import pytest
 
-from tactile_servo.config import HoldConfig, ServoConfig, TimeLimits
+from tactile_servo.config import HoldConfig, ServoConfig
 from tactile_servo.reasons import Reason, ReasonCode
 from tactile_servo.types import EdgeGoal, State
 from tactile_simulation.closed_loop import Simulation
@@ -276,10 +276,11 @@ def test_a_contour_that_does_not_close_ends(monkeypatch):
 
 
 @pytest.mark.parametrize('state', [State.APPROACH, State.TRACK, State.RETREAT])
-def test_no_state_lasts_for_ever(state):
+def test_no_state_lasts_for_ever(state, monkeypatch):
     """A robot whose every wanted motion is held back, by so little that it counts as moving."""
-    loop = puma_loop(tracker='resolved_rate', config=ServoConfig(
-        time=TimeLimits(slack=0.1, track=1.0)))
+    monkeypatch.setattr('tactile_servo.state_times.SLACK', 0.1)
+    monkeypatch.setattr('tactile_servo.state_times.LONGEST_TRACK', 1.0)
+    loop = puma_loop(tracker='resolved_rate')
     loop.run(EdgeGoal(0.03, 5.0, length=0.01 if state == State.RETREAT else 0.0), 9.0,
              lambda s: s.state == state)
     command = loop.servo.motion.command

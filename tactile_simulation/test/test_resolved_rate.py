@@ -11,11 +11,14 @@ from tactile_sensing.types.contact import Contact, ContactType, Reason
 from tactile_sensing.types.moments import Moments
 from tactile_servo.laws.edge_features import edge_features, edge_tilt, EdgeFeatures
 from tactile_servo.laws.resolved_rate import (
+    ACROSS,
     alignment_scale,
     contact_scale,
     edge_twist,
+    PRESS,
     ResolvedRateConfig,
     TiltConfig,
+    TURN,
 )
 from tactile_servo.types import EdgeGoal
 from tactile_simulation.closed_loop import Simulation
@@ -56,9 +59,9 @@ def test_error_vanishes_in_one_segment():
 def test_every_rate_is_bounded():
     wild = EdgeFeatures(lateral=1.0, yaw=-3.0, force=1e6, remaining=0.0)
     twist = edge_twist(wild, 0.0, 5.0, CONFIG)
-    assert twist[0] == CONFIG.position.max_speed
-    assert twist[2] == -CONFIG.force.max_speed
-    assert twist[5] == -CONFIG.position.max_rate
+    assert twist[0] == ACROSS
+    assert twist[2] == -PRESS
+    assert twist[5] == -TURN
 
 
 def test_a_valid_line_is_taken_as_fitted():
@@ -120,7 +123,7 @@ def even_load(tilt=0.0, first=-HALF, last=HALF):
 
 @pytest.mark.parametrize('tilt', [-0.05, 0.0, 0.02])
 def test_tilt_is_told_by_the_first_moment(tilt):
-    told = edge_tilt(even_load(tilt), HALF, CONFIG.edge.uneven, STIFFNESS)
+    told = edge_tilt(even_load(tilt), HALF, STIFFNESS)
     assert told == pytest.approx(tilt, rel=1e-2, abs=1e-9)
 
 
@@ -135,10 +138,10 @@ def test_tilt_is_turned_away_within_its_bound():
 
 def test_an_edge_that_ends_is_no_tilt():
     for last in (0.8 * HALF, 0.3 * HALF, -0.5 * HALF):
-        assert edge_tilt(even_load(last=last), HALF, CONFIG.edge.uneven, STIFFNESS) == 0.0
+        assert edge_tilt(even_load(last=last), HALF, STIFFNESS) == 0.0
     for broken in (Moments(5.0, 0, float('nan'), 0, 3e-4, 0), Moments(5.0, 0, 1, 0, np.inf, 0),
                    Moments(0.0, 0, 0, 0, 0, 0), Moments(-1.0, 0, 1, 0, 1, 0)):
-        assert edge_tilt(broken, HALF, CONFIG.edge.uneven, STIFFNESS) == 0.0
+        assert edge_tilt(broken, HALF, STIFFNESS) == 0.0
 
 
 def tracked_with(scene, **gains):

@@ -11,7 +11,7 @@ from tactile_sensing.dome.geometry import Dome
 from tactile_sensing.dome.half_space import HalfSpaceDome
 from tactile_sensing.dome.skin import SkinConfig
 from tactile_servo.config import ForceBounds, ServoConfig
-from tactile_servo.laws.surface_config import JacobianConfig, ProbeConfig, SurfaceFollowingConfig
+from tactile_servo.laws.surface_config import JacobianConfig, ProbeConfig, SurfaceConfig
 from tactile_servo.laws.surface_goal import Pattern, SurfaceGoal
 from tactile_servo.reasons import ReasonCode
 from tactile_servo.tactile_jacobian.features import ModelFeatures
@@ -46,9 +46,9 @@ def scene_of(shape, **parts):
     return SurfaceScene('test', 'test', Placed(shape, TOP, 0.3), TOP, rubber=COARSE, **parts)
 
 
-def follow(scene, goal, seconds=20.0, settings=None, config=None, seed=0):
+def follow(scene, goal, seconds=20.0, settings=None, config=None, seed=0, law=None):
     """Run a goal: simulation and summary."""
-    simulation = SurfaceSimulation(scene, seed=seed, settings=settings, config=config)
+    simulation = SurfaceSimulation(scene, law, seed=seed, settings=settings, config=config)
     status = simulation.run(goal, seconds)
     return simulation, summarise_surface(simulation, goal, status, seed=seed)
 
@@ -167,7 +167,7 @@ def test_surfaces_are_followed(name):
 
 def test_the_thesis_control_lags_behind():
     slow, fast = (follow(scene_of(CYLINDER), line(speed, length=0.02),
-                         settings=SurfaceFollowingConfig(control='thesis'))[1]
+                         law='jacobian_rate')[1]
                   for speed in (0.01, 0.05))
     assert slow['ok'] and slow['force_rms_error'] < 0.3
     assert fast['force_rms_error'] > 1.0 and fast['centre_max'] > 0.8e-3
@@ -210,7 +210,7 @@ def test_steps_and_edges_are_followed_or_the_goal_ends(name, most):
 @pytest.mark.parametrize('factor', [0.5, 2.0])
 def test_a_wrong_stiffness_is_borne(factor):
     probe = ProbeConfig(stiffness=factor * ProbeConfig().stiffness)
-    _, summary = follow(scene_of(CYLINDER), line(), settings=SurfaceFollowingConfig(probe=probe))
+    _, summary = follow(scene_of(CYLINDER), line(), settings=SurfaceConfig(probe=probe))
     assert summary['ok'] and summary['force_rms_error'] < 0.3
 
 
@@ -220,7 +220,7 @@ def test_a_wrong_stiffness_is_borne(factor):
     ('centroid', 'constant'), ('centroid', 'nearest'), ('centroid', 'online'),
     ('moments', 'constant'), ('moments', 'interpolated'), ('moments', 'online')])
 def test_sources_of_the_jacobian(features, method):
-    settings = SurfaceFollowingConfig(jacobian=JacobianConfig(features, method))
+    settings = SurfaceConfig(jacobian=JacobianConfig(features, method))
     _, summary = follow(scene_of(SPHERE), line(0.03, length=0.015), settings=settings)
     assert summary['ok'] and summary['centre_max'] < 0.6e-3
 
@@ -235,7 +235,7 @@ def test_tables_with_holes_or_of_another_probe_are_borne(dome, hole, tmp_path):
     if hole:
         table.inverse[::hole], table.features[1::7] = np.nan, np.nan
     table.save(tmp_path / 'table.npz')
-    settings = SurfaceFollowingConfig(
+    settings = SurfaceConfig(
         jacobian=JacobianConfig('centroid', 'nearest', str(tmp_path / 'table.npz')))
     _, summary = follow(scene, line(0.03, length=0.015), settings=settings)
     assert summary['ok'] and summary['centre_max'] < 1e-3 and summary['force_max'] < 6.5

@@ -9,11 +9,9 @@ import pytest
 
 from tactile_sensing.types.image import Layer, TactileImage
 from tactile_servo.config import ForceBounds, HoldConfig, ServoConfig
-from tactile_servo.control.attitude_controller import AttitudeConfig
-from tactile_servo.control.speed_planner import SpeedConfig
 from tactile_servo.law import Observation
+from tactile_servo.laws.edge_config import AttitudeConfig, EdgeFollowingConfig, SpeedConfig
 from tactile_servo.laws.edge_following import EdgeFollowing
-from tactile_servo.laws.edge_following_config import EdgeFollowingConfig
 from tactile_servo.reasons import ReasonCode
 from tactile_servo.types import EdgeGoal, State
 from tactile_simulation.closed_loop import Simulation
@@ -208,11 +206,10 @@ def test_latency_is_no_part_of_the_lateral_loop():
 
 
 @pytest.mark.parametrize('scene, latency', [('gap', 0.06), ('two_segments', 0.08)])
-def test_late_pictures_slow_the_pad_down(scene, latency):
-    simulation, summary = follow(scene, 0.2, latency=latency)
+def test_late_pictures_do_no_harm_at_any_speed(scene, latency):
+    _, summary = follow(scene, 0.2, latency=latency)
     assert summary['ok'] and summary['reason_code'] == 'edge_ended'
     assert summary['lateral_max'] < 0.5e-3 and summary['force_max'] < 7.5
-    assert max(cycle.status.speed for cycle in simulation.log) < 0.035
 
 
 def test_pictures_too_late_to_be_used_hold_with_the_reason():

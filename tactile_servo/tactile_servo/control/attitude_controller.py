@@ -1,79 +1,96 @@
-"""Turning a pad along an edge and square to it."""
+"""Turning a pad to what it follows."""
 
 from dataclasses import dataclass
 import math
 
 import numpy as np
 
-from tactile_common.config import bounded
-from tactile_common.geometry import wrap_angle
-from tactile_common.kernels import njit
+LATE = 0.2  # of the change of the rate that is wanted: less than this at once is late
 
 
 @dataclass(frozen=True)
-class AttitudeConfig:
-    """Gains and bounds of the pad's rotation."""
+class AttitudeGains:
+    """Gain and bounds of a rotation."""
 
-    gain: float = bounded(
-        5.0, 'rate at which the pad is turned along the edge', '1/s', 0.0, 50.0, live=True)
-    max_rate: float = bounded(1.5, 'largest rate of turn', 'rad/s', 0.0, 20.0)
-    acceleration: float = bounded(
-        5.0, 'acceleration of that turn; a wrist that is asked for more than it can holds '
-        'back the whole pad, off the edge at every corner', 'rad/s^2', 0.1, 1000.0)
-    max_turn: float = bounded(
-        7.0, 'the pad is turned with the edge up to this angle from where it began, and '
-        'kept beyond', 'rad', 0.0, 100.0)
+    gain: float  # rate at which an error is made up [1/s]
+    max_rate: float  # rad/s
+    acceleration: float  # rad/s^2
 
 
 class AttitudeController:
-    """Proportional control of the pad's attitude in a plane's frame."""
+    """
+    Proportional control of an attitude, of bounded rate and acceleration.
 
-    def __init__(self, config: AttitudeConfig):
-        self.config, self._rate = config, 0.0
+    Attributes
+    ----------
+    late : bool
+        Whether the rate is far from the wanted one.
+    """
+
+    def __init__(self, gains: AttitudeGains):
+        self.gains = gains
+        self.reset()
 
     def reset(self) -> None:
-        """Forget the rate of turn, at a standstill."""
-        self._rate = 0.0
+        """Stand still."""
+        self._rate, self.late = np.zeros(3), False
 
-    def rate(self, rotation: np.ndarray, way: tuple[float, float], slope: float,
-             direction: int, dt: float) -> tuple[float, float, float]:
+    def rate(self, error: np.ndarray, ahead: np.ndarray, dt: float,
+             acceleration: float = math.inf) -> np.ndarray:
         """
-        Angular velocity x, y, z in the plane's frame [rad/s].
+        Angular velocity (3,) [rad/s] by the rotation vector (3,) [rad] that is missing.
 
-        Parameters
-        ----------
-        rotation : ndarray, shape (3, 3) or more
-            Of the commanded pad in the plane.
-        way, slope : tuple of float, float
-            Unit vector x, y in which the edge runs, and its rise along itself.
-        direction : int
-            +1 or -1, of the pad's y along the edge.
-        dt : float, s
+        It is added to the rate `ahead` (3,) [rad/s], with which what is followed turns. The
+        robot's own `acceleration` [rad/s^2] bounds its change as well.
         """
-        c = self.config
-        self._rate, x, y, z = _rates(
-            rotation, *way, slope, direction, self._rate, c.gain, c.max_rate, c.max_turn,
-            c.acceleration * dt)
-        return x, y, z
+        step = self._step(error, ahead)
+        share = min(self.gains.acceleration, acceleration) * dt / max(_size(step), 1e-12)
+        self.late = share < LATE
+        self._rate = self._rate + step * min(1.0, share)
+        return self._rate
+
+    def way(self, error: np.ndarray, ahead: np.ndarray) -> np.ndarray:
+        """Unit vector (3,) about which the rate is to change, by the same."""
+        step = self._step(error, ahead)
+        return step / max(_size(step), 1e-12)
+
+    def _step(self, error: np.ndarray, ahead: np.ndarray) -> np.ndarray:
+        wanted = ahead + self.gains.gain * error
+        most = self.gains.max_rate
+        return wanted * min(1.0, most / max(_size(wanted), 1e-12)) - self._rate
 
 
-@njit(cache=True)
-def _rates(rotation, ux, uy, slope, direction, rate, gain, most, max_turn, change):
-    """Rate of turn along the edge, and angular velocity x, y, z."""
+def _size(vector: np.ndarray) -> float:
+    return math.sqrt(vector @ vector)
+
+
+def off_edge(rotation: np.ndarray, way: tuple[float, float], slope: float, direction: int,
+             max_turn: float) -> np.ndarray:
+    """
+    Rotation vector (3,) that brings a pad along an edge and square to it [rad].
+
+    Parameters
+    ----------
+    rotation : ndarray, shape (3, 3) or more
+        Of the commanded pad in the plane.
+    way, slope : tuple of float, float
+        Unit vector x, y in which the edge runs, and its rise along itself.
+    direction : int
+        +1 or -1, of the pad's y along the edge.
+    max_turn : float
+        The pad is turned with the edge up to this angle [rad], and kept beyond.
+    """
+    ux, uy = way
     heading = math.atan2(direction * rotation[1, 1], direction * rotation[0, 1])
-    wanted = gain * wrap_angle(math.atan2(uy, ux) - heading)
-    wanted = min(max(wanted, -most), most)
+    turn = math.remainder(math.atan2(uy, ux) - heading, math.tau)
     yaw = math.atan2(rotation[1, 0], rotation[0, 0])
-    if abs(yaw) > max_turn and wanted * yaw > 0.0:
-        wanted = 0.0
-    rate += min(max(wanted - rate, -change), change)
+    if abs(yaw) > max_turn and turn * yaw > 0.0:
+        turn = 0.0
     # The pad's normal n is brought square to the edge, t, and to what lies across it, s:
     # n turns by -(n t) t with the rate of turn -(n t) n x t.
-    nx, ny, nz = rotation[0, 2], rotation[1, 2], rotation[2, 2]
+    nx, ny, nz = rotation[:3, 2].tolist()
     tilt = (nx * ux + ny * uy + nz * slope) / (1.0 + slope**2)
     lean = ny * ux - nx * uy
-    x = tilt * (ny * slope - nz * uy) - lean * nz * ux
-    y = tilt * (nz * ux - nx * slope) - lean * nz * uy
-    z = tilt * (nx * uy - ny * ux) + lean * (nx * ux + ny * uy)
-    return (rate, min(max(-gain * x, -most), most), min(max(-gain * y, -most), most),
-            min(max(-gain * z, -most), most) + rate)
+    return np.array([-tilt * (ny * slope - nz * uy) + lean * nz * ux,
+                     -tilt * (nz * ux - nx * slope) + lean * nz * uy,
+                     turn - tilt * (nx * uy - ny * ux) - lean * (nx * ux + ny * uy)])

@@ -1,93 +1,68 @@
-"""Force of a pad along an edge: predicted from the newest image, and how the pad moved since."""
+"""Force of a pad along its normal: PI control of how deep it presses, on a prediction of that."""
 
 from dataclasses import dataclass
 import math
-from typing import NamedTuple
 
-from tactile_common.config import bounded
 from tactile_servo.control.scaling import clipped
 
-COMING_SHARE = 0.35  # of the length that comes under the pad at once which is given way to before
-GIVE_WAY = 5.0  # times the gain with which the pad gives way to what comes under it
-INTEGRATED = 0.2  # of the force, the error up to which the integral counts it
-SHORTEST = 0.5  # of the pad's half size, the edge that the force is spread over at the least
+UNSEEN = 0.5  # of the force, by which it may grow on a way that no image has shown
+REACTION = 0.01  # s until the pad has slowed down
+
+
+def unseen_way(force: float, stiffness: float) -> float:
+    """Way [m] on which a force [N] may grow before an image shows it."""
+    return UNSEEN * force / stiffness
+
+
+def touch_speed(force: float, stiffness: float, age: float) -> float:
+    """Speed [m/s] at which images of an age [s] show a touch in time."""
+    return unseen_way(force, stiffness) / (age + REACTION)
 
 
 @dataclass(frozen=True)
-class ForceConfig:
+class ForceGains:
     """Gains and bounds of the motion along the normal."""
 
-    gain: float = bounded(
-        60.0, 'rate at which an error of the force is made up', '1/s', 1.0, 200.0, live=True)
-    integral_gain: float = bounded(
-        60.0, 'integral gain of the force', '1/s^2', 0.0, 1e4, live=True)
-    stiffness: float = bounded(
-        5000.0, 'total stiffness of skin, finger and robot along the normal', 'N/m', 10.0, 1e7)
-    skin_stiffness: float = bounded(
-        2.0e5, 'line force per length and indentation, which tells the height of the edge',
-        'N/m^2', 1e2, 1e9)
-    press_acceleration: float = bounded(
-        0.2, 'deceleration along the normal that the robot is trusted with as it presses',
-        'm/s^2', 1e-3, 100.0)
-    max_speed: float = bounded(0.05, 'largest speed along the normal', 'm/s', 1e-4, 1.0)
-
-
-class Load(NamedTuple):
-    """What an image says of the load along an edge."""
-
-    force: float = 0.0  # N
-    length: float = 0.0  # of the edge on the pad [m]
-    coming: float = 0.0  # length that is about to come under the pad all at once [m]
+    gain: float  # rate at which a missing depth is made up [1/s]
+    integral: float  # 1/s^2
+    press: float  # largest speed towards the object [m/s],
+    lift: float  # and off it [m/s]
+    # Deceleration that the robot is trusted with as it presses [m/s^2]: a fiftieth of gravity, so
+    # that an arm which brakes badly ends its way as well.
+    braking: float = 0.2
 
 
 class ForceController:
-    """
-    PI control of the force, on a prediction of it.
+    """PI control of a depth [m], which stands for the force."""
 
-    The line force of the image and the way of the pad since give the line force now; with the
-    length that is under the pad in a moment, it gives the indentation that is missing.
-    """
-
-    def __init__(self, config: ForceConfig):
-        self.config, self._integral = config, 0.0
+    def __init__(self, gains: ForceGains):
+        self.gains, self._integral = gains, 0.0
 
     def reset(self) -> None:
         """Forget the past, at a standstill."""
         self._integral = 0.0
 
-    def speed(self, force: float, load: Load, *, half: float, length: float, pressed: float,
-              dt: float, may_press: bool = True) -> float:
+    def speed(self, missing: float, felt: float | None, dt: float, *, haste: float = 1.0,
+              may_press: bool = True) -> float:
         """
-        Speed along the normal towards the edge, beside that which follows its rise [m/s].
+        Speed along the normal towards the object [m/s].
 
         Parameters
         ----------
-        force, load : float, Load
-            Wanted [N], and that of the newest image.
-        half, length : float
-            Half the pad's smaller size, and length of the edge under the pad in a moment [m].
-        pressed : float
-            How much deeper in the edge the pad stands than as the image was taken [m].
+        missing, felt : float
+            How much deeper the pad should be now [m], as predicted; and as the newest image shows
+            it, for the integral; None if that is too much to be counted.
         dt : float, s
+        haste : float
+            Factor of the gain.
         may_press : bool
             Otherwise the pad only gives way.
         """
-        c, shortest = self.config, SHORTEST * half
-        predicted = load.force / max(load.length, shortest) + c.skin_stiffness * pressed
-        # A share of what is to come is given way to before: as much too little first as it
-        # is too much then.
-        wanted = force / (max(length, shortest) + COMING_SHARE * load.coming)
-        error = (wanted - max(predicted, 0.0)) / c.skin_stiffness
-        if abs(force - load.force) < INTEGRATED * force:
-            self._integral += (force - load.force) / c.stiffness * dt
-        # There is not much time, and what was moved since the image is known: give way fast.
-        gain = c.gain * (GIVE_WAY if load.coming > 0.0 and error < 0.0 else 1.0)
-        give = gain * error + c.integral_gain * self._integral
+        c = self.gains
+        if felt is not None:
+            self._integral += felt * dt
+        remaining = c.integral * self._integral
         # Pressing ends in time even for a robot that brakes this hard only.
-        give = min(give, math.sqrt(2.0 * c.press_acceleration * max(error, 0.0))
-                   + c.integral_gain * abs(self._integral))
-        return give if may_press else min(give, 0.0)
-
-    def bounded(self, speed: float) -> float:
-        """Speed along the normal within its bound [m/s]."""
-        return clipped(speed, -self.config.max_speed, self.config.max_speed)
+        wanted = min(haste * c.gain * missing + remaining,
+                     math.sqrt(2.0 * c.braking * max(missing, 0.0)) + abs(remaining))
+        return clipped(wanted, -c.lift, c.press if may_press else 0.0)

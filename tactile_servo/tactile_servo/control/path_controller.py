@@ -1,63 +1,44 @@
 """Motion of a pad in the plane of a path: along it, and back to it."""
 
-from dataclasses import dataclass
 import math
 
-from tactile_common.config import bounded
-
-
-@dataclass(frozen=True)
-class PathConfig:
-    """How closely a path is followed."""
-
-    lateral_gain: float = bounded(
-        30.0, "rate at which the pad's distance from the traced edge is made up", '1/s',
-        1.0, 200.0, live=True)
-    max_lateral_speed: float = bounded(0.1, 'largest speed back to the edge', 'm/s', 1e-4, 1.0)
-    corner_cut: float = bounded(
-        5e-5, 'distance from a sharp corner at which the pad may pass it; what the task allows',
-        'm', 1e-6, 1e-2)
-    corner_settle: float = bounded(
-        3e-4, 'distance before and after a sharp corner that is passed at its speed, for the '
-        'lag of the robot', 'm', 0.0, 1e-2)
+BACK = 0.1  # m/s; largest speed back to the path
 
 
 class PathController:
-    """Velocity in the plane, of bounded acceleration: the pad's largest there [m/s^2]."""
+    """Velocity in the plane that comes back to a path at a rate `gain` [1/s]."""
 
-    def __init__(self, config: PathConfig, acceleration: float):
-        self.config, self.acceleration = config, acceleration
+    def __init__(self, gain: float):
+        self.gain = gain
         self.reset()
 
     def reset(self) -> None:
         """Stand still."""
         self.velocity = 0.0, 0.0
 
-    def follow(self, way: tuple[float, float], speed: float, aside: tuple[float, float],
-               dt: float) -> tuple[float, float]:
+    def follow(self, along: tuple[float, float], aside: tuple[float, float],
+               acceleration: float, dt: float) -> tuple[float, float]:
         """
         Velocity x, y along a path and back to it [m/s].
 
         Parameters
         ----------
-        way, aside : tuple of float
-            Unit vector x, y of the path, and way x, y from the pad to it [m].
-        speed, dt : float
-            Along the path [m/s]; [s].
+        along, aside : tuple of float
+            Velocity x, y along the path [m/s], and way x, y from the pad to it [m].
+        acceleration, dt : float
+            The pad's largest there [m/s^2]; [s].
         """
-        c, (ux, uy), (x, y) = self.config, way, aside
+        (ux, uy), (x, y) = along, aside
         distance = math.hypot(x, y)
         # No faster than the pad can stop at the path.
-        back = min(c.lateral_gain * distance, math.sqrt(self.acceleration * distance),
-                   c.max_lateral_speed) / max(distance, 1e-9)
-        return self.change(speed * ux + back * x, speed * uy + back * y, dt)
+        back = min(self.gain * distance, math.sqrt(acceleration * distance), BACK) / max(
+            distance, 1e-9)
+        return self.change(ux + back * x, uy + back * y, acceleration * dt)
 
-    def change(self, x: float, y: float, dt: float) -> tuple[float, float]:
-        """Change the velocity towards x, y within the acceleration."""
-        (before_x, before_y), most = self.velocity, self.acceleration * dt
+    def change(self, x: float, y: float, most: float) -> tuple[float, float]:
+        """Change the velocity towards x, y, by no more than `most` [m/s]."""
+        before_x, before_y = self.velocity
         size = math.hypot(x - before_x, y - before_y)
-        if size > most:
-            share = most / size
-            x, y = before_x + (x - before_x) * share, before_y + (y - before_y) * share
-        self.velocity = x, y
-        return x, y
+        share = most / size if size > most else 1.0
+        self.velocity = before_x + (x - before_x) * share, before_y + (y - before_y) * share
+        return self.velocity

@@ -1,9 +1,5 @@
 """The surface around the contact, felt and predicted: how deep the probe is, normal, bend."""
-from dataclasses import dataclass
-
 import numpy as np
-
-from tactile_common.config import bounded
 
 _ROWS, _COLUMNS = np.array([0, 1, 2, 0, 0, 1]), np.array([0, 1, 2, 1, 2, 2])  # of six numbers
 DEPTH, NORMAL, BEND = 0, slice(1, 4), slice(4, 10)  # of the state
@@ -11,26 +7,10 @@ IDENTITY = np.eye(10)
 SURPRISE = 40.0  # chi-square of an image's four numbers
 MISTRUST = 0.5  # share of a way along the normal that its effect on the force may be off by
 INEXACT = 0.1  # share of a depth that the force may be off by
-
-
-@dataclass(frozen=True)
-class NormalConfig:
-    """How much the felt surface is believed, and how soon its curvature is forgotten."""
-
-    location_noise: float = bounded(
-        1e-4, "standard deviation of the contact's place on the pad, friction's part included",
-        'm', 1e-7, 1e-2)
-    eccentricity: float = bounded(
-        0.03, 'error of that place, as a share of its distance from where it is wanted', '',
-        0.0, 1.0)
-    depth_noise: float = bounded(
-        4e-6, "standard deviation of the depth that an image's force tells, the robot's position "
-        'included', 'm', 1e-8, 1e-2)
-    curvature_change: float = bounded(
-        10.0, 'standard deviation by which curvature changes over a metre of way', '1/m', 0.0,
-        1e5)
-    prior_curvature: float = bounded(
-        25.0, 'standard deviation of the curvature before anything was felt', '1/m', 0.0, 1e4)
+# Standard deviations
+DEPTH_NOISE = 4e-6  # m, of the depth that an image's force tells, the robot's position included
+CURVATURE_CHANGE = 10.0  # 1/m, by which curvature changes over a metre of way
+PRIOR_CURVATURE = 25.0  # 1/m, of the curvature before anything was felt: of balls of 40 mm
 
 
 class SurfaceFilter:
@@ -44,8 +24,8 @@ class SurfaceFilter:
     normal than the place of the contact on the pad does; the latter tells it across the way.
     """
 
-    def __init__(self, config: NormalConfig):
-        self._config = config
+    def __init__(self, depth_noise: float = DEPTH_NOISE):
+        self._depth_noise = depth_noise  # m
         self.begun = False
         self.centre = np.zeros(3)  # where the state holds [m]
         self._state, self._covariance = np.zeros(10), np.zeros((10, 10))
@@ -58,16 +38,15 @@ class SurfaceFilter:
 
     def reset(self, depth: float, normal: np.ndarray, centre: np.ndarray, noise: float) -> None:
         """Begin with a depth [m] and a normal (3,) at a centre (3,) [m]; noise [rad]."""
-        c = self._config
         self.begun, self.centre = True, centre
         self._state = np.concatenate([[depth], normal, np.zeros(6)])
-        self._covariance = np.diag([c.depth_noise**2 + (INEXACT * depth)**2] + [noise**2] * 3
-                                   + [c.prior_curvature**2] * 6)
+        self._covariance = np.diag([self._depth_noise**2 + (INEXACT * depth)**2] + [noise**2] * 3
+                                   + [PRIOR_CURVATURE**2] * 6)
         self._unpack()
 
     def update(self, depth: float, normal: np.ndarray, centre: np.ndarray, noise: float) -> None:
         """Take a depth [m] and a normal (3,) that were felt at a centre (3,) [m]; noise [rad]."""
-        c, step = self._config, centre - self.centre
+        step = centre - self.centre
         way = float(np.sqrt(step @ step))
         transition = IDENTITY.copy()
         transition[NORMAL, BEND] = along = _along(step)
@@ -75,12 +54,12 @@ class SurfaceFilter:
         transition[DEPTH, BEND] = 0.5 * step @ along
         state = transition @ self._state
         covariance = transition @ self._covariance @ transition.T
-        change = c.curvature_change**2 * way
+        change = CURVATURE_CHANGE**2 * way
         spread = np.repeat([(MISTRUST * (self.normal @ step))**2, 0.3 * change * way**2, change],
                            [1, 3, 6])
         covariance[range(10), range(10)] += spread
         felt = np.concatenate([[depth], normal])
-        errors = np.array([c.depth_noise**2 + (INEXACT * depth)**2] + [noise**2] * 3)
+        errors = np.array([self._depth_noise**2 + (INEXACT * depth)**2] + [noise**2] * 3)
         innovation, expected = felt - state[:4], covariance[:4, :4] + np.diag(errors)
         surprise = float(innovation @ np.linalg.solve(expected, innovation))
         if surprise > SURPRISE:  # an edge, or another surface
@@ -95,7 +74,7 @@ class SurfaceFilter:
         self.centre = centre
         self._unpack()
 
-    def _unpack(self):
+    def _unpack(self) -> None:
         self.bend = np.empty((3, 3))
         self.bend[_ROWS, _COLUMNS] = self.bend[_COLUMNS, _ROWS] = self._state[BEND]
 
@@ -113,7 +92,7 @@ class SurfaceFilter:
         return float(np.sqrt(max(six @ self._covariance[BEND, BEND] @ six, 0.0)))
 
 
-def _along(step):
+def _along(step: np.ndarray) -> np.ndarray:
     """Change of the normal (3, 6) by the six numbers of the curvature, along a step (3,)."""
     x, y, z = step
     return np.array([[x, 0.0, 0.0, y, z, 0.0], [0.0, y, 0.0, x, 0.0, z],

@@ -3,13 +3,18 @@
 from dataclasses import dataclass
 import math
 
-from tactile_common.config import bounded
 from tactile_sensing.thesis.line_moments import line_from_moments
 from tactile_sensing.types.array import TactelArray
 from tactile_sensing.types.contact import Contact, ContactType
 from tactile_sensing.types.contact import Reason as ContactReason
 from tactile_sensing.types.moments import Moments
 from tactile_servo.control.scaling import ramp
+
+# Second moment along the edge, relative to that of an edge across the whole pad, from which its
+# rise is not known
+UNEVEN = 0.15
+LEAST_ELONGATION = 3.0  # ratio of the principal second moments of what is followed by its moments
+MOST_YAW = 1.0  # rad
 
 
 @dataclass(frozen=True)
@@ -25,23 +30,7 @@ class EdgeFeatures:
     tilt: float = 0.0  # rise of the edge towards +y, by which the pad is not level with it [rad]
 
 
-@dataclass(frozen=True)
-class EdgeFeatureConfig:
-    """What counts as an edge."""
-
-    uneven: float = bounded(
-        0.15, 'the pad is not levelled where the second moment along the edge differs by this '
-        'fraction from that of an edge across the whole pad', '', 1e-3, 1.0)
-    min_elongation: float = bounded(
-        3.0, 'a contact that is no straight line is followed as an edge by its moments if its '
-        'principal second moments differ by this ratio', '', 1.0, 100.0)
-    max_yaw: float = bounded(1.0, 'an edge further off than this is not followed', 'rad', 0.1, 1.5)
-    end: float = bounded(
-        0.35, 'the edge ends when the centre of pressure falls behind by this fraction of half '
-        'the array', '', 0.1, 1.0)
-
-
-def edge_features(contact: Contact, array: TactelArray, config: EdgeFeatureConfig,
+def edge_features(contact: Contact, array: TactelArray,
                   stiffness: float) -> tuple[EdgeFeatures | None, str]:
     """
     Where the edge is, and otherwise why there is none.
@@ -53,14 +42,14 @@ def edge_features(contact: Contact, array: TactelArray, config: EdgeFeatureConfi
     """
     moments, half = contact.moments, array.half_width_y
     remaining = moments.centre_of_pressure[1]
-    tilt = edge_tilt(moments, half, config.uneven, stiffness)
+    tilt = edge_tilt(moments, half, stiffness)
     if contact.type == ContactType.LINE and contact.valid:
         force = contact.normal_force if contact.force_valid else moments.m0
         features = EdgeFeatures(contact.offset, contact.yaw, force, remaining, tilt)
     elif (contact.type == ContactType.OTHER and moments.m0 > 0.0
           and ContactReason.LOW_SNR not in contact.reasons):
         elongation = moments.elongation()
-        if not elongation >= config.min_elongation:
+        if not elongation >= LEAST_ELONGATION:
             return None, f'contact is no edge, elongation {elongation:.1f}'
         line = line_from_moments(moments, half)
         features = EdgeFeatures(line.a * math.cos(line.yaw), line.yaw, moments.m0, remaining, tilt)
@@ -71,12 +60,12 @@ def edge_features(contact: Contact, array: TactelArray, config: EdgeFeatureConfi
     if abs(features.lateral) > array.half_width_x or features.force < 0.0:
         return None, (f'estimate of {1e3 * features.lateral:.3g} mm, '
                       f'{features.force:.3g} N is impossible')
-    if abs(features.yaw) > config.max_yaw:
+    if abs(features.yaw) > MOST_YAW:
         return None, f'it lies {math.degrees(features.yaw):.0f} degrees across the pad'
     return features, ''
 
 
-def edge_tilt(moments: Moments, half_length: float, uneven: float, stiffness: float) -> float:
+def edge_tilt(moments: Moments, half_length: float, stiffness: float) -> float:
     """
     Angle about x between pad and edge [rad], from the first moment along the edge (5.6).
 
@@ -84,10 +73,10 @@ def edge_tilt(moments: Moments, half_length: float, uneven: float, stiffness: fl
     My = K_z theta L^2 / 3 with K_z = 2 L k, and the second moment L^2 / 3 of an even one. Where
     an edge ends, or turns under the pad, My says nothing of its rise, and the second moment
     tells so: the angle counts in full where that is right, and not at all where it differs by
-    the fraction `uneven`. `half_length` is the thesis' L [m], the stiffness K_z [N/m].
+    the fraction `UNEVEN`. `half_length` is the thesis' L [m], the stiffness K_z [N/m].
     """
     even = moments.m0 * half_length**2 / 3.0
     if not (even > 0.0 and math.isfinite(moments.my) and math.isfinite(moments.myy)):
         return 0.0
-    trust = ramp(abs(moments.myy / even - 1.0), uneven, 0.0)
+    trust = ramp(abs(moments.myy / even - 1.0), UNEVEN, 0.0)
     return trust * 3.0 * moments.my / (stiffness * half_length**2)

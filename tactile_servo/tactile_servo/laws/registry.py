@@ -6,6 +6,7 @@ from tactile_common.errors import ConfigurationError
 from tactile_servo.config import ServoConfig
 from tactile_servo.law import ServoLaw
 from tactile_servo.laws.edge_following import EdgeFollowing
+from tactile_servo.laws.jacobian_rate import JacobianRate
 from tactile_servo.laws.resolved_rate import ResolvedRate
 from tactile_servo.laws.surface_following import SurfaceFollowing
 
@@ -23,6 +24,7 @@ _ROWS = (
     Row(EdgeFollowing, 'track_edge', closes_contours=True),
     Row(ResolvedRate, 'track_edge'),
     Row(SurfaceFollowing, 'track_surface', maps_surface=True),
+    Row(JacobianRate, 'track_surface', maps_surface=True),
 )
 LAWS: dict[str, Row] = {row.law.name: row for row in _ROWS}
 DEFAULT: str = _ROWS[0].law.name

@@ -14,17 +14,20 @@ from tactile_servo.control.lap_guard import LapGuard
 from tactile_servo.control.scaling import clipped, ramp, slewed
 from tactile_servo.control.stability import AGE_SHARE, gain_limit
 from tactile_servo.law import Assessment, LawResult, Observation, Reference, Refusal, Touch
-from tactile_servo.laws.edge_features import edge_features, EdgeFeatureConfig, EdgeFeatures
+from tactile_servo.laws.edge_features import edge_features, EdgeFeatures
 from tactile_servo.laws.edge_goal import ended, refuse_edge_goal, within_goal
 from tactile_servo.motion.agility import Agility
 from tactile_servo.reasons import Reason, ReasonCode
 from tactile_servo.types import EdgeGoal, State, TaskError
 
 DEAD_TIME, LAG = 2.5e-3, 10e-3  # s; of the robot that the gains are bounded for: the mock
+# Largest speeds: across the edge and along the normal [m/s], about the normal [rad/s]
+ACROSS, PRESS, TURN = 0.1, 0.02, 2.0
 OVERFORCE = 1.5  # of the wanted force, beyond which the goal ends
 ASIDE = 0.1  # of half the array; a pad further beside an edge's end may have missed its turn
 ALIGNED = 0.5  # of half the array, from which an edge off the centre slows the pad down
 FIRM = 0.5  # of the force, below which the pad is slowed down
+END = 0.35  # of half the array, by which the centre of pressure falls behind where the edge ends
 ON_EDGE = Assessment(State.TRACK, Reason(ReasonCode.TRACKING))
 UNKNOWN = EdgeFeatures(math.nan, math.nan, math.nan, math.nan)
 
@@ -36,8 +39,6 @@ class PositionConfig:
     segment_time: float = bounded(
         0.08, 'T_seg of (5.3) for position and angle across the edge: gain 1 / T_seg', 's',
         0.01, 10.0, live=True)
-    max_speed: float = bounded(0.1, 'largest speed across the edge', 'm/s', 1e-4, 1.0)
-    max_rate: float = bounded(2.0, 'largest rate of turn about the normal', 'rad/s', 1e-3, 20.0)
 
 
 @dataclass(frozen=True)
@@ -49,8 +50,6 @@ class ForceConfig:
     stiffness: float = bounded(
         5000.0, 'K_z of (5.5): total stiffness of skin, finger and robot along the normal',
         'N/m', 10.0, 1e7)
-    max_speed: float = bounded(
-        0.02, 'largest speed along the normal that the force loop may ask for', 'm/s', 1e-4, 1.0)
 
 
 @dataclass(frozen=True)
@@ -80,7 +79,6 @@ class ResolvedRateConfig:
     position: PositionConfig = field(default_factory=PositionConfig)
     force: ForceConfig = field(default_factory=ForceConfig)
     tilt: TiltConfig = field(default_factory=TiltConfig)
-    edge: EdgeFeatureConfig = field(default_factory=EdgeFeatureConfig)
     limit_share: float = bounded(
         0.4, 'share of the gain at which a loop through images of the measured age would '
         'swing: every T_seg is at least so long that its gain is no larger; a robot with '
@@ -118,16 +116,16 @@ def edge_twist(features: EdgeFeatures, speed: float, force: float, config: Resol
     ndarray, shape (6,)
         Linear and angular velocity of the sensor frame, in the sensor frame [m/s, rad/s].
     """
-    def rate(error, segment_time, most):
+    def rate(error: float, segment_time: float, most: float) -> float:
         return clipped(error / max(segment_time, shortest), -most, most)
 
     across, press, tilt = config.position, config.force, config.tilt
     return np.array([
-        rate(features.lateral, across.segment_time, across.max_speed), speed,
-        rate((force - features.force) / press.stiffness, press.segment_time, press.max_speed),
+        rate(features.lateral, across.segment_time, ACROSS), speed,
+        rate((force - features.force) / press.stiffness, press.segment_time, PRESS),
         # More load ahead means that the edge rises: the pad is turned away from it there.
         rate(-features.tilt, tilt.segment_time, tilt.max_rate), 0.0,
-        rate(features.yaw, across.segment_time, across.max_rate)])
+        rate(features.yaw, across.segment_time, TURN)])
 
 
 class ResolvedRate:
@@ -193,7 +191,7 @@ class ResolvedRate:
         if not self._begun:
             return
         features, self._problem = edge_features(
-            observation.contact, self._array, self.config.edge, self.config.force.stiffness)
+            observation.contact, self._array, self.config.force.stiffness)
         if features is not None:
             self.features, self._shown = features, arrival
             self.error = TaskError(features.lateral, angle=features.yaw, force=features.force)
@@ -215,7 +213,7 @@ class ResolvedRate:
 
     def lacks(self, now: float) -> Reason | None:
         """What keeps the law from tracking, or None."""
-        if now - self._shown < self.servo.input.lost_after:
+        if now - self._shown < self.servo.input.stale_image:
             return None
         return Reason(ReasonCode.EDGE_LOST, self._problem)
 
@@ -224,7 +222,7 @@ class ResolvedRate:
         self._progress = progress
         return within_goal(self.goal, self._laps, progress, self._assess(now, progress, load))
 
-    def _assess(self, now, progress, load):
+    def _assess(self, now: float, progress: float, load: float) -> Assessment:
         goal, array = self.goal, self._array
         lacking = self.lacks(now)
         if lacking is not None:
@@ -237,7 +235,7 @@ class ResolvedRate:
                 f'{goal.force:g} N asked for'), lift=True)
         ahead = goal.direction * self.features.remaining
         shortest = 2.0 * array.half_width_y
-        if ahead < -self.config.edge.end * array.half_width_y and progress > shortest:
+        if ahead < -END * array.half_width_y and progress > shortest:
             aside = abs(self.features.lateral)
             if aside > ASIDE * array.half_width_x:
                 return Assessment(State.DONE, Reason(

@@ -1,13 +1,10 @@
-"""Gains and bounds of the law 'tactile_jacobian'."""
+"""What a user knows of probe, robot and task, for the laws that follow a surface."""
 from dataclasses import dataclass, field
 
 from tactile_common.config import bounded, one_of
 from tactile_common.errors import ConfigurationError
-from tactile_servo.control.surface_filter import NormalConfig
 from tactile_servo.tactile_jacobian.features import FeatureKind
 from tactile_servo.tactile_jacobian.source import METHODS, TABLES
-
-CONTROLS = ('predicted', 'thesis')
 
 
 @dataclass(frozen=True)
@@ -23,11 +20,7 @@ class ProbeConfig:
         1.44e8, "pressure per indentation of the skin's surface: P / (pi R d^2) where a force P "
         'presses a plate in by d', 'Pa/m', 1e3, 1e13)
 
-    spread: float = bounded(
-        2.0e-6, 'by which the variance of an image is less than the mean of x^2 of what presses: '
-        'a paraboloid of radius a has a^2 / 6', 'm^2', -1e-4, 1e-4)
-
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         if not self.array_radius < self.skin_radius:
             raise ConfigurationError(
                 f'probe.array_radius: {self.array_radius} m is not below probe.skin_radius, '
@@ -47,7 +40,7 @@ class JacobianConfig:
         'doc': "file made by build_jacobian_table; empty: of a half-space on the probe's tangent "
                'plane'})
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         if self.table and self.method not in TABLES:
             raise ConfigurationError(
                 f'jacobian.table: {self.table!r} is given, but jacobian.method is '
@@ -62,15 +55,6 @@ class CourseConfig:
     blind: float = bounded(
         1e-5, 'depth by which the surface may turn out otherwise, before an image can tell: the '
         'probe is slower where the curvature ahead is less certain', 'm', 1e-7, 1e-2)
-    bending: float = bounded(
-        0.3, "share of the joints' acceleration that a way may take by which their rates change "
-        'along it, as near a singularity: the rest is for corrections and to slow down', '',
-        0.01, 0.95)
-    edge_speed: float = bounded(
-        0.015, 'of the centre round what is sharper than half of its own radius: what comes '
-        'after an edge nobody has felt', 'm/s', 1e-4, 1.0)
-    gain: float = bounded(
-        30.0, "rate at which the contact's distance from its path is made up", '1/s', 0.1, 200.0)
 
 
 @dataclass(frozen=True)
@@ -78,23 +62,13 @@ class PressConfig:
     """Motion along the contact's normal."""
 
     gain: float = bounded(
-        30.0, 'rate at which an error of the force is made up', '1/s', 0.1, 200.0)
-    integral_gain: float = bounded(150.0, 'integral gain of the force', '1/s^2', 0.0, 1e4)
-    max_speed: float = bounded(
-        0.05, 'largest speed along the normal, away from the object', 'm/s', 1e-4, 1.0)
-    press_speed: float = bounded(0.01, 'the same towards it', 'm/s', 1e-4, 1.0)
-    overforce: float = bounded(
-        2.5, 'times the force asked for, beyond which the goal ends, once it was met', '',
-        1.05, 100.0)
+        30.0, 'rate at which an error of the force is made up', '1/s', 0.1, 500.0, live=True)
 
 
 @dataclass(frozen=True)
 class RollConfig:
     """Rotation of the probe about its centre."""
 
-    gain: float = bounded(
-        15.0, 'rate at which the contact is brought where it is wanted on the pad', '1/s', 0.1,
-        200.0)
     max_rate: float = bounded(4.0, 'largest rate of turn', 'rad/s', 1e-3, 50.0)
     acceleration: float = bounded(
         6.0, 'acceleration of the turn; a wrist that is asked for more than it can holds back '
@@ -102,25 +76,11 @@ class RollConfig:
 
 
 @dataclass(frozen=True)
-class ThesisConfig:
-    """Gains of the control 'thesis'."""
+class SurfaceConfig:
+    """What a user knows of probe, robot and task, for the laws that follow a surface."""
 
-    gain: float = bounded(
-        20.0, 'share of J^-1 dF that is made up in a second: the printed law makes up all of it '
-        'at every image, which is a gain of 200/s', '1/s', 0.1, 500.0)
-
-
-@dataclass(frozen=True)
-class SurfaceFollowingConfig:
-    """Gains and bounds of the law 'tactile_jacobian'."""
-
-    control: str = one_of(
-        'predicted', "'predicted': along the contact's normal, which is predicted from how it "
-        "turns, PI on the force; 'thesis': in the sensor's plane, proportional", CONTROLS)
     probe: ProbeConfig = field(default_factory=ProbeConfig)
     jacobian: JacobianConfig = field(default_factory=JacobianConfig)
     course: CourseConfig = field(default_factory=CourseConfig)
     press: PressConfig = field(default_factory=PressConfig)
     roll: RollConfig = field(default_factory=RollConfig)
-    normal: NormalConfig = field(default_factory=NormalConfig)
-    thesis: ThesisConfig = field(default_factory=ThesisConfig)

@@ -9,7 +9,7 @@ from tactile_sensing.dome.geometry import Dome
 from tactile_sensing.image import image_moments
 from tactile_sensing.types.array import TactelArray
 from tactile_sensing.types.image import TactileImage
-from tactile_servo.laws.surface_config import SurfaceFollowingConfig
+from tactile_servo.laws.surface_config import SurfaceConfig
 from tactile_servo.reasons import Reason, ReasonCode
 from tactile_servo.tactile_jacobian.features import FeatureKind, features_of, filled, REFERENCE
 from tactile_servo.tactile_jacobian.source import ModelSource
@@ -45,11 +45,11 @@ class ContactSense:
 
     array: TactelArray
     dome: Dome
-    config: SurfaceFollowingConfig
+    config: SurfaceConfig
     force: float  # about which the Jacobian is taken [N]
     table: JacobianTable | None = None
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         c = self.config
         # An elastic foundation: the force grows with the square of the depth.
         self.stiffness = c.probe.stiffness * math.sqrt(self.force / REFERENCE)
@@ -86,7 +86,7 @@ class ContactSense:
         return 2.0 * self.force / self.stiffness * share
 
 
-def kind_of(config: SurfaceFollowingConfig, table: JacobianTable | None) -> FeatureKind:
+def kind_of(config: SurfaceConfig, table: JacobianTable | None) -> FeatureKind:
     """Which features stand for an image: those of the table, if there is one."""
     return table.kind if table else FeatureKind(config.jacobian.features)
 
@@ -101,7 +101,7 @@ def pressure_of(image: TactileImage, array: TactelArray) -> np.ndarray | Reason:
         pressure is None) else pressure
 
 
-def _area(pressure, array):
+def _area(pressure: np.ndarray, array: TactelArray) -> float:
     """Root of the determinant of the variance of an image; 0 if it has none [m^2]."""
     m = image_moments(pressure, array)
     x, y = m.centre_of_pressure

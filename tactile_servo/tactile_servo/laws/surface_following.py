@@ -1,222 +1,32 @@
 """
-Law 'tactile_jacobian': a round probe follows a surface by features of its image (chapter 6).
+Law 'tactile_jacobian': along the contact's normal, which is predicted from how it turns.
 
-The difference of wanted and felt features, through the inverse of the tactile Jacobian, says
-where on the pad the contact lies and how hard it presses. The probe turns about its centre to
-bring the contact where it is wanted, goes along the contact's normal to keep the force, and over
-the surface across it. That normal is filtered and predicted from the robot's own pose, so that
-the age of the images is not in the loop.
+The probe turns about its centre to bring the contact where it is wanted, goes along the contact's
+normal to keep the force, and over the surface across it. That normal is filtered and predicted
+from the robot's own pose, so that the age of the images is not in the loop.
 """
-import math
 from typing import ClassVar
 
 import numpy as np
 
-from tactile_common.errors import ConfigurationError
-from tactile_sensing.dome.geometry import Dome
-from tactile_sensing.types.array import TactelArray
-from tactile_sensing.types.image import SensorInfo, TactileImage
-from tactile_servo.config import ServoConfig
-from tactile_servo.control.stability import AGE_SHARE
-from tactile_servo.control.surface_filter import SurfaceFilter
-from tactile_servo.law import Assessment, Observation, Reference, Refusal, Touch
-from tactile_servo.laws.surface_config import SurfaceFollowingConfig
-from tactile_servo.laws.surface_features import ContactSense, kind_of
-from tactile_servo.laws.surface_goal import (
-    Pattern,
-    refuse_surface_goal,
-    SurfaceGoal,
-    SurfaceResult,
-)
-from tactile_servo.laws.surface_motion import CENTRED, STAND, SurfaceMotion, thesis_twist
-from tactile_servo.laws.surface_state import Going, plan_path, Record
-from tactile_servo.laws.surface_teaching import between, Lessons, wanted_contacts
+from tactile_servo.laws.surface_law import SurfaceLaw
 from tactile_servo.motion.agility import Agility
-from tactile_servo.reasons import Reason, ReasonCode
-from tactile_servo.tactile_jacobian.table import load_table
-from tactile_servo.types import State, TaskError
-
-MET = 0.05  # of the force, the error from which it counts as met, and the probe goes
-STALL_TIME = 5.0  # s without progress
-ADVANCE = 5e-4  # m that are progress
-ON_SURFACE = Assessment(State.TRACK, Reason(ReasonCode.TRACKING))
 
 
-class SurfaceFollowing:
-    """Follow a surface by the tactile Jacobian."""
+class SurfaceFollowing(SurfaceLaw):
+    """Follow a surface by the tactile Jacobian and the robot's own pose."""
 
     name: ClassVar[str] = 'tactile_jacobian'
-    goal_type: ClassVar[type] = SurfaceGoal
-    config_type: ClassVar[type] = SurfaceFollowingConfig
-    sees_images: ClassVar[bool] = True
-    touch_speed = math.inf
-    goal: SurfaceGoal  # since `begin`
-    _sense: ContactSense
 
-    def __init__(self, servo: ServoConfig, config: SurfaceFollowingConfig | None = None):
-        self.servo, self.config = servo, config or SurfaceFollowingConfig()
-        probe = self.config.probe
-        self._dome = Dome(probe.skin_radius, probe.array_radius,
-                          2.0 * probe.array_radius - probe.skin_radius)
-        path = self.config.jacobian.table
-        self._table = load_table(path) if path else None
-        self._lessons = Lessons(kind_of(self.config, self._table))
-        self._surface = SurfaceFilter(self.config.normal)
-        self.error: TaskError | None = None
-        self._going, self._record = Going(), Record(self.config.probe)
-        self._motion = SurfaceMotion(
-            self.config, self._dome, self._surface, math.inf, servo.input.max_stamp_age)
+    def normal(self, commanded: np.ndarray, dt: float) -> np.ndarray:
+        """Normal (3,) where the probe will be."""
+        return self._motion.normal_ahead(commanded, dt)
 
-    def retune(self, config: SurfaceFollowingConfig) -> None:
-        """Take other gains from now on."""
-        self.config = self._motion.config = config
-
-    @property
-    def stiffness(self) -> float:
-        """Of skin, finger and robot along the normal [N/m]."""
-        return self.config.probe.stiffness
-
-    def validate(self, goal: SurfaceGoal) -> Refusal | None:
-        """Why a goal is beyond this law, or None."""
-        try:
-            taught = self._lessons.named(goal.features, goal.force)
-        except ConfigurationError as error:
-            return Refusal(ReasonCode.UNSUPPORTED_GOAL, str(error))
-        if len(taught) > 1 and goal.pattern != Pattern.LINE and not goal.duration:
-            return Refusal(ReasonCode.INVALID_GOAL,
-                           'several features need a line, or a duration, to go through')
-        return refuse_surface_goal(goal)
-
-    def teach(self, name: str, image: TactileImage, array: TactelArray) -> str:
-        """Keep the features of an image by a name, see `Lessons.take`."""
-        return self._lessons.take(name, image, array, self.servo.approach.contact_force)
-
-    def begin(self, goal: SurfaceGoal, sensor: SensorInfo) -> None:
-        """Forget the last goal and take a new one."""
-        self.goal, self.error = goal, None
-        self._sense = ContactSense(sensor.array, self._dome, self.config, goal.force, self._table)
-        self._going = Going(wanted_contacts(
-            self._sense, self._lessons.named(goal.features, goal.force)))
-        self._record = Record(self.config.probe)
-        self._surface = SurfaceFilter(self.config.normal)
-        self._motion = SurfaceMotion(
-            self.config, self._dome, self._surface, sensor.array.half_width_x, self._motion.age)
-
-    def resume(self) -> None:
-        """Go on from a standstill, along the same path."""
-        self._motion.stand()
-        self._going.reached_at = -math.inf
-
-    def observe(self, observation: Observation) -> None:
-        """Take an image."""
-        if observation.image is None:
-            return
-        pose, going = observation.pose(), self._going
-        if pose is None:
-            return
-        felt = self._sense.look(observation.image, pose)
-        tracking = going.begun is not None and not going.over
-        self._record.images += tracking
-        if isinstance(felt, Reason):
-            going.problem = felt
-            return
-        self._motion.age += AGE_SHARE * (
-            min(observation.age, self.servo.input.max_stamp_age) - self._motion.age)
-        going.felt, going.shown, going.problem = felt, observation.arrival, None
-        off = felt.place - going.aim.place
-        self.error = TaskError(float(off[0]), float(off[1]), force=felt.force)
-        noise = self.config.normal
-        aside = math.hypot(*felt.place)
-        share = min(self.goal.force / max(felt.force, 1e-6), 20.0)
-        angle = math.hypot(noise.location_noise * share,
-                           noise.eccentricity * aside) / self._dome.array_radius
-        going.met = going.met or abs(felt.force - going.aim.force) < MET * going.aim.force
-        take = self._surface.update if self._surface.begun else self._surface.reset
-        take(self._sense.depth(felt.force), felt.normal, felt.centre, angle)
-        if tracking:
-            # A part of the print may lie beside the pad, or not be pressed yet.
-            whole = going.met and aside <= CENTRED * self._sense.array.half_width_x
-            self._record.keep(
-                observation.stamp_ns, felt, float(off @ off), self._surface.normal, whole)
-
-    def lacks(self, now: float) -> Reason | None:
-        """What keeps the law from tracking, or None."""
-        if now - self._going.shown < self.servo.input.lost_after:
-            return None
-        return self._going.problem or Reason(ReasonCode.CONTACT_LOST)
-
-    def assess(self, now: float, progress: float, load: float) -> Assessment:
-        """Decide whether to go on."""
-        found = self._assess(now, progress, load)
-        self._going.over = found.state is State.DONE
-        return found
-
-    def _assess(self, now, progress, load):
-        going, goal = self._going, self.goal
-        if going.begun is None:
-            going.begun = now
-        if len(going.wanted) > 1:
-            share = progress / goal.length if goal.length else (now - going.begun) / goal.duration
-            going.aim = between(going.wanted, share)
-        if goal.duration and now - going.begun >= goal.duration:
-            return Assessment(State.DONE, Reason(ReasonCode.DURATION_REACHED), True)
-        if goal.pattern == Pattern.LINE and 0.0 < goal.length <= progress:
-            return Assessment(State.DONE, Reason(ReasonCode.LENGTH_REACHED), True)
-        lacking = self.lacks(now)
-        if lacking is not None:
-            return Assessment(State.HOLD, lacking)
-        if going.end is not None:
-            return going.end
-        most = self.config.press.overforce
-        if going.met and load > most * goal.force:
-            return Assessment(State.DONE, Reason(
-                ReasonCode.OVERFORCE, f'{load:.1f} N, beyond {most:g} times the {goal.force:g} N '
-                'asked for'), lift=True)
-        if progress > going.reached + ADVANCE or going.reached_at == -math.inf:
-            going.reached, going.reached_at = progress, now
-        if now - going.reached_at > STALL_TIME:
-            return Assessment(State.DONE, Reason(
-                ReasonCode.NO_PROGRESS, self._motion.bound), lift=True)
-        return ON_SURFACE
-
-    def reference(self, pose: np.ndarray, commanded: np.ndarray, agility: Agility,
-                  dt: float) -> Reference:
-        """Wanted motion from the measured and the commanded pose (4, 4) of the sensor."""
-        going, thesis = self._going, self.config.control == 'thesis'
-        felt = going.felt
-        assert felt is not None  # there is contact
-        normal = felt.normal if thesis else self._motion.normal_ahead(commanded, dt)
-        point = self._motion.centre_of(commanded) + self._dome.skin_radius * normal
-        if going.path is None:
-            going.path = plan_path(self.goal, point, normal, self.config.course.acceleration)
-        step = going.path.step(point, normal, self.config.course.gain, self._motion.speed)
-        if step is None:
-            going.end = Assessment(State.DONE, Reason(
-                ReasonCode.NO_PROGRESS, 'the surface is too steep for the path'))
-            step = STAND
-        elif step.left <= 0.0:
-            going.end = Assessment(State.DONE, Reason(ReasonCode.PATH_COMPLETED), True)
-        aim = going.aim
-        pace = agility.along(
-            self._motion.course(step.way, normal, commanded), self._motion.speed,
-            self.config.course.bending)
-        speed = self._motion.advance(
-            step, felt, aim, self.goal.speed if going.met else 0.0, pace, dt)
-        if thesis:
-            twist = thesis_twist(felt, aim, step.way, speed, commanded, self._dome, self.config)
-        else:
-            depth, wanted = self._sense.depth(felt.force), self._sense.depth(aim.force)
-            self._motion.press(
-                pose, felt, aim, wanted, depth if going.met else None, commanded, dt)
-            twist = self._motion.twist(
-                step.way, normal, commanded, aim, agility, dt)
-        return Reference(twist, speed, step.way.tolist())
-
-    @property
-    def touch(self) -> Touch | None:
-        """Where the surface was touched last, None before."""
-        return self._record.newest
-
-    def result(self) -> SurfaceResult:
-        """Contacts that were felt."""
-        return self._record.result()
+    def twist(self, normal: np.ndarray, way: np.ndarray, pose: np.ndarray,
+              commanded: np.ndarray, agility: Agility, dt: float) -> np.ndarray:
+        """Twist (6,) with PI control of the force."""
+        going, motion, felt = self._going, self._motion, self.felt
+        depth, wanted = self._sense.depth(felt.force), self._sense.depth(going.aim.force)
+        press = motion.press(pose, commanded, felt, going.aim, wanted,
+                             depth if going.met else None, dt)
+        return motion.twist(way, normal, press, commanded, going.aim, agility, dt)

@@ -41,6 +41,7 @@ from tactile_servo.reasons import Reason, ReasonCode
 from tactile_servo.types import State, Status
 
 GUARD_PERIOD = 0.1  # s between looks at the graph
+STATUS_PERIOD = 0.01  # s between status messages, beside those of another state or reason
 _NEWEST = QoSProfile(depth=1, reliability=qos_profile_sensor_data.reliability)
 _LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 
@@ -57,7 +58,6 @@ class Heard:
 class Telling:
     """When to publish the status, and how soon commands follow the pictures: times in s."""
 
-    period: float
     told: tuple[Any, Any] | None = None  # state and reason
     next: float = -math.inf  # when the same are told again
     used_ns: int = 0  # stamp of the newest picture that was used,
@@ -68,7 +68,7 @@ class Telling:
         news = status.state, status.reason
         if news == self.told and now < self.next:
             return False
-        self.told, self.next = news, max(self.next + self.period, now)
+        self.told, self.next = news, max(self.next + STATUS_PERIOD, now)
         return True
 
     def use(self, stamp_ns: int, commanded: bool, now_ns: float) -> None:
@@ -92,8 +92,8 @@ class EdgeServoNode(TactileNode):
     attributes are ROS entities.
     """
 
-    def __init__(self, **kwargs):
-        self._server = None  # until the parameters have proved right
+    def __init__(self, **kwargs: Any):
+        self._server: GoalServer | None = None  # until the parameters have proved right
         self._stopping: Reason | None = None
         super().__init__('edge_servo', **kwargs)
         self._servo, self._model, config = declared_supervisor(self)
@@ -101,7 +101,7 @@ class EdgeServoNode(TactileNode):
         compile_kernels()
         self._pace, self._heard = Pace(1.0 / self._servo.config.rate), Heard()
         self._status_msg, self._pose_msg = ServoStatus(), PoseStamped()
-        self._telling = Telling(1.0 / config.status_rate)
+        self._telling = Telling()
         self._status_msg.header.frame_id = config.tip_frame
         self._pose_msg.header.frame_id = self._model.root_frame
 
@@ -133,39 +133,39 @@ class EdgeServoNode(TactileNode):
         self.create_timer(GUARD_PERIOD, self._look_around, clock=steady)
         self.add_on_set_parameters_callback(_keep_the_clock)
 
-    def _simulated_ns(self):
+    def _simulated_ns(self) -> int:
         return self.get_clock().now().nanoseconds
 
-    def _look_around(self):
+    def _look_around(self) -> None:
         self._servo.around = self._stopping or self._guard.problem()
 
-    def stop(self):
+    def stop(self) -> None:
         """Stop within the robot's limits and end the goal; then it has `stopped`."""
         self._stopping = Reason(ReasonCode.SHUTDOWN)
         self._servo.cancel(ReasonCode.SHUTDOWN)
 
     @property
-    def stopped(self):
+    def stopped(self) -> bool:
         """Whether it was asked to stop, and the client of its goal knows the result."""
-        return self._stopping is not None and self._server.told
+        return self._stopping is not None and self._server is not None and self._server.told
 
-    def _warn(self, text):
+    def _warn(self, text: str) -> None:
         self.get_logger().warning(text, throttle_duration_sec=5.0)
 
-    def _check_frame(self, msg):
+    def _check_frame(self, msg: Any) -> None:
         tip = self._status_msg.header.frame_id
         if msg.header.frame_id != tip:
             self._servo.inputs.refuse(Reason(
                 ReasonCode.WRONG_FRAME, f'{msg.header.frame_id!r}, must be tip_frame, {tip!r}'))
 
-    def _on_sensor(self, msg):
+    def _on_sensor(self, msg: SensorInfo) -> None:
         try:
             self._check_frame(msg)
             self._servo.see_sensor(sensor_info_from_msg(msg))
         except TactileError as error:
             self._warn(f'sensor_info passed over: {error}')
 
-    def _on_joints(self, raw):
+    def _on_joints(self, raw: bytes) -> None:
         try:
             msg = unpacked(raw, JointState)
         except TactileError as error:
@@ -185,21 +185,21 @@ class EdgeServoNode(TactileNode):
         set_stamp(self._pose_msg.header.stamp, stamp_ns)
         self._pose.publish(self._pose_msg)
 
-    def _on_contact(self, raw):
+    def _on_contact(self, raw: bytes) -> None:
         self._heard.contact = raw, perf_counter()
         if not self._servo.law.sees_images:
             self._on_picture(self._heard.contact[1])
 
-    def _on_image(self, raw):
+    def _on_image(self, raw: bytes) -> None:
         self._heard.image = raw, perf_counter()
         if self._servo.law.sees_images:
             self._on_picture(self._heard.image[1])
 
-    def _on_picture(self, arrival):
+    def _on_picture(self, arrival: float) -> None:
         if self._pace.hear(arrival):
             self._on_cycle()
 
-    def _look(self):
+    def _look(self) -> None:
         """Unpack the newest image and the newest contact and give them to the servo."""
         # The image first: what a contact tells the law belongs to an image it has seen.
         heard, self._heard = self._heard, Heard()
@@ -225,12 +225,12 @@ class EdgeServoNode(TactileNode):
             except TactileError as error:
                 self._warn(f'contact passed over: {error}')
 
-    def _on_timer(self):
+    def _on_timer(self) -> None:
         # What an executor has still queued from before the timer was set anew comes too early.
         if self._pace.is_due(perf_counter()):
             self._on_cycle()
 
-    def _on_cycle(self):
+    def _on_cycle(self) -> None:
         now, begin, pace = perf_counter(), thread_time(), self._pace
         pace.begin(now)
         self._look()
@@ -249,26 +249,27 @@ class EdgeServoNode(TactileNode):
                                 pace.timing(sent, self._telling.latency), self._status_msg)
             set_stamp(msg.header.stamp, now_ns)
             self._status.publish(msg)
-        self._server.report(self._status_msg)
+        if self._server is not None:
+            self._server.report(self._status_msg)
         # The timer is for the cycle after this one, should no picture come before.
         wait = pace.end(perf_counter(), thread_time() - begin)
         self._timer.timer_period_ns = round(NS * wait)
         self._timer.reset()
 
-    def _on_pause(self, request, response):
+    def _on_pause(self, request: Any, response: Any) -> Any:
         response.success = self._servo.pause(request.data, perf_counter())
         response.message = (
             ('paused' if request.data else 'resumed') if response.success else 'no active goal')
         return response
 
-    def _on_teach(self, request, response):
+    def _on_teach(self, request: Any, response: Any) -> Any:
         try:
             response.message, response.success = self._servo.teach(request.name), True
         except TactileError as error:
             response.message = str(error)
         return response
 
-    def _on_diagnose(self):
+    def _on_diagnose(self) -> None:
         servo, pace = self._servo, self._pace
         late = pace.longest > pace.period
         self.diagnose(
@@ -277,20 +278,20 @@ class EdgeServoNode(TactileNode):
             {'missed_cycles': pace.missed, 'longest_cycle_s': f'{pace.longest:.6f}'}, name='servo')
         pace.longest = 0.0
 
-    def destroy_node(self):
+    def destroy_node(self) -> None:
         """Release the action server with the node."""
         if self._server is not None:
             self._server.destroy()
         super().destroy_node()
 
 
-def _keep_the_clock(parameters):
+def _keep_the_clock(parameters: Any) -> SetParametersResult:
     """Refuse another clock for the stamps while the servo runs."""
     refused = any(parameter.name == 'use_sim_time' for parameter in parameters)
     return SetParametersResult(
         successful=not refused, reason='use_sim_time is set at the start' if refused else '')
 
 
-def main(args=None):
+def main(args: list[str] | None = None) -> int:
     """Run the edge servo node."""
     return run(EdgeServoNode, args, lambda node: node.stopped, EdgeServoNode.stop)

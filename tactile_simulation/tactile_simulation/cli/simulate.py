@@ -16,7 +16,6 @@ from tactile_common.command_line import between, Parser
 from tactile_common.errors import ConfigurationError, TactileError
 from tactile_servo.config import check_goal, ServoConfig
 from tactile_servo.laws.registry import law_for, LAWS
-from tactile_servo.laws.surface_config import CONTROLS, SurfaceFollowingConfig
 from tactile_servo.laws.surface_goal import LINE_LENGTH, Pattern, SurfaceGoal
 from tactile_servo.motion.limits import JointLimits
 from tactile_servo.motion.robot import RobotModel
@@ -55,7 +54,6 @@ def parser() -> argparse.ArgumentParser:
         help='of a raster or spiral [m]')
     add('--step-over', type=between(1e-4, 0.1, 'm'), default=0.006,
         help='between its rows or turns [m]')
-    add('--control', default='predicted', choices=CONTROLS, help='of a surface')
     add('--seed', type=SEED, default=0, help="of the sensor's noise")
     add('--latency', type=between(0.0, 1.0, 's'),
         help='of a picture [s]; default as the scene says')
@@ -110,7 +108,7 @@ def _run_surface(options, scene):
     simulation = SurfaceSimulation(
         scene, options.law, seed=options.seed, latency=options.latency,
         robot=robot_from(options.robot, options.tip), seed_positions=options.start,
-        settings=SurfaceFollowingConfig(control=options.control), clock=time.perf_counter)
+        clock=time.perf_counter)
     begin = time.perf_counter()
     status = simulation.run(goal, options.timeout)
     return simulation, summarise_surface(simulation, goal, status, seed=options.seed,

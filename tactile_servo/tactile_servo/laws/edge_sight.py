@@ -1,0 +1,94 @@
+"""What images and contacts say of the edge that a pad follows."""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from tactile_sensing.types.contact import Contact, ContactType
+from tactile_servo.control.stability import AGE_SHARE
+from tactile_servo.edge_map.edge_map import EdgeMap
+from tactile_servo.edge_map.picture import Problem
+from tactile_servo.law import Observation
+from tactile_servo.reasons import Reason, ReasonCode
+from tactile_servo.types import EdgeGoal, TaskError
+
+FITTED = 0.1  # of the force, within which that of a fitted line is believed beside the sum
+UNFIT = {Problem.NO_RIDGE: ReasonCode.EDGE_LOST, Problem.ELSEWHERE: ReasonCode.EDGE_LOST}
+
+
+class Load(NamedTuple):
+    """What an image says of the load along an edge."""
+
+    force: float = 0.0  # N
+    length: float = 0.0  # of the edge on the pad [m]
+    coming: float = 0.0  # length that is about to come under the pad all at once [m]
+
+
+class EdgeSight:
+    """
+    The edge as images have shown it since a goal began.
+
+    Attributes
+    ----------
+    looked, shown : float
+        Steady times of the last usable image, and of the last that shows the edge [s].
+    age : float
+        Of the images, running mean [s].
+    problem : Reason or None
+        Why the last image does not show the edge.
+    load : Load
+    height, station : float
+        Of the pad as the newest image was taken, along the plane's normal [m], and on the path.
+    slope : float
+        Rise of the edge along itself.
+    error : TaskError or None
+    """
+
+    def __init__(self, goal: EdgeGoal, skin_stiffness: float):
+        self._goal, self.edge = goal, EdgeMap(skin_stiffness)
+        self.looked = self.shown = -math.inf
+        self.age = self.height = self.station = self.slope = 0.0
+        self.problem: Reason | None = Reason(ReasonCode.NO_IMAGE)
+        self.load = Load()
+        self.error: TaskError | None = None
+
+    def refine(self, observation: Observation, contact: Contact) -> None:
+        """Take a contact, whose fitted line tells the force better than a sum."""
+        picture, load = self.edge.picture, self.load
+        if (picture is not None and observation.stamp_ns == picture.stamp_ns
+                and contact.force_valid and contact.type == ContactType.LINE
+                and abs(contact.normal_force - load.force) < FITTED * load.force):
+            self.load = load._replace(force=contact.normal_force)
+
+    def see(self, observation: Observation, pose: np.ndarray, ahead: float,
+            anew_below: float) -> bool:
+        """
+        Take an image at a pose (4, 4); whether a path begins with it.
+
+        `ahead` is the station of the commanded pad [m]. The path is drawn anew while the force is
+        below `anew_below` [N].
+        """
+        edge, direction = self.edge, self._goal.direction
+        assert observation.image is not None
+        problem = edge.see(observation.image, pose)
+        if problem is not None:
+            self.problem = Reason(ReasonCode.BAD_IMAGE, problem.value)
+            return False
+        picture = edge.picture
+        self.looked, self.height = observation.arrival, picture.height
+        self.age += AGE_SHARE * (observation.age - self.age)
+        sight, length = edge.follow(direction, anew=picture.force < anew_below), self.load.length
+        if edge.followed:
+            lateral, angle, length, slope = edge.at_picture(
+                direction, edge.station if sight.begun else ahead)
+        self.load = Load(picture.force, length, picture.coming)
+        if sight.problem is None:
+            self.problem, self.shown, self.station = None, observation.arrival, edge.station
+            self.slope = self.slope if sight.begun or math.isnan(slope) else slope
+            self.error = TaskError(lateral, angle=angle, force=picture.force)
+        else:
+            self.problem = Reason(UNFIT[sight.problem], sight.problem.value)
+            if self.error is not None:
+                self.error = self.error._replace(force=picture.force)
+        return sight.begun

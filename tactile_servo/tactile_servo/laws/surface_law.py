@@ -1,0 +1,225 @@
+"""What the laws that follow a surface share: features of images, path, end, and what was felt."""
+import math
+from typing import ClassVar
+
+import numpy as np
+
+from tactile_common.errors import ConfigurationError
+from tactile_sensing.dome.geometry import Dome
+from tactile_sensing.types.array import TactelArray
+from tactile_sensing.types.image import SensorInfo, TactileImage
+from tactile_servo.config import ServoConfig
+from tactile_servo.control.stability import AGE_SHARE
+from tactile_servo.control.surface_filter import SurfaceFilter
+from tactile_servo.law import Assessment, Observation, Reference, Refusal, Touch
+from tactile_servo.laws.surface_config import SurfaceConfig
+from tactile_servo.laws.surface_features import ContactSense, Felt, kind_of
+from tactile_servo.laws.surface_goal import (
+    Pattern,
+    refuse_surface_goal,
+    SurfaceGoal,
+    SurfaceResult,
+)
+from tactile_servo.laws.surface_motion import CENTRED, STAND, SurfaceMotion
+from tactile_servo.laws.surface_state import Going, plan_path, Record
+from tactile_servo.laws.surface_teaching import between, Lessons, wanted_contacts
+from tactile_servo.motion.agility import Agility
+from tactile_servo.reasons import Reason, ReasonCode
+from tactile_servo.tactile_jacobian.table import load_table
+from tactile_servo.types import State, TaskError
+
+MET = 0.05  # of the force, the error from which it counts as met, and the probe goes
+OVERFORCE = 2.5  # times the force asked for, beyond which the goal ends, once it was met
+STALL_TIME = 5.0  # s without progress
+ADVANCE = 5e-4  # m that are progress
+BACK = 30.0  # 1/s, rate at which the contact's distance from its path is made up
+# Of the contact's place on the pad: standard deviation, friction's part included [m]; and error
+# as a share of its distance from the pad's centre
+LOCATION_NOISE, ECCENTRICITY = 1e-4, 0.03
+ON_SURFACE = Assessment(State.TRACK, Reason(ReasonCode.TRACKING))
+
+
+class SurfaceLaw:
+    """
+    Follow a surface with a round probe by features of its image (chapter 6).
+
+    The difference of wanted and felt features, through the inverse of the tactile Jacobian, says
+    where on the pad the contact lies and how hard it presses. A law adds the `normal` and the
+    `twist` by which it goes on.
+    """
+
+    goal_type: ClassVar[type] = SurfaceGoal
+    config_type: ClassVar[type] = SurfaceConfig
+    sees_images: ClassVar[bool] = True
+    touch_speed = math.inf
+    goal: SurfaceGoal  # since `begin`
+    _sense: ContactSense
+
+    def __init__(self, servo: ServoConfig, config: SurfaceConfig | None = None):
+        self.servo, self.config = servo, config or self.config_type()
+        probe = self.config.probe
+        self._dome = Dome(probe.skin_radius, probe.array_radius,
+                          2.0 * probe.array_radius - probe.skin_radius)
+        path = self.config.jacobian.table
+        self._table = load_table(path) if path else None
+        self._lessons = Lessons(kind_of(self.config, self._table))
+        self._surface = SurfaceFilter()
+        self.error: TaskError | None = None
+        self._going, self._record = Going(), Record(self.config.probe)
+        self._motion = SurfaceMotion(
+            self.config, self._dome, self._surface, math.inf, servo.input.max_stamp_age)
+
+    def retune(self, config: SurfaceConfig) -> None:
+        """Take other gains from now on."""
+        self.config = config
+        self._motion.retune(config)
+
+    @property
+    def stiffness(self) -> float:
+        """Of skin, finger and robot along the normal [N/m]."""
+        return self.config.probe.stiffness
+
+    def validate(self, goal: SurfaceGoal) -> Refusal | None:
+        """Why a goal is beyond this law, or None."""
+        try:
+            taught = self._lessons.named(goal.features, goal.force)
+        except ConfigurationError as error:
+            return Refusal(ReasonCode.UNSUPPORTED_GOAL, str(error))
+        if len(taught) > 1 and goal.pattern != Pattern.LINE and not goal.duration:
+            return Refusal(ReasonCode.INVALID_GOAL,
+                           'several features need a line, or a duration, to go through')
+        return refuse_surface_goal(goal)
+
+    def teach(self, name: str, image: TactileImage, array: TactelArray) -> str:
+        """Keep the features of an image by a name, see `Lessons.take`."""
+        return self._lessons.take(name, image, array, self.servo.approach.contact_force)
+
+    def begin(self, goal: SurfaceGoal, sensor: SensorInfo) -> None:
+        """Forget the last goal and take a new one."""
+        self.goal, self.error = goal, None
+        self._sense = ContactSense(sensor.array, self._dome, self.config, goal.force, self._table)
+        self._going = Going(wanted_contacts(
+            self._sense, self._lessons.named(goal.features, goal.force)))
+        self._record = Record(self.config.probe)
+        self._surface = SurfaceFilter()
+        self._motion = SurfaceMotion(
+            self.config, self._dome, self._surface, sensor.array.half_width_x, self._motion.age)
+
+    def resume(self) -> None:
+        """Go on from a standstill, along the same path."""
+        self._motion.stand()
+        self._going.reached_at = -math.inf
+
+    def observe(self, observation: Observation) -> None:
+        """Take an image."""
+        if observation.image is None:
+            return
+        pose, going = observation.pose(), self._going
+        if pose is None:
+            return
+        felt = self._sense.look(observation.image, pose)
+        tracking = going.begun is not None and not going.over
+        self._record.images += tracking
+        if isinstance(felt, Reason):
+            going.problem = felt
+            return
+        self._motion.age += AGE_SHARE * (
+            min(observation.age, self.servo.input.max_stamp_age) - self._motion.age)
+        going.felt, going.shown, going.problem = felt, observation.arrival, None
+        off = felt.place - going.aim.place
+        self.error = TaskError(float(off[0]), float(off[1]), force=felt.force)
+        aside = math.hypot(*felt.place)
+        share = min(self.goal.force / max(felt.force, 1e-6), 20.0)
+        angle = math.hypot(LOCATION_NOISE * share, ECCENTRICITY * aside) / self._dome.array_radius
+        going.met = going.met or abs(felt.force - going.aim.force) < MET * going.aim.force
+        take = self._surface.update if self._surface.begun else self._surface.reset
+        take(self._sense.depth(felt.force), felt.normal, felt.centre, angle)
+        if tracking:
+            # A part of the print may lie beside the pad, or not be pressed yet.
+            whole = going.met and aside <= CENTRED * self._sense.array.half_width_x
+            self._record.keep(
+                observation.stamp_ns, felt, float(off @ off), self._surface.normal, whole)
+
+    def lacks(self, now: float) -> Reason | None:
+        """What keeps the law from tracking, or None."""
+        if now - self._going.shown < self.servo.input.stale_image:
+            return None
+        return self._going.problem or Reason(ReasonCode.CONTACT_LOST)
+
+    def assess(self, now: float, progress: float, load: float) -> Assessment:
+        """Decide whether to go on."""
+        found = self._assess(now, progress, load)
+        self._going.over = found.state is State.DONE
+        return found
+
+    def _assess(self, now: float, progress: float, load: float) -> Assessment:
+        going, goal = self._going, self.goal
+        if going.begun is None:
+            going.begun = now
+        if len(going.wanted) > 1:
+            share = progress / goal.length if goal.length else (now - going.begun) / goal.duration
+            going.aim = between(going.wanted, share)
+        if goal.duration and now - going.begun >= goal.duration:
+            return Assessment(State.DONE, Reason(ReasonCode.DURATION_REACHED), True)
+        if goal.pattern == Pattern.LINE and 0.0 < goal.length <= progress:
+            return Assessment(State.DONE, Reason(ReasonCode.LENGTH_REACHED), True)
+        lacking = self.lacks(now)
+        if lacking is not None:
+            return Assessment(State.HOLD, lacking)
+        if going.end is not None:
+            return going.end
+        if going.met and load > OVERFORCE * goal.force:
+            return Assessment(State.DONE, Reason(
+                ReasonCode.OVERFORCE, f'{load:.1f} N, beyond {OVERFORCE:g} times the '
+                f'{goal.force:g} N asked for'), lift=True)
+        if progress > going.reached + ADVANCE or going.reached_at == -math.inf:
+            going.reached, going.reached_at = progress, now
+        if now - going.reached_at > STALL_TIME:
+            return Assessment(State.DONE, Reason(
+                ReasonCode.NO_PROGRESS, self._motion.bound), lift=True)
+        return ON_SURFACE
+
+    def reference(self, pose: np.ndarray, commanded: np.ndarray, agility: Agility,
+                  dt: float) -> Reference:
+        """Wanted motion from the measured and the commanded pose (4, 4) of the sensor."""
+        going, motion = self._going, self._motion
+        normal = self.normal(commanded, dt)
+        point = motion.centre_of(commanded) + self._dome.skin_radius * normal
+        if going.path is None:
+            going.path = plan_path(self.goal, point, normal, self.config.course.acceleration)
+        step = going.path.step(point, normal, BACK, motion.speed)
+        if step is None:
+            going.end = Assessment(State.DONE, Reason(
+                ReasonCode.NO_PROGRESS, 'the surface is too steep for the path'))
+            step = STAND
+        elif step.left <= 0.0:
+            going.end = Assessment(State.DONE, Reason(ReasonCode.PATH_COMPLETED), True)
+        speed = motion.advance(
+            step, self.felt, going.aim, self.goal.speed if going.met else 0.0,
+            motion.pace(step.way, normal, commanded, agility), dt)
+        twist = self.twist(normal, step.way, pose, commanded, agility, dt)
+        return Reference(twist, speed, step.way.tolist())
+
+    @property
+    def felt(self) -> Felt:
+        """Newest contact."""
+        assert self._going.felt is not None  # or the law would lack it
+        return self._going.felt
+
+    def normal(self, commanded: np.ndarray, dt: float) -> np.ndarray:
+        """Inward normal (3,) by which the probe goes on from a commanded pose (4, 4)."""
+        raise NotImplementedError
+
+    def twist(self, normal: np.ndarray, way: np.ndarray, pose: np.ndarray,
+              commanded: np.ndarray, agility: Agility, dt: float) -> np.ndarray:
+        """Twist (6,) of the sensor in its own frame along a way (3,) at a normal (3,)."""
+        raise NotImplementedError
+
+    @property
+    def touch(self) -> Touch | None:
+        """Where the surface was touched last, None before."""
+        return self._record.newest
+
+    def result(self) -> SurfaceResult:
+        """Contacts that were felt."""
+        return self._record.result()
