@@ -62,7 +62,7 @@ def trajectory_to_bytes(trajectory: Trajectory) -> bytes:
 
 
 @lru_cache(maxsize=16)
-def _layout(names, points, given):
+def _layout(names: tuple[str, ...], points: int, given: tuple[bool, ...]) -> tuple[Any, list]:
     """Layout of a JointTrajectory with an empty frame, and its values up to the first point."""
     texts = [f'{name}\0'.encode() for name in ('', *names)]
     sized = [part for text in texts for part in (len(text), text)]
@@ -191,7 +191,7 @@ def touch_to_msg(touch: Touch, base_frame: str) -> PoseStamped:
     return message
 
 
-def _facing(point, axis):
+def _facing(point: np.ndarray, axis: np.ndarray) -> np.ndarray:
     """Pose (4, 4) at a point whose z is a unit vector, turned to it the shortest way."""
     pose = np.eye(4)
     side = np.cross([0.0, 0.0, 1.0], axis)

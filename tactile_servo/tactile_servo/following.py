@@ -53,7 +53,7 @@ class Following:
 
 
 @njit(cache=True)
-def apart(one, other, length):
+def apart(one: np.ndarray, other: np.ndarray, length: float) -> float:
     """How far two poses (3 or 4, 4) are apart, by place or by angle on a length [m]."""
     place = turn = 0.0
     for i in range(3):
@@ -65,14 +65,16 @@ def apart(one, other, length):
 
 
 @njit(cache=True)
-def _judge(times, sent, measured_then, count, measured, since, enough, length):
+def _judge(times: np.ndarray, sent: np.ndarray, measured_then: np.ndarray, count: int,
+           measured: np.ndarray, since: float, enough: float, length: float) -> tuple[float, bool]:
     """How far the robot is from its way [m], and whether it stands."""
     return (_away(times, sent, count, measured, since, length),
             _stands(times, sent, measured_then, count, measured, since, enough, length))
 
 
 @njit(cache=True)
-def _away(times, sent, count, measured, since, length):
+def _away(times: np.ndarray, sent: np.ndarray, count: int, measured: np.ndarray, since: float,
+          length: float) -> float:
     """Distance to the nearest of the poses sent since a time, and the one before [m]."""
     nearest = math.inf
     for n in range(count - 1, max(count - len(times), 0) - 1, -1):
@@ -85,7 +87,8 @@ def _away(times, sent, count, measured, since, length):
 
 
 @njit(cache=True)
-def _stands(times, sent, measured_then, count, measured, until, enough, length):
+def _stands(times: np.ndarray, sent: np.ndarray, measured_then: np.ndarray, count: int,
+            measured: np.ndarray, until: float, enough: float, length: float) -> bool:
     """Whether the robot has not moved though it was sent far enough before a time."""
     size = len(times)
     last, moved = -1, 0.0

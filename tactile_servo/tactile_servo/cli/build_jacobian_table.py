@@ -8,6 +8,7 @@ from dataclasses import fields
 import json
 import sys
 import time
+from typing import Any
 import zipfile
 
 import numpy as np
@@ -69,13 +70,13 @@ def parser() -> argparse.ArgumentParser:
     return found
 
 
-def _option(kind, name):
+def _option(kind: type, name: str) -> str:
     """Options of the skin and of the increments say so, where they could mean another thing."""
     prefix = {Increments: 'step-', SkinConfig: 'skin-'}.get(kind, '')
     return prefix + name.replace('_', '-')
 
 
-def _settings(kind, options):
+def _settings(kind: Any, options: argparse.Namespace) -> Any:
     return kind(**{field.name: getattr(options, _option(kind, field.name).replace('-', '_'))
                    for field in fields(kind)})
 
@@ -100,7 +101,7 @@ def make(options: argparse.Namespace) -> JacobianTable:
                        grid(half_x, half_y, options.across, options.forces), increments, length)
 
 
-def _recorded(path) -> tuple[np.ndarray, np.ndarray]:
+def _recorded(path: str) -> tuple[np.ndarray, np.ndarray]:
     try:
         with np.load(path) as stored:
             return stored['contacts'], stored['features']
@@ -108,7 +109,7 @@ def _recorded(path) -> tuple[np.ndarray, np.ndarray]:
         raise ConfigurationError(f'{path}: no contacts and features: {error}') from error
 
 
-def draw(table: JacobianTable, path) -> None:
+def draw(table: JacobianTable, path: str) -> None:
     """Draw where the features of the contacts lie, and the condition of their Jacobians."""
     import matplotlib
     matplotlib.use('Agg')

@@ -48,11 +48,11 @@ class LapGuard:
         return ''
 
 
-def _dot(one, other):
+def _dot(one: Vector, other: Vector) -> float:
     return sum(a * b for a, b in zip(one, other, strict=True))
 
 
-def _turn(one, other, normal):
+def _turn(one: Vector, other: Vector, normal: Vector) -> float:
     """Angle from one way to the other about a normal [rad]."""
     (ax, ay, az), (bx, by, bz), (x, y, z) = one, other, normal
     across = x * (ay * bz - az * by) + y * (az * bx - ax * bz) + z * (ax * by - ay * bx)

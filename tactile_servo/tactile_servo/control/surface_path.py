@@ -117,7 +117,7 @@ def seen_along(points: np.ndarray, point: np.ndarray, normal: np.ndarray,
     return np.vstack([np.zeros(2), (points - point) @ axes.T])
 
 
-def _speeds(plan, stations, acceleration):
+def _speeds(plan: np.ndarray, stations: np.ndarray, acceleration: float) -> np.ndarray:
     """Speeds (N,) at which every bend can be taken and braked for, 0 at the end [m/s]."""
     chord = np.diff(plan, axis=0)
     heading = np.unwrap(np.arctan2(chord[:, 1], chord[:, 0]))
@@ -133,7 +133,7 @@ def _speeds(plan, stations, acceleration):
     return np.sqrt(square)
 
 
-def _tangent(direction, normal):
+def _tangent(direction: np.ndarray, normal: np.ndarray) -> np.ndarray:
     direction = np.asarray(direction, dtype=float)
     direction = direction / math.sqrt(direction @ direction)
     along = direction - normal * (direction @ normal)
@@ -142,9 +142,9 @@ def _tangent(direction, normal):
     return along
 
 
-def _unit(vector):
+def _unit(vector: np.ndarray) -> np.ndarray:
     return vector / math.sqrt(vector @ vector)
 
 
-def _bounded(value, most):
+def _bounded(value: float, most: float) -> float:
     return min(max(value, -most), most)

@@ -72,5 +72,5 @@ def refuse_surface_goal(goal: SurfaceGoal) -> Refusal | None:
     return None
 
 
-def _invalid(detail):
+def _invalid(detail: str) -> Refusal:
     return Refusal(ReasonCode.INVALID_GOAL, detail)

@@ -66,7 +66,7 @@ class GoalServer:
             execution.reported = now
             execution.handle.publish_feedback(self._action.feedback_to_msg(msg))
 
-    def _on_goal(self, request):
+    def _on_goal(self, request: Any) -> GoalResponse:
         self._look_around()
         refusal = self._servo.check(self._action.goal_from_msg(request))
         if refusal is None:
@@ -75,14 +75,14 @@ class GoalServer:
         self._servo.note(refusal)
         return GoalResponse.REJECT
 
-    def _on_cancel(self, goal_handle):
+    def _on_cancel(self, goal_handle: Any) -> CancelResponse:
         execution = self._execution
         if execution is None or execution.handle.goal_id != goal_handle.goal_id:
             return CancelResponse.REJECT  # another goal is none of its business
         self._servo.cancel()
         return CancelResponse.ACCEPT
 
-    def _on_accepted(self, goal_handle):
+    def _on_accepted(self, goal_handle: Any) -> None:
         now = perf_counter()
         try:
             self._servo.start(self._action.goal_from_msg(goal_handle.request), now)
@@ -92,12 +92,13 @@ class GoalServer:
         else:
             self._execution, self.told = Execution(goal_handle, now), False
 
-    def _finish(self, goal_handle):
+    def _finish(self, goal_handle: Any) -> Any:
         refusal = self._refusals.pop(bytes(goal_handle.goal_id.uuid), None)
         if refusal is not None:
             goal_handle.abort()
             return self._action.type.Result(reason_code=int(refusal.code), reason=refusal.text)
         servo, execution = self._servo, self._execution
+        assert execution is not None  # that of this goal
         result = self._action.result_to_msg(
             servo, perf_counter() - execution.started, self._base_frame)
         self._execution = None

@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from time import perf_counter
+from typing import Any
 
 from rclpy.node import Node
 from rclpy.qos import qos_profile_sensor_data
@@ -40,7 +41,7 @@ class GraphGuard:
                 JointTrajectoryControllerState, f'{controller}/controller_state', self._on_state,
                 qos_profile_sensor_data)
 
-    def _on_state(self, _):
+    def _on_state(self, _: Any) -> None:
         self._heard = perf_counter()
 
     def problem(self) -> Reason | None:

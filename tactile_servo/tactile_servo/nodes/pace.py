@@ -42,7 +42,7 @@ class Pace:
         return now - self.last >= (LEAST if self._slow else 1.0) * self.period
 
     @property
-    def _slow(self):
+    def _slow(self) -> bool:
         """Whether there is a cycle for every picture."""
         return self.gap > EARLY * self.period
 
