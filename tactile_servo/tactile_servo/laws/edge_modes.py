@@ -14,7 +14,7 @@ from tactile_servo.reasons import Reason, ReasonCode
 COAST = 1.42  # on straight where a ridge ends: the edge has passed from under the pad
 FAR = 1.18  # to where the pressure is
 PROBE = 0.9  # of the depth that is allowed: the rest is for the stop
-END_MARGIN = 2.0  # grains before the end of a ridge from which the pad coasts
+END_MARGIN = 1.5  # grains before the end of a ridge from which the pad coasts
 STILL = np.zeros(3)
 
 
