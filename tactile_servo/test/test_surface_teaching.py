@@ -124,4 +124,4 @@ def test_there_is_room_for_so_many(law):
 def test_laws_that_can_be_taught():
     # The node offers ~/teach for these alone.
     assert [name for name in LAWS if isinstance(make_law(name, ServoConfig()), Teachable)] == [
-        'tactile_jacobian']
+        'tactile_jacobian', 'jacobian_rate']
