@@ -66,7 +66,7 @@ def test_every_rate_is_bounded():
 
 def test_a_valid_line_is_taken_as_fitted():
     features, why = edge_features(
-        contact(x=0.002, y=0.001, yaw=0.1, normal_force=4.0), ARRAY, CONFIG.edge, STIFFNESS)
+        contact(x=0.002, y=0.001, yaw=0.1, normal_force=4.0), ARRAY, STIFFNESS)
     offset = 0.002 * np.cos(0.1) + 0.001 * np.sin(0.1)  # of the centre from the line
     assert features.lateral == pytest.approx(offset)
     assert (features.yaw, features.force, why) == (0.1, 4.0, '')
@@ -74,12 +74,12 @@ def test_a_valid_line_is_taken_as_fitted():
 
 def test_a_line_whose_force_is_not_valid_has_that_of_the_moments():
     features, _ = edge_features(contact(x=0.0, y=0.0, yaw=0.1, normal_force=np.nan,
-                                        force_valid=False), ARRAY, CONFIG.edge, STIFFNESS)
+                                        force_valid=False), ARRAY, STIFFNESS)
     assert features.force == EDGE_MOMENTS.m0
 
 
 def test_an_elongated_contact_is_followed_by_its_moments():
-    features, _ = edge_features(contact(ContactType.OTHER, False), ARRAY, CONFIG.edge, STIFFNESS)
+    features, _ = edge_features(contact(ContactType.OTHER, False), ARRAY, STIFFNESS)
     assert features.lateral == pytest.approx(0.001)
     assert features.force == 5.0 and features.yaw == pytest.approx(0.0)
 
@@ -97,7 +97,7 @@ def test_an_elongated_contact_is_followed_by_its_moments():
     (contact(x=0.0, y=0.0, yaw=float('inf'), normal_force=5.0), 'not finite'),
     (contact(x=float('nan'), y=0.0, yaw=0.0, normal_force=5.0), 'not finite')])
 def test_what_is_no_edge_is_refused_with_its_reason(seen, text):
-    features, why = edge_features(seen, ARRAY, CONFIG.edge, STIFFNESS)
+    features, why = edge_features(seen, ARRAY, STIFFNESS)
     assert features is None and text in why
 
 
