@@ -23,7 +23,7 @@ class TrackStatistics:
         self._last_position: list[float] | None = None
         self._last_stamp: int | None = None
         self._contour_length = -np.inf
-        self._count = 0
+        self._count, self._on_edge = 0, True
         self._lateral_square = self._force_square = 0.0
 
     def move(self, pose: np.ndarray, heading: Sequence[float], on_edge: bool = True) -> None:
@@ -38,7 +38,7 @@ class TrackStatistics:
             (x, y, z), (last_x, last_y, last_z), (ux, uy, uz) = (
                 position, self._last_position, heading)
             self.length += (x - last_x) * ux + (y - last_y) * uy + (z - last_z) * uz
-        self._last_position = position
+        self._last_position, self._on_edge = position, on_edge
         if on_edge:
             self.tracked_length = self.length
 
@@ -47,7 +47,7 @@ class TrackStatistics:
         self._last_position = None
 
     def see(self, error: TaskError, pose: np.ndarray, stamp_ns: int) -> None:
-        """Take the error of one image, once."""
+        """Take the error of one image, once; where it is not on the edge only its force."""
         if stamp_ns == self._last_stamp:
             return
         self._last_stamp = stamp_ns
@@ -57,7 +57,7 @@ class TrackStatistics:
             on_edge[:3, 3] += pose[:3, 0] * error.lateral
             self.contour.append((stamp_ns, on_edge))
             self._contour_length = self.length
-        if self.length >= SETTLING_LENGTH:
+        if self._on_edge and self.length >= SETTLING_LENGTH:
             self._count += 1
             self._lateral_square += error.lateral**2
             self._force_square += (error.force - self.force)**2

@@ -40,3 +40,16 @@ def test_only_the_way_along_the_edge_and_each_picture_once_count():
     assert statistics.force_max == 5.5 and statistics.lateral_max == 2e-3
     assert statistics.lateral_rms == pytest.approx(np.sqrt(2.5e-6))
     assert statistics.force_rms_error == pytest.approx(0.5)
+
+
+def test_what_is_not_on_the_edge_counts_for_the_largest_force_alone():
+    statistics, along = TrackStatistics(5.0), np.array([1.0, 0.0, 0.0])
+    for stamp, (x, on_edge, lateral, force) in enumerate((
+            (0.0, True, 0.0, 0.0), (0.02, True, 1e-4, 5.1), (0.03, False, 3e-3, 7.0),
+            (0.04, False, 3e-3, 0.0))):
+        statistics.move(pose_at(x, 0.0), along, on_edge)
+        statistics.see(TaskError(lateral, force=force), pose_at(x, 0.0), stamp)
+    assert statistics.tracked_length == pytest.approx(0.02)
+    assert statistics.lateral_rms == statistics.lateral_max == pytest.approx(1e-4)
+    assert statistics.force_rms_error == pytest.approx(0.1)
+    assert statistics.force_max == 7.0
