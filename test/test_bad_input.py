@@ -78,7 +78,7 @@ def test_node_refuses_in_one_line(files, case):
     package, name, parameters, text = CASES[case]
     status, lines = run(package, name, *ros_arguments(
         **{key: value.format(files) for key, value in parameters.items()}))
-    assert status == 1
+    assert status == 2
     assert len(lines) == 1, lines
     assert lines[0].startswith(f'{name}: ')
     assert text in lines[0]
@@ -88,7 +88,7 @@ def test_malformed_parameter_file_is_named(files):
     status, lines = run(
         'tactile_sensing', 'contact_estimator', '--ros-args', '--params-file',
         str(files / 'bad.yaml'))
-    assert status == 1
+    assert status == 2
     assert 'bad.yaml' in lines[-1]
     assert not any('Traceback' in line for line in lines)
 
@@ -101,7 +101,7 @@ def test_malformed_parameter_file_is_named(files):
 ], ids=['unknown_scene', 'malformed_scene', 'malformed_urdf', 'no_port'])
 def test_composed_process_refuses_in_one_line(files, arguments, text):
     status, lines = run('edge_tracking', 'composed', *(a.format(files) for a in arguments))
-    assert status == 1
+    assert status == 2
     assert len(lines) == 1, lines
     assert lines[0].startswith('composed: ') and text in lines[0]
 
@@ -112,7 +112,7 @@ def test_composed_process_refuses_in_one_line(files, arguments, text):
 def test_demo_refuses_a_file_once_and_leaves_nothing(files, option, name):
     status, lines = run('edge_tracking', 'demo', option, str(files / name),
                         '--out', str(files / 'out'))
-    assert status == 1
+    assert status == 2
     own = [line for line in lines if '[rcl]' not in line]
     assert len(own) == 1, lines
     assert own[0].startswith('demo: ') and name in own[0]

@@ -104,8 +104,16 @@ def _compile(package: str, folder: str) -> tuple[str, float]:
 
 def main() -> int:
     """Compile everything; one line for each package."""
-    from tqdm import tqdm  # only here: this module is imported by every kernel
+    # Only here: this module is imported by every kernel.
+    from tqdm import tqdm
 
+    from tactile_common.command_line import Parser, refusing
+
+    with refusing('compile_kernels') as command:
+        Parser(prog='compile_kernels', description='Compiles every kernel of the installed '
+               'packages; else they are compiled when they are first used.').parse_args()
+    if command.status:
+        return command.status
     print(f'kernels go to {cache_folder()}', file=sys.stderr)
     with tqdm(compile_kernels(), unit=' packages', disable=None) as packages:
         for package, seconds in packages:

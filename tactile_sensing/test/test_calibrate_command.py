@@ -139,7 +139,7 @@ def test_a_wrong_ball_is_doubted_and_a_missing_recording_is_named(there, profile
                                f'{radius}']) == (calibrate.DOUBTFUL if doubted else 0)
         told = 'doubtful: the ball touches within' in capsys.readouterr().err
         assert told == doubted == ('doubtful' in load_calibration('pad.yaml').found)
-    assert calibrate.main([*OPTIONS, *known, '--ball-radius', f'{BALL}']) == 1
+    assert calibrate.main([*OPTIONS, *known, '--ball-radius', f'{BALL}']) == 2
     assert '--unloaded is missing' in capsys.readouterr().err
 
 
@@ -220,10 +220,10 @@ def test_tactels_beside_an_edge_are_not_dead_but_not_loaded(there, capsys):
 
 
 def test_bits_are_asked_for_and_never_fewer_than_seen(there, capsys):
-    assert calibrate.main([*OPTIONS, '--unloaded', 'u.npz']) == 1
+    assert calibrate.main([*OPTIONS, '--unloaded', 'u.npz']) == 2
     assert '--bits is missing' in capsys.readouterr().err
     np.savez('r.npz', frames=np.full((30, *ARRAY.shape), 3000))
-    assert calibrate.main([*OPTIONS, '--rolling', 'r.npz', '--bits', '8']) == 1
+    assert calibrate.main([*OPTIONS, '--rolling', 'r.npz', '--bits', '8']) == 2
     assert '--bits is 8, but counts of 3000 to 3000 need 12' in capsys.readouterr().err
     assert calibrate.main([*OPTIONS, '--unloaded', 'u.npz', '--bits', '12']) == 0
     assert load_calibration('pad.yaml').bits == 12
@@ -276,7 +276,7 @@ def test_scrambled_lines_are_put_in_order():
     (['--unloaded', 'u.npz', '--corners', 'u.npz'], 'corners: 100 frames, must be 4'),
     (['--unloaded', 'u.npz', '--thickness', '0.004'], '--thickness needs --depth')])
 def test_mistakes_are_answered_in_one_line(there, capsys, options, words):
-    assert calibrate.main([*OPTIONS, *options]) == 1
+    assert calibrate.main([*OPTIONS, *options]) == 2
     told = capsys.readouterr().err
     assert told.startswith('calibrate: ') and told.count('\n') == 1 and words in told
     assert not (there / 'pad.yaml').exists()
@@ -284,7 +284,7 @@ def test_mistakes_are_answered_in_one_line(there, capsys, options, words):
 
 def test_recordings_are_bounded_before_they_are_read(there, capsys):
     np.save('long.npy', np.broadcast_to(np.uint8(0), (300_000, 16, 16)))
-    assert calibrate.main([*OPTIONS, '--unloaded', 'long.npy']) == 1
+    assert calibrate.main([*OPTIONS, '--unloaded', 'long.npy']) == 2
     assert 'would take 77 MB, at most 67 MB are read' in capsys.readouterr().err
 
 

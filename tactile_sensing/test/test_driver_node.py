@@ -377,7 +377,7 @@ def process(*arguments, program=PROGRAM):
 def test_process_without_port_says_so_in_one_line():
     with process() as child:
         _, errors = child.communicate(timeout=30)
-    assert child.returncode == 1
+    assert child.returncode == 2
     assert errors == "driver: parameter 'port' is empty, must name a serial port\n"
 
 

@@ -77,7 +77,7 @@ def same(found, expected):
 
 
 def refused(capsys, *args):
-    assert estimate.main([*args, '-o', 'none.npz']) == 1
+    assert estimate.main([*args, '-o', 'none.npz']) == 2
     out, err = capsys.readouterr()
     assert out == '' and err.count('\n') == 1
     return err

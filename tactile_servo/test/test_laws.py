@@ -15,7 +15,7 @@ from tactile_servo.config import ServoConfig
 from tactile_servo.conversions import ACTIONS
 from tactile_servo.law import ServoLaw
 from tactile_servo.laws.registry import DEFAULT, law_for, law_named, LAWS, make_law
-from tactile_servo.nodes.parameters import NodeConfig
+from tactile_servo.robot_config import NodeConfig
 
 MEMBERS = [name for name, _ in inspect.getmembers(ServoLaw) if not name.startswith('_')]
 

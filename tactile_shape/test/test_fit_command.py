@@ -146,7 +146,7 @@ GOOD = contacts(length=0.01)
     ({}, ('--method', 'magic'), 'invalid choice')])
 def test_refusals_are_one_line(there, capsys, change, options, message):
     arrays = {name: value for name, value in {**GOOD, **change}.items() if value is not None}
-    assert run(*options, **arrays) == 1
+    assert run(*options, **arrays) == 2
     out, err = capsys.readouterr()
     assert out == '' and err.count('\n') == 1 and err.startswith('fit: ') and message in err
 
@@ -159,7 +159,7 @@ def test_refused_files(there, capsys, args, message):
     np.savez('in.npz', **GOOD)
     (there / 'junk.npz').write_bytes(b'PK junk')
     (there / 'folder').mkdir()
-    assert fit.main(args) == 1
+    assert fit.main(args) == 2
     out, err = capsys.readouterr()
     assert out == '' and err.count('\n') == 1 and message in err
     assert not (there / 'out.npz').exists()
@@ -235,10 +235,10 @@ def test_bag(there, capsys):
 
 def test_bag_with_several_sensors(there, capsys):
     write_bag(there / 'run', ('left', 'right'))
-    assert fit.main(['run', '-o', 'out.npz']) == 1
+    assert fit.main(['run', '-o', 'out.npz']) == 2
     assert 'name one by --namespace' in capsys.readouterr().err
     assert fit.main(['run', '-o', 'out.npz', '--namespace', 'left']) == 0
-    assert fit.main(['run', '-o', 'out.npz', '--namespace', 'up']) == 1
+    assert fit.main(['run', '-o', 'out.npz', '--namespace', 'up']) == 2
     assert "there are ['/left/contact'" in capsys.readouterr().err
 
 
@@ -269,7 +269,7 @@ def test_rows_are_read_as_arrays_are(there, capsys):
     (np.zeros((0, 7)), 't has shape')])
 def test_other_rows_are_refused(there, capsys, rows, message):
     np.save('in.npy', rows, allow_pickle=True)
-    assert fit.main(['in.npy', '-o', 'out.npz']) == 1
+    assert fit.main(['in.npy', '-o', 'out.npz']) == 2
     assert re.search(message, capsys.readouterr().err)
     assert not (there / 'out.npz').exists()
 
@@ -290,7 +290,7 @@ def test_contour_table(there, capsys):
     assert (rows['z'] == 0.1).all()
     with pytest.raises(ConfigurationError, match='cannot be written'):
         model.save_points('nothing/contour.csv')
-    assert run('--contour', 'contour.txt', **contacts()) == 1
+    assert run('--contour', 'contour.txt', **contacts()) == 2
     assert 'contour.txt: must end in .csv' in capsys.readouterr().err
 
 

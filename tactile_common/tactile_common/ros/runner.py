@@ -1,4 +1,5 @@
 """Start, spin and stop one node, or several in one process, with clean exits."""
+from argparse import RawDescriptionHelpFormatter
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 import faulthandler
@@ -18,7 +19,10 @@ from rclpy.executors import Executor, ExternalShutdownException, SingleThreadedE
 from rclpy.logging import get_logger
 from rclpy.signals import SignalHandlerOptions
 from rclpy.subscription import RCLError
+from rclpy.utilities import remove_ros_args
 
+from tactile_common.command_line import Parser, REFUSED
+from tactile_common.errors import ConfigurationError
 from tactile_common.ros.node import TactileNode
 from tactile_common.start import INTERRUPTED
 
@@ -128,12 +132,17 @@ def run(node_class: Any, args: list[str] | None = None,
 
     `node_class` is called with `context` alone; a `ValueError`, of which every configuration
     error is one, means that a parameter is wrong. Without ROS arguments those of the process are
-    taken. `until(node)` tells whether its work is done; `on_stop(node)` is called at a signal, and
-    the node then has two seconds to get it done. A process that is to stop while its node is
-    still being made, which takes a minute where kernels are compiled, ends within two as well;
-    and one whose node is not destroyed within 3.5 says what it waits for and ends.
+    taken; --help and --version are answered. `until(node)` tells whether its work is done;
+    `on_stop(node)` is called at a signal, and the node then has two seconds to get it done. A
+    process that is to stop while its node is still being made, which takes a minute where kernels
+    are compiled, ends within two as well; and one whose node is not destroyed within 3.5 says
+    what it waits for and ends.
     """
     context = rclpy.Context()
+    try:
+        _read_options(node_class, args)
+    except (ConfigurationError, RuntimeError) as error:
+        return _refuse(node_class, error)
     with stop_on_signals() as stop:
         try:
             rclpy.init(args=args, context=context, signal_handler_options=SignalHandlerOptions.NO)
@@ -228,9 +237,25 @@ def _in_time(stopped: Callable[[], bool], seconds: float, text: str = '') -> Ite
         faulthandler.cancel_dump_traceback_later()
 
 
+def _name_of(node_class: type) -> str:
+    """Name of a node's executable."""
+    return re.sub('(?<!^)(?=[A-Z])', '_', node_class.__name__.removesuffix('Node')).lower()
+
+
+def _read_options(node_class: type, args: list[str] | None) -> None:
+    """Answer --help and --version, refuse all else that is no ROS argument."""
+    about = inspect.getdoc(inspect.getmodule(node_class)) or ''
+    Parser(prog=_name_of(node_class), description=about,
+           formatter_class=RawDescriptionHelpFormatter,
+           usage='%(prog)s [--help] [--version] [--ros-args -p NAME:=VALUE '
+                 '--params-file FILE.yaml -r FROM:=TO ...]',
+           epilog='`ros2 run edge_tracking parameters` prints every parameter of every node.',
+           ).parse_args(remove_ros_args(args)[1:] if args is None else remove_ros_args(args))
+
+
 def _refuse(node_class: type, error: Exception) -> int:
     """Print why a node cannot start, in one line; the traceback shows with log level debug."""
-    name = re.sub('(?<!^)(?=[A-Z])', '_', node_class.__name__.removesuffix('Node')).lower()
+    name = _name_of(node_class)
     get_logger(name).debug(''.join(traceback.format_exception(error)))
     print(f'{name}: {" ".join(str(error).split())}', file=sys.stderr)
-    return 1
+    return REFUSED

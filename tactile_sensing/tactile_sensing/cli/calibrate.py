@@ -7,7 +7,7 @@ import sys
 
 import numpy as np
 
-from tactile_common.command_line import between, Parser, run_command
+from tactile_common.command_line import between, FAILED, Parser, run_command
 from tactile_common.errors import ConfigurationError
 from tactile_common.npz_stream import read_arrays
 from tactile_common.progress import Progress
@@ -24,7 +24,7 @@ from tactile_sensing.types.array import PITCH, TactelArray
 
 RECORDED = ('unloaded', 'corners', 'rolling', 'ball', 'flat')
 STEPS = 4  # that the progress bar counts, at most
-DOUBTFUL = 2  # exit status
+DOUBTFUL = FAILED  # exit status
 MOST_NAMED = 8  # frames that are named as left out
 
 EPILOG = """\
@@ -55,9 +55,9 @@ that publishes raw counts.
 Frames that are no single press of the ball are named and left out. Without --force places and
 directions are told and forces are not.
 
-The last line says what the calibration is good for. Exit status: 0; 1 after one line that says
-what is wrong, then nothing is written; 2 where the file is written but is not to be trusted: the
-lines before the last one say why."""
+The last line says what the calibration is good for. Exit status: 0; 1 where the file is written
+but is not to be trusted: the lines before the last one say why; 2 after one line that says what
+is wrong, then nothing is written."""
 
 
 def parser() -> argparse.ArgumentParser:

@@ -118,7 +118,7 @@ Flags (sum of)
 
 Example
 {EXAMPLE}
-Exit status: 0, or 1 after one line that says what is wrong; then nothing is written.""")
+Exit status: 0, or 2 after one line that says what is wrong; then nothing is written.""")
     arguments.add_argument('frames', nargs='?', metavar='FRAMES.npz|.npy|.csv|BAG', help='input')
     arguments.add_argument('--calibration', metavar='CAL.yaml',
                            help='what turns counts into pressure: size, pitch, gains, noise, skin')

@@ -13,7 +13,7 @@ import zipfile
 
 import numpy as np
 
-from tactile_common.command_line import Parser
+from tactile_common.command_line import Parser, picture_file
 from tactile_common.errors import ConfigurationError, TactileError
 from tactile_sensing.dome.finite_element_model import FiniteElementDome
 from tactile_sensing.dome.geometry import Dome
@@ -65,7 +65,8 @@ def parser() -> argparse.ArgumentParser:
             add('--' + _option(kind, field.name), type=type(field.default),
                 default=field.default,
                 help=f'{field.metadata["doc"]} [{field.default:g}{" " + unit if unit else ""}]')
-    add('--plot', metavar='FILE.png', help='draw features and condition over the pad')
+    add('--plot', metavar='FILE.png', type=picture_file,
+        help='draw features and condition over the pad')
     add('--json', action='store_true', help='print one JSON object')
     return found
 

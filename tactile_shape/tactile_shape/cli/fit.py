@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from tactile_common.command_line import Parser, run_command
+from tactile_common.command_line import Parser, picture_file, run_command
 from tactile_common.errors import ConfigurationError
 from tactile_common.npz_stream import RecordWriter
 from tactile_common.progress import Progress
@@ -78,7 +78,7 @@ Kinds
 
 Example
 {EXAMPLE}
-Exit status: 0, or 1 after one line that says what is wrong; then nothing is written.""")
+Exit status: 0, or 2 after one line that says what is wrong; then nothing is written.""")
     arguments.add_argument('recording', metavar='TRACE.npz|TRACE.npy|BAG', help='input')
     arguments.add_argument('-o', '--out', required=True, metavar='PATCHES.npz',
                            help='file to write; replaced if it exists')
@@ -99,7 +99,8 @@ Exit status: 0, or 1 after one line that says what is wrong; then nothing is wri
                            help='print corners and sides of the contour')
     arguments.add_argument('--contour', metavar='FILE.csv', help='write the contour: stroke, '
                            'x, y, z [m]; strokes are stretches of unbroken contact')
-    arguments.add_argument('--plot', metavar='FILE', help='draw samples, patches and curvatures')
+    arguments.add_argument('--plot', metavar='FILE', type=picture_file,
+                           help='draw samples, patches and curvatures')
     arguments.add_argument('--ply', metavar='FILE.ply', help='write the patches as a mesh; of '
                            'edges alone, the contour')
     return arguments

@@ -1,0 +1,120 @@
+"""Parameter files of ROS 2, read without ROS: sections by names of nodes, with wildcards."""
+from collections.abc import Iterable, Iterator, Mapping
+import difflib
+import os
+import re
+from typing import Any, NamedTuple
+
+from tactile_common.config import built, checked
+from tactile_common.errors import ConfigurationError
+from tactile_common.yaml_file import read_yaml
+
+# Parameters that every node has.
+OF_ROS = ('use_sim_time', 'qos_overrides', 'start_type_description_service')
+
+
+class Parameter(NamedTuple):
+    """A parameter: its name, default and what the field says of it."""
+
+    name: str
+    default: Any
+    kind: Any
+    metadata: Mapping
+
+
+def parameters_of(configs: Iterable[type], given: Mapping[str, Any] | None = None
+                  ) -> list[Parameter]:
+    """Every parameter that a node declares from dataclasses; `given` replace bad defaults."""
+    found: list[Parameter] = []
+
+    def take(name, default, kind, metadata):
+        found.append(Parameter(name, default, kind, metadata))
+        return (given or {}).get(name, default)
+
+    for config in configs:
+        built(config, take)
+    return found
+
+
+class ParameterFile:
+    """
+    Sections of a parameter file, in their order.
+
+    Parameters
+    ----------
+    path : path-like, optional
+        Without one there are none.
+
+    Raises
+    ------
+    ConfigurationError
+        It cannot be read, is no YAML, or has another form.
+    """
+
+    def __init__(self, path: str | os.PathLike | None = None):
+        self.path = path
+        try:
+            self.sections = [] if path is None else list(_sections(read_yaml(path), ''))
+        except ConfigurationError as error:
+            raise self.error(error) from error
+
+    def error(self, what: object) -> ConfigurationError:
+        """Return an error that names the file."""
+        return ConfigurationError(f'parameter file {self.path}: {what}')
+
+    def values(self, node: str) -> dict[str, Any]:
+        """Parameters for the node of a full name, such as `/tactile/driver`."""
+        return {key: value for section, values in self.sections if matches(section, node)
+                for key, value in values.items()}
+
+    def config(self, node: str, config: type, given: Mapping[str, Any] | None = None) -> Any:
+        """Dataclass of the parameters for a node, those `given` first; ConfigurationError."""
+        values = {**self.values(node), **(given or {})}
+        try:
+            return built(config, lambda name, default, kind, metadata: checked(
+                name, values.get(name, default), kind, metadata))
+        except ConfigurationError as error:
+            raise (error if self.path is None else self.error(f'{node}: {error}')) from error
+
+    def unknown(self, section: str, values: Iterable[str], known: Iterable[str]
+                ) -> Iterator[str]:
+        """Sentences about parameters of a section that are none of the known ones."""
+        known = set(known)
+        for name in values:
+            if name not in known and name.split('.')[0] not in OF_ROS:
+                yield f'parameter file {self.path}: {section}: no parameter {name}' + near(
+                    name, known)
+
+
+def _sections(tree: Any, name: str) -> Iterator[tuple[str, dict[str, Any]]]:
+    if not isinstance(tree, dict) or not tree:
+        raise ConfigurationError(f"{name or 'the whole'}: must be a mapping of names of nodes to "
+                                 "'ros__parameters' and these to values")
+    for key, value in tree.items():
+        if key == 'ros__parameters' and name:
+            if not isinstance(value, dict):
+                raise ConfigurationError(f'{name}: ros__parameters must be a mapping')
+            yield name, dict(_flat(value))
+        else:
+            yield from _sections(value, '/'.join((name, str(key).strip('/'))))
+
+
+def _flat(tree: Mapping, prefix: str = '') -> Iterator[tuple[str, Any]]:
+    for key, value in tree.items():
+        if isinstance(value, dict):
+            yield from _flat(value, f'{prefix}{key}.')
+        else:
+            yield f'{prefix}{key}', value
+
+
+def matches(section: str, node: str) -> bool:
+    """Whether a name with the wildcards * (one part) and ** (any) is that of a node."""
+    parts = {'**': '(/[^/]+)*', '*': '/[^/]+'}
+    pattern = ''.join(parts.get(part, f'/{re.escape(part)}') for part in section[1:].split('/'))
+    return re.fullmatch(pattern, node) is not None
+
+
+def near(name: str, known: Iterable[str]) -> str:
+    """Question about the nearest known name; empty where there is none."""
+    found = difflib.get_close_matches(name, list(known), 1)
+    return f'; did you mean {found[0]}?' if found else ''

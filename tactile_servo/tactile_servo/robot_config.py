@@ -1,0 +1,63 @@
+"""The robot that a servo moves, and the limits that it keeps, as parameters say them."""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from tactile_common.config import bounded, one_of
+from tactile_common.errors import ConfigurationError
+from tactile_servo.laws.registry import DEFAULT, LAWS
+from tactile_servo.motion.limits import JointLimits, WorkspaceBox
+from tactile_servo.motion.robot import RobotModel
+
+
+@dataclass(frozen=True)
+class JointsConfig:
+    """Limits that the joints must keep beyond those of the URDF."""
+
+    velocity_scale: float = bounded(
+        1.0, "fraction of the URDF's joint velocities that may be used", '', 0.01, 1.0)
+    acceleration: float = bounded(10.0, 'largest acceleration of every joint', 'rad/s^2', 0.1, 1e3)
+    position_margin: float = bounded(
+        0.05, "distance kept from the URDF's joint limits", 'rad', 0.0, 1.0)
+
+
+@dataclass(frozen=True)
+class WorkspaceConfig:
+    """Box that the sensor stays in."""
+
+    lower: tuple[float, ...] = field(default=(-10.0, -10.0, -10.0), metadata={
+        'doc': 'corner of the box that the sensor stays in, in the base frame', 'unit': 'm'})
+    upper: tuple[float, ...] = field(default=(10.0, 10.0, 10.0), metadata={
+        'doc': 'opposite corner', 'unit': 'm'})
+
+
+@dataclass(frozen=True)
+class NodeConfig:
+    """Robot that the servo moves, and the law that it follows."""
+
+    robot_description: str = field(default='', metadata={
+        'doc': 'URDF of the robot with the sensor: its text, or the path of a file'})
+    law: str = one_of(DEFAULT, 'servo law', LAWS)
+    tip_frame: str = field(default='tactile_pad', metadata={
+        'doc': 'frame of the sensor: x along columns, y along rows, z out of the skin'})
+    controller: str = field(default='/joint_trajectory_controller', metadata={
+        'doc': 'name of the joint trajectory controller'})
+    shared_topics: tuple[str, ...] = field(default=(), metadata={
+        'doc': 'those among image, contact, /joint_states and the topic of the trajectories that '
+               'may have several publishers; for all others the servo holds'})
+    joints: JointsConfig = field(default_factory=JointsConfig)
+    workspace: WorkspaceConfig = field(default_factory=WorkspaceConfig)
+
+
+def robot_of(config: NodeConfig) -> tuple[RobotModel, JointLimits, WorkspaceBox]:
+    """Robot of a configuration, its limits and box; ConfigurationError if there is none."""
+    if not config.robot_description:
+        raise ConfigurationError(
+            'robot_description: no URDF given; pass its text or the path of a file')
+    model, joints = RobotModel.from_urdf(config.robot_description, config.tip_frame), config.joints
+    limits = JointLimits(
+        tuple(model.joint_names), model.lower + joints.position_margin,
+        model.upper - joints.position_margin, model.velocity_limit * joints.velocity_scale,
+        np.full(len(model.joint_names), joints.acceleration))
+    return model, limits, WorkspaceBox(config.workspace.lower, config.workspace.upper)
