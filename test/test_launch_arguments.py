@@ -59,7 +59,10 @@ def test_the_lines_of_the_pages_have_arguments_that_there_are():
 
 @pytest.mark.parametrize('argument, text', [
     ('scene:=nowhere', "scene 'nowhere' is unknown; shipped are course, curve, "),
-    ('scene:=nowhere.yaml', "scene 'nowhere.yaml': no such file"),
+    ('scene:=nowhere.yaml', 'scene nowhere.yaml: cannot be read: No such file'),
+    ('scene:=strait', "scene 'strait' is unknown; did you mean straight? shipped are"),
+    ('pattern:=raster', 'pattern:=raster does not apply to an edge'),
+    ('use_rviz:=true', 'use_rviz:=true needs rviz2: apt install ros-$ROS_DISTRO-rviz2'),
     ('sensor:=flexitac', 'sensor:=flexitac needs its port, for instance port:=/dev/ttyUSB0'),
     ('speed:=fast', 'speed:=fast is not a number'),
     ('sensor:=other', "Valid options are: ['mock', 'flexitac', 'csv_lines', 'vitac', "),

@@ -18,7 +18,7 @@ from tactile_tests.launching import DEADLINE, launched, parameters  # noqa: E402
 from edge_tracking.track import Exit  # noqa: E402, I100, I202
 from tactile_msgs.msg import ServoReason, ServoStatus  # noqa: E402, I100, I202
 from tactile_servo.motion.robot import RobotModel  # noqa: E402, I100, I202
-from tactile_simulation.renderer import EdgeRenderer  # noqa: E402, I100, I202
+from tactile_simulation.edge_world import EdgeWorld  # noqa: E402, I100, I202
 
 FORCE = 5.0  # N
 GIVE_UP = 10.0  # s
@@ -60,7 +60,7 @@ class Interrupted:
     def check(self):
         """Compare the joints' speed and the force since the goal was tracked with their bounds."""
         robot = RobotModel.from_urdf(str(ROBOT), 'tactile_pad')
-        renderer = EdgeRenderer(self.bench.scene, self.bench.scene.sensor.array)
+        renderer = EdgeWorld(self.bench.scene, self.bench.scene.sensor.array)
         states = self.listener.joints[self._begin:]
         speeds = np.array([state.velocity for state in states])
         assert (np.abs(speeds) <= robot.velocity_limit).all()

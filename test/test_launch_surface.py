@@ -11,9 +11,8 @@ from launch import LaunchDescription  # noqa: E402, I100, I202
 from tactile_tests.graph import bench  # noqa: E402, I100
 from tactile_tests.launching import DEADLINE, edge_tracking, Processes  # noqa: E402, I100
 
-from edge_tracking.resources import find_scene  # noqa: E402, I100, I202
 from tactile_msgs.msg import ServoReason, ServoStatus  # noqa: E402, I100, I202
-from tactile_simulation.scenes import load_any_scene, renderer_of  # noqa: E402, I100, I202
+from tactile_simulation.scene import find_scene, load_scene  # noqa: E402, I100, I202
 
 
 @pytest.fixture
@@ -28,7 +27,7 @@ def ball(tmp_path):
     path = tmp_path / 'ball.yaml'
     shipped = yaml.safe_load(find_scene('surfaces/sphere_70').read_text('utf-8'))
     path.write_text(yaml.safe_dump(shipped | {'rubber': {'across': 15}}))
-    renderer_of(load_any_scene(path))
+    load_scene(path).world()
     return str(path)
 
 

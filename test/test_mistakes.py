@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from edge_tracking import demo, graph, parameters
+from tactile_common.command_line import FAILED, REFUSED
 from tactile_sensing.cli import estimate
 from tactile_shape.cli import fit
 from tactile_simulation.cli import simulate
@@ -23,13 +24,20 @@ EDITED = {  # file: what it is a copy of, and what a user changed in it
     'pitch.yaml': (CALIBRATION, 'pitch: 0.0015875', 'pitch: 1.5875'),
     'depth.yaml': (CALIBRATION, 'depth: 0.002', 'depth: 2'),
     'rate.yaml': (PARAMETERS, 'rate: 406.0', 'rate: -406.0'),
+    'box.yaml': (PARAMETERS, 'rate: 406.0', 'workspace: {upper: [0.3, 10.0, 10.0]}'),
     'tab.yaml': (PARAMETERS, '  ros__parameters:', '\tros__parameters:'),
 }
 SPEED = 'must be between 0.0001 and 0.2 m/s'
 MISTAKES = [
     # (command, its arguments, what the line says)
-    (demo, '--scene strait', "scene 'strait' is unknown; shipped are"),
-    (demo, '--scene none.yaml', "scene 'none.yaml': no such file"),
+    (demo, '--scene strait', "scene 'strait' is unknown; did you mean straight? shipped are"),
+    (demo, '--scene sphere_70', 'did you mean surfaces/sphere_70? shipped are'),
+    (demo, '--pattern raster', '--pattern does not apply to track_edge, but to track_surface'),
+    (demo, '--scene surfaces/plane --animate',
+     '--animate does not apply to track_surface, but to track_edge'),
+    (demo, '--live 0:4,0:4', '--live does not apply to track_edge, but to a --recording'),
+    (graph, '--scene strait', 'did you mean straight?'),
+    (demo, '--scene none.yaml', 'scene none.yaml: cannot be read: No such file'),
     (demo, '--scene metre.yaml',
      'straight is 200.0, must be between 0.0001 and 10 m; did you mean 0.2?'),
     (demo, '--scene key.yaml', "unknown key 'skn', must be one of name, description, edge, skin"),
@@ -64,7 +72,14 @@ MISTAKES = [
      'argument --length: value is 100.0, must be between 0 and 10 m; did you mean 0.1?'),
     (simulate, f'{SCENE} --latency 10', '--latency: value is 10.0, must be between 0 and 1 s'),
     (simulate, f'{SCENE} --robot none.urdf', "robot description 'none.urdf': No such file"),
-    (simulate, f'{SCENE} --plot nowhere/plot.png', '--plot nowhere/plot.png: there is no such'),
+    (simulate, f'{SCENE} --plot nowhere/plot.png', '--plot: nowhere/plot.png: there is no such'),
+    (simulate, f'{SCENE} --plot x.foo', '--plot: x.foo: must end in one of .'),
+    (simulate, f'{SCENE} --pattern raster', '--pattern does not apply to straight'),
+    (simulate, 'strait', 'did you mean straight?'),
+    (simulate, 'surfaces/plane --direction -1', '--direction does not apply to plane'),
+    (simulate, f'{SCENE} --parameters rate.yaml', 'rate is -406.0, must be between'),
+    (simulate, f'{SCENE} --parameters box.yaml', 'outside of workspace.lower and'),
+    (fit, 'frames.npz -o out.npz --plot x.foo', '--plot: x.foo: must end in one of .'),
     (estimate, 'frames.npz -o out.npz', '--calibration is missing, or --pitch'),
     (estimate, 'frames.npz --pitch 1.27 --layers zz@0.002 -o out.npz',
      '--pitch is 1.27, must be between 1e-06 and 0.1 m; did you mean 0.00127?'),
@@ -117,7 +132,7 @@ def test_a_mistake_ends_in_one_line_before_anything_begins(
 
     monkeypatch.setattr(subprocess, 'Popen', started)
     before = sorted(folder.rglob('*'))
-    assert command.main(shlex.split(arguments)) != 0
+    assert command.main(shlex.split(arguments)) == REFUSED
     printed, told = capsys.readouterr()
     assert printed == ''
     lines = [line for line in told.splitlines() if line]
@@ -128,5 +143,5 @@ def test_a_mistake_ends_in_one_line_before_anything_begins(
 def test_a_parameter_that_no_node_has_is_asked_about(tmp_path, capsys):
     path = tmp_path / 'mine.yaml'
     path.write_text('/**: {ros__parameters: {forse.gain: 1.0}}')
-    assert parameters.main(['--check', str(path)]) == 0
+    assert parameters.main(['--check', str(path)]) == FAILED
     assert 'no parameter forse.gain; did you mean force.gain?' in capsys.readouterr().err

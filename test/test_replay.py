@@ -8,11 +8,12 @@ from rclpy.qos import qos_profile_sensor_data
 
 from edge_tracking.graph import add_mocks, add_sensing, add_servo, Graph, private_port
 from edge_tracking.process_group import record
-from edge_tracking.resources import find_scene, share
+from edge_tracking.resources import share
 from edge_tracking.track import TrackNode
 from tactile_common.ros.bag_reader import Bag
 from tactile_msgs.msg import Contact, TactileImage
 from tactile_sensing.nodes.contact_estimator import ContactEstimatorNode
+from tactile_simulation.scene import find_scene
 
 SECONDS = 30.0
 

@@ -5,13 +5,12 @@ import pytest
 from tactile_tests.graph import bench, half_rates
 import yaml
 
-from edge_tracking.resources import find_scene
 from tactile_common.ros.conversions import pose_from_msg
 from tactile_common.ros.domains import hold_domain
 from tactile_msgs.msg import ServoReason, ServoStatus, SurfacePatch
 from tactile_msgs.srv import TeachFeatures
 from tactile_shape.nodes.shape_estimator import ShapeEstimatorNode
-from tactile_simulation.scenes import parameters_for, renderer_of
+from tactile_simulation.scene import find_scene
 
 LENGTH, RADIUS, TOP = 0.04, 0.063, np.array([0.3, 0.0, 0.1])  # m
 COARSE = {'across': 15}  # solved in some seconds, where the whole takes half a minute
@@ -25,9 +24,9 @@ def tracked(tmp_path_factory):
     scene = yaml.safe_load(find_scene('surfaces/sphere_126').read_text('utf-8'))
     path.write_text(yaml.safe_dump(scene | {'rubber': COARSE}))
     with bench(str(path), parameters=half_rates(folder), domain=hold_domain()) as it:
-        renderer_of(it.scene)  # before the nodes begin
+        it.scene.world()  # before the nodes begin
         it.add_all()
-        it.graph.add(ShapeEstimatorNode, **parameters_for(it.scene).shape)
+        it.graph.add(ShapeEstimatorNode, **it.scene.parameters().shape)
         it.touches = it.listener._keep(PoseStamped, 'surface_contact', 1000)
         it.patches = it.listener._keep(SurfacePatch, 'surface_patch', 1000)
         client = it.start_tracking(length=LENGTH, speed=0.03)

@@ -13,9 +13,9 @@ from tactile_msgs.msg import Contact, ServoStatus
 from tactile_sensing.nodes.contact_estimator import ContactEstimatorNode
 from tactile_sensing.nodes.driver import DriverNode
 from tactile_servo.nodes.servo import EdgeServoNode
+from tactile_simulation.edge_world import EdgeWorld
 from tactile_simulation.nodes.mock_robot import MockRobotNode
 from tactile_simulation.nodes.mock_sensor import MockSensorNode
-from tactile_simulation.renderer import EdgeRenderer
 from tactile_simulation.scene import load_scene
 
 LENGTH = 0.03  # m
@@ -68,7 +68,7 @@ def test_pad_stays_over_the_true_edge(tracked):
 
 
 def test_true_force_is_the_wanted_one(tracked):
-    renderer = EdgeRenderer(tracked.scene, tracked.scene.sensor.array)
+    renderer = EdgeWorld(tracked.scene, tracked.scene.sensor.array)
     force = np.array([renderer.force(pose) for pose in settled(tracked)[::5]])
     assert force.mean() == pytest.approx(FORCE, rel=0.05)
     assert np.sqrt(np.mean((force - FORCE)**2)) < 0.1 * FORCE

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 
 from benchmarks.edge.runs import follow, shipped
-from tactile_simulation.scene import Sensor, Skin
+from tactile_simulation.sensor import Sensor, Skin
 
 DEEP = 1.5  # pitches, the larger one of two
 SPEEDS, SEEDS = (0.03, 0.05), range(3)

@@ -15,7 +15,6 @@ from tactile_servo.laws.resolved_rate import PositionConfig, ResolvedRateConfig
 from tactile_servo.motion.motion import MotionConfig
 from tactile_servo.types import EdgeGoal, State
 from tactile_simulation.closed_loop import PICTURE_EVERY, Simulation, STEP
-from tactile_simulation.metrics import summarise
 from tactile_simulation.scene import load_scene
 
 SCENES = Path(__file__).resolve().parents[2] / 'launch' / 'scenes'
@@ -45,9 +44,8 @@ def follow(scene, tracker, speed, seed, *, closed=False, timed=False, seconds=12
     simulation = Simulation(scene, tracker, seed=seed,
                             clock=time.thread_time if timed else None, **options)
     goal = EdgeGoal(speed, FORCE, closed=closed)
-    status = simulation.run(goal, seconds)
-    return simulation, summarise(simulation, goal, status, name=scene.name, tracker=tracker,
-                                 seed=seed)
+    simulation.run(goal, seconds)
+    return simulation, simulation.summary(goal)
 
 
 def worst(summaries):

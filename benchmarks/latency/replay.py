@@ -16,7 +16,7 @@ import numpy as np
 
 from benchmarks.latency.awake import kept_awake
 from benchmarks.latency.meter import Meter
-from edge_tracking.resources import find_scene, share
+from edge_tracking.resources import share
 from tactile_servo.goal_run import GoalRun
 from tactile_servo.inputs import Inputs
 from tactile_servo.motion.limits import JointLimits, WorkspaceBox
@@ -25,7 +25,7 @@ from tactile_servo.motion.robot import RobotModel
 from tactile_servo.supervisor import Supervisor
 from tactile_servo.types import EdgeGoal, TRACKING
 from tactile_simulation.closed_loop import Simulation
-from tactile_simulation.scene import load_scene
+from tactile_simulation.scene import find_scene, load_scene
 
 GOAL, SECONDS = EdgeGoal(0.03, 5.0, length=0.05), 4.0
 ELBOW = np.radians([-22, 35, -172, 0, -48, -22])

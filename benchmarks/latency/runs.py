@@ -15,12 +15,12 @@ import yaml
 from benchmarks.latency.meter import Journey, Meter
 from edge_tracking.graph import add_servo, calibrate, EdgeServoNode, Graph, private_port
 from edge_tracking.process_group import apart
-from edge_tracking.resources import find_scene, share
+from edge_tracking.resources import share
 from edge_tracking.track import TrackNode
 from tactile_common.ros.runner import freeze_heap
 from tactile_servo.supervisor import Supervisor
 from tactile_servo.types import TRACKING
-from tactile_simulation.scene import load_scene
+from tactile_simulation.scene import find_scene, load_scene
 
 SPEED, FORCE, LENGTH = 0.03, 5.0, 0.12  # m/s, N, m
 NODE = sys.modules[EdgeServoNode.__module__]

@@ -18,13 +18,11 @@ from tactile_servo.laws.surface_config import (
     SurfaceConfig,
 )
 from tactile_servo.laws.surface_goal import Pattern, SurfaceGoal
-from tactile_simulation.closed_loop import PICTURE_EVERY, STEP
+from tactile_simulation.closed_loop import PICTURE_EVERY, Simulation, STEP
 from tactile_simulation.gantry import gantry
-from tactile_simulation.scene_surface import SurfaceStart
-from tactile_simulation.scenes import load_any_scene
-from tactile_simulation.surface_loop import summarise_surface, SurfaceSimulation
+from tactile_simulation.scene import load_scene
 from tactile_simulation.surface_objects import Placed, StepShape
-from tactile_simulation.surface_renderer import SurfaceRenderer
+from tactile_simulation.surface_world import SurfaceStart, SurfaceWorld
 
 OBJECTS = ('cylinder_65', 'cylinder_120', 'sphere_70', 'sphere_126')
 SPEEDS = (0.01, 0.05, 0.1, 0.15, 0.2)
@@ -77,13 +75,13 @@ class Case:
     figure: bool = False  # whether the contacts are kept
 
 
-class Misplaced(SurfaceRenderer):
+class Misplaced(SurfaceWorld):
     """A probe that is not where its robot believes it to be, by an offset (3,) [m]."""
 
     offset = np.eye(4)
 
-    def _touch(self, pose):
-        super()._touch(pose @ self.offset)
+    def _press(self, pose):
+        super()._press(pose @ self.offset)
 
 
 def line(speed: float, direction=(0.4, 1.0, 0.0), length=0.06, force=5.0) -> SurfaceGoal:
@@ -135,7 +133,7 @@ def gains() -> Iterator[Case]:
     """Gain of the force times latency, of both controls."""
     for latency in LATENCIES:
         # Half of each period, as the mean wait for an image and for a cycle.
-        plant = load_any_scene(scene_file('plane')).plant
+        plant = load_scene(scene_file('plane')).plant
         delay = latency + plant.dead_time + 0.5 * STEP * (1 + PICTURE_EVERY)
         limit = gain_limit(delay, plant.lag)
         for share in GAINS:
@@ -157,31 +155,31 @@ def scene_file(name):
 
 def follow(case: Case, seed: int) -> tuple[dict[str, Any], list, list]:
     """Run a case once: numbers of its summary, contacts and their errors."""
-    scene = replace(load_any_scene(scene_file(case.scene)), start=case.start)
+    scene = replace(load_scene(scene_file(case.scene)), start=case.start)
     if case.step is not None:
         scene = replace(scene, surface=Placed(StepShape(case.step), scene.top))
     bounds = ServoConfig(force=ForceBounds(max=16.0, max_load=20.0)) if max(
         case.goal.force, case.before) > 10.0 else ServoConfig()
     robot = gantry(scene.plant.acceleration, case.wrist) if case.wrist else None
-    simulation = SurfaceSimulation(
-        scene, case.law, seed=seed, settings=case.settings, config=bounds, latency=case.latency,
-        robot=robot)
+    simulation = Simulation(scene, case.law, seed=seed, settings=case.settings, config=bounds,
+                            latency=case.latency, robot=robot)
     if case.offset:
-        simulation.renderer = Misplaced(scene, simulation.array)
-        simulation.renderer.offset = np.eye(4)
-        simulation.renderer.offset[:3, 3] = case.offset
+        simulation.world = Misplaced(scene, simulation.array)
+        simulation.world.offset = np.eye(4)
+        simulation.world.offset[:3, 3] = case.offset
     if case.before:
         press_before(simulation, case.before)
-    status = simulation.run(case.goal, LONGEST)
-    summary = summarise_surface(simulation, case.goal, status, seed=seed)
+    simulation.run(case.goal, LONGEST)
+    summary = simulation.summary(case.goal)
     fastest = max((cycle.status.speed for cycle in simulation.log
                    if np.isfinite(cycle.status.speed)), default=np.nan)
-    points = simulation.contacts - np.array(scene.top)
+    felt = simulation.felt()
+    points = felt - np.array(scene.top)
     return ({**{key: summary[key] for key in KEYS}, 'fastest': float(fastest)}, points.tolist(),
-            scene.surface.distance(simulation.contacts).tolist())
+            scene.surface.distance(felt).tolist())
 
 
-def press_before(simulation: SurfaceSimulation, force: float) -> None:
+def press_before(simulation: Simulation, force: float) -> None:
     """Leave the probe pressed with a force [N], as a goal that was cancelled does."""
     simulation.run(SurfaceGoal(0.001, force, length=0.2), 2.0)
     simulation.servo.cancel()

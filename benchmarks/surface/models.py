@@ -21,7 +21,7 @@ from tactile_servo.tactile_jacobian.jacobian import (
     scale_for,
 )
 from tactile_servo.tactile_jacobian.table import build_table, grid, JacobianTable
-from tactile_simulation.scene import Sensor
+from tactile_simulation.sensor import Sensor
 
 DOME, SKIN = Dome(), SkinConfig()
 ACROSS = (9, 15, 20, 25, 30)  # elements, in four layers

@@ -16,9 +16,10 @@ from rclpy.parameter import Parameter
 from rclpy.signals import SignalHandlerOptions
 
 from edge_tracking.parameters import check_file, names_in
-from edge_tracking.resources import find_scene, scene_names, share
+from edge_tracking.resources import share
 from edge_tracking.transport import local_environment
-from tactile_common.command_line import Parser
+from tactile_common.command_line import Help, Parser, refusing
+from tactile_common.errors import ConfigurationError
 from tactile_common.ros.runner import freeze_heap, make_executor, spin, stop_on_signals
 from tactile_sensing.devices.registry import PROTOCOLS
 from tactile_sensing.nodes.contact_estimator import ContactEstimatorNode
@@ -26,20 +27,17 @@ from tactile_sensing.nodes.driver import DriverConfig, DriverNode
 from tactile_servo.laws.registry import DEFAULT, law_for, LAWS
 from tactile_servo.nodes.servo import EdgeServoNode
 from tactile_shape.nodes.shape_estimator import ShapeEstimatorNode
-from tactile_simulation.cli.simulate import SEED
+from tactile_simulation.cli.simulate import LAW_HELP, SEED
 from tactile_simulation.nodes.mock_robot import MockRobotNode
 from tactile_simulation.nodes.mock_sensor import MockSensorNode
-from tactile_simulation.scene import Scene
+from tactile_simulation.scene import describe_scenes, find_scene, load_scene
 from tactile_simulation.scene_calibration import write_calibration
-from tactile_simulation.scene_surface import SurfaceScene
-from tactile_simulation.scenes import load_any_scene, parameters_for
+from tactile_simulation.world import NodeParameters, Scene
 
 # Longest time that a thread keeps the interpreter while another waits for it; the default of
 # 5 ms is a whole sensor period.
 SWITCH_INTERVAL = 2e-4
 NAMESPACE = 'tactile'
-LAW_HELP = f'servo law; default: {law_for("track_edge")} for an edge, ' \
-    f'{law_for("track_surface")} for a surface'
 PARAMETERS = share('config', 'edge_tracking.yaml')
 SETTLE = 0.3  # s spun after the end, so that the last messages arrive
 
@@ -111,7 +109,7 @@ def add_servo(graph: Graph, robot, law: str = DEFAULT, **parameters) -> Node:
     """
     Add the servo; with sensing it is the loop, which runs on a real robot as well.
 
-    `parameters` are of the servo, such as those that `parameters_for` a scene gives.
+    `parameters` are of the servo, such as those of `Scene.parameters`.
     """
     return graph.add(EdgeServoNode, robot_description=str(robot), law=law, **parameters)
 
@@ -130,7 +128,7 @@ def private_port() -> Iterator[Path]:
         yield Path(folder, 'sensor')
 
 
-def calibrate(port: Path, scene: Scene | SurfaceScene) -> Path:
+def calibrate(port: Path, scene: Scene) -> Path:
     """Write the calibration that fits a scene's mock sensor beside its port; gives its path."""
     return write_calibration(scene, port.with_name(f'{port.name}.yaml'))
 
@@ -144,7 +142,7 @@ def linger(graph: Graph, until: Callable[[], bool], seconds: float = SETTLE) -> 
 def parser() -> argparse.ArgumentParser:
     """Command line of the composed process."""
     arguments = Parser(
-        prog='composed', formatter_class=argparse.ArgumentDefaultsHelpFormatter,
+        prog='composed', formatter_class=Help, epilog=describe_scenes(),
         description='Runs sensor, estimators, servo and, with the mock sensor, the mock robot '
         'in one process. Send goals to its action, track_edge or, for a surface, track_surface, '
         'for instance with '
@@ -153,8 +151,7 @@ def parser() -> argparse.ArgumentParser:
     add('--sensor', choices=('mock', *PROTOCOLS), default='mock',
         help='mock: synthetic sensor and robot; else the byte protocol of a real array')
     add('--port', default='', help='serial port of a real sensor')
-    add('--scene', default='straight', help='what the mock sensor touches: '
-        f'{", ".join(scene_names())}, or the path of a .yaml file')
+    add('--scene', default='straight', help='what the mock sensor touches, see below')
     add('--law', '--tracker', choices=tuple(LAWS), help=LAW_HELP)
     add('--robot-description', default=str(share('urdf', 'puma260.urdf')),
         help='URDF of the robot, with a link tactile_pad')
@@ -165,17 +162,17 @@ def parser() -> argparse.ArgumentParser:
 
 
 def main(args: list[str] | None = None) -> int:
-    """Run the graph until it is interrupted; exit status 1 if it cannot start."""
-    try:
+    """Run the graph until it is interrupted; exit status 2 if it cannot start."""
+    with refusing('composed', ValueError, RuntimeError, ParameterException) as command:
         options = parser().parse_args(args)
         if options.sensor != 'mock' and not options.port:
-            raise ValueError(
+            raise ConfigurationError(
                 f'--sensor {options.sensor} needs --port, for instance --port /dev/ttyUSB0')
-        law, own = options.law or DEFAULT, parameters_for(None)
+        law, own = options.law or DEFAULT, NodeParameters()
         if options.sensor == 'mock':
             path = find_scene(options.scene)
-            scene = load_any_scene(path)
-            law, own = law_for(scene.action, options.law), parameters_for(scene)
+            scene = load_scene(path)
+            law, own = law_for(scene.action, options.law), scene.parameters()
             os.environ.update(local_environment())
         warn_of_parameters(options.parameters, options.namespace, law)
         with private_port() as pty, stop_on_signals() as stop, \
@@ -190,7 +187,4 @@ def main(args: list[str] | None = None) -> int:
                 add_sensing(graph, port, protocol=options.sensor)
             freeze_heap()
             graph.spin(stop.is_set)
-    except (ValueError, RuntimeError, ParameterException) as error:
-        print(f'composed: {" ".join(str(error).split())}', file=sys.stderr)
-        return 1
-    return 0
+    return command.status

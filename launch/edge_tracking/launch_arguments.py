@@ -7,10 +7,11 @@ from launch.logging import get_logger
 from launch.substitutions import LaunchConfiguration
 
 from edge_tracking.goals import PATTERNS
-from edge_tracking.resources import scene_names, share
+from edge_tracking.resources import share
 from tactile_common.errors import ConfigurationError
 from tactile_sensing.devices.registry import PROTOCOLS
 from tactile_servo.laws.registry import law_for, LAWS
+from tactile_simulation.scene import shipped_scenes
 
 NAMESPACE = 'tactile'
 SWITCH = ('true', 'false')
@@ -31,7 +32,7 @@ ARGUMENTS = (
      'URDF of the robot with a link tactile_pad: path of a file, or the text'),
     ('controller', '', 'name of the joint trajectory controller (default: '
      'joint_trajectory_controller in robot_namespace)'),
-    ('scene', 'straight', f'what the mock sensor touches: {", ".join(scene_names())}, or the '
+    ('scene', 'straight', f'what the mock sensor touches: {", ".join(shipped_scenes())}, or the '
      'path of a .yaml file'),
     ('law', 'auto', f'servo law; auto: {law_for("track_edge")} for an edge, '
      f'{law_for("track_surface")} for a surface', (*LAWS, 'auto')),

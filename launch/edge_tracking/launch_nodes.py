@@ -13,16 +13,19 @@ from launch_ros.actions import Node
 from launch_ros.parameter_descriptions import ParameterValue
 
 from edge_tracking.launch_arguments import NAMESPACE, number
-from edge_tracking.parameters import check_file, driver_parameters, names_in, values_in
-from edge_tracking.resources import find_scene, share
-from edge_tracking.ros2_control import require_packages, starting_at, text_of
+from edge_tracking.parameters import check_file, driver_parameters, names_in
+from edge_tracking.resources import share
+from edge_tracking.ros2_control import CONTROL, require_packages, starting_at, text_of
 from edge_tracking.track import RESUMES
+from tactile_common.errors import ConfigurationError
+from tactile_common.parameter_file import ParameterFile
 from tactile_sensing.devices.calibration_file import load_calibration
 from tactile_servo.laws.registry import DEFAULT, law_for, LAWS
 from tactile_servo.motion.robot import RobotModel
-from tactile_servo.nodes.parameters import NodeConfig
+from tactile_servo.robot_config import NodeConfig
+from tactile_simulation.scene import find_scene, load_scene
 from tactile_simulation.scene_calibration import write_calibration
-from tactile_simulation.scenes import load_any_scene, parameters_for, renderer_of
+from tactile_simulation.world import NodeParameters
 
 RESPAWN_DELAY = 1.0  # s
 START = 300.0  # s for the start of the nodes, the first ever of which compiles their kernels
@@ -52,10 +55,10 @@ class Nodes:
         self.driver = driver_parameters(value)
         simulated = self.mock_sensor or self.robot != 'real'
         self.scene_path = str(find_scene(value['scene'])) if simulated else ''
-        self.scene: Any = load_any_scene(self.scene_path) if simulated else None
+        self.scene: Any = load_scene(self.scene_path) if simulated else None
         law = None if value['law'] == 'auto' else value['law']
         self.law = law_for(self.scene.action, law) if self.scene else law or DEFAULT
-        self.own = parameters_for(self.scene)
+        self.own = self.scene.parameters() if self.scene else NodeParameters()
         # Not only by its namespace: another launch on this machine must not take the link over.
         self.port = value['port'] or str(Path(
             tempfile.gettempdir(),
@@ -73,15 +76,21 @@ class Nodes:
                 del nodes[name]
         for text in check_file(value['params_file'], nodes, self.law):
             get_logger('launch').warning(text)
-        servo = values_in(value['params_file'], nodes['edge_servo'])
+        servo = ParameterFile(value['params_file']).values(nodes['edge_servo'])
         model = RobotModel.from_urdf(
             value['robot_description'], servo.get('tip_frame', NodeConfig.tip_frame))
+        if value['pattern'] != 'line' and LAWS[self.law].action != 'track_surface':
+            raise ConfigurationError(
+                f'pattern:={value["pattern"]} does not apply to an edge: it is a way over a '
+                'surface')
         if value['calibration']:
             load_calibration(value['calibration'])
         if self.robot == 'ros2_control':
-            require_packages()
+            require_packages('robot:=ros2_control', CONTROL, 'take robot:=mock')
+        if value['use_rviz']:
+            require_packages('use_rviz:=true', ('rviz2',), 'leave it out')
         if self.mock_sensor:
-            renderer_of(self.scene)  # the skin of a round probe is solved once, before it is due
+            self.scene.world()  # the skin of a round probe is solved once, before it is due
         return model
 
     @property
@@ -143,7 +152,7 @@ class Nodes:
                                  scene=self.scene_path, **robot)
         if self.starts:
             row = LAWS[self.law]
-            closed = bool(row.closes_contours and self.scene and self.scene.edge.closed)
+            closed = bool(row.closes_contours and self.scene and self.scene.closed)
             track, = self.node('edge_tracking', 'track', dies=False, wait=START, closed=closed,
                                resumes=RESUMES if self.robot == 'mock' else 0,
                                env={'INTERRUPTED_STATUS': '0'}, action=row.action,

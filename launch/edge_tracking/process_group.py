@@ -4,7 +4,7 @@ The graph in parts, each a process of its own, so that none waits for another's 
 `sensing` is driver and contact estimator, `mocks` stand in for hardware, which is never late.
 Where processors are few, `listeners`, recorder and shape estimator, give way to all others.
 """
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 import json
 import os
@@ -12,7 +12,6 @@ import signal
 import subprocess
 import sys
 import threading
-import time
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray
@@ -32,7 +31,6 @@ from tactile_msgs.msg import Contact, SensorInfo, ServoStatus, SurfacePatch, Tac
 from tactile_shape.nodes.shape_estimator import ShapeEstimatorNode
 
 PATIENCE = 10.0  # s for a part to end by itself, its recording written
-LOOK_PERIOD = 0.05  # s between looks at whether a part has ended
 
 
 def topics(namespace: str) -> list[tuple[str, type, QoSProfile]]:
@@ -105,24 +103,6 @@ def apart(part: str, *arguments, **graph) -> Iterator[subprocess.Popen]:
         except subprocess.TimeoutExpired:
             process.kill()
             process.wait()
-
-
-def watch(parts: Iterable[subprocess.Popen]) -> Callable[[], bool]:
-    """
-    Return what tells whether a process has ended, which it looks for every 0.05 s at most.
-
-    A graph that spins asks after every callback, and each look is a call of the system.
-    """
-    parts, next_look = tuple(parts), 0.0
-
-    def ended():
-        nonlocal next_look
-        now = time.monotonic()
-        if now < next_look:
-            return False
-        next_look = now + LOOK_PERIOD
-        return any(part.poll() is not None for part in parts)
-    return ended
 
 
 def main() -> int:

@@ -1,5 +1,5 @@
 """The robot behind ros2_control: its description with mock hardware, and what must be there."""
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from pathlib import Path
 from xml.etree import ElementTree
 
@@ -8,17 +8,17 @@ from ament_index_python.packages import get_packages_with_prefixes
 from tactile_common.errors import ConfigurationError
 from tactile_servo.motion.urdf import parse
 
-PACKAGES = ('controller_manager', 'hardware_interface', 'joint_state_broadcaster',
-            'joint_trajectory_controller', 'robot_state_publisher')
+CONTROL = ('controller_manager', 'hardware_interface', 'joint_state_broadcaster',
+           'joint_trajectory_controller', 'robot_state_publisher')
 
 
-def require_packages() -> None:
-    """ConfigurationError that names what is missing of ros2_control, and how to get it."""
-    missing = [name for name in PACKAGES if name not in get_packages_with_prefixes()]
+def require_packages(wanted: str, packages: Collection[str], instead: str) -> None:
+    """ConfigurationError that names what an argument needs and lacks, and how to get it."""
+    missing = [name for name in packages if name not in get_packages_with_prefixes()]
     if missing:
+        names = ' '.join(f'ros-$ROS_DISTRO-{name.replace("_", "-")}' for name in missing)
         raise ConfigurationError(
-            f'robot:=ros2_control needs {", ".join(missing)}: install the packages ros2-control, '
-            'ros2-controllers and robot-state-publisher of your ROS 2, or take robot:=mock')
+            f'{wanted} needs {", ".join(missing)}: apt install {names}, or {instead}')
 
 
 def text_of(description: str) -> str:

@@ -1,7 +1,7 @@
 """
 Send one goal to the servo and follow it to its end.
 
-Exit status: 0 it was met, 1 it was not or a parameter is wrong, 2 it was refused, 3 sensor or
+Exit status: 0 it was met, 1 it was not, 2 it was refused or a parameter is wrong, 3 sensor or
 servo were not ready, 4 the servo fell silent, 130 interrupted.
 """
 from dataclasses import dataclass

@@ -24,8 +24,9 @@ from tactile_sensing.types.contact import ContactType, Reason
 from tactile_sensing.types.image import Layer
 from tactile_sensing.types.image import SensorInfo as SensorInfoData
 from tactile_sensing.types.image import TactileImage as ImageData
-from tactile_simulation.renderer import EdgeRenderer
-from tactile_simulation.scene import EdgePath, Scene, Sensor, Skin, Start
+from tactile_simulation.edge_path import EdgePath
+from tactile_simulation.edge_world import EdgeScene, EdgeWorld, Start
+from tactile_simulation.sensor import Sensor, Skin
 
 NS = 1_000_000_000
 START = 1_700_000_000 * NS
@@ -54,10 +55,10 @@ CONTOUR_OFF = 2e-5  # m to the left of the edge
 
 def straight_scene():
     """Edge of 200 mm along base y, the pad 3 mm beside it."""
-    return Scene(
+    return EdgeScene(
         'straight', 'Straight edge.',
         EdgePath(np.array([[0.3, -0.1, 0.12], [0.3, 0.1, 0.12]])),
-        Skin(0.002, 2e5), Sensor(630.0, 10.0, 627.45), Start(0.02, OFFSET, 0.004, 0.0))
+        Skin(0.002, 2e5), Start(0.02, OFFSET, 0.004, 0.0), sensor=Sensor(630.0, 10.0, 627.45))
 
 
 def lateral_at(seconds):
@@ -98,7 +99,7 @@ def state_at(seconds):
 
 def messages(scene):
     """Yield (topic, time of reception [ns], message) of the whole run."""
-    renderer, rng = EdgeRenderer(scene, ARRAY), np.random.default_rng(1)
+    renderer, rng = EdgeWorld(scene, ARRAY), np.random.default_rng(1)
     layer = Layer('zz', scene.skin.depth, np.empty((0, 0)), 160e3, 630.0, 'Pa')
     yield '/tactile/sensor_info', START, sensor_info_to_msg(SensorInfoData(
         START, 'tactile_pad', 'pad', 'flexitac', '', ARRAY, 200.0, DELAY, 2e5, 12.0, (layer,), (),

@@ -7,7 +7,7 @@ import subprocess
 
 import pytest
 
-from edge_tracking.recording.summary import summarise
+from edge_tracking.recording.summary import summarise, truth
 from edge_tracking.report.page import make_report
 
 SITE = Path(__file__).resolve().parents[2] / '.ws/site'
@@ -66,7 +66,7 @@ def faults(found):
 
 def test_report(run, scene, tmp_path):
     summary = summarise(run, scene, success=True)
-    make_report(run, summary, scene, tmp_path / 'report.html')
+    make_report(run, summary, scene, truth(run, scene), tmp_path / 'report.html')
     found, console = measured([tmp_path / 'report.html'], tmp_path)
     assert len(found) == len(WIDTHS) and all(it['images'] > 3 for it in found)
     assert faults(found) == [] and console == []

@@ -83,7 +83,7 @@ def test_refused_with_one_line(written, text, message):
 def test_a_file_that_cannot_be_read(tmp_path, capsys):
     with pytest.raises(ConfigurationError, match='nowhere.yaml: cannot be read: No such file'):
         check_file('nowhere.yaml', TACTILE)
-    assert main(['--check', str(tmp_path)]) == 1
+    assert main(['--check', str(tmp_path)]) == 2
     assert 'Is a directory' in capsys.readouterr().err
 
 

@@ -9,9 +9,10 @@ from sensor_msgs.msg import JointState
 
 from edge_tracking.graph import Graph, private_port
 from edge_tracking.process_group import apart
-from edge_tracking.resources import find_scene, share
+from edge_tracking.resources import share
 from tactile_common.ros.bag_reader import Bag
 from tactile_msgs.msg import Contact
+from tactile_simulation.scene import find_scene
 
 ROBOT = share('urdf', 'puma260.urdf')
 RECORDED = {'/joint_states', '/tactile/image'}

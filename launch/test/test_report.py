@@ -15,14 +15,15 @@ from recorded_run import TOPICS, write_bag
 
 from edge_tracking.recording.frames_summary import summarise_recording
 from edge_tracking.recording.reader import read_run
-from edge_tracking.recording.summary import summarise
+from edge_tracking.recording.summary import summarise, truth
 from edge_tracking.report import animation
-from edge_tracking.report.page import make_recording_report, make_report, picture
+from edge_tracking.report.frames_page import make_recording_report
+from edge_tracking.report.page import make_report, picture
 from edge_tracking.report.plans import surface
-from edge_tracking.report.style import png
 from tactile_common.errors import ConfigurationError
 from tactile_servo.types import State
 from tactile_shape.local_surface.local_quadric import LocalQuadric
+from tactile_simulation.plot import png
 
 CAPTIONED = re.compile(r'This (run|recording): .*\d|none of its numbers is known|\d presses')
 PNG = b'\x89PNG\r\n\x1a\n'
@@ -77,7 +78,7 @@ def read_page(path, pictures):
 
 def test_report_of_a_run(run, scene, tmp_path):
     summary = summarise(run, scene, success=True)
-    make_report(run, summary, scene, tmp_path / 'report.html')
+    make_report(run, summary, scene, truth(run, scene), tmp_path / 'report.html')
     page = read_page(tmp_path / 'report.html', 5)
     assert 'Edge tracked' in page.text and 'straight' in page.text
     assert f'{1e3 * summary["lateral_rms"]:.3f} mm' in page.words
@@ -94,14 +95,15 @@ def test_a_surface_that_was_touched_is_drawn(run, scene, tmp_path):
         radius * (np.array([0.0, 0.0, 1.0]) - inward), inward, strict=True)]
     touched = dataclasses.replace(run, patches=[patch for patch in patches if patch.valid])
     assert len(touched.patches) > 50
-    make_report(touched, summarise(touched, scene, success=True), scene, tmp_path / 'report.html')
+    make_report(touched, summarise(touched, scene, success=True), scene,
+                truth(touched, scene), tmp_path / 'report.html')
     assert 'Surface' in read_page(tmp_path / 'report.html', 6).text
     (tmp_path / 'surface.png').write_bytes(png(surface(touched)))
 
 
 def test_report_escapes_what_comes_from_outside(run, scene, tmp_path):
     summary = summarise(run, scene, success=False, reason='<script>alert(1)</script>')
-    make_report(run, summary, scene, tmp_path / 'report.html')
+    make_report(run, summary, scene, truth(run, scene), tmp_path / 'report.html')
     assert '<script' not in (tmp_path / 'report.html').read_text(encoding='utf-8')
     assert 'Edge not tracked' in read_page(tmp_path / 'report.html', 5).text
 
@@ -111,7 +113,7 @@ def test_report_of_a_run_in_one_state(run, scene, tmp_path, state):
     stuck = dataclasses.replace(run, statuses=dataclasses.replace(
         run.statuses, state=np.full_like(run.statuses.state, state)))
     summary = summarise(stuck, scene, success=False)
-    make_report(stuck, summary, scene, tmp_path / 'report.html')
+    make_report(stuck, summary, scene, truth(stuck, scene), tmp_path / 'report.html')
     read_page(tmp_path / 'report.html', 5)
 
 
@@ -119,7 +121,7 @@ def test_report_of_a_run_in_one_state(run, scene, tmp_path, state):
 def test_reports_of_bags_with_one_topic(scene, tmp_path, kept):
     bare = read_run(write_bag(tmp_path / 'run', scene, topics=TOPICS[kept:kept + 1]).path)
     summary = summarise(bare, scene, success=False, reason='interrupted')
-    make_report(bare, summary, scene, tmp_path / 'report.html')
+    make_report(bare, summary, scene, truth(bare, scene), tmp_path / 'report.html')
     read_page(tmp_path / 'report.html', 4 + len(summary['sides']))
     make_recording_report(
         bare, summarise_recording(bare), 'presses.npz', tmp_path / 'recording.html')
@@ -153,7 +155,7 @@ def test_animation(run, scene, empty, tmp_path, monkeypatch):
 
 
 def test_picture_is_a_png(run, scene, tmp_path):
-    picture(run, scene, tmp_path / 'path.png')
+    picture(run, scene, truth(run, scene), tmp_path / 'path.png')
     assert (tmp_path / 'path.png').read_bytes().startswith(PNG)
 
 

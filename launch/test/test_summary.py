@@ -25,7 +25,8 @@ DESIGN_KEYS = {
     'ok', 'state', 'reason', 'reason_code', 'scene', 'controller', 'seed', 'speed',
     'tracked_length', 'edge_length', 'lateral_rms', 'lateral_max', 'lateral_transient_max',
     'force_target', 'force_rms_error', 'force_max', 'joint_acceleration_max',
-    'joint_acceleration_rms', 'pad_speed_scatter', 'approach_recorded', 'closed',
+    'joint_acceleration_rms', 'pad_speed_scatter', 'force_mean', 'lateral_steady',
+    'approach_recorded', 'closed',
     'contour_max_error', 'contour_area_error', 'corners', 'sides', 'duration', 'sensor_rate',
     'control_rate', 'missed_cycles', 'cycles', 'speed_mean', 'latency_p50', 'latency_p99',
     'cpu_per_cycle'}

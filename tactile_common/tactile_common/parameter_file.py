@@ -1,11 +1,10 @@
 """Parameter files of ROS 2, read without ROS: sections by names of nodes, with wildcards."""
 from collections.abc import Iterable, Iterator, Mapping
-import difflib
 import os
 import re
 from typing import Any, NamedTuple
 
-from tactile_common.config import built, checked
+from tactile_common.config import built, checked, did_you_mean
 from tactile_common.errors import ConfigurationError
 from tactile_common.yaml_file import read_yaml
 
@@ -76,14 +75,20 @@ class ParameterFile:
         except ConfigurationError as error:
             raise (error if self.path is None else self.error(f'{node}: {error}')) from error
 
-    def unknown(self, section: str, values: Iterable[str], known: Iterable[str]
-                ) -> Iterator[str]:
-        """Sentences about parameters of a section that are none of the known ones."""
-        known = set(known)
-        for name in values:
-            if name not in known and name.split('.')[0] not in OF_ROS:
-                yield f'parameter file {self.path}: {section}: no parameter {name}' + near(
-                    name, known)
+    def refuse_unknown(self, section: str, values: Iterable[str], known: Iterable[str]) -> None:
+        """ConfigurationError where a parameter of a section is none of the known ones."""
+        try:
+            refuse_unknown(values, known)
+        except ConfigurationError as error:
+            raise self.error(f'{section}: {error}') from error
+
+
+def refuse_unknown(names: Iterable[str], known: Iterable[str]) -> None:
+    """ConfigurationError with the nearest known name where one is not known, and none of ROS."""
+    known = set(known)
+    for name in names:
+        if name not in known and name.split('.')[0] not in OF_ROS:
+            raise ConfigurationError(f'no parameter {name}{did_you_mean(name, known)}')
 
 
 def _sections(tree: Any, name: str) -> Iterator[tuple[str, dict[str, Any]]]:
@@ -112,9 +117,3 @@ def matches(section: str, node: str) -> bool:
     parts = {'**': '(/[^/]+)*', '*': '/[^/]+'}
     pattern = ''.join(parts.get(part, f'/{re.escape(part)}') for part in section[1:].split('/'))
     return re.fullmatch(pattern, node) is not None
-
-
-def near(name: str, known: Iterable[str]) -> str:
-    """Question about the nearest known name; empty where there is none."""
-    found = difflib.get_close_matches(name, list(known), 1)
-    return f'; did you mean {found[0]}?' if found else ''

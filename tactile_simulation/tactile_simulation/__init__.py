@@ -5,7 +5,7 @@ A pad follows the shipped course (a corner and an arc) with a gantry:
 
 >>> from tactile_simulation import load_scene, Simulation
 >>> from tactile_servo import EdgeGoal
->>> simulation = Simulation(load_scene('launch/scenes/course.yaml'), 'trace', seed=1)
+>>> simulation = Simulation(load_scene('launch/scenes/course.yaml'), seed=1)
 >>> status = simulation.run(EdgeGoal(speed=0.05, force=5.0), 20.0)
 >>> simulation.servo.success, status.reason.text
 (True, 'the edge ended')
@@ -19,6 +19,9 @@ __all__, __getattr__, __dir__ = exported(__name__, {
     'closed_loop': 'Simulation',
     'gantry': 'gantry',
     'joint_controller': 'MockController',
-    'renderer': 'EdgeRenderer render',
-    'scene': 'load_scene Scene',
+    'edge_world': 'EdgeScene EdgeWorld',
+    'render': 'render',
+    'scene': 'load_scene',
+    'surface_world': 'SurfaceScene SurfaceWorld',
+    'world': 'Scene World',
 })

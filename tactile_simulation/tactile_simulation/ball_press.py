@@ -4,8 +4,8 @@ import numpy as np
 
 from tactile_common.errors import ConfigurationError
 from tactile_sensing.skin.pressure import SkinPressure
-from tactile_simulation.scene import Scene
-from tactile_simulation.tactel_response import TactelResponse
+from tactile_simulation.sensor import TactelResponse
+from tactile_simulation.world import Scene
 
 PERIOD = 0.005  # s between frames
 HELD, BETWEEN = 0.5, 2.0  # s that a press is held, and that nothing touches before it

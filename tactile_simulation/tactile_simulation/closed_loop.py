@@ -1,7 +1,9 @@
 """The whole loop without ROS: scene, sensor, estimator, servo and robot on one clock."""
 from collections import deque
 from contextlib import suppress
-from typing import NamedTuple
+from dataclasses import dataclass
+from itertools import groupby
+from typing import Any
 
 import numpy as np
 
@@ -9,7 +11,7 @@ from tactile_common.errors import TactileError
 from tactile_sensing.contact.estimator import ContactEstimator, EstimatorConfig
 from tactile_sensing.types.image import TactileImage
 from tactile_servo.config import ServoConfig
-from tactile_servo.laws.registry import DEFAULT, make_law
+from tactile_servo.laws.registry import law_for, LAWS, make_law
 from tactile_servo.supervisor import Supervisor
 from tactile_servo.track_statistics import SETTLING_LENGTH
 from tactile_servo.types import ON_TRACK
@@ -19,10 +21,10 @@ from tactile_shape.local_surface.local_quadric import LocalQuadric
 from tactile_shape.shape_estimator import ShapeEstimator
 from tactile_simulation.gantry import gantry
 from tactile_simulation.joint_controller import MockController
-from tactile_simulation.metrics import Truth
+from tactile_simulation.metrics import judged, measure, NAN, percentile
 from tactile_simulation.scene_calibration import calibration_of
-from tactile_simulation.scenes import parameters_for, renderer_of
-from tactile_simulation.smoothness import accelerations, speeds
+from tactile_simulation.smoothness import accelerations
+from tactile_simulation.world import Course, Truth
 
 STEP = 2.5e-3  # s; control at 400 Hz
 PICTURE_EVERY = 2  # steps; sensing at 200 Hz
@@ -31,7 +33,8 @@ TRANSPORT = 0.5e-3  # s; from a control cycle to the robot's controller
 TARE_FRAMES = 100
 
 
-class Cycle(NamedTuple):
+@dataclass(frozen=True, eq=False)
+class Cycle:
     """One control cycle, and the truth beside it."""
 
     time: float  # s
@@ -43,29 +46,34 @@ class Cycle(NamedTuple):
 
 class Simulation:
     """
-    A servo that follows the edge of a scene, and what was touched, with the nodes' parts.
-
-    World, sensor, estimators, servo and robot share one clock, and so one class with many parts.
+    A servo that follows what the world of a scene shows, and what was touched, on one clock.
 
     Parameters
     ----------
     scene : Scene
-    tracker : str
-        Name of the servo law; `settings` is its configuration.
+    law : str, optional
+        Name of the servo law, by default that of the scene's action; `settings` is its
+        configuration, `config` that of the supervisor.
     seed : int
         Of the sensor's noise.
     latency : float, optional
-        From the instant that a picture shows to its arrival [s]; default as the scene says.
+        From the instant that an image shows to its arrival [s]; default as the scene says.
     robot : tuple of (RobotModel, JointLimits), optional
         Default a gantry with the acceleration of the scene's plant.
     seed_positions : array_like (n,), optional
         Where the search for the joint positions of the start pose begins; default zeros for
         the gantry, else see `RobotModel.inverse`.
+    workspace : WorkspaceBox, optional
+        That the sensor stays in.
+    estimator : EstimatorConfig, optional
+        Default as the scene's probe asks for.
     clock : callable, optional
         Returns seconds; the servo's own computation is then measured with it.
 
     Attributes
     ----------
+    world : World
+        What is touched.
     now : float
         Time; begins at 1 [s].
     pose : ndarray, shape (4, 4)
@@ -74,18 +82,19 @@ class Simulation:
     commands : list of (float, ndarray)
         Time [s] and joint positions (n,) of every command of the robot's controller.
     cycle_costs, picture_costs : list of float
-        Computation of every control cycle and picture [s], if there is a clock.
+        Computation of every control cycle and image [s], if there is a clock.
     """
 
     control_rate = 1.0 / STEP  # Hz
     sensor_rate = 1.0 / (STEP * PICTURE_EVERY)
 
-    def __init__(self, scene, tracker=DEFAULT, *, seed=0, latency=None, config=None,
-                 settings=None, robot=None, seed_positions=None, workspace=None, clock=None):
+    def __init__(self, scene, law=None, *, seed=0, latency=None, config=None,
+                 settings=None, robot=None, seed_positions=None, workspace=None, estimator=None,
+                 clock=None):
         self.scene, plant = scene, scene.plant
         self.rng = np.random.default_rng(seed)
-        self.array = scene.sensor.array
-        self.renderer = renderer_of(scene)
+        self.array, self.seed = scene.sensor.array, seed
+        self.world = scene.world()
         self._convert, info = self._tared()
         self.model, self.limits = robot or gantry(plant.acceleration)
         if robot is None and seed_positions is None:
@@ -96,10 +105,13 @@ class Simulation:
             self.model.velocity_limit, initial_positions=start, rate=1.0 / ROBOT_STEP,
             dead_time=plant.dead_time, lag=plant.lag)
         config = config or ServoConfig()
-        self.servo = Supervisor(self.model, self.limits, make_law(tracker, config, settings),
-                                config, workspace)
+        self.servo = Supervisor(
+            self.model, self.limits, make_law(law_for(scene.action, law), config, settings),
+            config, workspace)
         self.servo.see_sensor(info)
-        self.estimator = ContactEstimator(EstimatorConfig(**parameters_for(scene).contact))
+        self.estimator = ContactEstimator(
+            estimator or EstimatorConfig(**scene.parameters().contact))
+        self.estimate = self.estimator.estimate
         self._path, self.shape = ContactPath(), ShapeEstimator(LocalQuadric())
         self.latency = plant.latency if latency is None else latency
         self.now, self.tick, self.pose = 1.0, 0, self.model.pose(start)
@@ -113,19 +125,15 @@ class Simulation:
     def _tared(self):
         calibration = calibration_of(self.scene)
         tare = calibration.make_tare(np.array(
-            [self.renderer.counts(None, self.rng) for _ in range(TARE_FRAMES)]))
+            [self.world.counts(None, self.rng) for _ in range(TARE_FRAMES)]))
         return calibration.converter(tare), calibration.sensor_info('pad', '', 0, tare)
 
     def picture(self, pose):
         """Take a picture at a pose: TactileImage."""
-        layer, saturated = self._convert(self.renderer.counts(pose, self.rng, self.now))
+        layer, saturated = self._convert(self.world.counts(pose, self.rng, self.now))
         stamp_ns = round((self.now + self.scene.plant.stamp_error) * 1e9)
         return TactileImage(stamp_ns, self.tick, (layer,), self.array, tared=True,
                             saturated=saturated)
-
-    def estimate(self, image):
-        """Estimate the contact in a picture."""
-        return self.estimator.estimate(image)
 
     def step(self):
         """Advance by STEP and return the status of the control cycle."""
@@ -150,8 +158,8 @@ class Simulation:
         self.cycle_costs.append(self._clock() - before)
         if trajectory is not None:
             self._windows.append((self.now + TRANSPORT, trajectory))
-        self.log.append(Cycle(self.now, status, pose, self.renderer.force(pose),
-                              self.renderer.shift))
+        self.log.append(Cycle(self.now, status, pose, self.world.force(pose),
+                              self.world.shift))
         return status
 
     def _feel(self, placed):
@@ -198,13 +206,49 @@ class Simulation:
         return accelerations(np.array(times), np.array(positions))
 
     def truth(self) -> Truth:
-        """Where the pad really was, at every cycle."""
-        places = np.array([cycle.pose[:3, 3] for cycle in self.log])
-        lateral, along = self.scene.edge.nearest(
-            places - np.array([cycle.shift for cycle in self.log]))
+        """Where the pad really was at every cycle, beside what the scene has there."""
         time, force, progress = np.array([
             (cycle.time, cycle.force, cycle.status.progress) for cycle in self.log]).T
         tracking = np.isin([cycle.status.state for cycle in self.log], ON_TRACK)
-        settled = tracking & (progress >= SETTLING_LENGTH) & self.scene.edge.beside(along)
-        return Truth(time, lateral, along, force, progress, tracking, settled, settled,
-                     speeds(time, places))
+        return self.world.truth(Course(
+            time, np.array([cycle.pose for cycle in self.log]), force,
+            np.array([cycle.shift for cycle in self.log]), progress, tracking,
+            tracking & (progress >= SETTLING_LENGTH)))
+
+    def felt(self) -> np.ndarray:
+        """Contacts (N, 3) on a surface, or the vertices of an edge's outline [m]."""
+        if LAWS[self.servo.law.name].maps_surface:
+            felt = self.servo.result().contour
+        else:
+            outline = self.outline()
+            felt = None if outline is None else outline.points
+        return np.zeros((0, 3)) if felt is None else felt
+
+    def summary(self, goal, elapsed: float = NAN) -> dict[str, Any]:
+        """
+        Numbers of the run of a goal, with the keys and SI units of every command.
+
+        `elapsed` is the real time that it took [s]; `ok` only if the goal was met, also by the
+        truth of the scene.
+        """
+        truth, servo = self.truth(), self.servo
+        duration = float(np.ptp(truth.time))
+        numbers = {
+            **_state(self.log[-1].status), 'scene': self.scene.name,
+            'controller': servo.law.name, 'seed': self.seed, 'speed': goal.speed,
+            'tracked_length': servo.statistics.tracked_length,
+            **measure(truth, goal.force, self.accelerations()),
+            **self.world.numbers(truth, self.felt(), goal.force),
+            'closed': servo.result().closed, 'duration': duration,
+            'real_time_factor': duration / elapsed, 'sensor_rate': self.sensor_rate,
+            'control_rate': self.control_rate, 'latency_p50': self.latency,
+            'latency_p99': self.latency, 'cpu_per_cycle': percentile(self.cycle_costs),
+            'cpu_per_picture': percentile(self.picture_costs),
+            'states': [{'time': first.time, **_state(first.status)} for _, (first, *_) in groupby(
+                self.log, key=lambda cycle: cycle.status.state)]}
+        return judged(numbers, servo.success, self.world)
+
+
+def _state(status):
+    return {'state': status.state.name.lower(), 'reason': status.reason.text,
+            'reason_code': status.reason.code.name.lower()}

@@ -16,7 +16,6 @@ import numpy as np
 
 from tactile_common.config import bounded
 from tactile_common.errors import ConfigurationError, Rejected
-from tactile_common.kernels import njit
 from tactile_servo.motion.trajectory import Trajectory
 from tactile_simulation.plant import DelayedLag
 from tactile_simulation.spline import Spline
@@ -233,19 +232,9 @@ class MockController:
 
     def _limited(self, wanted, elapsed):
         """Command (n,) within the limits; counts a step in which they had to act."""
-        self._command, clamped = _clamp(
-            wanted, self._command, self._lower, self._upper, self._velocity_limit, elapsed)
-        self.limit_violations += clamped
-        return self._command
-
-
-@njit(cache=True)
-def _clamp(wanted, before, lower, upper, fastest, period):
-    """Command within the limits of position and velocity, and whether they had to act."""
-    command, clamped = np.empty_like(wanted), False
-    for k in range(len(wanted)):
-        reach = fastest[k] * period
-        command[k] = min(max(wanted[k], lower[k]), upper[k])
-        command[k] = min(max(command[k], before[k] - reach), before[k] + reach)
-        clamped = clamped or abs(command[k] - wanted[k]) > _TOLERANCE * reach + 1e-9
-    return command, clamped
+        reach, before = self._velocity_limit * elapsed, self._command
+        command = np.clip(wanted, self._lower, self._upper)
+        command = np.clip(command, before - reach, before + reach)
+        self.limit_violations += bool((abs(command - wanted) > _TOLERANCE * reach + 1e-9).any())
+        self._command = command
+        return command

@@ -4,8 +4,6 @@ import math
 
 import numpy as np
 
-from tactile_common.kernels import njit
-
 
 class DelayedLag:
     """
@@ -51,7 +49,6 @@ class DelayedLag:
         return self.position, self.velocity
 
 
-@njit(cache=True)
 def _follow(position, start, slope, since, time, lag):
     """Position and velocity after `time` of a command start + slope t, run for `since` [s]."""
     command = start + slope * since

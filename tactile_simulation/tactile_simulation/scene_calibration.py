@@ -6,11 +6,10 @@ import numpy as np
 
 from tactile_sensing.devices.calibration import Calibration
 from tactile_sensing.devices.calibration_file import load_calibration, save_calibration
-from tactile_simulation.scene import Scene
-from tactile_simulation.scene_surface import SurfaceScene
+from tactile_simulation.world import Scene
 
 
-def calibration_of(scene: Scene | SurfaceScene, **values) -> Calibration:
+def calibration_of(scene: Scene, **values) -> Calibration:
     """
     Return what is known of the sensor that a scene describes, and further fields.
 
@@ -26,13 +25,13 @@ def calibration_of(scene: Scene | SurfaceScene, **values) -> Calibration:
         depth=skin.depth, thickness=skin.thickness, poisson=skin.poisson, **values)
 
 
-def write_calibration(scene: Scene | SurfaceScene, path: Path, **values) -> Path:
+def write_calibration(scene: Scene, path: Path, **values) -> Path:
     """
     Write what the driver must know of the sensor that a scene describes; returns the path.
 
     Parameters
     ----------
-    scene : Scene or SurfaceScene
+    scene : Scene
     path : Path
         YAML file to write, in the format of `tactile_sensing.devices.calibration_file`.
     **values

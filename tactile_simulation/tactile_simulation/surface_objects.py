@@ -1,6 +1,5 @@
 """Objects that a round probe touches: signed distances, positive outside, in the base frame."""
 from dataclasses import dataclass, field
-from pathlib import Path
 from typing import Protocol
 
 import numpy as np
@@ -153,8 +152,3 @@ def _distances(points, triangles):
 def torus(ring: float, tube: float) -> SolidObject:
     """Ring touched on its outer equator, see `surfaces.Torus`; also sphere, cylinder and plane."""
     return Torus(ring, tube)
-
-
-def mesh_beside(scene: Path, name: str, scale: float) -> Mesh:
-    """Mesh of a file, whose name is relative to that of the scene."""
-    return Mesh(str((scene.parent / name) if scene else name), scale)

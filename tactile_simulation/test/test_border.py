@@ -6,8 +6,8 @@ import pytest
 from tactile_sensing.contact.ridge import ridge_points
 from tactile_sensing.types.array import TactelArray
 from tactile_servo.edge_map.border import coming_length
-from tactile_simulation.renderer import render
-from tactile_simulation.scene import Skin
+from tactile_simulation.render import render
+from tactile_simulation.sensor import Skin
 
 PAD = TactelArray(16, 16, 0.0254 / 16, 0.0254 / 16)
 HALF, DEPTH, NOISE, PRESSED = 0.0127, 0.002, 630.0, -1e-3

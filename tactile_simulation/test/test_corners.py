@@ -12,8 +12,8 @@ from tactile_servo.edge_map.picture import Picture
 from tactile_servo.edge_map.records import CLOUD_POINT, nodes_of
 from tactile_servo.edge_map.traced_path import DENIALS, TracedPath
 from tactile_simulation.edge_shapes import polygon
-from tactile_simulation.renderer import render
-from tactile_simulation.scene import Skin
+from tactile_simulation.render import render
+from tactile_simulation.sensor import Skin
 
 PAD = TactelArray(16, 16, 0.0254 / 16, 0.0254 / 16)
 DEPTH, NOISE = 0.002, 630.0

@@ -10,8 +10,8 @@ from tactile_sensing.types.array import TactelArray
 from tactile_sensing.types.contact import Contact, ContactType, Reason
 from tactile_sensing.types.image import Layer, TactileImage
 from tactile_shape.contour.contact_path import locate, needs_picture
-from tactile_simulation.renderer import render
-from tactile_simulation.scene import Skin
+from tactile_simulation.render import render
+from tactile_simulation.sensor import Skin
 
 
 def line(x, yaw):

@@ -11,8 +11,8 @@ from tactile_sensing.half_space.point import stress as point_stress
 from tactile_sensing.types.array import TactelArray
 from tactile_sensing.types.image import Layer, TactileImage
 from tactile_shape.contour.edge_point import edge_point
-from tactile_simulation.renderer import render
-from tactile_simulation.scene import Skin
+from tactile_simulation.render import render
+from tactile_simulation.sensor import Skin
 
 PITCH = 0.0254 / 16
 PAD = TactelArray(16, 16, PITCH, PITCH)

@@ -240,7 +240,7 @@ def test_unending_hold_gives_up():
 
 def test_nothing_to_touch_gives_up_within_the_approach_distance():
     loop = puma_loop()
-    loop.renderer.counts = lambda pose, rng, now, real=loop.renderer.counts: real(None, rng)
+    loop.world.counts = lambda pose, rng, now, real=loop.world.counts: real(None, rng)
     loop.run(GOAL, 20.0)
     assert not loop.servo.success and loop.servo.reason.code == ReasonCode.NO_CONTACT
     deepest = min(row.pose[2, 3] for row in loop.log)

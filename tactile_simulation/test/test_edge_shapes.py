@@ -8,8 +8,10 @@ import yaml
 from tactile_common.errors import ConfigurationError
 from tactile_sensing.types.array import TactelArray
 from tactile_simulation.edge_shapes import polygon, spline
-from tactile_simulation.renderer import EdgeRenderer, render
-from tactile_simulation.scene import load_scene, Skin
+from tactile_simulation.edge_world import EdgeWorld
+from tactile_simulation.render import render
+from tactile_simulation.scene import load_scene
+from tactile_simulation.sensor import Skin
 
 SQUARE = [[0.0, 0.0], [0.1, 0.0], [0.1, 0.1], [0.0, 0.1]]
 PAD = TactelArray(16, 16, 0.0254 / 16, 0.0254 / 16)
@@ -73,13 +75,13 @@ def test_a_gap_presses_nothing(tmp_path):
     scene = scene_of(tmp_path, {**PATH, 'gaps': [[0.09, 0.102]]})
     pose = scene.start_pose()
     pose[:3, 3] = [0.396, 0.0, 0.099]
-    assert EdgeRenderer(scene, PAD).force(pose) == pytest.approx(2e5 * 1e-3 * (0.0254 - 0.012))
+    assert EdgeWorld(scene, PAD).force(pose) == pytest.approx(2e5 * 1e-3 * (0.0254 - 0.012))
     assert scene.edge.nearest([[0.396, 0.001, 0.1]])[0][0] == pytest.approx(0.001)
 
 
 def test_the_object_slips_once_the_pad_has_come_so_far(tmp_path):
     scene = scene_of(tmp_path, PATH, slip={'s': 0.1, 'offset': 0.005})
-    renderer = EdgeRenderer(scene, PAD)
+    renderer = EdgeWorld(scene, PAD)
     pose = scene.start_pose()
     for x, expected in ((0.39, 0.0), (0.41, 0.005), (0.39, 0.005)):
         pose[:3, 3] = [x, 0.0, 0.099]
@@ -93,14 +95,14 @@ def test_flaws_of_a_sensor_are_its_own(tmp_path):
     pose = scene.start_pose()
     pose[:3, 3] = [0.35, 0.0, 0.0992]
     rng = np.random.default_rng(0)
-    counts, again = (EdgeRenderer(scene, PAD).counts(pose, rng).astype(float) - 10 for _ in '12')
+    counts, again = (EdgeWorld(scene, PAD).counts(pose, rng).astype(float) - 10 for _ in '12')
     np.testing.assert_array_equal(counts, again)
-    true = EdgeRenderer(flawless, PAD).counts(pose, rng).astype(float) - 10
+    true = EdgeWorld(flawless, PAD).counts(pose, rng).astype(float) - 10
     loaded = true > 30
     gains = counts[loaded] / true[loaded]
     assert (gains == 0.0).sum() <= 3
     assert np.std(gains[gains > 0.0]) == pytest.approx(0.1, rel=0.4)
-    dead = EdgeRenderer(scene, PAD).counts(pose, rng)[true > 10] == 10
+    dead = EdgeWorld(scene, PAD).counts(pose, rng)[true > 10] == 10
     assert dead.sum() <= 3
 
 

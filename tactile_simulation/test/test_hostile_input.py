@@ -30,8 +30,8 @@ from tactile_servo.reasons import GoalRefused, ReasonCode
 from tactile_servo.supervisor import Supervisor
 from tactile_servo.types import EdgeGoal, State, TRACKING
 from tactile_simulation.joint_controller import MockController
-from tactile_simulation.renderer import render
-from tactile_simulation.scene import Skin
+from tactile_simulation.render import render
+from tactile_simulation.sensor import Skin
 
 SEQUENCES = int(os.environ.get('HOSTILE_SEQUENCES', '0'))
 PERIOD_NS = 2_500_000

@@ -20,7 +20,8 @@ from tactile_servo.reasons import ReasonCode
 from tactile_servo.types import EdgeGoal, State
 from tactile_simulation.closed_loop import Simulation
 from tactile_simulation.edge_path import EdgePath
-from tactile_simulation.scene import load_scene, Scene
+from tactile_simulation.edge_world import EdgeScene
+from tactile_simulation.scene import load_scene
 
 GOAL = EdgeGoal(0.03, 5.0, length=0.05)
 PICTURE = 0.005  # s between two
@@ -131,7 +132,7 @@ def test_a_light_touch_stays_light(force):
 
 
 def test_a_corner_that_was_missed_is_no_end_of_the_edge():
-    corner = Scene('corner', 'corner', EdgePath(np.array([
+    corner = EdgeScene('corner', 'corner', EdgePath(np.array([
         [0.0, 0.0, 0.0], [0.07, 0.0, 0.0], [0.07, 0.07, 0.0]])))
     loop, _ = simulated(corner, EdgeGoal(0.1, 5.0), latency=0.04)
     assert not loop.servo.success and loop.servo.reason.code == ReasonCode.ENDED_BESIDE

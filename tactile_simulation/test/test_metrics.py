@@ -5,22 +5,22 @@ import json
 import numpy as np
 import pytest
 
+from tactile_simulation.edge_path import EdgePath
+from tactile_simulation.edge_world import EdgeScene, EdgeTruth
 from tactile_simulation.metrics import (
     busy,
     describe,
-    Evidence,
     measure,
     Metric,
     METRICS,
     NAN,
-    OutlineError,
     shown,
     to_json,
-    Truth,
 )
 from tactile_simulation.smoothness import accelerations, scatter, speeds
 
-NONE = np.zeros(4, bool)
+NONE, NOTHING = np.zeros(4, bool), np.zeros((0, 3))
+WORLD = EdgeScene('edge', '', EdgePath(np.array([[0.0, 0.0, 0.0], [9.0, 0.0, 0.0]]))).world()
 
 
 def truth(**changes):
@@ -30,23 +30,27 @@ def truth(**changes):
         'along': np.arange(4.0), 'force': np.array([0.0, 1.0, 6.0, 8.0]),
         'progress': np.arange(4.0), 'tracking': np.array([0, 1, 1, 1], bool),
         'settled': np.array([0, 0, 1, 1], bool), 'on_target': np.array([0, 0, 1, 0], bool),
-        'speed': np.full(4, np.nan)}
-    return Truth(**columns | changes)
+        'poses': np.full((4, 4, 4), np.nan), 'shift': np.zeros((4, 3))}
+    return EdgeTruth(**columns | changes)
+
+
+def numbers(real, felt=NOTHING, acceleration=NOTHING):
+    return {**measure(real, 5.0, acceleration), **WORLD.numbers(real, felt, 5.0)}
 
 
 def test_errors_count_where_their_masks_say():
-    found = measure(Evidence(truth(), 5.0, OutlineError(0.1, -0.2)))
+    found = numbers(truth(), np.array([[1.0, 0.1, 0.0], [2.0, 0.1, 0.0]]))
     assert found['lateral_rms'] == pytest.approx(np.sqrt(5.0))
     assert found['lateral_max'] == 3.0
     assert found['lateral_transient_max'] == 4.0
+    assert found['edge_length'] == 2.0
     assert found['force_rms_error'] == 1.0
     assert found['force_max'] == 8.0
-    assert (found['contour_max_error'], found['contour_area_error']) == (0.1, -0.2)
+    assert found['contour_max_error'] == pytest.approx(0.1)
 
 
 def test_what_never_happened_is_not_known():
-    found = measure(Evidence(truth(tracking=NONE, settled=NONE, on_target=NONE), 5.0,
-                             OutlineError()))
+    found = numbers(truth(tracking=NONE, settled=NONE, on_target=NONE))
     unknown = {key for key, value in found.items() if np.isnan(value)}
     assert unknown == set(found) - {'force_target', 'force_max'}
 
@@ -55,7 +59,7 @@ def test_roughness_of_a_known_motion():
     """Joint 1 swings as a sin(wt): its acceleration is w^2 times that."""
     time, rate = 0.002 * np.arange(2000), 20.0
     joints = np.column_stack([np.zeros_like(time), 0.1 * np.sin(rate * time)])
-    found = measure(Evidence(truth(), 5.0, OutlineError(), accelerations(time, joints)))
+    found = numbers(truth(), acceleration=accelerations(time, joints))
     assert found['joint_acceleration_max'] == pytest.approx(0.1 * rate**2, rel=1e-3)
     assert found['joint_acceleration_rms'] == pytest.approx(
         0.1 * rate**2 / np.sqrt(2.0), rel=2e-2)

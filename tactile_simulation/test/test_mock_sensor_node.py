@@ -23,7 +23,6 @@ from tactile_sensing.devices.registry import options_of, PROTOCOLS
 from tactile_sensing.types.array import TactelArray
 from tactile_simulation.nodes.mock_sensor import MockSensorConfig, MockSensorNode
 from tactile_simulation.pseudo_terminal import PseudoTerminal
-from tactile_simulation.renderer import EdgeRenderer
 from tactile_simulation.scene import load_scene
 
 DEADLINE = 10.0  # of every wait [s]
@@ -120,8 +119,8 @@ def decoded(data, shape, kind=np.uint8):
     return np.stack([event.counts for event in events])
 
 
-def renderer_of(scene):
-    return EdgeRenderer(load_scene(scene), TactelArray(16, 16, 0.0254 / 16, 0.0254 / 16))
+def world_of(scene):
+    return load_scene(scene).world(TactelArray(16, 16, 0.0254 / 16, 0.0254 / 16))
 
 
 def test_unloaded_frames_before_the_first_pose(mock, scene, tmp_path):
@@ -129,7 +128,7 @@ def test_unloaded_frames_before_the_first_pose(mock, scene, tmp_path):
     with Listener(tmp_path / 'sensor') as listener:
         frames = decoded(listener.read_bytes(2 + 20 * 258), (16, 16))[:20]
     rng = np.random.default_rng(7)
-    renderer = renderer_of(scene)
+    renderer = world_of(scene)
     # In this order; a machine that is too slow for one leaves it out.
     drawn = (renderer.counts(None, rng) for _ in range(1000))
     assert all(any(np.array_equal(frame, one) for one in drawn) for frame in frames)
@@ -154,7 +153,7 @@ def test_picture_follows_the_pose(mock, scene, context, tmp_path):
     message.pose.position.x, message.pose.position.z = 0.297, 0.119
     message.pose.orientation.y = 1.0  # half a turn about base y: looks down, pad x = base -x
     message.pose.orientation.w = 0.0
-    picture = renderer_of(scene).render(pose_from_msg(message.pose))
+    picture = scene.world().render(pose_from_msg(message.pose))
     try:
         end = time.monotonic() + DEADLINE
         with Listener(tmp_path / 'sensor') as listener:
@@ -206,8 +205,8 @@ def test_a_frame_shows_the_pose_at_its_own_instant(mock, scene, tmp_path):
     """Of a pad that sinks steadily, known at every 10 ms, each frame shows where it was then."""
     node = mock(scene=scene, latency=0.03, max_pose_age=0.05)
     asked = []
-    render = node._renderer.counts
-    node._renderer.counts = lambda pose, rng, now: asked.append(
+    render = node._world.counts
+    node._world.counts = lambda pose, rng, now: asked.append(
         (time.time(), pose)) or render(pose, rng)
     message = PoseStamped()
     message.pose.position.x, message.pose.orientation.y = 0.297, 1.0
@@ -233,7 +232,7 @@ def test_a_frame_that_is_newer_than_every_pose_shows_the_motion_go_on(mock, scen
     """Of a pad that sinks steadily, known 8 ms late, a frame shows where it is by now."""
     node = mock(scene=scene, latency=0.001, max_pose_age=0.05)
     ahead = []
-    render = node._renderer.counts
+    render = node._world.counts
     message = PoseStamped()
     message.pose.position.x, message.pose.orientation.y = 0.297, 1.0
     message.pose.orientation.w = 0.0
@@ -245,7 +244,7 @@ def test_a_frame_that_is_newer_than_every_pose_shows_the_motion_go_on(mock, scen
             ahead.append(instant - begin_steady - shown_at)
         return render(pose, rng)
 
-    node._renderer.counts = counts
+    node._world.counts = counts
     with Listener(tmp_path / 'sensor') as listener:
         end = time.monotonic() + DEADLINE
         while len(ahead) < 20:

@@ -6,7 +6,6 @@ import pytest
 
 from tactile_servo.types import EdgeGoal
 from tactile_simulation.closed_loop import Simulation
-from tactile_simulation.metrics import summarise
 from tactile_simulation.scene import load_scene
 
 DEEP = 1.5  # pitches, the larger one of two
@@ -28,8 +27,8 @@ sensor: {{rows: {rows}, columns: {columns}, pitch_x: {pitch_x}e-3, pitch_y: {pit
     scene = load_scene(path)
     simulation = Simulation(scene, 'trace', seed=seed)
     goal = EdgeGoal(speed, 5.0, closed=scene.edge.closed)
-    status = simulation.run(goal, 60.0)
-    summary = summarise(simulation, goal, status, name='', tracker='trace', seed=seed)
+    simulation.run(goal, 60.0)
+    summary = simulation.summary(goal)
     assert summary['ok'], summary['reason']
     begun = 0.0 if scene.edge.closed else scene.start.s
     # From first contact to where the edge is last seen, up to a quarter of the pad less.

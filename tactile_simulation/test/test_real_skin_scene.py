@@ -10,8 +10,8 @@ from tactile_sensing.devices.calibration_file import load_calibration
 from tactile_servo.types import EdgeGoal, State
 from tactile_simulation.cli import press_ball
 from tactile_simulation.closed_loop import Simulation
-from tactile_simulation.scene import load_scene, Sensor
-from tactile_simulation.tactel_response import TactelResponse
+from tactile_simulation.scene import load_scene
+from tactile_simulation.sensor import Sensor, TactelResponse
 
 LAUNCH = Path(__file__).parents[2] / 'launch'
 PRESS = ['--force', '1', '--radius', '0.003']

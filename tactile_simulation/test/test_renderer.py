@@ -1,4 +1,5 @@
 """The synthetic sensor against closed forms and invariances."""
+from dataclasses import replace
 import math
 
 import numpy as np
@@ -7,8 +8,10 @@ import pytest
 from tactile_common.errors import ConfigurationError
 from tactile_sensing.skin.pressure import SkinPressure
 from tactile_sensing.types.array import TactelArray
-from tactile_simulation.renderer import EdgeRenderer, render
-from tactile_simulation.scene import EdgePath, Scene, Sensor, Skin, Start
+from tactile_simulation.edge_path import EdgePath
+from tactile_simulation.edge_world import EdgeScene, EdgeWorld, Start
+from tactile_simulation.render import render
+from tactile_simulation.sensor import Sensor, Skin
 
 PITCH = 0.0254 / 16
 PAD = TactelArray(16, 16, PITCH, PITCH)
@@ -132,14 +135,13 @@ def test_scales_with_stiffness_and_size():
 
 def a_scene(noise_std=0.0, baseline=10.0, pa_per_count=160e3 / 255):
     edge = EdgePath(np.array([[0.3, -0.1, 0.12], [0.3, 0.02, 0.12], [0.25, 0.1, 0.12]]))
-    return Scene('test', 'An edge.', edge, SKIN, Sensor(noise_std, baseline, pa_per_count),
-                 Start(0.05, 0.003, -0.001, 0.1))
+    return EdgeScene('test', 'An edge.', edge, SKIN, Start(0.05, 0.003, -0.001, 0.1),
+                     sensor=Sensor(noise_std, baseline, pa_per_count))
 
 
 def moved(scene, transform):
     points = scene.edge.points @ transform[:3, :3].T + transform[:3, 3]
-    return Scene(scene.name, scene.description, EdgePath(points), scene.skin, scene.sensor,
-                 scene.start)
+    return replace(scene, edge=EdgePath(points))
 
 
 def test_only_the_relative_pose_matters():
@@ -150,13 +152,13 @@ def test_only_the_relative_pose_matters():
     transform = np.eye(4)
     transform[:3, :3] += math.sin(0.7) * skew + (1 - math.cos(0.7)) * skew @ skew
     transform[:3, 3] = [0.1, -0.2, 0.3]
-    here, there = EdgeRenderer(scene, PAD), EdgeRenderer(moved(scene, transform), PAD)
+    here, there = EdgeWorld(scene, PAD), EdgeWorld(moved(scene, transform), PAD)
     np.testing.assert_allclose(there.render(transform @ pose), here.render(pose), rtol=1e-9)
     assert there.force(transform @ pose) == pytest.approx(here.force(pose))
 
 
 def test_half_a_turn_of_the_pad_turns_the_picture():
-    renderer = EdgeRenderer(a_scene(), PAD)
+    renderer = EdgeWorld(a_scene(), PAD)
     pose = a_scene().start_pose()
     turned = pose @ np.diag([-1.0, -1.0, 1.0, 1.0])
     np.testing.assert_allclose(renderer.render(turned), renderer.render(pose)[::-1, ::-1])
@@ -168,21 +170,21 @@ def test_a_step_of_one_pitch_moves_the_picture_by_one_column():
     pose[:3, :3] = np.diag([-1.0, 1.0, -1.0])
     shifted = pose.copy()
     shifted[:3, 3] += PITCH * pose[:3, 0]
-    renderer = EdgeRenderer(straight, PAD)
+    renderer = EdgeWorld(straight, PAD)
     np.testing.assert_allclose(
         renderer.render(shifted)[:, :-1], renderer.render(pose)[:, 1:], rtol=1e-6, atol=1e-3)
 
 
 def test_sensor_x_points_left_of_the_edge():
     scene = a_scene()
-    pressure = EdgeRenderer(scene, PAD).render(scene.start_pose())
+    pressure = EdgeWorld(scene, PAD).render(scene.start_pose())
     centroid = (pressure.sum(axis=0) * PAD.x).sum() / pressure.sum()
     assert centroid < -0.0015  # the pad stands 3 mm to the left, so the edge lies at -x
 
 
 def test_counts_are_quantised_pressure_plus_baseline():
     scene = a_scene()
-    renderer, pose = EdgeRenderer(scene, PAD), scene.start_pose()
+    renderer, pose = EdgeWorld(scene, PAD), scene.start_pose()
     counts = renderer.counts(pose, np.random.default_rng(0))
     assert counts.dtype == np.uint8
     back = (counts.astype(float) - 10.0) * scene.sensor.pa_per_count
@@ -191,15 +193,15 @@ def test_counts_are_quantised_pressure_plus_baseline():
 
 def test_counts_saturate_at_both_ends():
     pose = a_scene().start_pose()
-    strong = EdgeRenderer(a_scene(pa_per_count=100.0), PAD).counts(pose, np.random.default_rng(0))
+    strong = EdgeWorld(a_scene(pa_per_count=100.0), PAD).counts(pose, np.random.default_rng(0))
     assert strong.max() == 255
-    noisy = EdgeRenderer(a_scene(noise_std=20e3), PAD).counts(None, np.random.default_rng(0))
+    noisy = EdgeWorld(a_scene(noise_std=20e3), PAD).counts(None, np.random.default_rng(0))
     assert noisy.min() == 0
 
 
 def test_noise_has_its_size_and_repeats_with_the_seed():
     scene = a_scene(noise_std=6300.0, baseline=100.0)
-    renderer = EdgeRenderer(scene, PAD)
+    renderer = EdgeWorld(scene, PAD)
     first, again, other = (
         np.stack([renderer.counts(None, rng) for _ in range(40)])
         for rng in map(np.random.default_rng, (5, 5, 6)))

@@ -23,8 +23,9 @@ from tactile_servo.laws.resolved_rate import (
 from tactile_servo.types import EdgeGoal
 from tactile_simulation.closed_loop import Simulation
 from tactile_simulation.edge_path import EdgePath
+from tactile_simulation.edge_world import EdgeScene
 from tactile_simulation.metrics import rms
-from tactile_simulation.scene import load_scene, Scene
+from tactile_simulation.scene import load_scene
 
 CONFIG = ResolvedRateConfig()
 ARRAY = TactelArray(16, 16, 0.0254 / 16, 0.0254 / 16)
@@ -166,7 +167,7 @@ def test_the_pad_levels_itself_on_an_edge_in_space():
 @pytest.mark.parametrize('turn', [60, 90])
 def test_a_corner_under_the_pad_hardly_tilts_it(turn):
     angle = math.radians(turn)
-    scene = Scene('corner', 'corner', EdgePath(np.array([
+    scene = EdgeScene('corner', 'corner', EdgePath(np.array([
         [0.0, 0.0, 0.0], [0.07, 0.0, 0.0],
         [0.07 + 0.07 * math.cos(angle), 0.07 * math.sin(angle), 0.0]])))
     _, rise = tracked_with(scene)

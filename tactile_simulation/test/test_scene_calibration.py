@@ -5,14 +5,14 @@ import pytest
 
 from tactile_sensing.devices.calibration_file import load_calibration
 from tactile_simulation.edge_path import EdgePath
-from tactile_simulation.renderer import EdgeRenderer
-from tactile_simulation.scene import Scene, Sensor, Skin, Start
+from tactile_simulation.edge_world import EdgeScene, EdgeWorld, Start
 from tactile_simulation.scene_calibration import write_calibration
+from tactile_simulation.sensor import Sensor, Skin
 
 
 def scene(**sensor):
     edge = EdgePath([[0.0, 0.0, 0.0], [0.1, 0.0, 0.0]])
-    return Scene('pad', '', edge, skin=Skin(0.003, 1e5), start=Start(height=-0.001),
+    return EdgeScene('pad', '', edge, skin=Skin(0.003, 1e5), start=Start(height=-0.001),
                  sensor=Sensor(noise_std=0.0, **sensor))
 
 
@@ -24,7 +24,7 @@ def test_counts_become_the_pressure_that_was_rendered(tmp_path, sensor):
     calibration = load_calibration(write_calibration(it, tmp_path / 'pad.yaml'))
     assert calibration.array == it.sensor.array
     assert (calibration.depth, calibration.skin_stiffness) == (0.003, 1e5)
-    renderer, pose = EdgeRenderer(it, it.sensor.array), it.start_pose()
+    renderer, pose = EdgeWorld(it, it.sensor.array), it.start_pose()
     layer, saturated = calibration.converter()(
         renderer.counts(pose, np.random.default_rng(0)))
     assert saturated == 0

@@ -8,7 +8,7 @@ import pytest
 
 from tactile_simulation.cli.simulate import main
 from tactile_simulation.edge_path import EdgePath
-from tactile_simulation.metrics import area_of, contour_errors
+from tactile_simulation.edge_world import area_of, contour_errors
 
 STRAIGHT = str(ROOT / 'launch/scenes/straight.yaml')
 KEYS = {
@@ -68,6 +68,6 @@ def test_contour_errors_look_both_ways():
     assert largest == pytest.approx(0.01 * np.sqrt(2), rel=1e-3)
     assert area == pytest.approx(1.02**2 - 1)
     cut = np.delete(SQUARE[:-1], 2, axis=0)  # every point of it is on the edge, a corner is not
-    assert contour_errors(cut, edge).largest == pytest.approx(np.sqrt(0.5), rel=1e-3)
+    assert contour_errors(cut, edge)[0] == pytest.approx(np.sqrt(0.5), rel=1e-3)
     assert area_of(SQUARE + 7.0) == pytest.approx(1.0)
-    assert np.isnan(contour_errors(None, edge)).all()
+    assert np.isnan(contour_errors(SQUARE[:0], edge)).all()

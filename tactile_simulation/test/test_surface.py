@@ -20,9 +20,8 @@ from tactile_servo.tactile_jacobian.table import build_table, grid
 from tactile_servo.types import State
 from tactile_simulation import surface_objects
 from tactile_simulation.cli.simulate import main
-from tactile_simulation.scene_surface import SurfaceScene, SurfaceStart, Touch
-from tactile_simulation.scenes import load_any_scene
-from tactile_simulation.surface_loop import summarise_surface, SurfaceSimulation
+from tactile_simulation.closed_loop import Simulation
+from tactile_simulation.scene import load_scene
 from tactile_simulation.surface_objects import (
     Ledge,
     Mesh,
@@ -32,6 +31,7 @@ from tactile_simulation.surface_objects import (
     StepShape,
     torus,
 )
+from tactile_simulation.surface_world import SurfaceScene, SurfaceStart, Touch
 
 SCENES = Path(__file__).parents[2] / 'launch/scenes/surfaces'
 TOP = (0.3, 0.0, 0.1)
@@ -48,9 +48,9 @@ def scene_of(shape, **parts):
 
 def follow(scene, goal, seconds=20.0, settings=None, config=None, seed=0, law=None):
     """Run a goal: simulation and summary."""
-    simulation = SurfaceSimulation(scene, law, seed=seed, settings=settings, config=config)
-    status = simulation.run(goal, seconds)
-    return simulation, summarise_surface(simulation, goal, status, seed=seed)
+    simulation = Simulation(scene, law, seed=seed, settings=settings, config=config)
+    simulation.run(goal, seconds)
+    return simulation, simulation.summary(goal)
 
 
 def line(speed=0.05, force=5.0, length=0.03, heading=(0.3, 1.0, 0.0)):
@@ -103,7 +103,7 @@ def test_a_mesh_of_a_sphere_is_nearly_one(tmp_path, monkeypatch):
     (tmp_path / 'ball.yaml').write_text(
         'name: ball\ndescription: A ball.\n'
         'surface: {mesh: {file: ball.ply, scale: 0.001}, top: [0.3, 0.0, 0.1]}\n')
-    scene = load_any_scene(tmp_path / 'ball.yaml')
+    scene = load_scene(tmp_path / 'ball.yaml')
     assert scene.surface.distance(np.array([TOP]))[0] == pytest.approx(0.0, abs=1e-4)
     with pytest.raises(ConfigurationError, match='cannot be read'):
         Mesh(str(tmp_path / 'none.stl'))
@@ -116,7 +116,7 @@ def test_a_mesh_of_a_sphere_is_nearly_one(tmp_path, monkeypatch):
 
 @pytest.mark.parametrize('path', sorted(SCENES.glob('*.yaml')), ids=lambda path: path.stem)
 def test_shipped_scenes(path):
-    scene = load_any_scene(path)
+    scene = load_scene(path)
     assert scene.name == path.stem
     pose = scene.start_pose()
     assert pose[:3, :3] @ pose[:3, :3].T == pytest.approx(np.eye(3))
@@ -140,7 +140,7 @@ def test_wrong_scenes_are_refused_with_what_is_wrong(text, message, tmp_path):
     path = tmp_path / 'wrong.yaml'
     path.write_text(f'name: wrong\ndescription: Wrong.\n{text}\n')
     with pytest.raises(ConfigurationError, match=message) as error:
-        load_any_scene(path)
+        load_scene(path)
     assert 'wrong.yaml' in str(error.value)
 
 
@@ -175,7 +175,7 @@ def test_the_thesis_control_lags_behind():
 
 def test_contact_far_from_the_centre_is_brought_there():
     simulation, summary = follow(scene_of(SPHERE, start=SurfaceStart(aside_x=0.011)), line(0.02))
-    truth = simulation.surface_truth()
+    truth = simulation.truth()
     aside = np.hypot(*truth.place[truth.tracking].T)
     assert summary['ok'] and aside[0] > 0.01 and aside[-100:].max() < 0.7e-3
 
@@ -250,21 +250,21 @@ def press_to(simulation, force):
     for _ in range(30):
         middle = 0.5 * (low + high)
         pose[:3, 3] = rest + middle * inward
-        low, high = (middle, high) if simulation.renderer.force(pose) < force else (low, middle)
+        low, high = (middle, high) if simulation.world.force(pose) < force else (low, middle)
     return pose
 
 
 def test_contacts_that_were_shown_are_kept_one_after_the_other():
     # Pressed on the object with known forces beside the pad's centre; nothing is told but images.
     place = np.array([0.003, -0.001])
-    simulation = SurfaceSimulation(scene_of(SPHERE, start=SurfaceStart(
+    simulation = Simulation(scene_of(SPHERE, start=SurfaceStart(
         aside_x=place[0], aside_y=place[1])))
     for name, force in (('light', 4.0), ('firm', 6.0)):
         image = simulation.picture(press_to(simulation, force))
         simulation.servo.law.teach(name, image, simulation.array)
     goal = replace(line(0.03), features='light, firm')
     assert simulation.run(goal, 10.0).state == State.DONE and simulation.servo.success
-    truth = simulation.surface_truth()
+    truth = simulation.truth()
     for progress, force in ((0.012, 4.8), (0.021, 5.4), (0.029, 5.933)):
         near = truth.tracking & (abs(truth.progress - progress) < 1e-3)
         assert truth.force[near].mean() == pytest.approx(force, abs=0.15)
@@ -274,7 +274,7 @@ def test_contacts_that_were_shown_are_kept_one_after_the_other():
 def test_dead_tactels_are_bridged():
     scene = scene_of(SPHERE)
     scene = replace(scene, sensor=replace(scene.sensor, gain_spread=0.03))
-    simulation = SurfaceSimulation(scene)
+    simulation = Simulation(scene)
     picture = simulation.picture
 
     def holed(pose):
@@ -288,7 +288,7 @@ def test_dead_tactels_are_bridged():
 
 
 def test_images_that_cannot_be_used_end_in_a_hold():
-    simulation = SurfaceSimulation(scene_of(SPHERE))
+    simulation = Simulation(scene_of(SPHERE))
     simulation.run(line(length=0.1), 5.0, until=lambda status: status.progress > 0.01)
     assert simulation.servo.state == State.TRACK
     simulation.sensor_alive = False
@@ -301,14 +301,14 @@ def test_a_goal_ends_after_its_duration():
     goal = SurfaceGoal(0.02, 5.0, direction=(0.0, 1.0, 0.0), duration=0.8)
     simulation, summary = follow(scene_of(PLANE), goal)
     assert summary['ok'] and summary['reason_code'] == 'duration_reached'
-    truth = simulation.surface_truth()
+    truth = simulation.truth()
     assert np.ptp(truth.time[truth.tracking]) == pytest.approx(0.8, abs=0.01)
 
 
 def test_a_hard_press_is_relieved():
     # From 15 N, as a hold and what follows it may leave the probe.
     config = ServoConfig(force=ForceBounds(max=16.0, max_load=20.0))
-    simulation = SurfaceSimulation(scene_of(SPHERE), config=config)
+    simulation = Simulation(scene_of(SPHERE), config=config)
     simulation.run(SurfaceGoal(0.001, 15.0, length=0.2), 1.5)
     assert simulation.log[-1].force > 14.0
     simulation.servo.cancel()
@@ -316,7 +316,7 @@ def test_a_hard_press_is_relieved():
     simulation.servo.finish()
     status = simulation.run(line(0.02, length=0.02), 10.0)
     assert status.state == State.DONE and simulation.servo.success
-    truth = simulation.surface_truth()
+    truth = simulation.truth()
     assert truth.force[truth.settled][-50:].mean() == pytest.approx(5.0, rel=0.02)
 
 

@@ -11,10 +11,10 @@ from tactile_sensing.dome.skin import SkinConfig
 from tactile_servo.laws.surface_goal import SurfaceGoal
 from tactile_servo.reasons import ReasonCode
 from tactile_servo.types import EdgeGoal, State
+from tactile_simulation.closed_loop import Simulation
 from tactile_simulation.joint_controller import MockController
-from tactile_simulation.scene_surface import SurfaceStart
-from tactile_simulation.scenes import load_any_scene
-from tactile_simulation.surface_loop import summarise_surface, SurfaceSimulation
+from tactile_simulation.scene import load_scene
+from tactile_simulation.surface_world import SurfaceStart
 
 FORCE = 5.0  # N
 TOUCH = {'surface': 1.11, 'edge': 0.53}  # s, the approach
@@ -22,15 +22,16 @@ TOUCH = {'surface': 1.11, 'edge': 0.53}  # s, the approach
 
 def loop_of(name, **parts):
     """Closed loop of a PUMA 260 on a shipped scene, with a coarse skin that is soon solved."""
-    scene = load_any_scene(ROOT / f'launch/scenes/surfaces/{name}.yaml')
-    return SurfaceSimulation(replace(scene, rubber=SkinConfig(across=15, layers=4), **parts),
+    scene = load_scene(ROOT / f'launch/scenes/surfaces/{name}.yaml')
+    return Simulation(replace(scene, rubber=SkinConfig(across=15, layers=4), **parts),
                              robot=(PUMA, LIMITS))
 
 
 def follow(simulation, length=0.06):
     """Follow a line along base y at 50 mm/s: summary."""
     goal = SurfaceGoal(0.05, FORCE, direction=(0.0, 1.0, 0.0), length=length)
-    return summarise_surface(simulation, goal, simulation.run(goal, 20.0), seed=0)
+    simulation.run(goal, 20.0)
+    return simulation.summary(goal)
 
 
 @pytest.mark.parametrize('name', ['cylinder_65', 'sphere_70'])

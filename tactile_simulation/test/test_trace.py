@@ -17,8 +17,8 @@ from tactile_servo.types import EdgeGoal, State
 from tactile_simulation.closed_loop import Simulation
 from tactile_simulation.edge_path import EdgePath
 from tactile_simulation.edge_shapes import polygon
-from tactile_simulation.metrics import contour_errors, summarise
-from tactile_simulation.scene import load_scene, Scene, Start
+from tactile_simulation.edge_world import contour_errors, EdgeScene, Start
+from tactile_simulation.scene import load_scene
 
 
 def follow(scene, speed, seed=0, latency=None, **goal):
@@ -26,8 +26,8 @@ def follow(scene, speed, seed=0, latency=None, **goal):
     scene = load_scene(ROOT / f'launch/scenes/{scene}.yaml')
     simulation = Simulation(scene, 'trace', seed=seed, latency=latency)
     goal = EdgeGoal(speed, 5.0, closed=scene.edge.closed, **goal)
-    status = simulation.run(goal, 60.0)
-    return simulation, summarise(simulation, goal, status, name='', tracker='trace', seed=seed)
+    simulation.run(goal, 60.0)
+    return simulation, simulation.summary(goal)
 
 
 @pytest.mark.parametrize('scene, speed, rms, largest', [
@@ -81,7 +81,7 @@ def test_a_corner_just_after_the_start_is_known_when_it_comes_again():
     angles = 0.2 * math.pi * np.arange(10)  # a side of 30 mm; the edge begins in its middle
     corners = 0.015 / math.sin(0.1 * math.pi) * np.column_stack([np.cos(angles), np.sin(angles)])
     plan = polygon(corners, 0.0, True)
-    scene = Scene('ten corners', '', EdgePath(np.column_stack([plan, np.zeros(len(plan))])),
+    scene = EdgeScene('ten corners', '', EdgePath(np.column_stack([plan, np.zeros(len(plan))])),
                   start=Start(s=0.012))
     simulation = Simulation(scene, 'trace')
     simulation.run(EdgeGoal(0.1, 5.0, closed=True), 30.0)

@@ -23,12 +23,12 @@ from edge_tracking.graph import (
     PARAMETERS,
     private_port,
 )
-from edge_tracking.resources import find_scene, share
+from edge_tracking.resources import share
 from edge_tracking.track import TrackNode
 from tactile_common.ros.conversions import pose_from_msg, stamp_to_seconds
 from tactile_msgs.msg import Contact, SensorInfo, ServoReason, ServoStatus, TactileImage
 from tactile_servo.laws.registry import law_for
-from tactile_simulation.scenes import load_any_scene, parameters_for
+from tactile_simulation.scene import find_scene, load_scene
 
 DEADLINE = 20.0  # s, of every wait; generous, since a loaded machine is no fault
 ROBOT = share('urdf', 'puma260.urdf')
@@ -112,7 +112,7 @@ class Bench:
     def __init__(self, graph, port, scene='straight'):
         self.graph, self.port = graph, port
         self.scene_path = find_scene(scene)
-        self.scene = load_any_scene(self.scene_path)
+        self.scene = load_scene(self.scene_path)
         self.robot: Any = None  # MockRobotNode
         self.listener = graph.add(ListenerNode)
         self.listeners = [self.listener]
@@ -120,7 +120,7 @@ class Bench:
     def add_all(self, **servo):
         """Add mocks, driver, estimator and servo, this with parameters of its own."""
         self.robot = add_mocks(self.graph, self.port, self.scene_path, ROBOT)
-        own = parameters_for(self.scene)
+        own = self.scene.parameters()
         add_sensing(self.graph, self.port, calibrate(self.port, self.scene), contact=own.contact)
         add_servo(self.graph, ROBOT, **{'law': law_for(self.scene.action), **own.servo, **servo})
         return self

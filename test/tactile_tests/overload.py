@@ -23,16 +23,16 @@ import numpy as np
 from edge_tracking.graph import add_servo, calibrate, Graph, linger, private_port
 from edge_tracking.process_group import apart
 from edge_tracking.recording.reader import read_run
-from edge_tracking.resources import find_scene, share
+from edge_tracking.resources import share
 from edge_tracking.track import RESUMES, TrackNode
 from tactile_common.ros.bag_reader import Bag
 from tactile_common.ros.conversions import stamp_to_ns
 from tactile_common.state_buffer import PoseBuffer
 from tactile_servo.motion.robot import RobotModel
 from tactile_servo.types import State
+from tactile_simulation.edge_world import EdgeWorld
 from tactile_simulation.metrics import to_json
-from tactile_simulation.renderer import EdgeRenderer
-from tactile_simulation.scene import load_scene
+from tactile_simulation.scene import find_scene, load_scene
 
 GIVE_UP = 60.0  # s for one goal
 
@@ -80,7 +80,7 @@ def run_goals(options: argparse.Namespace, bag: Path) -> list[tuple[float, float
 def true_course(bag: Path, scene) -> tuple[np.ndarray, np.ndarray, PoseBuffer]:
     """Stamps (N,) [ns] of the joint states, the force (N,) [N] and the poses at them."""
     robot = RobotModel.from_urdf(share('urdf', 'puma260.urdf'), 'tactile_pad')
-    renderer, poses = EdgeRenderer(scene, scene.sensor.array), PoseBuffer(max_gap=1.0, size=10**7)
+    renderer, poses = EdgeWorld(scene, scene.sensor.array), PoseBuffer(max_gap=1.0, size=10**7)
     stamps, forces = [], []
     with Bag(bag) as recording:
         for row in recording.messages(['/joint_states']):
@@ -94,7 +94,7 @@ def true_course(bag: Path, scene) -> tuple[np.ndarray, np.ndarray, PoseBuffer]:
 
 def picture_errors(images, scene, stamps, poses) -> np.ndarray:
     """Force of each picture less that of the pad's pose at its stamp (N,) [N]; NaN: no pose."""
-    renderer, array = EdgeRenderer(scene, scene.sensor.array), scene.sensor.array
+    renderer, array = EdgeWorld(scene, scene.sensor.array), scene.sensor.array
     area = array.pitch_x * array.pitch_y
     near = [poses._states[k][1] for k in
             np.clip(np.searchsorted(stamps, images.stamp_ns), 0, len(stamps) - 1)]

@@ -1,4 +1,5 @@
-"""A recorded run in numbers: how well the edge was tracked."""
+"""A recorded run in numbers: how well what was touched was tracked."""
+from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any
 
@@ -10,15 +11,10 @@ from tactile_servo.reasons import ReasonCode
 from tactile_servo.track_statistics import SETTLING_LENGTH
 from tactile_servo.types import ON_TRACK, State
 from tactile_shape.contour.outline import find_outline
+from tactile_shape.types.patch import Kind
 from tactile_simulation import metrics
-from tactile_simulation.metrics import NAN, percentile, rate, Truth
-from tactile_simulation.renderer import EdgeRenderer
-from tactile_simulation.scene import Scene
-from tactile_simulation.smoothness import speeds
-
-# RMS of the pad's centre, once settled, up to which the edge counts as tracked: the object may
-# slip further at once [m].
-LATERAL_BOUND = 3e-3
+from tactile_simulation.metrics import judged, measure, NAN, percentile, rate
+from tactile_simulation.world import Course, Scene, Truth
 
 
 def settled_cycles(statuses: Statuses) -> tuple[np.ndarray, np.ndarray]:
@@ -31,26 +27,17 @@ def settled_cycles(statuses: Statuses) -> tuple[np.ndarray, np.ndarray]:
 def truth(run: RunData, scene: Scene) -> Truth:
     """Compare the recorded poses of the pad with the scene; time as of `run.seconds`."""
     poses, statuses = run.poses, run.statuses
-    array = run.images.array or (run.info.array if run.info else None)
-    count = len(poses.stamp_ns)
-    force, shift = np.full(count, NAN), np.zeros((count, 3))
-    if array:
-        renderer = EdgeRenderer(scene, array)
-        for index, pose in enumerate(poses.matrix):
-            force[index], shift[index] = renderer.force(pose), renderer.shift  # it may slip
-    lateral, along = scene.edge.nearest(poses.position - shift) if count else (
-        np.empty(0), np.empty(0))
+    world = scene.world(run.images.array or (run.info.array if run.info else None))
+    force, shift = np.empty(len(poses.stamp_ns)), np.zeros((len(poses.stamp_ns), 3))
+    for index, pose in enumerate(poses.matrix):
+        force[index], shift[index] = world.force(pose), world.shift  # it may slip
     # The cycle that was the newest when the pose was taken tells the state.
     newest = np.searchsorted(statuses.stamp_ns, poses.stamp_ns, side='right') - 1
     progress, tracking, settled = (
         np.append(values, values.dtype.type(0))[newest]  # -1, before the first cycle: the 0
         for values in (statuses.progress, *settled_cycles(statuses)))
-    settled &= scene.edge.beside(along)
-    reach = array.half_width_y if array else 0.0
-    whole_edge = (along >= reach) & (along <= scene.edge.length - reach)
-    return Truth(run.seconds(poses.stamp_ns), lateral, along, force, progress, tracking, settled,
-                 on_target=settled & whole_edge,
-                 speed=speeds(1e-9 * poses.stamp_ns, poses.position))
+    return world.truth(Course(
+        run.seconds(poses.stamp_ns), poses.matrix, force, shift, progress, tracking, settled))
 
 
 def latencies(run: RunData) -> tuple[np.ndarray, np.ndarray]:
@@ -90,48 +77,79 @@ def rebuilt_outline(run):
         return None
 
 
-def summarise(run: RunData, scene: Scene, *, success: bool, reason: str = '',
-              reason_code: int = ReasonCode.NONE, speed: float | None = None,
-              force: float | None = None, seed: int | None = None) -> dict[str, Any]:
-    """
-    Return the summary of a run along the edge of a scene, SI units, NaN = unknown.
+@dataclass(frozen=True)
+class Asked:
+    """What a goal asked for, and how its action ended; what is None the recording says."""
 
-    Lateral errors and forces are those of the scene at the recorded poses, not the sensor's own;
-    `ok` only if the action succeeded and the pad's centre really was led along the edge.
+    success: bool
+    reason: str = ''  # that of the last control cycle if empty
+    reason_code: int = ReasonCode.NONE
+    speed: float | None = None  # m/s
+    force: float | None = None  # N
+    seed: int | None = None  # of the scene's noise
+
+
+def summarise(run: RunData, scene: Scene, real: Truth | None = None, **known) -> dict[str, Any]:
+    """
+    Return the summary of a run in a scene, SI units, NaN = unknown.
+
+    Errors and forces are those of the scene at the recorded poses, `truth` if `real` is not
+    given, not the sensor's own; `ok` only if the action succeeded and the scene does not object.
 
     Parameters
     ----------
-    success, reason, reason_code : bool, str, int
-        Of the action; the reason is that of the last control cycle if empty.
-    speed, force : float, optional
-        What the goal asked for [m/s], [N]; else from the control cycles.
-    seed : int, optional
-        Of the scene's noise.
+    run : RunData
+    scene : Scene
+    real : Truth, optional
+    **known
+        Fields of `Asked`.
     """
-    statuses, real = run.statuses, truth(run, scene)
+    asked, statuses = Asked(**known), run.statuses
+    real = real or truth(run, scene)
     tracking, _ = settled_cycles(statuses)
+    target = percentile(statuses.force_target[tracking]) if asked.force is None else asked.force
+    (felt, shape), world = SHAPES[scene.action](run), scene.world()
+    numbers = {
+        **of_servo(run, scene.name, asked), **measure(real, target, run.joint_acceleration),
+        **world.numbers(real, felt, target), **shape}
+    return judged(numbers, asked.success, world)
+
+
+def shape_of_edge(run: RunData) -> tuple[np.ndarray, dict[str, Any]]:
+    """Vertices (N, 3) of the rebuilt outline [m], and what it consists of."""
     outline = rebuilt_outline(run)
-    target = float(force) if force is not None else percentile(statuses.force_target[tracking])
-    summary = {
-        **of_servo(run, scene.name, reason, reason_code, speed, seed),
-        **metrics.measure(metrics.Evidence(
-            real, target, metrics.contour_errors(outline and outline.points, scene.edge),
-            run.joint_acceleration)),
-        'closed': outline is not None and outline.closed,
-        'corners': outline.corners.tolist() if outline else [],
+    if outline is None:
+        return np.zeros((0, 3)), {'closed': False, 'corners': [], 'sides': []}
+    return outline.points, {
+        'closed': outline.closed, 'corners': outline.corners.tolist(),
         'sides': [{'kind': side.kind, 'length': side.length, 'radius': side.radius}
-                  for side in (outline.sides if outline else ())],
-    }
-    summary['ok'] = bool(
-        success and summary['lateral_rms'] < LATERAL_BOUND  # NaN, never settled, fails as well
-        and summary['edge_length'] > max(SETTLING_LENGTH, 0.9 * summary['tracked_length']))
-    if success and not summary['ok']:
-        summary['reason'] += '; but the pad was not led along the edge'
-    return summary
+                  for side in outline.sides]}
 
 
-def of_servo(run: RunData, scene: str, reason: str, reason_code: int, speed: float | None,
-             seed: int | None) -> dict[str, Any]:
+def shape_of_surface(run: RunData) -> tuple[np.ndarray, dict[str, Any]]:
+    """
+    Contacts (N, 3) [m], the kind of surface that most patches are, and its radius [m].
+
+    A straight way over a sphere is as one round a cylinder: the curvature across it is not seen.
+    """
+    felt, kinds = run.touches.position, [patch.kind for patch in run.patches if patch.valid]
+    if not kinds:
+        return felt, {'surface_kind': Kind.NONE.name.lower(), 'surface_radius': NAN,
+                      'surface_seen_across': False}
+    kind = max(set(kinds), key=kinds.count)
+    of_kind = [patch for patch in run.patches if patch.kind == kind]
+    curvature = percentile([patch.curvature[0] for patch in of_kind if patch.seen[0]])
+    round_ = kind in (Kind.CYLINDER, Kind.SPHERE) and curvature != 0.0
+    return felt, {
+        'surface_kind': kind.name.lower(), 'surface_radius': 1.0 / curvature if round_ else NAN,
+        'surface_seen_across': bool(np.mean([patch.seen.all() for patch in of_kind]) > 0.5)}
+
+
+# What was felt and what that is, by the action of a scene.
+SHAPES = {'track_edge': shape_of_edge, 'track_surface': shape_of_surface}
+
+
+def of_servo(run: RunData, scene: str, asked: Asked) -> dict[str, Any]:
     """Give the part of a summary that servo and sensor tell, whatever is tracked."""
     statuses, stamps = run.statuses, run.images.stamp_ns
     tracking, settled = settled_cycles(statuses)
@@ -140,14 +158,14 @@ def of_servo(run: RunData, scene: str, reason: str, reason_code: int, speed: flo
     _, latency = latencies(run)
     begin, end = statuses.stamp_ns[tracking][[0, -1]] if tracking.any() else (0, -1)
     return {
-        'ok': False,
         'state': State(int(statuses.state[last])).name.lower() if active.size else 'idle',
-        'reason': reason or (statuses.reason[last] if active.size else 'the servo did not run'),
-        'reason_code': ReasonCode(reason_code).name.lower(),  # type: ignore[call-arg]
+        'reason': asked.reason or (
+            statuses.reason[last] if active.size else 'the servo did not run'),
+        'reason_code': ReasonCode(asked.reason_code).name.lower(),  # type: ignore[call-arg]
         'scene': scene,
         'controller': str(statuses.controller[0]) if len(statuses.controller) else '',
-        'seed': seed,
-        'speed': float(speed) if speed is not None else percentile(statuses.speed[settled]),
+        'seed': asked.seed,
+        'speed': percentile(statuses.speed[settled]) if asked.speed is None else asked.speed,
         'tracked_length': statuses.progress[tracking].max(initial=0.0),
         'approach_recorded': bool(tracking.any() and stamps.size and stamps[0] < begin),
         'duration': metrics.span(statuses.stamp_ns[active]),

@@ -6,10 +6,11 @@ import numpy as np
 from PIL import Image
 
 from edge_tracking.recording.run import RunData
-from edge_tracking.report import style
 from edge_tracking.report.plans import from_above
+from edge_tracking.report.style import ESTIMATE_COLOUR, picture
 from tactile_common.errors import ConfigurationError
-from tactile_simulation.scene import Scene
+from tactile_simulation.edge_world import EdgeScene
+from tactile_simulation.plot import BLUE, EDGE_COLOUR, INK, label, new_figure
 
 RATE = 15.0  # pictures per second, in real time
 MOST = 150  # pictures; a longer run is shown faster
@@ -19,14 +20,14 @@ COLOURS = 96
 NS = 1e-9
 
 
-def animate(run: RunData, scene: Scene, path: str | PathLike) -> None:
+def animate(run: RunData, scene: EdgeScene, path: str | PathLike) -> None:
     """
     Write a run along the edge of a scene as an animated GIF.
 
     ConfigurationError if the run has no pictures with poses, or the file cannot be written.
     """
     chosen = _chosen(run)
-    figure = style.new_figure(10.0, 4.4)
+    figure = new_figure(10.0, 4.4)
     figure.set_dpi(DPI)
     plan, felt = figure.subplots(1, 2, width_ratios=(1.5, 1))
     update = _draw(plan, felt, run, scene, chosen)
@@ -69,18 +70,18 @@ def _draw(plan, felt, run, scene, chosen):
     x, y = array.half_width_x, array.half_width_y
     corners = np.array([[-x, -y, 0, 1], [x, -y, 0, 1], [x, y, 0, 1], [-x, y, 0, 1]])
     way = from_above(scene, poses.position)
-    plan.plot(*from_above(scene, scene.edge.points).T, color=style.EDGE_COLOUR, linewidth=6,
+    plan.plot(*from_above(scene, scene.edge.points).T, color=EDGE_COLOUR, linewidth=6,
               solid_capstyle='butt')
-    path, = plan.plot([], [], color=style.BLUE, linewidth=1.8)
-    pad = plan.add_patch(Polygon(np.zeros((4, 2)), facecolor='#1f5fa830', edgecolor=style.BLUE))
+    path, = plan.plot([], [], color=BLUE, linewidth=1.8)
+    pad = plan.add_patch(Polygon(np.zeros((4, 2)), facecolor='#1f5fa830', edgecolor=BLUE))
     plan.update_datalim(np.concatenate([way - 1.5e3 * x, way + 1.5e3 * x]))
     plan.autoscale_view()
     plan.set_aspect('equal')
-    style.label(plan, 'along the first edge [mm]', 'across [mm]', 'The pad over the edge')
+    label(plan, 'along the first edge [mm]', 'across [mm]', 'The pad over the edge')
     top = float(np.nanmax(run.images.frames[chosen], initial=0.0))
-    picture = style.picture(felt, run.images, chosen[0], top)
-    line, = felt.plot([], [], color=style.ESTIMATE_COLOUR, linewidth=2.2)
-    style.label(felt, 'x [mm]', 'y [mm]')
+    shown = picture(felt, run.images, chosen[0], top)
+    line, = felt.plot([], [], color=ESTIMATE_COLOUR, linewidth=2.2)
+    label(felt, 'x [mm]', 'y [mm]')
     felt.grid(False)
     along = 2.0 * np.hypot(x, y) * np.array([-1.0, 1.0])  # [m], beyond the pad
     scale, unit = (1e-3, 'kPa') if run.images.unit == 'Pa' else (1.0, run.images.unit)
@@ -91,7 +92,7 @@ def _draw(plan, felt, run, scene, chosen):
         here = _nearest(poses.stamp_ns, stamp)
         path.set_data(*way[:here + 1].T)
         pad.set_xy(from_above(scene, (corners @ poses.matrix[here].T)[:, :3]))
-        picture.set_data(scale * np.ma.masked_invalid(run.images.frames[index]))
+        shown.set_data(scale * np.ma.masked_invalid(run.images.frames[index]))
         line.set_data([], [])
         text = dark
         if len(contacts.stamp_ns) and stamp >= contacts.stamp_ns[0]:
@@ -101,5 +102,5 @@ def _draw(plan, felt, run, scene, chosen):
                               1e3 * (contacts.y[k] + along * np.cos(contacts.yaw[k])))
             if contacts.force_valid[k]:
                 text += f'; {contacts.normal_force[k]:.1f} N'
-        felt.set_title(text, fontsize=11, loc='left', color=style.INK)
+        felt.set_title(text, fontsize=11, loc='left', color=INK)
     return update

@@ -9,11 +9,10 @@ import numpy as np
 from edge_tracking.recording.run import RunData
 from edge_tracking.recording.summary import latencies, settled_cycles
 from edge_tracking.report import style
-from edge_tracking.report.style import BLUE, GREY, INK, label, new_figure, note, ORANGE
 from tactile_sensing.types.contact import ContactType
 from tactile_servo.types import State
-from tactile_simulation.metrics import Truth
-from tactile_simulation.scene import Scene
+from tactile_simulation.edge_world import EdgeScene, EdgeTruth
+from tactile_simulation.plot import BLUE, GREY, INK, label, new_figure, note, ORANGE
 
 _SHADES = {
     State.APPROACH: ('#eaf0f8', 'approach'), State.CORNER: ('#fff4d6', 'corner'),
@@ -22,7 +21,7 @@ _SHADES = {
 }
 
 
-def errors(run: RunData, summary: Mapping[str, Any], scene: Scene, real: Truth) -> Figure:
+def errors(run: RunData, summary: Mapping[str, Any], scene: EdgeScene, real: EdgeTruth) -> Figure:
     """Lateral error, true and measured, and force against its target, over time."""
     figure = new_figure(10.0, 7.6)
     wide, narrow, force = figure.subplots(3, 1, sharex=True, height_ratios=(1, 1, 1.15))

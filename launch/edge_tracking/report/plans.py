@@ -4,21 +4,27 @@ from matplotlib.patches import Polygon
 import numpy as np
 
 from edge_tracking.recording.run import RunData
-from edge_tracking.report import style
-from edge_tracking.report.style import BLUE, GREY, label, new_figure, note, ORANGE
 from tactile_common.polyline import arc_length
 from tactile_shape.cli.plots import draw_model
 from tactile_shape.contour.object_model import model_of
 from tactile_shape.contour.outline import Outline
-from tactile_simulation.metrics import Truth
-from tactile_simulation.scene import Scene
+from tactile_simulation.edge_world import EdgeScene, EdgeTruth
+from tactile_simulation.plot import (
+    BLUE,
+    EDGE_COLOUR,
+    equal_axes,
+    GREY,
+    label,
+    new_figure,
+    note,
+    ORANGE,
+)
 
 # Of the run, shown enlarged [mm].
 DETAIL_LENGTH = 30.0
-FLATTEST = 0.3  # height of a plan of equal axes, of its width
 
 
-def trajectory(run: RunData, scene: Scene, real: Truth) -> Figure:
+def trajectory(run: RunData, scene: EdgeScene, real: EdgeTruth) -> Figure:
     """Path of the pad over the true edge, seen from above, and its first part enlarged."""
     edge, path = (from_above(scene, points) for points in (
         scene.edge.points, run.poses.position))
@@ -27,7 +33,7 @@ def trajectory(run: RunData, scene: Scene, real: Truth) -> Figure:
     figure = new_figure(10.0, 4.8 if beside else 5.6)
     whole, detail = figure.subplots(1, 2, width_ratios=(1, 1.2)) if beside else figure.subplots(
         2, 1, height_ratios=(1, 1.5))
-    whole.plot(*edge.T, color=style.EDGE_COLOUR, linewidth=6, solid_capstyle='butt')
+    whole.plot(*edge.T, color=EDGE_COLOUR, linewidth=6, solid_capstyle='butt')
     whole.plot(*path[real.tracking].T, color=BLUE, linewidth=1.6)
     _pads(whole, run, scene, real)
     whole.set_aspect('equal')
@@ -69,7 +75,7 @@ def _detail(axes, real):
     first = touching[0]
     way = 1e3 * np.abs(real.along - real.along[first])
     lateral = 1e3 * real.lateral
-    axes.axhline(0.0, color=style.EDGE_COLOUR, linewidth=6, zorder=1)
+    axes.axhline(0.0, color=EDGE_COLOUR, linewidth=6, zorder=1)
     axes.plot(way[touching], lateral[touching], color=BLUE, linewidth=1.8)
     axes.plot(way[first], lateral[first], 'o', color=BLUE, markersize=6)
     axes.set_xlim(-0.03 * DETAIL_LENGTH, DETAIL_LENGTH)
@@ -88,13 +94,13 @@ def _detail(axes, real):
               'the statistics count from here', GREY)
 
 
-def outline(run: RunData, scene: Scene, found: Outline) -> Figure:
+def outline(run: RunData, scene: EdgeScene, found: Outline) -> Figure:
     """Outline rebuilt from touch over the true edge, and how far it is from it."""
     figure = new_figure(10.0, 4.6)
     plan, off = figure.subplots(1, 2, width_ratios=(1.2, 1))
     edge, contour, rebuilt, corners = (from_above(scene, points).T for points in (
         scene.edge.points, run.contour, found.points, found.corners))
-    plan.plot(*edge, color=style.EDGE_COLOUR, linewidth=6, solid_capstyle='butt')
+    plan.plot(*edge, color=EDGE_COLOUR, linewidth=6, solid_capstyle='butt')
     plan.plot(*contour, '.', color=BLUE, markersize=2.5)
     plan.plot(*rebuilt, color=ORANGE, linewidth=1.2)
     plan.plot(*corners, 'o', color=ORANGE, markersize=5)
@@ -105,9 +111,7 @@ def outline(run: RunData, scene: Scene, found: Outline) -> Figure:
             text += f', R {1e3 * side.radius:.1f}'
         note(plan, x, y, text, ha='center')
     plan.margins(0.1)
-    (low, high), least = plan.get_ylim(), 0.5 * FLATTEST * np.ptp(plan.get_xlim())
-    plan.set_ylim(min(low, 0.5 * (low + high) - least), max(high, 0.5 * (low + high) + least))
-    plan.set_aspect('equal')
+    equal_axes(plan)
     label(plan, 'along the first edge [mm]', 'across [mm]',
           'True edge, contacts (dots), outline (line)')
     lateral, _ = scene.edge.nearest(run.contour)

@@ -1,47 +1,10 @@
-"""How pictures look: every axis has a unit, and what can be labelled directly is."""
-from io import BytesIO
-
-from matplotlib.backends.backend_agg import FigureCanvasAgg
-from matplotlib.figure import Figure
+"""How images of a tactile array look in a report."""
 import numpy as np
 
-BLUE, ORANGE, GREY, INK = '#1f5fa8', '#d4691e', '#7a808a', '#22262b'
-EDGE_COLOUR = '#c9cdd4'
+from tactile_simulation.plot import colour_bar, INK, note
+
 ESTIMATE_COLOUR = '#10a4b8'  # on pressures
-IN_A_ROW = 4  # pictures
-
-
-def png(figure) -> bytes:
-    """Return a figure as PNG."""
-    buffer = BytesIO()
-    figure.savefig(buffer, format='png', facecolor='white')
-    return buffer.getvalue()
-
-
-def new_figure(width, height):
-    """Return an empty figure of a size in inches."""
-    figure = Figure(figsize=(width, height), dpi=160, layout='constrained')
-    FigureCanvasAgg(figure)
-    return figure
-
-
-def label(axes, xlabel='', ylabel='', title=''):
-    """Label axes and give them the common look."""
-    axes.set_xlabel(xlabel, fontsize=10, color=INK)
-    axes.set_ylabel(ylabel, fontsize=10, color=INK)
-    axes.tick_params(labelsize=9, colors='#4b5058')
-    axes.set_title(title, fontsize=11, loc='left', color=INK)
-    axes.spines[['top', 'right']].set_visible(False)
-    axes.spines[['left', 'bottom']].set_color('#b8bcc4')
-    axes.grid(color='#e6e8ec', linewidth=0.7)
-    axes.set_axisbelow(True)
-
-
-def note(axes, x, y, text, colour=INK, **options):
-    """Write a text on a pale ground at a place of the data."""
-    options = {'ha': 'left', 'va': 'center', **options}
-    axes.annotate(text, (x, y), fontsize=9.5, color=colour, bbox={
-        'facecolor': 'white', 'edgecolor': 'none', 'pad': 1.0, 'alpha': 0.8}, **options)
+IN_A_ROW = 4  # images
 
 
 def tactels(figure, images, chosen, otherwise):
@@ -88,11 +51,3 @@ def picture(axes, images, index, top):
     return axes.imshow(
         scale * np.ma.masked_invalid(images.frames[index]), origin='lower', cmap='magma_r',
         extent=(-x, x, -y, y), vmin=0.0, vmax=max(scale * top, 1e-9), interpolation='nearest')
-
-
-def colour_bar(figure, shown, axes, text, **options):
-    """Add the bar of the colours of what is shown."""
-    bar = figure.colorbar(shown, ax=axes, pad=0.02, **options)
-    bar.set_label(text, fontsize=10)
-    bar.ax.tick_params(labelsize=9)
-    bar.outline.set_visible(False)

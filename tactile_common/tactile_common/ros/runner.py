@@ -4,6 +4,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 import faulthandler
 import gc
+import inspect
 import os
 import re
 import signal

@@ -9,19 +9,19 @@ import sys
 
 import numpy as np
 
-from tactile_common.command_line import between, Parser, run_command
+from tactile_common.command_line import between, Help, Parser, run_command
 from tactile_simulation.ball_press import BallPress, MODULUS
-from tactile_simulation.scene import load_scene
+from tactile_simulation.scene import describe_scenes, load_scene
 
 
 def parser() -> argparse.ArgumentParser:
     """Command line."""
     arguments = Parser(
-        prog='press_ball', formatter_class=argparse.ArgumentDefaultsHelpFormatter,
+        prog='press_ball', formatter_class=Help, epilog=describe_scenes(),
         description='Press a small ball on the sensor of a scene, straight, at places that '
         'nobody is told: the recordings that `calibrate` takes.')
     add = arguments.add_argument
-    add('scene', help='YAML file of the scene')
+    add('scene', help='name of a scene, see below, or a YAML file')
     add('--out', required=True, metavar='FOLDER', help='for unloaded.npz, ball.npz, flat.npz')
     count = between(1, 10_000, kind=int)
     add('--radius', type=between(1e-5, 0.1, 'm'), default=0.003, help='of the ball [m]')

@@ -12,7 +12,7 @@ from tactile_common.ros.runner import run
 from tactile_servo.conversions import joint_state_to_msg, trajectory_from_msg
 from tactile_servo.motion.robot import RobotModel
 from tactile_simulation.joint_controller import Late, MockController, MockRobotConfig
-from tactile_simulation.scenes import load_any_scene
+from tactile_simulation.scene import load_scene
 
 
 class MockRobotNode(TactileNode):
@@ -80,7 +80,7 @@ def _start(config, robot):
     """Joint positions to begin at: given, those of the scene's start pose, or the middle."""
     seed = config.initial_positions or None
     if config.scene:
-        return robot.inverse(load_any_scene(config.scene).start_pose(), seed)
+        return robot.inverse(load_scene(config.scene).start_pose(), seed)
     return robot.middle if seed is None else seed
 
 

@@ -23,7 +23,7 @@ from tactile_sensing.devices.recording import BYTES, load_recording
 from tactile_sensing.devices.registry import options_of, protocol_named, PROTOCOLS
 from tactile_simulation.line_faults import LineFaults
 from tactile_simulation.pseudo_terminal import PseudoTerminal
-from tactile_simulation.scenes import load_any_scene, renderer_of
+from tactile_simulation.scene import load_scene
 
 _LISTENER_CHECK = 0.002  # s between looks for the first listener; nothing is sent before
 _LATE = 2  # periods; a frame of a scene that is later is not sent: its stamp would be too young
@@ -125,11 +125,11 @@ class MockSensorNode(TactileNode):
                 f"parameters 'scene' and 'recording' are {config.scene!r} and "
                 f'{config.recording!r}, must be exactly one')
         if config.scene:
-            scene = load_any_scene(config.scene)
-            self._renderer = renderer_of(scene)
+            scene = load_scene(config.scene)
+            self._world = scene.world()
             self._rng = np.random.default_rng(config.seed)
             # Compiled now rather than at the first touch.
-            self._renderer.render(scene.start_pose())
+            self._world.render(scene.start_pose())
             self._recorded = None
             self._period = 1.0 / config.rate
             age = round(config.max_pose_age * NS)
@@ -173,7 +173,7 @@ class MockSensorNode(TactileNode):
         if touched and pose is None:
             self.blind += 1
             return None
-        counts = self._renderer.counts(pose, self._rng, instant)
+        counts = self._world.counts(pose, self._rng, instant)
         if time.monotonic() - instant - self._config.latency > _LATE * self._period:
             self.late += 1
             return None

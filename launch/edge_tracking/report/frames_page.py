@@ -1,11 +1,56 @@
-"""Pictures of a recording that ran through driver and estimator."""
+"""The report of a recording that ran through driver and estimator."""
+from collections.abc import Mapping
+import math
+from typing import Any
+
 from matplotlib.figure import Figure
 import numpy as np
 
-from edge_tracking.recording.frames_summary import ForceSeries, presses
+from edge_tracking.recording.frames_summary import force_series, ForceSeries, METRICS, presses
 from edge_tracking.recording.run import RunData
 from edge_tracking.report import style
-from edge_tracking.report.style import BLUE, GREY, label, new_figure, ORANGE
+from edge_tracking.report.html import Section, Verdict, write_page
+from tactile_simulation.metrics import shown
+from tactile_simulation.plot import (
+    BLUE,
+    colour_bar,
+    EDGE_COLOUR,
+    GREY,
+    label,
+    new_figure,
+    ORANGE,
+)
+
+SHOWN_PRESSES = 8
+
+
+def make_recording_report(run: RunData, summary: Mapping[str, Any], name: str, path) -> None:
+    """Write the report of a recording of some name, with its `summarise_recording`, as HTML."""
+    series = force_series(run)
+    sections = [] if not len(series.time) else [
+        Section('Force and centre of pressure over time', force_over_time(series),
+         'Force is the zeroth moment of the picture. Without a calibration it is in counts '
+         'times area and says nothing about newtons. The centre of pressure is shown where '
+         'the force is above a tenth of its largest value. This recording: '
+         f'{len(series.time)} contacts in {np.ptp(series.time):.1f} s.'),
+        Section('Presses', press_pictures(run, series, SHOWN_PRESSES),
+         f'The pictures at the peaks of {min(summary["presses"], SHOWN_PRESSES)} of '
+         f'{summary["presses"]} presses, with the centre of pressure.'),
+        Section('Path of the centre of pressure', centre_path(run, series),
+         'The frame is the array; the colour is the force. This recording: the centre moves over '
+         '{:.1f} by {:.1f} mm.'.format(*1e3 * centre_extent(series)))]
+    types = ', '.join(f'{count} {name}' for name, count in summary['contact_types'].items()
+                      if count) or 'none'
+    count, largest = summary['presses'], summary['force_max']
+    lead = f'{count} press' + ('' if count == 1 else 'es')
+    if math.isfinite(largest):
+        factor, unit = force_unit(series)
+        lead += f'; the largest force is {factor * largest:.4g} {unit}'
+    verdict = Verdict('Recording played' if summary['ok'] else 'No images', summary['ok'])
+    tactels = f'{summary["rows"]} \u00d7 {summary["columns"]} tactels'
+    write_page(path, f'Recording \u201c{name}\u201d, {tactels}', verdict,
+               f'{lead}. Contacts by type: {types}.', summary.get('reason', ''),
+               shown(summary, METRICS), sections)
 
 
 def _loaded(series):
@@ -64,7 +109,7 @@ def centre_path(run: RunData, series: ForceSeries) -> Figure:
     scale, unit = force_unit(series)
     whole, near = panels = figure.subplots(1, 2)
     for axes in panels:
-        axes.plot(x, y, color=style.EDGE_COLOUR, linewidth=0.8, zorder=1)
+        axes.plot(x, y, color=EDGE_COLOUR, linewidth=0.8, zorder=1)
         points = axes.scatter(x, y, c=scale * series.force[loaded], cmap='magma_r', zorder=2,
                               s=8 if axes is whole else 26, vmin=0.0)
     label(whole, 'x [mm]', 'y [mm]', 'On the array')
@@ -75,7 +120,7 @@ def centre_path(run: RunData, series: ForceSeries) -> Figure:
         half_x, half_y = 1e3 * array.half_width_x, 1e3 * array.half_width_y
         whole.plot([-half_x, half_x, half_x, -half_x, -half_x],
                    [-half_y, -half_y, half_y, half_y, -half_y], color=GREY, linewidth=1.2)
-    style.colour_bar(figure, points, panels, f'force [{unit}]', shrink=0.85, aspect=20)
+    colour_bar(figure, points, panels, f'force [{unit}]', shrink=0.85, aspect=20)
     return figure
 
 

@@ -1,4 +1,4 @@
-"""Pictures of a tactile array that touches the edge of a scene."""
+"""Pressure on a tactile array that a rigid edge indents."""
 from functools import lru_cache
 import math
 
@@ -10,8 +10,7 @@ from tactile_sensing.skin import kernels
 from tactile_sensing.skin.kernel import polynomials
 from tactile_sensing.skin.pressure import split_tactel
 from tactile_sensing.types.array import TactelArray
-from tactile_simulation.scene import Scene, Skin
-from tactile_simulation.tactel_response import TactelResponse
+from tactile_simulation.sensor import Skin
 
 # Chords up to this length, in depths of the skin, press at their middle [depths]; longer ones
 # are integrated in closed form.
@@ -60,7 +59,7 @@ def render(points, array: TactelArray, skin: Skin,
         shape, nodes = _point_shape(skin, area * array.pitch_x, area * array.pitch_y)
         pressure = _skin_pressure(
             points, solid, array.x, array.y, nodes, shape, skin.depth, skin.stiffness)
-    return pressure, _force(
+    return pressure, force_on(
         points, solid, array.half_width_x, array.half_width_y, skin.stiffness)
 
 
@@ -99,7 +98,7 @@ def _length(start, end):
 
 
 @njit(cache=True, nogil=True)
-def _force(points, solid, half_x, half_y, stiffness):
+def force_on(points, solid, half_x, half_y, stiffness):
     force = 0.0
     for n in range(len(points) - 1):
         if not solid[n]:
@@ -180,60 +179,3 @@ def _skin_pressure(points, solid, x, y, nodes, shape, depth, stiffness):
                     start[0] + along * (end[0] - start[0]), start[1] + along * (end[1] - start[1]),
                     -(start[2] + along * (end[2] - start[2])) * stiffness * share * part)
     return pressure
-
-
-class EdgeRenderer:
-    """
-    What a sensor measures at a pose (4, 4), sensor -> base, given a scene.
-
-    Attributes
-    ----------
-    shift : ndarray, shape (3,)
-        How far the object has slipped [m]; changes when any method sees the pad where the
-        scene says that it slips.
-    """
-
-    def __init__(self, scene: Scene, array: TactelArray):
-        self._scene, self._array = scene, array
-        self.shift = np.zeros(3)
-        self._response = TactelResponse(scene.sensor)
-
-    def render(self, pose: np.ndarray) -> np.ndarray:
-        """Return the pressure at the tactels (rows, columns), free of noise [Pa]."""
-        self._slip(pose)
-        pressure, _ = render(
-            self._points(pose), self._array, self._scene.skin, self._scene.edge.solid,
-            self._scene.sensor.area)
-        return pressure
-
-    def force(self, pose: np.ndarray) -> float:
-        """Return the normal force on the rectangle of the array at a pose [N]."""
-        self._slip(pose)
-        return self._load(pose)
-
-    def _load(self, pose):
-        return _force(self._points(pose), self._scene.edge.solid, self._array.half_width_x,
-                      self._array.half_width_y, self._scene.skin.stiffness)
-
-    def counts(self, pose: np.ndarray | None, rng: np.random.Generator,
-               now: float = 0.0) -> np.ndarray:
-        """
-        Return one frame (rows, columns) of counts at a time [s], see `TactelResponse`.
-
-        Without a pose the sensor touches nothing.
-        """
-        pressure = np.zeros(self._array.shape) if pose is None else self.render(pose)
-        return self._response.counts(pressure, rng, now)
-
-    def _points(self, pose):
-        # Rows are points, hence the transpose of base -> sensor: the rotation itself.
-        return (self._scene.edge.points + (self.shift - pose[:3, 3])) @ pose[:3, :3]
-
-    def _slip(self, pose):
-        slip, edge = self._scene.slip, self._scene.edge
-        if slip is None or self.shift.any() or self._load(pose) <= 0.0:
-            return
-        _, s = edge.nearest(pose[None, :3, 3])
-        if s[0] >= slip.s:
-            along = edge.tangent_at(slip.s)
-            self.shift = slip.offset * np.array([-along[1], along[0], 0.0])

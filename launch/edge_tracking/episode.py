@@ -1,0 +1,118 @@
+"""A goal in a scene: its run on the real graph, the recording, and what that says."""
+from collections.abc import Callable
+from contextlib import ExitStack
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from edge_tracking.goals import feedback_text, way_length
+from edge_tracking.graph import add_servo, calibrate, Graph, linger, private_port
+from edge_tracking.process_group import apart, Heard
+from edge_tracking.recording.reader import read_run
+from edge_tracking.recording.summary import summarise, truth
+from edge_tracking.report.animation import animate
+from edge_tracking.report.page import make_report, picture
+from edge_tracking.resources import share
+from edge_tracking.track import RESUMES, TrackNode
+from tactile_common.progress import live_progress
+from tactile_common.ros.runner import freeze_heap, stop_on_signals
+from tactile_sensing.nodes.driver import DriverConfig
+from tactile_servo.laws.registry import LAWS
+from tactile_servo.types import State
+from tactile_shape.contour.object_model import model_of
+from tactile_simulation.world import Scene
+
+INTERRUPTED = 'interrupted'
+
+
+class Ended(NamedTuple):
+    """How a run ended."""
+
+    success: bool
+    reason: str
+    reason_code: int = 0
+
+
+@dataclass(frozen=True)
+class Episode:
+    """
+    A goal in a scene with mock sensor and robot, what happened, and what is told of it.
+
+    `path` is the scene's file; `speed` [m/s] and `force` [N] are asked for; `seed` is of the
+    sensor's noise.
+    """
+
+    path: Path
+    scene: Scene
+    law: str
+    speed: float
+    force: float
+    pattern: str = 'line'
+    seed: int = 0
+
+    def run(self, folder: Path, **common) -> Ended:
+        """Track once and record it into the folder's `bag`; `common` is of the `Graph`."""
+        robot, own = share('urdf', 'puma260.urdf'), self.scene.parameters()
+        with ExitStack() as stack:
+            enter = stack.enter_context
+            port, stop = enter(private_port()), enter(stop_on_signals())
+            progress = enter(live_progress(self.scene.way or way_length(self.pattern)))
+            parts = {name: enter(apart(name, *arguments, **common)) for name, arguments in (
+                ('listeners', (folder / 'bag', own.shape)),
+                ('mocks', (port, self.path, robot, self.seed)),
+                ('sensing', (port, calibrate(port, self.scene), DriverConfig.protocol,
+                             own.contact)))}
+            graph = enter(Graph(**common))
+
+            def over():
+                return stop.is_set() or any(part.poll() is not None for part in parts.values())
+
+            def show(feedback):
+                progress.show(feedback.progress, State(feedback.state).name.lower(),
+                              feedback_text(feedback))
+
+            servo = add_servo(graph, robot, self.law, **own.servo)
+            freeze_heap()
+            track = self._track(graph, servo, over, show)
+            if stop.is_set():
+                track.cancel()
+                stop.clear()
+                linger(graph, lambda: track.finished or stop.is_set(), 2.0)
+                return Ended(False, INTERRUPTED)
+            if not track.finished:
+                return Ended(False, ', '.join(
+                    f'{name} ended by itself, with status {part.returncode}'
+                    for name, part in parts.items() if part.returncode is not None))
+            linger(graph, stop.is_set)
+        return Ended(track.success, track.reason, track.reason_code)
+
+    def _track(self, graph: Graph, servo, over: Callable[[], bool], show) -> TrackNode:
+        """Send the goal once all listen, and wait for its end."""
+        heard = Heard(servo, graph.namespace)
+        graph.spin(lambda: over() or heard.all)
+        closed = self.scene.closed and LAWS[self.law].closes_contours
+        track = graph.add(
+            TrackNode, own={'on_feedback': show}, action=self.scene.action, speed=self.speed,
+            force=self.force, resumes=RESUMES, closed=closed,
+            **{'surface.pattern': self.pattern})
+        graph.spin(lambda: track.finished or over())
+        return track
+
+    def report(self, folder: Path, ended: Ended, animated: bool = False) -> dict[str, Any]:
+        """
+        Write what the recording in a folder says: report.html, picture.png; its summary.
+
+        Of a surface also surface.ply; `animated` adds animation.gif, of an edge alone.
+        TactileError where the recording cannot be read.
+        """
+        data = read_run(folder / 'bag')
+        real = truth(data, self.scene)
+        summary = summarise(data, self.scene, real, speed=self.speed, force=self.force,
+                            seed=self.seed, **ended._asdict())
+        make_report(data, summary, self.scene, real, folder / 'report.html')
+        picture(data, self.scene, real, folder / 'picture.png')
+        if LAWS[self.law].maps_surface:
+            model_of(data.patches).save_surface(folder / 'surface.ply')
+        if animated:
+            animate(data, self.scene, folder / 'animation.gif')
+        return summary

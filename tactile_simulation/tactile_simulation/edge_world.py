@@ -1,0 +1,212 @@
+"""The edge of a rigid object under a flat pad."""
+from collections.abc import Mapping
+from dataclasses import dataclass, field, MISSING
+import math
+from typing import Any, ClassVar
+
+import numpy as np
+
+from tactile_common.config import bounded, check_fields
+from tactile_common.errors import ConfigurationError
+from tactile_servo.track_statistics import SETTLING_LENGTH
+from tactile_simulation.edge_path import EdgePath
+from tactile_simulation.metrics import largest, NAN, rms
+from tactile_simulation.render import force_on, render
+from tactile_simulation.sensor import Skin
+from tactile_simulation.world import Course, Scene, Truth, World
+
+# RMS of the pad's centre, once settled, up to which the edge counts as tracked: the object may
+# slip farther at once [m].
+LATERAL_BOUND = 3e-3
+SPACING = 0.25e-3  # m between the places at which outlines are compared
+
+
+@dataclass(frozen=True)
+class Start:
+    """Where the pad is at the beginning, see `EdgeScene.start_pose`."""
+
+    s: float = bounded(0.02, 'arc length along the edge', 'm', 0.0)
+    offset: float = bounded(0.003, 'centre of the pad to the left of the edge', 'm', -0.1, 0.1)
+    height: float = bounded(0.004, "of the pad's surface above the edge", 'm', -0.01, 0.5)
+    yaw: float = bounded(
+        0.0, "of the pad about its own +z, away from the edge's direction", 'rad',
+        -math.pi, math.pi)
+
+    def __post_init__(self):
+        check_fields(self, 'start.')
+
+
+@dataclass(frozen=True)
+class Slip:
+    """A jump of the object to the left of its edge, once the pad has come so far."""
+
+    s: float = bounded(MISSING, 'arc length of the pad at which the object slips', 'm', 0.0)
+    offset: float = bounded(MISSING, 'by how much, to the left', 'm', -0.1, 0.1)
+
+    def __post_init__(self):
+        check_fields(self, 'slip.')
+
+
+@dataclass(frozen=True, eq=False)
+class EdgeScene(Scene):
+    """An edge, and a flat pad above it."""
+
+    action: ClassVar[str] = 'track_edge'
+    edge: EdgePath
+    skin: Skin = field(default_factory=Skin)
+    start: Start = field(default_factory=Start)
+    slip: Slip | None = None
+
+    def __post_init__(self):
+        if self.start.s > self.edge.length:
+            raise ConfigurationError(
+                f'start.s is {self.start.s}, must be at most the length of the edge, '
+                f'{self.edge.length:.6g} m')
+
+    @property
+    def way(self) -> float:
+        """Length of the edge from the start on [m]."""
+        return self.edge.length - self.start.s
+
+    @property
+    def closed(self) -> bool:
+        """Whether the edge is a contour."""
+        return self.edge.closed
+
+    def start_pose(self) -> np.ndarray:
+        """
+        First pose (4, 4) of the pad, sensor -> base, looking straight down at the edge.
+
+        Pad z = base -z; pad y along the edge, turned by `start.yaw` about pad z (the edge then
+        appears at minus that yaw in the image); centre `start.offset` to the left of the edge
+        (towards pad +x at yaw 0) and `start.height` above it.
+        """
+        along = self.edge.tangent_at(self.start.s)
+        along = np.array([along[0], along[1], 0.0]) / math.hypot(along[0], along[1])
+        down = np.array([0.0, 0.0, -1.0])
+        left = np.cross(along, down)
+        cos, sin = math.cos(self.start.yaw), math.sin(self.start.yaw)
+        place = self.edge.point_at(self.start.s) + self.start.offset * left
+        pose = np.eye(4)
+        pose[:3] = np.column_stack([cos * left + sin * along, cos * along - sin * left, down,
+                                    place - self.start.height * down])
+        return pose
+
+    def world(self, array=None) -> 'EdgeWorld':
+        """Return the edge under the pad."""
+        return EdgeWorld(self, array)
+
+
+@dataclass(frozen=True, eq=False)
+class EdgeTruth(Truth):
+    """A course beside the edge that it followed."""
+
+    lateral: np.ndarray  # pad's centre to the left of the edge [m]
+    along: np.ndarray  # arc length of the nearest point of the edge [m]
+
+
+class EdgeWorld(World):
+    """
+    An edge that presses on a flat pad.
+
+    The object slips, and `shift` changes, when any method sees the pad where the scene says so.
+    """
+
+    def __init__(self, scene: EdgeScene, array=None):
+        super().__init__(scene, array)
+        self.edge, self._skin, self._slips = scene.edge, scene.skin, scene.slip
+        self._area = scene.sensor.area
+
+    def render(self, pose: np.ndarray) -> np.ndarray:
+        """Return the pressure at the tactels (rows, columns), free of noise [Pa]."""
+        self._slip(pose)
+        pressure, _ = render(
+            self._points(pose), self.array, self._skin, self.edge.solid, self._area)
+        return pressure
+
+    def force(self, pose: np.ndarray) -> float:
+        """Return the normal force on the rectangle of the array at a pose [N]."""
+        self._slip(pose)
+        return self._load(pose)
+
+    def _load(self, pose):
+        return force_on(self._points(pose), self.edge.solid, self.array.half_width_x,
+                        self.array.half_width_y, self._skin.stiffness)
+
+    def _points(self, pose):
+        # Rows are points, hence the transpose of base -> sensor: the rotation itself.
+        return (self.edge.points + (self.shift - pose[:3, 3])) @ pose[:3, :3]
+
+    def _slip(self, pose):
+        slip = self._slips
+        if slip is None or self.shift.any() or self._load(pose) <= 0.0:
+            return
+        _, s = self.edge.nearest(pose[None, :3, 3])
+        if s[0] >= slip.s:
+            along = self.edge.tangent_at(slip.s)
+            self.shift = slip.offset * np.array([-along[1], along[0], 0.0])
+
+    def truth(self, course: Course) -> EdgeTruth:
+        """Compare a course with the edge."""
+        lateral, along = self.edge.nearest(course.poses[:, :3, 3] - course.shift)
+        reach = self.array.half_width_y
+        settled = course.settled & self.edge.beside(along)
+        # A pad that hangs over an end cannot be pressed as wanted.
+        whole = self.edge.closed | ((along >= reach) & (along <= self.edge.length - reach))
+        return EdgeTruth(**{**vars(course), 'settled': settled}, on_target=settled & whole,
+                         lateral=lateral, along=along)
+
+    def numbers(self, truth: EdgeTruth, felt: np.ndarray, force: float) -> dict[str, Any]:
+        """Numbers of a summary that only the edge knows, see `World.numbers`."""
+        settled, along = truth.lateral[truth.settled], truth.along[truth.tracking]
+        transient = truth.tracking & ~truth.settled & self.edge.beside(truth.along)
+        error, area = contour_errors(felt, self.edge)
+        return {
+            'edge_length': float(np.ptp(along)) if len(along) else NAN,
+            'lateral_rms': rms(settled), 'lateral_max': largest(settled),
+            'lateral_steady': rms(settled[len(settled) // 2:]),
+            'lateral_transient_max': largest(truth.lateral[transient]),
+            'contour_max_error': error, 'contour_area_error': area}
+
+    def objection(self, numbers: Mapping[str, Any]) -> str:
+        """The pad's centre must have been led along the edge, as far as the servo says."""
+        led = (numbers['lateral_rms'] < LATERAL_BOUND  # NaN, never settled, fails as well
+               and numbers['edge_length'] > max(SETTLING_LENGTH,
+                                                0.9 * numbers['tracked_length']))
+        return '' if led else 'the pad was not led along the edge'
+
+
+def contour_errors(contour: np.ndarray, edge: EdgePath) -> tuple[float, float]:
+    """
+    Compare a rebuilt contour `(N, 3)` [m] with the true edge, seen from above.
+
+    Returns
+    -------
+    error : float
+        Largest distance of either from the other; of an open edge, of the contour from the
+        edge [m].
+    area : float
+        Relative error of the area of a closed edge. NaN where there is too little.
+    """
+    if len(contour) < 2:
+        return NAN, NAN
+    if edge.closed:
+        contour = np.vstack([contour, contour[:1]])
+    contour = contour[np.concatenate([[True], (np.diff(contour, axis=0) != 0.0).any(axis=1)])]
+    error = largest(edge.nearest(_resampled(contour))[0])
+    if not edge.closed:
+        return error, NAN
+    missed = largest(EdgePath(contour).nearest(_resampled(edge.points))[0])
+    return max(error, missed), area_of(contour) / area_of(edge.points) - 1.0
+
+
+def area_of(points: np.ndarray) -> float:
+    """Area of a closed polyline (N, >= 2) seen from above [m^2]."""
+    x, y = (points[:, :2] - points[0, :2]).T
+    return abs(0.5 * float(x[:-1] @ y[1:] - x[1:] @ y[:-1]))
+
+
+def _resampled(points):
+    path = EdgePath(points)
+    s = np.linspace(0.0, path.length, math.ceil(path.length / SPACING) + 1)
+    return path.point_at(np.union1d(s, path.arclength))

@@ -1,0 +1,115 @@
+"""Pictures of runs; every axis has a unit, and what can be labelled directly is."""
+from io import BytesIO
+
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+import numpy as np
+
+BLUE, ORANGE, GREY, INK = '#1f5fa8', '#d4691e', '#7a808a', '#22262b'
+EDGE_COLOUR = '#c9cdd4'
+FLATTEST = 0.3  # height of a plan of equal axes, of its width
+
+
+def new_figure(width: float, height: float) -> Figure:
+    """Return an empty figure of a size in inches."""
+    figure = Figure(figsize=(width, height), dpi=160, layout='constrained')
+    FigureCanvasAgg(figure)
+    return figure
+
+
+def png(figure: Figure) -> bytes:
+    """Return a figure as PNG."""
+    buffer = BytesIO()
+    figure.savefig(buffer, format='png', facecolor='white')
+    return buffer.getvalue()
+
+
+def label(axes, xlabel='', ylabel='', title=''):
+    """Label axes and give them the common look."""
+    axes.set_xlabel(xlabel, fontsize=10, color=INK)
+    axes.set_ylabel(ylabel, fontsize=10, color=INK)
+    axes.tick_params(labelsize=9, colors='#4b5058')
+    axes.set_title(title, fontsize=11, loc='left', color=INK)
+    axes.spines[['top', 'right']].set_visible(False)
+    axes.spines[['left', 'bottom']].set_color('#b8bcc4')
+    axes.grid(color='#e6e8ec', linewidth=0.7)
+    axes.set_axisbelow(True)
+
+
+def note(axes, x, y, text, colour=INK, **options):
+    """Write a text on a pale ground at a place of the data."""
+    options = {'ha': 'left', 'va': 'center', **options}
+    axes.annotate(text, (x, y), fontsize=9.5, color=colour, bbox={
+        'facecolor': 'white', 'edgecolor': 'none', 'pad': 1.0, 'alpha': 0.8}, **options)
+
+
+def colour_bar(figure, shown, axes, text, **options):
+    """Add the bar of the colours of what is shown."""
+    bar = figure.colorbar(shown, ax=axes, pad=0.02, **options)
+    bar.set_label(text, fontsize=10)
+    bar.ax.tick_params(labelsize=9)
+    bar.outline.set_visible(False)
+
+
+def equal_axes(axes):
+    """Give a plan equal axes, and some height where an edge is straight."""
+    (low, high), least = axes.get_ylim(), 0.5 * FLATTEST * np.ptp(axes.get_xlim())
+    axes.set_ylim(min(low, 0.5 * (low + high) - least), max(high, 0.5 * (low + high) + least))
+    axes.set_aspect('equal')
+
+
+def show_contacts(figure, above, side, points, scene):
+    """Draw contacts (N, 3) [m] on a surface from above and from the side, with their errors."""
+    if not len(points):
+        return
+    errors, places = 1e6 * scene.surface.distance(points), 1e3 * (points - np.array(scene.top))
+    most = max(np.abs(errors).max(), 1.0)
+    for axes, first, second, title in (
+            (above, 0, 1, 'From above'), (side, 1, 2, 'From the side')):
+        dots = axes.scatter(places[:, first], places[:, second], c=errors, s=4, cmap='coolwarm',
+                            vmin=-most, vmax=most)
+        label(axes, f'{"xyz"[first]} [mm]', f'{"xyz"[second]} [mm]', title)
+        axes.set_aspect('equal', adjustable='datalim')
+    colour_bar(figure, dots, [above, side], 'off the true surface [\u00b5m]')
+
+
+def draw(simulation, path) -> None:
+    """Draw what was followed, the way over it and the errors, in a format by the file's name."""
+    figure = new_figure(10.0, 7.0)
+    (_edge if simulation.scene.action == 'track_edge' else _surface)(figure, simulation)
+    figure.suptitle(simulation.scene.name)
+    figure.savefig(path, facecolor='white')
+
+
+def _edge(figure, simulation):
+    edge, truth = simulation.scene.edge, simulation.truth()
+    plan, errors = figure.subplots(2, 1, height_ratios=(3, 1))
+    outline = np.where(np.repeat(edge.solid, 2)[:, None], np.repeat(
+        edge.points, 2, axis=0)[1:-1], np.nan)
+    contour = simulation.servo.result().contour
+    for points, colour, width, name in (
+            (outline, EDGE_COLOUR, 4, 'edge'), (truth.poses[:, :3, 3], BLUE, 1, "pad's centre"),
+            (contour, ORANGE, 1, 'rebuilt edge')):
+        if points is not None:
+            plan.plot(*1e3 * points[:, :2].T, color=colour, linewidth=width, label=name,
+                      linestyle=':' if points is contour else '-')
+    label(plan, 'x [mm]', 'y [mm]')
+    equal_axes(plan)
+    plan.legend(fontsize=9.5, frameon=False)
+    errors.plot(1e3 * truth.progress[truth.tracking], 1e3 * truth.lateral[truth.tracking],
+                color=BLUE)
+    label(errors, 'tracked length [mm]', 'lateral error [mm]')
+
+
+def _surface(figure, simulation):
+    truth = simulation.truth()
+    (above, side), (force, place) = figure.subplots(2, 2)
+    show_contacts(figure, above, side, simulation.felt(), simulation.scene)
+    way = 1e3 * truth.progress[truth.tracking]
+    force.plot(way, truth.force[truth.tracking], color=BLUE)
+    label(force, 'way [mm]', 'force [N]')
+    for axis, colour in enumerate((BLUE, ORANGE)):
+        place.plot(way, 1e3 * truth.place[truth.tracking, axis], color=colour, linewidth=1.0,
+                   label='xy'[axis])
+    label(place, 'way [mm]', "contact from the pad's centre [mm]")
+    place.legend(fontsize=9.5, frameon=False)

@@ -1,0 +1,205 @@
+"""The surface of an object under a round probe."""
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+import math
+from typing import Any, ClassVar
+
+import numpy as np
+
+from tactile_common.config import bounded, check_fields
+from tactile_sensing.dome.finite_element_model import FiniteElementDome, superpose
+from tactile_sensing.dome.geometry import Dome
+from tactile_sensing.dome.operator_cache import operator_for
+from tactile_sensing.dome.skin import SkinConfig
+from tactile_simulation.metrics import largest, NAN, rms
+from tactile_simulation.sensor import Sensor, Skin
+from tactile_simulation.surface_objects import nearest_point, normal_at, SolidObject
+from tactile_simulation.world import Course, NodeParameters, Scene, Truth, World
+
+PA_PER_COUNT = 1000.0  # of a probe: 15 N on a sphere of its own size do not saturate it
+CALIBRATED = 5.0  # N at the pad's centre, with which the sensor's gain was found
+SLIDES = 1e-7  # m between two poses, below which nothing slides
+TOUCHING = 0.05  # of the force, from which there is contact
+
+
+@dataclass(frozen=True)
+class Touch:
+    """How the object takes being touched."""
+
+    friction: float = bounded(0.0, 'coefficient of Coulomb friction with the skin', '', 0.0, 3.0)
+    fragile: float = bounded(0.0, 'force that breaks the object; 0: none does', 'N', 0.0, 1e4)
+
+    def __post_init__(self):
+        check_fields(self, 'touch.')
+
+
+@dataclass(frozen=True)
+class SurfaceStart:
+    """Where the probe is at the beginning, see `SurfaceScene.start_pose`."""
+
+    x: float = bounded(0.0, 'of the first contact, from where the object is placed', 'm', -1, 1)
+    y: float = bounded(0.0, 'likewise', 'm', -1.0, 1.0)
+    height: float = bounded(0.004, "of the probe's surface above the object", 'm', 0.0, 0.5)
+    aside_x: float = bounded(
+        0.0, 'place of the first contact on the pad: by this much the probe is turned', 'm',
+        -0.02, 0.02)
+    aside_y: float = bounded(0.0, 'likewise', 'm', -0.02, 0.02)
+
+    def __post_init__(self):
+        check_fields(self, 'start.')
+
+
+@dataclass(frozen=True, eq=False)
+class SurfaceScene(Scene):
+    """An object, and the round probe that touches it."""
+
+    action: ClassVar[str] = 'track_surface'
+    surface: SolidObject
+    top: tuple[float, float, float]
+    touch: Touch = field(default_factory=Touch)
+    dome: Dome = field(default_factory=Dome)
+    rubber: SkinConfig = field(default_factory=SkinConfig)
+    start: SurfaceStart = field(default_factory=SurfaceStart)
+    sensor: Sensor = field(default_factory=lambda: Sensor(pa_per_count=PA_PER_COUNT), kw_only=True)
+
+    @property
+    def skin(self) -> Skin:
+        """Depth of the tactels, as the driver knows it."""
+        return Skin(depth=self.dome.depth)
+
+    def parameters(self) -> NodeParameters:
+        """Radii of the probe; its contacts by moments, as no model of a flat pad fits them."""
+        return NodeParameters(
+            servo={'probe.skin_radius': self.dome.skin_radius,
+                   'probe.array_radius': self.dome.array_radius},
+            shape={'source': 'servo'}, contact={'method': 'moments'})
+
+    def start_pose(self) -> np.ndarray:
+        """First pose (4, 4) of the sensor: it looks at the object, and down."""
+        start = self.start
+        above = np.array(self.top) + [start.x, start.y, 0.0]
+        contact = nearest_point(self.surface, above)
+        outward = normal_at(self.surface, contact)
+        level = np.array([1.0, 0.0, 0.0]) - outward[0] * outward
+        ahead = level / np.linalg.norm(level)
+        # z into the object, x ahead
+        rotation = np.column_stack([ahead, np.cross(-outward, ahead), -outward])
+        place = np.array([start.aside_x, start.aside_y])
+        rotation = rotation @ _turned_to(self.dome.direction(place)).T
+        pose = np.eye(4)
+        pose[:3, :3] = rotation
+        centre = contact + (start.height + self.dome.skin_radius) * outward
+        pose[:3, 3] = centre - rotation @ self.dome.centre
+        return pose
+
+    def world(self, array=None) -> 'SurfaceWorld':
+        """Return the object under the probe."""
+        return SurfaceWorld(self, array)
+
+
+def _turned_to(direction):
+    """Rotation (3, 3) that turns z the shortest way to a unit vector."""
+    x, y, z = direction
+    return np.array([[1.0 - x * x / (1.0 + z), -x * y / (1.0 + z), x],
+                     [-x * y / (1.0 + z), 1.0 - y * y / (1.0 + z), y], [-x, -y, z]])
+
+
+@dataclass(frozen=True, eq=False)
+class SurfaceTruth(Truth):
+    """A course beside the surface that it followed."""
+
+    place: np.ndarray  # (N, 2), of the contact on the pad while it tracks [m]
+
+
+class SurfaceWorld(World):
+    """
+    An object that presses on a round probe.
+
+    The probe's skin presses as an elastic foundation does, by its modulus times the depth to
+    which each point of the surface would lie in the object; the tactels feel that load through
+    the finite elements. Friction acts against the sliding since the pose before. The sensor has
+    been calibrated by the force on it: M0 is that force at the pad's centre.
+    """
+
+    def __init__(self, scene: SurfaceScene, array=None):
+        super().__init__(scene, array)
+        array = self.array
+        self.surface, self.dome, self._touch = scene.surface, scene.dome, scene.touch
+        self._operator = operator_for(scene.dome, scene.rubber, array)
+        self._outward = (self._operator.points - scene.dome.centre) / scene.dome.skin_radius
+        model = FiniteElementDome(scene.dome, array, self._operator)
+        image = model.image(np.array([0.0, 0.0, CALIBRATED, 0.0, 0.0]))
+        self._sensitivity = image.sum() * array.pitch_x * array.pitch_y / CALIBRATED
+        self._pose = np.full((4, 4), np.nan)
+        self._loads, self._pressing = np.zeros_like(self._outward), 0.0
+
+    def render(self, pose: np.ndarray) -> np.ndarray:
+        """Return the pressure at the tactels (rows, columns), free of noise [Pa]."""
+        self._press(pose)
+        pressure = superpose(self._operator.green, self._loads) / self._sensitivity
+        return pressure.reshape(self.array.shape)
+
+    def force(self, pose: np.ndarray) -> float:
+        """Return the force along the contact's normal at a pose [N]."""
+        self._press(pose)
+        return self._pressing
+
+    def _press(self, pose):
+        """Loads (N, 3) of the object on the points of the skin, in the sensor frame [N]."""
+        if (pose == self._pose).all():
+            return
+        before, self._pose = self._pose, pose.copy()
+        self._loads, self._pressing = np.zeros_like(self._outward), 0.0
+        rotation = pose[:3, :3]
+        centre = pose[:3, 3] + rotation @ self.dome.centre
+        if self.surface.distance(centre[None])[0] >= self.dome.skin_radius:
+            return
+        points = self._operator.points @ rotation.T + pose[:3, 3]
+        depth = np.maximum(-self.surface.distance(points), 0.0)
+        touched = np.flatnonzero(depth)
+        pressed = self._operator.modulus * depth[touched] * self._operator.areas[touched]
+        loads = -pressed[:, None] * self._outward[touched]
+        total = loads.sum(axis=0)
+        self._pressing = math.sqrt(total @ total)
+        friction = self._touch.friction
+        if friction and np.isfinite(before).all():
+            loads = loads - friction * pressed[:, None] * self._sliding(
+                touched, points[touched], before)
+        self._loads[touched] = loads
+
+    def _sliding(self, touched, points, before):
+        """Directions (K, 3) in which the skin slides over the object, in the sensor frame."""
+        was = self._operator.points[touched] @ before[:3, :3].T + before[:3, 3]
+        moved = (points - was) @ self._pose[:3, :3]
+        outward = self._outward[touched]
+        along = moved - (moved * outward).sum(axis=1, keepdims=True) * outward
+        size = np.linalg.norm(along, axis=1, keepdims=True)
+        return np.where(size > SLIDES, along / np.maximum(size, SLIDES), 0.0)
+
+    def place_on_pad(self, pose: np.ndarray) -> np.ndarray:
+        """Place (2,) on the pad that is nearest to the object, at a pose (4, 4) [m]."""
+        rotation = pose[:3, :3]
+        centre = pose[:3, 3] + rotation @ self.dome.centre
+        return self.dome.place(rotation.T @ -normal_at(self.surface, centre))
+
+    def truth(self, course: Course) -> SurfaceTruth:
+        """Compare a course with the surface."""
+        place = np.full((len(course.time), 2), NAN)
+        for index in np.flatnonzero(course.tracking):
+            place[index] = self.place_on_pad(course.poses[index])
+        return SurfaceTruth(**vars(course), on_target=course.settled, place=place)
+
+    def numbers(self, truth: SurfaceTruth, felt: np.ndarray, force: float) -> dict[str, Any]:
+        """Numbers of a summary that only the surface knows, see `World.numbers`."""
+        errors = self.surface.distance(felt) if len(felt) else np.zeros(0)
+        aside, tracked = np.hypot(*truth.place.T)[truth.settled], truth.force[truth.tracking]
+        fragile = self._touch.fragile
+        return {
+            'surface_rms': rms(errors), 'surface_max': largest(errors),
+            'centre_rms': rms(aside), 'centre_max': largest(aside),
+            'contact_kept': float(np.mean(tracked > TOUCHING * force)) if len(tracked) else 0.0,
+            'broken': bool(fragile and largest(truth.force) > fragile)}
+
+    def objection(self, numbers: Mapping[str, Any]) -> str:
+        """Nothing fragile may have broken."""
+        return 'what was touched has broken' if numbers['broken'] else ''
