@@ -24,7 +24,7 @@ EDITED = {  # file: what it is a copy of, and what a user changed in it
     'pitch.yaml': (CALIBRATION, 'pitch: 0.0015875', 'pitch: 1.5875'),
     'depth.yaml': (CALIBRATION, 'depth: 0.002', 'depth: 2'),
     'rate.yaml': (PARAMETERS, 'rate: 406.0', 'rate: -406.0'),
-    'box.yaml': (PARAMETERS, 'rate: 406.0', 'workspace: {upper: [0.3, 10.0, 10.0]}'),
+    'box.yaml': (PARAMETERS, 'workspace.upper: [0.45', 'workspace.upper: [0.3'),
     'tab.yaml': (PARAMETERS, '  ros__parameters:', '\tros__parameters:'),
 }
 SPEED = 'must be between 0.0001 and 0.2 m/s'

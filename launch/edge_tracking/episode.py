@@ -3,7 +3,7 @@ from collections.abc import Callable
 from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, cast, NamedTuple
 
 from edge_tracking.goals import feedback_text, way_length
 from edge_tracking.graph import add_servo, calibrate, Graph, linger, private_port
@@ -20,6 +20,7 @@ from tactile_sensing.nodes.driver import DriverConfig
 from tactile_servo.laws.registry import LAWS
 from tactile_servo.types import State
 from tactile_shape.contour.object_model import model_of
+from tactile_simulation.edge_world import EdgeScene
 from tactile_simulation.world import Scene
 
 INTERRUPTED = 'interrupted'
@@ -114,5 +115,5 @@ class Episode:
         if LAWS[self.law].maps_surface:
             model_of(data.patches).save_surface(folder / 'surface.ply')
         if animated:
-            animate(data, self.scene, folder / 'animation.gif')
+            animate(data, cast(EdgeScene, self.scene), folder / 'animation.gif')
         return summary

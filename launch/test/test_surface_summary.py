@@ -1,12 +1,17 @@
-"""What a summary says of the surface that was felt."""
+"""What summary and report say of a surface that was felt."""
+from dataclasses import fields, replace
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
-from edge_tracking.recording.run import Poses
-from edge_tracking.recording.summary import shape_of_surface
+from edge_tracking.recording.run import Contacts, Images, Poses, RunData, Statuses
+from edge_tracking.recording.summary import shape_of_surface, summarise, truth
+from edge_tracking.report.page import make_report
+from tactile_sensing.dome.skin import SkinConfig
+from tactile_servo.types import State
 from tactile_shape.local_surface.local_quadric import LocalQuadric
+from tactile_simulation.scene import load_scene
 
 RADIUS = 0.035
 
@@ -44,3 +49,46 @@ def test_nothing_is_told_of_nothing():
     told = shape_of([])
     assert told['surface_kind'] == 'none' and np.isnan(told['surface_radius'])
     assert not told['surface_seen_across']
+
+
+def rolled(scene, outward):
+    """Run whose probe was pressed 0.6 mm into a ball along each of unit vectors (N, 3)."""
+    count, dome = len(outward), scene.dome
+    centre = np.array(scene.top) - [0.0, 0.0, RADIUS]
+    stamps = 10**18 + 10_000_000 * np.arange(count)
+    poses, touches = np.tile(np.eye(4), (2, count, 1, 1))
+    touches[:, :3, 3] = centre + RADIUS * outward
+    for pose, out in zip(poses, outward, strict=True):
+        ahead = np.cross([0.0, 1.0, 0.0], -out)
+        ahead /= np.linalg.norm(ahead)
+        pose[:3, :3] = np.column_stack([ahead, np.cross(-out, ahead), -out])
+        pose[:3, 3] = centre + (RADIUS + dome.skin_radius - 6e-4) * out - (
+            pose[:3, :3] @ dome.centre)
+    told = {field.name: np.zeros(count, getattr(Statuses.of([]), field.name).dtype)
+            for field in fields(Statuses)}
+    told.update(stamp_ns=stamps, controller=np.full(count, 'law', object),
+                state=np.full(count, State.TRACK), progress=np.linspace(0.0, 0.04, count))
+    return RunData('/tactile', stamps[0], Images.of([], frames=np.empty((0, 0, 0)), array=None,
+                                                    unit=''),
+                   Contacts.of([]), Statuses(**told), Poses(stamps, poses), np.zeros((0, 3)),
+                   [patch for patch in patches(outward) if patch.valid], None,
+                   touches=Poses(stamps, touches))
+
+
+def test_a_run_over_a_ball_is_measured_against_it(tmp_path):
+    scene = replace(load_scene('surfaces/sphere_70'), rubber=SkinConfig(across=15, layers=4))
+    angle = np.linspace(-0.6, 0.6, 120)
+    way = np.column_stack([0.1 * np.sin(20.0 * angle), np.sin(angle), np.cos(angle)])
+    run = rolled(scene, way / np.linalg.norm(way, axis=1, keepdims=True))
+    real = truth(run, scene)
+    summary = summarise(run, scene, real, success=True, reason='length reached', force=5.0)
+    assert summary['ok'] and summary['contact_kept'] == 1.0 and not summary['broken']
+    assert summary['surface_max'] < 1e-9 and summary['centre_max'] < 1e-8  # as it was made up
+    assert np.ptp(real.force) < 1e-6 and summary['force_max'] > 1.0
+    assert summary['surface_radius'] == pytest.approx(RADIUS, rel=0.01)
+    fragile = replace(scene, touch=replace(scene.touch, fragile=1.0))
+    broken = summarise(run, fragile, real, success=True, reason='length reached', force=5.0)
+    assert not broken['ok'] and broken['reason'].endswith('; but what was touched has broken')
+    make_report(run, summary, scene, real, tmp_path / 'report.html')
+    page = (tmp_path / 'report.html').read_text('utf-8')
+    assert 'Surface tracked' in page and page.count('<img') == 4

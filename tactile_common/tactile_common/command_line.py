@@ -73,9 +73,10 @@ def refusing(name: str, *others: type[Exception]) -> Iterator[SimpleNamespace]:
     where the command was interrupted; else what the command sets, 0 at first.
     """
     command = SimpleNamespace(status=DONE)
+    expected: tuple[type[Exception], ...] = (TactileError, OSError, *others)
     try:
         yield command
-    except (TactileError, OSError, *others) as error:
+    except expected as error:
         print(f'{name}: {" ".join(str(error).split())}', file=sys.stderr)
         command.status = REFUSED
     except KeyboardInterrupt:

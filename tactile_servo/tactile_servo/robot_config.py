@@ -60,4 +60,9 @@ def robot_of(config: NodeConfig) -> tuple[RobotModel, JointLimits, WorkspaceBox]
         tuple(model.joint_names), model.lower + joints.position_margin,
         model.upper - joints.position_margin, model.velocity_limit * joints.velocity_scale,
         np.full(len(model.joint_names), joints.acceleration))
-    return model, limits, WorkspaceBox(config.workspace.lower, config.workspace.upper)
+    return model, limits, box_of(config)
+
+
+def box_of(config: NodeConfig) -> WorkspaceBox:
+    """Box of a configuration."""
+    return WorkspaceBox(np.array(config.workspace.lower), np.array(config.workspace.upper))

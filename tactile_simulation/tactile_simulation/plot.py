@@ -1,5 +1,6 @@
 """Pictures of runs; every axis has a unit, and what can be labelled directly is."""
 from io import BytesIO
+from typing import Any
 
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
@@ -10,7 +11,7 @@ EDGE_COLOUR = '#c9cdd4'
 FLATTEST = 0.3  # height of a plan of equal axes, of its width
 
 
-def new_figure(width: float, height: float) -> Figure:
+def new_figure(width: float, height: float) -> Any:
     """Return an empty figure of a size in inches."""
     figure = Figure(figsize=(width, height), dpi=160, layout='constrained')
     FigureCanvasAgg(figure)

@@ -58,6 +58,22 @@ def test_a_robot_may_be_given(capsys):
     assert main([STRAIGHT, '--robot', urdf, '--length', '0.02']) == 0
 
 
+def test_a_parameter_file_gives_law_and_bounds(capsys, tmp_path):
+    path = tmp_path / 'own.yaml'
+
+    def run(text):
+        path.write_text(f'/**/edge_servo: {{ros__parameters: {{{text}}}}}')
+        return main([STRAIGHT, '--length', '0.02', '--json', '--parameters', str(path)])
+    assert run('law: resolved_rate, forse.gain: 1.0') == 0
+    out, err = capsys.readouterr()
+    assert json.loads(out)['controller'] == 'resolved_rate'
+    assert 'no parameter forse.gain; did you mean force.gain?' in err
+    assert run('speed.max: 0.02') == 2
+    assert 'speed is 0.03, must be between 0.0001 and 0.02 m/s' in capsys.readouterr().err
+    assert run('law: tactile_jacobian') == 2
+    assert 'works on goals of track_surface' in capsys.readouterr().err
+
+
 SQUARE = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0], [0, 0, 0]], dtype=float)
 
 

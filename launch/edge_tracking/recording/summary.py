@@ -26,8 +26,7 @@ def settled_cycles(statuses: Statuses) -> tuple[np.ndarray, np.ndarray]:
 
 def truth(run: RunData, scene: Scene) -> Truth:
     """Compare the recorded poses of the pad with the scene; time as of `run.seconds`."""
-    poses, statuses = run.poses, run.statuses
-    world = scene.world(run.images.array or (run.info.array if run.info else None))
+    poses, statuses, world = run.poses, run.statuses, scene.world()
     force, shift = np.empty(len(poses.stamp_ns)), np.zeros((len(poses.stamp_ns), 3))
     for index, pose in enumerate(poses.matrix):
         force[index], shift[index] = world.force(pose), world.shift  # it may slip

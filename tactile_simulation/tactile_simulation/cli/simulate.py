@@ -19,8 +19,7 @@ from tactile_sensing.contact.estimator import EstimatorConfig
 from tactile_servo.config import check_goal, ServoConfig
 from tactile_servo.laws.registry import law_for, LAWS
 from tactile_servo.laws.surface_goal import LINE_LENGTH, Pattern, SurfaceGoal
-from tactile_servo.motion.limits import WorkspaceBox
-from tactile_servo.robot_config import NodeConfig, robot_of
+from tactile_servo.robot_config import box_of, NodeConfig, robot_of
 from tactile_servo.types import EdgeGoal
 from tactile_simulation.closed_loop import Simulation
 from tactile_simulation.metrics import describe, to_json
@@ -39,7 +38,8 @@ def parser() -> argparse.ArgumentParser:
     arguments = Parser(
         prog='simulate', description=__doc__.strip().splitlines()[0], formatter_class=Help,
         epilog=describe_scenes())
-    add, only = arguments.add_argument, {'default': argparse.SUPPRESS}
+    add = arguments.add_argument
+    only: Any = {'default': argparse.SUPPRESS}
     add('scene', help='name of a scene, see below, or a YAML file')
     add('--law', '--controller', choices=list(LAWS), help=LAW_HELP)
     add('--speed', type=float, default=0.03, help='along the edge, over the surface [m/s]')
@@ -127,7 +127,7 @@ def simulation_of(options: argparse.Namespace, scene: Scene) -> Simulation:
         {'tip_frame': options.tip} if options.tip else {})}
     node = file.config(NODE, NodeConfig, robot)
     model, limits, _ = robot_of(node) if options.robot else (None, None, None)
-    box = WorkspaceBox(node.workspace.lower, node.workspace.upper)
+    box = box_of(node)
     outside = box.beyond(scene.start_pose()[:3, 3])
     if outside.any():
         raise ConfigurationError(f'the start of {scene.name} lies {outside.max():.6g} m outside '
