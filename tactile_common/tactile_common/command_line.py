@@ -19,7 +19,7 @@ DONE, FAILED, REFUSED, INTERRUPTED = 0, 1, 2, 130
 class Help(argparse.ArgumentDefaultsHelpFormatter, argparse.RawDescriptionHelpFormatter):
     """Help with the defaults that say something, and the lines of the epilog as they are."""
 
-    def _get_help_string(self, action):
+    def _get_help_string(self, action: argparse.Action) -> str | None:
         said = action.default is None or action.default is False
         return action.help if said else super()._get_help_string(action)
 

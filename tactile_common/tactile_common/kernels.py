@@ -17,6 +17,7 @@ import os
 from pathlib import Path
 import re
 import shutil
+import signal
 import sys
 import time
 from typing import Any
@@ -87,7 +88,8 @@ def compile_kernels() -> Iterator[tuple[str, float]]:
     for other in folder.parent.glob('*'):
         if other != folder and re.fullmatch('[0-9a-f]{8}', other.name):
             shutil.rmtree(other, ignore_errors=True)
-    with ProcessPoolExecutor(mp_context=get_context('spawn')) as pool:
+    with ProcessPoolExecutor(mp_context=get_context('spawn'), initializer=signal.signal,
+                             initargs=(signal.SIGINT, signal.SIG_IGN)) as pool:
         done = [pool.submit(_compile, package, str(folder)) for package in PACKAGES
                 if find_spec(package) and find_spec(f'{package}.compile_kernels')]
         for one in as_completed(done):
@@ -112,13 +114,11 @@ def main() -> int:
     with refusing('compile_kernels') as command:
         Parser(prog='compile_kernels', description='Compiles every kernel of the installed '
                'packages; else they are compiled when they are first used.').parse_args()
-    if command.status:
-        return command.status
-    print(f'kernels go to {cache_folder()}', file=sys.stderr)
-    with tqdm(compile_kernels(), unit=' packages', disable=None) as packages:
-        for package, seconds in packages:
-            packages.write(f'{package}: {seconds:.1f} s', file=sys.stderr)
-    return 0
+        print(f'kernels go to {cache_folder()}', file=sys.stderr)
+        with tqdm(compile_kernels(), unit=' packages', disable=None) as packages:
+            for package, seconds in packages:
+                packages.write(f'{package}: {seconds:.1f} s', file=sys.stderr)
+    return command.status
 
 
 config.CACHE_DIR = str(cache_folder())

@@ -26,7 +26,7 @@ def parameters_of(configs: Iterable[type], given: Mapping[str, Any] | None = Non
     """Every parameter that a node declares from dataclasses; `given` replace bad defaults."""
     found: list[Parameter] = []
 
-    def take(name, default, kind, metadata):
+    def take(name: str, default: Any, kind: Any, metadata: Mapping) -> Any:
         found.append(Parameter(name, default, kind, metadata))
         return (given or {}).get(name, default)
 
