@@ -29,7 +29,7 @@ UNSEEN = 0.0, 0.01  # d that a fit has absorbed: of a sharp load on a known skin
 
 
 @lru_cache(maxsize=256)
-def beliefs_of(half_x, half_y, pitch, layers, scatter, kind, power, ends, robust, patch):
+def beliefs_of(half_x, half_y, pitch, layers, scatter, kind, power, ends, robust, patch, base):
     """Priors and bounds of a load of a kind; of which parameters are fitted."""
     count = BASE + layers
     mean, information = np.zeros(count), np.zeros(count)
@@ -65,7 +65,7 @@ def beliefs_of(half_x, half_y, pitch, layers, scatter, kind, power, ends, robust
         active[WIDTH], low[WIDTH], high[WIDTH], step[WIDTH] = True, 0.0, MAX_VARIANCE, 0.1
         volume += math.log(MAX_VARIANCE)
         flat += 1
-    active[BASE:] = robust
+    active[BASE:] = base
     gain, spread = (scatter, 0.5) if scatter > 0.0 else (SCATTER[robust + power], 1.0)
     return Beliefs(mean, information, low, high, step, np.flatnonzero(active),
                    volume - 0.5 * math.log(2.0 * math.pi) * flat, SHEAR[power], scatter,

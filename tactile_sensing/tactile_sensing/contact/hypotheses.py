@@ -37,7 +37,7 @@ from tactile_sensing.types.contact import Reason
 
 EXCESS = 3.0  # standard deviations of chi-square that a sharp load may leave
 SHOWN = 0.9  # probability of a patch that is then fitted
-MUCH = 15.0  # standard deviations of one tactel that no patch explains
+MUCH = 15.0  # standard deviations of one tactel that neither a patch nor drift explains
 WRONG_SKIN = 0.05  # share of the pressure that is left beyond noise: more is a wrong skin
 EXTRAPOLATED = 0.25  # share of the pressure above full scale: its shape is not seen
 DISTINCT, ROUND = 4.0, 1.2  # half length over half width of what is no point, and no line
@@ -112,11 +112,12 @@ def first_guess(pad, reading):
             math.sqrt(max(mean + half, 0.25 * pad.pitch * pad.pitch)))
 
 
-def fitted(image, kind, power, guess, *, ends=False, robust=True, patch=False, start=None):
+def fitted(image, kind, power, guess, *, ends=False, robust=True, patch=False, base=False,
+           start=None):
     """Fit one hypothesis, from a first guess or from the parameters of a simpler one."""
     pad = image.pad
     beliefs = beliefs_of(pad.half_x, pad.half_y, pad.pitch, pad.depths.size, image.scatter, kind,
-                       power, ends, robust, patch)
+                       power, ends, robust, patch, base or robust)
     cx, cy, across, width, length = guess
     begin = np.zeros(beliefs.mean.size)
     if start is not None:
@@ -135,8 +136,7 @@ def fitted(image, kind, power, guess, *, ends=False, robust=True, patch=False, s
     if patch:
         begin[WIDTH] = 0.1
     theta, model, covariance, evidence, scatter, iterations, misfit = fit_and_judge(
-        kind, power, pad, image.readings, begin, start is not None and (patch or not ends),
-        beliefs)
+        kind, power, pad, image.readings, begin, start is not None and (patch or not ends), beliefs)
     return Hypothesis(kind, power, ends, patch, beliefs, theta, model, covariance,
                       evidence - EXTRA * (ends + patch), scatter, iterations, misfit)
 
@@ -159,9 +159,11 @@ def _search_sharp(image, guess, kinds):
             return sharp
         if sharp.evidence == -math.inf or sharp.misfit.loudest > MUCH:
             continue
-        blunt = fitted(image, kind, False, guess, robust=False, patch=True, start=sharp.theta)
-        if _is_noise(blunt):
-            return blunt
+        for extra in ('patch', 'base'):
+            one = fitted(image, kind, False, guess, robust=False, start=sharp.theta,
+                         **{extra: True})
+            if _is_noise(one):
+                return one
     return None
 
 
