@@ -117,7 +117,7 @@ def test_volts_in_flat_tables_calibrate_as_counts_do(there, profile, capsys):
     tables = [word.replace('.npz', '.csv') for word in files]
     assert calibrate.main([*OPTIONS, *ball, *files]) == 0
     expected = load_calibration('pad.yaml')
-    assert calibrate.main([*OPTIONS, *ball, *tables]) == 1
+    assert calibrate.main([*OPTIONS, *ball, *tables]) == 2
     assert '--shape' in capsys.readouterr().err
     assert calibrate.main([*OPTIONS, *ball, *tables, '--shape', '16', '16',
                            '--resolution', f'{volt}']) == 0

@@ -216,7 +216,8 @@ def test_a_frame_that_is_counted_as_lost_moves_no_stamp():
 
 @pytest.mark.parametrize('tick', [
     lambda rng, k: 7, lambda rng, k: rng.integers(2**32), lambda rng, k: -k % 2**32,
-    lambda rng, k: k * 2**31 % 2**32, lambda rng, k: k * 3], ids=str)
+    lambda rng, k: k * 2**31 % 2**32, lambda rng, k: k * 3],
+    ids=['constant', 'random', 'backwards', 'two values', 'slow'])
 @pytest.mark.parametrize('rate', [RATE, 0.0])
 def test_a_device_whose_clock_is_nonsense_gets_times_of_arrival_or_shortly_before(tick, rate):
     rng, got = np.random.default_rng(7), []

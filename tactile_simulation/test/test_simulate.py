@@ -64,10 +64,10 @@ def test_a_parameter_file_gives_law_and_bounds(capsys, tmp_path):
     def run(text):
         path.write_text(f'/**/edge_servo: {{ros__parameters: {{{text}}}}}')
         return main([STRAIGHT, '--length', '0.02', '--json', '--parameters', str(path)])
-    assert run('law: resolved_rate, forse.gain: 1.0') == 0
-    out, err = capsys.readouterr()
-    assert json.loads(out)['controller'] == 'resolved_rate'
-    assert 'no parameter forse.gain; did you mean force.gain?' in err
+    assert run('law: resolved_rate, forse.gain: 1.0') == 2
+    assert 'did you mean force.gain?' in capsys.readouterr().err
+    assert run('law: resolved_rate') == 0
+    assert json.loads(capsys.readouterr().out)['controller'] == 'resolved_rate'
     assert run('speed.max: 0.02') == 2
     assert 'speed is 0.03, must be between 0.0001 and 0.02 m/s' in capsys.readouterr().err
     assert run('law: tactile_jacobian') == 2

@@ -241,7 +241,10 @@ class Motion:
             rotation_length=config.rotation_length)
         window = self._window(kept, velocities, bend, reach)
         if self._workspace is not None and at_wall and self._bends_out(window, self._workspace):
-            velocities, guarded = limits.guard(np.zeros_like(velocities), reach)
+            # All joints brake alike: the sensor keeps its way.
+            share = (limits.acceleration * period / np.fmax(np.abs(joints.velocities), STILL)).min()
+            velocities, guarded = limits.guard(
+                max(1.0 - share, 0.0) * joints.velocities, reach)
             window = self._window(kept, velocities, bend, reach)
         limited_by = at_wall or bound or guarded
         if limited_by or manipulability < config.damping:
