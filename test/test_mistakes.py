@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from edge_tracking import demo, graph, parameters
-from tactile_common.command_line import FAILED, REFUSED
+from tactile_common.command_line import REFUSED
 from tactile_sensing.cli import estimate
 from tactile_shape.cli import fit
 from tactile_simulation.cli import simulate
@@ -143,5 +143,5 @@ def test_a_mistake_ends_in_one_line_before_anything_begins(
 def test_a_parameter_that_no_node_has_is_asked_about(tmp_path, capsys):
     path = tmp_path / 'mine.yaml'
     path.write_text('/**: {ros__parameters: {forse.gain: 1.0}}')
-    assert parameters.main(['--check', str(path)]) == FAILED
+    assert parameters.main(['--check', str(path)]) == REFUSED
     assert 'no parameter forse.gain; did you mean force.gain?' in capsys.readouterr().err

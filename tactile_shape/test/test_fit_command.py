@@ -142,7 +142,7 @@ GOOD = contacts(length=0.01)
     ({}, ('--quadric', '1,2'), 'is not 10 numbers'),
     ({}, ('--quadric', '0,0,0,0,0,0,0,0,0,1'), 'degenerate'),
     ({}, ('--ply', 'none/x.ply'), 'cannot be written'),
-    ({}, ('--plot', 'x.unknown'), 'cannot be drawn'),
+    ({}, ('--plot', 'x.unknown'), 'must end in one of'),
     ({}, ('--method', 'magic'), 'invalid choice')])
 def test_refusals_are_one_line(there, capsys, change, options, message):
     arrays = {name: value for name, value in {**GOOD, **change}.items() if value is not None}

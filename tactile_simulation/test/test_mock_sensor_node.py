@@ -153,7 +153,7 @@ def test_picture_follows_the_pose(mock, scene, context, tmp_path):
     message.pose.position.x, message.pose.position.z = 0.297, 0.119
     message.pose.orientation.y = 1.0  # half a turn about base y: looks down, pad x = base -x
     message.pose.orientation.w = 0.0
-    picture = scene.world().render(pose_from_msg(message.pose))
+    picture = world_of(scene).render(pose_from_msg(message.pose))
     try:
         end = time.monotonic() + DEADLINE
         with Listener(tmp_path / 'sensor') as listener:
