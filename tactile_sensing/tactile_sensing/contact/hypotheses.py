@@ -136,7 +136,8 @@ def fitted(image, kind, power, guess, *, ends=False, robust=True, patch=False, b
     if patch:
         begin[WIDTH] = 0.1
     theta, model, covariance, evidence, scatter, iterations, misfit = fit_and_judge(
-        kind, power, pad, image.readings, begin, start is not None and (patch or not ends), beliefs)
+        kind, power, pad, image.readings, begin, start is not None and (patch or not ends),
+        beliefs)
     return Hypothesis(kind, power, ends, patch, beliefs, theta, model, covariance,
                       evidence - EXTRA * (ends + patch), scatter, iterations, misfit)
 
