@@ -6,7 +6,6 @@ import pytest
 from tactile_common.errors import ConfigurationError
 from tactile_sensing.contact.estimator import ContactEstimator, EstimatorConfig
 from tactile_sensing.half_space import line, point
-from tactile_sensing.half_space.forward_model import LineModel
 from tactile_sensing.types.array import TactelArray
 from tactile_sensing.types.contact import ContactType, line_offsets, Reason
 from tactile_sensing.types.image import Layer, TactileImage
@@ -48,9 +47,10 @@ def test_line_is_at_the_cramer_rao_bound(decibels):
     found, truth = found[told], truth[told]
     error = np.column_stack([line_offsets(found) - truth[:, 0], found['yaw'] - truth[:, 1],
                              found['line_force'] - FORCE])
-    bound, model = [], LineModel(ARRAY, (DEPTH,))
+    bound = []
     for load in truth:
-        j = model.jacobian((*load, FORCE, 0.0)).reshape(-1, 4)
+        j = line.stress_with_shear_jacobian(
+            ARRAY.x, ARRAY.y[:, None], *load, FORCE, 0.0, DEPTH).reshape(-1, 4)
         prior = np.diag([0.0, 0.0, 0.0, (0.3 * FORCE) ** -2])  # friction
         bound.append(np.diag(np.linalg.inv(j.T @ j / noise**2 + prior))[:3])
     rms = np.sqrt(np.mean(error**2, axis=0))
