@@ -48,6 +48,17 @@ def driven(motion, twist, cycles):
     return step
 
 
+def test_a_stop_keeps_the_way():
+    motion = motion_at(np.zeros(6))
+    driven(motion, [0.3, 0.1, 0.0, 0.0, 0.0, 0.0], 200)
+    step = driven(motion, np.full(6, np.nan), 10)
+    assert step.limited_by == 'velocity not finite'
+    assert 0.1 < motion.velocities[0] < 0.25
+    assert motion.velocities[1] == pytest.approx(motion.velocities[0] / 3.0, rel=1e-6)
+    driven(motion, np.full(6, np.nan), 40)
+    assert not motion.velocities.any()
+
+
 def test_a_twist_moves_the_pose():
     motion = motion_at(np.zeros(6))
     driven(motion, np.zeros(6), round(SETTLING / DT))

@@ -103,7 +103,8 @@ class BoundedInverse:
         if limits.keeps(found, reach.least[-1], reach.most[-1]) or not np.isfinite(found).all():
             return Solution(found, scale, limited_by, smallest)
         matrix = hessian(jacobian, self._damping, TAKE_OVER * self._damping, self._length)
-        for row, (kind, least, most) in enumerate(zip(KINDS, *reach, strict=True)):
+        for row, (kind, least, most) in enumerate(zip(
+                KINDS, reach.least, reach.most, strict=True)):
             if limits.keeps(found, least, most):
                 continue
             wanted, weights = found, matrix

@@ -26,11 +26,13 @@ class Reach(NamedTuple):
     Least and largest joint velocities (3, n) of a period [rad/s], rows as KINDS.
 
     What position limits leave room for, velocity limits too, and acceleration limits too: a joint
-    that is too close to its limit brakes as hard as it may, no harder.
+    that is too close to its limit brakes as hard as it may, no harder. A stop is by all joints
+    alike, so that the sensor keeps its way.
     """
 
     least: np.ndarray
     most: np.ndarray
+    stop: np.ndarray  # (n,): what a period of braking leaves of their velocities [rad/s]
 
 
 @dataclass(frozen=True)
@@ -89,7 +91,9 @@ class JointLimits:
     def reach(self, joints: Joints, dt: float, coast: float = 0.0) -> Reach:
         """Velocities that joints may have in `dt`, and for `coast` before they brake [s]."""
         horizon = dt + coast + self.stopping_time
-        return Reach(*_reach(self._bounds, *joints, dt, horizon))
+        periods = (np.abs(joints.velocities) / (dt * self.acceleration)).max()  # of braking
+        least, most = _reach(self._bounds, *joints, dt, horizon)
+        return Reach(least, most, joints.velocities * (1.0 - 1.0 / max(periods, 1.0)))
 
     def keeps(self, velocities: np.ndarray, least: np.ndarray, most: np.ndarray) -> bool:
         """Whether joint velocities (n,) pass no bound (n,) by more than rounding does."""
@@ -106,7 +110,7 @@ class JointLimits:
         if (held <= self.slack).all():
             return kept, ''
         if not np.isfinite(wanted).all():
-            return self.guard(np.zeros_like(wanted), reach)[0], NOT_FINITE
+            return self.guard(reach.stop, reach)[0], NOT_FINITE
         joint = (held - self.slack).argmax()
         outside = (wanted < reach.least - self.slack) | (wanted > reach.most + self.slack)
         return kept, self.name_of(outside[:, joint].argmax(), joint)
@@ -119,7 +123,7 @@ class JointLimits:
 @njit(cache=True)
 def _reach(bounds: np.ndarray, positions: np.ndarray, previous: np.ndarray, dt: float,
            horizon: float) -> tuple[np.ndarray, np.ndarray]:
-    """Rows of a Reach."""
+    """Least and most of a Reach."""
     lower, upper, fastest, acceleration = bounds
     least, most = np.empty((3, len(lower))), np.empty((3, len(lower)))
     for k in range(len(lower)):

@@ -241,10 +241,7 @@ class Motion:
             rotation_length=config.rotation_length)
         window = self._window(kept, velocities, bend, reach)
         if self._workspace is not None and at_wall and self._bends_out(window, self._workspace):
-            # All joints brake alike: the sensor keeps its way.
-            moving = np.fmax(np.abs(joints.velocities), STILL)
-            share = min((limits.acceleration * period / moving).min(), 1.0)
-            velocities, guarded = limits.guard((1.0 - share) * joints.velocities, reach)
+            velocities, guarded = limits.guard(reach.stop, reach)
             window = self._window(kept, velocities, bend, reach)
         limited_by = at_wall or bound or guarded
         if limited_by or manipulability < config.damping:
