@@ -48,7 +48,7 @@ def parser() -> argparse.ArgumentParser:
         f'through driver and estimator instead.\n\n{describe_scenes()}')
     add = arguments.add_argument
     add('--scene', default='real_skin', help='what the mock sensor touches, see below')
-    add('--law', '--controller', choices=tuple(LAWS), help=LAW_HELP)
+    add('--law', choices=tuple(LAWS), help=LAW_HELP)
     add('--speed', type=float, default=0.03, help='along the edge, over the surface [m/s]')
     add('--pattern', choices=tuple(PATTERNS), help='way over a surface; default line')
     add('--force', type=float, default=5.0, help='on the pad [N]')

@@ -152,7 +152,7 @@ def parser() -> argparse.ArgumentParser:
         help='mock: synthetic sensor and robot; else the byte protocol of a real array')
     add('--port', default='', help='serial port of a real sensor')
     add('--scene', default='straight', help='what the mock sensor touches, see below')
-    add('--law', '--tracker', choices=tuple(LAWS), help=LAW_HELP)
+    add('--law', choices=tuple(LAWS), help=LAW_HELP)
     add('--robot-description', default=str(share('urdf', 'puma260.urdf')),
         help='URDF of the robot, with a link tactile_pad')
     add('--parameters', help='parameter file')

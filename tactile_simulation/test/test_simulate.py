@@ -23,7 +23,7 @@ KEYS = {
 @pytest.mark.parametrize('controller', ['resolved_rate', 'trace'])
 def test_summary_is_one_json_object(controller, capsys, tmp_path):
     plot = tmp_path / 'plot.png'
-    status = main([STRAIGHT, '--controller', controller, '--length', '0.03', '--json',
+    status = main([STRAIGHT, '--law', controller, '--length', '0.03', '--json',
                    '--seed', '3', '--latency', '0.005', '--plot', str(plot)])
     summary = json.loads(capsys.readouterr().out)
     assert status == 0 and set(summary) >= KEYS

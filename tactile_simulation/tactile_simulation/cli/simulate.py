@@ -41,7 +41,7 @@ def parser() -> argparse.ArgumentParser:
     add = arguments.add_argument
     only: Any = {'default': argparse.SUPPRESS}
     add('scene', help='name of a scene, see below, or a YAML file')
-    add('--law', '--controller', choices=list(LAWS), help=LAW_HELP)
+    add('--law', choices=list(LAWS), help=LAW_HELP)
     add('--speed', type=float, default=0.03, help='along the edge, over the surface [m/s]')
     add('--force', type=float, default=5.0, help='on the pad [N]')
     add('--length', type=between(0.0, 10.0, 'm'), default=0.0,
