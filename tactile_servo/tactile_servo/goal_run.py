@@ -5,6 +5,7 @@ from collections.abc import Callable
 import numpy as np
 
 from tactile_servo.config import ServoConfig
+from tactile_servo.control.press_check import most_unexplained
 from tactile_servo.cycle_clock import CycleClock
 from tactile_servo.following import apart, Following
 from tactile_servo.hold import Hold
@@ -202,6 +203,9 @@ class GoalRun:
         over = load > self._config.force.max_load
         return Reason(ReasonCode.OVERLOAD, f'{load:.1f} N') if over else None
 
+    def _lies(self) -> Reason | None:
+        return self._inputs.watch.problem(self.goal.force)
+
     def _touches(self) -> Reason | None:
         touches = (self._inputs.load >= self._config.approach.contact_force
                    and self._law.lacks(self._now) is None)
@@ -220,9 +224,15 @@ class GoalRun:
         return Reason(ReasonCode.NO_CONTACT, f'within {farthest:.2g} m') if far else None
 
     def _too_deep(self) -> Reason | None:
+        deep, force = self._law.unexplained, self.goal.force
+        return Reason(ReasonCode.TOO_DEEP, f'{1e3 * deep:.1f} mm; it gives way, or the sensor '
+                      'tells too little') if (
+            deep > most_unexplained(force, self._law.stiffness)) else None
+
+    def _presses_too_deep(self) -> Reason | None:
         deepest = self._config.force.press_depth
-        deep = self._assessed().state is not State.HOLD and self._way.advance > deepest
-        return Reason(ReasonCode.TOO_DEEP, f'{deepest:g} m') if deep else None
+        return Reason(ReasonCode.TOO_DEEP, f'{1e3 * deepest:g} mm, without the force') if (
+            self._way.advance > deepest) else None
 
     def _law_says(self, state: State) -> Reason | None:
         """The law goes over to a state, or is in it for another reason."""
@@ -268,6 +278,8 @@ class GoalRun:
             event = self._ended(event, reason)
         elif event is Event.TOUCH:
             self._way.touch()
+        elif event is Event.SEARCH and phase is not Phase.SEARCH:
+            self._way.begin()
         if not self._stays and self._stands() and event in (Event.STAND, Event.REST):
             self._stand()
         self._machine.fire(event, reason, now)
@@ -282,7 +294,7 @@ class GoalRun:
         if phase is Phase.WAITING:
             self._start_here()
         self._motion.reset_blocked()
-        self._way.begin()
+        self._way.lift()
         return Event.LIFT
 
     def _stand(self) -> None:
@@ -339,7 +351,7 @@ class GoalRun:
 Rule = tuple[frozenset[Phase], Callable[[GoalRun], Reason | None], Event]
 _APPROACH, _RETREAT = frozenset({Phase.APPROACH}), frozenset({Phase.RETREAT})
 _SETTLING, _WAITING = frozenset({Phase.SETTLING}), frozenset({Phase.WAITING})
-_STOPPING = frozenset({Phase.STOPPING})
+_STOPPING, _SEARCH = frozenset({Phase.STOPPING}), frozenset({Phase.SEARCH})
 # In these phases, if this guard has a reason, that event: the first row that holds.
 RULES: tuple[Rule, ...] = (
     (_STOPPING, GoalRun._played_out, Event.REST),
@@ -348,6 +360,7 @@ RULES: tuple[Rule, ...] = (
     (HELD, lambda run: run._why, Event.HOLD),
     (_WAITING, GoalRun._binds, Event.BIND),
     (_WAITING, GoalRun._overload, Event.LIFT),
+    (_WAITING, GoalRun._lies, Event.LIFT),
     (STANDING, GoalRun._asked, Event.RESUME),
     (_WAITING, GoalRun._well_soon, Event.RESUME),
     (HELD, lambda run: run._unseen, Event.REPORT),
@@ -357,6 +370,7 @@ RULES: tuple[Rule, ...] = (
     (_RETREAT, GoalRun._lifted, Event.REST),
     (TOUCHING, GoalRun._blocked, Event.END),
     (TOUCHING, GoalRun._overload, Event.LIFT),
+    (TOUCHING, GoalRun._lies, Event.LIFT),
     (TOUCHING, GoalRun._too_long, Event.LIFT),
     (_APPROACH, GoalRun._touches, Event.TOUCH),
     (_APPROACH, GoalRun._touches_nothing_to_track, Event.LIFT),
@@ -364,7 +378,8 @@ RULES: tuple[Rule, ...] = (
     (TRACKING, lambda run: run._law_says(State.HOLD), Event.HOLD),
     (TRACKING, GoalRun._law_fails, Event.LIFT),
     (TRACKING, lambda run: run._law_says(State.DONE), Event.END),
-    (TRACKING, GoalRun._too_deep, Event.LIFT),
+    (TRACKING - _SEARCH, GoalRun._too_deep, Event.LIFT),
+    (TRACKING, GoalRun._presses_too_deep, Event.LIFT),
     (TRACKING, lambda run: run._law_says(State.TRACK), Event.TRACK),
     (TRACKING, lambda run: run._law_says(State.CORNER), Event.CORNER),
     (TRACKING, lambda run: run._law_says(State.SEARCH), Event.SEARCH),

@@ -17,6 +17,7 @@ from tactile_servo.motion.joint_history import JointHistory
 from tactile_servo.motion.limits import JointLimits
 from tactile_servo.motion.robot import RobotModel
 from tactile_servo.reasons import Reason, ReasonCode
+from tactile_servo.sensor_watch import SensorWatch
 
 _SATURATED, _NOT_TARED = int(ContactReason.SATURATED), int(ContactReason.NOT_TARED)
 IMPOSSIBLE = 1e9  # Pa
@@ -46,7 +47,7 @@ class Inputs:
 
     def __init__(self, robot: RobotModel, limits: JointLimits, config: InputConfig):
         self._robot, self._config, self._names = robot, config, limits.names
-        self._history = JointHistory(limits)
+        self._history, self.watch = JointHistory(limits), SensorWatch()
         self.joints: Sample | None = None
         self.contact: Sample | None = None
         self.sensor: SensorInfo | None = None

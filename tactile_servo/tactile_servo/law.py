@@ -90,6 +90,8 @@ class ServoLaw(Protocol):
     @property
     def touch_speed(self) -> float: ...  # at which it presses a pad that feels nothing yet [m/s]
     @property
+    def unexplained(self) -> float: ...  # depth of the pad beyond what images tell [m]
+    @property
     def touch(self) -> Touch | None: ...  # of a law that maps a surface; else None
     @property
     def error(self) -> TaskError | None: ...  # as last observed, None before

@@ -23,12 +23,18 @@ class NormalWay:
                  motion: Motion):
         self._config, self._goal, self._law = config, goal, law
         self._inputs, self._motion = inputs, motion
-        self._touched = False
+        self._touched, self._lift = False, config.retreat.distance
         self.begin()
 
     def begin(self) -> None:
         """Count from where the pad is commanded now."""
         self._anchor = self._motion.pose
+
+    def lift(self) -> None:
+        """Lift off from here: to where the approach began, if it has not touched anything."""
+        if not self._touched:
+            self._lift = max(self._lift, self.advance)
+        self.begin()
 
     def touch(self) -> None:
         """Count from here: what is to be tracked has been met."""
@@ -49,7 +55,7 @@ class NormalWay:
     @property
     def lifted(self) -> bool:
         """Whether the pad has come off."""
-        return -self.advance >= self._config.retreat.distance
+        return -self.advance >= self._lift
 
     def approach(self) -> np.ndarray:
         """Twist of the pad (6,) towards what is to be touched [m/s, rad/s]."""

@@ -53,7 +53,7 @@ class ReasonCode(IntEnum):
     OVERFORCE = 302, 'more force than the goal tolerates'
     NO_CONTACT = 303, 'no contact'
     NO_EDGE = 304, 'contact on approach, but nothing to track'
-    TOO_DEEP = 305, 'went deeper than allowed without meeting the force'
+    TOO_DEEP = 305, 'went deeper than what the sensor tells explains'
     NO_PROGRESS = 306, 'no progress along the edge'
     ENDED_BESIDE = 307, "the edge ended beside the pad's centre"
     GAVE_UP = 308, 'gave up'
@@ -61,6 +61,8 @@ class ReasonCode(IntEnum):
     TIME_LIMIT = 310, 'a state lasted too long'
     LAP_LIMIT = 311, 'went round a contour that does not close'
     SHUTDOWN = 312, 'the servo is being stopped'
+    SENSOR_SILENT = 314, 'tactels that were alive have fallen silent'
+    SENSOR_DRIFTED = 315, 'the sensor reads less than nothing'
     BUSY = 400, 'goal rejected: another one is active'
     INVALID_GOAL = 401, 'goal rejected'
     UNSUPPORTED_GOAL = 402, 'goal rejected: not what this servo law can do'

@@ -75,6 +75,8 @@ class Supervisor:
         InputRefused if it is not of the sensor that is known.
         """
         self.inputs.see_image(image, arrival)
+        loaded = self.inputs.load >= self.config.approach.contact_force
+        self.inputs.watch.see(image, loaded, self.inputs.pose[:3, 3])
         self._image = image
         if self._machine.active and self.law.sees_images:
             self._tell(image.stamp_ns, arrival, image=image)

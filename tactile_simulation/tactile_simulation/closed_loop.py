@@ -3,6 +3,7 @@ from collections import deque
 from contextlib import suppress
 from dataclasses import dataclass
 from itertools import groupby
+import math
 from typing import Any
 
 import numpy as np
@@ -19,6 +20,7 @@ from tactile_shape.contour.contact_path import ContactPath
 from tactile_shape.contour.outline import find_outline, Outline
 from tactile_shape.local_surface.local_quadric import LocalQuadric
 from tactile_shape.shape_estimator import ShapeEstimator
+from tactile_simulation.faults import delay, FaultySensor
 from tactile_simulation.gantry import gantry
 from tactile_simulation.joint_controller import MockController
 from tactile_simulation.metrics import judged, measure, NAN, percentile
@@ -69,6 +71,8 @@ class Simulation:
         Default as the scene's probe asks for.
     clock : callable, optional
         Returns seconds; the servo's own computation is then measured with it.
+    faults : sequence of Fault
+        What goes wrong while a goal is worked on.
 
     Attributes
     ----------
@@ -90,7 +94,7 @@ class Simulation:
 
     def __init__(self, scene, law=None, *, seed=0, latency=None, config=None,
                  settings=None, robot=None, seed_positions=None, workspace=None, estimator=None,
-                 clock=None):
+                 clock=None, faults=()):
         self.scene, plant = scene, scene.plant
         self.rng = np.random.default_rng(seed)
         self.array, self.seed = scene.sensor.array, seed
@@ -118,6 +122,8 @@ class Simulation:
         self._on_the_way: deque = deque()
         self._windows: deque = deque()
         self.sensor_alive = self.robot_alive = True
+        self._faults, self._spoiler = faults, FaultySensor(faults, scene.sensor)
+        self._began = math.inf  # the first goal, at this time [s]
         self.log, self.commands = [], []
         self._clock = clock or (lambda: 0.0)
         self.cycle_costs, self.picture_costs = [], []
@@ -130,7 +136,10 @@ class Simulation:
 
     def picture(self, pose):
         """Take a picture at a pose: TactileImage."""
-        layer, saturated = self._convert(self.world.counts(pose, self.rng, self.now))
+        counts = self.world.counts(pose, self.rng, self.now)
+        if self._faults:
+            counts = self._spoiler.report(counts, self.now - self._began)
+        layer, saturated = self._convert(counts)
         stamp_ns = round((self.now + self.scene.plant.stamp_error) * 1e9)
         return TactileImage(stamp_ns, self.tick, (layer,), self.array, tared=True,
                             saturated=saturated)
@@ -157,7 +166,8 @@ class Simulation:
         status, trajectory = self.servo.cycle(self.now, now_ns)
         self.cycle_costs.append(self._clock() - before)
         if trajectory is not None:
-            self._windows.append((self.now + TRANSPORT, trajectory))
+            late = delay(self._faults, self.now - self._began)
+            self._windows.append((self.now + TRANSPORT + late, trajectory))
         self.log.append(Cycle(self.now, status, pose, self.world.force(pose),
                               self.world.shift))
         return status
@@ -194,6 +204,7 @@ class Simulation:
             while not (self.servo.inputs.joints and self.servo.inputs.contact):
                 self.step()
             self.servo.start(goal, self.now)
+            self._began = min(self._began, self.now)
         end = self.now + seconds
         while True:
             status = self.step()
@@ -239,6 +250,7 @@ class Simulation:
             'tracked_length': servo.statistics.tracked_length,
             **measure(truth, goal.force, self.accelerations()),
             **self.world.numbers(truth, self.felt(), goal.force),
+            'force_end': self.log[-1].force,
             'closed': servo.result().closed, 'duration': duration,
             'real_time_factor': duration / elapsed, 'sensor_rate': self.sensor_rate,
             'control_rate': self.control_rate, 'latency_p50': self.latency,

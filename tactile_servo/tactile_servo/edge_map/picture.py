@@ -20,6 +20,9 @@ IMPOSSIBLE = 1e9  # Pa
 MOST_INVALID = 0.5  # share of the tactels
 LOADED = 0.3  # of the highest pressure, from which a tactel tells where the load is
 COARSE = 1.25  # pitches from which the tactels, no longer the skin, limit what is told apart
+# Of half the pad: how far from its centre a ridge is, and how long at the least, which tells how
+# the pad is pressed; misfit of a plane, of the indentation; and a prior that the ridge is level.
+CENTRED, SPREAD, ROUGH, LEVEL = 0.3, 0.4, 0.2, 1e-3
 UNKNOWN_NOISE = 1e-2  # of the highest pressure, where the sensor does not know its noise
 
 
@@ -131,6 +134,44 @@ def read_picture(image: TactileImage, pose: np.ndarray,
     if picture.invalid > MOST_INVALID * picture.pressure.size:
         return Problem.INVALID_TACTELS
     return picture
+
+
+@njit(cache=True)
+def indentation_of(points, pose, half):
+    """
+    Indentation at the pad's centre [m], and the way (3,) along which it grows, by a picture.
+
+    Parameters
+    ----------
+    points : ndarray of CLOUD_POINT (N,)
+        Of a ridge that was seen at `pose` (4, 4), of a pad whose half is so long [m].
+
+    Returns
+    -------
+    found : bool
+        Whether the ridge crosses the pad and is level enough to tell.
+    depth : float
+    normal : ndarray, shape (3,)
+        In the plane.
+    """
+    to_own, count = np.ascontiguousarray(pose[:3, :3].T), len(points)
+    rows, depths, weights = np.ones((count, 3)), np.empty(count), np.empty(count)
+    for n in range(count):
+        own = to_own @ np.array([points[n].x - pose[0, 3], points[n].y - pose[1, 3],
+                                 points[n].z - pose[2, 3]])
+        rows[n, 1], rows[n, 2], depths[n], weights[n] = own[0], own[1], -own[2], points[n].weight
+    total = weights.sum()
+    # An edge says nothing of the rise across it, which is none then.
+    normal = (rows.T * weights) @ rows + total * np.diag(
+        np.array([1e-12, LEVEL * half**2, LEVEL * half**2]))
+    depth, rise_x, rise_y = np.linalg.solve(normal, (rows.T * weights) @ depths)
+    misfit = rows @ np.array([depth, rise_x, rise_y]) - depths
+    _, x, y = (weights @ rows) / total
+    spread = np.sum(weights * ((rows[:, 1] - x)**2 + (rows[:, 2] - y)**2)) / total
+    found = (math.hypot(x, y) < CENTRED * half and math.sqrt(spread) > SPREAD * half
+             and math.sqrt(weights @ misfit**2 / total) < ROUGH * depth)
+    way = to_own.T @ np.array([rise_x, rise_y, 1.0])
+    return found, depth, way / math.sqrt(way @ way)
 
 
 @njit(cache=True)

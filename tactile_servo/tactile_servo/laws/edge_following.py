@@ -96,6 +96,11 @@ class EdgeFollowing:
         """Of skin, finger and robot along the normal [N/m]."""
         return self.config.force.stiffness
 
+    @property
+    def unexplained(self) -> float:
+        """How much deeper the pad presses than images explain [m]."""
+        return self.sight.press.unexplained
+
     def validate(self, goal: EdgeGoal) -> Refusal | None:
         """Why a goal is beyond this law, or None."""
         if goal.closed and goal.length > 0.0:
@@ -158,7 +163,7 @@ class EdgeFollowing:
                 State.CORNER, Reason(
                     ReasonCode.CORNER, f'{math.degrees(abs(corner.turn)):.0f} degrees'))
         if not touching:
-            return self._reach_down() or Assessment(State.HOLD, Reason(ReasonCode.CONTACT_LOST))
+            return Assessment(State.HOLD, Reason(ReasonCode.CONTACT_LOST))
         if edge.picture.pull is None or self._searching.over(scale):
             return Assessment(State.HOLD, lacking)
         return self._search(self._searching)
@@ -187,6 +192,7 @@ class EdgeFollowing:
 
     def _search(self, mode: Mode) -> Assessment:
         self._mode = mode
+        self.sight.press.forget()  # what is found may lie deeper
         return Assessment(State.SEARCH, mode.reason)
 
     def reference(self, pose: np.ndarray, commanded: np.ndarray, agility: Agility,

@@ -6,9 +6,10 @@ from typing import NamedTuple
 import numpy as np
 
 from tactile_sensing.types.contact import Contact, ContactType
+from tactile_servo.control.press_check import PressCheck
 from tactile_servo.control.stability import AGE_SHARE
 from tactile_servo.edge_map.edge_map import EdgeMap
-from tactile_servo.edge_map.picture import Problem
+from tactile_servo.edge_map.picture import indentation_of, Problem
 from tactile_servo.law import Observation
 from tactile_servo.reasons import Reason, ReasonCode
 from tactile_servo.types import EdgeGoal, TaskError
@@ -43,6 +44,7 @@ class EdgeSight:
     slope : float
         Rise of the edge along itself.
     error : TaskError or None
+    press : PressCheck
     """
 
     def __init__(self, goal: EdgeGoal, skin_stiffness: float):
@@ -50,7 +52,7 @@ class EdgeSight:
         self.looked = self.shown = -math.inf
         self.age = self.height = self.station = self.slope = 0.0
         self.problem: Reason | None = Reason(ReasonCode.NO_IMAGE)
-        self.load = Load()
+        self.load, self.press = Load(), PressCheck()
         self.error: TaskError | None = None
 
     def refine(self, observation: Observation, contact: Contact) -> None:
@@ -87,6 +89,9 @@ class EdgeSight:
             self.problem, self.shown, self.station = None, observation.arrival, edge.station
             self.slope = self.slope if sight.begun or math.isnan(slope) else slope
             self.error = TaskError(lateral, angle=angle, force=picture.force)
+            found, depth, way = indentation_of(picture.points, picture.pose, picture.scale.half)
+            if found:
+                self.press.see(picture.pose[:3, 3], way, depth)
         else:
             self.problem = Reason(UNFIT[sight.problem], sight.problem.value)
             if self.error is not None:

@@ -11,6 +11,7 @@ from tactile_sensing.types.array import TactelArray
 from tactile_sensing.types.image import SensorInfo
 from tactile_servo.config import ServoConfig
 from tactile_servo.control.lap_guard import LapGuard
+from tactile_servo.control.press_check import PressCheck
 from tactile_servo.control.scaling import clipped, ramp, slewed
 from tactile_servo.control.stability import AGE_SHARE, gain_limit
 from tactile_servo.law import Assessment, LawResult, Observation, Reference, Refusal, Touch
@@ -26,6 +27,7 @@ ACROSS, PRESS, TURN = 0.1, 0.02, 2.0
 OVERFORCE = 1.5  # of the wanted force, beyond which the goal ends
 ASIDE = 0.1  # of half the array; a pad further beside an edge's end may have missed its turn
 ALIGNED = 0.5  # of half the array, from which an edge off the centre slows the pad down
+MET = 0.9  # of the force, from which the depth is compared with it
 FIRM = 0.5  # of the force, below which the pad is slowed down
 END = 0.35  # of half the array, by which the centre of pressure falls behind where the edge ends
 ON_EDGE = Assessment(State.TRACK, Reason(ReasonCode.TRACKING))
@@ -151,6 +153,7 @@ class ResolvedRate:
         self._age, self.shortest, self._looked = servo.input.max_stamp_age, math.inf, -math.inf
         self._shown, self._problem, self._speed = -math.inf, '', 0.0
         self._twist, self._slowed = np.zeros(6), 0.0
+        self._press, self._met = PressCheck(), False
 
     def retune(self, config: ResolvedRateConfig) -> None:
         """Take other gains from now on."""
@@ -169,7 +172,8 @@ class ResolvedRate:
         self.features, self._problem, self._begun = UNKNOWN, '', True
         self.error = None
         self._looked = self._shown = -math.inf
-        self._laps, self._progress = LapGuard(), 0.0
+        self._laps, self._progress, self._met = LapGuard(), 0.0, False
+        self._press.forget()
         self.resume()
 
     def resume(self) -> None:
@@ -195,6 +199,12 @@ class ResolvedRate:
         if features is not None:
             self.features, self._shown = features, arrival
             self.error = TaskError(features.lateral, angle=features.yaw, force=features.force)
+            pose = observation.pose()
+            self._met = self._met or features.force > MET * self.goal.force
+            if pose is not None and self._met:
+                tilt = features.tilt
+                self._press.see(pose[:3, 3], pose[:3, :3] @ [0.0, math.sin(tilt), math.cos(tilt)],
+                                features.force / self.config.force.stiffness)
         if self.features is not UNKNOWN:  # until the next one this stays, whatever the speed
             self._twist = edge_twist(self.features, 0.0, self.goal.force, self.config,
                                      self.shortest)
@@ -210,6 +220,11 @@ class ResolvedRate:
     def touch_speed(self) -> float:
         """Speed at which the force loop would press a pad that feels nothing yet [m/s]."""
         return self.goal.force / (self.config.force.stiffness * self.shortest)
+
+    @property
+    def unexplained(self) -> float:
+        """How much deeper the pad presses than images explain [m]."""
+        return self._press.unexplained
 
     def lacks(self, now: float) -> Reason | None:
         """What keeps the law from tracking, or None."""

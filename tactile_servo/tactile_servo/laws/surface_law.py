@@ -9,6 +9,7 @@ from tactile_sensing.dome.geometry import Dome
 from tactile_sensing.types.array import TactelArray
 from tactile_sensing.types.image import SensorInfo, TactileImage
 from tactile_servo.config import ServoConfig
+from tactile_servo.control.press_check import PressCheck
 from tactile_servo.control.stability import AGE_SHARE
 from tactile_servo.control.surface_filter import SurfaceFilter
 from tactile_servo.law import Assessment, Observation, Reference, Refusal, Touch
@@ -63,7 +64,7 @@ class SurfaceLaw:
         path = self.config.jacobian.table
         self._table = load_table(path) if path else None
         self._lessons = Lessons(kind_of(self.config, self._table))
-        self._surface = SurfaceFilter()
+        self._surface, self._press = SurfaceFilter(), PressCheck()
         self.error: TaskError | None = None
         self._going, self._record = Going(), Record(self.config.probe)
         self._motion = SurfaceMotion(
@@ -101,7 +102,7 @@ class SurfaceLaw:
         self._going = Going(wanted_contacts(
             self._sense, self._lessons.named(goal.features, goal.force)))
         self._record = Record(self.config.probe)
-        self._surface = SurfaceFilter()
+        self._surface, self._press = SurfaceFilter(), PressCheck()
         self._motion = SurfaceMotion(
             self.config, self._dome, self._surface, sensor.array.half_width_x, self._motion.age)
 
@@ -135,10 +136,18 @@ class SurfaceLaw:
         take = self._surface.update if self._surface.begun else self._surface.reset
         take(self._sense.depth(felt.force), felt.normal, felt.centre, angle)
         if tracking:
+            if going.met:
+                self._press.see(
+                    felt.centre, felt.normal, self._sense.depth(felt.force))
             # A part of the print may lie beside the pad, or not be pressed yet.
             whole = going.met and aside <= CENTRED * self._sense.array.half_width_x
             self._record.keep(
                 observation.stamp_ns, felt, float(off @ off), self._surface.normal, whole)
+
+    @property
+    def unexplained(self) -> float:
+        """How much deeper the probe presses than images explain [m]."""
+        return self._press.unexplained
 
     def lacks(self, now: float) -> Reason | None:
         """What keeps the law from tracking, or None."""

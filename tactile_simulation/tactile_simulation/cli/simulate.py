@@ -22,6 +22,7 @@ from tactile_servo.laws.surface_goal import LINE_LENGTH, Pattern, SurfaceGoal
 from tactile_servo.robot_config import box_of, NodeConfig, robot_of
 from tactile_servo.types import EdgeGoal
 from tactile_simulation.closed_loop import Simulation
+from tactile_simulation.faults import describe_faults, Fault, FORM
 from tactile_simulation.metrics import describe, to_json
 from tactile_simulation.scene import describe_scenes, load_scene
 from tactile_simulation.world import Scene
@@ -37,7 +38,7 @@ def parser() -> argparse.ArgumentParser:
     """Command line; an option that is not given has no attribute, where None says nothing."""
     arguments = Parser(
         prog='simulate', description=__doc__.strip().splitlines()[0], formatter_class=Help,
-        epilog=describe_scenes())
+        epilog=f'{describe_scenes()}\n\n{describe_faults()}')
     add = arguments.add_argument
     only: Any = {'default': argparse.SUPPRESS}
     add('scene', help='name of a scene, see below, or a YAML file')
@@ -59,6 +60,8 @@ def parser() -> argparse.ArgumentParser:
     add('--seed', type=SEED, default=0, help="of the sensor's noise")
     add('--latency', type=between(0.0, 1.0, 's'),
         help='of an image [s]; default as the scene says')
+    add('--fault', metavar=FORM, action='append', default=[],
+        help='what goes wrong, see below; may be given several times')
     add('--parameters', metavar='FILE.yaml',
         help=f'parameter file: what it says of {NODE} and the contact estimator')
     add('--robot', metavar='URDF', help='robot instead of the gantry')
@@ -135,7 +138,8 @@ def simulation_of(options: argparse.Namespace, scene: Scene) -> Simulation:
     return Simulation(
         scene, options.law, seed=options.seed, latency=options.latency, config=config,
         settings=settings, robot=model and (model, limits), seed_positions=options.start,
-        workspace=box, clock=time.perf_counter, estimator=file.config(
+        workspace=box, clock=time.perf_counter, faults=[
+            Fault.of(text) for text in options.fault], estimator=file.config(
             '/tactile/contact_estimator', EstimatorConfig, own.contact))
 
 

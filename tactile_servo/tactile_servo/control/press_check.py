@@ -1,0 +1,52 @@
+"""Whether what images tell of the force agrees with how deep the pad has been pressed."""
+
+import numpy as np
+
+# Of the way along what is tracked, by which the depth may seem to grow: error of its slope.
+SLOPE_ERROR = 0.002
+# A sensor that does not tell so much of the force, a share of it and beyond [N], is not believed.
+UNTOLD_SHARE, UNTOLD = 0.3, 1.0
+
+
+def most_unexplained(force: float, stiffness: float) -> float:
+    """Depth [m] beyond which a pad of a stiffness [N/m] presses too hard, for a force [N]."""
+    return (UNTOLD_SHARE * force + UNTOLD) / stiffness
+
+
+class PressCheck:
+    """
+    How much deeper a pad was moved than the indentations that its images tell explain.
+
+    What is touched is rigid, so the indentation changes as the pad moves along the normal. If
+    images tell less, their sensor has lost gain, or what is touched gives way. A sum of the
+    differences (CUSUM), in any one frame.
+
+    Attributes
+    ----------
+    unexplained : float
+        That sum, as of the newest image [m].
+    """
+
+    def __init__(self) -> None:
+        self.forget()
+
+    def forget(self) -> None:
+        """Begin anew with the next image: what is touched may lie deeper from here on."""
+        self.unexplained, self._seen = 0.0, False
+        self._place = self._normal = np.zeros(3)
+        self._told = 0.0
+
+    def see(self, place: np.ndarray, normal: np.ndarray, indentation: float) -> None:
+        """
+        Take what an image tells of the indentation at a place (3,) [m].
+
+        In direction of the unit normal (3,) it grows; square to that the pad is moved along what
+        it touches.
+        """
+        if self._seen:
+            way = place - self._place
+            deeper = 0.5 * float((normal + self._normal) @ way) - (indentation - self._told)
+            deeper -= SLOPE_ERROR * float(np.linalg.norm(way))
+            self.unexplained = max(self.unexplained + deeper, 0.0)
+        self._seen = True
+        self._place, self._normal, self._told = place, normal, indentation

@@ -1,0 +1,104 @@
+"""Whether a sensor that keeps sending is alive: its noise, and what it says where nothing is."""
+
+import numpy as np
+
+from tactile_common.kernels import njit
+from tactile_sensing.types.image import TactileImage
+from tactile_servo.reasons import Reason, ReasonCode
+
+LIVELY = 4.0  # images between two changes of a tactel whose noise tells that it is alive
+ENOUGH = 0.25  # of all tactels must be lively, or the noise tells nothing
+LEARNT = 0.2  # share of an interval in the running mean
+SILENT = 8.0  # such intervals without a change; by chance e^-8 for each
+TOGETHER = 0.1  # of the lively tactels, which do not fall silent together by chance
+SAME = 0.01  # m of way, on which even an image without noise changes under load
+BELOW = 0.25  # of the force, that all of the pad may seem to be pulled with
+
+
+class SensorWatch:
+    """
+    What successive images say of the sensor itself.
+
+    The intervals at which the tactels' noise changes them are learnt without load, when nothing
+    else does.
+    """
+
+    def __init__(self) -> None:
+        self._before = np.empty(0, np.float32)
+        self._quiet = self._interval = np.empty(0)  # images since a tactel changed; its mean
+        self._place, self._same = np.zeros(3), 0.0  # way [m] since the image changed, and whence
+        self._lively = self._silent = 0.0  # share of the tactels, and of these
+        self._below = 0.0  # force with which all of the pad seems to be pulled [N]
+
+    def see(self, image: TactileImage, loaded: bool, place: np.ndarray) -> None:
+        """Take an image, which may be `loaded`, of a pad at a place (3,) [m]."""
+        layer = next((one for one in image.layers if one.component == 'zz'), None)
+        if layer is None or not layer.stress.size:
+            return
+        # A copy, of the one kind of array that the kernel is compiled for.
+        stress = np.array(layer.stress, np.float32, order='C').ravel()
+        if stress.size != self._before.size:
+            self._quiet, self._interval = np.zeros(stress.size), np.full(stress.size, np.inf)
+            self._before = stress
+            return
+        floor = layer.floor if layer.floor else -np.inf
+        changed, self._lively, self._silent, median = _compare(
+            stress, self._before, self._quiet, self._interval, loaded, floor)
+        if changed or not loaded:
+            self._place = place.copy()
+        self._same = float(np.linalg.norm(place - self._place))
+        pad = image.array.pitch_x * image.array.pitch_y * stress.size
+        self._below = -median * pad if layer.unit == 'Pa' and image.tared else 0.0
+        self._before = stress
+
+    @property
+    def watches(self) -> bool:
+        """Whether the noise is enough to tell whether the sensor is alive."""
+        return self._lively > ENOUGH
+
+    def problem(self, force: float) -> Reason | None:
+        """Why the sensor is not to be believed while a force [N] is wanted, or None."""
+        if self._below > BELOW * force:
+            return Reason(ReasonCode.SENSOR_DRIFTED, 'the pad seems to be pulled by '
+                          f'{self._below:.1f} N; tare it')
+        if self._same > SAME:
+            return Reason(ReasonCode.SENSOR_SILENT, f'the same image over {1e3 * SAME:g} mm')
+        if self.watches and self._silent > TOGETHER:
+            return Reason(ReasonCode.SENSOR_SILENT,
+                          f'{100.0 * self._silent:.0f} % of them do not change any more')
+        return None
+
+
+@njit(cache=True)
+def _compare(stress, before, quiet, interval, loaded, floor):
+    """
+    Compare an image (N,) with the one before, and count on in `quiet` and `interval` (N,).
+
+    Returns whether any tactel has changed, the shares of lively tactels and of those that are
+    silent, and the median of what is measured: at either end of its range a tactel says the
+    same whatever it feels.
+    """
+    changed, count, total, measured = False, 0, 0.0, np.empty(stress.size)
+    known = 0
+    for n in range(stress.size):
+        quiet[n] += 1.0
+        inside = floor < stress[n] < np.inf
+        if inside:
+            measured[known] = stress[n]
+            known += 1
+        if inside and stress[n] != before[n]:
+            changed = True
+            if not loaded:
+                mean = interval[n] if interval[n] < np.inf else quiet[n]
+                interval[n] = mean + LEARNT * (quiet[n] - mean)
+        if not inside or stress[n] != before[n]:
+            quiet[n] = 0.0
+        if interval[n] < LIVELY:
+            count += 1
+            total += interval[n]
+    silent = 0
+    for n in range(stress.size):
+        if interval[n] < LIVELY and quiet[n] > SILENT * max(interval[n], total / count):
+            silent += 1
+    median = np.median(measured[:known]) if known else 0.0
+    return changed, count / stress.size, silent / max(count, 1), median

@@ -1,0 +1,108 @@
+"""Faults of a simulation: a sensor that lies, windows that come late, a client that is gone."""
+from collections.abc import Sequence
+from dataclasses import dataclass
+import math
+import re
+
+import numpy as np
+
+from tactile_common.errors import ConfigurationError
+from tactile_simulation.sensor import Sensor
+
+# What each is, and the value that it takes: its unit, or None where it takes none.
+KINDS: dict[str, tuple[str, str | None]] = {
+    'zero': ('reads its tare, as a skin that was unplugged after it', None),
+    'frozen': ('the same image again and again, with stamps that run on', None),
+    'dead': ('reads its tare, as `zero`', None),
+    'fade': ('the gain falls to nothing within SECONDS', None),
+    'half_dead': ('half of the columns read their tare', None),
+    'middle_dead': ('the middle half of the columns reads its tare', None),
+    'gain': ('the gain is multiplied by VALUE', ''),
+    'drift': ('all readings drift by VALUE', 'Pa/s'),
+    'late': ('windows reach the robot later by VALUE', 's'),
+    'stale_client': ('the client of the goal is not heard of any more', None),
+}
+FORM = 'KIND@T[:SECONDS][=VALUE]'
+_NUMBER = r'[-+]?\d*\.?\d+(?:[eE][-+]?\d+)?'
+_SYNTAX = re.compile(rf'(\w+)@({_NUMBER})(?::({_NUMBER}))?(?:=({_NUMBER}))?')
+
+
+@dataclass(frozen=True)
+class Fault:
+    """What goes wrong `since` so many seconds after the goal began, and for how many."""
+
+    kind: str
+    since: float
+    lasting: float = math.inf
+    value: float = math.nan
+
+    @classmethod
+    def of(cls, text: str) -> 'Fault':
+        """Read `KIND@T[:SECONDS][=VALUE]`; ConfigurationError if it is none."""
+        match = _SYNTAX.fullmatch(text)
+        kind = match[1] if match else text.partition('@')[0]
+        if kind not in KINDS:
+            raise ConfigurationError(
+                f'fault {text!r}: {kind!r} is none of {", ".join(KINDS)}')
+        if match is None or float(match[2]) < 0.0:
+            raise ConfigurationError(f'fault {text!r}: must read {FORM}, T from 0 s on')
+        unit, needs = KINDS[kind][1], kind == 'fade'
+        if (match[4] is None) != (unit is None):
+            raise ConfigurationError(f'fault {text!r}: {kind} takes ' + (
+                'no =VALUE' if unit is None else f'=VALUE [{unit or "1"}]'))
+        lasting = float(match[3] or math.inf)
+        if not lasting > 0.0 or (needs and lasting == math.inf):
+            raise ConfigurationError(f'fault {text!r}: takes :SECONDS above 0')
+        return cls(kind, float(match[2]), lasting, float(match[4] or 'nan'))
+
+
+class FaultySensor:
+    """
+    What a sensor reports beside what its tactels feel.
+
+    `at` is the time since the goal began [s].
+    """
+
+    def __init__(self, faults: Sequence[Fault], sensor: Sensor):
+        self._faults, self._sensor = faults, sensor
+        self._frozen: np.ndarray | None = None
+
+    def report(self, counts: np.ndarray, at: float) -> np.ndarray:
+        """Return what is sent in place of a frame (rows, columns) of counts."""
+        sensor, frozen = self._sensor, False
+        read = counts - sensor.baseline
+        for fault in self._faults:
+            passed = at - fault.since
+            if fault.kind == 'fade' and passed >= 0.0:
+                read = read * max(1.0 - passed / fault.lasting, 0.0)
+            if not 0.0 <= passed < fault.lasting:
+                continue
+            width, kind = counts.shape[1], fault.kind
+            if kind in ('zero', 'dead'):
+                read = np.zeros_like(read)
+            elif kind == 'half_dead':
+                read[:, :width // 2] = 0.0
+            elif kind == 'middle_dead':
+                read[:, width // 4:width - width // 4] = 0.0
+            elif kind == 'gain':
+                read = read * fault.value
+            elif kind == 'drift':
+                read = read + fault.value * passed / sensor.pa_per_count
+            frozen |= kind == 'frozen'
+        sent = np.clip(np.rint(read + sensor.baseline), 0, (1 << sensor.bits) - 1).astype(
+            counts.dtype)
+        self._frozen = self._frozen if frozen and self._frozen is not None else sent
+        return self._frozen
+
+
+def delay(faults: Sequence[Fault], at: float) -> float:
+    """Return by how much a window that is sent now comes later [s]."""
+    return sum(fault.value for fault in faults if fault.kind == 'late'
+               and 0.0 <= at - fault.since < fault.lasting)
+
+
+def describe_faults() -> str:
+    """Return the kinds of faults, a line each."""
+    return '\n'.join([f'faults, {FORM}; T in seconds after the goal, lasting SECONDS:',
+                      *(f'  {kind:14}{text}' + (f' [{unit or "1"}]' if unit is not None else '')
+                        for kind, (text, unit) in KINDS.items())])

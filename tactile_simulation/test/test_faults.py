@@ -1,0 +1,106 @@
+"""A sensor that lies: the servo ends the goal, by name, before it presses hard."""
+import dataclasses
+
+import numpy as np
+import pytest
+
+from tactile_common.errors import ConfigurationError
+from tactile_servo.laws.surface_goal import Pattern, SurfaceGoal
+from tactile_servo.reasons import ReasonCode
+from tactile_servo.types import EdgeGoal
+from tactile_simulation.closed_loop import Simulation
+from tactile_simulation.faults import Fault, FaultySensor
+from tactile_simulation.scene import find_scene, load_scene
+from tactile_simulation.sensor import Sensor
+
+FORCE = 5.0  # N
+MOST = 1.5 * FORCE + 2.0  # N, what the object may feel whatever the sensor says
+LINE = SurfaceGoal(0.03, FORCE, Pattern.LINE, (0.0, 1.0, 0.0), 0.06)
+
+
+def run(scene, goal, *faults, law=None, **changes):
+    """Simulate a goal with faults: simulation and summary."""
+    scene = load_scene(find_scene(scene))
+    if changes:
+        scene = dataclasses.replace(scene, sensor=dataclasses.replace(scene.sensor, **changes))
+    simulation = Simulation(scene, law, faults=[Fault.of(fault) for fault in faults])
+    simulation.run(goal, 40.0)
+    return simulation, simulation.summary(goal)
+
+
+@pytest.mark.parametrize('scene, law', [
+    ('straight', 'trace'), ('straight', 'resolved_rate'), ('surfaces/plane', None)])
+@pytest.mark.parametrize('fault, reasons', [
+    ('zero@0', {'sensor_silent'}),
+    ('frozen@2', {'sensor_silent'}),
+    ('dead@2', {'sensor_silent'}),
+    ('half_dead@2', {'sensor_silent', 'too_deep'}),
+    ('middle_dead@2', {'sensor_silent', 'too_deep'}),
+    ('gain@2=0.3', {'too_deep'}),
+    ('drift@2=-5000', {'sensor_drifted'}),
+])
+def test_a_sensor_that_lies_is_not_pressed(scene, law, fault, reasons):
+    goal = LINE if scene.startswith('surfaces') else EdgeGoal(0.03, FORCE)
+    _, summary = run(scene, goal, fault, law=law)
+    assert not summary['ok'] and summary['reason_code'] in reasons
+    assert summary['force_max'] < MOST and summary['force_end'] == 0.0
+
+
+def test_gain_that_fades_is_no_edge_that_descends():
+    simulation, summary = run('straight', EdgeGoal(0.03, FORCE), 'fade@2:3')
+    assert summary['reason_code'] == 'too_deep' and summary['force_max'] < MOST
+    # One that really descends, as steeply as the fading gain pretends, is followed.
+    _, healthy = run('straight_3d', EdgeGoal(0.03, FORCE))
+    assert healthy['ok']
+
+
+@pytest.mark.parametrize('force', [2.0, 5.0])
+@pytest.mark.parametrize('scene', ['wave', 'step_up', 'step_down', 'gap', 'noise', 'slip'])
+def test_no_false_alarm(scene, force):
+    simulation, _ = run(scene, EdgeGoal(0.1, force))
+    assert simulation.servo.reason.code not in (
+        ReasonCode.TOO_DEEP, ReasonCode.SENSOR_SILENT, ReasonCode.SENSOR_DRIFTED)
+
+
+def test_a_sensor_without_noise_is_not_taken_for_dead_but_freezes_visibly():
+    simulation, summary = run('straight', EdgeGoal(0.1, FORCE), noise_std=0.0)
+    assert summary['ok'] and not simulation.servo.inputs.watch.watches
+    _, frozen = run('straight', EdgeGoal(0.1, FORCE), 'frozen@1', noise_std=0.0)
+    assert frozen['reason_code'] == 'sensor_silent' and frozen['force_max'] < MOST
+
+
+def test_what_nothing_was_met_is_lifted_to_where_it_began():
+    # Noise lives on, the load is not felt: that is bounded by the way of the approach alone.
+    simulation, summary = run('straight', EdgeGoal(0.03, FORCE), 'gain@0=0.001')
+    assert summary['reason_code'] in ('no_contact', 'sensor_silent')
+    assert summary['force_end'] == 0.0
+
+
+def test_reports_of_a_faulty_sensor():
+    sensor = Sensor(rows=4, columns=8)
+    counts = np.full((4, 8), 110, np.uint8)
+
+    def report(fault, at):
+        return FaultySensor([Fault.of(fault)], sensor).report(counts, at)
+
+    assert (report('dead@1', 0.9) == counts).all() and (report('dead@1', 1.0) == 10).all()
+    assert (report('dead@1:1', 2.0) == counts).all()
+    assert (report('gain@0=0.5', 1.0) == 60).all() and (report('fade@0:2', 1.0) == 60).all()
+    assert (report('fade@0:2', 5.0) == 10).all()
+    assert (report('half_dead@0', 0.0)[0] == [10] * 4 + [110] * 4).all()
+    assert (report('middle_dead@0', 0.0)[0] == [110] * 2 + [10] * 4 + [110] * 2).all()
+    assert (report('drift@0=-6274.5', 1.0) == 100).all()
+    frozen = FaultySensor([Fault.of('frozen@1')], sensor)
+    frozen.report(counts, 0.5)
+    assert (frozen.report(counts + 5, 1.5) == counts).all()
+
+
+@pytest.mark.parametrize('text, told', [
+    ('broken@1', "'broken' is none of zero"), ('dead', 'must read KIND@T'),
+    ('dead@-1', 'T from 0 s on'), ('dead@1=3', 'takes no =VALUE'),
+    ('gain@1', 'takes =VALUE'), ('drift@1', '[Pa/s]'), ('fade@1', 'takes :SECONDS'),
+    ('dead@1:0', 'SECONDS above 0')])
+def test_faults_that_make_no_sense_are_refused(text, told):
+    with pytest.raises(ConfigurationError) as refused:
+        Fault.of(text)
+    assert told in str(refused.value)
