@@ -11,7 +11,7 @@ ABOUT = ElementTree.parse('package.xml').getroot()
 setup(
     name=PACKAGE,
     packages=find_packages(include=[PACKAGE, f'{PACKAGE}.*']),
-    package_data={PACKAGE: ['py.typed']},
+    package_data={PACKAGE: ['py.typed', 'web/*.css', 'web/*.html', 'web/*.js']},
     data_files=[
         ('share/ament_index/resource_index/packages', [f'resource/{PACKAGE}']),
         (f'share/{PACKAGE}', ['package.xml']),
@@ -25,5 +25,5 @@ setup(
     **{key: ABOUT.findtext(key) for key in ('version', 'description', 'license', 'maintainer')},
     entry_points={'console_scripts': [
         f'{name} = {PACKAGE}.executables:{name}'
-        for name in ('composed', 'demo', 'parameters', 'track')]},
+        for name in ('composed', 'demo', 'parameters', 'report', 'track', 'view')]},
 )

@@ -22,7 +22,7 @@ from tactile_tests.graph import bench  # noqa: E402, I100
 
 NAMED = {'sensor', 'port', 'calibration', 'scene', 'law', 'speed', 'force', 'robot_description',
          'controller', 'use_sim_time', 'use_rviz', 'use_respawn', 'log_level', 'params_file',
-         'namespace', 'robot_namespace', 'topic', 'options'}
+         'namespace', 'robot_namespace', 'topic', 'options', 'view'}
 FORMER = {'parameters', 'rviz', 'tracker'}
 
 

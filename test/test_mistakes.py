@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from edge_tracking import demo, graph, parameters
+from edge_tracking.report import command as report
 from tactile_common.command_line import REFUSED
 from tactile_sensing.cli import estimate
 from tactile_shape.cli import fit
@@ -100,6 +101,13 @@ MISTAKES = [
     (fit, 'none -o out.npz', 'none: there is no such file'),
     (fit, 'frames.npz -o out.npz', "array 't' is missing, there are ['frames', 'rate_hz']"),
     (fit, 'frames.npz', 'required: -o/--out'),
+    (report, 'none -o page.html', 'bag none: there is no such bag'),
+    (report, 'text.txt -o page.html', 'bag text.txt: is not a rosbag2 recording'),
+    (report, 'none -o page.txt', 'page.txt: must end in .html'),
+    (report, 'none -o nowhere/page.html', 'nowhere/page.html: there is no such folder'),
+    (report, 'none', 'required: -o/--out'),
+    (report, 'a b c -o page.html', '3 recordings; one or two are shown'),
+    (report, 'none -o page.html --scene strait', 'did you mean straight?'),
     (parameters, '--check none.yaml', 'parameter file none.yaml: cannot be read'),
     (parameters, '--check rate.yaml', 'rate is -406.0, must be between'),
 ]

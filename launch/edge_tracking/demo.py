@@ -14,7 +14,7 @@ from edge_tracking.graph import LAW_HELP, NAMESPACE, PARAMETERS, warn_of_paramet
 from edge_tracking.playback import calibration_for, describe_recording, play
 from edge_tracking.recording.frames_summary import summarise_recording
 from edge_tracking.recording.reader import read_run
-from edge_tracking.report.frames_page import make_recording_report
+from edge_tracking.report.page import make_report, Shown
 from edge_tracking.transport import local_environment
 from tactile_common.command_line import between, FAILED, Help, Parser, refusing
 from tactile_common.command_line import INTERRUPTED as STOPPED
@@ -132,7 +132,7 @@ def play_recording(options: argparse.Namespace) -> tuple[dict[str, Any], Path]:
     data = read_run(folder / 'bag')
     summary = summarise_recording(data)
     summary |= {'ok': success and summary['ok'], 'reason': reason}
-    make_recording_report(data, summary, path.name, folder / 'report.html')
+    make_report(folder / 'report.html', Shown(path.name, data, summary))
     return summary, folder
 
 

@@ -11,7 +11,7 @@ from edge_tracking.process_group import apart, Heard
 from edge_tracking.recording.reader import read_run
 from edge_tracking.recording.summary import summarise, truth
 from edge_tracking.report.animation import animate
-from edge_tracking.report.page import make_report, picture
+from edge_tracking.report.page import make_report, picture, Shown
 from edge_tracking.resources import share
 from edge_tracking.track import RESUMES, TrackNode
 from tactile_common.progress import live_progress
@@ -110,7 +110,8 @@ class Episode:
         real = truth(data, self.scene)
         summary = summarise(data, self.scene, real, speed=self.speed, force=self.force,
                             seed=self.seed, **ended._asdict())
-        make_report(data, summary, self.scene, real, folder / 'report.html')
+        make_report(folder / 'report.html', Shown(
+            f'{folder.name}/bag', data, summary, self.scene, real))
         picture(data, self.scene, real, folder / 'picture.png')
         if LAWS[self.law].maps_surface:
             model_of(data.patches).save_surface(folder / 'surface.ply')

@@ -4,4 +4,6 @@ from tactile_common.start import executable
 composed = executable('edge_tracking.graph', interrupted=0)
 demo = executable('edge_tracking.demo')
 parameters = executable('edge_tracking.parameters')
+report = executable('edge_tracking.report.command')
 track = executable('edge_tracking.track')
+view = executable('edge_tracking.view', interrupted=0)

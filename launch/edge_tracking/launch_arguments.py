@@ -49,6 +49,7 @@ ARGUMENTS = (
     ('robot_namespace', 'auto', "of the robot's joint states and controller, / for none; auto: "
      'none for a real robot and in the default namespace, else that of the sensor',),
     ('use_sim_time', 'false', 'take the time from /clock', SWITCH),
+    ('view', 'false', 'show what is felt on a web page, whose address is in the log', SWITCH),
     ('use_rviz', 'false', 'show the robot in RViz', SWITCH),
     ('use_respawn', 'false', 'start a node that has died again; else its death ends the launch',
      SWITCH),

@@ -71,6 +71,7 @@ class Nodes:
         nodes = names_in(value['namespace'], self.robot_namespace)
         for name, there in (('mock_sensor', self.mock_sensor),
                             ('driver', value['sensor'] != 'none'), ('track', self.starts),
+                            ('view', value['view']),
                             ('mock_robot', self.robot == 'mock')):
             if not there:
                 del nodes[name]
@@ -135,6 +136,8 @@ class Nodes:
             driver = {'port': self.port, 'calibration': str(own), **driver}
         if self.value['sensor'] != 'none':
             actions += self.node('tactile_sensing', 'driver', **driver)
+        if self.value['view']:
+            actions += self.node('edge_tracking', 'view', dies=False)
         return [*actions, *self.node('tactile_sensing', 'contact_estimator', **self.own.contact),
                 *self.node('tactile_shape', 'shape_estimator', **self.own.shape)]
 

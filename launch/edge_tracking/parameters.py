@@ -11,6 +11,7 @@ from typing import Any
 import yaml
 
 from edge_tracking.track import TrackConfig
+from edge_tracking.view import ViewConfig
 from tactile_common.command_line import Parser, refusing
 from tactile_common.config import did_you_mean
 from tactile_common.errors import ConfigurationError
@@ -33,7 +34,7 @@ NODES: dict[str, tuple[type, ...]] = {
     'driver': (DriverConfig,), 'contact_estimator': (EstimatorConfig,),
     'shape_estimator': (ShapeEstimatorConfig, LocalQuadricConfig, ModelConfig),
     'edge_servo': (NodeConfig, ServoConfig), 'mock_sensor': (MockSensorConfig,),
-    'mock_robot': (MockRobotConfig,), 'track': (TrackConfig,)}
+    'mock_robot': (MockRobotConfig,), 'track': (TrackConfig,), 'view': (ViewConfig,)}
 SERVO = 'edge_servo'
 # What launch file or demo give, whatever the file says.
 GIVEN = {'driver': {'port': '-'}}

@@ -8,7 +8,7 @@ import subprocess
 import pytest
 
 from edge_tracking.recording.summary import summarise, truth
-from edge_tracking.report.page import make_report
+from edge_tracking.report.page import make_report, Shown
 
 SITE = Path(__file__).resolve().parents[2] / '.ws/site'
 WIDTHS = (1200, 390)  # px
@@ -29,6 +29,8 @@ const measure = (page, width) => new Promise(done => {
       e.getBoundingClientRect().right > width + 1 && !clips(e.parentElement) && !clips(e));
     found.push({page, width, whole: d.documentElement.scrollWidth, wide: wide.map(name),
       broken: [...d.images].filter(i => !i.naturalWidth).map(i => i.src),
+      players: [...d.querySelectorAll('.player p')].map(p => p.textContent),
+      drawn: [...d.querySelectorAll('canvas')].map(c => c.toDataURL().length),
       images: d.images.length, words: d.body.innerText.length});
     frame.remove(); done();
   };
@@ -66,9 +68,14 @@ def faults(found):
 
 def test_report(run, scene, tmp_path):
     summary = summarise(run, scene, success=True)
-    make_report(run, summary, scene, truth(run, scene), tmp_path / 'report.html')
-    found, console = measured([tmp_path / 'report.html'], tmp_path)
-    assert len(found) == len(WIDTHS) and all(it['images'] > 3 for it in found)
+    known = Shown('bag', run, summary, scene, truth(run, scene))
+    pages = [tmp_path / 'report.html', tmp_path / 'two.html']
+    make_report(pages[0], known)
+    make_report(pages[1], known, known)
+    found, console = measured(pages, tmp_path)
+    assert len(found) == 2 * len(WIDTHS) and all(it['images'] > 3 for it in found)
+    assert all('track' in said for it in found for said in it['players'])
+    assert all(drawn > 1000 for it in found for drawn in it['drawn'])
     assert faults(found) == [] and console == []
 
 

@@ -1,10 +1,13 @@
 """Runs read from bags: as written, in part, of several sensors, and damaged."""
 
+from dataclasses import fields
+
 import numpy as np
 import pytest
 from recorded_run import pose_at, START, TOPICS, write_bag
 from rosbags.rosbag2 import StoragePlugin, Writer
 
+from edge_tracking.recording import reader
 from edge_tracking.recording.reader import read_run
 from tactile_common.errors import ConfigurationError
 
@@ -26,6 +29,19 @@ def test_run_reads_back_as_written(bag, scene):
     np.testing.assert_allclose(run.poses.matrix[200], pose_at(scene, 0.5), atol=1e-12)
     assert run.start_ns == START
     assert run.seconds(START + 1_500_000_000) == pytest.approx(1.5)
+
+
+def test_a_long_run_is_read_part_by_part(bag, monkeypatch):
+    whole = read_run(bag)
+    monkeypatch.setattr(reader, 'HELD', 100)
+    parts = read_run(bag)
+    for name in ('images', 'contacts', 'statuses', 'poses'):
+        one, other = getattr(whole, name), getattr(parts, name)
+        for item in fields(one):
+            if isinstance(getattr(one, item.name), np.ndarray):
+                np.testing.assert_array_equal(
+                    getattr(one, item.name), getattr(other, item.name), item.name)
+    assert parts.images.array == whole.images.array and parts.images.unit == whole.images.unit
 
 
 def test_sqlite3_and_single_files_are_read_as_well(tmp_path, bag, scene):

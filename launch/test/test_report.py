@@ -2,9 +2,12 @@
 
 import base64
 import dataclasses
+import hashlib
 from html.parser import HTMLParser
 from itertools import pairwise
+import json
 import re
+import shutil
 import subprocess
 import sys
 
@@ -17,9 +20,10 @@ from edge_tracking.recording.frames_summary import summarise_recording
 from edge_tracking.recording.reader import read_run
 from edge_tracking.recording.summary import summarise, truth
 from edge_tracking.report import animation
-from edge_tracking.report.frames_page import make_recording_report
-from edge_tracking.report.page import make_report, picture
+from edge_tracking.report.command import main, summary_of
+from edge_tracking.report.page import make_report, picture, Shown
 from edge_tracking.report.plans import surface
+from edge_tracking.report.player import MAX_BYTES
 from tactile_common.errors import ConfigurationError
 from tactile_servo.types import State
 from tactile_shape.local_surface.local_quadric import LocalQuadric
@@ -27,33 +31,50 @@ from tactile_simulation.plot import png
 
 CAPTIONED = re.compile(r'This (run|recording): .*\d|none of its numbers is known|\d presses')
 PNG = b'\x89PNG\r\n\x1a\n'
+HOSTILE = '</script><script>alert(1)</script><img src=x onerror=alert(2)>'
 
 
 class Page(HTMLParser):
-    """Collects images, texts and everything that a browser would load."""
+    """Collects elements, images, texts, scripts and everything that a browser would load."""
 
     def __init__(self, text):
         super().__init__()
-        self.images, self.links, self.words, self.captions = [], [], [], []
-        self._in_caption = False
+        self.images, self.links, self.words, self.captions, self.tags = [], [], [], [], []
+        self.handlers, self.policy, self.scripts, self.styles = [], '', [], []
+        self._inside = None
         self.feed(text)
 
     def handle_starttag(self, tag, attrs):
         """Take images apart from other links."""
-        self._in_caption |= tag == 'figcaption'
+        self._inside, known = tag, dict(attrs)
+        self.tags.append(tag)
+        if known.get('http-equiv') == 'Content-Security-Policy':
+            self.policy = known['content']
+        if tag == 'script' and known.get('type') == 'application/json':
+            self._inside = 'json'
         for name, value in attrs:
             if name in ('src', 'href'):
                 (self.images if tag == 'img' else self.links).append(value)
+            if name.startswith('on') or name == 'style':
+                self.handlers.append((tag, name))
 
     def handle_data(self, data):
-        """Collect visible text."""
-        self.words.append(data)
-        if self._in_caption:
-            self.captions.append(data)
+        """Collect visible text, and what is not."""
+        kinds = {'script': self.scripts, 'style': self.styles}
+        if self._inside == 'json':
+            self.data = json.loads(data)
+        elif self._inside in kinds:
+            kinds[self._inside].append(data)
+        else:
+            self.words.append(data)
+            if 'figcaption' in self.tags[-3:]:
+                self.captions.append(data)
 
     def handle_endtag(self, tag):
-        """Leave a caption."""
-        self._in_caption &= tag != 'figcaption'
+        """Leave an element."""
+        self._inside = None
+        if tag == 'figcaption':
+            self.tags.append('/figcaption')
 
     @property
     def text(self):
@@ -61,28 +82,147 @@ class Page(HTMLParser):
         return ' '.join(self.words)
 
 
-def read_page(path, pictures):
-    """Return the page after checking that it needs nothing else."""
+def read_page(path, pictures=None):
+    """Return the page after checking that it needs nothing else, and runs nothing else."""
     text = path.read_text(encoding='utf-8')
     page = Page(text)
-    assert not page.links and 'http' not in text and '@import' not in text
-    assert len(page.images) == pictures
+    assert not page.links and '://' not in text and '@import' not in text
+    assert not page.handlers and len(page.scripts) == 2 and len(page.styles) == 1
+    assert page.policy.startswith("default-src 'none'; ") and 'unsafe' not in page.policy
+    for inner in (*page.scripts, *page.styles):
+        digest = base64.b64encode(hashlib.sha256(inner.encode()).digest()).decode()
+        assert f"'sha256-{digest}'" in page.policy
+    assert pictures is None or len(page.images) == pictures
     for image in page.images:
         head, _, data = image.partition(',')
         assert head == 'data:image/png;base64'
         assert base64.b64decode(data).startswith(PNG)
     assert 'nan' not in page.text.split()
-    assert len(page.captions) == pictures and all(CAPTIONED.search(it) for it in page.captions)
+    captions = [it for it in page.captions if it.strip()]
+    assert captions and all(CAPTIONED.search(it) for it in captions)
     return page
+
+
+def report(path, run, summary, scene=None, real=None):
+    """Write the report of a run."""
+    make_report(path, Shown('runs/bag', run, summary, scene, real))
+    return path
 
 
 def test_report_of_a_run(run, scene, tmp_path):
     summary = summarise(run, scene, success=True)
-    make_report(run, summary, scene, truth(run, scene), tmp_path / 'report.html')
-    page = read_page(tmp_path / 'report.html', 5)
-    assert 'Edge tracked' in page.text and 'straight' in page.text
+    page = read_page(report(tmp_path / 'report.html', run, summary, scene, truth(run, scene)), 4)
+    assert 'Edge tracked' in page.text and 'straight' in page.text and 'simulated' in page.words
     assert f'{1e3 * summary["lateral_rms"]:.3f} mm' in page.words
     assert '30.0 mm/s' in page.words and '400.0 Hz' in page.words
+
+
+def unpacked(text, kind):
+    return np.frombuffer(base64.b64decode(text), kind)
+
+
+def test_player_shows_what_was_recorded(run, scene, tmp_path):
+    page = read_page(report(tmp_path / 'report.html', run, summarise(run, scene, success=True)))
+    it, = page.data['players']
+    time, images = unpacked(it['time'], '<f4'), run.images
+    levels = unpacked(it['levels'], 'u1').reshape(len(time), 16, 16)
+    assert f'{len(time)} of {len(images.stamp_ns)} images' in page.text
+    assert len(time) == pytest.approx(60.0 * (time[-1] - time[0]), abs=2)
+    seconds = run.seconds(images.stamp_ns)
+    shown = np.abs(seconds[:, None] - time).argmin(axis=0)
+    np.testing.assert_allclose(time, seconds[shown], atol=1e-6)
+    off = np.abs(it['top'] / 254 * levels - np.maximum(images.frames[shown], 0.0))
+    assert off.max() <= 0.501 / 254 * it['top']  # half a level
+    x, _, yaw = unpacked(it['contact'], '<f4').reshape(-1, 3).T
+    contact = np.searchsorted(run.contacts.stamp_ns, images.stamp_ns[shown])
+    np.testing.assert_allclose(x, np.where(
+        run.contacts.valid[contact], run.contacts.x[contact], x), atol=1e-8)
+    assert np.isfinite(yaw).sum() > 100
+    stage = unpacked(it['stage'], '<i4')
+    assert [it['stages'][k] for k in (stage[5], stage[len(stage) // 2], stage[-1])] == [
+        ['approach', 'goal accepted'], ['track', 'contact'], ['done', 'the edge ended']]
+
+
+def test_a_long_run_is_thinned_and_says_so(run, scene, tmp_path):
+    count = 600_000  # ten minutes at 1 kHz
+    stamps = run.start_ns + 1_000_000 * np.arange(count)
+    frames = np.broadcast_to(run.images.frames[400], (count, 16, 16))
+    long = dataclasses.replace(run, images=dataclasses.replace(
+        run.images, frames=frames, stamp_ns=stamps, sequence=np.arange(count)))
+    path = report(tmp_path / 'report.html', long, summarise(run, None, success=True))
+    shown = MAX_BYTES // (256 + 36)
+    assert f'{shown} of 600000 images, evenly chosen' in read_page(path).text
+    assert path.stat().st_size < 5e6
+
+
+def test_two_recordings_stand_side_by_side(run, bag, scene, tmp_path):
+    path = tmp_path / 'report.html'
+    write_bag(tmp_path / 'touch', scene, topics=TOPICS[:3])
+    assert main([str(bag), str(tmp_path / 'touch'), '-o', str(path)]) == 0
+    page = read_page(path)
+    assert len(page.data['players']) == 2 and page.text.count('Recording \u201c') == 4
+    assert 'Not recorded.' in page.text  # the states of what had no servo
+
+
+def test_command_says_what_a_bag_holds(bag, tmp_path, capsys):
+    path = tmp_path / 'report.html'
+    assert main([str(bag), '-o', str(path), '--json']) == 0
+    summary, page = json.loads(capsys.readouterr().out), read_page(path)
+    assert 'lateral_rms' not in summary  # nobody knows the true edge
+    assert 'robot' in page.words and '2023-11-14 22:13:20 UTC' in page.words
+    assert f'{1e3 * summary["tracked_length"]:.1f} mm' in page.words
+    assert {'approach', 'track', 'retreat', 'the edge ended'} <= {*page.words}
+    assert main([str(bag), '-o', str(path), '--scene', 'straight']) == 0
+    assert 'of the true edge' in read_page(path).text
+
+
+@pytest.mark.parametrize('spoil, text', [
+    (lambda path, scene: path / 'none', 'there is no such bag'),
+    (lambda path, scene: write_bag(path, scene, topics=TOPICS[8:9]).path, 'holds neither images'),
+    (lambda path, scene: cut(write_bag(path, scene, topics=TOPICS[:2]).path), 'is not a rosbag2'),
+    (lambda path, scene: foreign(path), 'is not a rosbag2 recording')])
+def test_what_cannot_be_read_overwrites_nothing(spoil, text, scene, tmp_path, capsys):
+    page = tmp_path / 'report.html'
+    page.write_text('mine')
+    assert main([str(spoil(tmp_path / 'run', scene)), '-o', str(page)]) == 2
+    error = capsys.readouterr().err
+    assert text in error and error.count('\n') == 1 and page.read_text() == 'mine'
+
+
+def cut(path):
+    file, = path.glob('*.mcap')
+    file.write_bytes(file.read_bytes()[:5000])
+    return path
+
+
+def foreign(path):
+    path.with_suffix('.mcap').write_text('no bag')
+    return path.with_suffix('.mcap')
+
+
+def test_what_comes_from_outside_is_escaped(run, scene, tmp_path):
+    summary = summarise(run, scene, success=False, reason=HOSTILE)
+    reason = run.statuses.reason.copy()
+    reason[50:] = HOSTILE
+    spoilt = dataclasses.replace(
+        run, statuses=dataclasses.replace(run.statuses, reason=reason), namespace=f'/{HOSTILE}',
+        info=dataclasses.replace(run.info, sensor=HOSTILE),
+        images=dataclasses.replace(run.images, unit=HOSTILE))
+    path = tmp_path / 'report.html'
+    make_report(path, Shown(HOSTILE, spoilt, summary), Shown(
+        HOSTILE, spoilt, summary, dataclasses.replace(scene, name=HOSTILE, description=HOSTILE),
+        truth(run, scene)))
+    page = read_page(path)
+    assert page.tags.count('script') == 3 and len(page.images) == page.tags.count('img')
+    assert 'not tracked' in page.text and page.text.count(HOSTILE) > 8
+    assert page.data['players'][0]['stages'][1][1] == HOSTILE
+
+
+@pytest.mark.skipif(shutil.which('node') is None, reason='node is not installed')
+def test_scripts_are_javascript(run, tmp_path):
+    page = read_page(report(tmp_path / 'report.html', run, summarise(run, None, success=True)))
+    (tmp_path / 'all.js').write_text(''.join(page.scripts))
+    subprocess.run(['node', '--check', tmp_path / 'all.js'], check=True)
 
 
 def test_a_surface_that_was_touched_is_drawn(run, scene, tmp_path):
@@ -95,17 +235,10 @@ def test_a_surface_that_was_touched_is_drawn(run, scene, tmp_path):
         radius * (np.array([0.0, 0.0, 1.0]) - inward), inward, strict=True)]
     touched = dataclasses.replace(run, patches=[patch for patch in patches if patch.valid])
     assert len(touched.patches) > 50
-    make_report(touched, summarise(touched, scene, success=True), scene,
-                truth(touched, scene), tmp_path / 'report.html')
+    report(tmp_path / 'report.html', touched, summarise(touched, scene, success=True), scene,
+           truth(touched, scene))
     assert 'Surface' in read_page(tmp_path / 'report.html', 6).text
     (tmp_path / 'surface.png').write_bytes(png(surface(touched)))
-
-
-def test_report_escapes_what_comes_from_outside(run, scene, tmp_path):
-    summary = summarise(run, scene, success=False, reason='<script>alert(1)</script>')
-    make_report(run, summary, scene, truth(run, scene), tmp_path / 'report.html')
-    assert '<script' not in (tmp_path / 'report.html').read_text(encoding='utf-8')
-    assert 'Edge not tracked' in read_page(tmp_path / 'report.html', 5).text
 
 
 @pytest.mark.parametrize('state', list(State))
@@ -113,25 +246,23 @@ def test_report_of_a_run_in_one_state(run, scene, tmp_path, state):
     stuck = dataclasses.replace(run, statuses=dataclasses.replace(
         run.statuses, state=np.full_like(run.statuses.state, state)))
     summary = summarise(stuck, scene, success=False)
-    make_report(stuck, summary, scene, truth(stuck, scene), tmp_path / 'report.html')
-    read_page(tmp_path / 'report.html', 5)
+    report(tmp_path / 'report.html', stuck, summary, scene, truth(stuck, scene))
+    read_page(tmp_path / 'report.html')
 
 
 @pytest.mark.parametrize('kept', range(len(TOPICS)))
 def test_reports_of_bags_with_one_topic(scene, tmp_path, kept):
     bare = read_run(write_bag(tmp_path / 'run', scene, topics=TOPICS[kept:kept + 1]).path)
     summary = summarise(bare, scene, success=False, reason='interrupted')
-    make_report(bare, summary, scene, truth(bare, scene), tmp_path / 'report.html')
-    read_page(tmp_path / 'report.html', 4 + len(summary['sides']))
-    make_recording_report(
-        bare, summarise_recording(bare), 'presses.npz', tmp_path / 'recording.html')
-    assert (tmp_path / 'recording.html').stat().st_size > 1000
+    read_page(report(tmp_path / 'report.html', bare, summary, scene, truth(bare, scene)))
+    read_page(report(tmp_path / 'recording.html', bare, summary_of(bare, None, None)))
 
 
 def test_report_of_a_recording(run, tmp_path):
-    make_recording_report(run, summarise_recording(run), 'presses.npz', tmp_path / 'report.html')
-    page = read_page(tmp_path / 'report.html', 3)
-    assert '1 press' in page.text and 'Recording played' in page.text
+    idle = dataclasses.replace(run, statuses=dataclasses.replace(
+        run.statuses, state=np.full_like(run.statuses.state, State.IDLE)))
+    page = read_page(report(tmp_path / 'report.html', idle, summarise_recording(run)), 3)
+    assert '1 press' in page.text and 'Recording of a sensor' in page.text
 
 
 def test_animation(run, scene, empty, tmp_path, monkeypatch):

@@ -7,7 +7,7 @@ import pytest
 
 from edge_tracking.recording.run import Contacts, Images, Poses, RunData, Statuses
 from edge_tracking.recording.summary import shape_of_surface, summarise, truth
-from edge_tracking.report.page import make_report
+from edge_tracking.report.page import make_report, Shown
 from tactile_sensing.dome.skin import SkinConfig
 from tactile_servo.types import State
 from tactile_shape.local_surface.local_quadric import LocalQuadric
@@ -89,6 +89,6 @@ def test_a_run_over_a_ball_is_measured_against_it(tmp_path):
     fragile = replace(scene, touch=replace(scene.touch, fragile=1.0))
     broken = summarise(run, fragile, real, success=True, reason='length reached', force=5.0)
     assert not broken['ok'] and broken['reason'].endswith('; but what was touched has broken')
-    make_report(run, summary, scene, real, tmp_path / 'report.html')
+    make_report(tmp_path / 'report.html', Shown('bag', run, summary, scene, real))
     page = (tmp_path / 'report.html').read_text('utf-8')
-    assert 'Surface tracked' in page and page.count('<img') == 4
+    assert 'Surface tracked' in page and page.count('<img') == 4  # felt, error, surface, curvature

@@ -29,7 +29,7 @@ class Parser(argparse.ArgumentParser):
 
     def __init__(self, **kwargs: Any):
         super().__init__(allow_abbrev=False, **kwargs)
-        self.add_argument('--version', action='version', version=f'%(prog)s {_version()}')
+        self.add_argument('--version', action='version', version=f'%(prog)s {version_of_all()}')
 
     def error(self, message: str) -> NoReturn:
         """Refuse what was given."""
@@ -47,9 +47,10 @@ def between(low: float, high: float, unit: str = '', kind: type = float) -> Call
     return convert
 
 
-def _version() -> str:
+def version_of_all() -> str:
+    """Version of these packages."""
     try:
-        return version('tactile_common')  # one for all packages
+        return version('tactile_common')  # one for all
     except PackageNotFoundError:
         return 'of a source tree that is not installed'
 

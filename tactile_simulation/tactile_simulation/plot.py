@@ -8,7 +8,8 @@ import numpy as np
 
 BLUE, ORANGE, GREY, INK = '#1f5fa8', '#d4691e', '#7a808a', '#22262b'
 EDGE_COLOUR = '#c9cdd4'
-FLATTEST = 0.3  # height of a plan of equal axes, of its width
+FLATTEST = 0.3  # shorter side of a plan of equal axes, of the longer one
+SIDES = np.array([-1.0, 1.0])
 
 
 def new_figure(width: float, height: float) -> Any:
@@ -53,10 +54,18 @@ def colour_bar(figure, shown, axes, text, **options):
 
 
 def equal_axes(axes):
-    """Give a plan equal axes, and some height where an edge is straight."""
-    (low, high), least = axes.get_ylim(), 0.5 * FLATTEST * np.ptp(axes.get_xlim())
-    axes.set_ylim(min(low, 0.5 * (low + high) - least), max(high, 0.5 * (low + high) + least))
-    axes.set_aspect('equal')
+    """Give a plan equal axes, and some width and height where an edge is straight."""
+    limits = np.array([axes.get_xlim(), axes.get_ylim()])
+    middle = limits.mean(axis=1)
+    half = np.maximum(0.5 * np.ptp(limits, axis=1), 0.5 * FLATTEST * np.ptp(limits, axis=1).max())
+    axes.set(xlim=middle[0] + half[0] * SIDES, ylim=middle[1] + half[1] * SIDES, aspect='equal')
+
+
+def show_settled(axes, values, least):
+    """Limit an axis to what errors are once they have settled, and to no less than a bound."""
+    seen = np.abs(values[np.isfinite(values)])
+    if seen.size:
+        axes.set_ylim(1.3 * max(seen.max(), least) * SIDES)
 
 
 def show_contacts(figure, above, side, points, scene):
@@ -84,7 +93,9 @@ def draw(simulation, path) -> None:
 
 def _edge(figure, simulation):
     edge, truth = simulation.scene.edge, simulation.truth()
-    plan, errors = figure.subplots(2, 1, height_ratios=(3, 1))
+    wide, high = np.ptp(edge.points[:, :2], axis=0)
+    plan, errors = figure.subplots(1, 2, width_ratios=(1, 1.6)) if high > wide else \
+        figure.subplots(2, 1, height_ratios=(2, 1))
     outline = np.where(np.repeat(edge.solid, 2)[:, None], np.repeat(
         edge.points, 2, axis=0)[1:-1], np.nan)
     contour = simulation.servo.result().contour
@@ -96,10 +107,13 @@ def _edge(figure, simulation):
                       linestyle=':' if points is contour else '-')
     label(plan, 'x [mm]', 'y [mm]')
     equal_axes(plan)
-    plan.legend(fontsize=9.5, frameon=False)
-    errors.plot(1e3 * truth.progress[truth.tracking], 1e3 * truth.lateral[truth.tracking],
-                color=BLUE)
-    label(errors, 'tracked length [mm]', 'lateral error [mm]')
+    figure.legend(loc='outside lower center', ncols=3, fontsize=9.5, frameon=False)
+    lateral = 1e3 * truth.lateral
+    errors.plot(1e3 * truth.progress[truth.tracking], lateral[truth.tracking], color=BLUE)
+    show_settled(errors, lateral[truth.settled], 5e-3)
+    first = lateral[truth.tracking][:1]
+    label(errors, 'tracked length [mm]', 'lateral error [mm]',
+          f'Begins at {first[0]:+.2f} mm' if first.size else 'The edge was never touched')
 
 
 def _surface(figure, simulation):

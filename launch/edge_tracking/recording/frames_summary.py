@@ -59,6 +59,11 @@ def force_series(run: RunData) -> ForceSeries:
     return ForceSeries(time, force, unit, kind, centre, stamps)
 
 
+def force_unit(unit: str) -> tuple[float, str]:
+    """Return factor and unit in which forces of a unit are shown: N, or counts mm^2."""
+    return (1.0, 'N') if unit == 'N' else (1e6, unit.replace('m^2', 'mm\u00b2'))
+
+
 def presses(force: np.ndarray) -> list[Press]:
     """Find presses in forces `(N,)`, with hysteresis; NaN ends no press and starts none."""
     finite = force[np.isfinite(force)]

@@ -1,5 +1,6 @@
 """A run read from its recording: messages to arrays."""
 from collections import defaultdict
+from dataclasses import fields
 
 import numpy as np
 
@@ -13,6 +14,8 @@ from tactile_shape.conversions import patch_from_msg
 from tactile_simulation.smoothness import accelerations
 
 DEFAULT_NAMESPACE = '/tactile'
+OF_ALL = ('diagnostics', 'joint_states')  # topics that are not of a sensor alone
+HELD = 20_000  # messages of a topic, until they become columns
 _COMPONENT_ZZ = 0
 
 
@@ -24,29 +27,33 @@ def read_run(path, namespace=None) -> run.RunData:
     """
     with Bag(path) as bag:
         prefix = _namespace(bag, namespace)
-        topics = {f'{prefix}/{name}': name for name in _TYPES.keys() - {'joint_states'}}
+        topics = {f'{prefix}/{name}': name for name in _TYPES} | {
+            f'/{name}': name for name in OF_ALL}
         expected = {topic: name for topic, name in topics.items()
                     if bag.topics.get(topic) == _TYPES[name]}
-        expected |= {topic: 'joint_states' for topic, kind in bag.topics.items()
-                     if kind == _TYPES['joint_states'] and topic in (
-                         '/joint_states', f'{prefix}/joint_states')}
-        rows = defaultdict(list)
+        rows, parts = defaultdict(list), defaultdict(list)
         start = None
-        for row in bag.messages(expected):
-            start = row.received_ns if start is None else start
-            rows[expected[row.topic]].append(row)
         with bag.clear_errors():
+            for row in bag.messages(expected):
+                start, name = row.received_ns if start is None else start, expected[row.topic]
+                rows[name].append(row)
+                if len(rows[name]) == HELD and name in _TABLES:
+                    parts[name].append(_table(bag, name, rows.pop(name)))
+            tables = {name: _joined([*parts[name], _table(bag, name, rows[name])])
+                      for name in _TABLES}
             return run.RunData(
                 namespace=prefix,
                 start_ns=start or 0,
-                images=_images(rows['image']),
-                contacts=_table(bag, run.Contacts, rows['contact']),
-                statuses=_table(bag, run.Statuses, rows['servo_status']),
-                poses=run.Poses.of(rows['sensor_pose']),
+                images=tables['image'],
+                contacts=tables['contact'],
+                statuses=tables['servo_status'],
+                poses=tables['sensor_pose'],
                 contour=_contour(rows['contour']),
                 patches=[patch_from_msg(row.message) for row in rows['surface_patch']
                          if row.message.valid],
                 info=_info(rows['sensor_info']),
+                nodes=frozenset(status.name.partition(':')[0].rpartition('/')[2]
+                                for row in rows['diagnostics'] for status in row.message.status),
                 touches=run.Poses.of(rows['surface_contact']),
                 joint_acceleration=_joint_acceleration(rows['joint_states']),
             )
@@ -54,6 +61,7 @@ def read_run(path, namespace=None) -> run.RunData:
 
 _TYPES = {
     **TYPES,
+    'diagnostics': 'diagnostic_msgs/msg/DiagnosticArray',
     'servo_status': 'tactile_msgs/msg/ServoStatus',
     'contour': 'nav_msgs/msg/Path',
     'surface_patch': 'tactile_msgs/msg/SurfacePatch',
@@ -74,11 +82,22 @@ def _namespace(bag, wanted):
         f'bag {bag.path}: holds several sensors, {", ".join(found)}; choose a namespace')
 
 
-def _table(bag, kind, rows):
+def _table(bag, name, rows):
     try:
-        return kind.of(rows)
+        return _TABLES[name](rows)
     except AttributeError as error:
         raise bag.damaged(rows[0].topic, rows[0].received_ns, error) from error
+
+
+def _joined(parts):
+    """One table of several; of images, of those with the geometry of the first."""
+    parts = [part for part in parts if len(part.stamp_ns)] or parts[:1]
+    first = parts[0]
+    if isinstance(first, run.Images):
+        parts = [part for part in parts if part.frames.shape[1:] == first.frames.shape[1:]]
+    return type(first)(**{item.name: np.concatenate([getattr(part, item.name) for part in parts])
+                          if isinstance(getattr(first, item.name), np.ndarray)
+                          else getattr(first, item.name) for item in fields(first)})
 
 
 def _geometry(message):
@@ -108,6 +127,10 @@ def _images(rows):
     for index, layer in enumerate(layers):
         frames[index] = layer.stress.reshape(shape)
     return run.Images.of(kept, frames=frames, array=array, unit=layers[0].unit if layers else '')
+
+
+_TABLES = {'image': _images, 'contact': run.Contacts.of, 'servo_status': run.Statuses.of,
+           'sensor_pose': run.Poses.of}
 
 
 def _contour(rows):

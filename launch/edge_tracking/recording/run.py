@@ -94,9 +94,11 @@ class Statuses(Table):
     controller: np.ndarray = _column(object)
     state: np.ndarray = _column(np.int64)
     reason: np.ndarray = _column(object)
+    reason_code: np.ndarray = _column(read=_if_there('reason_code'))
     contact_stamp_ns: np.ndarray = _column(
         np.int64, read=lambda message: stamp_to_ns(message.contact_stamp))
     lateral_error: np.ndarray = _column()
+    longitudinal_error: np.ndarray = _column(read=_if_there('longitudinal_error'))
     force_target: np.ndarray = _column()
     speed: np.ndarray = _column()
     progress: np.ndarray = _column()
@@ -143,6 +145,7 @@ class RunData:
     info: Info | None  # None if the recording lacks it
     joint_acceleration: np.ndarray = field(  # (K, n), by the joint states [rad/s^2]
         default_factory=lambda: np.empty((0, 0)))
+    nodes: frozenset[str] = frozenset()  # names of those that told their state
     touches: Poses = field(  # of a surface: contacts, z along the outward normal
         default_factory=lambda: Poses.of([]))
 

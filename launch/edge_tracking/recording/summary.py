@@ -88,30 +88,47 @@ class Asked:
     seed: int | None = None  # of the scene's noise
 
 
-def summarise(run: RunData, scene: Scene, real: Truth | None = None, **known) -> dict[str, Any]:
-    """
-    Return the summary of a run in a scene, SI units, NaN = unknown.
+def is_of_servo(run: RunData) -> bool:
+    """Whether a servo had a goal in a run."""
+    return bool((run.statuses.state != State.IDLE).any())
 
-    Errors and forces are those of the scene at the recorded poses, `truth` if `real` is not
-    given, not the sensor's own; `ok` only if the action succeeded and the scene does not object.
+
+def goal_was_met(run: RunData) -> bool:
+    """Whether the servo says that it met its last goal."""
+    codes = run.statuses.reason_code
+    ends = codes[(codes >= ReasonCode.LENGTH_REACHED) & (codes < ReasonCode.BUSY)]
+    ends = ends[(ends < ReasonCode.PAUSED) | (ends >= ReasonCode.CANCELLED)]  # without holds
+    return bool(len(ends) and ends[-1] < ReasonCode.PAUSED)
+
+
+def summarise(run: RunData, scene: Scene | None, real: Truth | None = None, **known
+              ) -> dict[str, Any]:
+    """
+    Return the summary of a run, SI units, NaN = unknown.
+
+    In a scene errors and forces are those of the scene at the recorded poses, `truth` if `real`
+    is not given, not the sensor's own; `ok` only if the action succeeded and the scene does not
+    object. Without one there are none.
 
     Parameters
     ----------
     run : RunData
-    scene : Scene
+    scene : Scene or None
     real : Truth, optional
     **known
         Fields of `Asked`.
     """
     asked, statuses = Asked(**known), run.statuses
-    real = real or truth(run, scene)
     tracking, _ = settled_cycles(statuses)
     target = percentile(statuses.force_target[tracking]) if asked.force is None else asked.force
-    (felt, shape), world = SHAPES[scene.action](run), scene.world()
-    numbers = {
-        **of_servo(run, scene.name, asked), **measure(real, target, run.joint_acceleration),
-        **world.numbers(real, felt, target), **shape}
-    return judged(numbers, asked.success, world)
+    action = 'track_surface' if len(run.touches.stamp_ns) else 'track_edge'
+    felt, shape = SHAPES[scene.action if scene else action](run)
+    told = of_servo(run, scene.name if scene else '', asked)
+    if scene is None:
+        return {'ok': asked.success, **told, 'force_target': target, **shape}
+    world, real = scene.world(), real or truth(run, scene)
+    return judged({**told, **measure(real, target, run.joint_acceleration),
+                   **world.numbers(real, felt, target), **shape}, asked.success, world)
 
 
 def shape_of_edge(run: RunData) -> tuple[np.ndarray, dict[str, Any]]:

@@ -69,8 +69,9 @@ def _draw(plan, felt, run, scene, chosen):
     array, poses, contacts = run.images.array, run.poses, run.contacts
     x, y = array.half_width_x, array.half_width_y
     corners = np.array([[-x, -y, 0, 1], [x, -y, 0, 1], [x, y, 0, 1], [-x, y, 0, 1]])
-    way = from_above(scene, poses.position)
-    plan.plot(*from_above(scene, scene.edge.points).T, color=EDGE_COLOUR, linewidth=6,
+    edge = scene.edge.points
+    way = from_above(edge, poses.position)
+    plan.plot(*from_above(edge, edge).T, color=EDGE_COLOUR, linewidth=6,
               solid_capstyle='butt')
     path, = plan.plot([], [], color=BLUE, linewidth=1.8)
     pad = plan.add_patch(Polygon(np.zeros((4, 2)), facecolor='#1f5fa830', edgecolor=BLUE))
@@ -91,7 +92,7 @@ def _draw(plan, felt, run, scene, chosen):
         stamp = run.images.stamp_ns[index]
         here = _nearest(poses.stamp_ns, stamp)
         path.set_data(*way[:here + 1].T)
-        pad.set_xy(from_above(scene, (corners @ poses.matrix[here].T)[:, :3]))
+        pad.set_xy(from_above(edge, (corners @ poses.matrix[here].T)[:, :3]))
         shown.set_data(scale * np.ma.masked_invalid(run.images.frames[index]))
         line.set_data([], [])
         text = dark

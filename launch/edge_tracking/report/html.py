@@ -1,54 +1,56 @@
-"""One self-contained HTML page, with pictures; nothing is loaded from outside."""
+"""Recordings side by side as one HTML page, with its figures, tables and players."""
 import base64
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from html import escape
 from pathlib import Path
 from typing import Any, NamedTuple
 
 from matplotlib.figure import Figure
 
+from edge_tracking.web.page import make_page
 from tactile_simulation.metrics import shown
 from tactile_simulation.plot import png
 
-_CSS = """
-:root { color-scheme: light; }
-body { margin: 0 auto; max-width: 62rem; padding: 1rem 1.1rem 3rem; background: #fff;
-  color: #22262b; font: 16px/1.5 system-ui, -apple-system, 'Segoe UI', Roboto, sans-serif; }
-h1 { font-size: 1.55rem; line-height: 1.25; margin: .6rem 0 .2rem; }
-h2 { font-size: 1.15rem; margin: 2.2rem 0 .4rem; }
-p { margin: .3rem 0 .8rem; max-width: 46rem; }
-.verdict { display: inline-block; padding: .1rem .6rem; border-radius: .3rem; color: #fff;
-  background: #3a8a4d; font-weight: 600; font-size: .95rem; }
-.verdict.bad { background: #b8372b; }
-.numbers { display: grid; grid-template-columns: repeat(auto-fill, minmax(9.5rem, 1fr));
-  gap: .5rem; margin: 1rem 0 0; padding: 0; }
-.numbers div { border: 1px solid #dfe2e7; border-radius: .4rem; padding: .45rem .7rem; }
-.numbers dt { font-size: .82rem; color: #555a61; }
-.numbers dd { margin: 0; font-size: 1.2rem; font-weight: 600; white-space: nowrap; }
-figure { margin: .4rem 0 0; }
-img { display: block; width: 100%; height: auto; }
-.picture { overflow-x: auto; }
-.picture img { min-width: 34rem; }
-.narrow { max-width: 44rem; }
-figcaption, footer { font-size: .87rem; color: #555a61; }
-@media print { .picture img { min-width: 0; } }
-"""
+
+class Table(NamedTuple):
+    """Rows of texts under their headings."""
+
+    head: tuple[str, ...]
+    rows: list[tuple[str, ...]]
+
+
+class Player(NamedTuple):
+    """Data for the script, and which canvases it fills: image, way."""
+
+    data: dict[str, Any]
+    canvases: list[str]  # what each shows
 
 
 class Section(NamedTuple):
-    """A part of a page; `kind` is the class of its style."""
+    """A part of a column; `kind` is the class of its style."""
 
     heading: str
-    figure: Figure
+    content: Figure | Table | Player
     caption: str
     kind: str = ''
 
 
-class Verdict(NamedTuple):
-    """What a page says first, and whether it is good."""
+class Badge(NamedTuple):
+    """A word or two at the top; `kind` is 'bad', 'plain' or empty."""
 
     text: str
-    good: bool
+    kind: str = ''
+
+
+class Column(NamedTuple):
+    """All that the page says of one recording."""
+
+    title: str
+    badges: list[Badge]
+    lead: str
+    about: list[tuple[str, ...]]  # rows of two texts
+    numbers: list[tuple[str, str, str]]  # rows of `shown`
+    sections: list[Section]
 
 
 def listed(summary: Mapping[str, Any], *keys: str) -> str:
@@ -62,26 +64,59 @@ def of_this_run(summary: Mapping[str, Any], *keys: str) -> str:
     return f' This run: {listed(summary, *keys) or "none of its numbers is known"}.'
 
 
-def write_page(path, title: str, verdict: Verdict, lead: str, footer: str,
-               rows: Iterable[tuple[str, str, str]], sections: Iterable[Section]) -> None:
-    """Write a page; the rows are of `shown`."""
+def write_page(path: str | Path, columns: Sequence[Column]) -> None:
+    """Write a page."""
+    players: list[dict[str, Any]] = []
+    parts = [_beside(_head(column) for column in columns)]
+    named = [{section.heading: section for section in column.sections} for column in columns]
+    for heading in dict.fromkeys(name for of_one in named for name in of_one):
+        parts.append(f'<h2>{escape(heading)}</h2>\n' + _beside(
+            _figure(of_one[heading], players) if heading in of_one else '<p>Not recorded.</p>'
+            for of_one in named))
+    text = make_page(' \u2013 '.join(column.title for column in columns), '\n'.join(parts),
+                     {'players': players}, ('tactile.js', 'player.js'),
+                     kind='two' if len(columns) > 1 else '')
+    Path(path).write_text(text, 'utf-8')
+
+
+def _beside(parts: Iterable[str]) -> str:
+    return f'<div class="beside">{"".join(f"<div>{part}</div>" for part in parts)}</div>'
+
+
+def _head(column: Column) -> str:
+    badges = ''.join(f'<span class="badge {kind}">{escape(text)}</span>'
+                     for text, kind in column.badges)
     numbers = ''.join(
         f'<div><dt>{escape(name[0].upper() + name[1:])}</dt>'
-        f'<dd>{escape(f"{value} {unit}".strip())}</dd></div>' for name, value, unit in rows)
-    parts = []
-    for heading, figure, caption, kind in sections:
-        data = base64.b64encode(png(figure)).decode('ascii')
-        parts.append(
-            f'<h2>{escape(heading)}</h2>\n<figure class="{kind}"><div class="picture">'
-            f'<img alt="{escape(heading)}" src="data:image/png;base64,{data}"></div>'
-            f'<figcaption><p>{escape(caption)}</p></figcaption></figure>')
-    Path(path).write_text(
-        '<!DOCTYPE html>\n<html lang="en"><head><meta charset="utf-8">'
-        '<meta name="viewport" content="width=device-width, initial-scale=1">'
-        f'<title>{escape(title)}</title><style>{_CSS}</style></head><body>\n'
-        f'<h1>{escape(title)}</h1>\n'
-        f'<p><span class="verdict{"" if verdict.good else " bad"}">{escape(verdict.text)}'
-        '</span></p>\n'
-        f'<p>{escape(lead)}</p>\n<dl class="numbers">{numbers}</dl>\n'
-        + '\n'.join(parts) + f'\n<footer><p>{escape(footer)}</p></footer>\n</body></html>\n',
-        encoding='utf-8')
+        f'<dd>{escape(f"{value} {unit}".strip())}</dd></div>'
+        for name, value, unit in column.numbers)
+    return (f'<h1>{escape(column.title)}</h1>\n<p>{badges}</p>\n<p>{escape(column.lead)}</p>\n'
+            f'{_table(Table((), column.about))}\n<dl class="numbers">{numbers}</dl>')
+
+
+def _table(table: Table) -> str:
+    rows = [f'<tr>{"".join(f"<th>{escape(cell)}</th>" for cell in table.head)}</tr>'
+            if table.head else '']
+    rows += [f'<tr>{"".join(f"<td>{escape(cell)}</td>" for cell in row)}</tr>'
+             for row in table.rows]
+    return f'<div class="rows"><table>{"".join(rows)}</table></div>'
+
+
+def _figure(section: Section, players: list[dict[str, Any]]) -> str:
+    heading, content, caption, kind = section
+    if isinstance(content, Table):
+        inner = _table(content)
+    elif isinstance(content, Player):
+        players.append(content.data)
+        inner = (
+            '<div class="player">' + ''.join(
+                f'<canvas role="img" aria-label="{escape(what)}"></canvas>'
+                for what in content.canvases)
+            + '<p></p><div class="controls"><button type="button">play</button>'
+            '<input type="range" min="0" value="0" aria-label="time"></div></div>')
+    else:
+        data = base64.b64encode(png(content)).decode('ascii')
+        inner = (f'<div class="picture"><img alt="{escape(heading)}" '
+                 f'src="data:image/png;base64,{data}"></div>')
+    return (f'<figure class="{kind}">{inner}<figcaption><p>{escape(caption)}</p></figcaption>'
+            '</figure>')

@@ -1,53 +1,278 @@
-"""The report of a run in a scene: a page and its main picture."""
-from collections.abc import Callable, Mapping
+"""The report of recordings: one page, whose sections appear where the data are there."""
+from collections.abc import Iterator, Mapping
+from datetime import datetime, timezone
 import math
 from pathlib import Path
 from typing import Any, NamedTuple
 
+import numpy as np
+
+from edge_tracking.recording.frames_summary import force_series, force_unit, presses
+from edge_tracking.recording.frames_summary import METRICS as OF_FRAMES
 from edge_tracking.recording.run import RunData
-from edge_tracking.report import edge_page, figures, plans, surface_page
-from edge_tracking.report.html import of_this_run, Section, Verdict, write_page
-from tactile_simulation.metrics import busy, shown
+from edge_tracking.recording.summary import is_of_servo, latencies, rebuilt_outline
+from edge_tracking.report import figures, plans
+from edge_tracking.report import presses as pressed
+from edge_tracking.report.html import (
+    Badge,
+    Column,
+    listed,
+    of_this_run,
+    Player,
+    Section,
+    Table,
+    write_page,
+)
+from edge_tracking.report.player import chosen, player, stages
+from tactile_common.command_line import version_of_all
+from tactile_servo.laws.registry import LAWS
+from tactile_simulation.metrics import busy, METRICS, percentile, rate, shown
 from tactile_simulation.plot import png
 from tactile_simulation.world import Scene, Truth
 
-
-class Kind(NamedTuple):
-    """What a report says of a kind of scene."""
-
-    subject: str
-    sections: Callable[..., list[Section]]  # of run, summary, scene and truth
-    lead: Callable[[Mapping[str, Any]], str]
-    picture: Callable[..., Any]  # the figure of run, scene and truth
+LEAST = 6e-3  # m that contacts of a surface spread over
+MOST_STAGES = 100  # rows of the table
+SHOWN_PRESSES = 8
+MOCKS = {'mock_sensor', 'mock_robot'}  # nodes of a simulation
+WHAT = {'track_edge': 'Edge', 'track_surface': 'Surface'}
 
 
-KINDS = {
-    'track_edge': Kind('Edge', edge_page.sections, edge_page.lead, plans.trajectory),
-    'track_surface': Kind('Surface', surface_page.sections, surface_page.lead,
-                          surface_page.felt)}
+class Shown(NamedTuple):
+    """A recording, its summary, and the scene and truth where they are known."""
+
+    name: str
+    run: RunData
+    summary: Mapping[str, Any]
+    scene: Any = None  # Scene
+    real: Any = None  # Truth
 
 
-def make_report(run: RunData, summary: Mapping[str, Any], scene: Scene, real: Truth,
-                path) -> None:
-    """Write the report of a run in a scene, with its summary and truth, as HTML."""
-    kind = KINDS[scene.action]
-    title = f'Scene \u201c{scene.name}\u201d'
-    if math.isfinite(summary['speed']):
-        title += f', {1e3 * summary["speed"]:.0f} mm/s asked for'
-    lead = f'{summary["reason"]}.{kind.lead(summary)} {busy(summary)}'.rstrip()
-    verdict = f'{kind.subject} {"" if summary["ok"] else "not "}tracked'
-    footer = f'{scene.description} Law: {summary["controller"]}. Last state: {summary["state"]}.'
-    if summary['seed'] is not None:
-        footer += f' Seed of the noise: {summary["seed"]}.'
-    latency = Section(
-        'Latency', figures.latency(run, summary),
-        'From the last byte of an image at the driver to the end of the first control cycle that '
-        'used it. Later ones than the axis shows are in its last bar.'
-        + of_this_run(summary, 'latency_p50', 'latency_p99', 'missed_cycles'), 'narrow')
-    write_page(path, title, Verdict(verdict, summary['ok']), lead, footer, shown(summary),
-               [*kind.sections(run, summary, scene, real), latency])
+def make_report(path: str | Path, *recordings: Shown) -> None:
+    """Write what recordings say, side by side, as HTML."""
+    write_page(path, [_column(it, len(recordings)) for it in recordings])
 
 
-def picture(run: RunData, scene: Scene, real: Truth, path) -> None:
+def picture(run: RunData, scene: Scene, real: Truth, path: str | Path) -> None:
     """Save the main picture of a run as PNG."""
-    Path(path).write_bytes(png(KINDS[scene.action].picture(run, scene, real)))
+    Path(path).write_bytes(png(
+        plans.felt(run, scene) if scene.action == 'track_surface'  # type: ignore[arg-type]
+        else plans.trajectory(run, scene, real)))  # type: ignore[arg-type]
+
+
+def _column(it: Shown, columns: int) -> Column:
+    summary, of_servo = it.summary, is_of_servo(it.run)
+    title = f'Scene \u201c{it.scene.name}\u201d' if it.scene else (
+        f'Recording \u201c{it.name}\u201d')
+    if of_servo or it.scene:
+        law = LAWS.get(summary['controller'])
+        action = it.scene.action if it.scene else law.action if law else ''
+        verdict = f'{WHAT.get(action, "Goal")} {"" if summary["ok"] else "not "}' + (
+            'tracked' if action else 'met')
+    else:
+        verdict = 'Recording of a sensor' if summary['ok'] else 'No images'
+    badges = [Badge(verdict, '' if summary['ok'] else 'bad'), Badge(_origin(it), 'plain')]
+    lead = f'{summary["reason"]}.{_lead(summary)} {busy(summary)}'.strip(' .') + '.'
+    return Column(title, badges, lead[0].upper() + lead[1:], _about(it), list(
+        shown(summary, METRICS if of_servo or it.scene else OF_FRAMES)), [*_sections(it, columns)])
+
+
+def _origin(it: Shown) -> str:
+    mocks = it.run.nodes & MOCKS
+    if it.scene or mocks and (is_of_servo(it.run) or len(mocks) > 1):
+        return 'simulated'
+    if mocks:
+        return 'frames played by a mock'
+    return 'robot' if it.run.nodes else 'simulated or robot: not recorded'
+
+
+def _about(it: Shown) -> list[tuple[str, ...]]:
+    """
+    Rows of what is known of a recording beside its numbers.
+
+    The place for what the recording says of itself: command, goal, parameters, versions.
+    """
+    run, summary = it.run, it.summary
+    when = datetime.fromtimestamp(1e-9 * run.start_ns, timezone.utc)
+    rows: list[tuple[str, ...]] = [
+        ('recorded', f'{when:%Y-%m-%d %H:%M:%S} UTC'), ('from', it.name),
+        ('report made by', f'version {version_of_all()}')]
+    if run.nodes & MOCKS:
+        rows.append(('mock nodes', ', '.join(sorted(run.nodes & MOCKS))))
+    if run.info:
+        array = run.info.array
+        rows.append(('sensor', f'{run.info.sensor} in {run.namespace}, {array.rows} \u00d7 '
+                     f'{array.columns} tactels of {1e3 * array.pitch_x:.2f} mm'))
+    if summary.get('controller'):
+        rows += [('law', summary['controller']), ('last state', summary['state'])]
+    if it.scene:
+        rows.append(('scene', it.scene.description))
+    if summary.get('seed') is not None:
+        rows.append(('seed of the noise', str(summary['seed'])))
+    return rows
+
+
+def _lead(summary: Mapping[str, Any]) -> str:
+    """Sentences about how well a path was followed, and what was felt."""
+    text = ''
+    if math.isfinite(summary.get('lateral_rms', math.nan)):
+        text += (f" The pad's centre stayed within {1e3 * summary['lateral_max']:.3f} mm of the "
+                 f"true edge, {1e3 * summary['lateral_rms']:.3f} mm RMS, over "
+                 f"{1e3 * summary['tracked_length']:.0f} mm at "
+                 f"{1e3 * summary['speed_mean']:.0f} mm/s on average.")
+    if math.isfinite(summary.get('surface_rms', math.nan)):
+        text += (f' Over {1e3 * summary["tracked_length"]:.0f} mm the contacts lie within '
+                 f'{1e3 * summary["surface_max"]:.3f} mm of the true surface, '
+                 f'{1e3 * summary["surface_rms"]:.3f} mm RMS.')
+    if summary.get('surface_kind', 'none') != 'none':
+        text += f' The least surface that explains them: {summary["surface_kind"]}'
+        if math.isfinite(summary['surface_radius']):
+            text += f' of {1e3 * summary["surface_radius"]:.2f} mm radius'
+        if not summary['surface_seen_across']:
+            text += ' (how it bends across the way was not seen)'
+        text += '.'
+    if not summary.get('approach_recorded', True):
+        text += ' No image was recorded before first contact: the recording began late.'
+    if 'contact_types' in summary:
+        count, largest = summary['presses'], summary['force_max']
+        text += f' {count} press' + ('' if count == 1 else 'es')
+        if math.isfinite(largest):
+            factor, unit = force_unit(summary['force_unit'])
+            text += f'; the largest force is {factor * largest:.4g} {unit}'
+        types = ', '.join(f'{count} {name}' for name, count in summary['contact_types'].items()
+                          if count) or 'none'
+        text += f'. Contacts by type: {types}.'
+    return text
+
+
+def _sections(it: Shown, columns: int) -> Iterator[Section]:
+    run, summary, of_servo = it.run, it.summary, is_of_servo(it.run)
+    stamps = chosen(run, columns)
+    if len(stamps):
+        yield _player(run, stamps)
+    if it.scene:
+        yield _in_scene(it)
+    if of_servo:
+        yield Section(
+            'Error and force', figures.over_time(run, summary, it.scene, it.real),
+            'By touch: what the servo measured.' + (
+                ' True: from pose and scene. The statistics count from the dotted line, 10 mm '
+                'after first contact; those of the force only while an edge crosses the whole '
+                'pad.' if it.scene else ' The dotted line is 10 mm after first contact.')
+            + of_this_run(summary, 'lateral_rms', 'lateral_max', 'force_target',
+                          'force_rms_error', 'force_max'))
+        yield _states(run)
+    yield from _shape(it)
+    if not of_servo:
+        yield from _presses(run)
+    if len(latencies(run)[1]):
+        yield Section(
+            'Latency', figures.latency(run, summary),
+            'From the last byte of an image at the driver to the end of the first control cycle '
+            'that used it. Later ones than the axis shows are in its last bar.'
+            + of_this_run(summary, 'latency_p50', 'latency_p99', 'missed_cycles'), 'narrow')
+    yield _rates(run)
+
+
+def _player(run: RunData, stamps: np.ndarray) -> Section:
+    count = len(run.images.stamp_ns)
+    canvases = (['tactile image'] if count else []) + (
+        ['way of the pad'] if len(run.poses.stamp_ns) else [])
+    data = player(run, stamps)
+    shown_of = f'{len(stamps)} of {count} images, evenly chosen and none averaged, in 254 ' \
+        f'levels up to {data["top"]:.4g} {run.images.unit}' if count else \
+        f'{len(stamps)} of {len(run.poses.stamp_ns)} poses'
+    return Section(
+        'Player', Player(data, canvases),
+        f'Shown: {shown_of}. Blue-green: the estimate, a line where it is one, a cross where it '
+        'is a point, or at the centre of pressure. Way of the pad in the base frame, to be '
+        f'turned; orange: what it touched. This run: {len(run.contacts.stamp_ns)} contacts.')
+
+
+def _in_scene(it: Shown) -> Section:
+    run, summary, scene = it.run, it.summary, it.scene
+    if scene.action == 'track_surface':
+        return Section(
+            'The surface that was felt', plans.felt(run, scene),
+            'Contacts, coloured by their distance from the true surface, which only the mock '
+            'sensor knows.' + of_this_run(
+                summary, 'tracked_length', 'surface_rms', 'surface_max', 'force_max'))
+    return Section(
+        'Path of the pad', plans.trajectory(run, scene, it.real),
+        'Centre of the pad over the true edge, with the outline of the pad at first contact '
+        f'and at the end. The run begins {1e3 * abs(scene.start.offset):.1f} mm beside the edge, '
+        "which touch takes away. Positions are from the robot's forward "
+        'kinematics, errors against the scene, which only the mock sensor knows.'
+        + of_this_run(summary, 'tracked_length', 'edge_length', 'duration'))
+
+
+def _states(run: RunData) -> Section:
+    told = stages(run)
+    rows: list[tuple[str, ...]] = [
+        (f'{run.seconds(stage.begin):.3f}', f'{1e-9 * (stage.end - stage.begin):.3f}',
+         stage.state, stage.reason) for stage in told]
+    return Section(
+        'States', Table(('from [s]', 'for [s]', 'state', 'reason'), rows[:MOST_STAGES]),
+        f'This run: {len(rows)} states' + (
+            f', of which the first {MOST_STAGES} are listed.' if len(rows) > MOST_STAGES
+            else '.'))
+
+
+def _shape(it: Shown) -> Iterator[Section]:
+    run, found = it.run, rebuilt_outline(it.run)
+    if found is not None and 'sides' in it.summary:
+        yield Section(
+            'Rebuilt outline', plans.outline(run, it.scene, found),
+            'Lines, arcs and corners, as few as the contacts along the edge allow. Each contact '
+            'is a point of the fitted line or, on a curve and at a corner, of the ridge of the '
+            'picture, put into the base by the pose of the robot. '
+            'This run: ' + ', '.join(filter(None, (
+                f'{len(found.sides)} sides', f'{len(found.corners)} corners',
+                listed(it.summary, 'contour_max_error', 'contour_area_error')))) + '.')
+    # Of an edge that was touched for the first time a few contacts may look like a surface.
+    if len(run.patches) and np.ptp([patch.origin for patch in run.patches], axis=0).max() > LEAST:
+        told = f'This run: {len(run.patches)} patches.'
+        yield Section(
+            'Surface', plans.surface(run),
+            'Where a surface was touched: patches of second order, coloured by the least one '
+            f'that explains the contacts, and the way of the contact. {told}', 'narrow')
+        yield Section('Curvature', plans.curvatures(run),
+                      f'By the shape estimator, live. {told}', 'narrow')
+
+
+def _presses(run: RunData) -> Iterator[Section]:
+    series = force_series(run)
+    if not len(series.time):
+        return
+    count = len(presses(series.force))
+    yield Section(
+        'Force and centre of pressure over time', pressed.force_over_time(series),
+        'Force is the zeroth moment of the picture. Without a calibration it is in counts '
+        'times area and says nothing about newtons. The centre of pressure is shown where '
+        'the force is above a tenth of its largest value. This recording: '
+        f'{len(series.time)} contacts in {np.ptp(series.time):.1f} s.')
+    yield Section(
+        'Presses', pressed.press_pictures(run, series, SHOWN_PRESSES),
+        f'The pictures at the peaks of {min(count, SHOWN_PRESSES)} of {count} presses, with the '
+        'centre of pressure.')
+    yield Section(
+        'Path of the centre of pressure', pressed.centre_path(run, series),
+        'The frame is the array; the colour is the force. This recording: the centre moves over '
+        '{:.1f} by {:.1f} mm.'.format(*1e3 * pressed.centre_extent(series)))
+
+
+def _rates(run: RunData) -> Section:
+    rows: list[tuple[str, ...]] = []
+    for name, table in (('image', run.images), ('contact', run.contacts),
+                        ('servo_status', run.statuses), ('sensor_pose', run.poses)):
+        gaps = 1e-6 * np.diff(table.stamp_ns)
+        if len(gaps):
+            rows.append((name, str(len(gaps) + 1), f'{rate(table.stamp_ns):.1f}',
+                         f'{percentile(gaps):.2f}', f'{gaps.max():.2f}'))
+    steps, late = np.diff(run.images.sequence), 1e3 * run.contacts.latency
+    return Section(
+        'Rates', Table(('topic', 'messages', 'rate [Hz]', 'gap, median [ms]', 'largest [ms]'),
+                       rows),
+        'By the stamps.' + (
+            f' From a stamp to the publication of its contact: {percentile(late):.2f} ms in the '
+            f'median, {percentile(late, 99):.2f} ms at 99 %.' if len(late) else '')
+        + f' This run: {int((steps[steps > 0] - 1).sum())} lost images.')

@@ -1,16 +1,11 @@
-"""The report of a recording that ran through driver and estimator."""
-from collections.abc import Mapping
-import math
-from typing import Any
+"""Figures of what pressed on a sensor: force, presses, centre of pressure."""
 
 from matplotlib.figure import Figure
 import numpy as np
 
-from edge_tracking.recording.frames_summary import force_series, ForceSeries, METRICS, presses
+from edge_tracking.recording.frames_summary import force_unit, ForceSeries, presses
 from edge_tracking.recording.run import RunData
 from edge_tracking.report import style
-from edge_tracking.report.html import Section, Verdict, write_page
-from tactile_simulation.metrics import shown
 from tactile_simulation.plot import (
     BLUE,
     colour_bar,
@@ -24,35 +19,6 @@ from tactile_simulation.plot import (
 SHOWN_PRESSES = 8
 
 
-def make_recording_report(run: RunData, summary: Mapping[str, Any], name: str, path) -> None:
-    """Write the report of a recording of some name, with its `summarise_recording`, as HTML."""
-    series = force_series(run)
-    sections = [] if not len(series.time) else [
-        Section('Force and centre of pressure over time', force_over_time(series),
-         'Force is the zeroth moment of the picture. Without a calibration it is in counts '
-         'times area and says nothing about newtons. The centre of pressure is shown where '
-         'the force is above a tenth of its largest value. This recording: '
-         f'{len(series.time)} contacts in {np.ptp(series.time):.1f} s.'),
-        Section('Presses', press_pictures(run, series, SHOWN_PRESSES),
-         f'The pictures at the peaks of {min(summary["presses"], SHOWN_PRESSES)} of '
-         f'{summary["presses"]} presses, with the centre of pressure.'),
-        Section('Path of the centre of pressure', centre_path(run, series),
-         'The frame is the array; the colour is the force. This recording: the centre moves over '
-         '{:.1f} by {:.1f} mm.'.format(*1e3 * centre_extent(series)))]
-    types = ', '.join(f'{count} {name}' for name, count in summary['contact_types'].items()
-                      if count) or 'none'
-    count, largest = summary['presses'], summary['force_max']
-    lead = f'{count} press' + ('' if count == 1 else 'es')
-    if math.isfinite(largest):
-        factor, unit = force_unit(series)
-        lead += f'; the largest force is {factor * largest:.4g} {unit}'
-    verdict = Verdict('Recording played' if summary['ok'] else 'No images', summary['ok'])
-    tactels = f'{summary["rows"]} \u00d7 {summary["columns"]} tactels'
-    write_page(path, f'Recording \u201c{name}\u201d, {tactels}', verdict,
-               f'{lead}. Contacts by type: {types}.', summary.get('reason', ''),
-               shown(summary, METRICS), sections)
-
-
 def _loaded(series):
     return series.force > 0.1 * np.nanmax(series.force, initial=0.0)
 
@@ -61,7 +27,7 @@ def force_over_time(series: ForceSeries) -> Figure:
     """Force, with the presses, and centre of pressure over time."""
     figure = new_figure(10.0, 5.6)
     force, centre = figure.subplots(2, 1, sharex=True)
-    scale, unit = force_unit(series)
+    scale, unit = force_unit(series.unit)
     force.plot(series.time, scale * series.force, color=BLUE, linewidth=1.5)
     label(force, '', f'force [{unit}]', 'Force, with its presses')
     for number, (begin, peak, end) in enumerate(presses(series.force), 1):
@@ -106,7 +72,7 @@ def centre_path(run: RunData, series: ForceSeries) -> Figure:
     """Path of the centre of pressure on the array, coloured by the force, and enlarged."""
     figure, array, loaded = new_figure(10.0, 4.4), run.images.array, _loaded(series)
     x, y = 1e3 * series.centre_of_pressure[loaded].T
-    scale, unit = force_unit(series)
+    scale, unit = force_unit(series.unit)
     whole, near = panels = figure.subplots(1, 2)
     for axes in panels:
         axes.plot(x, y, color=EDGE_COLOUR, linewidth=0.8, zorder=1)
@@ -128,10 +94,3 @@ def centre_extent(series: ForceSeries) -> np.ndarray:
     """Range of the centre of pressure along x and y, where it is shown, `(2,)` [m]."""
     shown = series.centre_of_pressure[_loaded(series)]
     return np.ptp(shown, axis=0) if len(shown) else np.zeros(2)
-
-
-def force_unit(series: ForceSeries) -> tuple[float, str]:
-    """Return factor and unit in which forces are shown: N, or counts mm^2."""
-    if series.unit == 'N':
-        return 1.0, 'N'
-    return 1e6, series.unit.replace('m^2', 'mm\u00b2')

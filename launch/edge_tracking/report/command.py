@@ -1,0 +1,80 @@
+"""Command `report`: what recordings say, as one page that needs nothing else."""
+import argparse
+from pathlib import Path
+import sys
+from typing import Any
+
+from edge_tracking.recording.frames_summary import summarise_recording
+from edge_tracking.recording.reader import read_run
+from edge_tracking.recording.run import RunData
+from edge_tracking.recording.summary import goal_was_met, is_of_servo, summarise, truth
+from edge_tracking.report.page import make_report, Shown
+from tactile_common.command_line import Help, Parser, refusing
+from tactile_common.errors import ConfigurationError
+from tactile_simulation.metrics import to_json
+from tactile_simulation.scene import describe_scenes, load_scene
+from tactile_simulation.world import Scene
+
+
+def page_file(text: str) -> Path:
+    """Type of an option: a page to write, in a folder that there is."""
+    path = Path(text)
+    if path.suffix.lower() not in ('.html', '.htm'):
+        raise argparse.ArgumentTypeError(f'{text}: must end in .html')
+    if not path.parent.is_dir():
+        raise argparse.ArgumentTypeError(f'{text}: there is no such folder')
+    return path
+
+
+def parser() -> argparse.ArgumentParser:
+    """Command line."""
+    arguments = Parser(
+        prog='report', formatter_class=Help, epilog=describe_scenes(),
+        description='Writes what a rosbag2 recording holds as one HTML page: a player of images '
+        'and estimates, the way of the pad, error, force, states, latency. Two recordings stand '
+        'side by side. Exit status 2, and nothing written, if one cannot be read.')
+    add = arguments.add_argument
+    add('bags', nargs='+', metavar='BAG', help='one or two recordings: folders, .mcap or .db3')
+    add('-o', '--out', metavar='FILE.html', type=page_file, required=True, help='page to write')
+    add('--scene', help='scene that was simulated, for the true errors, see below')
+    add('--namespace', help='of the sensor, where a recording has several')
+    add('--json', action='store_true', help='print the summaries, one JSON object a line')
+    return arguments
+
+
+def read(path: str, scene: Scene | None = None, namespace: str | None = None) -> Shown:
+    """Read and summarise a recording; ConfigurationError if it holds nothing to show."""
+    run = read_run(path, namespace)
+    if not any(len(table.stamp_ns) for table in (
+            run.images, run.contacts, run.statuses, run.poses)):
+        raise ConfigurationError(f'bag {path}: holds neither images nor contacts, states or '
+                                 f'poses of a sensor in {run.namespace}')
+    real = truth(run, scene) if scene else None
+    name = '/'.join(Path(path).resolve().parts[-2:])
+    return Shown(name, run, summary_of(run, scene, real), scene, real)
+
+
+def summary_of(run: RunData, scene: Scene | None, real: Any) -> dict[str, Any]:
+    """Summary of a servo's run or, where none ran, of what the sensor felt."""
+    if scene or is_of_servo(run):
+        return summarise(run, scene, real, success=goal_was_met(run))
+    return summarise_recording(run)
+
+
+def main(argv: list[str] | None = None) -> int:
+    """Run the command; exit status 2 if a recording cannot be read."""
+    with refusing('report', ValueError) as command:
+        options = parser().parse_args(argv)
+        if len(options.bags) > 2:
+            raise ConfigurationError(f'{len(options.bags)} recordings; one or two are shown')
+        scene = load_scene(options.scene) if options.scene else None
+        recordings = [read(path, scene, options.namespace) for path in options.bags]
+        make_report(options.out, *recordings)
+        for it in recordings if options.json else ():
+            print(to_json(it.summary))
+        print(f'report {options.out}', file=sys.stderr)
+    return command.status
+
+
+if __name__ == '__main__':
+    sys.exit(main())

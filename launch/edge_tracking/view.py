@@ -1,0 +1,245 @@
+"""
+Live view: a read-only web page with tactile image, contact, way, force, state and reason.
+
+Also publishes `image/view`, the image with the contact drawn in, while someone subscribes.
+"""
+from array import array
+from dataclasses import dataclass, field
+from importlib import resources
+import json
+import math
+import sys
+from typing import Any
+
+from geometry_msgs.msg import PoseStamped
+import numpy as np
+from rclpy.qos import qos_profile_sensor_data, QoSProfile, ReliabilityPolicy
+from rclpy.timer import Timer
+from sensor_msgs.msg import Image
+
+from edge_tracking.web.page import COLOURS, INVALID, levels, make_page, packed
+from edge_tracking.web.server import Server
+from tactile_common.command_line import Parser, refusing
+from tactile_common.config import bounded
+from tactile_common.errors import TactileError
+from tactile_common.ros.cdr import unpacked
+from tactile_common.ros.conversions import stamp_to_ns
+from tactile_common.ros.node import TactileNode
+from tactile_common.ros.parameters import declare_from
+from tactile_common.ros.runner import run
+from tactile_msgs.msg import Contact, ServoStatus, TactileImage
+from tactile_sensing.conversions import image_from_msg
+from tactile_sensing.types.contact import ContactType, Reason
+from tactile_servo.types import State
+
+TOPICS = {'image': TactileImage, 'contact': Contact, 'servo_status': ServoStatus,
+          'sensor_pose': PoseStamped}
+ATTENTION = 0.5  # s between looks for someone who watches
+FADING = 0.995  # of the darkest colour's pressure, an image
+NOISES = 20.0  # standard deviations of a tactel that this pressure is at least
+WIDTH = 320  # of `image/view` [px]
+ESTIMATE = (16, 164, 184)
+PALETTE = np.vstack([np.column_stack([
+    np.interp(np.linspace(0.0, len(COLOURS) - 1.0, INVALID), np.arange(len(COLOURS)), part)
+    for part in np.array(COLOURS).T]), (223, 226, 231)]).round().astype(np.uint8)
+
+
+@dataclass(frozen=True)
+class ViewConfig:
+    """Where the page is, and how often it changes."""
+
+    host: str = field(default='127.0.0.1', metadata={
+        'doc': 'address to serve at; where others reach it a token is asked for, see the log'})
+    port: int = bounded(8088, 'to serve at; 0 = any that is free', '', 0, 65535)
+    rate: float = bounded(30.0, 'images shown per second', 'Hz', 1.0, 60.0)
+
+
+class ViewNode(TactileNode):
+    """
+    Serve the page. Parameters: `ViewConfig`.
+
+    Without anyone who watches it subscribes to nothing. Messages are not delivered: the newest
+    of each topic is taken, and read, when the next image is due.
+    """
+
+    def __init__(self, **kwargs: Any):
+        self._polled: dict[str, Any] = {}
+        super().__init__('view', **{'namespace': 'tactile', **kwargs})
+        config = declare_from(self, ViewConfig)
+        body = (resources.files('edge_tracking.web') / 'live.html').read_text('utf-8')
+        self._server = Server(config.host, config.port, make_page(
+            'Live touch', body, {}, ('tactile.js', 'live.js'), connect="'self'"))
+        self._picture = self.create_publisher(Image, 'image/view', qos_profile_sensor_data)
+        self._period = 1.0 / config.rate
+        self._timer: Timer | None = None
+        self._shown: dict[str, Any] = {}
+        self._top, self._rate, self._last = 0.0, 0.0, (0, 0)
+        self.create_timer(ATTENTION, self._attend)
+        self.get_logger().info(f'live view at {self._server.url}')
+
+    @property
+    def url(self) -> str:
+        """Address of the page."""
+        return self._server.url
+
+    @property
+    def subscriptions(self) -> Any:
+        """Subscriptions that an executor serves: without those that are polled."""
+        return (it for it in super().subscriptions if it not in self._polled.values())
+
+    def _attend(self) -> None:
+        watched = self._server.feed.clients or self._picture.get_subscription_count()
+        if watched and not self._timer:
+            newest = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
+            for name, kind in TOPICS.items():
+                self._polled[name] = self.create_subscription(
+                    kind, name, lambda _: None, newest, raw=True)
+            self._timer = self.create_timer(self._period, self._show)
+        elif self._timer and not watched:
+            self.destroy_timer(self._timer)
+            self._timer = None
+            for subscription in self._polled.values():
+                self.destroy_subscription(subscription)
+            self._polled, self._shown = {}, {}
+
+    def _take(self, name: str) -> Any:
+        """Newest message of a topic, None if there is no new one."""
+        subscription = self._polled[name]
+        with subscription.handle:
+            taken = subscription.handle.take_message(subscription.msg_type, True)
+        return taken and unpacked(taken[0], subscription.msg_type)
+
+    def _show(self) -> None:
+        new = {}
+        for name, of_message in (('image', self._image), ('contact', _contact),
+                                 ('servo_status', _status), ('sensor_pose', _position)):
+            try:
+                if message := self._take(name):
+                    new[name] = of_message(message)
+            except TactileError as error:
+                self.get_logger().warning(
+                    f'{name} passed over: {error}', throttle_duration_sec=5.0)
+        if not new:
+            return
+        self._shown = {**self._shown, 'sensor_pose': None, **new}
+        header, pressure, image = self._shown.get('image', (None, None, None))
+        contact = self._shown.get('contact')
+        if self._server.feed.clients:
+            self._server.feed.put(json.dumps({
+                'image': image, 'contact': contact, 'status': self._shown.get('servo_status'),
+                'position': self._shown['sensor_pose']}))
+        if 'image' in new and self._picture.get_subscription_count():
+            self._picture.publish(drawn(header, pressure, image['pitch'], (
+                contact or {}).get('place')))
+
+    def _image(self, message: Any) -> tuple[Any, np.ndarray, dict[str, Any]]:
+        """Header, levels and data for the page of an image."""
+        image = image_from_msg(message)
+        layer = min((it for it in image.layers if it.component == 'zz'),
+                    key=lambda it: it.depth, default=None)
+        if layer is None:
+            raise TactileError('no layer of pressure')
+        most = float(np.nanmax(layer.stress, initial=0.0))
+        self._top = max(most, FADING * self._top, NOISES * layer.noise_std, 1e-9)
+        stamp, (last, sequence) = stamp_to_ns(message.header.stamp), self._last
+        if stamp > last:
+            rate = 1e9 * (message.sequence - sequence) / (stamp - last)
+            self._rate = rate if not self._rate else 0.9 * self._rate + 0.1 * rate
+            self._last = stamp, message.sequence
+        shades = levels(layer.stress, self._top)
+        return message.header, shades, {
+            'rows': message.rows, 'columns': message.columns, 'unit': layer.unit,
+            'pitch': [message.pitch_x, message.pitch_y], 'top': self._top, 'rate': self._rate,
+            'sensor': message.sensor, 'tared': message.tared, 'levels': packed(shades, 'u1')}
+
+    def destroy_node(self) -> None:
+        """Close the page."""
+        self._server.close()
+        super().destroy_node()
+
+
+def _contact(message: Any) -> dict[str, Any]:
+    place: dict[str, Any] | None = None
+    centre = message.centre_of_pressure
+    if message.valid:
+        place = {name: _known(getattr(message, name)) for name in (
+            'x', 'y', 'yaw', 'start', 'end')}
+        place['covariance'] = [_known(it) for it in message.covariance[[0, 1, 8]].tolist()]
+    elif message.type == ContactType.OTHER and math.isfinite(centre.x):
+        place = {'x': centre.x, 'y': centre.y, 'yaw': None}
+    return {
+        'type': _name(ContactType, message.type), 'place': place,
+        'force': _known(message.normal_force),
+        'reasons': ', '.join(str(it.name).lower() for it in Reason if message.reasons & it)}
+
+
+def _status(message: Any) -> dict[str, Any]:
+    return {'state': _name(State, message.state), 'reason': message.reason,
+            'speed': _known(message.speed), 'progress': _known(message.progress)}
+
+
+def _position(message: Any) -> list[float | None]:
+    place = message.pose.position
+    return [_known(it) for it in (place.x, place.y, place.z)]
+
+
+def _known(value: float) -> float | None:
+    """JSON of a number, which has none that is not finite."""
+    return value if math.isfinite(value) else None
+
+
+def _name(kind: Any, number: int) -> str:
+    """Name of a number in a message, which may be of another version."""
+    return kind(number).name.lower() if number in iter(kind) else str(number)
+
+
+def drawn(header: Any, shades: np.ndarray, pitch: list[float], place: dict[str, Any] | None
+          ) -> Image:
+    """Return the image of levels, enlarged, rows upwards, with the place of a contact."""
+    rows, columns = shades.shape
+    factor = max(WIDTH // max(rows, columns), 1)
+    x = pitch[0] * ((np.arange(columns * factor) + 0.5) / factor - 0.5 * columns)
+    y = pitch[1] * ((np.arange(rows * factor) + 0.5) / factor - 0.5 * rows)[:, None]
+    pixels = PALETTE[np.kron(shades, np.ones((factor, factor), np.uint8))]
+    if place and place['x'] is not None:
+        thick, right, up = 1.2 * max(pitch) / factor, x - place['x'], y - place['y']
+        if place['yaw'] is not None:
+            on = np.abs(right * np.cos(place['yaw']) + up * np.sin(place['yaw'])) < thick
+        else:
+            on = np.minimum(np.abs(right), np.abs(up)) < thick
+            on &= np.maximum(np.abs(right), np.abs(up)) < 8.0 * thick
+        pixels[on] = ESTIMATE
+    high, wide, _ = pixels.shape
+    return Image(header=_header(header), height=high, width=wide, encoding='rgb8', step=3 * wide,
+                 data=array('B', pixels[::-1].tobytes()))
+
+
+def _header(read: Any) -> Any:
+    """Header of a message that was read from its bytes, as rclpy has it."""
+    header = Image().header
+    header.frame_id, header.stamp.sec = read.frame_id, read.stamp.sec
+    header.stamp.nanosec = read.stamp.nanosec
+    return header
+
+
+def parser() -> Parser:
+    """Command line; what follows --ros-args is not of it."""
+    arguments = Parser(prog='view', description=(__doc__ or '').strip(),
+                       epilog='Topics are those of the namespace tactile; another by '
+                       '--ros-args -r __ns:=/NAME')
+    arguments.add_argument('--host', help='address to serve at, with a token where others '
+                           f'reach it; default {ViewConfig.host}')
+    arguments.add_argument('--port', help=f'default {ViewConfig.port}; 0: any that is free')
+    return arguments
+
+
+def main(args: list[str] | None = None) -> int:
+    """Serve until it is interrupted; exit status 2 if the page cannot be served."""
+    given = list(sys.argv[1:] if args is None else args)
+    ros = given.index('--ros-args') if '--ros-args' in given else len(given)
+    with refusing('view') as command:
+        options = parser().parse_args(given[:ros])
+        own = [part for name, value in vars(options).items() if value is not None
+               for part in ('-p', f'{name}:={value}')]
+        command.status = run(ViewNode, ['--ros-args', *own, *given[ros:]])
+    return command.status

@@ -1,0 +1,1 @@
+"""Pages of report and live view: what they share, and their scripts."""

@@ -1,0 +1,61 @@
+"""A web page in one file: it loads nothing, and its policy forbids to."""
+from base64 import b64encode
+from hashlib import sha256
+from html import escape
+from importlib import resources
+import json
+from typing import Any
+
+import numpy as np
+
+# Pressure, from none to the most; levels of a byte but the last, which is an invalid tactel.
+COLOURS = ((251, 252, 191), (254, 194, 134), (251, 134, 96), (229, 80, 99), (181, 54, 121),
+           (129, 37, 129), (79, 17, 123), (27, 16, 68), (0, 0, 3))
+INVALID = 255
+
+
+def levels(pressure: np.ndarray, top: float) -> np.ndarray:
+    """Pressures as bytes: 0 to 254 from 0 to the top, `INVALID` where there is none."""
+    shades = np.clip(pressure * (254.0 / max(top, 1e-30)), 0.0, 254.0)
+    missing = np.isnan(shades)
+    return np.where(missing, INVALID, np.rint(np.where(missing, 0.0, shades))).astype(np.uint8)
+
+
+def packed(values: Any, dtype: str) -> str:
+    """Return an array as text, little-endian."""
+    return b64encode(np.ascontiguousarray(values, dtype).tobytes()).decode('ascii')
+
+
+def make_page(title: str, body: str, data: Any, scripts: tuple[str, ...], *, kind: str = '',
+              connect: str = "'none'") -> str:
+    """
+    Return a page.
+
+    Parameters
+    ----------
+    title : str
+    body : str
+        HTML in which what comes from outside is escaped.
+    data : Any
+        What the scripts read as `page`, beside the colours; JSON.
+    scripts : tuple of str
+        Names of the scripts of this package.
+    kind : str
+        Class of the body.
+    connect : str
+        Where the page may connect to, see `connect-src` of a content security policy.
+    """
+    read = [(resources.files(__package__) / name).read_text('utf-8')
+            for name in ('page.css', *scripts)]
+    hashes = [f"'sha256-{b64encode(sha256(text.encode()).digest()).decode()}'" for text in read]
+    policy = (f"default-src 'none'; img-src data:; style-src {hashes[0]}; script-src "
+              f"{' '.join(hashes[1:])}; connect-src {connect}; base-uri 'none'; "
+              "form-action 'none'")
+    text = json.dumps({'colours': COLOURS, **data}, allow_nan=False).replace('<', '\\u003c')
+    return (
+        '<!DOCTYPE html>\n<html lang="en"><head><meta charset="utf-8">'
+        f'<meta http-equiv="Content-Security-Policy" content="{policy}">'
+        '<meta name="viewport" content="width=device-width, initial-scale=1">'
+        f'<title>{escape(title)}</title><style>{read[0]}</style></head>'
+        f'<body class="{kind}">\n{body}\n<script type="application/json" id="data">{text}</script>'
+        + ''.join(f'\n<script>{script}</script>' for script in read[1:]) + '\n</body></html>\n')

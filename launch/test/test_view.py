@@ -1,0 +1,153 @@
+"""The live view: who may look, what is sent, and that nobody's text becomes markup."""
+from contextlib import contextmanager
+from http.client import HTTPConnection
+import json
+import threading
+import time
+
+import numpy as np
+import pytest
+import rclpy
+from rclpy.qos import qos_profile_sensor_data
+from recorded_run import messages, straight_scene, TOPICS
+from sensor_msgs.msg import Image
+
+from edge_tracking.graph import Graph
+from edge_tracking.view import drawn, ESTIMATE, main, PALETTE, ViewNode
+from edge_tracking.web.page import INVALID, levels, make_page
+from edge_tracking.web.server import Server
+from tactile_common.errors import ConfigurationError
+
+HOSTILE = '</script><img src=x onerror=alert(1)>'
+
+
+@contextmanager
+def serving(host='127.0.0.1'):
+    server = Server(host, 0, '<p>page</p>')
+    try:
+        yield server
+    finally:
+        server.close()
+
+
+def get(server, path, **headers):
+    """Answer of the server, and its text where it is not a stream."""
+    connection = HTTPConnection('127.0.0.1', server.server_address[1], timeout=10.0)
+    connection.request('GET', path, headers=headers)
+    return connection.getresponse()
+
+
+def test_page_is_for_this_machine_alone():
+    with serving() as server:
+        answer = get(server, '/')
+        assert answer.status == 200 and answer.read() == b'<p>page</p>'
+        assert answer.headers['X-Content-Type-Options'] == 'nosniff'
+        # A page of another site whose name was made to point here.
+        assert get(server, '/', Host='evil.example').status == 403
+        assert get(server, '/events', Host='evil.example').status == 403
+        assert get(server, '/../../etc/passwd').status == 404
+
+
+def test_others_need_the_token():
+    with serving('0.0.0.0') as server:
+        assert server.url.endswith(f'/?token={server.token}') and len(server.token) > 20
+        for wrong in ('/', '/?token=', '/?token=x', '/events', '/?token=%ff'):
+            assert get(server, wrong).status == 403
+        assert get(server, f'/?token={server.token}').status == 200
+
+
+def test_clients_get_the_newest_word_and_are_counted():
+    with serving() as server:
+        first, second = get(server, '/events'), get(server, '/events')
+        assert first.headers['Content-Type'] == 'text/event-stream'
+        assert server.feed.clients == 2
+        read = [first.readline()]
+        while b'data' not in read[-1]:
+            server.feed.put('{"a": 1}')
+            read.append(first.readline())
+        assert read[-1] == b'data: {"a": 1}\n'
+        first.close(), second.close()
+        end = time.monotonic() + 20.0
+        while server.feed.clients and time.monotonic() < end:
+            server.feed.put('{}')
+            time.sleep(0.05)
+        assert server.feed.clients == 0
+
+
+def test_a_port_that_is_taken_is_refused(capsys):
+    with serving() as server:
+        with pytest.raises(ConfigurationError, match='cannot be served'):
+            Server('127.0.0.1', server.server_address[1], '')
+        assert main(['--port', str(server.server_address[1])]) == 2
+        assert 'cannot be served' in capsys.readouterr().err
+    assert main(['--port', '123456']) == 2
+
+
+def test_data_cannot_end_their_element():
+    page = make_page(HOSTILE, '', {'a': HOSTILE}, ('tactile.js',))
+    assert HOSTILE not in page and page.count('</script>') == 2
+    assert json.loads(page.partition('id="data">')[2].partition('<')[0])['a'] == HOSTILE
+
+
+def test_levels_round_and_mark_what_is_missing():
+    assert levels(np.array([-1.0, 0.0, 0.5, 1.0, 2.0, np.nan]), 1.0).tolist() == [
+        0, 0, 127, 254, 254, INVALID]
+
+
+@pytest.mark.parametrize('place, at, beside', [
+    ({'x': 0.0, 'y': 0.0, 'yaw': 0.0}, (10, 160), (160, 10)),  # a line along y
+    ({'x': -2e-3, 'y': 1e-3, 'yaw': None}, (140, 120), (10, 120))])  # a cross
+def test_image_has_rows_upwards_and_the_contact(place, at, beside):
+    shades = np.zeros((16, 16), np.uint8)
+    shades[15, 0] = 254  # the last row is the highest
+    image = drawn(Image().header, shades, [1e-3, 1e-3], place)
+    pixels = np.frombuffer(bytes(image.data), np.uint8).reshape(image.height, image.width, 3)
+    assert (image.height, image.width, image.encoding, image.step) == (320, 320, 'rgb8', 960)
+    assert tuple(pixels[at]) == ESTIMATE and tuple(pixels[beside]) == tuple(PALETTE[0])
+    assert tuple(pixels[0, 0]) == tuple(PALETTE[254])
+
+
+@pytest.mark.graph
+def test_view_of_a_sensor():
+    scene = straight_scene()
+    told = {}
+    for topic, stamp, message in messages(scene):
+        if stamp < 1_700_000_002 * 10**9:
+            told[topic] = message
+    told['/tactile/servo_status'].reason = HOSTILE
+    with Graph() as graph:
+        view = graph.add(ViewNode, port=0)
+        sender = graph.add(rclpy.node.Node, own={'node_name': 'sender'})
+        topics = [(sender.create_publisher(kind, name, qos), told[name])
+                  for name, kind, qos in TOPICS if name in (
+                      '/tactile/image', '/tactile/contact', '/tactile/servo_status')]
+        spin(graph, lambda: False, 1.0)
+        assert not any(it.get_subscription_count() for it, _ in topics)  # nobody looks
+        port = int(view.url.rpartition(':')[2].strip('/'))
+        connection = HTTPConnection('127.0.0.1', port, timeout=10.0)
+        connection.request('GET', '/events')
+        stream, words = connection.getresponse(), []
+        spin(graph, lambda: all(it.get_subscription_count() for it, _ in topics))
+        seen = []
+        sender.create_subscription(Image, 'image/view', seen.append, qos_profile_sensor_data)
+
+        def told_all():
+            for publisher, message in topics:
+                publisher.publish(message)
+            newest = json.loads(words[-1][5:]) if words else {}
+            return seen and all(newest.get(key) for key in ('image', 'contact', 'status'))
+        threading.Thread(target=lambda: words.extend(
+            line for line in stream if line.startswith(b'data')), daemon=True).start()
+        spin(graph, told_all)
+        newest = json.loads(words[-1][5:])
+        assert newest['status']['reason'] == HOSTILE and newest['position'] is None
+        assert newest['contact']['type'] == 'line' and newest['image']['rows'] == 16
+        assert newest['contact']['place']['x'] == told['/tactile/contact'].x
+        assert seen[0].header.stamp == told['/tactile/image'].header.stamp
+
+
+def spin(graph, until, seconds=30.0):
+    end = time.monotonic() + seconds
+    done = []
+    graph.spin(lambda: done.append(until()) or done[-1] or time.monotonic() > end)
+    assert done[-1] or seconds < 30.0
