@@ -61,6 +61,7 @@ class ReasonCode(IntEnum):
     TIME_LIMIT = 310, 'a state lasted too long'
     LAP_LIMIT = 311, 'went round a contour that does not close'
     SHUTDOWN = 312, 'the servo is being stopped'
+    CLIENT_LOST = 313, 'the client of the goal has fallen silent'
     BUSY = 400, 'goal rejected: another one is active'
     INVALID_GOAL = 401, 'goal rejected'
     UNSUPPORTED_GOAL = 402, 'goal rejected: not what this servo law can do'

@@ -10,23 +10,26 @@ from typing import Any
 
 import numpy as np
 
+from tactile_common.config import checked
 from tactile_common.errors import ConfigurationError
 from tactile_sensing.types.contact import Contact
 from tactile_sensing.types.image import SensorInfo, TactileImage
 from tactile_servo.config import check_goal, ServoConfig
-from tactile_servo.cycle_clock import CycleClock
+from tactile_servo.cycle_clock import CycleClock, STALL
 from tactile_servo.goal_run import GoalRun
 from tactile_servo.inputs import Inputs
-from tactile_servo.law import LawResult, Observation, Refusal, ServoLaw, Teachable
+from tactile_servo.law import Goal, LawResult, Observation, Refusal, ServoLaw, Teachable
 from tactile_servo.motion.clock import ClockCheck
 from tactile_servo.motion.limits import JointLimits, WorkspaceBox
 from tactile_servo.motion.motion import Motion, MotionStep
 from tactile_servo.motion.robot import RobotModel
 from tactile_servo.motion.trajectory import Trajectory
 from tactile_servo.reasons import GoalRefused, Reason, ReasonCode
-from tactile_servo.state_machine import Event, HELD, Phase, StateMachine, TRACKING
+from tactile_servo.state_machine import Event, HELD, Phase, StateMachine, TOUCHING, TRACKING
 from tactile_servo.track_statistics import along_contour, TrackStatistics
 from tactile_servo.types import NAN, State, Status
+
+CLIENT_TIMEOUT = {'range': (0.0, 3600.0), 'unit': 's'}
 
 
 class Supervisor:
@@ -49,6 +52,7 @@ class Supervisor:
         self._clock = CycleClock(1.0 / self.config.rate)
         self._robot_clock = ClockCheck()
         self._image: TactileImage | None = None  # the newest
+        self._silence = 0.0  # of the goal's client [s]
         self.around: Reason | None = None  # what is wrong around the servo, that no datum tells
 
     def see_sensor(self, sensor: SensorInfo) -> None:
@@ -117,6 +121,7 @@ class Supervisor:
             return Refusal(ReasonCode.BUSY, 'cancel it first')
         try:
             check_goal(goal.speed, goal.force, self.config)
+            checked('client_timeout', goal.client_timeout, float, CLIENT_TIMEOUT)
         except ConfigurationError as error:
             return Refusal(ReasonCode.INVALID_GOAL, str(error))
         refused = self.law.validate(goal) or self.around
@@ -139,7 +144,20 @@ class Supervisor:
         self.law.begin(goal, inputs.sensor)
         self.motion.seed(inputs.joints.value)
         self.run = GoalRun(goal, self.config, self.law, inputs, self.motion, self._machine)
+        self._silence = 0.0
         self._machine.fire(Event.START, Reason(ReasonCode.GOAL_ACCEPTED), now)
+
+    def hear_client(self) -> None:
+        """Take that the client of the goal lives; the goal's `client_timeout` begins anew."""
+        self._silence = 0.0
+
+    def _end_without_client(self, goal: Goal) -> None:
+        """End a goal whose client is silent, unless the pad lifts off already."""
+        # A servo that does not come to run cannot hear its client either.
+        self._silence += min(self._clock.gap, STALL)
+        lost = 0.0 < goal.client_timeout < self._silence
+        if lost and self._machine.phase in TOUCHING | HELD:
+            self.cancel(ReasonCode.CLIENT_LOST)
 
     def cancel(self, code: ReasonCode = ReasonCode.CANCELLED) -> None:
         """Stop within the robot's limits and end the goal."""
@@ -194,6 +212,7 @@ class Supervisor:
         if self.run is None or not self.active or (dt == 0.0 and self._clock.fault is None):
             return self._status(self.run), None
         self.run.count()
+        self._end_without_client(self.run.goal)
         self.run.decide(now, dt, self._clock, self.around)
         self.motion.expect_lateness(self._robot_clock.lateness)
         step = self.run.command(now, now_ns, dt, self._robot_clock.agrees)
