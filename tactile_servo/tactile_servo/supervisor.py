@@ -20,6 +20,7 @@ from tactile_servo.goal_run import GoalRun
 from tactile_servo.inputs import Inputs
 from tactile_servo.law import Goal, LawResult, Observation, Refusal, ServoLaw, Teachable
 from tactile_servo.motion.clock import ClockCheck
+from tactile_servo.motion.delay import LATEST
 from tactile_servo.motion.limits import JointLimits, WorkspaceBox
 from tactile_servo.motion.motion import Motion, MotionStep
 from tactile_servo.motion.robot import RobotModel
@@ -66,6 +67,10 @@ class Supervisor:
         ValueError if it cannot be believed, see `JointHistory.add`.
         """
         self.inputs.see_joints(positions, stamp_ns, arrival)
+
+    def see_reference(self, positions: np.ndarray, stamp_ns: int) -> None:
+        """Take what the robot's controller commands (n,) [rad] for a time [ns], if it tells."""
+        self.motion.delay.see(positions, stamp_ns)
 
     def see_contact(self, contact: Contact, stamp_ns: int, arrival: float) -> None:
         """Take a contact estimate, its image's stamp [ns] and steady arrival time [s]."""
@@ -143,6 +148,7 @@ class Supervisor:
             raise GoalRefused(refusal or Refusal(ReasonCode.BUSY))
         self.law.begin(goal, inputs.sensor)
         self.motion.seed(inputs.joints.value)
+        self.motion.delay.longest = 0.0
         self.run = GoalRun(goal, self.config, self.law, inputs, self.motion, self._machine)
         self._silence = 0.0
         self._machine.fire(Event.START, Reason(ReasonCode.GOAL_ACCEPTED), now)
@@ -213,10 +219,16 @@ class Supervisor:
             return self._status(self.run), None
         self.run.count()
         self._end_without_client(self.run.goal)
-        self.run.decide(now, dt, self._clock, self.around)
+        self.run.decide(now, dt, self._clock, self.around or self._late())
         self.motion.expect_lateness(self._robot_clock.lateness)
         step = self.run.command(now, now_ns, dt, self._robot_clock.agrees)
         return self._status(self.run, step), None if step is None else step.trajectory
+
+    def _late(self) -> Reason | None:
+        overdue = self.motion.delay.overdue
+        return Reason(ReasonCode.NOT_FOLLOWING,
+                      f'commands come more than {1e3 * LATEST:.0f} ms late'
+                      ) if overdue > LATEST else None
 
     def _status(self, run: GoalRun | None, step: MotionStep | None = None) -> Status:
         inputs, machine = self.inputs, self._machine
