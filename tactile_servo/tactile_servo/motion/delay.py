@@ -70,13 +70,15 @@ class WindowDelay:
                 continue
             if since < window.times[0]:
                 return  # on its way to the first point the controller is left alone
-            there = committed(Window(window.times, window.positions, window.velocities), since,
-                              0.0).positions[-1]
-            if np.abs(there - reference).max() <= SAME:
+            assert window.velocities is not None
+            there = committed(
+                Window(window.times, window.positions, window.velocities), since, 0.0)
+            if np.abs(there.positions[-1] - reference).max() <= SAME:
                 break
             awaited = since
         else:
-            return  # it plays none of them: what it does is not known
+            self.overdue = 0.0  # it plays none of them: what it does is not known
+            return
         if np.abs(reference - self._rest).max() > SAME:
             self.probing = False
         self.overdue, self.longest = awaited, max(self.longest, awaited)
@@ -84,6 +86,4 @@ class WindowDelay:
     @property
     def needed(self) -> float:
         """How long a window must leave to the one before, if windows were late at all [s]."""
-        if self.overdue > 0.0:  # and may become later
-            return LATEST
         return min(self.longest + MARGIN, LATEST) if self.longest else 0.0

@@ -210,7 +210,10 @@ class Motion:
         settling = bool(kept.times[0] > APART)
         with np.errstate(over='ignore', invalid='ignore'):  # of a twist that is not finite
             window, step = self._plan(kept, twist, settling)
-        if first or not settling:  # only what is sent is what the robot's controller plays
+        # Those that are late already are awaited: another one would be as late, nobody knows how.
+        awaiting = self.delay.overdue > self._ahead
+        # Only what is sent is what the robot's controller plays.
+        if first or not (settling or awaiting):
             joints = Joints(window.positions[-3], window.velocities[-3])
             self._before, self._now = self._now, Commanded(
                 window, joints, *self._robot.place(joints.positions), window.positions[-1],
