@@ -11,7 +11,7 @@ from tactile_msgs.action import TrackEdge, TrackSurface
 from tactile_servo.control.surface_path import raster, spiral
 from tactile_servo.conversions import ACTIONS
 from tactile_servo.laws.surface_goal import LINE_LENGTH, Pattern
-from tactile_servo.supervisor import CLIENT_TIMEOUT
+from tactile_servo.supervisor import LONGEST_SILENCE
 from tactile_servo.types import State
 
 PATTERNS = {pattern.name.lower(): pattern for pattern in Pattern if pattern != Pattern.POINTS}
@@ -50,7 +50,7 @@ class GoalConfig:
     retreat: bool = field(default=True, metadata={'doc': 'lift off at the end'})
     client_timeout: float = bounded(
         1.0, 'the servo ends the goal when its client is silent for so long; 0 = never', 's',
-        *CLIENT_TIMEOUT['range'])
+        0.0, LONGEST_SILENCE)
     surface: SurfaceWay = field(default_factory=SurfaceWay)
 
 

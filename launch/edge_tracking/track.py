@@ -6,6 +6,7 @@ servo were not ready, 4 the servo fell silent, 130 interrupted.
 """
 from dataclasses import dataclass
 from enum import IntEnum
+import math
 import sys
 import time
 
@@ -24,6 +25,7 @@ from tactile_common.ros.runner import run
 from tactile_msgs.msg import Contact, SensorInfo, ServoReason, ServoStatus
 from tactile_servo.conversions import ACTIONS
 
+ASK_AGAIN = 1.0  # s after a servo was asked to go on, if it still holds
 BEATS = 5  # a timeout
 RESUMES = 100  # for a mock robot on a machine with too little time
 
@@ -71,7 +73,7 @@ class TrackNode(TactileNode):
         self._handle, self.cancelled = None, False
         self._pause = self.create_client(SetBool, 'edge_servo/pause')
         self._heartbeat = self.create_publisher(UUID, 'edge_servo/heartbeat', 1)
-        self._resumed, self._asked = 0, False  # holds, and whether the present one
+        self._resumed, self._asked = 0, -math.inf  # times, and when last [s]
         self._sent = self._tared = self._seen = self._robot = self._felt = False
         action = self.config.action
         self._client = ActionClient(self, ACTIONS[action].type, action)
@@ -173,12 +175,15 @@ class TrackNode(TactileNode):
     def _resume(self, feedback):
         offered = (feedback.state, feedback.reason_code) == (
             ServoStatus.HOLD, ServoReason.INPUT_BACK)
-        if offered and not self._asked and self._resumed < self.config.resumes:
-            self._resumed += 1
+        # What it was asked comes to nothing where something else goes wrong at that moment.
+        due = time.monotonic() - self._asked > ASK_AGAIN
+        if offered and due and self._resumed < self.config.resumes:
+            self._resumed, self._asked = self._resumed + 1, time.monotonic()
             self.get_logger().warning(
                 f'asked to go on ({self._resumed} of {self.config.resumes}): {feedback.reason}')
             self._pause.call_async(SetBool.Request(data=False))
-        self._asked = offered
+        if not offered:
+            self._asked = -math.inf
 
     def _log_feedback(self, feedback):
         if feedback.state == ServoStatus.HOLD:

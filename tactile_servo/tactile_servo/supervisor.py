@@ -30,7 +30,7 @@ from tactile_servo.state_machine import Event, HELD, Phase, StateMachine, TOUCHI
 from tactile_servo.track_statistics import along_contour, TrackStatistics
 from tactile_servo.types import NAN, State, Status
 
-CLIENT_TIMEOUT = {'range': (0.0, 3600.0), 'unit': 's'}
+LONGEST_SILENCE = 3600.0  # s of a client, that a goal may allow
 
 
 class Supervisor:
@@ -126,7 +126,8 @@ class Supervisor:
             return Refusal(ReasonCode.BUSY, 'cancel it first')
         try:
             check_goal(goal.speed, goal.force, self.config)
-            checked('client_timeout', goal.client_timeout, float, CLIENT_TIMEOUT)
+            checked('client_timeout', goal.client_timeout, float,
+                    {'range': (0.0, LONGEST_SILENCE), 'unit': 's'})
         except ConfigurationError as error:
             return Refusal(ReasonCode.INVALID_GOAL, str(error))
         refused = self.law.validate(goal) or self.around
@@ -134,7 +135,9 @@ class Supervisor:
             return Refusal(ReasonCode.NO_JOINT_STATE, 'none has been received')
         if refused is None and self.inputs.sensor is None:
             return Refusal(ReasonCode.NO_IMAGE, 'no sensor_info has been received')
-        return refused
+        lacking = self.inputs.contact_missing(images=False)
+        untared = lacking is not None and lacking.code is ReasonCode.NOT_TARED
+        return refused or (lacking if untared else None)
 
     def note(self, refusal: Refusal) -> None:
         """Put a refusal into the status of an idle servo: it has no other answer."""
@@ -170,12 +173,12 @@ class Supervisor:
         if self.run is not None and self.active:
             self.run.cancel(code)
 
-    def pause(self, paused: bool, now: float) -> bool:
-        """Hold (true) or go on (false); returns whether there was a goal to act on."""
+    def pause(self, paused: bool, now: float) -> Reason:
+        """Hold (true) or go on (false): PAUSED, RESUMED, or why that does not happen."""
         if self.run is None or not self.active:
-            return False
-        self.run.pause(paused)
-        return True
+            return Reason(ReasonCode.WAITING)
+        return self.run.pause(paused) or Reason(
+            ReasonCode.PAUSED if paused else ReasonCode.RESUMED)
 
     def teach(self, name: str) -> str:
         """

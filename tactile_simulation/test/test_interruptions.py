@@ -6,6 +6,7 @@ import numpy as np
 from puma_loop import LIMITS, puma_loop, ROOT
 import pytest
 
+from tactile_sensing.types.contact import Reason as ContactReason
 from tactile_servo.config import HoldConfig, ServoConfig
 from tactile_servo.reasons import Reason, ReasonCode
 from tactile_servo.types import EdgeGoal, State
@@ -388,3 +389,42 @@ def test_a_timeout_that_is_none_is_refused(timeout):
     loop.run(None, 0.1)
     refusal = loop.servo.check(replace(GOAL, client_timeout=timeout))
     assert refusal.code == ReasonCode.INVALID_GOAL and 'client_timeout' in refusal.text
+
+
+def test_who_asks_to_go_on_hears_what_happens():
+    it = Interrupted('trace', State.TRACK, 0)
+    loop, servo = it.loop, it.loop.servo
+    assert servo.pause(True, loop.now).code == ReasonCode.PAUSED
+    loop.sensor_alive = False
+    loop.run(None, 1.0)
+    assert servo.reason.code == ReasonCode.PAUSED
+    assert servo.pause(False, loop.now).code == ReasonCode.STALE_IMAGE  # what the pause hid
+    loop.run(None, 0.1)
+    assert servo.reason.code == ReasonCode.STALE_IMAGE
+    loop.sensor_alive = True
+    loop.run(None, 0.5)  # not forgotten, not taken up late either: it waits to be asked
+    assert (servo.state, servo.reason.code) == (State.HOLD, ReasonCode.INPUT_BACK)
+    assert servo.pause(False, loop.now).code == ReasonCode.RESUMED
+    loop.run(None, 20.0)
+    assert servo.success
+    assert servo.pause(False, loop.now).code == ReasonCode.WAITING
+
+
+def test_a_goal_that_ends_is_not_paused_any_more():
+    it = Interrupted('trace', State.TRACK, 0)
+    it.loop.servo.cancel()
+    assert it.loop.servo.pause(True, it.loop.now).code == ReasonCode.CANCELLED
+
+
+def test_a_goal_for_a_sensor_that_is_not_tared_is_refused_at_once():
+    loop = puma_loop(tracker='trace')
+    see = loop.servo.see_contact
+    loop.servo.see_contact = lambda contact, *rest: see(
+        replace(contact, reasons=contact.reasons | ContactReason.NOT_TARED), *rest)
+    for _ in range(20):
+        loop.step()
+    assert loop.servo.check(GOAL).code == ReasonCode.NOT_TARED
+    loop.servo.see_contact = see
+    for _ in range(20):
+        loop.step()
+    assert loop.servo.check(GOAL) is None

@@ -262,9 +262,9 @@ class EdgeServoNode(TactileNode):
         self._timer.reset()
 
     def _on_pause(self, request: Any, response: Any) -> Any:
-        response.success = self._servo.pause(request.data, perf_counter())
-        response.message = (
-            ('paused' if request.data else 'resumed') if response.success else 'no active goal')
+        answer = self._servo.pause(request.data, perf_counter())
+        response.success = answer.code in (ReasonCode.PAUSED, ReasonCode.RESUMED)
+        response.message = answer.text if response.success else f'not done: {answer.text}'
         return response
 
     def _on_teach(self, request: Any, response: Any) -> Any:
