@@ -119,3 +119,13 @@ def test_examples_run(path, block, capsys):
     told = re.search(r'prints `([^`]+)`', path.read_text('utf-8').partition(block)[2])
     if told:
         assert out == told[1]
+
+
+def test_the_tests_that_the_safety_page_names_are_there():
+    page = (DOCS / 'safety.md').read_text('utf-8')
+    named = re.findall(r'`(test_\w+\.py)::(test_\w+)`', page)
+    assert len(named) > 10
+    for file, name in named:
+        path, = ROOT.glob(f'**/test/{file}') if not (ROOT / 'test' / file).exists() else [
+            ROOT / 'test' / file]
+        assert f'def {name}(' in path.read_text('utf-8'), f'{file}::{name}'

@@ -11,6 +11,7 @@ from tactile_msgs.action import TrackEdge, TrackSurface
 from tactile_servo.control.surface_path import raster, spiral
 from tactile_servo.conversions import ACTIONS
 from tactile_servo.laws.surface_goal import LINE_LENGTH, Pattern
+from tactile_servo.supervisor import LONGEST_SILENCE
 from tactile_servo.types import State
 
 PATTERNS = {pattern.name.lower(): pattern for pattern in Pattern if pattern != Pattern.POINTS}
@@ -47,6 +48,9 @@ class GoalConfig:
     closed: bool = field(default=False, metadata={
         'doc': 'end when the contour closes on its start'})
     retreat: bool = field(default=True, metadata={'doc': 'lift off at the end'})
+    client_timeout: float = bounded(
+        1.0, 'the servo ends the goal when its client is silent for so long; 0 = never', 's',
+        0.0, LONGEST_SILENCE)
     surface: SurfaceWay = field(default_factory=SurfaceWay)
 
 
@@ -54,7 +58,8 @@ def goal_message(c: GoalConfig) -> TrackEdge.Goal | TrackSurface.Goal:
     """Goal message of the action that the configuration names."""
     if c.action == 'track_edge':
         return TrackEdge.Goal(speed=c.speed, force=c.force, direction=c.direction,
-                              length=c.length, closed=c.closed, retreat=c.retreat)
+                              length=c.length, closed=c.closed, retreat=c.retreat,
+                              client_timeout=c.client_timeout)
     way = c.surface
     line = way.pattern == 'line' and not way.duration
     return TrackSurface.Goal(
@@ -62,7 +67,7 @@ def goal_message(c: GoalConfig) -> TrackEdge.Goal | TrackSurface.Goal:
         direction=Vector3(x=math.cos(way.heading), y=math.sin(way.heading)),
         length=c.length or (LINE_LENGTH if line else 0.0), duration=way.duration,
         size=[float(side) for side in way.size], step_over=way.step_over,
-        features=way.features, retreat=c.retreat)
+        features=way.features, retreat=c.retreat, client_timeout=c.client_timeout)
 
 
 def way_length(pattern: str, way: SurfaceWay | None = None) -> float:

@@ -1,6 +1,7 @@
 """The nodes of one robot with its sensor, as actions of a launch."""
 import os
 from pathlib import Path
+import shutil
 import tempfile
 from typing import Any
 
@@ -15,13 +16,14 @@ from launch_ros.parameter_descriptions import ParameterValue
 from edge_tracking.launch_arguments import NAMESPACE, number
 from edge_tracking.parameters import check_file, driver_parameters, names_in
 from edge_tracking.resources import share
-from edge_tracking.ros2_control import CONTROL, require_packages, starting_at, text_of
+from edge_tracking.ros2_control import CONTROL, require_packages, starting_at
 from edge_tracking.track import RESUMES
 from tactile_common.errors import ConfigurationError
 from tactile_common.parameter_file import ParameterFile
 from tactile_sensing.devices.calibration_file import load_calibration
 from tactile_servo.laws.registry import DEFAULT, law_for, LAWS
 from tactile_servo.motion.robot import RobotModel
+from tactile_servo.motion.urdf import text_of
 from tactile_servo.robot_config import NodeConfig
 from tactile_simulation.scene import find_scene, load_scene
 from tactile_simulation.scene_calibration import write_calibration
@@ -29,8 +31,6 @@ from tactile_simulation.world import NodeParameters
 
 RESPAWN_DELAY = 1.0  # s
 START = 300.0  # s for the start of the nodes, the first ever of which compiles their kernels
-# A Ctrl-C that comes before a process can take it, in its first tenths of a second, waits.
-PREFIX = 'env --block-signal=INT'
 
 
 def as_text(text):
@@ -80,6 +80,9 @@ class Nodes:
         servo = ParameterFile(value['params_file']).values(nodes['edge_servo'])
         model = RobotModel.from_urdf(
             value['robot_description'], servo.get('tip_frame', NodeConfig.tip_frame))
+        if self.robot == 'real' and not {'workspace.lower', 'workspace.upper'} <= servo.keys():
+            raise ConfigurationError('a real robot needs workspace.lower and workspace.upper, the '
+                                     'box that its sensor stays in, in the params_file')
         if value['pattern'] != 'line' and LAWS[self.law].action != 'track_surface':
             raise ConfigurationError(
                 f'pattern:={value["pattern"]} does not apply to an edge: it is a way over a '
@@ -134,6 +137,11 @@ class Nodes:
                         *self.node('tactile_simulation', 'mock_sensor', port=self.port,
                                    scene=self.scene_path)]
             driver = {'port': self.port, 'calibration': str(own), **driver}
+        if self.value['use_respawn']:
+            kept = tempfile.mkdtemp(prefix='tactile_')
+            driver = {'last_tare': str(Path(kept, 'tare.npz')), **driver}
+            actions.append(RegisterEventHandler(OnShutdown(
+                on_shutdown=lambda *_: shutil.rmtree(kept, ignore_errors=True))))
         if self.value['sensor'] != 'none':
             actions += self.node('tactile_sensing', 'driver', **driver)
         if self.value['view']:
@@ -157,14 +165,12 @@ class Nodes:
             row = LAWS[self.law]
             closed = bool(row.closes_contours and self.scene and self.scene.closed)
             track, = self.node('edge_tracking', 'track', dies=False, wait=START, closed=closed,
-                               resumes=RESUMES if self.robot == 'mock' else 0,
+                               resumes=RESUMES if self.robot != 'real' else 0,
                                env={'INTERRUPTED_STATUS': '0'}, action=row.action,
                                **{'surface.pattern': value['pattern']}, **self.goal)
             actions.append(track)
             if value['shutdown']:
-                actions.append(RegisterEventHandler(OnProcessExit(
-                    target_action=track,
-                    on_exit=[EmitEvent(event=Shutdown(reason='the goal has ended'))])))
+                actions += ends_with(track)
         return actions
 
     def controllers(self, model):

@@ -1,6 +1,5 @@
 """The robot behind ros2_control: its description with mock hardware, and what must be there."""
 from collections.abc import Collection, Mapping
-from pathlib import Path
 from xml.etree import ElementTree
 
 from ament_index_python.packages import get_packages_with_prefixes
@@ -19,17 +18,6 @@ def require_packages(wanted: str, packages: Collection[str], instead: str) -> No
         names = ' '.join(f'ros-$ROS_DISTRO-{name.replace("_", "-")}' for name in missing)
         raise ConfigurationError(
             f'{wanted} needs {", ".join(missing)}: apt install {names}, or {instead}')
-
-
-def text_of(description: str) -> str:
-    """Text of a robot description: it is one, or the path of a file."""
-    if '<' in description:
-        return description
-    try:
-        return Path(description).read_text(encoding='utf-8')
-    except (OSError, UnicodeDecodeError) as error:
-        reason = getattr(error, 'strerror', None) or 'not a text in UTF-8'
-        raise ConfigurationError(f'robot description {description}: {reason}') from error
 
 
 def starting_at(description: str, positions: Mapping[str, float]) -> str:

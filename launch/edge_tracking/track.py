@@ -6,6 +6,7 @@ servo were not ready, 4 the servo fell silent, 130 interrupted.
 """
 from dataclasses import dataclass
 from enum import IntEnum
+import math
 import sys
 import time
 
@@ -14,6 +15,7 @@ from rclpy.action import ActionClient
 from rclpy.clock import Clock, ClockType
 from rclpy.qos import DurabilityPolicy, qos_profile_sensor_data, QoSProfile
 from std_srvs.srv import SetBool
+from unique_identifier_msgs.msg import UUID
 
 from edge_tracking.goals import feedback_text, goal_message, GoalConfig
 from tactile_common.config import bounded
@@ -23,6 +25,8 @@ from tactile_common.ros.runner import run
 from tactile_msgs.msg import Contact, SensorInfo, ServoReason, ServoStatus
 from tactile_servo.conversions import ACTIONS
 
+ASK_AGAIN = 1.0  # s after a servo was asked to go on, if it still holds
+BEATS = 5  # a timeout
 RESUMES = 100  # for a mock robot on a machine with too little time
 
 
@@ -68,7 +72,8 @@ class TrackNode(TactileNode):
         self._on_feedback = on_feedback or self._log_feedback
         self._handle, self.cancelled = None, False
         self._pause = self.create_client(SetBool, 'edge_servo/pause')
-        self._resumed, self._asked = 0, False  # holds, and whether the present one
+        self._heartbeat = self.create_publisher(UUID, 'edge_servo/heartbeat', 1)
+        self._resumed, self._asked = 0, -math.inf  # times, and when last [s]
         self._sent = self._tared = self._seen = self._robot = self._felt = False
         action = self.config.action
         self._client = ActionClient(self, ACTIONS[action].type, action)
@@ -81,6 +86,8 @@ class TrackNode(TactileNode):
         steady = Clock(clock_type=ClockType.STEADY_TIME)
         self._ready_timer = self.create_timer(0.05, self._try_to_start, clock=steady)
         self._deadline = self.create_timer(self.config.wait, self._give_up, clock=steady)
+        if self.config.client_timeout:
+            self.create_timer(self.config.client_timeout / BEATS, self._beat, clock=steady)
         self._heard = 0.0  # steady time [s] of the servo's last word
         self._silence = self.create_timer(
             0.2 * self.config.silence, self._check_silence, clock=steady)
@@ -108,6 +115,7 @@ class TrackNode(TactileNode):
                  (self._tared, 'the sensor is not tared: is the pad free? See its diagnostics'),
                  (self._client.server_is_ready(), f'no servo offers {self.config.action}'),
                  (self._robot, 'the servo gets no joint states: is the robot running?'),
+                 (self._heartbeat.get_subscription_count(), 'the servo hears no heartbeat'),
                  (self._felt, 'the servo gets no contacts, or no sensor_info'))
         return next((text for ready, text in waits if not ready), '')
 
@@ -124,6 +132,10 @@ class TrackNode(TactileNode):
     def _give_up(self):
         self._deadline.cancel()
         self._end(Exit.NOT_READY, f'{self._missing()} (waited {self.config.wait:g} s)')
+
+    def _beat(self):
+        if self._handle is not None and not self.finished:
+            self._heartbeat.publish(self._handle.goal_id)
 
     def _check_silence(self):
         silent = time.monotonic() - self._heard
@@ -163,12 +175,15 @@ class TrackNode(TactileNode):
     def _resume(self, feedback):
         offered = (feedback.state, feedback.reason_code) == (
             ServoStatus.HOLD, ServoReason.INPUT_BACK)
-        if offered and not self._asked and self._resumed < self.config.resumes:
-            self._resumed += 1
+        # What it was asked comes to nothing where something else goes wrong at that moment.
+        due = time.monotonic() - self._asked > ASK_AGAIN
+        if offered and due and self._resumed < self.config.resumes:
+            self._resumed, self._asked = self._resumed + 1, time.monotonic()
             self.get_logger().warning(
                 f'asked to go on ({self._resumed} of {self.config.resumes}): {feedback.reason}')
             self._pause.call_async(SetBool.Request(data=False))
-        self._asked = offered
+        if not offered:
+            self._asked = -math.inf
 
     def _log_feedback(self, feedback):
         if feedback.state == ServoStatus.HOLD:

@@ -26,3 +26,15 @@ def local_environment(environment: Mapping[str, str] = os.environ) -> dict[str, 
     # The profiles find the others of this host; LOCALHOST would add a transport without bounds.
     return {RANGE: 'SYSTEM_DEFAULT',
             **{name: place.format(folder) for name, place in PROFILES.items()}}
+
+
+def lease_environment(environment: Mapping[str, str] = os.environ) -> dict[str, str]:
+    """
+    Variables to add so that a node which died without a word is forgotten within two seconds.
+
+    With Fast DDS as it comes it is 20 s, in which one that is respawned is the second publisher
+    of its topics. None where the environment names profiles of its own.
+    """
+    if any(environment.get(name) for name in ('FASTRTPS_DEFAULT_PROFILES_FILE', *PROFILES)):
+        return {}
+    return {'FASTDDS_DEFAULT_PROFILES_FILE': str(share('config', 'fastdds_lease.xml'))}

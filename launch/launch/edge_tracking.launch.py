@@ -13,10 +13,10 @@ from launch import LaunchDescription
 from launch.actions import OpaqueFunction, SetEnvironmentVariable
 
 from edge_tracking.launch_arguments import declared, given
-from edge_tracking.launch_interrupt import leave_interrupt_to_launch
-from edge_tracking.launch_nodes import Nodes, PREFIX
-from edge_tracking.ros2_control import text_of
-from edge_tracking.transport import local_environment
+from edge_tracking.launch_interrupt import leave_interrupt_to_launch, PREFIX
+from edge_tracking.launch_nodes import Nodes
+from edge_tracking.transport import lease_environment, local_environment
+from tactile_servo.motion.urdf import text_of
 
 
 def actions(context):
@@ -26,8 +26,9 @@ def actions(context):
     own = context.launch_configurations.get('launch-prefix')
     nodes = Nodes(given(context), own or PREFIX)
     model = nodes.check()
-    if nodes.mock_sensor and nodes.robot != 'real':
-        yield from (SetEnvironmentVariable(*it) for it in local_environment().items())
+    local = nodes.mock_sensor and nodes.robot != 'real'
+    added = local_environment() if local else lease_environment()
+    yield from (SetEnvironmentVariable(*it) for it in added.items())
     yield from nodes.sensing()
     yield from nodes.servo()
     if nodes.robot == 'ros2_control':

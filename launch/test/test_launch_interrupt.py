@@ -1,11 +1,15 @@
 """SIGINT as an event loop runs interrupts nothing of it; otherwise all is as usual."""
 import asyncio
 import os
+import shutil
 import signal
+import subprocess
+import sys
+import time
 
 import pytest
 
-from edge_tracking.launch_interrupt import leave_interrupt_to_launch
+from edge_tracking.launch_interrupt import leave_interrupt_to_launch, PREFIX
 
 
 @pytest.fixture
@@ -42,3 +46,18 @@ def test_the_handler_of_somebody_else_stays(handler):
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     leave_interrupt_to_launch()
     assert signal.getsignal(signal.SIGINT) is signal.SIG_IGN
+
+
+@pytest.mark.skipif(shutil.which('setpriv') is None, reason='setpriv is not installed')
+def test_a_process_does_not_outlive_its_launch():
+    """However that ends: the pipe ends with the last who has it."""
+    launch = subprocess.Popen(
+        [sys.executable, '-c', 'import subprocess, sys\n'
+         'subprocess.run([*sys.argv[1].split(), "sh", "-c", "echo up; exec sleep 60"])', PREFIX],
+        stdout=subprocess.PIPE, text=True)
+    assert launch.stdout.readline() == 'up\n'
+    launch.kill()
+    begin = time.monotonic()
+    assert launch.stdout.read() == ''
+    launch.wait()
+    assert time.monotonic() - begin < 30.0

@@ -6,6 +6,7 @@ import pytest
 from rclpy.action import ActionServer, CancelResponse
 from rclpy.node import Node
 from std_srvs.srv import SetBool
+from unique_identifier_msgs.msg import UUID
 
 from edge_tracking.graph import Graph
 from edge_tracking.track import Exit, TrackNode
@@ -23,6 +24,8 @@ class Servo(Node):
         self._server = ActionServer(
             self, TrackEdge, 'track_edge', self._finish,
             handle_accepted_callback=self.goals.append, cancel_callback=self._on_cancel)
+        self.beats = []
+        self.create_subscription(UUID, 'edge_servo/heartbeat', self.beats.append, 1)
         self.create_timer(0.02, self._look)
 
     def _on_cancel(self, _):
@@ -57,6 +60,7 @@ def ready(graph):
     """Give servo and client, with all that the client waits for but the robot."""
     servo, track = graph.add(Servo), graph.add(TrackNode)
     wait(graph, track._client.server_is_ready)
+    wait(graph, track._heartbeat.get_subscription_count)
     track._seen = track._tared = track._felt = True
     return servo, track
 
@@ -91,6 +95,24 @@ def test_a_servo_that_falls_silent_ends_the_client(graph):
     assert not track.finished
     wait(graph, lambda: track.finished)
     assert track.exit == Exit.SILENT and 'has said nothing for' in track.reason
+
+
+@pytest.mark.parametrize('timeout', [0.0, 0.2])
+def test_a_client_says_that_it_lives_while_its_goal_is_worked_on(graph, timeout):
+    servo, track = graph.add(Servo), graph.add(TrackNode, client_timeout=timeout)
+    track._seen = track._tared = track._felt = track._robot = True
+    wait(graph, lambda: servo.goals)
+    assert servo.goals[0].request.client_timeout == timeout
+    wait(graph, lambda: track._handle is not None)
+    goal_id, end = servo.goals[0].goal_id, time.monotonic() + 0.5
+    graph.spin(lambda: time.monotonic() > end)
+    assert all(beat == goal_id for beat in servo.beats)
+    assert bool(servo.beats) == bool(timeout)
+    track.cancel()
+    wait(graph, lambda: track.finished)
+    count, end = len(servo.beats), time.monotonic() + 0.2
+    graph.spin(lambda: time.monotonic() > end)
+    assert len(servo.beats) <= count + 1
 
 
 @pytest.mark.parametrize('resumes', [0, 2])

@@ -8,7 +8,7 @@ from xml.etree import ElementTree
 import pytest
 
 from edge_tracking.resources import share
-from edge_tracking.transport import local_environment, PROFILES, RANGE
+from edge_tracking.transport import lease_environment, local_environment, PROFILES, RANGE
 
 LOOPBACK = ('0100007F', '00000000000000000000000001000000')  # as /proc/net prints 127.0.0.1, ::1
 # A node in a context of its own, then the local address of each of its process' sockets.
@@ -94,6 +94,15 @@ def test_what_the_user_has_set_stays(name):
 
 def test_an_unknown_middleware_gets_the_range():
     assert local_environment({'RMW_IMPLEMENTATION': 'rmw_zenoh_cpp'}) == {RANGE: 'LOCALHOST'}
+
+
+@pytest.mark.parametrize('name', ['fastdds_local.xml', 'fastdds_lease.xml'])
+def test_who_died_is_missed_after_two_seconds(name):
+    tree = ElementTree.parse(share('config', name))
+    lease, = (element for element in tree.iter() if element.tag.endswith('leaseDuration'))
+    assert [element.text for element in lease] == ['2']
+    assert lease_environment({'CYCLONEDDS_URI': 'file://own'}) == {}
+    assert Path(lease_environment({})['FASTDDS_DEFAULT_PROFILES_FILE']).is_file()
 
 
 @pytest.mark.parametrize('name', ['fastdds_local.xml', 'cyclonedds_local.xml'])

@@ -10,21 +10,24 @@ not call it reads a line on the terminal while kernels are compiled.
 """
 from collections.abc import Iterator
 from concurrent.futures import as_completed, ProcessPoolExecutor
+from contextlib import suppress
 from importlib import import_module
 from importlib.util import find_spec
 from multiprocessing import get_context
 import os
 from pathlib import Path
+import pickle
 import re
 import shutil
 import signal
 import sys
 import time
 from typing import Any
+import warnings
 import zlib
 
 from numba import config, njit
-from numba.core import event
+from numba.core import caching, event
 from numba.np.unsafe.ndarray import to_fixed_tuple
 
 __all__ = ['FAST', 'njit', 'to_fixed_tuple']
@@ -86,7 +89,9 @@ def compile_kernels() -> Iterator[tuple[str, float]]:
     """
     folder = cache_folder()
     for other in folder.parent.glob('*'):
-        if other != folder and re.fullmatch('[0-9a-f]{8}', other.name):
+        if other != folder and re.fullmatch('[0-9a-f]{8}', other.name) and all(
+                re.search(r'\.nb[ic](\.tmp\.\w+)?$', path.name)
+                for path in other.rglob('*') if not path.is_dir()):
             shutil.rmtree(other, ignore_errors=True)
     with ProcessPoolExecutor(mp_context=get_context('spawn'), initializer=signal.signal,
                              initargs=(signal.SIGINT, signal.SIG_IGN)) as pool:
@@ -121,7 +126,44 @@ def main() -> int:
     return command.status
 
 
-config.CACHE_DIR = str(cache_folder())
+def _own(folder: Path) -> Path:
+    """Make a folder that nobody else may write to; warn where another may: its code is run."""
+    with suppress(OSError):
+        folder.mkdir(mode=0o755, parents=True, exist_ok=True)
+        state = folder.stat()
+        if state.st_uid not in (0, os.geteuid()) or state.st_mode & 0o022:
+            warnings.warn(f'{folder}: others may write there, and what they write is run: chown '
+                          'it, chmod go-w, or set NUMBA_CACHE_DIR', RuntimeWarning, stacklevel=2)
+    return folder
+
+
+class _CacheFile(caching.IndexDataCacheFile):
+    """Files of compiled code, each with its checksum: a damaged one is as if it were not there."""
+
+    def _dump(self, obj: Any) -> bytes:
+        raw = super()._dump(obj)
+        return raw + zlib.crc32(raw).to_bytes(4, 'little')
+
+    def _sound(self, path: str) -> bool:
+        # What garbage does to pickle is anything.
+        with suppress(Exception), open(path, 'rb') as file:
+            if path == self._index_path:
+                pickle.load(file)  # it begins with a version
+            body = file.read()
+            return len(body) > 4 and zlib.crc32(body[:-4]).to_bytes(4, 'little') == body[-4:]
+        return False
+
+    def _load_index(self) -> dict:
+        return super()._load_index() if self._sound(self._index_path) else {}
+
+    def _load_data(self, name: str) -> Any:
+        if not self._sound(self._data_path(name)):
+            raise FileNotFoundError(name)
+        return super()._load_data(name)
+
+
+caching.IndexDataCacheFile = _CacheFile
+config.CACHE_DIR = str(_own(cache_folder()))
 
 if __name__ == '__main__':
     sys.exit(main())

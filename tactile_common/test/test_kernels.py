@@ -71,6 +71,34 @@ def test_kernels_are_compiled_into_it_and_older_ones_go(made):
     assert keep.is_dir() and not old.exists()
 
 
+def test_a_folder_that_holds_anything_else_stays(made):
+    other = kernels.cache_folder().with_name('0123abcd')
+    other.mkdir(parents=True)
+    (other / 'thesis.txt').write_text('')
+    run(made)
+    assert (other / 'thesis.txt').exists()
+
+
+@pytest.mark.parametrize('suffix', ['*.nbi', '*.nbc'])
+@pytest.mark.parametrize('damage', [
+    lambda raw: b'', lambda raw: raw[:len(raw) // 2], lambda raw: b'x' * len(raw),
+    lambda raw: raw[:-9] + bytes([raw[-9] ^ 1]) + raw[-8:]], ids=['empty', 'cut', 'other', 'bit'])
+def test_damaged_files_are_compiled_anew(made, suffix, damage):
+    run(made)
+    path, = kernels.cache_folder().rglob(suffix)
+    sound = path.read_bytes()
+    path.write_bytes(damage(sound))
+    assert run(made)[0] == 'twice 8\n'
+    assert abs(len(path.read_bytes()) - len(sound)) < 100  # and it is as it was
+
+
+def test_a_folder_that_others_may_write_to_is_warned_of(tmp_path):
+    folder = kernels._own(tmp_path / 'kernels')  # made as it should be
+    folder.chmod(0o777)
+    with pytest.warns(RuntimeWarning, match='others may write there'):
+        kernels._own(folder)
+
+
 def test_a_kernel_that_does_not_compile_is_an_error(made):
     (made / 'core.py').write_text(KERNEL.format('no_such_name + x'))
     with pytest.raises(subprocess.CalledProcessError) as error:

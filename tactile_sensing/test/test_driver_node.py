@@ -30,6 +30,7 @@ from tactile_msgs.msg import SensorInfo, TactileImage
 from tactile_sensing.conversions import image_from_msg
 from tactile_sensing.devices.calibration import Calibration
 from tactile_sensing.devices.flexitac import encode_frame, encode_payload, MARKER
+from tactile_sensing.devices.tare import save_tare, Tare
 from tactile_sensing.nodes.driver import DriverNode
 
 SHAPE = (4, 5)
@@ -400,3 +401,30 @@ def test_process_ends_though_a_read_of_its_port_does_not(device):
         lines = child.stderr.read().splitlines()
     assert [line for line in lines if 'does not answer' in line]
     assert not [line for line in lines if 'Traceback' in line]
+
+
+def test_a_driver_that_comes_back_under_load_goes_on_with_its_tare(make_graph, tmp_path):
+    kept = str(tmp_path / 'tare.npz')
+    first = make_graph(tare_at_start=True, last_tare=kept)
+    first.stream(unloaded(), lambda: first.images and first.images[-1].tared)
+    first.until(lambda: first.infos and first.infos[-1].tared_at.sec, 'the tare')
+    tared_at = stamp_to_ns(first.infos[-1].tared_at)
+    first.driver.destroy_node()
+    first.executor.remove_node(first.driver)
+    again = make_graph(tare_at_start=True, last_tare=kept)
+    again.stream(unloaded(200), lambda: again.images and again.images[-1].tared)
+    np.testing.assert_array_equal(again.images[-1].layers[0].stress, 200.0 - BASELINE)
+    again.until(lambda: again.infos and stamp_to_ns(again.infos[-1].tared_at) == tared_at,
+                'when that was')
+
+
+@pytest.mark.parametrize('damage', ['other array', 'old', 'none'])
+def test_a_tare_that_is_none_of_lately_is_not_used(make_graph, tmp_path, damage):
+    kept = tmp_path / 'tare.npz'
+    offset = np.full((9, 9) if damage == 'other array' else SHAPE, BASELINE, np.float32)
+    if damage != 'none':
+        age = 601.0 if damage == 'old' else 1.0
+        save_tare(Tare(offset, offset * 0.01, offset > 0), time.time_ns() - round(1e9 * age), kept)
+    graph = make_graph(tare_at_start=True, last_tare=str(kept))
+    graph.stream(unloaded(200), lambda: len(graph.images) >= 60)
+    assert not any(message.tared for message in graph.images)

@@ -129,7 +129,7 @@ def joint_positions(message: JointState, joint_names: Sequence[str]) -> np.ndarr
 def edge_goal_from_msg(message: TrackEdge.Goal) -> EdgeGoal:
     """EdgeGoal of a TrackEdge goal message; direction 0 means +1."""
     return EdgeGoal(message.speed, message.force, message.direction or 1, message.length,
-                    message.retreat, message.closed)
+                    message.retreat, message.closed, message.client_timeout)
 
 
 def edge_result_to_msg(servo: Supervisor, duration: float, base_frame: str) -> TrackEdge.Result:
@@ -164,7 +164,7 @@ def surface_goal_from_msg(message: TrackSurface.Goal) -> SurfaceGoal:
         (direction.x, direction.y, direction.z), message.length, message.duration,
         (float(message.size[0]), float(message.size[1])), message.step_over,
         np.array([(point.x, point.y, point.z) for point in message.points]).reshape(-1, 3),
-        message.features, message.retreat)
+        message.features, message.retreat, message.client_timeout)
 
 
 def surface_result_to_msg(servo: Supervisor, duration: float,

@@ -81,9 +81,17 @@ class GoalRun:
         """Stop within the robot's limits and end the goal."""
         self._machine.fire(Event.STOP, Reason(code), self._now)
 
-    def pause(self, paused: bool) -> None:
-        """Hold (true) or go on (false)."""
-        self._paused, self.hold.asked = paused, not paused
+    def pause(self, paused: bool) -> Reason | None:
+        """Hold (true) or go on (false); why that does not happen, or None."""
+        self._paused, phase, wrong = paused, self._machine.phase, self._why
+        if phase is Phase.STOPPING:
+            return self._machine.reason
+        if paused or phase not in HELD:
+            return None
+        if wrong is not None and wrong.code is ReasonCode.PAUSED:  # it hid what else is wrong
+            wrong = self._standstill(phase)
+        self.hold.asked = wrong is None
+        return wrong
 
     def count(self) -> None:
         """Count the way since the last cycle."""

@@ -67,7 +67,12 @@ class LawResult:
 
 
 class Goal(Protocol):
-    """What every goal has: speed [m/s], force [N], whether to lift off at the end."""
+    """
+    What every goal has.
+
+    Speed [m/s], force [N], whether to lift off at the end, and how long its client may be silent
+    [s].
+    """
 
     @property
     def speed(self) -> float: ...
@@ -75,6 +80,8 @@ class Goal(Protocol):
     def force(self) -> float: ...
     @property
     def retreat(self) -> bool: ...
+    @property
+    def client_timeout(self) -> float: ...
 
 
 class ServoLaw(Protocol):

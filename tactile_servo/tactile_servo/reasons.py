@@ -61,6 +61,7 @@ class ReasonCode(IntEnum):
     TIME_LIMIT = 310, 'a state lasted too long'
     LAP_LIMIT = 311, 'went round a contour that does not close'
     SHUTDOWN = 312, 'the servo is being stopped'
+    CLIENT_LOST = 313, 'the client of the goal has fallen silent'
     SENSOR_SILENT = 314, 'tactels that were alive have fallen silent'
     SENSOR_DRIFTED = 315, 'the sensor reads less than nothing'
     BUSY = 400, 'goal rejected: another one is active'

@@ -27,9 +27,10 @@ class WorkspaceConfig:
     """Box that the sensor stays in."""
 
     lower: tuple[float, ...] = field(default=(-10.0, -10.0, -10.0), metadata={
-        'doc': 'corner of the box that the sensor stays in, in the base frame', 'unit': 'm'})
+        'doc': 'corner of the box that the sensor stays in, in the base frame', 'unit': 'm',
+        'range': (-10.0, 10.0)})
     upper: tuple[float, ...] = field(default=(10.0, 10.0, 10.0), metadata={
-        'doc': 'opposite corner', 'unit': 'm'})
+        'doc': 'opposite corner', 'unit': 'm', 'range': (-10.0, 10.0)})
 
 
 @dataclass(frozen=True)

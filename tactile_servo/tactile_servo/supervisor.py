@@ -10,23 +10,27 @@ from typing import Any
 
 import numpy as np
 
+from tactile_common.config import checked
 from tactile_common.errors import ConfigurationError
 from tactile_sensing.types.contact import Contact
 from tactile_sensing.types.image import SensorInfo, TactileImage
 from tactile_servo.config import check_goal, ServoConfig
-from tactile_servo.cycle_clock import CycleClock
+from tactile_servo.cycle_clock import CycleClock, STALL
 from tactile_servo.goal_run import GoalRun
 from tactile_servo.inputs import Inputs
-from tactile_servo.law import LawResult, Observation, Refusal, ServoLaw, Teachable
+from tactile_servo.law import Goal, LawResult, Observation, Refusal, ServoLaw, Teachable
 from tactile_servo.motion.clock import ClockCheck
+from tactile_servo.motion.delay import LATEST
 from tactile_servo.motion.limits import JointLimits, WorkspaceBox
 from tactile_servo.motion.motion import Motion, MotionStep
 from tactile_servo.motion.robot import RobotModel
 from tactile_servo.motion.trajectory import Trajectory
 from tactile_servo.reasons import GoalRefused, Reason, ReasonCode
-from tactile_servo.state_machine import Event, HELD, Phase, StateMachine, TRACKING
+from tactile_servo.state_machine import Event, HELD, Phase, StateMachine, TOUCHING, TRACKING
 from tactile_servo.track_statistics import along_contour, TrackStatistics
 from tactile_servo.types import NAN, State, Status
+
+LONGEST_SILENCE = 3600.0  # s of a client, that a goal may allow
 
 
 class Supervisor:
@@ -49,6 +53,7 @@ class Supervisor:
         self._clock = CycleClock(1.0 / self.config.rate)
         self._robot_clock = ClockCheck()
         self._image: TactileImage | None = None  # the newest
+        self._silence = 0.0  # of the goal's client [s]
         self.around: Reason | None = None  # what is wrong around the servo, that no datum tells
 
     def see_sensor(self, sensor: SensorInfo) -> None:
@@ -62,6 +67,10 @@ class Supervisor:
         ValueError if it cannot be believed, see `JointHistory.add`.
         """
         self.inputs.see_joints(positions, stamp_ns, arrival)
+
+    def see_reference(self, positions: np.ndarray, stamp_ns: int) -> None:
+        """Take what the robot's controller commands (n,) [rad] for a time [ns], if it tells."""
+        self.motion.delay.see(positions, stamp_ns)
 
     def see_contact(self, contact: Contact, stamp_ns: int, arrival: float) -> None:
         """Take a contact estimate, its image's stamp [ns] and steady arrival time [s]."""
@@ -119,6 +128,8 @@ class Supervisor:
             return Refusal(ReasonCode.BUSY, 'cancel it first')
         try:
             check_goal(goal.speed, goal.force, self.config)
+            checked('client_timeout', goal.client_timeout, float,
+                    {'range': (0.0, LONGEST_SILENCE), 'unit': 's'})
         except ConfigurationError as error:
             return Refusal(ReasonCode.INVALID_GOAL, str(error))
         refused = self.law.validate(goal) or self.around
@@ -126,7 +137,9 @@ class Supervisor:
             return Refusal(ReasonCode.NO_JOINT_STATE, 'none has been received')
         if refused is None and self.inputs.sensor is None:
             return Refusal(ReasonCode.NO_IMAGE, 'no sensor_info has been received')
-        return refused
+        lacking = self.inputs.contact_missing(images=False)
+        untared = lacking is not None and lacking.code is ReasonCode.NOT_TARED
+        return refused or (lacking if untared else None)
 
     def note(self, refusal: Refusal) -> None:
         """Put a refusal into the status of an idle servo: it has no other answer."""
@@ -140,20 +153,34 @@ class Supervisor:
             raise GoalRefused(refusal or Refusal(ReasonCode.BUSY))
         self.law.begin(goal, inputs.sensor)
         self.motion.seed(inputs.joints.value)
+        self.motion.delay.longest = 0.0
         self.run = GoalRun(goal, self.config, self.law, inputs, self.motion, self._machine)
+        self._silence = 0.0
         self._machine.fire(Event.START, Reason(ReasonCode.GOAL_ACCEPTED), now)
+
+    def hear_client(self) -> None:
+        """Take that the client of the goal lives; the goal's `client_timeout` begins anew."""
+        self._silence = 0.0
+
+    def _end_without_client(self, goal: Goal) -> None:
+        """End a goal whose client is silent, unless the pad lifts off already."""
+        # A servo that does not come to run cannot hear its client either.
+        self._silence += min(self._clock.gap, STALL)
+        lost = 0.0 < goal.client_timeout < self._silence
+        if lost and self._machine.phase in TOUCHING | HELD:
+            self.cancel(ReasonCode.CLIENT_LOST)
 
     def cancel(self, code: ReasonCode = ReasonCode.CANCELLED) -> None:
         """Stop within the robot's limits and end the goal."""
         if self.run is not None and self.active:
             self.run.cancel(code)
 
-    def pause(self, paused: bool, now: float) -> bool:
-        """Hold (true) or go on (false); returns whether there was a goal to act on."""
+    def pause(self, paused: bool, now: float) -> Reason:
+        """Hold (true) or go on (false): PAUSED, RESUMED, or why that does not happen."""
         if self.run is None or not self.active:
-            return False
-        self.run.pause(paused)
-        return True
+            return Reason(ReasonCode.WAITING)
+        return self.run.pause(paused) or Reason(
+            ReasonCode.PAUSED if paused else ReasonCode.RESUMED)
 
     def teach(self, name: str) -> str:
         """
@@ -196,10 +223,17 @@ class Supervisor:
         if self.run is None or not self.active or (dt == 0.0 and self._clock.fault is None):
             return self._status(self.run), None
         self.run.count()
-        self.run.decide(now, dt, self._clock, self.around)
+        self._end_without_client(self.run.goal)
+        self.run.decide(now, dt, self._clock, self.around or self._late())
         self.motion.expect_lateness(self._robot_clock.lateness)
         step = self.run.command(now, now_ns, dt, self._robot_clock.agrees)
         return self._status(self.run, step), None if step is None else step.trajectory
+
+    def _late(self) -> Reason | None:
+        overdue = self.motion.delay.overdue
+        return Reason(ReasonCode.NOT_FOLLOWING,
+                      f'commands come more than {1e3 * LATEST:.0f} ms late'
+                      ) if overdue > LATEST else None
 
     def _status(self, run: GoalRun | None, step: MotionStep | None = None) -> Status:
         inputs, machine = self.inputs, self._machine

@@ -41,6 +41,7 @@ class EdgeGoal:
     length: float = 0.0  # m; 0 = until the edge ends
     retreat: bool = True  # at the end
     closed: bool = False  # end when the contour closes on its start
+    client_timeout: float = 0.0  # s of the client's silence that ends it; 0 = none does
 
 
 class TaskError(NamedTuple):

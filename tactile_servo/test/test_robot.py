@@ -303,6 +303,12 @@ def urdf(kind='revolute', limit='<limit lower="-1" upper="1" velocity="2" effort
     (urdf(limit='<limit lower="1" upper="1" velocity="1" effort="1"/>'), 'below upper 1.0'),
     (urdf(limit='<limit lower="0" upper="1" velocity="0" effort="1"/>'), 'above 0'),
     (urdf('fixed', ''), 'no moving joint'),
+    ('/dev/zero', 'has more than'),
+    (urdf().replace('name="j"', 'name=""'), 'needs a name'),
+    (urdf().replace('0 0 1', '0 0.0 0'), 'axis is 0 0 0'),
+    (urdf(limit='<limit lower="-180" upper="180" velocity="2" effort="1"/>'), 'must be in rad'),
+    (urdf(more='<safety_controller soft_lower_limit="x"/>'), 'soft_lower_limit must be a number'),
+    (urdf(more='<safety_controller soft_lower_limit="2"/>'), 'below upper 1.0'),
     ('<robot name="r"><link name="tip"/><joint name="j" type="fixed"/></robot>', 'parent'),
 ])
 def test_bad_urdf_gets_one_line(text, message, capfd):
@@ -310,6 +316,12 @@ def test_bad_urdf_gets_one_line(text, message, capfd):
         RobotModel.from_urdf(text, 'tip')
     assert '\n' not in str(caught.value)
     assert capfd.readouterr().out == ''
+
+
+def test_soft_limits_go_before_those_of_the_joint():
+    soft = '<safety_controller soft_lower_limit="-0.5" soft_upper_limit="3" k_velocity="1"/>'
+    model = RobotModel.from_urdf(urdf(more=soft), 'tip')
+    assert (model.lower[0], model.upper[0]) == (-0.5, 1.0)
 
 
 def test_unknown_tip_frame_lists_the_frames():

@@ -218,8 +218,14 @@ def test_what_is_no_table(tmp_path):
     with pytest.raises(ConfigurationError, match='text.npz'):
         load_table(tmp_path / 'text.npz')
     np.savez(tmp_path / 'other.npz', a=np.zeros(3))
-    with pytest.raises(ConfigurationError, match='format'):
+    with pytest.raises(ConfigurationError, match='contacts'):
         load_table(tmp_path / 'other.npz')
+    small = {name: np.zeros(1) for name in ('features', 'forward', 'inverse', 'condition', 'scale',
+                                            'format', 'kind', 'stop')}
+    np.savez_compressed(tmp_path / 'bomb.npz', contacts=np.zeros((3_000_000, 3)), **small)
+    assert (tmp_path / 'bomb.npz').stat().st_size < 1e6
+    with pytest.raises(ConfigurationError, match='would take 72 MB'):
+        load_table(tmp_path / 'bomb.npz')
     with pytest.raises(ConfigurationError, match='inverse has the shape'):
         JacobianTable(FeatureKind.MOMENTS, *np.zeros((2, 4, 3)), np.zeros((4, 3, 3)),
                       np.zeros((4, 3)), np.zeros(4), np.ones(3))

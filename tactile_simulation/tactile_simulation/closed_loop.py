@@ -20,9 +20,9 @@ from tactile_shape.contour.contact_path import ContactPath
 from tactile_shape.contour.outline import find_outline, Outline
 from tactile_shape.local_surface.local_quadric import LocalQuadric
 from tactile_shape.shape_estimator import ShapeEstimator
-from tactile_simulation.faults import delay, FaultySensor
+from tactile_simulation.faults import client_lives, delay, FaultySensor
 from tactile_simulation.gantry import gantry
-from tactile_simulation.joint_controller import MockController
+from tactile_simulation.joint_controller import Late, MockController
 from tactile_simulation.metrics import judged, measure, NAN, percentile
 from tactile_simulation.scene_calibration import calibration_of
 from tactile_simulation.smoothness import accelerations
@@ -31,7 +31,7 @@ from tactile_simulation.world import Course, Truth
 STEP = 2.5e-3  # s; control at 400 Hz
 PICTURE_EVERY = 2  # steps; sensing at 200 Hz
 ROBOT_STEP, ROBOT_PHASE = 2.0e-3, 0.25e-3  # s; joint states and the robot's controller at 500 Hz
-TRANSPORT = 0.5e-3  # s; from a control cycle to the robot's controller
+TRANSPORT = 0.5e-3  # s; from a control cycle to the robot's controller, where nothing is late
 TARE_FRAMES = 100
 
 
@@ -82,6 +82,8 @@ class Simulation:
         Time; begins at 1 [s].
     pose : ndarray, shape (4, 4)
         Where the sensor is.
+    transport : float
+        From a control cycle to the robot's controller [s].
     log : list of Cycle
     commands : list of (float, ndarray)
         Time [s] and joint positions (n,) of every command of the robot's controller.
@@ -124,6 +126,7 @@ class Simulation:
         self.sensor_alive = self.robot_alive = True
         self._faults, self._spoiler = faults, FaultySensor(faults, scene.sensor)
         self._began = math.inf  # the first goal, at this time [s]
+        self.transport = TRANSPORT
         self.log, self.commands = [], []
         self._clock = clock or (lambda: 0.0)
         self.cycle_costs, self.picture_costs = [], []
@@ -162,12 +165,14 @@ class Simulation:
             self.servo.see_contact(contact, image.stamp_ns, self.now)
             self.picture_costs.append(self._clock() - before)
             self._feel(self._path.add_contact(image.stamp_ns, contact, picture=image))
+        if client_lives(self._faults, self.now - self._began):
+            self.servo.hear_client()
         before = self._clock()
         status, trajectory = self.servo.cycle(self.now, now_ns)
         self.cycle_costs.append(self._clock() - before)
         if trajectory is not None:
             late = delay(self._faults, self.now - self._began)
-            self._windows.append((self.now + TRANSPORT + late, trajectory))
+            self._windows.append((self.now + self.transport + late, trajectory))
         self.log.append(Cycle(self.now, status, pose, self.world.force(pose),
                               self.world.shift))
         return status
@@ -187,12 +192,15 @@ class Simulation:
         """Run the robot's controller, and hear of its joint states, until now."""
         while (now := 1.0 + ROBOT_PHASE + len(self.commands) * ROBOT_STEP) <= self.now:
             while self._windows and self._windows[0][0] <= now:
-                self.robot.accept(self._windows.popleft()[1], now)
+                with suppress(Late):
+                    self.robot.accept(self._windows.popleft()[1], now)
             positions, _ = self.robot.step(now)
             self.commands.append((now, self.robot.commanded[0]))
             if self.robot_alive:
                 with suppress(ValueError):  # a robot that leaps is not believed at once
                     self.servo.see_joints(positions, round(now * 1e9), now)
+                self.servo.see_reference(
+                    self.robot.commanded[0], round((now + ROBOT_STEP) * 1e9))
 
     def run(self, goal, seconds, until=None):
         """

@@ -55,6 +55,10 @@ class Fault:
             raise ConfigurationError(f'fault {text!r}: takes :SECONDS above 0')
         return cls(kind, float(match[2]), lasting, float(match[4] or 'nan'))
 
+    def acts(self, at: float) -> bool:
+        """Whether it is there, so many seconds after the goal began."""
+        return 0.0 <= at - self.since < self.lasting
+
 
 class FaultySensor:
     """
@@ -75,7 +79,7 @@ class FaultySensor:
             passed = at - fault.since
             if fault.kind == 'fade' and passed >= 0.0:
                 read = read * max(1.0 - passed / fault.lasting, 0.0)
-            if not 0.0 <= passed < fault.lasting:
+            if not fault.acts(at):
                 continue
             width, kind = counts.shape[1], fault.kind
             if kind in ('zero', 'dead'):
@@ -97,8 +101,12 @@ class FaultySensor:
 
 def delay(faults: Sequence[Fault], at: float) -> float:
     """Return by how much a window that is sent now comes later [s]."""
-    return sum(fault.value for fault in faults if fault.kind == 'late'
-               and 0.0 <= at - fault.since < fault.lasting)
+    return sum(fault.value for fault in faults if fault.kind == 'late' and fault.acts(at))
+
+
+def client_lives(faults: Sequence[Fault], at: float) -> bool:
+    """Return whether the goal's client is heard of."""
+    return not any(fault.kind == 'stale_client' and fault.acts(at) for fault in faults)
 
 
 def describe_faults() -> str:

@@ -6,6 +6,7 @@ import numpy as np
 from puma_loop import LIMITS, puma_loop, ROOT
 import pytest
 
+from tactile_sensing.types.contact import Reason as ContactReason
 from tactile_servo.config import HoldConfig, ServoConfig
 from tactile_servo.reasons import Reason, ReasonCode
 from tactile_servo.types import EdgeGoal, State
@@ -336,3 +337,94 @@ def test_the_approach_does_not_go_further_than_pictures_have_shown():
     assert max(np.abs(blind)) < 0.55e-3  # half of 5 N at 5000 N/m
     loop.run(None, 20.0)
     assert loop.servo.success and max(cycle.force for cycle in loop.log) < 1.5 * GOAL.force
+
+
+SILENT_AFTER = 0.4  # s
+ATTENDED = replace(GOAL, client_timeout=SILENT_AFTER)
+
+
+def attended(loop, until, goal=None):
+    """Run a goal whose client is heard, until something is true of the status."""
+    def heard(status):
+        loop.servo.hear_client()
+        return until(status)
+    return loop.run(goal, 20.0, heard)
+
+
+@pytest.mark.parametrize('state', [State.APPROACH, State.TRACK, State.HOLD])
+def test_a_goal_ends_with_its_client(state):
+    loop = puma_loop(tracker='trace')
+    attended(loop, lambda s: s.state == (
+        State.TRACK if state == State.HOLD else state), ATTENDED)
+    if state == State.HOLD:
+        loop.servo.pause(True, loop.now)
+    died = loop.now
+    loop.run(None, SILENT_AFTER - 0.01)
+    assert loop.servo.reason.code != ReasonCode.CLIENT_LOST
+    status = loop.run(None, 2.0)
+    assert (status.state, status.reason.code) == (State.DONE, ReasonCode.CLIENT_LOST)
+    assert not loop.servo.success
+    assert loop.now - died < SILENT_AFTER + 0.5  # and the robot stands
+
+
+def test_a_client_that_is_heard_keeps_its_goal_and_need_not_see_it_lift_off():
+    loop = puma_loop(tracker='trace')
+    attended(loop, lambda s: s.state == State.RETREAT, ATTENDED)
+    loop.run(None, 20.0)
+    assert loop.servo.success, loop.servo.reason
+
+
+def test_a_servo_that_was_late_itself_does_not_blame_the_client():
+    it = Interrupted('trace', State.TRACK, 0, replace(GOAL, client_timeout=20.0))
+    it.loop.servo.run.goal = ATTENDED
+    it.loop.servo.hear_client()
+    it.servo(2.0)
+    it.loop.run(None, 0.1)
+    assert it.loop.servo.reason.code != ReasonCode.CLIENT_LOST
+
+
+@pytest.mark.parametrize('timeout', [-1.0, float('nan'), float('inf')])
+def test_a_timeout_that_is_none_is_refused(timeout):
+    loop = puma_loop(tracker='trace')
+    loop.run(None, 0.1)
+    refusal = loop.servo.check(replace(GOAL, client_timeout=timeout))
+    assert refusal.code == ReasonCode.INVALID_GOAL and 'client_timeout' in refusal.text
+
+
+def test_who_asks_to_go_on_hears_what_happens():
+    it = Interrupted('trace', State.TRACK, 0)
+    loop, servo = it.loop, it.loop.servo
+    assert servo.pause(True, loop.now).code == ReasonCode.PAUSED
+    loop.sensor_alive = False
+    loop.run(None, 1.0)
+    assert servo.reason.code == ReasonCode.PAUSED
+    assert servo.pause(False, loop.now).code == ReasonCode.STALE_IMAGE  # what the pause hid
+    loop.run(None, 0.1)
+    assert servo.reason.code == ReasonCode.STALE_IMAGE
+    loop.sensor_alive = True
+    loop.run(None, 0.5)  # not forgotten, not taken up late either: it waits to be asked
+    assert (servo.state, servo.reason.code) == (State.HOLD, ReasonCode.INPUT_BACK)
+    assert servo.pause(False, loop.now).code == ReasonCode.RESUMED
+    loop.run(None, 20.0)
+    assert servo.success
+    assert servo.pause(False, loop.now).code == ReasonCode.WAITING
+
+
+def test_a_goal_that_ends_is_not_paused_any_more():
+    it = Interrupted('trace', State.TRACK, 0)
+    it.loop.servo.cancel()
+    assert it.loop.servo.pause(True, it.loop.now).code == ReasonCode.CANCELLED
+
+
+def test_a_goal_for_a_sensor_that_is_not_tared_is_refused_at_once():
+    loop = puma_loop(tracker='trace')
+    see = loop.servo.see_contact
+    loop.servo.see_contact = lambda contact, *rest: see(
+        replace(contact, reasons=contact.reasons | ContactReason.NOT_TARED), *rest)
+    for _ in range(20):
+        loop.step()
+    assert loop.servo.check(GOAL).code == ReasonCode.NOT_TARED
+    loop.servo.see_contact = see
+    for _ in range(20):
+        loop.step()
+    assert loop.servo.check(GOAL) is None

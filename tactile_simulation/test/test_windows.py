@@ -6,8 +6,11 @@ import numpy as np
 from puma_loop import ELBOW, LIMITS, PUMA, puma_loop, tracked
 import pytest
 
+from tactile_servo.config import HoldConfig, ServoConfig
 from tactile_servo.motion.motion import Motion, MotionConfig, SETTLING
+from tactile_servo.reasons import ReasonCode
 from tactile_servo.types import EdgeGoal
+from tactile_simulation.closed_loop import TRANSPORT
 from tactile_simulation.joint_controller import MockController
 
 CYCLE = 2_500_000  # ns
@@ -137,3 +140,49 @@ def test_a_wrist_that_comes_to_its_limit_lets_the_pad_go_round_without_it():
         ends.max(), LIMITS.upper[5], atol=1e-3)
     assert loop.servo.success and np.abs(lateral).max() < 0.3e-3 and force.max() < 7.5
     assert np.abs(loop.accelerations()).max() <= 2.0 * LIMITS.acceleration.max()
+
+
+def late_loop(delay, begin=0.0, every=1):
+    """Loop on a course whose windows, from a time on and one of so many, come late [s]."""
+    loop = puma_loop('course', 'trace', config=ServoConfig(hold=HoldConfig(give_up=0.5)))
+
+    def see(_):
+        late = loop.now >= begin and loop.tick % every == 0
+        loop.transport = delay if late else TRANSPORT
+        return False
+
+    see(None)
+    loop.run(EdgeGoal(0.05, 5.0, length=0.1), 20.0, see)
+    return loop
+
+
+@pytest.mark.parametrize('begin, every', [(0.0, 1), (3.0, 1), (0.0, 100)])
+@pytest.mark.parametrize('delay', [0.01, 0.02])
+def test_windows_that_come_late_are_no_jolt(delay, begin, every):
+    """One seam shows where they begin to, amid the motion: who has not been late is believed."""
+    loop = late_loop(delay, begin, every)
+    assert loop.servo.success, loop.servo.reason
+    times = np.array([time for time, _ in loop.commands])[:len(loop.accelerations())]
+    share = np.abs(loop.accelerations()).max(axis=1) / LIMITS.acceleration.max()
+    seams = times[share > 1.01]
+    assert not len(seams) or (np.ptp(seams) < 0.1 and share.max() < 6.0)
+    assert not len(seams) or begin or every > 1
+    assert max(cycle.force for cycle in loop.log) < 1.5 * 5.0
+
+
+def test_a_robot_whose_windows_come_far_too_late_is_not_moved():
+    loop = late_loop(0.06)
+    assert loop.servo.reason.code == ReasonCode.GAVE_UP
+    assert 'late' in loop.servo.reason.text
+    assert np.abs(loop.accelerations()).max() <= LIMITS.acceleration.max()
+    assert np.ptp([command for _, command in loop.commands], axis=0).max() < 1e-4
+
+
+def test_a_controller_that_plays_something_else_is_led_all_the_same():
+    """What it says of itself is of no use, as that of a robot whose speed is scaled."""
+    loop = puma_loop('straight', 'trace')
+    see = loop.servo.see_reference
+    loop.servo.see_reference = lambda reference, stamp_ns: see(reference + 1e-3, stamp_ns)
+    loop.run(EdgeGoal(0.03, 5.0, length=0.02), 20.0)
+    assert loop.servo.success, loop.servo.reason
+    assert loop.servo.motion.delay.longest == 0.0

@@ -71,6 +71,11 @@ class Pad:
         with self._lock:
             self._recent.clear()
 
+    def resume(self, tare: Tare) -> None:
+        """Go on with a tare of earlier."""
+        with self._lock:
+            self.tare, self._convert = tare, self.calibration.converter(tare)
+
     def take_tare(self, anew: bool = True) -> Tare:
         """
         Tare with the newest frames; where not `anew`, about the tare that there is.

@@ -1,9 +1,11 @@
 """Picture of the unloaded pad, and what is none."""
 from dataclasses import dataclass
+import os
 
 import numpy as np
 
-from tactile_common.errors import TactileError
+from tactile_common.errors import ConfigurationError, TactileError
+from tactile_common.npz_stream import read_arrays, scalar
 from tactile_sensing.devices.counts import Counts
 from tactile_sensing.devices.unloaded import unloaded_statistics
 
@@ -28,6 +30,26 @@ class Tare:
     def noise_std(self) -> float:
         """Standard deviation of one tactel, in the mean of all that are used [counts]."""
         return float(np.sqrt(np.mean(np.square(self.noise[self.live]))))
+
+
+def save_tare(tare: Tare, at_ns: int, path: str | os.PathLike) -> None:
+    """Write a tare and when it was taken; `load_tare` reads it."""
+    part = f'{path}.part'  # who dies meanwhile leaves the one before
+    with open(part, 'wb') as file:
+        np.savez(file, at_ns=at_ns, offset=tare.offset, noise=tare.noise, live=tare.live)
+    os.replace(part, path)
+
+
+def load_tare(path: str | os.PathLike, live: np.ndarray) -> tuple[Tare, int]:
+    """Read a tare of an array (rows, columns) of live tactels, and when it was taken [ns]."""
+    held = read_arrays(path, ('at_ns', 'offset', 'noise', 'live'))
+    tare = Tare(*(held[name].astype(kind) for name, kind in (
+        ('offset', np.float32), ('noise', np.float32), ('live', bool))))
+    if not (np.array_equal(tare.live, live) and tare.offset.shape == tare.noise.shape
+            == live.shape and np.isfinite([tare.offset, tare.noise]).all()):
+        raise ConfigurationError(f'{path}: is no tare of this array')
+    scalar('at_ns', held['at_ns'])
+    return tare, int(held['at_ns'].item())  # a float would round it
 
 
 def tare_of(frames: np.ndarray, counts: Counts, baseline: np.ndarray, live: np.ndarray,

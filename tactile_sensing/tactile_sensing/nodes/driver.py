@@ -24,11 +24,12 @@ from tactile_sensing.devices.calibration_file import load_calibration
 from tactile_sensing.devices.pad import Pad
 from tactile_sensing.devices.registry import options_of, protocol_named, PROTOCOLS
 from tactile_sensing.devices.stream import SensorStream
-from tactile_sensing.devices.tare import MIN_TARE_FRAMES, TareRefusedError
+from tactile_sensing.devices.tare import load_tare, MIN_TARE_FRAMES, save_tare, TareRefusedError
 from tactile_sensing.nodes.image_topic import ImageTopic
 
 # Longest wait for the reader at the end [s]; it looks up after each read of some 20 ms.
 _LAST_READ = 2.0
+TARE_KEPT = 600.0  # s; an unloaded pad drifts
 MIN_BAUD = 1200
 _LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 SUCCESS, FAILURE = TransitionCallbackReturn.SUCCESS, TransitionCallbackReturn.FAILURE
@@ -55,6 +56,9 @@ class DriverConfig:
     tare_at_start: bool = field(default=True, metadata={
         'doc': 'Tare as soon as frames without load arrive'})
     tare_frames: int = bounded(50, 'Frames averaged by a tare', '', MIN_TARE_FRAMES, 10000)
+    last_tare: str = field(default='', metadata={
+        'doc': 'File that keeps the tare: a driver that comes back within 10 min, with a load on '
+               'the pad, goes on with it; empty = none'})
     track_drift: bool = field(default=False, metadata={
         'doc': 'Tare again and again while nothing touches the pad'})
     autostart: bool = field(default=True, metadata={
@@ -193,18 +197,39 @@ class DriverNode(LifecycleNodeMixin, TactileNode):
             try:
                 tare = self._pad.take_tare(anew=False)
             except TareRefusedError:
+                if first and self._config.last_tare:
+                    self._go_on_with_last_tare()
                 return
             if first:
                 self._on_tared(tare)
 
+    def _go_on_with_last_tare(self):
+        try:
+            tare, at_ns = load_tare(self._config.last_tare, self._pad.calibration.live)
+        except ConfigurationError:  # it has never been tared
+            return
+        age = 1e-9 * (self.get_clock().now().nanoseconds - at_ns)
+        if 0.0 <= age <= TARE_KEPT:
+            self._pad.resume(tare)
+            self._publish_info(at_ns)
+            self.get_logger().warning(
+                f'{self._pad.refusal}; goes on with the tare of {age:.0f} s ago')
+
     def _on_tared(self, tare):
-        self._publish_info()
+        at_ns = self.get_clock().now().nanoseconds
+        self._publish_info(at_ns)
+        if self._config.last_tare:
+            try:
+                save_tare(tare, at_ns, self._config.last_tare)
+            except OSError as error:
+                self.get_logger().warning(f'the tare is not kept: {error}')
         self.get_logger().info(f'tared, noise {tare.noise_std:.2f} counts')
 
-    def _publish_info(self):
+    def _publish_info(self, tared_at_ns=0):
         now_ns, tare = self.get_clock().now().nanoseconds, self._pad.tare
         self._infos.publish(sensor_info_to_msg(self._pad.calibration.sensor_info(
-            self._config.sensor, self._config.frame_id, now_ns, tare, now_ns if tare else 0)))
+            self._config.sensor, self._config.frame_id, now_ns, tare,
+            (tared_at_ns or now_ns) if tare else 0)))
 
     def _on_tare(self, _, response):
         # Images that are already there answer at once: neither blocking nor awaiting new ones

@@ -36,6 +36,7 @@ class SurfaceGoal:
     points: np.ndarray = field(default_factory=lambda: np.zeros((0, 3)))  # base frame [m]
     features: str = ''  # name of taught features
     retreat: bool = True  # at the end
+    client_timeout: float = 0.0  # s of the client's silence that ends it; 0 = none does
 
 
 @dataclass(frozen=True, eq=False)

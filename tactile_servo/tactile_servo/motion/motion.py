@@ -7,6 +7,7 @@ import numpy as np
 
 from tactile_common.config import bounded
 from tactile_servo.motion.agility import Pace
+from tactile_servo.motion.delay import PROBE, WindowDelay
 from tactile_servo.motion.inverse import agility, BoundedInverse, damped_least_squares
 from tactile_servo.motion.limits import (
     JointLimits,
@@ -80,6 +81,8 @@ class Motion:
     blocked : str
         Which limit, of which joint, has held back (nearly) all of the wanted motion for a
         second, or the singularity or workspace that has; empty while the robot gets on.
+    delay : WindowDelay
+        How late windows come.
     """
 
     def __init__(self, robot: RobotModel, limits: JointLimits, config: MotionConfig,
@@ -93,7 +96,7 @@ class Motion:
                               np.full((4, 4), np.nan), np.full((6, len(unknown)), np.nan), unknown)
         self._before: Commanded | None = None  # a window earlier
         self._stamped = config.stamped
-        self._held_back, self.blocked = 0.0, ''
+        self._held_back, self.blocked, self.delay = 0.0, '', WindowDelay()
 
     @property
     def positions(self) -> np.ndarray:
@@ -169,6 +172,7 @@ class Motion:
         rest = at_rest(joints, float(np.fmax(settling.max(), SETTLING)))
         self._now = Commanded(rest, Joints(joints, np.zeros_like(joints)),
                               *self._robot.place(joints), end)
+        self.delay.begin()
         self.reset_blocked()
 
     def reset_blocked(self) -> None:
@@ -179,11 +183,13 @@ class Motion:
         """
         Commit to what windows need that come late by this time [s], up to LONGEST_COMMITTED.
 
+        Those that were seen to come later need more, see `WindowDelay`.
+
         It may change from one command to the next: every window begins with what is left of the
         one before.
         """
         least = self._config.committed
-        self._ahead = max(least, min(lateness, LONGEST_COMMITTED))
+        self._ahead = max(least, min(lateness, LONGEST_COMMITTED), self.delay.needed)
 
     def command(self, twist: np.ndarray, now_ns: int, stamped: bool = True) -> MotionStep:
         """
@@ -204,13 +210,17 @@ class Motion:
         settling = bool(kept.times[0] > APART)
         with np.errstate(over='ignore', invalid='ignore'):  # of a twist that is not finite
             window, step = self._plan(kept, twist, settling)
-        if first or not settling:  # only what is sent is what the robot's controller plays
+        # Those that are late already are awaited: another one would be as late, nobody knows how.
+        awaiting = self.delay.overdue > self._ahead
+        # Only what is sent is what the robot's controller plays.
+        if first or not (settling or awaiting):
             joints = Joints(window.positions[-3], window.velocities[-3])
             self._before, self._now = self._now, Commanded(
                 window, joints, *self._robot.place(joints.positions), window.positions[-1],
                 now_ns)
-            step = step._replace(trajectory=Trajectory(
-                self._limits.names, *window, stamp_ns=now_ns if self._stamped else 0))
+            sent = Trajectory(self._limits.names, *window, stamp_ns=now_ns if self._stamped else 0)
+            self.delay.send(sent)
+            step = step._replace(trajectory=sent)
         return step
 
     def _plan(self, kept: Window, wanted: np.ndarray,
@@ -233,6 +243,8 @@ class Motion:
         if settling:  # it is not moved, so that only a place can hold it; no number stays none
             velocities, scale = 0.0 * velocities, 1.0
             bound = bound if bound.startswith(POSITION) else ''
+        if self.delay.probing:
+            velocities = np.clip(velocities, -PROBE, PROBE)
         # Whatever the solver gave: no command passes a limit.
         velocities, guarded = limits.guard(velocities, reach)
         # Joint rates that keep a twist change as the arm bends; they do while the window coasts.
@@ -288,6 +300,7 @@ class Motion:
         if age <= max(self._ahead, command.times[0]) or self._before is None:
             return True
         self._now = self._before
+        self.delay.unsend()
         return False
 
     def _watch(self, wanted: np.ndarray, brought: np.ndarray, limited_by: str) -> None:

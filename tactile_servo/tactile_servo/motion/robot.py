@@ -9,7 +9,7 @@ import pinocchio
 
 from tactile_common.errors import ConfigurationError, UnreachableError
 from tactile_servo.motion.inverse import damped_least_squares
-from tactile_servo.motion.urdf import chain_to, limits_of, MOVING, parse, pinocchio_model
+from tactile_servo.motion.urdf import chain_to, limits_of, MOVING, parse, pinocchio_model, text_of
 
 # Of the inverse:
 POSITION_TOLERANCE, ROTATION_TOLERANCE = 1e-8, 1e-7  # m, rad; the residual that is reached
@@ -72,16 +72,7 @@ class RobotModel:
             Missing file, malformed XML, unknown tip frame, a joint that is not revolute,
             continuous or prismatic, a mimic joint, missing limits, wrong joint names.
         """
-        text = str(urdf)
-        if '<' not in text:
-            if not text.strip():
-                raise ConfigurationError('robot description: is empty')
-            try:
-                text = Path(text).read_text(encoding='utf-8')
-            except (OSError, UnicodeDecodeError) as error:
-                reason = getattr(error, 'strerror', None) or 'not a text file'
-                raise ConfigurationError(f'robot description {text!r}: {reason}') from None
-        return cls(text, tip_frame, joint_names)
+        return cls(text_of(str(urdf)), tip_frame, joint_names)
 
     def pose(self, q: np.ndarray) -> np.ndarray:
         """Transform (4, 4) [m] from the tip to the root frame at positions (n,) [rad or m]."""

@@ -9,7 +9,31 @@ from tactile_common.errors import ConfigurationError
 
 MOVING = ('revolute', 'prismatic', 'continuous')
 LIMITS = ('lower', 'upper', 'velocity')
+MAX_BYTES = 16 << 20  # of a URDF
+MOST_TURNS = 16.0 * np.pi  # rad from limit to limit; a joint with more is one in degrees
 _UNBOUNDED = 1e6  # rad; stands for "no limit" where the parser wants a number
+
+
+def text_of(description: str) -> str:
+    """
+    Text of a robot description: it is one, or the path of a file.
+
+    ConfigurationError where the file cannot be read, or is no such file.
+    """
+    if '<' in description:
+        return description
+    if not description.strip():
+        raise ConfigurationError('robot description: is empty')
+    try:
+        with open(description, 'rb') as stream:
+            raw = stream.read(MAX_BYTES + 1)
+        if len(raw) > MAX_BYTES:
+            raise ConfigurationError(
+                f'robot description {description!r}: has more than {MAX_BYTES} bytes')
+        return raw.decode('utf-8')
+    except (OSError, UnicodeDecodeError) as error:
+        reason = getattr(error, 'strerror', None) or 'not a text in UTF-8'
+        raise ConfigurationError(f'robot description {description!r}: {reason}') from None
 
 
 def parse(xml: str) -> ElementTree.Element:
@@ -45,6 +69,8 @@ def chain_to(robot: ElementTree.Element,
         if joint.get('type') not in (*MOVING, 'fixed'):
             raise _wrong(joint, f'type {joint.get("type")!r} is not supported, only '
                          f'{", ".join(MOVING)} and fixed')
+        if not joint.get('name'):
+            raise _wrong(joint, 'needs a name')
         if joint.find('mimic') is not None:
             raise _wrong(joint, 'mimic joints are not supported')
         chain.insert(0, joint)
@@ -62,21 +88,47 @@ def _end(joint: ElementTree.Element, kind: str) -> str:
     return '' if element is None else element.get('link', '')
 
 
+def _number(joint: ElementTree.Element, element: ElementTree.Element | None, key: str,
+            otherwise: float | None = None) -> float:
+    """Attribute of a joint's element; one that is missing is refused, or is `otherwise`."""
+    text = None if element is None else element.get(key)
+    if text is None and otherwise is not None:
+        return otherwise
+    try:
+        value = float('nan' if text is None else text)
+    except ValueError:
+        value = np.nan
+    if not np.isfinite(value):
+        raise _wrong(joint, f'limit {key} must be a number, '
+                     f'{"is missing" if text is None else f"is {text!r}"}')
+    return value
+
+
+def _refuse_no_axis(joint: ElementTree.Element) -> None:
+    axis = joint.find('axis')
+    try:
+        turns = axis is None or any(float(value) for value in axis.get('xyz', '1 0 0').split())
+    except ValueError:  # pinocchio says what is wrong with it
+        turns = True
+    if not turns:
+        raise _wrong(joint, 'its axis is 0 0 0')
+
+
 def limits_of(joint: ElementTree.Element) -> tuple[float, float, float]:
-    """Lower, upper and velocity limit of a moving joint's element."""
+    """Lower, upper and velocity limit of a moving joint's element; soft limits go before."""
+    _refuse_no_axis(joint)
     limit = joint.find('limit')
     needed = LIMITS[2:] if joint.get('type') == 'continuous' else LIMITS
     values = {'lower': -np.inf, 'upper': np.inf}
     for key in needed:
-        text = None if limit is None else limit.get(key)
-        try:
-            values[key] = float('nan' if text is None else text)
-        except ValueError:
-            values[key] = np.nan
-        if not np.isfinite(values[key]):
-            raise _wrong(joint, f'limit {key} must be a number, '
-                         f'{"is missing" if text is None else f"is {text!r}"}')
+        values[key] = _number(joint, limit, key)
     lower, upper, velocity = values['lower'], values['upper'], values['velocity']
+    if joint.get('type') == 'revolute' and upper - lower > MOST_TURNS:
+        raise _wrong(joint, f'limits {lower} to {upper} must be in rad')
+    soft = joint.find('safety_controller')
+    if soft is not None and not np.isinf(lower):
+        lower = max(lower, _number(joint, soft, 'soft_lower_limit', lower))
+        upper = min(upper, _number(joint, soft, 'soft_upper_limit', upper))
     if lower >= upper:
         raise _wrong(joint, f'limit lower {lower} must be below upper {upper}')
     if velocity <= 0.0:

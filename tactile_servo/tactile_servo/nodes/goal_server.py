@@ -7,6 +7,7 @@ from typing import Any
 
 from rclpy.action import ActionServer, CancelResponse, GoalResponse
 from rclpy.node import Node
+from unique_identifier_msgs.msg import UUID
 
 from tactile_msgs.msg import ServoStatus
 from tactile_servo.conversions import ACTIONS
@@ -51,6 +52,7 @@ class GoalServer:
         self._server = ActionServer(
             node, self._action.type, name, self._finish, goal_callback=self._on_goal,
             handle_accepted_callback=self._on_accepted, cancel_callback=self._on_cancel)
+        node.create_subscription(UUID, '~/heartbeat', self._on_heartbeat, 1)
 
     def report(self, msg: ServoStatus) -> None:
         """Tell the client of a cycle; end its goal with the servo's."""
@@ -81,6 +83,10 @@ class GoalServer:
             return CancelResponse.REJECT  # another goal is none of its business
         self._servo.cancel()
         return CancelResponse.ACCEPT
+
+    def _on_heartbeat(self, goal_id: UUID) -> None:
+        if self._execution is not None and self._execution.handle.goal_id == goal_id:
+            self._servo.hear_client()
 
     def _on_accepted(self, goal_handle: Any) -> None:
         now = perf_counter()

@@ -1,11 +1,12 @@
 """What a servo watches in the graph around it: who publishes, and whether its robot obeys."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from time import perf_counter
 from typing import Any
 
 from rclpy.node import Node
 from rclpy.qos import qos_profile_sensor_data
+from sensor_msgs.msg import JointState
 
 from tactile_servo.reasons import Reason, ReasonCode
 
@@ -28,11 +29,13 @@ class GraphGuard:
         That may have one publisher each, except those that are shared.
     controller : str
         Name of the controller; its state is listened to where control_msgs is installed.
+    see_reference : callable
+        Takes the message of that state's joints, of what the controller commands at its stamp.
     """
 
     def __init__(self, node: Node, topics: Sequence[str], shared: Sequence[str],
-                 controller: str):
-        self._node = node
+                 controller: str, see_reference: Callable[[JointState], None]):
+        self._node, self._see_reference = node, see_reference
         self._topics = sorted({node.resolve_topic_name(topic) for topic in topics}
                               - {node.resolve_topic_name(topic) for topic in shared})
         self._heard: float | None = None  # steady time of the controller's last state [s]
@@ -41,8 +44,10 @@ class GraphGuard:
                 JointTrajectoryControllerState, f'{controller}/controller_state', self._on_state,
                 qos_profile_sensor_data)
 
-    def _on_state(self, _: Any) -> None:
+    def _on_state(self, msg: Any) -> None:
         self._heard = perf_counter()
+        self._see_reference(JointState(
+            header=msg.header, name=msg.joint_names, position=msg.reference.positions))
 
     def problem(self) -> Reason | None:
         """What is wrong now, or None."""

@@ -129,7 +129,7 @@ class EdgeServoNode(TactileNode):
         self._now_ns = self._simulated_ns if self.get_parameter('use_sim_time').value else time_ns
         self._guard = GraphGuard(
             self, ('image', 'contact', '/joint_states', self._trajectory.topic),
-            config.shared_topics, config.controller)
+            config.shared_topics, config.controller, self._on_reference)
         self.create_timer(GUARD_PERIOD, self._look_around, clock=steady)
         self.add_on_set_parameters_callback(_keep_the_clock)
 
@@ -184,6 +184,11 @@ class EdgeServoNode(TactileNode):
         pose_to_msg(self._servo.inputs.pose, self._pose_msg.pose)
         set_stamp(self._pose_msg.header.stamp, stamp_ns)
         self._pose.publish(self._pose_msg)
+
+    def _on_reference(self, msg: JointState) -> None:
+        positions = joint_positions(msg, self._model.joint_names)
+        if positions is not None:
+            self._servo.see_reference(positions, stamp_to_ns(msg.header.stamp))
 
     def _on_contact(self, raw: bytes) -> None:
         self._heard.contact = raw, perf_counter()
@@ -257,9 +262,9 @@ class EdgeServoNode(TactileNode):
         self._timer.reset()
 
     def _on_pause(self, request: Any, response: Any) -> Any:
-        response.success = self._servo.pause(request.data, perf_counter())
-        response.message = (
-            ('paused' if request.data else 'resumed') if response.success else 'no active goal')
+        answer = self._servo.pause(request.data, perf_counter())
+        response.success = answer.code in (ReasonCode.PAUSED, ReasonCode.RESUMED)
+        response.message = answer.text if response.success else f'not done: {answer.text}'
         return response
 
     def _on_teach(self, request: Any, response: Any) -> Any:

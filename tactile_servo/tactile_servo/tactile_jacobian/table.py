@@ -3,11 +3,11 @@ from collections.abc import Iterable
 from dataclasses import dataclass, field
 import os
 from typing import NamedTuple
-import zipfile
 
 import numpy as np
 
 from tactile_common.errors import ConfigurationError
+from tactile_common.npz_stream import read_arrays
 from tactile_servo.tactile_jacobian.features import FeatureKind
 from tactile_servo.tactile_jacobian.jacobian import (
     Cases,
@@ -122,16 +122,14 @@ def load_table(path: str | os.PathLike) -> JacobianTable:
     ConfigurationError
         The file cannot be read, is no table of this format, or holds nothing usable.
     """
+    arrays = read_arrays(path, (*_ARRAYS, 'format', 'kind', 'stop'))
+    if arrays['format'].tolist() != FORMAT:
+        raise ConfigurationError(f'{path}: is not a table of format {FORMAT}')
     try:
-        with np.load(path, allow_pickle=False) as stored:
-            if 'format' not in stored or int(stored['format']) != FORMAT:
-                raise ConfigurationError(f'{path}: is not a table of format {FORMAT}')
-            return JacobianTable(
-                FeatureKind(str(stored['kind'])), stop=float(stored['stop']),
-                **{name: np.array(stored[name], dtype=float) for name in _ARRAYS})
-    except OSError as error:
-        raise ConfigurationError(f'{path}: cannot be read: {error.strerror or error}') from error
-    except (ValueError, KeyError, TypeError, EOFError, zipfile.BadZipFile) as error:
+        return JacobianTable(
+            FeatureKind(str(arrays['kind'])), stop=float(arrays['stop']),
+            **{name: np.array(arrays[name], dtype=float) for name in _ARRAYS})
+    except (ValueError, TypeError) as error:
         raise ConfigurationError(f'{path}: is no table of Jacobians: {error}') from error
 
 

@@ -6,6 +6,7 @@ lag, dead time and acceleration of the scene's plant, or that of a URDF.
 """
 import argparse
 from collections.abc import Callable
+from dataclasses import replace
 import sys
 import time
 from typing import Any, NamedTuple
@@ -31,6 +32,7 @@ LAW_HELP = f'servo law; default: {law_for("track_edge")} for an edge, ' \
     f'{law_for("track_surface")} for a surface'
 PATTERNS = (Pattern.LINE, Pattern.RASTER, Pattern.SPIRAL)
 SEED = between(0, 2**32 - 1, kind=int)
+CLIENT_TIMEOUT = 1.0  # s, as `track` asks for
 NODE = '/tactile/edge_servo'  # whose parameters of a file count
 
 
@@ -115,8 +117,9 @@ def goal_of(options: argparse.Namespace, scene: Scene) -> EdgeGoal | SurfaceGoal
                 raise ConfigurationError(
                     f'--{name.replace("_", "-")} does not apply to {scene.name}: there a servo '
                     f'is asked for {scene.action}')
-    return mine.goal(options, scene, **{name: given[name] for name in mine.options
+    goal = mine.goal(options, scene, **{name: given[name] for name in mine.options
                                         if name in given})
+    return replace(goal, client_timeout=CLIENT_TIMEOUT)
 
 
 def simulation_of(options: argparse.Namespace, scene: Scene) -> Simulation:

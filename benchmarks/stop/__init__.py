@@ -1,0 +1,1 @@
+"""How far the pad goes after a stop."""

@@ -1,0 +1,89 @@
+"""How long windows are on their way to the robot's controller, by what that says it plays."""
+
+from collections import deque
+
+import numpy as np
+
+from tactile_servo.motion.trajectory import Trajectory
+from tactile_servo.motion.window import committed, Window
+
+KEPT = 32  # windows
+SAME = 1e-6  # rad; two motions that differ by less are one
+MARGIN = 4e-3  # s beyond the longest delay: a period of the controller and that of its states
+LATEST = 0.03  # s of delay that windows may be committed for
+PROBE = 5e-4  # rad/s: a window with no more is no jolt, however late it comes
+PROBED = 0.1  # s after which a controller that plays something else is not asked any more
+
+
+class WindowDelay:
+    """
+    The windows of a motion that the robot's controller has yet to play.
+
+    A window that differs from what is played is still on its way. The longest that one was holds
+    for all that follow, for where windows agree nothing tells. A motion begins no faster than
+    `PROBE` until the first of its windows is seen to be played.
+
+    Attributes
+    ----------
+    overdue : float
+        For how long the oldest window that is not played has been on its way [s].
+    longest : float
+        That this has ever been [s].
+    """
+
+    def __init__(self) -> None:
+        self.longest = 0.0
+        self._heard = False
+        self.begin()
+
+    def begin(self) -> None:
+        """Begin a motion, from rest."""
+        self._sent: deque[Trajectory] = deque(maxlen=KEPT)
+        self._rest: np.ndarray | None = None
+        self._moved_ns: int | None = None
+        self.overdue, self.probing = 0.0, self._heard
+
+    def send(self, window: Trajectory) -> None:
+        """Take a window that is sent; one with stamp 0 is played whenever it comes."""
+        if not window.stamp_ns:
+            self.probing = False
+            return
+        self._sent.append(window)
+        if self._rest is None:
+            self._rest = window.positions[-1]
+        elif self._moved_ns is None:
+            self._moved_ns = window.stamp_ns
+        elif window.stamp_ns - self._moved_ns > 1e9 * PROBED:
+            self.probing = False
+
+    def unsend(self) -> None:
+        """Take that the newest window was not sent after all."""
+        if self._sent:
+            self._sent.pop()
+
+    def see(self, reference: np.ndarray, stamp_ns: int) -> None:
+        """Take the positions (n,) [rad] that the controller commands for a time [ns]."""
+        self._heard, awaited = True, 0.0
+        for window in reversed(self._sent):
+            since = 1e-9 * (stamp_ns - window.stamp_ns)
+            if since < 0.0:
+                continue
+            if since < window.times[0]:
+                return  # on its way to the first point the controller is left alone
+            assert window.velocities is not None
+            there = committed(
+                Window(window.times, window.positions, window.velocities), since, 0.0)
+            if np.abs(there.positions[-1] - reference).max() <= SAME:
+                break
+            awaited = since
+        else:
+            self.overdue = 0.0  # it plays none of them: what it does is not known
+            return
+        if np.abs(reference - self._rest).max() > SAME:
+            self.probing = False
+        self.overdue, self.longest = awaited, max(self.longest, awaited)
+
+    @property
+    def needed(self) -> float:
+        """How long a window must leave to the one before, if windows were late at all [s]."""
+        return min(self.longest + MARGIN, LATEST) if self.longest else 0.0
