@@ -4,4 +4,5 @@ from tactile_common.start import executable
 composed = executable('edge_tracking.graph', interrupted=0)
 demo = executable('edge_tracking.demo')
 parameters = executable('edge_tracking.parameters')
+replay = executable('edge_tracking.replay.command')
 track = executable('edge_tracking.track')

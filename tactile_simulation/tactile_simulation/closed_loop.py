@@ -87,6 +87,7 @@ class Simulation:
 
     control_rate = 1.0 / STEP  # Hz
     sensor_rate = 1.0 / (STEP * PICTURE_EVERY)
+    supervisor: Any = Supervisor
 
     def __init__(self, scene, law=None, *, seed=0, latency=None, config=None,
                  settings=None, robot=None, seed_positions=None, workspace=None, estimator=None,
@@ -105,7 +106,7 @@ class Simulation:
             self.model.velocity_limit, initial_positions=start, rate=1.0 / ROBOT_STEP,
             dead_time=plant.dead_time, lag=plant.lag)
         config = config or ServoConfig()
-        self.servo = Supervisor(
+        self.servo = self.supervisor(
             self.model, self.limits, make_law(law_for(scene.action, law), config, settings),
             config, workspace)
         self.servo.see_sensor(info)
