@@ -74,7 +74,8 @@ class Episode:
 
             servo = add_servo(graph, robot, self.law, **own.servo)
             freeze_heap()
-            track = self._track(graph, servo, over, show)
+            heard = Heard(servo, graph.namespace)
+            track = self._track(graph, heard, over, show)
             if stop.is_set():
                 track.cancel()
                 stop.clear()
@@ -85,11 +86,11 @@ class Episode:
                     f'{name} ended by itself, with status {part.returncode}'
                     for name, part in parts.items() if part.returncode is not None))
             linger(graph, stop.is_set)
-        return Ended(track.success, track.reason, track.reason_code)
+        return Ended(track.success and not heard.failed,
+                     '; '.join(filter(None, (track.reason, heard.failed))), track.reason_code)
 
-    def _track(self, graph: Graph, servo, over: Callable[[], bool], show) -> TrackNode:
+    def _track(self, graph: Graph, heard: Heard, over: Callable[[], bool], show) -> TrackNode:
         """Send the goal once all listen, and wait for its end."""
-        heard = Heard(servo, graph.namespace)
         graph.spin(lambda: over() or heard.all)
         closed = self.scene.closed and LAWS[self.law].closes_contours
         track = graph.add(

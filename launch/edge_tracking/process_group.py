@@ -14,9 +14,10 @@ import sys
 import threading
 from typing import Any
 
-from diagnostic_msgs.msg import DiagnosticArray
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from geometry_msgs.msg import PoseStamped, WrenchStamped
 from nav_msgs.msg import Path
+from rcl_interfaces.msg import ParameterEvent
 from rclpy.exceptions import ParameterException
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, qos_profile_sensor_data, QoSProfile
@@ -27,7 +28,14 @@ from visualization_msgs.msg import MarkerArray
 from edge_tracking.graph import add_mocks, add_sensing, Graph
 from edge_tracking.recording.writer import RecorderNode
 from tactile_common.ros.runner import freeze_heap
-from tactile_msgs.msg import Contact, SensorInfo, ServoStatus, SurfacePatch, TactileImage
+from tactile_msgs.msg import (
+    Contact,
+    SensorInfo,
+    ServoCalls,
+    ServoStatus,
+    SurfacePatch,
+    TactileImage,
+)
 from tactile_shape.nodes.shape_estimator import ShapeEstimatorNode
 
 PATIENCE = 10.0  # s for a part to end by itself, its recording written
@@ -37,12 +45,14 @@ def topics(namespace: str) -> list[tuple[str, type, QoSProfile]]:
     """Every topic of the graph, with its type and the quality of service to listen with."""
     deep = QoSProfile(depth=100)
     latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+    settings = QoSProfile(depth=100, durability=DurabilityPolicy.TRANSIENT_LOCAL)
     sensor = QoSProfile(depth=100, reliability=qos_profile_sensor_data.reliability)
     own = [('image', TactileImage, sensor), ('sensor_info', SensorInfo, latched),
            ('contact', Contact, sensor), ('wrench', WrenchStamped, sensor),
            ('surface_patch', SurfacePatch, deep), ('contour', Path, latched),
            ('markers', MarkerArray, latched), ('servo_status', ServoStatus, deep),
-           ('surface_contact', PoseStamped, deep), ('sensor_pose', PoseStamped, sensor)]
+           ('surface_contact', PoseStamped, deep), ('sensor_pose', PoseStamped, sensor),
+           ('servo_calls', ServoCalls, deep), ('parameters', ParameterEvent, settings)]
     return [(f'/{namespace}/{name}', kind, qos) for name, kind, qos in own] + [
         ('/diagnostics', DiagnosticArray, deep), ('/joint_states', JointState, deep),
         ('/joint_trajectory_controller/joint_trajectory', JointTrajectory, deep)]
@@ -61,6 +71,7 @@ class Heard:
     """
 
     def __init__(self, node: Node, namespace: str):
+        self.failed = ''  # why the recording has ended early
         self.all, self._wanted = False, {'/joint_states', *(f'/{namespace}/{name}' for name in (
             'image', 'sensor_info', 'contact', 'surface_patch', 'servo_status', 'sensor_pose'))}
         node.create_subscription(DiagnosticArray, '/diagnostics', self._take, 10)
@@ -69,6 +80,8 @@ class Heard:
         for status in msg.status:
             heard = {pair.key: pair.value for pair in status.values}.get('heard', '')
             self.all = self.all or self._wanted <= set(heard.split())
+            if status.name.endswith(': recorder') and status.level == DiagnosticStatus.ERROR:
+                self.failed = status.message
 
 
 def add_listeners(graph: Graph, bag, shape: dict[str, Any] | None = None) -> None:

@@ -27,7 +27,8 @@ from tactile_common.ros.conversions import (
     stamp_to_seconds,
 )
 from tactile_msgs.action import TrackEdge, TrackSurface
-from tactile_msgs.msg import ServoStatus
+from tactile_msgs.msg import ServoCalls, ServoStatus
+from tactile_servo.journal import Journal
 from tactile_servo.law import Touch
 from tactile_servo.laws.surface_goal import Pattern, SurfaceGoal, SurfaceResult
 from tactile_servo.motion.trajectory import Trajectory
@@ -228,6 +229,15 @@ ACTIONS = {
         TrackEdge, edge_goal_from_msg, edge_result_to_msg, edge_feedback_to_msg),
     'track_surface': Action(
         TrackSurface, surface_goal_from_msg, surface_result_to_msg, surface_feedback_to_msg)}
+
+
+def journal_to_msg(journal: Journal, now_ns: int, frame: str) -> ServoCalls:
+    """ServoCalls message of a Journal, at a time [ns] and of a sensor's frame."""
+    message = ServoCalls(first=journal.first, call=journal.call, time=journal.time,
+                         value=journal.value, texts=journal.texts)
+    set_stamp(message.header.stamp, now_ns)
+    message.header.frame_id = frame
+    return message
 
 
 def status_to_msg(status: Status, controller: str, timing: Timing,

@@ -140,7 +140,7 @@ def test_poses_are_interpolated_at_the_stamp_of_a_contact():
     with bench() as it:
         it.replay.poses.publish(pose_msg(100 * MS, np.zeros(3), up))
         it.replay.contacts.publish(contact_msg(105 * MS, x=1e-3))
-        it.wait(lambda: it.node._path._waiting, 'the contact')
+        it.wait(lambda: it.node._shape._path._waiting, 'the contact')
         assert not it.replay.patches  # its later pose has not come
         it.replay.poses.publish(pose_msg(110 * MS, np.array([0.02, 0.0, 0.0]), up))
         it.wait(lambda: it.replay.patches, 'a patch')
@@ -238,7 +238,7 @@ def test_odd_input_is_passed_over():
 
 def test_a_picture_that_is_no_message_is_passed_over():
     with bench() as it:
-        it.node._on_image(b'garbage')
+        it.node._shape.take_image(b'garbage')
         patch = it.touch(contact_msg(100 * MS, kind=ContactMsg.TYPE_LINE),
                          pose_msg(100 * MS, np.zeros(3), np.array([0.0, 0.0, 1.0])))
         assert 'an edge' in patch.reason

@@ -93,6 +93,7 @@ class Simulation:
 
     control_rate = 1.0 / STEP  # Hz
     sensor_rate = 1.0 / (STEP * PICTURE_EVERY)
+    supervisor: Any = Supervisor
 
     def __init__(self, scene, law=None, *, seed=0, latency=None, config=None,
                  settings=None, robot=None, seed_positions=None, workspace=None, estimator=None,
@@ -111,7 +112,7 @@ class Simulation:
             self.model.velocity_limit, initial_positions=start, rate=1.0 / ROBOT_STEP,
             dead_time=plant.dead_time, lag=plant.lag)
         config = config or ServoConfig()
-        self.servo = Supervisor(
+        self.servo = self.supervisor(
             self.model, self.limits, make_law(law_for(scene.action, law), config, settings),
             config, workspace)
         self.servo.see_sensor(info)
@@ -165,7 +166,7 @@ class Simulation:
             self.servo.see_contact(contact, image.stamp_ns, self.now)
             self.picture_costs.append(self._clock() - before)
             self._feel(self._path.add_contact(image.stamp_ns, contact, picture=image))
-        if client_lives(self._faults, self.now - self._began):
+        if self._faults and client_lives(self._faults, self.now - self._began):
             self.servo.hear_client()
         before = self._clock()
         status, trajectory = self.servo.cycle(self.now, now_ns)

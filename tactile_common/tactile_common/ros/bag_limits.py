@@ -24,8 +24,10 @@ def _bounded(make: Callable[[], Any]) -> Callable[[bytes, int], bytes]:
         if size > MAX_CHUNK:
             raise ReaderError(
                 f'a chunk of {size / 1e6:.0f} MB, at most {MAX_CHUNK / 1e6:.0f} MB are read')
-        # One byte more shows a chunk that is larger than it says.
-        return make().decompress(data, max_length=size + 1)
+        try:  # one byte more shows a chunk that is larger than it says
+            return make().decompress(data, max_length=size + 1)
+        except (storage_mcap.zstd.ZstdError, RuntimeError, EOFError) as error:
+            raise ReaderError(f'a chunk of {len(data)} bytes is damaged: {error}') from error
     return decompress
 
 

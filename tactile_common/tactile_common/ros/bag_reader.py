@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from rosbags.interfaces import MessageDefinitionFormat
-from rosbags.rosbag2 import Reader, ReaderError
+from rosbags.rosbag2 import ReaderError
 from rosbags.typesys import (
     get_types_from_idl,
     get_types_from_msg,
@@ -18,6 +18,7 @@ from rosbags.typesys import (
 
 from tactile_common.errors import ConfigurationError
 from tactile_common.ros.bag_limits import bound_chunks, check_text, check_types
+from tactile_common.ros.bag_salvage import open_whole
 from tactile_common.ros.cdr import DAMAGE, deserialised, register
 from tactile_common.ros.message_definitions import definition, SEPARATOR
 from tactile_common.yaml_file import read_yaml
@@ -50,8 +51,9 @@ class Bag:
             bound_chunks()
             if (self.path / 'metadata.yaml').exists():
                 read_yaml(self.path / 'metadata.yaml')  # refuses what must not be expanded
-            self._reader = Reader(self.path)
-            self._reader.open()
+            self._reader = open_whole(self.path)
+            self._topics = {connection.topic: connection.msgtype
+                            for connection in self._reader.connections}
         self._types = get_typestore(Stores.EMPTY)
 
     def __enter__(self) -> 'Bag':
@@ -63,7 +65,13 @@ class Bag:
     @property
     def topics(self) -> dict[str, str]:
         """Message type by topic."""
-        return {connection.topic: connection.msgtype for connection in self._reader.connections}
+        return self._topics
+
+    @property
+    def span(self) -> tuple[int, int]:
+        """When the first and the last message were received [ns]; 0, 0 without any."""
+        reader = self._reader
+        return (reader.start_time, reader.end_time) if reader.message_count else (0, 0)
 
     def namespaces(self, types: Mapping[str, str]) -> dict[str, set[str]]:
         """Return what each namespace holds, in order, of some names with their types."""
@@ -110,18 +118,34 @@ class Bag:
         """
         wanted = [connection for connection in self._reader.connections
                   if connection.topic in topics]
-        if not wanted:
-            return
         with self.clear_errors():
             for connection in wanted:
                 self._learn(connection)
             missing = sum(connection.msgcount for connection in wanted)
-            for connection, time_ns, data in self._reader.messages(wanted):
+            last, silence, where = 0, 0, 0  # of the widest silence, where something may be lost
+            for connection, time_ns, data in self._rows(wanted):
                 missing -= 1
-                yield Recorded(connection.topic, time_ns,
-                               data if raw else self._deserialise(connection, time_ns, data))
+                if last and time_ns - last > silence:
+                    silence, where = time_ns - last, last
+                last = time_ns
+                row = Recorded(connection.topic, time_ns, data)
+                yield row if raw else row._replace(message=self.unpacked(row))
+            if self._reader.cut:
+                raise ConfigurationError(self._reader.cut)
             if missing > 0:  # the reader skips what it does not understand
-                raise ReaderError(f'{missing} messages in it are lost')
+                raise ConfigurationError(
+                    f'{missing} messages in it are lost, where it is silent longest from '
+                    f'{1e-9 * where:.3f} s on')
+
+    def _rows(self, wanted: list[Any]) -> Iterator[tuple[Any, int, Any]]:
+        last = 0
+        try:
+            for row in self._reader.messages(wanted) if wanted else ():
+                last = row[1]
+                yield row
+        except (OSError, ReaderError, *DAMAGE) as error:
+            raise ConfigurationError(
+                f'cannot be read on from {1e-9 * last:.3f} s: {_one_line(error)}') from error
 
     def damaged(self, topic: str, time_ns: int, error: Exception) -> ConfigurationError:
         """Return the error that says in one line which message cannot be read, and why."""
@@ -133,11 +157,12 @@ class Bag:
             f'bag {self.path}: the message on {topic} at {1e-9 * time_ns:.6f} s is damaged or of '
             f'another kind: {_one_line(error)}')
 
-    def _deserialise(self, connection: Any, time_ns: int, data: Any) -> Any:
+    def unpacked(self, row: Recorded) -> Any:
+        """Return the message of one that was read raw; ConfigurationError where it is damaged."""
         try:
-            return deserialised(self._types, connection.msgtype, data)
+            return deserialised(self._types, self.topics[row.topic], row.message)
         except DAMAGE as error:
-            raise self.damaged(connection.topic, time_ns, error) from error
+            raise self.damaged(row.topic, row.received_ns, error) from error
 
     def _learn(self, connection: Any) -> None:
         name, (kind, text) = connection.msgtype, connection.msgdef

@@ -1,15 +1,30 @@
 """Node that survives what its middleware refuses to send, and says so in its diagnostics."""
+from contextlib import suppress
+from importlib.metadata import PackageNotFoundError, version
+import platform
 import time
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
+from rcl_interfaces.msg import ParameterEvent
 from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
+from rclpy.parameter import Parameter
 from rclpy.publisher import Publisher
+from rclpy.qos import DurabilityPolicy, QoSProfile
 from rclpy.subscription import RCLError
 
 DIAGNOSTICS_PERIOD = 1.0  # s
+PARTS = ('tactile_common', 'numpy', 'scipy', 'numba')  # whose versions are told
 START = 20.0  # s; the nodes of a launch start side by side, some have kernels to load
+
+
+def _versions() -> str:
+    told = [f'Python {platform.python_version()}']
+    for name in PARTS:
+        with suppress(PackageNotFoundError):  # of a source tree
+            told.append(f'{name} {version(name)}')
+    return ', '.join(told)
 
 
 class _SurvivingPublisher(Publisher):
@@ -37,8 +52,13 @@ class TactileNode(Node):
     `diagnose` publishes on `/diagnostics`, where aggregators listen; a node with something to say
     redefines `_on_diagnose`, which is called every second of steady time.
 
+    What it runs with is told on `parameters`, latched, when it has begun and after every change,
+    so that recordings hold it: all its parameters, and the versions of what it is made of.
+
     Attributes
     ----------
+    texts : dict of str
+        Told in place of parameters that may name a file: what is in it.
     errors : int
         Messages, answers and the like that could not be sent.
     """
@@ -52,6 +72,25 @@ class TactileNode(Node):
         self._diagnostics = self.create_publisher(DiagnosticArray, '/diagnostics', 10)
         self.create_timer(DIAGNOSTICS_PERIOD, lambda: self._on_diagnose(),
                           clock=Clock(clock_type=ClockType.STEADY_TIME))
+        self.texts: dict[str, str] = {}
+        self._settings = self.create_publisher(ParameterEvent, 'parameters', QoSProfile(
+            depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL))
+        self._begin = self.create_timer(0.0, self._on_begin, clock=Clock(
+            clock_type=ClockType.STEADY_TIME))
+
+    def _on_begin(self) -> None:
+        """Tell all parameters, which are declared by now, and again when they change."""
+        self.destroy_timer(self._begin)
+        self.add_post_set_parameters_callback(lambda _: self._tell_parameters())
+        self._tell_parameters()
+
+    def _tell_parameters(self) -> None:
+        known = self.get_parameters_by_prefix('')
+        for name, text in {**self.texts, 'versions': _versions()}.items():
+            known[name] = Parameter(name, value=text)
+        self._settings.publish(ParameterEvent(
+            stamp=self.get_clock().now().to_msg(), node=self.get_fully_qualified_name(),
+            new_parameters=[parameter.to_parameter_msg() for parameter in known.values()]))
 
     @property
     def starting(self) -> bool:

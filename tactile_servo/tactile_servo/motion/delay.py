@@ -84,6 +84,15 @@ class WindowDelay:
         self.overdue, self.longest = awaited, max(self.longest, awaited)
 
     @property
+    def learnt(self) -> tuple[float, float, bool, bool]:
+        """What the controller's state has told, which a replay sets again."""
+        return self.overdue, self.longest, self.probing, self._heard
+
+    @learnt.setter
+    def learnt(self, state: tuple[float, float, bool, bool]) -> None:
+        self.overdue, self.longest, self.probing, self._heard = state
+
+    @property
     def needed(self) -> float:
         """How long a window must leave to the one before, if windows were late at all [s]."""
         return min(self.longest + MARGIN, LATEST) if self.longest else 0.0

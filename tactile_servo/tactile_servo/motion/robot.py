@@ -29,7 +29,7 @@ class RobotModel:
     """
 
     def __init__(self, xml: str, tip_frame: str, joint_names: Sequence[str] | None = None):
-        robot = parse(xml)
+        robot, self.urdf = parse(xml), xml
         joints, self.root_frame = chain_to(robot, tip_frame)
         moving = [joint for joint in joints if joint.get('type') in MOVING]
         if not moving:

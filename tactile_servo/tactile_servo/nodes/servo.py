@@ -21,16 +21,18 @@ from tactile_common.ros.node import TactileNode
 from tactile_common.ros.parameters import follow_changes
 from tactile_common.ros.runner import run
 from tactile_msgs.msg import Contact as ContactMsg
-from tactile_msgs.msg import SensorInfo, ServoStatus, TactileImage
+from tactile_msgs.msg import SensorInfo, ServoCalls, ServoStatus, TactileImage
 from tactile_msgs.srv import TeachFeatures
 from tactile_sensing.conversions import contact_from_msg, image_from_msg, sensor_info_from_msg
 from tactile_servo.compile_kernels import compile_kernels
 from tactile_servo.conversions import (
     joint_positions,
+    journal_to_msg,
     status_to_msg,
     touch_to_msg,
     trajectory_to_bytes,
 )
+from tactile_servo.journal import Call
 from tactile_servo.law import Teachable
 from tactile_servo.laws.registry import law_named
 from tactile_servo.nodes.goal_server import GoalServer
@@ -42,6 +44,7 @@ from tactile_servo.types import State, Status
 
 GUARD_PERIOD = 0.1  # s between looks at the graph
 STATUS_PERIOD = 0.01  # s between status messages, beside those of another state or reason
+JOURNAL_LENGTH = 50  # calls of a message: about 10 cycles
 _NEWEST = QoSProfile(depth=1, reliability=qos_profile_sensor_data.reliability)
 _LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 
@@ -97,7 +100,8 @@ class EdgeServoNode(TactileNode):
         self._stopping: Reason | None = None
         super().__init__('edge_servo', **kwargs)
         self._servo, self._model, config = declared_supervisor(self)
-        follow_changes(self, self._servo.law.config_type, self._servo.law.retune)
+        follow_changes(self, self._servo.law.config_type, self._servo.retune)
+        self.texts = {'robot_description': self._model.urdf}
         compile_kernels()
         self._pace, self._heard = Pace(1.0 / self._servo.config.rate), Heard()
         self._status_msg, self._pose_msg = ServoStatus(), PoseStamped()
@@ -109,6 +113,7 @@ class EdgeServoNode(TactileNode):
             JointTrajectory, f'{config.controller}/joint_trajectory', 1)
         self._status = self.create_publisher(ServoStatus, 'servo_status', 10)
         self._pose = self.create_publisher(PoseStamped, 'sensor_pose', qos_profile_sensor_data)
+        self._calls = self.create_publisher(ServoCalls, 'servo_calls', 100)
         self._touches = self.create_publisher(
             PoseStamped, 'surface_contact', 10) if law_named(config.law).maps_surface else None
         self.create_subscription(SensorInfo, 'sensor_info', self._on_sensor, _LATCHED)
@@ -244,6 +249,7 @@ class EdgeServoNode(TactileNode):
         if trajectory is not None and not self._servo.motion.in_time(
                 trajectory, (self._now_ns() - now_ns) / NS):
             trajectory = None  # this process has not come to run meanwhile
+            self._servo.journal.add(Call.LATE)
         if trajectory is not None:
             self._trajectory.publish(trajectory_to_bytes(trajectory))
         sent = perf_counter()
@@ -254,12 +260,19 @@ class EdgeServoNode(TactileNode):
                                 pace.timing(sent, self._telling.latency), self._status_msg)
             set_stamp(msg.header.stamp, now_ns)
             self._status.publish(msg)
+            self._servo.journal.add(Call.STATUS)
         if self._server is not None:
             self._server.report(self._status_msg)
+        if len(self._servo.journal.call) >= JOURNAL_LENGTH:
+            self._tell_calls(now_ns)
         # The timer is for the cycle after this one, should no picture come before.
         wait = pace.end(perf_counter(), thread_time() - begin)
         self._timer.timer_period_ns = round(NS * wait)
         self._timer.reset()
+
+    def _tell_calls(self, now_ns: int) -> None:
+        self._calls.publish(journal_to_msg(
+            self._servo.take_journal(), now_ns, self._status_msg.header.frame_id))
 
     def _on_pause(self, request: Any, response: Any) -> Any:
         answer = self._servo.pause(request.data, perf_counter())
@@ -284,9 +297,11 @@ class EdgeServoNode(TactileNode):
         pace.longest = 0.0
 
     def destroy_node(self) -> None:
-        """Release the action server with the node."""
+        """Tell what was not told yet; release the action server with the node."""
         if self._server is not None:
             self._server.destroy()
+            if self.context.ok():
+                self._tell_calls(self._now_ns())
         super().destroy_node()
 
 

@@ -1,5 +1,6 @@
 """Shape estimator node: contacts and the sensor's pose in, surface patches and contour out."""
 from collections import deque
+from collections.abc import Callable
 from dataclasses import dataclass
 from struct import Struct
 from typing import Any
@@ -13,7 +14,7 @@ from visualization_msgs.msg import MarkerArray
 from tactile_common.config import bounded, one_of
 from tactile_common.errors import TactileError
 from tactile_common.ros.cdr import unpacked
-from tactile_common.ros.conversions import pose_from_msg, stamp_to_ns
+from tactile_common.ros.conversions import pose_from_msg, set_stamp, stamp_to_ns
 from tactile_common.ros.node import TactileNode
 from tactile_common.ros.parameters import declare_from
 from tactile_common.ros.runner import run
@@ -65,9 +66,9 @@ class ShapeEstimatorConfig:
 class _ModelPublisher:
     """Publishes contour and markers if they have changed and it is time, or contact is lost."""
 
-    def __init__(self, node: TactileNode, period: float, max_points: int):
-        self._contours = node.create_publisher(Path, 'contour', _LATCHED)
-        self._markers = node.create_publisher(MarkerArray, 'markers', _LATCHED)
+    def __init__(self, create_publisher: Callable[..., Any], period: float, max_points: int):
+        self._contours = create_publisher(Path, 'contour', _LATCHED)
+        self._markers = create_publisher(MarkerArray, 'markers', _LATCHED)
         self._period_ns, self._max_points = round(1e9 * period), max_points
         self.begin()
 
@@ -102,6 +103,121 @@ class _ModelPublisher:
         self._markers.publish(model_to_markers(model, self._newest, header))
 
 
+class ShapeTopics:
+    """
+    A shape estimator between messages, in a graph or beside one.
+
+    Parameters
+    ----------
+    create_publisher : callable
+        As of a node; what it gives is used to publish alone.
+    warn : callable
+        Takes a text.
+    own, surface, model : ShapeEstimatorConfig, LocalQuadricConfig, ModelConfig
+    """
+
+    def __init__(self, create_publisher: Callable[..., Any], warn: Callable[[str], None],
+                 own: ShapeEstimatorConfig, surface: LocalQuadricConfig, model: ModelConfig):
+        self._model_config, self._warn = model, warn
+        self._model = _ModelPublisher(create_publisher, own.publish_period, model.max_points)
+        self._path = ContactPath(surface.finger_radius, own.max_gap)
+        self._max_gap_ns, self._touched_ns = round(1e9 * own.max_gap), 0
+        self.by_servo = own.source == 'servo'
+        self._pictures: dict[tuple[int, int], bytes] = {}  # by their stamps
+        self._none = patch_to_msg(refusal(''), Header())
+        self._surface = make_surface_estimator(own.method, surface)
+        self._frame: str | None = None
+        self._begin_model()
+        self._patches = create_publisher(SurfacePatch, 'surface_patch', 10)
+
+    def _begin_model(self) -> None:
+        self._surface.reset()
+        self._shape = ShapeEstimator(self._surface, ObjectModel(self._model_config))
+        self._model.begin()
+
+    @property
+    def lost(self) -> int:
+        """Contacts that no pose came for."""
+        return self._path.lost
+
+    def take_pose(self, msg: PoseStamped) -> None:
+        """Take a pose of the sensor."""
+        try:
+            pose = pose_from_msg(msg.pose)
+        except TactileError as error:
+            self._warn(f'sensor_pose passed over: {error}')
+            return
+        if self._frame != msg.header.frame_id:
+            if self._frame is not None:
+                self._warn(f'sensor_pose is now in {msg.header.frame_id!r}, not '
+                           f'{self._frame!r}: what was touched is forgotten')
+                self._path.clear()
+                self._begin_model()
+            self._frame = msg.header.frame_id
+        self._take(self._path.add_pose(stamp_to_ns(msg.header.stamp), pose))
+
+    def take_image(self, raw: bytes) -> None:
+        """Take the bytes of an image."""
+        if len(raw) < 4 + _STAMP.size:
+            return
+        # Few are needed, and to unpack all would cost the most.
+        self._pictures[_STAMP.unpack_from(raw, 4)] = raw
+        if len(self._pictures) > PICTURES:
+            del self._pictures[next(iter(self._pictures))]
+
+    def take_contact(self, msg: ContactMsg) -> None:
+        """Take a contact of the sensor."""
+        try:
+            contact = contact_from_msg(msg)
+            if self.by_servo and contact.type != ContactType.NONE:
+                return
+            picture = self._picture_at(msg.header.stamp) if needs_picture(contact) else None
+        except TactileError as error:
+            self._warn(f'contact passed over: {error}')
+            return
+        self._take(self._path.add_contact(stamp_to_ns(msg.header.stamp), contact, msg, picture))
+
+    def take_touch(self, msg: PoseStamped) -> None:
+        """Take a contact that a servo tells."""
+        try:
+            pose = pose_from_msg(msg.pose)
+        except TactileError as error:
+            self._warn(f'surface_contact passed over: {error}')
+            return
+        if msg.header.frame_id != self._frame:  # before the first pose of the sensor
+            return
+        stamp_ns = stamp_to_ns(msg.header.stamp)
+        anew = not 0 <= stamp_ns - self._touched_ns <= self._max_gap_ns
+        self._touched_ns = stamp_ns
+        contact = SpatialContact(stamp_ns, pose[:3, 3], -pose[:3, 2], edge=False)
+        told = ContactMsg()
+        set_stamp(told.header.stamp, stamp_ns)
+        self._take([Placed(told, contact, anew, '')])
+
+    def _picture_at(self, stamp: Any) -> Image | None:
+        raw = self._pictures.get((stamp.sec, stamp.nanosec))
+        try:
+            return None if raw is None else image_from_msg(unpacked(raw, TactileImage))
+        except TactileError:
+            return None
+
+    def _take(self, all_placed: list[Placed]) -> None:
+        for placed in all_placed:
+            patch = self._shape.take(placed)
+            msg = placed.extra
+            header = Header(frame_id=self._frame)
+            set_stamp(header.stamp, stamp_to_ns(msg.header.stamp))
+            self._patches.publish(self._message_of(patch, header, msg.sensor))
+            self._model.take(self._shape.model, patch, placed, header)
+
+    def _message_of(self, patch: Patch, header: Header, sensor: str) -> SurfacePatch:
+        if patch.method:
+            return patch_to_msg(patch, header, sensor)
+        message = self._none  # of an edge every contact has none
+        message.header, message.sensor, message.reason = header, sensor, patch.reason
+        return message
+
+
 class ShapeEstimatorNode(TactileNode):
     """
     Estimate the surface at every contact, and gather what was touched.
@@ -116,108 +232,27 @@ class ShapeEstimatorNode(TactileNode):
     def __init__(self, **kwargs: Any):
         super().__init__('shape_estimator', **kwargs)
         compile_kernels()
-        own = declare_from(self, ShapeEstimatorConfig)
-        config = declare_from(self, LocalQuadricConfig)
-        self._model_config = declare_from(self, ModelConfig)
-        self._model = _ModelPublisher(self, own.publish_period, self._model_config.max_points)
-        self._path = ContactPath(config.finger_radius, own.max_gap)
-        self._max_gap_ns, self._touched_ns = round(1e9 * own.max_gap), 0
-        self._by_servo = own.source == 'servo'
-        self._pictures: dict[tuple[int, int], bytes] = {}  # by their stamps
-        self._none = patch_to_msg(refusal(''), Header())
-        self._surface = make_surface_estimator(own.method, config)
-        self._frame: str | None = None
-        self._begin_model()
-        self._patches = self.create_publisher(SurfacePatch, 'surface_patch', 10)
-        if self._by_servo:
-            self.create_subscription(PoseStamped, 'surface_contact', self._on_touch, 10)
+        self._shape = ShapeTopics(self.create_publisher, self._warn, *(
+            declare_from(self, kind)
+            for kind in (ShapeEstimatorConfig, LocalQuadricConfig, ModelConfig)))
+        if self._shape.by_servo:
+            self.create_subscription(
+                PoseStamped, 'surface_contact', self._shape.take_touch, 10)
         else:  # before its contact, where both wait
-            self.create_subscription(TactileImage, 'image', self._on_image, _LATE, raw=True)
+            self.create_subscription(
+                TactileImage, 'image', self._shape.take_image, _LATE, raw=True)
         self.create_subscription(ContactMsg, 'contact', self._on_contact, _LATE)
-        self.create_subscription(PoseStamped, 'sensor_pose', self._on_pose, _POSES)
+        self.create_subscription(PoseStamped, 'sensor_pose', self._shape.take_pose, _POSES)
 
-    def _begin_model(self) -> None:
-        self._surface.reset()
-        self._shape = ShapeEstimator(self._surface, ObjectModel(self._model_config))
-        self._model.begin()
-
-    def _on_pose(self, msg: PoseStamped) -> None:
-        try:
-            pose = pose_from_msg(msg.pose)
-        except TactileError as error:
-            self.get_logger().warning(
-                f'sensor_pose passed over: {error}', throttle_duration_sec=5.0)
-            return
-        if self._frame != msg.header.frame_id:
-            if self._frame is not None:
-                self.get_logger().warning(
-                    f'sensor_pose is now in {msg.header.frame_id!r}, not {self._frame!r}: what '
-                    'was touched is forgotten')
-                self._path.clear()
-                self._begin_model()
-            self._frame = msg.header.frame_id
-        self._take(self._path.add_pose(stamp_to_ns(msg.header.stamp), pose))
-
-    def _on_image(self, raw: bytes) -> None:
-        if len(raw) < 4 + _STAMP.size:
-            return
-        # Few are needed, and to unpack all would cost the most.
-        self._pictures[_STAMP.unpack_from(raw, 4)] = raw
-        if len(self._pictures) > PICTURES:
-            del self._pictures[next(iter(self._pictures))]
+    def _warn(self, text: str) -> None:
+        self.get_logger().warning(text, throttle_duration_sec=5.0)
 
     def _on_contact(self, msg: ContactMsg) -> None:
-        try:
-            contact = contact_from_msg(msg)
-            if self._by_servo and contact.type != ContactType.NONE:
-                return
-            picture = self._picture_at(msg.header.stamp) if needs_picture(contact) else None
-        except TactileError as error:
-            self.get_logger().warning(f'contact passed over: {error}', throttle_duration_sec=5.0)
-            return
-        lost = self._path.lost
-        self._take(self._path.add_contact(stamp_to_ns(msg.header.stamp), contact, msg, picture))
-        if self._path.lost > lost and not self.starting:
-            self.get_logger().warning(
-                f'{self._path.lost} contacts had no sensor_pose within max_gap of their stamp',
-                throttle_duration_sec=5.0)
-
-    def _on_touch(self, msg: PoseStamped) -> None:
-        try:
-            pose = pose_from_msg(msg.pose)
-        except TactileError as error:
-            self.get_logger().warning(
-                f'surface_contact passed over: {error}', throttle_duration_sec=5.0)
-            return
-        if msg.header.frame_id != self._frame:  # before the first pose of the sensor
-            return
-        stamp_ns = stamp_to_ns(msg.header.stamp)
-        anew = not 0 <= stamp_ns - self._touched_ns <= self._max_gap_ns
-        self._touched_ns = stamp_ns
-        contact = SpatialContact(stamp_ns, pose[:3, 3], -pose[:3, 2], edge=False)
-        self._take([Placed(ContactMsg(header=msg.header), contact, anew, '')])
-
-    def _picture_at(self, stamp: Any) -> Image | None:
-        raw = self._pictures.get((stamp.sec, stamp.nanosec))
-        try:
-            return None if raw is None else image_from_msg(unpacked(raw, TactileImage))
-        except TactileError:
-            return None
-
-    def _take(self, all_placed: list[Placed]) -> None:
-        for placed in all_placed:
-            patch = self._shape.take(placed)
-            msg = placed.extra
-            header = Header(stamp=msg.header.stamp, frame_id=self._frame)
-            self._patches.publish(self._message_of(patch, header, msg.sensor))
-            self._model.take(self._shape.model, patch, placed, header)
-
-    def _message_of(self, patch: Patch, header: Header, sensor: str) -> SurfacePatch:
-        if patch.method:
-            return patch_to_msg(patch, header, sensor)
-        message = self._none  # of an edge every contact has none
-        message.header, message.sensor, message.reason = header, sensor, patch.reason
-        return message
+        lost = self._shape.lost
+        self._shape.take_contact(msg)
+        if self._shape.lost > lost and not self.starting:
+            self._warn(f'{self._shape.lost} contacts had no sensor_pose within max_gap of their '
+                       'stamp')
 
 
 def main(args: list[str] | None = None) -> int:

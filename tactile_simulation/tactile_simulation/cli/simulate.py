@@ -119,7 +119,7 @@ def goal_of(options: argparse.Namespace, scene: Scene) -> EdgeGoal | SurfaceGoal
                     f'is asked for {scene.action}')
     goal = mine.goal(options, scene, **{name: given[name] for name in mine.options
                                         if name in given})
-    return replace(goal, client_timeout=CLIENT_TIMEOUT)
+    return replace(goal, client_timeout=CLIENT_TIMEOUT if options.fault else 0.0)
 
 
 def simulation_of(options: argparse.Namespace, scene: Scene) -> Simulation:

@@ -1,0 +1,1 @@
+"""Recordings run through the same cores as the nodes, without a graph."""

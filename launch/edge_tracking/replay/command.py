@@ -1,0 +1,92 @@
+"""The command `replay`."""
+import argparse
+from collections.abc import Sequence
+import math
+from pathlib import Path
+import sys
+
+from edge_tracking.replay.many import bags_in, replay_many
+from edge_tracking.replay.one import describe, Options, replay_one, TOLERANCE
+from tactile_common.command_line import between, Parser, refusing
+from tactile_common.errors import ConfigurationError
+from tactile_common.progress import Progress
+
+
+def parser() -> argparse.ArgumentParser:
+    """Command line."""
+    arguments = Parser(
+        prog='replay', formatter_class=argparse.RawDescriptionHelpFormatter,
+        description='Run recordings through the cores of contact estimator, servo and shape '
+        'estimator, without a graph\nand as fast as this machine can; the same bag gives the '
+        'same bytes.',
+        epilog='Exit status: 0 all was read, and equals what it is compared with; 1 it differs; '
+        '2 it cannot be read\nwhole, or an option is wrong.')
+    add = arguments.add_argument
+    add('bags', nargs='+', metavar='BAG',
+        help='folder, .mcap or .db3 file of a recording, or a folder of many')
+    add('--from', dest='source', choices=('image', 'contact'), default='image',
+        help='estimate contacts anew (default), or take the recorded ones')
+    add('--set', dest='changes', action='append', default=[], metavar='NODE.PARAM=VALUE',
+        help='another value of a parameter, for instance edge_servo.force.gain=0.5')
+    add('-o', '--out', type=Path, metavar='OUT',
+        help='new folder to write: bag, contacts.csv, cycles.csv, result.json')
+    add('--compare', nargs='?', const='', metavar='OTHER',
+        help='compare with what was recorded, or with another bag')
+    add('--tolerance', action='append', default=[], metavar='[[TOPIC.]FIELD=]VALUE',
+        help=f'that a field may differ by (default {TOLERANCE:g})')
+    add('--namespace', help='of the sensor in a bag that has several')
+    add('--jobs', type=between(1, 1000, kind=int), default=1, metavar='N',
+        help='of many bags, replay as many at a time; those done before in OUT are skipped')
+    add('--dask', default='', metavar='ADDRESS',
+        help='of many bags, replay them on a cluster that sees the same files')
+    return arguments
+
+
+def options_of(given: argparse.Namespace) -> Options:
+    """Options of a command line; ConfigurationError of a wrong one."""
+    tolerances = {}
+    for text in given.tolerance:
+        name, _, number = text.rpartition('=')
+        try:
+            tolerances[name] = float(number)
+        except ValueError:
+            tolerances[name] = math.nan
+        if not tolerances[name] >= 0.0:
+            raise ConfigurationError(f'--tolerance {text}: must be FIELD=VALUE, not negative')
+    return Options(given.source, tuple(given.changes), given.out, given.compare is not None,
+                   given.compare or '', tolerances, given.namespace)
+
+
+def main(args: list[str] | None = None) -> int:
+    """Run the command; exit status as `--help` says."""
+    with refusing('replay') as command:
+        args = sys.argv[1:] if args is None else args
+        given = parser().parse_args(args)
+        options, bags = options_of(given), bags_in(given.bags)
+        if len(bags) == 1 and not given.dask:
+            result = replay_one(bags[0], options)
+            print(describe(result), file=sys.stderr)
+            command.status = result.status
+        else:
+            command.status = _replay_many(given, bags)
+    return command.status
+
+
+def _replay_many(given: argparse.Namespace, bags: Sequence[Path]) -> int:
+    """Replay many, one row each; the worst exit status."""
+    passed = ['--from', given.source]
+    for name, values in (('--set', given.changes), ('--tolerance', given.tolerance),
+                         ('--compare', [given.compare] if given.compare is not None else []),
+                         ('--namespace', [given.namespace] if given.namespace else [])):
+        passed += [part for value in values for part in (name, value) if part]
+    worst = 0
+    with Progress(len(bags)) as progress:
+        for done, row in enumerate(replay_many(bags, passed, given.out, given.jobs, given.dask)):
+            print(f'{row.status}  {row.bag}  {row.text}')
+            progress.show(done + 1, 'replay', f'{done + 1} of {len(bags)} bags')
+            worst = max(worst, row.status)
+    return worst
+
+
+if __name__ == '__main__':
+    sys.exit(main())

@@ -1,0 +1,158 @@
+"""What was recorded beside what was replayed: which fields differ, by how much, and since when."""
+from collections.abc import Iterator
+from dataclasses import dataclass, field, fields, is_dataclass
+import math
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from tactile_common.ros.conversions import NS, stamp_to_ns
+
+TOLERANCE = 1e-9
+# Topics that are compared, and their fields that tell of the machine.
+COMPARED: dict[str, tuple[str, ...]] = {
+    'contact': ('latency',), 'wrench': (), 'surface_patch': (), 'contour': (),
+    'surface_contact': (), 'sensor_pose': (), 'joint_trajectory': (),
+    'servo_status': ('latency', 'cycle_time', 'cpu_time', 'cycles', 'missed_cycles')}
+FIRST = 10  # differences that are listed
+WAIT = 5 * NS  # for the other one of two messages
+
+
+class Difference(NamedTuple):
+    """Two values that differ."""
+
+    stamp_ns: int
+    topic: str
+    field: str
+    recorded: Any
+    replayed: Any
+    size: float  # inf where they are no numbers
+
+
+@dataclass
+class Tally:
+    """What was found on a topic."""
+
+    compared: int = 0
+    begin: float = math.inf  # stamps of the first and the last pair
+    end: float = -math.inf
+    only: list[int] = field(default_factory=lambda: [0, 0])  # recorded, replayed
+    differing: int = 0
+    fields: dict[str, list[float]] = field(default_factory=dict)  # count and largest difference
+
+
+class Comparison:
+    """
+    Messages of two sides, 0 recorded and 1 replayed, in pairs by their stamps.
+
+    Messages of a side alone count where the other has some before and after: a recording begins
+    and ends in the middle. `tolerances` are by `topic.field`, `field` or '' for all; else
+    `TOLERANCE` holds.
+    """
+
+    def __init__(self, tolerances: dict[str, float]):
+        self._tolerances = tolerances
+        self._waiting: tuple[dict, dict] = ({}, {})
+        self._unstamped: dict[tuple[str, int], int] = {}
+        self.topics: dict[str, Tally] = {}
+        self.first: list[Difference] = []
+
+    def take(self, side: int, topic: str, message: Any, now_ns: int) -> None:
+        """Take a message of a side; it is compared once the other one is there."""
+        stamp = stamp_to_ns(message.header.stamp)
+        if not stamp:  # a window that begins as it is received
+            stamp = -1 - self._unstamped.get((topic, side), 0)
+            self._unstamped[topic, side] = -stamp
+        other = self._waiting[1 - side].pop((topic, stamp), None)
+        if other is None:
+            self._waiting[side][topic, stamp] = message, now_ns
+        else:
+            pair = (other[0], message)
+            self._compare(topic, stamp, *(pair if side else pair[::-1]))
+        self._give_up(now_ns - WAIT)
+
+    def _give_up(self, before_ns: int) -> None:
+        for side, waiting in enumerate(self._waiting):
+            while waiting and (first := next(iter(waiting.items())))[1][1] < before_ns:
+                (topic, stamp), _ = first
+                del waiting[first[0]]
+                tally = self.topics.setdefault(topic, Tally())
+                tally.only[side] += tally.begin < abs(stamp) < tally.end
+
+    def finish(self) -> None:
+        """Say that nothing comes any more."""
+        self._give_up(1 << 62)
+
+    def _compare(self, topic: str, stamp: int, before: Any, after: Any) -> None:
+        tally = self.topics.setdefault(topic, Tally())
+        tally.compared += 1
+        tally.begin, tally.end = min(tally.begin, abs(stamp)), max(tally.end, abs(stamp))
+        found = list(self._differences(topic, before, after))
+        tally.differing += bool(found)
+        for name, one, other, size in found:
+            known = tally.fields.setdefault(name, [0, 0.0])
+            known[0] += 1
+            known[1] = max(known[1], size)
+            if len(self.first) < FIRST:
+                self.first.append(Difference(stamp, topic, name, one, other, size))
+
+    def _differences(self, topic: str, one: Any, other: Any) -> Iterator[tuple]:
+        default = self._tolerances.get('', TOLERANCE)
+        for name, a, b in _leaves('', one, other):
+            if name.split('.')[0] in COMPARED[topic]:
+                continue
+            bare = name.split('[')[0]
+            within = self._tolerances.get(
+                f'{topic}.{bare}', self._tolerances.get(bare, default))
+            size = _distance(a, b)
+            if size > within:
+                yield name, a, b, size
+
+    @property
+    def equal(self) -> bool:
+        """Whether nothing differs, and something was compared."""
+        return any(it.compared for it in self.topics.values()) and not any(
+            it.differing or any(it.only) for it in self.topics.values())
+
+    def table(self) -> str:
+        """Short table of what was compared, and the first differences."""
+        lines = ['topic               compared  differ  only recorded  only replayed']
+        for topic, it in self.topics.items():
+            lines.append(f'{topic:18} {it.compared:9} {it.differing:7} {it.only[0]:14} '
+                         f'{it.only[1]:14}')
+            lines += [f'  {name}: {count:.0f} differ, by {most:.3g} at most'
+                      for name, (count, most) in sorted(
+                          it.fields.items(), key=lambda pair: -pair[1][0])[:5]]
+        for found in self.first:
+            stamp = found.stamp_ns
+            at = f'{stamp / NS:.6f} s' if stamp > 0 else f'number {-stamp}'
+            text = (f'{found.topic} at {at}: {found.field} was {found.recorded}, '
+                    f'is {found.replayed}')
+            lines.append(' '.join(text.split()))
+        return '\n'.join(lines)
+
+
+def _leaves(name: str, one: Any, other: Any) -> Iterator[tuple[str, Any, Any]]:
+    """Names and values of two messages of one type, those of numbers in arrays together."""
+    if is_dataclass(one):
+        for item in fields(one):
+            if not item.name.startswith('__'):
+                below = f'{name}.{item.name}' if name else item.name
+                yield from _leaves(below, getattr(one, item.name), getattr(other, item.name, None))
+    elif isinstance(one, list) and isinstance(other, list) and len(one) == len(other):
+        for index, (a, b) in enumerate(zip(one, other, strict=True)):
+            yield from _leaves(f'{name}[{index}]', a, b)
+    else:
+        yield name, one, other
+
+
+def _distance(one: Any, other: Any) -> float:
+    """How far apart two values are, of those beyond 1 relative; NaN is near to NaN alone."""
+    if isinstance(one, (str, list)) or isinstance(other, (str, list)):
+        return 0.0 if one == other else math.inf
+    a, b = (np.asarray(it, dtype=float) for it in (one, other))
+    if a.shape != b.shape or (np.isnan(a) != np.isnan(b)).any():
+        return math.inf
+    other = ~((a == b) | np.isnan(a))
+    a, b = a[other], b[other]
+    return float((np.abs(a - b) / np.fmax(np.abs(a), 1.0)).max(initial=0.0))

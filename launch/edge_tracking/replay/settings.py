@@ -1,0 +1,96 @@
+"""What the nodes of a recording ran with, and what is to be changed of it."""
+from collections.abc import Sequence
+from contextlib import suppress
+from dataclasses import dataclass, field
+from typing import Any
+
+from rcl_interfaces.msg import ParameterType as Kind
+import yaml
+
+from edge_tracking.parameters import NODES, parameters_of, SERVO
+from tactile_common.config import did_you_mean
+from tactile_common.errors import ConfigurationError
+from tactile_common.parameter_file import ParameterFile, refuse_unknown
+from tactile_common.ros.bag_reader import Bag
+from tactile_servo.laws.registry import DEFAULT
+from tactile_servo.robot_config import NodeConfig
+
+REPLAYED = ('contact_estimator', 'shape_estimator', SERVO)
+_VALUES = {
+    Kind.PARAMETER_BOOL: 'bool_value', Kind.PARAMETER_INTEGER: 'integer_value',
+    Kind.PARAMETER_DOUBLE: 'double_value', Kind.PARAMETER_STRING: 'string_value',
+    Kind.PARAMETER_BOOL_ARRAY: 'bool_array_value',
+    Kind.PARAMETER_INTEGER_ARRAY: 'integer_array_value',
+    Kind.PARAMETER_DOUBLE_ARRAY: 'double_array_value',
+    Kind.PARAMETER_STRING_ARRAY: 'string_array_value'}
+
+
+@dataclass
+class Settings:
+    """Parameters by node: `recorded`, and `changed` in place of some of these."""
+
+    recorded: dict[str, dict[str, Any]] = field(default_factory=dict)
+    changed: dict[str, dict[str, Any]] = field(default_factory=dict)
+
+    @classmethod
+    def of(cls, bag: Bag, topic: str) -> 'Settings':
+        """Read the parameters with which each node began, and what a replay has changed."""
+        found: dict[str, dict[str, Any]] = {}
+        with suppress(ConfigurationError):  # whoever reads all of it is told
+            for row in bag.messages([topic]):
+                message = row.message
+                node = message.node.rpartition('/')[2]
+                found.setdefault(node, _told(message.new_parameters)).update(
+                    _told(message.changed_parameters))
+        return cls(found)
+
+    def change(self, wishes: Sequence[str]) -> None:
+        """Change what NODE.PARAM=VALUE says; ConfigurationError of what there is not."""
+        for wish in wishes:
+            place, equals, text = wish.partition('=')
+            node, _, name = place.partition('.')
+            if not (name and equals):
+                raise ConfigurationError(f'--set {wish}: must be NODE.PARAM=VALUE')
+            if node not in REPLAYED:
+                raise ConfigurationError(f'--set {wish}: no node {node} is replayed'
+                                         f'{did_you_mean(node, REPLAYED)}')
+            self.changed.setdefault(node, {})[name] = _value(wish, text)
+        for node, values in self.changed.items():
+            try:
+                refuse_unknown(values, [it.name for it in parameters_of(node, self.law)])
+                for kind in NODES[node]:
+                    self.config(node, kind)
+            except ConfigurationError as error:
+                raise ConfigurationError(f'--set {node}: {error}') from error
+
+    def config(self, node: str, kind: type) -> Any:
+        """Dataclass of the parameters of a node."""
+        return ParameterFile().config(node, kind, {
+            **self.recorded.get(node, {}), **self.changed.get(node, {})})
+
+    @property
+    def law(self) -> str:
+        """Law of the servo."""
+        return str(self.config(SERVO, NodeConfig).law) if self.has_robot else DEFAULT
+
+    @property
+    def has_robot(self) -> bool:
+        """Whether the servo's parameters are known."""
+        return bool(self.recorded.get(SERVO, {}).get('robot_description'))
+
+
+def _value(wish: str, text: str) -> Any:
+    try:
+        value = yaml.safe_load(text)
+    except yaml.YAMLError as error:
+        raise ConfigurationError(f'--set {wish}: {text!r} is no value') from error
+    with suppress(ValueError):
+        return float(value) if isinstance(value, str) else value  # 1e-3 is no number of YAML
+    return value
+
+
+def _told(parameters: Sequence[Any]) -> dict[str, Any]:
+    values = {it.name: getattr(it.value, _VALUES[it.value.type]) for it in parameters
+              if it.value.type in _VALUES}
+    return {name: tuple(value) if hasattr(value, '__len__') and not isinstance(value, str)
+            else value for name, value in values.items()}

@@ -1,0 +1,217 @@
+"""The command `replay`: what it writes, what it refuses, what it says of bags that are broken."""
+import csv
+import errno
+import json
+import math
+from pathlib import Path
+
+from geometry_msgs.msg import PoseStamped as Pose
+import numpy as np
+import pytest
+from rclpy.qos import QoSProfile
+from rclpy.serialization import serialize_message
+from rosbags.rosbag2 import StoragePlugin, Writer
+from std_msgs.msg import String
+
+from edge_tracking.recording.writer import BagWriter
+from edge_tracking.replay.command import main
+from edge_tracking.replay.comparison import _distance, Comparison
+from tactile_common.ros.bag_reader import Bag
+from tactile_common.ros.cdr import packed, unpacked
+from tactile_common.ros.message_definitions import definition
+
+GOLDEN = Path(__file__).resolve().parents[2] / 'test/golden/noise'
+
+
+def run(capsys, *args):
+    """Exit status and what was said."""
+    status = main([str(arg) for arg in args])
+    return status, capsys.readouterr().err
+
+
+def file_of(folder):
+    """The file of a bag."""
+    return next(folder.glob('*.mcap'))
+
+
+def test_two_replays_are_the_same_bytes(capsys, tmp_path):
+    for name in ('one', 'two'):
+        (tmp_path / name).mkdir()
+        assert run(capsys, GOLDEN, '-o', tmp_path / name / 'out')[0] == 0
+    for name in ('bag/bag.mcap', 'bag/metadata.yaml', 'contacts.csv', 'cycles.csv'):
+        one, two = ((tmp_path / it / 'out' / name).read_bytes() for it in ('one', 'two'))
+        assert one == two
+
+
+def test_a_replay_can_be_replayed_and_compared(capsys, tmp_path):
+    status, text = run(capsys, GOLDEN, '-o', tmp_path / 'out', '--compare')
+    assert status == 0 and 'equal within the tolerance' in text
+    assert run(capsys, tmp_path / 'out/bag', '--compare')[0] == 0
+    assert run(capsys, GOLDEN, '--compare', tmp_path / 'out/bag')[0] == 0
+    with (tmp_path / 'out/cycles.csv').open() as file:
+        rows = list(csv.DictReader(file))
+    assert rows[-1]['state'] == 'track' and math.isfinite(float(rows[-1]['normal_force']))
+    assert json.loads((tmp_path / 'out/result.json').read_text())['status'] == 0
+
+
+def test_recorded_contacts_give_the_same(capsys):
+    status, text = run(capsys, GOLDEN, '--from', 'contact', '--compare')
+    assert status == 0 and 'joint_trajectory' in text and '\ncontact ' not in text
+
+
+def test_what_if(capsys, tmp_path):
+    change = '--set', 'edge_servo.approach.speed=0.02'
+    status, text = run(capsys, GOLDEN, *change, '--compare', '-o', tmp_path / 'out')
+    assert status == 1 and 'they differ' in text and 'servo_status at 1.' in text
+    # What was changed is in the bag that was written.
+    assert run(capsys, tmp_path / 'out/bag', '--compare')[0] == 0
+    assert run(capsys, GOLDEN, *change, '--compare', tmp_path / 'out/bag')[0] == 0
+
+
+def test_tolerances_are_by_field(capsys):
+    change = GOLDEN, '--from', 'contact', '--set', 'edge_servo.approach.speed=0.0100001'
+    assert run(capsys, *change, '--compare')[0] == 1
+    assert run(capsys, *change, '--compare', '--tolerance', '1')[0] == 0
+    assert run(capsys, *change, '--compare', '--tolerance', 'speed=1')[0] == 1
+
+
+@pytest.mark.parametrize('args, text', [
+    (['--set', 'edge_servo.force.gian=1'], 'no parameter force.gian; did you mean'),
+    (['--set', 'edge_servoo.rate=1'], 'no node edge_servoo is replayed; did you mean edge_servo?'),
+    (['--set', 'edge_servo.rate=1e9'], 'rate is 1000000000.0, must be between 10 and 2000 Hz'),
+    (['--set', 'edge_servo.rate'], 'must be NODE.PARAM=VALUE'),
+    (['--set', 'contact_estimator.method=[1'], '--set contact_estimator.method=[1'),
+    (['--tolerance', 'x=-1'], '--tolerance x=-1: must be'),
+    (['--namespace', 'left'], 'has no /left/image'),
+    (['-o', GOLDEN], 'File exists')])
+def test_what_is_wrong_is_refused_in_a_line(capsys, args, text):
+    status, said = run(capsys, GOLDEN, *args)
+    assert status == 2 and text in said and said.count('\n') == 1
+
+
+def test_a_bag_that_was_cut_is_replayed_up_to_there(capsys, tmp_path):
+    whole = file_of(GOLDEN).read_bytes()
+    cut = tmp_path / 'cut.mcap'
+    cut.write_bytes(whole[:-200])
+    status, text = run(capsys, cut, '--compare')
+    assert status == 2 and 'equal within the tolerance' in text
+    assert f'cut.mcap ends at byte {len(whole) - 200} without its index' in text.splitlines()[-1]
+    assert cut.read_bytes() == whole[:-200]
+
+
+def test_a_damaged_bag_says_where(capsys, tmp_path):
+    data = bytearray(file_of(GOLDEN).read_bytes())
+    data[len(data) // 2] ^= 0xFF
+    (tmp_path / 'bad.mcap').write_bytes(data)
+    status, text = run(capsys, tmp_path / 'bad.mcap')
+    assert status == 2 and 'bad.mcap' in text
+
+
+def test_empty_and_foreign_bags(capsys, tmp_path):
+    BagWriter(tmp_path / 'foreign', [('/chatter', String, QoSProfile(depth=1))]).close()
+    (tmp_path / 'empty.mcap').touch()
+    for name, text in (('foreign', "has no image and no contact of a tactile sensor; there are "
+                        "['/chatter']"), ('empty.mcap', 'seems to be empty'),
+                       ('none', 'there is no such bag')):
+        status, said = run(capsys, tmp_path / name, '-o', tmp_path / 'out')
+        assert status == 2 and text in said
+        assert not (tmp_path / 'out').exists()
+
+
+def copy_without(path, *names):
+    """Write a golden bag again without some topics."""
+    with Bag(GOLDEN) as bag, Writer(path, version=9, storage_plugin=StoragePlugin.MCAP) as writer:
+        kept = [topic for topic in bag.topics if topic.rpartition('/')[2] not in names]
+        to = {topic: writer.add_connection(
+            topic, bag.topics[topic], msgdef=definition(bag.topics[topic]).text,
+            rihs01=definition(bag.topics[topic]).digest) for topic in kept}
+        for row in bag.messages(kept, raw=True):
+            writer.write(to[row.topic], row.received_ns, row.message)
+
+
+def test_a_bag_of_before_replays_without_the_servo(capsys, tmp_path):
+    copy_without(tmp_path / 'old', 'servo_calls', 'parameters')
+    status, text = run(capsys, tmp_path / 'old', '--compare')
+    assert status == 0, text
+    assert 'estimator and shape alone are replayed' in text and 'the defaults hold' in text
+    assert 'surface_patch' in text and 'joint_trajectory ' not in text
+
+
+def test_inputs_that_were_not_recorded_are_told(capsys, tmp_path):
+    copy_without(tmp_path / 'deaf', 'joint_states')
+    assert 'joint_states' in str(Bag(GOLDEN).topics)
+    status, text = run(capsys, tmp_path / 'deaf', '--compare')
+    assert status == 1 and 'joint_trajectory' in text
+
+
+def test_many_bags_fail_alone_and_are_not_done_again(capsys, tmp_path):
+    many, out = tmp_path / 'many', tmp_path / 'out'
+    many.mkdir()
+    (many / 'broken.mcap').touch()
+    (many / 'good.mcap').write_bytes(file_of(GOLDEN).read_bytes())
+    args = [str(many), '--compare', '--jobs', '2', '-o', str(out)]
+    assert main(args) == 2
+    rows = capsys.readouterr().out.splitlines()
+    assert [row[0] for row in rows] == ['2', '0'] and 'empty' in rows[0]
+    assert main(args) == 2
+    assert 'done before' in capsys.readouterr().out.splitlines()[1]
+
+
+def pictures(count):
+    """Write texts into a bag that is not closed; its writer."""
+    def write(path):
+        writer = BagWriter(path, [('/text', String, QoSProfile(depth=1))])
+        for k in range(count):
+            writer.write(0, k * 100_000_000, serialize_message(String(data=f'{k}')))
+        return writer
+    return write
+
+
+def test_a_killed_recording_is_readable(tmp_path):
+    pictures(50)(tmp_path / 'bag')  # and never closed
+    rows = []
+    with pytest.raises(Exception, match='without its index'), Bag(tmp_path / 'bag') as bag:
+        for row in bag.messages(['/text']):
+            rows.append(row.message.data)
+    assert rows == [f'{k}' for k in range(len(rows))] and 35 < len(rows) < 50
+
+
+def test_a_full_disk_leaves_what_there_is(tmp_path, monkeypatch):
+    writer = pictures(50)(tmp_path / 'bag')
+
+    def full(*_):
+        raise OSError(errno.ENOSPC, 'No space left on device')
+    monkeypatch.setattr(writer._writer.storage, 'close_chunk', full)
+    with pytest.raises(OSError, match='No space left'):
+        writer.write(0, 100_000_000_000, b'')
+    writer.abort()
+    with Bag(tmp_path / 'bag') as bag:
+        assert bag.count('/text') > 35
+
+
+def test_distances_of_values():
+    assert _distance(math.nan, math.nan) == 0.0 and _distance(1.0, math.nan) == math.inf
+    assert _distance(math.inf, math.inf) == 0.0 and _distance('a', 'b') == math.inf
+    assert _distance(np.array([1.0, math.nan]), np.array([1.5, math.nan])) == 0.5
+    assert _distance(np.zeros(2), np.zeros(3)) == math.inf
+
+
+def test_a_message_of_one_side_alone_differs_between_others():
+    def at(second):
+        message = Pose()
+        message.header.stamp.sec = second
+        return unpacked(packed(message), Pose)
+
+    def compared(*recorded):
+        comparison = Comparison({})
+        for second in range(1, 6):
+            comparison.take(1, 'contact', at(second), second)
+        for second in recorded:
+            comparison.take(0, 'contact', at(second), second)
+        comparison.finish()
+        return comparison
+    assert compared(1, 2, 3, 4, 5).equal
+    assert compared(2, 3, 4).equal  # it began later and ended sooner
+    gap = compared(1, 2, 4, 5)
+    assert not gap.equal and gap.topics['contact'].only == [0, 1]
+    assert not compared().equal  # nothing was compared
