@@ -70,7 +70,8 @@ class SensorWatch:
 
 
 @njit(cache=True)
-def _compare(stress, before, quiet, interval, loaded, floor):
+def _compare(stress: np.ndarray, before: np.ndarray, quiet: np.ndarray, interval: np.ndarray,
+             loaded: bool, floor: float) -> tuple[bool, float, float, float]:
     """
     Compare an image (N,) with the one before, and count on in `quiet` and `interval` (N,).
 
@@ -100,5 +101,5 @@ def _compare(stress, before, quiet, interval, loaded, floor):
     for n in range(stress.size):
         if interval[n] < LIVELY and quiet[n] > SILENT * max(interval[n], total / count):
             silent += 1
-    median = np.median(measured[:known]) if known else 0.0
+    median = float(np.median(measured[:known])) if known else 0.0
     return changed, count / stress.size, silent / max(count, 1), median
