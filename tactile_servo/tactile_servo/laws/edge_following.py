@@ -114,6 +114,7 @@ class EdgeFollowing:
     def resume(self) -> None:
         """Go on from a standstill, with the edge known so far."""
         self._motion.reset()
+        self.sight.press.forget()
         self._going.reached_at, self._going.pressed = None, False
         self._mode, self._searching = Following(), Searching()
 

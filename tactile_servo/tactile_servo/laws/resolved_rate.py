@@ -8,6 +8,7 @@ import numpy as np
 
 from tactile_common.config import bounded
 from tactile_sensing.types.array import TactelArray
+from tactile_sensing.types.contact import ContactType
 from tactile_sensing.types.image import SensorInfo
 from tactile_servo.config import ServoConfig
 from tactile_servo.control.lap_guard import LapGuard
@@ -179,6 +180,7 @@ class ResolvedRate:
     def resume(self) -> None:
         """Go on from a standstill."""
         self._speed = 0.0
+        self._press.forget()
 
     def observe(self, observation: Observation) -> None:
         """Take a contact."""

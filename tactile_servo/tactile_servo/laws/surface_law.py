@@ -109,6 +109,7 @@ class SurfaceLaw:
     def resume(self) -> None:
         """Go on from a standstill, along the same path."""
         self._motion.stand()
+        self._press.forget()
         self._going.reached_at = -math.inf
 
     def observe(self, observation: Observation) -> None:
