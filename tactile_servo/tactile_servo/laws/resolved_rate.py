@@ -8,7 +8,6 @@ import numpy as np
 
 from tactile_common.config import bounded
 from tactile_sensing.types.array import TactelArray
-from tactile_sensing.types.contact import ContactType
 from tactile_sensing.types.image import SensorInfo
 from tactile_servo.config import ServoConfig
 from tactile_servo.control.lap_guard import LapGuard
