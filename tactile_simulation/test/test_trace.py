@@ -209,7 +209,8 @@ def test_latency_is_no_part_of_the_lateral_loop():
 def test_late_pictures_do_no_harm_at_any_speed(scene, latency):
     _, summary = follow(scene, 0.2, latency=latency)
     assert summary['ok'] and summary['reason_code'] == 'edge_ended'
-    assert summary['lateral_max'] < 0.5e-3 and summary['force_max'] < 7.5
+    # 1.5 times the force and 2 N, the most that any fault may cause.
+    assert summary['lateral_max'] < 0.5e-3 and summary['force_max'] < 9.5
 
 
 def test_pictures_too_late_to_be_used_hold_with_the_reason():
