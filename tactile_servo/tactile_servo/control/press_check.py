@@ -5,7 +5,7 @@ import numpy as np
 # Of the way along what is tracked, by which the depth may seem to grow: error of its slope.
 SLOPE_ERROR = 0.002
 # A sensor that does not tell so much of the force, a share of it and beyond [N], is not believed.
-UNTOLD_SHARE, UNTOLD = 0.3, 2.0
+UNTOLD_SHARE, UNTOLD = 0.3, 1.5
 
 
 def most_unexplained(force: float, stiffness: float) -> float:
