@@ -34,7 +34,7 @@ class PressCheck:
         """Begin anew with the next image: what is touched may lie deeper from here on."""
         self.unexplained, self._seen = 0.0, False
         self._place = self._normal = np.zeros(3)
-        self._told = 0.0
+        self._indentation = 0.0
 
     def see(self, place: np.ndarray, normal: np.ndarray, indentation: float) -> None:
         """
@@ -45,8 +45,8 @@ class PressCheck:
         """
         if self._seen:
             way = place - self._place
-            deeper = 0.5 * float((normal + self._normal) @ way) - (indentation - self._told)
+            deeper = 0.5 * float((normal + self._normal) @ way) - (indentation - self._indentation)
             deeper -= SLOPE_ERROR * float(np.linalg.norm(way))
             self.unexplained = max(self.unexplained + deeper, 0.0)
         self._seen = True
-        self._place, self._normal, self._told = place, normal, indentation
+        self._place, self._normal, self._indentation = place, normal, indentation
