@@ -107,11 +107,6 @@ def damage_empty_metadata(path):
     return path
 
 
-def damage_no_metadata(path):
-    (path / 'metadata.yaml').unlink()
-    return path
-
-
 def damage_text(path):
     (path / 'notes.txt').write_text('no bag')
     return path / 'notes.txt'
@@ -140,10 +135,19 @@ def damage_zeros(path):
 
 
 @pytest.mark.parametrize('damage', [
-    damage_missing, damage_metadata, damage_empty_metadata, damage_no_metadata, damage_text,
+    damage_missing, damage_metadata, damage_empty_metadata, damage_text,
     damage_cut, damage_ones, damage_zeros])
 def test_what_is_no_bag_gets_one_clear_line(tmp_path, scene, damage):
     path = damage(write_bag(tmp_path / 'run', scene, topics=TOPICS[:1]).path)
     with pytest.raises(ConfigurationError) as caught:
         read_run(path)
     assert str(path) in str(caught.value) and '\n' not in str(caught.value)
+
+
+def test_a_whole_file_is_read_without_metadata(tmp_path, scene):
+    # As a recorder leaves it that was killed before it had written these.
+    path = write_bag(tmp_path / 'run', scene, topics=TOPICS[:1]).path
+    whole = read_run(path)
+    (path / 'metadata.yaml').unlink()
+    assert len(whole.images.stamp_ns) and (
+        read_run(path).images.stamp_ns == whole.images.stamp_ns).all()

@@ -138,8 +138,10 @@ class Supervisor:
         if refused is None and self.inputs.sensor is None:
             return Refusal(ReasonCode.NO_IMAGE, 'no sensor_info has been received')
         lacking = self.inputs.contact_missing(images=False)
-        untared = lacking is not None and lacking.code is ReasonCode.NOT_TARED
-        return refused or (lacking if untared else None)
+        if refused is not None or lacking is None or lacking.code is not ReasonCode.NOT_TARED:
+            return refused
+        # Of a sensor that was tared just now, the next contact will say so.
+        return None if self.inputs.sensor and self.inputs.sensor.tared_at_ns else lacking
 
     def note(self, refusal: Refusal) -> None:
         """Put a refusal into the status of an idle servo: it has no other answer."""
@@ -153,7 +155,7 @@ class Supervisor:
             raise GoalRefused(refusal or Refusal(ReasonCode.BUSY))
         self.law.begin(goal, inputs.sensor)
         self.motion.seed(inputs.joints.value)
-        self.motion.delay.longest = 0.0
+        self.motion.delay.forget()
         self.run = GoalRun(goal, self.config, self.law, inputs, self.motion, self._machine)
         self._silence = 0.0
         self._machine.fire(Event.START, Reason(ReasonCode.GOAL_ACCEPTED), now)

@@ -36,17 +36,18 @@ class PressCheck:
         self._place = self._normal = np.zeros(3)
         self._indentation = 0.0
 
-    def see(self, place: np.ndarray, normal: np.ndarray, indentation: float) -> None:
+    def see(self, place: np.ndarray, normal: np.ndarray, indentation: float,
+            met: bool = True) -> None:
         """
         Take what an image tells of the indentation at a place (3,) [m].
 
         In direction of the unit normal (3,) it grows; square to that the pad is moved along what
-        it touches.
+        it touches. The sum begins once the force was `met`: a lightly pressed skin is softer.
         """
         if self._seen:
             way = place - self._place
             deeper = 0.5 * float((normal + self._normal) @ way) - (indentation - self._indentation)
             deeper -= SLOPE_ERROR * float(np.linalg.norm(way))
             self.unexplained = max(self.unexplained + deeper, 0.0)
-        self._seen = True
+        self._seen = self._seen or met
         self._place, self._normal, self._indentation = place, normal, indentation

@@ -8,6 +8,7 @@ import numpy as np
 
 from tactile_common.config import bounded
 from tactile_sensing.types.array import TactelArray
+from tactile_sensing.types.contact import ContactType
 from tactile_sensing.types.image import SensorInfo
 from tactile_servo.config import ServoConfig
 from tactile_servo.control.lap_guard import LapGuard
@@ -153,7 +154,7 @@ class ResolvedRate:
         self._age, self.shortest, self._looked = servo.input.max_stamp_age, math.inf, -math.inf
         self._shown, self._problem, self._speed = -math.inf, '', 0.0
         self._twist, self._slowed = np.zeros(6), 0.0
-        self._press, self._met = PressCheck(), False
+        self._press = PressCheck()
 
     def retune(self, config: ResolvedRateConfig) -> None:
         """Take other gains from now on."""
@@ -172,7 +173,7 @@ class ResolvedRate:
         self.features, self._problem, self._begun = UNKNOWN, '', True
         self.error = None
         self._looked = self._shown = -math.inf
-        self._laps, self._progress, self._met = LapGuard(), 0.0, False
+        self._laps, self._progress = LapGuard(), 0.0
         self._press.forget()
         self.resume()
 
@@ -200,17 +201,23 @@ class ResolvedRate:
         if features is not None:
             self.features, self._shown = features, arrival
             self.error = TaskError(features.lateral, angle=features.yaw, force=features.force)
-            pose = observation.pose()
-            self._met = self._met or features.force > MET * self.goal.force
-            if pose is not None and self._met:
-                tilt = features.tilt
-                self._press.see(pose[:3, 3], pose[:3, :3] @ [0.0, math.sin(tilt), math.cos(tilt)],
-                                features.force / self.config.force.stiffness)
+            self._compare_depth(observation, features)
         if self.features is not UNKNOWN:  # until the next one this stays, whatever the speed
             self._twist = edge_twist(self.features, 0.0, self.goal.force, self.config,
                                      self.shortest)
             self._slowed = min(alignment_scale(self.features, self._array.half_width_x),
                                contact_scale(self.features, self.goal.force))
+
+    def _compare_depth(self, observation: Observation, features: EdgeFeatures) -> None:
+        contact, pose = observation.contact, observation.pose()
+        if contact is None or pose is None or not (contact.valid and contact.force_valid):
+            return
+        if contact.type == ContactType.LINE:  # K_z = 2 L k: whatever length is under the pad
+            up = [0.0, math.sin(features.tilt), math.cos(features.tilt)]
+            length = 2.0 * self._array.half_width_y
+            self._press.see(
+                pose[:3, 3], pose[:3, :3] @ up, contact.line_force * length / self.stiffness,
+                features.force > MET * self.goal.force)
 
     @property
     def stiffness(self) -> float:

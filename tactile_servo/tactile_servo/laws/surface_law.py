@@ -137,9 +137,8 @@ class SurfaceLaw:
         take = self._surface.update if self._surface.begun else self._surface.reset
         take(self._sense.depth(felt.force), felt.normal, felt.centre, angle)
         if tracking:
-            if going.met:
-                self._press.see(
-                    felt.centre, felt.normal, self._sense.depth(felt.force))
+            self._press.see(felt.centre, felt.normal, self._sense.depth(felt.force),
+                            abs(felt.force - going.aim.force) < MET * going.aim.force)
             # A part of the print may lie beside the pad, or not be pressed yet.
             whole = going.met and aside <= CENTRED * self._sense.array.half_width_x
             self._record.keep(

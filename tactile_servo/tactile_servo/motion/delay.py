@@ -20,8 +20,8 @@ class WindowDelay:
     The windows of a motion that the robot's controller has yet to play.
 
     A window that differs from what is played is still on its way. The longest that one was holds
-    for all that follow, for where windows agree nothing tells. A motion begins no faster than
-    `PROBE` until the first of its windows is seen to be played.
+    for all that follow, for where windows agree nothing tells. The first motion of a goal begins
+    no faster than `PROBE` until one of its windows is seen to be played.
 
     Attributes
     ----------
@@ -32,8 +32,12 @@ class WindowDelay:
     """
 
     def __init__(self) -> None:
-        self.longest = 0.0
         self._heard = False
+        self.forget()
+
+    def forget(self) -> None:
+        """Begin a goal: of the delay nothing is known."""
+        self.longest, self._proved = 0.0, False
         self.begin()
 
     def begin(self) -> None:
@@ -41,7 +45,7 @@ class WindowDelay:
         self._sent: deque[Trajectory] = deque(maxlen=KEPT)
         self._rest: np.ndarray | None = None
         self._moved_ns: int | None = None
-        self.overdue, self.probing = 0.0, self._heard
+        self.overdue, self.probing = 0.0, self._heard and not self._proved
 
     def send(self, window: Trajectory) -> None:
         """Take a window that is sent; one with stamp 0 is played whenever it comes."""
@@ -80,17 +84,17 @@ class WindowDelay:
             self.overdue = 0.0  # it plays none of them: what it does is not known
             return
         if np.abs(reference - self._rest).max() > SAME:
-            self.probing = False
+            self.probing, self._proved = False, True
         self.overdue, self.longest = awaited, max(self.longest, awaited)
 
     @property
-    def learnt(self) -> tuple[float, float, bool, bool]:
+    def learnt(self) -> tuple[float, float, bool, bool, bool]:
         """What the controller's state has told, which a replay sets again."""
-        return self.overdue, self.longest, self.probing, self._heard
+        return self.overdue, self.longest, self.probing, self._heard, self._proved
 
     @learnt.setter
-    def learnt(self, state: tuple[float, float, bool, bool]) -> None:
-        self.overdue, self.longest, self.probing, self._heard = state
+    def learnt(self, state: tuple[float, float, bool, bool, bool]) -> None:
+        self.overdue, self.longest, self.probing, self._heard, self._proved = state
 
     @property
     def needed(self) -> float:
