@@ -52,6 +52,17 @@ def test_tape_case(overlap):
     assert 'side 1: line, 6' in str(outline) and '4 corners' in str(outline)
 
 
+def test_contacts_that_are_off_do_not_divide_a_side():
+    """The first contacts of a goal are of little force: tenths of a millimetre off."""
+    for seed in range(20):
+        rng = np.random.default_rng(seed)
+        contour = tape(rng, noise=1.5e-5)[::4]
+        contour[1:12, 1] += rng.normal(0.0, 2e-4, 11)
+        sides = find_outline(contour).sides
+        np.testing.assert_allclose(
+            [side.length for side in sides], [0.069, 0.109, 0.069, 0.109], atol=5e-4)
+
+
 @pytest.mark.parametrize('radius, angle', [(0.06, 1.5), (0.02, 3.0), (0.06, 5.0)])
 def test_curved_edge(radius, angle):
     s = np.arange(0.0, angle, 2.5e-4 / radius)

@@ -10,7 +10,7 @@ from tactile_shape.contour.curves import Arc, Line, STEPS
 ROUNDING = 3e-3  # m of contour next to a corner that is not used: the skin rounds it
 _JOINTS = 30  # places at which a division is tried
 _FEW = 6  # points that a line or an arc needs at least
-_F_LEVEL = 12.0  # how much better than chance an arc must explain a side than a line does
+_F_LEVEL = 12.0  # how much better than chance an arc, or two pieces, must explain a side
 
 
 class Ends(NamedTuple):
@@ -37,13 +37,17 @@ def divide(points: np.ndarray, ends: Ends, tolerance: float) -> list[Piece]:
     """
     Pieces of a run without corners, each a line or an arc, as few as the tolerance allows.
 
-    A run that is neither is divided where the two parts fit best, and so on; neighbours that
-    fit as one are joined again, and the joints moved to where they are best.
+    A run that is neither is divided where the two parts fit best, and so on, where that explains
+    more than noise would; neighbours that fit as one are joined again, and the joints moved to
+    where they are best.
     """
     whole = fit_piece(points, ends)
     if whole.curve.departure <= tolerance or len(points) < 4 * _FEW:
         return [whole]
     joint = _best_joint(points, ends, _FEW, len(points) - _FEW)
+    square = _square(_two(points, ends, joint))
+    if not _is_better(len(points), square, _square([whole])):
+        return [whole]
     pieces = (divide(points[:joint + 1], Ends(ends.start, False), tolerance)
               + divide(points[joint:], Ends(False, ends.end), tolerance))
     k = 0
@@ -66,9 +70,12 @@ def divide(points: np.ndarray, ends: Ends, tolerance: float) -> list[Piece]:
 def _best_joint(points: np.ndarray, ends: Ends, first: int, last: int) -> int:
     """Index from first to last at which two pieces leave the least squares."""
     candidates = range(first, max(last, first + 1), max(1, (last - first) // _JOINTS))
-    return min(candidates, key=lambda joint: sum(
-        part.curve.residual**2 * len(part.points)
-        for part in _two(points, ends, joint, steps=1)))
+    return min(candidates, key=lambda joint: _square(_two(points, ends, joint, steps=1)))
+
+
+def _square(pieces: list[Piece]) -> float:
+    """Sum of squared distances of points to their pieces [m^2]."""
+    return sum(part.curve.residual**2 * len(part.points) for part in pieces)
 
 
 def _two(points: np.ndarray, ends: Ends, joint: int,
@@ -84,14 +91,18 @@ def fit_piece(points: np.ndarray, ends: Ends, steps: int = STEPS) -> Piece:
     return Piece(points, ends, _fit_curve(points[keep] if keep.sum() >= 3 else points, steps))
 
 
+def _is_better(count: int, square: float, than: float) -> bool:
+    """Whether a sum of squares of points is less than another by more than chance."""
+    # Neighbours share their noise: of three points, one counts.
+    freedom = max(1.0, count / 3.0 - 3.0)
+    return than - square > _F_LEVEL * max(square, 1e-24) / freedom
+
+
 def _fit_curve(points: np.ndarray, steps: int) -> Line | Arc:
     """Line or, where the points demand it, arc."""
     line = Line.fit(points)
     arc = Arc.fit(points, steps) if len(points) >= _FEW else None
     if arc is None:
         return line
-    square = len(points) * arc.residual**2
-    # Neighbours share their noise: of three points, one counts.
-    freedom = max(1.0, len(points) / 3.0 - 3.0)
-    gain = len(points) * line.residual**2 - square
-    return arc if gain > _F_LEVEL * max(square, 1e-24) / freedom else line
+    count = len(points)
+    return arc if _is_better(count, count * arc.residual**2, count * line.residual**2) else line
