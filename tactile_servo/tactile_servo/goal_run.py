@@ -32,6 +32,7 @@ from tactile_servo.types import State
 SOUND_FORCE = 0.5  # of the force, from which the depth of the pad is known to be sound
 SETTLE = 0.1  # s after the end of the last command, until the robot stands
 NEAR = 5.0  # times `following_distance`, within which a robot at rest is sent to where it stands
+ASTRAY = 0.1  # of the images, beside what is tracked, with which a goal is none that was met
 SLIGHT = 0.1  # of it, by which that may move a robot which counts as standing
 LONGEST_PAUSE = 3600.0  # s
 
@@ -56,7 +57,10 @@ class GoalRun:
 
     def __init__(self, goal: Goal, config: ServoConfig, law: ServoLaw, inputs: Inputs,
                  motion: Motion, machine: StateMachine):
-        self.goal, self.statistics = goal, TrackStatistics(goal.force)
+        assert inputs.sensor is not None  # or there would be no goal
+        array = inputs.sensor.array
+        self.goal, self.statistics = goal, TrackStatistics(
+            goal.force, law.near * max(array.pitch_x, array.pitch_y))
         self.reference: Reference | None = None
         self.observed, self.success = -np.inf, False
         self.hold = Hold(Event.APPROACH_AGAIN, Reason(ReasonCode.NONE), -np.inf)
@@ -261,6 +265,11 @@ class GoalRun:
                 self.statistics.see(seen, inputs.pose, contact.stamp_ns)
                 if seen.force >= SOUND_FORCE * self.goal.force:
                     self._way.begin()
+            beside = self.statistics.beside
+            if self._found.success and beside > ASTRAY:
+                self._found = Assessment(State.DONE, Reason(
+                    self._found.reason.code, f'but {100.0 * beside:.0f} % of the images saw it '
+                    "beside the pad's centre"))
         return self._found
 
     def _lifted(self) -> Reason | None:
@@ -286,7 +295,7 @@ class GoalRun:
             event = self._ended(event, reason)
         elif event is Event.TOUCH:
             self._way.touch()
-        elif event is Event.SEARCH and phase is not Phase.SEARCH:
+        elif event is Event.SEARCH:
             self._way.begin()
         if not self._stays and self._stands() and event in (Event.STAND, Event.REST):
             self._stand()

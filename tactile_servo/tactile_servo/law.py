@@ -91,6 +91,7 @@ class ServoLaw(Protocol):
     goal_type: ClassVar[type]
     config_type: ClassVar[type]
     sees_images: ClassVar[bool]  # whether images are observed beside contacts
+    near: ClassVar[float]  # tactels from the pad's centre, beyond which what is tracked is beside
 
     @property
     def stiffness(self) -> float: ...  # total, of skin, finger and robot [N/m]

@@ -13,8 +13,9 @@ CONTOUR_SPACING = 0.001  # m between poses of the contour
 class TrackStatistics:
     """Running statistics of one goal, from measured poses and contacts."""
 
-    def __init__(self, force: float):
+    def __init__(self, force: float, near: float = np.inf):
         self.force = force  # set-point of the normal force [N]
+        self._near, self._beside = near, 0  # lateral error [m] of images that count as beside
         self.length = 0.0  # way of the sensor since first contact, with searches [m]
         self.tracked_length = 0.0  # the same, up to where the edge was last followed [m]
         self.force_max = self.lateral_max = 0.0  # largest measured values [N], [m]
@@ -62,6 +63,12 @@ class TrackStatistics:
             self._lateral_square += error.lateral**2
             self._force_square += (error.force - self.force)**2
             self.lateral_max = max(self.lateral_max, abs(error.lateral))
+            self._beside += abs(error.lateral) > self._near
+
+    @property
+    def beside(self) -> float:
+        """Share of the images after settling that saw the edge beside where it should be."""
+        return self._beside / max(self._count, 1)
 
     @property
     def lateral_rms(self) -> float:

@@ -13,6 +13,7 @@ from xml.etree import ElementTree
 import numpy as np
 import pytest
 
+from tactile_servo.motion.inverse import damped_least_squares
 from tactile_servo.motion.robot import RobotModel
 from tactile_simulation.cli.simulate import main
 from tactile_simulation.scene import load_scene
@@ -96,6 +97,34 @@ def test_course_is_tracked_by_seven_joints_from_a_limit(joint, tmp_path, capsys)
     assert start[joint] == held.lower[joint]
     summary = simulated(urdf, tip, start, tmp_path, capsys)
     assert summary['ok'] and summary['lateral_max'] <= LARGEST, summary['reason']
+
+
+def arm_of_seven(heights=(0.0, 0.34, 0.0, 0.532, 0.0, 0.4, 0.0)):
+    """URDF of an arm whose axes are z and y in turn, as an element; its wrist can stretch."""
+    links = ''.join(f'<link name="l{k}"/>' for k in range(8))
+    joints = ''.join(
+        f'<joint name="j{k}" type="revolute"><parent link="l{k}"/><child link="l{k + 1}"/>'
+        f'<origin xyz="0 0 {height}"/><axis xyz="{("0 0 1", "0 1 0")[k % 2]}"/>'
+        '<limit lower="-3" upper="3" velocity="1.7" effort="100"/></joint>'
+        for k, height in enumerate(heights))
+    urdf = ElementTree.fromstring(f'<robot name="arm">{links}<link name="pad"/>{joints}</robot>')
+    urdf.append(ElementTree.fromstring(PAD.format('l7').replace('0.05', '0.176')))
+    return urdf
+
+
+@pytest.mark.parametrize('near', [
+    (2.955, -0.748, 0.026, -2.393, -1.547, -0.018, -1.762),
+    (-0.181, 0.748, 0.02, 2.393, -1.539, 0.013, 1.372),
+    (-0.11, 0.749, -0.075, 2.393, -1.579, -0.051, 1.413)])
+def test_a_singular_wrist_leads_off_no_edge(near, tmp_path, capsys):
+    urdf = arm_of_seven()
+    model = model_of(urdf, 'pad')
+    start = model.inverse(POSE, near)
+    _, smallest = damped_least_squares(model.jacobian(start), np.zeros(6))
+    assert smallest < 1.5e-3  # m/rad; .03 and more elsewhere
+    summary = simulated(urdf, 'pad', start, tmp_path, capsys)
+    assert summary['ok'] and summary['lateral_max'] <= LARGEST, summary['reason']
+    assert summary['force_max'] < 7.5
 
 
 def test_another_frame_has_to_exist(tmp_path, capsys):

@@ -117,6 +117,20 @@ def test_hard_scenes_are_survived(scene, seed):
         assert summary['lateral_max'] < 0.5e-3
 
 
+def test_a_pad_that_was_mostly_beside_the_edge_has_not_tracked_it():
+    """The edge jumps by 12 mm under a fast pad: most of what it traced was not there."""
+    simulation, summary = follow('slip', 0.2)
+    assert not simulation.servo.success and not summary['ok']
+    assert summary['reason_code'] == 'edge_ended' and 'beside' in summary['reason']
+
+
+@pytest.mark.parametrize('speed', [0.1, 0.15, 0.2])
+def test_the_end_of_an_edge_that_rises_is_no_depth(speed):
+    """The pad is inclined there, and comes deeper by going on as well."""
+    _, summary = follow('straight_3d', speed)
+    assert summary['ok'] and summary['reason_code'] == 'edge_ended', summary['reason']
+
+
 def test_the_way_over_a_gap_is_a_search_that_is_reported():
     simulation, summary = follow('gap', 0.1)
     names = [entry['state'] for entry in summary['states']]

@@ -40,7 +40,6 @@ class Going:
 
     here: float = 0.0  # station of the measured pad [m],
     ahead: float = 0.0  # and of the commanded one
-    depth: float = 0.0  # commanded height along the plane's normal [m]
     progress: float = 0.0  # way [m],
     reached: float = 0.0  # that at which there was progress last [m],
     reached_at: float | None = None  # and when [s]
@@ -60,6 +59,7 @@ class EdgeFollowing:
     goal_type: ClassVar[type] = EdgeGoal
     config_type: ClassVar[type] = EdgeFollowingConfig
     sees_images: ClassVar[bool] = True
+    near: ClassVar[float] = 1.0
     touch: Touch | None = None
     touch_speed = math.inf
 
@@ -189,7 +189,7 @@ class EdgeFollowing:
 
     def _reach_down(self) -> Assessment | None:
         """Go down for contact while the depth allows it, else None."""
-        return None if self._reaching.over(self._going.depth) else self._search(self._reaching)
+        return None if self._reaching.over else self._search(self._reaching)
 
     def _search(self, mode: Mode) -> Assessment:
         self._mode = mode
@@ -201,7 +201,7 @@ class EdgeFollowing:
         """Wanted motion from the measured and the commanded pose (4, 4) of the sensor."""
         edge, going, motion = self.sight.edge, self._going, self._motion
         stand = edge.stand(pose, commanded, going.here, going.ahead, motion.soon())
-        going.depth, going.begun = stand.there.item(2, 3), True
+        going.begun = True
         wanted = self._mode.move(motion, stand, agility, dt)
         if isinstance(self._mode, (Following, Coasting)):
             going.here, going.ahead = stand.here, stand.ahead

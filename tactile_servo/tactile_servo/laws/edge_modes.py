@@ -95,21 +95,27 @@ class Searching:
 
 
 class ReachingDown:
-    """Down for contact, as deep as allowed [m] from where it began."""
+    """Down for contact along the pad's own normal, as deep as allowed [m] from where it began."""
 
     reason = Reason(ReasonCode.REACHING_DOWN)
 
     def __init__(self, deepest: float):
-        self._deepest = deepest
-        self._begin: float | None = None
+        self._deepest, self._depth = deepest, 0.0
+        self._begin: np.ndarray | None = None
 
-    def over(self, depth: float) -> bool:
-        """Whether a depth [m] is as far as it may go."""
-        return self._begin is not None and depth - self._begin > PROBE * self._deepest
+    @property
+    def over(self) -> bool:
+        """Whether the pad is as deep as it may go."""
+        return self._depth > PROBE * self._deepest
 
     def move(self, motion: EdgeMotion, stand: Stand, agility: Agility, dt: float) -> Wanted:
         """Motion of the next cycle."""
-        depth = stand.there.item(2, 3)
-        self._begin = depth if self._begin is None else self._begin
-        left = max(self._deepest - (depth - self._begin), 0.0)
-        return Wanted(motion.aside(0.0, 0.0, dt), motion.touch_speed(left), STILL)
+        there = stand.there
+        self._begin = there.copy() if self._begin is None else self._begin
+        way, normal = (there - self._begin)[:3, 3], self._begin[:3, 2]
+        self._depth = float(way @ normal)
+        x, y = motion.aside(0.0, 0.0, dt)
+        down = motion.touch_speed(max(self._deepest - self._depth, 0.0))
+        # While it still goes on, a pad that is inclined comes deeper by that as well.
+        return Wanted((x, y), (down - x * normal.item(0) - y * normal.item(1)) / normal.item(2),
+                      STILL)

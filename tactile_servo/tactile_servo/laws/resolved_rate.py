@@ -143,6 +143,7 @@ class ResolvedRate:
     goal_type: ClassVar[type] = EdgeGoal
     config_type: ClassVar[type] = ResolvedRateConfig
     sees_images: ClassVar[bool] = False
+    near: ClassVar[float] = 1.0
     touch: Touch | None = None
     goal: EdgeGoal  # since `begin`, as well as
     _array: TactelArray

@@ -52,6 +52,7 @@ class SurfaceLaw:
     goal_type: ClassVar[type] = SurfaceGoal
     config_type: ClassVar[type] = SurfaceConfig
     sees_images: ClassVar[bool] = True
+    near: ClassVar[float] = math.inf  # a contact may be anywhere on the pad
     touch_speed = math.inf
     goal: SurfaceGoal  # since `begin`
     _sense: ContactSense
