@@ -211,12 +211,14 @@ class GoalRun:
         return hindered and Reason(code, '; '.join(filter(None, (detail, hindered.text))))
 
     def _overload(self) -> Reason | None:
-        load = self._inputs.load
+        load = self._inputs.most
         over = load > self._config.force.max_load
         return Reason(ReasonCode.OVERLOAD, f'{load:.1f} N') if over else None
 
     def _lies(self) -> Reason | None:
-        return self._inputs.watch.problem(self.goal.force)
+        inputs = self._inputs
+        return inputs.watch.problem(self.goal.force) or inputs.wrist.problem(
+            inputs.load, self._now)
 
     def _touches(self) -> Reason | None:
         touches = (self._inputs.load >= self._config.approach.contact_force
@@ -226,7 +228,7 @@ class GoalRun:
     def _touches_nothing_to_track(self) -> Reason | None:
         lacking, since = self._law.lacks(self._now), self._machine.since
         looked = self.observed > since or self._now - since > self._config.input.stale_image
-        if lacking is None or self._inputs.load < self.goal.force or not looked:
+        if lacking is None or self._inputs.most < self.goal.force or not looked:
             return None
         return Reason(ReasonCode.NO_EDGE, lacking.text)
 

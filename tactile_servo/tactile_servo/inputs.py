@@ -18,6 +18,7 @@ from tactile_servo.motion.limits import JointLimits
 from tactile_servo.motion.robot import RobotModel
 from tactile_servo.reasons import Reason, ReasonCode
 from tactile_servo.sensor_watch import SensorWatch
+from tactile_servo.wrist import Wrist
 
 _SATURATED, _NOT_TARED = int(ContactReason.SATURATED), int(ContactReason.NOT_TARED)
 IMPOSSIBLE = 1e9  # Pa
@@ -47,7 +48,7 @@ class Inputs:
 
     def __init__(self, robot: RobotModel, limits: JointLimits, config: InputConfig):
         self._robot, self._config, self._names = robot, config, limits.names
-        self._history, self.watch = JointHistory(limits), SensorWatch()
+        self._history, self.watch, self.wrist = JointHistory(limits), SensorWatch(), Wrist()
         self.joints: Sample | None = None
         self.contact: Sample | None = None
         self.sensor: SensorInfo | None = None
@@ -55,7 +56,7 @@ class Inputs:
         # Why the newest image or contact was refused; None if it was not.
         self.refused: Reason | None = None
         # As of the last `refresh`; and whether the pad feels more than it can tell.
-        self.contact_fresh = self.joints_fresh = self.saturated = False
+        self.contact_fresh = self.joints_fresh = self.saturated = self._wrist_missing = False
         self._tared = True
         self._felt = self._summed = 0.0  # force that the contact and the image tell of [N]
         self._pictured, self._image_fresh = -math.inf, False  # steady time of the newest [s]
@@ -103,6 +104,11 @@ class Inputs:
         """Force on the pad [N], the largest of those fitted and summed."""
         return max(self._felt, self._summed)
 
+    @property
+    def most(self) -> float:
+        """The largest force that pad or wrist tell of [N]."""
+        return max(self.load, self.wrist.force)
+
     def age(self, stamp_ns: int) -> float:
         """How much older than the newest joint state a stamp is [s]; inf if there is none."""
         return max(1e-9 * (self.joints.stamp_ns - stamp_ns), 0.0) if self.joints else math.inf
@@ -120,6 +126,8 @@ class Inputs:
         self.contact_fresh = self.sensor is not None and self._fresh(
             self.contact, self._config.stale_image, now, now_ns)
         self.joints_fresh = self._fresh(self.joints, self._config.stale_joints, now, now_ns)
+        self._wrist_missing = self.wrist.missing(now, self._config.stale_joints)
+        self.wrist.judge(self.load, now)
 
     def _fresh(self, sample: Sample | None, limit: float, now: float, now_ns: int) -> bool:
         return (sample is not None and now - sample.arrival <= limit
@@ -147,6 +155,8 @@ class Inputs:
                 ReasonCode.STALE_IMAGE if self.contact else ReasonCode.NO_IMAGE)
         if images and not self._image_fresh:
             return self.refused or Reason(ReasonCode.STALE_IMAGE)
+        if self._wrist_missing:
+            return Reason(ReasonCode.NO_WRENCH)
         return None if self._tared else Reason(ReasonCode.NOT_TARED)
 
     def astray(self, commanded: np.ndarray) -> Reason | None:

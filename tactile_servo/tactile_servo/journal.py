@@ -39,10 +39,11 @@ class Call(IntEnum):
     NOTED = 15
     CLIENT = 16
     DELAY = 17
+    WRENCH = 18
 
 
 WITH_TEXT = (Call.START, Call.TUNE, Call.TEACH, Call.AROUND, Call.REFUSED, Call.NOTED,
-             Call.DELAY)
+             Call.DELAY, Call.WRENCH)
 
 
 @dataclass(eq=False)
@@ -106,6 +107,10 @@ class JournaledSupervisor(Supervisor):
     def see_contact(self, contact: Contact, stamp_ns: int, arrival: float) -> None:
         self.journal.add(Call.CONTACT, arrival, stamp_ns)
         super().see_contact(contact, stamp_ns, arrival)
+
+    def see_wrench(self, force: np.ndarray, arrival: float) -> None:
+        self.journal.add(Call.WRENCH, arrival, text=json.dumps(force.tolist()))
+        super().see_wrench(force, arrival)
 
     def cycle(self, now: float, now_ns: int) -> tuple[Status, Trajectory | None]:
         self._tell_reasons()
@@ -184,6 +189,8 @@ def ask_again(servo: Supervisor, call: int, time: float, value: int, text: str) 
         servo.hear_client()
     elif call == Call.DELAY:
         servo.motion.delay.learnt = tuple(json.loads(text))
+    elif call == Call.WRENCH:
+        servo.see_wrench(np.array(json.loads(text)), time)
     elif call == Call.NOTED and reason is not None:
         servo.note(reason)
 

@@ -72,6 +72,10 @@ class Supervisor:
         """Take what the robot's controller commands (n,) [rad] for a time [ns], if it tells."""
         self.motion.delay.see(positions, stamp_ns)
 
+    def see_wrench(self, force: np.ndarray, arrival: float) -> None:
+        """Take a force (3,) at the wrist [N] and its steady arrival time [s], if it has one."""
+        self.inputs.wrist.see(force, arrival, not self.active)
+
     def see_contact(self, contact: Contact, stamp_ns: int, arrival: float) -> None:
         """Take a contact estimate, its image's stamp [ns] and steady arrival time [s]."""
         self.inputs.see_contact(contact, stamp_ns, arrival)

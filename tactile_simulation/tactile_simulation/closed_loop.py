@@ -33,6 +33,7 @@ PICTURE_EVERY = 2  # steps; sensing at 200 Hz
 ROBOT_STEP, ROBOT_PHASE = 2.0e-3, 0.25e-3  # s; joint states and the robot's controller at 500 Hz
 TRANSPORT = 0.5e-3  # s; from a control cycle to the robot's controller, where nothing is late
 TARE_FRAMES = 100
+WEIGHT = np.array([0.3, -0.2, 4.0])  # N, of the tool
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,6 +74,8 @@ class Simulation:
         Returns seconds; the servo's own computation is then measured with it.
     faults : sequence of Fault
         What goes wrong while a goal is worked on.
+    wrist : bool
+        Whether the robot has a force sensor at its wrist, with 4 N of the tool on it.
 
     Attributes
     ----------
@@ -97,7 +100,7 @@ class Simulation:
 
     def __init__(self, scene, law=None, *, seed=0, latency=None, config=None,
                  settings=None, robot=None, seed_positions=None, workspace=None, estimator=None,
-                 clock=None, faults=()):
+                 clock=None, faults=(), wrist=False):
         self.scene, plant = scene, scene.plant
         self.rng = np.random.default_rng(seed)
         self.array, self.seed = scene.sensor.array, seed
@@ -125,6 +128,7 @@ class Simulation:
         self._on_the_way: deque = deque()
         self._windows: deque = deque()
         self.sensor_alive = self.robot_alive = True
+        self.wrist = wrist
         self._faults, self._spoiler = faults, FaultySensor(faults, scene.sensor)
         self._began = math.inf  # the first goal, at this time [s]
         self.transport = TRANSPORT
@@ -168,6 +172,8 @@ class Simulation:
             self._feel(self._path.add_contact(image.stamp_ns, contact, picture=image))
         if self._faults and client_lives(self._faults, self.now - self._began):
             self.servo.hear_client()
+        if self.wrist:
+            self.servo.see_wrench(WEIGHT + self.world.force(pose) * pose[:3, 2], self.now)
         before = self._clock()
         status, trajectory = self.servo.cycle(self.now, now_ns)
         self.cycle_costs.append(self._clock() - before)

@@ -1,14 +1,16 @@
 """A sensor that lies: the servo ends the goal, by name, before it presses hard."""
 import dataclasses
+import json
 
 import numpy as np
 import pytest
 
 from tactile_common.errors import ConfigurationError
 from tactile_servo.config import ApproachConfig, RetreatConfig, ServoConfig
+from tactile_servo.journal import ask_again, Call, JournaledSupervisor, WITH_TEXT
 from tactile_servo.laws.surface_goal import Pattern, SurfaceGoal
 from tactile_servo.reasons import ReasonCode
-from tactile_servo.types import EdgeGoal
+from tactile_servo.types import EdgeGoal, State
 from tactile_simulation.closed_loop import Simulation
 from tactile_simulation.faults import Fault, FaultySensor
 from tactile_simulation.scene import find_scene, load_scene
@@ -62,6 +64,66 @@ def test_no_false_alarm(scene, force):
     assert simulation.servo.statistics.length > 0.01 or force < FORCE
     assert simulation.servo.reason.code not in (
         ReasonCode.TOO_DEEP, ReasonCode.SENSOR_SILENT, ReasonCode.SENSOR_DRIFTED)
+
+
+def blinded(simulation, from_force):
+    """Have the sensor feel nothing from a force on [N], with its noise alive."""
+    picture, blind = simulation.picture, []
+
+    def see(pose):
+        blind.extend([True] * (simulation.world.force(pose) > from_force))
+        return picture(None if blind else pose)
+    simulation.picture = see
+    return simulation
+
+
+@pytest.mark.parametrize('scene', ['straight', 'surfaces/plane'])
+@pytest.mark.parametrize('from_force', [0.0, 4.0])
+def test_a_wrist_notices_a_pad_that_feels_nothing(scene, from_force):
+    goal = LINE if scene.startswith('surfaces') else EdgeGoal(0.03, FORCE)
+    simulation = blinded(Simulation(load_scene(find_scene(scene)), wrist=True), from_force)
+    simulation.run(goal, 20.0)
+    summary = simulation.summary(goal)
+    assert not summary['ok'] and summary['force_max'] < MOST and summary['force_end'] == 0.0
+    assert from_force or summary['reason_code'] in ('sensor_disagrees', 'no_edge')
+
+
+@pytest.mark.parametrize('scene, speed', [('course', 0.1), ('surfaces/sphere_126', 0.05)])
+def test_a_wrist_that_carries_a_tool_agrees_with_the_pad(scene, speed):
+    goal = (dataclasses.replace(LINE, speed=speed) if scene.startswith('surfaces')
+            else EdgeGoal(speed, FORCE))
+    simulation = Simulation(load_scene(find_scene(scene)), wrist=True)
+    simulation.run(goal, 20.0)
+    assert simulation.summary(goal)['ok'], simulation.servo.reason
+
+
+def test_a_wrist_that_falls_silent_holds():
+    simulation = Simulation(load_scene(find_scene('straight')), wrist=True)
+    simulation.run(EdgeGoal(0.03, FORCE), 20.0, until=lambda status: status.progress > 0.02)
+    see = simulation.servo.see_wrench
+    simulation.servo.see_wrench = lambda force, arrival: see(np.nan * force, arrival)
+    simulation.run(None, 0.2)
+    assert simulation.servo.reason.code is ReasonCode.NO_WRENCH
+    assert simulation.servo.state is State.HOLD
+    simulation.servo.see_wrench = see
+    simulation.run(None, 1.0, until=lambda status: status.state is State.TRACK)
+    assert simulation.servo.state is State.TRACK
+
+
+def test_what_a_wrist_felt_is_in_the_journal():
+    class Journaled(Simulation):
+        supervisor = JournaledSupervisor
+    simulation = Journaled(load_scene(find_scene('straight')), wrist=True)
+    simulation.run(EdgeGoal(0.03, FORCE), 20.0, until=lambda status: status.progress > 0.0)
+    servo, journal = simulation.servo, simulation.servo.take_journal()
+    texts = [text for call, text in zip(
+        [call for call in journal.call if call in WITH_TEXT], journal.texts, strict=True)
+        if call == Call.WRENCH]
+    again = Simulation(simulation.scene).servo
+    ask_again(again, Call.WRENCH, 1.0, 0, texts[0])
+    again.inputs.wrist.see(np.array(json.loads(texts[-1])), 2.0, False)
+    assert again.inputs.wrist.force == pytest.approx(servo.inputs.wrist.force, abs=1e-9)
+    assert servo.inputs.wrist.force > 0.0
 
 
 def test_a_sensor_without_noise_is_not_taken_for_dead_but_freezes_visibly():

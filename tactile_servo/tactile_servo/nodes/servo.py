@@ -6,7 +6,8 @@ from time import perf_counter, thread_time, time_ns
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticStatus
-from geometry_msgs.msg import PoseStamped
+from geometry_msgs.msg import PoseStamped, WrenchStamped
+import numpy as np
 from rcl_interfaces.msg import SetParametersResult
 from rclpy.clock import Clock, ClockType
 from rclpy.qos import DurabilityPolicy, qos_profile_sensor_data, QoSProfile
@@ -51,10 +52,11 @@ _LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 
 @dataclass
 class Heard:
-    """Newest image and contact that the servo has not seen: message as it came and arrival."""
+    """Newest of each that the servo has not seen, and when it came; two as they came."""
 
     image: tuple[Any, float] | None = None
     contact: tuple[Any, float] | None = None
+    force: tuple[np.ndarray, float] | None = None
 
 
 @dataclass
@@ -122,6 +124,8 @@ class EdgeServoNode(TactileNode):
             TactileImage, 'image', self._on_image, _NEWEST, raw=True)
         self.create_subscription(
             JointState, '/joint_states', self._on_joints, qos_profile_sensor_data, raw=True)
+        self._wrench = self.create_subscription(
+            WrenchStamped, config.wrench, self._on_wrench, _NEWEST) if config.wrench else None
         self.create_service(SetBool, '~/pause', self._on_pause)
         if isinstance(self._servo.law, Teachable):
             self.create_service(TeachFeatures, '~/teach', self._on_teach)
@@ -142,7 +146,9 @@ class EdgeServoNode(TactileNode):
         return self.get_clock().now().nanoseconds
 
     def _look_around(self) -> None:
-        self._servo.around = self._stopping or self._guard.problem()
+        silent = self._wrench is not None and not self._servo.inputs.wrist.heard
+        self._servo.around = self._stopping or self._guard.problem() or (
+            Reason(ReasonCode.NO_WRENCH, self._wrench.topic_name) if silent else None)
 
     def stop(self) -> None:
         """Stop within the robot's limits and end the goal; then it has `stopped`."""
@@ -195,6 +201,10 @@ class EdgeServoNode(TactileNode):
         if positions is not None:
             self._servo.see_reference(positions, stamp_to_ns(msg.header.stamp))
 
+    def _on_wrench(self, msg: WrenchStamped) -> None:
+        force = msg.wrench.force
+        self._heard.force = np.array([force.x, force.y, force.z]), perf_counter()
+
     def _on_contact(self, raw: bytes) -> None:
         self._heard.contact = raw, perf_counter()
         if not self._servo.law.sees_images:
@@ -225,6 +235,8 @@ class EdgeServoNode(TactileNode):
                 self._servo.inputs.refused = getattr(
                     error, 'reason', Reason(ReasonCode.BAD_IMAGE, str(error)))
                 self._warn(f'image passed over: {error}')
+        if heard.force is not None:
+            self._servo.see_wrench(*heard.force)
         if heard.contact is not None:
             raw, arrival = heard.contact
             try:
