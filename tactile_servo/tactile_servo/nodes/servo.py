@@ -146,9 +146,10 @@ class EdgeServoNode(TactileNode):
         return self.get_clock().now().nanoseconds
 
     def _look_around(self) -> None:
-        silent = self._wrench is not None and not self._servo.inputs.wrist.heard
-        self._servo.around = self._stopping or self._guard.problem() or (
-            Reason(ReasonCode.NO_WRENCH, self._wrench.topic_name) if silent else None)
+        wrench, servo = self._wrench, self._servo
+        silent = Reason(ReasonCode.NO_WRENCH, wrench.topic_name) if (
+            wrench is not None and not servo.inputs.wrist.heard) else None
+        servo.around = self._stopping or self._guard.problem() or silent
 
     def stop(self) -> None:
         """Stop within the robot's limits and end the goal; then it has `stopped`."""
