@@ -58,12 +58,18 @@ class Inputs:
         # As of the last `refresh`; and whether the pad feels more than it can tell.
         self.contact_fresh = self.joints_fresh = self.saturated = self._wrist_missing = False
         self._tared = True
+        self.unbelieved = ''  # what is wrong with the newest joint state
         self._felt = self._summed = 0.0  # force that the contact and the image tell of [N]
         self._pictured, self._image_fresh = -math.inf, False  # steady time of the newest [s]
 
     def see_joints(self, positions: np.ndarray, stamp_ns: int, arrival: float) -> None:
         """Take a measured joint state; ValueError if it cannot be believed."""
-        positions = self._history.add(positions, stamp_ns)
+        try:
+            positions = self._history.add(positions, stamp_ns)
+        except ValueError as error:
+            self.unbelieved = str(error)
+            raise
+        self.unbelieved = ''
         self.joints = Sample(positions, stamp_ns, arrival)
         self.pose = self._robot.pose(positions)
 
@@ -146,7 +152,8 @@ class Inputs:
         """What is wrong with the joint states, or None."""
         if self.joints_fresh:
             return None
-        return Reason(ReasonCode.STALE_JOINT_STATE if self.joints else ReasonCode.NO_JOINT_STATE)
+        return Reason(ReasonCode.STALE_JOINT_STATE if self.joints else ReasonCode.NO_JOINT_STATE,
+                      self.unbelieved)
 
     def contact_missing(self, images: bool) -> Reason | None:
         """What is wrong with the contacts, and with the images if they matter; or None."""

@@ -138,7 +138,8 @@ class Supervisor:
             return Refusal(ReasonCode.INVALID_GOAL, str(error))
         refused = self.law.validate(goal) or self.around
         if refused is None and self.inputs.joints is None:
-            return Refusal(ReasonCode.NO_JOINT_STATE, 'none has been received')
+            return Refusal(ReasonCode.NO_JOINT_STATE,
+                           self.inputs.unbelieved or 'none has been received')
         if refused is None and self.inputs.sensor is None:
             return Refusal(ReasonCode.NO_IMAGE, 'no sensor_info has been received')
         lacking = self.inputs.contact_missing(images=False)

@@ -235,6 +235,16 @@ def test_a_robot_that_answers_too_late_is_refused():
     assert max(cycle.force for cycle in loop.log) == 0.0
 
 
+def test_joint_states_that_cannot_be_believed_are_named():
+    loop = Interrupted('trace', State.TRACK, 0).loop
+    see = loop.servo.see_joints
+    loop.servo.see_joints = lambda positions, *when: see(np.nan * positions, *when)
+    loop.run(None, 0.2)
+    assert loop.servo.state is State.HOLD
+    assert loop.servo.reason.code is ReasonCode.STALE_JOINT_STATE
+    assert 'is not 6 angles' in loop.servo.reason.text
+
+
 def test_time_that_stands_holds_and_is_not_taken_up_unasked():
     it = Interrupted('trace', State.TRACK, 0)
     loop, cycle = it.loop, it.loop.servo.cycle
