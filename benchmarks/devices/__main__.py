@@ -44,8 +44,8 @@ def publisher_of(node, shape, rate):
     pad = Pad(Calibration.uncalibrated(*shape, 1e-3, nominal_rate=rate), 50)
     message, topic = TactileImage(), node.create_publisher(
         TactileImage, 'image', qos_profile_sensor_data)
-    return lambda counts, stamp, number: topic.publish(
-        image_to_msg(pad.image(counts, stamp, number), message))
+    return lambda image: topic.publish(image_to_msg(
+        pad.image(image.counts, image.stamp_ns, image.sequence), message))
 
 
 def ratio(node, protocol, side, rate):
@@ -58,8 +58,8 @@ def ratio(node, protocol, side, rate):
     clock.receive(preamble, 0)
     begin = time.process_time()
     for k, packet in enumerate(packets):
-        for frame, stamp in clock.receive(packet, round((k + 1) * 1e9 / rate)):
-            publish(frame.counts, stamp, frame.sequence)
+        for image in clock.receive(packet, round((k + 1) * 1e9 / rate)):
+            publish(image)
             done += 1
     return FRAMES / (time.process_time() - begin) / rate, done / FRAMES
 
@@ -87,8 +87,8 @@ def lost(node, protocol, side, rate):
     sender.start()
     end = time.monotonic() + SECONDS + 2.0
     while done < count and time.monotonic() < end:
-        for frame, stamp in stream.read():
-            publish(frame.counts, stamp, frame.sequence)
+        for image in stream.read():
+            publish(image)
             done += 1
     sender.join()
     stream.close()

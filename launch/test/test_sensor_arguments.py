@@ -1,4 +1,7 @@
 """What the launch arguments of a sensor give the driver, and which are refused."""
+from pathlib import Path
+import re
+
 import pytest
 
 from edge_tracking.parameters import driver_parameters
@@ -30,6 +33,15 @@ def test_every_protocol_needs_its_port_and_most_a_calibration(sensor):
     if not protocol_named(sensor).calibration:
         with pytest.raises(ConfigurationError, match=f'sensor:={sensor} needs calibration:=FILE'):
             given(sensor=sensor, port='/dev/x')
+
+
+def test_the_page_has_a_line_for_every_sensor():
+    page = (Path(__file__).parents[2] / 'docs/array.md').read_text('utf-8')
+    rows = [dict(item.split(':=') for item in text.split())
+            for text in re.findall(r'^\|.*`(sensor:=\w.*?)` \|', page, re.M)]
+    assert {row['sensor'] for row in rows} == {*PROTOCOLS, 'topic', 'none'}
+    for row in rows:
+        given(calibration='mine.yaml', **row)
 
 
 @pytest.mark.parametrize('values, reason', [

@@ -79,7 +79,8 @@ def counts_from_msg(message: Any, shape: tuple[int, int]) -> np.ndarray:
         found = (dims[0][0], dims[1][0]) if dims else shape
         step = (dims[1][1] if dims else 0) or found[1]
     if found != shape:
-        raise TactileError(f'image is {found[0]}x{found[1]}, must be {shape[0]}x{shape[1]}')
+        raise TactileError(f'image is {found[0]}x{found[1]}, must be {shape[0]}x{shape[1]}, '
+                          'rows x columns of the calibration')
     width = shape[1] * unit
     needed = offset + (shape[0] - 1) * step + width
     if step < width or values.size < needed:

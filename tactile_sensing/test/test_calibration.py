@@ -104,6 +104,14 @@ def test_tare_refused_under_load():
     calibration(tare_tolerance=10).make_tare(loaded)
 
 
+def test_tare_refused_where_a_tactel_sends_no_number():
+    broken = frames().astype(np.float32)
+    broken[3, 1, 2] = np.nan
+    with pytest.raises(TareRefusedError, match='1 tactels send no number.*row 1 column 2: see'):
+        calibration().make_tare(broken)
+    assert np.isfinite(calibration(dead_tactels=(7,)).make_tare(broken).noise_std)
+
+
 def test_tare_refused_when_saturated():
     with pytest.raises(TareRefusedError, match='under load: 20 tactels'):
         calibration().make_tare(frames(level=300.0))

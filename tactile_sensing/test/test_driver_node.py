@@ -29,7 +29,7 @@ from tactile_common.ros.conversions import stamp_to_ns
 from tactile_msgs.msg import SensorInfo, TactileImage
 from tactile_sensing.conversions import image_from_msg
 from tactile_sensing.devices.calibration import Calibration
-from tactile_sensing.devices.flexitac import encode_frame, encode_payload, MARKER
+from tactile_sensing.devices.flexitac import encode_payload, MARKER
 from tactile_sensing.devices.tare import save_tare, Tare
 from tactile_sensing.nodes.driver import DriverNode
 
@@ -70,6 +70,10 @@ class Device:
     def send(self, counts):
         """Send one picture, and as a free-running device does, the next marker at once."""
         self.write(encode_payload(counts) + MARKER)
+
+
+def encode_frame(counts):
+    return MARKER + encode_payload(counts)
 
 
 def unloaded(value=BASELINE):
@@ -297,20 +301,20 @@ def test_wrong_array_size_is_named(make_graph):
     graph = make_graph()
     wrong = encode_frame(np.full((16, 16), BASELINE, np.uint8))
     end = time.monotonic() + DEADLINE
-    while not any('sends 256 bytes a frame' in report[1] for report in graph.reports):
+    while not any('256 bytes a frame, 20 are expected' in report[1] for report in graph.reports):
         assert time.monotonic() < end, graph.reports
         graph.device.write(wrong)
         graph.executor.spin_once(timeout_sec=0.005)
     level, text, _ = graph.reports[-1]
     assert level == DiagnosticStatus.ERROR
-    assert 'no frame of 4x5 = 20 bytes' in text
+    assert 'no frame of 4x5: the' in text
     assert graph.images == []
 
 
 @pytest.mark.parametrize('bits, kind, sent, words', [
-    (8, np.uint16, '20 bytes: the sensor sends 40 bytes', 'two a tactel: `bits` of the '
+    (8, np.uint16, 'sends 40 bytes a frame, 20 are', 'sends two a tactel, `bits` of the '
      'calibration must be above 8'),
-    (10, np.uint8, '40 bytes: the sensor sends 20 bytes', 'one a tactel: `bits` of the '
+    (10, np.uint8, 'sends 20 bytes a frame, 40 are', 'sends one a tactel, `bits` of the '
      'calibration must be at most 8')])
 def test_words_in_place_of_bytes_are_named(make_graph, bits, kind, sent, words):
     graph = make_graph(calibration=dataclasses.replace(CALIBRATION, bits=bits, saturation=None))

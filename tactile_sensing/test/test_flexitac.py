@@ -8,16 +8,12 @@ import pytest
 
 from tactile_common.errors import ConfigurationError
 from tactile_sensing.devices.flexitac import (
-    encode_frame,
-    encode_next,
+    AMBIGUOUS_PERIODS,
     encode_payload,
     FlexiTacDecoder,
+    FlexiTacDevice,
     MARKER,
-    payload_size,
-    SAMPLE_SIZE,
 )
-from tactile_sensing.devices.marker_search import AMBIGUOUS_PERIODS
-from tactile_sensing.devices.protocol import Frame, NEED_DATA, Resync
 
 ROWS, COLUMNS = 3, 4
 SIZE = ROWS * COLUMNS
@@ -29,14 +25,16 @@ def picture(value):
     return (np.arange(SIZE, dtype=np.uint8) + value).reshape(ROWS, COLUMNS) % 128
 
 
+def encode_frame(counts):
+    return MARKER + encode_payload(counts)
+
+
 PICTURES = [picture(k) for k in range(6)]
 STREAM = b''.join(encode_frame(counts) for counts in PICTURES) + MARKER
 
 
 def drain(decoder):
-    events = []
-    while (event := decoder.next_event()) is not NEED_DATA:
-        events.append(event)
+    events = list(iter(decoder.next_event, None))
     assert decoder.buffered <= decoder.buffer_bound
     return events
 
@@ -51,7 +49,7 @@ def decode(chunks, rows=ROWS, columns=COLUMNS):
 
 
 def pictures_of(events):
-    return [event.counts.tolist() for event in events if isinstance(event, Frame)]
+    return [event.counts.tolist() for event in events]
 
 
 def as_lists(pictures):
@@ -61,7 +59,7 @@ def as_lists(pictures):
 def test_frame_is_marker_and_row_major_payload():
     counts = np.arange(6, dtype=np.uint8).reshape(2, 3)
     assert encode_frame(counts) == b'\xaa\x55\x00\x01\x02\x03\x04\x05'
-    assert encode_next(counts) == b'\x00\x01\x02\x03\x04\x05\xaa\x55'
+    assert FlexiTacDevice().encode(counts) == b'\x00\x01\x02\x03\x04\x05\xaa\x55'
     assert encode_payload(counts[:, ::-1]) == b'\x02\x01\x00\x05\x04\x03'
 
 
@@ -121,11 +119,9 @@ def test_garbage(garbage, chunk, place):
         lost = []
     expected = [counts for k, counts in enumerate(PICTURES) if k not in lost]
     assert pictures_of(events) == as_lists(expected)
-    resyncs = [event.dropped_bytes for event in events if isinstance(event, Resync)]
     if place != 'after':
-        assert resyncs == [len(garbage) + len(lost) * PERIOD]
+        assert decoder.dropped_bytes == len(garbage) + len(lost) * PERIOD
         assert decoder.resyncs == 1 and decoder.locked
-        assert decoder.dropped_bytes == resyncs[0]
 
 
 @pytest.mark.parametrize('missing', range(1, 2 * PERIOD))
@@ -140,14 +136,14 @@ def test_lost_bytes(at, missing):
         assert all(counts in whole for counts in pictures_of(events))
     assert pictures_of(events)[:2] == whole[:2]
     assert pictures_of(events)[-6:] == whole
-    sequences = [event.sequence for event in events if isinstance(event, Frame)]
+    sequences = [event.sequence for event in events]
     assert sequences == sorted(set(sequences))
 
 
 def test_a_lost_frame_shows_in_the_sequence():
     stream = STREAM[:2 * PERIOD + 5] + STREAM[2 * PERIOD + 6:]
     decoder, events = decode([stream])
-    assert [e.sequence for e in events if isinstance(e, Frame)] == [0, 1, 3, 4, 5]
+    assert [e.sequence for e in events] == [0, 1, 3, 4, 5]
     assert decoder.lost_frames == 1
 
 
@@ -240,25 +236,19 @@ def test_reset_forgets_the_stream_and_keeps_the_counters():
     assert len(pictures_of(drain(decoder))) == len(PICTURES)
 
 
-def test_the_sample_that_explains_other_frames_is_bounded():
-    decoder = FlexiTacDecoder(ROWS, COLUMNS)
-    decoder.receive_data(bytes(3 * SAMPLE_SIZE))
-    assert len(decoder._sample) == SAMPLE_SIZE
-
-
 @pytest.mark.parametrize('rows, columns', [(0, 4), (4, -1), (4.0, 4), ('4', 4)])
 def test_impossible_size(rows, columns):
     with pytest.raises(ConfigurationError, match='at least 1'):
         FlexiTacDecoder(rows, columns)
 
 
-def test_payload_size_tells_the_array():
+def test_the_size_of_other_frames_is_told():
     rng = np.random.default_rng(2)
     frames = [encode_frame(rng.integers(0, 256, (12, 32), np.uint8)) for _ in range(40)]
-    assert payload_size(b''.join(frames)) == 12 * 32
-    assert payload_size(rng.bytes(16384)) is None
-    assert payload_size(bytes(16384)) is None
-    assert payload_size(b'') is None
+    decoder, _ = decode([b''.join(frames)])
+    assert decoder.explain() == 'the sensor sends 384 bytes a frame, 12 are expected'
+    for data in (rng.bytes(16384), bytes(16384), b'', STREAM):
+        assert decode([data])[0].explain() == ''
 
 
 def stuck(rng, place, count, shape=(16, 16), smooth=True):
@@ -291,7 +281,7 @@ def test_tactels_stuck_at_the_marker_and_lost_bytes(place, smooth):
         at += size
     _, events = decode(chunks, 16, 16)
     sent = {counts.tobytes() for counts in frames}
-    got = [event.counts.tobytes() for event in events if isinstance(event, Frame)]
+    got = [event.counts.tobytes() for event in events]
     assert not [payload for payload in got if payload not in sent]
     assert len(got) >= 600 - 3 * losses
 
@@ -305,7 +295,7 @@ def test_a_loss_that_brings_the_mimic_to_the_marker_ends_the_lock(place):
         stream = stream[:at] + stream[at + place + len(MARKER):]
         sent = {counts.tobytes() for counts in frames}
         _, events = decode([stream], 16, 16)
-        got = [event.counts.tobytes() for event in events if isinstance(event, Frame)]
+        got = [event.counts.tobytes() for event in events]
         assert set(got) <= sent and len(got) >= 57
 
 
@@ -313,7 +303,7 @@ def test_pauses_tell_where_a_frame_starts():
     """Joined in the middle, two tactels stuck from the start: reads end where a device pauses."""
     frames = stuck(np.random.default_rng(4), 100, 40)
     first = encode_payload(frames[0])[50:] + MARKER
-    _, events = decode([first, *map(encode_next, frames[1:])], 16, 16)
+    _, events = decode([first, *map(FlexiTacDevice().encode, frames[1:])], 16, 16)
     assert pictures_of(events) == as_lists(frames[1:])
 
 

@@ -1,4 +1,5 @@
 """A sensor without ROS, on a pseudo-terminal: images, unplugging, silence, overload."""
+import errno
 import logging
 import os
 import threading
@@ -158,7 +159,7 @@ def test_what_does_not_come_is_explained(plug, monkeypatch):
     monkeypatch.setattr('tactile_sensing.devices.sensor.PATIENCE', 1.5)
     array = plug('csv_lines')
     with open_sensor(str(array.link), rows=5, columns=6, rate=RATE) as sensor, pytest.raises(
-            SensorSilentError, match='sends 24 values a frame, 5x6 = 30 are expected'):
+            SensorSilentError, match='a line holds 24 numbers, must hold 5x6 = 30: see'):
         next(sensor)
     array.device.running = False
     with open_sensor(str(array.link), rows=4, columns=6, rate=RATE) as sensor, pytest.raises(
@@ -184,16 +185,29 @@ def test_a_reader_that_comes_late_gets_the_latest_images(plug):
 
 
 def test_ports_that_are_not_there_or_taken(plug, tmp_path):
-    with pytest.raises(OSError, match='none'):
+    with pytest.raises(OSError, match='none is not there; serial ports there are: '):
         open_sensor(str(tmp_path / 'none'))
     array = plug('csv_lines')
-    with open_sensor(str(array.link)), pytest.raises(OSError, match='lock'):
+    with open_sensor(str(array.link)), pytest.raises(OSError, match='is in use by another'):
         open_sensor(str(array.link))
+
+
+@pytest.mark.parametrize('number, words', [
+    (errno.EACCES, r'port may not be opened: join its group'),
+    (errno.EBUSY, r'port is in use by another'), (errno.EIO, r'port cannot be opened: \[Errno 5')])
+def test_a_port_that_is_refused_says_why(tmp_path, monkeypatch, number, words):
+    def refuse(*_, **__):
+        raise OSError(number, 'no')
+    (tmp_path / 'port').touch()
+    monkeypatch.setattr(serial_port.serial, 'Serial', refuse)
+    with pytest.raises(OSError, match=words):
+        open_sensor(str(tmp_path / 'port'))
 
 
 def test_wrong_arguments(tmp_path):
     for words, arguments in (('morse', {'protocol': 'morse'}), ('rows is 0', {'rows': 0}),
-                             ('no option', {'stampp': 'us'})):
+                             ('no option', {'stampp': 'us'}), ('kind is float64', {'kind': float}),
+                             ('rate is -1.0 Hz, must be from 0', {'rate': -1.0})):
         with pytest.raises(ConfigurationError, match=words):
             open_sensor(str(tmp_path / 'none'), **arguments)
 

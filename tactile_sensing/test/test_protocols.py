@@ -1,5 +1,6 @@
 """What every byte protocol of the table must do, whatever its bytes are."""
 import os
+import re
 
 import numpy as np
 import pytest
@@ -7,7 +8,7 @@ import pytest
 from tactile_common.errors import ConfigurationError
 from tactile_sensing.devices import weiss
 from tactile_sensing.devices.lines import CsvDecoder
-from tactile_sensing.devices.protocol import Frame, NEED_DATA, Reply, Resync
+from tactile_sensing.devices.protocol import Frame, Reply
 from tactile_sensing.devices.registry import options_of, protocol_named, PROTOCOLS
 
 # Ten million bytes as a stress run: BYTES=10000000 pytest ...
@@ -58,7 +59,7 @@ def frames_of(decoder, data, size=None):
     frames = []
     for at in range(0, max(len(data), 1), size or max(len(data), 1)):
         decoder.receive_data(data[at:at + size] if size else data)
-        while (event := decoder.next_event()) is not NEED_DATA:
+        while (event := decoder.next_event()) is not None:
             if isinstance(event, Frame):
                 frames.append(event)
         assert decoder.buffered <= decoder.buffer_bound
@@ -88,7 +89,8 @@ def test_byte_by_byte(case):
 @pytest.mark.parametrize('kind', [np.uint8, np.uint16, np.int16])
 def test_counts_of_every_converter(case, kind):
     bounds = np.iinfo(kind)
-    low, high = case.protocol.lowest, case.protocol.highest
+    carried = np.iinfo(case.protocol.kind)
+    low, high = carried.min, carried.max
     if case.name == 'flexitac':  # bytes or words: nothing else is said of them
         low, high = -2**15, 2**16
     if 'rle' in case.options and case.options['rle']:
@@ -230,7 +232,8 @@ def test_frames_of_another_array_are_explained(case):
     if case.options.get('first'):
         data = Case(case.name).stream(case.images(20))
     assert frames_of(decoder, data) == []
-    assert '24' in decoder.explain()
+    told = 24 + len(case.options) * (case.name == 'csv_lines' and bool(case.options['stamp']))
+    assert f' {told} ' in decoder.explain() or ' 4 rows of 6 values' in decoder.explain()
     same = case.decoder()
     frames_of(same, case.stream(case.images(20)))
     assert same.explain() == ''
@@ -258,6 +261,20 @@ def test_lines_that_are_no_frame(line):
     decoder = CsvDecoder(2, 2)
     assert frames_of(decoder, b'\n' + line + b'\n') == []
     assert decoder.dropped_bytes == len(line) + 1
+
+
+@pytest.mark.parametrize('data, options, reason', [
+    (b'A0=1,A1=2\n', {}, "lines must hold numbers alone, this one does not: b'A0=1,A1=2'"),
+    (b'1,2,3\n', {}, 'a line holds 3 numbers, must hold 2x2 = 4: see the options `stamp`'),
+    (b'1,2,3,4\n', {'stamp': 'us'}, 'holds 4 numbers, must hold 2x2 = 4, a stamp: see'),
+    (b'1,2,3,4\n', {'checksum': True}, 'must hold 2x2 = 4, a checksum: see'),
+    (b'1,2,3,4,5\n', {'checksum': True}, 'is not the sum of the others modulo 65536'),
+    (b'1,2,3,400\n', {}, 'a value of 400 is no uint8: see `bits` and `signed`'),
+    (b'1,2,3,4,' * 99, {}, r"no end of a frame \(b'.n'\) in 792 bytes, such as b'1,2,3,4,1,2")])
+def test_lines_that_are_no_frame_are_explained(data, options, reason):
+    decoder = CsvDecoder(2, 2, **options)
+    assert frames_of(decoder, b'\n' + data) == []
+    assert re.search(reason, decoder.explain()), decoder.explain()
 
 
 def test_a_line_without_end_is_dropped_and_its_rest_is_no_frame():
@@ -306,6 +323,9 @@ def test_commands_are_answered_and_refusals_explained():
     assert device.running
     device.answer(weiss.stop_wts(100.0))
     assert not device.running
+    device.encode(np.eye(2, dtype=np.uint16))
+    frame, = frames_of(weiss.WeissDecoder(2, 2), device.answer(weiss.packet(weiss.SINGLE)))
+    assert frame.counts.tolist() == [[1, 0], [0, 1]]
 
 
 def test_a_tag_of_a_finger_and_its_temperature():
@@ -319,14 +339,12 @@ def test_a_tag_of_a_finger_and_its_temperature():
     assert decoder.temperature == 36.0
 
 
-def test_resync_comes_before_the_frame_that_ends_it():
+def test_bytes_between_frames_are_counted():
     case = Case('csv_lines')
     decoder = case.decoder()
     first, second = case.packets(case.images(2))
-    decoder.receive_data(b'\n' + first + b'boot\n' + second)
-    events = [decoder.next_event() for _ in range(4)]
-    assert [type(event) for event in events[:3]] == [Frame, Resync, Frame]
-    assert events[1].dropped_bytes == 5 and events[3] is NEED_DATA
+    assert len(frames_of(decoder, b'\n' + first + b'boot\n' + second)) == 2
+    assert (decoder.resyncs, decoder.dropped_bytes, decoder.lost_frames) == (1, 5, 1)
 
 
 @pytest.mark.parametrize('name, text, reason', [

@@ -9,9 +9,9 @@ import pytest
 
 from tactile_sensing.calibration import recorder
 from tactile_sensing.cli import calibrate, record
+from tactile_sensing.devices.frame_clock import SensorImage
 from tactile_sensing.devices.lines import CsvDevice
 from tactile_sensing.devices.recording import load_recording
-from tactile_sensing.devices.sensor import SensorImage
 from tactile_sensing.skin.pressure import SkinPressure
 from tactile_sensing.types.array import TactelArray
 from tactile_sensing.types.skin import Skin
@@ -100,7 +100,8 @@ def test_calibrate_asks_for_presses_of_a_port(port, tmp_path, monkeypatch, capsy
 
 @pytest.mark.parametrize('arguments, reason', [
     (['x.csv', '--port', '/dev/none', '--shape', '8', '8'], 'x.csv: must end in .npz'),
-    (['--port', '/dev/none', '--shape', '8', '8'], 'No such file'),
+    (['none/x.npz', '--port', '/dev/none', '--shape', '8', '8'], 'none does not exist'),
+    (['--port', '/dev/none', '--shape', '8', '8'], '/dev/none is not there; serial'),
     (['--port', '/dev/none'], '--shape'),
     (['--port', '/dev/none', '--shape', '8', '8', '--options', 'a=1'], "no option 'a'")])
 def test_wrong_arguments(arguments, reason, capsys):

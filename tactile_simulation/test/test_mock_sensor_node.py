@@ -18,7 +18,7 @@ from tactile_common.ros.runner import make_executor
 from tactile_sensing import open_sensor
 from tactile_sensing.devices.calibration import Calibration
 from tactile_sensing.devices.calibration_file import save_calibration
-from tactile_sensing.devices.flexitac import FlexiTacDecoder, MARKER, NEED_DATA
+from tactile_sensing.devices.flexitac import FlexiTacDecoder, MARKER
 from tactile_sensing.devices.registry import options_of, PROTOCOLS
 from tactile_sensing.types.array import TactelArray
 from tactile_simulation.nodes.mock_sensor import MockSensorConfig, MockSensorNode
@@ -114,7 +114,7 @@ class Listener:
 def decoded(data, shape, kind=np.uint8):
     decoder = FlexiTacDecoder(*shape, kind)
     decoder.receive_data(data)
-    events = list(iter(decoder.next_event, NEED_DATA))
+    events = list(iter(decoder.next_event, None))
     assert decoder.dropped_bytes == 0
     return np.stack([event.counts for event in events])
 

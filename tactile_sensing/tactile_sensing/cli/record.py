@@ -1,6 +1,7 @@
 """Command: look at a sensor on a serial port, and record its raw counts."""
 import argparse
 from collections.abc import Iterable
+from pathlib import Path
 import sys
 import time
 
@@ -11,7 +12,7 @@ from tactile_common.errors import ConfigurationError
 from tactile_common.npz_stream import MAX_WHOLE
 from tactile_sensing.cli.options import add_pitch, MAX_SIDE, pitch_of
 from tactile_sensing.cli.sensor_options import add_sensor, opened
-from tactile_sensing.devices.sensor import SensorImage
+from tactile_sensing.devices.frame_clock import SensorImage
 
 SHADES = ' .:-=+*#%@'
 LEAST_RANGE = 10.0  # counts that are drawn black: noise stays white
@@ -80,6 +81,8 @@ def run(options: argparse.Namespace) -> str:
     """Look or record; returns what was done."""
     if options.file and not options.file.endswith('.npz'):
         raise ConfigurationError(f'{options.file}: must end in .npz')
+    if options.file and not (folder := Path(options.file).resolve().parent).is_dir():
+        raise ConfigurationError(f'{options.file}: folder {folder} does not exist')
     pitch_x, pitch_y = pitch_of(options.pitch) if options.pitch else (0.0, 0.0)
     with opened(options) as sensor:
         if not options.file:

@@ -168,15 +168,20 @@ class Calibration:
                   'depth': float(min(pitch_x, pitch_y)), **values}
         return cls(TactelArray(rows, columns, pitch_x, pitch_y), **values)
 
-    def make_tare(self, frames) -> Tare:
-        """Average frames of the unloaded pad, raw counts `(n, rows, columns)`, see `tare`."""
+    def make_tare(self, frames, before: Tare | None = None) -> Tare:
+        """
+        Average frames of the unloaded pad, raw counts `(n, rows, columns)`, see `tare`.
+
+        A tactel that is off the baseline is loaded, or off the tare before by more than its noise.
+        """
         frames = np.asarray(frames)
         if frames.ndim != 3 or frames.shape[1:] != self.raw_shape:
             raise TareRefusedError(
                 f'frames have shape {frames.shape}, must be (n, {self.raw_shape[0]}, '
                 f'{self.raw_shape[1]})')
-        return tare_of(self.arrange(frames), self.counts, self.baseline, self.live,
-                       self.tare_tolerance)
+        about, tolerance = (self.baseline, self.tare_tolerance) if before is None else (
+            before.offset, before.noise_std)
+        return tare_of(self.arrange(frames), self.counts, about, self.live, tolerance)
 
     def converter(self, tare=None):
         """

@@ -13,40 +13,34 @@ were held back meanwhile are genuine and are delivered, late.
 
 Tactels that stand still at the marker's values mimic it, and after a lost byte several phases
 look alike. Then the frames before tell: a place that held a marker within them is no start of
-another one, and the picture hardly changes. Where that does not tell, `MarkerSearch` waits for
-noise. A loss that brings such a place to where a marker is expected would keep the decoder in
-lock in the wrong phase; it shows by the true marker, now at the mirrored place, and ends the lock.
+another one. Where that does not tell, the decoder waits for noise. A loss that brings such a place
+to where a marker is expected would keep the decoder in lock in the wrong phase; it shows by the
+true marker, now at the mirrored place, and ends the lock.
 """
-from collections import deque
+from collections import Counter, deque
 import math
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import DTypeLike
 
-from tactile_sensing.devices.marker_search import AMBIGUOUS_PERIODS, Known, MarkerSearch
-from tactile_sensing.devices.protocol import Decoder, Device, NEED_DATA
+from tactile_sensing.devices.protocol import Decoder, Device, Piece
 
 MARKER = b'\xaa\x55'
 BAUD_RATE = 2_000_000
-SAMPLE_SIZE = 16384  # bytes
 FIXED_FRAMES = 8  # in which a mimic has stood at one place, so that it counts as fixed
-
-
-def encode_frame(counts: np.ndarray) -> bytes:
-    """Return marker and payload of one picture, `counts` of shape `(rows, columns)`."""
-    return MARKER + encode_payload(counts)
+LOCK_PERIODS = 2  # periods that must be confirmed by a marker behind them
+AMBIGUOUS_PERIODS = 8  # periods to wait for while several places are confirmed
+MAX_RIVALS = 8  # places that are compared, those nearest to where a frame was expected
+OFTEN = AMBIGUOUS_PERIODS // 2  # so often must reads end at one place to tell a pause
+DISTANCES = 64  # between markers, that tell how long other frames are
 
 
 def encode_payload(counts: np.ndarray) -> bytes:
-    """Return the payload of one picture alone: integers of one byte or two, as they are."""
+    """Return the payload of one image alone: integers of one byte or two, as they are."""
     if counts.dtype.itemsize > 2:
         counts = counts.astype(np.uint8)
     return counts.astype(counts.dtype.newbyteorder('<')).tobytes()
-
-
-def encode_next(counts: np.ndarray) -> bytes:
-    """Return what a device sends once a marker is out: payload, and at once the next marker."""
-    return encode_payload(counts) + MARKER
 
 
 class FlexiTacDevice(Device):
@@ -56,100 +50,148 @@ class FlexiTacDevice(Device):
 
     def encode(self, counts: np.ndarray, time_ns: int = 0) -> bytes:
         """Return what a device sends once a marker is out."""
-        return encode_next(counts)
+        return encode_payload(counts) + MARKER
+
+
+class Run(NamedTuple):
+    """Markers a period apart."""
+
+    last: int  # position of the last one in the stream
+    periods: int  # confirmed, one less than the markers
 
 
 class FlexiTacDecoder(Decoder):
     """
     Turn received bytes into frames, see `protocol.Decoder`.
 
-    `buffer_bound` is without lock the `AMBIGUOUS_PERIODS` that may be needed to choose a phase,
-    and the markers around them. Counts are of the type that is given, an integer of one byte or
-    two.
+    Counts are of the type that is given, an integer of one byte or two. Without lock each byte is
+    searched once, and once a period at most `MAX_RIVALS` places are compared.
     """
 
+    announced = len(MARKER)
+
     def __init__(self, rows: int, columns: int, kind: DTypeLike = np.uint8):
-        self._known: Known | None = None  # survives a reset: the pad is the same one
-        self._fixed: dict[int, int] = {}  # places of mimics, and for how many frames by now
+        # What survives a reset, as the pad is the same one: where the last good frame began, the
+        # places in it that mimic a marker, and for how many frames by now.
+        self._start: int | None = None
+        self._mimics: dict[int, int] = {}
         super().__init__(rows, columns, np.dtype(kind).newbyteorder('<'))
 
     def _begin(self):
         super()._begin()
         self._period = len(MARKER) + math.prod(self.shape) * self._kind.itemsize
         self.buffer_bound = (AMBIGUOUS_PERIODS + 2) * self._period + len(MARKER)
-        self._search = MarkerSearch(MARKER, self._period)
-        self._search.restart(self._origin)
-        self._breaks: deque[int] = deque(maxlen=4 * AMBIGUOUS_PERIODS)
         self._held = 0  # confirmed frames at the head of the buffer
-        self._sample = bytearray()  # kept without lock, to see how long other frames are
+        self._breaks: deque[int] = deque(maxlen=4 * AMBIGUOUS_PERIODS)  # places where reads end
+        self._distances: deque[int] = deque(maxlen=DISTANCES)
+        self._search_from(self._origin)
+
+    def _search_from(self, position):
+        self._next = self._compare_at = self._marker_at = position
+        self._runs: deque[Run] = deque()  # by their last markers, all within one period
 
     def receive_data(self, data: bytes) -> None:
         """Append what came from the port; parsing is left to `next_event`."""
         super().receive_data(data)
         self._breaks.append((self._origin + len(self._buffer)) % self._period)
-        if self.locked:
-            self._sample.clear()
-        else:
-            self._sample += data
-            del self._sample[:-SAMPLE_SIZE]
-
-    def next_event(self):
-        """Return the next event, or `NEED_DATA`."""
-        if self.locked and self._held == 0:
-            if len(self._buffer) < self._period + len(MARKER):
-                return NEED_DATA
-            if self._buffer.startswith(MARKER, self._period) and not self._slipped():
-                self._held = 1
-            else:
-                # The frame is broken; its own marker cannot start another one.
-                self.locked = False
-                self._search.restart(self._origin + 1)
-        if not self.locked:
-            if not self._find_lock():
-                return NEED_DATA
-            if self._gap:
-                return self._resync(self._period)
-        return self._head()
 
     def explain(self) -> str:
         """Say how long the frames of a stream are that makes none of this array."""
-        size = payload_size(self._sample)
-        if size is None or size == self._period - len(MARKER):
+        period, count = max(Counter(self._distances).items(), key=lambda it: it[1], default=(0, 0))
+        if self.locked or count < max(0.8 * len(self._distances), 3) or period == self._period:
             return ''
-        text, tactels = f'the sensor sends {size} bytes a frame', self.shape[0] * self.shape[1]
+        size, tactels = period - len(MARKER), math.prod(self.shape)
+        text = (f'the sensor sends {size} bytes a frame, '
+                f'{self._period - len(MARKER)} are expected')
         if size == 2 * tactels:
-            text += ', two a tactel: `bits` of the calibration must be above 8'
+            text += ': it sends two a tactel, `bits` of the calibration must be above 8'
         elif size == tactels:
-            text += ', one a tactel: `bits` of the calibration must be at most 8'
+            text += ': it sends one a tactel, `bits` of the calibration must be at most 8'
         return text
 
-    def _head(self):
-        """Take the frame at the head of the buffer."""
-        payload = bytes(self._buffer[len(MARKER):self._period])
-        mimics = frozenset(_places(payload))
-        self._fixed = {place: self._fixed.get(place, 0) + 1 for place in mimics}
-        self._known = Known(self._origin, payload, mimics)
-        first = self._origin + len(MARKER)
-        self._take(self._period)
+    def _scan(self):
+        if self.locked and not self._held:
+            if len(self._buffer) < self._period + len(MARKER):
+                return None
+            if self._buffer.startswith(MARKER, self._period) and not self._slipped():
+                self._held = 1
+            else:  # the frame is broken; its own marker cannot start another one
+                self.locked = False
+                self._search_from(self._origin + 1)
+        if not self._held:
+            run = self._find()
+            if run is None:
+                over = len(self._buffer) - self.buffer_bound
+                return Piece(over, good=False) if over > 0 else None
+            self._held = min(run.periods, (run.last - self._origin) // self._period)
+            before = run.last - self._held * self._period - self._origin
+            if before > 0:
+                return Piece(before, good=False)
         self._held -= 1
-        return self._frame(np.frombuffer(payload, self._kind).reshape(self.shape), first)
+        payload = bytes(self._buffer[len(MARKER):self._period])
+        self._start = self._origin
+        self._mimics = {place: self._mimics.get(place, 0) + 1 for place in _places(payload)}
+        return Piece(self._period, np.frombuffer(payload, self._kind).reshape(self.shape))
 
     def _slipped(self):
         """Whether a marker stands where the true one is if a fixed mimic has taken its place."""
-        fixed = [place for place, count in self._fixed.items() if count >= FIXED_FRAMES]
+        fixed = [place for place, count in self._mimics.items() if count >= FIXED_FRAMES]
         return any(self._buffer.startswith(MARKER, self._period - place) for place in fixed
-                   if self._period - place not in self._fixed)
+                   if self._period - place not in self._mimics)
 
-    def _find_lock(self):
-        """Put the start of a confirmed frame at the head of the buffer; False: not there yet."""
-        run = self._search.find(self._buffer, self._origin, self._known, self._breaks)
-        if run is None:
-            self._drop(len(self._buffer) - self.buffer_bound)
-            return False
-        self._held = min(run.periods, (run.last - self._origin) // self._period)
-        self._drop(run.last - self._held * self._period - self._origin)
-        self.locked = True
-        return True
+    def _find(self):
+        """Return the run that frames start with; None: more bytes are needed."""
+        while (at := self._buffer.find(MARKER, max(self._next - self._origin, 0))) >= 0:
+            run = self._extend(self._origin + at)
+            if run.periods < LOCK_PERIODS:
+                continue
+            if len(self._runs) == 1:
+                return run
+            if run.last >= self._compare_at:
+                self._compare_at = run.last + self._period
+                best = self._likeliest()
+                if best is not None:
+                    return best
+        # The last bytes may be the first ones of a marker.
+        self._next = max(self._next, self._origin + len(self._buffer) - len(MARKER) + 1)
+        return None
+
+    def _extend(self, position):
+        """Enter a marker; what had to be confirmed by now and was not is no run any more."""
+        self._distances.append(position - self._marker_at)
+        self._marker_at, self._next = position, position + 1
+        periods, before = 0, position - self._period
+        while self._runs and self._runs[0].last <= before:
+            run = self._runs.popleft()
+            if run.last == before:
+                periods = run.periods + 1
+        self._runs.append(Run(position, periods))
+        return self._runs[-1]
+
+    def _likeliest(self):
+        """Return the likeliest run, None while waiting may tell more."""
+        settled = max(run.periods for run in self._runs) >= AMBIGUOUS_PERIODS
+        runs, start = [run for run in self._runs if run.periods], self._start
+        if start is None:
+            if not settled:
+                return None
+            # A device pauses before or behind its marker, not within an image.
+            ends = np.bincount(self._breaks, minlength=self._period)
+            return max(runs, key=lambda run: (
+                (ends[run.last % self._period]
+                 + ends[(run.last + len(MARKER)) % self._period]) // OFTEN,
+                run.periods * self._period - run.last))
+        # Bytes get lost rather than added: the place lies at or before the expected one.
+        runs.sort(key=lambda run: (start - run.last) % self._period)
+        strange = [self._strangers(run) for run in runs[:MAX_RIVALS]]
+        if not settled and (min(strange) or strange.count(0) > 1):
+            return None
+        return runs[strange.index(min(strange))]
+
+    def _strangers(self, run):
+        """Count the places that mimic a marker if frames start with a run, and did not before."""
+        return sum((other.last - run.last) % self._period not in self._mimics
+                   for other in self._runs if other is not run)
 
 
 def _places(payload):
@@ -158,19 +200,3 @@ def _places(payload):
     while at >= 0:
         yield at + len(MARKER)
         at = payload.find(MARKER, at + 1)
-
-
-def payload_size(sample: bytes | bytearray) -> int | None:
-    """
-    Guess from some periods of a byte stream how long its payload is: bytes between two markers.
-
-    None unless at least four in five distances are the same.
-    """
-    raw = np.frombuffer(bytes(sample), np.uint8)
-    distances = np.diff(np.flatnonzero((raw[:-1] == MARKER[0]) & (raw[1:] == MARKER[1])))
-    if distances.size < 3:
-        return None
-    sizes, counts = np.unique(distances, return_counts=True)
-    if counts.max() < 0.8 * distances.size:
-        return None
-    return int(sizes[counts.argmax()]) - len(MARKER)

@@ -5,7 +5,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from tactile_sensing.devices.protocol import Decoder, Frame, NEED_DATA
+from tactile_common.errors import ConfigurationError
+from tactile_sensing.devices.protocol import Decoder, Frame
 
 NS = 1_000_000_000
 # A frame whose bytes took longer than both is no picture of one instant.
@@ -22,18 +23,12 @@ SURE = 0.6  # periods of jitter up to which a late frame shows that one was left
 MOST_JITTER = 3.0  # times the usual one, which is taken out
 
 
-class Stamped(NamedTuple):
-    """A frame and when it arrived, had its bytes come as usual and without jitter [ns]."""
+class SensorImage(NamedTuple):
+    """One image of a sensor as it was read."""
 
-    frame: Frame
-    arrival_ns: int
-
-
-class Arrival(NamedTuple):
-    """A read of the port."""
-
-    end: int  # position behind its last byte in the stream
-    time_ns: int
+    stamp_ns: int  # when its last byte came, had it come as usual and without jitter
+    sequence: int  # images before this one, with an estimate of the lost ones
+    counts: np.ndarray  # shape (rows, columns)
 
 
 class SendTime:
@@ -109,35 +104,36 @@ class SendTime:
 
 class FrameClock:
     """
-    Feed a decoder with what is read from a port, and give frames with their times of arrival.
+    Feed a decoder with what is read from a port, and give images with their times.
 
     A frame is as old as its first byte: where its bytes took longer than usual its time is that
     much earlier, and where they took `STALL_PERIODS`, and `STALL_NS`, it is refused. Of frames
     that were read at once, the earlier ones arrived a period apart. Where the reader had not
     caught up with the port for as long as that, what it finds may have waited there while newer
     bytes were lost: if the nominal rate is known, such frames have the earliest time that is
-    possible. No more are given than
-    `RATE_MARGIN` times the nominal rate [Hz], or `MAX_RATE` where that is 0, in the mean of
-    `BURST`.
+    possible. No more are given than `RATE_MARGIN` times the nominal rate [Hz], or `MAX_RATE`
+    where that is 0, in the mean of `BURST`.
 
     Attributes
     ----------
     stalled, thinned : int
         Frames that were refused because their bytes took too long, or came too fast.
-    limit : float
-        Frames that are given at most [Hz].
     jitter_ns : float
         By which frames come later than they were sent, in the mean of some [ns].
     """
 
     def __init__(self, decoder: Decoder, nominal_rate: float = 0.0):
-        self.decoder, self._nominal_rate = decoder, nominal_rate
-        self.limit = RATE_MARGIN * nominal_rate or MAX_RATE
+        if not 0.0 <= nominal_rate <= MAX_RATE:  # NaN fails as well
+            raise ConfigurationError(
+                f'rate is {nominal_rate} Hz, must be from 0 to {MAX_RATE:g} Hz')
+        self.decoder = decoder
+        self._limit = RATE_MARGIN * nominal_rate or MAX_RATE  # Hz
         self.stalled = self.thinned = 0
         self.jitter_ns = 0.0
-        self._period_ns = NS / nominal_rate if nominal_rate else 0.0
+        self._nominal_ns = NS / nominal_rate if nominal_rate else 0.0
+        self._period_ns = self._nominal_ns
         self._usual_ns = 0.0  # from the first to the last byte of a frame
-        self._credit = BURST * self.limit
+        self._credit = BURST * self._limit
         self._received = self._backlog = 0  # bytes; frames since the reader had caught up
         self._caught_up_ns: int | None = None
         self._send_time = SendTime()
@@ -148,22 +144,23 @@ class FrameClock:
         """Begin anew, as after the port was opened."""
         self.decoder.reset()
         self._send_time.restart()
-        self._arrivals: deque[Arrival] = deque()  # of bytes that may belong to a frame to come
+        # Reads that may hold bytes of a frame to come: the position behind each, and its time.
+        self._arrivals: deque[tuple[int, int]] = deque()
 
-    def receive(self, data: bytes, now_ns: int, caught_up_ns: int | None = None) -> list[Stamped]:
+    def receive(self, data: bytes, now_ns: int,
+                caught_up_ns: int | None = None) -> list[SensorImage]:
         """
-        Return the frames that are complete with bytes read at a time [ns].
+        Return the images that are complete with bytes read at a time [ns].
 
         All of them came after `caught_up_ns`; without it, they have just come.
         """
         if caught_up_ns is None or caught_up_ns != self._caught_up_ns:
             self._caught_up_ns, self._backlog = caught_up_ns, 0
-        waited_ns = 0 if caught_up_ns is None else now_ns - caught_up_ns
         self._received += len(data)
-        self._arrivals.append(Arrival(self._received, now_ns))
+        self._arrivals.append((self._received, now_ns))
         self.decoder.receive_data(data)
         frames = []
-        while (event := self.decoder.next_event()) is not NEED_DATA:
+        while (event := self.decoder.next_event()) is not None:
             if isinstance(event, Frame):
                 frames.append((event, *self._times(event)))
         self._forget(self._received - self.decoder.buffered)
@@ -173,28 +170,27 @@ class FrameClock:
             self._newest_ns = now_ns
         given = []
         behind = Counter(last_ns for *_, last_ns in frames)  # frames of a read not yet judged
-        late = self._nominal_rate and waited_ns >= self._stall_ns()
+        since_ns = now_ns if caught_up_ns is None else caught_up_ns
+        late = self._nominal_ns and now_ns - since_ns >= self._stall_ns()
         for frame, first_ns, last_ns in frames:
             behind[last_ns] -= 1
             self._backlog += 1
             arrival_ns = last_ns - round(behind[last_ns] * self._period_ns)
             if late:
-                arrival_ns = min(arrival_ns, now_ns - waited_ns + round(
-                    self._backlog * NS / self._nominal_rate))
-            arrival_ns = self._judge(frame, first_ns, arrival_ns)
-            if arrival_ns is not None:
-                self.jitter_ns += 0.02 * (now_ns - arrival_ns - self.jitter_ns)
-                given.append(Stamped(frame, arrival_ns))
+                arrival_ns = min(arrival_ns, since_ns + round(self._backlog * self._nominal_ns))
+            stamp_ns = self._judge(frame, first_ns, arrival_ns)
+            if stamp_ns is not None:
+                self.jitter_ns += 0.02 * (now_ns - stamp_ns - self.jitter_ns)
+                given.append(SensorImage(stamp_ns, frame.sequence, frame.counts))
         return given
 
     def _times(self, frame):
         """When the first and the last byte of a frame were read."""
         self._forget(frame.first_byte)
-        last = next(arrival for arrival in self._arrivals if arrival.end >= frame.end)
-        return self._arrivals[0].time_ns, last.time_ns
+        return self._arrivals[0][1], next(at for end, at in self._arrivals if end >= frame.end)
 
     def _forget(self, position):
-        while self._arrivals and self._arrivals[0].end <= position:
+        while self._arrivals and self._arrivals[0][0] <= position:
             self._arrivals.popleft()
 
     def _learn_period(self, now_ns):
@@ -204,29 +200,28 @@ class FrameClock:
             self._period_ns += gain * (since_ns - self._period_ns)
 
     def _stall_ns(self):
-        period_ns = NS / self._nominal_rate if self._nominal_rate else self._period_ns
+        period_ns = self._nominal_ns or self._period_ns
         return max(STALL_PERIODS * period_ns, STALL_NS) if period_ns else NS
 
     def _judge(self, frame, first_ns, last_ns):
-        """Arrival of a frame by the times of its bytes; None: it is not given."""
+        """Stamp of a frame by the times of its bytes; None: it is not given."""
         took_ns = max(last_ns - first_ns, 0)
         if took_ns >= self._stall_ns():
             self.stalled += 1
             return None
-        arrival_ns = last_ns - max(took_ns - round(self._usual_ns), 0)
+        stamp_ns = last_ns - max(took_ns - round(self._usual_ns), 0)
         self._usual_ns += 0.1 * (took_ns - self._usual_ns)
         if frame.device_ns is not None:
-            arrival_ns = self._send_time.of(frame.device_ns, arrival_ns)
-        elif self._nominal_rate:
-            arrival_ns = self._send_time.of(
-                round(frame.sequence * NS / self._nominal_rate), arrival_ns,
-                NS / self._nominal_rate)
-        if 0 <= self._given_ns - arrival_ns < JUMP_NS:
-            arrival_ns = self._given_ns + 1  # a period was overestimated
-        elapsed = 1e-9 * max(arrival_ns - self._given_ns, 0)
-        credit = min(self._credit + elapsed * self.limit, BURST * self.limit)
+            stamp_ns = self._send_time.of(frame.device_ns, stamp_ns)
+        elif self._nominal_ns:
+            stamp_ns = self._send_time.of(
+                round(frame.sequence * self._nominal_ns), stamp_ns, self._nominal_ns)
+        if 0 <= self._given_ns - stamp_ns < JUMP_NS:
+            stamp_ns = self._given_ns + 1  # a period was overestimated
+        elapsed = 1e-9 * max(stamp_ns - self._given_ns, 0)
+        credit = min(self._credit + elapsed * self._limit, BURST * self._limit)
         if credit < 1.0:
             self.thinned += 1
             return None
-        self._credit, self._given_ns = credit - 1.0, arrival_ns
-        return arrival_ns
+        self._credit, self._given_ns = credit - 1.0, stamp_ns
+        return stamp_ns

@@ -25,9 +25,10 @@ _NUMBERS = bytes(byte if chr(byte).isalnum() and byte < 128 or chr(byte) in '+-.
 def numbers(text: bytes) -> np.ndarray:
     """Return the numbers of a text, whatever separates them; empty if it holds something else."""
     try:
-        return np.array(list(map(float, text.translate(_NUMBERS).split())))
+        values = np.array(list(map(float, text.translate(_NUMBERS).split())))
     except ValueError:
         return np.empty(0)
+    return values if np.isfinite(values).all() else np.empty(0)
 
 
 class LineDecoder(Decoder):
@@ -38,7 +39,6 @@ class LineDecoder(Decoder):
     def __init__(self, rows: int, columns: int, kind: DTypeLike = np.uint8):
         super().__init__(rows, columns, kind)
         self.buffer_bound = DIGITS * (rows * columns + 2) + 2 * rows + 64
-        self._bounds = np.iinfo(self._kind)
 
     def _begin(self):
         super()._begin()
@@ -50,6 +50,8 @@ class LineDecoder(Decoder):
         if end < 0:
             if len(self._buffer) > self.buffer_bound:
                 self._looked, self._cut = 0, True
+                self._mismatch = (f'no end of a frame ({self.END!r}) in {len(self._buffer)} bytes,'
+                                  f' such as {bytes(self._buffer[:24])!r}')
                 return Piece(len(self._buffer) - len(self.END) + 1, good=False)
             self._looked = max(len(self._buffer) - len(self.END) + 1, 0)
             return None
@@ -63,16 +65,6 @@ class LineDecoder(Decoder):
         """Return what is in a text that is whole."""
         raise NotImplementedError
 
-    def _counts(self, values, size, ticks=None):
-        """Piece of a frame's values, if they are as many as tactels and fit their type."""
-        fits = values.size == self.shape[0] * self.shape[1]
-        low, high = (values.min(), values.max()) if values.size else (0, 0)
-        if not fits or not self._bounds.min <= low <= high <= self._bounds.max:
-            if values.size:
-                self._refuse(values.size, high if high > self._bounds.max else low)
-            return Piece(size, good=False)
-        return Piece(size, np.rint(values).astype(self._kind).reshape(self.shape), ticks)
-
 
 class CsvDecoder(LineDecoder):
     """Decoder of `csv_lines`."""
@@ -80,22 +72,31 @@ class CsvDecoder(LineDecoder):
     def __init__(self, rows: int, columns: int, kind: DTypeLike = np.uint8, stamp: str = '',
                  checksum: bool = False):
         super().__init__(rows, columns, kind)
-        self._stamped, self._checksum = tick_of(stamp) > 0, checksum
+        self._stamped, self._checksum = bool(stamp), checksum
         self.tick_ns = tick_of(stamp)
 
     def _parse(self, text, size):
-        values = numbers(text)
-        if self._checksum and values.size:
-            total = values[:-1].sum()
-            if not np.isfinite(total) or total % MODULUS != values[-1]:
-                self._refuse(values.size - self._stamped - 1, values.max())
+        values, (rows, columns) = numbers(text), self.shape
+        if not values.size:
+            self._mismatch = f'lines must hold numbers alone, this one does not: {text[:40]!r}'
+            return Piece(size, good=False)
+        if values.size != rows * columns + self._stamped + self._checksum:
+            self._mismatch = (
+                f'a line holds {values.size} numbers, must hold {rows}x{columns} = '
+                f'{rows * columns}' + ', a stamp' * self._stamped + ', a checksum' * self._checksum
+                + ': see the options `stamp` and `checksum`')
+            return Piece(size, good=False, failed=self._checksum)
+        if self._checksum:
+            last, values = values[-1], values[:-1]
+            if values.sum() % MODULUS != last:
+                self._mismatch = (f'the last number of a line is not the sum of the others '
+                                  f'modulo {MODULUS}: see the option `checksum`')
                 return Piece(size, good=False, failed=True)
-            values = values[:-1]
-        if self._stamped and values.size:
-            if not 0 <= values[0] < self.wrap:
-                return Piece(size, good=False)
-            return self._counts(values[1:], size, int(values[0]))
-        return self._counts(values, size)
+        if not self._stamped:
+            return self._image(values, size)
+        if not 0 <= values[0] < self.wrap:
+            return Piece(size, good=False)
+        return self._image(values[1:], size, int(values[0]))
 
 
 class CsvDevice(Device):
@@ -130,13 +131,11 @@ class VitacDecoder(LineDecoder):
 
     def _parse(self, text, size):
         rows = [numbers(row) for row in text.rstrip(b'\r').split(b'\r\n')]
-        if len({row.size for row in rows}) > 1:
+        if [row.size for row in rows] != [self.shape[1]] * self.shape[0]:
+            self._mismatch = (f'the sensor sends {len(rows)} rows of {rows[0].size} values, '
+                              f'{self.shape[0]} of {self.shape[1]} are expected')
             return Piece(size, good=False)
-        values = np.concatenate(rows)
-        if len(rows) != self.shape[0] and values.size == self.shape[0] * self.shape[1]:
-            self._mismatch = f'the sensor sends {len(rows)} rows of {rows[0].size} values'
-            return Piece(size, good=False)
-        return self._counts(values, size)
+        return self._image(np.concatenate(rows), size)
 
 
 class VitacDevice(Device):

@@ -6,7 +6,7 @@ import time
 import numpy as np
 
 from tactile_sensing.devices.calibration import Calibration
-from tactile_sensing.devices.tare import Tare, tare_of, TareRefusedError
+from tactile_sensing.devices.tare import Tare, TareRefusedError
 from tactile_sensing.types.image import TactileImage
 
 STALE = 1.0  # s; frames that are older are no picture of the pad as it is
@@ -18,7 +18,6 @@ class Pad:
 
     Parameters
     ----------
-    calibration : Calibration
     tare_frames : int
         Averaged by a tare.
     at_start : bool
@@ -93,12 +92,7 @@ class Pad:
                                            'have arrived')
                 if time.monotonic() - self._seen_at > STALE:
                     raise TareRefusedError('no frames: the last one is older than a second')
-                if anew or before is None:
-                    tare = self.calibration.make_tare(frames)
-                else:
-                    tare = tare_of(
-                        self.calibration.arrange(np.array(frames)), self.calibration.counts,
-                        before.offset, self.calibration.live, before.noise_std)
+                tare = self.calibration.make_tare(frames, None if anew else before)
             except TareRefusedError as error:
                 self.refusal = str(error)
                 raise

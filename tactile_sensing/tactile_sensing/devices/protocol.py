@@ -1,7 +1,6 @@
 """Byte protocols of sensors: bytes in, frames and events out; no input or output."""
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-import enum
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -9,18 +8,8 @@ from numpy.typing import DTypeLike
 
 from tactile_common.errors import ConfigurationError
 
-
-class Signal(enum.Enum):
-    """What `Decoder.next_event` returns beside events."""
-
-    NEED_DATA = 'need data'
-
-
 LEAST_STEP = 4  # ticks from frame to frame that show whether one is missing
 LONGEST_STEP_NS = 10_000_000_000  # beyond which the device's clock has begun anew
-
-#: Returned by `Decoder.next_event` when it has seen all that was received.
-NEED_DATA = Signal.NEED_DATA
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,13 +21,6 @@ class Frame:
     first_byte: int  # position of its first byte among all that the decoder has received
     end: int  # position behind its last byte
     device_ns: int | None = None  # time of the device's own clock, without its wrapping [ns]
-
-
-@dataclass(frozen=True)
-class Resync:
-    """The decoder is in lock again after bytes that belong to no frame."""
-
-    dropped_bytes: int  # passed over since the last frame
 
 
 @dataclass(frozen=True)
@@ -64,9 +46,9 @@ class Decoder:
     """
     Turn received bytes into frames: base of the codecs, which say what a `Piece` is.
 
-    `receive_data` only buffers and `next_event` parses; call it until it returns `NEED_DATA`.
-    Then at most `buffer_bound` bytes are held, whatever was received. Raises a
-    ConfigurationError where a size is not a positive integer.
+    `receive_data` only buffers and `next_event` parses; call it until it returns None. Then at
+    most `buffer_bound` bytes are held, whatever was received. Raises a ConfigurationError where a
+    size is not a positive integer, or the counts are to be of another type.
 
     Attributes
     ----------
@@ -81,6 +63,7 @@ class Decoder:
     """
 
     buffer_bound = 0
+    announced = 0  # bytes of a frame that come with the one before
     tick_ns, wrap = 1, 1 << 32  # of the device's clock: unit, and where it starts again
     temperature: float | None = None
 
@@ -89,15 +72,14 @@ class Decoder:
             if not isinstance(value, int) or value < 1:
                 raise ConfigurationError(f'{name} is {value!r}, must be an integer of at least 1')
         self.shape, self._kind = (rows, columns), np.dtype(kind)
+        if self._kind.kind not in 'iu':
+            raise ConfigurationError(f'kind is {self._kind}, must be a type of integers')
         self.frames = self.lost_frames = self.resyncs = 0
         self.dropped_bytes = self.check_errors = 0
-        self.locked = False
         self._buffer = bytearray()
         self._origin = 0  # position of the buffer in the stream
         self._device_ns, self._step = 0, 0.0  # its clock; usual ticks from frame to frame
         self._mismatch = ''
-        self._waiting: Frame | None = None  # behind the event that was returned before it
-        self._ticks: int | None = None  # of the last frame
         self._begin()
 
     @property
@@ -111,16 +93,11 @@ class Decoder:
 
     def reset(self) -> None:
         """Forget the buffer and the lock, as after the port was opened anew; counters stay."""
-        self.dropped_bytes += len(self._buffer)
-        self._take(len(self._buffer))
+        self._drop(len(self._buffer))
         self._begin()
 
-    def next_event(self) -> Frame | Resync | Reply | Signal:
-        """Return the next event, or `NEED_DATA`."""
-        if self._waiting is not None:
-            frame = self._waiting
-            self._waiting = None
-            return frame
+    def next_event(self) -> Frame | Reply | None:
+        """Return the next event; None: all that was received has been seen."""
         while (piece := self._scan()) is not None:
             if not piece.good:
                 self.locked = False
@@ -129,19 +106,10 @@ class Decoder:
                 continue
             self._take(piece.size)
             if piece.counts is not None:
-                missed = None if piece.ticks is None else self._tick(piece.ticks)
-                resync = self._resync(piece.size, missed) if self._gap else None
-                if missed and resync is None:
-                    self.lost_frames += missed
-                frame = self._frame(piece.counts, self._origin - piece.size,
-                                    None if piece.ticks is None else self._device_ns)
-                if resync is None:
-                    return frame
-                self._waiting = frame
-                return resync
+                return self._frame(piece)
             if piece.reply is not None:
                 return piece.reply
-        return NEED_DATA
+        return None
 
     def explain(self) -> str:
         """Say what is wrong with bytes that make no frame; empty if that does not show."""
@@ -154,17 +122,22 @@ class Decoder:
     def _begin(self):
         """Start as with a port that was just opened."""
         self._gap = 0  # bytes passed over since the last frame
-        self._waiting = self._ticks = None
+        self._ticks: int | None = None  # of the last frame
         self.locked = False
 
-    def _refuse(self, count, most):
-        """Keep why values make no frame: how many, and the largest one."""
-        rows, columns = self.shape
-        if count != rows * columns:
-            self._mismatch = (f'the sensor sends {count} values a frame, {rows}x{columns} = '
+    def _image(self, values, size, ticks=None):
+        """Piece of a frame's values, if they are as many as tactels and fit their type."""
+        (rows, columns), bounds = self.shape, np.iinfo(self._kind)
+        low, high = (values.min(), values.max()) if values.size else (0, 0)
+        if values.size != rows * columns:
+            self._mismatch = (f'the sensor sends {values.size} values a frame, {rows}x{columns} = '
                               f'{rows * columns} are expected')
+        elif not bounds.min <= low <= high <= bounds.max:
+            self._mismatch = (f'a value of {low if low < bounds.min else high:g} is no '
+                              f'{self._kind}: see `bits` and `signed` of the calibration')
         else:
-            self._mismatch = f'a value of {most:g} is no {self._kind}: see `bits` and `signed`'
+            return Piece(size, np.rint(values).astype(self._kind).reshape(self.shape), ticks)
+        return Piece(size, good=False)
 
     def _tick(self, ticks):
         """Follow the device's clock; returns how many frames it skipped, None: not known."""
@@ -178,30 +151,29 @@ class Decoder:
             self._step += (step - self._step) * (0.1 if self._step else 1.0)
         return max(missed, 0)
 
-    def _frame(self, counts, first, device_ns=None):
-        counts.flags.writeable = False
-        frame = Frame(
-            counts, self.frames + self.lost_frames, first, self._origin, device_ns)
+    def _frame(self, piece):
+        missed = None if piece.ticks is None else self._tick(piece.ticks)
+        if self._gap:
+            # Nothing is lost before the first frame; afterwards, where no clock tells, at least
+            # the one that broke the lock.
+            if self.frames and missed is None:
+                missed = max(round(self._gap / piece.size), 1)
+            self.resyncs += 1
+            self._gap = 0
+        self.lost_frames += missed or 0
+        piece.counts.flags.writeable = False
+        frame = Frame(piece.counts, self.frames + self.lost_frames,
+                      self._origin - piece.size + self.announced, self._origin,
+                      None if piece.ticks is None else self._device_ns)
         self.frames += 1
         self.locked = True
         return frame
 
-    def _resync(self, period, missed=None):
-        # Nothing is lost before the first frame; afterwards, where no clock tells, at least the
-        # one that broke the lock.
-        if self.frames:
-            self.lost_frames += max(round(self._gap / period), 1) if missed is None else missed
-        self.resyncs += 1
-        event = Resync(self._gap)
-        self._gap = 0
-        return event
-
     def _drop(self, count):
         """Pass over bytes that belong to no frame."""
-        if count > 0:
-            self._take(count)
-            self._gap += count
-            self.dropped_bytes += count
+        self._take(count)
+        self._gap += count
+        self.dropped_bytes += count
 
     def _take(self, count):
         del self._buffer[:count]
@@ -274,8 +246,6 @@ class SensorProtocol:
     decoder: Callable[..., Decoder]  # of rows, columns, type of the counts
     device: Callable[..., Device]
     baud_rate: int  # [bit/s]
-    highest: int = 255  # count that it can carry
-    lowest: int = 0
     kind: DTypeLike = np.uint8  # type of counts where nothing else is known
     shape: tuple[int, int] | None = None  # rows and columns where only one array speaks it
     start: Callable[..., bytes] = no_command  # of a rate [Hz]: makes the device send

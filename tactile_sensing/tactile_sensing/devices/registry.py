@@ -15,21 +15,19 @@ OWN = {
         flexitac.FlexiTacDecoder, flexitac.FlexiTacDevice, flexitac.BAUD_RATE,
         calibration='flexitac_16x16.yaml'),
     'csv_lines': SensorProtocol(
-        lines.CsvDecoder, lines.CsvDevice, 115200, 2**31 - 1, -2**31, np.int32,
+        lines.CsvDecoder, lines.CsvDevice, 115200, np.int32,
         options={'stamp': '', 'checksum': False}),
     'vitac': SensorProtocol(lines.VitacDecoder, lines.VitacDevice, 2_000_000),
     'weiss_wts': SensorProtocol(
-        weiss.WeissDecoder, weiss.WeissDevice, 115200, 65535, kind=np.uint16,
+        weiss.WeissDecoder, weiss.WeissDevice, 115200, np.uint16,
         start=weiss.start_wts, stop=weiss.stop_wts,
         options={'rle': False, 'tare': '', 'threshold': 0, 'cells': 0, 'first': 0}),
     'weiss_dsa': SensorProtocol(
-        weiss.DsaDecoder, weiss.DsaDevice, 115200, 4095, kind=np.uint16,
-        start=weiss.start_dsa, stop=weiss.stop_dsa,
-        options={'rle': True, 'cells': 0, 'first': 0}),
+        weiss.DsaDecoder, weiss.DsaDevice, 115200, np.uint16, start=weiss.start_dsa,
+        stop=weiss.stop_dsa, options={'rle': True, 'cells': 0, 'first': 0}),
     'robotiq_tsf85': SensorProtocol(
-        robotiq.TsfDecoder, robotiq.TsfDevice, 115200, 65535, kind=np.uint16,
-        shape=robotiq.SHAPE, start=robotiq.start, stop=robotiq.stop,
-        options={'finger': 0, 'crc': ''}),
+        robotiq.TsfDecoder, robotiq.TsfDevice, 115200, np.uint16, robotiq.SHAPE, robotiq.start,
+        robotiq.stop, {'finger': 0, 'crc': ''}),
 }
 _OTHERS = {point.name: point for point in entry_points(group=GROUP)}
 PROTOCOLS = (*OWN, *sorted(_OTHERS.keys() - OWN.keys()))  # names

@@ -6,6 +6,7 @@ data: a tag (kind of the values in the upper four bits, then two of the finger, 
 and its values, big-endian, tag by tag. What polynomial the CRC has is not public, and 00 stands
 for none: it is only checked where `crc` gives one. Else what is no sequence of tags is no packet.
 """
+import re
 import struct
 
 import numpy as np
@@ -21,7 +22,7 @@ LARGEST = 60  # bytes of data
 SHAPE = (7, 4)
 TEMPERATURE, STATIC = 0x60, 0x10
 SIZES = {STATIC: 56, 0x20: 2, 0x30: 6, 0x40: 6, 0x50: 6, TEMPERATURE: 2}  # bytes by the tag
-STOP_LENGTH = 5  # bytes of a command
+AUTOSENDS = re.compile(rb'\x9a.\x58\x01(.)', re.DOTALL)  # a command, and its period
 
 
 def crc8(data: bytes, polynomial: int) -> int:
@@ -52,7 +53,6 @@ class TsfDecoder(PacketDecoder):
         if (rows, columns) != SHAPE:
             raise ConfigurationError(f'the array is {rows}x{columns}, of this sensor it is 7x4')
         self._finger, self._polynomial = finger, int(crc or '0', 16)
-        self._full = np.iinfo(self._kind).max
 
     def _size(self, at):
         command, size = self._buffer[at + 2:at + 4]
@@ -73,11 +73,7 @@ class TsfDecoder(PacketDecoder):
                 counts = np.frombuffer(values, '>u2')
             elif finger == self._finger and kind == TEMPERATURE:
                 self.temperature = float(struct.unpack('>h', values)[0])
-        if counts is not None and counts.max() > self._full:
-            self._refuse(counts.size, counts.max())
-            counts = None
-        return Piece(len(packet), None if counts is None
-                     else counts.astype(self._kind).reshape(SHAPE))
+        return Piece(len(packet)) if counts is None else self._image(counts, len(packet))
 
 
 class TsfDevice(Device):
@@ -96,11 +92,9 @@ class TsfDevice(Device):
     def answer(self, commands: bytes) -> bytes:
         """Follow the commands; none of them is answered."""
         self._commands += commands
-        while (at := self._commands.find(START)) >= 0 and len(self._commands) >= at + STOP_LENGTH:
-            if self._commands[at + 2] == AUTOSEND:
-                self.running = self._commands[at + 4] > 0
-            self._commands = self._commands[at + STOP_LENGTH:]
-        self._commands = self._commands[-STOP_LENGTH:]
+        for period in re.findall(AUTOSENDS, self._commands):
+            self.running = period > b'\0'
+        self._commands = self._commands[-4:]  # the beginning of a command
         return b''
 
 

@@ -1,12 +1,10 @@
 """A tactile array in three lines of Python, without ROS."""
 import logging
 import time
-from typing import Any, NamedTuple
-
-import numpy as np
+from typing import Any
 
 from tactile_common.errors import TactileError
-from tactile_sensing.devices.frame_clock import Stamped
+from tactile_sensing.devices.frame_clock import SensorImage
 from tactile_sensing.devices.registry import options_of
 from tactile_sensing.devices.stream import SensorStream
 
@@ -17,20 +15,12 @@ class SensorSilentError(TactileError):
     """The port is open and no image comes; the message says what does come."""
 
 
-class SensorImage(NamedTuple):
-    """One image of a sensor as it was read."""
-
-    stamp_ns: int  # when its last byte was sent, by the clock of `time.time_ns`
-    sequence: int  # images before this one, with an estimate of the lost ones
-    counts: np.ndarray  # shape (rows, columns)
-
-
 class Sensor:
     """Iterate the images of an open sensor; also a context manager. See `open_sensor`."""
 
     def __init__(self, stream: SensorStream):
         self.stream = stream
-        self._images: list[Stamped] = []  # the oldest one last
+        self._images: list[SensorImage] = []  # the oldest one last
 
     def __enter__(self) -> 'Sensor':
         return self
@@ -60,8 +50,7 @@ class Sensor:
             self._images = self.stream.read()[::-1]
             if not self.stream.decoder.frames and time.monotonic() - begin > PATIENCE:
                 raise SensorSilentError(self.stream.trouble() or 'no image')
-        frame, arrival_ns = self._images.pop()
-        return SensorImage(arrival_ns, frame.sequence, frame.counts)
+        return self._images.pop()
 
 
 def open_sensor(port: str, protocol: str = 'csv_lines', rows: int = 16, columns: int = 16,

@@ -1,4 +1,5 @@
 """Serial port of a sensor: finding it, opening it for low latency, reading what is there."""
+import errno
 import os
 import re
 import termios
@@ -10,6 +11,9 @@ from serial.tools import list_ports
 # Longest wait for a byte; bounds how long a reader takes to notice that it should stop [s].
 READ_TIMEOUT = 0.02
 MOST = 1 << 16  # bytes of a read
+REFUSALS = {
+    errno.EACCES: 'may not be opened: join its group (often dialout), then log in anew',
+    errno.EAGAIN: 'is in use by another program', errno.EBUSY: 'is in use by another program'}
 _USB = re.compile(r'usb:([0-9a-f]{4}):([0-9a-f]{4})(?::(.+))?', re.IGNORECASE)
 
 
@@ -32,9 +36,16 @@ def device_path(port: str) -> str:
     return found[0].device
 
 
+def _refusal(error, path):
+    if not os.path.exists(path):
+        there = ', '.join(item.device for item in list_ports.comports()) or 'none'
+        return f'is not there; serial ports there are: {there}'
+    return REFUSALS.get(getattr(error, 'errno', 0), f'cannot be opened: {error}')
+
+
 class SensorPort:
     """
-    An open serial port, 8N1, to be used as a context manager.
+    An open serial port, 8N1.
 
     The port is a device, a link to one, or see `device_path`; baud the line speed [bit/s]. Nobody
     else can open it meanwhile. Raises an OSError where the port is absent, in use or gone; `read`
@@ -54,19 +65,13 @@ class SensorPort:
         try:
             self._serial = serial.Serial(
                 self._path, baud, timeout=READ_TIMEOUT, write_timeout=1.0, exclusive=True)
-        except (termios.error, ValueError) as error:  # gone while it was opened; impossible baud
-            raise OSError(f'could not configure port {self._path}: {error}') from error
+        except (OSError, termios.error, ValueError) as error:  # the last one: impossible baud
+            raise OSError(f'{self._path} {_refusal(error, self._path)}') from error
         try:
             # USB adapters hold bytes back for up to 16 ms otherwise.
             self._serial.set_low_latency_mode(True)
         except (AttributeError, ValueError):  # other systems; pseudo-terminals and other drivers
             pass
-
-    def __enter__(self):
-        return self
-
-    def __exit__(self, *_):
-        self._serial.close()
 
     def read(self) -> bytes:
         """Return what has arrived, waiting up to `READ_TIMEOUT` for a first byte."""
@@ -82,3 +87,7 @@ class SensorPort:
         """Send bytes."""
         if data:
             self._serial.write(data)
+
+    def close(self) -> None:
+        """Let others have it."""
+        self._serial.close()

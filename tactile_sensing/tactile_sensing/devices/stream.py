@@ -1,6 +1,5 @@
 """A sensor on a serial port that may come and go: frames with their times, without a thread."""
 from collections.abc import Callable, Mapping
-from contextlib import ExitStack
 import threading
 import time
 from typing import Any
@@ -8,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import DTypeLike
 
-from tactile_sensing.devices.frame_clock import FrameClock, Stamped
+from tactile_sensing.devices.frame_clock import FrameClock, SensorImage
 from tactile_sensing.devices.registry import protocol_named
 from tactile_sensing.devices.serial_port import SensorPort
 
@@ -23,19 +22,10 @@ class SensorStream:
     """
     Open the port of a sensor, start it and read it; open it again whenever it is lost.
 
+    See `sensor.open_sensor`; a rate or baud of 0 and a kind of None are the protocol's.
+
     Parameters
     ----------
-    port : str
-        See `serial_port.device_path`.
-    protocol : str
-        Name in the table of protocols; `options` are the protocol's.
-    shape : (rows, columns)
-    kind : dtype
-        Of the counts; None: what the protocol says.
-    rate : float
-        Frames a second [Hz]; 0 = unknown.
-    baud : int
-        Line speed [bit/s]; 0 = the protocol's.
     now_ns : callable
         The clock of the stamps.
     tell : callable
@@ -60,50 +50,53 @@ class SensorStream:
         self._start = row.start(rate or USUAL_RATE, **options)
         self._stop = row.stop(rate or USUAL_RATE, **options)
         self.frames = FrameClock(self.decoder, rate)
-        self.port, self.frame_size = port, shape[0] * shape[1] * kind.itemsize
+        self.port, self._frame_size = port, shape[0] * shape[1] * kind.itemsize
         self._baud, self._now_ns, self._tell = baud or row.baud_rate, now_ns, tell
         self.fault = f'{port} is not open yet'
         self.connections = self.skipped = 0
         self.last_byte_at = self.last_frame_at = self._asked_at = time.monotonic()
         self._back_off, self._news = BACK_OFF[0], False
-        self._open: ExitStack | None = None
         self._line: SensorPort | None = None
+        self._last = b''
         self.closed = threading.Event()
 
     def connect(self) -> None:
         """Open the port and start the sensor; raises an OSError where that fails."""
-        with ExitStack() as stack:
-            line = stack.enter_context(SensorPort(self.port, self._baud, self.frame_size))
-            line.write(self._start)
-            self._open, self._line = stack.pop_all(), line
+        self._line = SensorPort(self.port, self._baud, self._frame_size)
+        try:
+            self._line.write(self._start)
+        except OSError:
+            self._release()
+            raise
         self.frames.restart()
         self.fault, self._back_off = '', BACK_OFF[0]
         self.last_byte_at = self.last_frame_at = self._asked_at = time.monotonic()
         self.connections += 1
         self._tell(f'reading {self.port}', False)
 
-    def read(self) -> list[Stamped]:
-        """Return the frames that have come, soon; without a port none, and after a while."""
+    def read(self) -> list[SensorImage]:
+        """Return the images that have come, soon; without a port none, and after a while."""
+        if self._line is None:
+            self._wait()
+            return []
         try:
-            if self._line is None:
-                self._wait()
-                return []
             data, caught_up_at = self._line.read(), self._line.caught_up_at
             now, now_ns = time.monotonic(), self._now_ns()
             if now - max(self.last_frame_at, self._asked_at) > ASK_AGAIN:
                 self._asked_at = now
                 self._line.write(self._start)
         except OSError as error:
-            self._on_lost(error)
+            self._release()
+            self.fault, self._news = f'{self.port} is lost: {error}', True
             return []
         if not data:
             return []
-        self.last_byte_at = now
+        self.last_byte_at, self._last = now, (self._last + data)[-24:]
         frames = self.frames.receive(data, now_ns, now_ns - round(1e9 * (now - caught_up_at)))
         if frames:
             self.last_frame_at = now
-            newest_ns, count = frames[-1].arrival_ns, len(frames)
-            frames = [item for item in frames if newest_ns - item.arrival_ns < LAG_NS]
+            newest_ns, count = frames[-1].stamp_ns, len(frames)
+            frames = [item for item in frames if newest_ns - item.stamp_ns < LAG_NS]
             self.skipped += count - len(frames)
         return frames
 
@@ -113,13 +106,14 @@ class SensorStream:
         if self.fault:
             return self.fault
         if now - self.last_byte_at > SILENCE:
-            return f'{self.port} is silent'
+            return f'{self.port} is silent: is it the right port, and has the sensor power?'
         if now - self.last_frame_at <= SILENCE:
             return ''
         rows, columns = self.decoder.shape
-        reason = self.decoder.explain() or 'wrong sensor, size or baud rate'
-        return (f'bytes arrive on {self.port}, but no frame of {rows}x{columns} = '
-                f'{self.frame_size} bytes: {reason}')
+        reason = self.decoder.explain() or (
+            f'wrong protocol, size or line speed ({self._baud} bit/s); they end with '
+            f'{self._last!r}')
+        return f'bytes arrive on {self.port}, but no frame of {rows}x{columns}: {reason}'
 
     def counters(self) -> dict[str, Any]:
         """Return what is reported: numbers since the start, and what is the case."""
@@ -146,9 +140,9 @@ class SensorStream:
         self._release()
 
     def _release(self):
-        if self._open is not None:
-            self._open.close()
-        self._open = self._line = None
+        if self._line is not None:
+            self._line.close()
+        self._line = None
 
     def _wait(self):
         """Wait for the next attempt, and make it."""
@@ -156,11 +150,9 @@ class SensorStream:
             return
         if self._news:  # not at once: what ends together with its sensor warns of nothing
             self._news = False
-            self._tell(f'{self.port} is lost: {self.fault}', True)
+            self._tell(self.fault, True)
         self._back_off = min(2.0 * self._back_off, BACK_OFF[1])
-        self.connect()
-
-    def _on_lost(self, error):
-        self._news |= not self.fault
-        self._release()
-        self.fault = f'{self.port} is not there: {error}'
+        try:
+            self.connect()
+        except OSError as error:
+            self.fault = str(error)

@@ -71,15 +71,27 @@ def tare_of(frames: np.ndarray, counts: Counts, baseline: np.ndarray, live: np.n
     Raises
     ------
     TareRefusedError
-        Too few frames, a load on a live tactel, or a picture that moves.
+        Too few frames, no number or a load of a live tactel, or a picture that moves.
     """
     if len(frames) < MIN_TARE_FRAMES:
         raise TareRefusedError(f'{len(frames)} frames, at least {MIN_TARE_FRAMES} are needed')
+    told = np.isfinite(frames).all(axis=0) | ~live
+    if not told.all():
+        row, column = np.argwhere(~told)[0]
+        raise TareRefusedError(f'{np.count_nonzero(~told)} tactels send no number, the first one '
+                               f'is row {row} column {column}: see dead_tactels')
     offset, noise = unloaded_statistics(frames, counts.threshold, counts.lowest, live)
     # From frame to frame, and by the median, so that a load that comes is no noise.
     steps = np.abs(np.diff(frames[:, live].astype(np.float64), axis=0))
     chance = CHANCE * 1.05 * float(np.median(steps)) / np.sqrt(len(frames))  # of a mean
-    _refuse_load(np.where(live, offset - baseline, 0.0), tolerance + chance)
+    deviation, allowed = np.where(live, offset - baseline, 0.0), tolerance + chance
+    worst = np.unravel_index(np.abs(deviation).argmax(), deviation.shape)
+    if abs(deviation[worst]) > allowed:
+        loaded = np.count_nonzero(np.abs(deviation) > allowed)
+        raise TareRefusedError(
+            f'under load: {loaded} tactels are off the no-load baseline, row {worst[0]} '
+            f'column {worst[1]} by {deviation[worst]:+.1f} counts, at most '
+            f'{allowed:.1f} are allowed')
     half = len(frames) // 2
     change = np.where(live, frames[half:].mean(axis=0) - frames[:half].mean(axis=0), 0.0)
     allowed = 0.5 * tolerance + 2.0 * chance
@@ -88,13 +100,3 @@ def tare_of(frames: np.ndarray, counts: Counts, baseline: np.ndarray, live: np.n
             f'not steady: a tactel changes by {np.abs(change).max():.1f} counts within '
             f'{len(frames)} frames, at most {allowed:.1f} are allowed')
     return Tare(offset.astype(np.float32), noise.astype(np.float32), live)
-
-
-def _refuse_load(deviation, allowed):
-    worst = np.unravel_index(np.abs(deviation).argmax(), deviation.shape)
-    if abs(deviation[worst]) > allowed:
-        loaded = np.count_nonzero(np.abs(deviation) > allowed)
-        raise TareRefusedError(
-            f'under load: {loaded} tactels are off the no-load baseline, row {worst[0]} '
-            f'column {worst[1]} by {deviation[worst]:+.1f} counts, at most '
-            f'{allowed:.1f} are allowed')

@@ -71,15 +71,18 @@ class WeissDecoder(PacketDecoder):
                 f'first is {first}, must be from 0 to {self._cells - size} of {self._cells} cells')
         self._most = max(5 + 2 * self._cells, LARGEST_REPLY)
         self.buffer_bound = HEAD + self._most + 2
-        self._full = np.iinfo(self._kind).max
 
     def _size(self, at):
         command, size = struct.unpack_from('<BH', self._buffer, at + len(PREAMBLE))
         if size > self._most:
             if command == FRAME:
-                self._mismatch = f'the sensor sends {(size - 5) // 2} cells a frame'
+                self._refuse((size - 5) // 2)
             return 0
         return HEAD + size + (0 if self._dsa and not size else 2)
+
+    def _refuse(self, cells):
+        self._mismatch = (f'the sensor sends {cells} cells a frame, {self._cells} are expected: '
+                          'rows x columns, or the option `cells`')
 
     def _parse(self, packet):
         command, size = struct.unpack_from('<BH', packet, len(PREAMBLE))
@@ -96,13 +99,11 @@ class WeissDecoder(PacketDecoder):
         values = np.frombuffer(payload[5:5 + (size - 5) // 2 * 2], '<u2')
         if flags & RUN_LENGTH:
             values = np.repeat(values & HIGHEST, values >> 12)
-        rows, columns = self.shape
-        image = values[self._first:self._first + rows * columns]
-        if values.size != self._cells or image.max() > self._full:
-            self._refuse(values.size if values.size != self._cells else image.size, image.max(
-                initial=0))
-            return Piece(len(packet))
-        return Piece(len(packet), image.astype(self._kind).reshape(rows, columns), ticks)
+        if values.size != self._cells:
+            self._refuse(values.size)
+            return Piece(len(packet), good=False)
+        image = values[self._first:self._first + self.shape[0] * self.shape[1]]
+        return self._image(image, len(packet), ticks)
 
 
 class WeissDevice(Device):
@@ -110,7 +111,7 @@ class WeissDevice(Device):
 
     def __init__(self, dsa: bool = False, first: int = 0, cells: int = 0, **_):
         self.running, self._dsa, self._first, self._cells = False, dsa, first, cells
-        self._flags = 0
+        self._flags, self._frame = 0, b''
         self._commands = WeissDecoder(1, 1, dsa=dsa)
 
     def encode(self, counts: np.ndarray, time_ns: int = 0) -> bytes:
@@ -120,7 +121,8 @@ class WeissDevice(Device):
         if self._flags & RUN_LENGTH:
             cells = run_lengths(cells)
         head = struct.pack('<IB', time_ns // 1_000_000 % WeissDecoder.wrap, self._flags)
-        return packet(FRAME, head + cells.astype('<u2').tobytes(), self._dsa)
+        self._frame = packet(FRAME, head + cells.astype('<u2').tobytes(), self._dsa)
+        return self._frame
 
     def answer(self, commands: bytes) -> bytes:
         """Return the status of every command that has come."""
@@ -133,9 +135,10 @@ class WeissDevice(Device):
                 self.running = not self._dsa or bool(event.payload[0] & ACQUIRE)
             elif event.command == STOP:
                 self.running = False
-            elif event.command not in (TARE, MATRIX, THRESHOLD):
+            elif event.command not in (SINGLE, TARE, MATRIX, THRESHOLD):
                 status = NO_COMMAND
             answer += packet(event.command, struct.pack('<H', status), self._dsa)
+            answer += self._frame * (event.command == SINGLE)
         return answer
 
 

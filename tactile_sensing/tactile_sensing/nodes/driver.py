@@ -156,9 +156,7 @@ class DriverNode(LifecycleNodeMixin, TactileNode):
         self.source = self._thread = None
         return SUCCESS
 
-    def on_shutdown(self, state):
-        """Close the port, whatever the state."""
-        return self.on_deactivate(state)
+    on_shutdown = on_deactivate
 
     def destroy_node(self):
         """Stop the reader, then destroy the node."""
@@ -168,10 +166,10 @@ class DriverNode(LifecycleNodeMixin, TactileNode):
     def _read_forever(self, stream):  # in the reader thread, as what it calls
         try:
             while not stream.closed.is_set() and self.context.ok():
-                for frame, arrival_ns in stream.read():
+                for stamp_ns, sequence, counts in stream.read():
                     if stream.closed.is_set():
                         return
-                    self._on_counts(frame.counts, arrival_ns, frame.sequence)
+                    self._on_counts(counts, stamp_ns, sequence)
         except RuntimeError:  # of rcl
             if self.context.ok() and not stream.closed.is_set():
                 raise
@@ -181,10 +179,7 @@ class DriverNode(LifecycleNodeMixin, TactileNode):
 
     def _on_port(self, text, gone):
         self._pad.forget()
-        if gone:
-            self.get_logger().warning(text)
-        else:
-            self.get_logger().info(text)
+        self._log(DiagnosticStatus.WARN if gone else DiagnosticStatus.OK, text)
 
     def _on_counts(self, counts, arrival_ns, sequence):
         if counts.dtype.kind == 'f':
@@ -251,7 +246,7 @@ class DriverNode(LifecycleNodeMixin, TactileNode):
                if isinstance(value, int)}
         level, text = next(item for item in self._states(new) if item[1])
         shown = level, text
-        if self.starting and pad.tare is None:
+        if self.starting and level != DiagnosticStatus.OK:
             shown = DiagnosticStatus.OK, f'starting: {text}'
         # That the port is lost was said when it was.
         if shown != self._shown and not (counters.get('connections') and source.fault == text):

@@ -25,8 +25,6 @@ class ImageTopic:
 
     Parameters
     ----------
-    node : Node
-    topic : str
     shape : (rows, columns)
         Of the raw frames.
     on_counts : callable

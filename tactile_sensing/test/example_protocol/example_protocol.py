@@ -13,7 +13,7 @@ class HexDecoder(LineDecoder):
             values = np.frombuffer(bytes.fromhex(text.decode('ascii')), np.uint8)
         except ValueError:
             return Piece(size, good=False)
-        return self._counts(values, size)
+        return self._image(values, size)
 
 
 class HexDevice(Device):
