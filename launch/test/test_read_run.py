@@ -8,6 +8,7 @@ from recorded_run import pose_at, START, TOPICS, write_bag
 from rosbags.rosbag2 import StoragePlugin, Writer
 
 from edge_tracking.recording import reader
+from edge_tracking.recording.frames_summary import lost_images, summarise_recording
 from edge_tracking.recording.reader import read_run
 from tactile_common.errors import ConfigurationError
 
@@ -42,6 +43,20 @@ def test_a_long_run_is_read_part_by_part(bag, monkeypatch):
                 np.testing.assert_array_equal(
                     getattr(one, item.name), getattr(other, item.name), item.name)
     assert parts.images.array == whole.images.array and parts.images.unit == whole.images.unit
+
+
+def test_of_a_long_run_some_messages_are_read_and_all_stamps(bag, monkeypatch):
+    whole = read_run(bag)
+    monkeypatch.setattr(reader, 'MOST', 100)
+    thin, every = read_run(bag, joints=False), -(-len(whole.images.stamp_ns) // 100)
+    np.testing.assert_array_equal(thin.images.frames, whole.images.frames[::every])
+    np.testing.assert_array_equal(thin.stamps['image'], whole.images.stamp_ns)
+    np.testing.assert_array_equal(thin.statuses.stamp_ns, whole.statuses.stamp_ns)
+    assert thin.every['image'] == every > 1 and not thin.joint_acceleration.size
+    assert lost_images(thin) == lost_images(whole) == 0
+    some, all_ = (summarise_recording(it) for it in (thin, whole))
+    assert some['frames'] == all_['frames'] and some['sensor_rate'] == all_['sensor_rate']
+    assert some['press_durations'] == pytest.approx(all_['press_durations'], abs=0.1)
 
 
 def test_sqlite3_and_single_files_are_read_as_well(tmp_path, bag, scene):

@@ -25,6 +25,7 @@ from edge_tracking.report.page import make_report, picture, Shown
 from edge_tracking.report.plans import surface
 from edge_tracking.report.player import MAX_BYTES
 from tactile_common.errors import ConfigurationError
+from tactile_servo.robot_config import NodeConfig
 from tactile_servo.types import State
 from tactile_shape.local_surface.local_quadric import LocalQuadric
 from tactile_simulation.plot import png
@@ -148,7 +149,8 @@ def test_a_long_run_is_thinned_and_says_so(run, scene, tmp_path):
     stamps = run.start_ns + 1_000_000 * np.arange(count)
     frames = np.broadcast_to(run.images.frames[400], (count, 16, 16))
     long = dataclasses.replace(run, images=dataclasses.replace(
-        run.images, frames=frames, stamp_ns=stamps, sequence=np.arange(count)))
+        run.images, frames=frames, stamp_ns=stamps, sequence=np.arange(count)),
+        stamps={**run.stamps, 'image': stamps})
     path = report(tmp_path / 'report.html', long, summarise(run, None, success=True))
     shown = MAX_BYTES // (256 + 36)
     assert f'{shown} of 600000 images, evenly chosen' in read_page(path).text
@@ -294,3 +296,18 @@ def test_graph_needs_neither_matplotlib_nor_rosbags():
     code = ('import sys, edge_tracking.graph, edge_tracking.track; '
             'sys.exit(bool({"matplotlib", "rosbags.rosbag2"} & set(sys.modules)))')
     assert subprocess.run([sys.executable, '-c', code], check=False).returncode == 0
+
+
+def test_the_page_says_what_the_nodes_ran_with(run, tmp_path):
+    versions = {'versions': 'numpy 2', 'command': 'demo --seed 1'}
+    told = dataclasses.replace(
+        run, goals=['{"speed": 0.01}', '{"speed": 0.03, "features": "<b>"}'], parameters={
+            'edge_servo': {**versions, 'approach.speed': 0.5,
+                           'tip_frame': NodeConfig.tip_frame},
+            'contact_estimator': {**versions, 'not of this version': 1}, 'unknown': {}})
+    summary = summarise(run, None, success=True)
+    text = read_page(report(tmp_path / 'report.html', told, summary)).text
+    assert 'edge_servo, not as by default approach.speed 0.5 ' in text
+    assert 'contact_estimator, not as by default none' in text and 'not of this' not in text
+    assert 'speed 0.03, features <b>' in text and 'speed 0.01' not in text
+    assert text.count('demo --seed 1') == 1

@@ -81,12 +81,17 @@ def presses(force: np.ndarray) -> list[Press]:
     return found
 
 
+def lost_images(run: RunData) -> int:
+    """How many images are missing, by their numbers."""
+    steps = np.diff(run.images.sequence)
+    return int((steps[steps > 0] - run.every.get('image', 1)).sum())
+
+
 def summarise_recording(run: RunData) -> dict[str, Any]:
     """Summary of a recording; forces in `force_unit`, N only of a calibrated sensor; else SI."""
-    series, images = force_series(run), run.images
+    series, images, stamps = force_series(run), run.images, run.stamps['image']
     found = presses(series.force)
-    period = 1.0 / rate(images.stamp_ns) if len(images.stamp_ns) > 1 else NAN
-    steps = np.diff(images.sequence)
+    period = 1.0 / rate(series.stamp_ns) if len(series.stamp_ns) > 1 else NAN
     return {
         'ok': bool(len(images.stamp_ns) and len(series.force)),
         'reason': '' if len(images.stamp_ns) else 'no pictures arrived',
@@ -97,9 +102,8 @@ def summarise_recording(run: RunData) -> dict[str, Any]:
         'press_times': [float(series.time[peak]) for _, peak, _ in found],
         'press_durations': [float((end - begin) * period) for begin, _, end in found],
         'press_centres': [series.centre_of_pressure[peak].tolist() for _, peak, _ in found],
-        'duration': span(images.stamp_ns), 'frames': len(images.stamp_ns),
-        'lost_frames': int((steps[steps > 0] - 1).sum()),
-        'sensor_rate': rate(images.stamp_ns),
+        'duration': span(stamps), 'frames': len(stamps), 'lost_frames': lost_images(run),
+        'sensor_rate': rate(stamps),
         'contact_types': {kind.name.lower(): int(np.count_nonzero(series.type == kind))
                           for kind in ContactType},
         'latency_p50': percentile(run.contacts.latency, 50),

@@ -1,42 +1,62 @@
 """A run read from its recording: messages to arrays."""
+from array import array
 from collections import defaultdict
 from dataclasses import fields
 
 import numpy as np
 
 from edge_tracking.recording import run
+from edge_tracking.replay.settings import Settings
 from tactile_common.errors import ConfigurationError
-from tactile_common.ros.bag_reader import Bag
+from tactile_common.ros.bag_reader import Bag, Recorded
 from tactile_common.ros.conversions import stamp_to_ns
 from tactile_sensing.observations import TYPES
 from tactile_sensing.types.array import TactelArray
+from tactile_servo.journal import Call, WITH_TEXT
 from tactile_shape.conversions import patch_from_msg
 from tactile_simulation.smoothness import accelerations
 
 DEFAULT_NAMESPACE = '/tactile'
 OF_ALL = ('diagnostics', 'joint_states')  # topics that are not of a sensor alone
-HELD = 20_000  # messages of a topic, until they become columns
+HELD = 1000  # messages of a topic, until they become columns
+MOST = 60_000  # messages of a topic that are read, evenly; of the others the stamps alone
 _COMPONENT_ZZ = 0
 
 
-def read_run(path, namespace=None) -> run.RunData:
+def read_run(path, namespace=None, *, joints=True) -> run.RunData:
     """
     Read a run from a rosbag2 recording: its folder, or one of its files.
 
-    ConfigurationError if there is none, or it holds several sensors and no namespace is chosen.
+    Without `joints` no joint states are read. ConfigurationError if there is no recording, or it
+    holds several sensors and no namespace is chosen.
     """
     with Bag(path) as bag:
         prefix = _namespace(bag, namespace)
         topics = {f'{prefix}/{name}': name for name in _TYPES} | {
             f'/{name}': name for name in OF_ALL}
         expected = {topic: name for topic, name in topics.items()
-                    if bag.topics.get(topic) == _TYPES[name]}
-        rows, parts = defaultdict(list), defaultdict(list)
+                    if bag.topics.get(topic) == _TYPES[name]
+                    and (joints or name != 'joint_states')}
+        every = {name: -(-bag.count(topic) // MOST) or 1 for topic, name in expected.items()
+                 if name in _THINNED}
+        rows, parts, seen = defaultdict(list), defaultdict(list), defaultdict(int)
+        stamps = {name: array('q') for name in _TABLES}
         start = None
         with bag.clear_errors():
-            for row in bag.messages(expected):
+            for row in bag.messages(expected, raw=True):
                 start, name = row.received_ns if start is None else start, expected[row.topic]
-                rows[name].append(row)
+                if name in stamps:
+                    stamps[name].append(bag.stamp_ns(row))
+                seen[name] += 1
+                if (seen[name] - 1) % every.get(name, 1):
+                    continue
+                message = bag.unpacked(row)
+                if name in _READ:
+                    rows[name] += _READ[name](message)
+                    continue
+                if name in _NEWEST:
+                    rows[name].clear()
+                rows[name].append(Recorded(row.topic, row.received_ns, message))
                 if len(rows[name]) == HELD and name in _TABLES:
                     parts[name].append(_table(bag, name, rows.pop(name)))
             tables = {name: _joined([*parts[name], _table(bag, name, rows[name])])
@@ -49,19 +69,22 @@ def read_run(path, namespace=None) -> run.RunData:
                 statuses=tables['servo_status'],
                 poses=tables['sensor_pose'],
                 contour=_contour(rows['contour']),
-                patches=[patch_from_msg(row.message) for row in rows['surface_patch']
-                         if row.message.valid],
+                patches=rows['surface_patch'],
                 info=_info(rows['sensor_info']),
-                nodes=frozenset(status.name.partition(':')[0].rpartition('/')[2]
-                                for row in rows['diagnostics'] for status in row.message.status),
-                touches=run.Poses.of(rows['surface_contact']),
+                nodes=frozenset(rows['diagnostics']),
+                touches=tables['surface_contact'],
                 joint_acceleration=_joint_acceleration(rows['joint_states']),
+                stamps={name: np.asarray(known) for name, known in stamps.items()},
+                every=every,
+                goals=rows['servo_calls'],
+                parameters=Settings.of(bag, f'{prefix}/parameters').recorded,
             )
 
 
 _TYPES = {
     **TYPES,
     'diagnostics': 'diagnostic_msgs/msg/DiagnosticArray',
+    'servo_calls': 'tactile_msgs/msg/ServoCalls',
     'servo_status': 'tactile_msgs/msg/ServoStatus',
     'contour': 'nav_msgs/msg/Path',
     'surface_patch': 'tactile_msgs/msg/SurfacePatch',
@@ -130,7 +153,23 @@ def _images(rows):
 
 
 _TABLES = {'image': _images, 'contact': run.Contacts.of, 'servo_status': run.Statuses.of,
-           'sensor_pose': run.Poses.of}
+           'sensor_pose': run.Poses.of, 'surface_contact': run.Poses.of}
+_THINNED = {*_TABLES, 'surface_patch'} - {'servo_status'}  # a state may be short
+_NEWEST = ('contour', 'sensor_info')  # of which no other is needed
+
+
+def _goals(calls):
+    """Texts of the goals that begin in a ServoCalls message."""
+    named = calls.call[np.isin(calls.call, WITH_TEXT)].tolist()
+    return [text for call, text in zip(named, calls.texts, strict=False) if call == Call.START]
+
+
+# What is kept of a message, of those that are not kept as they are.
+_READ = {
+    'diagnostics': lambda message: [
+        status.name.partition(':')[0].rpartition('/')[2] for status in message.status],
+    'servo_calls': _goals,
+    'surface_patch': lambda message: [patch_from_msg(message)] if message.valid else []}
 
 
 def _contour(rows):

@@ -1,6 +1,8 @@
 """What happened in a run, as arrays; how a column is read from its messages stands beside it."""
-from collections.abc import Callable, Sequence
+from collections import defaultdict
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, fields
+from functools import partial
 from operator import attrgetter
 from typing import Any
 
@@ -145,6 +147,11 @@ class RunData:
     info: Info | None  # None if the recording lacks it
     joint_acceleration: np.ndarray = field(  # (K, n), by the joint states [rad/s^2]
         default_factory=lambda: np.empty((0, 0)))
+    stamps: Mapping[str, np.ndarray] = field(  # of all messages of a topic [ns], by its name
+        default_factory=lambda: defaultdict(partial(np.empty, 0, np.int64)))
+    every: Mapping[str, int] = field(default_factory=dict)  # of how many one was read
+    goals: Sequence[str] = ()  # fields of each, as JSON
+    parameters: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)  # by node
     nodes: frozenset[str] = frozenset()  # names of those that told their state
     touches: Poses = field(  # of a surface: contacts, z along the outward normal
         default_factory=lambda: Poses.of([]))

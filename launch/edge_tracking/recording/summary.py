@@ -167,7 +167,7 @@ SHAPES = {'track_edge': shape_of_edge, 'track_surface': shape_of_surface}
 
 def of_servo(run: RunData, scene: str, asked: Asked) -> dict[str, Any]:
     """Give the part of a summary that servo and sensor tell, whatever is tracked."""
-    statuses, stamps = run.statuses, run.images.stamp_ns
+    statuses, stamps = run.statuses, run.stamps['image']
     tracking, settled = settled_cycles(statuses)
     active = np.flatnonzero(statuses.state != State.IDLE)
     last = active[-1] if active.size else None

@@ -152,6 +152,9 @@ def _leaves(name: str, one: Any, other: Any) -> Iterator[tuple[str, Any, Any]]:
 
 def _distance(one: Any, other: Any) -> float:
     """How far apart two values are, of those beyond 1 relative; NaN is near to NaN alone."""
+    if isinstance(one, (int, float)) and isinstance(other, (int, float)) and (
+            one == other or (one != one and other != other)):
+        return 0.0
     if isinstance(one, (str, list)) or isinstance(other, (str, list)):
         return 0.0 if one == other else math.inf
     a, b = (np.asarray(it, dtype=float) for it in (one, other))

@@ -44,7 +44,7 @@ def parser() -> argparse.ArgumentParser:
 
 def read(path: str, scene: Scene | None = None, namespace: str | None = None) -> Shown:
     """Read and summarise a recording; ConfigurationError if it holds nothing to show."""
-    run = read_run(path, namespace)
+    run = read_run(path, namespace, joints=scene is not None)
     if not any(len(table.stamp_ns) for table in (
             run.images, run.contacts, run.statuses, run.poses)):
         raise ConfigurationError(f'bag {path}: holds neither images nor contacts, states or '

@@ -3,11 +3,18 @@ from collections.abc import Iterator, Mapping
 from datetime import datetime, timezone
 import math
 from pathlib import Path
+import re
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from edge_tracking.recording.frames_summary import force_series, force_unit, presses
+from edge_tracking.parameters import NODES, parameters_of
+from edge_tracking.recording.frames_summary import (
+    force_series,
+    force_unit,
+    lost_images,
+    presses,
+)
 from edge_tracking.recording.frames_summary import METRICS as OF_FRAMES
 from edge_tracking.recording.run import RunData
 from edge_tracking.recording.summary import is_of_servo, latencies, rebuilt_outline
@@ -25,7 +32,7 @@ from edge_tracking.report.html import (
 )
 from edge_tracking.report.player import chosen, player, stages
 from tactile_common.command_line import version_of_all
-from tactile_servo.laws.registry import LAWS
+from tactile_servo.laws.registry import DEFAULT, LAWS
 from tactile_simulation.metrics import busy, METRICS, percentile, rate, shown
 from tactile_simulation.plot import png
 from tactile_simulation.world import Scene, Truth
@@ -34,6 +41,8 @@ LEAST = 6e-3  # m that contacts of a surface spread over
 MOST_STAGES = 100  # rows of the table
 SHOWN_PRESSES = 8
 MOCKS = {'mock_sensor', 'mock_robot'}  # nodes of a simulation
+MOST_TEXT = 200  # characters of a value
+_PLAIN = re.compile('[{}":]')
 WHAT = {'track_edge': 'Edge', 'track_surface': 'Surface'}
 
 
@@ -86,11 +95,7 @@ def _origin(it: Shown) -> str:
 
 
 def _about(it: Shown) -> list[tuple[str, ...]]:
-    """
-    Rows of what is known of a recording beside its numbers.
-
-    The place for what the recording says of itself: command, goal, parameters, versions.
-    """
+    """Rows of what is known of a recording beside its numbers."""
     run, summary = it.run, it.summary
     when = datetime.fromtimestamp(1e-9 * run.start_ns, timezone.utc)
     rows: list[tuple[str, ...]] = [
@@ -108,7 +113,28 @@ def _about(it: Shown) -> list[tuple[str, ...]]:
         rows.append(('scene', it.scene.description))
     if summary.get('seed') is not None:
         rows.append(('seed of the noise', str(summary['seed'])))
+    rows += [('goal', _short(_PLAIN.sub('', goal))) for goal in run.goals[-1:]]
+    return rows + _settings(run, summary.get('controller', ''))
+
+
+def _settings(run: RunData, law: str) -> list[tuple[str, ...]]:
+    """Rows of what the nodes ran with, and which of their parameters are not the defaults."""
+    rows: list[tuple[str, ...]] = []
+    for name in ('command', 'versions'):
+        told = {str(known[name]): node for node, known in run.parameters.items() if name in known}
+        rows += [(name if len(told) == 1 else f'{name} of {node}', _short(text))
+                 for text, node in told.items()]
+    for node, known in run.parameters.items():
+        defaults = {it.name: it.default for it in parameters_of(
+            node, law if law in LAWS else DEFAULT)} if node in NODES else {}
+        rows.append((f'{node}, not as by default', ', '.join(
+            f'{name} {_short(str(known[name]))}' for name, value in defaults.items()
+            if name in known and known[name] != value) or 'none'))
     return rows
+
+
+def _short(text: str) -> str:
+    return f'{text[:MOST_TEXT]} \u2026' if len(text) > MOST_TEXT else text
 
 
 def _lead(summary: Mapping[str, Any]) -> str:
@@ -174,18 +200,18 @@ def _sections(it: Shown, columns: int) -> Iterator[Section]:
 
 
 def _player(run: RunData, stamps: np.ndarray) -> Section:
-    count = len(run.images.stamp_ns)
+    count = len(run.stamps['image'])
     canvases = (['tactile image'] if count else []) + (
         ['way of the pad'] if len(run.poses.stamp_ns) else [])
     data = player(run, stamps)
     shown_of = f'{len(stamps)} of {count} images, evenly chosen and none averaged, in 254 ' \
         f'levels up to {data["top"]:.4g} {run.images.unit}' if count else \
-        f'{len(stamps)} of {len(run.poses.stamp_ns)} poses'
+        f'{len(stamps)} of {len(run.stamps["sensor_pose"])} poses'
     return Section(
         'Player', Player(data, canvases),
         f'Shown: {shown_of}. Blue-green: the estimate, a line where it is one, a cross where it '
         'is a point, or at the centre of pressure. Way of the pad in the base frame, to be '
-        f'turned; orange: what it touched. This run: {len(run.contacts.stamp_ns)} contacts.')
+        f'turned; orange: what it touched. This run: {len(run.stamps["contact"])} contacts.')
 
 
 def _in_scene(it: Shown) -> Section:
@@ -262,17 +288,16 @@ def _presses(run: RunData) -> Iterator[Section]:
 
 def _rates(run: RunData) -> Section:
     rows: list[tuple[str, ...]] = []
-    for name, table in (('image', run.images), ('contact', run.contacts),
-                        ('servo_status', run.statuses), ('sensor_pose', run.poses)):
-        gaps = 1e-6 * np.diff(table.stamp_ns)
+    for name, stamps in run.stamps.items():
+        gaps = 1e-6 * np.diff(stamps)
         if len(gaps):
-            rows.append((name, str(len(gaps) + 1), f'{rate(table.stamp_ns):.1f}',
-                         f'{percentile(gaps):.2f}', f'{gaps.max():.2f}'))
-    steps, late = np.diff(run.images.sequence), 1e3 * run.contacts.latency
+            rows.append((name, str(len(stamps)), f'1 of {run.every.get(name, 1)}',
+                         f'{rate(stamps):.1f}', f'{percentile(gaps):.2f}', f'{gaps.max():.2f}'))
+    late = 1e3 * run.contacts.latency
     return Section(
-        'Rates', Table(('topic', 'messages', 'rate [Hz]', 'gap, median [ms]', 'largest [ms]'),
-                       rows),
-        'By the stamps.' + (
+        'Rates', Table(('topic', 'messages', 'read', 'rate [Hz]', 'gap, median [ms]',
+                        'largest [ms]'), rows),
+        'By the stamps of all messages; all else is of those that were read.' + (
             f' From a stamp to the publication of its contact: {percentile(late):.2f} ms in the '
             f'median, {percentile(late, 99):.2f} ms at 99 %.' if len(late) else '')
-        + f' This run: {int((steps[steps > 0] - 1).sum())} lost images.')
+        + f' This run: {lost_images(run)} lost images.')

@@ -19,7 +19,7 @@ from rosbags.typesys import (
 from tactile_common.errors import ConfigurationError
 from tactile_common.ros.bag_limits import bound_chunks, check_text, check_types
 from tactile_common.ros.bag_salvage import open_whole
-from tactile_common.ros.cdr import DAMAGE, deserialised, register
+from tactile_common.ros.cdr import DAMAGE, deserialised, register, stamp_of
 from tactile_common.ros.message_definitions import definition, SEPARATOR
 from tactile_common.yaml_file import read_yaml
 
@@ -129,7 +129,7 @@ class Bag:
                     silence, where = time_ns - last, last
                 last = time_ns
                 row = Recorded(connection.topic, time_ns, data)
-                yield row if raw else row._replace(message=self.unpacked(row))
+                yield row if raw else Recorded(*row[:2], self.unpacked(row))
             if self._reader.cut:
                 raise ConfigurationError(self._reader.cut)
             if missing > 0:  # the reader skips what it does not understand
@@ -161,6 +161,13 @@ class Bag:
         """Return the message of one that was read raw; ConfigurationError where it is damaged."""
         try:
             return deserialised(self._types, self.topics[row.topic], row.message)
+        except DAMAGE as error:
+            raise self.damaged(row.topic, row.received_ns, error) from error
+
+    def stamp_ns(self, row: Recorded) -> int:
+        """Return the stamp of the header that one which was read raw begins with, likewise."""
+        try:
+            return stamp_of(row.message)
         except DAMAGE as error:
             raise self.damaged(row.topic, row.received_ns, error) from error
 

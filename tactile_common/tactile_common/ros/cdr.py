@@ -6,7 +6,7 @@ rosbags reads them several times as fast as rclpy, whose messages check every fi
 """
 from collections.abc import Iterable
 from functools import cache
-from struct import calcsize, Struct
+from struct import calcsize, Struct, unpack_from
 from struct import error as StructError
 from typing import Any
 
@@ -16,6 +16,7 @@ from rosbags.typesys import get_types_from_msg, get_typestore, Stores
 from rosbags.typesys.store import Typestore
 
 from tactile_common.errors import TactileError
+from tactile_common.ros.conversions import NS
 from tactile_common.ros.message_definitions import definition_of
 
 HEAD = b'\0\1\0\0'  # of plain CDR, little endian; offsets count from behind it
@@ -49,6 +50,12 @@ def deserialised(types: Typestore, name: str, data: Any) -> Any:
     known = types.get_msgdef(name)
     read = known.deserialize_cdr_le if little_endian else known.deserialize_cdr_be
     return read(data[4:], 0, known.cls, types)[0]
+
+
+def stamp_of(data: Any) -> int:
+    """Stamp [ns] of the header that a message's bytes begin with; one of `DAMAGE` if too few."""
+    seconds, rest = unpack_from('<iI' if data[1] else '>iI', data, len(HEAD))
+    return int(seconds * NS + rest)
 
 
 def unpacked(raw: bytes, kind: type) -> Any:

@@ -2,6 +2,8 @@
 from contextlib import suppress
 from importlib.metadata import PackageNotFoundError, version
 import platform
+import shlex
+import sys
 import time
 from typing import Any
 
@@ -53,7 +55,8 @@ class TactileNode(Node):
     redefines `_on_diagnose`, which is called every second of steady time.
 
     What it runs with is told on `parameters`, latched, when it has begun and after every change,
-    so that recordings hold it: all its parameters, and the versions of what it is made of.
+    so that recordings hold it: all its parameters, the command that has started it, and the
+    versions of what it is made of.
 
     Attributes
     ----------
@@ -86,7 +89,8 @@ class TactileNode(Node):
 
     def _tell_parameters(self) -> None:
         known = self.get_parameters_by_prefix('')
-        for name, text in {**self.texts, 'versions': _versions()}.items():
+        for name, text in {**self.texts, 'versions': _versions(),
+                           'command': shlex.join(sys.argv)}.items():
             known[name] = Parameter(name, value=text)
         self._settings.publish(ParameterEvent(
             stamp=self.get_clock().now().to_msg(), node=self.get_fully_qualified_name(),

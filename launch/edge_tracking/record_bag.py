@@ -1,0 +1,45 @@
+"""
+Record everything of a sensor, its servo and its robot into a new bag, until it is interrupted.
+
+What is written stays readable if the process is killed or the disk is full. Exit status 1 if the
+recording has ended early; the last line says why.
+"""
+from pathlib import Path
+import sys
+from typing import Any
+
+from edge_tracking.process_group import topics
+from edge_tracking.recording.writer import RecorderNode
+from tactile_common.command_line import Parser, refusing
+from tactile_common.ros.runner import run
+
+
+def parser() -> Parser:
+    """Command line; what follows --ros-args is not of it."""
+    arguments = Parser(prog='record_bag', description=(__doc__ or '').strip())
+    arguments.add_argument('bag', type=Path, metavar='BAG', help='new folder to write')
+    arguments.add_argument('--namespace', default='tactile', help='of the sensor')
+    return arguments
+
+
+def main(args: list[str] | None = None) -> int:
+    """Record; returns the exit status, see above."""
+    given = list(sys.argv[1:] if args is None else args)
+    ros = given.index('--ros-args') if '--ros-args' in given else len(given)
+    nodes: list[RecorderNode] = []
+    with refusing('record_bag') as command:
+        options = parser().parse_args(given[:ros])
+        namespace = options.namespace.strip('/')
+
+        def record_bag(context: Any) -> RecorderNode:
+            nodes.append(RecorderNode(
+                options.bag, topics(namespace), context=context, namespace=namespace))
+            return nodes[0]
+
+        command.status = run(record_bag, given[ros:] or ['--ros-args'],
+                             lambda node: bool(node.failed))
+        for node in nodes:
+            if node.failed:
+                print(f'record_bag: {node.failed}', file=sys.stderr)
+                command.status = 1
+    return command.status
