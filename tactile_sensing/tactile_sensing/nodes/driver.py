@@ -246,7 +246,7 @@ class DriverNode(LifecycleNodeMixin, TactileNode):
                if isinstance(value, int)}
         level, text = next(item for item in self._states(new) if item[1])
         shown = level, text
-        if self.starting and level != DiagnosticStatus.OK:
+        if self.starting and pad.tare is None:
             shown = DiagnosticStatus.OK, f'starting: {text}'
         # That the port is lost was said when it was.
         if shown != self._shown and not (counters.get('connections') and source.fault == text):
