@@ -117,6 +117,13 @@ def test_hard_scenes_are_survived(scene, seed):
         assert summary['lateral_max'] < 0.5e-3
 
 
+@pytest.mark.parametrize('seed', [1, 2])
+def test_a_pad_that_stands_askew_coasts_until_the_edge_has_passed(seed):
+    """Beyond an arc at full speed the pad has not turned in yet: its diagonal lies along."""
+    _, summary = follow('curve', 0.2, seed=seed)
+    assert summary['ok'] and summary['reason_code'] == 'edge_ended', summary['reason']
+
+
 def test_a_pad_that_was_mostly_beside_the_edge_has_not_tracked_it():
     """The edge jumps by 12 mm under a fast pad: most of what it traced was not there."""
     simulation, summary = follow('slip', 0.2)

@@ -64,7 +64,8 @@ class Coasting:
 
     def over(self, scale: PadScale, unseen: float) -> bool:
         """Whether images show that the edge has passed; the last way [m] they do not show yet."""
-        return self._way - unseen >= COAST * scale.half + END_MARGIN * scale.grain
+        # It began that margin before the end, which is known to no less.
+        return self._way - unseen >= COAST * scale.half + 2.0 * END_MARGIN * scale.grain
 
     def move(self, motion: EdgeMotion, stand: Stand, agility: Agility, dt: float) -> Wanted:
         """Motion of the next cycle."""
