@@ -44,9 +44,9 @@ class NodeConfig:
         'doc': 'frame of the sensor: x along columns, y along rows, z out of the skin'})
     controller: str = field(default='/joint_trajectory_controller', metadata={
         'doc': 'name of the joint trajectory controller'})
-    wrench: str = field(default='', metadata={
-        'doc': 'topic (WrenchStamped) of a sensor at the wrist, which the pad is compared with; '
-               'empty: there is none'})
+    wrist: str = field(default='', metadata={
+        'doc': 'topic (WrenchStamped) of a force sensor at the wrist, which the pad is compared '
+               'with; empty: there is none'})
     shared_topics: tuple[str, ...] = field(default=(), metadata={
         'doc': 'those among image, contact, /joint_states and the topic of the trajectories that '
                'may have several publishers; for all others the servo holds'})

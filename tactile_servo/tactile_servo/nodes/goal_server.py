@@ -99,7 +99,7 @@ class GoalServer:
             self._execution, self.told = Execution(goal_handle, now), False
             if not self._servo.inputs.wrist.heard:
                 self._logger.info(
-                    'goal accepted; without a force at the wrist (parameter wrench) a pad that '
+                    'goal accepted; without a force at the wrist (parameter wrist) a pad that '
                     'feels nothing from the start is noticed after approach.distance alone')
 
     def _finish(self, goal_handle: Any) -> Any:

@@ -15,7 +15,7 @@ from sensor_msgs.msg import JointState
 from std_srvs.srv import SetBool
 from trajectory_msgs.msg import JointTrajectory
 
-from tactile_common.errors import TactileError
+from tactile_common.errors import ConfigurationError, TactileError
 from tactile_common.ros.cdr import unpacked
 from tactile_common.ros.conversions import NS, pose_to_msg, set_stamp, stamp_to_ns
 from tactile_common.ros.node import TactileNode
@@ -124,8 +124,7 @@ class EdgeServoNode(TactileNode):
             TactileImage, 'image', self._on_image, _NEWEST, raw=True)
         self.create_subscription(
             JointState, '/joint_states', self._on_joints, qos_profile_sensor_data, raw=True)
-        self._wrench = self.create_subscription(
-            WrenchStamped, config.wrench, self._on_wrench, _NEWEST) if config.wrench else None
+        self._wrist = self._listen_to_wrist(config.wrist) if config.wrist else None
         self.create_service(SetBool, '~/pause', self._on_pause)
         if isinstance(self._servo.law, Teachable):
             self.create_service(TeachFeatures, '~/teach', self._on_teach)
@@ -146,9 +145,9 @@ class EdgeServoNode(TactileNode):
         return self.get_clock().now().nanoseconds
 
     def _look_around(self) -> None:
-        wrench, servo = self._wrench, self._servo
-        silent = Reason(ReasonCode.NO_WRENCH, wrench.topic_name) if (
-            wrench is not None and not servo.inputs.wrist.heard) else None
+        wrist, servo = self._wrist, self._servo
+        silent = Reason(ReasonCode.NO_WRENCH, wrist.topic_name) if (
+            wrist is not None and not servo.inputs.wrist.heard) else None
         servo.around = self._stopping or self._guard.problem() or silent
 
     def stop(self) -> None:
@@ -201,6 +200,14 @@ class EdgeServoNode(TactileNode):
         positions = joint_positions(msg, self._model.joint_names)
         if positions is not None:
             self._servo.see_reference(positions, stamp_to_ns(msg.header.stamp))
+
+    def _listen_to_wrist(self, topic: str) -> Any:
+        wrist = self.create_subscription(WrenchStamped, topic, self._on_wrench, _NEWEST)
+        if wrist.topic_name == self.resolve_topic_name('wrench'):
+            raise ConfigurationError(
+                f"wrist: {topic!r} is what the pad itself tells; the topic of the robot's sensor "
+                'is needed, such as /force_torque_sensor_broadcaster/wrench')
+        return wrist
 
     def _on_wrench(self, msg: WrenchStamped) -> None:
         force = msg.wrench.force
