@@ -70,7 +70,9 @@ def test_the_tape_case_has_its_sides(tmp_path):
         listener.wait_for_the_last_contour(it)
         outline = find_outline(listener.points)
     assert outline.closed and len(outline.corners) == 4
-    lengths = sorted(side.length for side in outline.sides)
+    # From corner to corner: where a slow machine has held, a side may be divided.
+    lengths = np.sort(np.linalg.norm(
+        outline.corners - np.roll(outline.corners, 1, axis=0), axis=1))
     np.testing.assert_allclose(lengths, [0.069, 0.069, 0.109, 0.109], atol=3e-4)
     # From above; the skin has yielded by about 1 mm, of which the contour knows nothing.
     away = np.linalg.norm(outline.corners[:, None, :2] - CASE, axis=-1).min(axis=1)

@@ -7,8 +7,8 @@ import time
 import pytest
 
 from edge_tracking import record_bag
+from edge_tracking.recording.settings import Settings
 from edge_tracking.recording.writer import BagWriter
-from edge_tracking.replay.settings import Settings
 from tactile_common.ros.bag_reader import Bag
 
 

@@ -6,7 +6,7 @@ from dataclasses import fields
 import numpy as np
 
 from edge_tracking.recording import run
-from edge_tracking.replay.settings import Settings
+from edge_tracking.recording.settings import Settings
 from tactile_common.errors import ConfigurationError
 from tactile_common.ros.bag_reader import Bag, Recorded
 from tactile_common.ros.conversions import stamp_to_ns

@@ -9,7 +9,7 @@ from typing import Any
 from geometry_msgs.msg import PoseStamped
 
 from edge_tracking.parameters import SERVO
-from edge_tracking.replay.settings import Settings
+from edge_tracking.recording.settings import Settings
 from tactile_common.errors import TactileError
 from tactile_common.ros.bag_reader import Bag, DAMAGE, Recorded
 from tactile_common.ros.cdr import packed

@@ -13,10 +13,10 @@ from rcl_interfaces.msg import ParameterEvent
 from rclpy.parameter import Parameter
 
 from edge_tracking.process_group import topics
+from edge_tracking.recording.settings import Settings
 from edge_tracking.recording.writer import BagWriter
 from edge_tracking.replay.comparison import COMPARED, Comparison, TOLERANCE
 from edge_tracking.replay.cores import Cores, Cycle
-from edge_tracking.replay.settings import Settings
 from tactile_common.errors import ConfigurationError
 from tactile_common.progress import Progress
 from tactile_common.ros.bag_reader import Bag, Recorded
