@@ -304,10 +304,11 @@ def test_the_page_says_what_the_nodes_ran_with(run, tmp_path):
         run, goals=['{"speed": 0.01}', '{"speed": 0.03, "features": "<b>"}'], parameters={
             'edge_servo': {**versions, 'approach.speed': 0.5,
                            'tip_frame': NodeConfig.tip_frame},
-            'contact_estimator': {**versions, 'not of this version': 1}, 'unknown': {}})
+            'contact_estimator': {**versions, 'not of this version': 1}, 'unknown': {},
+            'track': {**versions, 'command': 'track --speed 0.03'}})
     summary = summarise(run, None, success=True)
     text = read_page(report(tmp_path / 'report.html', told, summary)).text
     assert 'edge_servo, not as by default approach.speed 0.5 ' in text
     assert 'contact_estimator, not as by default none' in text and 'not of this' not in text
     assert 'speed 0.03, features <b>' in text and 'speed 0.01' not in text
-    assert text.count('demo --seed 1') == 1
+    assert 'command track --speed 0.03' in text and 'demo --seed 1' not in text

@@ -92,5 +92,6 @@ def _value(wish: str, text: str) -> Any:
 def _told(parameters: Sequence[Any]) -> dict[str, Any]:
     values = {it.name: getattr(it.value, _VALUES[it.value.type]) for it in parameters
               if it.value.type in _VALUES}
-    return {name: tuple(value) if hasattr(value, '__len__') and not isinstance(value, str)
+    return {name: tuple(getattr(value, 'tolist', lambda it=value: it)())
+            if hasattr(value, '__len__') and not isinstance(value, str)
             else value for name, value in values.items()}

@@ -120,8 +120,9 @@ def _about(it: Shown) -> list[tuple[str, ...]]:
 def _settings(run: RunData, law: str) -> list[tuple[str, ...]]:
     """Rows of what the nodes ran with, and which of their parameters are not the defaults."""
     rows: list[tuple[str, ...]] = []
-    for name in ('command', 'versions'):
-        told = {str(known[name]): node for node, known in run.parameters.items() if name in known}
+    sender = {node: known for node, known in run.parameters.items() if node == 'track'}
+    for name, tellers in (('command', sender or run.parameters), ('versions', run.parameters)):
+        told = {str(known[name]): node for node, known in tellers.items() if name in known}
         rows += [(name if len(told) == 1 else f'{name} of {node}', _short(text))
                  for text, node in told.items()]
     for node, known in run.parameters.items():
@@ -134,6 +135,7 @@ def _settings(run: RunData, law: str) -> list[tuple[str, ...]]:
 
 
 def _short(text: str) -> str:
+    text = ' '.join(text.split())
     return f'{text[:MOST_TEXT]} \u2026' if len(text) > MOST_TEXT else text
 
 
