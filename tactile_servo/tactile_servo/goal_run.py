@@ -32,7 +32,7 @@ from tactile_servo.types import State
 SOUND_FORCE = 0.5  # of the force, from which the depth of the pad is known to be sound
 SETTLE = 0.1  # s after the end of the last command, until the robot stands
 NEAR = 5.0  # times `following_distance`, within which a robot at rest is sent to where it stands
-ASTRAY = 0.1  # of the images, beside what is tracked, with which a goal is none that was met
+BESIDE = 0.1  # largest share of images beside what is tracked, of a goal that was met
 SLIGHT = 0.1  # of it, by which that may move a robot which counts as standing
 LONGEST_PAUSE = 3600.0  # s
 
@@ -211,7 +211,7 @@ class GoalRun:
         return hindered and Reason(code, '; '.join(filter(None, (detail, hindered.text))))
 
     def _overload(self) -> Reason | None:
-        load = self._inputs.most
+        load = self._inputs.largest_load
         over = load > self._config.force.max_load
         return Reason(ReasonCode.OVERLOAD, f'{load:.1f} N') if over else None
 
@@ -228,7 +228,7 @@ class GoalRun:
     def _touches_nothing_to_track(self) -> Reason | None:
         lacking, since = self._law.lacks(self._now), self._machine.since
         looked = self.observed > since or self._now - since > self._config.input.stale_image
-        if lacking is None or self._inputs.most < self.goal.force or not looked:
+        if lacking is None or self._inputs.largest_load < self.goal.force or not looked:
             return None
         return Reason(ReasonCode.NO_EDGE, lacking.text)
 
@@ -268,7 +268,7 @@ class GoalRun:
                 if seen.force >= SOUND_FORCE * self.goal.force:
                     self._way.begin()
             beside = self.statistics.beside
-            if self._found.success and beside > ASTRAY:
+            if self._found.success and beside > BESIDE:
                 self._found = Assessment(State.DONE, Reason(
                     self._found.reason.code, f'but {100.0 * beside:.0f} % of the images saw it '
                     "beside the pad's centre"))

@@ -111,7 +111,7 @@ class Inputs:
         return max(self._felt, self._summed)
 
     @property
-    def most(self) -> float:
+    def largest_load(self) -> float:
         """The largest force that pad or wrist tell of [N]."""
         return max(self.load, self.wrist.force)
 
@@ -156,15 +156,15 @@ class Inputs:
                       self.unbelieved)
 
     def contact_missing(self, images: bool) -> Reason | None:
-        """What is wrong with the contacts, and with the images if they matter; or None."""
+        """What is wrong with contacts, wrist, and with the images if they matter; or None."""
         if not self.contact_fresh or self.contact is None:
             return self.refused or Reason(
                 ReasonCode.STALE_IMAGE if self.contact else ReasonCode.NO_IMAGE)
         if images and not self._image_fresh:
             return self.refused or Reason(ReasonCode.STALE_IMAGE)
-        if self._wrist_missing:
-            return Reason(ReasonCode.NO_WRENCH)
-        return None if self._tared else Reason(ReasonCode.NOT_TARED)
+        if not self._tared:
+            return Reason(ReasonCode.NOT_TARED)
+        return Reason(ReasonCode.NO_WRENCH) if self._wrist_missing else None
 
     def astray(self, commanded: np.ndarray) -> Reason | None:
         """Which joint is not where it was commanded (n,) [rad], or None."""

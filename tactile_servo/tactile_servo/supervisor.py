@@ -74,7 +74,8 @@ class Supervisor:
 
     def see_wrench(self, force: np.ndarray, arrival: float) -> None:
         """Take a force (3,) at the wrist [N] and its steady arrival time [s], if it has one."""
-        self.inputs.wrist.see(force, arrival, not self.active)
+        pressed = self.active or self.inputs.load >= self.config.approach.contact_force
+        self.inputs.wrist.see(force, arrival, not pressed)
 
     def see_contact(self, contact: Contact, stamp_ns: int, arrival: float) -> None:
         """Take a contact estimate, its image's stamp [ns] and steady arrival time [s]."""

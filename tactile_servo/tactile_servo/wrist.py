@@ -13,7 +13,7 @@ APART = 0.1  # s that pad and wrist may differ: they are filtered differently
 
 class Wrist:
     """
-    Force on the wrist beside what it was while no goal was worked on [N].
+    Force on the wrist beside what it was while the pad was free and no goal worked on [N].
 
     The weight of the tool is known from there, and must be compensated where the tool is turned
     much.

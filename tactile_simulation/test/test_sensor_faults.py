@@ -110,6 +110,17 @@ def test_a_wrist_that_falls_silent_holds():
     assert simulation.servo.state is State.TRACK
 
 
+def test_a_pad_that_was_left_pressed_is_no_weight_of_the_tool():
+    simulation = Simulation(load_scene(find_scene('straight')), wrist=True)
+    goal = EdgeGoal(0.03, FORCE, length=0.02, retreat=False)
+    simulation.run(goal, 20.0)
+    assert simulation.servo.success
+    simulation.servo.finish()
+    for _ in range(400):
+        simulation.step()
+    assert simulation.servo.inputs.wrist.force == pytest.approx(FORCE, rel=0.1)
+
+
 def test_what_a_wrist_felt_is_in_the_journal():
     class Journaled(Simulation):
         supervisor = JournaledSupervisor
