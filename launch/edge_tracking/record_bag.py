@@ -11,7 +11,7 @@ from typing import Any
 from edge_tracking.process_group import topics
 from edge_tracking.recording.writer import RecorderNode
 from tactile_common.command_line import Parser, refusing
-from tactile_common.ros.runner import run
+from tactile_common.ros.runner import run, split_ros_args
 
 
 def parser() -> Parser:
@@ -24,11 +24,10 @@ def parser() -> Parser:
 
 def main(args: list[str] | None = None) -> int:
     """Record; returns the exit status, see above."""
-    given = list(sys.argv[1:] if args is None else args)
-    ros = given.index('--ros-args') if '--ros-args' in given else len(given)
+    given, ros = split_ros_args(sys.argv[1:] if args is None else args)
     nodes: list[RecorderNode] = []
     with refusing('record_bag') as command:
-        options = parser().parse_args(given[:ros])
+        options = parser().parse_args(given)
         namespace = options.namespace.strip('/')
 
         def record_bag(context: Any) -> RecorderNode:
@@ -36,8 +35,7 @@ def main(args: list[str] | None = None) -> int:
                 options.bag, topics(namespace), context=context, namespace=namespace))
             return nodes[0]
 
-        command.status = run(record_bag, given[ros:] or ['--ros-args'],
-                             lambda node: bool(node.failed))
+        command.status = run(record_bag, ros, lambda node: bool(node.failed))
         for node in nodes:
             if node.failed:
                 print(f'record_bag: {node.failed}', file=sys.stderr)

@@ -26,7 +26,7 @@ from tactile_common.ros.cdr import unpacked
 from tactile_common.ros.conversions import stamp_to_ns
 from tactile_common.ros.node import TactileNode
 from tactile_common.ros.parameters import declare_from
-from tactile_common.ros.runner import run
+from tactile_common.ros.runner import run, split_ros_args
 from tactile_msgs.msg import Contact, ServoStatus, TactileImage
 from tactile_sensing.conversions import image_from_msg
 from tactile_sensing.types.contact import ContactType, Reason
@@ -235,11 +235,10 @@ def parser() -> Parser:
 
 def main(args: list[str] | None = None) -> int:
     """Serve until it is interrupted; exit status 2 if the page cannot be served."""
-    given = list(sys.argv[1:] if args is None else args)
-    ros = given.index('--ros-args') if '--ros-args' in given else len(given)
+    given, ros = split_ros_args(sys.argv[1:] if args is None else args)
     with refusing('view') as command:
-        options = parser().parse_args(given[:ros])
+        options = parser().parse_args(given)
         own = [part for name, value in vars(options).items() if value is not None
                for part in ('-p', f'{name}:={value}')]
-        command.status = run(ViewNode, ['--ros-args', *own, *given[ros:]])
+        command.status = run(ViewNode, [ros[0], *own, *ros[1:]])
     return command.status

@@ -121,10 +121,10 @@ def _settings(run: RunData, law: str) -> list[tuple[str, ...]]:
     """Rows of what the nodes ran with, and which of their parameters are not the defaults."""
     rows: list[tuple[str, ...]] = []
     sender = {node: known for node, known in run.parameters.items() if node == 'track'}
-    for name, tellers in (('command', sender or run.parameters), ('versions', run.parameters)):
-        told = {str(known[name]): node for node, known in tellers.items() if name in known}
-        rows += [(name if len(told) == 1 else f'{name} of {node}', _short(text))
-                 for text, node in told.items()]
+    for name, nodes in (('command', sender or run.parameters), ('versions', run.parameters)):
+        texts = {str(known[name]): node for node, known in nodes.items() if name in known}
+        rows += [(name if len(texts) == 1 else f'{name} of {node}', _short(text))
+                 for text, node in texts.items()]
     for node, known in run.parameters.items():
         defaults = {it.name: it.default for it in parameters_of(
             node, law if law in LAWS else DEFAULT)} if node in NODES else {}

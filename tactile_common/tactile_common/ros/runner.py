@@ -42,6 +42,12 @@ _UNHEARD = 1.0  # s longer, where a call of the middleware lets no other thread 
 _DELIVERY = 0.2  # s, in which the last word leaves: what a writer that is gone wrote is lost
 
 
+def split_ros_args(args: list[str]) -> tuple[list[str], list[str]]:
+    """Return what a command line says to a program, and what to its node: from --ros-args on."""
+    ros = args.index('--ros-args') if '--ros-args' in args else len(args)
+    return args[:ros], args[ros:] or ['--ros-args']
+
+
 def make_executor(context: rclpy.Context | None = None) -> Executor:
     """Return the cheapest executor that this rclpy offers for nodes of a context, for `spin`."""
     if EventsExecutor is not None:
