@@ -1,6 +1,6 @@
 """Law 'trace': the edge is mapped where the robot was when each image was taken, and followed."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 import math
 from typing import ClassVar
 
@@ -24,13 +24,13 @@ from tactile_servo.laws.edge_modes import (
 )
 from tactile_servo.laws.edge_motion import EdgeMotion
 from tactile_servo.laws.edge_sight import EdgeSight
+from tactile_servo.laws.stall import Stall
 from tactile_servo.motion.agility import Agility
 from tactile_servo.reasons import Reason, ReasonCode
 from tactile_servo.types import EdgeGoal, State, TaskError
 
 PRESSED = 0.6  # of the force, from which what is seen of the edge is all of it
 ADVANCE = 0.5  # grains that are progress
-STALL_TIME = 5.0  # s without progress
 STALE = 1.5  # times the age at which the supervisor holds: for images that stop alone
 
 
@@ -41,8 +41,7 @@ class Going:
     here: float = 0.0  # station of the measured pad [m],
     ahead: float = 0.0  # and of the commanded one
     progress: float = 0.0  # way [m],
-    reached: float = 0.0  # that at which there was progress last [m],
-    reached_at: float | None = None  # and when [s]
+    stall: Stall = field(default_factory=Stall)
     begun: bool = False  # the pad moves along the edge,
     pressed: bool = False  # and has pressed enough to see all of it
 
@@ -115,7 +114,7 @@ class EdgeFollowing:
         """Go on from a standstill, with the edge known so far."""
         self._motion.reset()
         self.sight.press.forget()
-        self._going.reached_at, self._going.pressed = None, False
+        self._going.stall.seen, self._going.pressed = None, False
         self._mode, self._searching = Following(), Searching()
 
     def observe(self, observation: Observation) -> None:
@@ -170,11 +169,9 @@ class EdgeFollowing:
         return self._search(self._searching)
 
     def _stalled(self, now: float, progress: float) -> bool:
-        going, advance = self._going, ADVANCE * self.sight.edge.scale.grain
-        if (progress > going.reached + advance or going.reached_at is None
-                or not isinstance(self._mode, Following)):
-            going.reached, going.reached_at = progress, now
-        return now - going.reached_at > STALL_TIME
+        if not isinstance(self._mode, Following):  # whose ends are their own
+            self._going.stall = Stall()
+        return self._going.stall.see(now, progress, ADVANCE * self.sight.edge.scale.grain)
 
     def _at_end(self, progress: float, touching: bool) -> Assessment:
         """Decide where the ridge ends: coast over a gap, go down a step, or end."""

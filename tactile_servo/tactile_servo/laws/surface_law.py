@@ -31,7 +31,6 @@ from tactile_servo.types import State, TaskError
 
 MET = 0.05  # of the force, the error from which it counts as met, and the probe goes
 OVERFORCE = 2.5  # times the force asked for, beyond which the goal ends, once it was met
-STALL_TIME = 5.0  # s without progress
 ADVANCE = 5e-4  # m that are progress
 BACK = 30.0  # 1/s, rate at which the contact's distance from its path is made up
 # Of the contact's place on the pad: standard deviation, friction's part included [m]; and error
@@ -111,7 +110,7 @@ class SurfaceLaw:
         """Go on from a standstill, along the same path."""
         self._motion.stand()
         self._press.forget()
-        self._going.reached_at = -math.inf
+        self._going.stall.seen = None
 
     def observe(self, observation: Observation) -> None:
         """Take an image."""
@@ -182,9 +181,7 @@ class SurfaceLaw:
             return Assessment(State.DONE, Reason(
                 ReasonCode.OVERFORCE, f'{load:.1f} N, beyond {OVERFORCE:g} times the '
                 f'{goal.force:g} N asked for'), lift=True)
-        if progress > going.reached + ADVANCE or going.reached_at == -math.inf:
-            going.reached, going.reached_at = progress, now
-        if now - going.reached_at > STALL_TIME:
+        if going.stall.see(now, progress, ADVANCE):
             return Assessment(State.DONE, Reason(
                 ReasonCode.NO_PROGRESS, self._motion.bound), lift=True)
         return ON_SURFACE

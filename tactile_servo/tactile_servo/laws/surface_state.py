@@ -14,6 +14,7 @@ from tactile_servo.control.surface_path import (
     SurfacePath,
 )
 from tactile_servo.law import Assessment, Touch
+from tactile_servo.laws.stall import Stall
 from tactile_servo.laws.surface_config import ProbeConfig
 from tactile_servo.laws.surface_features import Felt, Told
 from tactile_servo.laws.surface_goal import Pattern, SurfaceGoal, SurfaceResult
@@ -41,8 +42,7 @@ class Going:
     met: bool = False  # whether the force was met once
     end: Assessment | None = None  # what the path has come to
     over: bool = False  # whether the goal has ended: what is felt on lifting off is no surface
-    reached: float = -math.inf  # progress, and when it was made [m, s]
-    reached_at: float = -math.inf
+    stall: Stall = field(default_factory=Stall)
     aim: Told = field(init=False)  # the contact that is wanted now
 
     def __post_init__(self) -> None:
