@@ -100,8 +100,10 @@ class GoalRun:
     def count(self) -> None:
         """Count the way since the last cycle."""
         phase, reference = self._machine.phase, self.reference
-        if phase in TRACKING and reference is not None:
-            self.statistics.move(self._inputs.pose, reference.heading, phase is not Phase.SEARCH)
+        braking = phase is Phase.SETTLING and self.hold.resumption is Event.TRACK_AGAIN
+        if reference is not None and (phase in TRACKING or braking):
+            self.statistics.move(self._inputs.pose, reference.heading,
+                                 phase in TRACKING and phase is not Phase.SEARCH)
         else:
             self.statistics.stand()
 

@@ -16,7 +16,7 @@ class TrackStatistics:
     def __init__(self, force: float, near: float = np.inf):
         self.force = force  # set-point of the normal force [N]
         self._near, self._beside = near, 0  # lateral error [m] of images that count as beside
-        self.length = 0.0  # way of the sensor since first contact, with searches [m]
+        self.length = 0.0  # way of the sensor since first contact, searches and stops too [m]
         self.tracked_length = 0.0  # the same, up to where the edge was last followed [m]
         self.force_max = self.lateral_max = 0.0  # largest measured values [N], [m]
         # Stamps of images [ns] and poses (4, 4) of the sensor in the base, moved onto the edge.
@@ -31,7 +31,7 @@ class TrackStatistics:
         """
         Take the measured pose of the sensor (4, 4) and the way it goes along the edge (3,).
 
-        What is not `on_edge` is searched for, and counts as tracked only once it is found again.
+        What is not `on_edge`, a search or a stop, counts as tracked only once tracking goes on.
         """
         position = pose[:3, 3].tolist()
         if self._last_position is not None:
