@@ -54,7 +54,7 @@ def test_the_lines_of_the_pages_have_arguments_that_there_are():
     assert len(lines) > 5 and named <= NAMED | {'start'}
     # A goal needs a servo that has none yet.
     goal = text.index('ros2 action send_goal')
-    assert 'start:=false' in text[text.rindex('ros2 launch', 0, goal):goal]
+    assert 'start:=false' in text[text.rindex('edge_tracking.launch.py', 0, goal):goal]
 
 
 @pytest.mark.parametrize('argument, text', [
