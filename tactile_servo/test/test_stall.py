@@ -1,4 +1,4 @@
-"""No progress is noticed however often a hold comes in between."""
+"""A stall is noticed however often a hold comes in between."""
 import pytest
 
 from tactile_servo.laws.stall import Stall, STALL_TIME
@@ -6,9 +6,9 @@ from tactile_servo.laws.stall import Stall, STALL_TIME
 PERIOD, ADVANCE = 0.01, 5e-4
 
 
-def cycles(stall, count, speed=0.0, begin=0.0, held=0):
+def cycles(count, speed=0.0, held=0):
     """Cycles until it stalls, with a hold of 1 s every `held` of them; None if it does not."""
-    now, progress = begin, 0.0
+    stall, now, progress = Stall(), 0.0, 0.0
     for k in range(count):
         if held and k % held == held - 1:
             now, stall.seen = now + 1.0, None
@@ -18,17 +18,17 @@ def cycles(stall, count, speed=0.0, begin=0.0, held=0):
 
 
 @pytest.mark.parametrize('held', [0, 7, 100])
-def test_who_stands_still_is_told_so(held):
+def test_standing_still_is_a_stall(held):
     due = STALL_TIME / PERIOD
     lost = due / held if held else 0.0  # a cycle after a hold is not counted
-    assert due <= cycles(Stall(), 1000, held=held) <= due + 1.3 * lost + 2
+    assert due <= cycles(1000, held=held) <= due + 1.3 * lost + 2
 
 
 @pytest.mark.parametrize('held', [0, 7, 100])
 def test_time_in_a_hold_does_not_count(held):
     slow = 2.0 * ADVANCE / STALL_TIME
-    assert cycles(Stall(), 5000, slow, held=held) is None
+    assert cycles(5000, slow, held=held) is None
 
 
 def test_slower_than_that_is_no_progress():
-    assert cycles(Stall(), 2000, 0.5 * ADVANCE / STALL_TIME) is not None
+    assert cycles(2000, 0.5 * ADVANCE / STALL_TIME) is not None

@@ -168,6 +168,20 @@ def test_what_the_arm_cannot_reach_ends_the_goal_in_contact_and_says_which_joint
     assert simulation.log[-1].force == 0.0  # lifted off
 
 
+def test_holds_do_not_hide_that_the_arm_cannot_go_on():
+    simulation, goal = loop_of('cylinder_65', start=SurfaceStart()), SurfaceGoal(
+        0.05, FORCE, direction=(0.0, 1.0, 0.0), length=0.06)
+    status = simulation.run(goal, 20.0, until=lambda status: status.progress > 0.035)
+    for _ in range(80):
+        simulation.sensor_alive = False
+        simulation.run(None, 0.08)
+        simulation.sensor_alive = True
+        status = simulation.run(None, 0.6)
+        if status.state in (State.RETREAT, State.DONE, State.IDLE):
+            break
+    assert status.reason.code == ReasonCode.NO_PROGRESS
+
+
 def hear_late(simulation, lateness, what, begin, seconds=0.3):
     """What is sent from `begin` on is heard late [s], in its order; the servo's cycles go on."""
     servo, waiting = simulation.servo, deque()

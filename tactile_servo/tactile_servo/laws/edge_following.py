@@ -169,7 +169,7 @@ class EdgeFollowing:
         return self._search(self._searching)
 
     def _stalled(self, now: float, progress: float) -> bool:
-        if not isinstance(self._mode, Following):  # whose ends are their own
+        if not isinstance(self._mode, Following):  # the other modes end by themselves
             self._going.stall = Stall()
         return self._going.stall.see(now, progress, ADVANCE * self.sight.edge.scale.grain)
 

@@ -1,4 +1,4 @@
-"""Whether a law goes on and on without getting anywhere."""
+"""Time that a law tracks without progress."""
 
 from dataclasses import dataclass
 import math
@@ -8,14 +8,14 @@ STALL_TIME = 5.0  # s without progress
 
 @dataclass
 class Stall:
-    """For how long there was no progress. A hold in between neither counts nor makes it good."""
+    """Time without progress. Time in holds is not counted, and a hold does not reset it."""
 
-    reached: float = -math.inf  # progress that was made last [m],
-    lasting: float = 0.0  # and time without any since [s]
+    reached: float = -math.inf  # last progress [m]
+    lasting: float = 0.0  # time since then, without holds [s]
     seen: float | None = None  # steady time of the last cycle [s], None after a hold
 
     def see(self, now: float, progress: float, advance: float) -> bool:
-        """Take the progress [m], of which an `advance` [m] counts; whether it is too long ago."""
+        """Take the progress [m]; True if it has not grown by `advance` [m] for `STALL_TIME`."""
         if progress > self.reached + advance:
             self.reached, self.lasting = progress, 0.0
         elif self.seen is not None:
