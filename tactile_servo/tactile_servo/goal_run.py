@@ -17,6 +17,7 @@ from tactile_servo.reasons import Reason, ReasonCode
 from tactile_servo.state_machine import (
     Event,
     HELD,
+    LIFTING,
     MOVING,
     Phase,
     RESUMPTION,
@@ -113,7 +114,7 @@ class GoalRun:
         phase = self._machine.phase
         self._now, self._dt, self._found = now, dt, None
         self._why = clock.fault or (
-            around if phase is not Phase.RETREAT else None) or self._standstill(phase)
+            around if phase not in LIFTING else None) or self._standstill(phase)
         self._times.count(phase.state, now)
         if phase in HELD:
             self._unseen = self._lacking()
@@ -129,9 +130,9 @@ class GoalRun:
             return Reason(ReasonCode.PAUSED)
         inputs = self._inputs
         missing = inputs.joints_missing()
-        if missing is None and phase is not Phase.RETREAT:  # lifting off needs no image
+        if missing is None and phase not in LIFTING:  # which needs no image
             missing = inputs.contact_missing(self._law.sees_images)
-        if missing is not None or inputs.joints is None or phase not in MOVING:
+        if missing is not None or inputs.joints is None or phase not in MOVING | LIFTING:
             return missing  # in a hold nothing is commanded
         return (inputs.astray(self._motion.positions)
                 or self._following.problem(inputs.pose, inputs.joints.arrival))
@@ -175,6 +176,19 @@ class GoalRun:
             return None
         well = hold.well_since is not None
         return Reason(ReasonCode.GAVE_UP, (hold.cause if well else self._machine.reason).text)
+
+    def _unloads(self) -> Reason | None:
+        """It lasts, with the pad where it was pressed."""
+        hold, limits = self.hold, self._config.hold
+        pressed = hold.resumption is Event.TRACK_AGAIN and not hold.bound
+        lasts = self._now - hold.began > limits.resume_within
+        able = (self._inputs.joints_fresh and self._now >= self._moving
+                and self._off() <= self._config.input.following_distance)
+        return self._machine.reason if limits.lift and pressed and lasts and able else None
+
+    def _unloaded(self) -> Reason | None:
+        """The pad has come off, or cannot."""
+        return self._machine.reason if self._motion.blocked or self._lifted() else None
 
     def _binds(self) -> Reason | None:
         """It goes on only when asked: by its cause, or since the robot is elsewhere."""
@@ -289,12 +303,18 @@ class GoalRun:
                 hold.blind = phase is Phase.SEARCH and not hold.of_law
                 hold.bound = gap > self._config.hold.resume_within
                 self._moving = max(self._moving, now)
-            hold.worsen(reason, now, self._config.hold.resume_within)
+            elif phase is Phase.UNLOADING and reason is not self._why:  # it is to be touched anew
+                hold.resumption = Event.APPROACH_AGAIN
+            joints, within = self._inputs.joints, self._config.hold.resume_within
+            hold.worsen(reason, joints is None or now - joints.arrival > within)
         elif event is Event.RESUME:
             event = Event.APPROACH_AGAIN if self._came_off() else hold.resumption
             reason = self._outcome if event is Event.RETREAT_AGAIN else reason
             self._start_here()
             self._law.resume()
+        elif event is Event.UNLOAD:
+            self._start_here()
+            self._motion.reset_blocked()
         elif event in (Event.END, Event.LIFT):
             event = self._ended(event, reason)
         elif event is Event.TOUCH:
@@ -310,7 +330,7 @@ class GoalRun:
         phase = self._machine.phase
         self._outcome, self.success = reason, self._found is not None and self._found.success
         asked = event is Event.LIFT or self.goal.retreat
-        if not asked or self._why is not None or phase in (Phase.SETTLING, Phase.ASKED):
+        if not asked or self._why is not None or phase in HELD - {Phase.WAITING}:
             return Event.STOP
         if phase is Phase.WAITING:
             self._start_here()
@@ -338,8 +358,8 @@ class GoalRun:
     def command(self, now: float, now_ns: int, dt: float, stamped: bool) -> MotionStep | None:
         """Command the next piece of motion, of `dt` [s]; None if there is none."""
         motion, phase = self._motion, self._machine.phase
-        if phase in MOVING:
-            trust = self._inputs.trust(now, touch=phase is not Phase.RETREAT)
+        if phase in MOVING | LIFTING:
+            trust = self._inputs.trust(now, touch=phase not in LIFTING)
             step = motion.command(trust * self.twist(dt), now_ns, stamped)
             self._following.sent(now, motion.pose, self._inputs.pose)
             if step.trajectory is not None:
@@ -358,7 +378,7 @@ class GoalRun:
         c, phase = self._config, self._machine.phase
         if phase is Phase.APPROACH:
             return self._way.approach()
-        if phase is Phase.RETREAT:
+        if phase in LIFTING:
             return self._way.retreat()
         self.reference = self._law.reference(
             self._inputs.pose, self._motion.pose, self._motion, dt)
@@ -372,19 +392,22 @@ class GoalRun:
 Rule = tuple[frozenset[Phase], Callable[[GoalRun], Reason | None], Event]
 _APPROACH, _RETREAT = frozenset({Phase.APPROACH}), frozenset({Phase.RETREAT})
 _SETTLING, _WAITING = frozenset({Phase.SETTLING}), frozenset({Phase.WAITING})
+_UNLOADING = frozenset({Phase.UNLOADING})
 _STOPPING, _SEARCH = frozenset({Phase.STOPPING}), frozenset({Phase.SEARCH})
 # In these phases, if this guard has a reason, that event: the first row that holds.
 RULES: tuple[Rule, ...] = (
     (_STOPPING, GoalRun._played_out, Event.REST),
     (HELD, GoalRun._waited_long, Event.END),
     (_SETTLING, GoalRun._stands, Event.STAND),
+    (_WAITING, GoalRun._unloads, Event.UNLOAD),
     (HELD, lambda run: run._why, Event.HOLD),
+    (_UNLOADING, GoalRun._unloaded, Event.HOLD),
     (_WAITING, GoalRun._binds, Event.BIND),
     (_WAITING, GoalRun._overload, Event.LIFT),
     (_WAITING, GoalRun._lies, Event.LIFT),
     (STANDING, GoalRun._asked, Event.RESUME),
     (_WAITING, GoalRun._well_soon, Event.RESUME),
-    (HELD, lambda run: run._unseen, Event.REPORT),
+    (HELD - _UNLOADING, lambda run: run._unseen, Event.REPORT),
     (STANDING, GoalRun._well, Event.REPORT),
     (MOVING, lambda run: run._why, Event.HOLD),
     (_RETREAT, GoalRun._cannot_lift, Event.STOP),

@@ -27,15 +27,11 @@ class Hold:
     asked: bool = False  # somebody asked
     well_since: float | None = None  # steady time [s], None while something is wrong
 
-    def worsen(self, why: Reason, now: float, resume_within: float) -> None:
-        """Take what is wrong at a steady time [s]."""
+    def worsen(self, why: Reason, elsewhere: bool) -> None:
+        """Take what is wrong, and whether the robot may have come to be elsewhere."""
         self.asked = False
-        if self.bound:
-            return
-        # A robot that was not heard of for so long may have come to be elsewhere.
-        elsewhere = (why.code is ReasonCode.STALE_JOINT_STATE
-                     and now - self.began > resume_within)
-        self.cause, self.bound = why, elsewhere or why.code in BINDING
+        if not self.bound:
+            self.cause, self.bound = why, elsewhere or why.code in BINDING
 
     def stray(self, off: float) -> None:
         """Take that the robot stands off where it was sent [m]."""

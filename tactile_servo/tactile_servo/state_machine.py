@@ -19,6 +19,7 @@ class Phase(Enum):
     SETTLING = auto()  # hold: the last command is played out
     WAITING = auto()  # hold: the robot stands, and goes on by itself if all is well soon
     ASKED = auto()  # hold: the robot stands, and goes on only when asked
+    UNLOADING = auto()  # hold: the pad lifts off, to wait there
     STOPPING = auto()  # the goal ends where the pad is: the last command is played out
     DONE = auto()
 
@@ -39,6 +40,7 @@ class Event(Enum):
     HOLD = auto()  # something is wrong
     STAND = auto()  # the robot stands
     BIND = auto()  # who caused the hold must know that the robot will move
+    UNLOAD = auto()  # the hold lasts: lift the pad off meanwhile
     RESUME = auto()  # go on, with one of the next three
     APPROACH_AGAIN = auto()
     TRACK_AGAIN = auto()
@@ -51,11 +53,12 @@ class Event(Enum):
     REPORT = auto()  # only the reason is another
 
 
-HELD = frozenset({Phase.SETTLING, Phase.WAITING, Phase.ASKED})
+HELD = frozenset({Phase.SETTLING, Phase.WAITING, Phase.ASKED, Phase.UNLOADING})
 STANDING = frozenset({Phase.WAITING, Phase.ASKED})
 TRACKING = frozenset({Phase.TRACK, Phase.CORNER, Phase.SEARCH})  # the law moves the sensor
 TOUCHING = TRACKING | {Phase.APPROACH}
 MOVING = TOUCHING | {Phase.RETREAT}
+LIFTING = frozenset({Phase.RETREAT, Phase.UNLOADING})  # off what is touched, by the pose alone
 _STATES = {phase: State.HOLD if phase in HELD | {Phase.STOPPING} else State[phase.name]
            for phase in Phase}
 
@@ -73,8 +76,10 @@ TRANSITIONS: dict[Phase, dict[Event, Phase]] = {
     Phase.SETTLING: {Event.HOLD: Phase.SETTLING, Event.REPORT: Phase.SETTLING,
                      Event.STAND: Phase.WAITING, Event.STOP: Phase.STOPPING},
     Phase.WAITING: {Event.HOLD: Phase.WAITING, Event.REPORT: Phase.WAITING,
-                    Event.BIND: Phase.ASKED, Event.LIFT: Phase.RETREAT, **_STANDING},
+                    Event.BIND: Phase.ASKED, Event.UNLOAD: Phase.UNLOADING,
+                    Event.LIFT: Phase.RETREAT, **_STANDING},
     Phase.ASKED: {Event.HOLD: Phase.ASKED, Event.REPORT: Phase.ASKED, **_STANDING},
+    Phase.UNLOADING: {Event.HOLD: Phase.SETTLING, Event.STOP: Phase.STOPPING},
     Phase.STOPPING: {Event.STOP: Phase.STOPPING, Event.REST: Phase.DONE},
     Phase.DONE: {Event.FINISH: Phase.IDLE},
 }

@@ -10,6 +10,7 @@ from tactile_servo.state_machine import (
     Event,
     HELD,
     IllegalTransition,
+    LIFTING,
     MOVING,
     Phase,
     RESUMPTION,
@@ -77,7 +78,8 @@ def test_every_state_of_the_messages_is_that_of_a_phase():
 def test_whatever_goes_on_can_be_held_or_stopped(phase):
     assert TRANSITIONS[phase][Event.STOP] is Phase.STOPPING
     if phase is not Phase.STOPPING:
-        assert TRANSITIONS[phase][Event.HOLD] is (Phase.SETTLING if phase in MOVING else phase)
+        moves = phase in MOVING | LIFTING
+        assert TRANSITIONS[phase][Event.HOLD] is (Phase.SETTLING if moves else phase)
 
 
 def test_only_rest_ends_a_goal_and_only_a_start_begins_one():

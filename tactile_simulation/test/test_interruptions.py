@@ -16,6 +16,7 @@ from tactile_simulation.scene import load_scene
 GOAL = EdgeGoal(0.03, 5.0, length=0.05)
 NEAR = 2e-3  # m, of where the pad was when it all began
 HARDEST = 2.0  # times the limit of acceleration, between samples of the controller
+LIFT = 0.01  # m, off what was tracked, in a hold that lasts
 SHORT = 0.5  # s, of an interruption that a hold may end by itself
 
 
@@ -30,7 +31,6 @@ class Interrupted:
         assert self.loop.servo.state == state
         self.began, self.place = self.loop.now, self.loop.pose[:3, 3].copy()
         self.seen = len(self.loop.log)
-        self.queue = None
 
     def controller(self, seconds):
         """It is deactivated, and activated again."""
@@ -104,8 +104,10 @@ def interrupted(tracker, state, what, seconds, seed=0):
     it.check()
     asked = what in ('controller', 'deaf') or seconds > SHORT
     if asked:  # by then it stands, and goes on standing
-        moved = np.linalg.norm(it.loop.pose[:3, 3] - it.place)
-        assert moved <= NEAR
+        it.loop.run(None, 1.5, lambda s: s.reason.code == ReasonCode.INPUT_BACK)
+        moved = it.loop.pose[:3, 3] - it.place
+        lifted = what == 'sensing' and state == State.TRACK
+        assert np.linalg.norm(moved[:2]) <= NEAR and abs(moved[2] - LIFT * lifted) <= NEAR
         assert it.loop.servo.state == State.HOLD
         assert it.loop.servo.reason.code == ReasonCode.INPUT_BACK
         assert it.loop.servo.pause(False, it.loop.now)
@@ -163,15 +165,56 @@ def test_a_probe_beyond_the_end_goes_no_deeper_for_being_interrupted_again_and_a
     assert loop.servo.reason.code == ReasonCode.EDGE_ENDED, loop.servo.reason
 
 
-@pytest.mark.parametrize('seconds', [0.2, 1.0])
-def test_a_hold_after_which_the_edge_is_not_seen_says_so_and_waits_to_be_asked(seconds):
-    it = blinded(State.TRACK, GOAL, seconds)
+def test_a_hold_after_which_the_edge_is_not_seen_says_so_and_waits_to_be_asked():
+    it = blinded(State.TRACK, GOAL, 0.2)
     assert (it.loop.servo.state, it.unseen.code) == (State.HOLD, ReasonCode.EDGE_LOST)
-    it.loop.run(None, 0.5)
+    it.loop.run(None, 1.5)
     assert it.loop.servo.reason.code == ReasonCode.INPUT_BACK
     assert it.loop.servo.pause(False, it.loop.now)
     it.loop.run(None, 20.0)
     assert it.loop.servo.success, it.loop.servo.reason
+    it.check()
+
+
+@pytest.mark.parametrize('lift', [True, False])
+def test_a_hold_that_lasts_lifts_the_pad_off_and_goes_on_from_there(lift):
+    it = Interrupted('trace', State.TRACK, 0, config=ServoConfig(hold=HoldConfig(lift=lift)))
+    it.sensing(2.0)
+    assert it.loop.servo.state == State.HOLD
+    force = it.loop.log[-1].force
+    assert force == 0.0 if lift else force == pytest.approx(GOAL.force, abs=0.1)
+    it.loop.run(None, 0.5)
+    assert it.loop.servo.pause(False, it.loop.now).code == ReasonCode.RESUMED
+    it.loop.run(None, 20.0)
+    assert it.loop.servo.success, it.loop.servo.reason
+    it.check()
+
+
+def test_a_pad_that_is_lifting_off_in_a_hold_stands_still_when_asked_to():
+    it = Interrupted('trace', State.TRACK, 0)
+    it.loop.sensor_alive = False
+    it.loop.run(None, 1.0)
+    there = it.loop.pose[2, 3]
+    assert 0.2 * LIFT < there - it.place[2] < 0.8 * LIFT
+    it.loop.servo.pause(True, it.loop.now)
+    it.loop.run(None, 2.0)
+    assert it.loop.pose[2, 3] - there < 0.1 * LIFT
+    it.loop.sensor_alive = True
+    it.loop.run(None, 0.1)
+    it.loop.servo.pause(False, it.loop.now)
+    it.loop.run(None, 20.0)
+    assert it.loop.servo.reason.code == ReasonCode.LENGTH_REACHED, it.loop.servo.reason
+    it.check()
+
+
+def test_a_robot_that_falls_silent_as_it_lifts_off_in_a_hold_goes_on_lifting():
+    it = Interrupted('trace', State.TRACK, 0)
+    it.loop.sensor_alive = False
+    it.loop.run(None, 1.0)
+    it.joints(0.2)
+    it.loop.run(None, 1.5)
+    assert it.loop.log[-1].force == 0.0
+    assert it.loop.pose[2, 3] - it.place[2] == pytest.approx(LIFT, abs=NEAR)
     it.check()
 
 
