@@ -288,6 +288,10 @@ class GoalRun:
                 self._found = Assessment(State.DONE, Reason(
                     self._found.reason.code, f'but {100.0 * beside:.0f} % of the images saw it '
                     "beside the pad's centre"))
+            elif self._found.state is State.DONE and not self._found.success:
+                code, detail = self._found.reason
+                self._found = self._found._replace(reason=Reason(
+                    code, '; '.join(filter(None, (detail, self._motion.at_end)))))
         return self._found
 
     def _lifted(self) -> Reason | None:

@@ -46,11 +46,11 @@ def model_of(urdf, tip):
     return RobotModel.from_urdf(ElementTree.tostring(urdf, encoding='unicode'), tip)
 
 
-def simulated(urdf, tip, start, folder, capsys):
-    """Summary of `simulate` on the course at 50 mm/s."""
+def simulated(urdf, tip, start, folder, capsys, speed='0.05'):
+    """Summary of `simulate` on the course, at 50 mm/s or another speed."""
     path = folder / 'robot.urdf'
     path.write_bytes(ElementTree.tostring(urdf))
-    status = main([str(COURSE), '--speed', '0.05', '--robot', str(path), '--tip', tip, '--json',
+    status = main([str(COURSE), '--speed', speed, '--robot', str(path), '--tip', tip, '--json',
                    '--start', *(f'{angle:.12f}' for angle in start)])
     summary = json.loads(capsys.readouterr().out)
     assert (status == 0) == summary['ok']
@@ -85,6 +85,19 @@ def test_course_is_tracked_by_six_joints_from_a_limit(name, near, joint, tmp_pat
     assert model_of(urdf, tip).upper[joint] == float(f'{start[joint]:.12f}')
     summary = simulated(urdf, tip, start, tmp_path, capsys)
     assert summary['ok'] and summary['lateral_max'] <= LARGEST, summary['reason']
+
+
+@pytest.mark.parametrize('speed', ['0.03', '0.1', '0.2'])
+def test_a_joint_that_runs_out_is_named_and_presses_nothing(speed, tmp_path, capsys):
+    """The other five cannot do without the first one on the way round."""
+    urdf, tip = robot('puma260')
+    model = model_of(urdf, tip)
+    start = model.inverse(POSE, (-0.5, 0.5, -2.7, 0.0, -1.0, -0.5))
+    limit = next(e for e in urdf.findall('joint') if e.get('name') == 'joint_1').find('limit')
+    limit.set('upper', f'{start[0] + 0.05:.12f}')
+    summary = simulated(urdf, tip, start, tmp_path, capsys, speed)
+    assert not summary['ok'] and 'joint_1 is at its upper limit' in summary['reason']
+    assert summary['force_max'] < 9.5 and summary['force_end'] == 0.0
 
 
 @pytest.mark.parametrize('joint', [0, 4, 6])

@@ -115,6 +115,13 @@ class JointLimits:
         outside = (wanted < reach.least - self.slack) | (wanted > reach.most + self.slack)
         return kept, self.name_of(outside[:, joint].argmax(), joint)
 
+    def end_of(self, bound: str, positions: np.ndarray) -> str:
+        """Which end of its range a joint is at, by the name of a limit of position."""
+        index = self.names.index(bound.rpartition(' of ')[2])
+        side, end = min((('lower', self.lower[index]), ('upper', self.upper[index])),
+                        key=lambda it: abs(positions[index] - it[1]))
+        return f'{self.names[index]} is at its {side} limit, {end:g}'
+
     def name_of(self, kind: np.intp, joint: np.intp) -> str:
         """Name of a limit, by the indices of its kind and joint."""
         return f'{KINDS[kind]} of {self.names[joint]}'

@@ -1,6 +1,7 @@
 """From the wanted twist of the sensor to joint commands that keep every limit."""
 
 from dataclasses import dataclass, field
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -97,6 +98,7 @@ class Motion:
         self._before: Commanded | None = None  # a window earlier
         self._stamped = config.stamped
         self._held_back, self.blocked, self.delay = 0.0, '', WindowDelay()
+        self._end, self._since_end = '', math.inf  # last limit of position met, and how long ago
 
     @property
     def positions(self) -> np.ndarray:
@@ -127,6 +129,12 @@ class Motion:
     def lasting(self) -> float:
         """Time from the last cycle that had a window to the rest at the end of it [s]."""
         return float(self._now.window.times[-1])
+
+    @property
+    def at_end(self) -> str:
+        """Which joint has kept the sensor from its way lately, at which end of its range."""
+        lately = self._since_end < BLOCKED_AFTER
+        return self._limits.end_of(self._end, self.positions) if lately else ''
 
     def across(self) -> float:
         """Acceleration of the sensor across its normal that all joints allow [m/s^2]."""
@@ -256,6 +264,9 @@ class Motion:
             velocities, guarded = limits.guard(reach.stop, reach)
             window = self._window(kept, velocities, bend, reach)
         limited_by = at_wall or bound or guarded
+        self._since_end += self._period
+        if limited_by.startswith(POSITION):
+            self._end, self._since_end = limited_by, 0.0
         if limited_by or manipulability < config.damping:
             self._watch(wanted, jacobian @ velocities, limited_by)
         else:
@@ -313,11 +324,5 @@ class Motion:
         self._held_back += self._period
         if self._held_back < BLOCKED_AFTER:
             return
-        self.blocked = limited_by or 'singularity'
-        kind, _, joint = limited_by.partition(' of ')
-        if kind == POSITION:
-            index = self._limits.names.index(joint)
-            low, high = self._limits.lower[index], self._limits.upper[index]
-            side, end = (('lower', low) if self.positions[index] - low
-                         < high - self.positions[index] else ('upper', high))
-            self.blocked = f'{joint} is at its {side} limit, {end:g}'
+        at_end = limited_by.startswith(POSITION)
+        self.blocked = self.at_end if at_end else limited_by or 'singularity'
