@@ -208,10 +208,11 @@ EOF
 install_wheels() {
     # One step after the other: `step` runs this in a condition, where set -e has no say.
     "$PYTHON" -m venv --clear "$ENV" &&
-        "$ENV/bin/python" -m pip install --no-deps --only-binary=:all: \
-            "$(grep '^setuptools==' "$LOCK")" &&
-        "$ENV/bin/python" -m pip install --no-deps --only-binary=:all: --no-binary=empy \
-            --no-build-isolation --use-pep517 -r "$LOCK" &&
+        sed -n '/^setuptools==/,/[^\\]$/p' "$LOCK" >"$WS/setuptools.lock" &&
+        "$ENV/bin/python" -m pip install --no-deps --require-hashes --only-binary=:all: \
+            -r "$WS/setuptools.lock" &&
+        "$ENV/bin/python" -m pip install --no-deps --require-hashes --only-binary=:all: \
+            --no-binary=empy --no-build-isolation --use-pep517 -r "$LOCK" &&
         patch_cmake_paths
 }
 
@@ -502,7 +503,7 @@ bench() {
 install_site_tools() {
     python3 -m venv --clear "$WS/site-env" &&
         env -u PYTHONPATH "$WS/site-env/bin/python" -m pip install --no-deps \
-            --only-binary=:all: -r "$ROOT/docs/site.lock"
+            --require-hashes --only-binary=:all: -r "$ROOT/docs/site.lock"
 }
 
 docs() {

@@ -5,6 +5,7 @@ import re
 from xml.etree import ElementTree
 
 import pytest
+from tactile_tests.lock import LOCKS, pinned
 import yaml
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -37,8 +38,15 @@ def test_pre_commit_has_the_pinned_versions():
     hooks = (ROOT / '.pre-commit-config.yaml').read_text('utf-8')
     lock = (ROOT / 'ws.lock').read_text('utf-8')
     assert re.search(r'ruff-pre-commit\n +rev: v(.+)', hooks)[1] == re.search(
-        r'^ruff==(.+)', lock, re.M)[1]
-    assert re.search(r'mypy==([^,]+)', hooks)[1] == re.search(r'^mypy==(.+)', lock, re.M)[1]
+        r'^ruff==(\S+)', lock, re.M)[1]
+    assert re.search(r'mypy==([^,]+)', hooks)[1] == re.search(r'^mypy==(\S+)', lock, re.M)[1]
+
+
+@pytest.mark.parametrize('name', LOCKS)
+def test_every_pinned_file_has_its_hashes(name):
+    text = (ROOT / name).read_text('utf-8')
+    found = re.findall(r'^[\w.-]+==(?:[^\\\n]+ \\\n    --hash=sha256:[0-9a-f]{64})', text, re.M)
+    assert len(found) == len([it for _, it in pinned(text) if it]) > 30
 
 
 def modules_named(text):
