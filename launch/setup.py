@@ -25,6 +25,6 @@ setup(
     **{key: ABOUT.findtext(key) for key in ('version', 'description', 'license', 'maintainer')},
     entry_points={'console_scripts': [
         f'{name} = {PACKAGE}.executables:{name}'
-        for name in ('composed', 'demo', 'parameters', 'record_bag', 'replay', 'report', 'track',
-                     'view')]},
+        for name in ('composed', 'demo', 'parameters', 'play_bag', 'record_bag', 'replay',
+                     'report', 'track', 'view')]},
 )

@@ -13,7 +13,7 @@ EXECUTABLES = {'compile_kernels': 'tactile_common.kernels', **dict(
 
 
 def test_all_are_found():
-    assert len(EXECUTABLES) == 22
+    assert len(EXECUTABLES) == 23
 
 
 @pytest.mark.parametrize('option, begins', [('--help', 'usage: {}'), ('--version', '{} ')])

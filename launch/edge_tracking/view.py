@@ -13,6 +13,7 @@ from typing import Any
 
 from geometry_msgs.msg import PoseStamped
 import numpy as np
+from rclpy.clock import Clock, ClockType
 from rclpy.qos import qos_profile_sensor_data, QoSProfile, ReliabilityPolicy
 from rclpy.timer import Timer
 from sensor_msgs.msg import Image
@@ -74,7 +75,8 @@ class ViewNode(TactileNode):
         self._timer: Timer | None = None
         self._shown: dict[str, Any] = {}
         self._top, self._rate, self._last = 0.0, 0.0, (0, 0)
-        self.create_timer(ATTENTION, self._attend)
+        self._steady = Clock(clock_type=ClockType.STEADY_TIME)  # a replay may be paused
+        self.create_timer(ATTENTION, self._attend, clock=self._steady)
         self.get_logger().info(f'live view at {self._server.url}')
 
     @property
@@ -94,7 +96,7 @@ class ViewNode(TactileNode):
             for name, kind in TOPICS.items():
                 self._polled[name] = self.create_subscription(
                     kind, name, lambda _: None, newest, raw=True)
-            self._timer = self.create_timer(self._period, self._show)
+            self._timer = self.create_timer(self._period, self._show, clock=self._steady)
         elif self._timer and not watched:
             self.destroy_timer(self._timer)
             self._timer = None

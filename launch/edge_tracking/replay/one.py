@@ -17,6 +17,7 @@ from edge_tracking.recording.settings import Settings
 from edge_tracking.recording.writer import BagWriter
 from edge_tracking.replay.comparison import COMPARED, Comparison, TOLERANCE
 from edge_tracking.replay.cores import Cores, Cycle
+from edge_tracking.replay.names import Names
 from tactile_common.errors import ConfigurationError
 from tactile_common.progress import Progress
 from tactile_common.ros.bag_reader import Bag, Recorded
@@ -64,31 +65,6 @@ class Result:
     def status(self) -> int:
         """Exit status: 0 equal, or not compared, 1 differs, 2 cannot be read whole."""
         return 2 if self.faults else int(self.equal is False)
-
-
-class Names:
-    """Topics of a recording by the names that they have here; ConfigurationError if foreign."""
-
-    def __init__(self, bag: Bag, namespace: str | None):
-        kinds = {'image': 'tactile_msgs/msg/TactileImage', 'contact': 'tactile_msgs/msg/Contact'}
-        found = bag.namespaces(kinds)
-        if not found:
-            raise ConfigurationError(
-                f'bag {bag.path}: has no image and no contact of a tactile sensor; there are '
-                f'{sorted(bag.topics)}')
-        if namespace is not None or len(found) > 1:
-            name = next(iter(found[f'/{(namespace or "").strip("/")}'.rstrip('/')]
-                             if namespace is not None and f'/{namespace.strip("/")}' in found
-                             else kinds))
-            self.prefix = bag.namespace_of({name: kinds[name]}, namespace)
-        else:
-            self.prefix, = found
-        self.of: dict[str, str] = {}  # name by topic
-        for name, _, _ in topics(self.prefix.strip('/')):
-            self.of[name] = name.rpartition('/')[2]
-        for kind in ('joint_states', 'joint_trajectory'):  # of a robot in a namespace of its own
-            self.of |= {topic: kind for topic in bag.topics if topic.endswith(f'/{kind}')}
-        self.topic = {name: topic for topic, name in self.of.items() if bag.count(topic)}
 
 
 class Table:

@@ -1,0 +1,65 @@
+"""
+Play a recording to the estimators, with simulated time and the parameters of the recording.
+
+  ros2 launch edge_tracking replay.launch.py bag:=run/bag rate:=0.5 view:=true
+
+What they make of it comes as ever, what was recorded below `recorded`. No robot moves.
+"""
+from launch import LaunchDescription
+from launch.actions import DeclareLaunchArgument, OpaqueFunction, SetEnvironmentVariable
+from launch.substitutions import LaunchConfiguration
+from launch_ros.actions import Node
+
+from edge_tracking.launch_interrupt import leave_interrupt_to_launch, PREFIX
+from edge_tracking.launch_nodes import as_text, ends_with
+from edge_tracking.parameters import parameters_of
+from edge_tracking.recording.settings import Settings
+from edge_tracking.replay.names import Names
+from edge_tracking.transport import local_environment
+from tactile_common.ros.bag_reader import Bag
+
+SWITCH = ['true', 'false']
+ESTIMATORS = {'contact_estimator': 'tactile_sensing', 'shape_estimator': 'tactile_shape'}
+
+
+def actions(context):
+    """Actions for the arguments given, none if the bag cannot be played."""
+    def value(name):
+        return LaunchConfiguration(name).perform(context)
+
+    leave_interrupt_to_launch()
+    with Bag(value('bag')) as bag:
+        names = Names(bag, value('namespace') or None)
+        settings = Settings.of(bag, names.topic.get('parameters', ''))
+    common = {'namespace': names.prefix or '/', 'output': 'screen', 'prefix': PREFIX}
+    yield from (SetEnvironmentVariable(*it) for it in local_environment().items())
+    for name, package in ESTIMATORS.items():
+        recorded = settings.recorded.get(name, {})
+        own = {it.name: recorded[it.name] for it in parameters_of(name, settings.law)
+               if it.name in recorded}
+        yield Node(package=package, executable=name, exec_name=name, parameters=[{
+            'use_sim_time': True, **{key: as_text(it) if isinstance(it, str) else it
+                                     for key, it in own.items()}}], **common)
+    if value('view') == 'true':
+        yield Node(package='edge_tracking', executable='view', exec_name='view',
+                   parameters=[{'use_sim_time': True}], **common)
+    player = Node(package='edge_tracking', executable='play_bag', exec_name='play_bag', arguments=[
+        value('bag'), '--rate', value('rate'), '--namespace', names.prefix,
+        *(f'--{name}' for name in ('loop', 'paused') if value(name) == 'true')], **common)
+    yield from (player, *ends_with(player))
+
+
+def generate_launch_description():
+    """Declare the arguments; the nodes depend on the recording."""
+    return LaunchDescription([
+        DeclareLaunchArgument('bag', description='folder, .mcap or .db3 file of a recording'),
+        DeclareLaunchArgument('rate', default_value='1.0', description='times real time'),
+        DeclareLaunchArgument('loop', default_value='false', choices=SWITCH,
+                              description='begin anew at the end'),
+        DeclareLaunchArgument('paused', default_value='false', choices=SWITCH,
+                              description='wait for play_bag/pause false'),
+        DeclareLaunchArgument('view', default_value='false', choices=SWITCH,
+                              description='show what is felt on a web page'),
+        DeclareLaunchArgument('namespace', default_value='',
+                              description='of the sensor in a bag that has several'),
+        OpaqueFunction(function=lambda it: [*actions(it)])])
