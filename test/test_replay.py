@@ -7,7 +7,6 @@ from rclpy.node import Node
 from rclpy.qos import qos_profile_sensor_data
 
 from edge_tracking.graph import add_mocks, add_sensing, add_servo, Graph, private_port
-from edge_tracking.process_group import record
 from edge_tracking.resources import share
 from edge_tracking.track import TrackNode
 from tactile_common.ros.bag_reader import Bag
@@ -51,11 +50,11 @@ def bag(tmp_path_factory):
     folder = tmp_path_factory.mktemp('run')
     robot = share('urdf', 'puma260.urdf')
     with private_port() as port, Graph() as graph:
-        record(graph, folder / 'bag')
         add_servo(graph, robot)
         add_sensing(graph, port)
         add_mocks(graph, port, find_scene('straight'), robot)
-        track = graph.add(TrackNode, length=0.01, retreat=False)
+        track = graph.add(
+            TrackNode, length=0.01, retreat=False, record=str(folder / 'bag'))
         end = time.monotonic() + SECONDS
         graph.spin(lambda: track.finished or time.monotonic() > end)
         assert track.success, track.reason

@@ -4,9 +4,12 @@ Send one goal to the servo and follow it to its end.
 Exit status: 0 it was met, 1 it was not, 2 it was refused or a parameter is wrong, 3 sensor or
 servo were not ready, 4 the servo fell silent, 130 interrupted.
 """
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from enum import IntEnum
 import math
+import os
+import signal
+import subprocess
 import sys
 import time
 
@@ -18,6 +21,7 @@ from std_srvs.srv import SetBool
 from unique_identifier_msgs.msg import UUID
 
 from edge_tracking.goals import feedback_text, goal_message, GoalConfig
+from edge_tracking.launch_interrupt import PREFIX
 from tactile_common.config import bounded
 from tactile_common.ros.node import TactileNode
 from tactile_common.ros.parameters import declare_from
@@ -27,6 +31,8 @@ from tactile_servo.conversions import ACTIONS
 
 ASK_AGAIN = 1.0  # s after a servo was asked to go on, if it still holds
 BEATS = 5  # a timeout
+RECORD = 'import sys; from edge_tracking.executables import record_bag; sys.exit(record_bag())'
+WRITTEN = 10.0  # s for a recorder to end
 RESUMES = 100  # for a mock robot on a machine with too little time
 
 
@@ -42,6 +48,8 @@ class TrackConfig(GoalConfig):
     resumes: int = bounded(
         0, 'how often a servo that holds, and could go on, is asked to; above 0 only for a robot '
         'that nobody is near', '', 0, 10000)
+    record: str = field(default='', metadata={
+        'doc': 'new folder that everything is recorded into while the goal runs'})
 
 
 class Exit(IntEnum):
@@ -91,6 +99,10 @@ class TrackNode(TactileNode):
         self._heard = 0.0  # steady time [s] of the servo's last word
         self._silence = self.create_timer(
             0.2 * self.config.silence, self._check_silence, clock=steady)
+        # In a group of its own: a Ctrl-C ends the goal, and only then the recording of it.
+        self._recorder = subprocess.Popen(
+            [*PREFIX.split(), sys.executable, '-c', RECORD, self.config.record, '--namespace',
+             self.get_namespace()], preexec_fn=os.setpgrp) if self.config.record else None
 
     @property
     def success(self):
@@ -110,17 +122,31 @@ class TrackNode(TactileNode):
         if self._robot and self._felt:
             self.destroy_subscription(self._statuses)
 
+    def destroy_node(self):
+        """End the recording too."""
+        if self._recorder and self._recorder.poll() is None:
+            self._recorder.send_signal(signal.SIGTERM)
+            try:
+                self._recorder.wait(WRITTEN)
+            except subprocess.TimeoutExpired:
+                self._recorder.kill()  # what it has written is readable
+        super().destroy_node()
+
     def _missing(self):
+        heard = not self._recorder or self.count_subscribers('servo_calls')
         waits = ((self._seen, 'no contact estimates arrive: is the sensor connected?'),
                  (self._tared, 'the sensor is not tared: is the pad free? See its diagnostics'),
                  (self._client.server_is_ready(), f'no servo offers {self.config.action}'),
                  (self._robot, 'the servo gets no joint states: is the robot running?'),
                  (self._heartbeat.get_subscription_count(), 'the servo hears no heartbeat'),
-                 (self._felt, 'the servo gets no contacts, or no sensor_info'))
+                 (self._felt, 'the servo gets no contacts, or no sensor_info'),
+                 (heard, 'the recorder does not listen'))
         return next((text for ready, text in waits if not ready), '')
 
     def _try_to_start(self):
-        if self._sent or self._missing():
+        if self._recorder and self._recorder.poll() is not None:
+            self._end(Exit.REFUSED, f'record: {self.config.record} is not recorded, see above')
+        if self.finished or self._sent or self._missing():
             return
         self._sent, self._heard = True, time.monotonic()
         self._ready_timer.cancel()

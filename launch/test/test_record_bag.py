@@ -6,12 +6,16 @@ import sys
 import time
 
 import pytest
+from rclpy.node import Node
+from sensor_msgs.msg import JointState
 
 from edge_tracking import record_bag
+from edge_tracking.graph import Graph
 from edge_tracking.recording.settings import Settings
 from edge_tracking.recording.writer import BagWriter
 from tactile_common.errors import ConfigurationError
 from tactile_common.ros.bag_reader import Bag
+from tactile_common.ros.conversions import set_stamp, stamp_to_ns
 
 
 def recorded(path):
@@ -21,12 +25,43 @@ def recorded(path):
     return {}
 
 
+def recording(path):
+    """Record in another process."""
+    return subprocess.Popen(
+        [sys.executable, '-c', 'from edge_tracking.record_bag import main; exit(main())',
+         str(path), '--namespace', '/left/'], stderr=subprocess.PIPE, text=True)
+
+
+@pytest.mark.graph
+def test_what_a_killed_recorder_has_heard_is_there_but_for_the_last_second(tmp_path):
+    path, sent = tmp_path / 'bag', {}
+    with recording(path) as process, Graph(namespace='left') as graph:
+        node = graph.add(Node, own={'node_name': 'robot'})
+        publisher = node.create_publisher(JointState, '/joint_states', 10)
+
+        def send():
+            message = JointState()
+            set_stamp(message.header.stamp, len(sent) + 1)
+            if publisher.get_subscription_count():
+                sent[len(sent) + 1] = time.monotonic()
+                publisher.publish(message)
+        node.create_timer(0.01, send)
+        end = time.monotonic() + 60.0
+        graph.spin(lambda: len(sent) > 300 or time.monotonic() > end)
+        process.kill()
+        killed = time.monotonic()
+    numbers = []
+    with pytest.raises(ConfigurationError), Bag(path) as bag:
+        for row in bag.messages(['/joint_states']):
+            numbers.append(stamp_to_ns(row.message.header.stamp))
+    assert numbers == list(range(numbers[0], numbers[0] + len(numbers)))
+    assert numbers[0] < 10 and killed - sent[numbers[-1]] < 1.5
+
+
 @pytest.mark.graph
 def test_an_interrupt_ends_a_bag_that_says_how_it_was_made(tmp_path):
     path = tmp_path / 'bag'
-    command = [sys.executable, '-c', 'from edge_tracking.record_bag import main; exit(main())',
-               str(path), '--namespace', '/left/']
-    with subprocess.Popen(command, stderr=subprocess.PIPE, text=True) as process:
+    with recording(path) as process:
         end = time.monotonic() + 60.0
         while 'recorder' not in recorded(path) and time.monotonic() < end:
             time.sleep(0.1)  # another process: the file is all that tells

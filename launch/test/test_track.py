@@ -139,3 +139,10 @@ def test_a_servo_that_could_go_on_is_asked_to_as_often_as_allowed_and_once_a_hol
             wait(graph, lambda it=feedback: track.feedback == it)
         wait(graph, lambda turn=turn: len(asked) >= min(turn + 1, resumes))
     assert asked == resumes * [False]
+
+
+def test_a_goal_that_cannot_be_recorded_is_not_sent(graph, tmp_path, capfd):
+    servo, track = graph.add(Servo), graph.add(TrackNode, record=str(tmp_path))  # is there
+    wait(graph, lambda: track.finished)
+    assert track.exit == Exit.REFUSED and 'is not recorded' in track.reason
+    assert not servo.goals and str(tmp_path) in capfd.readouterr().err
