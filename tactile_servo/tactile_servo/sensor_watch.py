@@ -1,5 +1,7 @@
 """Whether a sensor that keeps sending is alive: its noise, and what it says where nothing is."""
 
+import math
+
 import numpy as np
 
 from tactile_common.kernels import njit
@@ -9,8 +11,8 @@ from tactile_servo.reasons import Reason, ReasonCode
 LIVELY = 4.0  # images between two changes of a tactel whose noise tells that it is alive
 ENOUGH = 0.25  # of all tactels must be lively, or the noise tells nothing
 LEARNT = 0.2  # share of an interval in the running mean
-SILENT = 8.0  # such intervals without a change; by chance e^-8 for each
-TOGETHER = 0.1  # of the lively tactels, which do not fall silent together by chance
+TOGETHER = 0.1  # of the lively tactels, two at least, that do not fall silent by chance
+CHANCE = 1e-9  # that they do
 SAME = 0.01  # m of way, on which even an image without noise changes under load
 BELOW = 0.25  # of the force, that all of the pad may seem to be pulled with
 
@@ -27,7 +29,7 @@ class SensorWatch:
         self._before = np.empty(0, np.float32)
         self._quiet = self._interval = np.empty(0)  # images since a tactel changed; its mean
         self._place, self._same = np.zeros(3), 0.0  # way [m] since the image changed, and whence
-        self._lively = self._silent = 0.0  # share of the tactels, and of these
+        self._lively = self._silent = 0.0  # share of the tactels, and of these if it is no chance
         self._below = 0.0  # force with which all of the pad seems to be pulled [N]
 
     def see(self, image: TactileImage, loaded: bool, place: np.ndarray) -> None:
@@ -63,7 +65,7 @@ class SensorWatch:
                           f'{self._below:.1f} N; tare it')
         if self._same > SAME:
             return Reason(ReasonCode.SENSOR_SILENT, f'the same image over {1e3 * SAME:g} mm')
-        if self.watches and self._silent > TOGETHER:
+        if self.watches and self._silent:
             return Reason(ReasonCode.SENSOR_SILENT,
                           f'{100.0 * self._silent:.0f} % of them do not change any more')
         return None
@@ -75,9 +77,14 @@ def _compare(stress: np.ndarray, before: np.ndarray, quiet: np.ndarray, interval
     """
     Compare an image (N,) with the one before, and count on in `quiet` and `interval` (N,).
 
-    Returns whether any tactel has changed, the shares of lively tactels and of those that are
-    silent, and the median of what is measured: at either end of its range a tactel says the
-    same whatever it feels.
+    Returns whether any tactel has changed, the share of lively tactels and, of these, that of
+    silent ones, 0 where it may be chance; and the median of what is measured: at either end of
+    its range a tactel says the same whatever it feels.
+
+    Rounded noise stays long at one value and short at its neighbours: at an interval i between
+    changes the long ones last 2 i - 1 images in the mean, at most. For k times as long a tactel
+    does not change with a chance of e^-k, and any m of N together with one below
+    (N choose m) e^-km < (e N / m)^m e^-km, which is CHANCE for the k that is taken.
     """
     changed, count, total, measured = False, 0, 0.0, np.empty(stress.size)
     known = 0
@@ -97,9 +104,13 @@ def _compare(stress: np.ndarray, before: np.ndarray, quiet: np.ndarray, interval
         if interval[n] < LIVELY:
             count += 1
             total += interval[n]
-    silent = 0
+    silent, enough = 0, max(math.ceil(TOGETHER * count), 2)
+    intervals = 1.0 + math.log(max(count, 1) / enough) - math.log(CHANCE) / enough
     for n in range(stress.size):
-        if interval[n] < LIVELY and quiet[n] > SILENT * max(interval[n], total / count):
+        longest = 2.0 * max(interval[n], total / max(count, 1)) - 1.0
+        if interval[n] < LIVELY and quiet[n] > intervals * longest:
             silent += 1
+    if silent < enough:
+        silent = 0
     median = float(np.median(measured[:known])) if known else 0.0
     return changed, count / stress.size, silent / max(count, 1), median

@@ -1,0 +1,41 @@
+"""A sensor's noise that ends is noticed soon, and one that lives on is never taken for dead."""
+import numpy as np
+import pytest
+
+from tactile_sensing.types.array import TactelArray
+from tactile_sensing.types.image import Layer, TactileImage
+from tactile_servo.reasons import ReasonCode
+from tactile_servo.sensor_watch import SensorWatch
+
+PLACE = np.zeros(3)
+
+
+def images(rows, columns, noise, count, seed=0):
+    """Rounded noise, in units of a count's 100 Pa, of which tactels may be taken out."""
+    array, random = TactelArray(rows, columns, 1e-3, 1e-3), np.random.default_rng(seed)
+    for number in range(count):
+        counts = np.rint(random.normal(0.0, noise, (rows, columns)))
+        yield TactileImage(number, number, (Layer('zz', 1e-3, 100.0 * counts),), array, True)
+
+
+@pytest.mark.parametrize('noise', [0.4, 0.6, 1.0, 3.0])  # .4: changed by every third image
+@pytest.mark.parametrize('shape', [(1, 7), (2, 2), (4, 4), (5, 5), (16, 16)])
+def test_living_noise_is_no_alarm(shape, noise):
+    watch = SensorWatch()
+    for number, image in enumerate(images(*shape, noise, 12000)):  # a minute at 200 Hz
+        watch.see(image, number > 400, PLACE)
+        reason = watch.problem(5.0)
+        assert reason is None or reason.code is not ReasonCode.SENSOR_SILENT, (number, reason)
+
+
+@pytest.mark.parametrize('shape, within', [((4, 4), 40), ((5, 5), 30), ((16, 16), 12)])
+def test_half_of_a_pad_that_falls_silent_is_noticed(shape, within):
+    watch = SensorWatch()
+    for number, image in enumerate(images(*shape, 1.0, 1000)):
+        if number > 900:
+            image.layers[0].stress[:, :shape[1] // 2] = 0.0
+        watch.see(image, number > 400, PLACE)
+        reason = watch.problem(5.0)
+        if reason is not None and reason.code is ReasonCode.SENSOR_SILENT:
+            break
+    assert 900 < number <= 900 + within
