@@ -9,7 +9,7 @@ pytest.importorskip('launch_ros', reason=WHY)
 # Only where launch is installed.
 from launch import LaunchDescription  # noqa: E402, I100, I202
 from tactile_tests.graph import bench  # noqa: E402, I100
-from tactile_tests.launching import DEADLINE, edge_tracking, Processes  # noqa: E402, I100
+from tactile_tests.launching import DEADLINE, edge_tracking, launched, Processes  # noqa: E402, I100
 
 NODES = ('driver', 'contact_estimator', 'shape_estimator', 'edge_servo', 'mock_sensor',
          'mock_robot', 'track')
@@ -40,18 +40,9 @@ def test_defaults_track_the_edge_and_end_cleanly(processes):
     assert not any('Traceback' in processes.text(name) for name in NODES)
 
 
-@launch_pytest.fixture(auto_shutdown=False)
-def too_fast(processes):
-    """Give a goal beyond the limits."""
-    return LaunchDescription([
-        edge_tracking(shutdown='true', speed='0.5'), *processes.handlers(),
-        launch_pytest.actions.ReadyToTest()])
-
-
-@pytest.mark.launch(fixture=too_fast)
-def test_speed_beyond_the_limit_is_a_rejected_goal(processes):
-    processes.wait(lambda: 'track' in processes.exits, 'the end of the goal')
-    assert processes.exits['track'] == 2  # see edge_tracking.track
-    assert 'speed is 0.5, must be between 0.0001 and 0.2 m/s' in processes.text('track')
-    yield
-    assert {name: status for name, status in processes.exits.items() if status} == {'track': 2}
+def test_speed_beyond_the_limit_is_a_rejected_goal():
+    with launched('shutdown:=true', 'speed:=0.5') as it:
+        assert it.end() == 1
+    assert it.found(r'speed is 0\.5, must be between 0\.0001 and 0\.2 m/s')
+    died = it.found('process has died')  # with the status of a goal that is refused
+    assert len(died) == 1 and '[track-' in died[0] and 'exit code 2' in died[0]
