@@ -1,7 +1,5 @@
 """Contact estimator node: tactile image in, contact and wrench out."""
 
-import time
-
 from geometry_msgs.msg import WrenchStamped
 from rclpy.qos import qos_profile_sensor_data
 
@@ -27,11 +25,8 @@ class ContactEstimatorNode(TactileNode):
 
     def __init__(self, **kwargs):
         super().__init__('contact_estimator', **kwargs)
-        begin = time.monotonic()
         compile_kernels()
         self._estimator = ContactEstimator(declare_from(self, EstimatorConfig))
-        if time.monotonic() - begin > 5.0:
-            self.get_logger().info('kernels were compiled; they are kept for the next start')
         self._contact_msg, self._wrench_msg = ContactMsg(), WrenchStamped()
         self._contact = self.create_publisher(ContactMsg, 'contact', qos_profile_sensor_data)
         self._wrench = self.create_publisher(WrenchStamped, 'wrench', qos_profile_sensor_data)
