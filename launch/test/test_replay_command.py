@@ -83,10 +83,20 @@ def test_tolerances_are_by_field(capsys):
     (['--set', 'contact_estimator.method=[1'], '--set contact_estimator.method=[1'),
     (['--tolerance', 'x=-1'], '--tolerance x=-1: must be'),
     (['--namespace', 'left'], 'has no /left/image'),
+    (['--parquet'], '--parquet: needs -o'),
     (['-o', GOLDEN], 'File exists')])
 def test_what_is_wrong_is_refused_in_a_line(capsys, args, text):
     status, said = run(capsys, GOLDEN, *args)
     assert status == 2 and text in said and said.count('\n') == 1
+
+
+def test_tables_are_written_as_parquet_too(capsys, tmp_path):
+    pytest.importorskip('pyarrow', reason='pyarrow is not installed: pip install pyarrow')
+    from pyarrow import parquet
+    assert run(capsys, GOLDEN, '-o', tmp_path / 'out', '--parquet')[0] == 0
+    lines = (tmp_path / 'out/contacts.csv').read_text().splitlines()
+    table = parquet.read_table(tmp_path / 'out/contacts.parquet')
+    assert (table.num_rows, table.column_names) == (len(lines) - 1, lines[0].split(','))
 
 
 def test_a_bag_that_was_cut_is_replayed_up_to_there(capsys, tmp_path):

@@ -1,6 +1,7 @@
 """The command `replay`."""
 import argparse
 from collections.abc import Sequence
+from importlib.util import find_spec
 import math
 from pathlib import Path
 import sys
@@ -30,6 +31,8 @@ def parser() -> argparse.ArgumentParser:
         help='another value of a parameter, for instance edge_servo.force.gain=0.5')
     add('-o', '--out', type=Path, metavar='OUT',
         help='new folder to write: bag, contacts.csv, cycles.csv, result.json')
+    add('--parquet', action='store_true',
+        help='write the tables of OUT as Parquet, too (pip install pyarrow)')
     add('--compare', nargs='?', const='', metavar='OTHER',
         help='compare with what was recorded, or with another bag')
     add('--tolerance', action='append', default=[], metavar='[[TOPIC.]FIELD=]VALUE',
@@ -53,8 +56,12 @@ def options_of(given: argparse.Namespace) -> Options:
             tolerances[name] = math.nan
         if not tolerances[name] >= 0.0:
             raise ConfigurationError(f'--tolerance {text}: must be FIELD=VALUE, not negative')
+    if given.parquet and not given.out:
+        raise ConfigurationError('--parquet: needs -o, the folder of the tables')
+    if given.parquet and find_spec('pyarrow') is None:
+        raise ConfigurationError('--parquet: needs pyarrow: pip install pyarrow')
     return Options(given.source, tuple(given.changes), given.out, given.compare is not None,
-                   given.compare or '', tolerances, given.namespace)
+                   given.compare or '', tolerances, given.namespace, given.parquet)
 
 
 def main(args: list[str] | None = None) -> int:
@@ -74,7 +81,7 @@ def main(args: list[str] | None = None) -> int:
 
 def _replay_many(given: argparse.Namespace, bags: Sequence[Path]) -> int:
     """Replay many, one row each; the worst exit status."""
-    passed = ['--from', given.source]
+    passed = ['--from', given.source, *(['--parquet'] if given.parquet else [])]
     for name, values in (('--set', given.changes), ('--tolerance', given.tolerance),
                          ('--compare', [given.compare] if given.compare is not None else []),
                          ('--namespace', [given.namespace] if given.namespace else [])):

@@ -46,6 +46,7 @@ class Options:
     other: str = ''  # bag to compare with, in place of itself
     tolerances: dict[str, float] = field(default_factory=dict)
     namespace: str | None = None
+    parquet: bool = False  # tables as Parquet too
 
 
 @dataclass
@@ -234,10 +235,20 @@ def replay_one(path: str | Path, options: Options, quiet: bool = False) -> Resul
                 np.errstate(all='ignore'):
             replay.run(progress)
     result = replay.result
+    if options.out and options.parquet:
+        _to_parquet(options.out)
     if options.out:
         (options.out / 'result.json').write_text(json.dumps(
             {**asdict(result), 'status': result.status}, indent=1, default=str))
     return result
+
+
+def _to_parquet(folder: Path) -> None:
+    """Write the tables of a folder as Parquet, too."""
+    from pyarrow import csv as tables
+    from pyarrow import parquet
+    for path in folder.glob('*.csv'):
+        parquet.write_table(tables.read_csv(path), path.with_suffix('.parquet'))
 
 
 def describe(result: Result) -> str:
