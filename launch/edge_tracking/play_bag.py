@@ -22,6 +22,7 @@ from std_srvs.srv import SetBool
 from edge_tracking.process_group import topics
 from edge_tracking.replay.names import Names
 from tactile_common.command_line import between, Parser, refusing
+from tactile_common.errors import ConfigurationError
 from tactile_common.ros.bag_reader import Bag, Recorded
 from tactile_common.ros.conversions import NS, set_stamp
 from tactile_common.ros.runner import run, split_ros_args
@@ -42,7 +43,9 @@ class PlayerNode(Node):
     now_ns : int
         Time of the recording that it is [ns].
     finished : bool
-        Whether all has been played.
+        Whether all that can be read has been played.
+    fault : str
+        Why no more can be read.
     """
 
     def __init__(self, bag: Bag, names: Names, rate: float = 1.0, loop: bool = False,
@@ -50,6 +53,7 @@ class PlayerNode(Node):
         super().__init__('play_bag', **{'namespace': names.prefix, **kwargs})
         self._bag, self._rate, self._loop, self._paused = bag, rate, loop, paused
         self.finished, self._heard, self._last = False, math.inf, time.monotonic()
+        self.fault = ''
         self._clock_publisher = self.create_publisher(ClockMsg, '/clock', 10)
         self._publishers_of: dict[str, Publisher] = {}
         for name, kind, qos in topics(names.prefix.strip('/')):
@@ -66,7 +70,14 @@ class PlayerNode(Node):
     def _begin(self) -> None:
         self.now_ns = self._bag.span[0]
         self._rows: Iterator[Recorded] = self._bag.messages(list(self._publishers_of), raw=True)
-        self._next = next(self._rows, None)
+        self._next = self._read()
+
+    def _read(self) -> Recorded | None:
+        try:
+            return next(self._rows, None)
+        except ConfigurationError as error:
+            self.fault = str(error)
+            return None
 
     def _on_pause(self, request: SetBool.Request, response: SetBool.Response) -> Any:
         self._paused, response.success = request.data, True
@@ -84,11 +95,11 @@ class PlayerNode(Node):
         self._clock_publisher.publish(message)
         while self._next is not None and self._next.received_ns <= self.now_ns:
             self._publishers_of[self._next.topic].publish(self._next.message)
-            self._next = next(self._rows, None)
+            self._next = self._read()
         if self._next is None:
-            if self._loop:
+            self.finished = not self._loop or bool(self.fault)
+            if not self.finished:
                 self._begin()
-            self.finished = not self._loop
 
 
 def parser() -> argparse.ArgumentParser:
@@ -111,8 +122,14 @@ def main(args: list[str] | None = None) -> int:
     with refusing('play_bag') as command:
         options = parser().parse_args(given)
         with Bag(options.bag) as bag:
-            names = Names(bag, options.namespace)
-            command.status = run(lambda context: PlayerNode(
-                bag, names, options.rate, options.loop, options.paused, context=context),
-                ros, lambda node: node.finished)
+            names, nodes = Names(bag, options.namespace), []
+
+            def play_bag(context: Any) -> PlayerNode:
+                nodes.append(PlayerNode(bag, names, options.rate, options.loop, options.paused,
+                                        context=context))
+                return nodes[0]
+
+            command.status = run(play_bag, ros, lambda node: node.finished)
+        if nodes and nodes[0].fault:
+            raise ConfigurationError(nodes[0].fault)
     return command.status

@@ -8,7 +8,7 @@ from tactile_servo.config import ServoConfig
 from tactile_servo.control.press_check import most_unexplained
 from tactile_servo.cycle_clock import CycleClock
 from tactile_servo.following import apart, Following
-from tactile_servo.hold import Hold
+from tactile_servo.hold import BINDING, Hold
 from tactile_servo.inputs import Inputs
 from tactile_servo.law import Assessment, Goal, Reference, ServoLaw
 from tactile_servo.motion.motion import Motion, MotionStep
@@ -179,8 +179,9 @@ class GoalRun:
 
     def _unloads(self) -> Reason | None:
         """It lasts, with the pad where it was pressed."""
-        hold, limits = self.hold, self._config.hold
-        pressed = hold.resumption is Event.TRACK_AGAIN and not hold.bound
+        hold, limits, wrong = self.hold, self._config.hold, self._why
+        bound = hold.bound or (wrong is not None and wrong.code in BINDING)
+        pressed = hold.resumption is Event.TRACK_AGAIN and not bound
         lasts = self._now - hold.began > limits.resume_within
         able = (self._inputs.joints_fresh and self._now >= self._moving
                 and self._off() <= self._config.input.following_distance)

@@ -181,6 +181,7 @@ class Motion:
         self._now = Commanded(rest, Joints(joints, np.zeros_like(joints)),
                               *self._robot.place(joints), end)
         self.delay.begin()
+        self._since_end = math.inf
         self.reset_blocked()
 
     def reset_blocked(self) -> None:
