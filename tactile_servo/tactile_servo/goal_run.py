@@ -389,8 +389,10 @@ class GoalRun:
             self._inputs.pose, self._motion.pose, self._motion, dt)
         twist = self.reference.twist
         if self._inputs.saturated and self._inputs.load >= c.approach.contact_force:
-            # The force is larger than it seems, nobody knows by how much: give way.
+            # The force is larger than it seems, nobody knows by how much: give way, and go on no
+            # faster than that, for what rises may be why.
             twist[2] = min(twist[2], -c.approach.speed)
+            twist[:2] *= min(-twist[2] / max(np.hypot(*twist[:2]), 1e-9), 1.0)
         return twist
 
 

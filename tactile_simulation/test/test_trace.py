@@ -138,6 +138,24 @@ def test_the_end_of_an_edge_that_rises_is_no_depth(speed):
     assert summary['ok'] and summary['reason_code'] == 'edge_ended', summary['reason']
 
 
+@pytest.mark.parametrize('angle, speed', [(20, 0.1), (20, 0.2), (30, 0.03), (30, 0.1)])
+def test_an_edge_that_rises_steeply_saturates_the_pad_but_does_not_press_it(
+        angle, speed, tmp_path):
+    path = tmp_path / 'ramp.yaml'
+    path.write_text(f"""name: ramp
+description: rises from 60 mm on
+edge:
+  start: [0.36, -0.08, 0.15]
+  heading: 90
+  path: [{{straight: 0.12}}]
+  height: [[0.0, 0.0], [0.06, 0.0], [0.12, {0.06 * math.tan(math.radians(angle))}]]
+""")
+    simulation, goal = Simulation(load_scene(path)), EdgeGoal(speed, 5.0)
+    simulation.run(goal, 20.0)
+    assert any(cycle.status.state == State.TRACK for cycle in simulation.log)
+    assert max(cycle.force for cycle in simulation.log) < 9.5  # N
+
+
 def test_the_way_over_a_gap_is_a_search_that_is_reported():
     simulation, summary = follow('gap', 0.1)
     names = [entry['state'] for entry in summary['states']]
