@@ -217,6 +217,17 @@ def test_another_frame_begins_another_model():
         assert len(it.replay.contours[-1].poses) == 1
 
 
+def test_a_recording_that_restarts_begins_another_model():
+    up = np.array([0.0, 0.0, 1.0])
+    with bench(publish_period=0.0) as it:
+        for number, second in enumerate((5, 6, 7)):
+            place = np.array([0.01 * number, 0.0, 0.0])
+            it.touch(contact_msg(1000 * second * MS), pose_msg(1000 * second * MS, place, up))
+        it.wait(lambda: len(it.replay.contours[-1].poses) == 3, 'the contour')
+        it.touch(contact_msg(5000 * MS), pose_msg(5000 * MS, np.zeros(3), up))
+        it.wait(lambda: len(it.replay.contours[-1].poses) == 1, 'a contour of the second turn')
+
+
 def test_odd_input_is_passed_over():
     up = np.array([0.0, 0.0, 1.0])
     with bench() as it:

@@ -141,9 +141,13 @@ class ContactPath:
         self._waiting.clear()
         self._last = None
 
+    def restarts(self, stamp_ns: int) -> bool:
+        """Whether a pose at a stamp is of a recording that begins anew."""
+        return self._poses.went_back(stamp_ns)
+
     def add_pose(self, stamp_ns: int, pose: np.ndarray) -> list[Placed]:
         """Add a pose (4, 4) of the sensor; returns the contacts that it places, as `settle`."""
-        if self._poses.went_back(stamp_ns):  # a recording restarts
+        if self.restarts(stamp_ns):
             self.clear()
         self._poses.add(stamp_ns, pose)
         return self.settle()

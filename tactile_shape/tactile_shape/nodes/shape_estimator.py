@@ -156,7 +156,11 @@ class ShapeTopics:
                 self._path.clear()
                 self._begin_model()
             self._frame = msg.header.frame_id
-        self._take(self._path.add_pose(stamp_to_ns(msg.header.stamp), pose))
+        stamp_ns = stamp_to_ns(msg.header.stamp)
+        if self._path.restarts(stamp_ns):
+            self._warn('the time went back: what was touched is forgotten')
+            self._begin_model()
+        self._take(self._path.add_pose(stamp_ns, pose))
 
     def take_image(self, raw: bytes) -> None:
         """Take the bytes of an image."""
