@@ -1,5 +1,5 @@
 """Bags of one topic: as written, and every way to be damaged, each told in one line."""
-from geometry_msgs.msg import PoseStamped
+from geometry_msgs.msg import Pose, PoseStamped
 import pytest
 from rclpy.serialization import serialize_message
 
@@ -54,6 +54,21 @@ def test_messages_are_read_one_after_the_other(write):
         assert next(messages).message.pose.position.x == 0.0
         with pytest.raises(ConfigurationError):
             next(messages)
+
+
+@pytest.mark.parametrize('old, new, same', [
+    ('', '', True), ('float64 x', 'float32 x', False),
+    ('float64 x', '# of the tip\nuint8 KIND=1\nfloat64 x', True)])
+def test_bytes_are_sent_on_where_the_fields_are_those_installed(tmp_path, old, new, same):
+    known = definition_of(PoseStamped)
+    with rosbag2.Writer(tmp_path / 'run', version=9) as writer:
+        connection = writer.add_connection(
+            '/pose', TYPE, rihs01=known.digest,
+            msgdef=known.text.replace(old, new) if old else known.text)
+        writer.write(connection, 0, pose(0))
+    with Bag(tmp_path / 'run') as bag:
+        assert bag.is_of_type('/pose', PoseStamped) == same
+        assert not bag.is_of_type('/pose', Pose)
 
 
 def test_namespaces_hold_names_of_their_types(write):

@@ -20,7 +20,7 @@ from tactile_common.errors import ConfigurationError
 from tactile_common.ros.bag_limits import bound_chunks, check_text, check_types
 from tactile_common.ros.bag_salvage import open_whole
 from tactile_common.ros.cdr import DAMAGE, deserialised, register, stamp_of
-from tactile_common.ros.message_definitions import definition, SEPARATOR
+from tactile_common.ros.message_definitions import definition, definition_of, SEPARATOR
 from tactile_common.yaml_file import read_yaml
 
 
@@ -170,6 +170,19 @@ class Bag:
             return stamp_of(row.message)
         except DAMAGE as error:
             raise self.damaged(row.topic, row.received_ns, error) from error
+
+    def is_of_type(self, topic: str, kind: type) -> bool:
+        """Whether the bytes of a topic are a message class as installed, so can be sent on."""
+        name, text, _ = definition_of(kind)
+        if self.topics[topic] != name:
+            return False
+        with self.clear_errors():
+            for connection in self._reader.connections:
+                if connection.topic == topic:
+                    self._learn(connection)
+        there = self._types.fielddefs  # constants, and fields, which alone are sent
+        return all(part in there and there[part][1] == fields
+                   for part, (_, fields) in get_types_from_msg(text, name).items())
 
     def _learn(self, connection: Any) -> None:
         name, (kind, text) = connection.msgtype, connection.msgdef
