@@ -4,7 +4,7 @@ from tactile_common.start import executable
 composed = executable('edge_tracking.graph', interrupted=0)
 demo = executable('edge_tracking.demo')
 parameters = executable('edge_tracking.parameters')
-play_bag = executable('edge_tracking.play_bag')
+play_bag = executable('edge_tracking.replay.play_bag')
 record_bag = executable('edge_tracking.record_bag')
 report = executable('edge_tracking.report.command')
 replay = executable('edge_tracking.replay.command')

@@ -147,7 +147,7 @@ class ViewNode(TactileNode):
         if stamp > last:
             rate = 1e9 * (message.sequence - sequence) / (stamp - last)
             self._rate = rate if not self._rate else 0.9 * self._rate + 0.1 * rate
-            self._last = stamp, message.sequence
+        self._last = stamp, message.sequence
         shades = levels(layer.stress, self._top)
         return message.header, shades, {
             'rows': message.rows, 'columns': message.columns, 'unit': layer.unit,

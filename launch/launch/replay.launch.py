@@ -14,12 +14,15 @@ from edge_tracking.launch_interrupt import leave_interrupt_to_launch, PREFIX
 from edge_tracking.launch_nodes import as_text, ends_with
 from edge_tracking.parameters import parameters_of
 from edge_tracking.recording.settings import Settings
+from edge_tracking.replay import play_bag
 from edge_tracking.replay.names import Names
 from edge_tracking.transport import local_environment
 from tactile_common.ros.bag_reader import Bag
 
 SWITCH = ['true', 'false']
-ESTIMATORS = {'contact_estimator': 'tactile_sensing', 'shape_estimator': 'tactile_shape'}
+# Package and first topic by node.
+ESTIMATORS = {'contact_estimator': ('tactile_sensing', 'contact'),
+              'shape_estimator': ('tactile_shape', 'surface_patch')}
 
 
 def actions(context):
@@ -28,24 +31,31 @@ def actions(context):
         return LaunchConfiguration(name).perform(context)
 
     leave_interrupt_to_launch()
+    arguments = [value('bag'), '--rate', value('rate'), *(
+        f'--{name.replace("_", "-")}' for name in ('loop', 'start_paused')
+        if value(name) == 'true')]
+    play_bag.parser().parse_args(arguments)  # refuses before anything is started
     with Bag(value('bag')) as bag:
         names = Names(bag, value('namespace') or None)
         settings = Settings.of(bag, names.topic.get('parameters', ''))
     common = {'namespace': names.prefix or '/', 'output': 'screen', 'prefix': PREFIX}
     yield from (SetEnvironmentVariable(*it) for it in local_environment().items())
-    for name, package in ESTIMATORS.items():
+    estimators = {name: row for name, row in ESTIMATORS.items()
+                  if 'image' in names.topic or row[1] not in play_bag.OF_IMAGES}
+    for name, (package, _) in estimators.items():
         recorded = settings.recorded.get(name, {})
         own = {it.name: recorded[it.name] for it in parameters_of(name, settings.law)
                if it.name in recorded}
-        yield Node(package=package, executable=name, exec_name=name, parameters=[{
+        node = Node(package=package, executable=name, exec_name=name, parameters=[{
             'use_sim_time': True, **{key: as_text(it) if isinstance(it, str) else it
                                      for key, it in own.items()}}], **common)
+        yield from (node, *ends_with(node))
     if value('view') == 'true':
         yield Node(package='edge_tracking', executable='view', exec_name='view',
                    parameters=[{'use_sim_time': True}], **common)
     player = Node(package='edge_tracking', executable='play_bag', exec_name='play_bag', arguments=[
-        value('bag'), '--rate', value('rate'), '--namespace', names.prefix,
-        *(f'--{name}' for name in ('loop', 'paused') if value(name) == 'true')], **common)
+        *arguments, '--namespace', names.prefix,
+        '--wait-for', *(topic for _, topic in estimators.values())], **common)
     yield from (player, *ends_with(player))
 
 
@@ -56,7 +66,7 @@ def generate_launch_description():
         DeclareLaunchArgument('rate', default_value='1.0', description='times real time'),
         DeclareLaunchArgument('loop', default_value='false', choices=SWITCH,
                               description='begin anew at the end'),
-        DeclareLaunchArgument('paused', default_value='false', choices=SWITCH,
+        DeclareLaunchArgument('start_paused', default_value='false', choices=SWITCH,
                               description='wait for play_bag/pause false'),
         DeclareLaunchArgument('view', default_value='false', choices=SWITCH,
                               description='show what is felt on a web page'),

@@ -1,0 +1,176 @@
+"""
+Play a recording to a graph, with its time on /clock for nodes that `use_sim_time`.
+
+Images, joint states and what the servo said go out as they were recorded. What the estimators
+make anew, and what would move a robot, goes out below `recorded`. Playing begins a second after
+somebody listens to the images, or to the contacts of a recording without images, and somebody
+publishes each topic of `--wait-for`; ~/pause (SetBool) stops the time and lets it go on.
+"""
+import argparse
+from collections.abc import Collection
+from pathlib import Path
+import sys
+import time
+from typing import Any
+
+from rclpy.clock import Clock, ClockType
+from rclpy.publisher import Publisher
+from rosgraph_msgs.msg import Clock as ClockMsg
+from std_srvs.srv import SetBool
+
+from edge_tracking.process_group import topics
+from edge_tracking.replay.names import Names
+from tactile_common.command_line import between, Parser, refusing
+from tactile_common.errors import ConfigurationError
+from tactile_common.ros.bag_reader import Bag, Recorded
+from tactile_common.ros.conversions import NS, set_stamp
+from tactile_common.ros.node import TactileNode
+from tactile_common.ros.runner import run, split_ros_args
+
+TICK = 0.002  # s between two looks at what is due
+LONGEST_TICK = 0.02  # s that the time goes on at once: a machine that is too slow plays slower
+SETTLE = 1.0  # s that the time stands at both ends, for nodes to hear, and to finish
+OF_IMAGES = ('contact', 'wrench')  # made anew where there are images
+ASIDE = ('surface_patch', 'contour', 'markers', 'joint_trajectory')
+UNSAID = ('parameters', 'servo_calls', 'diagnostics')  # of nodes that do not run
+
+
+class Playback:
+    """
+    Which messages of a bag are due; knows neither ROS nor a clock.
+
+    The time stands for `SETTLE` before the first message and after the last, so that what is
+    still on its way when a loop sets the time back, or the player ends, is worked off before.
+
+    Attributes
+    ----------
+    now_ns : int
+        Time of the recording that it is [ns].
+    paused : bool
+        Whether the time stands.
+    finished : bool
+        Whether all that can be read has been played.
+    fault : str
+        Why no more can be read.
+    """
+
+    def __init__(self, bag: Bag, topics: Collection[str], rate: float = 1.0, loop: bool = False,
+                 paused: bool = False):
+        self._bag, self._topics, self._rate, self._loop = bag, topics, rate, loop
+        self.paused, self.finished, self.fault = paused, False, ''
+        self._begin()
+
+    def _begin(self) -> None:
+        self.now_ns, self._settling = self._bag.span[0], SETTLE
+        self._rows = self._bag.messages(self._topics, raw=True)
+        self._next = self._read()
+
+    def _read(self) -> Recorded | None:
+        try:
+            return next(self._rows, None)
+        except ConfigurationError as error:
+            self.fault = str(error)
+            return None
+
+    def advance(self, elapsed: float) -> list[Recorded]:
+        """Let so much real time [s] go by; returns the messages that are due by then."""
+        if self.paused or self.finished:
+            return []
+        if self._settling > 0.0:
+            self._settling -= elapsed
+            return []
+        if self._next is None:
+            self.finished = not self._loop or bool(self.fault)
+            if not self.finished:
+                self._begin()
+            return []
+        self.now_ns += round(NS * self._rate * elapsed)
+        due = []
+        while self._next is not None and self._next.received_ns <= self.now_ns:
+            due.append(self._next)
+            self._next = self._read()
+        self._settling = SETTLE if self._next is None else 0.0
+        return due
+
+
+class PlayerNode(TactileNode):
+    """Publish the messages of a bag when they are due, see above; `playback` tells which."""
+
+    def __init__(self, bag: Bag, names: Names, rate: float = 1.0, loop: bool = False,
+                 paused: bool = False, wait_for: Collection[str] = (), **kwargs: Any):
+        super().__init__('play_bag', **{'namespace': names.prefix, **kwargs})
+        self._wait_for, self._heard, self._last = wait_for, False, time.monotonic()
+        self._clock_publisher = self.create_publisher(ClockMsg, '/clock', 10)
+        self._publishers_of: dict[str, Publisher] = {}
+        first = 'image' if 'image' in names.topic else 'contact'
+        aside = (*ASIDE, *OF_IMAGES) if first == 'image' else ASIDE
+        for name, kind, qos in topics(names.prefix.strip('/')):
+            short = name.rpartition('/')[2]
+            topic = names.topic.get(short)
+            if topic is None or short in UNSAID:
+                continue
+            if not bag.is_of_type(topic, kind):
+                self.get_logger().warning(f'{topic} is not played: it is recorded as another '
+                                          f'{bag.topics[topic]} than is installed')
+                continue
+            name = f'{names.prefix}/recorded/{short}' if short in aside else name
+            self._publishers_of[topic] = self.create_publisher(kind, name, qos)
+        if names.topic.get(first) not in self._publishers_of:
+            raise ConfigurationError(f'bag {bag.path}: has no {first} that can be played')
+        self._first = self._publishers_of[names.topic[first]]
+        self.playback = Playback(bag, list(self._publishers_of), rate, loop, paused)
+        self.create_service(SetBool, '~/pause', self._on_pause)
+        self.create_timer(TICK, self._on_tick, clock=Clock(clock_type=ClockType.STEADY_TIME))
+
+    def _on_pause(self, request: SetBool.Request, response: SetBool.Response) -> Any:
+        self.playback.paused, response.success = request.data, True
+        return response
+
+    def _on_tick(self) -> None:
+        now = time.monotonic()
+        elapsed, self._last = min(now - self._last, LONGEST_TICK), now
+        self._heard = self._heard or self._first.get_subscription_count() > 0 and all(
+            map(self.count_publishers, self._wait_for))
+        due = self.playback.advance(elapsed) if self._heard else []
+        message = ClockMsg()
+        set_stamp(message.clock, self.playback.now_ns)
+        self._clock_publisher.publish(message)
+        for row in due:
+            self._publishers_of[row.topic].publish(row.message)
+
+
+def parser() -> argparse.ArgumentParser:
+    """Command line; what follows --ros-args is not of it."""
+    arguments = Parser(prog='play_bag', description=(__doc__ or '').strip(),
+                       formatter_class=argparse.RawDescriptionHelpFormatter)
+    add = arguments.add_argument
+    add('bag', type=Path, metavar='BAG', help='folder, .mcap or .db3 file of a recording')
+    add('--rate', type=between(0.01, 100.0), default=1.0, metavar='R',
+        help='times real time, 0.01 to 100; what the machine cannot do is played slower')
+    add('--loop', action='store_true', help='begin anew at the end; the time goes back')
+    add('--start-paused', action='store_true', help='wait for ~/pause false')
+    add('--wait-for', nargs='+', default=(), metavar='TOPIC',
+        help='begin once somebody publishes each of these')
+    add('--namespace', help='of the sensor in a bag that has several')
+    return arguments
+
+
+def main(args: list[str] | None = None) -> int:
+    """Play; exit status 2 where the bag cannot be read whole."""
+    given, ros = split_ros_args(sys.argv[1:] if args is None else args)
+    with refusing('play_bag') as command:
+        options = parser().parse_args(given)
+        with Bag(options.bag) as bag:
+            names = Names(bag, options.namespace)
+            nodes: list[PlayerNode] = []
+
+            def play_bag(context: Any) -> PlayerNode:
+                nodes.append(PlayerNode(bag, names, options.rate, options.loop,
+                                        options.start_paused, options.wait_for,
+                                        context=context))
+                return nodes[0]
+
+            command.status = run(play_bag, ros, lambda node: node.playback.finished)
+        if nodes and nodes[0].playback.fault:
+            raise ConfigurationError(nodes[0].playback.fault)
+    return command.status
