@@ -179,7 +179,7 @@ def test_messages_are_due_at_their_times_by_the_rate(rate):
     assert not played(playback, SETTLE + 0.5) and playback.finished
 
 
-def test_the_time_stands_at_both_ends_of_a_loop():
+def test_the_time_stops_at_both_ends_of_a_loop():
     playback = Playback(Rows(), ['/a'], loop=True)
     due = played(playback, 12.0)
     assert [number for _, number in due[:7]] == [0, 1, 2, 0, 1, 2, 0]
@@ -212,7 +212,7 @@ def test_a_recording_begins_when_the_estimators_are_there_not_with_any_listener(
         player = graph.add(PlayerNode, own={
             'bag': bag, 'names': Names(bag, None), 'rate': 5.0, 'wait_for': ('contact',)})
         it = Played(graph, player, listener)
-        it.spin(lambda: len(listener.clocks) > 700)  # beyond the second that the time stands
+        it.spin(lambda: len(listener.clocks) > 700)  # beyond the second that the time stops
         assert player.playback.now_ns == bag.span[0]
         assert player.count_subscribers('image') and images
         graph.add(ContactEstimatorNode, use_sim_time=True)

@@ -32,7 +32,7 @@ from tactile_servo.conversions import ACTIONS
 ASK_AGAIN = 1.0  # s after a servo was asked to go on, if it still holds
 BEATS = 5  # a timeout
 RECORD = 'import sys; from edge_tracking.executables import record_bag; sys.exit(record_bag())'
-WRITTEN = 10.0  # s for a recorder to end
+WRITTEN = 3.0  # s for a recorder to end; a node has 3.5 to be destroyed
 RESUMES = 100  # for a mock robot on a machine with too little time
 
 

@@ -75,9 +75,9 @@ class HoldConfig:
     resume_within: float = bounded(
         0.5, 'a hold whose cause goes away within this time ends by itself; a longer one '
         'waits for ~/pause false', 's', 0.0, 60.0)
-    lift: bool = bounded(
-        True, 'a hold of tracking that does not end by itself lifts the pad off, unless somebody '
-        'asked for it or the robot does not follow')
+    lift: bool = field(default=True, metadata={
+        'doc': 'a hold of tracking that does not end by itself lifts the pad off, unless somebody '
+               'asked for it or the robot does not follow'})
     give_up: float = bounded(
         30.0, 'a hold that nobody ended by then aborts the goal', 's', 0.1, 3600.0)
 

@@ -292,7 +292,7 @@ class GoalRun:
             elif self._found.state is State.DONE and not self._found.success:
                 code, detail = self._found.reason
                 self._found = self._found._replace(reason=Reason(
-                    code, '; '.join(filter(None, (detail, self._motion.at_end)))))
+                    code, '; '.join(filter(None, (detail, self._motion.at_limit)))))
         return self._found
 
     def _lifted(self) -> Reason | None:

@@ -243,7 +243,7 @@ class Watched:
         if not status.contact_fresh or not status.joints_fresh or status.normal_force > (
                 self.servo.config.force.max_load):
             assert status.state not in TRACKING
-        # In a hold there is one to stay where the robot stands, and those that lift the pad off.
+        # In a hold there is one to stay where the robot is, and those that lift the pad off.
         assert status.state != State.HOLD or not window.velocities.any() or (
             status.twist[2] <= 0.0 and not status.twist[3:].any())
         self.check(window)

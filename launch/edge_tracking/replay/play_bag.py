@@ -29,7 +29,7 @@ from tactile_common.ros.runner import run, split_ros_args
 
 TICK = 0.002  # s between two looks at what is due
 LONGEST_TICK = 0.02  # s that the time goes on at once: a machine that is too slow plays slower
-SETTLE = 1.0  # s that the time stands at both ends, for nodes to hear, and to finish
+SETTLE = 1.0  # s without a message at both ends, for nodes to hear, and to finish
 OF_IMAGES = ('contact', 'wrench')  # made anew where there are images
 ASIDE = ('surface_patch', 'contour', 'markers', 'joint_trajectory')
 UNSAID = ('parameters', 'servo_calls', 'diagnostics')  # of nodes that do not run
@@ -39,15 +39,15 @@ class Playback:
     """
     Which messages of a bag are due; knows neither ROS nor a clock.
 
-    The time stands for `SETTLE` before the first message and after the last, so that what is
-    still on its way when a loop sets the time back, or the player ends, is worked off before.
+    The time stops for `SETTLE` before the first message and after the last: nodes finish what
+    they have before a loop sets the time back, or the player ends.
 
     Attributes
     ----------
     now_ns : int
         Time of the recording that it is [ns].
     paused : bool
-        Whether the time stands.
+        Whether the time is stopped.
     finished : bool
         Whether all that can be read has been played.
     fault : str

@@ -98,7 +98,7 @@ class Motion:
         self._before: Commanded | None = None  # a window earlier
         self._stamped = config.stamped
         self._held_back, self.blocked, self.delay = 0.0, '', WindowDelay()
-        self._end, self._since_end = '', math.inf  # last limit of position met, and how long ago
+        self._limit, self._since_limit = '', math.inf  # of position, met last, and since when [s]
 
     @property
     def positions(self) -> np.ndarray:
@@ -131,10 +131,10 @@ class Motion:
         return float(self._now.window.times[-1])
 
     @property
-    def at_end(self) -> str:
+    def at_limit(self) -> str:
         """Which joint has kept the sensor from its way lately, at which end of its range."""
-        lately = self._since_end < BLOCKED_AFTER
-        return self._limits.end_of(self._end, self.positions) if lately else ''
+        lately = self._since_limit < BLOCKED_AFTER
+        return self._limits.end_of(self._limit, self.positions) if lately else ''
 
     def across(self) -> float:
         """Acceleration of the sensor across its normal that all joints allow [m/s^2]."""
@@ -181,7 +181,7 @@ class Motion:
         self._now = Commanded(rest, Joints(joints, np.zeros_like(joints)),
                               *self._robot.place(joints), end)
         self.delay.begin()
-        self._since_end = math.inf
+        self._since_limit = math.inf
         self.reset_blocked()
 
     def reset_blocked(self) -> None:
@@ -265,9 +265,9 @@ class Motion:
             velocities, guarded = limits.guard(reach.stop, reach)
             window = self._window(kept, velocities, bend, reach)
         limited_by = at_wall or bound or guarded
-        self._since_end += self._period
+        self._since_limit += self._period
         if limited_by.startswith(POSITION):
-            self._end, self._since_end = limited_by, 0.0
+            self._limit, self._since_limit = limited_by, 0.0
         if limited_by or manipulability < config.damping:
             self._watch(wanted, jacobian @ velocities, limited_by)
         else:
@@ -325,5 +325,5 @@ class Motion:
         self._held_back += self._period
         if self._held_back < BLOCKED_AFTER:
             return
-        at_end = limited_by.startswith(POSITION)
-        self.blocked = self.at_end if at_end else limited_by or 'singularity'
+        named = self.at_limit if limited_by.startswith(POSITION) else limited_by
+        self.blocked = named or 'singularity'

@@ -2,7 +2,6 @@
 from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass
-import os
 from struct import Struct
 from typing import Any
 
@@ -39,7 +38,6 @@ from tactile_shape.types.patch import Patch, refusal
 
 PICTURES = 200  # that wait for their contact: a second of them
 _STAMP = Struct('<iI')  # of a message, after its first four bytes
-NICENESS = 10
 SOURCES = ('sensor', 'servo')
 # Nobody waits for a patch: on a busy machine late is better than lost. Of poses there are more.
 _LATE, _POSES = (QoSProfile(depth=depth, reliability=ReliabilityPolicy.BEST_EFFORT)
@@ -262,6 +260,5 @@ class ShapeEstimatorNode(TactileNode):
 
 
 def main(args: list[str] | None = None) -> int:
-    """Run the shape estimator node, whose maps can wait for a servo on a busy machine."""
-    os.nice(NICENESS)
+    """Run the shape estimator node."""
     return run(ShapeEstimatorNode, args)
