@@ -30,7 +30,7 @@ from tactile_simulation.scene_calibration import write_calibration
 from tactile_simulation.world import NodeParameters
 
 RESPAWN_DELAY = 1.0  # s
-GIVING_WAY = 'nice -n 10 '  # to the servo, on a busy machine
+GIVING_WAY = ' nice -n 10'  # to the servo, on a busy machine; after what blocks signals
 START = 300.0  # s for the start of the nodes, the first ever of which compiles their kernels
 
 
@@ -104,14 +104,14 @@ class Nodes:
         return self.value['start'] == 'true' or (
             self.value['start'] == 'auto' and self.robot != 'real')
 
-    def node(self, package, executable, namespace=None, dies=True, env=None, before='',
+    def node(self, package, executable, namespace=None, dies=True, env=None, prefix='',
              **parameters):
-        """Actions of a node, with a command before it, and of the end of the launch with it."""
+        """Actions of a node, with more of a prefix, and of the end of the launch with it."""
         value = self.value
         action = Node(
             package=package, executable=executable, name=executable, output='screen',
             namespace=value['namespace'] if namespace is None else namespace or '/',
-            prefix=f'{before}{self.prefix}', exec_name=executable, additional_env=env,
+            prefix=f'{self.prefix}{prefix}', exec_name=executable, additional_env=env,
             respawn=value['use_respawn'] and dies, respawn_delay=RESPAWN_DELAY,
             remappings=[('/joint_states', f'{self.robot_namespace}/joint_states')],
             ros_arguments=['--log-level', value['log_level']],
@@ -149,7 +149,7 @@ class Nodes:
         if self.value['view']:
             actions += self.node('edge_tracking', 'view', dies=False)
         return [*actions, *self.node('tactile_sensing', 'contact_estimator', **self.own.contact),
-                *self.node('tactile_shape', 'shape_estimator', before=GIVING_WAY,
+                *self.node('tactile_shape', 'shape_estimator', prefix=GIVING_WAY,
                            **self.own.shape)]
 
     def servo(self):
