@@ -299,8 +299,8 @@ def check_garbage(frames, capsys):
     if good:
         found = result()
         assert len(found['valid']) == len(frames)
-        for name in ('x', 'normal_force', 'snr'):
-            np.testing.assert_array_equal(np.isfinite(found[name]), found['valid'])
+        for name, valid in (('x', 'valid'), ('normal_force', 'force_valid'), ('snr', 'valid')):
+            np.testing.assert_array_equal(np.isfinite(found[name]), found[valid])
 
 
 @pytest.mark.parametrize('save', [np.savez, np.savez_compressed])

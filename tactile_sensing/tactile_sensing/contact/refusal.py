@@ -87,6 +87,8 @@ def _presses(pad, readings):
 def _left_alone(pad, one):
     """Whether a load leaves no more than it may."""
     left, misfit, theta = one.residual, one.misfit, one.fit.theta
+    if (one.fit.weight > 0.0).sum() <= one.beliefs.active.size:  # it fits anything
+        return False
     for significance, share in WRONG:
         if misfit.significance > significance:
             if left.left > share:
