@@ -143,14 +143,16 @@ def answer(frame, sensor, seen, kinds, min_snr):
     """
     pad, main, readings = sensor.pad, sensor.main, _readings(frame, sensor, seen)
     noise, shape = seen.noise[main], frame.shape
-    one, why = search(pad, readings, sensor.scatter, kinds)
-    if one.evidence > -np.inf and sensor.noise[main] == 0.0:
+    for again in range(2):
+        one, why = search(pad, readings, sensor.scatter, kinds)
+        if again or one.evidence == -np.inf or sensor.noise[main] > 0.0:
+            break
         left = (readings.value - one.fit.model).reshape(shape)
         quieter = noise_of_image(left[main], False)
-        if quieter < QUIETER * noise:
-            noise = quieter
-            readings.noise2[:] = quieter ** 2
-            one, why = search(pad, readings, sensor.scatter, kinds)
+        if not quieter < QUIETER * noise:
+            break
+        noise = quieter
+        readings.noise2[:] = quieter ** 2
     if why & BAD_FIT and has_second_hill(frame[main], noise):
         why |= TWO_CONTACTS
     snr, fit, beliefs = np.nan, one.fit, one.beliefs

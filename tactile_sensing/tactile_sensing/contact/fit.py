@@ -385,8 +385,9 @@ def _step(theta, step, inverse, beliefs):
 
 
 @njit(error_model='numpy')
-def _empty(start, tactels, noise2, n):
-    """Fit that did not work, to be written to."""
+def unfitted(start, noise2, n):
+    """Fit of n parameters that has not been made, to be written to."""
+    tactels = noise2.size
     flat = np.zeros((5, tactels))
     flat[4] = noise2
     return Fit(start.copy(), np.zeros((n, n)), np.zeros((start.size, tactels)),
@@ -415,7 +416,7 @@ def fit_load(pad, readings, beliefs, start, warm):
     """
     robust, n = beliefs.robust, beliefs.active.size
     rows, columns = pad.y.size, pad.x.size
-    fit = _empty(start, readings.value.size, readings.noise2, n)
+    fit = unfitted(start, readings.noise2, n)
     theta, matrix, right = fit.theta, np.zeros((n, n)), np.zeros(n)
     prior, step = np.zeros(n), np.zeros(n)
     scale = _begin(fit, pad, readings, beliefs)

@@ -17,7 +17,7 @@ import numpy as np
 
 from tactile_common.kernels import FAST, njit
 from tactile_sensing.contact.beliefs import beliefs_of, HALF_SPACE
-from tactile_sensing.contact.fit import Beliefs, Fit, fit_load
+from tactile_sensing.contact.fit import Beliefs, Fit, fit_load, unfitted
 from tactile_sensing.contact.misfit import judge, LOUD, Misfit, Residual, residual_of
 from tactile_sensing.contact.refusal import BAD_FIT, DOUBT, EXTRA, is_nothing, refusal
 from tactile_sensing.skin.bumps import BASE, BEGIN, END, EXPONENT, LINE, POINT, Q0, Q1, WIDTH
@@ -115,7 +115,7 @@ def _cold_start(kind, power, guess, count):
     return theta
 
 
-@njit(error_model='numpy')
+@njit(error_model='numpy', inline='always')
 def _fitted(pad, readings, beliefs, theta, warm):
     """Fit one hypothesis; its misfit and covariance are left open, see `_judged`."""
     fit = fit_load(pad, readings, beliefs, theta, warm)
@@ -124,7 +124,7 @@ def _fitted(pad, readings, beliefs, theta, warm):
                       np.zeros((0, 0)))
 
 
-@njit(error_model='numpy')
+@njit(error_model='numpy', inline='always')
 def _judged(pad, readings, one):
     """Hypothesis with its misfit and covariance."""
     misfit, covariance = judge(pad, one.fit, readings, one.beliefs)
@@ -140,6 +140,24 @@ def _is_noise(one):
 
 
 @njit(error_model='numpy')
+def _nothing(pad, readings, scatter):
+    """Hypothesis that has not been fitted."""
+    beliefs = beliefs_of(pad, scatter, POINT, False, False, False, False, False)
+    fit = unfitted(np.zeros(beliefs.mean.size), readings.noise2, beliefs.active.size)
+    return Hypothesis(beliefs, fit, -np.inf, Residual(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0),
+                      Misfit(0.0, 0.0, 0.0, 0.0, 0.0), np.zeros((0, 0)))
+
+
+@njit(error_model='numpy')
+def _other_skin(one):
+    """Whether what a load on the known skin leaves calls for another skin."""
+    left = one.residual
+    return (one.misfit.significance > DOUBT and left.left > WRONG_SKIN
+            or left.extrapolated > EXTRAPOLATED
+            or one.beliefs.patch and one.fit.theta[WIDTH] >= MAX_VARIANCE)
+
+
+@njit(error_model='numpy', inline='always')
 def _search_sharp(pad, readings, scatter, guess, kinds):
     """Find a sharp load that explains an image of a known skin to within noise; if it does."""
     sharp = _cold_start(kinds[0], False, guess, BASE + pad.depths.size)
@@ -169,13 +187,13 @@ def _unexplained(one):
             or one.fit.scatter > 2.0 * one.beliefs.gain or one.misfit.hidden > SHOWN)
 
 
-@njit(error_model='numpy')
+@njit(error_model='numpy', inline='always')
 def _better(pad, readings, one, other):
     """Of a judged hypothesis and another the one of the greater evidence, judged."""
     return _judged(pad, readings, other) if other.evidence > one.evidence else one
 
 
-@njit(error_model='numpy')
+@njit(error_model='numpy', inline='always')
 def _robust(pad, readings, scatter, guess, kind, power):
     """Fit the least load of a kind with outliers, scatter and baseline."""
     beliefs = beliefs_of(pad, scatter, kind, power, False, True, False, True)
@@ -183,20 +201,20 @@ def _robust(pad, readings, scatter, guess, kind, power):
     return _fitted(pad, readings, beliefs, theta, False)
 
 
-@njit(error_model='numpy')
+@njit(error_model='numpy', inline='always')
 def _search_robust(pad, readings, scatter, guess, kinds, power):
     """Find the load of the greatest evidence, which is -infinite if no fit works."""
-    best = line = _robust(pad, readings, scatter, guess, kinds[0], power)
-    if kinds.size > 1:
-        other = _robust(pad, readings, scatter, guess, kinds[1], power)
-        line = other if kinds[1] == LINE else best
-        best = other if other.evidence > best.evidence else best
+    best = line = _nothing(pad, readings, scatter)
+    for kind in kinds:
+        one = _robust(pad, readings, scatter, guess, kind, power)
+        line = one if kind == LINE else line
+        best = one if one.evidence > best.evidence else best
     if best.evidence == -np.inf:
         return best
     best = _judged(pad, readings, best)
     if best.misfit.hidden > SHOWN:
         best = _with_patch(pad, readings, scatter, best)
-    if line.beliefs.kind != LINE or line.evidence == -np.inf or not _unexplained(best):
+    if line.evidence == -np.inf or not _unexplained(best):
         return best
     along = line.fit.theta.copy()
     middle = guess.y * math.cos(along[Q1]) - guess.x * math.sin(along[Q1])
@@ -208,7 +226,7 @@ def _search_robust(pad, readings, scatter, guess, kinds, power):
     return best
 
 
-@njit(error_model='numpy')
+@njit(error_model='numpy', inline='always')
 def _with_patch(pad, readings, scatter, one):
     """Make a load blunt, if the evidence is for that."""
     beliefs = beliefs_of(
@@ -232,7 +250,7 @@ def _order(pad, guess, kinds):
     return kinds
 
 
-@njit(error_model='numpy')
+@njit(error_model='numpy', inline='always')
 def search(pad, readings, scatter, kinds):
     """
     Find the least load that explains an image.
@@ -255,23 +273,18 @@ def search(pad, readings, scatter, kinds):
         comes SKIN_MISMATCH.
     """
     guess = first_guess(pad, readings.value)
-    kinds, mismatch = _order(pad, guess, kinds), 0
-    if pad.depths[0] > 0.0:  # the skin is known
-        sharp, explains = _search_sharp(pad, readings, scatter, guess, kinds)
-        if explains:
-            return sharp, refusal(pad, readings, sharp)
-        best = _search_robust(pad, readings, scatter, guess, kinds, False)
-        if best.evidence == -np.inf:
-            return best, BAD_FIT
-        why, left = refusal(pad, readings, best), best.residual
-        wrong_skin = (best.misfit.significance > DOUBT and left.left > WRONG_SKIN
-                      or left.extrapolated > EXTRAPOLATED
-                      or best.beliefs.patch and best.fit.theta[WIDTH] >= MAX_VARIANCE)
-        if (pad.depths.size > 1 or not (why or wrong_skin)
-                or is_nothing(readings, best.evidence)):
-            return best, why
-        mismatch = SKIN_MISMATCH
-    free = _search_robust(pad, readings, scatter, guess, kinds, True)
-    if free.evidence == -np.inf:
-        return free, BAD_FIT | mismatch
-    return free, refusal(pad, readings, free) | mismatch
+    kinds, mismatch, known = _order(pad, guess, kinds), 0, pad.depths[0] > 0.0
+    one, explains = _nothing(pad, readings, scatter), False
+    if known:
+        one, explains = _search_sharp(pad, readings, scatter, guess, kinds)
+    why = refusal(pad, readings, one) if explains else BAD_FIT
+    for power in (False, True):
+        wanted = not known or mismatch > 0 if power else known
+        if explains or not wanted:
+            continue
+        one = _search_robust(pad, readings, scatter, guess, kinds, power)
+        why = (refusal(pad, readings, one) if one.evidence > -np.inf else BAD_FIT) | mismatch
+        if not power and one.evidence > -np.inf and pad.depths.size == 1 and (
+                why or _other_skin(one)) and not is_nothing(readings, one.evidence):
+            mismatch = SKIN_MISMATCH
+    return one, why
