@@ -7,7 +7,7 @@ import numpy as np
 
 from benchmarks.contact.fe_frames import DEPTH
 from benchmarks.contact.golden_sets import PADS
-from tactile_sensing.half_space import point
+from tactile_sensing.thesis import point
 from tactile_sensing.thesis.line_moments import line_from_moments
 from tactile_sensing.thesis.point_moments import MomentFlag, one_layer
 from tactile_sensing.types.array import TactelArray

@@ -33,7 +33,7 @@ def packets_of(protocol, shape, rate):
     """Preamble and frames of a device, in the bytes that it sends."""
     row, options = protocol_named(protocol), options_of(protocol, OPTIONS.get(protocol, ''))
     device, rng = row.device(**options), np.random.default_rng(0)
-    device.answer(row.start(rate, **options))
+    device.answer(row.decoder(*shape, **options).start(rate))
     counts = rng.integers(0, 200, (FRAMES, *shape), np.uint8)
     return device.preamble, [device.encode(image, round(k * 1e9 / rate))
                              for k, image in enumerate(counts)]

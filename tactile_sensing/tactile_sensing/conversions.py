@@ -23,7 +23,11 @@ from tactile_sensing.types.moments import Moments
 
 #: Type of the pixels of an Image by its encoding.
 ENCODINGS = {'mono8': 'u1', '8UC1': 'u1', 'mono16': 'u2', '16UC1': 'u2', '32FC1': 'f4'}
-# Pictures of one sensor share their geometry, and with it the computed centres.
+# Fields that messages have under the same names.
+_INFO_TEXTS = ('sensor', 'model', 'serial_number', 'calibration')
+_INFO_REALS = ('nominal_rate', 'acquisition_delay', 'skin_stiffness', 'max_load')
+_LAYER_REALS = ('depth', 'full_scale', 'noise_std', 'poisson', 'gain_spread', 'floor', 'force_std')
+# Images of one sensor share their geometry, and with it the computed centres.
 _array = lru_cache(maxsize=16)(TactelArray)
 
 
@@ -41,7 +45,7 @@ def image_to_msg(image: TactileImage, into: Any = None) -> Any:
     return message
 
 
-def image_from_msg(message) -> TactileImage:
+def image_from_msg(message: Any) -> TactileImage:
     """
     Return the picture of a TactileImage message; its stress shares the message's memory.
 
@@ -94,18 +98,16 @@ def counts_from_msg(message: Any, shape: tuple[int, int]) -> np.ndarray:
 def sensor_info_to_msg(info: SensorInfo) -> Any:
     """Return the SensorInfo message of what is known of a sensor."""
     message = tactile_msgs.SensorInfo(
-        sensor=info.sensor, model=info.model, serial_number=info.serial_number,
-        nominal_rate=float(info.nominal_rate), acquisition_delay=float(info.acquisition_delay),
-        skin_stiffness=float(info.skin_stiffness), max_load=float(info.max_load),
         layers=[_layer_to_msg(layer, tactile_msgs.TactileLayer()) for layer in info.layers],
-        dead_tactels=array('I', info.dead_tactels), calibration=info.calibration,
-        tared_at=stamp_from_ns(info.tared_at_ns))
+        dead_tactels=array('I', info.dead_tactels), tared_at=stamp_from_ns(info.tared_at_ns),
+        **{name: getattr(info, name) for name in _INFO_TEXTS},
+        **{name: float(getattr(info, name)) for name in _INFO_REALS})
     _set_header(message.header, info)
     _set_array(message, info.array)
     return message
 
 
-def sensor_info_from_msg(message) -> SensorInfo:
+def sensor_info_from_msg(message: Any) -> SensorInfo:
     """
     Return what a SensorInfo message says; floats come back in single precision.
 
@@ -113,12 +115,10 @@ def sensor_info_from_msg(message) -> SensorInfo:
     """
     return SensorInfo(
         stamp_ns=stamp_to_ns(message.header.stamp), frame_id=message.header.frame_id,
-        sensor=message.sensor, model=message.model, serial_number=message.serial_number,
-        array=_array_from_msg(message), nominal_rate=message.nominal_rate,
-        acquisition_delay=message.acquisition_delay, skin_stiffness=message.skin_stiffness,
-        max_load=message.max_load, dead_tactels=tuple(message.dead_tactels),
+        array=_array_from_msg(message), dead_tactels=tuple(message.dead_tactels),
         layers=tuple(_layer_from_msg(layer, (0,)) for layer in message.layers),
-        calibration=message.calibration, tared_at_ns=stamp_to_ns(message.tared_at))
+        tared_at_ns=stamp_to_ns(message.tared_at),
+        **{name: getattr(message, name) for name in (*_INFO_TEXTS, *_INFO_REALS)})
 
 
 _TYPES = frozenset(map(int, ContactType))
@@ -153,7 +153,7 @@ def contact_to_msg(
     return message
 
 
-def contact_from_msg(message) -> Contact:
+def contact_from_msg(message: Any) -> Contact:
     """Return the estimate of a Contact message; TactileError: the type is none of TYPE_*."""
     if message.type not in _TYPES:
         raise TactileError(
@@ -186,55 +186,47 @@ def contact_to_wrench(contact: Contact, image_message: Any, into: Any = None) ->
     return message
 
 
-def _copy_header(source, header):
+def _copy_header(source: Any, header: Any) -> None:
     header.stamp.sec, header.stamp.nanosec = source.stamp.sec, source.stamp.nanosec
     header.frame_id = source.frame_id
 
 
-def _set_header(header, source):
+def _set_header(header: Any, source: TactileImage | SensorInfo) -> None:
     header.stamp = stamp_from_ns(source.stamp_ns)
     header.frame_id = source.frame_id
 
 
-def _set_array(message, geometry):
-    message.rows = geometry.rows
-    message.columns = geometry.columns
-    message.pitch_x = float(geometry.pitch_x)
-    message.pitch_y = float(geometry.pitch_y)
+def _set_array(message: Any, geometry: TactelArray) -> None:
+    message.rows, message.columns = geometry.rows, geometry.columns
+    message.pitch_x, message.pitch_y = float(geometry.pitch_x), float(geometry.pitch_y)
 
 
-def _array_from_msg(message):
+def _array_from_msg(message: Any) -> TactelArray:
     return _array(message.rows, message.columns, message.pitch_x, message.pitch_y)
 
 
-def _layer_to_msg(layer, message):
+def _layer_to_msg(layer: Layer, message: Any) -> Any:
     """Fill and return a TactileLayer message."""
     # A list or an ndarray would be copied value by value.
     stress = array('f')
     stress.frombytes(np.ascontiguousarray(layer.stress, np.float32).tobytes())
     message.component, message.unit = COMPONENTS.index(layer.component), layer.unit
-    message.depth, message.full_scale = float(layer.depth), float(layer.full_scale)
-    message.noise_std, message.stress = float(layer.noise_std), stress
+    message.stress = stress
+    for name in _LAYER_REALS:
+        setattr(message, name, float(getattr(layer, name)))
     message.skin_thickness = float(layer.thickness) if layer.thickness < math.inf else 0.0
-    message.poisson, message.gain_spread = float(layer.poisson), float(layer.gain_spread)
-    message.floor, message.force_std = float(layer.floor), float(layer.force_std)
     return message
 
 
-def _layer_from_msg(layer, shape):
+def _layer_from_msg(layer: Any, shape: tuple[int, ...]) -> Layer:
     if layer.component >= len(COMPONENTS):
         raise TactileError(
             f'component is {layer.component}, must be below {len(COMPONENTS)}')
-    stress = np.frombuffer(layer.stress, np.float32) if len(layer.stress) else _EMPTY
+    stress = np.asarray(layer.stress, np.float32)
     if stress.size != math.prod(shape):
         raise TactileError(
             f'stress has {stress.size} values, must be {" x ".join(map(str, shape))}')
-    return Layer(COMPONENTS[layer.component], layer.depth, stress.reshape(shape),
-                 layer.full_scale, layer.noise_std, layer.unit,
-                 # Pictures in older bags do not say it.
-                 getattr(layer, 'skin_thickness', 0.0) or math.inf,
-                 getattr(layer, 'poisson', 0.5), getattr(layer, 'gain_spread', 0.0),
-                 getattr(layer, 'floor', 0.0), getattr(layer, 'force_std', 0.0))
-
-
-_EMPTY = np.empty(0, np.float32)
+    # Images in older bags do not say all.
+    told = {name: getattr(layer, name) for name in _LAYER_REALS if hasattr(layer, name)}
+    return Layer(COMPONENTS[layer.component], stress=stress.reshape(shape), unit=layer.unit,
+                 thickness=getattr(layer, 'skin_thickness', 0.0) or math.inf, **told)

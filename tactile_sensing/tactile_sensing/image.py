@@ -1,7 +1,7 @@
 """What a picture of the pressure tells by itself."""
 
 import math
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -11,7 +11,7 @@ from tactile_sensing.types.moments import Moments
 
 
 @njit(cache=True, error_model='numpy')
-def moments_of(pressure, x, y, threshold):
+def moments_of(pressure: Any, x: Any, y: Any, threshold: float) -> tuple:
     """Sums of pressure (rows, columns) over M0, Mx, My, Mxx, Myy, Mxy; NaN counts as 0."""
     m0 = mx = my = mxx = myy = mxy = 0.0
     for r in range(y.size):
@@ -53,19 +53,12 @@ class Survey(NamedTuple):
 
 
 @njit(cache=True, error_model='numpy')
-def survey(frame, main, full, pad):
+def survey(frame: Any, main: int, full: Any, pad: Any) -> Survey:
     """
     See what is in an image before anything is fitted.
 
-    Parameters
-    ----------
-    frame : ndarray, shape (layers, rows, columns)
-        NaN where there is no reading.
-    main : int
-        Layer that is looked at.
-    full : ndarray, shape (layers,)
-        Full scale; infinite if there is none.
-    pad : skin.bumps.Pad
+    The frame (layers, rows, columns) is NaN where there is no reading; `main` is the layer that is
+    looked at, `full` the full scale of each (layers,), infinite if there is none.
     """
     top, total, live, highest, clipped, missing = -np.inf, 0.0, 0, 0, 0, 0
     for k in range(frame.shape[0]):

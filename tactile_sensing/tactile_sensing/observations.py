@@ -1,126 +1,70 @@
-"""What was recorded of a sensor and its robot, in the order of time: bags as they were seen."""
+"""What was recorded of a sensor, in the order of time: bags as they were seen."""
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from os import PathLike
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
 from tactile_common.errors import ConfigurationError, TactileError
-from tactile_common.ros.bag_reader import Bag, DAMAGE
+from tactile_common.ros.bag_reader import Bag, DAMAGE, Recorded
 from tactile_common.ros.conversions import pose_from_msg, stamp_to_ns
-from tactile_sensing.conversions import contact_from_msg, image_from_msg, sensor_info_from_msg
+from tactile_sensing.conversions import contact_from_msg, image_from_msg
 from tactile_sensing.types.image import TactileImage
 
-
-class JointState(NamedTuple):
-    """Names of joints and their positions (n,) [rad or m]."""
-
-    names: tuple[str, ...]
-    positions: np.ndarray
-
-
-def joint_state_from_msg(message) -> JointState:
-    """
-    Return the joints of a JointState message.
-
-    Raises
-    ------
-    TactileError
-        There are not as many positions as names.
-    """
-    if len(message.name) != len(message.position):
-        raise TactileError(
-            f'joint state has {len(message.position)} positions of {len(message.name)} joints')
-    return JointState(tuple(message.name), np.array(message.position, dtype=float))
-
-
-# Name of the topic: its type, and what its messages become.
-KINDS: dict[str, tuple[str, Callable[[Any], Any]]] = {
-    'image': ('tactile_msgs/msg/TactileImage', image_from_msg),
-    'sensor_info': ('tactile_msgs/msg/SensorInfo', sensor_info_from_msg),
-    'contact': ('tactile_msgs/msg/Contact', contact_from_msg),
-    'sensor_pose': ('geometry_msgs/msg/PoseStamped', lambda message: pose_from_msg(message.pose)),
-    'joint_states': ('sensor_msgs/msg/JointState', joint_state_from_msg),
-}
-TYPES = {kind: message_type for kind, (message_type, _) in KINDS.items()}
+# Types of the topics of a sensor and its robot, by their names.
+TYPES = {'image': 'tactile_msgs/msg/TactileImage', 'sensor_info': 'tactile_msgs/msg/SensorInfo',
+         'contact': 'tactile_msgs/msg/Contact', 'sensor_pose': 'geometry_msgs/msg/PoseStamped',
+         'joint_states': 'sensor_msgs/msg/JointState'}
+_CONVERTED: dict[str, Callable[[Any], Any]] = {
+    'image': image_from_msg, 'contact': contact_from_msg,
+    'sensor_pose': lambda message: pose_from_msg(message.pose)}
 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Observation:
-    """
-    A message of a recording, converted when it is asked for its value.
+    """A message of a recording, converted when it is asked for its value."""
 
-    Attributes
-    ----------
-    kind : str
-        One of `KINDS`.
-    stamp_ns, received_ns : int
-        When it was measured, and received [ns].
-    """
-
-    kind: str
-    stamp_ns: int
-    received_ns: int
-    _message: Any
+    kind: str  # 'image', 'contact' or 'sensor_pose'
+    stamp_ns: int  # when it was measured [ns]
+    _row: Recorded
     _bag: Bag
-    _topic: str
 
-    def value(self):
+    def value(self) -> Any:
         """
-        Return the TactileImage, SensorInfo, Contact, pose (4, 4) or JointState.
+        Return the TactileImage, Contact or pose (4, 4).
 
-        Raises
-        ------
-        ConfigurationError
-            The message is damaged, or of an older definition that lacks a field.
+        ConfigurationError where the message is damaged, or of an older definition that lacks a
+        field.
         """
-        _, convert = KINDS[self.kind]
         try:
-            return convert(self._message)
+            return _CONVERTED[self.kind](self._row.message)
         except (TactileError, *DAMAGE) as error:
-            raise self._bag.damaged(self._topic, self.received_ns, error) from error
+            raise self._bag.damaged(self._row.topic, self._row.received_ns, error) from error
 
 
 def observations(bag: Bag, topics: Mapping[str, str]) -> Iterator[Observation]:
     """
     Yield what was recorded, in the order of its reception, as it reached a node.
 
-    Parameters
-    ----------
-    bag : Bag
-    topics : mapping
-        From topics, which may be missing, to their kind, of `KINDS`.
-
-    Raises
-    ------
-    ConfigurationError
-        The bag is damaged.
+    `topics` are those to read, which may be missing, with their kind. Raises a
+    ConfigurationError where the bag is damaged.
     """
-    for topic, received_ns, message in bag.messages(topics):
+    for row in bag.messages(topics):
         try:
-            stamp_ns = stamp_to_ns(message.header.stamp)
+            stamp_ns = stamp_to_ns(row.message.header.stamp)
         except DAMAGE as error:
-            raise bag.damaged(topic, received_ns, error) from error
-        yield Observation(topics[topic], stamp_ns, received_ns, message, bag, topic)
+            raise bag.damaged(row.topic, row.received_ns, error) from error
+        yield Observation(topics[row.topic], stamp_ns, row, bag)
 
 
-class RecordedPictures:
+class RecordedImages:
     """
-    The pictures of one sensor in a bag, in the order of their reception.
+    The images of one sensor in a bag, in the order of their reception.
 
-    Parameters
-    ----------
-    path : path
-        Folder, `.mcap` or `.db3` file of a rosbag2 recording.
-    namespace : str, optional
-        Of the sensor; may be left out where there is one.
-
-    Raises
-    ------
-    ConfigurationError
-        The bag or a message in it is damaged, it has no pictures, those of several sensors, or
-        of arrays that differ.
+    The namespace of the sensor may be left out where there is one. ConfigurationError where the
+    bag or a message in it is damaged, it has no images, those of several sensors, or of arrays
+    that differ.
     """
 
     def __init__(self, path: str | PathLike, namespace: str | None = None):
@@ -128,40 +72,51 @@ class RecordedPictures:
         with Bag(path) as bag:
             self._topic = bag.namespace_of({'image': TYPES['image']}, namespace) + '/image'
             self.total = bag.count(self._topic)
-        first = next(iter(self._read()), None)
+        first = next(self._read(), None)
         if first is None:
             raise ConfigurationError(f'bag {path}: no picture on {self._topic}')
-        self.array = first.array
+        self.array, self.layer = first.array, first.layers[0]
 
     def __iter__(self) -> Iterator[TactileImage]:
-        for picture in self._read():
-            if picture.array != self.array:
+        for image in self._read():
+            if image.array != self.array:
                 raise ConfigurationError(
                     f'bag {self._path}: pictures on {self._topic} are of {self.array} and of '
-                    f'{picture.array}')
-            yield picture
+                    f'{image.array}')
+            yield image
 
-    def _read(self):
+    def _read(self) -> Iterator[TactileImage]:
         with Bag(self._path) as bag:
             for seen in observations(bag, {self._topic: 'image'}):
                 yield seen.value()
 
 
-class RecordedCounts(RecordedPictures):
+class RecordedCounts(RecordedImages):
     """Likewise, of a driver that passes counts through, with what an ArrayReader has."""
 
-    dtype = np.empty(0, np.float32).dtype
+    dtype = np.dtype(np.float32)
 
     @property
-    def shape(self) -> tuple[int, int, int]:
+    def shape(self) -> tuple[int, ...]:
         """Shape of all frames, (N, rows, columns)."""
         return self.total, *self.array.shape
+
+    @property
+    def signed(self) -> bool:
+        """Whether counts may be below 0: the lowest tells that it is clipped."""
+        return self.layer.floor < 0.0
+
+    @property
+    def bits(self) -> int | None:
+        """Bits that hold the counts up to full scale; None where it is not told."""
+        full = self.layer.full_scale
+        return int(full).bit_length() + self.signed if full >= 1.0 and full % 1.0 == 0 else None
 
     def chunks(self, rows: int) -> Iterator[np.ndarray]:
         """Yield frames of counts, (n, rows, columns), n at most `rows`."""
         frames = []
-        for picture in self:
-            frames.append(picture.raw_counts()[0])
+        for image in self:
+            frames.append(image.raw_counts()[0])
             if len(frames) == rows:
                 yield np.array(frames)
                 frames.clear()

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from tactile_sensing.half_space import line, point
+from tactile_sensing.thesis import line, point
 
 
 def point_average_jacobian(component: str, x: np.ndarray, y: np.ndarray, a: float, b: float,

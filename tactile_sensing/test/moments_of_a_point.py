@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from tactile_sensing.half_space import point
+from tactile_sensing.thesis import point
 from tactile_sensing.types.moments import Moments
 
 

@@ -3,7 +3,6 @@ from averages_over_tactels import line_average
 import numpy as np
 import pytest
 
-from tactile_sensing.half_space import point
 from tactile_sensing.skin.bumps import (
     add_rows,
     BASE,
@@ -20,6 +19,7 @@ from tactile_sensing.skin.bumps import (
     WIDTH,
 )
 from tactile_sensing.skin.pad import pad_of
+from tactile_sensing.thesis import point
 from tactile_sensing.types.array import TactelArray
 
 ARRAY, DEPTH = TactelArray(12, 16, 1.6e-3, 1.4e-3), 2e-3

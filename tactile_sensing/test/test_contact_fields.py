@@ -6,7 +6,7 @@ import pytest
 
 from tactile_msgs.msg import Contact as ContactMsg
 from tactile_sensing.contact.estimator import ContactEstimator
-from tactile_sensing.half_space import line
+from tactile_sensing.thesis import line
 from tactile_sensing.types.array import TactelArray
 from tactile_sensing.types.contact import (
     COLUMNS,

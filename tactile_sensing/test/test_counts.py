@@ -8,7 +8,7 @@ from tactile_sensing.devices.calibration import Calibration
 from tactile_sensing.devices.calibration_file import load_calibration, save_calibration
 from tactile_sensing.devices.counts import Counts
 from tactile_sensing.devices.unloaded import unloaded_statistics
-from tactile_sensing.half_space import line, point
+from tactile_sensing.thesis import line, point
 from tactile_sensing.types.array import TactelArray
 from tactile_sensing.types.contact import ContactType, Reason
 from tactile_sensing.types.image import TactileImage

@@ -10,7 +10,7 @@ from tactile_sensing.dome.geometry import contact_frame, Dome
 from tactile_sensing.dome.half_space import HalfSpaceDome
 from tactile_sensing.dome.operator_cache import operator_for
 from tactile_sensing.dome.skin import SkinConfig
-from tactile_sensing.half_space import point
+from tactile_sensing.thesis import point
 from tactile_sensing.types.array import TactelArray
 
 PITCH = 0.0254 / 16

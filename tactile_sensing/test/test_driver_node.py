@@ -138,6 +138,11 @@ class Graph:
         return answer.result()
 
 
+@pytest.fixture(autouse=True)
+def reports_come_soon(monkeypatch):
+    monkeypatch.setattr('tactile_common.ros.node.DIAGNOSTICS_PERIOD', 0.2)
+
+
 @pytest.fixture
 def context():
     context = rclpy.Context()

@@ -75,6 +75,11 @@ class Bench:
         assert not [it for it in threading.enumerate() if it.name == 'tactile driver']
 
 
+@pytest.fixture(autouse=True)
+def reports_come_soon(monkeypatch):
+    monkeypatch.setattr('tactile_common.ros.node.DIAGNOSTICS_PERIOD', 0.2)
+
+
 VALUES = np.arange(12).reshape(SHAPE) * 10
 
 

@@ -11,7 +11,7 @@ import pytest
 
 from tactile_sensing.cli import estimate, estimate_options, estimate_sources
 from tactile_sensing.contact.estimator import ContactEstimator, EstimatorConfig
-from tactile_sensing.half_space import line
+from tactile_sensing.thesis import line
 from tactile_sensing.types.array import TactelArray
 from tactile_sensing.types.contact import ContactType, Reason
 from tactile_sensing.types.image import Layer, TactileImage

@@ -5,7 +5,7 @@ import pytest
 
 from tactile_common.errors import ConfigurationError
 from tactile_sensing.contact.estimator import ContactEstimator, EstimatorConfig
-from tactile_sensing.half_space import line, point
+from tactile_sensing.thesis import line, point
 from tactile_sensing.types.array import TactelArray
 from tactile_sensing.types.contact import ContactType, line_offsets, Reason
 from tactile_sensing.types.image import Layer, TactileImage

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from scipy.integrate import dblquad, quad
 
-from tactile_sensing.half_space import line
 from tactile_sensing.image import image_moments
+from tactile_sensing.thesis import line
 from tactile_sensing.thesis.line_moments import line_from_moments
 from tactile_sensing.types.array import TactelArray
 from tactile_sensing.types.moments import Moments

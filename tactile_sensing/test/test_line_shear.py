@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 from scipy.integrate import dblquad, quad
 
-from tactile_sensing.half_space import line, point
+from tactile_sensing.thesis import line, point
 
 DEPTH = 0.002
 PARAMETERS = np.array([0.0008, 0.3, 190.0, 55.0])

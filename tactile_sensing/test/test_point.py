@@ -7,8 +7,8 @@ import pytest
 from scipy.integrate import dblquad
 
 from tactile_common.errors import ConfigurationError
-from tactile_sensing.half_space import point
 from tactile_sensing.image import image_moments
+from tactile_sensing.thesis import point
 from tactile_sensing.types.array import TactelArray
 from tactile_sensing.types.moments import Moments
 

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from tactile_common.errors import ConfigurationError
-from tactile_sensing.half_space import point
+from tactile_sensing.thesis import point
 from tactile_sensing.thesis.compensation import compensated, compensation_factors
 from tactile_sensing.thesis.point_moments import (
     basic,

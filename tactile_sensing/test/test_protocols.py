@@ -33,7 +33,7 @@ class Case:
 
     def device(self):
         device = self.protocol.device(**self.options)
-        device.answer(self.protocol.start(100.0, **self.options))
+        device.answer(self.decoder().start(100.0))
         assert device.running
         return device
 
@@ -301,8 +301,8 @@ def test_crc_and_packets_of_weiss():
         data = bytes.fromhex(text)
         assert weiss.packet(data[3], data[6:]) == data + bytes.fromhex(crc)
     assert weiss.packet(6, dsa=True) == bytes.fromhex('AAAAAA060000')
-    assert weiss.start_wts(100.0)[:-2] == bytes.fromhex('AAAAAA210300000A00')
-    assert weiss.start_dsa(30.0, True)[:-2] == bytes.fromhex('AAAAAA030300811E00')
+    assert weiss.WeissDecoder(4, 6).start(100.0)[:-2] == bytes.fromhex('AAAAAA210300000A00')
+    assert weiss.DsaDecoder(4, 6, rle=True).start(30.0)[:-2] == bytes.fromhex('AAAAAA030300811E00')
 
 
 def test_run_lengths_are_twelve_bits_of_value_and_four_of_how_often():
@@ -311,8 +311,8 @@ def test_run_lengths_are_twelve_bits_of_value_and_four_of_how_often():
 
 
 def test_commands_are_answered_and_refusals_explained():
-    device, decoder = weiss.WeissDevice(), weiss.WeissDecoder(4, 6)
-    commands = weiss.start_wts(100.0, tare='01', threshold=20) + weiss.packet(0x77)
+    device, decoder = weiss.WeissDevice(), weiss.WeissDecoder(4, 6, tare='01', threshold=20)
+    commands = decoder.start(100.0) + weiss.packet(0x77)
     answer = device.answer(commands[:9]) + device.answer(commands[9:])
     decoder.receive_data(answer)
     replies = [decoder.next_event() for _ in range(4)]
@@ -321,7 +321,7 @@ def test_commands_are_answered_and_refusals_explained():
     assert [reply.payload[0] for reply in replies] == [0, 0, 0, weiss.NO_COMMAND]
     assert '0x77 with status 4' in decoder.explain()
     assert device.running
-    device.answer(weiss.stop_wts(100.0))
+    device.answer(decoder.stop())
     assert not device.running
     device.encode(np.eye(2, dtype=np.uint16))
     frame, = frames_of(weiss.WeissDecoder(2, 2), device.answer(weiss.packet(weiss.SINGLE)))

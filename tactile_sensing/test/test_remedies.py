@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from tactile_sensing.contact.estimator import ContactEstimator, EstimatorConfig
-from tactile_sensing.half_space import line, point
+from tactile_sensing.thesis import line, point
 from tactile_sensing.types.array import TactelArray
 from tactile_sensing.types.contact import Reason
 from tactile_sensing.types.image import Layer

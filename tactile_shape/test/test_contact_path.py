@@ -6,7 +6,7 @@ import pytest
 from scipy.spatial.transform import Rotation, Slerp
 
 from tactile_common.state_buffer import PoseBuffer
-from tactile_sensing.half_space.line import pressure as line_pressure
+from tactile_sensing.thesis.line import pressure as line_pressure
 from tactile_sensing.types.array import TactelArray
 from tactile_sensing.types.contact import Contact, ContactType, Reason
 from tactile_sensing.types.image import Layer, TactileImage

@@ -7,7 +7,7 @@ from hypothesis.extra import numpy as npst
 import numpy as np
 import pytest
 
-from tactile_sensing.half_space.point import stress as point_stress
+from tactile_sensing.thesis.point import stress as point_stress
 from tactile_sensing.types.array import TactelArray
 from tactile_sensing.types.image import Layer, TactileImage
 from tactile_shape.contour.edge_point import edge_point

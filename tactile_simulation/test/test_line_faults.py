@@ -19,8 +19,8 @@ def test_a_fault_that_ends(protocol, fault):
     row, options = protocol_named(protocol), options_of(protocol, CHECKED.get(protocol, ''))
     shape, rng = row.shape or (8, 8), np.random.default_rng(3)
     device, faults, none = row.device(**options), LineFaults.from_text(fault), LineFaults()
-    device.answer(row.start(RATE, **options))
     decoder = row.decoder(*shape, np.uint8, **options)
+    device.answer(decoder.start(RATE))
     clock, sent, got = FrameClock(decoder, RATE), {}, []
     clock.receive(device.preamble, 0)
     for k in range(600):

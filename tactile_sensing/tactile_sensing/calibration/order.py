@@ -4,7 +4,7 @@ import numpy as np
 
 from tactile_common.errors import ConfigurationError
 
-#: Where the corners are pressed in turn: at the picture's (row, column), 0 the first, 1 the last.
+#: Where the corners are pressed in turn: at the image's (row, column), 0 the first, 1 the last.
 CORNERS = ((0, 0), (0, 1), (1, 1), (1, 0))
 
 
@@ -12,13 +12,9 @@ def seriate(activity: np.ndarray) -> np.ndarray:
     """
     Order of lines that a rolling press loads one after the other, up to its direction.
 
-    Lines that are loaded at the same time are neighbours: the order is that of the second
-    eigenvector of the Laplacian of their correlations (Fiedler).
-
-    Parameters
-    ----------
-    activity : ndarray, shape (frames, lines)
-        Load on every line.
+    `activity` is the load on every line, (frames, lines). Lines that are loaded at the same time
+    are neighbours: the order is that of the second eigenvector of the Laplacian of their
+    correlations (Fiedler).
     """
     similarity = np.nan_to_num(np.corrcoef(np.sqrt(np.maximum(activity, 0.0)).T))
     similarity = np.maximum(similarity, 0.0)**2
@@ -32,53 +28,32 @@ def seriate(activity: np.ndarray) -> np.ndarray:
 def solve_order(corners: np.ndarray, rolling: np.ndarray | None,
                 shape: tuple[int, int]) -> tuple[tuple, tuple, bool]:
     """
-    Find how raw lines lie in the picture.
+    Find `row_order`, `column_order` and `transposed` of `Calibration`: how raw lines lie.
 
-    Parameters
-    ----------
-    corners : ndarray, shape (4, raw rows, raw columns)
-        Presses in the corners of the picture, in the order of CORNERS.
-    rolling : ndarray, shape (N, raw rows, raw columns), optional
-        A ball rolled all over the pad; needed where raw lines are scrambled.
-    shape : tuple
-        Rows and columns of the picture.
-
-    Returns
-    -------
-    row_order, column_order : tuple of int
-    transposed : bool
-        As of `Calibration`.
-
-    Raises
-    ------
-    ConfigurationError
-        The presses contradict every order.
+    Frames (N, raw rows, raw columns) show presses in the corners of the image, whose shape is
+    (rows, columns), in the order of CORNERS, and where raw lines are scrambled, a ball rolled all
+    over the pad. ConfigurationError where the presses contradict every order.
     """
     transposed = corners.shape[1:] != tuple(shape)
     peaks = [np.unravel_index(image.argmax(), image.shape) for image in corners]
-    # Along a row of the picture, from the first to the second corner, the row stays the same.
+    # Along a row of the image, from the first to the second corner, the row stays the same.
     same_row = abs(peaks[0][0] - peaks[1][0]) + abs(peaks[2][0] - peaks[3][0])
     same_column = abs(peaks[0][1] - peaks[1][1]) + abs(peaks[2][1] - peaks[3][1])
     if shape[0] == shape[1]:
-        transposed = same_column < same_row
+        transposed = bool(same_column < same_row)
     if transposed:
-        corners = np.swapaxes(corners, 1, 2)
         rolling = None if rolling is None else np.swapaxes(rolling, 1, 2)
         peaks = [peak[::-1] for peak in peaks]
     orders = []
     for axis, size in enumerate(shape):
-        order = np.arange(size)
-        if rolling is not None:
-            order = seriate(rolling.sum(axis=2 - axis))
+        order = np.arange(size) if rolling is None else seriate(rolling.sum(axis=2 - axis))
         rank = np.argsort(order)
-        at = {0: [], 1: []}
-        for corner, peak in zip(CORNERS, peaks, strict=True):
-            at[corner[axis]].append(rank[peak[axis]])
-        first, last = np.mean(at[0]), np.mean(at[1])
+        first, last = (np.mean([rank[peak[axis]] for corner, peak in zip(
+            CORNERS, peaks, strict=True) if corner[axis] == side]) for side in (0, 1))
         if abs(last - first) < 0.5 * size:
             raise ConfigurationError(
                 f'corners: {("rows", "columns")[axis]} of the corners are only '
                 f'{abs(last - first):.0f} of {size} apart: the order of lines is another; give a '
                 'rolling press')
         orders.append(tuple((order if last > first else order[::-1]).tolist()))
-    return orders[0], orders[1], bool(transposed)
+    return orders[0], orders[1], transposed

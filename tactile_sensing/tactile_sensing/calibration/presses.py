@@ -1,6 +1,6 @@
 """Presses of a small ball: counts above those of the unloaded pad, good ones and bad."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -17,7 +17,7 @@ MOST = 120  # presses that are used; more of them cost time and tell little
 @dataclass(frozen=True, eq=False)
 class Presses:
     """
-    Pictures that each show one press: a frame, or the mean of those while it was held.
+    Images that each show one press: a frame, or the mean of those while it was held.
 
     What a tactel reports at or below the floor is only known to be below it. NaN is no value.
     """
@@ -31,21 +31,16 @@ class Presses:
     def __len__(self) -> int:
         return len(self.values)
 
-    def scaled(self, factor: np.ndarray) -> 'Presses':
-        """Return the presses with every tactel (rows, columns) multiplied."""
-        return Presses(self.array, self.values * factor, self.noise * factor,
-                       self.floor * factor, self.number)
-
     def joined(self, other: 'Presses') -> 'Presses':
         """Return these and other presses of the same array."""
-        return Presses(self.array, np.concatenate([self.values, other.values]),
-                       np.concatenate([self.noise, other.noise]), self.floor,
-                       np.concatenate([self.number, other.number]))
+        return replace(self, **{
+            name: np.concatenate([getattr(self, name), getattr(other, name)])
+            for name in ('values', 'noise', 'number')})
 
     def only(self, chosen: np.ndarray) -> 'Presses':
         """Return the presses that are chosen."""
-        return Presses(
-            self.array, self.values[chosen], self.noise[chosen], self.floor, self.number[chosen])
+        return replace(self, **{
+            name: getattr(self, name)[chosen] for name in ('values', 'noise', 'number')})
 
     def averaged(self) -> 'Presses':
         """Return the presses with frames in turn that differ by noise alone as one."""
@@ -59,11 +54,11 @@ class Presses:
         return Presses(self.array, values, noise, self.floor,
                        self.number[[group[0] for group in groups]])
 
-    def _is_like(self, i, group):
+    def _is_like(self, i: int, group: list[int]) -> bool:
         off = (self.values[i] - self.values[group].mean(axis=0)) / self.noise[i]
         return np.nanmean(off**2) < HELD * (1.0 + 1.0 / len(group))
 
-    def _mean(self, group):
+    def _mean(self, group: list[int]) -> tuple[np.ndarray, np.ndarray]:
         """Mean of some frames and its noise; what hides in some of them alone tells nothing."""
         values = self.values[group]
         hidden = values <= self.floor
@@ -73,26 +68,14 @@ class Presses:
 
 def sort_presses(presses: Presses, saturated: np.ndarray) -> tuple[Presses, dict[int, str]]:
     """
-    Return the presses that tell something of the skin, and why not the others.
+    Return the presses that tell something of the skin, and why not the others, by their numbers.
 
-    Parameters
-    ----------
-    presses : Presses
-        One for every frame.
-    saturated : ndarray, shape (N,)
-        How many tactels of each are at full scale.
-
-    Returns
-    -------
-    good : Presses
-        At most MOST of them, spread over the pad; those that were held are averaged.
-    bad : dict
-        From the number of a frame to what is wrong with it.
+    Of every frame is told how many tactels are at full scale, (N,). The good ones are at most
+    MOST, spread over the pad; those that were held are averaged.
     """
     bad, good = {}, []
     for i, values in enumerate(presses.values):
-        peak = np.unravel_index(_peak(values), values.shape)
-        reason = why_not(values, peak, presses.noise[i], presses.array, int(saturated[i]))
+        reason = why_not(values, presses.noise[i], presses.array, int(saturated[i]))
         if reason:
             bad[int(presses.number[i])] = reason
         else:
@@ -100,39 +83,31 @@ def sort_presses(presses: Presses, saturated: np.ndarray) -> tuple[Presses, dict
     if not good:
         return presses.only(np.zeros(0, int)), bad
     presses = presses.only(np.array(good)).averaged()
-    peaks = [_peak(values) for values in presses.values]
+    peaks = [highest(values) for values in presses.values]
     # In turns over the tactels that were pressed, so that none of them crowds out the others.
-    _, place, count = np.unique(peaks, return_inverse=True, return_counts=True)
+    _, place, count = np.unique(peaks, axis=0, return_inverse=True, return_counts=True)
     turn = np.zeros(len(peaks), int)
     for k in range(len(count)):
-        turn[place == k] = np.arange(count[k])
+        turn[place.ravel() == k] = np.arange(count[k])
     order = np.argsort(turn, kind='stable')[:MOST]
     return presses.only(np.sort(order)), bad
 
 
-def _peak(values):
-    """Index of the highest tactel."""
-    return int(np.nan_to_num(values, nan=-np.inf).argmax())
+def highest(values: np.ndarray) -> tuple:
+    """Row and column of the highest tactel."""
+    return np.unravel_index(np.nan_to_num(values, nan=-np.inf).argmax(), values.shape)
 
 
-def why_not(values: np.ndarray, peak: tuple, noise: np.ndarray, array: TactelArray,
-            saturated: int) -> str:
+def why_not(values: np.ndarray, noise: np.ndarray, array: TactelArray, saturated: int) -> str:
     """
     Return what is wrong with a press of a ball; an empty text where nothing is.
 
-    Parameters
-    ----------
-    values, noise : ndarray, shape (rows, columns)
-        Counts above those of the unloaded pad.
-    peak : tuple
-        Row and column of the highest.
-    array : TactelArray
-    saturated : int
-        How many tactels are at full scale.
+    Counts above those of the unloaded pad and their noise have the shape (rows, columns); so many
+    tactels are at full scale.
     """
-    row, column = peak
-    highest = values[row, column]
-    if not highest > LEAST_PEAK * noise[row, column]:
+    row, column = highest(values)
+    peak = values[row, column]
+    if not peak > LEAST_PEAK * noise[row, column]:
         return 'nothing presses, or too lightly'
     if saturated:
         return f'{saturated} tactels are at full scale: press more lightly'
@@ -142,6 +117,6 @@ def why_not(values: np.ndarray, peak: tuple, noise: np.ndarray, array: TactelArr
     around = np.hypot((array.x - array.x[column])[None], (array.y - array.y[row])[:, None])
     far = around > 5.0 * max(array.pitch_x, array.pitch_y)
     elsewhere = np.where(far, np.nan_to_num(values, nan=0.0), 0.0)
-    if elsewhere.max() > max(SECOND * highest, LEAST_PEAK * noise.max()):
+    if elsewhere.max() > max(SECOND * peak, LEAST_PEAK * noise.max()):
         return 'something presses elsewhere as well'
     return ''

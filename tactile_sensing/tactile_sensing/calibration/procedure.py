@@ -3,6 +3,7 @@
 from collections.abc import Callable
 from dataclasses import dataclass, field
 import math
+from typing import Any
 
 import numpy as np
 
@@ -14,6 +15,7 @@ from tactile_sensing.calibration.skin_fit import edge_force_std, Fit, fit_presse
 from tactile_sensing.calibration.unloaded import range_of, survey, Tactels
 from tactile_sensing.calibration.verdict import doubts
 from tactile_sensing.devices.calibration import Calibration
+from tactile_sensing.devices.unloaded import QUANTISATION
 from tactile_sensing.types.array import TactelArray
 from tactile_sensing.types.skin import Skin
 
@@ -39,6 +41,11 @@ class Recordings:
     force: np.ndarray | None = None  # (N,) of the ball's frames, or one for all
     flat: np.ndarray | None = None
 
+    @property
+    def loaded(self) -> list[np.ndarray]:
+        """Frames under load."""
+        return [it for it in (self.ball, self.flat, self.corners, self.rolling) if it is not None]
+
 
 @dataclass
 class Known:
@@ -54,13 +61,7 @@ class Known:
     poisson: float | None = None
     gain: float = 0.0  # [Pa/count]
     tactel: str = 'area'
-    transposed: bool = False
     resolution: float = 1.0  # of a count, in the unit of the recordings
-
-    @property
-    def usual_poisson(self) -> float:
-        """Poisson's ratio, where nobody knows it that of a soft skin."""
-        return ASSUMED_POISSON if self.poisson is None else self.poisson
 
 
 @dataclass
@@ -68,11 +69,11 @@ class Outcome:
     """A calibration, and what a report draws."""
 
     calibration: Calibration
-    left_out: dict[str, dict[int, str]] = field(default_factory=dict)
-    tactels: Tactels | None = None
-    presses: Presses | None = None
-    skin: Fit | None = None
-    doubts: list[str] = field(default_factory=list)  # why not to trust it
+    left_out: dict[str, dict[int, str]]
+    tactels: Tactels | None
+    presses: Presses | None
+    skin: Fit | None
+    doubts: list[str]  # why not to trust it
 
 
 def calibrate(recordings: Recordings, known: Known,
@@ -85,8 +86,8 @@ def calibrate(recordings: Recordings, known: Known,
     ConfigurationError
         Recordings contradict each other, or tell too little.
     """
-    given = [it for it in (recordings.unloaded, recordings.ball, recordings.flat,
-                           recordings.corners, recordings.rolling) if it is not None]
+    loaded, unloaded = recordings.loaded, recordings.unloaded
+    given = loaded if unloaded is None else [unloaded, *loaded]
     if not given:
         raise ConfigurationError('no recordings: give at least one of --unloaded, --ball, --flat')
     raw_shape = given[0].shape[1:]
@@ -94,194 +95,210 @@ def calibrate(recordings: Recordings, known: Known,
         if frames.shape[1:] != raw_shape:
             raise ConfigurationError(f'recordings have frames of {raw_shape[0]} x {raw_shape[1]} '
                                      f'and of {frames.shape[1]} x {frames.shape[2]} tactels')
-    if known.bits is None and all(it is None for it in (
-            recordings.ball, recordings.flat, recordings.corners, recordings.rolling)):
+    if known.bits is None and not loaded:
         raise ConfigurationError('--bits is missing: frames of the unloaded pad do not show the '
                                  'range of its converter')
     tell('range and noise')
-    found: dict = {}
-    counts, assumed = range_of(given, known.bits, known.signed, known.threshold)
-    values: dict = {'bits': counts.bits, 'signed': counts.signed, 'threshold': counts.threshold,
-                    'saturation': known.saturation or counts.saturation, 'tactel': known.tactel,
-                    'resolution': known.resolution,
-                    'dead_tactels': ()}
-    values |= _order(recordings, known, raw_shape, found, assumed)
-    transposed = values.pop('_transposed')
-    shape = raw_shape[::-1] if transposed else raw_shape
-    (rows, columns), (pitch_x, pitch_y) = shape, known.pitch
-    array = TactelArray(rows, columns, pitch_x, pitch_y)
-    draft = Calibration(array, unit='counts', depth=min(known.pitch), transposed=transposed,
-                        **values)
-    outcome = Outcome(draft)
-    values |= _unloaded(recordings, draft, outcome, found, assumed)
-    draft = Calibration(array, unit='counts', depth=min(known.pitch), transposed=transposed,
-                        **values)
-    values |= {'unit': 'counts', 'depth': known.depth or min(known.pitch),
-               'thickness': known.thickness, 'poisson': known.usual_poisson}
-    if not known.depth:
-        assumed.append('tactels one pitch below the surface, as no ball says it')
-    if known.gain:
-        values |= {'unit': 'Pa', 'gain': known.gain}
-    if recordings.ball is not None or recordings.flat is not None:
-        values |= _skin(recordings, known, draft, outcome, found, assumed, tell)
-    if not known.gain and recordings.force is None:
-        assumed.append('no force is known: places, yaw and type can be told, forces cannot')
-    found['assumed'] = assumed
-    outcome.doubts = doubts(outcome.skin, recordings.ball_radius, len(values['dead_tactels']) / (
-        rows * columns))
-    if outcome.doubts:
-        found['doubtful'] = outcome.doubts
-    outcome.calibration = Calibration(array, transposed=transposed, model='calibrated',
-                                      source='calibrate', found=found, **values)
-    return outcome
-
-
-def _order(recordings, known, raw_shape, found, assumed):
-    if recordings.corners is None:
-        assumed.append('rows and columns as they come')
-        return {'_transposed': known.transposed}
-    if len(recordings.corners) != 4:
-        raise ConfigurationError(f'corners: {len(recordings.corners)} frames, must be 4: of the '
-                                 'first row and column, then round by the first row')
-    shape = raw_shape[::-1] if known.transposed else raw_shape
-    base = np.median(recordings.unloaded, axis=0) if recordings.unloaded is not None else 0.0
-    rolling = None if recordings.rolling is None else recordings.rolling - base
-    rows, columns, transposed = solve_order(recordings.corners - base, rolling, shape)
-    plain = (rows, columns, transposed) == (tuple(range(shape[0])), tuple(range(shape[1])), False)
-    found['order'] = 'as they come, by the corners' if plain else (
-        'turned, mirrored or sorted by corners' + ' and a rolling press' * (rolling is not None))
-    return {'row_order': rows, 'column_order': columns, '_transposed': transposed} if not plain \
-        else {'_transposed': False}
-
-
-def _unloaded(recordings, draft, outcome, found, assumed):
-    if recordings.unloaded is None:
-        assumed.append('a baseline of 0 and a noise of one count: no frames without load')
-        return {'noise': 1.0}
-    if len(recordings.unloaded) < FEWEST_UNLOADED:
-        raise ConfigurationError(f'unloaded: {len(recordings.unloaded)} frames, at least '
-                                 f'{FEWEST_UNLOADED} are needed')
-    loaded = [draft.arrange(it) for it in (recordings.ball, recordings.flat, recordings.rolling)
-              if it is not None]
-    tactels = survey(draft.arrange(recordings.unloaded), draft.counts, loaded)
-    outcome.tactels = tactels
-    columns = draft.array.columns
-    usual = np.sqrt(np.mean(tactels.noise**2))
-    found['unloaded'] = {
-        'frames': len(recordings.unloaded), 'noise': _short(usual), 'step': tactels.step,
-        'drift': _short(tactels.drift),
-        'dead': {f'{row},{column}': why for (row, column), why in tactels.dead.items()},
-        'not_loaded': int(tactels.unloaded.sum())}
-    # One frame of an unloaded pad may be that far off by chance.
-    return {'baseline': np.clip(tactels.offset, draft.counts.lowest, draft.counts.saturation - 1),
-            'noise': tactels.noise,
-            'dead_tactels': tuple(sorted(row * columns + column for row, column in tactels.dead))}
-
-
-def _presses(frames, calibration, force=None):
-    """Frames as presses, and how many tactels of each are at full scale."""
-    arranged = calibration.arrange(np.asarray(frames, dtype=np.float64))
-    full = (arranged >= calibration.counts.saturation) & calibration.live
-    noise = np.maximum(calibration.noise.astype(float), 12**-0.5)
-    noise = np.broadcast_to(noise, arranged.shape)
-    values = np.where(calibration.live & ~full, arranged - calibration.baseline, np.nan)
-    floor = calibration.counts.threshold - 0.5 - calibration.baseline.astype(float)
-    number = np.arange(len(values))
-    return Presses(calibration.array, values, noise, floor, number), full.sum((1, 2))
-
-
-def _sorted(name, frames, calibration, outcome):
-    presses, saturated = _presses(frames, calibration)
-    good, bad = sort_presses(presses, saturated)
-    outcome.left_out[name] = bad
-    if len(good) < FEWEST_PRESSES:
-        why = '; '.join(f'frame {k}: {text}' for k, text in list(bad.items())[:3])
-        raise ConfigurationError(
-            f'{name}: only {len(frames) - len(bad)} of {len(frames)} frames show one press, '
-            f'{len(good)} different ones, at least {FEWEST_PRESSES} are needed ({why})')
-    return good
-
-
-def _skin(recordings, known, draft, outcome, found, assumed, tell):
-    """Skin, gain and flat field from presses of the ball."""
-    if not recordings.ball_radius > 0.0:
-        raise ConfigurationError('--ball-radius is missing')
-    parts = {name: _sorted(name, frames, draft, outcome) for name, frames in (
-        ('ball', recordings.ball), ('flat', recordings.flat)) if frames is not None}
-    presses, *more = parts.values()
-    for other in more:
-        presses = presses.joined(other)
-    source = np.repeat(np.arange(len(parts)), [len(part) for part in parts.values()])
-    if recordings.unloaded is None:
-        _check_unloaded(presses)
-        offset_std = np.maximum(draft.noise, 12**-0.5)
+    procedure = _Procedure(recordings, known, tell)
+    procedure.find_range(given)
+    procedure.find_order((raw_shape[0], raw_shape[1]))
+    if unloaded is None:
+        procedure.assumed.append(
+            'a baseline of 0 and a noise of one count: no frames without load')
+        procedure.values['noise'] = 1.0
     else:
-        offset_std = np.maximum(draft.noise, 12**-0.5) / len(recordings.unloaded)**0.5
-    told = np.ones(len(presses))
-    forced = recordings.force is not None and recordings.ball is not None
-    if forced:
-        told[source == 0] = _force(recordings)[presses.number[source == 0]]
-    given = Skin(known.depth, known.thickness or math.inf,
-                 known.usual_poisson) if known.depth else None
+        procedure.survey_unloaded(unloaded)
+    if not known.depth:
+        procedure.assumed.append('tactels one pitch below the surface, as no ball says it')
+    if recordings.ball is not None or recordings.flat is not None:
+        procedure.find_skin()
+    return procedure.outcome()
 
-    def fit(chosen):
-        tell(f'skin and gains from {chosen.sum()} presses')
-        return fit_presses(presses.only(chosen), recordings.ball_radius,
-                           area=known.tactel == 'area', known=given, poisson=known.poisson,
-                           told=told[chosen], source=source[chosen], offset_std=offset_std)
-    chosen = np.ones(len(presses), bool)
-    skin = fit(chosen)
-    bad = skin.misfit > UNLIKE * np.median(skin.misfit)
-    if bad.any() and len(np.unique(skin.groups[~bad])) >= FEWEST_PRESSES:
-        for k, number in zip(source[bad], presses.number[bad], strict=True):
-            outcome.left_out[list(parts)[k]][
-                int(number)] = 'unlike the others: no ball, or it moved'
-        chosen = ~bad
+
+@dataclass
+class _Procedure:
+    """Fields of the calibration, as far as they are known."""
+
+    recordings: Recordings
+    known: Known
+    tell: Callable[[str], None]
+    values: dict[str, Any] = field(default_factory=dict)
+    found: dict[str, Any] = field(default_factory=dict)
+    assumed: list[str] = field(default_factory=list)
+    left_out: dict[str, dict[int, str]] = field(default_factory=dict)
+    tactels: Tactels | None = None
+    presses: Presses | None = None
+    skin: Fit | None = None
+
+    def find_range(self, given: list[np.ndarray]) -> None:
+        """Counts and, as far as they are told, skin and gain."""
+        known = self.known
+        counts, self.assumed = range_of(given, known.bits, known.signed, known.threshold)
+        self.values = {
+            'bits': counts.bits, 'signed': counts.signed, 'threshold': counts.threshold,
+            'saturation': known.saturation or counts.saturation, 'tactel': known.tactel,
+            'resolution': known.resolution, 'depth': known.depth or min(known.pitch),
+            'thickness': known.thickness,
+            'poisson': ASSUMED_POISSON if known.poisson is None else known.poisson}
+        self.values |= {'gain': known.gain} if known.gain else {'unit': 'counts'}
+
+    def find_order(self, raw_shape: tuple[int, int]) -> None:
+        """Order and size of the image."""
+        corners, rolling = self.recordings.corners, self.recordings.rolling
+        transposed = False
+        if corners is None:
+            self.assumed.append('rows and columns as they come')
+        elif len(corners) != 4:
+            raise ConfigurationError(f'corners: {len(corners)} frames, must be 4: of the first '
+                                     'row and column, then round by the first row')
+        else:
+            unloaded = self.recordings.unloaded
+            base = 0.0 if unloaded is None else np.median(unloaded, axis=0)
+            row_order, column_order, transposed = solve_order(
+                corners - base, None if rolling is None else rolling - base, raw_shape)
+            plain = not transposed and all(
+                order == tuple(range(size)) for order, size in zip(
+                    (row_order, column_order), raw_shape, strict=True))
+            self.found['order'] = 'as they come, by the corners' if plain else (
+                'turned, mirrored or sorted by corners' + ' and a rolling press' * (
+                    rolling is not None))
+            if not plain:
+                self.values |= {'row_order': row_order, 'column_order': column_order}
+        rows, columns = raw_shape[::-1] if transposed else raw_shape
+        self.values |= {'array': TactelArray(rows, columns, *self.known.pitch),
+                        'transposed': transposed}
+
+    def survey_unloaded(self, unloaded: np.ndarray) -> None:
+        """Baseline, noise and dead tactels."""
+        if len(unloaded) < FEWEST_UNLOADED:
+            raise ConfigurationError(f'unloaded: {len(unloaded)} frames, at least '
+                                     f'{FEWEST_UNLOADED} are needed')
+        recordings, draft = self.recordings, Calibration(**self.values)
+        # Fingers in the corners may slip beside the tactels.
+        self.tactels = tactels = survey(draft.arrange(unloaded), draft.counts, [
+            draft.arrange(it) for it in (recordings.ball, recordings.flat, recordings.rolling)
+            if it is not None])
+        self.found['unloaded'] = {
+            'frames': len(unloaded), 'noise': _short(np.sqrt(np.mean(tactels.noise**2))),
+            'step': tactels.step, 'drift': _short(tactels.drift),
+            'dead': {f'{row},{column}': why for (row, column), why in tactels.dead.items()},
+            'not_loaded': int(tactels.unloaded.sum())}
+        # One frame of an unloaded pad may be that far off by chance.
+        self.values |= {
+            'baseline': np.clip(tactels.offset, draft.counts.lowest, draft.counts.saturation - 1),
+            'noise': tactels.noise, 'dead_tactels': tuple(sorted(
+                row * draft.array.columns + column for row, column in tactels.dead))}
+
+    def find_skin(self) -> None:
+        """Skin, gain and flat field from presses of the ball."""
+        recordings, known = self.recordings, self.known
+        if not recordings.ball_radius > 0.0:
+            raise ConfigurationError('--ball-radius is missing')
+        draft = Calibration(**self.values)
+        parts = {name: self._sorted(name, frames, draft) for name, frames in (
+            ('ball', recordings.ball), ('flat', recordings.flat)) if frames is not None}
+        presses, *more = parts.values()
+        for other in more:
+            presses = presses.joined(other)
+        source = np.repeat(np.arange(len(parts)), [len(part) for part in parts.values()])
+        offset_std = np.maximum(draft.noise, QUANTISATION**0.5)
+        if recordings.unloaded is None:
+            _check_unloaded(presses)
+        else:
+            offset_std = offset_std / len(recordings.unloaded)**0.5
+        told = np.ones(len(presses))
+        forced = recordings.force is not None and recordings.ball is not None
+        if forced:
+            of_frames = np.broadcast_to(recordings.force, len(recordings.ball))  # type: ignore
+            told[source == 0] = of_frames[presses.number[source == 0]]
+        given = draft.layer().skin if known.depth else None
+
+        def fit(chosen: np.ndarray) -> Fit:
+            self.tell(f'skin and gains from {chosen.sum()} presses')
+            return fit_presses(presses.only(chosen), recordings.ball_radius,
+                               area=known.tactel == 'area', known=given, poisson=known.poisson,
+                               told=told[chosen], source=source[chosen], offset_std=offset_std)
+        chosen = np.ones(len(presses), bool)
         skin = fit(chosen)
-    presses = presses.only(chosen)
-    if forced and (source[chosen] == 0).sum() < FEWEST_PRESSES:
-        raise ConfigurationError(
-            f'ball: only {(source[chosen] == 0).sum()} presses of known force are like the '
-            f'others, at least {FEWEST_PRESSES} are needed')
-    outcome.presses, outcome.skin = presses, skin
-    return _found_skin(known, given, outcome, draft, forced, found, assumed)
+        bad = skin.misfit > UNLIKE * np.median(skin.misfit)
+        if bad.any() and len(np.unique(skin.groups[~bad])) >= FEWEST_PRESSES:
+            for k, number in zip(source[bad], presses.number[bad], strict=True):
+                self.left_out[list(parts)[k]][
+                    int(number)] = 'unlike the others: no ball, or it moved'
+            chosen = ~bad
+            skin = fit(chosen)
+        of_ball = int((source[chosen] == 0).sum())
+        if forced and of_ball < FEWEST_PRESSES:
+            raise ConfigurationError(
+                f'ball: only {of_ball} presses of known force are like the others, at least '
+                f'{FEWEST_PRESSES} are needed')
+        self.presses, self.skin = presses.only(chosen), skin
+        self._use(skin, given, ~draft.live)
+        if forced and not known.gain:
+            # Counts are those of the ball's level, which is the first source.
+            std = edge_force_std(self.presses, skin, 0, known.tactel == 'area')
+            self.values |= {'gain': skin.gain / skin.level[0], 'unit': 'Pa', 'force_std': std}
+            self.found['force'] = {
+                'presses': self.found['gains']['presses'],
+                'gain': _short(1.0 / skin.level[0]), 'gain_std': _short(skin.level_std)}
 
+    def _sorted(self, name: str, frames: np.ndarray, draft: Calibration) -> Presses:
+        """Frames that each show a press."""
+        arranged = draft.arrange(np.asarray(frames, dtype=np.float64))
+        full = draft.full(arranged)
+        noise = np.broadcast_to(np.maximum(draft.noise, QUANTISATION**0.5), arranged.shape)
+        values = np.where(draft.live & ~full, arranged - draft.baseline, np.nan)
+        floor = draft.counts.threshold - 0.5 - draft.baseline.astype(float)
+        good, bad = sort_presses(
+            Presses(draft.array, values, noise, floor, np.arange(len(values))), full.sum((1, 2)))
+        self.left_out[name] = bad
+        if len(good) < FEWEST_PRESSES:
+            why = '; '.join(f'frame {k}: {text}' for k, text in list(bad.items())[:3])
+            raise ConfigurationError(
+                f'{name}: only {len(frames) - len(bad)} of {len(frames)} frames show one press, '
+                f'{len(good)} different ones, at least {FEWEST_PRESSES} are needed ({why})')
+        return good
 
-def _found_skin(known, given, outcome, draft, forced, found, assumed):
-    """What the fit says of the calibration."""
-    fit, count = outcome.skin, int(outcome.skin.groups[-1]) + 1
-    gain = fit.gain
-    values: dict = {'gain_spread': float(fit.left)}
-    found['gains'] = {'presses': count, 'spread': _short(fit.spread), 'left': _short(fit.left)}
-    if not given:
-        if assumed and assumed[-1].startswith('tactels one pitch'):
-            assumed.pop()
-        values |= {'depth': float(fit.skin.depth), 'poisson': float(fit.skin.poisson),
-                   'thickness': 0.0 if fit.skin.is_half_space else float(fit.skin.thickness)}
-        found['skin'] = {
-            'presses': count, 'depth_std': _short(fit.depth_std),
-            'thickness_std': _short(fit.thickness_std), 'poisson_std': _short(fit.poisson_std),
-            'left_out': _short(fit.scatter), 'patch': _short(fit.patch)}
-        if known.poisson is None:
-            assumed.append(f"a Poisson's ratio of {ASSUMED_POISSON} +- {POISSON_STD}, beside "
-                           'what presses say of it')
-    if fit.dead.any() or not draft.live.all():
-        dead = _with_lines(fit.dead | ~draft.live, outcome.tactels)
+    def _use(self, fit: Fit, given: Skin | None, dead: np.ndarray) -> None:
+        """What the fit says of the calibration."""
+        count, known, found = int(fit.groups[-1]) + 1, self.known, self.found
+        self.values |= {'gain_spread': float(fit.left), 'gain': (known.gain or 1.0) * fit.gain}
+        found['gains'] = {
+            'presses': count, 'spread': _short(fit.spread), 'left': _short(fit.left)}
+        if not given:
+            self.assumed.pop()  # that of the depth
+            thickness = 0.0 if fit.skin.is_half_space else float(fit.skin.thickness)
+            self.values |= {'depth': float(fit.skin.depth), 'poisson': float(fit.skin.poisson),
+                            'thickness': thickness}
+            found['skin'] = {
+                'presses': count, 'depth_std': _short(fit.depth_std),
+                'thickness_std': _short(fit.thickness_std),
+                'poisson_std': _short(fit.poisson_std), 'left_out': _short(fit.scatter),
+                'patch': _short(fit.patch)}
+            if known.poisson is None:
+                self.assumed.append(f"a Poisson's ratio of {ASSUMED_POISSON} +- {POISSON_STD}, "
+                                    'beside what presses say of it')
+        dead = _with_lines(dead | fit.dead, self.tactels)
         for row, column in np.argwhere(dead):
             found.setdefault('unloaded', {}).setdefault('dead', {}).setdefault(
                 f'{row},{column}', 'does not follow the load')
-        values['dead_tactels'] = tuple(np.flatnonzero(dead).tolist())
-    values['gain'] = known.gain * gain if known.gain else gain
-    if forced and not known.gain:
-        # Counts are those of the ball's level, which is the first source.
-        values |= {'gain': gain / fit.level[0], 'unit': 'Pa', 'force_std': edge_force_std(
-            outcome.presses, fit, 0, known.tactel == 'area')}
-        found['force'] = {'presses': count, 'gain': _short(1.0 / fit.level[0]),
-                          'gain_std': _short(fit.level_std(0) / fit.level[0])}
-    return values
+        self.values['dead_tactels'] = tuple(np.flatnonzero(dead).tolist())
+
+    def outcome(self) -> Outcome:
+        """The calibration, and whether to trust it."""
+        if not self.known.gain and self.recordings.force is None:
+            self.assumed.append('no force is known: places, yaw and type can be told, forces '
+                                'cannot')
+        self.found['assumed'] = self.assumed
+        calibration = Calibration(model='calibrated', source='calibrate', found=self.found,
+                                  **self.values)
+        why = doubts(self.skin, self.recordings.ball_radius, float(np.mean(~calibration.live)))
+        if why:
+            self.found['doubtful'] = why
+        return Outcome(calibration, self.left_out, self.tactels, self.presses, self.skin, why)
 
 
-def _check_unloaded(presses):
+def _check_unloaded(presses: Presses) -> None:
     each = presses.values.reshape(len(presses), -1)
     low = float(np.median(np.nanquantile(each, 0.05, axis=1)))
     if low > UNLOADED * np.median(np.nanmax(each, axis=1)):
@@ -289,12 +306,7 @@ def _check_unloaded(presses):
                                  'is missing, frames of the unloaded pad')
 
 
-def _force(recordings):
-    """Of every frame of the ball [N]."""
-    return np.broadcast_to(np.asarray(recordings.force, float), len(recordings.ball))
-
-
-def _with_lines(dead, tactels):
+def _with_lines(dead: np.ndarray, tactels: Tactels | None) -> np.ndarray:
     """Dead tactels, and those of a row or column that is dead as far as it was loaded."""
     if tactels is not None:
         for some, idle in ((dead, tactels.unloaded), (dead.T, tactels.unloaded.T)):
@@ -302,7 +314,7 @@ def _with_lines(dead, tactels):
     return dead
 
 
-def _short(value):
+def _short(value: float) -> float | str:
     """Number of four digits, as a file shows it."""
     value = float(value)
     return float(f'{value:.4g}') if math.isfinite(value) else 'unknown'

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from tactile_common.npz_stream import read_arrays
-from tactile_sensing.calibration.presses import LEAST_PEAK, why_not
+from tactile_sensing.calibration.presses import highest, LEAST_PEAK, why_not
 from tactile_sensing.devices.unloaded import unloaded_statistics
 from tactile_sensing.types.array import TactelArray
 
@@ -63,7 +63,7 @@ class PressCatcher:
         something, else what is wrong with it.
         """
         values = frame - self._offset
-        peak = np.unravel_index(values.argmax(), values.shape)
+        peak = highest(values)
         strength = values[peak] / (LEAST_PEAK * self._noise[peak])
         if strength < (RELEASED if self._taken else 1.0):
             self._recent.clear()
@@ -73,9 +73,9 @@ class PressCatcher:
         if self._taken or len(self._recent) < HELD or not self._rests(values[peak]):
             return None
         self._taken = True
-        return why_not(values, peak, self._noise, self._array, full)
+        return why_not(values, self._noise, self._array, full)
 
-    def _rests(self, peak):
+    def _rests(self, peak: float) -> bool:
         half = HELD // 2
         frames = np.array(self._recent)
         change = np.abs(frames[half:].mean(axis=0) - frames[:half].mean(axis=0))
@@ -83,75 +83,61 @@ class PressCatcher:
         return bool((change < STEADY * peak + by_chance).all())
 
 
+@dataclass
 class Recorder:
     """
     Ask for every recording in turn, and keep it in a folder, press by press.
 
     What is there already stays: an interrupted session goes on where it was.
-
-    Parameters
-    ----------
-    folder : Path
-    array : TactelArray
-    look : callable
-        Returns the next frame [counts], (rows, columns), and how many of it are at full scale.
-    ask : callable
-        Shows a text and returns what the user answers; 's' skips a recording.
-    tell : callable
-        Shows a line.
     """
 
-    def __init__(self, folder: Path, array: TactelArray,
-                 look: Callable[[], tuple[np.ndarray, int]], ask: Callable[[str], str],
-                 tell: Callable[[str], None]):
-        self._folder, self._array, self._look = folder, array, look
-        self._ask, self._tell = ask, tell
+    folder: Path
+    array: TactelArray
+    # The next frame [counts], (rows, columns), and how many of it are at full scale.
+    look: Callable[[], tuple[np.ndarray, int]]
+    ask: Callable[[str], str]  # shows a text and returns the answer; 's' skips a recording
+    tell: Callable[[str], None]  # shows a line
 
     def run(self, steps: tuple[Step, ...] = STEPS) -> None:
         """Record what is missing."""
-        self._folder.mkdir(parents=True, exist_ok=True)
+        self.folder.mkdir(parents=True, exist_ok=True)
         for step in steps:
-            frames = self._there(step)
+            path = self._file(step.name)
+            frames = list(read_arrays(path, ('frames',))['frames']) if path.exists() else []
             if len(frames) >= step.count * step.frames:
-                self._tell(f'{step.name}: {len(frames)} frames are there')
+                self.tell(f'{step.name}: {len(frames)} frames are there')
             elif step.presses and not self._file('unloaded').exists():
-                self._tell(f'{step.name}: needs unloaded')
-            elif self._ask(f'{step.name}: {step.ask} Enter to begin, s to skip: ').strip() != 's':
+                self.tell(f'{step.name}: needs unloaded')
+            elif self.ask(f'{step.name}: {step.ask} Enter to begin, s to skip: ').strip() != 's':
                 (self._presses if step.presses else self._stream)(step, frames)
 
-    def _stream(self, step, frames):
+    def _stream(self, step: Step, frames: list[np.ndarray]) -> None:
         while len(frames) < step.count:
-            frames.append(self._look()[0])
+            frames.append(self.look()[0])
         self._save(step, frames)
-        self._tell(f'{step.name}: {len(frames)} frames')
+        self.tell(f'{step.name}: {len(frames)} frames')
 
-    def _presses(self, step, frames):
+    def _presses(self, step: Step, frames: list[np.ndarray]) -> None:
         catcher = PressCatcher(
-            self._array, read_arrays(self._file('unloaded'), ('frames',))['frames'])
+            self.array, read_arrays(self._file('unloaded'), ('frames',))['frames'])
         last: deque[np.ndarray] = deque(maxlen=step.frames)
         while len(frames) < step.count * step.frames:
-            frame, full = self._look()
+            frame, full = self.look()
             last.append(frame)
             wrong = catcher.see(frame, full)
             if wrong is None:
                 continue
             if wrong and not step.anywhere:
-                self._tell(f'{step.name}: not taken: {wrong}; press again')
+                self.tell(f'{step.name}: not taken: {wrong}; press again')
                 continue
             frames.extend(last)
             self._save(step, frames)
-            self._tell(f'{step.name}: {len(frames) // step.frames} of {step.count}')
+            self.tell(f'{step.name}: {len(frames) // step.frames} of {step.count}')
 
-    def _there(self, step):
-        path = self._file(step.name)
-        if not path.exists():
-            return []
-        return list(read_arrays(path, ('frames',))['frames'])
+    def _file(self, name: str) -> Path:
+        return self.folder / f'{name}.npz'
 
-    def _file(self, name):
-        return self._folder / f'{name}.npz'
-
-    def _save(self, step, frames):
+    def _save(self, step: Step, frames: list[np.ndarray]) -> None:
         """Whole, or as it was: an interruption may come at any time."""
         path = self._file(step.name)
         with open(path.with_suffix('.part'), 'wb') as stream:

@@ -1,12 +1,14 @@
 """Picture of a calibration: noise, gains, and what presses leave before and after."""
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from tactile_sensing.calibration.likelihood import skin_of
+from tactile_sensing.calibration.presses import Presses
 from tactile_sensing.calibration.procedure import Outcome
-from tactile_sensing.calibration.skin_fit import fit_presses
+from tactile_sensing.calibration.skin_fit import Fit, fit_presses
 from tactile_sensing.calibration.verdict import verdict
 from tactile_sensing.skin.pressure import SkinPressure
 from tactile_sensing.types.skin import Skin
@@ -31,15 +33,15 @@ def draw_report(outcome: Outcome, ball_radius: float, path: str | Path) -> None:
     else:
         _map(figure, axes[0, 2], np.where(calibration.live, 100.0 * outcome.skin.gain_std, np.nan),
              '+- of every gain [%]')
-        _presses(figure, axes, outcome, ball_radius)
+        _presses(figure, axes, outcome, outcome.presses, outcome.skin, ball_radius)
     figure.suptitle(f'{calibration.array.rows} x {calibration.array.columns} tactels: '
                     + verdict(calibration, outcome.skin))
     figure.savefig(path, dpi=110)
     pyplot.close(figure)
 
 
-def _presses(figure, axes, outcome, ball_radius):
-    presses, after = outcome.presses, outcome.skin
+def _presses(figure: Any, axes: np.ndarray, outcome: Outcome, presses: Presses, after: Fit,
+             ball_radius: float) -> None:
     assumed = Skin(min(presses.array.pitch_x, presses.array.pitch_y))
     before = fit_presses(presses, ball_radius, area=outcome.calibration.tactel == 'area',
                          known=assumed)
@@ -57,14 +59,14 @@ def _presses(figure, axes, outcome, ball_radius):
     axes[0, 3].set(title='left of every press', ylabel='RMS over the peak [%]', xlabel='press',
                    ylim=(0.0, None))
     axes[0, 3].legend()
-    _profile(axes[1, 3], outcome.skin)
+    _profile(axes[1, 3], after)
 
 
-def _profile(axis, fit):
+def _profile(axis: Any, fit: Fit) -> None:
     """What a point load makes in the skin, with the standard deviation of it."""
     x = np.linspace(0.0, 4.0 * fit.skin.depth, 60)
 
-    def pressure(kind):
+    def pressure(kind: np.ndarray) -> np.ndarray:
         values = SkinPressure(skin_of(kind)).point(x, 0.0 * x, 0.0, 0.0, 1.0)
         return values / values[0]
     here = pressure(fit.kind)
@@ -77,7 +79,8 @@ def _profile(axis, fit):
     axis.set(title='point load, +- standard deviation', xlabel='from it [mm]')
 
 
-def _map(figure, axis, values, title, limits=(None, None)):
+def _map(figure: Any, axis: Any, values: np.ndarray, title: str,
+         limits: tuple = (None, None)) -> None:
     picture = axis.imshow(values, origin='lower', vmin=limits[0], vmax=limits[1],
                           cmap='RdBu_r' if limits[0] is not None else 'viridis')
     axis.set_title(title, fontsize=10)

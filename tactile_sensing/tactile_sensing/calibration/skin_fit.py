@@ -7,12 +7,13 @@ import math
 import numpy as np
 
 from tactile_sensing.calibration.likelihood import (
-    DERIVATIVE,
     FIXED,
     KIND,
     Likelihood,
     SEEN,
     skin_of,
+    step_of,
+    Unknowns,
 )
 from tactile_sensing.calibration.presses import Presses
 from tactile_sensing.skin.pressure import SkinPressure
@@ -49,9 +50,10 @@ class Fit:
     kind: np.ndarray  # log depth [m], depth over thickness, Poisson's ratio, patch
     covariance: np.ndarray  # of the KIND numbers, and the logarithms of the levels
 
-    def level_std(self, source: int) -> float:
-        """Standard deviation of the level of a source."""
-        return float(self.level[source] * math.sqrt(self.covariance[KIND + source, KIND + source]))
+    @property
+    def level_std(self) -> float:
+        """Relative standard deviation of the level of the first source."""
+        return math.sqrt(self.covariance[KIND, KIND])
 
 
 def fit_presses(presses: Presses, ball_radius: float, *, area: bool = True,
@@ -65,26 +67,19 @@ def fit_presses(presses: Presses, ball_radius: float, *, area: bool = True,
 
     Parameters
     ----------
-    presses : Presses
-    ball_radius : float
-        [m].
     area : bool
         Whether tactels average over their area, or sample their centres.
-    known : Skin, optional
-        Nothing of it is fitted then.
-    poisson : float, optional
-        Poisson's ratio where it is known; else it is found about what is usual.
-    told : ndarray, shape (N,), optional
-        What is known of the forces relative to those of the same source.
-    source : ndarray, shape (N,), optional
-        Where each press is from: 0, 1 ...
+    known, poisson : Skin, float, optional
+        What is not fitted then; else Poisson's ratio is found about what is usual.
+    told, source : ndarray, shape (N,), optional
+        What is known of the forces relative to those of the same source, 0, 1 ...
     offset_std : ndarray, shape (rows, columns), optional
         How well it is known what the unloaded pad reads [counts].
     """
     count = len(presses)
+    offset_std = np.broadcast_to(offset_std, presses.array.shape).ravel()
     problem = Likelihood(presses, ball_radius, area, np.ones(count) if told is None else told,
-                         np.zeros(count, int) if source is None else source,
-                         np.broadcast_to(offset_std, presses.array.shape).ravel())
+                         np.zeros(count, int) if source is None else source, offset_std)
     if poisson is not None:
         problem.usual[2] = poisson
         problem.hold(2)
@@ -115,52 +110,57 @@ def fit_presses(presses: Presses, ball_radius: float, *, area: bool = True,
     return _result(problem, layer)
 
 
-def _start(problem):
+def _start(problem: Likelihood) -> np.ndarray:
     """Half-space at which the search begins: the best of some, by some of the presses."""
-    trial = problem.only(8)
+    few = np.arange(min(len(problem.told), 8))
+    trial = Likelihood(problem.presses.only(few), problem.radius, problem.size[0] > 0.0,
+                       problem.told[few], problem.source[few], problem.offset_std)
     trial.usual, trial.known = problem.usual, problem.known.copy()
     trial.hold(0)
     kinds = [np.append(math.log(depth * problem.pitch), problem.usual[1:]) for depth in DEPTHS]
     return min(kinds, key=lambda kind: trial.chi(trial.iterate(trial.at_peaks(kind), 3)))
 
 
-def _result(problem, unknowns, unseen=0.0):
-    shape = problem.presses.array.shape
-    inverse, share, own, unknowns = problem.inverse(unknowns)
-    here, rest, weight, slope, unknowns = problem.slopes(unknowns)
-    _, expected, _ = problem.left(unknowns, here)
-    tactels, common, skin = here.shape[1], KIND + len(unknowns.level), skin_of(unknowns.kind)
-    live = np.isfinite(problem.values)
+def _result(problem: Likelihood, unknowns: Unknowns,
+            unseen: np.ndarray | float = 0.0) -> Fit:
+    system = problem.system(unknowns)
+    inverse = np.linalg.inv(system.matrix)
+    (model, rest, weight, slope), unknowns = problem.slopes(system.unknowns)
+    tactels, common, skin = model.shape[1], KIND + len(unknowns.level), skin_of(unknowns.kind)
+    live, rest = np.isfinite(problem.values), rest[:, :tactels]
     # A common factor of all gains is one of the levels: their mean, as forces weigh it, is none.
-    usual = np.where(live, here**2, 0.0).sum(axis=0)
+    usual = np.where(live, model**2, 0.0).sum(axis=0)
     usual /= usual.sum()
     mean, follows = usual @ unknowns.gain, np.eye(common, len(inverse))
-    follows[KIND:] -= usual @ share
+    follows[KIND:] -= usual @ system.share[:, 0]
     covariance = follows @ inverse @ follows.T
-    covariance[KIND:, KIND:] += usual**2 @ (1.0 / own)
+    covariance[KIND:, KIND:] += usual**2 @ system.inverse[:, 0, 0]
     covariance += np.multiply.outer(unseen, unseen)
     std = np.sqrt(np.diag(covariance))
     thickness_std = math.inf
     if not skin.is_half_space:  # depth over the ratio
         ratio = np.array([1.0, -1.0 / unknowns.kind[1]])
         thickness_std = skin.thickness * math.sqrt(ratio @ covariance[:2, :2] @ ratio)
-    variance = 1.0 / own + np.einsum('tk,kl,tl->t', share, inverse, share, optimize=True)
-    seen = (np.where(live, here / problem.noise, 0.0)**2).sum(axis=0) > SEEN**2
+    variance = system.gain_variance(inverse)
+    seen = (np.where(live, model / problem.noise, 0.0)**2).sum(axis=0) > SEEN**2
     left = math.sqrt(variance[seen].mean())
     # What a press of unknown place makes of its force, as gains and model are off.
     root = np.sqrt(weight[..., None])
     by_reading = np.linalg.pinv(slope[..., common:] * root)[:, 0, :tactels] * root[:, :tactels, 0]
-    by_press = np.sqrt((by_reading**2 * (left**2 + problem.scatter**2) * here**2).sum(axis=1))
-    off = np.where(live, rest[:, :tactels]**2 / expected, 0.0)
+    by_press = np.sqrt((by_reading**2 * (left**2 + problem.scatter**2) * model**2).sum(axis=1))
+    off = np.where(live, rest**2 / problem.left(unknowns, model)[1], 0.0)
+    shape, gain = problem.presses.array.shape, unknowns.gain
     return Fit(
-        skin, 0.0 if problem.known[0] == FIXED else skin.depth * std[0], thickness_std,
-        math.inf if skin.is_half_space or problem.known[2] == FIXED else std[2],
-        unknowns.kind[3], ((1.0 + mean) / (1.0 + unknowns.gain)).reshape(shape),
-        np.sqrt(variance).reshape(shape), problem.spread, left, problem.scatter,
-        ((1.0 + unknowns.gain) * here + unknowns.offset).reshape(-1, *shape),
-        np.sqrt(off.sum(axis=1) / live.sum(axis=1)), problem.groups,
-        problem.gone.reshape(shape), unknowns.level * (1.0 + mean),
-        float(np.median(by_press)), unknowns.kind, covariance)
+        skin=skin, depth_std=0.0 if problem.known[0] == FIXED else skin.depth * std[0],
+        thickness_std=thickness_std,
+        poisson_std=math.inf if skin.is_half_space or problem.known[2] == FIXED else std[2],
+        patch=unknowns.kind[3], gain=((1.0 + mean) / (1.0 + gain)).reshape(shape),
+        gain_std=np.sqrt(variance).reshape(shape), spread=problem.spread, left=left,
+        scatter=problem.scatter,
+        models=((1.0 + gain) * model + unknowns.tactel[:, 1]).reshape(-1, *shape),
+        misfit=np.sqrt(off.sum(axis=1) / live.sum(axis=1)), groups=problem.groups,
+        dead=problem.gone.reshape(shape), level=unknowns.level * (1.0 + mean),
+        force_left=float(np.median(by_press)), kind=unknowns.kind, covariance=covariance)
 
 
 def edge_force_std(presses: Presses, fit: Fit, source: int, area: bool) -> float:
@@ -173,13 +173,13 @@ def edge_force_std(presses: Presses, fit: Fit, source: int, area: bool) -> float
     array, kind = presses.array, fit.kind
     size = (array.pitch_x, array.pitch_y) if area else (0.0, 0.0)
 
-    def line(kind):
+    def line(kind: np.ndarray) -> np.ndarray:
         return SkinPressure(skin_of(kind), *size).line(
             array.x[None, :], array.y[:, None], 0.0, SLANT, 1.0)
     edge, by = line(kind), np.zeros(len(fit.covariance))
     for k in range(3):
-        step = -DERIVATIVE[k] if kind[k] > (np.inf, 0.99, 0.49)[k] else DERIVATIVE[k]
-        by[k] = -np.vdot(edge, line(kind + step * np.eye(KIND)[k]) - edge) / step / np.vdot(
-            edge, edge)
+        step = step_of(kind, k)
+        change = line(kind + step * np.eye(KIND)[k]) - edge
+        by[k] = -np.vdot(edge, change) / step / np.vdot(edge, edge)
     by[KIND + source] = -1.0
     return math.sqrt(by @ fit.covariance @ by)

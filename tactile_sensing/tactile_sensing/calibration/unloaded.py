@@ -48,17 +48,16 @@ def range_of(recordings: list[np.ndarray], bits: int | None, signed: bool | None
     if bits is not None and bits < need:
         raise ConfigurationError(f'--bits is {bits}, but counts of {low} to {high} need {need}')
     if bits is None:
-        bits = next((b for b in (8, 10, 12, 14, MAX_BITS) if b >= need), MAX_BITS)
+        bits = next((b for b in (8, 10, 12, 14) if b >= need), MAX_BITS)
         assumed.append(f'{bits} bits: the least usual converter for counts of {low} to {high}')
-    plain = Counts(bits, signed)
     if threshold is None and low >= 0:
-        threshold = _threshold(counts, plain.lowest)
+        threshold = _threshold(counts, Counts(bits, signed).lowest)
         if threshold:
             assumed.append(f'a threshold of {threshold}: smaller counts than that are all 0')
     return Counts(bits, signed, threshold or None), assumed
 
 
-def _threshold(counts, lowest):
+def _threshold(counts: np.ndarray, lowest: int) -> int | None:
     """Least count above the lowest, where those below it are missing; None: no threshold."""
     above = np.sort(counts[counts > lowest])
     if above.size < 50 or not np.any(counts == lowest):
@@ -94,20 +93,21 @@ def survey(frames: np.ndarray, counts: Counts, loaded: list[np.ndarray]) -> Tact
     offset, noise = unloaded_statistics(frames, counts.threshold, counts.lowest, live)
     half = len(frames) // 2
     change = np.median((frames[half:].mean(axis=0) - frames[:half].mean(axis=0))[live])
-    values = np.unique(np.concatenate([np.rint(frames).ravel(), *(
-        np.rint(it[np.isfinite(it)]).ravel() for it in loaded)]))
+    values = np.unique(np.concatenate([
+        np.rint(it[np.isfinite(it)]).ravel() for it in (frames, *loaded)]))
     step = int(np.gcd.reduce(np.diff(values).astype(np.int64))) if values.size > 2 else 1
-    return Tactels(offset, np.maximum(noise, max(step, 1) * 12**-0.5), dead, max(step, 1),
-                   float(change), never & live)
+    return Tactels(offset, np.maximum(noise, step * 12**-0.5), dead, step, float(change),
+                   never & live)
 
 
-def _silent(loaded, offset, noise):
+def _silent(loaded: np.ndarray, offset: np.ndarray,
+            noise: float) -> tuple[np.ndarray, np.ndarray]:
     """Tactels that do not follow those on either side of them; others that were never loaded."""
     values = np.nan_to_num(loaded[::-(-len(loaded) // MOST)] - offset)
     padded = np.pad(values, ((0, 0), (1, 1), (1, 1)))
     rows, columns = offset.shape
 
-    def beside(i, j):
+    def beside(i: int, j: int) -> np.ndarray:
         return padded[:, 1 + i:1 + i + rows, 1 + j:1 + j + columns]
     # Under an elastic skin a tactel between two loaded ones is loaded, one beside them need not.
     between = np.max([np.minimum(beside(i, j), beside(-i, -j))

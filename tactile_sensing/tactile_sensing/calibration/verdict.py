@@ -17,14 +17,7 @@ def doubts(fit: Fit | None, ball_radius: float, dead: float) -> list[str]:
     """
     Return why not to trust a calibration, as a wrong ball, a wrong pitch or a broken pad makes it.
 
-    Parameters
-    ----------
-    fit : Fit, optional
-        Of presses of a ball.
-    ball_radius : float
-        [m].
-    dead : float
-        Share of the tactels that are.
+    The fit is of presses of a ball of a radius [m]; of all tactels the share that is dead.
     """
     found, check = [], 'check --ball-radius and --pitch'
     if dead > MOST_DEAD:
@@ -66,9 +59,8 @@ def verdict(calibration: Calibration, fit: Fit | None) -> str:
     return '; '.join([*parts, f'{dead} dead' if dead else 'no tactel dead'])
 
 
-def _mm(value, std):
-    digits = int(np.clip(1 - np.floor(np.log10(max(1e3 * std, 1e-9))), 0, 4)) - 1
-    digits = max(digits, 0)
+def _mm(value: float, std: float) -> str:
+    digits = int(np.clip(-np.floor(np.log10(max(1e3 * std, 1e-9))), 0, 3))
     return f'{1e3 * value:.{digits}f} +- {1e3 * std:.{digits}f} mm'
 
 

@@ -4,10 +4,11 @@ import argparse
 from pathlib import Path
 import subprocess
 import sys
+from typing import Any
 
 import numpy as np
 
-from tactile_common.command_line import between, FAILED, Parser, run_command
+from tactile_common.command_line import between, FAILED, Parser, refusing
 from tactile_common.errors import ConfigurationError
 from tactile_common.npz_stream import read_arrays
 from tactile_common.progress import Progress
@@ -15,33 +16,44 @@ from tactile_sensing.calibration.procedure import calibrate, Known, Outcome, Rec
 from tactile_sensing.calibration.recorder import Recorder
 from tactile_sensing.calibration.report import draw_report
 from tactile_sensing.calibration.verdict import named, verdict
-from tactile_sensing.cli.options import add_pitch, add_shape, pitch_of, read_counts
-from tactile_sensing.cli.sensor_options import add_sensor, opened
+from tactile_sensing.cli.options import (
+    add_pitch,
+    add_sensor,
+    add_shape,
+    counts_reader,
+    is_bag,
+    opened,
+    pitch_of,
+    read_counts,
+)
 from tactile_sensing.devices.calibration import RESOLUTION
 from tactile_sensing.devices.calibration_file import save_calibration
 from tactile_sensing.devices.counts import MAX_BITS
 from tactile_sensing.types.array import PITCH, TactelArray
 
-RECORDED = ('unloaded', 'corners', 'rolling', 'ball', 'flat')
+RECORDED = {
+    'unloaded': 'of the unloaded pad', 'corners': 'of presses in the corners',
+    'rolling': 'of a ball rolled over the pad, or of anything on it: without corners they tell '
+    'range, threshold and silent tactels alone',
+    'ball': 'of presses of a small ball; an array `force` (N,) [N] in it is that of each',
+    'flat': 'of presses of the ball all over the pad'}
 STEPS = 4  # that the progress bar counts, at most
 DOUBTFUL = FAILED  # exit status
 MOST_NAMED = 8  # frames that are named as left out
 
 EPILOG = """\
-What to record, each into a file of its own (numpy.savez(FILE, frames=frames) or numpy.save, frames
-of raw counts, (N, rows, columns), or a bag of a driver that passes counts through; flat frames and
-.csv files with --shape, volts with --resolution); every step is optional, and the file says what
-was assumed instead:
+Record, each into a file of its own (numpy.savez(FILE, frames=frames) or numpy.save, frames of raw
+counts, (N, rows, columns), or a bag of a driver that passes counts through; flat frames and .csv
+files with --shape, volts with --resolution); every step is optional, and the file says what was
+assumed instead:
 
   1 unloaded  a hundred frames with nothing on the pad: offset, noise, dead tactels, threshold
-  2 corners   four frames, a finger in each corner: of the first row and column, the first row and
-              last column, the last row and last column, the last row and first column. Where wires
-              are scrambled: --rolling, a ball rolled slowly all over the pad
+  2 corners   four frames, a finger in each corner: first row and column; first row, last column;
+              last row and column; last row, first column. Where wires are scrambled: --rolling, a
+              ball rolled slowly all over the pad
   3 ball      twenty presses of a small ball (1 mm radius or so) anywhere, neither hard nor close
-              to the border, ten frames of each: depth and thickness of the skin; with --force also
-              the gain
-  4 flat      forty presses of the same ball evenly all over the pad, likewise: the gain of every
-              tactel
+              to the border, ten frames of each: the skin; with --force also the gain
+  4 flat      forty presses of the same ball evenly all over the pad: the gain of every tactel
 
 Example: a pad of 16 x 16 tactels on one inch, a ball pressed by a weight of 100 g
   ros2 run tactile_sensing calibrate --out pad.yaml --pitch 0.0015875 --unloaded u.npz \\
@@ -53,11 +65,9 @@ where it was interrupted: with `--port` and `--shape` of the sensor on that port
 that publishes raw counts.
 
 Frames that are no single press of the ball are named and left out. Without --force places and
-directions are told and forces are not.
-
-The last line says what the calibration is good for. Exit status: 0; 1 where the file is written
-but is not to be trusted: the lines before the last one say why; 2 after one line that says what
-is wrong, then nothing is written."""
+directions are told and forces are not. The last line says what the calibration is good for. Exit
+status: 0; 1 where the file is written but is not to be trusted: the lines before the last one say
+why; 2 after one line that says what is wrong, then nothing is written."""
 
 
 def parser() -> argparse.ArgumentParser:
@@ -75,30 +85,26 @@ def parser() -> argparse.ArgumentParser:
     add('--topic', default='/tactile/image', metavar='NAME', help='of those pictures '
         '(default: %(default)s)')
     add_sensor(arguments)
-    for name, text in (('unloaded', 'of the unloaded pad'),
-                       ('corners', 'of presses in the corners'),
-                       ('rolling', 'of a ball rolled over the pad, or of anything on it: without '
-                        'corners they tell range, threshold and silent tactels alone'),
-                       ('ball', 'of presses of a small ball; an array `force` (N,) [N] in it is '
-                        'that of each'), ('flat', 'of presses of the ball all over the pad')):
+    for name, text in RECORDED.items():
         add(f'--{name}', metavar=f'{name[0].upper()}.npz', help=f'frames {text}')
     metres, count = between(*PITCH, 'm'), between(-32768, 65536, kind=int)
     add('--ball-radius', metavar='M', type=metres, help='of the ball [m]')
     add('--force', metavar='N', type=between(1e-6, 1e6, 'N'),
         help='with which the ball was pressed, each time [N]')
-    add('--depth', metavar='M', type=metres, help='of the tactels, where it is known [m]')
-    add('--thickness', metavar='M', type=metres,
+    add('--depth', metavar='M', type=metres, default=0.0,
+        help='of the tactels, where it is known [m]')
+    add('--thickness', metavar='M', type=metres, default=0.0,
         help='of the skin on its backing, where it is known [m]')
     add('--poisson', metavar='NU', type=between(0.0, 0.5),
         help="Poisson's ratio of the skin, where it is known (else it is found, or assumed)")
-    add('--gain', metavar='PA', type=between(1e-9, 1e12, 'Pa'),
+    add('--gain', metavar='PA', default=0.0, type=between(1e-9, 1e12, 'Pa'),
         help='pressure of a count, where it is known [Pa]')
     add('--tactel', choices=('area', 'point'), default='area',
         help='a tactel measures the mean over its area, or the stress at its centre '
         '(default: %(default)s)')
     add('--bits', metavar='N', type=between(1, MAX_BITS, kind=int),
-        help='of the converter, 1 to 16 (default: as counts under load show; '
-        'needed where only the unloaded pad was recorded)')
+        help='of the converter, 1 to 16 (default: as a bag tells, or counts under load show; '
+        'needed where only the unloaded pad was recorded, in a file)')
     add('--resolution', metavar='V', type=between(*RESOLUTION), default=1.0,
         help='step of the converter where recordings are volts (or another unit), not counts')
     add('--signed', choices=('yes', 'no'), help='counts (default: as they show)')
@@ -109,15 +115,6 @@ def parser() -> argparse.ArgumentParser:
     add('--report', metavar='FILE.png', help='draw what was found, and what is left of the '
         'presses before and after')
     return arguments
-
-
-def _read(path, options):
-    shape = tuple(options.shape) if options.shape else None
-    values = read_counts(
-        path, shape, resolution=options.resolution, source='--shape').astype(float)
-    if not np.isfinite(values).all():
-        raise ConfigurationError(f'{path}: frames holds values that are not finite')
-    return values
 
 
 def record(options: argparse.Namespace) -> None:
@@ -137,11 +134,11 @@ def record_port(options: argparse.Namespace) -> None:
     """Have them made of the sensor on a port, without a graph."""
     full = 2 ** options.bits - 1 if options.bits else np.inf
     with opened(options) as sensor:
-        def look():
+        def look() -> tuple[np.ndarray, int]:
             counts = next(sensor).counts
             return counts.astype(float), int((counts >= full).sum())
 
-        def ask(text):
+        def ask(text: str) -> str:
             answer = input(text)
             sensor.forget()
             return answer
@@ -155,13 +152,11 @@ def record_port(options: argparse.Namespace) -> None:
 
 
 def read_recordings(options: argparse.Namespace) -> Recordings:
-    """Read the files of the options."""
-    paths = {name: getattr(options, name) for name in RECORDED}
-    recordings = Recordings(**{name: _read(path, options) for name, path in paths.items() if path})
-    if options.ball or options.flat:
-        if options.ball_radius is None:
-            raise ConfigurationError('--ball-radius is missing')
-        recordings.ball_radius = options.ball_radius
+    """Read the files of the options; sets what a bag tells of its counts and nobody else does."""
+    recordings = Recordings(ball_radius=options.ball_radius or 0.0)
+    for name in RECORDED:
+        if path := getattr(options, name):
+            setattr(recordings, name, _read(path, options))
     if options.force is not None:
         if not options.ball:
             raise ConfigurationError('--force needs --ball')
@@ -177,24 +172,34 @@ def read_recordings(options: argparse.Namespace) -> Recordings:
     return recordings
 
 
+def _read(path: str, options: argparse.Namespace) -> np.ndarray:
+    shape = tuple(options.shape) if options.shape else None
+    reader = counts_reader(path, shape, source='--shape')
+    values = read_counts(path, reader, options.resolution).astype(float)
+    if not np.isfinite(values).all():
+        raise ConfigurationError(f'{path}: frames holds values that are not finite')
+    if is_bag(path) and options.bits is None:
+        options.bits = reader.bits
+        options.signed = options.signed or ('no', 'yes')[reader.signed]
+    return values
+
+
 def read_known(options: argparse.Namespace) -> Known:
     """What the options say of the sensor."""
     if options.thickness and not options.depth:
         raise ConfigurationError('--thickness needs --depth')
-    return Known(
-        pitch_of(options.pitch), options.bits, options.signed and options.signed == 'yes',
-        options.threshold, options.saturation, options.depth or 0.0, options.thickness or 0.0,
-        options.poisson, gain=options.gain or 0.0, tactel=options.tactel,
-        resolution=options.resolution)
+    same = ('bits', 'threshold', 'saturation', 'depth', 'thickness', 'poisson', 'gain', 'tactel',
+            'resolution')
+    return Known(pitch_of(options.pitch), signed=options.signed and options.signed == 'yes',
+                 **{name: getattr(options, name) for name in same})
 
 
-def describe(outcome: Outcome) -> str:
+def describe(outcome: Outcome) -> list[str]:
     """Return what was found, left out and assumed, as lines."""
-    found, lines = outcome.calibration.found, []
-    for name in ('unloaded', 'order', 'skin', 'force', 'gains'):
-        if name in found:
-            lines.append(f'{name}: {_plain(found[name])}')
     calibration = outcome.calibration
+    found = calibration.found
+    lines = [f'{name}: {_plain(found[name])}'
+             for name in ('unloaded', 'order', 'skin', 'force', 'gains') if name in found]
     lines.append(f'depth {1e3 * calibration.depth:.3f} mm, skin ' + (
         f'{1e3 * calibration.thickness:.3f} mm thick' if calibration.thickness
         else 'without a backing near') + f', unit {calibration.unit}')
@@ -202,22 +207,21 @@ def describe(outcome: Outcome) -> str:
         lines.append('not loaded, and kept: ' + (
             named(idle) if idle.sum() <= MOST_NAMED else f'{idle.sum()} tactels'))
     for name, bad in outcome.left_out.items():
-        numbers = list(bad)[:MOST_NAMED]
-        lines += [f'{name}, frame {k} left out: {bad[k]}' for k in numbers]
+        lines += [f'{name}, frame {k} left out: {bad[k]}' for k in list(bad)[:MOST_NAMED]]
         if len(bad) > MOST_NAMED:
             lines.append(f'{name}: and {len(bad) - MOST_NAMED} more')
-    return '\n'.join(lines + [f'assumed: {text}' for text in found['assumed']])
+    return lines + [f'assumed: {text}' for text in found['assumed']]
 
 
-def _plain(value):
+def _plain(value: Any) -> str:
     if isinstance(value, dict):
         return ', '.join(f'{key} {_plain(item)}' for key, item in value.items() if item != {})
     return str(value)
 
 
-def run(options: argparse.Namespace) -> tuple[str, bool]:
-    """Calibrate; returns what was found, and whether it can be trusted."""
-    known = read_known(options)
+def run(options: argparse.Namespace) -> bool:
+    """Calibrate and say what was found; returns whether it can be trusted."""
+    read_known(options)  # refuses what contradicts, before anything is recorded
     if options.live:
         record(options)
     recordings = read_recordings(options)
@@ -226,25 +230,21 @@ def run(options: argparse.Namespace) -> tuple[str, bool]:
         raise ConfigurationError(f'{options.out}: folder {folder} does not exist')
     with Progress(STEPS, 1.0) as progress:
         done = iter(range(1, STEPS + 1))
-        outcome = calibrate(recordings, known, lambda text: progress.show(
+        outcome = calibrate(recordings, read_known(options), lambda text: progress.show(
             next(done, STEPS), 'calibrate', text))
         if options.report:
             progress.show(STEPS, 'report')
             draw_report(outcome, recordings.ball_radius, options.report)
     save_calibration(outcome.calibration, options.out)
-    lines = [describe(outcome), f'{options.out} written',
-             *(f'doubtful: {text}' for text in outcome.doubts),
-             verdict(outcome.calibration, outcome.skin)
-             + '; do not trust it' * bool(outcome.doubts)]
-    return '\n'.join(lines), not outcome.doubts
+    print(*describe(outcome), f'{options.out} written',
+          *(f'doubtful: {text}' for text in outcome.doubts),
+          verdict(outcome.calibration, outcome.skin)
+          + '; do not trust it' * bool(outcome.doubts), sep='\n', file=sys.stderr)
+    return not outcome.doubts
 
 
 def main(args: list[str] | None = None) -> int:
     """Run the command; exit status 0 if the file was written and can be trusted."""
-    trusted = []
-
-    def told():
-        text, good = run(parser().parse_args(args))
-        trusted.append(good)
-        return text
-    return run_command('calibrate', told) or (0 if all(trusted) else DOUBTFUL)
+    with refusing('calibrate') as command:
+        command.status = 0 if run(parser().parse_args(args)) else DOUBTFUL
+    return command.status

@@ -1,6 +1,8 @@
 """Offline command: the contact in every frame of a file or bag."""
 
 import argparse
+from collections.abc import Sequence
+from enum import IntEnum, IntFlag
 import os
 from pathlib import Path
 import time
@@ -17,31 +19,12 @@ from tactile_sensing.contact.estimator import ContactEstimator
 from tactile_sensing.types.contact import ContactType, INFORMATION, Reason
 
 QUIET = 1.0  # s without a progress bar
+REFUSALS = [reason for reason in Reason if not reason & INFORMATION]
 
 
-class Tally:
-    """Counts of what was found."""
-
-    def __init__(self):
-        self._types = dict.fromkeys(ContactType, 0)
-        self._refusals = dict.fromkeys(Reason, 0)
-        self._invalid = 0
-
-    def add(self, records):
-        """Count rows of the output."""
-        refused = records['reasons'][~records['valid']]
-        self._invalid += len(refused)
-        for kind in self._types:
-            self._types[kind] += int(np.count_nonzero(records['type'] == kind))
-        for reason in self._refusals:
-            if not reason & INFORMATION:
-                self._refusals[reason] += int(np.count_nonzero(refused & int(reason)))
-
-    def __str__(self):
-        types, reasons = (', '.join(
-            f'{count} {str(key.name).lower()}' for key, count in counts.items() if count)
-            for counts in (self._types, self._refusals))
-        return f'{types}; {self._invalid} not valid' + (f': {reasons}' if reasons else '')
+def _counted(names: Sequence[IntEnum | IntFlag], counts: np.ndarray) -> str:
+    return ', '.join(f'{count} {str(name.name).lower()}'
+                     for name, count in zip(names, counts.tolist(), strict=True) if count)
 
 
 def run(options: argparse.Namespace) -> str:
@@ -50,17 +33,23 @@ def run(options: argparse.Namespace) -> str:
     estimator = ContactEstimator(make_config(options, source.tactel))
     if Path(options.out).exists() and os.path.samefile(options.frames, options.out):
         raise ConfigurationError(f'{options.out}: is the input as well')
-    total, tally, done = source.total, Tally(), 0
+    total, done, refused = source.total, 0, 0
+    types, refusals = np.zeros(len(ContactType), int), np.zeros(len(REFUSALS), int)
     with RecordWriter(options.out, source.dtype, total) as writer:
         begin = time.perf_counter()
         with Progress(total, QUIET) as progress:
             for records in source.records(estimator):
                 done += len(records)
                 progress.show(done, 'estimate', f'{done} of {total} frames')
-                tally.add(records)
                 writer.append(records)
+                reasons = records['reasons'][~records['valid']]
+                refused += len(reasons)
+                types += np.bincount(records['type'], minlength=len(types))
+                refusals += np.array([np.count_nonzero(reasons & int(it)) for it in REFUSALS])
         rate = total / max(time.perf_counter() - begin, 1e-9)
-    return f'{options.out}: {total} frames, {rate:.0f} frames/s; {tally}'
+    why = _counted(REFUSALS, refusals)
+    return (f'{options.out}: {total} frames, {rate:.0f} frames/s; '
+            f'{_counted(list(ContactType), types)}; {refused} not valid' + f': {why}' * bool(why))
 
 
 def main(args: list[str] | None = None) -> int:

@@ -1,6 +1,7 @@
 """Command line of `estimate`: its help, and what its options mean."""
 
 import argparse
+from collections.abc import Iterable
 from dataclasses import fields
 from typing import Any
 
@@ -54,30 +55,7 @@ EXAMPLE = """\
 """
 
 
-def _table(rows, width):
-    return '\n'.join(f'  {name!s:{width}} {text}' for name, text in rows)
-
-
-def _shape(name):
-    return f'({", ".join(("N", *map(str, RECORD[name].shape)))})'.replace('(N)', '(N,)')
-
-
-def parser() -> argparse.ArgumentParser:
-    """Command line."""
-    arrays = _table(
-        ((name, f'{_shape(name):9} {RECORD[name].base.name:8} {column.metadata["unit"]:4} '
-          f'{column.metadata["doc"]}') for name, column in COLUMNS.items()), 16)
-    types = _table(
-        ((int(kind), f'{kind.name.lower()}: {text}') for kind, text in TYPES.items()), 6)
-    flags = _table(((int(flag), f'{flag.name}: {text}') for flag, text in FLAGS.items()), 6)
-    arguments = Parser(
-        formatter_class=argparse.RawDescriptionHelpFormatter,
-        prog='estimate',
-        usage='estimate FRAMES|BAG --calibration CAL.yaml [options] -o OUT\n       estimate '
-              'FRAMES --pitch M [M] --layers COMPONENT@DEPTH,... [options] -o OUT\n       '
-              'estimate FRAMES --pitch M [M] [--noise SD] [options] -o OUT\n       '
-              'estimate BAG [options] -o OUT',
-        description="""\
+DESCRIPTION = """\
 Estimate the contact in every frame of a file: point or edge, where, and with what force.
 A file of any length takes the same memory. The summary goes to standard error.
 
@@ -99,8 +77,8 @@ Integers are counts: without a calibration they are refused unless --scale is gi
 A BAG is a rosbag2 recording (folder, .mcap or .db3) of the topic image; its pictures say what the
 sensor is, and what is told of them is what the node contact_estimator tells with the parameters
 that are options here. With --calibration they must be raw counts that the driver passed through.
-""",
-        epilog=f"""\
+"""
+EPILOG = """\
 Output arrays, SI units; NaN where a type does not have a value, in every real number of a frame
 that is not valid, and in its forces and patch where force_valid is false:
 {arrays}
@@ -117,50 +95,71 @@ Flags (sum of)
 {flags}
 
 Example
-{EXAMPLE}
-Exit status: 0, or 2 after one line that says what is wrong; then nothing is written.""")
-    arguments.add_argument('frames', nargs='?', metavar='FRAMES.npz|.npy|.csv|BAG', help='input')
-    arguments.add_argument('--calibration', metavar='CAL.yaml',
-                           help='what turns counts into pressure: size, pitch, gains, noise, skin')
-    arguments.add_argument('--namespace', help='of the sensor in a bag that has several')
-    arguments.add_argument('--tare', metavar='U.npz',
-                           help='frames (n, rows, columns) of the unloaded pad in counts, taken '
-                           'close to those to estimate (default: the baseline of the calibration)')
+{example}
+Exit status: 0, or 2 after one line that says what is wrong; then nothing is written."""
+
+
+def _table(rows: Iterable[tuple], width: int) -> str:
+    return '\n'.join(f'  {name!s:{width}} {text}' for name, text in rows)
+
+
+def _epilog() -> str:
+    def shape(name: str) -> str:
+        return f'({", ".join(("N", *map(str, RECORD[name].shape)))})'.replace('(N)', '(N,)')
+    return EPILOG.format(
+        arrays=_table(
+            ((name, f'{shape(name):9} {RECORD[name].base.name:8} {column.metadata["unit"]:4} '
+              f'{column.metadata["doc"]}') for name, column in COLUMNS.items()), 16),
+        types=_table(((int(kind), f'{kind.name.lower()}: {text}')
+                      for kind, text in TYPES.items()), 6),
+        flags=_table(((int(flag), f'{flag.name}: {text}') for flag, text in FLAGS.items()), 6),
+        example=EXAMPLE)
+
+
+def parser() -> argparse.ArgumentParser:
+    """Command line."""
+    arguments = Parser(
+        formatter_class=argparse.RawDescriptionHelpFormatter, prog='estimate',
+        usage='estimate FRAMES|BAG --calibration CAL.yaml [options] -o OUT\n       estimate '
+              'FRAMES --pitch M [M] --layers COMPONENT@DEPTH,... [options] -o OUT\n       '
+              'estimate FRAMES --pitch M [M] [--noise SD] [options] -o OUT\n       '
+              'estimate BAG [options] -o OUT',
+        description=DESCRIPTION, epilog=_epilog())
+    add = arguments.add_argument
+    add('frames', nargs='?', metavar='FRAMES.npz|.npy|.csv|BAG', help='input')
+    add('--calibration', metavar='CAL.yaml',
+        help='what turns counts into pressure: size, pitch, gains, noise, skin')
+    add('--namespace', help='of the sensor in a bag that has several')
+    add('--tare', metavar='U.npz', help='frames (n, rows, columns) of the unloaded pad in counts, '
+        'taken close to those to estimate (default: the baseline of the calibration)')
     add_pitch(arguments)
     add_shape(arguments)
-    arguments.add_argument('--scale', metavar='PA', type=between(1e-12, 1e12, 'Pa'),
-                           help='pressure of one unit of tared frames: Pa per volt or count '
-                           '(default: 1)')
-    arguments.add_argument(
-        '--layers', metavar='COMPONENT@DEPTH,...',
+    add('--scale', metavar='PA', type=between(1e-12, 1e12, 'Pa'),
+        help='pressure of one unit of tared frames: Pa per volt or count (default: 1)')
+    add('--layers', metavar='COMPONENT@DEPTH,...',
         help=f'stress component ({", ".join(COMPONENTS)}) and depth below the surface of the '
         'skin [m] of each layer in turn, for instance zz@0.002 or zz@0.002,xz@0.002 (default: '
         'pressure under a skin of which nothing is known)')
-    arguments.add_argument('-o', '--out', required=True, metavar='OUT',
-                           help='file to write, .npz or .csv; replaced if it exists')
-    arguments.add_argument('--method', help=f'estimator: {", ".join(METHODS)} '
-                           f'(default: {EstimatorConfig.method})')
-    arguments.add_argument('--model', choices=MODELS,
-                           help='contact to look for (default: auto)')
-    arguments.add_argument('--tactel', choices=TACTELS,
-                           help='a tactel measures the stress at its centre, or the mean over '
-                           'its area (default: as the calibration says, or area)')
-    arguments.add_argument('--dead', default='', metavar='R,C;R,C',
-                           help='row and column, from 0, of tactels that are never used (in '
-                           'quotes, because of the semicolon)')
-    arguments.add_argument('--noise', metavar='SD', type=between(0.0, 1e9, 'Pa'),
-                           help='standard deviation of one tactel, in Pa, or without --layers and '
-                           '--scale in the unit of the frames, as the next two (default: '
-                           'estimated from the finest detail of each frame)')
-    arguments.add_argument('--full-scale', metavar='PA', type=between(0.0, 1e12, 'Pa'),
-                           help='from here on a tactel is saturated and not used')
-    arguments.add_argument('--floor', metavar='PA', type=between(-1e12, 1e12, 'Pa'),
-                           help='a tactel at or below it is only known to be below it: clipped, '
-                           'or under a threshold (default: all are measured)')
+    add('-o', '--out', required=True, metavar='OUT',
+        help='file to write, .npz or .csv; replaced if it exists')
+    add('--method',
+        help=f'estimator: {", ".join(METHODS)} (default: {EstimatorConfig.method})')
+    add('--model', choices=MODELS, help='contact to look for (default: auto)')
+    add('--tactel', choices=TACTELS, help='a tactel measures the stress at its centre, or the '
+        'mean over its area (default: as the calibration says, or area)')
+    add('--dead', default='', metavar='R,C;R,C', help='row and column, from 0, of tactels that '
+        'are never used (in quotes, because of the semicolon)')
+    add('--noise', metavar='SD', type=between(0.0, 1e9, 'Pa'), help='standard deviation of one '
+        'tactel, in Pa, or without --layers and --scale in the unit of the frames, as the next '
+        'two (default: estimated from the finest detail of each frame)')
+    add('--full-scale', metavar='PA', type=between(0.0, 1e12, 'Pa'),
+        help='from here on a tactel is saturated and not used')
+    add('--floor', metavar='PA', type=between(-1e12, 1e12, 'Pa'), help='a tactel at or below it '
+        'is only known to be below it: clipped, or under a threshold (default: all are measured)')
     for item in RULES:
         low, high = item.metadata['range']
         unit = f' [{item.metadata["unit"]}]' * bool(item.metadata['unit'])
-        arguments.add_argument(f'--{item.name.replace("_", "-")}', metavar='X', type=float, help=(
+        add(f'--{item.name.replace("_", "-")}', metavar='X', type=float, help=(
             f'{item.metadata["doc"]}{unit}, {low:g} to {high:g} (default: {item.default:g})'))
     return arguments
 
@@ -225,6 +224,5 @@ def make_config(options: argparse.Namespace, tactel: str | None = None) -> Estim
 
 def layer_values(options: argparse.Namespace) -> dict[str, Any]:
     """Return what the options say of noise and range, by the names of `Layer`."""
-    values = {'noise_std': options.noise, 'full_scale': options.full_scale,
-              'floor': options.floor}
+    values = {'noise_std': options.noise, 'full_scale': options.full_scale, 'floor': options.floor}
     return {name: value for name, value in values.items() if value is not None}

@@ -12,7 +12,7 @@ import numpy as np
 from tactile_common.command_line import reading_bags
 from tactile_common.errors import ConfigurationError
 from tactile_sensing.cli.estimate_options import layer_values, parse_dead, parse_layers
-from tactile_sensing.cli.options import counts_reader, is_bag, pitch_of, read_counts
+from tactile_sensing.cli.options import counts_reader, in_counts, is_bag, pitch_of, read_counts
 from tactile_sensing.contact.estimator import ContactEstimator
 from tactile_sensing.devices.calibration import Calibration
 from tactile_sensing.devices.calibration_file import load_calibration
@@ -20,7 +20,7 @@ from tactile_sensing.devices.frame_file import CHUNK, frame_reader
 from tactile_sensing.devices.tare import Tare, TareRefusedError
 from tactile_sensing.types.array import TactelArray
 from tactile_sensing.types.contact import COLUMNS, Contact, REALS, RECORD, STAMPED
-from tactile_sensing.types.image import Layer
+from tactile_sensing.types.image import Layer, TactileImage
 
 CHUNK_BYTES = 1 << 20
 
@@ -32,7 +32,7 @@ class Frames:
     reader: Any
     array: TactelArray
     layers: list[Layer]  # without their stress
-    to_stress: Callable[[np.ndarray], np.ndarray]
+    to_stress: Callable[..., np.ndarray]  # of frames and the number of the first
     dead: np.ndarray  # (rows, columns)
     tactel: str | None = None  # what a tactel measures, if it is known
     dtype: np.dtype = RECORD
@@ -44,39 +44,39 @@ class Frames:
 
     def records(self, estimator: ContactEstimator) -> Iterator[np.ndarray]:
         """Yield what is estimated of all frames in turn, some at a time."""
-        frame_size = math.prod(self.reader.shape[1:]) * self.reader.dtype.itemsize
+        frame_size, done = math.prod(self.reader.shape[1:]) * self.reader.dtype.itemsize, 0
         for frames in self.reader.chunks(min(max(CHUNK_BYTES // frame_size, 1), CHUNK)):
-            stress = self.to_stress(frames)
+            stress = self.to_stress(frames, done)
             stress[..., self.dead] = np.nan
+            done += len(frames)
             yield estimator.estimate_batch(stress, self.array, self.layers)
 
 
-class Pictures:
-    """Pictures of a bag, which say themselves what their sensor is."""
+class Images:
+    """Images of a bag, which say themselves what their sensor is."""
 
     tactel, dtype = None, STAMPED
 
     def __init__(self, options: argparse.Namespace):
         with reading_bags():
-            from tactile_sensing.observations import RecordedPictures
-        self._pictures = RecordedPictures(options.frames, options.namespace)
-        self.total = self._pictures.total
+            from tactile_sensing.observations import RecordedImages
+        self._images = RecordedImages(options.frames, options.namespace)
+        self.total = self._images.total
         self._known = layer_values(options)
-        self._dead = parse_dead(options.dead, self._pictures.array)
+        self._dead = parse_dead(options.dead, self._images.array)
 
     def records(self, estimator: ContactEstimator) -> Iterator[np.ndarray]:
         """Likewise."""
-        told = (_record(picture.stamp_ns, estimator.estimate(self._completed(picture)))
-                for picture in self._pictures)
+        told = (_record(image.stamp_ns, estimator.estimate(self._completed(image)))
+                for image in self._images)
         while some := list(islice(told, CHUNK)):
             yield np.array(some, STAMPED)
 
-    def _completed(self, picture):
-        """Picture with what the options say."""
-        layers = tuple(replace(
+    def _completed(self, image: TactileImage) -> TactileImage:
+        """Image with what the options say."""
+        return replace(image, layers=tuple(replace(
             layer, stress=np.where(self._dead, np.nan, layer.stress), **self._known)
-            for layer in picture.layers)
-        return replace(picture, layers=layers)
+            for layer in image.layers))
 
 
 def _record(stamp_ns: int, contact: Contact) -> tuple:
@@ -88,39 +88,35 @@ def _record(stamp_ns: int, contact: Contact) -> tuple:
     return *values.values(), 1e-9 * stamp_ns
 
 
-def source_of(options: argparse.Namespace) -> Frames | Pictures:
+def source_of(options: argparse.Namespace) -> Frames | Images:
     """Return the frames that the options name."""
     if options.calibration:
         return _calibrated(options)
-    return Pictures(options) if is_bag(options.frames) else _plain(options)
+    return Images(options) if is_bag(options.frames) else _plain(options)
 
 
-def _plain(options):
+def _plain(options: argparse.Namespace) -> Frames:
     """Frames of stress, of the sensor that the options describe."""
     reader = frame_reader(options.frames, options.shape and tuple(options.shape))
     # A depth of 0: the skin is not known. Then no force can be told either.
-    unit = 'counts'
-    layers: tuple[tuple[str, float], ...] = (('zz', 0.0),)
-    if options.layers is not None:
-        unit, layers = 'Pa', parse_layers(options.layers)
+    unit = 'Pa' if options.layers is not None else 'counts'
+    layers = (('zz', 0.0),) if options.layers is None else parse_layers(options.layers)
     pitch_x, pitch_y = pitch_of(options.pitch)
-    shape = reader.shape
     _check_frames(options, reader)
-    there = 1 if len(shape) == 3 else shape[1]
+    there = 1 if len(reader.shape) == 3 else reader.shape[1]
     if there != len(layers):
         raise ConfigurationError(
             f'--layers names {len(layers)} (of {options.layers or "zz"}), but frames has shape '
-            f'{shape}: {there} layer{"s" * (there > 1)}')
-    known, (rows, columns) = layer_values(options), shape[-2:]
+            f'{reader.shape}: {there} layer{"s" * (there > 1)}')
+    known, scale, (rows, columns) = layer_values(options), options.scale or 1.0, reader.shape[-2:]
     array = TactelArray(rows, columns, pitch_x, pitch_y)
-    return Frames(reader, array,
-                  [Layer(component, depth, np.empty(0), unit=unit, **known)
-                   for component, depth in layers],
-                  lambda frames: (options.scale or 1.0) * frames.astype(np.float64),
+    return Frames(reader, array, [Layer(*layer, np.empty(0), unit=unit, **known)
+                                  for layer in layers],
+                  lambda frames, first=0: scale * frames.astype(np.float64),
                   parse_dead(options.dead, array))
 
 
-def _check_frames(options, reader):
+def _check_frames(options: argparse.Namespace, reader: Any) -> None:
     """Refuse an array that holds no frames, or frames of which nobody says what they mean."""
     path, shape, dtype = options.frames, reader.shape, reader.dtype
     if len(shape) == 2 and 0 not in shape:
@@ -140,47 +136,41 @@ def _check_frames(options, reader):
             '--scale PA_PER_COUNT')
 
 
-def _calibrated(options):
+def _calibrated(options: argparse.Namespace) -> Frames:
     """Frames of counts, of the sensor that a calibration describes."""
-    calibration, tare = load_calibration(options.calibration), None
-    shape = calibration.raw_shape
-    reader = counts_reader(options.frames, shape, options.namespace)
-    if options.tare:
-        try:
-            tare = calibration.make_tare(read_counts(
-                options.tare, shape, options.namespace, calibration.resolution))
-        except TareRefusedError as error:
-            raise ConfigurationError(f'--tare {options.tare}: {error}') from error
+    calibration = load_calibration(options.calibration)
+    reader = counts_reader(options.frames, calibration.raw_shape, options.namespace)
+    tare = _tare(options, calibration) if options.tare else None
     layer = replace(calibration.layer(tare), **layer_values(options))
-    to_stress = CountsToStress(options, calibration, tare, layer.full_scale)
+
+    def to_stress(frames: np.ndarray, first: int = 0) -> np.ndarray:
+        counts = in_counts(options.frames, frames.astype(np.float64), calibration.resolution)
+        _check_counts(options, calibration, counts, first)
+        stress = calibration.stress(counts, tare)
+        if layer.full_scale > 0.0:  # a reading, not a hole: else it would count as dead
+            stress[calibration.full(calibration.arrange(counts))] = layer.full_scale
+        return stress
     return Frames(reader, calibration.array, [layer], to_stress,
                   parse_dead(options.dead, calibration.array), calibration.tactel or None)
 
 
-class CountsToStress:
-    """What a calibration makes of the frames of a file, in order; refuses impossible counts."""
+def _tare(options: argparse.Namespace, calibration: Calibration) -> Tare:
+    reader = counts_reader(options.tare, calibration.raw_shape, options.namespace)
+    try:
+        return calibration.make_tare(read_counts(options.tare, reader, calibration.resolution))
+    except TareRefusedError as error:
+        raise ConfigurationError(f'--tare {options.tare}: {error}') from error
 
-    def __init__(self, options: argparse.Namespace, calibration: Calibration, tare: Tare | None,
-                 full_scale: float):
-        self._options, self._calibration, self._tare = options, calibration, tare
-        self._full_scale = full_scale
-        self._resolution = 1.0 if is_bag(options.frames) else calibration.resolution
-        self._done = 0  # frames
 
-    def __call__(self, frames: np.ndarray) -> np.ndarray:
-        calibration, limits = self._calibration, self._calibration.counts
-        counts = frames.astype(np.float64) / self._resolution
-        outside = limits.outside(counts) & np.isfinite(counts)
-        if outside.any():
-            k, row, column = np.argwhere(outside)[0]
-            raise ConfigurationError(
-                f'{self._options.frames}: frame {self._done + k}, row {row}, column {column} '
-                f'reads {counts[k, row, column]:.6g} counts, but `bits: {limits.bits}` of '
-                f'{self._options.calibration} allows {limits.lowest} to {limits.highest}: set '
-                '`bits` and `signed` there as the sensor has them')
-        self._done += len(frames)
-        stress = calibration.stress(counts, self._tare)
-        if self._full_scale > 0.0:  # a reading, not a hole: else it would count as dead
-            full = (calibration.arrange(counts) >= limits.saturation) & calibration.live
-            stress[full] = self._full_scale
-        return stress
+def _check_counts(options: argparse.Namespace, calibration: Calibration, counts: np.ndarray,
+                  first: int) -> None:
+    """Refuse counts that the converter cannot send."""
+    limits = calibration.counts
+    outside = limits.outside(counts) & np.isfinite(counts)
+    if outside.any():
+        k, row, column = np.argwhere(outside)[0]
+        raise ConfigurationError(
+            f'{options.frames}: frame {first + k}, row {row}, column {column} reads '
+            f'{counts[k, row, column]:.6g} counts, but `bits: {limits.bits}` of '
+            f'{options.calibration} allows {limits.lowest} to {limits.highest}: set `bits` and '
+            '`signed` there as the sensor has them')

@@ -1,4 +1,4 @@
-"""What commands on frames share: lengths, and frames of counts from files and bags."""
+"""What commands share: lengths, frames of counts from files and bags, the sensor on a port."""
 
 import argparse
 from collections.abc import Sequence
@@ -11,6 +11,8 @@ from tactile_common.command_line import between, reading_bags
 from tactile_common.config import checked
 from tactile_common.errors import ConfigurationError
 from tactile_sensing.devices.frame_file import frame_reader, read_whole, Shape
+from tactile_sensing.devices.registry import options_of, PROTOCOLS
+from tactile_sensing.devices.sensor import open_sensor, Sensor
 from tactile_sensing.types.array import PITCH
 
 MAX_SIDE = 1024  # rows or columns
@@ -34,17 +36,42 @@ def pitch_of(texts: Sequence[str]) -> tuple[float, float]:
     return pitch[0], pitch[-1]
 
 
-def add_pitch(arguments: argparse.ArgumentParser, **kwargs) -> None:
+def add_pitch(arguments: argparse.ArgumentParser, required: bool = False) -> None:
     """Add the option that `pitch_of` reads."""
-    arguments.add_argument('--pitch', nargs='+', metavar='M', **kwargs,
+    arguments.add_argument('--pitch', nargs='+', metavar='M', required=required,
                            help='distance between tactels, or along x and along y [m]')
 
 
-def add_shape(arguments: argparse.ArgumentParser) -> None:
-    """Add the option that says how flat frames lie."""
+def add_shape(arguments: argparse.ArgumentParser, required: bool = False) -> None:
+    """Add the option that says how many tactels there are, which flat frames do not."""
     arguments.add_argument(
-        '--shape', nargs=2, metavar=('R', 'C'), type=between(1, MAX_SIDE, kind=int),
-        help='rows and columns of frames that lie flat: (N, rows*columns), .csv')
+        '--shape', nargs=2, metavar=('R', 'C'), required=required,
+        type=between(1, MAX_SIDE, kind=int),
+        help='rows and columns of the sensor, or of frames that lie flat: (N, rows*columns), .csv')
+
+
+def add_sensor(arguments: argparse.ArgumentParser, required: bool = False) -> None:
+    """Add the options that `opened` reads, but `--shape`."""
+    add = arguments.add_argument
+    add('--port', required=required, metavar='PORT', help='serial port of the sensor, for '
+        'instance /dev/ttyUSB0 or usb:VENDOR:PRODUCT[:SERIAL NUMBER]')
+    add('--protocol', choices=PROTOCOLS, default='csv_lines',
+        help='byte protocol (default: %(default)s)')
+    add('--options', default='', metavar='TEXT', help='of the protocol, for instance '
+        "'stamp=us checksum=true'")
+    add('--rate', type=between(0.1, 10e3, 'Hz'), default=200.0, metavar='HZ',
+        help='images a second, about (default: %(default)g)')
+    add('--baud', type=between(0, 12_000_000, 'bit/s', int), default=0, metavar='BAUD',
+        help="line speed (default: the protocol's)")
+
+
+def opened(options: argparse.Namespace) -> Sensor:
+    """Open the sensor of the options; OSError, ConfigurationError: see `open_sensor`."""
+    if not options.shape:
+        raise ConfigurationError('--shape R C is missing: rows and columns of the sensor')
+    rows, columns = options.shape
+    return open_sensor(options.port, options.protocol, rows, columns, options.rate,
+                       baud=options.baud, **options_of(options.protocol, options.options))
 
 
 def is_bag(path: str) -> bool:
@@ -75,12 +102,11 @@ def counts_reader(path: str, shape: Shape | None = None, namespace: str | None =
     return reader
 
 
-def read_counts(path: str, shape: Shape | None = None, namespace: str | None = None,
-                resolution: float = 1.0, source: str = 'the calibration') -> np.ndarray:
-    """
-    Return all frames of counts, (N, rows, columns); ConfigurationError if they are too many.
-
-    Frames of a file are divided by the resolution (`Calibration.resolution`); a bag holds counts.
-    """
-    frames = read_whole(path, counts_reader(path, shape, namespace, source))
+def in_counts(path: str, frames: np.ndarray, resolution: float) -> np.ndarray:
+    """Return frames of a file in counts of a resolution; those of a bag are counts already."""
     return frames if resolution == 1.0 or is_bag(path) else frames / resolution
+
+
+def read_counts(path: str, reader: Any, resolution: float) -> np.ndarray:
+    """Return all frames of a `counts_reader`; ConfigurationError if they are too many."""
+    return in_counts(path, read_whole(path, reader), resolution)

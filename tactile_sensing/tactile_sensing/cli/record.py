@@ -1,17 +1,17 @@
 """Command: look at a sensor on a serial port, and record its raw counts."""
 import argparse
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from pathlib import Path
 import sys
 import time
+from typing import Any
 
 import numpy as np
 
 from tactile_common.command_line import between, Parser, run_command
 from tactile_common.errors import ConfigurationError
 from tactile_common.npz_stream import MAX_WHOLE
-from tactile_sensing.cli.options import add_pitch, MAX_SIDE, pitch_of
-from tactile_sensing.cli.sensor_options import add_sensor, opened
+from tactile_sensing.cli.options import add_pitch, add_sensor, add_shape, opened, pitch_of
 from tactile_sensing.devices.frame_clock import SensorImage
 
 SHADES = ' .:-=+*#%@'
@@ -31,8 +31,7 @@ def parser() -> argparse.ArgumentParser:
         'ros2 run tactile_sensing record unloaded.npz --port /dev/ttyACM0 --shape 8 8 --seconds 2')
     arguments.add_argument('file', nargs='?', metavar='FILE.npz', help='to write')
     add_sensor(arguments, required=True)
-    arguments.add_argument('--shape', nargs=2, metavar=('R', 'C'), required=True,
-                           type=between(1, MAX_SIDE, kind=int), help='rows and columns')
+    add_shape(arguments, required=True)
     add_pitch(arguments)
     arguments.add_argument('--seconds', type=between(0.1, 3600.0, 's'), default=10.0, metavar='S',
                            help='to record (default: %(default)g)')
@@ -45,7 +44,8 @@ def drawing(change: np.ndarray) -> str:
     return '\n'.join(''.join(2 * SHADES[int(value)] for value in row) for row in np.rint(level))
 
 
-def look(images: Iterable[SensorImage], show=sys.stdout.write) -> None:
+def look(images: Iterable[SensorImage],
+         show: Callable[[str], Any] = sys.stdout.write) -> None:
     """Draw images until they end."""
     first, at, drawn = None, 0.0, 0
     for count, image in enumerate(images):

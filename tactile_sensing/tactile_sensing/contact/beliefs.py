@@ -1,10 +1,10 @@
-"""What is believed of a load before its image is seen."""
+"""What is believed of a load before its image is seen; compiled."""
 
-from functools import lru_cache
 import math
 
 import numpy as np
 
+from tactile_common.kernels import njit
 from tactile_sensing.contact.fit import Beliefs
 from tactile_sensing.skin.bumps import (
     BASE,
@@ -28,51 +28,56 @@ SCATTER = 0.05, 0.1, 0.05
 UNSEEN = 0.0, 0.01  # d that a fit has absorbed: of a sharp load on a known skin, of any other
 
 
-@lru_cache(maxsize=256)
-def beliefs_of(half_x, half_y, pitch, layers, scatter, kind, power, ends, robust, patch, base):
-    """Priors and bounds of a load of a kind; of which parameters are fitted."""
-    count = BASE + layers
-    mean, information = np.zeros(count), np.zeros(count)
-    low, high = np.full(count, -np.inf), np.full(count, np.inf)
-    step, active = np.ones(count), np.zeros(count, bool)
-    active[[Q0, Q1, FORCE, SHEAR_U]] = True
-    active[SHEAR_V] = kind == POINT
-    reach = math.hypot(half_x, half_y)
-    information[[Q0, Q1]] = reach ** -2, (reach if kind == POINT else 2.0 * math.pi) ** -2
-    step[[Q0, Q1, BEGIN, END]] = 0.6 * pitch
+@njit(error_model='numpy')
+def widest(pad):
+    """Largest half width of a bump that shows to be one [m]."""
+    side = min(pad.half_x, pad.half_y)
+    if side <= pad.pitch:
+        side = max(pad.half_x, pad.half_y)
+    return 0.45 * max(side, 1.5 * pad.pitch)
+
+
+@njit(error_model='numpy')
+def beliefs_of(pad, scatter, kind, power, ends, robust, patch, base):
+    """Priors and bounds of a load; `base`: whether there may be a baseline. See Beliefs."""
+    count = BASE + pad.depths.size
+    mean, information, step = np.zeros(count), np.zeros(count), np.ones(count)
+    low, high, fitted = np.full(count, -np.inf), np.full(count, np.inf), np.zeros(count, np.bool_)
+    fitted[Q0] = fitted[Q1] = fitted[FORCE] = fitted[SHEAR_U] = True
+    fitted[SHEAR_V] = kind == POINT
+    reach = math.hypot(pad.half_x, pad.half_y)
+    information[Q0] = reach ** -2
+    step[Q0] = step[Q1] = step[BEGIN] = step[END] = 0.6 * pad.pitch
     flat = 2
     if kind == POINT:
-        low[[Q0, Q1]] = -1.25 * half_x, -1.25 * half_y
-        high[[Q0, Q1]] = 1.25 * half_x, 1.25 * half_y
-        volume = math.log(4.0 * half_x * half_y)
+        information[Q1] = reach ** -2
+        high[Q0], high[Q1] = 1.25 * pad.half_x, 1.25 * pad.half_y
+        low[Q0], low[Q1] = -high[Q0], -high[Q1]
+        volume = math.log(4.0 * pad.half_x * pad.half_y)
     else:
+        information[Q1] = (2.0 * math.pi) ** -2
         low[Q0], high[Q0] = -1.25 * reach, 1.25 * reach
         step[Q1] = 0.15
-        volume = math.log(2.0 * math.pi * (half_x + half_y))
+        volume = math.log(2.0 * math.pi * (pad.half_x + pad.half_y))
     if ends:
-        active[[BEGIN, END]] = True
-        low[[BEGIN, END]], high[[BEGIN, END]] = -1.5 * reach, 1.5 * reach
+        fitted[BEGIN] = fitted[END] = True
+        low[BEGIN] = low[END] = -1.5 * reach
+        high[BEGIN] = high[END] = 1.5 * reach
         volume += 2.0 * math.log(2.0 * reach)
         flat += 2
     if power:
-        active[[WIDTH, EXPONENT]] = True
-        mean[WIDTH], information[WIDTH] = math.log(1.2 * pitch), 0.8 ** -2
+        fitted[WIDTH] = fitted[EXPONENT] = True
+        mean[WIDTH], information[WIDTH] = math.log(1.2 * pad.pitch), 0.8 ** -2
         mean[EXPONENT], information[EXPONENT] = math.log(HALF_SPACE), 0.5 ** -2
-        low[WIDTH], high[WIDTH] = math.log(0.3 * pitch), math.log(widest(half_x, half_y, pitch))
+        low[WIDTH], high[WIDTH] = math.log(0.3 * pad.pitch), math.log(widest(pad))
         low[EXPONENT], high[EXPONENT] = math.log(1.7), math.log(12.0)
         step[WIDTH], step[EXPONENT] = 0.25, 0.2
     elif patch:
-        active[WIDTH], low[WIDTH], high[WIDTH], step[WIDTH] = True, 0.0, MAX_VARIANCE, 0.1
+        fitted[WIDTH], low[WIDTH], high[WIDTH], step[WIDTH] = True, 0.0, MAX_VARIANCE, 0.1
         volume += math.log(MAX_VARIANCE)
         flat += 1
-    active[BASE:] = base
-    gain, spread = (scatter, 0.5) if scatter > 0.0 else (SCATTER[robust + power], 1.0)
-    return Beliefs(mean, information, low, high, step, np.flatnonzero(active),
-                   volume - 0.5 * math.log(2.0 * math.pi) * flat, SHEAR[power], scatter,
-                   gain, spread, UNSEEN[power or patch], robust)
-
-
-def widest(half_x, half_y, pitch):
-    """Largest half width of a bump that shows to be one [m]."""
-    sides = [half for half in (half_x, half_y) if half > pitch]
-    return 0.45 * max(min(sides, default=pitch), 1.5 * pitch)
+    fitted[BASE:] = base
+    gain, spread = (scatter, 0.5) if scatter > 0.0 else (SCATTER[int(robust) + int(power)], 1.0)
+    return Beliefs(kind, power, ends, patch, robust, mean, information, low, high, step,
+                   np.flatnonzero(fitted), volume - 0.5 * math.log(2.0 * math.pi) * flat,
+                   SHEAR[int(power)], scatter, gain, spread, UNSEEN[int(power or patch)])

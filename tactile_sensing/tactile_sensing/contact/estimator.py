@@ -2,22 +2,15 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-import math
+from importlib import import_module
 from typing import Any
 
 import numpy as np
 
 from tactile_common.config import bounded, check_fields, one_of
 from tactile_common.errors import ConfigurationError
-from tactile_sensing.contact.fit import Readings
-from tactile_sensing.contact.hypotheses import Hypothesis, Image, search
-from tactile_sensing.contact.methods import estimate_by_thesis, METHODS
-from tactile_sensing.contact.misfit import LOUD
-from tactile_sensing.contact.noise import noise_of_image
-from tactile_sensing.contact.refusal import has_second_hill
-from tactile_sensing.contact.reported import reported
-from tactile_sensing.image import Survey, survey
-from tactile_sensing.skin.bumps import LINE, Pad, POINT, WIDTH
+from tactile_sensing.contact.answer import Answer, answer, look, Sensor
+from tactile_sensing.skin.bumps import LINE, POINT
 from tactile_sensing.skin.pad import pad_of
 from tactile_sensing.types.array import TactelArray
 from tactile_sensing.types.contact import (
@@ -33,15 +26,11 @@ from tactile_sensing.types.contact import (
 from tactile_sensing.types.image import Layer, TactileImage
 from tactile_sensing.types.moments import Moments
 
+# Those but 'fit' are closed forms of the thesis, loaded when one is chosen.
+METHODS = ('fit', 'compensated', 'moments')
 MODELS = {'auto': (POINT, LINE), 'point': (POINT,), 'line': (LINE,)}
 TACTELS = ('point', 'area')
-FEWEST = 6  # tactels
-# Equal readings at the top that may be cut off; steps of the converter to there, at least.
-CUT_OFF, COARSE = 4, 30
-LOADED, FINEST = 0.1, 1e-6  # of the peak: tactels that are looked at; resolution of readings
-DETECTION = 5.0  # standard deviations
 IMPOSSIBLE = 1e12  # in the unit; a tactel that reports more, or no number, is not read
-QUIETER = 0.9  # of the noise that an image seemed to have: worth another fit
 
 _NOTHING = np.zeros(1, RECORD)
 for _name in (*PARAMETERS, 'patch', 'start', 'end', 'covariance', 'snr', 'residual'):
@@ -136,98 +125,64 @@ class ContactEstimator:
         """Return what is said of an image that could not even be read."""
         return Contact(ContactType.NONE, False, Reason.BAD_IMAGE, self.config.method)
 
-    def _estimate(self, stress, array, layers, tared, saturated):
+    def _estimate(self, stress: np.ndarray, array: TactelArray, layers: Sequence[Layer],
+                  tared: bool, saturated: int) -> tuple[np.ndarray, str]:
         """Records (N,) of frames, which are changed; model of the last."""
         for layer in layers:
             check_layer(layer)
-        main = next((k for k, layer in enumerate(layers) if layer.component == 'zz'), 0)
+        config = self.config
+        main = next((k for k, it in enumerate(layers) if it.component == 'zz'), 0)
         pad = pad_of(
             array, tuple((layer.component, float(layer.depth)) for layer in layers),
-            area=self.config.tactel == 'area', thickness=float(layers[main].thickness),
+            area=config.tactel == 'area', thickness=float(layers[main].thickness),
             poisson=float(layers[main].poisson))
+        sensor = Sensor(
+            pad, main, np.array([max(config.noise_std or it.noise_std, 0.0) for it in layers]),
+            np.array([it.full_scale or np.inf for it in layers]),
+            np.array([it.floor or -np.inf for it in layers]), float(layers[main].gain_spread))
         records, model = _NOTHING.repeat(len(stress)), ''
         stress[~(np.abs(stress) < IMPOSSIBLE)] = np.nan
+        calibrated = layers[main].unit == 'Pa'
+        known = Reason.UNCALIBRATED * (not calibrated) | Reason.NOT_TARED * (not tared)
+        kinds, by_thesis = np.array(MODELS[config.model]), config.method != 'fit'
         for frame, record in zip(stress, records, strict=True):
-            model = self._estimate_one(frame, array, pad, layers, main, tared, saturated, record)
+            seen, model = look(frame, sensor, saturated), ''
+            record['moments'] = seen.seen.moments
+            record['reasons'] = known | seen.reasons | seen.why
+            if seen.why:
+                clipped = seen.reasons & Reason.SATURATED
+                record['type'] = ContactType.OTHER if clipped else ContactType.NONE
+            elif by_thesis:
+                model = self._by_thesis(frame, array, layers, seen.noise, calibrated, record)
+            elif seen.seen.top < seen.noise[main] * 10.0 ** (config.min_snr / 20.0):
+                record['reasons'] |= Reason.LOW_SNR  # whatever a fit would say
+            else:
+                found = answer(frame, sensor, seen, kinds, config.min_snr)
+                write(found, calibrated, record)
+                model = name_of(found, layers) if found.valid else ''
+            if record['valid']:
+                grade_forces(record, layers[main].force_std)
         records['moments'] *= array.pitch_x * array.pitch_y
         return records, model
 
-    def _estimate_one(self, frame, array, pad, layers, main, tared, saturated, record):
-        """Write the record of one frame; returns the model's name."""
-        calibrated = layers[main].unit == 'Pa'
-        full = np.array([layer.full_scale or np.inf for layer in layers])
-        seen = survey(frame, main, full, pad)
-        record['moments'] = seen.moments
-        clipped, missing = seen.clipped + saturated, seen.missing - saturated
-        given = [max(self.config.noise_std or layer.noise_std, 0.0) for layer in layers]
-        noise = [std or noise_of_image(image, True)
-                 for std, image in zip(given, frame, strict=True)]
-        if full[main] == np.inf and CUT_OFF <= seen.highest <= 0.25 * frame[main].size:
-            full[main] = hidden_scale(frame[main], noise[main])
-            clipped += seen.highest * (full[main] < np.inf)
-        reasons = (Reason.SATURATED * (clipped > 0) | Reason.DEAD_TACTELS * (missing > 0)
-                   | Reason.UNCALIBRATED * (not calibrated) | Reason.NOT_TARED * (not tared))
-        why = undetected(seen, noise[main], clipped > 0)
-        if why:
-            record['type'] = ContactType.NONE if clipped == 0 else ContactType.OTHER
-            record['reasons'] = reasons | why
-            return ''
-        if self.config.method != 'fit':
-            return self._by_thesis(frame, array, layers, main, noise, reasons, record)
-        if seen.top < noise[main] * 10.0 ** (self.config.min_snr / 20.0):
-            record['reasons'] = reasons | Reason.LOW_SNR  # whatever a fit would say
-            return ''
-        size, floor = frame[0].size, [layer.floor or -np.inf for layer in layers]
-        readings = Readings(frame.ravel(), np.repeat(np.square(noise), size),
-                            np.repeat(full, size), np.repeat(floor, size))
-        image, kinds = Image(pad, readings, layers[main].gain_spread), MODELS[self.config.model]
-        one, why = search(image, kinds)
-        if one and not given[main]:
-            left = (readings.value - one.model).reshape(frame.shape)
-            quieter = noise_of_image(left[main], False)
-            if quieter < QUIETER * noise[main]:
-                noise[main] = quieter
-                readings.noise2[:] = quieter ** 2
-                one, why = search(image, kinds)
-        if why & Reason.BAD_FIT and has_second_hill(frame[main], noise[main]):
-            why |= Reason.TWO_CONTACTS
-        if one is None:
-            record['type'], record['reasons'] = ContactType.OTHER, reasons | why
-            return ''
-        record['snr'] = 20.0 * math.log10(max(one.model.max(), 1e-300) / noise[main])
-        record['iterations'] = one.iterations
-        record['residual'] = one.misfit.residual
-        if not why & ~Reason.SKIN_MISMATCH and record['snr'] < self.config.min_snr:
-            why |= Reason.LOW_SNR
-        valid = not why & ~Reason.SKIN_MISMATCH
-        if valid and (one.misfit.silent or one.misfit.loudest > 2.0 * LOUD):
-            reasons |= Reason.DEAD_TACTELS
-        record['reasons'] = reasons | why
-        record['type'] = type_of(one, why)
-        record['valid'] = valid
-        record['force_valid'] = valid and calibrated and not one.power
-        if not valid:
-            return ''
-        write(pad, one, record)
-        grade_forces(record, layers[main].force_std)
-        return name_of(one, layers)
-
-    def _by_thesis(self, frame, array, layers, main, noise, reasons, record):
+    def _by_thesis(self, frame: np.ndarray, array: TactelArray, layers: Sequence[Layer],
+                   noise: np.ndarray, calibrated: bool, record: np.void) -> str:
         """Write the record of one frame by a method of the thesis; returns the model's name."""
         frame = np.where(frame >= [[[layer.full_scale or np.inf]] for layer in layers], np.nan,
                          frame)
         known = [replace(layer, noise_std=std) for layer, std in zip(layers, noise, strict=True)]
-        contact = estimate_by_thesis(self.config.method, frame, array, known, self.config)
+        contact = import_module('tactile_sensing.thesis.closed_forms').estimate_by_moments(
+            frame, array, known, method=self.config.method, model=self.config.model,
+            averaging=self.config.tactel == 'area', min_snr=self.config.min_snr)
+        reasons = int(record['reasons'])
         for name in COLUMNS:
             if name != 'moments':
                 record[name] = getattr(contact, name)
-        record['reasons'] |= int(reasons)
-        record['force_valid'] = contact.valid and layers[main].unit == 'Pa'
+        record['reasons'] |= reasons
+        record['force_valid'] = contact.valid and calibrated
         if not contact.valid:
             for name in (*PARAMETERS, 'patch', 'covariance'):
                 record[name] = np.nan
-        else:
-            grade_forces(record, layers[main].force_std)
         return contact.model
 
 
@@ -242,51 +197,18 @@ def check_layer(layer: Layer) -> None:
             f'gain_spread {layer.gain_spread!r}, force_std {layer.force_std!r}: no such skin')
 
 
-def hidden_scale(image: np.ndarray, noise: float) -> float:
-    """Full scale where it is not known, if readings show to be cut off; else infinite."""
-    top = float(np.nanmax(image))
-    unit = FINEST * top
-    values, counts = np.unique(np.rint(image[np.isfinite(image)] / unit), return_counts=True)
-    steps, below, others = np.diff(values), values[:-1], counts[:-1]
-    resolution = steps.min(initial=np.inf)
-    if values[-1] < COARSE * resolution:  # rounding alone makes them equal
-        return np.inf
-    # Below a blunt top that is whole, noise and rounding leave as many as at it. Symmetry makes
-    # others equal as well, where there is no noise.
-    most = others[below >= values[-1] - 2.0 * max(noise / unit, resolution)].sum()
-    if noise / unit <= np.median(steps):
-        most = max(most, others[below > LOADED * values[-1]].max(initial=0))
-    return top if counts[-1] > 2 * most else np.inf
-
-
-def undetected(seen: Survey, noise: float, clipped: bool) -> Reason:
-    """Why nothing is to be fitted to an image; Reason(0) if there is a load."""
-    if seen.live < FEWEST:
-        return Reason.FEW_TACTELS
-    if seen.top < DETECTION * noise and (
-            seen.total < DETECTION * noise * math.sqrt(seen.live)):
-        return Reason.BAD_FIT if clipped else Reason.NO_CONTACT
-    return Reason(0)
-
-
-def type_of(one: Hypothesis, why: Reason) -> ContactType:
-    """Type that is reported of a hypothesis."""
-    if why & (Reason.NO_CONTACT | Reason.LOW_SNR):
-        return ContactType.NONE
-    if why & (Reason.BAD_FIT | Reason.TWO_CONTACTS):
-        return ContactType.OTHER
-    return ContactType.POINT if one.kind == POINT else ContactType.LINE
-
-
-def write(pad: Pad, one: Hypothesis, record: np.void) -> None:
-    """Load into a record."""
-    values, covariance, start, end = reported(
-        pad, one.kind, one.theta, one.has_ends, one.covariance)
-    for name, value in zip(PARAMETERS, values.tolist(), strict=True):
+def write(found: Answer, calibrated: bool, record: np.void) -> None:
+    """Write what a fit says into a record."""
+    record['type'], record['valid'] = found.type, found.valid
+    record['reasons'] |= found.reasons
+    record['force_valid'] = found.valid and calibrated and not found.power
+    if np.isfinite(found.snr):
+        record['snr'], record['residual'] = found.snr, found.residual
+        record['iterations'] = found.iterations
+    for name, value in zip(PARAMETERS, found.values.tolist(), strict=True):
         record[name] = value
-    record['covariance'], record['start'], record['end'] = covariance, start, end
-    spread = math.sqrt(one.theta[WIDTH]) if one.has_patch else 0.0
-    record['patch'] = pad.depths[0] * spread * (math.sqrt(5.0) if one.kind == POINT else 2.0)
+    record['covariance'], record['patch'] = found.covariance, found.patch
+    record['start'], record['end'] = found.start, found.end
 
 
 def grade_forces(record: np.void, std: float) -> None:
@@ -305,9 +227,9 @@ def grade_forces(record: np.void, std: float) -> None:
     record['covariance'][rows] = record['covariance'][:, rows] = np.nan
 
 
-def name_of(one: Hypothesis, layers: Sequence[Layer]) -> str:
+def name_of(found: Answer, layers: Sequence[Layer]) -> str:
     """Name of the model that was fitted."""
-    components = '+'.join(layer.component for layer in layers
-                          if one.kind == POINT or layer.component == 'zz')
-    return ('point' if one.kind == POINT else 'line') + '+width' * one.power + (
-        '+patch' * one.has_patch + '+ends' * one.has_ends + f'/{components}')
+    point = found.kind == POINT
+    components = '+'.join(it.component for it in layers if point or it.component == 'zz')
+    return ('point' if point else 'line') + '+width' * found.power + (
+        '+patch' * found.blunt + '+ends' * found.ends + f'/{components}')

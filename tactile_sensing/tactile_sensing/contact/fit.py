@@ -1,8 +1,8 @@
 """
 One robust fit of one load to one image: posterior mode, covariance and evidence; compiled.
 
-Reading i = baseline + m_i (1 + gain_i) + noise_i, m the load's picture. The errors are Student-t
-with variance noise^2 + (g m_i)^2; the scatter g is marginalised on a grid. A saturated tactel
+Reading i = baseline + m_i (1 + gain_i) + noise_i, m the load's model. Errors are Student-t with
+variance noise^2 + (g m_i)^2; the scatter g is marginalised on a grid. A saturated tactel
 says that there is at least as much, one below a floor that there is no more (Tobin). Every
 parameter may have a Gaussian prior; the shear always has one, in shares of the normal force.
 The evidence is Laplace's.
@@ -17,7 +17,6 @@ from tactile_common.kernels import FAST, njit
 from tactile_sensing.skin.bumps import (
     add_rows,
     BASE,
-    BEGIN,
     FORCE,
     SHEAR_U,
     SHEAR_V,
@@ -50,8 +49,13 @@ class Readings(NamedTuple):
 
 
 class Beliefs(NamedTuple):
-    """What is believed before the image is seen."""
+    """What is fitted, and what is believed of it before the image is seen."""
 
+    kind: int  # POINT or LINE
+    power: bool  # whether the skin is not known
+    ends: bool  # whether a line begins and ends
+    patch: bool  # whether the load on a known skin is blunt
+    robust: bool  # whether errors are Student-t and annealed, with a baseline; else Gaussian
     mean: np.ndarray  # (parameters,)
     information: np.ndarray  # (parameters,): 1 / variance; 0: flat
     low: np.ndarray  # (parameters,): bounds
@@ -64,7 +68,6 @@ class Beliefs(NamedTuple):
     gain: float  # scatter g, and standard deviation of its logarithm
     gain_spread: float
     unseen: float  # d of `misfit` that a fit may absorb
-    robust: bool  # whether errors are Student-t and annealed, with a baseline; else Gaussian
 
 
 class Fit(NamedTuple):
@@ -73,13 +76,24 @@ class Fit(NamedTuple):
     theta: np.ndarray  # (parameters,)
     inverse: np.ndarray  # (n, n): of the information
     by: np.ndarray  # (parameters, tactels)
+    rows: np.ndarray  # (n, tactels): of the active parameters
     model: np.ndarray  # (tactels,), without baselines
+    square: np.ndarray  # (tactels,): squared pressure whose share scatters
     error: np.ndarray  # (tactels,): 0 where nothing is read
     weight: np.ndarray  # (tactels,): likewise
     variance: np.ndarray  # (tactels,): noise and scatter
-    evidence: float  # NaN: the fit did not work
+    kept: np.ndarray  # (tactels,): whether the reading is an ordinary one
+    evidence: float  # minus infinity: the fit did not work
     scatter: float
     iterations: int
+
+
+class _Scale(NamedTuple):
+    """Sizes that an image sets."""
+
+    peak: float  # highest reading
+    force: float  # force of a load that reaches it
+    drift: float  # standard deviation of a baseline
 
 
 @njit(error_model='numpy')
@@ -104,7 +118,7 @@ def _factor(matrix, factor):
 
 
 @njit(error_model='numpy')
-def solve(matrix, right, inverse, solution):
+def _solve(matrix, right, inverse, solution):
     """Inverse and solution of a positive definite system; log of its determinant, or NaN."""
     n = right.size
     factor = np.zeros((n, n))
@@ -219,35 +233,34 @@ def _log_likelihood(error, variance, kept, robust):
 
 
 @njit(error_model='numpy')
-def _marginal_scatter(rows, fit, kept, noise2, square, prior, beliefs, whole):
+def _marginal_scatter(fit, noise2, prior, beliefs, whole):
     """
     Scatter g, root mean square over its posterior, and log of the integral over it.
 
     The posterior of log g is the parabola through the highest point of a grid and its neighbours.
-
     Only if whole, the parameters are integrated over at each g; else they are taken as known.
     """
-    n = rows.shape[0]
-    lit = square > LIT * noise2
-    dark = kept & ~lit
+    n = fit.rows.shape[0]
+    lit = fit.square > LIT * noise2
+    dark = fit.kept & ~lit
     constant = _log_likelihood(fit.error, noise2, dark, True)
-    some = np.flatnonzero(lit & kept)
+    some = np.flatnonzero(lit & fit.kept)
     few, base, matrix = np.empty((n, some.size)), np.zeros((n, n)), np.zeros((n, n))
     error, variance = fit.error[some], np.empty(some.size)
     weight, every = np.empty(some.size), np.ones(some.size, np.bool_)
     right, factor = np.zeros(n), np.zeros((n, n))
     if whole:
         _weigh(fit.error, noise2, dark, True, fit.weight)
-        _normal(rows, fit.weight, fit.error, base, right)
+        _normal(fit.rows, fit.weight, fit.error, base, right)
         for i in range(n):
             base[i, i] += prior[i]
             for t in range(some.size):
-                few[i, t] = rows[i, some[t]]
+                few[i, t] = fit.rows[i, some[t]]
     logs = np.full(GRID.size, -np.inf)
     for k in range(GRID.size):
         g, determinant = GRID[k], 0.0
         for t in range(some.size):
-            variance[t] = noise2[some[t]] + g * g * square[some[t]]
+            variance[t] = noise2[some[t]] + g * g * fit.square[some[t]]
         if whole:
             _weigh(error, variance, every, True, weight)
             matrix[:] = base
@@ -257,6 +270,12 @@ def _marginal_scatter(rows, fit, kept, noise2, square, prior, beliefs, whole):
             logs[k] = (constant + _log_likelihood(error, variance, every, True)
                        - 0.5 * determinant
                        - 0.5 * (math.log(g / beliefs.gain) / beliefs.gain_spread) ** 2)
+    return _parabola(logs)
+
+
+@njit(error_model='numpy')
+def _parabola(logs):
+    """Scatter and log of the integral of a posterior, given at the GRID as logarithms."""
     near: Any = min(max(logs.argmax(), 1), GRID.size - 2)
     slope = 0.5 * (logs[near + 1] - logs[near - 1])
     bend = logs[near - 1] - 2.0 * logs[near] + logs[near + 1]
@@ -269,153 +288,182 @@ def _marginal_scatter(rows, fit, kept, noise2, square, prior, beliefs, whole):
 
 
 @njit(error_model='numpy')
-def _start_forces(rows, beliefs, weight, reading, prior, theta):
-    """Forces and baselines of least squares at the first place; False if there are none."""
-    first = 0
-    while beliefs.active[first] < FORCE:
-        first += 1
-    n = beliefs.active.size - first
-    matrix, right = np.zeros((n, n)), np.zeros(n)
-    inverse, solution = np.zeros((n, n)), np.zeros(n)
-    _normal(rows[first:], weight, reading, matrix, right)
-    for i in range(n):
-        matrix[i, i] += prior[first + i] + 1e-9 * matrix[i, i]
-    if np.isnan(solve(matrix, right, inverse, solution)):
-        return False
-    for i in range(n):
-        theta[beliefs.active[first + i]] = solution[i]
-    return True
+def _model(fit, pad, beliefs, theta, coarse, every):
+    """Write model and derivatives of a load; also by what is not fitted, if every one is asked."""
+    wide = every or beliefs.power or beliefs.patch
+    add_rows(beliefs.kind, beliefs.power, beliefs.ends, wide, coarse, pad, theta, fit.by,
+             fit.model)
+    for i in range(beliefs.active.size):
+        fit.rows[i] = fit.by[beliefs.active[i]]
 
 
 @njit(error_model='numpy')
-def _gather(by, index, rows):
-    for i in range(index.size):
-        rows[i] = by[index[i]]
-
-
-@njit(error_model='numpy')
-def _make_prior(beliefs, amplitude, drift, prior):
-    """Information of the active parameters' priors."""
+def _prior(beliefs, force, drift, prior):
+    """Information of the active parameters' priors, the shear's in shares of the force."""
     for i in range(beliefs.active.size):
         p = beliefs.active[i]
         prior[i] = beliefs.information[p]
         if p == SHEAR_U or p == SHEAR_V:
-            prior[i] = (beliefs.shear * amplitude) ** -2.0
+            prior[i] = (beliefs.shear * force) ** -2.0
         elif p >= BASE:
             prior[i] = drift ** -2.0
 
 
 @njit(error_model='numpy')
-def fit_load(kind, power, pad, readings, start, warm, beliefs):
+def _begin(fit, pad, readings, beliefs):
+    """Forces and baselines of least squares at the first place; a _Scale of peak 0 without any."""
+    theta, n, tactels = fit.theta, beliefs.active.size, readings.value.size
+    peak, noise = 1e-300, 0.0
+    for t in range(tactels):
+        noise += math.sqrt(readings.noise2[t]) / tactels
+        if np.isfinite(readings.value[t]):
+            peak = max(peak, readings.value[t])
+            fit.error[t] = readings.value[t]
+    drift = DRIFT[0] * peak + DRIFT[1] * noise
+    theta[FORCE:] = 0.0
+    theta[FORCE] = 1.0
+    _model(fit, pad, beliefs, theta, beliefs.power, False)
+    force = peak / max(fit.model.max(), 1e-300)
+    for t in range(tactels):
+        fit.weight[t] = np.isfinite(readings.value[t]) / (
+            readings.noise2[t] + (0.3 * peak) ** 2 * beliefs.robust)
+    prior, first = np.zeros(n), np.searchsorted(beliefs.active, FORCE)
+    _prior(beliefs, force, drift, prior)
+    matrix, right = np.zeros((n - first, n - first)), np.zeros(n - first)
+    inverse, solution = np.zeros((n - first, n - first)), np.zeros(n - first)
+    _normal(fit.rows[first:], fit.weight, fit.error, matrix, right)
+    for i in range(n - first):
+        matrix[i, i] += prior[first + i] + 1e-9 * matrix[i, i]
+    if np.isnan(_solve(matrix, right, inverse, solution)):
+        return _Scale(0.0, force, drift)
+    theta[beliefs.active[first:]] = solution
+    theta[FORCE] = max(theta[FORCE], 1e-3 * force)
+    return _Scale(peak, force, drift)
+
+
+@njit(error_model='numpy')
+def _compare(fit, size, readings):
+    """Errors of the readings; one beyond a bound that the model agrees with is not kept."""
+    reading, _, full, floor = readings
+    for t in range(reading.size):
+        if np.isfinite(reading[t]):
+            expected = fit.model[t] + fit.theta[BASE + t // size]
+            error, limit = min(max(reading[t], floor[t]), full[t]) - expected, (
+                CONTRADICTED * math.sqrt(fit.variance[t]))
+            fit.error[t] = error
+            fit.kept[t] = not (reading[t] >= full[t] and error < limit
+                               or reading[t] <= floor[t] and error > -limit)
+
+
+@njit(error_model='numpy')
+def _weigh_all(fit, readings, heat, g, robust):
+    """Variances and weights of the errors at a scatter g, and what a bounded reading tells."""
+    for t in range(fit.error.size):
+        fit.variance[t] = readings.noise2[t] + heat + g * g * fit.square[t]
+    _weigh(fit.error, fit.variance, fit.kept, robust, fit.weight)
+    for t in range(fit.error.size):
+        if not fit.kept[t] and np.isfinite(readings.value[t]):
+            fit.error[t], fit.weight[t] = _censored(
+                fit.error[t], math.sqrt(fit.variance[t]), readings.value[t] >= readings.full[t])
+
+
+@njit(error_model='numpy')
+def _step(theta, step, inverse, beliefs):
+    """Go a step, within bounds; the largest change of a shape [standard deviations]."""
+    largest = moved = 0.0
+    for i in range(step.size):
+        if beliefs.active[i] < FORCE:
+            largest = max(largest, abs(step[i]) / beliefs.largest_step[beliefs.active[i]])
+    shrink = 1.0 / max(1.0, largest)
+    for i in range(step.size):
+        p = beliefs.active[i]
+        was = theta[p]
+        theta[p] = min(max(was + shrink * step[i], beliefs.low[p]), beliefs.high[p])
+        if p < FORCE:
+            moved = max(moved, abs(theta[p] - was) / math.sqrt(inverse[i, i]))
+    return moved
+
+
+@njit(error_model='numpy')
+def _empty(start, tactels, noise2, n):
+    """Fit that did not work, to be written to."""
+    flat = np.zeros((5, tactels))
+    flat[4] = noise2
+    return Fit(start.copy(), np.zeros((n, n)), np.zeros((start.size, tactels)),
+               np.zeros((n, tactels)), flat[0], flat[1], flat[2], flat[3], flat[4],
+               np.zeros(tactels, np.bool_), -np.inf, 0.0, 0)
+
+
+@njit(error_model='numpy')
+def fit_load(pad, readings, beliefs, start, warm):
     """
     Fit one load by Gauss-Newton.
 
     Parameters
     ----------
-    kind, power, pad
-        As for `bumps.add_rows`.
+    pad : Pad
     readings : Readings
+    beliefs : Beliefs
     start : ndarray, shape (parameters,)
         Its forces are not read.
     warm : bool
         Whether the start is near, so that outliers are seen from the first step.
-    beliefs : Beliefs
 
     Returns
     -------
     Fit
     """
-    reading, noise2, full, floor = readings
-    index, robust = beliefs.active, beliefs.robust
-    n, tactels = index.size, reading.size
+    robust, n = beliefs.robust, beliefs.active.size
     rows, columns = pad.y.size, pad.x.size
-    theta, by, model = start.copy(), np.zeros((start.size, tactels)), np.zeros(tactels)
-    error, weight, variance = np.zeros(tactels), np.zeros(tactels), noise2.copy()
-    square, some = np.zeros(tactels), np.zeros((n, tactels))
-    inverse, step, prior = np.zeros((n, n)), np.zeros(n), np.zeros(n)
-    matrix, right = np.zeros((n, n)), np.zeros(n)
-    ends, wide = (index == BEGIN).any(), (index == WIDTH).any()
-    finite = np.isfinite(reading)
-    kept, above = finite.copy(), np.zeros(tactels, np.bool_)
-    peak, mean_noise = 1e-300, 0.0
-    for t in range(tactels):
-        mean_noise += math.sqrt(noise2[t]) / tactels
-        if finite[t]:
-            peak = max(peak, reading[t])
-            error[t] = reading[t]
-    drift = DRIFT[0] * peak + DRIFT[1] * mean_noise
-    theta[FORCE:] = 0.0
-    theta[FORCE] = 1.0
-    add_rows(kind, power, ends, wide, power, pad, theta, by, model)
-    _gather(by, index, some)
-    scale = peak / max(model.max(), 1e-300)
-    _make_prior(beliefs, scale, drift, prior)
-    for t in range(tactels):
-        weight[t] = finite[t] / (noise2[t] + (0.3 * peak) ** 2 * robust)
-    fit = Fit(theta, inverse, by, model, error, weight, variance, np.nan, 0.0, 0)
-    if not _start_forces(some, beliefs, weight, error, prior, theta):
+    fit = _empty(start, readings.value.size, readings.noise2, n)
+    theta, matrix, right = fit.theta, np.zeros((n, n)), np.zeros(n)
+    prior, step = np.zeros(n), np.zeros(n)
+    scale = _begin(fit, pad, readings, beliefs)
+    if scale.peak == 0.0:
         return fit
-    theta[FORCE] = max(theta[FORCE], 1e-3 * scale)
-    shown, marginal, before = 0.0, 0.0, np.inf
-    g = beliefs.gain if robust else beliefs.known
-    steps = STEPS[1 if robust else 0]
-    for iteration in range(steps):
+    scatter, marginal, moved = 0.0, 0.0, np.inf
+    g, last = beliefs.gain if robust else beliefs.known, STEPS[1 if robust else 0] - 1
+    for iteration in range(last + 1):
         heat = 0.0
         if robust and iteration < ANNEALED and not warm:
-            heat = (0.3 * peak * COOLING ** iteration) ** 2
-        coarse = power and (heat > 0.0 or theta[WIDTH] > math.log(BROAD * pad.pitch))
-        done = iteration == steps - 1 or (before < SETTLED and heat == 0.0)
-        add_rows(kind, power, ends, wide or done, coarse, pad, theta, by, model)
-        _gather(by, index, some)
-        for t in range(tactels):
-            if finite[t]:
-                expected = model[t] + theta[BASE + t // (rows * columns)]
-                above[t] = reading[t] >= full[t]
-                error[t] = min(max(reading[t], floor[t]), full[t]) - expected
-                kept[t] = not (above[t] and error[t] < CONTRADICTED * math.sqrt(variance[t])
-                               or reading[t] <= floor[t] and error[t] > (
-                                   -CONTRADICTED * math.sqrt(variance[t])))
-        _spread(model, rows, columns, square)
-        _make_prior(beliefs, max(abs(theta[FORCE]), 1e-3 * scale), drift, prior)
-        hot = noise2 + heat
+            heat = (0.3 * scale.peak * COOLING ** iteration) ** 2
+        coarse = beliefs.power and (heat > 0.0 or theta[WIDTH] > math.log(BROAD * pad.pitch))
+        done = iteration == last or (moved < SETTLED and heat == 0.0)
+        _model(fit, pad, beliefs, theta, coarse, done)
+        _compare(fit, rows * columns, readings)
+        _spread(fit.model, rows, columns, fit.square)
+        _prior(beliefs, max(abs(theta[FORCE]), 1e-3 * scale.force), scale.drift, prior)
         if done or (robust and heat == 0.0 and iteration % 2 == 0):
-            shown, marginal = _marginal_scatter(some, fit, kept, hot, square, prior, beliefs,
-                                                done)
-            g = shown if robust else g
-        for t in range(tactels):
-            variance[t] = hot[t] + g * g * square[t]
-        _weigh(error, variance, kept, robust, weight)
-        for t in range(tactels):
-            if finite[t] and not kept[t]:
-                error[t], weight[t] = _censored(error[t], math.sqrt(variance[t]), above[t])
+            scatter, marginal = _marginal_scatter(
+                fit, readings.noise2 + heat, prior, beliefs, done)
+            g = scatter if robust else g
+        _weigh_all(fit, readings, heat, g, robust)
         matrix[:] = 0.0
         right[:] = 0.0
-        _normal(some, weight, error, matrix, right)
+        _normal(fit.rows, fit.weight, fit.error, matrix, right)
         penalty = volume = 0.0
         for i in range(n):
-            off = theta[index[i]] - beliefs.mean[index[i]]
+            off = theta[beliefs.active[i]] - beliefs.mean[beliefs.active[i]]
             matrix[i, i] += prior[i]
             right[i] -= prior[i] * off
             penalty += prior[i] * off * off
             if prior[i] > 0.0:
                 volume += 0.5 * math.log(prior[i])
-        determinant = solve(matrix, right, inverse, step)
+        determinant = _solve(matrix, right, fit.inverse, step)
         if not np.isfinite(determinant):
-            break
+            return fit
         if done:
             if not robust:
-                marginal = _log_likelihood(error, variance, kept, robust) - 0.5 * determinant
+                marginal = _log_likelihood(
+                    fit.error, fit.variance, fit.kept, False) - 0.5 * determinant
             evidence = marginal - 0.5 * penalty + volume - beliefs.volume
-            return Fit(theta, inverse, by, model, error, weight, variance, evidence, shown,
-                       iteration + 1)
-        largest = before = 0.0
-        for i in range(n):
-            if index[i] < FORCE:
-                largest = max(largest, abs(step[i]) / beliefs.largest_step[index[i]])
-        shrink = 1.0 / max(1.0, largest)
-        for i in range(n):
-            p, was = index[i], theta[index[i]]
-            theta[p] = min(max(was + shrink * step[i], beliefs.low[p]), beliefs.high[p])
-            if p < FORCE:
-                before = max(before, abs(theta[p] - was) / math.sqrt(inverse[i, i]))
+            works = evidence == evidence and theta[FORCE] > 0.0
+            return _finished(fit, evidence if works else -np.inf, scatter, iteration + 1)
+        moved = _step(theta, step, fit.inverse, beliefs)
     return fit
+
+
+@njit(error_model='numpy')
+def _finished(fit, evidence, scatter, iterations):
+    return Fit(fit.theta, fit.inverse, fit.by, fit.rows, fit.model, fit.square, fit.error,
+               fit.weight, fit.variance, fit.kept, evidence, scatter, iterations)

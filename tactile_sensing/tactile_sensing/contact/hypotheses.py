@@ -1,5 +1,5 @@
 """
-Which load explains an image: the least first, and more only where that leaves something.
+Which load explains an image: the least first, and more only where that leaves something; compiled.
 
 1. *Sharp*: a point or a line on the known skin, Gaussian noise. Most images of a calibrated skin
    end here.
@@ -10,7 +10,6 @@ Which load explains an image: the least first, and more only where that leaves s
 An image that the best of these does not explain is refused.
 """
 
-from dataclasses import dataclass
 import math
 from typing import NamedTuple
 
@@ -18,20 +17,10 @@ import numpy as np
 
 from tactile_common.kernels import FAST, njit
 from tactile_sensing.contact.beliefs import beliefs_of, HALF_SPACE
-from tactile_sensing.contact.fit import Beliefs, Readings
-from tactile_sensing.contact.misfit import fit_and_judge, LOUD, Misfit
-from tactile_sensing.contact.refusal import DOUBT, EXTRA, is_nothing, refusal
-from tactile_sensing.skin.bumps import (
-    BEGIN,
-    END,
-    EXPONENT,
-    LINE,
-    Pad,
-    POINT,
-    Q0,
-    Q1,
-    WIDTH,
-)
+from tactile_sensing.contact.fit import Beliefs, Fit, fit_load
+from tactile_sensing.contact.misfit import judge, LOUD, Misfit, Residual, residual_of
+from tactile_sensing.contact.refusal import BAD_FIT, DOUBT, EXTRA, is_nothing, refusal
+from tactile_sensing.skin.bumps import BASE, BEGIN, END, EXPONENT, LINE, POINT, Q0, Q1, WIDTH
 from tactile_sensing.skin.kernel import MAX_VARIANCE
 from tactile_sensing.types.contact import Reason
 
@@ -42,42 +31,35 @@ WRONG_SKIN = 0.05  # share of the pressure that is left beyond noise: more is a 
 EXTRAPOLATED = 0.25  # share of the pressure above full scale: its shape is not seen
 DISTINCT, ROUND = 4.0, 1.2  # half length over half width of what is no point, and no line
 STRIPS = 3  # rows or columns: fewer see a point at most
+FIRST_PATCH = 0.1  # variance from which that of a patch is fitted [depths^2]
 LONG = 2.0  # half length over half width of what is tried as a line first
+SKIN_MISMATCH = int(Reason.SKIN_MISMATCH)
 
 
-class Image(NamedTuple):
-    """One image of one sensor."""
+class Guess(NamedTuple):
+    """Where to start."""
 
-    pad: Pad
-    readings: Readings
-    scatter: float = 0.0  # of the gains; 0: not known
+    x: float  # centre [m]
+    y: float
+    across: float  # direction across [rad]
+    width: float  # half width [m]
+    length: float  # half length [m]
 
 
-@dataclass
-class Hypothesis:
-    """One kind of load, fitted; `fit_and_judge` describes what comes from it."""
+class Hypothesis(NamedTuple):
+    """One kind of load, fitted, and what it leaves."""
 
-    kind: int
-    power: bool  # whether the skin is not known
-    has_ends: bool  # whether a line begins and ends
-    has_patch: bool  # whether the load on a known skin is blunt
     beliefs: Beliefs
-    theta: np.ndarray
-    model: np.ndarray
-    covariance: np.ndarray
-    evidence: float
-    scatter: float
-    iterations: int
+    fit: Fit
+    evidence: float  # that of the fit, less what each extra must bring
+    residual: Residual
     misfit: Misfit
+    covariance: np.ndarray  # (parameters, parameters)
 
 
-@njit(cache=True, error_model='numpy', fastmath=FAST)
-def first_guess(pad, reading):
-    """
-    Where to start: centre x, y, direction across, half width and half length of the load [m].
-
-    From the second moments of the tactels above .3 of the peak; no tactel alone is a peak.
-    """
+@njit(error_model='numpy', fastmath=FAST)
+def _smoothed(pad, reading):
+    """Readings (rows, columns) that a neighbour confirms: no tactel alone is a peak; the peak."""
     rows, columns = pad.y.size, pad.x.size
     smooth, peak = np.zeros((rows, columns)), 0.0
     for r in range(rows):
@@ -90,9 +72,16 @@ def first_guess(pad, reading):
             if here > 0.0:
                 smooth[r, c] = min(here, around)
                 peak = max(peak, smooth[r, c])
+    return smooth, peak
+
+
+@njit(error_model='numpy', fastmath=FAST)
+def first_guess(pad, reading):
+    """Guess from the second moments of the tactels above .3 of the peak."""
+    smooth, peak = _smoothed(pad, reading)
     total = mx = my = mxx = myy = mxy = 0.0
-    for r in range(rows):
-        for c in range(columns):
+    for r in range(pad.y.size):
+        for c in range(pad.x.size):
             weight = smooth[r, c] - 0.3 * peak
             if weight > 0.0:
                 x, y = pad.x[c], pad.y[r]
@@ -103,128 +92,186 @@ def first_guess(pad, reading):
                 myy += weight * y * y
                 mxy += weight * x * y
     if not total > 0.0:
-        return 0.0, 0.0, 0.0, pad.pitch, pad.pitch
+        return Guess(0.0, 0.0, 0.0, pad.pitch, pad.pitch)
     x, y = mx / total, my / total
     xx, yy, xy = mxx / total - x * x, myy / total - y * y, mxy / total - x * y
     mean, half = 0.5 * (xx + yy), math.hypot(0.5 * (xx - yy), xy)
-    across = 0.5 * math.atan2(-2.0 * xy, yy - xx)
-    return (x, y, across, max(math.sqrt(max(mean - half, 0.0)), 0.4 * pad.pitch),
-            math.sqrt(max(mean + half, 0.25 * pad.pitch * pad.pitch)))
+    return Guess(x, y, 0.5 * math.atan2(-2.0 * xy, yy - xx),
+                 max(math.sqrt(max(mean - half, 0.0)), 0.4 * pad.pitch),
+                 math.sqrt(max(mean + half, 0.25 * pad.pitch * pad.pitch)))
 
 
-def fitted(image, kind, power, guess, *, ends=False, robust=True, patch=False, base=False,
-           start=None):
-    """Fit one hypothesis, from a first guess or from the parameters of a simpler one."""
-    pad = image.pad
-    beliefs = beliefs_of(pad.half_x, pad.half_y, pad.pitch, pad.depths.size, image.scatter, kind,
-                       power, ends, robust, patch, base or robust)
-    cx, cy, across, width, length = guess
-    begin = np.zeros(beliefs.mean.size)
-    if start is not None:
-        begin[:] = start
+@njit(error_model='numpy')
+def _cold_start(kind, power, guess, count):
+    """Parameters (count,) of a first guess; its forces are not read."""
+    theta = np.zeros(count)
+    if kind == POINT:
+        theta[Q0], theta[Q1] = guess.x, guess.y
     else:
-        if kind == POINT:
-            begin[Q0], begin[Q1] = cx, cy
-        else:
-            begin[Q0] = cx * math.cos(across) + cy * math.sin(across)
-            begin[Q1] = across
-        if power:
-            begin[WIDTH], begin[EXPONENT] = math.log(width), math.log(HALF_SPACE)
-    if ends and not patch:
-        middle = cy * math.cos(begin[Q1]) - cx * math.sin(begin[Q1])
-        begin[BEGIN], begin[END] = middle - 1.6 * length, middle + 1.6 * length
-    if patch:
-        begin[WIDTH] = 0.1
-    theta, model, covariance, evidence, scatter, iterations, misfit = fit_and_judge(
-        kind, power, pad, image.readings, begin, start is not None and (patch or not ends),
-        beliefs)
-    return Hypothesis(kind, power, ends, patch, beliefs, theta, model, covariance,
-                      evidence - EXTRA * (ends + patch), scatter, iterations, misfit)
+        theta[Q0] = guess.x * math.cos(guess.across) + guess.y * math.sin(guess.across)
+        theta[Q1] = guess.across
+    if power:
+        theta[WIDTH], theta[EXPONENT] = math.log(guess.width), math.log(HALF_SPACE)
+    return theta
 
 
+@njit(error_model='numpy')
+def _fitted(pad, readings, beliefs, theta, warm):
+    """Fit one hypothesis; its misfit and covariance are left open, see `_judged`."""
+    fit = fit_load(pad, readings, beliefs, theta, warm)
+    return Hypothesis(beliefs, fit, fit.evidence - EXTRA * (beliefs.ends + beliefs.patch),
+                      residual_of(fit, readings), Misfit(0.0, 0.0, 0.0, 0.0, 0.0),
+                      np.zeros((0, 0)))
+
+
+@njit(error_model='numpy')
+def _judged(pad, readings, one):
+    """Hypothesis with its misfit and covariance."""
+    misfit, covariance = judge(pad, one.fit, readings, one.beliefs)
+    return Hypothesis(one.beliefs, one.fit, one.evidence, one.residual, misfit, covariance)
+
+
+@njit(error_model='numpy')
+def _is_noise(one):
+    """Whether the errors that a load leaves are no larger than noise."""
+    left = one.residual
+    return (one.evidence > -np.inf and left.loudest < LOUD and left.excess < EXCESS
+            and left.extrapolated < EXTRAPOLATED)
+
+
+@njit(error_model='numpy')
+def _search_sharp(pad, readings, scatter, guess, kinds):
+    """Find a sharp load that explains an image of a known skin to within noise; if it does."""
+    sharp = _cold_start(kinds[0], False, guess, BASE + pad.depths.size)
+    for kind in kinds:
+        sharp = _cold_start(kind, False, guess, sharp.size)
+        for extra in range(3):  # none, a patch, a baseline
+            beliefs = beliefs_of(
+                pad, scatter, kind, False, False, False, extra == 1, extra == 2)
+            theta = sharp.copy()
+            theta[WIDTH] = FIRST_PATCH * beliefs.patch
+            one = _fitted(pad, readings, beliefs, theta, True)
+            if _is_noise(one):
+                one = _judged(pad, readings, one)
+                if one.misfit.significance < DOUBT and one.misfit.hidden < SHOWN:
+                    return one, True
+            if extra == 0:
+                if one.evidence == -np.inf or one.residual.loudest > MUCH:
+                    break
+                sharp = one.fit.theta
+    return one, False
+
+
+@njit(error_model='numpy')
 def _unexplained(one):
     """Whether a load leaves more than noise and the usual scatter."""
     return (one.misfit.significance > 2.0 or one.misfit.second > 5.0
-            or one.scatter > 2.0 * one.beliefs.gain or one.misfit.hidden > SHOWN)
+            or one.fit.scatter > 2.0 * one.beliefs.gain or one.misfit.hidden > SHOWN)
 
 
-def _best(hypotheses):
-    return max(hypotheses, key=lambda one: one.evidence)
+@njit(error_model='numpy')
+def _better(pad, readings, one, other):
+    """Of a judged hypothesis and another the one of the greater evidence, judged."""
+    return _judged(pad, readings, other) if other.evidence > one.evidence else one
 
 
-def _search_sharp(image, guess, kinds):
-    """Find a sharp load that explains an image of a known skin to within noise, or None."""
-    for kind in kinds:
-        sharp = fitted(image, kind, False, guess, robust=False)
-        if _is_noise(sharp):
-            return sharp
-        if sharp.evidence == -math.inf or sharp.misfit.loudest > MUCH:
-            continue
-        for extra in ('patch', 'base'):
-            one = fitted(image, kind, False, guess, robust=False, start=sharp.theta,
-                         **{extra: True})
-            if _is_noise(one):
-                return one
-    return None
+@njit(error_model='numpy')
+def _robust(pad, readings, scatter, guess, kind, power):
+    """Fit the least load of a kind with outliers, scatter and baseline."""
+    beliefs = beliefs_of(pad, scatter, kind, power, False, True, False, True)
+    theta = _cold_start(kind, power, guess, beliefs.mean.size)
+    return _fitted(pad, readings, beliefs, theta, False)
 
 
-def _is_noise(one):
-    """Whether what a load leaves is noise."""
-    misfit = one.misfit
-    return (one.evidence > -math.inf and misfit.loudest < LOUD and misfit.excess < EXCESS
-            and misfit.significance < DOUBT and misfit.extrapolated < EXTRAPOLATED
-            and misfit.hidden < SHOWN)
-
-
-def _search_robust(image, guess, kinds, power):
-    """Find the load of the greatest evidence, with whatever nuisances it needs."""
-    found = [one for one in (fitted(image, kind, power, guess) for kind in kinds)
-             if one.evidence > -math.inf]
-    if not found:
-        return None
-    best = _best(found)
-    if best.misfit.hidden > SHOWN:
-        best = _best([best, fitted(image, best.kind, power, guess, patch=True,
-                                   start=best.theta)])
-    line = next((one for one in found if one.kind == LINE), None)
-    if not line or not _unexplained(best):
+@njit(error_model='numpy')
+def _search_robust(pad, readings, scatter, guess, kinds, power):
+    """Find the load of the greatest evidence, which is -infinite if no fit works."""
+    best = line = _robust(pad, readings, scatter, guess, kinds[0], power)
+    if kinds.size > 1:
+        other = _robust(pad, readings, scatter, guess, kinds[1], power)
+        line = other if kinds[1] == LINE else best
+        best = other if other.evidence > best.evidence else best
+    if best.evidence == -np.inf:
         return best
-    best = _best([best, fitted(image, LINE, power, guess, ends=True, start=line.theta)])
-    if best.has_ends and best.misfit.hidden > SHOWN:
-        best = _best([best, fitted(image, LINE, power, guess, ends=True, patch=True,
-                                   start=best.theta)])
+    best = _judged(pad, readings, best)
+    if best.misfit.hidden > SHOWN:
+        best = _with_patch(pad, readings, scatter, best)
+    if line.beliefs.kind != LINE or line.evidence == -np.inf or not _unexplained(best):
+        return best
+    along = line.fit.theta.copy()
+    middle = guess.y * math.cos(along[Q1]) - guess.x * math.sin(along[Q1])
+    along[BEGIN], along[END] = middle - 1.6 * guess.length, middle + 1.6 * guess.length
+    beliefs = beliefs_of(pad, scatter, LINE, power, True, True, False, True)
+    best = _better(pad, readings, best, _fitted(pad, readings, beliefs, along, False))
+    if best.beliefs.ends and best.misfit.hidden > SHOWN:
+        best = _with_patch(pad, readings, scatter, best)
     return best
 
 
-def search(image, kinds=(POINT, LINE)):
+@njit(error_model='numpy')
+def _with_patch(pad, readings, scatter, one):
+    """Make a load blunt, if the evidence is for that."""
+    beliefs = beliefs_of(
+        pad, scatter, one.beliefs.kind, False, one.beliefs.ends, True, True, True)
+    theta = one.fit.theta.copy()
+    theta[WIDTH] = FIRST_PATCH
+    return _better(pad, readings, one, _fitted(pad, readings, beliefs, theta, True))
+
+
+@njit(error_model='numpy')
+def _order(pad, guess, kinds):
+    """Kinds to be tried: those that the outline of the load leaves open, the likelier first."""
+    if min(pad.x.size, pad.y.size) < STRIPS:  # no direction is seen
+        return np.array([POINT])
+    if kinds.size > 1 and guess.length > DISTINCT * guess.width:
+        return np.array([LINE])
+    if kinds.size > 1 and guess.length > LONG * guess.width:
+        return np.array([LINE, POINT])
+    if kinds.size > 1 and guess.length < ROUND * guess.width:
+        return np.array([POINT])
+    return kinds
+
+
+@njit(error_model='numpy')
+def search(pad, readings, scatter, kinds):
     """
     Find the least load that explains an image.
 
-    Returns the Hypothesis and why it is no answer, Reason(0) if it is one; with the answer of a
-    free bump on a known skin comes SKIN_MISMATCH.
+    Parameters
+    ----------
+    pad : Pad
+    readings : Readings
+    scatter : float
+        Of the gains; 0: not known.
+    kinds : ndarray of int
+        POINT, LINE or both, in this order.
+
+    Returns
+    -------
+    Hypothesis
+        Its evidence is -infinite where no fit works.
+    int
+        Reason why it is no answer, 0 if it is one; with the answer of a free bump on a known skin
+        comes SKIN_MISMATCH.
     """
-    pad = image.pad
-    guess = first_guess(pad, image.readings.value[:pad.x.size * pad.y.size])
-    if min(pad.x.size, pad.y.size) < STRIPS:  # no direction is seen
-        kinds = (POINT,)
-    elif len(kinds) > 1 and guess[4] > LONG * guess[3]:
-        kinds = (LINE,) if guess[4] > DISTINCT * guess[3] else (LINE, POINT)
-    elif len(kinds) > 1 and guess[4] < ROUND * guess[3]:
-        kinds = (POINT,)
-    mismatch = Reason(0)
+    guess = first_guess(pad, readings.value)
+    kinds, mismatch = _order(pad, guess, kinds), 0
     if pad.depths[0] > 0.0:  # the skin is known
-        sharp = _search_sharp(image, guess, kinds)
-        if sharp is not None:
-            return sharp, refusal(image, sharp)
-        best = _search_robust(image, guess, kinds, False)
-        if best is None:
-            return None, Reason.BAD_FIT
-        why, misfit = refusal(image, best), best.misfit
-        wrong_skin = (misfit.significance > DOUBT and misfit.left > WRONG_SKIN
-                      or misfit.extrapolated > EXTRAPOLATED
-                      or best.has_patch and best.theta[WIDTH] >= MAX_VARIANCE)
-        if pad.depths.size > 1 or not (why or wrong_skin) or is_nothing(image, best):
+        sharp, explains = _search_sharp(pad, readings, scatter, guess, kinds)
+        if explains:
+            return sharp, refusal(pad, readings, sharp)
+        best = _search_robust(pad, readings, scatter, guess, kinds, False)
+        if best.evidence == -np.inf:
+            return best, BAD_FIT
+        why, left = refusal(pad, readings, best), best.residual
+        wrong_skin = (best.misfit.significance > DOUBT and left.left > WRONG_SKIN
+                      or left.extrapolated > EXTRAPOLATED
+                      or best.beliefs.patch and best.fit.theta[WIDTH] >= MAX_VARIANCE)
+        if (pad.depths.size > 1 or not (why or wrong_skin)
+                or is_nothing(readings, best.evidence)):
             return best, why
-        mismatch = Reason.SKIN_MISMATCH
-    free = _search_robust(image, guess, kinds, True)
-    return free, (refusal(image, free) if free else Reason.BAD_FIT) | mismatch
+        mismatch = SKIN_MISMATCH
+    free = _search_robust(pad, readings, scatter, guess, kinds, True)
+    if free.evidence == -np.inf:
+        return free, BAD_FIT | mismatch
+    return free, refusal(pad, readings, free) | mismatch

@@ -1,4 +1,4 @@
-"""What the best load leaves: how much a wrong model misses, and whether there is a second load."""
+"""What a load leaves: what a wrong model misses, and whether there is a second load; compiled."""
 
 import math
 from typing import NamedTuple
@@ -6,8 +6,8 @@ from typing import NamedTuple
 import numpy as np
 
 from tactile_common.kernels import FAST, njit
-from tactile_sensing.contact.fit import fit_load, SANDWICH
-from tactile_sensing.skin.bumps import FORCE, LINE, Q1, WIDTH
+from tactile_sensing.contact.fit import SANDWICH
+from tactile_sensing.skin.bumps import LINE, Q1, WIDTH
 from tactile_sensing.skin.kernel import MAX_VARIANCE
 
 LOADED = 0.02  # of the peak: tactels in which a wrong model may show
@@ -22,22 +22,54 @@ PATCHES = 90  # steps over the variance of a patch
 BINS = 4  # across a line, in the length over which a wrong model is wrong alike
 
 
-class Misfit(NamedTuple):
-    """What a load does not explain."""
+class Residual(NamedTuple):
+    """Sizes of the errors that a load leaves."""
 
     loudest: float  # largest error of a tactel [standard deviations]
     loud: float  # share of the tactels that are off by more than noise ever is
     excess: float  # of chi-square of the loaded tactels over what noise leaves, likewise
-    residual: float  # RMS of what is left [standard deviations of the noise]
+    rms: float  # [standard deviations of the noise]
     left: float  # RMS of what is left beyond noise, relative to that of the pressure
-    share: float  # d: what neighbouring tactels miss together, relative to the pressure
-    significance: float  # of d [standard deviations]
+    extrapolated: float  # share of the pressure that is above full scale
+    silent: int  # tactels that plainly should read something, and hardly do
+
+
+class Misfit(NamedTuple):
+    """What the errors of neighbouring tactels have in common."""
+
+    significance: float  # of d, the share of the pressure that neighbours miss [std. deviations]
+    hidden: float  # probability of a patch that is not fitted
     second: float  # largest sum over 3 x 3 tactels of what is left [standard deviations]
     apart: float  # highest pressure away from the load that it lacks, relative to its peak
     extra: float  # pressure that a single load lacks, relative to that of the load
-    extrapolated: float  # share of the pressure that is above full scale
-    hidden: float  # probability of a patch that is not fitted
-    silent: int  # tactels that plainly should read something, and hardly do
+
+
+@njit(error_model='numpy')
+def residual_of(fit, readings):
+    """See Residual."""
+    noise2, silent, loudest, loud = readings.noise2, 0, 0.0, 0.0
+    squared = kept = lit = beyond = power = by_noise = total = above = 0.0
+    for t in range(fit.model.size):
+        total += max(fit.model[t], 0.0)
+        above += max(fit.model[t] - readings.full[t], 0.0)
+        if fit.weight[t] > 0.0:
+            ratio = fit.error[t] ** 2 / fit.variance[t]
+            loudest, kept = max(loudest, ratio), kept + 1.0
+            if fit.model[t] ** 2 > LOUD ** 2 * noise2[t]:
+                squared, lit = squared + ratio, lit + 1.0
+                silent += (fit.model[t] > 2.0 * LOUD * math.sqrt(noise2[t])
+                           and fit.error[t] < -SILENT * fit.model[t])
+            by_noise += fit.error[t] ** 2 / noise2[t]
+            power += fit.model[t] ** 2
+            if ratio < LOUD ** 2:  # an outlier is a fault
+                beyond += fit.error[t] ** 2 - noise2[t]
+            else:
+                loud += 1.0
+    free = max(lit - fit.rows.shape[0], 1.0)
+    return Residual(
+        math.sqrt(loudest), loud / max(kept, 1.0), (squared - free) / math.sqrt(2.0 * free),
+        math.sqrt(by_noise / max(kept, 1.0)),
+        math.sqrt(max(beyond, 0.0) / max(power, 1e-300)), above / max(total, 1e-300), silent)
 
 
 @njit(error_model='numpy', fastmath=FAST)
@@ -163,33 +195,34 @@ def _agreement(kind, pad, fit, rows, answer, correlation, loaded, moved, both):
 @njit(error_model='numpy')
 def _by_gains(fit, beliefs):
     """Covariance by gains that scatter more than was weighed."""
-    index, n = beliefs.active, beliefs.active.size
+    n = fit.rows.shape[0]
     total, more = np.zeros((n, n)), max(fit.scatter ** 2 - beliefs.known ** 2, 0.0)
-    for t in range(fit.model.size):
-        extra = more * (fit.weight[t] * fit.model[t]) ** 2
-        if extra > 0.0:
-            for i in range(n):
-                for j in range(n):
-                    total[i, j] += extra * fit.by[index[i], t] * fit.by[index[j], t]
+    extra = more * (fit.weight * fit.model) ** 2
+    for i in range(n):
+        weighted = fit.rows[i] * extra
+        for j in range(i + 1):
+            for t in range(extra.size):
+                total[i, j] += weighted[t] * fit.rows[j, t]
+            total[j, i] = total[i, j]
     return fit.inverse @ total @ fit.inverse
 
 
 @njit(error_model='numpy')
-def _hidden_patch(fit, index, covariance):
+def _hidden_patch(fit, covariance):
     """
     Probability of a patch beside a sharp load; what it would do goes into the covariance.
 
     Its variance is 0 with a prior probability of one half, else anything up to the largest.
     """
-    n, by = index.size, fit.by[WIDTH]
-    coupled, right, own = np.zeros(n), 0.0, 0.0
-    for t in range(fit.model.size):
-        weighted = fit.weight[t] * by[t]
-        own += weighted * by[t]
-        right += weighted * fit.error[t]
-        for i in range(n):
-            coupled[i] += weighted * fit.by[index[i], t]
-    slope = np.zeros(n)
+    n, by = fit.rows.shape[0], fit.by[WIDTH]
+    weighted = fit.weight * by
+    coupled, slope, right, own = np.zeros(n), np.zeros(n), 0.0, 0.0
+    for t in range(by.size):
+        own += weighted[t] * by[t]
+        right += weighted[t] * fit.error[t]
+    for i in range(n):
+        for t in range(by.size):
+            coupled[i] += weighted[t] * fit.rows[i, t]
     for i in range(n):
         for j in range(n):
             slope[i] -= fit.inverse[i, j] * coupled[j]
@@ -239,48 +272,28 @@ def _second_load(pad, fit, noise2, peak):
     return most, apart, math.sqrt(extra / max(power, 1e-300))
 
 
-@njit(error_model='numpy')
-def _sums(fit, noise2, full, parameters):
-    """See Misfit: loudest, loud, excess, residual, left, extrapolated, silent."""
-    silent, loudest, loud = 0, 0.0, 0.0
-    squared = kept = lit = beyond = power = by_noise = total = above = 0.0
-    for t in range(fit.model.size):
-        total += max(fit.model[t], 0.0)
-        above += max(fit.model[t] - full[t], 0.0)
-        if fit.weight[t] > 0.0:
-            ratio = fit.error[t] ** 2 / fit.variance[t]
-            loudest, kept = max(loudest, ratio), kept + 1.0
-            if fit.model[t] ** 2 > LOUD ** 2 * noise2[t]:
-                squared, lit = squared + ratio, lit + 1.0
-            silent += (fit.model[t] > 2.0 * LOUD * math.sqrt(noise2[t])
-                       and fit.error[t] < -SILENT * fit.model[t])
-            by_noise += fit.error[t] ** 2 / noise2[t]
-            power += fit.model[t] ** 2
-            if ratio < LOUD ** 2:  # an outlier is a fault
-                beyond += fit.error[t] ** 2 - noise2[t]
-            else:
-                loud += 1.0
-    free = max(lit - parameters, 1.0)
-    return (math.sqrt(loudest), loud / max(kept, 1.0), (squared - free) / math.sqrt(2.0 * free),
-            math.sqrt(by_noise / max(kept, 1.0)),
-            math.sqrt(max(beyond, 0.0) / max(power, 1e-300)), above / max(total, 1e-300), silent)
 
 
 @njit(error_model='numpy')
-def _misfit(kind, power, pad, fit, readings, beliefs, covariance):
-    """What a load leaves; covariance (parameters, parameters) of the load is written with it."""
+def judge(pad, fit, readings, beliefs):
+    """
+    What a load leaves that its neighbours share, and what that makes of its covariance.
+
+    Returns
+    -------
+    Misfit
+    ndarray, shape (parameters, parameters)
+        Covariance of theta; 0 where not fitted.
+    """
     index, n = beliefs.active, beliefs.active.size
-    half = math.exp(fit.theta[WIDTH]) if power else HALF_WIDTH * pad.depths[0]
+    half = math.exp(fit.theta[WIDTH]) if beliefs.power else HALF_WIDTH * pad.depths[0]
     correlation, peak = max(half, pad.pitch), fit.model.max()
     loaded = (fit.weight > 0.0) & (np.abs(fit.model) > LOADED * peak)
-    rows = np.empty((n, loaded.size))
-    for k in range(n):
-        for i in range(loaded.size):
-            rows[k, i] = fit.by[index[k], i] if loaded[i] else 0.0
+    rows = fit.rows * loaded
     answer = fit.inverse @ rows
-    moved, both = _passed_on(kind, pad, fit, answer, correlation, loaded)
+    moved, both = _passed_on(beliefs.kind, pad, fit, answer, correlation, loaded)
     agreed, deviation, by_model = _agreement(
-        kind, pad, fit, rows, answer, correlation, loaded, moved, both)
+        beliefs.kind, pad, fit, rows, answer, correlation, loaded, moved, both)
     d2 = beliefs.unseen * beliefs.unseen
     if by_model > 0.0:
         worth = deviation / by_model / (ALLOWED * ALLOWED)  # what d itself is worth
@@ -289,40 +302,12 @@ def _misfit(kind, power, pad, fit, readings, beliefs, covariance):
     if not beliefs.robust:
         small += _by_gains(fit, beliefs)
     hidden = 0.0
-    if not power and not (index == WIDTH).any():
-        hidden = _hidden_patch(fit, index, small)
+    if not beliefs.power and not beliefs.patch:
+        hidden = _hidden_patch(fit, small)
+    covariance = np.zeros((fit.theta.size, fit.theta.size))
     for i in range(n):
         for j in range(n):
             covariance[index[i], index[j]] = small[i, j]
-    loudest, loud, excess, residual, left, above, silent = _sums(
-        fit, readings.noise2, readings.full, n)
     second, apart, extra = _second_load(pad, fit, readings.noise2, peak)
     significance = agreed / deviation if deviation > 0.0 else 0.0
-    return Misfit(loudest, loud, excess, residual, left, math.sqrt(d2), significance, second,
-                  apart, extra, above, hidden, silent)
-
-
-@njit(cache=True, error_model='numpy')
-def fit_and_judge(kind, power, pad, readings, start, warm, beliefs):
-    """
-    Fit one load, and see what it leaves; parameters as of `fit_load`.
-
-    Returns
-    -------
-    theta : ndarray, shape (parameters,)
-    model : ndarray, shape (tactels,)
-        Without baselines.
-    covariance : ndarray, shape (parameters, parameters)
-        0 where not active.
-    evidence : float
-        Minus infinity: the fit did not work.
-    scatter : float
-    iterations : int
-    misfit : Misfit
-    """
-    fit = fit_load(kind, power, pad, readings, start, warm, beliefs)
-    covariance = np.zeros((start.size, start.size))
-    misfit = _misfit(kind, power, pad, fit, readings, beliefs, covariance)
-    works = fit.evidence == fit.evidence and fit.theta[FORCE] > 0.0
-    return (fit.theta, fit.model, covariance, fit.evidence if works else -np.inf, fit.scatter,
-            fit.iterations, misfit)
+    return Misfit(significance, hidden, second, apart, extra), covariance

@@ -1,4 +1,4 @@
-"""Noise of one tactel from a single image, where nobody tells it; compiled."""
+"""Noise and full scale of the tactels from a single image, where they are not known; compiled."""
 
 import math
 from typing import Any
@@ -11,9 +11,11 @@ from tactile_common.kernels import njit
 DIRECTIONS = (0, 1), (1, 0), (1, 1), (1, -1), (1, 2), (2, 1), (1, -2), (2, -1)
 OF_NOISE = 0.6745 * math.sqrt(6.0)  # median absolute second difference of noise of 1
 LEAST, TINY = 1e-6, 1e-37  # of the peak, and in the unit: noise is never 0
+COARSE = 30  # steps of the converter to the top, at least, where equal readings tell of it
+LOADED, FINEST = 0.1, 1e-6  # of the peak: tactels that are looked at; resolution of readings
 
 
-@njit(cache=True, error_model='numpy')
+@njit(error_model='numpy')
 def noise_of_image(image, smooth):
     """
     Noise of one tactel, from second differences between tactels in line.
@@ -45,3 +47,36 @@ def noise_of_image(image, smooth):
             peak = abs(value)
     least = max(LEAST * peak, TINY)
     return max(best / OF_NOISE, least) if np.isfinite(best) else least
+
+
+@njit(error_model='numpy')
+def hidden_scale(image, noise):
+    """Full scale of an image (rows, columns), if its readings are cut off there; else infinite."""
+    top = np.nanmax(image)
+    unit = FINEST * top
+    readings = np.sort(np.rint(image.ravel() / unit))  # NaN at the end
+    values, counts, kinds = np.empty(image.size), np.zeros(image.size), 0
+    for value in readings:
+        if np.isnan(value):
+            break
+        if kinds == 0 or value != values[kinds - 1]:
+            values[kinds] = value
+            kinds += 1
+        counts[kinds - 1] += 1.0
+    steps = np.diff(values[:kinds])
+    resolution, highest = np.inf, values[kinds - 1]
+    if kinds > 1:
+        resolution = steps.min()
+    if highest < COARSE * resolution:  # rounding alone makes them equal
+        return np.inf
+    # Below a blunt top that is whole, noise and rounding leave as many as at it. Symmetry makes
+    # others equal as well, where there is no noise.
+    near, most = 0.0, 0.0
+    for k in range(kinds - 1):
+        if values[k] >= highest - 2.0 * max(noise / unit, resolution):
+            near += counts[k]
+        if values[k] > LOADED * highest:
+            most = max(most, counts[k])
+    if noise / unit <= np.median(steps):
+        near = max(near, most)
+    return top if counts[kinds - 1] > 2.0 * near else np.inf

@@ -1,4 +1,4 @@
-"""Why the load that explains an image best is no answer."""
+"""Why the load that explains an image best is no answer; compiled."""
 
 import math
 
@@ -10,6 +10,7 @@ from tactile_sensing.contact.fit import NU
 from tactile_sensing.skin.bumps import chord, EXPONENT, loaded_chord, POINT, Q0, Q1, WIDTH
 from tactile_sensing.types.contact import Reason
 
+BAD_FIT, NO_CONTACT, OFF_PAD = int(Reason.BAD_FIT), int(Reason.NO_CONTACT), int(Reason.OFF_PAD)
 DOUBT = 3.0  # standard deviations of what a sharp load leaves that call for more
 EXTRA = 3.0  # log evidence that an extra must bring
 # Significance of d, and the share of the pressure that may then be left, else it is refused.
@@ -24,7 +25,7 @@ EXTRA_LOAD = 0.4  # its pressure, relative to that of the first
 SHORTEST = 3.0  # pitches of a line on the pad
 
 
-@njit(cache=True, error_model='numpy')
+@njit(error_model='numpy')
 def has_second_hill(image, noise):
     """
     Whether the readings (rows, columns) have a second hill, with a saddle before the first.
@@ -58,47 +59,59 @@ def has_second_hill(image, noise):
     return False
 
 
-def is_nothing(image, one):
-    """Whether a baseline alone explains an image as well as a load."""
-    finite = np.isfinite(image.readings.value)
-    reading, noise2 = image.readings.value[finite], image.readings.noise2[finite]
-    tails = np.log1p((reading - np.median(reading)) ** 2 / (NU * noise2)).sum()
-    evidence = -0.5 * ((NU + 1.0) * tails + np.log(noise2).sum() + math.log((1.0 / noise2).sum()))
-    return evidence > one.evidence - EXTRA
+@njit(error_model='numpy')
+def is_nothing(readings, evidence):
+    """Whether a baseline alone explains an image as well as a load of some evidence."""
+    middle, tails, logs, information = np.nanmedian(readings.value), 0.0, 0.0, 0.0
+    for t in range(readings.value.size):
+        if np.isfinite(readings.value[t]):
+            noise2 = readings.noise2[t]
+            tails += math.log1p((readings.value[t] - middle) ** 2 / (NU * noise2))
+            logs += math.log(noise2)
+            information += 1.0 / noise2
+    return -0.5 * ((NU + 1.0) * tails + logs + math.log(information)) > evidence - EXTRA
 
 
-def _presses(image):
+@njit(error_model='numpy')
+def _presses(pad, readings):
     """Whether something plainly presses: a plate, or what no load explains on two neighbours."""
-    rows, columns = image.pad.y.size, image.pad.x.size
-    noise = math.sqrt(image.readings.noise2[0])
-    reading = image.readings.value[:rows * columns].reshape(rows, columns) / noise
+    rows, columns = pad.y.size, pad.x.size
+    reading = readings.value[:rows * columns] / math.sqrt(readings.noise2[0])
     base = np.nanmedian(reading)
-    high = reading - base > PLAIN
+    high = (reading - base > PLAIN).reshape(rows, columns)
     return abs(base) > DRIFTED or (high[1:] & high[:-1]).any() or (
         high[:, 1:] & high[:, :-1]).any()
 
 
-def refusal(image, one):
-    """Why a hypothesis is no answer; Reason(0) if it is one."""
-    theta, misfit, pad = one.theta, one.misfit, image.pad
-    if one.beliefs.robust and is_nothing(image, one):
-        return Reason.BAD_FIT if _presses(image) else Reason.NO_CONTACT
-    if misfit.loud > NOISY:
-        return Reason.BAD_FIT
-    if misfit.second > SECOND or misfit.extra > EXTRA_LOAD or misfit.apart > APART:
-        return Reason.BAD_FIT
-    allowed = next(share for significance, share in WRONG if misfit.significance > significance)
-    if misfit.left > allowed or (misfit.significance > DOUBT and one.power
-                                 and theta[EXPONENT] < math.log(1.71)):
-        return Reason.BAD_FIT
-    if one.power and theta[WIDTH] > math.log(0.98 * widest(pad.half_x, pad.half_y, pad.pitch)):
-        return Reason.BAD_FIT
-    if one.kind == POINT:
-        off = abs(theta[Q0]) > pad.half_x or abs(theta[Q1]) > pad.half_y
-    else:
-        first, last, _ = loaded_chord(pad, theta, one.has_ends)
-        low, high = chord(pad, theta[Q0], theta[Q1])
-        off = high - low < SHORTEST * pad.pitch
-        if not off and last - first < SHORTEST * pad.pitch:  # rather a blob
-            return Reason.BAD_FIT
-    return Reason.OFF_PAD if off else Reason(0)
+@njit(error_model='numpy')
+def _left_alone(pad, one):
+    """Whether a load leaves no more than it may."""
+    left, misfit, theta = one.residual, one.misfit, one.fit.theta
+    for significance, share in WRONG:
+        if misfit.significance > significance:
+            if left.left > share:
+                return False
+            break
+    if left.loud > NOISY or (
+            misfit.second > SECOND or misfit.extra > EXTRA_LOAD or misfit.apart > APART):
+        return False
+    return not one.beliefs.power or (
+        theta[WIDTH] <= math.log(0.98 * widest(pad))
+        and not (misfit.significance > DOUBT and theta[EXPONENT] < math.log(1.71)))
+
+
+@njit(error_model='numpy')
+def refusal(pad, readings, one):
+    """Reason why a hypothesis is no answer; 0 if it is one."""
+    theta = one.fit.theta
+    if one.beliefs.robust and is_nothing(readings, one.evidence):
+        return BAD_FIT if _presses(pad, readings) else NO_CONTACT
+    if not _left_alone(pad, one):
+        return BAD_FIT
+    if one.beliefs.kind == POINT:
+        return OFF_PAD * (abs(theta[Q0]) > pad.half_x or abs(theta[Q1]) > pad.half_y)
+    low, high = chord(pad, theta[Q0], theta[Q1])
+    if high - low < SHORTEST * pad.pitch:
+        return OFF_PAD
+    first, last, _ = loaded_chord(pad, theta, one.beliefs.ends)
+    return BAD_FIT * (last - first < SHORTEST * pad.pitch)  # rather a blob

@@ -65,7 +65,7 @@ def _write_line(pad, theta, ends, values, change):
     return start, end
 
 
-@njit(cache=True, error_model='numpy')
+@njit(error_model='numpy')
 def reported(pad, kind, theta, ends, covariance):
     """
     Parameters of a contact.

@@ -1,10 +1,13 @@
 """From raw counts to pressure: what is known of one array."""
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 import math
+from typing import Any
 
 import numpy as np
 
-from tactile_common.config import checked
+from tactile_common.config import bounded, check_fields, one_of
 from tactile_common.errors import ConfigurationError
 from tactile_sensing.devices.counts import Counts
 from tactile_sensing.devices.tare import Tare, tare_of, TareRefusedError
@@ -16,12 +19,17 @@ from tactile_sensing.types.skin import Skin
 UNITS = ('Pa', 'counts')
 RESOLUTION = (1e-12, 1e12)
 TOLERANCE = 5 / 255  # of the range, where no tolerance of a tare is given
+Convert = Callable[[np.ndarray], tuple[Layer, int]]
+
+
+def _at_least_0(unit: str = '') -> Any:
+    return bounded(0.0, unit=unit, low=0.0)
 
 
 @dataclass(frozen=True, eq=False)
 class Calibration:
     """
-    What turns the counts of one array into a picture, and what is known of its sensor.
+    What turns the counts of one array into an image, and what is known of its sensor.
 
     `gain`, pressure per count [unit/count], `baseline`, the counts of the unloaded pad as the
     maker or an earlier tare found them, and `noise` are given for all tactels or one each,
@@ -31,82 +39,65 @@ class Calibration:
 
     array: TactelArray
     gain: np.ndarray = 1.0  # type: ignore[assignment]  # becomes an array
-    unit: str = 'Pa'  # or 'counts' if nothing is known
+    unit: str = one_of('Pa', "or 'counts' if nothing is known", UNITS)
     baseline: np.ndarray = 0.0  # type: ignore[assignment]
     noise: np.ndarray = 0.0  # type: ignore[assignment]  # standard deviation [counts]; 0 = unknown
-    gain_spread: float = 0.0  # standard deviation of the true gains about these, relative
+    gain_spread: float = _at_least_0()  # standard deviation of the true gains about these
     # Of the forces of all contacts in common, relative: by what gains and skin may be off.
-    force_std: float = 0.0
+    force_std: float = _at_least_0()
     bits: int = 8  # this and the next three: see `Counts`
     signed: bool = False
     threshold: int | None = None
     saturation: int | None = None
     # Of a count, in the unit of frames in files (V, say), where that is another than counts.
-    resolution: float = 1.0
-    dead_tactels: tuple = ()  # row-major indices of tactels that are never used
+    resolution: float = bounded(1.0, '', '', *RESOLUTION)
+    dead_tactels: tuple[int, ...] = ()  # row-major indices of tactels that are never used
     # From `baseline` of an unloaded tactel [counts]; more is a load. 0: TOLERANCE.
-    tare_tolerance: float = 0.0
-    # Row of the raw frames that is each row of the picture, likewise columns; empty: as they come.
-    row_order: tuple = ()
-    column_order: tuple = ()
-    transposed: bool = False  # whether raw frames have the picture's rows as columns
-    component: str = 'zz'  # of the stress
-    depth: float = 0.0  # of the tactels below the surface of the skin [m]
-    thickness: float = 0.0  # of the skin on a rigid backing [m]; 0 = no backing near
+    tare_tolerance: float = _at_least_0()
+    # Row of the raw frames that is each row of the image, likewise columns; empty: as they come.
+    row_order: tuple[int, ...] = ()
+    column_order: tuple[int, ...] = ()
+    transposed: bool = False  # whether raw frames have the image's rows as columns
+    component: str = one_of('zz', 'of the stress', COMPONENTS)
+    depth: float = bounded(0.0, 'of the tactels below the surface', 'm', 0.0, PITCH[1])
+    thickness: float = _at_least_0('m')  # of the skin on a rigid backing; 0 = no backing near
     poisson: float = 0.5  # Poisson's ratio of the skin
-    tactel: str = ''  # 'area' or 'point': what a tactel measures; empty: as the estimator is told
-    skin_stiffness: float = 0.0  # line force per length and indentation [N/m^2]; 0 = unknown
-    max_load: float = 0.0  # largest normal force on the pad [N]; 0 = unknown
-    acquisition_delay: float = 0.0  # from its middle to the arrival of the last byte [s]
-    nominal_rate: float = 0.0  # pictures per second [Hz]; 0 = unknown
+    tactel: str = one_of('', 'what a tactel measures; empty: as the estimator is told',
+                         ('area', 'point', ''))
+    skin_stiffness: float = _at_least_0('N/m^2')  # line force per indentation; 0 = unknown
+    max_load: float = _at_least_0('N')  # largest normal force on the pad; 0 = unknown
+    # From the middle of the acquisition to the arrival of the last byte.
+    acquisition_delay: float = _at_least_0('s')
+    nominal_rate: float = _at_least_0('Hz')  # images per second; 0 = unknown
     model: str = 'flexitac'  # kind of device
     serial_number: str = ''
     source: str = ''  # where these values come from
     found: dict = field(default_factory=dict)  # how they were found, how well, what was assumed
-    live: np.ndarray = field(init=False, repr=False)  # (rows, columns): whether a tactel is used
-    counts: Counts = field(init=False, repr=False)
 
-    def __post_init__(self):
-        checked('depth', self.depth, float, {'range': (0.0, PITCH[1]), 'unit': 'm'})
-        for name in ('tare_tolerance', 'depth', 'thickness', 'skin_stiffness', 'max_load',
-                     'gain_spread', 'force_std', 'acquisition_delay', 'nominal_rate'):
-            value = getattr(self, name)
-            if not _is_number(value) or not 0.0 <= value < math.inf:
-                raise ConfigurationError(f'{name} is {value!r}, must be a number of at least 0')
-        checked('resolution', self.resolution, float, {'range': RESOLUTION})
-        for name, choices in (('unit', UNITS), ('component', COMPONENTS)):
-            value = getattr(self, name)
-            if value not in choices:
-                raise ConfigurationError(f'{name} is {value!r}, must be one of {choices}')
-        for name in ('model', 'serial_number', 'source'):
-            if not isinstance(getattr(self, name), str):
-                raise ConfigurationError(f'{name} is {getattr(self, name)!r}, must be a text')
+    def __post_init__(self) -> None:
+        check_fields(self)
         if self.depth > 0.0:
             Skin(self.depth, self.thickness or math.inf, self.poisson)
-        if self.tactel not in ('', 'area', 'point'):
-            raise ConfigurationError(f"tactel is {self.tactel!r}, must be 'area' or 'point'")
-        if not isinstance(self.found, dict):
-            raise ConfigurationError(f'found is {self.found!r:.60}, must be a mapping')
-        counts = Counts(self.bits, self.signed, self.threshold, self.saturation)
-        object.__setattr__(self, 'counts', counts)
-        if self.tare_tolerance == 0.0:
-            object.__setattr__(
-                self, 'tare_tolerance', TOLERANCE * (counts.highest - counts.lowest))
         gain = self._per_tactel('gain')
         if not gain.min() > 0.0:
             raise ConfigurationError(f'gain is {gain.min()} at least once, must be above 0')
-        baseline = self._per_tactel('baseline')
+        baseline, counts = self._per_tactel('baseline'), self.counts
         if baseline.min() < counts.lowest or baseline.max() >= counts.saturation:
             raise ConfigurationError(
                 f'baseline is {baseline.min()} to {baseline.max()}, must be at least '
                 f'{counts.lowest} and below saturation = {counts.saturation}')
-        if self._per_tactel('noise').min() < 0.0:
-            raise ConfigurationError(f'noise is {self.noise.min()} at least once, must be at '
-                                     'least 0')
-        self._check_order()
-        object.__setattr__(self, 'live', self._live())
+        noise = self._per_tactel('noise')
+        if noise.min() < 0.0:
+            raise ConfigurationError(f'noise is {noise.min()} at least once, must be at least 0')
+        for name, size in (('row_order', self.array.rows), ('column_order', self.array.columns)):
+            value = getattr(self, name)
+            if value and sorted(value) != list(range(size)):
+                raise ConfigurationError(
+                    f'{name} is {value!r:.60}, must hold every integer from 0 to {size - 1} once')
+        if not self.live.any():
+            raise ConfigurationError('dead_tactels holds every tactel of the array')
 
-    def _per_tactel(self, name):
+    def _per_tactel(self, name: str) -> np.ndarray:
         """Replace a scalar or nested list by an array, shape `(rows, columns)`."""
         try:
             given = np.asarray(getattr(self, name), dtype=np.float32)
@@ -121,17 +112,25 @@ class Calibration:
         object.__setattr__(self, name, values)
         return values
 
-    def _check_order(self):
-        for name, size in (('row_order', self.array.rows), ('column_order', self.array.columns)):
-            value = getattr(self, name)
-            if value and not (isinstance(value, (list, tuple))
-                              and all(type(item) is int for item in value)
-                              and sorted(value) == list(range(size))):
+    @cached_property
+    def counts(self) -> Counts:
+        """Range of the converter."""
+        return Counts(self.bits, self.signed, self.threshold, self.saturation)
+
+    @cached_property
+    def live(self) -> np.ndarray:
+        """Whether a tactel is used, (rows, columns)."""
+        live = np.ones(self.array.rows * self.array.columns, bool)
+        for index in self.dead_tactels:
+            if not 0 <= index < live.size:
                 raise ConfigurationError(
-                    f'{name} is {value!r:.60}, must hold every integer from 0 to {size - 1} once')
+                    f'dead_tactels holds {index!r}, must be integers from 0 to {live.size - 1}')
+            live[index] = False
+        live.flags.writeable = False
+        return live.reshape(self.array.shape)
 
     def arrange(self, frames: np.ndarray) -> np.ndarray:
-        """Return raw frames (..., rows, columns) in the order of the picture."""
+        """Return raw frames (..., rows, columns) in the order of the image."""
         if self.transposed:
             frames = np.swapaxes(frames, -1, -2)
         if self.row_order:
@@ -143,20 +142,8 @@ class Calibration:
         """Shape of a raw frame."""
         return self.array.shape[::-1] if self.transposed else self.array.shape
 
-    def _live(self):
-        live = np.ones(self.array.rows * self.array.columns, bool)
-        for index in self.dead_tactels:
-            if type(index) is not int or not 0 <= index < live.size:
-                raise ConfigurationError(
-                    f'dead_tactels holds {index!r}, must be integers from 0 to {live.size - 1}')
-            live[index] = False
-        if not live.any():
-            raise ConfigurationError('dead_tactels holds every tactel of the array')
-        live.flags.writeable = False
-        return live.reshape(self.array.shape)
-
     @classmethod
-    def uncalibrated(cls, rows: int, columns: int, pitch, **values) -> 'Calibration':
+    def uncalibrated(cls, rows: int, columns: int, pitch: Any, **values: Any) -> 'Calibration':
         """
         Return a calibration that passes the counts through.
 
@@ -168,7 +155,8 @@ class Calibration:
                   'depth': float(min(pitch_x, pitch_y)), **values}
         return cls(TactelArray(rows, columns, pitch_x, pitch_y), **values)
 
-    def make_tare(self, frames, before: Tare | None = None) -> Tare:
+    def make_tare(self, frames: Sequence[np.ndarray] | np.ndarray,
+                  before: Tare | None = None) -> Tare:
         """
         Average frames of the unloaded pad, raw counts `(n, rows, columns)`, see `tare`.
 
@@ -179,64 +167,56 @@ class Calibration:
             raise TareRefusedError(
                 f'frames have shape {frames.shape}, must be (n, {self.raw_shape[0]}, '
                 f'{self.raw_shape[1]})')
-        about, tolerance = (self.baseline, self.tare_tolerance) if before is None else (
-            before.offset, before.noise_std)
+        about, tolerance = self.baseline, self.tare_tolerance or TOLERANCE * (
+            self.counts.highest - self.counts.lowest)
+        if before is not None:
+            about, tolerance = before.offset, before.noise_std
         return tare_of(self.arrange(frames), self.counts, about, self.live, tolerance)
 
-    def converter(self, tare=None):
+    def converter(self, tare: Tare | None = None) -> Convert:
         """
-        Return the function that turns raw counts into a picture; without tare, by the baseline.
+        Return the function that turns raw counts into a layer; without tare, by the baseline.
 
-        It takes counts `(rows, columns)` of the raw frame, and returns `(Layer, saturated)`:
-        stress with NaN for dead and saturated tactels, and the number of live ones that are
-        saturated. Counts below the threshold are given what noise has there in the mean without a
-        load: else the sum of an unloaded picture would be a load.
+        It takes raw counts `(..., rows, columns)`, and returns `(Layer, saturated)`: stress with
+        NaN for dead and saturated tactels, and the number of live ones that are saturated. Counts
+        below the threshold are given what noise has there in the mean without a load: else the
+        sum of an unloaded image would be a load.
         """
-        offset, _ = self._unloaded(tare)
+        offset, noise = self._unloaded(tare)
         zero = np.where(self.live, self.gain * offset, np.nan).astype(np.float32)
-        below, told = self._below(tare)
-        template, full, threshold = self.layer(tare), self.counts.saturation, self.counts.threshold
+        told, template = self.live & (noise > 0.0), self.layer(tare)
+        noise = np.where(told, noise, 1.0)
+        level = (self.counts.threshold - 0.5 - offset) / noise
+        below = (-self.gain * noise * missing_mean(level)).astype(np.float32)
 
-        def convert(counts):
+        def convert(counts: np.ndarray) -> tuple[Layer, int]:
             counts = self.arrange(counts)
-            stress = self.gain * counts
-            stress -= zero
-            if counts.min() < threshold:
-                np.copyto(stress, below, where=told & (counts < threshold))
-            saturated = 0
-            if counts.max() >= full:
-                invalid = (counts >= full) & self.live
-                stress[invalid] = np.nan
-                saturated = int(np.count_nonzero(invalid))
-            return replace(template, stress=stress), saturated
+            stress = self.gain * counts - zero
+            hidden, full = counts < self.counts.threshold, self.full(counts)
+            if hidden.any():
+                np.copyto(stress, below, where=told & hidden)
+            if full.any():
+                stress[full] = np.nan
+            return replace(template, stress=stress), int(np.count_nonzero(full))
 
         return convert
 
-    def stress(self, frames: np.ndarray, tare=None) -> np.ndarray:
-        """Return the stress of raw frames (N, rows, columns), NaN as for `converter`."""
-        counts = self.arrange(np.asarray(frames, dtype=np.float64))
-        usable = self.live & (counts < self.counts.saturation)
-        below, told = self._below(tare)
-        stress = np.where(told & (counts < self.counts.threshold), below,
-                          self.gain * (counts - self._unloaded(tare)[0]))
-        return np.where(usable, stress, np.nan)
+    def full(self, counts: np.ndarray) -> np.ndarray:
+        """Return which live tactels are at full scale, of arranged counts (..., rows, columns)."""
+        return (counts >= self.counts.saturation) & self.live
 
-    def _unloaded(self, tare):
+    def stress(self, frames: np.ndarray, tare: Tare | None = None) -> np.ndarray:
+        """Return the stress of raw frames (N, rows, columns), NaN as for `converter`."""
+        return self.converter(tare)(np.asarray(frames, dtype=np.float64))[0].stress
+
+    def _unloaded(self, tare: Tare | None) -> tuple[np.ndarray, np.ndarray]:
         """Counts of the unloaded tactels, and their noise; 0 where it is not known."""
         if tare is not None:
             return tare.offset, tare.noise
         return self.baseline, np.where(
             self.noise > 0.0, np.maximum(self.noise, QUANTISATION**0.5), 0.0)
 
-    def _below(self, tare):
-        """Mean stress of unloaded tactels below the threshold, and whose noise tells it."""
-        offset, noise = self._unloaded(tare)
-        told = self.live & (noise > 0.0)
-        noise = np.where(told, noise, 1.0)
-        level = (self.counts.threshold - 0.5 - offset) / noise
-        return (-self.gain * noise * missing_mean(level)).astype(np.float32), told
-
-    def layer(self, tare=None) -> Layer:
+    def layer(self, tare: Tare | None = None) -> Layer:
         """Return the layer without values: component, skin, unit, range and noise."""
         gain, (offset, noise) = self.gain[self.live], (
             values[self.live] for values in self._unloaded(tare))
@@ -248,8 +228,9 @@ class Calibration:
             float(np.sqrt(np.mean((gain * noise)**2))), self.unit, self.thickness or math.inf,
             self.poisson, self.gain_spread, float(floor) or 1e-9, self.force_std)
 
-    def sensor_info(self, sensor, frame_id, stamp_ns, tare=None, tared_at_ns=0) -> SensorInfo:
-        """Return what is known of the sensor, for those who read its pictures."""
+    def sensor_info(self, sensor: str, frame_id: str, stamp_ns: int, tare: Tare | None = None,
+                    tared_at_ns: int = 0) -> SensorInfo:
+        """Return what is known of the sensor, for those who read its images."""
         return SensorInfo(
             stamp_ns=stamp_ns, frame_id=frame_id, sensor=sensor, model=self.model,
             serial_number=self.serial_number, array=self.array, nominal_rate=self.nominal_rate,
@@ -258,14 +239,10 @@ class Calibration:
             calibration=self.source, tared_at_ns=tared_at_ns)
 
 
-def pitch_pair(pitch):
+def pitch_pair(pitch: Any) -> tuple[Any, Any]:
     """Pitch along x and along y, of one length or two [m]."""
     if isinstance(pitch, (list, tuple)):
         if len(pitch) != 2:
             raise ConfigurationError(f'pitch is {pitch!r}, must be one length or two [m]')
         return tuple(pitch)
     return pitch, pitch
-
-
-def _is_number(value):
-    return isinstance(value, (int, float)) and not isinstance(value, bool)

@@ -1,5 +1,6 @@
 """Calibrations as YAML files."""
 from dataclasses import fields
+from os import PathLike
 from typing import Any
 
 import numpy as np
@@ -10,21 +11,18 @@ from tactile_common.yaml_file import read_yaml
 from tactile_sensing.devices.calibration import Calibration, pitch_pair
 from tactile_sensing.types.array import TactelArray
 
-_FILE_KEYS = {'rows', 'columns', 'pitch', *(f.name for f in fields(Calibration))} - {
-    'array', 'source', 'live', 'counts'}
+_FIELDS = [item for item in fields(Calibration) if item.name not in ('array', 'source')]
+_FILE_KEYS = {'rows', 'columns', 'pitch', *(item.name for item in _FIELDS)}
+_LISTS = ('row_order', 'column_order')
 
 
-def load_calibration(path) -> Calibration:
+def load_calibration(path: str | PathLike) -> Calibration:
     """
     Read a calibration file.
 
     YAML with the fields of `Calibration` as keys, but `rows`, `columns` and `pitch` ([m], one
-    value or x and y) for the array and `[row, column]` pairs for `dead_tactels`.
-
-    Raises
-    ------
-    ConfigurationError
-        The file cannot be read, or a key is missing, unknown or out of bounds; names the file.
+    value or x and y) for the array and `[row, column]` pairs for `dead_tactels`. The
+    ConfigurationError of a key that is missing, unknown or out of bounds names the file.
     """
     try:
         return _from_mapping(read_yaml(path), str(path))
@@ -32,31 +30,20 @@ def load_calibration(path) -> Calibration:
         raise ConfigurationError(f'calibration {path}: {error}') from error
 
 
-def save_calibration(calibration: Calibration, path) -> None:
-    """
-    Write a calibration file that `load_calibration` reads.
-
-    Raises
-    ------
-    ConfigurationError
-        The file cannot be written.
-    """
+def save_calibration(calibration: Calibration, path: str | PathLike) -> None:
+    """Write a file that `load_calibration` reads; ConfigurationError where that fails."""
     array = calibration.array
     values: dict = {'rows': array.rows, 'columns': array.columns,
                     'pitch': [float(array.pitch_x), float(array.pitch_y)]}
-    for item in fields(Calibration):
-        value = getattr(calibration, item.name)
-        default: Any = item.default
-        if item.name not in _FILE_KEYS or (
-                item.name not in ('gain', 'bits') and np.array_equal(value, default)):
+    for item in _FIELDS:
+        value, default = getattr(calibration, item.name), item.default
+        if item.name not in ('gain', 'bits') and np.array_equal(value, default):  # type: ignore
             continue
         if isinstance(value, np.ndarray):
             value = _tidy(value)
         elif item.name == 'dead_tactels':
-            value = [[index // array.columns, index % array.columns] for index in value]
-        elif isinstance(value, tuple):
-            value = list(value)
-        values[item.name] = value
+            value = [list(divmod(index, array.columns)) for index in value]
+        values[item.name] = list(value) if item.name in _LISTS else value
     try:
         with open(path, 'w', encoding='utf-8') as stream:
             stream.write('# Calibration of one array; `found` says how, how well, and what was '
@@ -66,13 +53,13 @@ def save_calibration(calibration: Calibration, path) -> None:
         raise ConfigurationError(f'calibration {path}: {error.strerror}') from error
 
 
-def _tidy(values):
+def _tidy(values: np.ndarray) -> float | list[list[float]]:
     """One number if all are the same, else rows of numbers; of five digits."""
     rows = [[float(f'{value:.5g}') for value in row] for row in values]
     return rows[0][0] if len({value for row in rows for value in row}) == 1 else rows
 
 
-def _from_mapping(values, source):
+def _from_mapping(values: Any, source: str) -> Calibration:
     if not isinstance(values, dict):
         raise ConfigurationError('must be a mapping of keys to values')
     unknown = sorted(str(key) for key in set(values) - _FILE_KEYS)
@@ -83,13 +70,13 @@ def _from_mapping(values, source):
         if key not in values:
             raise ConfigurationError(f'key {key!r} is missing')
     values = dict(values)
-    pitch_x, pitch_y = pitch_pair(values.pop('pitch'))
-    array = TactelArray(values.pop('rows'), values.pop('columns'), pitch_x, pitch_y)
+    array = TactelArray(values.pop('rows'), values.pop('columns'),
+                        *pitch_pair(values.pop('pitch')))
     dead = _indices(values.pop('dead_tactels', None) or [], array)
     return Calibration(array, dead_tactels=dead, source=source, **values)
 
 
-def _indices(pairs, array):
+def _indices(pairs: Any, array: TactelArray) -> tuple[int, ...]:
     indices = []
     for pair in pairs if isinstance(pairs, list) else [pairs]:
         if (not isinstance(pair, list) or [type(value) for value in pair] != [int, int]

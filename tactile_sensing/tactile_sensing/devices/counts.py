@@ -18,12 +18,7 @@ class Counts:
     A reading below `threshold` only says that the tactel is below it, one of `saturation` or more
     that it is at full scale. A converter clips at its lowest count, so that the threshold is at
     least one above; a sensor that sets what is small to its lowest count, or to zero, has a higher
-    one. Where no tactel ever gets so low, every reading is a measurement.
-
-    Raises
-    ------
-    ConfigurationError
-        A value is out of bounds.
+    one. Raises a ConfigurationError where a value is out of bounds.
     """
 
     bits: int = 8
@@ -31,7 +26,7 @@ class Counts:
     threshold: Any = None  # int: least count that is measured; None: the lowest but one
     saturation: Any = None  # int: least count that is at full scale; None: the highest
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         if type(self.bits) is not int or not 1 <= self.bits <= MAX_BITS:
             raise ConfigurationError(
                 f'bits is {self.bits!r}, must be an integer from 1 to {MAX_BITS}')
@@ -57,11 +52,11 @@ class Counts:
         """Largest count of the converter."""
         return (1 << self.bits - self.signed) - 1
 
-    def outside(self, readings: np.ndarray) -> np.ndarray:
-        """Return which readings the converter cannot send, rounded; NaN is none of them."""
-        return (readings < self.lowest - 0.5) | (readings > self.highest + 0.5)
-
     @property
     def dtype(self) -> np.dtype:
         """Least integer type that holds them."""
         return np.dtype(('i' if self.signed else 'u') + ('1' if self.bits <= 8 else '2'))
+
+    def outside(self, readings: np.ndarray) -> np.ndarray:
+        """Return which readings the converter cannot send, rounded; NaN is none of them."""
+        return (readings < self.lowest - 0.5) | (readings > self.highest + 0.5)

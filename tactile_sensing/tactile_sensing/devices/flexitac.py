@@ -18,6 +18,7 @@ to where a marker is expected would keep the decoder in lock in the wrong phase;
 true marker, now at the mirrored place, and ends the lock.
 """
 from collections import Counter, deque
+from collections.abc import Iterator
 import math
 from typing import NamedTuple
 
@@ -77,7 +78,7 @@ class FlexiTacDecoder(Decoder):
         self._mimics: dict[int, int] = {}
         super().__init__(rows, columns, np.dtype(kind).newbyteorder('<'))
 
-    def _begin(self):
+    def _begin(self) -> None:
         super()._begin()
         self._period = len(MARKER) + math.prod(self.shape) * self._kind.itemsize
         self.buffer_bound = (AMBIGUOUS_PERIODS + 2) * self._period + len(MARKER)
@@ -86,7 +87,7 @@ class FlexiTacDecoder(Decoder):
         self._distances: deque[int] = deque(maxlen=DISTANCES)
         self._search_from(self._origin)
 
-    def _search_from(self, position):
+    def _search_from(self, position: int) -> None:
         self._next = self._compare_at = self._marker_at = position
         self._runs: deque[Run] = deque()  # by their last markers, all within one period
 
@@ -109,7 +110,7 @@ class FlexiTacDecoder(Decoder):
             text += ': it sends one a tactel, `bits` of the calibration must be at most 8'
         return text
 
-    def _scan(self):
+    def _scan(self) -> Piece | None:
         if self.locked and not self._held:
             if len(self._buffer) < self._period + len(MARKER):
                 return None
@@ -133,13 +134,13 @@ class FlexiTacDecoder(Decoder):
         self._mimics = {place: self._mimics.get(place, 0) + 1 for place in _places(payload)}
         return Piece(self._period, np.frombuffer(payload, self._kind).reshape(self.shape))
 
-    def _slipped(self):
+    def _slipped(self) -> bool:
         """Whether a marker stands where the true one is if a fixed mimic has taken its place."""
         fixed = [place for place, count in self._mimics.items() if count >= FIXED_FRAMES]
         return any(self._buffer.startswith(MARKER, self._period - place) for place in fixed
                    if self._period - place not in self._mimics)
 
-    def _find(self):
+    def _find(self) -> Run | None:
         """Return the run that frames start with; None: more bytes are needed."""
         while (at := self._buffer.find(MARKER, max(self._next - self._origin, 0))) >= 0:
             run = self._extend(self._origin + at)
@@ -156,7 +157,7 @@ class FlexiTacDecoder(Decoder):
         self._next = max(self._next, self._origin + len(self._buffer) - len(MARKER) + 1)
         return None
 
-    def _extend(self, position):
+    def _extend(self, position: int) -> Run:
         """Enter a marker; what had to be confirmed by now and was not is no run any more."""
         self._distances.append(position - self._marker_at)
         self._marker_at, self._next = position, position + 1
@@ -168,7 +169,7 @@ class FlexiTacDecoder(Decoder):
         self._runs.append(Run(position, periods))
         return self._runs[-1]
 
-    def _likeliest(self):
+    def _likeliest(self) -> Run | None:
         """Return the likeliest run, None while waiting may tell more."""
         settled = max(run.periods for run in self._runs) >= AMBIGUOUS_PERIODS
         runs, start = [run for run in self._runs if run.periods], self._start
@@ -188,13 +189,13 @@ class FlexiTacDecoder(Decoder):
             return None
         return runs[strange.index(min(strange))]
 
-    def _strangers(self, run):
+    def _strangers(self, run: Run) -> int:
         """Count the places that mimic a marker if frames start with a run, and did not before."""
         return sum((other.last - run.last) % self._period not in self._mimics
                    for other in self._runs if other is not run)
 
 
-def _places(payload):
+def _places(payload: bytes) -> Iterator[int]:
     """Yield the distances from the frame's start at which a payload holds the marker."""
     at = payload.find(MARKER)
     while at >= 0:

@@ -42,7 +42,7 @@ class SendTime:
     arrival, nor earlier by much more than the usual jitter.
     """
 
-    def __init__(self):
+    def __init__(self) -> None:
         self._left_out_ns = 0  # frames that the device did not count, in its time
         self._jitter_ns = 0.0
         self.restart()
@@ -75,11 +75,11 @@ class SendTime:
         most_ns = round(MOST_JITTER * self._jitter_ns)
         return min(max(self._sent(device_ns), arrival_ns - most_ns), arrival_ns)
 
-    def _sent(self, device_ns):
+    def _sent(self, device_ns: int) -> int:
         slope, offset = self._line
         return self._origin[1] + round(slope * (device_ns - self._origin[0]) + offset)
 
-    def _fit(self):
+    def _fit(self) -> None:
         if len(self._blocks) < LEAST_BLOCKS:
             return
         origin = self._blocks[0][0]
@@ -113,13 +113,6 @@ class FrameClock:
     bytes were lost: if the nominal rate is known, such frames have the earliest time that is
     possible. No more are given than `RATE_MARGIN` times the nominal rate [Hz], or `MAX_RATE`
     where that is 0, in the mean of `BURST`.
-
-    Attributes
-    ----------
-    stalled, thinned : int
-        Frames that were refused because their bytes took too long, or came too fast.
-    jitter_ns : float
-        By which frames come later than they were sent, in the mean of some [ns].
     """
 
     def __init__(self, decoder: Decoder, nominal_rate: float = 0.0):
@@ -128,8 +121,9 @@ class FrameClock:
                 f'rate is {nominal_rate} Hz, must be from 0 to {MAX_RATE:g} Hz')
         self.decoder = decoder
         self._limit = RATE_MARGIN * nominal_rate or MAX_RATE  # Hz
+        # Frames that were refused because their bytes took too long, or came too fast.
         self.stalled = self.thinned = 0
-        self.jitter_ns = 0.0
+        self.jitter_ns = 0.0  # by which frames come later than they were sent, in the mean
         self._nominal_ns = NS / nominal_rate if nominal_rate else 0.0
         self._period_ns = self._nominal_ns
         self._usual_ns = 0.0  # from the first to the last byte of a frame
@@ -184,26 +178,26 @@ class FrameClock:
                 given.append(SensorImage(stamp_ns, frame.sequence, frame.counts))
         return given
 
-    def _times(self, frame):
+    def _times(self, frame: Frame) -> tuple[int, int]:
         """When the first and the last byte of a frame were read."""
         self._forget(frame.first_byte)
         return self._arrivals[0][1], next(at for end, at in self._arrivals if end >= frame.end)
 
-    def _forget(self, position):
+    def _forget(self, position: int) -> None:
         while self._arrivals and self._arrivals[0][0] <= position:
             self._arrivals.popleft()
 
-    def _learn_period(self, now_ns):
+    def _learn_period(self, now_ns: int) -> None:
         since_ns = min(now_ns - self._newest_ns, NS)  # a long pause says nothing about it
         if self._newest_ns and since_ns > 0:
             gain = 0.1 if self._period_ns else 1.0
             self._period_ns += gain * (since_ns - self._period_ns)
 
-    def _stall_ns(self):
+    def _stall_ns(self) -> float:
         period_ns = self._nominal_ns or self._period_ns
         return max(STALL_PERIODS * period_ns, STALL_NS) if period_ns else NS
 
-    def _judge(self, frame, first_ns, last_ns):
+    def _judge(self, frame: Frame, first_ns: int, last_ns: int) -> int | None:
         """Stamp of a frame by the times of its bytes; None: it is not given."""
         took_ns = max(last_ns - first_ns, 0)
         if took_ns >= self._stall_ns():

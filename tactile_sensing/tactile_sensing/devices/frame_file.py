@@ -19,7 +19,7 @@ Shape = tuple[int, int]
 class _Unfolded:
     """Reader of flat frames, (N, rows * columns), as (N, rows, columns)."""
 
-    def __init__(self, reader, shape):
+    def __init__(self, reader: Any, shape: Shape):
         self._reader, self.dtype = reader, reader.dtype
         self.shape = reader.shape[0], *shape
 
@@ -34,19 +34,9 @@ def frame_reader(path: str | PathLike, shape: Shape | None = None,
     """
     Return the reader of the frames in a file; it has the `shape` and `chunks` of an ArrayReader.
 
-    Parameters
-    ----------
-    path : path
-        Of an `.npz` archive with `frames`, an `.npy` array, or a `.csv` file, a frame a row.
-    shape : (rows, columns), optional
-        Frames that lie flat in the file, (N, rows * columns), become (N, rows, columns).
-    source : str
-        Who says the shape, for messages.
-
-    Raises
-    ------
-    ConfigurationError
-        The file cannot be read, or its frames have another shape than the given one.
+    The file is an `.npz` archive with `frames`, an `.npy` array, or a `.csv` file, a frame a row.
+    With a shape (rows, columns), as a source says, flat frames (N, rows * columns) become (N,
+    rows, columns). ConfigurationError where the file cannot be read, or has another shape.
     """
     table = Path(path).suffix == '.csv'
     reader: Any = TableReader(path) if table else ArrayReader(path, 'frames')

@@ -40,12 +40,12 @@ class LineDecoder(Decoder):
         super().__init__(rows, columns, kind)
         self.buffer_bound = DIGITS * (rows * columns + 2) + 2 * rows + 64
 
-    def _begin(self):
+    def _begin(self) -> None:
         super()._begin()
         self._looked = 0  # bytes without an end
         self._cut = True  # whether the beginning of the text is missing
 
-    def _scan(self):
+    def _scan(self) -> Piece | None:
         end = self._buffer.find(self.END, self._looked)
         if end < 0:
             if len(self._buffer) > self.buffer_bound:
@@ -75,7 +75,7 @@ class CsvDecoder(LineDecoder):
         self._stamped, self._checksum = bool(stamp), checksum
         self.tick_ns = tick_of(stamp)
 
-    def _parse(self, text, size):
+    def _parse(self, text: bytes, size: int) -> Piece:
         values, (rows, columns) = numbers(text), self.shape
         if not values.size:
             self._mismatch = f'lines must hold numbers alone, this one does not: {text[:40]!r}'
@@ -129,7 +129,7 @@ class VitacDecoder(LineDecoder):
 
     END = b'\n\r\n'
 
-    def _parse(self, text, size):
+    def _parse(self, text: bytes, size: int) -> Piece:
         rows = [numbers(row) for row in text.rstrip(b'\r').split(b'\r\n')]
         if [row.size for row in rows] != [self.shape[1]] * self.shape[0]:
             self._mismatch = (f'the sensor sends {len(rows)} rows of {rows[0].size} values, '

@@ -48,24 +48,17 @@ class Decoder:
 
     `receive_data` only buffers and `next_event` parses; call it until it returns None. Then at
     most `buffer_bound` bytes are held, whatever was received. Raises a ConfigurationError where a
-    size is not a positive integer, or the counts are to be of another type.
+    size is not a positive integer, or the counts are to be of no integer type.
 
-    Attributes
-    ----------
-    frames, lost_frames, resyncs, dropped_bytes, check_errors : int
-        Counted since the start; lost frames by the device's clock, or by the dropped bytes.
-    locked : bool
-        Whether the byte stream is understood at the moment.
-    shape : (int, int)
-        Rows and columns.
-    temperature : float or None
-        Where the device reports one [degrees Celsius].
+    `frames`, `lost_frames`, `resyncs`, `dropped_bytes` and `check_errors` are counted since the
+    start; lost frames by the device's clock, or by the dropped bytes.
     """
 
     buffer_bound = 0
     announced = 0  # bytes of a frame that come with the one before
     tick_ns, wrap = 1, 1 << 32  # of the device's clock: unit, and where it starts again
-    temperature: float | None = None
+    temperature: float | None = None  # where the device reports one [degrees Celsius]
+    locked = False  # whether the byte stream is understood at the moment
 
     def __init__(self, rows: int, columns: int, kind: DTypeLike = np.uint8):
         for name, value in (('rows', rows), ('columns', columns)):
@@ -106,7 +99,7 @@ class Decoder:
                 continue
             self._take(piece.size)
             if piece.counts is not None:
-                return self._frame(piece)
+                return self._frame(piece.counts, piece)
             if piece.reply is not None:
                 return piece.reply
         return None
@@ -115,17 +108,25 @@ class Decoder:
         """Say what is wrong with bytes that make no frame; empty if that does not show."""
         return self._mismatch
 
+    def start(self, rate: float) -> bytes:
+        """Return the command that makes the device send frames at a rate [Hz]."""
+        return b''
+
+    def stop(self) -> bytes:
+        """Return the command that ends the frames."""
+        return b''
+
     def _scan(self) -> Piece | None:
         """Return what is at the head of the buffer; None: more bytes are needed."""
         raise NotImplementedError
 
-    def _begin(self):
+    def _begin(self) -> None:
         """Start as with a port that was just opened."""
         self._gap = 0  # bytes passed over since the last frame
         self._ticks: int | None = None  # of the last frame
         self.locked = False
 
-    def _image(self, values, size, ticks=None):
+    def _image(self, values: np.ndarray, size: int, ticks: int | None = None) -> Piece:
         """Piece of a frame's values, if they are as many as tactels and fit their type."""
         (rows, columns), bounds = self.shape, np.iinfo(self._kind)
         low, high = (values.min(), values.max()) if values.size else (0, 0)
@@ -139,7 +140,7 @@ class Decoder:
             return Piece(size, np.rint(values).astype(self._kind).reshape(self.shape), ticks)
         return Piece(size, good=False)
 
-    def _tick(self, ticks):
+    def _tick(self, ticks: int) -> int | None:
         """Follow the device's clock; returns how many frames it skipped, None: not known."""
         step = 0 if self._ticks is None else (ticks - self._ticks) % self.wrap
         self._ticks = ticks
@@ -151,7 +152,7 @@ class Decoder:
             self._step += (step - self._step) * (0.1 if self._step else 1.0)
         return max(missed, 0)
 
-    def _frame(self, piece):
+    def _frame(self, counts: np.ndarray, piece: Piece) -> Frame:
         missed = None if piece.ticks is None else self._tick(piece.ticks)
         if self._gap:
             # Nothing is lost before the first frame; afterwards, where no clock tells, at least
@@ -161,21 +162,21 @@ class Decoder:
             self.resyncs += 1
             self._gap = 0
         self.lost_frames += missed or 0
-        piece.counts.flags.writeable = False
-        frame = Frame(piece.counts, self.frames + self.lost_frames,
+        counts.flags.writeable = False
+        frame = Frame(counts, self.frames + self.lost_frames,
                       self._origin - piece.size + self.announced, self._origin,
                       None if piece.ticks is None else self._device_ns)
         self.frames += 1
         self.locked = True
         return frame
 
-    def _drop(self, count):
+    def _drop(self, count: int) -> None:
         """Pass over bytes that belong to no frame."""
         self._take(count)
         self._gap += count
         self.dropped_bytes += count
 
-    def _take(self, count):
+    def _take(self, count: int) -> None:
         del self._buffer[:count]
         self._origin += count
 
@@ -191,7 +192,7 @@ class PacketDecoder(Decoder):
     PREAMBLE = b''
     HEAD = 0  # bytes up to the end of the length
 
-    def _scan(self):
+    def _scan(self) -> Piece | None:
         at = self._buffer.find(self.PREAMBLE)
         if at != 0:
             # The last bytes may begin a preamble.
@@ -234,11 +235,6 @@ class Device:
         return b''
 
 
-def no_command(rate: float, **_: Any) -> bytes:
-    """Return the command of a device that needs none."""
-    return b''
-
-
 @dataclass(frozen=True)
 class SensorProtocol:
     """One row of the table of protocols; `options` are keyword arguments of its callables."""
@@ -248,7 +244,5 @@ class SensorProtocol:
     baud_rate: int  # [bit/s]
     kind: DTypeLike = np.uint8  # type of counts where nothing else is known
     shape: tuple[int, int] | None = None  # rows and columns where only one array speaks it
-    start: Callable[..., bytes] = no_command  # of a rate [Hz]: makes the device send
-    stop: Callable[..., bytes] = no_command
     options: Mapping[str, Any] = field(default_factory=dict)  # name -> default
     calibration: str = ''  # file in `config/` that a driver takes where none is given

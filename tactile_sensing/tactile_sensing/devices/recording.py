@@ -1,5 +1,6 @@
 """Recordings of tactile frames in files, and what a sensor would have sent for them."""
 from dataclasses import dataclass
+from os import PathLike
 from pathlib import Path
 
 import numpy as np
@@ -25,14 +26,13 @@ class Recording:
     rate_hz: float  # frames per second [Hz]
     pitch: float | None = None  # distance between tactels [m]; None = unknown
 
-    def __post_init__(self):
-        frames = np.asarray(self.frames)
+    def __post_init__(self) -> None:
+        frames = self.frames
         if frames.ndim != 3 or 0 in frames.shape:
             raise ConfigurationError(
                 f'frames has shape {frames.shape}, must be (N, rows, columns), none of them 0')
         if frames.dtype.kind not in 'uif':
             raise ConfigurationError(f'frames is of type {frames.dtype}, must be of real numbers')
-        object.__setattr__(self, 'frames', frames)
         if not 0.0 < self.rate_hz <= MAX_RATE:  # NaN fails as well
             raise ConfigurationError(
                 f'rate_hz is {self.rate_hz}, must be above 0 and at most {MAX_RATE:g} Hz')
@@ -40,9 +40,9 @@ class Recording:
             raise ConfigurationError(f'pitch_m is {self.pitch}, must be between 0 and 1 m')
 
     @property
-    def shape(self) -> tuple:
+    def shape(self) -> tuple[int, int]:
         """Shape of one frame, `(rows, columns)`."""
-        return self.frames.shape[1:]
+        return self.frames.shape[1], self.frames.shape[2]
 
     @property
     def absent(self) -> list[int]:
@@ -62,17 +62,14 @@ class Recording:
         return np.clip(values, limits.lowest, limits.highest).astype(limits.dtype), clipped
 
 
-def load_recording(path, rate_hz: float | None = None, shape: Shape | None = None) -> Recording:
+def load_recording(path: str | PathLike, rate_hz: float | None = None,
+                   shape: Shape | None = None) -> Recording:
     """
     Read an `.npz` archive with `frames` `(N, rows, columns)`, `rate_hz` and perhaps `pitch_m`.
 
     Of an archive without a rate, an `.npy` array or a `.csv` file the rate must be given, and of
-    frames that lie flat the shape.
-
-    Raises
-    ------
-    ConfigurationError
-        The file cannot be read, or an array in it is missing or impossible.
+    frames that lie flat the shape. Raises a ConfigurationError where the file cannot be read, or
+    an array in it is missing or impossible.
     """
     try:
         frames = read_whole(path, frame_reader(path, shape))

@@ -20,14 +20,13 @@ OWN = {
     'vitac': SensorProtocol(lines.VitacDecoder, lines.VitacDevice, 2_000_000),
     'weiss_wts': SensorProtocol(
         weiss.WeissDecoder, weiss.WeissDevice, 115200, np.uint16,
-        start=weiss.start_wts, stop=weiss.stop_wts,
         options={'rle': False, 'tare': '', 'threshold': 0, 'cells': 0, 'first': 0}),
     'weiss_dsa': SensorProtocol(
-        weiss.DsaDecoder, weiss.DsaDevice, 115200, np.uint16, start=weiss.start_dsa,
-        stop=weiss.stop_dsa, options={'rle': True, 'cells': 0, 'first': 0}),
+        weiss.DsaDecoder, weiss.DsaDevice, 115200, np.uint16,
+        options={'rle': True, 'cells': 0, 'first': 0}),
     'robotiq_tsf85': SensorProtocol(
-        robotiq.TsfDecoder, robotiq.TsfDevice, 115200, np.uint16, robotiq.SHAPE, robotiq.start,
-        robotiq.stop, {'finger': 0, 'crc': ''}),
+        robotiq.TsfDecoder, robotiq.TsfDevice, 115200, np.uint16, robotiq.SHAPE,
+        options={'finger': 0, 'crc': ''}),
 }
 _OTHERS = {point.name: point for point in entry_points(group=GROUP)}
 PROTOCOLS = (*OWN, *sorted(_OTHERS.keys() - OWN.keys()))  # names
@@ -66,7 +65,7 @@ def options_of(name: str, given: str | Mapping[str, Any]) -> dict[str, Any]:
     return {**known, **values}
 
 
-def _as(key, value, kind):
+def _as(key: str, value: Any, kind: type) -> Any:
     words = {'true': True, 'yes': True, '1': True, 'false': False, 'no': False, '0': False}
     try:
         if kind is bool and isinstance(value, str):

@@ -54,12 +54,20 @@ class TsfDecoder(PacketDecoder):
             raise ConfigurationError(f'the array is {rows}x{columns}, of this sensor it is 7x4')
         self._finger, self._polynomial = finger, int(crc or '0', 16)
 
-    def _size(self, at):
+    def start(self, rate: float) -> bytes:
+        """Return the command that starts frames at a rate [Hz]."""
+        return packet(bytes([min(max(round(1e3 / rate), 1), 255)]))
+
+    def stop(self) -> bytes:
+        """Return the command that ends the frames."""
+        return packet(b'\0')
+
+    def _size(self, at: int) -> int:
         command, size = self._buffer[at + 2:at + 4]
         sound = command & COMMAND == AUTOSEND & COMMAND and size <= LARGEST
         return self.HEAD + size if sound else 0
 
-    def _parse(self, packet):
+    def _parse(self, packet: bytes) -> Piece | None:
         if packet[1] and self._polynomial and crc8(packet[2:], self._polynomial) != packet[1]:
             return None
         at, counts = self.HEAD, None
@@ -96,13 +104,3 @@ class TsfDevice(Device):
             self.running = period > b'\0'
         self._commands = self._commands[-4:]  # the beginning of a command
         return b''
-
-
-def start(rate: float, **_) -> bytes:
-    """Return the command that starts frames of a rate [Hz]."""
-    return packet(bytes([min(max(round(1e3 / rate), 1), 255)]))
-
-
-def stop(rate: float, **_) -> bytes:
-    """Return the command that ends the frames."""
-    return packet(b'\0')

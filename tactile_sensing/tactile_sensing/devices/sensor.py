@@ -25,7 +25,7 @@ class Sensor:
     def __enter__(self) -> 'Sensor':
         return self
 
-    def __exit__(self, *_) -> None:
+    def __exit__(self, *_: Any) -> None:
         self.close()
 
     def close(self) -> None:

@@ -36,7 +36,7 @@ def device_path(port: str) -> str:
     return found[0].device
 
 
-def _refusal(error, path):
+def _refusal(error: Exception, path: str) -> str:
     if not os.path.exists(path):
         there = ', '.join(item.device for item in list_ports.comports()) or 'none'
         return f'is not there; serial ports there are: {there}'
@@ -49,13 +49,8 @@ class SensorPort:
 
     The port is a device, a link to one, or see `device_path`; baud the line speed [bit/s]. Nobody
     else can open it meanwhile. Raises an OSError where the port is absent, in use or gone; `read`
-    and `write` as well.
-
-    Attributes
-    ----------
-    caught_up_at : float
-        When fewer bytes than `frame_size` were waiting last, by `time.monotonic()` [s]. What is
-        read came after that: a reader that comes late cannot know more.
+    and `write` as well. `caught_up_at` is when fewer bytes than `frame_size` were waiting last,
+    by `time.monotonic()` [s]: what is read came after that.
     """
 
     def __init__(self, port: str, baud: int, frame_size: int = 1):

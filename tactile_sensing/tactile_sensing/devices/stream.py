@@ -22,21 +22,9 @@ class SensorStream:
     """
     Open the port of a sensor, start it and read it; open it again whenever it is lost.
 
-    See `sensor.open_sensor`; a rate or baud of 0 and a kind of None are the protocol's.
-
-    Parameters
-    ----------
-    now_ns : callable
-        The clock of the stamps.
-    tell : callable
-        Takes a line whenever the port has come or gone, and whether it has gone.
-
-    Attributes
-    ----------
-    fault : str
-        Why the port is not open; empty where it is.
-    connections, skipped : int
-        How often the port was opened; frames that were passed over as newer ones were there.
+    See `sensor.open_sensor`; a rate or baud of 0 and a kind of None are the protocol's. `now_ns`
+    is the clock of the stamps; `tell` takes a line whenever the port has come or gone, and whether
+    it has gone.
     """
 
     def __init__(self, port: str, protocol: str, shape: tuple[int, int], *,
@@ -44,16 +32,16 @@ class SensorStream:
                  options: Mapping[str, Any] | None = None,
                  now_ns: Callable[[], int] = time.time_ns,
                  tell: Callable[[str, bool], None] = lambda text, gone: None):
-        row, options = protocol_named(protocol), options or {}
+        row = protocol_named(protocol)
         kind = np.dtype(row.kind if kind is None else kind)
-        self.decoder = row.decoder(*shape, kind, **options)
-        self._start = row.start(rate or USUAL_RATE, **options)
-        self._stop = row.stop(rate or USUAL_RATE, **options)
+        self.decoder = row.decoder(*shape, kind, **options or {})
+        self._start = self.decoder.start(rate or USUAL_RATE)
         self.frames = FrameClock(self.decoder, rate)
         self.port, self._frame_size = port, shape[0] * shape[1] * kind.itemsize
         self._baud, self._now_ns, self._tell = baud or row.baud_rate, now_ns, tell
-        self.fault = f'{port} is not open yet'
-        self.connections = self.skipped = 0
+        self.fault = f'{port} is not open yet'  # why; empty where it is
+        self.connections = 0  # how often the port was opened
+        self.skipped = 0  # frames that were passed over as newer ones were there
         self.last_byte_at = self.last_frame_at = self._asked_at = time.monotonic()
         self._back_off, self._news = BACK_OFF[0], False
         self._line: SensorPort | None = None
@@ -93,12 +81,12 @@ class SensorStream:
             return []
         self.last_byte_at, self._last = now, (self._last + data)[-24:]
         frames = self.frames.receive(data, now_ns, now_ns - round(1e9 * (now - caught_up_at)))
-        if frames:
-            self.last_frame_at = now
-            newest_ns, count = frames[-1].stamp_ns, len(frames)
-            frames = [item for item in frames if newest_ns - item.stamp_ns < LAG_NS]
-            self.skipped += count - len(frames)
-        return frames
+        if not frames:
+            return []
+        self.last_frame_at = now
+        recent = [item for item in frames if frames[-1].stamp_ns - item.stamp_ns < LAG_NS]
+        self.skipped += len(frames) - len(recent)
+        return recent
 
     def trouble(self) -> str:
         """Return why no frames come; empty where they do."""
@@ -118,13 +106,11 @@ class SensorStream:
     def counters(self) -> dict[str, Any]:
         """Return what is reported: numbers since the start, and what is the case."""
         decoder, frames = self.decoder, self.frames
-        found = {
-            'frames': decoder.frames, 'lost_frames': decoder.lost_frames,
-            'resyncs': decoder.resyncs, 'dropped_bytes': decoder.dropped_bytes,
-            'check_errors': decoder.check_errors, 'stalled_frames': frames.stalled,
-            'thinned_frames': frames.thinned, 'skipped_frames': self.skipped,
-            'connections': self.connections, 'jitter_ms': f'{1e-6 * frames.jitter_ns:.2f}',
-            'locked': decoder.locked}
+        found = {name: getattr(decoder, name) for name in (
+            'frames', 'lost_frames', 'resyncs', 'dropped_bytes', 'check_errors', 'locked')}
+        found |= {'stalled_frames': frames.stalled, 'thinned_frames': frames.thinned,
+                  'skipped_frames': self.skipped, 'connections': self.connections,
+                  'jitter_ms': f'{1e-6 * frames.jitter_ns:.2f}'}
         if decoder.temperature is not None:
             found['temperature'] = f'{decoder.temperature:g}'
         return found
@@ -134,17 +120,17 @@ class SensorStream:
         self.closed.set()
         if self._line is not None:
             try:
-                self._line.write(self._stop)
+                self._line.write(self.decoder.stop())
             except OSError:  # it is gone
                 pass
         self._release()
 
-    def _release(self):
+    def _release(self) -> None:
         if self._line is not None:
             self._line.close()
         self._line = None
 
-    def _wait(self):
+    def _wait(self) -> None:
         """Wait for the next attempt, and make it."""
         if self.closed.wait(self._back_off):
             return

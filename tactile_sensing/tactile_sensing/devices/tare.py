@@ -1,4 +1,4 @@
-"""Picture of the unloaded pad, and what is none."""
+"""Image of the unloaded pad, and what is none."""
 from dataclasses import dataclass
 import os
 
@@ -9,18 +9,18 @@ from tactile_common.npz_stream import read_arrays, scalar
 from tactile_sensing.devices.counts import Counts
 from tactile_sensing.devices.unloaded import unloaded_statistics
 
-# Fewer frames tell neither the noise nor whether the picture is steady.
+# Fewer frames tell neither the noise nor whether the image is steady.
 MIN_TARE_FRAMES = 20
 CHANCE = 5.0  # standard deviations that a mean may be off by chance
 
 
 class TareRefusedError(TactileError):
-    """The frames are no picture of the unloaded pad; the message says why."""
+    """The frames are no image of the unloaded pad; the message says why."""
 
 
 @dataclass(frozen=True, eq=False)
 class Tare:
-    """Picture of the unloaded pad."""
+    """Image of the unloaded pad."""
 
     offset: np.ndarray  # mean counts, shape (rows, columns), float32
     noise: np.ndarray  # standard deviation of every tactel [counts], float32
@@ -55,23 +55,11 @@ def load_tare(path: str | os.PathLike, live: np.ndarray) -> tuple[Tare, int]:
 def tare_of(frames: np.ndarray, counts: Counts, baseline: np.ndarray, live: np.ndarray,
             tolerance: float) -> Tare:
     """
-    Average frames of the unloaded pad.
+    Average frames of the unloaded pad, (n, rows, columns) [counts].
 
-    Parameters
-    ----------
-    frames : ndarray, shape (n, rows, columns)
-        [counts].
-    counts : Counts
-    baseline : ndarray, shape (rows, columns)
-        From which no live tactel may be off by more than the tolerance [counts].
-    live : ndarray, shape (rows, columns), bool
-    tolerance : float
-        [counts].
-
-    Raises
-    ------
-    TareRefusedError
-        Too few frames, no number or a load of a live tactel, or a picture that moves.
+    No live tactel may be off the baseline (rows, columns) by more than the tolerance [counts].
+    Raises a TareRefusedError where there are too few frames, no number or a load of a live
+    tactel, or where they change.
     """
     if len(frames) < MIN_TARE_FRAMES:
         raise TareRefusedError(f'{len(frames)} frames, at least {MIN_TARE_FRAMES} are needed')

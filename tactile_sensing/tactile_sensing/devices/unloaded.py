@@ -39,14 +39,8 @@ def unloaded_statistics(frames: np.ndarray, threshold: float, lowest: float,
     taken for what it is, and only a tactel that is much noisier has a noise of its own. Of a
     threshold that hides nearly all readings is only known that it keeps the noise out.
 
-    Parameters
-    ----------
-    frames : ndarray, shape (N, rows, columns)
-        [counts], N >= 2.
-    threshold, lowest : float
-        Counts below the first are reported as the second, or anyhow tell nothing.
-    live : ndarray, shape (rows, columns), bool
-        Whose noise is taken together.
+    Frames are (N, rows, columns) [counts], N >= 2; counts below the threshold are reported as the
+    lowest, or anyhow tell nothing; the noise of live tactels (rows, columns) is taken together.
     """
     frames = np.asarray(frames, dtype=np.float64)
     seen = frames >= threshold
@@ -74,7 +68,8 @@ def unloaded_statistics(frames: np.ndarray, threshold: float, lowest: float,
     return Unloaded(offset, noise)
 
 
-def _rounded(frames, threshold, told):
+def _rounded(frames: np.ndarray, threshold: float,
+             told: np.ndarray) -> tuple[np.ndarray, float]:
     """Likeliest mean of each tactel, and variance of a reading of any, with that of rounding."""
     usual = np.maximum(np.rint(np.median(frames, axis=0)), threshold - 1.0)
     level = np.clip(np.maximum(frames, threshold - 1.0) - usual, LEVELS[0], LEVELS[-1])
@@ -96,7 +91,8 @@ def _rounded(frames, threshold, told):
     return usual + centre, std**2 + QUANTISATION
 
 
-def _censored(frames, seen, level, mean, variance):
+def _censored(frames: np.ndarray, seen: np.ndarray, level: float, mean: np.ndarray,
+              variance: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Likeliest mean and variance where some readings are below a level."""
     count, share = seen.sum(axis=0), 1.0 - seen.mean(axis=0)
     total = np.where(seen, frames, 0.0).sum(axis=0)

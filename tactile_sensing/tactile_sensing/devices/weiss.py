@@ -8,6 +8,7 @@ how often in the upper four bits, the value in the lower twelve). All numbers ar
 """
 from functools import partial
 import struct
+from typing import Any
 
 import numpy as np
 from numpy.typing import DTypeLike
@@ -25,7 +26,7 @@ LONGEST_RUN, HIGHEST = 15, 4095
 NO_COMMAND = 4  # status of a command that is not known; 0 is success
 
 
-def _row(value):
+def _row(value: int) -> int:
     for _ in range(8):
         value = (value << 1 ^ (0x1021 if value & 0x8000 else 0)) & 0xFFFF
     return value
@@ -55,15 +56,18 @@ class WeissDecoder(PacketDecoder):
     Decoder of both, see `protocol.Decoder`.
 
     A frame may hold several matrices: `cells` are all of them (0: rows * columns), of which the
-    image begins at `first`. What the device answers to commands comes as `Reply`.
+    image begins at `first`. What the device answers to commands comes as `Reply`. The other
+    options are of the start: run-length coding, the payload of a tare, a threshold.
     """
 
     PREAMBLE, HEAD = PREAMBLE, HEAD
     tick_ns = 1_000_000
 
     def __init__(self, rows: int, columns: int, kind: DTypeLike = np.uint16, *, cells: int = 0,
-                 first: int = 0, dsa: bool = False, **_):
+                 first: int = 0, dsa: bool = False, rle: bool = False, tare: str = '',
+                 threshold: int = 0):
         super().__init__(rows, columns, kind)
+        self._rle, self._tare, self._threshold = rle, tare, threshold
         size = rows * columns
         self._cells, self._first, self._dsa = cells or first + size, first, dsa
         if not 0 <= first <= self._cells - size:
@@ -72,7 +76,24 @@ class WeissDecoder(PacketDecoder):
         self._most = max(5 + 2 * self._cells, LARGEST_REPLY)
         self.buffer_bound = HEAD + self._most + 2
 
-    def _size(self, at):
+    def start(self, rate: float) -> bytes:
+        """Return the commands that start frames at a rate [Hz], after those asked for."""
+        if self._dsa:
+            return packet(
+                DSA_CONFIGURE, struct.pack('<BH', ACQUIRE | self._rle, round(rate)), dsa=True)
+        setup = packet(TARE, bytes.fromhex(self._tare)) if self._tare else b''
+        if self._threshold:
+            setup += packet(THRESHOLD, struct.pack('<H', self._threshold))
+        period = min(max(round(1e3 / rate), 1), 65535)  # ms
+        return setup + packet(START, struct.pack('<BH', self._rle, period))
+
+    def stop(self) -> bytes:
+        """Return the command that ends the frames."""
+        if self._dsa:
+            return packet(DSA_CONFIGURE, struct.pack('<BH', 0, 0), dsa=True)
+        return packet(STOP)
+
+    def _size(self, at: int) -> int:
         command, size = struct.unpack_from('<BH', self._buffer, at + len(PREAMBLE))
         if size > self._most:
             if command == FRAME:
@@ -80,11 +101,11 @@ class WeissDecoder(PacketDecoder):
             return 0
         return HEAD + size + (0 if self._dsa and not size else 2)
 
-    def _refuse(self, cells):
+    def _refuse(self, cells: int) -> None:
         self._mismatch = (f'the sensor sends {cells} cells a frame, {self._cells} are expected: '
                           'rows x columns, or the option `cells`')
 
-    def _parse(self, packet):
+    def _parse(self, packet: bytes) -> Piece | None:
         command, size = struct.unpack_from('<BH', packet, len(PREAMBLE))
         payload, crc = packet[HEAD:HEAD + size], packet[HEAD + size:]
         if crc and crc16(packet[len(PREAMBLE) if self._dsa else 0:HEAD + size]) != (
@@ -109,7 +130,8 @@ class WeissDecoder(PacketDecoder):
 class WeissDevice(Device):
     """A sensor that sends once it was asked to, and answers every command."""
 
-    def __init__(self, dsa: bool = False, first: int = 0, cells: int = 0, **_):
+    def __init__(self, dsa: bool = False, first: int = 0, cells: int = 0,
+                 **_: Any):
         self.running, self._dsa, self._first, self._cells = False, dsa, first, cells
         self._flags, self._frame = 0, b''
         self._commands = WeissDecoder(1, 1, dsa=dsa)
@@ -152,29 +174,6 @@ def run_lengths(cells: np.ndarray) -> np.ndarray:
             words.append(min(count, LONGEST_RUN) << 12 | value)
             count -= LONGEST_RUN
     return np.array(words, np.uint16)
-
-
-def start_wts(rate: float, rle: bool = False, tare: str = '', threshold: int = 0, **_) -> bytes:
-    """Return the commands that start frames of a rate [Hz], after those that were asked for."""
-    setup = packet(TARE, bytes.fromhex(tare)) if tare else b''
-    if threshold:
-        setup += packet(THRESHOLD, struct.pack('<H', threshold))
-    return setup + packet(START, struct.pack('<BH', rle, min(max(round(1e3 / rate), 1), 65535)))
-
-
-def start_dsa(rate: float, rle: bool = False, **_) -> bytes:
-    """Return the command that starts frames of a rate [Hz]."""
-    return packet(DSA_CONFIGURE, struct.pack('<BH', ACQUIRE | rle, round(rate)), dsa=True)
-
-
-def stop_wts(rate: float, **_) -> bytes:
-    """Return the command that ends the frames."""
-    return packet(STOP)
-
-
-def stop_dsa(rate: float, **_) -> bytes:
-    """Return the command that ends the frames."""
-    return packet(DSA_CONFIGURE, struct.pack('<BH', 0, 0), dsa=True)
 
 
 DsaDecoder, DsaDevice = partial(WeissDecoder, dsa=True), partial(WeissDevice, dsa=True)

@@ -1,1 +1,1 @@
-"""Stresses below point and line loads on an elastic half-space (chapters 2 and 3)."""
+"""Kernels of loads on an elastic half-space, and a skin as a sum of half-spaces."""

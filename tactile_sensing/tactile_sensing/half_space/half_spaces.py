@@ -4,7 +4,6 @@ from functools import lru_cache
 
 import numpy as np
 
-from tactile_sensing.half_space import line
 from tactile_sensing.skin.pressure import SkinPressure
 from tactile_sensing.types.skin import Skin
 
@@ -20,11 +19,7 @@ def half_spaces(skin: Skin) -> np.ndarray:
     Half-spaces whose weighted pressures are that of a skin under normal loads.
 
     Under a line they are within 1 % of the peak from a thickness of two depths on, within 2.5 %
-    for less; the first is at the depth of the tactels.
-
-    Returns
-    -------
-    ndarray of HALF_SPACE, shape (3,), read-only
+    for less; the first is at the depth of the tactels. HALF_SPACE records (3,), read-only.
     """
     found = np.zeros(len(DEPTHS), HALF_SPACE)
     found['depth'] = np.multiply(DEPTHS, skin.depth)
@@ -32,8 +27,8 @@ def half_spaces(skin: Skin) -> np.ndarray:
         found['weight'][0] = 1.0
     else:
         x, y = np.linspace(0.0, REACH * skin.depth, 61), np.zeros(1)
-        pictures = [line.pressure(x, y, 0.0, 0.0, 1.0, depth) for depth in found['depth']]
+        images = [SkinPressure(Skin(depth)).line(x, y, 0.0, 0.0, 1.0) for depth in found['depth']]
         measured = SkinPressure(skin).line(x, y, 0.0, 0.0, 1.0)
-        found['weight'] = np.linalg.lstsq(np.stack(pictures, -1), measured, rcond=None)[0]
+        found['weight'] = np.linalg.lstsq(np.stack(images, -1), measured, rcond=None)[0]
     found.flags.writeable = False
     return found

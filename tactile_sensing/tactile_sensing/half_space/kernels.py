@@ -1,12 +1,14 @@
 """Pressure below point and line loads on a half-space, added up over an array; compiled."""
 
 import math
+from typing import Any
 
 from tactile_common.kernels import njit
 
 
 @njit(cache=True, nogil=True, error_model='numpy')
-def add_point(pressure, x, y, depth, px, py, load):
+def add_point(pressure: Any, x: Any, y: Any, depth: float, px: float, py: float,
+              load: float) -> None:
     """Add the pressure of a point load [N] at (px, py): (2.2) without shear."""
     factor = 1.5 / math.pi * depth**3 * load
     for r in range(len(y)):
@@ -17,7 +19,8 @@ def add_point(pressure, x, y, depth, px, py, load):
 
 
 @njit(cache=True, nogil=True, error_model='numpy')
-def add_segment(pressure, x, y, depth, x0, y0, x1, y1, load0, load1):
+def add_segment(pressure: Any, x: Any, y: Any, depth: float, x0: float, y0: float, x1: float,
+                y1: float, load0: float, load1: float) -> None:
     """
     Add the pressure of a line load that runs from load0 to load1 [N/m] along a segment.
 

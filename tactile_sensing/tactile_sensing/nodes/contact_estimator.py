@@ -1,5 +1,7 @@
 """Contact estimator node: tactile image in, contact and wrench out."""
 
+from typing import Any
+
 from geometry_msgs.msg import WrenchStamped
 from rclpy.qos import qos_profile_sensor_data
 
@@ -23,7 +25,7 @@ class ContactEstimatorNode(TactileNode):
     of the object on the sensor. Parameters: `EstimatorConfig`.
     """
 
-    def __init__(self, **kwargs):
+    def __init__(self, **kwargs: Any):
         super().__init__('contact_estimator', **kwargs)
         compile_kernels()
         self._estimator = ContactEstimator(declare_from(self, EstimatorConfig))
@@ -33,10 +35,10 @@ class ContactEstimatorNode(TactileNode):
         self.create_subscription(
             TactileImageMsg, 'image', self._on_image, qos_profile_sensor_data, raw=True)
 
-    def _warn(self, text):
+    def _warn(self, text: str) -> None:
         self.get_logger().warning(text, throttle_duration_sec=5.0)
 
-    def _on_image(self, raw):
+    def _on_image(self, raw: bytes) -> None:
         try:
             msg = unpacked(raw, TactileImageMsg)
         except TactileError as error:

@@ -1,4 +1,5 @@
 """Driver of a tactile array on a serial port or a topic: raw counts in, tactile images out."""
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 import os
 import threading
@@ -7,6 +8,7 @@ from typing import Any
 
 from ament_index_python.packages import get_package_share_directory
 from diagnostic_msgs.msg import DiagnosticStatus
+import numpy as np
 from rclpy.lifecycle import LifecycleNodeMixin, TransitionCallbackReturn
 from rclpy.qos import DurabilityPolicy, qos_profile_sensor_data, QoSProfile
 from std_srvs.srv import Trigger
@@ -24,7 +26,13 @@ from tactile_sensing.devices.calibration_file import load_calibration
 from tactile_sensing.devices.pad import Pad
 from tactile_sensing.devices.registry import options_of, protocol_named, PROTOCOLS
 from tactile_sensing.devices.stream import SensorStream
-from tactile_sensing.devices.tare import load_tare, MIN_TARE_FRAMES, save_tare, TareRefusedError
+from tactile_sensing.devices.tare import (
+    load_tare,
+    MIN_TARE_FRAMES,
+    save_tare,
+    Tare,
+    TareRefusedError,
+)
 from tactile_sensing.nodes.image_topic import ImageTopic
 
 # Longest wait for the reader at the end [s]; it looks up after each read of some 20 ms.
@@ -35,36 +43,34 @@ _LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 SUCCESS, FAILURE = TransitionCallbackReturn.SUCCESS, TransitionCallbackReturn.FAILURE
 
 
+def _told(default: Any, doc: str) -> Any:
+    return field(default=default, metadata={'doc': doc})
+
+
 @dataclass(frozen=True)
 class DriverConfig:
     """Parameters of the driver node."""
 
-    port: str = field(default='', metadata={
-        'doc': 'Serial port of the sensor, for instance /dev/ttyUSB0, or '
-        'usb:VENDOR:PRODUCT[:SERIAL NUMBER]; must be given unless `topic` is'})
-    topic: str = field(default='', metadata={
-        'doc': 'Topic of raw images that another driver publishes, in place of a port'})
+    port: str = _told('', 'Serial port of the sensor, for instance /dev/ttyUSB0, or '
+                      'usb:VENDOR:PRODUCT[:SERIAL NUMBER]; must be given unless `topic` is')
+    topic: str = _told('', 'Topic of raw images that another driver publishes, in place of a port')
     protocol: str = one_of(
         'flexitac', f'Byte protocol of the sensor: {", ".join(PROTOCOLS)}', PROTOCOLS)
-    options: str = field(default='', metadata={
-        'doc': 'Options of the protocol, for instance `stamp=us checksum=true`'})
+    options: str = _told('', 'Options of the protocol, for instance `stamp=us checksum=true`')
     baud: int = bounded(0, "Line speed; 0 = the protocol's", 'bit/s', 0, 12_000_000)
-    sensor: str = field(default='flexitac', metadata={'doc': 'Name of the sensor'})
-    frame_id: str = field(default='tactile_pad', metadata={'doc': 'Sensor frame'})
-    calibration: str = field(default='', metadata={
-        'doc': "Calibration file; empty = the protocol's, of this package"})
-    tare_at_start: bool = field(default=True, metadata={
-        'doc': 'Tare as soon as frames without load arrive'})
+    sensor: str = _told('flexitac', 'Name of the sensor')
+    frame_id: str = _told('tactile_pad', 'Sensor frame')
+    calibration: str = _told('', "Calibration file; empty = the protocol's, of this package")
+    tare_at_start: bool = _told(True, 'Tare as soon as frames without load arrive')
     tare_frames: int = bounded(50, 'Frames averaged by a tare', '', MIN_TARE_FRAMES, 10000)
-    last_tare: str = field(default='', metadata={
-        'doc': 'File that keeps the tare: a driver that comes back within 10 min, with a load on '
-               'the pad, goes on with it; empty = none'})
-    track_drift: bool = field(default=False, metadata={
-        'doc': 'Tare again and again while nothing touches the pad'})
-    autostart: bool = field(default=True, metadata={
-        'doc': 'Configure and activate at the start; else a lifecycle manager does'})
+    last_tare: str = _told(
+        '', 'File that keeps the tare: a driver that comes back within 10 min, with a load on '
+        'the pad, goes on with it; empty = none')
+    track_drift: bool = _told(False, 'Tare again and again while nothing touches the pad')
+    autostart: bool = _told(
+        True, 'Configure and activate at the start; else a lifecycle manager does')
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         if not self.port and not self.topic:
             raise ConfigurationError("parameter 'port' is empty, must name a serial port")
         if 0 < self.baud < MIN_BAUD:
@@ -82,7 +88,7 @@ class DriverNode(LifecycleNodeMixin, TactileNode):
     where it or a parameter is wrong. Many of its attributes are ROS entities.
     """
 
-    def __init__(self, calibration: Calibration | None = None, **kwargs):
+    def __init__(self, calibration: Calibration | None = None, **kwargs: Any):
         self.source: Any = None  # a SensorStream or an ImageTopic while active
         self._thread: threading.Thread | None = None
         TactileNode.__init__(self, 'driver', **kwargs)
@@ -100,7 +106,7 @@ class DriverNode(LifecycleNodeMixin, TactileNode):
             self.trigger_configure()
             self.trigger_activate()
 
-    def _configure(self):
+    def _configure(self) -> None:
         config, protocol = self._config, protocol_named(self._config.protocol)
         self._options = options_of(config.protocol, config.options)
         path = config.calibration
@@ -114,7 +120,7 @@ class DriverNode(LifecycleNodeMixin, TactileNode):
         self._pad = Pad(calibration, config.tare_frames, config.tare_at_start, config.track_drift)
         self._delay_ns = round(calibration.acquisition_delay * 1e9)
 
-    def on_configure(self, state):
+    def on_configure(self, state: Any) -> TransitionCallbackReturn:
         """Read the calibration."""
         try:
             self._configure()
@@ -123,7 +129,7 @@ class DriverNode(LifecycleNodeMixin, TactileNode):
             return FAILURE
         return SUCCESS
 
-    def on_activate(self, state):
+    def on_activate(self, state: Any) -> TransitionCallbackReturn:
         """Begin to read the sensor, and to publish."""
         calibration = self._pad.calibration
         self._publish_info()
@@ -142,7 +148,7 @@ class DriverNode(LifecycleNodeMixin, TactileNode):
         self._thread.start()
         return SUCCESS
 
-    def on_deactivate(self, state):
+    def on_deactivate(self, state: Any) -> TransitionCallbackReturn:
         """Close the port; a reader whose port hangs is left behind."""
         if self._thread is None:
             if self.source is not None:
@@ -158,12 +164,13 @@ class DriverNode(LifecycleNodeMixin, TactileNode):
 
     on_shutdown = on_deactivate
 
-    def destroy_node(self):
+    def destroy_node(self) -> None:
         """Stop the reader, then destroy the node."""
         self.on_deactivate(None)
         super().destroy_node()
 
-    def _read_forever(self, stream):  # in the reader thread, as what it calls
+    def _read_forever(self, stream: SensorStream) -> None:
+        """Run the reader thread, as all that it calls."""
         try:
             while not stream.closed.is_set() and self.context.ok():
                 for stamp_ns, sequence, counts in stream.read():
@@ -177,11 +184,11 @@ class DriverNode(LifecycleNodeMixin, TactileNode):
         finally:
             stream.close()
 
-    def _on_port(self, text, gone):
+    def _on_port(self, text: str, gone: bool) -> None:
         self._pad.forget()
         self._log(DiagnosticStatus.WARN if gone else DiagnosticStatus.OK, text)
 
-    def _on_counts(self, counts, arrival_ns, sequence):
+    def _on_counts(self, counts: np.ndarray, arrival_ns: int, sequence: int) -> None:
         if counts.dtype.kind == 'f':
             counts = counts / self._pad.calibration.resolution
         image = self._pad.image(counts, max(arrival_ns - self._delay_ns, 0), sequence)
@@ -198,7 +205,7 @@ class DriverNode(LifecycleNodeMixin, TactileNode):
             if first:
                 self._on_tared(tare)
 
-    def _go_on_with_last_tare(self):
+    def _go_on_with_last_tare(self) -> None:
         try:
             tare, at_ns = load_tare(self._config.last_tare, self._pad.calibration.live)
         except ConfigurationError:  # it has never been tared
@@ -210,7 +217,7 @@ class DriverNode(LifecycleNodeMixin, TactileNode):
             self.get_logger().warning(
                 f'{self._pad.refusal}; goes on with the tare of {age:.0f} s ago')
 
-    def _on_tared(self, tare):
+    def _on_tared(self, tare: Tare) -> None:
         at_ns = self.get_clock().now().nanoseconds
         self._publish_info(at_ns)
         if self._config.last_tare:
@@ -220,13 +227,13 @@ class DriverNode(LifecycleNodeMixin, TactileNode):
                 self.get_logger().warning(f'the tare is not kept: {error}')
         self.get_logger().info(f'tared, noise {tare.noise_std:.2f} counts')
 
-    def _publish_info(self, tared_at_ns=0):
+    def _publish_info(self, tared_at_ns: int = 0) -> None:
         now_ns, tare = self.get_clock().now().nanoseconds, self._pad.tare
         self._infos.publish(sensor_info_to_msg(self._pad.calibration.sensor_info(
             self._config.sensor, self._config.frame_id, now_ns, tare,
             (tared_at_ns or now_ns) if tare else 0)))
 
-    def _on_tare(self, _, response):
+    def _on_tare(self, _: Any, response: Any) -> Any:
         # Images that are already there answer at once: neither blocking nor awaiting new ones
         # in a callback lets a single-threaded executor serve the rest of the graph meanwhile.
         try:
@@ -238,7 +245,7 @@ class DriverNode(LifecycleNodeMixin, TactileNode):
         response.message, response.success = f'noise {tare.noise_std:.2f} counts', True
         return response
 
-    def _on_diagnose(self):
+    def _on_diagnose(self) -> None:
         source, pad, now = self.source, self._pad, time.monotonic()
         counters = source.counters() if source is not None else {}
         (since, before), self._reported = self._reported, (now, counters)
@@ -258,7 +265,7 @@ class DriverNode(LifecycleNodeMixin, TactileNode):
             'dead_tactels': int((~pad.calibration.live).sum()), 'tared': pad.tare is not None,
         }, name=self._config.sensor, hardware_id=self._config.port or self._config.topic)
 
-    def _states(self, new):
+    def _states(self, new: dict[str, int]) -> Iterator[tuple[bytes, str]]:
         """
         Yield levels and texts, the gravest first; one holds if its text is not empty.
 
@@ -288,7 +295,7 @@ class DriverNode(LifecycleNodeMixin, TactileNode):
             yield warn, reason if new.get(name, 0) > 0 else ''
         yield DiagnosticStatus.OK, 'frames arrive'
 
-    def _log(self, level, text):
+    def _log(self, level: bytes, text: str) -> None:
         # The logger refuses a second severity from the same line.
         if level == DiagnosticStatus.ERROR:
             self.get_logger().error(text)
@@ -298,6 +305,6 @@ class DriverNode(LifecycleNodeMixin, TactileNode):
             self.get_logger().info(text)
 
 
-def main(args=None) -> int:
+def main(args: list[str] | None = None) -> int:
     """Run the driver."""
     return run(DriverNode, args)

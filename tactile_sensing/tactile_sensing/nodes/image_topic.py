@@ -23,13 +23,8 @@ class ImageTopic:
     """
     Hear a topic as soon as somebody publishes it, whichever of `TYPES` it has.
 
-    Parameters
-    ----------
-    shape : (rows, columns)
-        Of the raw frames.
-    on_counts : callable
-        Takes counts (rows, columns), stamp [ns] and sequence; without a stamp in the message it
-        is that of its arrival.
+    `on_counts` takes raw counts (rows, columns) of the shape, stamp [ns] and sequence; without a
+    stamp in the message it is that of its arrival.
     """
 
     def __init__(self, node: Node, topic: str, shape: tuple[int, int],
@@ -43,7 +38,7 @@ class ImageTopic:
         self._timer = node.create_timer(LOOK, self._look)
         self._look()
 
-    def _look(self):
+    def _look(self) -> None:
         kinds = {info.topic_type for info in self._node.get_publishers_info_by_topic(self.port)}
         known = sorted(kinds & TYPES.keys())
         if known:
@@ -56,14 +51,13 @@ class ImageTopic:
             self._trouble = (f'{self.port} is of {", ".join(sorted(kinds))}, must be one of '
                              f'{", ".join(TYPES)}')
 
-    def _on_message(self, message):
+    def _on_message(self, message: Any) -> None:
         try:
             counts = counts_from_msg(message, self._shape)
         except TactileError as error:
             self._trouble = f'{self.port}: {error}'
             return
-        self._trouble = ''
-        self._last_at = time.monotonic()
+        self._trouble, self._last_at = '', time.monotonic()
         stamp_ns = stamp_to_ns(message.header.stamp) if hasattr(message, 'header') else 0
         self._on_counts(counts, stamp_ns or self._node.get_clock().now().nanoseconds, self.frames)
         self.frames += 1
@@ -71,7 +65,7 @@ class ImageTopic:
     def trouble(self) -> str:
         """Return why no images come; empty where they do."""
         silent = time.monotonic() - self._last_at > SILENCE
-        return self._trouble or (f'{self.port} is silent' if silent else '')
+        return self._trouble or f'{self.port} is silent' * silent
 
     def counters(self) -> dict[str, Any]:
         """Return what is reported."""

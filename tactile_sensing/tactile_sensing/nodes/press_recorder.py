@@ -1,8 +1,9 @@
-"""Program of `calibrate --live`: records presses of the sensor whose pictures are published."""
+"""Program of `calibrate --live`: records presses of the sensor whose images are published."""
+from collections import deque
 from pathlib import Path
-import queue
 import sys
-import threading
+import time
+from typing import Any
 
 import rclpy
 from rclpy.qos import qos_profile_sensor_data
@@ -16,53 +17,46 @@ from tactile_sensing.calibration.recorder import Recorder
 from tactile_sensing.conversions import image_from_msg
 from tactile_sensing.types.image import TactileImage
 
-SILENCE = 5.0  # s without a picture
-KEPT = 1000  # pictures that wait at most
-
-
-class PicturesMissingError(TactileError):
-    """No pictures come; the message says what to do."""
+SILENCE = 5.0  # s without an image
+STALE = 0.1  # s, in which images that have waited meanwhile come
 
 
 class PressRecorderNode(TactileNode):
-    """Keeps the pictures of a topic until they are looked at."""
+    """Hears the images of a topic while it is asked for one."""
 
-    def __init__(self, topic, **kwargs):
+    def __init__(self, topic: str, **kwargs: Any):
         super().__init__('press_recorder', **kwargs)
-        self._pictures: queue.Queue[TactileImage] = queue.Queue(KEPT)
-        self.topic = topic
+        self._images: deque[TactileImage] = deque()
+        self._topic = topic
+        self._executor = make_executor(self.context)
+        self._executor.add_node(self)
         self.create_subscription(TactileImageMsg, topic, self._on_image, qos_profile_sensor_data)
 
-    def _on_image(self, message):
+    def _on_image(self, message: TactileImageMsg) -> None:
         try:
-            self._pictures.put_nowait(image_from_msg(message))
-        except queue.Full:
-            self.forget()
+            self._images.append(image_from_msg(message))
         except TactileError as error:
             self.get_logger().warning(f'image: {error}', throttle_duration_sec=5.0)
 
-    def forget(self) -> None:
-        """Drop what waits: it is of the time before a question was answered."""
-        while not self._pictures.empty():
-            self._pictures.get_nowait()
+    def _hear(self, seconds: float, *, until_image: bool) -> None:
+        end = time.monotonic() + seconds
+        spin(self._executor, self.context,
+             lambda: time.monotonic() > end or bool(until_image and self._images))
+
+    def ask(self, text: str) -> str:
+        """Ask the user; what came before the answer is forgotten."""
+        answer = input(text)
+        self._hear(STALE, until_image=False)
+        self._images.clear()
+        return answer
 
     def next(self) -> TactileImage:
-        """Wait for a picture; a PicturesMissingError if none comes."""
-        try:
-            image = self._pictures.get(timeout=SILENCE)
-        except queue.Empty:
-            raise PicturesMissingError(
-                f'no picture on {self.topic} for {SILENCE:g} s: is the driver running?') from None
-        return image
-
-
-def record(node: PressRecorderNode, folder: Path) -> None:
-    """Ask, listen and keep."""
-    def ask(text):
-        answer = input(text)
-        node.forget()
-        return answer
-    Recorder(folder, node.next().array, lambda: node.next().raw_counts(), ask, print).run()
+        """Wait for an image; a TactileError if none comes."""
+        self._hear(SILENCE, until_image=True)
+        if not self._images:
+            raise TactileError(
+                f'no picture on {self._topic} for {SILENCE:g} s: is the driver running?')
+        return self._images.popleft()
 
 
 def main(args: list[str] | None = None) -> int:
@@ -71,12 +65,9 @@ def main(args: list[str] | None = None) -> int:
     context = rclpy.Context()
     rclpy.init(args=[], context=context, signal_handler_options=SignalHandlerOptions.NO)
     node = PressRecorderNode(topic, context=context)
-    executor, stop = make_executor(context), threading.Event()
-    executor.add_node(node)
-    thread = threading.Thread(target=spin, args=(executor, context, stop.is_set))
-    thread.start()
     try:
-        record(node, Path(folder))
+        Recorder(Path(folder), node.next().array, lambda: node.next().raw_counts(), node.ask,
+                 print).run()
     except (TactileError, OSError, EOFError) as error:
         print(f'calibrate: {error or "no more answers"}', file=sys.stderr)
         return 1
@@ -84,9 +75,6 @@ def main(args: list[str] | None = None) -> int:
         print(f'calibrate: interrupted; what was recorded is in {folder}', file=sys.stderr)
         return 130
     finally:
-        stop.set()
-        thread.join()
-        executor.shutdown()
         node.destroy_node()
         context.try_shutdown()
     return 0

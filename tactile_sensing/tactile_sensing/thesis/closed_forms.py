@@ -1,15 +1,14 @@
 """Contact by the closed forms of the thesis: what the fit is compared with (2.3, 2.4, 3.3)."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import astuple
 import math
 from typing import Any
 
 import numpy as np
 
-from tactile_sensing.half_space import point
-from tactile_sensing.half_space.line import chord_length, pressure
 from tactile_sensing.image import image_moments
+from tactile_sensing.thesis import point
 from tactile_sensing.thesis.compensation import (
     compensated,
     from_window,
@@ -17,8 +16,9 @@ from tactile_sensing.thesis.compensation import (
     window_arms,
     window_moments,
 )
+from tactile_sensing.thesis.line import chord_length, pressure
 from tactile_sensing.thesis.line_moments import line_from_moments
-from tactile_sensing.thesis.point_moments import basic, MomentFlag
+from tactile_sensing.thesis.point_moments import basic, MomentFlag, PointMoments
 from tactile_sensing.types.array import TactelArray
 from tactile_sensing.types.contact import Contact, ContactType, Reason, ROW
 from tactile_sensing.types.moments import Moments
@@ -29,6 +29,8 @@ UNEXPLAINED = 0.5  # share of the energy that the biased closed forms may leave 
 KNOWN_LAYERS = (('zz',), ('zz', 'xz'), ('zz', 'xz', 'yz'))  # at one depth
 STEP = 1e-6  # m, for derivatives by the place
 
+# Expected picture, rows of the covariance, and a function that gives this.
+Found = tuple[np.ndarray, tuple[int, ...], Callable[[], np.ndarray]]
 _POINT = ROW.x, ROW.y, ROW.normal_force, ROW.shear_force_x, ROW.shear_force_y
 _LINE = ROW.x, ROW.y, ROW.yaw, ROW.normal_force, ROW.line_force
 
@@ -77,7 +79,8 @@ def estimate_by_moments(frame: np.ndarray, array: TactelArray, layers: Sequence[
     return contact
 
 
-def _judge(contact, image, expected, noise, array, min_snr):
+def _judge(contact: Contact, image: np.ndarray, expected: np.ndarray, noise: float,
+           array: TactelArray, min_snr: float) -> None:
     """Refuse what is too weak, off the pad or unlike its model."""
     squared = np.nansum((image - expected)**2)
     top = expected.max()
@@ -96,7 +99,8 @@ def _judge(contact, image, expected, noise, array, min_snr):
         contact.reasons = Reason.OFF_PAD
 
 
-def _line(contact, image, cleaned, array, depth, noise):
+def _line(contact: Contact, image: np.ndarray, cleaned: Moments, array: TactelArray,
+          depth: float, noise: float) -> Found | None:
     """(3.8) to (3.10), corrected, from the tactels above the threshold; see `_point`."""
     if not cleaned.m0 > 0.0:
         contact.type, contact.reasons = ContactType.NONE, Reason.LOW_SNR
@@ -105,7 +109,7 @@ def _line(contact, image, cleaned, array, depth, noise):
         contact.reasons = Reason.BAD_FIT
         return None
 
-    def closed(moments):
+    def closed(moments: np.ndarray) -> np.ndarray:
         line = line_from_moments(Moments(*moments[0]), array.half_width_y)
         offset = line.a * math.cos(line.yaw)
         length = chord_length(offset, line.yaw, array.half_width_x, array.half_width_y)
@@ -123,7 +127,7 @@ def _line(contact, image, cleaned, array, depth, noise):
         contact.reasons = Reason.OFF_PAD
         return None
 
-    def covariance():
+    def covariance() -> np.ndarray:
         weights = _weights(array, 0.0, 0.0, np.inf)[:, (image >= THRESHOLD * noise).ravel()]
         spread = noise**2 * weights @ weights.T
         change = np.eye(5, 4, -1)  # of x, y, yaw, forces by offset, yaw, forces
@@ -135,7 +139,8 @@ def _line(contact, image, cleaned, array, depth, noise):
     return expected, _LINE, covariance
 
 
-def _point(contact, frame, layers, array, averaging):
+def _point(contact: Contact, frame: np.ndarray, layers: Sequence[Any], array: TactelArray,
+           averaging: bool) -> Found | None:
     """
     (2.3), (2.4) or (2.6), at once or with the iteration of section 2.4, into a contact.
 
@@ -159,7 +164,7 @@ def _point(contact, frame, layers, array, averaging):
     contact.x, contact.y, contact.normal_force = found.a, found.b, found.normal_force
     contact.shear_force_x, contact.shear_force_y = found.shear_force_x, found.shear_force_y
 
-    def covariance():
+    def covariance() -> np.ndarray:
         if iterated:
             return _iterated_noise(found, frame, layers, array, averaging)
         return _window_noise(np.zeros(2), np.inf, found, frame, layers, array, averaging)
@@ -172,7 +177,7 @@ def _point(contact, frame, layers, array, averaging):
     return expected, _POINT, covariance
 
 
-def _has_closed_form(layers):
+def _has_closed_form(layers: Sequence[Any]) -> bool:
     """Whether these layers have a closed form: (2.3), (2.4) or (2.6)."""
     components, depths = zip(*((layer.component, layer.depth) for layer in layers), strict=True)
     if components == ('zz', 'zz'):
@@ -180,12 +185,13 @@ def _has_closed_form(layers):
     return components in KNOWN_LAYERS and len(set(depths)) == 1
 
 
-def _five(found):
+def _five(found: PointMoments) -> np.ndarray:
     return np.array([found.a, found.b, found.normal_force, found.shear_force_x,
                      found.shear_force_y])
 
 
-def _iterated_noise(found, frame, layers, array, averaging):
+def _iterated_noise(found: PointMoments, frame: np.ndarray, layers: Sequence[Any],
+                    array: TactelArray, averaging: bool) -> np.ndarray:
     """
     Covariance (5, 5) of the iteration where it rests.
 
@@ -193,7 +199,7 @@ def _iterated_noise(found, frame, layers, array, averaging):
     """
     at = np.array([found.a, found.b])
 
-    def step(place):
+    def step(place: np.ndarray) -> np.ndarray:
         x, y = place
         mask = min(array.half_width_x - abs(x), array.half_width_y - abs(y))
         moved = from_window(
@@ -213,7 +219,8 @@ def _iterated_noise(found, frame, layers, array, averaging):
     return inverse @ once @ inverse.T
 
 
-def _window_noise(at, mask, found, frame, layers, array, averaging):
+def _window_noise(at: np.ndarray, mask: float, found: PointMoments, frame: np.ndarray,
+                  layers: Sequence[Any], array: TactelArray, averaging: bool) -> np.ndarray:
     """Covariance (5, 5) of the closed form in a window that stays, by the noise of the moments."""
     x, y = at
     weights = _weights(array, x, y, mask)
@@ -223,14 +230,14 @@ def _window_noise(at, mask, found, frame, layers, array, averaging):
     peak = found.a - math.copysign(1e-9, found.shear_force_x) - x, (
         found.b - math.copysign(1e-9, found.shear_force_y) - y)
 
-    def closed(changed):
+    def closed(changed: np.ndarray) -> np.ndarray:
         return _five(from_window([Moments(*m) for m in changed], array, layers, mask, peak,
                                  averaging=averaging))
 
     return _propagated(closed, moments, spread)
 
 
-def _weights(array, x, y, mask):
+def _weights(array: TactelArray, x: float, y: float, mask: float) -> np.ndarray:
     """Weight of every tactel in the six moments about (x, y), shape (6, rows * columns)."""
     reach = min(mask, array.half_width_x + array.half_width_y + abs(x) + abs(y))
     weight_x, arm_x = window_arms(array.x - x, array.pitch_x, reach)
@@ -239,9 +246,10 @@ def _weights(array, x, y, mask):
                      for p, q in MOMENT_ORDERS])
 
 
-def _propagated(function, moments, spread):
+def _propagated(function: Callable[[np.ndarray], np.ndarray], moments: np.ndarray,
+                spread: Sequence[np.ndarray]) -> np.ndarray:
     """Covariance of function(moments), by differences as wide as the noise."""
-    total = 0.0
+    total: Any = 0.0
     for layer, cov in enumerate(spread):
         steps = np.sqrt(np.diag(cov))
         columns = []

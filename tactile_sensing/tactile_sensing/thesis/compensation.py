@@ -142,7 +142,7 @@ def window_arms(centres: np.ndarray, pitch: float, mask: float) -> tuple:
     return last - first, 0.5 * (first + last)
 
 
-def _compensate(moments, layer, mask):
+def _compensate(moments: Moments, layer: Any, mask: float) -> Moments:
     k0, k1 = compensation_factors(mask, layer.depth)
     if layer.component != 'zz':
         k0 = k1
@@ -150,7 +150,7 @@ def _compensate(moments, layer, mask):
                    moments.mxx / k1, moments.myy / k1, moments.mxy / k1)
 
 
-def _without_overshoot(moved, layers, mask):
+def _without_overshoot(moved: PointMoments, layers: Sequence[Any], mask: float) -> PointMoments:
     """Position relative to the mask where a shear layer gives it without factors."""
     components = [layer.component for layer in layers]
     k0, k1 = compensation_factors(mask, layers[0].depth)

@@ -219,7 +219,7 @@ def closed_form(moments: Sequence[Moments], layers: Sequence[Any],
         f'layers are {given or "none"}, must be zz, two of zz, or zz with xz and yz at one depth')
 
 
-def _vertex(line, peak):
+def _vertex(line: np.ndarray, peak: Any) -> float:
     """How far the vertex is off the peak [tactels], at most half; 0 where unknown."""
     if not 0 < peak < line.size - 1:
         return 0.0
@@ -230,7 +230,8 @@ def _vertex(line, peak):
     return 0.5 * (left - right) / curvature
 
 
-def checked_images(images, array, layers):
+def checked_images(images: np.ndarray, array: TactelArray,
+                   layers: Sequence[Any]) -> np.ndarray:
     images = np.asarray(images, dtype=float)
     expected = (len(layers), *array.shape)
     if images.shape != expected:
@@ -238,21 +239,21 @@ def checked_images(images, array, layers):
     return np.where(np.isfinite(images), images, 0.0)
 
 
-def _has_force(moments, *, second_order=False):
+def _has_force(moments: Moments, *, second_order: bool = False) -> bool:
     return moments.m0 > 0.0 and _finite(moments) and (
         not second_order or (math.isfinite(moments.mxx) and math.isfinite(moments.myy)))
 
 
-def _finite(moments):
+def _finite(moments: Moments) -> bool:
     return all(math.isfinite(value) for value in (moments.m0, moments.mx, moments.my))
 
 
-def _finite_or_nothing(estimate):
+def _finite_or_nothing(estimate: PointMoments) -> PointMoments:
     """The estimate, or NOTHING where huge or tiny moments overflow a quotient."""
     return estimate if all(math.isfinite(value) for value in (
         estimate.a, estimate.b, estimate.shear_force_x, estimate.shear_force_y)) else NOTHING
 
 
-def _require_depth(depth):
+def _require_depth(depth: float) -> None:
     if not (math.isfinite(depth) and depth > 0.0):
         raise ConfigurationError(f'depth is {depth!r}, must be a positive length [m]')

@@ -16,12 +16,8 @@ class TactelArray:
     Rectangular array of tactels, centred on the origin of the sensor frame.
 
     Images of it have the shape `(rows, columns)`; x runs along increasing column and y along
-    increasing row.
-
-    Raises
-    ------
-    ConfigurationError
-        A size is not a positive integer or a pitch is outside PITCH.
+    increasing row. ConfigurationError where a size is not a positive integer, or a pitch out of
+    bounds.
     """
 
     rows: int  # tactels along y
@@ -29,7 +25,7 @@ class TactelArray:
     pitch_x: float  # distance between columns [m]
     pitch_y: float  # distance between rows [m]
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         for name in ('rows', 'columns'):
             value = getattr(self, name)
             if isinstance(value, bool) or not isinstance(value, (int, np.integer)) or value < 1:
@@ -38,7 +34,7 @@ class TactelArray:
             checked(name, getattr(self, name), float, {'range': PITCH, 'unit': 'm'})
 
     @property
-    def shape(self) -> tuple:
+    def shape(self) -> tuple[int, int]:
         """Shape of an image, `(rows, columns)`."""
         return self.rows, self.columns
 
@@ -73,7 +69,7 @@ class TactelArray:
         return 0.5 * self.size_y
 
 
-def _centres(count, pitch):
+def _centres(count: int, pitch: float) -> np.ndarray:
     centres = (np.arange(count) - 0.5 * (count - 1)) * pitch
     centres.flags.writeable = False
     return centres

@@ -49,14 +49,7 @@ class TactileImage:
     sensor: str = ''  # its name
 
     def raw_counts(self) -> tuple[np.ndarray, int]:
-        """
-        Return counts (rows, columns) that a driver passed through; how many are at full scale.
-
-        Raises
-        ------
-        ConfigurationError
-            These are no raw counts; says what to do.
-        """
+        """Return counts (rows, columns) that a driver passed through; how many are full scale."""
         layer = self.layers[0]
         if layer.unit != 'counts' or self.tared:
             raise ConfigurationError(

@@ -10,20 +10,13 @@ from tactile_common.errors import ConfigurationError
 
 @dataclass(frozen=True)
 class Skin:
-    """
-    Elastic layer bonded to a rigid backing, with tactels at a depth.
-
-    Raises
-    ------
-    ConfigurationError
-        A value is out of bounds.
-    """
+    """Elastic layer on a rigid backing, tactels at a depth; ConfigurationError out of bounds."""
 
     depth: float  # of the tactels below the surface [m]
     thickness: float = math.inf  # of the layer [m], at least `depth`; infinite: a half-space
     poisson: float = 0.5  # Poisson's ratio, 0 to 0.5; nothing depends on it in a half-space
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         for name in ('depth', 'thickness', 'poisson'):
             value = getattr(self, name)
             if not isinstance(value, (int, float, np.floating)) or isinstance(value, bool):

@@ -54,7 +54,7 @@ def chord_length(rho: float, yaw: float, half_width_x: float, half_width_y: floa
     Length of a line within a rectangle centred on the origin [m]; 0 if it misses.
 
     The strip that (3.2) assumes, 2L / cos(yaw), is the case of a line that leaves
-    through the two sides y = +-L. (`contact.parameters` compiles it as well, as if it were @njit.)
+    through the two sides y = +-L.
     """
     cos, sin = math.cos(yaw), math.sin(yaw)
     enter, leave = -math.inf, math.inf
@@ -68,17 +68,19 @@ def chord_length(rho: float, yaw: float, half_width_x: float, half_width_y: floa
     return max(leave - enter, 0.0)
 
 
-def _along(x, y, yaw):
+def _along(x: np.ndarray, y: np.ndarray, yaw: float) -> np.ndarray:
     """Derivative of the signed distance by yaw: position along the line [m]."""
     return y * np.cos(yaw) - x * np.sin(yaw)
 
 
-def _flamant(v, line_force, line_shear, depth):
+def _flamant(v: np.ndarray, line_force: float, line_shear: float,
+             depth: float) -> np.ndarray:
     return 2.0 / np.pi * depth**2 * (line_force * depth + line_shear * v) \
         / (v**2 + depth**2) ** 2
 
 
-def _flamant_slope(v, line_force, line_shear, depth):
+def _flamant_slope(v: np.ndarray, line_force: float, line_shear: float,
+                   depth: float) -> np.ndarray:
     """Derivative of `_flamant` by v."""
     s = v**2 + depth**2
     return 2.0 / np.pi * depth**2 / s**2 * (

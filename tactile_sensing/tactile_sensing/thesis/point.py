@@ -65,7 +65,7 @@ def average(component: str, x: np.ndarray, y: np.ndarray, a: float, b: float, no
     return _scale(i, j, depth) / (size_x * size_y) * total
 
 
-def _powers(component):
+def _powers(component: str) -> tuple[int, int]:
     try:
         return COMPONENTS[component]
     except (KeyError, TypeError):
@@ -73,21 +73,21 @@ def _powers(component):
             f'component is {component!r}, must be one of {", ".join(COMPONENTS)}') from None
 
 
-def _scale(i, j, depth):
+def _scale(i: int, j: int, depth: float) -> float:
     return 1.5 / np.pi * depth**(2 - i - j)
 
 
-def _corners(u, v, size_x, size_y) -> tuple[Any, Any, Any, Any]:
+def _corners(u: Any, v: Any, size_x: float, size_y: float) -> tuple[Any, Any, Any, Any]:
     return u - 0.5 * size_x, u + 0.5 * size_x, v - 0.5 * size_y, v + 0.5 * size_y
 
 
-def _over_rectangle(i, j, u1, u2, v1, v2, d):
+def _over_rectangle(i: int, j: int, u1: Any, u2: Any, v1: Any, v2: Any, d: float) -> Any:
     """Integral of u^i v^j s^(-5/2) over [u1, u2] x [v1, v2]."""
     return (_antiderivative(i, j, u2, v2, d) - _antiderivative(i, j, u1, v2, d)
             - _antiderivative(i, j, u2, v1, d) + _antiderivative(i, j, u1, v1, d))
 
 
-def _antiderivative(i, j, u, v, d):
+def _antiderivative(i: int, j: int, u: Any, v: Any, d: float) -> Any:
     """Function whose mixed derivative d^2 / du dv is u^i v^j s^(-5/2), i + j <= 4."""
     if j > i:
         return _antiderivative(j, i, v, u, d)
