@@ -516,8 +516,9 @@ docs() {
         printf '%s\n' "$signature" >"$WS/site.stamp"
     fi
     python3 -m docs.generate
-    env -u PYTHONPATH "$WS/site-env/bin/python" -m sphinx -q -W --keep-going -b html \
-        -d "$WS/site-doctrees" docs "$WS/site"
+    # By the workspace's Python, which the API page imports the packages with.
+    PYTHONPATH=$(echo "$WS"/site-env/lib/python3*/site-packages):$PYTHONPATH \
+        python3 -m sphinx -q -W --keep-going -b html -d "$WS/site-doctrees" docs "$WS/site"
     say "the site: $WS/site/index.html"
 }
 

@@ -1,4 +1,4 @@
-"""What every benchmark does: a progress bar, results, pictures and a page in docs/."""
+"""What every benchmark does: a progress bar, results, pictures and its results page in docs/."""
 
 import argparse
 from importlib import import_module
@@ -30,12 +30,12 @@ class Steps(Progress):
 
 def run(name, description, measure, pieces, options=None):
     """
-    Run a benchmark from the command line: measure, print, draw, and write its page.
+    Run a benchmark from the command line: measure, print, draw, and write its results page.
 
     Parameters
     ----------
     name : str
-        Of the page in docs/, and of the folder with its `tables` and `charts`.
+        Of the page results_NAME.md in docs/, and of the folder with its `tables` and `charts`.
     description : str
         For --help.
     measure : callable
@@ -76,7 +76,8 @@ def run(name, description, measure, pieces, options=None):
         else:
             charts.draw(result, pictures)
     if not arguments.quick:
-        _print_into(ROOT / 'docs' / f'{name}.md', f'<!-- printed by ./ws bench {name} -->', text)
+        _print_into(ROOT / 'docs' / f'results_{name}.md',
+                    f'<!-- printed by ./ws bench {name} -->', text)
 
 
 def table(head, rows):

@@ -6,9 +6,14 @@ project = 'Touch-driven robot control'
 release = ElementTree.parse(
     Path(__file__).resolve().parents[1] / 'launch/package.xml').getroot().findtext('version')
 author = copyright = 'Tactile stack maintainers'
-extensions = ['myst_parser']
+extensions = ['myst_parser', 'sphinx.ext.autodoc', 'sphinx.ext.napoleon']
+autodoc_member_order = 'bysource'
+autodoc_preserve_defaults = True
+napoleon_use_rtype = False
 myst_heading_anchors = 4
-suppress_warnings = ['misc.highlighting_failure']  # `sh` with placeholders
+suppress_warnings = [
+    'misc.highlighting_failure',  # `sh` with placeholders
+    'ref.python']  # `shape` in a type of numpydoc is no link
 html_theme = 'furo'
 html_title = project
 html_static_path = ['static']

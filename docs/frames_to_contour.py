@@ -33,7 +33,7 @@ rng = np.random.default_rng(1)
 
 
 def ball(x, y, force):
-    """Picture of a ball at a place [m] that presses with a force [N]."""
+    """Image of a ball at a place [m] that presses with a force [N]."""
     away = np.hypot(array.x - x, array.y[:, None] - y)
     pressure = 1.5 / np.pi * force * depth**3 / (away**2 + depth**2)**2.5
     stress = pressure + rng.normal(0.0, noise, pressure.shape)
@@ -81,7 +81,7 @@ print(f'{100 * inside / total:.0f} % of {total} estimates lie in their ellipse')
 # %% [markdown]
 # ## A pad on its way along an edge
 #
-# The servo follows two sides that meet, in simulation; each picture is kept, with the pose at
+# The servo follows two sides that meet, in simulation; each image is kept, with the pose at
 # which it was taken and its contact. The line is the fitted edge, its band two standard
 # deviations, ten times as wide to be seen.
 
@@ -92,24 +92,24 @@ from tactile_simulation import load_scene, Simulation
 simulation, seen = Simulation(load_scene('launch/scenes/two_segments.yaml'), seed=1), []
 
 
-def keep(picture):
-    """Estimate the contact of a picture as the simulation does, and keep all three."""
-    seen.append((picture, simulation.pose.copy(), simulation.estimator.estimate(picture)))
+def keep(image):
+    """Estimate the contact of an image as the simulation does, and keep all three."""
+    seen.append((image, simulation.pose.copy(), simulation.estimator.estimate(image)))
     return seen[-1][2]
 
 
 simulation.estimate = keep
 status = simulation.run(EdgeGoal(speed=0.05, force=5.0), 20.0)
-print(f'{status.reason.text}; {len(seen)} pictures')
+print(f'{status.reason.text}; {len(seen)} images')
 
 lines = [it for it in seen if it[2].type.name == 'LINE' and it[2].valid]
 corner = simulation.scene.edge.point_at(0.1)  # [m] along it
 bend = min(seen, key=lambda it: np.linalg.norm(it[1][:2, 3] - corner[:2]))
 figure, axes = plt.subplots(1, 3, figsize=(9, 3.2), layout='constrained')
-for axis, (picture, _, contact) in zip(
+for axis, (image, _, contact) in zip(
         axes, (lines[5], lines[len(lines) // 4], bend), strict=True):
-    half_x, half_y = 1e3 * picture.array.half_width_x, 1e3 * picture.array.half_width_y
-    axis.imshow(1e-3 * picture.layers[0].stress, origin='lower', cmap='Greys',
+    half_x, half_y = 1e3 * image.array.half_width_x, 1e3 * image.array.half_width_y
+    axis.imshow(1e-3 * image.layers[0].stress, origin='lower', cmap='Greys',
                 extent=(-half_x, half_x, -half_y, half_y))
     across = np.array([np.cos(contact.yaw), np.sin(contact.yaw)])
     along = np.linspace(-40.0, 40.0, 20) * 1e-3  # m from the point (x, y) of the edge
@@ -126,16 +126,16 @@ for axis, (picture, _, contact) in zip(
 # %% [markdown]
 # ## The contour
 #
-# Contacts and poses give points in space; where the edge bends under the pad the picture tells
+# Contacts and poses give points in space; where the edge bends under the pad the image tells
 # where its ridge is nearest to the pad's centre. Corners and sides are found in these points.
 
 # %%
 from tactile_shape import ContactPath, find_outline
 
 path, points = ContactPath(), []
-for picture, pose, contact in seen:
-    path.add_contact(picture.stamp_ns, contact, None, picture)
-    points += [placed.contact.position for placed in path.add_pose(picture.stamp_ns, pose)
+for image, pose, contact in seen:
+    path.add_contact(image.stamp_ns, contact, None, image)
+    points += [placed.contact.position for placed in path.add_pose(image.stamp_ns, pose)
                if placed.contact is not None]
 outline = find_outline(np.array(points))
 edge = simulation.scene.edge

@@ -2,7 +2,7 @@
 Contact estimation: speed and accuracy beside the thesis and other libraries, and golden frames.
 
 Prints tables, and writes benchmarks/results/contact.json, a picture into docs/ and the tables
-into docs/contact.md. Times are processor time on one core, the least of several repeats.
+into docs/results_contact.md. Times are processor time on one core, the least of several repeats.
 `golden make` and `golden score` make and judge the golden frames, whose results are in
 benchmarks/results/golden.json.
 """

@@ -2,7 +2,8 @@
 Edge tracking: speed, accuracy, stability and limits of both controllers, in simulation.
 
 Prints tables, and writes benchmarks/results/edge.json, pictures into docs/ and the tables into
-docs/edge.md. Errors are distances of the pad's centre from the true edge. Every run is seeded.
+docs/results_edge.md. Errors are distances of the pad's centre from the true edge. Every run is
+seeded.
 """
 
 from benchmarks.edge import runs

@@ -62,7 +62,7 @@ def worst(summaries):
             'pad_speed_scatter': of('pad_speed_scatter'),
             'mean_speed': float(np.mean(mean_speed)),
             'cpu_per_cycle': float(np.median([s['cpu_per_cycle'] for s in summaries])),
-            'cpu_per_picture': float(np.median([s['cpu_per_picture'] for s in summaries]))}
+            'cpu_per_image': float(np.median([s['cpu_per_image'] for s in summaries]))}
 
 
 def tracking_time(summary):

@@ -19,7 +19,7 @@ def _outcome(row):
 def speed(result):
     """Speed against accuracy."""
     return _table(
-        ('edge', 'controller', 'speed [mm/s]', 'mean speed', 'RMS [mm]', 'largest [mm]',
+        ('edge', 'law', 'speed [mm/s]', 'mean speed', 'RMS [mm]', 'largest [mm]',
          'force error RMS [N]', 'largest force [N]', 'acceleration, largest [1/s²]', 'RMS [1/s²]',
          'scatter of speed [mm/s]', 'tracked', 'CPU per cycle [µs]',
          'per picture [µs]'),
@@ -28,7 +28,7 @@ def speed(result):
           f'{row["force_max"]:.1f}', f'{row["joint_acceleration_max"]:.1f}',
           f'{row["joint_acceleration_rms"]:.1f}', _mm(row['pad_speed_scatter'], 2),
           _outcome(row), f'{1e6 * row["cpu_per_cycle"]:.0f}',
-          f'{1e6 * row["cpu_per_picture"]:.0f}')
+          f'{1e6 * row["cpu_per_image"]:.0f}')
          for row in result['speed_and_accuracy']])
 
 
@@ -58,14 +58,14 @@ def corners(result):
         rows.append((row['kind'], size, row['tracker'], row['verdict'],
                      _mm(row['lateral_rms']), _mm(row['lateral_max']),
                      f'{row["force_max"]:.1f}'))
-    return _table(('shape', 'size', 'controller', 'verdict', 'RMS [mm]', 'largest [mm]',
+    return _table(('shape', 'size', 'law', 'verdict', 'RMS [mm]', 'largest [mm]',
                    'largest force [N]'), rows)
 
 
 def hard(result):
     """Survival."""
     return _table(
-        ('scene', 'controller', 'survived', 'tracked [mm]', 'RMS [mm]', 'largest [mm]',
+        ('scene', 'law', 'survived', 'tracked [mm]', 'RMS [mm]', 'largest [mm]',
          'largest force [N]', 'why it ended'),
         [(row['scene'], row['tracker'], 'yes' if row['survived'] else 'no', _mm(row['length'], 0),
           _mm(row['lateral_rms']), _mm(row['lateral_max']), f'{row["force_max"]:.1f}',
@@ -81,7 +81,7 @@ def figures(result):
                      _mm(row['lateral_rms']), _mm(row['lateral_max']),
                      _mm(row['contour_max_error']) if math.isfinite(area) else '–',
                      f'{100 * area:.3f}' if math.isfinite(area) else '–'))
-    return _table(('figure', 'edge', 'controller', 'speed [mm/s]', 'RMS [mm]', 'largest [mm]',
+    return _table(('figure', 'edge', 'law', 'speed [mm/s]', 'RMS [mm]', 'largest [mm]',
                    'outline within [mm]', 'area off by [%]'), rows)
 
 

@@ -3,7 +3,7 @@ CPU and latency of the servo, part by part, on the real graph.
 
 Mocks, sensing and servo run in processes of their own, as in the demo. Every case runs twice: as
 the machine is, and with its processors kept awake. Prints tables, and writes
-benchmarks/results/latency.json and the tables into docs/latency.md.
+benchmarks/results/latency.json and the tables into docs/results_latency.md.
 """
 
 from contextlib import nullcontext

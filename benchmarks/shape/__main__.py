@@ -2,7 +2,7 @@
 Speed and accuracy of local shape from touch: chapter 4 of the thesis measured again.
 
 Prints tables, and writes benchmarks/results/shape.json, pictures into docs/ and the tables into
-docs/shape.md. Times are processor time on one core.
+docs/results_shape.md. Times are processor time on one core.
 """
 
 import numpy as np

@@ -2,8 +2,8 @@
 Surface tracking by the tactile Jacobian: speed, accuracy, errors of calibration, in simulation.
 
 Prints tables, and writes benchmarks/results/surface.json, pictures into docs/ and the tables into
-docs/surface.md. Images come from the finite elements, the law uses the half-space. Seeded; runs
-are spread over processes: what is a time is processor time.
+docs/results_surface.md. Images come from the finite elements, the law uses the half-space.
+Seeded; runs are spread over processes: what is a time is processor time.
 """
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import replace

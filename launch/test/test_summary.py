@@ -22,14 +22,14 @@ from tactile_servo.types import State
 from tactile_simulation.metrics import to_json
 
 DESIGN_KEYS = {
-    'ok', 'state', 'reason', 'reason_code', 'scene', 'controller', 'seed', 'speed',
+    'ok', 'state', 'reason', 'reason_code', 'scene', 'law', 'seed', 'speed',
     'tracked_length', 'edge_length', 'lateral_rms', 'lateral_max', 'lateral_transient_max',
     'force_target', 'force_rms_error', 'force_max', 'joint_acceleration_max',
     'joint_acceleration_rms', 'pad_speed_scatter', 'force_mean', 'lateral_steady',
     'approach_recorded', 'closed',
     'contour_max_error', 'contour_area_error', 'corners', 'sides', 'duration', 'sensor_rate',
     'control_rate', 'missed_cycles', 'cycles', 'speed_mean', 'latency_p50', 'latency_p99',
-    'cpu_per_cycle'}
+    'too_busy', 'cpu_per_cycle'}
 
 
 def changed(run, **statuses):
@@ -43,7 +43,7 @@ def test_summary_of_a_run(run, scene):
     assert summary['ok'] is True
     assert (summary['state'], summary['reason']) == ('done', 'the edge ended')
     assert summary['reason_code'] == 'edge_ended'
-    assert (summary['scene'], summary['controller'], summary['seed']) == (
+    assert (summary['scene'], summary['law'], summary['seed']) == (
         'straight', 'resolved_rate', 3)
     assert summary['speed'] == SPEED
     assert summary['force_target'] == FORCE
@@ -53,6 +53,7 @@ def test_summary_of_a_run(run, scene):
     assert summary['sensor_rate'] == pytest.approx(200.0)
     assert summary['control_rate'] == pytest.approx(400.0)
     assert summary['missed_cycles'] == 1  # of this goal, not since the node started
+    assert summary['too_busy'] is False
     assert summary['cpu_per_cycle'] == pytest.approx(CPU_TIME)
 
 

@@ -261,7 +261,7 @@ class Simulation:
         duration = float(np.ptp(truth.time))
         numbers = {
             **_state(self.log[-1].status), 'scene': self.scene.name,
-            'controller': servo.law.name, 'seed': self.seed, 'speed': goal.speed,
+            'law': servo.law.name, 'seed': self.seed, 'speed': goal.speed,
             'tracked_length': servo.statistics.tracked_length,
             **measure(truth, goal.force, self.accelerations()),
             **self.world.numbers(truth, self.felt(), goal.force),
@@ -270,7 +270,7 @@ class Simulation:
             'real_time_factor': duration / elapsed, 'sensor_rate': self.sensor_rate,
             'control_rate': self.control_rate, 'latency_p50': self.latency,
             'latency_p99': self.latency, 'cpu_per_cycle': percentile(self.cycle_costs),
-            'cpu_per_picture': percentile(self.picture_costs),
+            'cpu_per_image': percentile(self.picture_costs),
             'states': [{'time': first.time, **_state(first.status)} for _, (first, *_) in groupby(
                 self.log, key=lambda cycle: cycle.status.state)]}
         return judged(numbers, servo.success, self.world)

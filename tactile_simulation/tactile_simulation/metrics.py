@@ -132,13 +132,13 @@ def busy(summary: Mapping[str, Any]) -> str:
     if missed <= BUSY * planned:
         return ''
     return (f'This machine was too busy: {missed} of {planned} control cycles were missed and '
-            f'{summary.get("sensor_rate", NAN):.0f} pictures per second arrived; '
+            f'{summary.get("sensor_rate", NAN):.0f} images per second arrived; '
             'on an idle one the same run is smoother and faster.')
 
 
 def describe(summary: Mapping[str, Any]) -> str:
     """Text of the summary of a run for the terminal."""
-    lines = [f'{summary["scene"]} with {summary["controller"]}, '
+    lines = [f'{summary["scene"]} with {summary["law"]}, '
              f'{"tracked" if summary["ok"] else "NOT TRACKED"}: {summary["reason"]}']
     lines += [f'  {name:26}{value:>10} {unit}'.rstrip() for name, value, unit in shown(summary)]
     for number, side in enumerate(summary.get('sides', ()), 1):

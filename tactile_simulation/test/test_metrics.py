@@ -97,7 +97,7 @@ def test_numbers_are_shown_in_their_units_if_they_are_known():
 
 def test_text_tells_verdict_numbers_and_outline():
     text = describe({
-        'scene': 'square', 'controller': 'law', 'ok': False, 'reason': 'lost',
+        'scene': 'square', 'law': 'law', 'ok': False, 'reason': 'lost',
         'lateral_rms': 1.26e-5, 'lateral_max': NAN,
         'sides': [{'kind': 'arc', 'length': 0.02, 'radius': 0.005}],
         'corners': [[0.1, 0.2, 0.3]],
@@ -114,7 +114,7 @@ def test_a_machine_that_is_too_busy_is_told():
     counts = {'cycles': 96, 'missed_cycles': 4, 'sensor_rate': 202.7}
     assert busy(counts) == busy({}) == busy({'cycles': 0, 'missed_cycles': None}) == ''
     assert '24 of 120 control cycles' in busy(counts | {'missed_cycles': 24})
-    assert '203 pictures' in busy(counts | {'missed_cycles': 24})
+    assert '203 images' in busy(counts | {'missed_cycles': 24})
 
 
 def test_json_is_one_object_without_nan():

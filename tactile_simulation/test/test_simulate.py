@@ -12,7 +12,7 @@ from tactile_simulation.edge_world import area_of, contour_errors
 
 STRAIGHT = str(ROOT / 'launch/scenes/straight.yaml')
 KEYS = {
-    'ok', 'state', 'reason', 'scene', 'controller', 'seed', 'speed', 'tracked_length',
+    'ok', 'state', 'reason', 'scene', 'law', 'seed', 'speed', 'tracked_length',
     'edge_length', 'lateral_rms', 'lateral_max', 'lateral_transient_max', 'force_target',
     'force_rms_error', 'force_max', 'joint_acceleration_max', 'joint_acceleration_rms',
     'pad_speed_scatter', 'closed', 'contour_max_error', 'contour_area_error', 'duration',
@@ -27,7 +27,7 @@ def test_summary_is_one_json_object(controller, capsys, tmp_path):
                    '--seed', '3', '--latency', '0.005', '--plot', str(plot)])
     summary = json.loads(capsys.readouterr().out)
     assert status == 0 and set(summary) >= KEYS
-    assert summary['controller'] == controller and summary['latency_p50'] == 0.005
+    assert summary['law'] == controller and summary['latency_p50'] == 0.005
     assert summary['tracked_length'] == pytest.approx(0.03, abs=0.002)
     assert summary['states'][-1]['state'] == 'done'
     assert plot.read_bytes().startswith(b'\x89PNG')
@@ -67,7 +67,7 @@ def test_a_parameter_file_gives_law_and_bounds(capsys, tmp_path):
     assert run('law: resolved_rate, forse.gain: 1.0') == 2
     assert 'did you mean force.gain?' in capsys.readouterr().err
     assert run('law: resolved_rate') == 0
-    assert json.loads(capsys.readouterr().out)['controller'] == 'resolved_rate'
+    assert json.loads(capsys.readouterr().out)['law'] == 'resolved_rate'
     assert run('speed.max: 0.02') == 2
     assert 'speed is 0.03, must be between 0.0001 and 0.02 m/s' in capsys.readouterr().err
     assert run('law: tactile_jacobian') == 2

@@ -340,5 +340,5 @@ def test_the_command_runs_a_surface(capsys, tmp_path):
     assert main([str(tmp_path / 'ball.yaml'), '--speed', '0.05', '--length', '0.02', '--json',
                  '--plot', str(plot)]) == 0
     summary = json.loads(capsys.readouterr().out)
-    assert summary['controller'] == 'tactile_jacobian' and summary['surface_rms'] < 2e-4
+    assert summary['law'] == 'tactile_jacobian' and summary['surface_rms'] < 2e-4
     assert plot.read_bytes().startswith(b'\x89PNG')

@@ -13,7 +13,7 @@ from tactile_servo.types import ON_TRACK, State
 from tactile_shape.contour.outline import find_outline
 from tactile_shape.types.patch import Kind
 from tactile_simulation import metrics
-from tactile_simulation.metrics import judged, measure, NAN, percentile, rate
+from tactile_simulation.metrics import busy, judged, measure, NAN, percentile, rate
 from tactile_simulation.world import Course, Scene, Truth
 
 
@@ -124,6 +124,7 @@ def summarise(run: RunData, scene: Scene | None, real: Truth | None = None, **kn
     action = 'track_surface' if len(run.touches.stamp_ns) else 'track_edge'
     felt, shape = SHAPES[scene.action if scene else action](run)
     told = of_servo(run, scene.name if scene else '', asked)
+    told['too_busy'] = bool(busy(told))
     if scene is None:
         return {'ok': asked.success, **told, 'force_target': target, **shape}
     world, real = scene.world(), real or truth(run, scene)
@@ -179,7 +180,7 @@ def of_servo(run: RunData, scene: str, asked: Asked) -> dict[str, Any]:
             statuses.reason[last] if active.size else 'the servo did not run'),
         'reason_code': ReasonCode(asked.reason_code).name.lower(),  # type: ignore[call-arg]
         'scene': scene,
-        'controller': str(statuses.controller[0]) if len(statuses.controller) else '',
+        'law': str(statuses.controller[0]) if len(statuses.controller) else '',
         'seed': asked.seed,
         'speed': percentile(statuses.speed[settled]) if asked.speed is None else asked.speed,
         'tracked_length': statuses.progress[tracking].max(initial=0.0),

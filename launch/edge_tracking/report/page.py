@@ -73,7 +73,7 @@ def _column(it: Shown, columns: int) -> Column:
     title = f'Scene \u201c{it.scene.name}\u201d' if it.scene else (
         f'Recording \u201c{it.name}\u201d')
     if of_servo or it.scene:
-        law = LAWS.get(summary['controller'])
+        law = LAWS.get(summary['law'])
         action = it.scene.action if it.scene else law.action if law else ''
         verdict = f'{WHAT.get(action, "Goal")} {"" if summary["ok"] else "not "}' + (
             'tracked' if action else 'met')
@@ -107,14 +107,14 @@ def _about(it: Shown) -> list[tuple[str, ...]]:
         array = run.info.array
         rows.append(('sensor', f'{run.info.sensor} in {run.namespace}, {array.rows} \u00d7 '
                      f'{array.columns} tactels of {1e3 * array.pitch_x:.2f} mm'))
-    if summary.get('controller'):
-        rows += [('law', summary['controller']), ('last state', summary['state'])]
+    if summary.get('law'):
+        rows += [('law', summary['law']), ('last state', summary['state'])]
     if it.scene:
         rows.append(('scene', it.scene.description))
     if summary.get('seed') is not None:
         rows.append(('seed of the noise', str(summary['seed'])))
     rows += [('goal', _short(_PLAIN.sub('', goal))) for goal in run.goals[-1:]]
-    return rows + _settings(run, summary.get('controller', ''))
+    return rows + _settings(run, summary.get('law', ''))
 
 
 def _settings(run: RunData, law: str) -> list[tuple[str, ...]]:

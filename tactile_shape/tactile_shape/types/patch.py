@@ -91,10 +91,10 @@ class Patch:
     def sheet(self, length: float, width: float, direction: ArrayLike | None = None,
               steps: tuple[int, int] = (21, 5)) -> np.ndarray:
         """
-        Points (*steps, 3) of the patch over a rectangle of its tangent plane about the contact.
+        Points (M, N, 3) of the patch over a rectangle of its tangent plane about the contact.
 
         The length [m] goes along a direction (3,), as near as the tangent plane allows, else
-        along x. NaN where the surface would have turned upright.
+        along x; `steps` is (M, N). NaN where the surface would have turned upright.
         """
         axes = self.frame[:3, :3]
         x, y = (1.0, 0.0) if direction is None else np.asarray(direction) @ axes[:, :2]
