@@ -11,8 +11,8 @@ from rosgraph_msgs.msg import Clock
 from std_srvs.srv import SetBool
 
 from edge_tracking.graph import Graph
+from edge_tracking.recording.topics import RecordedTopics
 from edge_tracking.replay import play_bag
-from edge_tracking.replay.names import Names
 from edge_tracking.replay.play_bag import Playback, PlayerNode, SETTLE
 from tactile_common.errors import ConfigurationError
 from tactile_common.ros.bag_reader import Bag, Recorded
@@ -71,7 +71,7 @@ def playing():
     """Give a function that plays a recording to both estimators."""
     with Bag(CORNER) as bag, Graph() as graph:
         def begin(**options):
-            own = {'bag': bag, 'names': Names(bag, None), **options}
+            own = {'bag': bag, 'names': RecordedTopics(bag), **options}
             listener = graph.add(ListenerNode)
             for kind in (ContactEstimatorNode, ShapeEstimatorNode):
                 graph.add(kind, use_sim_time=True)
@@ -210,7 +210,7 @@ def test_a_recording_begins_when_the_estimators_are_there_not_with_any_listener(
         listener = graph.add(ListenerNode)
         images = listener.create_subscription(TactileImage, 'image', lambda _: None, SENSOR)
         player = graph.add(PlayerNode, own={
-            'bag': bag, 'names': Names(bag, None), 'rate': 5.0, 'wait_for': ('contact',)})
+            'bag': bag, 'names': RecordedTopics(bag), 'rate': 5.0, 'wait_for': ('contact',)})
         it = Played(graph, player, listener)
         it.spin(lambda: len(listener.clocks) > 700)  # beyond the second that the time stops
         assert player.playback.now_ns == bag.span[0]
@@ -223,7 +223,7 @@ def test_a_recording_begins_when_the_estimators_are_there_not_with_any_listener(
 @pytest.mark.graph
 def test_contacts_of_a_recording_without_images_have_their_usual_name():
     with Bag(CORNER) as bag, Graph() as graph:
-        names = Names(bag, None)
+        names = RecordedTopics(bag)
         del names.topic['image']
         listener = graph.add(ListenerNode)
         graph.add(ShapeEstimatorNode, use_sim_time=True)
@@ -252,7 +252,7 @@ def test_a_topic_of_another_definition_is_not_sent_on(playing, monkeypatch, topi
 @pytest.mark.parametrize('arguments, said', [
     (['nothing'], 'nothing: there is no such bag'),
     ([str(CORNER), '--rate', '0'], '--rate: value is 0.0, must be between 0.01 and 100'),
-    ([str(CORNER), '--namespace', 'left'], 'has no /left/image')])
+    ([str(CORNER), '--namespace', 'left'], 'no contact of a tactile sensor in /left')])
 def test_what_cannot_be_played_is_refused(arguments, said, capsys):
     assert play_bag.main(arguments) == 2
     assert said in capsys.readouterr().err

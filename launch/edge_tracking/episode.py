@@ -10,8 +10,8 @@ from edge_tracking.graph import add_servo, calibrate, Graph, linger, private_por
 from edge_tracking.process_group import apart, Heard
 from edge_tracking.recording.reader import read_run
 from edge_tracking.recording.summary import summarise, truth
-from edge_tracking.report.animation import animate
-from edge_tracking.report.page import make_report, picture, Shown
+from edge_tracking.report.page import make_report, Shown
+from edge_tracking.report.pictures import animate, picture
 from edge_tracking.resources import share
 from edge_tracking.track import RESUMES, TrackNode
 from tactile_common.progress import live_progress

@@ -15,47 +15,16 @@ import threading
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
-from geometry_msgs.msg import PoseStamped, WrenchStamped
-from nav_msgs.msg import Path
-from rcl_interfaces.msg import ParameterEvent
 from rclpy.exceptions import ParameterException
 from rclpy.node import Node
-from rclpy.qos import DurabilityPolicy, qos_profile_sensor_data, QoSProfile
-from sensor_msgs.msg import JointState
-from trajectory_msgs.msg import JointTrajectory
-from visualization_msgs.msg import MarkerArray
 
 from edge_tracking.graph import add_mocks, add_sensing, Graph
+from edge_tracking.recording.topics import topics
 from edge_tracking.recording.writer import RecorderNode
 from tactile_common.ros.runner import freeze_heap
-from tactile_msgs.msg import (
-    Contact,
-    SensorInfo,
-    ServoCalls,
-    ServoStatus,
-    SurfacePatch,
-    TactileImage,
-)
 from tactile_shape.nodes.shape_estimator import ShapeEstimatorNode
 
 PATIENCE = 10.0  # s for a part to end by itself, its recording written
-
-
-def topics(namespace: str) -> list[tuple[str, type, QoSProfile]]:
-    """Every topic of the graph, with its type and the quality of service to listen with."""
-    deep = QoSProfile(depth=100)
-    latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
-    settings = QoSProfile(depth=100, durability=DurabilityPolicy.TRANSIENT_LOCAL)
-    sensor = QoSProfile(depth=100, reliability=qos_profile_sensor_data.reliability)
-    own = [('image', TactileImage, sensor), ('sensor_info', SensorInfo, latched),
-           ('contact', Contact, sensor), ('wrench', WrenchStamped, sensor),
-           ('surface_patch', SurfacePatch, deep), ('contour', Path, latched),
-           ('markers', MarkerArray, latched), ('servo_status', ServoStatus, deep),
-           ('surface_contact', PoseStamped, deep), ('sensor_pose', PoseStamped, sensor),
-           ('servo_calls', ServoCalls, deep), ('parameters', ParameterEvent, settings)]
-    return [(f'/{namespace}/{name}', kind, qos) for name, kind, qos in own] + [
-        ('/diagnostics', DiagnosticArray, deep), ('/joint_states', JointState, deep),
-        ('/joint_trajectory_controller/joint_trajectory', JointTrajectory, deep)]
 
 
 def record(graph: Graph, bag) -> None:

@@ -8,7 +8,7 @@ from pathlib import Path
 import sys
 from typing import Any
 
-from edge_tracking.process_group import topics
+from edge_tracking.recording.topics import topics
 from edge_tracking.recording.writer import RecorderNode
 from tactile_common.command_line import Parser, refusing
 from tactile_common.ros.runner import run, split_ros_args

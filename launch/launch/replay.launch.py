@@ -14,8 +14,8 @@ from edge_tracking.launch_interrupt import leave_interrupt_to_launch, PREFIX
 from edge_tracking.launch_nodes import as_text, ends_with
 from edge_tracking.parameters import parameters_of
 from edge_tracking.recording.settings import Settings
+from edge_tracking.recording.topics import RecordedTopics
 from edge_tracking.replay import play_bag
-from edge_tracking.replay.names import Names
 from edge_tracking.transport import local_environment
 from tactile_common.ros.bag_reader import Bag
 
@@ -36,8 +36,9 @@ def actions(context):
         if value(name) == 'true')]
     play_bag.parser().parse_args(arguments)  # refuses before anything is started
     with Bag(value('bag')) as bag:
-        names = Names(bag, value('namespace') or None)
-        settings = Settings.of(bag, names.topic.get('parameters', ''))
+        names = RecordedTopics(bag, value('namespace') or None)
+        names.require_touch(bag)
+        settings = Settings.of(bag, names)
     common = {'namespace': names.prefix or '/', 'output': 'screen', 'prefix': PREFIX}
     yield from (SetEnvironmentVariable(*it) for it in local_environment().items())
     estimators = {name: row for name, row in ESTIMATORS.items()

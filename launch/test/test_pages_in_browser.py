@@ -73,7 +73,7 @@ def test_report(run, scene, tmp_path):
     make_report(pages[0], known)
     make_report(pages[1], known, known)
     found, console = measured(pages, tmp_path)
-    assert len(found) == 2 * len(WIDTHS) and all(it['images'] > 3 for it in found)
+    assert len(found) == 2 * len(WIDTHS) and all(len(it['drawn']) > 8 for it in found)
     assert all('track' in said for it in found for said in it['players'])
     assert all(drawn > 1000 for it in found for drawn in it['drawn'])
     assert faults(found) == [] and console == []

@@ -19,16 +19,14 @@ from recorded_run import TOPICS, write_bag
 from edge_tracking.recording.frames_summary import summarise_recording
 from edge_tracking.recording.reader import read_run
 from edge_tracking.recording.summary import summarise, truth
-from edge_tracking.report import animation
+from edge_tracking.report import charts, pictures
 from edge_tracking.report.command import main, summary_of
-from edge_tracking.report.page import make_report, picture, Shown
-from edge_tracking.report.plans import surface
+from edge_tracking.report.page import make_report, Shown
 from edge_tracking.report.player import MAX_BYTES
 from tactile_common.errors import ConfigurationError
 from tactile_servo.robot_config import NodeConfig
 from tactile_servo.types import State
 from tactile_shape.local_surface.local_quadric import LocalQuadric
-from tactile_simulation.plot import png
 
 CAPTIONED = re.compile(r'This (run|recording): .*\d|none of its numbers is known|\d presses')
 PNG = b'\x89PNG\r\n\x1a\n'
@@ -42,6 +40,7 @@ class Page(HTMLParser):
         super().__init__()
         self.images, self.links, self.words, self.captions, self.tags = [], [], [], [], []
         self.handlers, self.policy, self.scripts, self.styles = [], '', [], []
+        self.classes = []
         self._inside = None
         self.feed(text)
 
@@ -49,6 +48,7 @@ class Page(HTMLParser):
         """Take images apart from other links."""
         self._inside, known = tag, dict(attrs)
         self.tags.append(tag)
+        self.classes.append(known.get('class'))
         if known.get('http-equiv') == 'Content-Security-Policy':
             self.policy = known['content']
         if tag == 'script' and known.get('type') == 'application/json':
@@ -83,21 +83,18 @@ class Page(HTMLParser):
         return ' '.join(self.words)
 
 
-def read_page(path, pictures=None):
+def read_page(path, charts=None):
     """Return the page after checking that it needs nothing else, and runs nothing else."""
     text = path.read_text(encoding='utf-8')
     page = Page(text)
     assert not page.links and '://' not in text and '@import' not in text
-    assert not page.handlers and len(page.scripts) == 2 and len(page.styles) == 1
+    assert not page.handlers and len(page.scripts) == 3 and len(page.styles) == 1
     assert page.policy.startswith("default-src 'none'; ") and 'unsafe' not in page.policy
     for inner in (*page.scripts, *page.styles):
         digest = base64.b64encode(hashlib.sha256(inner.encode()).digest()).decode()
         assert f"'sha256-{digest}'" in page.policy
-    assert pictures is None or len(page.images) == pictures
-    for image in page.images:
-        head, _, data = image.partition(',')
-        assert head == 'data:image/png;base64'
-        assert base64.b64decode(data).startswith(PNG)
+    assert not page.images and page.classes.count('chart') == len(page.data['charts'])
+    assert charts is None or len(page.data['charts']) == charts
     assert 'nan' not in page.text.split()
     captions = [it for it in page.captions if it.strip()]
     assert captions and all(CAPTIONED.search(it) for it in captions)
@@ -112,7 +109,7 @@ def report(path, run, summary, scene=None, real=None):
 
 def test_report_of_a_run(run, scene, tmp_path):
     summary = summarise(run, scene, success=True)
-    page = read_page(report(tmp_path / 'report.html', run, summary, scene, truth(run, scene)), 4)
+    page = read_page(report(tmp_path / 'report.html', run, summary, scene, truth(run, scene)), 7)
     assert 'Edge tracked' in page.text and 'straight' in page.text and 'simulated' in page.words
     assert f'{1e3 * summary["lateral_rms"]:.3f} mm' in page.words
     assert '30.0 mm/s' in page.words and '400.0 Hz' in page.words
@@ -142,6 +139,33 @@ def test_player_shows_what_was_recorded(run, scene, tmp_path):
     stage = unpacked(it['stage'], '<i4')
     assert [it['stages'][k] for k in (stage[5], stage[len(stage) // 2], stage[-1])] == [
         ['approach', 'goal accepted'], ['track', 'contact'], ['done', 'the edge ended']]
+
+
+def test_charts_show_what_was_measured(run, scene, tmp_path):
+    real = truth(run, scene)
+    page = read_page(report(tmp_path / 'report.html', run, summarise(run, scene, success=True),
+                            scene, real))
+    known = {it['title']: it for it in page.data['charts']}
+    felt, true = known['Force on the pad']['series']
+    np.testing.assert_allclose(unpacked(true['x'], '<f4'), real.time, atol=1e-6)
+    np.testing.assert_allclose(unpacked(true['y'], '<f4'), real.force, atol=1e-5)
+    assert np.nanmax(unpacked(felt['y'], '<f4')) == pytest.approx(5.0, abs=0.1)
+    assert known['Force on the pad']['marks'][-1][1] == 5.0
+    measured = known["What is followed, from the pad's centre"]
+    x = unpacked(measured['series'][0]['y'], '<f4')
+    assert np.nanmax(np.abs(x)) == pytest.approx(3.0, abs=0.05)  # mm beside the edge at contact
+    assert [colour for *_, colour in measured['bands']] == [
+        charts.SHADES[State.APPROACH], charts.SHADES[State.RETREAT]]
+
+
+def test_no_peak_of_a_long_line_is_lost():
+    x, y = np.arange(100_001.0), np.zeros(100_001)
+    y[[777, 100_000]], y[5000], y[50_000:51_000] = (3.0, 2.0), -4.0, np.nan
+    shown, values = charts.extremes(x, y)
+    assert len(shown) <= charts.MOST_POINTS + 2 and (np.diff(shown) >= 0.0).all()
+    peaks = {(at, value) for at, value in zip(shown, values, strict=True) if value}
+    assert {(777.0, 3.0), (100_000.0, 2.0), (5000.0, -4.0)} <= peaks
+    assert np.isnan(values).any()
 
 
 def test_a_long_run_is_thinned_and_says_so(run, scene, tmp_path):
@@ -215,7 +239,7 @@ def test_what_comes_from_outside_is_escaped(run, scene, tmp_path):
         HOSTILE, spoilt, summary, dataclasses.replace(scene, name=HOSTILE, description=HOSTILE),
         truth(run, scene)))
     page = read_page(path)
-    assert page.tags.count('script') == 3 and len(page.images) == page.tags.count('img')
+    assert page.tags.count('script') == 4 and not page.tags.count('img')
     assert 'not tracked' in page.text and page.text.count(HOSTILE) > 8
     assert page.data['players'][0]['stages'][1][1] == HOSTILE
 
@@ -239,8 +263,10 @@ def test_a_surface_that_was_touched_is_drawn(run, scene, tmp_path):
     assert len(touched.patches) > 50
     report(tmp_path / 'report.html', touched, summarise(touched, scene, success=True), scene,
            truth(touched, scene))
-    assert 'Surface' in read_page(tmp_path / 'report.html', 6).text
-    (tmp_path / 'surface.png').write_bytes(png(surface(touched)))
+    assert 'Surface' in (page := read_page(tmp_path / 'report.html', 8)).text
+    first, second = (unpacked(it['y'], '<f4') for it in page.data['charts'][-2]['series'])
+    np.testing.assert_allclose(first[-20:], 1.0 / radius, rtol=0.02)
+    np.testing.assert_allclose(second[-20:], 1.0 / radius, rtol=0.02)
 
 
 @pytest.mark.parametrize('state', list(State))
@@ -268,9 +294,9 @@ def test_report_of_a_recording(run, tmp_path):
 
 
 def test_animation(run, scene, empty, tmp_path, monkeypatch):
-    monkeypatch.setattr(animation, 'RATE', 2.0)
+    monkeypatch.setattr(pictures, 'RATE', 2.0)
     path = tmp_path / 'run.gif'
-    animation.animate(run, scene, path)
+    pictures.animate(run, scene, path)
     with Image.open(path) as shown:
         assert shown.format == 'GIF' and shown.info['loop'] == 0
         seconds = 1e-9 * float(run.images.stamp_ns[-1] - run.images.stamp_ns[0])
@@ -284,11 +310,11 @@ def test_animation(run, scene, empty, tmp_path, monkeypatch):
         assert max(moved) > 60.0  # grey levels: the pad moves, the pressure comes and goes
     assert path.stat().st_size < 2e6
     with pytest.raises(ConfigurationError, match='no pictures with poses'):
-        animation.animate(empty, scene, path)
+        pictures.animate(empty, scene, path)
 
 
 def test_picture_is_a_png(run, scene, tmp_path):
-    picture(run, scene, truth(run, scene), tmp_path / 'path.png')
+    pictures.picture(run, scene, truth(run, scene), tmp_path / 'path.png')
     assert (tmp_path / 'path.png').read_bytes().startswith(PNG)
 
 

@@ -91,4 +91,4 @@ def test_a_run_over_a_ball_is_measured_against_it(tmp_path):
     assert not broken['ok'] and broken['reason'].endswith('; but what was touched has broken')
     make_report(tmp_path / 'report.html', Shown('bag', run, summary, scene, real))
     page = (tmp_path / 'report.html').read_text('utf-8')
-    assert 'Surface tracked' in page and page.count('<img') == 4  # felt, error, surface, curvature
+    assert 'Surface tracked' in page and page.count('<canvas') == 7  # way, felt 2, error 3, bends

@@ -15,7 +15,7 @@ import time
 
 from rclpy.node import Node
 
-from edge_tracking.process_group import topics
+from edge_tracking.recording.topics import topics
 from edge_tracking.track import TrackNode
 from tactile_tests.graph import Bench, bench
 from tactile_tests.launching import DEADLINE, launched

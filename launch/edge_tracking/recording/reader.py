@@ -7,17 +7,14 @@ import numpy as np
 
 from edge_tracking.recording import run
 from edge_tracking.recording.settings import Settings
-from tactile_common.errors import ConfigurationError
+from edge_tracking.recording.topics import RecordedTopics
 from tactile_common.ros.bag_reader import Bag, Recorded
 from tactile_common.ros.conversions import stamp_to_ns
-from tactile_sensing.observations import TYPES
 from tactile_sensing.types.array import TactelArray
 from tactile_servo.journal import Call, WITH_TEXT
 from tactile_shape.conversions import patch_from_msg
 from tactile_simulation.smoothness import accelerations
 
-DEFAULT_NAMESPACE = '/tactile'
-OF_ALL = ('diagnostics', 'joint_states')  # topics that are not of a sensor alone
 HELD = 1000  # messages of a topic, until they become columns
 MOST = 60_000  # messages of a topic that are read, evenly; of the others the stamps alone
 _COMPONENT_ZZ = 0
@@ -31,20 +28,17 @@ def read_run(path, namespace=None, *, joints=True) -> run.RunData:
     holds several sensors and no namespace is chosen.
     """
     with Bag(path) as bag:
-        prefix = _namespace(bag, namespace)
-        topics = {f'{prefix}/{name}': name for name in _TYPES} | {
-            f'/{name}': name for name in OF_ALL}
-        expected = {topic: name for topic, name in topics.items()
-                    if bag.topics.get(topic) == _TYPES[name]
-                    and (joints or name != 'joint_states')}
-        every = {name: -(-bag.count(topic) // MOST) or 1 for topic, name in expected.items()
+        topics = RecordedTopics(bag, namespace)
+        wanted = {topic: name for topic, name in topics.name.items()
+                  if name in _KEPT and (joints or name != 'joint_states')}
+        every = {name: -(-bag.count(topic) // MOST) or 1 for topic, name in wanted.items()
                  if name in _THINNED}
         rows, parts, seen = defaultdict(list), defaultdict(list), defaultdict(int)
         stamps = {name: array('q') for name in _TABLES}
         start = None
         with bag.clear_errors():
-            for row in bag.messages(expected, raw=True):
-                start, name = row.received_ns if start is None else start, expected[row.topic]
+            for row in bag.messages(wanted, raw=True):
+                start, name = row.received_ns if start is None else start, wanted[row.topic]
                 if name in stamps:
                     stamps[name].append(bag.stamp_ns(row))
                 seen[name] += 1
@@ -62,7 +56,7 @@ def read_run(path, namespace=None, *, joints=True) -> run.RunData:
             tables = {name: _joined([*parts[name], _table(bag, name, rows[name])])
                       for name in _TABLES}
             return run.RunData(
-                namespace=prefix,
+                namespace=topics.prefix,
                 start_ns=start or 0,
                 images=tables['image'],
                 contacts=tables['contact'],
@@ -77,32 +71,8 @@ def read_run(path, namespace=None, *, joints=True) -> run.RunData:
                 stamps={name: np.asarray(known) for name, known in stamps.items()},
                 every=every,
                 goals=rows['servo_calls'],
-                parameters=Settings.of(bag, f'{prefix}/parameters').recorded,
+                parameters=Settings.of(bag, topics).recorded,
             )
-
-
-_TYPES = {
-    **TYPES,
-    'diagnostics': 'diagnostic_msgs/msg/DiagnosticArray',
-    'servo_calls': 'tactile_msgs/msg/ServoCalls',
-    'servo_status': 'tactile_msgs/msg/ServoStatus',
-    'contour': 'nav_msgs/msg/Path',
-    'surface_patch': 'tactile_msgs/msg/SurfacePatch',
-    'surface_contact': 'geometry_msgs/msg/PoseStamped',
-}
-
-
-def _namespace(bag, wanted):
-    if wanted is not None:
-        return f'/{wanted.strip("/")}'.rstrip('/')
-    found = list(bag.namespaces({
-        name: _TYPES[name] for name in ('image', 'contact', 'servo_status')}))
-    if DEFAULT_NAMESPACE in found or not found:
-        return DEFAULT_NAMESPACE
-    if len(found) == 1:
-        return found[0]
-    raise ConfigurationError(
-        f'bag {bag.path}: holds several sensors, {", ".join(found)}; choose a namespace')
 
 
 def _table(bag, name, rows):
@@ -170,6 +140,7 @@ _READ = {
         status.name.partition(':')[0].rpartition('/')[2] for status in message.status],
     'servo_calls': _goals,
     'surface_patch': lambda message: [patch_from_msg(message)] if message.valid else []}
+_KEPT = {*_TABLES, *_NEWEST, *_READ, 'joint_states'}
 
 
 def _contour(rows):

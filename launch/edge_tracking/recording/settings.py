@@ -4,10 +4,12 @@ from contextlib import suppress
 from dataclasses import dataclass, field
 from typing import Any
 
-from rcl_interfaces.msg import ParameterType as Kind
+import numpy as np
+from rclpy.parameter import parameter_value_to_python
 import yaml
 
 from edge_tracking.parameters import NODES, parameters_of, SERVO
+from edge_tracking.recording.topics import RecordedTopics
 from tactile_common.config import did_you_mean
 from tactile_common.errors import ConfigurationError
 from tactile_common.parameter_file import ParameterFile, refuse_unknown
@@ -16,13 +18,6 @@ from tactile_servo.laws.registry import DEFAULT
 from tactile_servo.robot_config import NodeConfig
 
 REPLAYED = ('contact_estimator', 'shape_estimator', SERVO)
-_VALUES = {
-    Kind.PARAMETER_BOOL: 'bool_value', Kind.PARAMETER_INTEGER: 'integer_value',
-    Kind.PARAMETER_DOUBLE: 'double_value', Kind.PARAMETER_STRING: 'string_value',
-    Kind.PARAMETER_BOOL_ARRAY: 'bool_array_value',
-    Kind.PARAMETER_INTEGER_ARRAY: 'integer_array_value',
-    Kind.PARAMETER_DOUBLE_ARRAY: 'double_array_value',
-    Kind.PARAMETER_STRING_ARRAY: 'string_array_value'}
 
 
 @dataclass
@@ -33,11 +28,11 @@ class Settings:
     changed: dict[str, dict[str, Any]] = field(default_factory=dict)
 
     @classmethod
-    def of(cls, bag: Bag, topic: str) -> 'Settings':
+    def of(cls, bag: Bag, topics: RecordedTopics) -> 'Settings':
         """Read the parameters with which each node began, and what a replay has changed."""
         found: dict[str, dict[str, Any]] = {}
-        with suppress(ConfigurationError):  # whoever reads all of it is told
-            for row in bag.messages([topic]):
+        with suppress(ConfigurationError, RuntimeError):  # whoever reads all of it is told
+            for row in bag.messages([topics.topic.get('parameters', '')]):
                 message = row.message
                 node = message.node.rpartition('/')[2]
                 found.setdefault(node, _told(message.new_parameters)).update(
@@ -90,8 +85,6 @@ def _value(wish: str, text: str) -> Any:
 
 
 def _told(parameters: Sequence[Any]) -> dict[str, Any]:
-    values = {it.name: getattr(it.value, _VALUES[it.value.type]) for it in parameters
-              if it.value.type in _VALUES}
-    return {name: tuple(getattr(value, 'tolist', lambda it=value: it)())
-            if hasattr(value, '__len__') and not isinstance(value, str)
-            else value for name, value in values.items()}
+    values = {it.name: parameter_value_to_python(it.value) for it in parameters}
+    return {name: tuple(np.asarray(value).tolist()) if isinstance(value, list) else value
+            for name, value in values.items() if value is not None}

@@ -1,13 +1,13 @@
 """The command `replay`."""
 import argparse
-from collections.abc import Sequence
 from importlib.util import find_spec
 import math
 from pathlib import Path
 import sys
 
+from edge_tracking.replay.comparison import TOLERANCE
 from edge_tracking.replay.many import bags_in, replay_many
-from edge_tracking.replay.one import describe, Options, replay_one, TOLERANCE
+from edge_tracking.replay.one import Options, replay_and_tell
 from tactile_common.command_line import between, Parser, refusing
 from tactile_common.errors import ConfigurationError
 from tactile_common.progress import Progress
@@ -71,29 +71,11 @@ def main(args: list[str] | None = None) -> int:
         given = parser().parse_args(args)
         options, bags = options_of(given), bags_in(given.bags)
         if len(bags) == 1 and not given.dask:
-            result = replay_one(bags[0], options)
-            print(describe(result), file=sys.stderr)
-            command.status = result.status
-        else:
-            command.status = _replay_many(given, bags)
+            command.status = replay_and_tell(bags[0], options)
+            return command.status
+        with Progress(len(bags)) as progress:
+            for done, row in enumerate(replay_many(bags, options, given.jobs, given.dask), 1):
+                print(f'{row.status}  {row.bag}  {row.text}')
+                progress.show(done, 'replay', f'{done} of {len(bags)} bags')
+                command.status = max(command.status, row.status)
     return command.status
-
-
-def _replay_many(given: argparse.Namespace, bags: Sequence[Path]) -> int:
-    """Replay many, one row each; the worst exit status."""
-    passed = ['--from', given.source, *(['--parquet'] if given.parquet else [])]
-    for name, values in (('--set', given.changes), ('--tolerance', given.tolerance),
-                         ('--compare', [given.compare] if given.compare is not None else []),
-                         ('--namespace', [given.namespace] if given.namespace else [])):
-        passed += [part for value in values for part in (name, value) if part]
-    worst = 0
-    with Progress(len(bags)) as progress:
-        for done, row in enumerate(replay_many(bags, passed, given.out, given.jobs, given.dask)):
-            print(f'{row.status}  {row.bag}  {row.text}')
-            progress.show(done + 1, 'replay', f'{done + 1} of {len(bags)} bags')
-            worst = max(worst, row.status)
-    return worst
-
-
-if __name__ == '__main__':
-    sys.exit(main())

@@ -2,6 +2,7 @@
 from collections.abc import Iterator
 from dataclasses import dataclass, field, fields, is_dataclass
 import math
+from operator import attrgetter
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -90,7 +91,8 @@ class Comparison:
         tally = self.topics.setdefault(topic, Tally())
         tally.compared += 1
         tally.begin, tally.end = min(tally.begin, abs(stamp)), max(tally.end, abs(stamp))
-        found = list(self._differences(topic, before, after))
+        found = [(name, *pair, size) for name, *pair in unequal(before, after, COMPARED[topic])
+                 if (size := _distance(*pair)) > self._tolerance(topic, name)]
         tally.differing += bool(found)
         for name, one, other, size in found:
             known = tally.fields.setdefault(name, [0, 0.0])
@@ -99,17 +101,10 @@ class Comparison:
             if len(self.first) < FIRST:
                 self.first.append(Difference(stamp, topic, name, one, other, size))
 
-    def _differences(self, topic: str, one: Any, other: Any) -> Iterator[tuple]:
-        default = self._tolerances.get('', TOLERANCE)
-        for name, a, b in _leaves('', one, other):
-            if name.split('.')[0] in COMPARED[topic]:
-                continue
-            bare = name.split('[')[0]
-            within = self._tolerances.get(
-                f'{topic}.{bare}', self._tolerances.get(bare, default))
-            size = _distance(a, b)
-            if size > within:
-                yield name, a, b, size
+    def _tolerance(self, topic: str, name: str) -> float:
+        bare = name.split('[')[0]
+        return next((self._tolerances[key] for key in (f'{topic}.{bare}', bare, '')
+                     if key in self._tolerances), TOLERANCE)
 
     @property
     def equal(self) -> bool:
@@ -136,30 +131,75 @@ class Comparison:
         return '\n'.join(lines)
 
 
-def _leaves(name: str, one: Any, other: Any) -> Iterator[tuple[str, Any, Any]]:
-    """Names and values of two messages of one type, those of numbers in arrays together."""
-    if is_dataclass(one):
-        for item in fields(one):
-            if not item.name.startswith('__'):
-                below = f'{name}.{item.name}' if name else item.name
-                yield from _leaves(below, getattr(one, item.name), getattr(other, item.name, None))
-    elif isinstance(one, list) and isinstance(other, list) and len(one) == len(other):
-        for index, (a, b) in enumerate(zip(one, other, strict=True)):
-            yield from _leaves(f'{name}[{index}]', a, b)
-    else:
-        yield name, one, other
+_leaves: dict[tuple[type, tuple[str, ...]], tuple[list[str], list[str]]] = {}
+
+
+def unequal(one: Any, other: Any, without: tuple[str, ...] = ()) -> Iterator[tuple[str, Any, Any]]:
+    """
+    Yield names and values of the fields in which two messages of one type are not the same.
+
+    Those `without` are left out. The numbers are compared at once, as arrays: that is what most
+    messages consist of, and most are the same.
+    """
+    key = type(one), without
+    if key not in _leaves:
+        _leaves[key] = _leaves_of(one, without)
+    numbers, others = _leaves[key]
+    a, b = (np.array([_value(message, numbers)], float).ravel() for message in (one, other))
+    for index in np.flatnonzero((a != b) & ~(np.isnan(a) & np.isnan(b))).tolist():
+        yield numbers[index], a[index].item(), b[index].item()
+    for name in others:
+        x, y = _value(one, [name]), _value(other, [name])
+        if isinstance(x, list) and isinstance(y, list) and len(x) == len(y) and x and (
+                is_dataclass(x[0])):
+            for index, pair in enumerate(zip(x, y, strict=True)):
+                for below, *values in unequal(*pair):
+                    yield f'{name}[{index}].{below}', *values
+        elif not _same(x, y):
+            yield name, x, y
+
+
+def _same(one: Any, other: Any) -> bool:
+    if isinstance(one, np.ndarray) and isinstance(other, np.ndarray):
+        return one.dtype == other.dtype and one.tobytes() == other.tobytes()
+    return bool(one == other) if isinstance(one, (str, list)) else False
+
+
+def _leaves_of(message: Any, without: tuple[str, ...]) -> tuple[list[str], list[str]]:
+    """Names of the fields of a message that are numbers, and of the others."""
+    numbers, others = [], []
+    for item in fields(message):
+        if item.name.startswith('__') or item.name in without:
+            continue
+        value = getattr(message, item.name)
+        if is_dataclass(value):
+            below = _leaves_of(value, ())
+            for names, found in zip((numbers, others), below, strict=True):
+                names += [f'{item.name}.{name}' for name in found]
+        else:
+            (numbers if isinstance(value, (int, float)) else others).append(item.name)
+    return numbers, others
+
+
+def _value(message: Any, names: list[str]) -> Any:
+    """Values of fields of a message, of one name its own; None of a version that lacks one."""
+    if not names:
+        return ()
+    try:
+        return attrgetter(*names)(message)
+    except AttributeError:
+        if len(names) == 1:
+            return None
+        return tuple(_value(message, [name]) for name in names)
 
 
 def _distance(one: Any, other: Any) -> float:
     """How far apart two values are, of those beyond 1 relative; NaN is near to NaN alone."""
-    if isinstance(one, (int, float)) and isinstance(other, (int, float)) and (
-            one == other or (one != one and other != other)):
-        return 0.0
     if isinstance(one, (str, list)) or isinstance(other, (str, list)):
         return 0.0 if one == other else math.inf
     a, b = (np.asarray(it, dtype=float) for it in (one, other))
     if a.shape != b.shape or (np.isnan(a) != np.isnan(b)).any():
         return math.inf
-    other = ~((a == b) | np.isnan(a))
-    a, b = a[other], b[other]
+    differ = ~((a == b) | np.isnan(a))
+    a, b = a[differ], b[differ]
     return float((np.abs(a - b) / np.fmax(np.abs(a), 1.0)).max(initial=0.0))

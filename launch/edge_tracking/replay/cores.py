@@ -4,6 +4,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 import json
 import math
+from types import SimpleNamespace
 from typing import Any
 
 from geometry_msgs.msg import PoseStamped
@@ -44,19 +45,6 @@ UNKNOWN = Timing(math.nan, math.nan, math.nan, 0, 0)
 Emit = Callable[[str, int, bytes], None]  # takes the name of a topic, a time [ns] and a message
 _KINDS = {Call.SENSOR: 'sensor_info', Call.JOINTS: 'joint_states', Call.IMAGE: 'image',
           Call.CONTACT: 'contact'}
-
-
-@dataclass
-class Publisher:
-    """What nodes publish with, into a replay: its clock is that of what is replayed."""
-
-    emit: Emit
-    name: str
-    now_ns: int = 0
-
-    def publish(self, message: Any) -> None:
-        """Serialise and emit a message."""
-        self.emit(self.name, self.now_ns, packed(message))
 
 
 class Inputs:
@@ -223,7 +211,7 @@ class Cores:
     def __post_init__(self) -> None:
         settings, self.inputs = self.settings, Inputs()
         self._estimator = ContactEstimator(settings.config('contact_estimator', EstimatorConfig))
-        self._publishers: list[Publisher] = []
+        self._now_ns = 0  # of what is being done
         self._shape = ShapeTopics(self._publisher, self.faults.append, *(
             settings.config('shape_estimator', kind)
             for kind in (ShapeEstimatorConfig, LocalQuadricConfig, ModelConfig)))
@@ -232,9 +220,10 @@ class Cores:
             self._take_touch, self.cycle_row) if self.with_servo else None
         self._later: deque[tuple[Recorded, Callable[..., None], tuple]] = deque()
 
-    def _publisher(self, _: Any, name: str, __: Any) -> Publisher:
-        self._publishers.append(Publisher(self.emit, name))
-        return self._publishers[-1]
+    def _publisher(self, _: Any, name: str, __: Any) -> Any:
+        """Return what a node would publish with."""
+        return SimpleNamespace(
+            publish=lambda message: self.emit(name, self._now_ns, packed(message)))
 
     def take(self, name: str, row: Recorded) -> None:
         """Take a raw message of a topic, in the order of their reception."""
@@ -250,8 +239,7 @@ class Cores:
 
     def _do_next(self) -> None:
         row, action, arguments = self._later.popleft()
-        for publisher in self._publishers:
-            publisher.now_ns = row.received_ns
+        self._now_ns = row.received_ns
         self._do(row, action, *arguments)
 
     def _do_later(self, row: Recorded, action: Callable[..., None], *arguments: Any) -> None:

@@ -2,6 +2,7 @@
 from collections.abc import Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
+from dataclasses import asdict, replace
 import json
 from pathlib import Path
 from shutil import rmtree
@@ -9,9 +10,9 @@ import subprocess
 import sys
 from typing import Any, NamedTuple
 
+from edge_tracking.replay.one import Options, replay_and_tell, RESULT
+from tactile_common.command_line import refusing
 from tactile_common.errors import ConfigurationError
-
-RESULT = 'result.json'  # in the folder of each, once it is done
 
 
 class Row(NamedTuple):
@@ -37,22 +38,13 @@ def bags_in(paths: Sequence[str]) -> list[Path]:
     return found
 
 
-def replay_many(bags: Sequence[Path], options: Sequence[str], out: Path | None, jobs: int,
-                dask: str = '') -> Iterator[Row]:
-    """Replay recordings with options of the command; a row of each, in their order."""
-    folders = _folders(bags, out)
+def replay_many(bags: Sequence[Path], options: Options, jobs: int, dask: str = ''
+                ) -> Iterator[Row]:
+    """Replay recordings, each into a folder of its own in `out`; a row of each, in order."""
     with _pool(jobs, dask) as pool:
-        rows = [pool.submit(_one, str(bag), list(options), str(folder or ''))
-                for bag, folder in zip(bags, folders, strict=True)]
+        rows = [pool.submit(_one, str(bag), options) for bag in bags]
         for row in rows:
             yield row.result()
-
-
-def _folders(bags: Sequence[Path], out: Path | None) -> list[Path | None]:
-    if out is None:
-        return [None] * len(bags)
-    names = ['_'.join(bag.resolve().with_suffix('').parts[1:]) for bag in bags]
-    return [out / name for name in names]
 
 
 @contextmanager
@@ -71,20 +63,35 @@ def _pool(jobs: int, dask: str) -> Iterator[Any]:
         yield client
 
 
-def _one(bag: str, options: list[str], folder: str) -> Row:
+def _one(bag: str, options: Options) -> Row:
     """Replay one in a process, unless that was done before."""
-    done = Path(folder, RESULT)
-    if folder and done.exists():
-        found = json.loads(done.read_text())
-        return Row(bag, found['status'], 'done before')
-    part = Path(f'{folder}.part')  # of one that was interrupted there may be some
+    folder = part = options.out and options.out / '_'.join(
+        Path(bag).resolve().with_suffix('').parts[1:])
     if folder:
+        if (folder / RESULT).exists():
+            return Row(bag, json.loads((folder / RESULT).read_text())['status'], 'done before')
+        part = folder.with_name(f'{folder.name}.part')  # there may be that of an interrupted one
         rmtree(part, ignore_errors=True)
     ended = subprocess.run(
-        [sys.executable, '-m', 'edge_tracking.replay.command', bag, *options,
-         *(['-o', str(part)] if folder else [])], capture_output=True, text=True, check=False)
-    if folder and (part / RESULT).exists():
+        [sys.executable, '-m', __name__, bag, json.dumps(
+            asdict(replace(options, out=part)), default=str)],
+        capture_output=True, text=True, check=False)
+    if folder and part and (part / RESULT).exists():
         part.rename(folder)
     lines = [line for line in ended.stderr.splitlines() if not line.startswith('replay    |')]
     text = lines[0] if ended.returncode == 0 and lines else ' '.join(lines[-1:])
     return Row(bag, ended.returncode, text)
+
+
+def main() -> int:
+    """Replay a bag with options as JSON, both from the command line."""
+    bag, text = sys.argv[1:]
+    options = Options(**json.loads(text))
+    with refusing('replay') as command:
+        command.status = replay_and_tell(bag, replace(
+            options, out=Path(options.out) if options.out else None))
+    return command.status
+
+
+if __name__ == '__main__':
+    sys.exit(main())

@@ -1,23 +1,24 @@
 """One recording replayed: what is read, written, compared."""
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterator
 from contextlib import ExitStack
 import csv
 from dataclasses import asdict, dataclass, field
+from heapq import merge
 import json
 from pathlib import Path
+import sys
 import time
-from typing import Any, TextIO
+from typing import Any
 
 import numpy as np
 from rcl_interfaces.msg import ParameterEvent
 from rclpy.parameter import Parameter
 
-from edge_tracking.process_group import topics
 from edge_tracking.recording.settings import Settings
+from edge_tracking.recording.topics import KINDS, RecordedTopics, topics
 from edge_tracking.recording.writer import BagWriter
-from edge_tracking.replay.comparison import COMPARED, Comparison, TOLERANCE
+from edge_tracking.replay.comparison import COMPARED, Comparison
 from edge_tracking.replay.cores import Cores, Cycle
-from edge_tracking.replay.names import Names
 from tactile_common.errors import ConfigurationError
 from tactile_common.progress import Progress
 from tactile_common.ros.bag_reader import Bag, Recorded
@@ -27,12 +28,15 @@ from tactile_servo.compile_kernels import compile_kernels
 
 QUIET = 1.0  # s without a progress bar
 MOST_FAULTS = 10  # that are told
+RESULT = 'result.json'  # in the folder that is written, once it is done
 _ERRORS = ('lateral_error', 'longitudinal_error', 'angle_error', 'normal_force', 'force_target',
            'speed', 'progress', 'limit_scale', 'manipulability')
 CYCLES = ('stamp_ns', 'steady', 'state', 'reason_code', *_ERRORS, 'window')
 CONTACTS = ('stamp_ns', 'type', 'valid', 'force_valid', 'reasons', *REALS)
-# Topics that stay as they were recorded.
-INPUTS = ('image', 'sensor_info', 'joint_states', 'servo_calls', 'parameters')
+# Topics that are made anew, by what makes them.
+OF_IMAGES = ('contact', 'wrench')
+OF_SHAPE = ('surface_patch', 'contour', 'markers')
+OF_SERVO = ('sensor_pose', 'surface_contact', 'joint_trajectory', 'servo_status')
 
 
 @dataclass(frozen=True)
@@ -68,20 +72,6 @@ class Result:
         return 2 if self.faults else int(self.equal is False)
 
 
-class Table:
-    """A CSV file."""
-
-    def __init__(self, file: TextIO | None, columns: Sequence[str]):
-        self._writer = csv.writer(file) if file else None
-        if self._writer:
-            self._writer.writerow(columns)
-
-    def row(self, values: Sequence[Any]) -> None:
-        """Write a row, if there is a file."""
-        if self._writer:
-            self._writer.writerow(values)
-
-
 class Replay:
     """
     One replay, from a bag to another, tables and a comparison.
@@ -90,12 +80,12 @@ class Replay:
     """
 
     def __init__(self, path: str | Path, options: Options, stack: ExitStack):
-        self.result, self._options = Result(str(path)), options
+        self.result = Result(str(path))
         self.bag = stack.enter_context(Bag(path))
-        self._names = Names(self.bag, options.namespace)
-        settings = Settings.of(self.bag, self._names.topic.get('parameters', ''))
+        self._topics = RecordedTopics(self.bag, options.namespace)
+        self._topics.require_touch(self.bag)
+        settings, has = Settings.of(self.bag, self._topics), self._topics.topic
         settings.change(options.changes)
-        has = self._names.topic
         from_images = options.source == 'image' and 'image' in has
         with_servo = settings.has_robot and 'servo_calls' in has
         if not with_servo:
@@ -105,114 +95,101 @@ class Replay:
             self.result.notes.append('without parameters in it: the defaults hold')
         if not from_images and 'contact' not in has:
             raise ConfigurationError(f'bag {path}: has no contact; replay it --from image')
-        other = options.other and stack.enter_context(Bag(options.other))
-        self._other = iter(other.messages([
-            topic for topic in other.topics if self._names.of.get(topic) in COMPARED])) if (
-            other) else None
-        self._comparison = Comparison(options.tolerances) if (
-            options.compare) else None
-        made = {'contact', 'wrench'} if from_images else set()
-        made |= {'surface_patch', 'contour', 'markers'}
-        made |= {'sensor_pose', 'surface_contact', 'joint_trajectory',
-                 'servo_status'} if with_servo else set()
-        self._made = made
-        self._kinds = {name.rpartition('/')[2]: kind for name, kind, _ in topics('')}
-        self._open_out(stack)
+        self._made = {*OF_SHAPE, *(OF_IMAGES if from_images else ()),
+                      *(OF_SERVO if with_servo else ())}
+        self._comparison = Comparison(options.tolerances) if options.compare else None
+        self._compared = COMPARED.keys() & self._made & has.keys() if options.compare else set()
+        self._reference = stack.enter_context(Bag(options.other)) if options.other else self.bag
+        self._writer: BagWriter | None = None
+        self._tables: dict[str, Any] = {}
+        if options.out is not None:
+            self._open(options.out, stack)
         self.cores = Cores(self.bag, settings, self._emit, from_images, self._contact_row,
                            self._cycle_row, with_servo)
-        for node, values in settings.changed.items():
-            self._tell_change(node, values)
+        for node, values in settings.changed.items():  # in the recording that is written, too
+            self._write('parameters', self.bag.span[0], packed(ParameterEvent(
+                node=f'{self._topics.prefix}/{node}', changed_parameters=[
+                    Parameter(name, value=value).to_parameter_msg()
+                    for name, value in values.items()])))
 
-    def _open_out(self, stack: ExitStack) -> None:
-        self._writer, folder = None, self._options.out
-        files: list[TextIO | None] = [None, None]
-        if folder is not None:
-            try:
-                folder.mkdir(parents=True)
-            except OSError as error:
-                raise ConfigurationError(f'-o {folder}: {error.strerror}') from error
-            known = topics(self._names.prefix.strip('/'))
-            self._index = {name.rpartition('/')[2]: index
-                           for index, (name, _, _) in enumerate(known)}
-            self._writer = BagWriter(folder / 'bag', known)
-            stack.callback(self._writer.close)
-            files = [stack.enter_context((folder / name).open('w', newline=''))
-                     for name in ('contacts.csv', 'cycles.csv')]
-        self._contacts, self._cycles = Table(files[0], CONTACTS), Table(files[1], CYCLES)
-
-    def _tell_change(self, node: str, values: dict[str, Any]) -> None:
-        """Have the recording that is written say what was changed."""
-        self._write('parameters', self.bag.span[0], packed(ParameterEvent(
-            node=f'{self._names.prefix}/{node}', changed_parameters=[
-                Parameter(name, value=value).to_parameter_msg()
-                for name, value in values.items()])))
+    def _open(self, folder: Path, stack: ExitStack) -> None:
+        """Begin a recording and tables in a new folder."""
+        try:
+            folder.mkdir(parents=True)
+        except OSError as error:
+            raise ConfigurationError(f'-o {folder}: {error.strerror}') from error
+        known = topics(self._topics.prefix.strip('/'))
+        self._index = {name.rpartition('/')[2]: index
+                       for index, (name, _, _) in enumerate(known)}
+        self._writer = BagWriter(folder / 'bag', known)
+        stack.callback(self._writer.close)
+        for name, columns in (('contacts', CONTACTS), ('cycles', CYCLES)):
+            file = stack.enter_context((folder / f'{name}.csv').open('w', newline=''))
+            self._tables[name] = csv.writer(file)
+            self._tables[name].writerow(columns)
 
     def _contact_row(self, stamp_ns: int, contact: Any) -> None:
-        self._contacts.row((stamp_ns, int(contact.type), int(contact.valid),
-                            int(contact.force_valid), int(contact.reasons),
-                            *(getattr(contact, name) for name in REALS)))
+        if self._tables:
+            self._tables['contacts'].writerow((
+                stamp_ns, int(contact.type), int(contact.valid), int(contact.force_valid),
+                int(contact.reasons), *(getattr(contact, name) for name in REALS)))
 
     def _cycle_row(self, cycle: Cycle) -> None:
-        status = cycle.status
-        self._cycles.row((cycle.now_ns, cycle.now, status.state.name.lower(),
-                          int(status.reason.code), *(getattr(status, it) for it in _ERRORS),
-                          int(cycle.window is not None)))
+        if self._tables:
+            status = cycle.status
+            self._tables['cycles'].writerow((
+                cycle.now_ns, cycle.now, status.state.name.lower(), int(status.reason.code),
+                *(getattr(status, it) for it in _ERRORS), int(cycle.window is not None)))
 
     def _write(self, name: str, time_ns: int, data: bytes) -> None:
-        if self._writer and name in self._index:
+        if self._writer:
             self._writer.write(self._index[name], time_ns, data)
 
     def _emit(self, name: str, time_ns: int, data: bytes) -> None:
         counts = self.result.counts
         counts[name] = counts.get(name, 0) + 1
         self._write(name, time_ns, data)
-        if self._comparison and name in COMPARED and name in self._names.topic:
-            self._comparison.take(1, name, unpacked(data, self._kinds[name]), time_ns)
+        if self._comparison and name in self._compared:
+            self._comparison.take(1, name, unpacked(data, KINDS[name]), time_ns)
 
     def run(self, progress: Progress) -> None:
         """Replay everything that can be read."""
         result, (begin_ns, end_ns) = self.result, self.bag.span
-        result.seconds, begun = 1e-9 * (end_ns - begin_ns), time.perf_counter()
-        own = self._comparison and self._other is None
-        wanted = [topic for topic, name in self._names.of.items() if topic in self.bag.topics
-                  and (name not in self._made or own)]
-        rows, count = self.bag.messages(wanted, raw=True), 0
-        for row in self._readable(rows):
-            name, count = self._names.of[row.topic], count + 1
-            if name not in self._made:
+        result.seconds, begun, count = 1e-9 * (end_ns - begin_ns), time.perf_counter(), 0
+        for bag, name, row in self._rows():
+            if bag is self._reference and name in self._compared and self._comparison:
+                self._comparison.take(0, name, bag.unpacked(row), row.received_ns)
+            if bag is self.bag and name not in self._made:
+                count += 1
                 self._write(name, row.received_ns, row.message)
-            elif self._comparison and own and name in COMPARED:
-                self._comparison.take(0, name, self.bag.unpacked(row), row.received_ns)
-            self._read_other(row.received_ns)
-            self.cores.take(name, row)
-            if not count % 1000:
-                gone = 1e-9 * (row.received_ns - begin_ns)
-                progress.show(gone, 'replay', f'{gone:.0f} of {result.seconds:.0f} s')
+                self.cores.take(name, row)
+                if not count % 1000:
+                    gone = 1e-9 * (row.received_ns - begin_ns)
+                    progress.show(gone, 'replay', f'{gone:.0f} of {result.seconds:.0f} s')
         self.cores.finish()
-        self._read_other(1 << 62)
         result.elapsed = time.perf_counter() - begun
         result.faults += self.cores.faults
         if not count:
             result.faults.append(f'bag {result.bag}: holds no message of these topics')
         self._judge()
 
-    def _readable(self, rows: Iterator[Recorded]) -> Iterator[Recorded]:
-        """What can be read; why no more than that is a fault."""
+    def _rows(self) -> Iterator[tuple[Bag, str, Recorded]]:
+        """What is replayed and what it is compared with, in the order of reception."""
+        wanted = {self.bag: self._topics.name.keys() - {
+            topic for topic, name in self._topics.name.items() if name in self._made}}
+        wanted[self._reference] = wanted.get(self._reference, set()) | {
+            topic for topic in self._reference.topics
+            if self._topics.name.get(topic) in self._compared}
+        return merge(*(self._readable(*it) for it in wanted.items()),
+                     key=lambda it: it[2].received_ns)
+
+    def _readable(self, bag: Bag, wanted: Collection[str]) -> Iterator[tuple[Bag, str, Recorded]]:
+        """What can be read of a bag; why no more than that is a fault."""
         try:
-            yield from rows
+            for row in bag.messages(wanted, raw=True):
+                yield bag, self._topics.name[row.topic], row
         except ConfigurationError as error:
             self.result.faults.append(str(error))
-
-    def _read_other(self, until_ns: int) -> None:
-        """Take what another recording holds until a time [ns]."""
-        if self._other is None or self._comparison is None:
-            return
-        for row in self._readable(self._other):
-            name = self._names.of[row.topic]
-            if name in self._made and name in self._names.topic:
-                self._comparison.take(0, name, row.message, row.received_ns)
-            if row.received_ns >= until_ns:
-                return
 
     def _judge(self) -> None:
         result, lost = self.result, self.cores.inputs.lost
@@ -227,7 +204,6 @@ class Replay:
 
 def replay_one(path: str | Path, options: Options, quiet: bool = False) -> Result:
     """Replay a recording; ConfigurationError where nothing of it can be."""
-    compile_kernels()
     with ExitStack() as stack:
         replay = Replay(path, options, stack)
         begin, end = replay.bag.span
@@ -235,12 +211,20 @@ def replay_one(path: str | Path, options: Options, quiet: bool = False) -> Resul
                 np.errstate(all='ignore'):
             replay.run(progress)
     result = replay.result
-    if options.out and options.parquet:
-        _to_parquet(options.out)
     if options.out:
-        (options.out / 'result.json').write_text(json.dumps(
+        if options.parquet:
+            _to_parquet(options.out)
+        (options.out / RESULT).write_text(json.dumps(
             {**asdict(result), 'status': result.status}, indent=1, default=str))
     return result
+
+
+def replay_and_tell(path: str | Path, options: Options) -> int:
+    """Replay a recording, say on the terminal what was found, and return the exit status."""
+    compile_kernels()
+    result = replay_one(path, options)
+    print(describe(result), file=sys.stderr)
+    return result.status
 
 
 def _to_parquet(folder: Path) -> None:
@@ -264,5 +248,3 @@ def describe(result: Result) -> str:
     return '\n'.join([*lines, *result.faults[:MOST_FAULTS],
                       *([f'and {more} faults more'] if more > 0 else [])])
 
-
-__all__ = ['Options', 'Result', 'TOLERANCE', 'describe', 'replay_one']

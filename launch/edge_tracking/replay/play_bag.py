@@ -18,8 +18,8 @@ from rclpy.publisher import Publisher
 from rosgraph_msgs.msg import Clock as ClockMsg
 from std_srvs.srv import SetBool
 
-from edge_tracking.process_group import topics
-from edge_tracking.replay.names import Names
+from edge_tracking.recording.topics import RecordedTopics, topics
+from edge_tracking.replay.one import OF_IMAGES, OF_SHAPE
 from tactile_common.command_line import between, Parser, refusing
 from tactile_common.errors import ConfigurationError
 from tactile_common.ros.bag_reader import Bag, Recorded
@@ -30,8 +30,7 @@ from tactile_common.ros.runner import run, split_ros_args
 TICK = 0.002  # s between two looks at what is due
 LONGEST_TICK = 0.02  # s that the time goes on at once: a machine that is too slow plays slower
 SETTLE = 1.0  # s without a message at both ends, for nodes to hear, and to finish
-OF_IMAGES = ('contact', 'wrench')  # made anew where there are images
-ASIDE = ('surface_patch', 'contour', 'markers', 'joint_trajectory')
+ASIDE = (*OF_SHAPE, 'joint_trajectory')  # and of images, where there are some
 UNSAID = ('parameters', 'servo_calls', 'diagnostics')  # of nodes that do not run
 
 
@@ -96,7 +95,7 @@ class Playback:
 class PlayerNode(TactileNode):
     """Publish the messages of a bag when they are due, see above; `playback` tells which."""
 
-    def __init__(self, bag: Bag, names: Names, rate: float = 1.0, loop: bool = False,
+    def __init__(self, bag: Bag, names: RecordedTopics, rate: float = 1.0, loop: bool = False,
                  paused: bool = False, wait_for: Collection[str] = (), **kwargs: Any):
         super().__init__('play_bag', **{'namespace': names.prefix, **kwargs})
         self._wait_for, self._heard, self._last = wait_for, False, time.monotonic()
@@ -161,7 +160,8 @@ def main(args: list[str] | None = None) -> int:
     with refusing('play_bag') as command:
         options = parser().parse_args(given)
         with Bag(options.bag) as bag:
-            names = Names(bag, options.namespace)
+            names = RecordedTopics(bag, options.namespace)
+            names.require_touch(bag)
             nodes: list[PlayerNode] = []
 
             def play_bag(context: Any) -> PlayerNode:

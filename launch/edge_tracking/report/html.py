@@ -1,15 +1,11 @@
-"""Recordings side by side as one HTML page, with its figures, tables and players."""
-import base64
+"""Recordings side by side as one HTML page, with its charts, tables and players."""
 from collections.abc import Iterable, Mapping, Sequence
 from html import escape
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from matplotlib.figure import Figure
-
 from edge_tracking.web.page import make_page
 from tactile_simulation.metrics import shown
-from tactile_simulation.plot import png
 
 
 class Table(NamedTuple):
@@ -27,12 +23,11 @@ class Player(NamedTuple):
 
 
 class Section(NamedTuple):
-    """A part of a column; `kind` is the class of its style."""
+    """A part of a column; the content is a table, a player or charts, see `charts.py`."""
 
     heading: str
-    content: Figure | Table | Player
+    content: Table | Player | list[dict[str, Any]]
     caption: str
-    kind: str = ''
 
 
 class Badge(NamedTuple):
@@ -60,21 +55,21 @@ def listed(summary: Mapping[str, Any], *keys: str) -> str:
 
 
 def of_this_run(summary: Mapping[str, Any], *keys: str) -> str:
-    """Sentence with what a summary knows of the metrics of a picture."""
+    """Sentence with what a summary knows of the metrics of a section."""
     return f' This run: {listed(summary, *keys) or "none of its numbers is known"}.'
 
 
 def write_page(path: str | Path, columns: Sequence[Column]) -> None:
     """Write a page."""
-    players: list[dict[str, Any]] = []
+    data: dict[str, list[Any]] = {'players': [], 'charts': []}
     parts = [_beside(_head(column) for column in columns)]
     named = [{section.heading: section for section in column.sections} for column in columns]
     for heading in dict.fromkeys(name for of_one in named for name in of_one):
         parts.append(f'<h2>{escape(heading)}</h2>\n' + _beside(
-            _figure(of_one[heading], players) if heading in of_one else '<p>Not recorded.</p>'
+            _figure(of_one[heading], data) if heading in of_one else '<p>Not recorded.</p>'
             for of_one in named))
     text = make_page(' \u2013 '.join(column.title for column in columns), '\n'.join(parts),
-                     {'players': players}, ('tactile.js', 'player.js'),
+                     data, ('tactile.js', 'player.js', 'chart.js'),
                      kind='two' if len(columns) > 1 else '')
     Path(path).write_text(text, 'utf-8')
 
@@ -102,12 +97,13 @@ def _table(table: Table) -> str:
     return f'<div class="rows"><table>{"".join(rows)}</table></div>'
 
 
-def _figure(section: Section, players: list[dict[str, Any]]) -> str:
-    heading, content, caption, kind = section
+def _figure(section: Section, data: dict[str, list[Any]]) -> str:
+    """HTML of a section, whose data for the scripts are added to those of the page."""
+    content = section.content
     if isinstance(content, Table):
         inner = _table(content)
     elif isinstance(content, Player):
-        players.append(content.data)
+        data['players'].append(content.data)
         inner = (
             '<div class="player">' + ''.join(
                 f'<canvas role="img" aria-label="{escape(what)}"></canvas>'
@@ -115,8 +111,8 @@ def _figure(section: Section, players: list[dict[str, Any]]) -> str:
             + '<p></p><div class="controls"><button type="button">play</button>'
             '<input type="range" min="0" value="0" aria-label="time"></div></div>')
     else:
-        data = base64.b64encode(png(content)).decode('ascii')
-        inner = (f'<div class="picture"><img alt="{escape(heading)}" '
-                 f'src="data:image/png;base64,{data}"></div>')
-    return (f'<figure class="{kind}">{inner}<figcaption><p>{escape(caption)}</p></figcaption>'
+        data['charts'] += content
+        inner = ''.join(f'<canvas class="chart" role="img" aria-label="{escape(it["title"])}">'
+                        '</canvas>' for it in content)
+    return (f'<figure>{inner}<figcaption><p>{escape(section.caption)}</p></figcaption>'
             '</figure>')

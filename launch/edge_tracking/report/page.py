@@ -18,8 +18,7 @@ from edge_tracking.recording.frames_summary import (
 from edge_tracking.recording.frames_summary import METRICS as OF_FRAMES
 from edge_tracking.recording.run import RunData
 from edge_tracking.recording.summary import is_of_servo, latencies, rebuilt_outline
-from edge_tracking.report import figures, plans
-from edge_tracking.report import presses as pressed
+from edge_tracking.report import charts
 from edge_tracking.report.html import (
     Badge,
     Column,
@@ -34,12 +33,9 @@ from edge_tracking.report.player import chosen, player, stages
 from tactile_common.command_line import version_of_all
 from tactile_servo.laws.registry import DEFAULT, LAWS
 from tactile_simulation.metrics import busy, METRICS, percentile, rate, shown
-from tactile_simulation.plot import png
-from tactile_simulation.world import Scene, Truth
 
 LEAST = 6e-3  # m that contacts of a surface spread over
-MOST_STAGES = 100  # rows of the table
-SHOWN_PRESSES = 8
+MOST_ROWS = 100  # of a table
 MOCKS = {'mock_sensor', 'mock_robot'}  # nodes of a simulation
 MOST_TEXT = 200  # characters of a value
 _PLAIN = re.compile('[{}":]')
@@ -59,13 +55,6 @@ class Shown(NamedTuple):
 def make_report(path: str | Path, *recordings: Shown) -> None:
     """Write what recordings say, side by side, as HTML."""
     write_page(path, [_column(it, len(recordings)) for it in recordings])
-
-
-def picture(run: RunData, scene: Scene, real: Truth, path: str | Path) -> None:
-    """Save the main picture of a run as PNG."""
-    Path(path).write_bytes(png(
-        plans.felt(run, scene) if scene.action == 'track_surface'  # type: ignore[arg-type]
-        else plans.trajectory(run, scene, real)))  # type: ignore[arg-type]
 
 
 def _column(it: Shown, columns: int) -> Column:
@@ -181,11 +170,13 @@ def _sections(it: Shown, columns: int) -> Iterator[Section]:
         yield _in_scene(it)
     if of_servo:
         yield Section(
-            'Error and force', figures.over_time(run, summary, it.scene, it.real),
+            'Error and force', charts.over_time(
+                run, summary, place_on_pad(run, it.scene, it.real) if it.scene else None, it.real),
             'By touch: what the servo measured.' + (
-                ' True: from pose and scene. The statistics count from the dotted line, 10 mm '
+                ' True: from pose and scene. The statistics count from the dashed line, 10 mm '
                 'after first contact; those of the force only while an edge crosses the whole '
-                'pad.' if it.scene else ' The dotted line is 10 mm after first contact.')
+                'pad.' if it.scene else ' The dashed line is 10 mm after first contact.')
+            + ' Coloured: other states than tracking, see there.'
             + of_this_run(summary, 'lateral_rms', 'lateral_max', 'force_target',
                           'force_rms_error', 'force_max'))
         yield _states(run)
@@ -194,11 +185,21 @@ def _sections(it: Shown, columns: int) -> Iterator[Section]:
         yield from _presses(run)
     if len(latencies(run)[1]):
         yield Section(
-            'Latency', figures.latency(run, summary),
+            'Latency', charts.latency(run, summary),
             'From the last byte of an image at the driver to the end of the first control cycle '
             'that used it. Later ones than the axis shows are in its last bar.'
-            + of_this_run(summary, 'latency_p50', 'latency_p99', 'missed_cycles'), 'narrow')
+            + of_this_run(summary, 'latency_p50', 'latency_p99', 'missed_cycles'))
     yield _rates(run)
+
+
+def place_on_pad(run: RunData, scene: Any, real: Any) -> np.ndarray:
+    """True place of what is followed on the pad, along x and y (N, 2) [m], NaN where unknown."""
+    if scene.action == 'track_surface':
+        return real.place
+    along = np.einsum('ij,ij->i', run.poses.matrix[:, :3, 1], scene.edge.tangent_at(real.along))
+    left = 1.0 if along[real.tracking].sum() >= 0.0 else -1.0  # where the sensor's x points to
+    lateral = np.where(real.tracking, -left * real.lateral, np.nan)
+    return np.column_stack([lateral, np.full_like(lateral, np.nan)])
 
 
 def _player(run: RunData, stamps: np.ndarray) -> Section:
@@ -220,12 +221,11 @@ def _in_scene(it: Shown) -> Section:
     run, summary, scene = it.run, it.summary, it.scene
     if scene.action == 'track_surface':
         return Section(
-            'The surface that was felt', plans.felt(run, scene),
-            'Contacts, coloured by their distance from the true surface, which only the mock '
-            'sensor knows.' + of_this_run(
-                summary, 'tracked_length', 'surface_rms', 'surface_max', 'force_max'))
+            'The surface that was felt', charts.felt(run, scene),
+            'Contacts, and their distance from the true surface, which only the mock sensor knows.'
+            + of_this_run(summary, 'tracked_length', 'surface_rms', 'surface_max', 'force_max'))
     return Section(
-        'Path of the pad', plans.trajectory(run, scene, it.real),
+        'Path of the pad', charts.path(run, scene, it.real),
         'Centre of the pad over the true edge, with the outline of the pad at first contact '
         f'and at the end. The run begins {1e3 * abs(scene.start.offset):.1f} mm beside the edge, '
         "which touch takes away. Positions are from the robot's forward "
@@ -239,53 +239,54 @@ def _states(run: RunData) -> Section:
         (f'{run.seconds(stage.begin):.3f}', f'{1e-9 * (stage.end - stage.begin):.3f}',
          stage.state, stage.reason) for stage in told]
     return Section(
-        'States', Table(('from [s]', 'for [s]', 'state', 'reason'), rows[:MOST_STAGES]),
+        'States', Table(('from [s]', 'for [s]', 'state', 'reason'), rows[:MOST_ROWS]),
         f'This run: {len(rows)} states' + (
-            f', of which the first {MOST_STAGES} are listed.' if len(rows) > MOST_STAGES
+            f', of which the first {MOST_ROWS} are listed.' if len(rows) > MOST_ROWS
             else '.'))
 
 
 def _shape(it: Shown) -> Iterator[Section]:
     run, found = it.run, rebuilt_outline(it.run)
     if found is not None and 'sides' in it.summary:
+        sides = ', '.join(f'{side.kind} of {1e3 * side.length:.2f} mm' + (
+            f', radius {1e3 * side.radius:.1f}' if side.kind == 'arc' else '')
+            for side in found.sides)
         yield Section(
-            'Rebuilt outline', plans.outline(run, it.scene, found),
+            'Rebuilt outline', charts.outline(run, it.scene, found),
             'Lines, arcs and corners, as few as the contacts along the edge allow. Each contact '
             'is a point of the fitted line or, on a curve and at a corner, of the ridge of the '
             'picture, put into the base by the pose of the robot. '
             'This run: ' + ', '.join(filter(None, (
-                f'{len(found.sides)} sides', f'{len(found.corners)} corners',
+                f'{len(found.sides)} sides ({sides})', f'{len(found.corners)} corners',
                 listed(it.summary, 'contour_max_error', 'contour_area_error')))) + '.')
     # Of an edge that was touched for the first time a few contacts may look like a surface.
     if len(run.patches) and np.ptp([patch.origin for patch in run.patches], axis=0).max() > LEAST:
-        told = f'This run: {len(run.patches)} patches.'
-        yield Section(
-            'Surface', plans.surface(run),
-            'Where a surface was touched: patches of second order, coloured by the least one '
-            f'that explains the contacts, and the way of the contact. {told}', 'narrow')
-        yield Section('Curvature', plans.curvatures(run),
-                      f'By the shape estimator, live. {told}', 'narrow')
+        yield Section('Surface', charts.curvatures(run),
+                      'Where a surface was touched: principal curvatures by the shape estimator, '
+                      f'live. This run: {len(run.patches)} patches.')
 
 
 def _presses(run: RunData) -> Iterator[Section]:
     series = force_series(run)
     if not len(series.time):
         return
-    count = len(presses(series.force))
+    found, (scale, unit) = presses(series.force), force_unit(series.unit)
     yield Section(
-        'Force and centre of pressure over time', pressed.force_over_time(series),
+        'Force and centre of pressure', charts.pressed(run, series, found),
         'Force is the zeroth moment of the picture. Without a calibration it is in counts '
         'times area and says nothing about newtons. The centre of pressure is shown where '
         'the force is above a tenth of its largest value. This recording: '
         f'{len(series.time)} contacts in {np.ptp(series.time):.1f} s.')
+    rows: list[tuple[str, ...]] = [
+        (str(number), f'{series.time[begin]:.2f}',
+         f'{series.time[end - 1] - series.time[begin]:.2f}',
+         f'{scale * series.force[peak]:.4g}', f'{series.time[peak]:.2f}',
+         *(f'{1e3 * place:+.2f}' for place in series.centre_of_pressure[peak]))
+        for number, (begin, peak, end) in enumerate(found[:MOST_ROWS], 1)]
     yield Section(
-        'Presses', pressed.press_pictures(run, series, SHOWN_PRESSES),
-        f'The pictures at the peaks of {min(count, SHOWN_PRESSES)} of {count} presses, with the '
-        'centre of pressure.')
-    yield Section(
-        'Path of the centre of pressure', pressed.centre_path(run, series),
-        'The frame is the array; the colour is the force. This recording: the centre moves over '
-        '{:.1f} by {:.1f} mm.'.format(*1e3 * pressed.centre_extent(series)))
+        'Presses', Table(('', 'from [s]', 'for [s]', f'peak [{unit}]', 'at [s]', 'x [mm]',
+                          'y [mm]'), rows),
+        f'Where the centre of pressure was at the peak. This recording: {len(found)} presses.')
 
 
 def _rates(run: RunData) -> Section:

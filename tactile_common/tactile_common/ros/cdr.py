@@ -72,10 +72,13 @@ def unpacked(raw: bytes, kind: type) -> Any:
 
 
 def packed(message: Any) -> bytes:
-    """Return the bytes of a message of rclpy's, which leaves chance in the gaps: the same ones."""
+    """Return the bytes of a message of rclpy's: always the same, which leaves chance in gaps."""
     kind: Any = type(message)
-    return bytes(_installed.serialize_cdr(
-        unpacked(serialize_message(message), kind), _known(kind)))
+    try:
+        return bytes(_installed.serialize_cdr(message, _known(kind)))
+    except AttributeError:  # a sequence of numbers, which rosbags awaits as an ndarray
+        return bytes(_installed.serialize_cdr(
+            unpacked(serialize_message(message), kind), _known(kind)))
 
 
 @cache

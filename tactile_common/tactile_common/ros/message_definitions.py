@@ -19,10 +19,14 @@ class MessageDefinition(NamedTuple):
     digest: str  # its hash RIHS01
 
 
+def type_name(message_class: type) -> str:
+    """Return the name of a message class, for instance 'std_msgs/msg/Header'."""
+    return f'{message_class.__module__.split(".")[0]}/msg/{message_class.__name__}'
+
+
 def definition_of(message_class: type) -> MessageDefinition:
     """Return the definition of a message class; ConfigurationError as `definition`."""
-    package = message_class.__module__.split('.')[0]
-    return definition(f'{package}/msg/{message_class.__name__}')
+    return definition(type_name(message_class))
 
 
 @cache

@@ -1,16 +1,26 @@
-"""A run as an animated picture: the pad on its way from above, beside what it feels."""
+"""A run in a scene as pictures: its way, and the pad on it beside what it feels."""
 from os import PathLike
+from pathlib import Path
+from typing import Any
 
 from matplotlib.patches import Polygon
 import numpy as np
 from PIL import Image
 
 from edge_tracking.recording.run import RunData
-from edge_tracking.report.plans import from_above
-from edge_tracking.report.style import ESTIMATE_COLOUR, picture
+from edge_tracking.report.charts import from_above, pad_outline
 from tactile_common.errors import ConfigurationError
 from tactile_simulation.edge_world import EdgeScene
-from tactile_simulation.plot import BLUE, EDGE_COLOUR, INK, label, new_figure
+from tactile_simulation.plot import (
+    BLUE,
+    EDGE_COLOUR,
+    equal_axes,
+    INK,
+    label,
+    new_figure,
+    png,
+    show_contacts,
+)
 
 RATE = 15.0  # pictures per second, in real time
 MOST = 150  # pictures; a longer run is shown faster
@@ -18,6 +28,24 @@ MOVED = 1e-4  # m
 DPI = 80
 COLOURS = 96
 NS = 1e-9
+ESTIMATE_COLOUR = '#10a4b8'  # on pressures
+
+
+def picture(run: RunData, scene: Any, real: Any, path: str | PathLike) -> None:
+    """Save the main picture of a run as PNG: the way over an edge, the contacts on a surface."""
+    figure = new_figure(10.0, 4.2)
+    if scene.action == 'track_surface':
+        above, side = figure.subplots(1, 2)
+        show_contacts(figure, above, side, run.touches.position, scene)
+    else:
+        edge, plan = scene.edge.points, figure.subplots()
+        plan.plot(*from_above(edge, edge).T, color=EDGE_COLOUR, linewidth=6,
+                  solid_capstyle='butt')
+        plan.plot(*from_above(edge, run.poses.position[real.tracking]).T, color=BLUE,
+                  linewidth=1.6)
+        equal_axes(plan)
+        label(plan, 'along the first edge [mm]', 'across [mm]', 'Path of the pad over the edge')
+    Path(path).write_bytes(png(figure))
 
 
 def animate(run: RunData, scene: EdgeScene, path: str | PathLike) -> None:
@@ -68,31 +96,33 @@ def _draw(plan, felt, run, scene, chosen):
     """Draw what stays; returns what draws the picture of an index."""
     array, poses, contacts = run.images.array, run.poses, run.contacts
     x, y = array.half_width_x, array.half_width_y
-    corners = np.array([[-x, -y, 0, 1], [x, -y, 0, 1], [x, y, 0, 1], [-x, y, 0, 1]])
     edge = scene.edge.points
     way = from_above(edge, poses.position)
     plan.plot(*from_above(edge, edge).T, color=EDGE_COLOUR, linewidth=6,
               solid_capstyle='butt')
     path, = plan.plot([], [], color=BLUE, linewidth=1.8)
-    pad = plan.add_patch(Polygon(np.zeros((4, 2)), facecolor='#1f5fa830', edgecolor=BLUE))
+    pad = plan.add_patch(Polygon(np.zeros((5, 2)), facecolor='#1f5fa830', edgecolor=BLUE))
     plan.update_datalim(np.concatenate([way - 1.5e3 * x, way + 1.5e3 * x]))
     plan.autoscale_view()
     plan.set_aspect('equal')
     label(plan, 'along the first edge [mm]', 'across [mm]', 'The pad over the edge')
     top = float(np.nanmax(run.images.frames[chosen], initial=0.0))
-    shown = picture(felt, run.images, chosen[0], top)
+    scale, unit = (1e-3, 'kPa') if run.images.unit == 'Pa' else (1.0, run.images.unit)
+    felt.set_facecolor('#dfe2e7')  # invalid tactels
+    shown = felt.imshow(
+        np.zeros(array.shape), origin='lower', cmap='magma_r', interpolation='nearest',
+        extent=(-1e3 * x, 1e3 * x, -1e3 * y, 1e3 * y), vmin=0.0, vmax=max(scale * top, 1e-9))
     line, = felt.plot([], [], color=ESTIMATE_COLOUR, linewidth=2.2)
     label(felt, 'x [mm]', 'y [mm]')
     felt.grid(False)
     along = 2.0 * np.hypot(x, y) * np.array([-1.0, 1.0])  # [m], beyond the pad
-    scale, unit = (1e-3, 'kPa') if run.images.unit == 'Pa' else (1.0, run.images.unit)
     dark = f'What it feels (darkest: {scale * top:.0f} {unit})'
 
     def update(index):
         stamp = run.images.stamp_ns[index]
         here = _nearest(poses.stamp_ns, stamp)
         path.set_data(*way[:here + 1].T)
-        pad.set_xy(from_above(edge, (corners @ poses.matrix[here].T)[:, :3]))
+        pad.set_xy(from_above(edge, pad_outline(array, poses.matrix[here])))
         shown.set_data(scale * np.ma.masked_invalid(run.images.frames[index]))
         line.set_data([], [])
         text = dark

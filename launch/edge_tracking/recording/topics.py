@@ -1,0 +1,86 @@
+"""The topics of the graph, and which of a recording are which."""
+from diagnostic_msgs.msg import DiagnosticArray
+from geometry_msgs.msg import PoseStamped, WrenchStamped
+from nav_msgs.msg import Path
+from rcl_interfaces.msg import ParameterEvent
+from rclpy.qos import DurabilityPolicy, qos_profile_sensor_data, QoSProfile
+from sensor_msgs.msg import JointState
+from trajectory_msgs.msg import JointTrajectory
+from visualization_msgs.msg import MarkerArray
+
+from tactile_common.errors import ConfigurationError
+from tactile_common.ros.bag_reader import Bag
+from tactile_common.ros.message_definitions import type_name
+from tactile_msgs.msg import (
+    Contact,
+    SensorInfo,
+    ServoCalls,
+    ServoStatus,
+    SurfacePatch,
+    TactileImage,
+)
+
+NAMESPACE = 'tactile'
+OF_SENSORS = ('image', 'contact', 'servo_status')  # that tell a sensor's namespace
+OF_ROBOTS = ('joint_states', 'joint_trajectory')  # in any namespace
+
+
+def topics(namespace: str) -> list[tuple[str, type, QoSProfile]]:
+    """Every topic of the graph, with its type and the quality of service to listen with."""
+    deep = QoSProfile(depth=100)
+    latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+    settings = QoSProfile(depth=100, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+    sensor = QoSProfile(depth=100, reliability=qos_profile_sensor_data.reliability)
+    own = [('image', TactileImage, sensor), ('sensor_info', SensorInfo, latched),
+           ('contact', Contact, sensor), ('wrench', WrenchStamped, sensor),
+           ('surface_patch', SurfacePatch, deep), ('contour', Path, latched),
+           ('markers', MarkerArray, latched), ('servo_status', ServoStatus, deep),
+           ('surface_contact', PoseStamped, deep), ('sensor_pose', PoseStamped, sensor),
+           ('servo_calls', ServoCalls, deep), ('parameters', ParameterEvent, settings)]
+    prefix = f'/{namespace}'.rstrip('/')
+    return [(f'{prefix}/{name}', kind, qos) for name, kind, qos in own] + [
+        ('/diagnostics', DiagnosticArray, deep), ('/joint_states', JointState, deep),
+        ('/joint_trajectory_controller/joint_trajectory', JointTrajectory, deep)]
+
+
+KINDS = {name.rpartition('/')[2]: kind for name, kind, _ in topics(NAMESPACE)}
+
+
+class RecordedTopics:
+    """
+    Topics of a recording by the names that they have here; those of another type do not count.
+
+    ConfigurationError where there are several sensors, and no namespace is chosen.
+
+    Attributes
+    ----------
+    prefix : str
+        Namespace of the sensor, '' or with its slash.
+    topic, name : dict of str
+        Topics by name, without those that hold nothing, and the reverse.
+    """
+
+    def __init__(self, bag: Bag, namespace: str | None = None):
+        found = bag.namespaces({name: type_name(KINDS[name]) for name in OF_SENSORS})
+        if namespace is not None:
+            self.prefix = f'/{namespace.strip("/")}'.rstrip('/')
+        elif not found or f'/{NAMESPACE}' in found:
+            self.prefix = f'/{NAMESPACE}'
+        elif len(found) == 1:
+            self.prefix, = found
+        else:
+            raise ConfigurationError(
+                f'bag {bag.path}: holds several sensors, {", ".join(found)}; choose a namespace')
+        own = {topic: topic.rpartition('/')[2] for topic, _, _ in topics(self.prefix.strip('/'))}
+        own |= {topic: kind for kind in OF_ROBOTS for topic in bag.topics
+                if topic.endswith(f'/{kind}')}
+        self.name = {topic: name for topic, name in own.items()
+                     if bag.topics.get(topic) == type_name(KINDS[name]) and bag.count(topic)}
+        self.topic = {name: topic for topic, name in self.name.items()}
+
+    def require_touch(self, bag: Bag) -> None:
+        """ConfigurationError where nothing was felt."""
+        if not {'image', 'contact'} & self.topic.keys():
+            raise ConfigurationError(
+                f'bag {bag.path}: has no image and no contact of a tactile sensor in '
+                f'{self.prefix or "/"}; there are {sorted(bag.topics)}')

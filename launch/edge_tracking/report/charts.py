@@ -1,0 +1,236 @@
+"""What happened in a run as charts that the page draws: data, and what they are called."""
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from edge_tracking.recording.frames_summary import force_series, force_unit, ForceSeries, Press
+from edge_tracking.recording.run import RunData
+from edge_tracking.recording.summary import latencies, settled_cycles
+from edge_tracking.report.player import stages, thinned
+from edge_tracking.web.page import packed
+from tactile_common.polyline import arc_length
+from tactile_sensing.types.array import TactelArray
+from tactile_sensing.types.contact import ContactType
+from tactile_servo.track_statistics import SETTLING_LENGTH
+from tactile_servo.types import State
+from tactile_shape.contour.outline import Outline
+from tactile_simulation.plot import BLUE, EDGE_COLOUR, GREY, INK, ORANGE
+
+MOST_POINTS = 4000  # of a line; of each group of others the least and the largest are shown
+LEAST_ERROR = 5e-3  # mm, to which an axis of errors is enlarged at most
+SHADES = {
+    State.APPROACH: '#eaf0f8', State.CORNER: '#fff4d6', State.SEARCH: '#fdebd3',
+    State.RETREAT: '#dfe7ef', State.HOLD: '#fadcd9'}
+TOUCH, TRUE = (ORANGE, '#c9a227'), (BLUE, '#6aa3d8')  # along x and y
+
+
+def line(name: str, x: Any, y: Any, colour: str, **style: Any) -> dict[str, Any]:
+    """Line over something that grows, with NaN for gaps; `style` is its width, or dots."""
+    x, y = extremes(np.asarray(x, float), np.asarray(y, float))
+    return _series(name, x, y, colour, **style)
+
+
+def way(name: str, points: np.ndarray, colour: str, **style: Any) -> dict[str, Any]:
+    """Line through points (N, 2 or more), whatever their order."""
+    x, y = points[thinned(len(points), MOST_POINTS), :2].T if len(points) else np.empty((2, 0))
+    return _series(name, x, y, colour, **style)
+
+
+def _series(name, x, y, colour, **style):
+    return {'name': name, 'colour': colour, 'x': packed(x, '<f4'), 'y': packed(y, '<f4'), **style}
+
+
+def extremes(x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Of a long line the least and the largest of each group, so that no peak is lost."""
+    size = -(-2 * len(y) // MOST_POINTS)
+    if size <= 2:
+        return x, y
+    groups = np.append(y, np.full(-len(y) % size, np.nan)).reshape(-1, size)
+    missing = np.isnan(groups)
+    both = np.column_stack([np.where(missing, np.inf, groups).argmin(axis=1),
+                            np.where(missing, -np.inf, groups).argmax(axis=1)])
+    index = (np.sort(both, axis=1) + size * np.arange(len(groups))[:, None]).ravel()
+    return x[index], y[index]
+
+
+def chart(title: str, x: str, y: str, series: Sequence[Any], **more: Any) -> dict[str, Any]:
+    """
+    Return a chart for the script `chart.js`.
+
+    Parameters
+    ----------
+    title, x, y : str
+        What is shown, and what the axes are, with their units.
+    series : sequence
+        Of `line` and `way`.
+    **more
+        `bands` [begin, end, colour], `marks` [across, at, name, colour], `domain` of x, `range`
+        of y, `equal` axes.
+    """
+    return {'title': title, 'xlabel': x, 'ylabel': y, 'series': [*series], **more}
+
+
+def over_time(run: RunData, summary: Mapping[str, Any], place: np.ndarray | None, real: Any
+              ) -> list[dict[str, Any]]:
+    """Place of what is followed on the pad (N, 2) [m], by touch and true, and the force."""
+    statuses = run.statuses
+    time, (tracking, settled) = run.seconds(statuses.stamp_ns), settled_cycles(statuses)
+    felt = np.column_stack([statuses.lateral_error, statuses.longitudinal_error])
+    felt = np.where(tracking[:, None], 1e3 * felt, np.nan)
+    series = [line(f'{"xy"[axis]} by touch', time, felt[:, axis], TOUCH[axis])
+              for axis in (0, 1) if np.isfinite(felt[:, axis]).any()]
+    judged = felt[settled]
+    if place is not None:
+        judged = 1e3 * place[real.settled]
+        series += [line(f'{"xy"[axis]}, true', real.time, 1e3 * place[:, axis], TRUE[axis],
+                        width=1.8)
+                   for axis in (0, 1) if np.isfinite(place[:, axis]).any()]
+    begin = [[True, float(time[np.argmax(settled)]), '', GREY]] if settled.any() else []
+    active = time[statuses.state != State.IDLE]
+    common = {'bands': _states(run), 'domain': active[[0, -1]].tolist()}
+    off = 'off centre [mm]'
+    return [
+        chart("What is followed, from the pad's centre", 'time [s]', off, series, marks=begin,
+              **common),
+        chart('The same, enlarged to what remains after settling', 'time [s]', off, series,
+              range=_around(judged), marks=begin, **common),
+        {**_force(run, summary, real, begin), **common}]
+
+
+def _states(run: RunData) -> list[list[Any]]:
+    told = [(stage, State[stage.state.upper()]) for stage in stages(run)]
+    return [[float(run.seconds(stage.begin)), float(run.seconds(stage.end)), SHADES[state]]
+            for stage, state in told if state in SHADES]
+
+
+def _around(values: np.ndarray) -> list[float] | None:
+    """Range of an axis for errors [mm] that have settled."""
+    seen = np.abs(values[np.isfinite(values)])
+    most = 1.3 * max(float(seen.max()), LEAST_ERROR) if seen.size else 0.0
+    return [-most, most] if most else None
+
+
+def _force(run: RunData, summary: Mapping[str, Any], real: Any, begin: list[Any]
+           ) -> dict[str, Any]:
+    felt, contacts = force_series(run), run.contacts
+    scale, unit = force_unit(felt.unit)
+    stamps, force = felt.stamp_ns, felt.force
+    touching = contacts.type != ContactType.NONE
+    if 2 * contacts.force_valid[touching].sum() > touching.sum():
+        stamps = contacts.stamp_ns
+        force = np.where(contacts.force_valid, contacts.normal_force, np.nan)
+    series = [line('by touch', run.seconds(stamps), scale * force, ORANGE)]
+    if real is not None:
+        series.append(line('true', real.time, real.force, BLUE, width=1.8))
+    target = float(summary['force_target'])
+    known = np.isfinite(target) and unit == 'N'
+    largest = max(target, float(np.nanmax(force if real is None else real.force, initial=target)))
+    return chart('Force on the pad', 'time [s]', f'force [{unit}]', series,
+                 marks=[*begin, [False, target, f'target, {target:g} N', INK]] if known else begin,
+                 range=[-0.04 * target, 1.2 * largest] if known else None)
+
+
+def latency(run: RunData, summary: Mapping[str, Any]) -> list[dict[str, Any]]:
+    """Histogram of the time from a picture's last byte to the command that used it."""
+    values = 1e3 * latencies(run)[1]
+    period = 1e3 / summary['sensor_rate'] if summary['sensor_rate'] > 0 else np.nan
+    right = 1.1 * float(np.nanmax([period, np.percentile(values, 99.8)]))
+    left = min(0.0, float(values.min()))
+    counts, edges = np.histogram(np.clip(values, left, right), np.linspace(left, right, 80))
+    marks = [[True, float(at), text, colour] for at, text, colour in (
+        (1e3 * summary['latency_p50'], 'median', INK), (1e3 * summary['latency_p99'], '99 %',
+                                                        ORANGE),
+        (period, 'one picture', GREY)) if np.isfinite(at)]
+    return [chart('Last byte to command', 'time [ms]', 'pictures', [
+        line('', np.repeat(edges, 2)[1:-1], np.repeat(counts, 2), BLUE)], marks=marks)]
+
+
+def from_above(edge: np.ndarray, points: Any) -> np.ndarray:
+    """Horizontal coordinates [mm], `(N, 2)`, in which a line begins at 0 and runs along x."""
+    along = edge[1, :2] - edge[0, :2]
+    along = along / max(np.linalg.norm(along), 1e-12)
+    across = np.array([-along[1], along[0]])
+    relative = 1e3 * (np.asarray(points)[:, :2] - edge[0, :2])
+    return relative @ np.stack([along, across], axis=1)
+
+
+def pad_outline(array: TactelArray, pose: np.ndarray) -> np.ndarray:
+    """Corners of a pad in the base frame [m], `(5, 3)`, the first once more at the end."""
+    x, y = array.half_width_x, array.half_width_y
+    corners = np.array([[-x, -y, 0, 1], [x, -y, 0, 1], [x, y, 0, 1], [-x, y, 0, 1],
+                        [-x, -y, 0, 1]])
+    return (corners @ pose.T)[:, :3]
+
+
+def path(run: RunData, scene: Any, real: Any) -> list[dict[str, Any]]:
+    """Path of the pad over the true edge, seen from above, with the pad at both ends."""
+    edge, touching = scene.edge.points, np.flatnonzero(real.tracking)
+    pads = [way('', from_above(edge, pad_outline(run.images.array, run.poses.matrix[index])), BLUE)
+            for index in touching[[0, -1]]] if touching.size and run.images.array else []
+    return [chart('From above, equal axes', 'along the first edge [mm]', 'across [mm]', [
+        way('true edge', from_above(edge, edge), EDGE_COLOUR, width=6),
+        way('pad', from_above(edge, run.poses.position[real.tracking]), BLUE), *pads], equal=True)]
+
+
+def felt(run: RunData, scene: Any) -> list[dict[str, Any]]:
+    """Contacts on a surface from above, and how far they are from the true one."""
+    points = run.touches.position
+    off = scene.surface.distance(points) if len(points) else np.empty(0)
+    return [
+        chart('Contacts from above, equal axes', 'x [mm]', 'y [mm]', [
+            way('', 1e3 * (points - np.array(scene.top)), BLUE, dots=True)], equal=True),
+        chart('Contacts against the true surface', 'way [mm]', 'outside [\u00b5m]', [
+            line('', 1e3 * arc_length(points) if len(points) else [], 1e6 * off, BLUE)])]
+
+
+def outline(run: RunData, scene: Any, found: Outline) -> list[dict[str, Any]]:
+    """Outline rebuilt from touch; over the true edge, and how far it is from it, in a scene."""
+    edge = scene.edge.points if scene else found.points
+    contacts, rebuilt, corners = (from_above(edge, points.reshape(-1, 3)) for points in (
+        run.contour, found.points, found.corners))
+    series = [way('contacts', contacts, BLUE, dots=True), way('outline', rebuilt, ORANGE),
+              way('corners', corners, INK, dots=True)]
+    title, x = 'Seen along base z, equal axes', 'along the first edge [mm]'
+    if not scene:
+        return [chart(title, x, 'across [mm]', series, equal=True)]
+    lateral, along = 1e3 * scene.edge.nearest(run.contour)[0], arc_length(run.contour)
+    return [
+        chart(title, x, 'across [mm]', [
+            way('true edge', from_above(edge, edge), EDGE_COLOUR, width=6), *series], equal=True),
+        chart('Contacts against the true edge', 'along the contour [mm]', 'left of it [mm]', [
+            line('', 1e3 * along, lateral, BLUE)],
+            range=_around(lateral[along >= SETTLING_LENGTH]))]
+
+
+def curvatures(run: RunData) -> list[dict[str, Any]]:
+    """Principal curvatures along the way of the contact, where it could see them."""
+    along = 1e3 * arc_length(np.array([patch.origin for patch in run.patches]))
+    bend = np.array([np.where(patch.seen, patch.curvature, np.nan) for patch in run.patches])
+    return [chart('Curvature, where the path could see it', 'way [mm]', 'curvature [1/m]', [
+        line(('first', 'second')[axis], along, bend[:, axis], (BLUE, ORANGE)[axis], dots=True)
+        for axis in (0, 1)])]
+
+
+def pressed(run: RunData, series: ForceSeries, found: Sequence[Press]) -> list[dict[str, Any]]:
+    """Force with its presses, and centre of pressure: over time, and on the array."""
+    scale, unit = force_unit(series.unit)
+    time, centre = series.time, 1e3 * series.centre_of_pressure[loaded(series)]
+    bands = [[float(time[begin]), float(time[min(end, len(time) - 1)]), SHADES[State.APPROACH]]
+             for begin, _, end in found]
+    moves = np.where(loaded(series)[:, None], 1e3 * series.centre_of_pressure, np.nan)
+    frame = [way('array', 1e3 * pad_outline(run.images.array, np.eye(4)), GREY)] if (
+        run.images.array) else []
+    return [
+        chart('Force, with its presses', 'time [s]', f'force [{unit}]', [
+            line('', time, scale * series.force, BLUE)], bands=bands),
+        chart('Centre of pressure', 'time [s]', 'place [mm]', [
+            line('xy'[axis], time, moves[:, axis], (BLUE, ORANGE)[axis]) for axis in (0, 1)],
+            bands=bands),
+        chart('Centre of pressure on the array, equal axes', 'x [mm]', 'y [mm]', [
+            *frame, way('', centre, BLUE, dots=True)], equal=True)]
+
+
+def loaded(series: ForceSeries) -> np.ndarray:
+    """Where the force is above a tenth of its largest value, `(N,)`."""
+    return series.force > 0.1 * np.nanmax(series.force, initial=0.0)
