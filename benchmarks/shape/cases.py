@@ -4,7 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from tactile_shape.known_surfaces import add_noise, cylinder, PLANE, sphere, Torus, Weave
+from benchmarks.shape.surfaces import add_noise, cylinder, PLANE, sphere, Torus, Weave
 from tactile_shape.types.patch import Kind, Patch
 
 PATCH = (0.02, 0.004)  # m

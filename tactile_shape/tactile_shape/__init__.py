@@ -28,7 +28,6 @@ __all__, __getattr__, __dir__ = exported(__name__, {
     'contour.contact_path': 'ContactPath SpatialContact',
     'contour.object_model': 'ModelConfig ObjectModel',
     'contour.outline': 'find_outline Outline Side',
-    'known_surfaces': 'cylinder sphere Torus Weave',
     'local_surface.local_quadric': 'LocalQuadric LocalQuadricConfig',
     'shape_estimator': 'ShapeEstimator',
     'thesis.matrix_estimator': 'MatrixEstimator MatrixEstimatorConfig',

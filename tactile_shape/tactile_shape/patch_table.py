@@ -12,6 +12,9 @@ from tactile_shape.types.patch import Kind, Patch
 from tactile_shape.types.surface_matrix import SurfaceMatrix
 
 SHEET = (0.02, 0.004)  # m, over which an error is taken
+MANY = 0.5  # of the contacts with a surface, that must be refused for a hint
+UNIT = 1e-2  # that the length of a normal may be off
+SHORT = 4e-3  # m of path, below which most patches are refused
 # What of a reason differs from contact to contact.
 _NUMBERS = re.compile(
     '^the path of [^ ]+ mm is |^[0-9]+ contacts see |, not all of .*|: they scatter by .*')
@@ -99,3 +102,39 @@ class PatchTable:
         parts.append(f'{len(self.records) - len(valid)} not valid' + ''.join(
             f'; {count} {reason}' for reason, count in self._reasons.items()))
         return ', '.join(parts)
+
+    def hints(self, window: float) -> Iterator[str]:
+        """What may be wrong, if most contacts gave no patch; `window` is that of the fit [m]."""
+        recording = self._recording
+        touched = np.isfinite(recording.position).all(axis=1) & ~recording.edge
+        records = self.records[touched]
+        count, valid = len(records), np.count_nonzero(records['valid'])
+        if not count:
+            if recording.edge.any():
+                yield ('all contacts are with edges, which have no surface: see --outline, '
+                       '--contour')
+            return
+        seen = records['curvature'][records['valid'] & records['seen'].all(axis=1)]
+        if len(seen) > MANY * count and (seen < 0.0).all():
+            yield ('the surface is concave throughout; if the object is convex, the normals point '
+                   'out of it and must point into it')
+        if valid < (1.0 - MANY) * count:
+            yield f'{count - valid} of {count} contacts gave no surface'
+            yield _doubt(recording.position[touched], recording.normal[touched], window)
+
+
+def _doubt(position: np.ndarray, normal: np.ndarray, window: float) -> str:
+    """What is odd about a path of which no surface could be told."""
+    length = np.median(np.linalg.norm(normal, axis=1))
+    if not abs(length - 1.0) < UNIT:
+        exchanged = np.allclose(np.linalg.norm(position, axis=1), 1.0, atol=UNIT)
+        return (f'normals have a length of {length:.3g}, must have 1'
+                + ('; are position and normal exchanged?' if exchanged else ''))
+    steps = np.linalg.norm(np.diff(position, axis=0), axis=1)
+    if len(steps) and (step := np.median(steps)) > window:
+        return (f'contacts are {step:.3g} m apart, more than the window of {window:g} m; are '
+                'positions in metres?')
+    if (way := steps.sum()) < SHORT:
+        return f'the whole path is {1e3 * way:.2g} mm long: below 4 mm hardly anything is seen'
+    return ('if the path is straight, swing it by 1 mm or more; if it is not of one surface, take '
+            'a shorter --window; if positions are noisier than --position-noise, tell it')

@@ -10,12 +10,12 @@ import numpy as np
 import pytest
 import quadrics
 
+from benchmarks.shape.surfaces import add_noise, cylinder, sphere, Weave
 from tactile_common.errors import ConfigurationError
 from tactile_common.ros.conversions import stamp_from_ns
 from tactile_msgs.msg import Contact as ContactMsg
 from tactile_shape.cli import fit
 from tactile_shape.contact_recording import ContactRecording, load_contacts
-from tactile_shape.known_surfaces import add_noise, cylinder, sphere, Weave
 from tactile_shape.local_surface.local_quadric import LocalQuadric, LocalQuadricConfig
 from tactile_shape.patch_table import COLUMNS
 from tactile_shape.types.patch import Kind

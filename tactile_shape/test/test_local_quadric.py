@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from benchmarks.shape.surfaces import add_noise, cylinder, PLANE, sphere, Torus, Weave
 from tactile_common.errors import ConfigurationError
-from tactile_shape.known_surfaces import add_noise, cylinder, PLANE, sphere, Torus, Weave
 from tactile_shape.local_surface import curvature_fit
 from tactile_shape.local_surface.contact_window import MAX_CELLS
 from tactile_shape.local_surface.local_quadric import LocalQuadric, LocalQuadricConfig
@@ -313,8 +313,8 @@ def test_equations_are_those_of_their_rows(model_error):
         matrix += rows.T @ inverse @ rows
         right += rows.T @ inverse @ target
         square += target @ inverse @ target
-    contacts = curvature_fit.Contacts(u, z, n, weights)
-    found = curvature_fit.moments(contacts, contacts.rows(), noise, curvature, doubt, model_error)
+    contacts = curvature_fit.Contacts(np.column_stack([u, z]), n, weights)
+    found = contacts.sums(noise, curvature, doubt, model_error)
     np.testing.assert_allclose(found[:6, :6], matrix, rtol=1e-9, atol=1e-6)
     np.testing.assert_allclose(found[:6, 6], right, rtol=1e-9)
     assert found[6, 6] == pytest.approx(square)
@@ -329,7 +329,7 @@ def test_what_a_fit_works_on_does_not_grow(noise):
     cells = []
     for point, normal in zip(points, normals, strict=True):
         ESTIMATOR.add(point, normal)
-        cells.append(len(ESTIMATOR._stretch.points))
+        cells.append(len(ESTIMATOR._cells))
     assert max(cells) <= MAX_CELLS and max(cells[-1000:]) <= max(cells[:1500]) + 5
 
 

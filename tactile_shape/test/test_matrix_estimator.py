@@ -5,8 +5,8 @@ from hypothesis.extra import numpy as npst
 import numpy as np
 import pytest
 
+from benchmarks.shape.surfaces import add_noise, cylinder, PLANE, sphere, Weave
 from tactile_common.errors import ConfigurationError
-from tactile_shape.known_surfaces import add_noise, cylinder, PLANE, sphere, Weave
 from tactile_shape.thesis.matrix_estimator import MatrixEstimator, MatrixEstimatorConfig
 from tactile_shape.types.patch import Kind
 from tactile_shape.types.surface_matrix import SurfaceMatrix

@@ -4,6 +4,7 @@ import pytest
 from std_msgs.msg import Header
 from visualization_msgs.msg import Marker
 
+from benchmarks.shape.surfaces import cylinder, sphere, Weave
 from tactile_common.errors import TactileError
 from tactile_msgs.msg import SurfacePatch
 from tactile_shape.contour.object_model import ObjectModel
@@ -14,7 +15,6 @@ from tactile_shape.conversions import (
     patch_from_msg,
     patch_to_msg,
 )
-from tactile_shape.known_surfaces import cylinder, sphere, Weave
 from tactile_shape.local_surface.local_quadric import LocalQuadric
 from tactile_shape.thesis.matrix_estimator import MatrixEstimator
 from tactile_shape.types.patch import Kind

@@ -13,6 +13,7 @@ from rclpy.qos import DurabilityPolicy, qos_profile_sensor_data, QoSProfile
 from scipy.spatial.transform import Rotation
 from visualization_msgs.msg import MarkerArray
 
+from benchmarks.shape.surfaces import add_noise, sphere, Weave
 from tactile_common.errors import ConfigurationError
 from tactile_common.errors import ConfigurationError as ParameterError
 from tactile_common.ros.conversions import stamp_from_ns, stamp_to_ns
@@ -20,7 +21,6 @@ from tactile_common.ros.runner import make_executor
 from tactile_msgs.msg import Contact as ContactMsg
 from tactile_msgs.msg import SurfacePatch
 from tactile_shape.contour.outline import find_outline
-from tactile_shape.known_surfaces import add_noise, sphere, Weave
 from tactile_shape.nodes.shape_estimator import ShapeEstimatorNode
 
 DEADLINE = 20.0  # s

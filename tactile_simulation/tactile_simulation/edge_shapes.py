@@ -5,11 +5,13 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 
 from tactile_common.errors import ConfigurationError
+from tactile_common.geometry import wrap_angle
 from tactile_common.polyline import arc_length, resample
 from tactile_simulation.edge_path import CLOSED_WITHIN, EdgePath
 
 # Longest chord of an arc or spline [m]; at a radius of 60 mm it leaves the circle by 0.13 um.
 ARC_STEP = 0.25e-3
+STEP = 1e-8  # m of the plan over which a step rises
 
 
 class Turtle:
@@ -30,8 +32,7 @@ class Turtle:
     def arc(self, radius: float, angle: float) -> None:
         """Walk along a circle [m], to the left if the angle is positive [rad]."""
         count = math.ceil(radius * abs(angle) / ARC_STEP)
-        step = angle / count
-        for _ in range(count):
+        for step in [angle / max(count, 1)] * count:
             self._step(2.0 * radius * math.sin(0.5 * abs(step)), self.heading + 0.5 * step)
             self.heading += step
 
@@ -67,38 +68,24 @@ def polygon(points, radius: float, closed: bool) -> np.ndarray:
     lengths = np.linalg.norm(sides, axis=1)
     if not lengths.min() > 0.0:
         raise ConfigurationError('two successive corners are at one place')
-    along = sides / lengths[:, None]
-    used = np.zeros(len(lengths))
-    turns = np.zeros(len(corners))
-    for k in range(1, len(corners) - 1):
-        cross = along[k - 1, 0] * along[k, 1] - along[k - 1, 1] * along[k, 0]
-        turns[k] = turn = math.atan2(cross, along[k - 1] @ along[k])
+    headings = np.arctan2(sides[:, 1], sides[:, 0])
+    turns = wrap_angle(np.diff(headings))
+    for k, turn in enumerate(turns, 1):
         if abs(turn) > math.radians(179.0):
             raise ConfigurationError(f'corner {k} turns back by {math.degrees(turn):.0f} degrees')
-        used[k - 1:k + 1] += radius * math.tan(0.5 * abs(turn))
-    if (used > lengths - 1e-9).any():
-        k = int((used - lengths).argmax())
+    setbacks = np.array([0.0, *radius * np.tan(0.5 * np.abs(turns)), 0.0])
+    straights = lengths - setbacks[:-1] - setbacks[1:]
+    if straights.min() < 1e-9:
+        k = int(straights.argmin())
         raise ConfigurationError(
             f'side {k} of {lengths[k]:.6g} m is too short for fillets of {radius:g} m')
-    vertices = [corners[0]]  # only now: fillets that fit are no longer than their sides
-    for k in range(1, len(corners) - 1):
-        vertices.extend(_fillet(corners[k], along[k - 1], along[k], turns[k], radius))
-    return np.array([*vertices, corners[-1]])
-
-
-def _fillet(corner, arriving, leaving, turn, radius):
-    """Vertices of the arc that rounds a corner."""
-    count = math.ceil(radius * abs(turn) / ARC_STEP)
-    if count == 0:
-        return [corner]
-    setback = radius * math.tan(0.5 * abs(turn))
-    side = math.copysign(radius, turn)
-    first = corner - setback * arriving
-    centre = first + side * np.array([-arriving[1], arriving[0]])
-    angles = turn * np.arange(count + 1) / count
-    cos, sin = np.cos(angles), np.sin(angles)
-    x, y = first - centre
-    return list(centre + np.column_stack([cos * x - sin * y, sin * x + cos * y]))
+    if not radius:
+        return corners
+    turtle = Turtle(corners[0], headings[0])
+    for length, turn in zip(straights, [*turns, 0.0], strict=True):
+        turtle.straight(length)
+        turtle.arc(radius, turn)
+    return np.array(turtle.points)
 
 
 def spline(points, closed: bool) -> np.ndarray:
@@ -137,39 +124,24 @@ def lifted(plan: np.ndarray, base_z: float, *, height=None,
         Parts of the plan without material: from, to [m].
     """
     along = arc_length(plan)
-    if abs(along[-1]) > 0.0 and np.linalg.norm(plan[-1] - plan[0]) < CLOSED_WITHIN:
+    if np.linalg.norm(plan[-1] - plan[0]) < CLOSED_WITHIN:
         plan = np.vstack([plan[:-1], plan[:1]])
-    knots = [along]
+    knots = [along, *gaps]
     if height is not None:
-        knots.append(np.asarray(height)[:, 0])
+        height = np.array(height, dtype=float)
+        height[1:, 0] += STEP * (np.diff(height[:, 0]) == 0.0)
+        knots.append(height[:, 0])
     if wave is not None:
         knots.append(np.arange(0.0, along[-1], wave[1] / 64.0))
-    knots.extend(np.asarray(gap) for gap in gaps)
     s = np.unique(np.concatenate(knots))
-    s = s[(s >= 0.0) & (s <= along[-1])]
-    s = s[np.concatenate([[True], np.diff(s) > 1e-9])]
+    s = s[(s >= 0.0) & (s <= along[-1]) & (np.diff(s, prepend=-1.0) > 1e-9)]
     z = np.full(len(s), float(base_z))
     if wave is not None:
         z += 0.5 * wave[0] * np.sin(2.0 * np.pi * s / wave[1])
     if height is not None:
-        s, z = _stepped(s, z, np.asarray(height, dtype=float))
-    x, y = resample(plan, along, s).T
+        z += np.interp(s, *height.T)
     middle = 0.5 * (s[1:] + s[:-1])
-    solid = np.diff(s) > 0.0  # the face of a step is no edge
+    solid = np.diff(s) > 2.0 * STEP  # the face of a step is no edge
     for first, last in gaps:
         solid &= (middle < first) | (middle > last)
-    return EdgePath(np.column_stack([x, y, z]), solid)
-
-
-def _stepped(s, z, height):
-    """Add a height profile with steps: at a step the distance occurs twice."""
-    steps = height[:-1, 0][np.diff(height[:, 0]) == 0.0]
-    steps = np.intersect1d(steps, s)
-    order = np.argsort(np.concatenate([s, steps]), kind='stable')
-    s, z = np.concatenate([s, steps])[order], np.concatenate([z, np.interp(steps, s, z)])[order]
-    after = np.concatenate([[False], np.diff(s) == 0.0])
-    # At a step `np.interp` takes the height behind it; seen the other way, that before it.
-    right = np.interp(s, *height.T)
-    left = np.interp(-s, -height[::-1, 0], height[::-1, 1])
-    before = np.concatenate([after[1:], [False]])
-    return s, z + np.where(before, left, right)
+    return EdgePath(np.column_stack([resample(plan, along, s), z]), solid)

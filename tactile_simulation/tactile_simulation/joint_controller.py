@@ -8,6 +8,7 @@ command, it takes it for that of time t. A trajectory whose first point lies in 
 played as it is. Messages of rejection are its own; what it lets pass and nobody means (numbers
 that are not finite, a joint named twice, a time before the start) is rejected here as well.
 """
+from bisect import bisect_right
 from dataclasses import dataclass, field
 from itertools import pairwise
 from typing import Any
@@ -18,7 +19,6 @@ from tactile_common.config import bounded
 from tactile_common.errors import ConfigurationError, Rejected
 from tactile_servo.motion.trajectory import Trajectory
 from tactile_simulation.plant import DelayedLag
-from tactile_simulation.spline import Spline
 
 LONGEST_STALL = 0.5  # s that are caught up with; a clock that leaps farther was set anew
 _VELOCITY_AT_END = float(np.finfo(np.float32).eps)  # rad/s; what the controller takes for zero
@@ -47,6 +47,82 @@ class MockRobotConfig:
         'doc': 'start a new trajectory from the desired, not from the measured state'})
     controller: str = field(default='/joint_trajectory_controller', metadata={
         'doc': 'name of the controller; its topic is joint_trajectory below it'})
+
+
+def _basis(known: int) -> np.ndarray:
+    """
+    Polynomials of u in [0, 1] that each meet one of 2 * known conditions, ndarray (3, 2k, 2k).
+
+    Coefficients of u^0, u^1, ... of the values, of their first and of their second derivatives.
+    """
+    derivative = np.diag(np.arange(1.0, 2 * known), 1)
+    orders = [np.linalg.matrix_power(derivative, order) for order in range(3)]
+    at_ends = np.array([*(it[0] for it in orders[:known]), *(
+        it.sum(axis=0) for it in orders[:known])])
+    return np.stack(orders) @ np.linalg.inv(at_ends)
+
+
+_BASES = {known: _basis(known) for known in (1, 2, 3)}
+
+
+def hermite(first: np.ndarray, last: np.ndarray, duration: float) -> np.ndarray:
+    """
+    Polynomial of the least degree between two states `duration` [s] apart, of u from 0 to 1.
+
+    Each state is (1 to 3, n): position, velocity, acceleration; what only one of them has is not
+    used. Returns coefficients (3, powers of u, n) of position, velocity and acceleration.
+    """
+    known = min(len(first), len(last))
+    scale = duration ** np.arange(3.0)[:, None]
+    conditions = np.concatenate([scale[:known] * first[:known], scale[:known] * last[:known]])
+    return _BASES[known] @ conditions / scale[:, None]
+
+
+class Spline:
+    """
+    A trajectory as polynomials in time, from a state before its first point on.
+
+    Quintic where position, velocity and acceleration are known at both ends of a segment,
+    cubic where position and velocity are, else linear; beyond the end it stays at the last
+    point. A first point that is not in the future is taken at once. A segment's polynomial is
+    made when it is reached: most trajectories of a stream are replaced in their first.
+
+    Parameters
+    ----------
+    before, state : float, ndarray (2 or 3, n)
+        Time [s] from which the first point is approached; position, velocity and, where known,
+        acceleration then.
+    start : float
+        Time from which the trajectory's own times count [s].
+    trajectory : Trajectory
+    order : list of int, or slice
+        Columns of the trajectory in the order of the joints.
+    """
+
+    def __init__(self, before: float, state: np.ndarray, start: float, trajectory: Trajectory,
+                 order: list[int] | slice):
+        rows = [trajectory.positions]
+        if trajectory.velocities is not None:
+            rows.append(trajectory.velocities)
+            if trajectory.accelerations is not None:
+                rows.append(trajectory.accelerations)
+        self._times = [before, *(start + np.asarray(trajectory.times, dtype=float)).tolist()]
+        self._states = [state, *np.stack(rows, axis=1)[:, :, order]]
+        self._segment = 0  # that the polynomial is of
+        self._polynomial: np.ndarray = np.empty((3, 0, 0))
+
+    def sample(self, now: float) -> np.ndarray:
+        """Position, velocity and acceleration (3, n) at a time [s]."""
+        segment = bisect_right(self._times, now, lo=1)  # that ends at this point
+        if segment == len(self._times):
+            last = self._states[-1]
+            return np.concatenate([last, np.zeros((3 - len(last), last.shape[1]))])
+        begin, end = self._times[segment - 1:segment + 1]
+        if segment != self._segment:
+            self._segment, self._polynomial = segment, hermite(
+                self._states[segment - 1], self._states[segment], end - begin)
+        powers = np.arange(self._polynomial.shape[1])
+        return ((now - begin) / (end - begin)) ** powers @ self._polynomial
 
 
 class Late(Rejected):

@@ -1,5 +1,6 @@
 """Scenes of a surface from YAML; `launch/scenes/surfaces/sphere_126.yaml` explains the format."""
 from collections.abc import Callable
+from functools import partial
 import math
 from pathlib import Path
 from typing import Any
@@ -21,17 +22,17 @@ from tactile_simulation.scene_file import (
     within,
 )
 from tactile_simulation.sensor import Sensor
-from tactile_simulation.surface_objects import Ledge, Mesh, Placed, SolidObject, StepShape, torus
+from tactile_simulation.surface_objects import Mesh, Placed, SolidObject, StepShape, Torus
 from tactile_simulation.surface_world import PA_PER_COUNT, SurfaceScene, SurfaceStart, Touch
 
 # Of the objects: how they are made, of which sizes, and of which they may be.
 SHAPES: dict[str, tuple[Callable[..., SolidObject], tuple[str, ...], tuple[str, ...]]] = {
-    'plane': (lambda: torus(np.inf, np.inf), (), ()),
-    'cylinder': (lambda radius: torus(np.inf, radius), ('radius',), ()),
-    'sphere': (lambda radius: torus(0.0, radius), ('radius',), ()),
-    'torus': (torus, ('ring', 'tube'), ()),
+    'plane': (lambda: Torus(np.inf, np.inf), (), ()),
+    'cylinder': (lambda radius: Torus(np.inf, radius), ('radius',), ()),
+    'sphere': (lambda radius: Torus(0.0, radius), ('radius',), ()),
+    'torus': (Torus, ('ring', 'tube'), ()),
     'step': (StepShape, ('height',), ('ahead',)),
-    'ledge': (Ledge, (), ('ahead',)),
+    'ledge': (partial(StepShape, -np.inf), (), ('ahead',)),
     'mesh': (Mesh, ('file',), ('scale',))}
 
 

@@ -6,7 +6,6 @@ import numpy as np
 from scipy.ndimage import map_coordinates
 
 from tactile_common.errors import ConfigurationError
-from tactile_shape.known_surfaces import Torus
 
 STEP = 1e-5  # m, of the differences that give a normal
 CELLS = 96  # along the longest side of a mesh's box
@@ -53,10 +52,39 @@ class Placed:
 
 
 @dataclass(frozen=True)
+class Torus:
+    """
+    Ring, touched on its outer equator in the contact frame; x along the ring, z inward.
+
+    A cylinder is a ring without end, a sphere one without a hole, a plane both.
+
+    Parameters
+    ----------
+    ring : float
+        Radius of the circle on which the tube's centre lies [m]; inf makes a cylinder along x,
+        0 a sphere.
+    tube : float
+        Radius of the tube [m]; inf, with a ring of inf, makes a plane.
+    """
+
+    ring: float
+    tube: float
+
+    def distance(self, points: np.ndarray) -> np.ndarray:
+        """Signed distances of points (..., 3) [m]."""
+        x, y, z = np.moveaxis(points, -1, 0)
+        outer = self.ring + self.tube
+        from_axis = -z if np.isinf(outer) else np.hypot(x, outer - z) - outer
+        if np.isinf(self.tube):
+            return from_axis
+        return np.hypot(from_axis + self.tube, y) - self.tube
+
+
+@dataclass(frozen=True)
 class StepShape:
     """A plane with a step: from x = `ahead` on it is higher by `height` (lower if negative)."""
 
-    height: float  # m
+    height: float  # m; -inf: the plane ends there, to fall off
     ahead: float = 0.02  # m
 
     def distance(self, points: np.ndarray) -> np.ndarray:
@@ -65,17 +93,6 @@ class StepShape:
         if self.height >= 0.0:
             return np.minimum(up, _quarter(-x, up - self.height))
         return np.minimum(_quarter(x, up), up - self.height)
-
-
-@dataclass(frozen=True)
-class Ledge:
-    """A plane that ends at x = `ahead`, to fall off."""
-
-    ahead: float = 0.02  # m
-
-    def distance(self, points: np.ndarray) -> np.ndarray:
-        """Signed distances (N,) [m]."""
-        return _quarter(points[:, 0] - self.ahead, -points[:, 2])
 
 
 def _quarter(x, y):
@@ -147,8 +164,3 @@ def _distances(points, triangles):
     away = points - closest
     sign = np.sign(np.einsum('ij,ij->i', away, outward[index])) * np.sign(volume)
     return np.linalg.norm(away, axis=1) * np.where(sign == 0.0, 1.0, sign)
-
-
-def torus(ring: float, tube: float) -> SolidObject:
-    """Ring touched on its outer equator, see `surfaces.Torus`; also sphere, cylinder and plane."""
-    return Torus(ring, tube)

@@ -116,16 +116,18 @@ def interrupted(tracker, state, what, seconds, seed=0):
     it.check()
 
 
-@pytest.mark.parametrize('what, seconds', [
-    ('controller', 0.2), ('controller', 1.2), ('deaf', 0.2), ('deaf', 4.0), ('servo', 0.06),
-    ('servo', 0.3), ('servo', 2.0), ('sensing', 0.2), ('sensing', 1.0), ('joints', 1.0)])
-@pytest.mark.parametrize('state', [State.APPROACH, State.TRACK])
+LONG = [('controller', 1.2), ('deaf', 4.0), ('servo', 2.0), ('sensing', 1.0), ('joints', 1.0)]
+BRIEF = [('controller', 0.2), ('deaf', 0.2), ('servo', 0.06), ('servo', 0.3), ('sensing', 0.2)]
+
+
+@pytest.mark.parametrize('state, what, seconds', [
+    *((State.APPROACH, *it) for it in LONG), *((State.TRACK, *it) for it in LONG + BRIEF)])
 def test_an_interruption_is_told_and_moves_nothing(state, what, seconds):
     interrupted('trace', state, what, seconds)
 
 
 @pytest.mark.parametrize('what, seconds', [
-    ('controller', 0.4), ('servo', 1.0), ('joints', 1.0)])
+    ('controller', 0.4), ('servo', 1.0), ('joints', 1.0), ('sensing', 0.2)])
 def test_the_law_of_the_thesis_is_interrupted_likewise(what, seconds):
     interrupted('resolved_rate', State.TRACK, what, seconds, seed=1)
 

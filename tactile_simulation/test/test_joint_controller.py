@@ -8,9 +8,8 @@ from scipy.interpolate import CubicHermiteSpline
 
 from tactile_common.errors import ConfigurationError, Rejected
 from tactile_servo.motion.trajectory import Trajectory
-from tactile_simulation.joint_controller import MockController
+from tactile_simulation.joint_controller import hermite, MockController
 from tactile_simulation.plant import DelayedLag
-from tactile_simulation.spline import hermite
 
 PERIOD = 0.002
 NAMES = ('a', 'b')
@@ -155,10 +154,17 @@ def test_polynomial_meets_what_both_states_know(first, last):
     rng, duration = np.random.default_rng(3), 0.7
     begin, end = rng.normal(size=(first, 2)), rng.normal(size=(last, 2))
     polynomial, known = hermite(begin, end, duration), min(first, last)
-    for t, state in ((0.0, begin), (duration, end)):
-        for order in range(known):
-            np.testing.assert_allclose(polynomial(t, order), state[order], atol=1e-9)
-    np.testing.assert_allclose(polynomial(0.3, 2 * known), 0.0, atol=1e-6)
+    assert polynomial.shape == (3, 2 * known, 2)
+    for u, state in ((0.0, begin), (1.0, end)):
+        found = u ** np.arange(2 * known) @ polynomial
+        np.testing.assert_allclose(found[:known], state[:known], atol=1e-9)
+    # Velocity and acceleration are the derivatives of the position, by the time.
+    step, u = 1e-4, 0.3 + 1e-4 * np.arange(-1, 2)[:, None]
+    (before, _, _), now, (after, _, _) = np.einsum(
+        'ij,kjl->ikl', u ** np.arange(2 * known), polynomial)
+    np.testing.assert_allclose(now[1], (after - before) / (2 * step * duration), atol=1e-5)
+    np.testing.assert_allclose(
+        now[2], (after - 2.0 * now[0] + before) / (step * duration)**2, atol=1e-3)
 
 
 def test_joints_may_stand_in_any_order():

@@ -14,9 +14,9 @@ PADS = [(8, 8, 2.5, 2.5), (16, 16, 1.0, 1.0), (16, 16, 4.0, 4.0), (28, 28, 1.27,
         (12, 24, 1.0, 1.5)]
 
 
-@pytest.mark.parametrize('pad', PADS, ids=lambda pad: '{}x{}, {} x {} mm'.format(*pad))
-@pytest.mark.parametrize('name, speed, seed', [('course', 0.03, 0), ('tape_case', 0.05, 1)])
-def test_a_pad_tracks_as_well_as_its_skin_is_fine(tmp_path, pad, name, speed, seed):
+@pytest.mark.parametrize('name, speed, pad', [
+    *(('course', 0.05, pad) for pad in PADS), *(('tape_case', 0.1, pad) for pad in PADS[::4])])
+def test_a_pad_tracks_as_well_as_its_skin_is_fine(tmp_path, pad, name, speed):
     rows, columns, pitch_x, pitch_y = pad
     depth = DEEP * max(pitch_x, pitch_y) * 1e-3
     path = tmp_path / 'scene.yaml'
@@ -25,7 +25,7 @@ skin: {{depth: {depth}}}
 sensor: {{rows: {rows}, columns: {columns}, pitch_x: {pitch_x}e-3, pitch_y: {pitch_y}e-3}}
 """)
     scene = load_scene(path)
-    simulation = Simulation(scene, 'trace', seed=seed)
+    simulation = Simulation(scene, 'trace', seed=1)
     goal = EdgeGoal(speed, 5.0, closed=scene.edge.closed)
     simulation.run(goal, 60.0)
     summary = simulation.summary(goal)

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from tactile_common.errors import ConfigurationError
+from tactile_sensing.half_space.line import pressure as line_pressure
 from tactile_sensing.skin.pressure import SkinPressure
 from tactile_sensing.types.array import TactelArray
 from tactile_simulation.edge_path import EdgePath
@@ -16,13 +17,6 @@ from tactile_simulation.sensor import Sensor, Skin
 PITCH = 0.0254 / 16
 PAD = TactelArray(16, 16, PITCH, PITCH)
 SKIN = Skin(0.002, 2e5)
-
-
-def line_pressure(array, depth, line_force, rho, yaw):
-    """Pressure under an infinite line load (3.1), compression positive."""
-    x, y = np.meshgrid(array.x, array.y)
-    distance = x * math.cos(yaw) + y * math.sin(yaw) - rho
-    return 2 * line_force * depth**3 / (math.pi * (distance**2 + depth**2)**2)
 
 
 def segment_pressure(array, depth, start, end, load_start, load_end):
@@ -57,7 +51,7 @@ def line_points(rho, yaw, indentation, reach=0.1):
 @pytest.mark.parametrize('rho, yaw', [(0, 0), (0.003, 0.3), (-0.006, -0.7), (0.002, 1.5)])
 def test_long_straight_edge_is_a_line_load(depth, rho, yaw):
     pressure, _ = render(line_points(rho, yaw, 0.001), PAD, Skin(depth, 2e5))
-    expected = line_pressure(PAD, depth, 200.0, rho, yaw)
+    expected = line_pressure(PAD.x, PAD.y[:, None], rho, yaw, 200.0, depth)
     np.testing.assert_allclose(pressure, expected, atol=1e-4 * 2 * 200.0 / (math.pi * depth))
 
 

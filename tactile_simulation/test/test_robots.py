@@ -87,7 +87,7 @@ def test_course_is_tracked_by_six_joints_from_a_limit(name, near, joint, tmp_pat
     assert summary['ok'] and summary['lateral_max'] <= LARGEST, summary['reason']
 
 
-@pytest.mark.parametrize('speed', ['0.03', '0.1', '0.2'])
+@pytest.mark.parametrize('speed', ['0.03', '0.2'])
 def test_a_joint_that_runs_out_is_named_and_presses_nothing(speed, tmp_path, capsys):
     """The other five cannot do without the first one on the way round."""
     urdf, tip = robot('puma260')

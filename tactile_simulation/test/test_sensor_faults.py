@@ -57,11 +57,10 @@ def test_gain_that_fades_is_no_edge_that_descends():
     assert healthy['ok']
 
 
-@pytest.mark.parametrize('force', [2.0, 5.0])
 @pytest.mark.parametrize('scene', ['wave', 'step_up', 'step_down', 'gap', 'noise', 'slip'])
-def test_no_false_alarm(scene, force):
-    simulation, _ = run(scene, EdgeGoal(0.1, force))
-    assert simulation.servo.statistics.length > 0.01 or force < FORCE
+def test_no_false_alarm_of_a_light_touch(scene):
+    """At 5 N these scenes are tracked, see test_trace.py."""
+    simulation, _ = run(scene, EdgeGoal(0.1, 2.0))
     assert simulation.servo.reason.code not in (
         ReasonCode.TOO_DEEP, ReasonCode.SENSOR_SILENT, ReasonCode.SENSOR_DRIFTED)
 

@@ -23,22 +23,21 @@ from tactile_simulation.cli.simulate import main
 from tactile_simulation.closed_loop import Simulation
 from tactile_simulation.scene import load_scene
 from tactile_simulation.surface_objects import (
-    Ledge,
     Mesh,
     nearest_point,
     normal_at,
     Placed,
     StepShape,
-    torus,
+    Torus,
 )
 from tactile_simulation.surface_world import SurfaceScene, SurfaceStart, Touch
 
 SCENES = Path(__file__).parents[2] / 'launch/scenes/surfaces'
 TOP = (0.3, 0.0, 0.1)
 COARSE = SkinConfig(across=15, layers=4)  # solved in some seconds, once; then from the cache
-SPHERE, CYLINDER, PLANE = torus(0.0, 0.035), torus(np.inf, 0.0325), torus(np.inf, np.inf)
-OBJECTS = {'sphere': SPHERE, 'cylinder': CYLINDER, 'plane': PLANE, 'torus': torus(0.06, 0.04),
-           'up': StepShape(0.002), 'down': StepShape(-0.002), 'ledge': Ledge()}
+SPHERE, CYLINDER, PLANE = Torus(0.0, 0.035), Torus(np.inf, 0.0325), Torus(np.inf, np.inf)
+OBJECTS = {'sphere': SPHERE, 'cylinder': CYLINDER, 'plane': PLANE, 'torus': Torus(0.06, 0.04),
+           'up': StepShape(0.002), 'down': StepShape(-0.002), 'ledge': StepShape(-np.inf)}
 
 
 def scene_of(shape, **parts):
@@ -85,8 +84,8 @@ def test_steps_and_ledges_are_where_they_are_said_to_be():
     up = StepShape(0.002, 0.02)  # x along, z inward
     places = np.array([[0, 0, 0], [0.03, 0, -0.002], [0.03, 0, 0], [0.019, 0, -0.001]])
     assert up.distance(places) == pytest.approx([0, 0, -0.002, 0.001])
-    assert Ledge(0.02).distance(np.array([[0.023, 0, -0.004], [0.023, 0, 0.01]])) == pytest.approx(
-        [0.005, 0.003])
+    beyond = np.array([[0.023, 0, -0.004], [0.023, 0, 0.01]])
+    assert StepShape(-np.inf, 0.02).distance(beyond) == pytest.approx([0.005, 0.003])
 
 
 def test_a_mesh_of_a_sphere_is_nearly_one(tmp_path, monkeypatch):

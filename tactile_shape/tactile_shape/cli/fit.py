@@ -15,7 +15,6 @@ from tactile_common.npz_stream import RecordWriter
 from tactile_common.progress import Progress
 from tactile_shape.contact_recording import ContactRecording, load_contacts, OPTIONAL
 from tactile_shape.contour.outline import find_outline
-from tactile_shape.hints import hints
 from tactile_shape.local_surface.local_quadric import LocalQuadricConfig
 from tactile_shape.patch_table import COLUMNS, KINDS, PatchTable, RECORD, SHEET
 from tactile_shape.shape_estimator import make_surface_estimator, METHODS, ShapeEstimator
@@ -151,7 +150,7 @@ def run(options: argparse.Namespace) -> str:
         writer.append(table.records)
     rate = count / max(time.perf_counter() - begin, 1e-9)
     text = [f'{options.out}: {count} contacts, {rate:.0f} contacts/s; {table}']
-    text += [f'hint: {text}' for text in hints(recording, table.records, options.window)]
+    text += [f'hint: {text}' for text in table.hints(options.window)]
     if np.isfinite(table.errors).any():
         median, most = 1e3 * np.nanpercentile(table.errors, [50, 95])
         length, width = 1e3 * np.array(SHEET)

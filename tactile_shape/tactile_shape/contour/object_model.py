@@ -52,10 +52,9 @@ class ObjectModel:
         self.config = config or ModelConfig()
         # Contour points (3,) [m] of each stretch of unbroken contact, and how many were ever kept.
         self.strokes: list[list[np.ndarray]] = []
-        self.total = self._count = 0
+        self.total = 0
         self.patches: list[Patch] = []
         self._recent: deque[np.ndarray] = deque(maxlen=RECENT)
-        self._first: list[np.ndarray] = []  # contacts of a stroke that is a point as yet
         self._tail: deque[np.ndarray] = deque(maxlen=TAIL)  # newest contacts of the stroke
         self._anew = True
 
@@ -77,27 +76,20 @@ class ObjectModel:
         if self._recent and (((np.array(self._recent) - position)**2).sum(axis=1).min()
                              < self.config.spacing**2):
             if not self._anew:
-                self._remember(position)
+                self._tail.append(position)
             return False
         if self._anew:
             self.strokes.append([])
-            self._first = []
         elif len(self.strokes[-1]) == 1:
             self._begin_at_first()
         self._anew = False
         self._keep(position)
-        self._remember(position)
-        return True
-
-    def _remember(self, position: np.ndarray) -> None:
-        """Keep a contact that may tell where its stroke ends, or begins."""
         self._tail.append(position)
-        if len(self.strokes[-1]) == 1 and len(self._first) < TAIL:
-            self._first.append(position)
+        return True
 
     def _begin_at_first(self) -> None:
         """Begin a stroke where its first contacts lie: the very first is light, and may be off."""
-        first = np.array(self._first[:len(self._first) // 4 + 1])
+        first = np.array(self._tail)[:len(self._tail) // 4 + 1]
         if len(first) > 2:
             away = ((first - np.median(first, axis=0))**2).sum(axis=1)
             self.strokes[-1][0] = first[away.argmin()]
@@ -121,16 +113,10 @@ class ObjectModel:
         self.strokes[-1].append(position)
         self._recent.append(position)
         self.total += 1
-        self._count += 1
-        if self._count > self.config.max_points:
+        if sum(map(len, self.strokes)) > self.config.max_points:
             self.strokes[0].pop(0)
-            self._count -= 1
             if not self.strokes[0]:
                 self.strokes.pop(0)
-
-    def newest(self, count: int) -> list[np.ndarray]:
-        """Return the last `count` points of the contour that were kept."""
-        return [point for stroke in self.strokes[-2:] for point in stroke][-count:]
 
     def add_patch(self, patch: Patch) -> bool:
         """Add a valid patch; returns whether it was far enough from the last to be kept."""

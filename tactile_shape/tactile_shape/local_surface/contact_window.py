@@ -1,37 +1,9 @@
 """The last contacts of a path, averaged in cells so that their number is bounded."""
-from typing import NamedTuple
-
 import numpy as np
 
 CELLS = 24  # that a window is usually divided into
 MAX_TURN = 0.7  # rad of the normal, where a stretch ends
 MAX_CELLS = 3 * CELLS  # noise makes cells shorter than they should be
-MAX_WEIGHT = 16.0  # samples of one cell that count as independent; a finger at rest adds no more
-
-
-class Stretch(NamedTuple):
-    """Contacts in cells, the oldest first: views, valid until the next contact is added."""
-
-    points: np.ndarray  # (m, 3) [m]
-    normals: np.ndarray  # (m, 3)
-    counts: np.ndarray  # (m,), contacts in each cell
-    extent: float  # length of the path [m]
-
-    @property
-    def weights(self) -> np.ndarray:
-        """Contacts in each cell that count as independent, ndarray (m,)."""
-        return np.minimum(self.counts, MAX_WEIGHT)
-
-    @property
-    def samples(self) -> int:
-        """Contacts in all cells."""
-        return int(self.counts.sum())
-
-    def newer_half(self) -> 'Stretch':
-        """Return the newer half of the cells."""
-        first = (len(self.points) + 1) // 2
-        extent = float(_lengths(np.diff(self.points[first:], axis=0)).sum())
-        return Stretch(self.points[first:], self.normals[first:], self.counts[first:], extent)
 
 
 class ContactWindow:
@@ -58,8 +30,13 @@ class ContactWindow:
         self._cells = np.empty((0, 7))  # mean point, mean normal, contacts
         self._start = np.full(3, np.nan)  # first point of the newest cell
 
-    def add(self, point: np.ndarray, normal: np.ndarray) -> Stretch:
-        """Add a contact (3,), (3,) and return the last stretch of the path."""
+    def add(self, point: np.ndarray, normal: np.ndarray) -> np.ndarray:
+        """
+        Add a contact (3,), (3,) and return the cells of the last stretch, the oldest first.
+
+        Rows (m, 7) of mean point, mean normal and number of contacts: a view, valid until the next
+        contact is added.
+        """
         contact = np.concatenate([point, normal])
         away = point - self._start
         if away @ away < self._cell**2:  # not of the first, whose start is NaN
@@ -69,20 +46,21 @@ class ContactWindow:
         else:
             self._cells = np.vstack([self._cells[1 - MAX_CELLS:], [*contact, 1.0]])
             self._start = point
-        return self._stretch()
-
-    def _stretch(self) -> Stretch:
-        points, normals, counts = self._cells[:, :3], self._cells[:, 3:6], self._cells[:, 6]
+        normals = self._cells[:, 3:6]
         # From the newest cell backwards.
-        travel = np.cumsum(_lengths(np.diff(points, axis=0))[::-1])
-        lengths = _lengths(normals)
+        travel = np.cumsum(_steps(self._cells)[::-1])
+        lengths = np.sqrt((normals * normals).sum(axis=1))
         turned = normals @ normals[-1] < np.cos(MAX_TURN) * lengths * lengths[-1]
         beyond = (travel > self._length) | turned[-2::-1]
         steps = int(beyond.argmax()) if beyond.any() else len(beyond)
-        first = len(points) - 1 - steps
-        return Stretch(points[first:], normals[first:], counts[first:],
-                       float(travel[steps - 1]) if steps else 0.0)
+        return self._cells[len(self._cells) - 1 - steps:]
 
 
-def _lengths(vectors: np.ndarray) -> np.ndarray:
-    return np.sqrt((vectors * vectors).sum(axis=1))
+def path_length(cells: np.ndarray) -> float:
+    """Length of the path through cells (m, 7) [m]."""
+    return float(_steps(cells).sum())
+
+
+def _steps(cells: np.ndarray) -> np.ndarray:
+    steps = np.diff(cells[:, :3], axis=0)
+    return np.sqrt((steps * steps).sum(axis=1))

@@ -39,29 +39,76 @@ class Noise(NamedTuple):
     height: float  # beyond that of position
 
 
-class Contacts(NamedTuple):
-    """Contacts in a tangent frame."""
+class Contacts:
+    """
+    Contacts in a tangent frame, and their equations.
 
-    u: np.ndarray  # (m, 2) [m]
-    z: np.ndarray  # (m,) [m]
-    n: np.ndarray  # (m, 3)
-    weights: np.ndarray  # (m,), independent samples in each contact
+    Parameters
+    ----------
+    points, normals : ndarray, shape (m, 3)
+        [m]
+    weights : ndarray, shape (m,)
+        Independent samples in each contact.
 
-    def rows(self) -> np.ndarray:
-        """
-        Coefficients of a, b1, b2, K11, K12, K22 and right side, ndarray (3, m, 7).
+    Attributes
+    ----------
+    rows : ndarray, shape (3, m, 7)
+        Coefficients of a, b1, b2, K11, K12, K22 and right side. The first equation of a contact is
+        that of its height, two are those of its normal.
+    """
 
-        The first equation of a contact is that of its height, two are those of its normal.
-        """
-        rows = np.zeros((3, len(self.z), 7))
-        x, y = self.u.T
+    def __init__(self, points: np.ndarray, normals: np.ndarray, weights: np.ndarray):
+        self.points, self.normals, self.weights = points, normals, weights
+        self.rows = rows = np.zeros((3, len(points), 7))
+        x, y, z = points.T
         rows[0, :, 0] = rows[1, :, 1] = rows[2, :, 2] = 1.0
         rows[0, :, 1] = rows[1, :, 3] = rows[2, :, 4] = x
         rows[0, :, 2] = rows[1, :, 4] = rows[2, :, 5] = y
         rows[0, :, 3], rows[0, :, 4], rows[0, :, 5] = 0.5 * x * x, x * y, 0.5 * y * y
-        rows[0, :, 6] = 0.5 * self.z * (1.0 + self.n[:, 2])
-        rows[1:, :, 6] = -self.n[:, :2].T
-        return rows
+        rows[0, :, 6] = 0.5 * z * (1.0 + normals[:, 2])
+        rows[1:, :, 6] = -normals[:, :2].T
+
+    def sums(self, noise: Noise, curvature: np.ndarray, doubt: np.ndarray,
+             model_error: float = 0.0) -> np.ndarray:
+        """
+        Sums of the products of the rows, weighted by the inverse of their covariance.
+
+        Parameters
+        ----------
+        curvature : ndarray, shape (3,)
+            K11, K12, K22: with them, a displacement along the surface is an error of the normal.
+        doubt : ndarray, shape (3,)
+            Their variances, since what is not known of K makes errors as well.
+        model_error : float
+            What the model leaves out, over the third-order term |K u|^3 of normal and height.
+
+        Returns
+        -------
+        ndarray, shape (7, 7)
+            Normal equations of (a, b1, b2, K11, K12, K22); in the last column their right side,
+            and its weighted square.
+        """
+        k11, k12, k22 = curvature.tolist()
+        (x, y, z), n = self.points.T, self.normals
+        lean, up = (n[:, :2]**2).sum(axis=1), np.maximum(n[:, 2], 0.1)
+        turn = (k11 * x + k12 * y)**2 + (k12 * x + k22 * y)**2
+        unlike = self.weights * model_error**2 * turn
+        # Along the surface, height and slope move together and cancel up to the second order.
+        left_over = 0.5 * (1.0 - up) / up
+        height = (noise.position**2 * (lean + 0.25 * (1.0 + up)**2) + noise.height**2
+                  + noise.location**2 * lean * left_over**2 + unlike * turn * z**2)
+        slide = noise.position**2 + noise.location**2
+        normal = noise.normal**2 + unlike * turn**2
+        s11 = normal + slide * (k11 * k11 + k12 * k12 + doubt[0] + doubt[1])
+        s22 = normal + slide * (k12 * k12 + k22 * k22 + doubt[1] + doubt[2])
+        s12 = slide * k12 * (k11 + k22)
+        weights = self.weights / (s11 * s22 - s12 * s12)
+        of_height, first, second = self.rows
+        weighted = np.stack([
+            (self.weights / height)[:, None] * of_height,
+            (weights * s22)[:, None] * first - (weights * s12)[:, None] * second,
+            (weights * s11)[:, None] * second - (weights * s12)[:, None] * first])
+        return self.rows.reshape(-1, 7).T @ weighted.reshape(-1, 7)
 
 
 class Fit(NamedTuple):
@@ -79,49 +126,6 @@ class Fit(NamedTuple):
     scatter: float  # standard deviation of positions about the surface, at least that told [m]
 
 
-def moments(contacts: Contacts, rows: np.ndarray, noise: Noise, curvature: np.ndarray,
-            doubt: np.ndarray, model_error: float = 0.0) -> np.ndarray:
-    """
-    Sums over contacts of the products of their rows, by the inverse of their covariance.
-
-    Parameters
-    ----------
-    curvature : ndarray, shape (3,)
-        K11, K12, K22: with them, a displacement along the surface is an error of the normal.
-    doubt : ndarray, shape (3,)
-        Their variances, since what is not known of K makes errors as well.
-    model_error : float
-        What the model leaves out, over the third-order term |K u|^3 of normal and height.
-
-    Returns
-    -------
-    ndarray, shape (7, 7)
-        Normal equations of (a, b1, b2, K11, K12, K22); in the last column their right side, and
-        its weighted square.
-    """
-    k11, k12, k22 = curvature.tolist()
-    x, y = contacts.u.T
-    lean, up = (contacts.n[:, :2]**2).sum(axis=1), np.maximum(contacts.n[:, 2], 0.1)
-    turn = (k11 * x + k12 * y)**2 + (k12 * x + k22 * y)**2
-    unlike = contacts.weights * model_error**2 * turn
-    # Along the surface, height and slope move together and cancel up to the second order.
-    left_over = 0.5 * (1.0 - up) / up
-    height = (noise.position**2 * (lean + 0.25 * (1.0 + up)**2) + noise.height**2
-              + noise.location**2 * lean * left_over**2
-              + unlike * turn * contacts.z**2)
-    slide = noise.position**2 + noise.location**2
-    normal = noise.normal**2 + unlike * turn**2
-    s11 = normal + slide * (k11 * k11 + k12 * k12 + doubt[0] + doubt[1])
-    s22 = normal + slide * (k12 * k12 + k22 * k22 + doubt[1] + doubt[2])
-    s12 = slide * k12 * (k11 + k22)
-    weights = contacts.weights / (s11 * s22 - s12 * s12)
-    weighted = np.stack([
-        (contacts.weights / height)[:, None] * rows[0],
-        (weights * s22)[:, None] * rows[1] - (weights * s12)[:, None] * rows[2],
-        (weights * s11)[:, None] * rows[2] - (weights * s12)[:, None] * rows[1]])
-    return rows.reshape(-1, 7).T @ weighted.reshape(-1, 7)
-
-
 class _Fitter:
     """
     Least squares of a stretch of contacts; the first `count` of K are seen, else the prior's.
@@ -132,8 +136,7 @@ class _Fitter:
     """
 
     def __init__(self, contacts: Contacts, noise: Noise, count: int):
-        self._contacts, self._count = contacts, count
-        self._rows, self.noise = contacts.rows(), noise
+        self._contacts, self._count, self.noise = contacts, count, noise
         self._solve(np.zeros(3), np.zeros(3))
         for _ in range(PASSES - 1 if count else 0):
             covariance = np.linalg.inv(self.information)
@@ -163,7 +166,7 @@ class _Fitter:
 
     def excess(self) -> tuple[float, float]:
         """Chi-square per degree of freedom, at least 1: what is unexplained is noise. Its RMS."""
-        freedom = 3 * len(self._contacts.z) - 3 - self._count
+        freedom = 3 * len(self._contacts.points) - 3 - self._count
         if freedom < 1:
             return 1.0, math.nan
         explained = float(self.right @ np.linalg.solve(self.information, self.right))
@@ -172,7 +175,7 @@ class _Fitter:
 
     def _solve(self, curvature: np.ndarray, doubt: np.ndarray, model_error: float = 0.0) -> None:
         self._doubt = doubt
-        sums = moments(self._contacts, self._rows, self.noise, curvature, doubt, model_error)
+        sums = self._contacts.sums(self.noise, curvature, doubt, model_error)
         self._lift = np.linalg.solve(sums[:3, :3], sums[:3, 3:])
         self._left = sums[3:, 3:] - sums[3:, :3] @ self._lift
         for unseen in range(self._count, 3):
@@ -184,7 +187,7 @@ class _Fitter:
         weights = self._contacts.weights
         if len(weights) < ENOUGH:
             return told
-        heights = self._rows[0]
+        heights = self._contacts.rows[0]
         residual = heights[:, 6] - heights[:, :6] @ [*self.flat(curvature), *curvature]
         return max(told, math.sqrt(weights @ residual**2 / (len(weights) - _HEIGHTS_SPENT)))
 
@@ -219,9 +222,7 @@ def fit_curvature(points: np.ndarray, normals: np.ndarray, weights: np.ndarray,
     turn, count = _path_frame(
         points @ axes[:, :2], weights, math.hypot(noise.position, noise.location))
     axes = axes @ turn
-    local = points @ axes
-    fitter = _Fitter(Contacts(local[:, :2], local[:, 2], normals @ axes, weights),
-                     noise, count)
+    fitter = _Fitter(Contacts(points @ axes, normals @ axes, weights), noise, count)
     kind, curvature, residual, excess = Kind.NONE, np.zeros(3), math.nan, 1.0
     if count:
         excess, residual = fitter.excess()

@@ -13,13 +13,14 @@ from typing import Any
 import numpy as np
 
 from tactile_common.config import bounded, check_fields
-from tactile_shape.local_surface.contact_window import CELLS, ContactWindow, Stretch
+from tactile_shape.local_surface.contact_window import CELLS, ContactWindow, path_length
 from tactile_shape.local_surface.curvature_fit import ENOUGH, Fit, fit_curvature, Noise
 from tactile_shape.types.patch import certain_enough, Patch, SurfaceEstimator, usable_normal
 from tactile_shape.types.tangent import tangent_frame
 
 QUIET = 5.0  # times the noise of location that a cell of the window is long, at least
 MISFIT = 2.0  # times the noise of position: then the newer half of the window is tried
+MAX_WEIGHT = 16.0  # contacts of one cell that count as independent; a finger at rest adds no more
 BETTER = 0.6  # of the scatter that it must leave, to be taken
 MAX_RESIDUAL = 4.0  # standard deviations, RMS
 SCATTERED = 0.3  # of a cell's length; beyond, cells are not what averages them
@@ -65,7 +66,7 @@ class LocalQuadric(SurfaceEstimator):
 
     def reset(self) -> None:  # noqa: D102
         self._window.reset()
-        self._stretch: Stretch | None = None
+        self._cells = np.empty((0, 7))
 
     def add(self, position: np.ndarray, normal: np.ndarray) -> bool:  # noqa: D102
         unit = usable_normal(position, normal)
@@ -73,15 +74,16 @@ class LocalQuadric(SurfaceEstimator):
             return False
         self._normal = unit
         self._centre = position - self.config.finger_radius * unit
-        self._stretch = self._window.add(self._centre, self._normal)
+        self._cells = self._window.add(self._centre, self._normal)
         return True
 
     def estimate(self) -> Patch:  # noqa: D102
-        if self._stretch is None:
+        if not len(self._cells):
             return self.refused('no contact yet')
-        stretch, fit = self._best_fit(self._stretch)
+        cells, fit = self._best_fit()
+        extent = path_length(cells)
         known: dict[str, Any] = {
-            'extent': stretch.extent, 'samples': stretch.samples, 'residual': fit.residual,
+            'extent': extent, 'samples': int(cells[:, 6].sum()), 'residual': fit.residual,
             'frame': _frame(self._centre, fit, self.config.finger_radius)}
         if fit.scatter > SCATTERED * self._cell or fit.residual > MAX_RESIDUAL:
             return self.refused(
@@ -106,21 +108,21 @@ class LocalQuadric(SurfaceEstimator):
         why = 'too short, or too noisy, to show any curvature'
         if fit.along < enough**2:
             why = 'straight and along no principal direction: the curvature across is unseen'
-        return self.refused(f'the path of {1e3 * stretch.extent:.2g} mm is {why}', **known)
+        return self.refused(f'the path of {1e3 * extent:.2g} mm is {why}', **known)
 
-    def _best_fit(self, stretch: Stretch) -> tuple[Stretch, Fit]:
-        """Fit to a stretch, or to its newer half where it reaches back over another surface."""
-        fit = self._fit(stretch)
-        if fit.scatter > MISFIT * self._noise.position and len(stretch.points) >= 2 * ENOUGH:
-            newer = stretch.newer_half()
+    def _best_fit(self) -> tuple[np.ndarray, Fit]:
+        """Fit to all cells, or to the newer half where they reach back over another surface."""
+        cells, newer = self._cells, self._cells[(len(self._cells) + 1) // 2:]
+        fit = self._fit(cells)
+        if fit.scatter > MISFIT * self._noise.position and len(cells) >= 2 * ENOUGH:
             fit_of_newer = self._fit(newer)
             if fit_of_newer.scatter < BETTER * fit.scatter:
                 return newer, fit_of_newer
-        return stretch, fit
+        return cells, fit
 
-    def _fit(self, stretch: Stretch) -> Fit:
+    def _fit(self, cells: np.ndarray) -> Fit:
         return fit_curvature(
-            stretch.points - self._centre, stretch.normals, stretch.weights,
+            cells[:, :3] - self._centre, cells[:, 3:6], np.minimum(cells[:, 6], MAX_WEIGHT),
             tangent_frame(self._normal), self._noise)
 
 

@@ -1,5 +1,4 @@
 """Shape estimator node: contacts and the sensor's pose in, surface patches and contour out."""
-from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass
 from struct import Struct
@@ -66,41 +65,32 @@ class ShapeEstimatorConfig:
 class _ModelPublisher:
     """Publishes contour and markers if they have changed and it is time, or contact is lost."""
 
-    def __init__(self, create_publisher: Callable[..., Any], period: float, max_points: int):
+    def __init__(self, create_publisher: Callable[..., Any], period: float):
         self._contours = create_publisher(Path, 'contour', _LATCHED)
         self._markers = create_publisher(MarkerArray, 'markers', _LATCHED)
-        self._period_ns, self._max_points = round(1e9 * period), max_points
+        self._period_ns = round(1e9 * period)
         self.begin()
 
     def begin(self) -> None:
         """Forget what was touched."""
-        self._contour: deque[PoseStamped] = deque(maxlen=self._max_points)
         self._newest: Patch | None = None
         self._published_ns: int | None = None
-        self._total, self._ends_open, self._changed = 0, False, False
+        self._total, self._touching, self._changed = 0, False, False
 
     def take(self, model: ObjectModel, patch: Patch, placed: Placed, header: Header) -> None:
         """Take in the patch of a contact, and what the model has become by it."""
         if patch.valid:
-            self._newest, self._changed = patch, True
-        lost = placed.contact is None and placed.anew
-        if model.total > self._total:
-            self._contour.extend(contour_point_to_msg(point, header)
-                                 for point in model.newest(model.total - self._total))
-            self._total, self._changed = model.total, True
-            self._ends_open = True
-        if lost and self._ends_open:  # the ends of a stroke are told by all of its contacts
-            self._contour.clear()
-            self._contour.extend(contour_point_to_msg(point, header) for point in model.contour)
-            self._ends_open, self._changed = False, True
-        stamp = stamp_to_ns(header.stamp)
-        waited = None if self._published_ns is None else stamp - self._published_ns
-        if not self._changed or not (
-                lost or waited is None or waited < 0 or waited >= self._period_ns):
-            return
-        self._changed, self._published_ns = False, stamp
-        self._contours.publish(Path(header=header, poses=list(self._contour)))
-        self._markers.publish(model_to_markers(model, self._newest, header))
+            self._newest = patch
+        lost = placed.contact is None and placed.anew  # then its stroke has got an end
+        self._changed |= patch.valid or model.total != self._total or (lost and self._touching)
+        self._total, self._touching = model.total, not lost
+        stamp, before = stamp_to_ns(header.stamp), self._published_ns
+        due = before is None or not 0 <= stamp - before < self._period_ns
+        if self._changed and (lost or due):
+            self._changed, self._published_ns = False, stamp
+            self._contours.publish(Path(header=header, poses=[
+                contour_point_to_msg(point, header) for point in model.contour]))
+            self._markers.publish(model_to_markers(model, self._newest, header))
 
 
 class ShapeTopics:
@@ -119,7 +109,7 @@ class ShapeTopics:
     def __init__(self, create_publisher: Callable[..., Any], warn: Callable[[str], None],
                  own: ShapeEstimatorConfig, surface: LocalQuadricConfig, model: ModelConfig):
         self._model_config, self._warn = model, warn
-        self._model = _ModelPublisher(create_publisher, own.publish_period, model.max_points)
+        self._model = _ModelPublisher(create_publisher, own.publish_period)
         self._path = ContactPath(surface.finger_radius, own.max_gap)
         self._max_gap_ns, self._touched_ns = round(1e9 * own.max_gap), 0
         self.by_servo = own.source == 'servo'

@@ -2,40 +2,13 @@
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike
 
-from tactile_common.errors import ConfigurationError
 from tactile_common.polyline import arc_length
+from tactile_simulation.surface_objects import Torus as SolidTorus
 
 
-@dataclass(frozen=True)
-class Torus:
-    """
-    Ring, touched on its outer equator in the contact frame; x along the ring, z inward.
-
-    A cylinder is a ring without end, a sphere one without a hole, a plane both.
-
-    Parameters
-    ----------
-    ring : float
-        Radius of the circle on which the tube's centre lies [m]; inf makes a cylinder along x,
-        0 a sphere.
-    tube : float
-        Radius of the tube [m]; inf, with a ring of inf, makes a plane.
-
-    Raises
-    ------
-    ConfigurationError
-        A radius is negative or the tube's not above 0.
-    """
-
-    ring: float
-    tube: float
-
-    def __post_init__(self) -> None:
-        if not (self.ring >= 0.0 and self.tube > 0.0):
-            raise ConfigurationError(
-                f'torus: ring {self.ring} m, tube {self.tube} m, must be at least 0 and above 0')
+class Torus(SolidTorus):
+    """A torus, with points on it; also plane, cylinder and sphere."""
 
     @property
     def curvature(self) -> np.ndarray:
@@ -69,15 +42,6 @@ class Torus:
             shrink * _sagitta(along, outer) + sagitta)
         y = across if np.isinf(self.tube) else self.tube * np.sin(latitude)
         return np.column_stack([side, y, height]), inward
-
-    def distance(self, points: ArrayLike) -> np.ndarray:
-        """Signed distance of points (..., 3) from the surface [m], positive outside."""
-        x, y, z = np.moveaxis(np.asarray(points, dtype=float), -1, 0)
-        outer = self.ring + self.tube
-        from_axis = -z if np.isinf(outer) else np.hypot(x, outer - z) - outer
-        if np.isinf(self.tube):
-            return from_axis
-        return np.hypot(from_axis + self.tube, y) - self.tube
 
 
 PLANE = Torus(np.inf, np.inf)
