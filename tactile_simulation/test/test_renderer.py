@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from tactile_common.errors import ConfigurationError
-from tactile_sensing.half_space.line import pressure as line_pressure
 from tactile_sensing.skin.pressure import SkinPressure
+from tactile_sensing.thesis.line import pressure as line_pressure
 from tactile_sensing.types.array import TactelArray
 from tactile_simulation.edge_path import EdgePath
 from tactile_simulation.edge_world import EdgeScene, EdgeWorld, Start

@@ -52,7 +52,7 @@ class SkinPressure:
     """
     Pressure at tactels of a size in a skin [Pa], compression positive.
 
-    Places, loads and signs as in `half_space.point` and `half_space.line`. Sizes of 0 sample
+    Places, loads and signs as in `thesis.point` and `thesis.line`. Sizes of 0 sample
     points.
     """
 
