@@ -2,7 +2,6 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from importlib import import_module
 from typing import Any
 
 import numpy as np
@@ -10,6 +9,7 @@ import numpy as np
 from tactile_common.config import bounded, check_fields, one_of
 from tactile_common.errors import ConfigurationError
 from tactile_sensing.contact.answer import Answer, answer, look, Sensor
+from tactile_sensing.contact.methods import estimate_by_thesis, METHODS
 from tactile_sensing.skin.bumps import LINE, POINT
 from tactile_sensing.skin.pad import pad_of
 from tactile_sensing.types.array import TactelArray
@@ -26,8 +26,6 @@ from tactile_sensing.types.contact import (
 from tactile_sensing.types.image import Layer, TactileImage
 from tactile_sensing.types.moments import Moments
 
-# Those but 'fit' are closed forms of the thesis, loaded when one is chosen.
-METHODS = ('fit', 'compensated', 'moments')
 MODELS = {'auto': (POINT, LINE), 'point': (POINT,), 'line': (LINE,)}
 TACTELS = ('point', 'area')
 IMPOSSIBLE = 1e12  # in the unit; a tactel that reports more, or no number, is not read
@@ -171,9 +169,7 @@ class ContactEstimator:
         frame = np.where(frame >= [[[layer.full_scale or np.inf]] for layer in layers], np.nan,
                          frame)
         known = [replace(layer, noise_std=std) for layer, std in zip(layers, noise, strict=True)]
-        contact = import_module('tactile_sensing.thesis.closed_forms').estimate_by_moments(
-            frame, array, known, method=self.config.method, model=self.config.model,
-            averaging=self.config.tactel == 'area', min_snr=self.config.min_snr)
+        contact = estimate_by_thesis(self.config.method, frame, array, known, self.config)
         reasons = int(record['reasons'])
         for name in COLUMNS:
             if name != 'moments':
