@@ -206,3 +206,20 @@ def test_load_just_beyond_the_border_is_not_put_inside(kind, beyond):
         wrong += contact.valid and abs(contact.x - at) > 1e-3
         right += not contact.valid
     assert wrong <= 2 and right >= 195
+
+
+@pytest.mark.parametrize('depth', [DEPTH, 0.0])
+def test_as_many_readings_as_unknowns_are_no_answer(depth):
+    # A bump on any skin has a place, width, exponent, force, shear and a baseline: 8 unknowns.
+    array, frame = TactelArray(8, 8, 1e-3, 1e-3), np.full((8, 8), np.nan)
+    frame[[1, 1, 5, 6, 6, 6], [3, 4, 4, 2, 5, 7]] = 6e4, 1.0, 0.0, 0.0, 0.0, 0.0
+    record = ESTIMATOR.estimate_batch(frame[None], array, [Layer('zz', depth, None)])[0]
+    assert not record['valid'] and Reason(int(record['reasons'])) & Reason.BAD_FIT
+
+
+def test_equal_readings_that_no_number_can_divide_are_no_error():
+    frame = np.zeros((8, 8))
+    frame[3:5, 3:5] = 5e-324  # the least number there is: a millionth of it is 0
+    record = ESTIMATOR.estimate_batch(
+        frame[None], TactelArray(8, 8, 1e-3, 1e-3), [Layer('zz', DEPTH, None)])[0]
+    assert not record['valid']

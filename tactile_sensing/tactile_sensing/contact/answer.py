@@ -104,23 +104,6 @@ def look(frame, sensor, saturated):
         seen.missing > saturated), why)
 
 
-@njit(error_model='numpy')
-def _readings(frame, sensor, seen):
-    """Flat readings of an image."""
-    size = frame[0].size
-    return Readings(frame.ravel(), np.repeat(seen.noise ** 2, size), np.repeat(seen.full, size),
-                    np.repeat(sensor.floor, size))
-
-
-@njit(error_model='numpy')
-def _type(why, kind):
-    if why & (NO_CONTACT | LOW_SNR):
-        return NONE
-    if why & (BAD_FIT | TWO_CONTACTS):
-        return OTHER
-    return IS_POINT if kind == POINT else IS_LINE
-
-
 @njit(cache=True, error_model='numpy')
 def answer(frame, sensor, seen, kinds, min_snr):
     """
@@ -141,8 +124,10 @@ def answer(frame, sensor, seen, kinds, min_snr):
     Answer
         Its reasons are those of the fit alone.
     """
-    pad, main, readings = sensor.pad, sensor.main, _readings(frame, sensor, seen)
-    noise, shape = seen.noise[main], frame.shape
+    pad, main, size, shape = sensor.pad, sensor.main, frame[0].size, frame.shape
+    readings = Readings(frame.ravel(), np.repeat(seen.noise ** 2, size),
+                        np.repeat(seen.full, size), np.repeat(sensor.floor, size))
+    noise = seen.noise[main]
     for again in range(2):
         one, why = search(pad, readings, sensor.scatter, kinds)
         if again or one.evidence == -np.inf or sensor.noise[main] > 0.0:
@@ -162,7 +147,11 @@ def answer(frame, sensor, seen, kinds, min_snr):
         snr = 20.0 * math.log10(max(fit.model.max(), 1e-300) / noise)
         if not why & ~SKIN_MISMATCH and snr < min_snr:
             why |= LOW_SNR
-        kind, valid = _type(why, beliefs.kind), not why & ~SKIN_MISMATCH
+        valid = not why & ~SKIN_MISMATCH
+        if why & (NO_CONTACT | LOW_SNR):
+            kind = NONE
+        elif not why & (BAD_FIT | TWO_CONTACTS):
+            kind = IS_POINT if beliefs.kind == POINT else IS_LINE
     if valid:
         if one.residual.silent or one.residual.loudest > 2.0 * LOUD:
             why |= DEAD_TACTELS

@@ -9,11 +9,19 @@ The evidence is Laplace's.
 """
 
 import math
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
-from tactile_common.kernels import FAST, njit
+from tactile_common.kernels import njit
+from tactile_sensing.contact.errors import (
+    censored,
+    log_likelihood,
+    marginal_scatter,
+    spread_of,
+    weigh,
+)
+from tactile_sensing.contact.normal_equations import add_normal, solve
 from tactile_sensing.skin.bumps import (
     add_rows,
     BASE,
@@ -23,19 +31,11 @@ from tactile_sensing.skin.bumps import (
     WIDTH,
 )
 
-NU = 4.0  # degrees of freedom of the errors
-# Covariance of the fit under Gaussian errors, over the inverse of J'WJ at this NU.
-SANDWICH = 1.1378
-GRID = np.geomspace(1e-4, 0.5, 10)  # of the scatter g
-GRID_STEP = math.log(GRID[1] / GRID[0])
-GRID.flags.writeable = False
 STEPS = 8, 12  # at most: Gaussian, robust
 ANNEALED, COOLING = 5, 0.3  # steps in which what is off by much is not yet an outlier
 SETTLED = 0.1  # standard deviations that the last step moved a parameter
-NEIGHBOURS = 0.1  # share of the scatter that a tactel has from each neighbour's pressure
 DRIFT = 0.05, 20.0  # standard deviation of the baseline: share of the peak, and of the noise
 CONTRADICTED = 3.0  # standard deviations beyond a bound at which a reading is an ordinary error
-LIT = 0.02  # of the noise's variance: pressure whose scatter may show
 BROAD = 1.2  # pitches of half width from which tactels may be taken as points
 
 
@@ -97,197 +97,6 @@ class _Scale(NamedTuple):
 
 
 @njit(error_model='numpy')
-def _factor(matrix, factor):
-    """Cholesky factor of a positive definite matrix, scaled; log of its determinant, or NaN."""
-    total = 0.0
-    for i in range(matrix.shape[0]):  # of a unit diagonal: m, rad and N differ by orders
-        if not matrix[i, i] > 0.0:
-            return np.nan
-        for j in range(i + 1):
-            value = matrix[i, j] / math.sqrt(matrix[i, i] * matrix[j, j])
-            for k in range(j):
-                value -= factor[i, k] * factor[j, k]
-            if i > j:
-                factor[i, j] = value / factor[j, j]
-            elif value > 1e-13:
-                factor[i, i] = math.sqrt(value)
-            else:
-                return np.nan
-        total += math.log(factor[i, i] * factor[i, i] * matrix[i, i])
-    return total
-
-
-@njit(error_model='numpy')
-def _solve(matrix, right, inverse, solution):
-    """Inverse and solution of a positive definite system; log of its determinant, or NaN."""
-    n = right.size
-    factor = np.zeros((n, n))
-    total = _factor(matrix, factor)
-    if np.isnan(total):
-        return np.nan
-    column = np.zeros(n)
-    for c in range(n):
-        column[:] = 0.0
-        column[c] = 1.0
-        for i in range(c, n):
-            for k in range(c, i):
-                column[i] -= factor[i, k] * column[k]
-            column[i] /= factor[i, i]
-        for i in range(n - 1, -1, -1):
-            for k in range(i + 1, n):
-                column[i] -= factor[k, i] * column[k]
-            column[i] /= factor[i, i]
-        for i in range(n):
-            inverse[i, c] = column[i] / math.sqrt(matrix[i, i] * matrix[c, c])
-    for i in range(n):
-        solution[i] = 0.0
-        for k in range(n):
-            solution[i] += inverse[i, k] * right[k]
-    return total
-
-
-@njit(error_model='numpy', fastmath=FAST)
-def _dot(one, other):
-    total = 0.0
-    for t in range(one.size):
-        total += one[t] * other[t]
-    return total
-
-
-@njit(error_model='numpy')
-def _normal(rows, weight, error, matrix, right):
-    """Add J'WJ (lower triangle) and J'We of rows (n, tactels)."""
-    weighted = np.empty(weight.size)
-    for i in range(rows.shape[0]):
-        for t in range(weight.size):
-            weighted[t] = rows[i, t] * weight[t]
-        right[i] += _dot(weighted, error)
-        for j in range(i + 1):
-            matrix[i, j] += _dot(weighted, rows[j])
-
-
-@njit(error_model='numpy', fastmath=FAST)
-def _spread(model, rows, columns, square):
-    """Squared pressure whose share scatters at every tactel: its own and its neighbours'."""
-    for i in range(model.size):
-        square[i] = model[i] * model[i]
-    for i in range(model.size):
-        near = NEIGHBOURS * model[i] * model[i]
-        r, c = i // columns % rows, i % columns
-        if r > 0:
-            square[i - columns] += near
-        if r < rows - 1:
-            square[i + columns] += near
-        if c > 0:
-            square[i - 1] += near
-        if c < columns - 1:
-            square[i + 1] += near
-
-
-@njit(error_model='numpy', fastmath=FAST)
-def _weigh(error, variance, kept, robust, weight):
-    """Weights of the errors; 0 of tactels that are not kept."""
-    for t in range(error.size):
-        if not kept[t]:
-            weight[t] = 0.0
-        elif robust:
-            weight[t] = (NU + 1.0) / (NU * variance[t] + error[t] * error[t])
-        else:
-            weight[t] = 1.0 / variance[t]
-
-
-@njit(error_model='numpy')
-def _censored(error, deviation, above):
-    """
-    Error and weight of a reading that is only known to be beyond a bound, by Newton's method.
-
-    Its log likelihood is that of the normal distribution beyond the bound, which lies `error`
-    above what is expected.
-    """
-    z = -error / deviation if above else error / deviation
-    if z > 8.0:  # it tells nothing
-        return 0.0, 0.0
-    hazard = math.exp(-0.5 * z * z) / (1.2533141373155003 * math.erfc(-0.7071067811865476 * z))
-    slope = hazard + z
-    return (1.0 if above else -1.0) * deviation / slope, hazard * slope / deviation ** 2
-
-
-@njit(error_model='numpy')
-def _log_likelihood(error, variance, kept, robust):
-    """Sum of the logarithms of the errors' densities, without constants."""
-    total, product = 0.0, 1.0
-    for t in range(error.size):
-        if not kept[t]:
-            continue
-        u = error[t] * error[t] / variance[t]
-        if robust:
-            part = 1.0 + u / NU
-            product *= variance[t] * part * part * part * part * part
-        else:
-            product *= variance[t]
-            total += u
-        if not 1e-100 < product < 1e100:  # one logarithm for many tactels
-            total += math.log(product)
-            product = 1.0
-    return -0.5 * (total + math.log(product))
-
-
-@njit(error_model='numpy')
-def _marginal_scatter(fit, noise2, prior, beliefs, whole):
-    """
-    Scatter g, root mean square over its posterior, and log of the integral over it.
-
-    The posterior of log g is the parabola through the highest point of a grid and its neighbours.
-    Only if whole, the parameters are integrated over at each g; else they are taken as known.
-    """
-    n = fit.rows.shape[0]
-    lit = fit.square > LIT * noise2
-    dark = fit.kept & ~lit
-    constant = _log_likelihood(fit.error, noise2, dark, True)
-    some = np.flatnonzero(lit & fit.kept)
-    few, base, matrix = np.empty((n, some.size)), np.zeros((n, n)), np.zeros((n, n))
-    error, variance = fit.error[some], np.empty(some.size)
-    weight, every = np.empty(some.size), np.ones(some.size, np.bool_)
-    right, factor = np.zeros(n), np.zeros((n, n))
-    if whole:
-        _weigh(fit.error, noise2, dark, True, fit.weight)
-        _normal(fit.rows, fit.weight, fit.error, base, right)
-        for i in range(n):
-            base[i, i] += prior[i]
-            for t in range(some.size):
-                few[i, t] = fit.rows[i, some[t]]
-    logs = np.full(GRID.size, -np.inf)
-    for k in range(GRID.size):
-        g, determinant = GRID[k], 0.0
-        for t in range(some.size):
-            variance[t] = noise2[some[t]] + g * g * fit.square[some[t]]
-        if whole:
-            _weigh(error, variance, every, True, weight)
-            matrix[:] = base
-            _normal(few, weight, error, matrix, right)
-            determinant = _factor(matrix, factor)
-        if determinant == determinant:
-            logs[k] = (constant + _log_likelihood(error, variance, every, True)
-                       - 0.5 * determinant
-                       - 0.5 * (math.log(g / beliefs.gain) / beliefs.gain_spread) ** 2)
-    return _parabola(logs)
-
-
-@njit(error_model='numpy')
-def _parabola(logs):
-    """Scatter and log of the integral of a posterior, given at the GRID as logarithms."""
-    near: Any = min(max(logs.argmax(), 1), GRID.size - 2)
-    slope = 0.5 * (logs[near + 1] - logs[near - 1])
-    bend = logs[near - 1] - 2.0 * logs[near] + logs[near + 1]
-    if not bend < 0.0:  # nothing was found, or at one end
-        return GRID[logs.argmax()], logs.max()
-    shift = min(max(-slope / bend, -1.5), 1.5)
-    variance = -1.0 / bend  # as a Gaussian of log g, in steps of the grid
-    return (GRID[near] * math.exp(GRID_STEP * shift + GRID_STEP**2 * variance),
-            logs[near] + (slope + 0.5 * bend * shift) * shift + 0.5 * math.log(variance))
-
-
-@njit(error_model='numpy')
 def _model(fit, pad, beliefs, theta, coarse, every):
     """Write model and derivatives of a load; also by what is not fitted, if every one is asked."""
     wide = every or beliefs.power or beliefs.patch
@@ -331,10 +140,10 @@ def _begin(fit, pad, readings, beliefs):
     _prior(beliefs, force, drift, prior)
     matrix, right = np.zeros((n - first, n - first)), np.zeros(n - first)
     inverse, solution = np.zeros((n - first, n - first)), np.zeros(n - first)
-    _normal(fit.rows[first:], fit.weight, fit.error, matrix, right)
+    add_normal(fit.rows[first:], fit.weight, fit.error, matrix, right)
     for i in range(n - first):
         matrix[i, i] += prior[first + i] + 1e-9 * matrix[i, i]
-    if np.isnan(_solve(matrix, right, inverse, solution)):
+    if np.isnan(solve(matrix, right, inverse, solution)):
         return _Scale(0.0, force, drift)
     theta[beliefs.active[first:]] = solution
     theta[FORCE] = max(theta[FORCE], 1e-3 * force)
@@ -360,10 +169,10 @@ def _weigh_all(fit, readings, heat, g, robust):
     """Variances and weights of the errors at a scatter g, and what a bounded reading tells."""
     for t in range(fit.error.size):
         fit.variance[t] = readings.noise2[t] + heat + g * g * fit.square[t]
-    _weigh(fit.error, fit.variance, fit.kept, robust, fit.weight)
+    weigh(fit.error, fit.variance, fit.kept, robust, fit.weight)
     for t in range(fit.error.size):
         if not fit.kept[t] and np.isfinite(readings.value[t]):
-            fit.error[t], fit.weight[t] = _censored(
+            fit.error[t], fit.weight[t] = censored(
                 fit.error[t], math.sqrt(fit.variance[t]), readings.value[t] >= readings.full[t])
 
 
@@ -432,16 +241,16 @@ def fit_load(pad, readings, beliefs, start, warm):
         done = iteration == last or (moved < SETTLED and heat == 0.0)
         _model(fit, pad, beliefs, theta, coarse, done)
         _compare(fit, rows * columns, readings)
-        _spread(fit.model, rows, columns, fit.square)
+        spread_of(fit.model, rows, columns, fit.square)
         _prior(beliefs, max(abs(theta[FORCE]), 1e-3 * scale.force), scale.drift, prior)
         if done or (robust and heat == 0.0 and iteration % 2 == 0):
-            scatter, marginal = _marginal_scatter(
+            scatter, marginal = marginal_scatter(
                 fit, readings.noise2 + heat, prior, beliefs, done)
             g = scatter if robust else g
         _weigh_all(fit, readings, heat, g, robust)
         matrix[:] = 0.0
         right[:] = 0.0
-        _normal(fit.rows, fit.weight, fit.error, matrix, right)
+        add_normal(fit.rows, fit.weight, fit.error, matrix, right)
         penalty = volume = 0.0
         for i in range(n):
             off = theta[beliefs.active[i]] - beliefs.mean[beliefs.active[i]]
@@ -450,21 +259,17 @@ def fit_load(pad, readings, beliefs, start, warm):
             penalty += prior[i] * off * off
             if prior[i] > 0.0:
                 volume += 0.5 * math.log(prior[i])
-        determinant = _solve(matrix, right, fit.inverse, step)
+        determinant = solve(matrix, right, fit.inverse, step)
         if not np.isfinite(determinant):
             return fit
         if done:
             if not robust:
-                marginal = _log_likelihood(
+                marginal = log_likelihood(
                     fit.error, fit.variance, fit.kept, False) - 0.5 * determinant
             evidence = marginal - 0.5 * penalty + volume - beliefs.volume
             works = evidence == evidence and theta[FORCE] > 0.0
-            return _finished(fit, evidence if works else -np.inf, scatter, iteration + 1)
+            return Fit(theta, fit.inverse, fit.by, fit.rows, fit.model, fit.square, fit.error,
+                       fit.weight, fit.variance, fit.kept, evidence if works else -np.inf,
+                       scatter, iteration + 1)
         moved = _step(theta, step, fit.inverse, beliefs)
     return fit
-
-
-@njit(error_model='numpy')
-def _finished(fit, evidence, scatter, iterations):
-    return Fit(fit.theta, fit.inverse, fit.by, fit.rows, fit.model, fit.square, fit.error,
-               fit.weight, fit.variance, fit.kept, evidence, scatter, iterations)

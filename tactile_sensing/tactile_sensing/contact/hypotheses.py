@@ -115,6 +115,7 @@ def _cold_start(kind, power, guess, count):
     return theta
 
 
+# Functions that fit are inlined: numba optimises a fit anew at each level of calls above it.
 @njit(error_model='numpy', inline='always')
 def _fitted(pad, readings, beliefs, theta, warm):
     """Fit one hypothesis; its misfit and covariance are left open, see `_judged`."""
@@ -194,19 +195,13 @@ def _better(pad, readings, one, other):
 
 
 @njit(error_model='numpy', inline='always')
-def _robust(pad, readings, scatter, guess, kind, power):
-    """Fit the least load of a kind with outliers, scatter and baseline."""
-    beliefs = beliefs_of(pad, scatter, kind, power, False, True, False, True)
-    theta = _cold_start(kind, power, guess, beliefs.mean.size)
-    return _fitted(pad, readings, beliefs, theta, False)
-
-
-@njit(error_model='numpy', inline='always')
 def _search_robust(pad, readings, scatter, guess, kinds, power):
     """Find the load of the greatest evidence, which is -infinite if no fit works."""
     best = line = _nothing(pad, readings, scatter)
     for kind in kinds:
-        one = _robust(pad, readings, scatter, guess, kind, power)
+        beliefs = beliefs_of(pad, scatter, kind, power, False, True, False, True)
+        start = _cold_start(kind, power, guess, beliefs.mean.size)
+        one = _fitted(pad, readings, beliefs, start, False)
         line = one if kind == LINE else line
         best = one if one.evidence > best.evidence else best
     if best.evidence == -np.inf:

@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 
 from tactile_common.kernels import FAST, njit
-from tactile_sensing.contact.fit import SANDWICH
+from tactile_sensing.contact.errors import SANDWICH
 from tactile_sensing.skin.bumps import LINE, Q1, WIDTH
 from tactile_sensing.skin.kernel import MAX_VARIANCE
 

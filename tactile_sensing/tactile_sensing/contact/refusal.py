@@ -6,7 +6,7 @@ import numpy as np
 
 from tactile_common.kernels import njit
 from tactile_sensing.contact.beliefs import widest
-from tactile_sensing.contact.fit import NU
+from tactile_sensing.contact.errors import NU
 from tactile_sensing.skin.bumps import chord, EXPONENT, loaded_chord, POINT, Q0, Q1, WIDTH
 from tactile_sensing.types.contact import Reason
 
