@@ -1,4 +1,8 @@
-"""From the readings of one image to what is said of them; compiled."""
+"""
+From the readings of one image to what is said of them; compiled.
+
+Entry points take a Sensor as plain tuples: numba types a named one anew, in Python, at each call.
+"""
 
 import math
 from typing import NamedTuple
@@ -11,8 +15,8 @@ from tactile_sensing.contact.hypotheses import search
 from tactile_sensing.contact.misfit import LOUD
 from tactile_sensing.contact.noise import hidden_scale, noise_of_image
 from tactile_sensing.contact.refusal import BAD_FIT, has_second_hill, NO_CONTACT
-from tactile_sensing.contact.reported import reported
-from tactile_sensing.image import Survey, survey
+from tactile_sensing.contact.reported import grade_forces, reported
+from tactile_sensing.image import survey
 from tactile_sensing.skin.bumps import Pad, POINT, WIDTH
 from tactile_sensing.types.contact import ContactType, Reason
 
@@ -36,23 +40,29 @@ class Sensor(NamedTuple):
     full: np.ndarray  # full scale, infinite if there is none
     floor: np.ndarray  # at or below it a reading is only known to be below it; or -infinite
     scatter: float  # of the gains; 0: not known
+    calibrated: bool  # whether readings are pressures
+    force_std: float  # of all forces in common, relative
+    min_snr: float  # dB; a weaker load is no answer
 
 
 class Look(NamedTuple):
     """What an image shows before anything is fitted."""
 
-    seen: Survey
+    moments: tuple  # of the main layer, see `image.moments_of`
     noise: np.ndarray  # (L,)
     full: np.ndarray  # (L,)
-    reasons: int  # SATURATED, DEAD_TACTELS
-    why: int  # reason why nothing is to be fitted, 0 if there is a load
+    type: int  # NONE or OTHER, if nothing is to be fitted
+    reasons: int  # SATURATED, DEAD_TACTELS, and why nothing is to be fitted
+    loaded: bool  # whether there is something to be fitted
 
 
 class Answer(NamedTuple):
     """What a fit says of an image."""
 
+    moments: tuple  # of the main layer, see `image.moments_of`
     type: int
     valid: bool
+    force_valid: bool
     reasons: int
     kind: int  # POINT or LINE
     power: bool  # whether the load was fitted without a skin
@@ -68,23 +78,14 @@ class Answer(NamedTuple):
     patch: float  # m
 
 
-@njit(cache=True, error_model='numpy')
-def look(frame, sensor, saturated):
-    """
-    See what is in an image before anything is fitted.
+def plain(sensor: Sensor) -> tuple:
+    """Sensor as the entry points take it."""
+    return tuple(sensor.pad), *sensor[1:]
 
-    Parameters
-    ----------
-    frame : ndarray, shape (layers, rows, columns)
-        NaN where there is no reading.
-    sensor : Sensor
-    saturated : int
-        Tactels that have no reading since they are at full scale.
 
-    Returns
-    -------
-    Look
-    """
+@njit(error_model='numpy')
+def _look(frame, sensor, saturated):
+    """See `look`."""
     main, full, noise = sensor.main, sensor.full.copy(), sensor.noise.copy()
     seen = survey(frame, main, full, sensor.pad)
     for k in range(noise.size):
@@ -94,43 +95,73 @@ def look(frame, sensor, saturated):
     if full[main] == np.inf and CUT_OFF <= seen.highest <= 0.25 * frame[main].size:
         full[main] = hidden_scale(frame[main], noise[main])
         clipped += seen.highest * (full[main] < np.inf)
-    why = 0
+    why, kind = 0, OTHER if clipped > 0 else NONE
     if seen.live < FEWEST:
         why = FEW_TACTELS
     elif seen.top < DETECTION * noise[main] and (
             seen.total < DETECTION * noise[main] * math.sqrt(seen.live)):
         why = BAD_FIT if clipped > 0 else NO_CONTACT
-    return Look(seen, noise, full, SATURATED * (clipped > 0) | DEAD_TACTELS * (
-        seen.missing > saturated), why)
+    return Look(seen.moments, noise, full, kind, why | SATURATED * (clipped > 0) | DEAD_TACTELS * (
+        seen.missing > saturated), why == 0), seen.top
 
 
 @njit(cache=True, error_model='numpy')
-def answer(frame, sensor, seen, kinds, min_snr):
+def look(frame, sensor, saturated):
+    """
+    See what is in an image before anything is fitted.
+
+    Parameters
+    ----------
+    frame : ndarray, shape (layers, rows, columns)
+        NaN where there is no reading.
+    sensor : tuple
+        See `plain`.
+    saturated : int
+        Tactels that have no reading since they are at full scale.
+
+    Returns
+    -------
+    Look
+    """
+    return _look(frame, Sensor(Pad(*sensor[0]), *sensor[1:]), saturated)[0]
+
+
+@njit(error_model='numpy')
+def _nothing(seen, kind, reasons):
+    """Answer for an image to which nothing is fitted."""
+    return Answer(seen.moments, kind, False, False, reasons, POINT, False, False, False, 0, np.nan,
+                  np.nan, np.full(7, np.nan), np.full((7, 7), np.nan), np.nan, np.nan, np.nan)
+
+
+@njit(cache=True, error_model='numpy')
+def answer(frame, sensor, saturated, kinds):
     """
     Fit a load to an image, and say what it is or why it is none.
 
     Parameters
     ----------
-    frame : ndarray, shape (layers, rows, columns)
-    sensor : Sensor
-    seen : Look
+    frame, sensor, saturated
+        As for `look`.
     kinds : ndarray of int
         As in `hypotheses.search`.
-    min_snr : float
-        A weaker load is no answer [dB].
 
     Returns
     -------
     Answer
-        Its reasons are those of the fit alone.
     """
-    pad, main, size, shape = sensor.pad, sensor.main, frame[0].size, frame.shape
+    known = Sensor(Pad(*sensor[0]), *sensor[1:])
+    pad, main, size, shape = known.pad, known.main, frame[0].size, frame.shape
+    seen, top = _look(frame, known, saturated)
+    noise, reasons = seen.noise[main], seen.reasons
+    if not seen.loaded:
+        return _nothing(seen, seen.type, reasons)
+    if top < noise * 10.0 ** (known.min_snr / 20.0):  # whatever a fit would say
+        return _nothing(seen, NONE, reasons | LOW_SNR)
     readings = Readings(frame.ravel(), np.repeat(seen.noise ** 2, size),
-                        np.repeat(seen.full, size), np.repeat(sensor.floor, size))
-    noise = seen.noise[main]
+                        np.repeat(seen.full, size), np.repeat(known.floor, size))
     for again in range(2):
-        one, why = search(pad, readings, sensor.scatter, kinds)
-        if again or one.evidence == -np.inf or sensor.noise[main] > 0.0:
+        one, why = search(pad, readings, known.scatter, kinds)
+        if again or one.evidence == -np.inf or known.noise[main] > 0.0:
             break
         left = (readings.value - one.fit.model).reshape(shape)
         quieter = noise_of_image(left[main], False)
@@ -140,24 +171,28 @@ def answer(frame, sensor, seen, kinds, min_snr):
         readings.noise2[:] = quieter ** 2
     if why & BAD_FIT and has_second_hill(frame[main], noise):
         why |= TWO_CONTACTS
-    snr, fit, beliefs = np.nan, one.fit, one.beliefs
-    kind, values, covariance = OTHER, np.full(7, np.nan), np.full((7, 7), np.nan)
-    start, end, patch, valid = np.nan, np.nan, np.nan, False
-    if one.evidence > -np.inf:
-        snr = 20.0 * math.log10(max(fit.model.max(), 1e-300) / noise)
-        if not why & ~SKIN_MISMATCH and snr < min_snr:
-            why |= LOW_SNR
-        valid = not why & ~SKIN_MISMATCH
-        if why & (NO_CONTACT | LOW_SNR):
-            kind = NONE
-        elif not why & (BAD_FIT | TWO_CONTACTS):
-            kind = IS_POINT if beliefs.kind == POINT else IS_LINE
+    if one.evidence == -np.inf:
+        return _nothing(seen, OTHER, reasons | why)
+    fit, beliefs, kind = one.fit, one.beliefs, OTHER
+    snr = 20.0 * math.log10(max(fit.model.max(), 1e-300) / noise)
+    if not why & ~SKIN_MISMATCH and snr < known.min_snr:
+        why |= LOW_SNR
+    if why & (NO_CONTACT | LOW_SNR):
+        kind = NONE
+    elif not why & (BAD_FIT | TWO_CONTACTS):
+        kind = IS_POINT if beliefs.kind == POINT else IS_LINE
+    valid, patch, start, end = not why & ~SKIN_MISMATCH, np.nan, np.nan, np.nan
+    forces = valid and known.calibrated and not beliefs.power
+    values, covariance = np.full(7, np.nan), np.full((7, 7), np.nan)
     if valid:
         if one.residual.silent or one.residual.loudest > 2.0 * LOUD:
             why |= DEAD_TACTELS
         values, covariance, start, end = reported(
             pad, beliefs.kind, fit.theta, beliefs.ends, one.covariance)
+        grade_forces(values, covariance, forces, known.force_std)
+    if forces:
         spread = math.sqrt(fit.theta[WIDTH]) if beliefs.patch else 0.0
         patch = pad.depths[0] * spread * (math.sqrt(5.0) if beliefs.kind == POINT else 2.0)
-    return Answer(kind, valid, why, beliefs.kind, beliefs.power, beliefs.patch, beliefs.ends,
-                  fit.iterations, one.residual.rms, snr, values, covariance, start, end, patch)
+    return Answer(seen.moments, kind, valid, forces, reasons | why, beliefs.kind, beliefs.power,
+                  beliefs.patch, beliefs.ends, fit.iterations, one.residual.rms, snr, values,
+                  covariance, start, end, patch)

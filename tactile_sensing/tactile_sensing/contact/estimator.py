@@ -8,8 +8,9 @@ import numpy as np
 
 from tactile_common.config import bounded, check_fields, one_of
 from tactile_common.errors import ConfigurationError
-from tactile_sensing.contact.answer import Answer, answer, look, Sensor
+from tactile_sensing.contact.answer import Answer, answer, Look, look, plain, Sensor
 from tactile_sensing.contact.methods import estimate_by_thesis, METHODS
+from tactile_sensing.contact.reported import grade_forces
 from tactile_sensing.skin.bumps import LINE, POINT
 from tactile_sensing.skin.pad import pad_of
 from tactile_sensing.types.array import TactelArray
@@ -17,17 +18,16 @@ from tactile_sensing.types.contact import (
     COLUMNS,
     Contact,
     ContactType,
-    FORCES,
     PARAMETERS,
     Reason,
     RECORD,
-    ROW,
 )
 from tactile_sensing.types.image import Layer, TactileImage
 from tactile_sensing.types.moments import Moments
 
 MODELS = {'auto': (POINT, LINE), 'point': (POINT,), 'line': (LINE,)}
 TACTELS = ('point', 'area')
+WRITTEN = tuple(name for name in COLUMNS if name in Answer._fields)
 IMPOSSIBLE = 1e12  # in the unit; a tactel that reports more, or no number, is not read
 
 _NOTHING = np.zeros(1, RECORD)
@@ -134,51 +134,55 @@ class ContactEstimator:
             array, tuple((layer.component, float(layer.depth)) for layer in layers),
             area=config.tactel == 'area', thickness=float(layers[main].thickness),
             poisson=float(layers[main].poisson))
-        sensor = Sensor(
+        known = layers[main]
+        sensor = plain(Sensor(
             pad, main, np.array([max(config.noise_std or it.noise_std, 0.0) for it in layers]),
             np.array([it.full_scale or np.inf for it in layers]),
-            np.array([it.floor or -np.inf for it in layers]), float(layers[main].gain_spread))
+            np.array([it.floor or -np.inf for it in layers]), float(known.gain_spread),
+            known.unit == 'Pa', float(known.force_std), float(config.min_snr)))
         records, model = _NOTHING.repeat(len(stress)), ''
         stress[~(np.abs(stress) < IMPOSSIBLE)] = np.nan
-        calibrated = layers[main].unit == 'Pa'
-        known = Reason.UNCALIBRATED * (not calibrated) | Reason.NOT_TARED * (not tared)
-        kinds, by_thesis = np.array(MODELS[config.model]), config.method != 'fit'
+        kinds = np.array(MODELS[config.model])
         for frame, record in zip(stress, records, strict=True):
-            seen, model = look(frame, sensor, saturated), ''
-            record['moments'] = seen.seen.moments
-            record['reasons'] = known | seen.reasons | seen.why
-            if seen.why:
-                clipped = seen.reasons & Reason.SATURATED
-                record['type'] = ContactType.OTHER if clipped else ContactType.NONE
-            elif by_thesis:
-                model = self._by_thesis(frame, array, layers, seen.noise, calibrated, record)
-            elif seen.seen.top < seen.noise[main] * 10.0 ** (config.min_snr / 20.0):
-                record['reasons'] |= Reason.LOW_SNR  # whatever a fit would say
-            else:
-                found = answer(frame, sensor, seen, kinds, config.min_snr)
-                write(found, calibrated, record)
+            if config.method == 'fit':
+                found = answer(frame, sensor, saturated, kinds)
+                write(found, record)
                 model = name_of(found, layers) if found.valid else ''
-            if record['valid']:
-                grade_forces(record, layers[main].force_std)
+            else:
+                model = self._by_thesis(frame, array, layers, look(frame, sensor, saturated),
+                                        record)
+        records['reasons'] |= int(Reason.UNCALIBRATED * (known.unit != 'Pa')
+                                  | Reason.NOT_TARED * (not tared))
         records['moments'] *= array.pitch_x * array.pitch_y
         return records, model
 
     def _by_thesis(self, frame: np.ndarray, array: TactelArray, layers: Sequence[Layer],
-                   noise: np.ndarray, calibrated: bool, record: np.void) -> str:
+                   seen: Look, record: np.void) -> str:
         """Write the record of one frame by a method of the thesis; returns the model's name."""
+        record['moments'], record['type'] = seen.moments, seen.type
+        record['reasons'] = seen.reasons
+        if not seen.loaded:
+            return ''
         frame = np.where(frame >= [[[layer.full_scale or np.inf]] for layer in layers], np.nan,
                          frame)
-        known = [replace(layer, noise_std=std) for layer, std in zip(layers, noise, strict=True)]
+        known = [replace(layer, noise_std=std)
+                 for layer, std in zip(layers, seen.noise, strict=True)]
         contact = estimate_by_thesis(self.config.method, frame, array, known, self.config)
-        reasons = int(record['reasons'])
         for name in COLUMNS:
             if name != 'moments':
                 record[name] = getattr(contact, name)
-        record['reasons'] |= reasons
-        record['force_valid'] = contact.valid and calibrated
+        main = next(layer for layer in layers if layer.component == 'zz')
+        record['reasons'] |= seen.reasons
+        record['force_valid'] = contact.valid and main.unit == 'Pa'
+        values = np.array([record[name] for name in PARAMETERS])
         if not contact.valid:
-            for name in (*PARAMETERS, 'patch', 'covariance'):
-                record[name] = np.nan
+            values[:], record['covariance'] = np.nan, np.nan
+        grade_forces(values, record['covariance'], bool(record['force_valid']),
+                     float(main.force_std))
+        for name, value in zip(PARAMETERS, values, strict=True):
+            record[name] = value
+        if not record['force_valid']:
+            record['patch'] = np.nan
         return contact.model
 
 
@@ -193,34 +197,12 @@ def check_layer(layer: Layer) -> None:
             f'gain_spread {layer.gain_spread!r}, force_std {layer.force_std!r}: no such skin')
 
 
-def write(found: Answer, calibrated: bool, record: np.void) -> None:
+def write(found: Answer, record: np.void) -> None:
     """Write what a fit says into a record."""
-    record['type'], record['valid'] = found.type, found.valid
-    record['reasons'] |= found.reasons
-    record['force_valid'] = found.valid and calibrated and not found.power
-    if np.isfinite(found.snr):
-        record['snr'], record['residual'] = found.snr, found.residual
-        record['iterations'] = found.iterations
+    for name in WRITTEN:
+        record[name] = getattr(found, name)
     for name, value in zip(PARAMETERS, found.values.tolist(), strict=True):
         record[name] = value
-    record['covariance'], record['patch'] = found.covariance, found.patch
-    record['start'], record['end'] = found.start, found.end
-
-
-def grade_forces(record: np.void, std: float) -> None:
-    """
-    Make forces NaN that are not valid; widen the covariance of those that are.
-
-    `std` is what all of them are off by in common, as a share.
-    """
-    rows = [getattr(ROW, name) for name in FORCES]
-    if record['force_valid']:
-        forces = np.array([record[name] for name in FORCES])
-        record['covariance'][np.ix_(rows, rows)] += std ** 2 * np.outer(forces, forces)
-        return
-    for name in (*FORCES, 'patch'):
-        record[name] = np.nan
-    record['covariance'][rows] = record['covariance'][:, rows] = np.nan
 
 
 def name_of(found: Answer, layers: Sequence[Layer]) -> str:

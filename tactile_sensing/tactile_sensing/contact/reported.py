@@ -98,3 +98,21 @@ def reported(pad, kind, theta, ends, covariance):
         if np.isnan(values[i]):
             out[i], out[:, i] = np.nan, np.nan
     return values, out, start, end
+
+
+@njit(cache=True, error_model='numpy')
+def grade_forces(values, covariance, valid, std):
+    """
+    Make forces NaN that are not valid; widen the covariance of those that are.
+
+    `values` (7,) and `covariance` (7, 7) are changed; `std` is what all forces are off by in
+    common, as a share.
+    """
+    for i in range(NORMAL, PER_LENGTH + 1):
+        for j in range(7):
+            if not valid:
+                covariance[i, j] = covariance[j, i] = np.nan
+            elif j >= NORMAL:
+                covariance[i, j] += std * std * values[i] * values[j]
+    if not valid:
+        values[NORMAL:] = np.nan
