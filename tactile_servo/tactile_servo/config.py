@@ -93,6 +93,9 @@ class ServoConfig:
     retreat: RetreatConfig = field(default_factory=RetreatConfig)
     input: InputConfig = field(default_factory=InputConfig)
     hold: HoldConfig = field(default_factory=HoldConfig)
+    self_test: bool = field(default=True, metadata={
+        'doc': 'press and release the pad once as it has touched, and compare with its stiffness, '
+               'before it moves along anything'})
     motion: MotionConfig = field(default_factory=MotionConfig)
 
 

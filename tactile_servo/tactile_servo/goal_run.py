@@ -15,6 +15,7 @@ from tactile_servo.motion.motion import Motion, MotionStep
 from tactile_servo.normal_way import NormalWay
 from tactile_servo.reasons import Reason, ReasonCode
 from tactile_servo.state_machine import (
+    APPROACHING,
     Event,
     HELD,
     LIFTING,
@@ -71,6 +72,7 @@ class GoalRun:
         self._following = Following(config.input, config.motion.rotation_length)
         self._times = StateTimes(config, goal)
         self._paused, self._outcome = False, machine.reason
+        self._tested = not config.self_test
         # Of this cycle: steady time and period [s], why the robot must stand still, what must be
         # seen first, and what the law says.
         self._now, self._dt = -np.inf, 0.0
@@ -242,6 +244,17 @@ class GoalRun:
                    and self._law.lacks(self._now) is None)
         return Reason(ReasonCode.CONTACT) if touches else None
 
+    def _touches_untested(self) -> Reason | None:
+        # What presses too hard already is to be relieved first of all.
+        return None if self._tested or self._inputs.load >= self.goal.force else self._touches()
+
+    def _fails_test(self) -> Reason | None:
+        problem = self._way.test_problem()
+        return Reason(ReasonCode.SELF_TEST, problem) if problem else None
+
+    def _passes_test(self) -> Reason | None:
+        return Reason(ReasonCode.CONTACT) if self._way.tested else None
+
     def _touches_nothing_to_track(self) -> Reason | None:
         lacking, since = self._law.lacks(self._now), self._machine.since
         looked = self.observed > since or self._now - since > self._config.input.stale_image
@@ -322,8 +335,11 @@ class GoalRun:
             self._motion.reset_blocked()
         elif event in (Event.END, Event.LIFT):
             event = self._ended(event, reason)
+        elif event is Event.TEST:
+            self._way.begin_test()
         elif event is Event.TOUCH:
             self._way.touch()
+            self._tested = True
         elif event is Event.SEARCH:
             self._way.begin()
         if not self._stays and self._stands() and event in (Event.STAND, Event.REST):
@@ -383,6 +399,8 @@ class GoalRun:
         c, phase = self._config, self._machine.phase
         if phase is Phase.APPROACH:
             return self._way.approach()
+        if phase is Phase.TEST:
+            return self._way.test(dt)
         if phase in LIFTING:
             return self._way.retreat()
         self.reference = self._law.reference(
@@ -397,7 +415,8 @@ class GoalRun:
 
 
 Rule = tuple[frozenset[Phase], Callable[[GoalRun], Reason | None], Event]
-_APPROACH, _RETREAT = frozenset({Phase.APPROACH}), frozenset({Phase.RETREAT})
+_APPROACH, _TEST = frozenset({Phase.APPROACH}), frozenset({Phase.TEST})
+_RETREAT = frozenset({Phase.RETREAT})
 _SETTLING, _WAITING = frozenset({Phase.SETTLING}), frozenset({Phase.WAITING})
 _UNLOADING = frozenset({Phase.UNLOADING})
 _STOPPING, _SEARCH = frozenset({Phase.STOPPING}), frozenset({Phase.SEARCH})
@@ -423,8 +442,11 @@ RULES: tuple[Rule, ...] = (
     (TOUCHING, GoalRun._overload, Event.LIFT),
     (TOUCHING, GoalRun._lies, Event.LIFT),
     (TOUCHING, GoalRun._too_long, Event.LIFT),
+    (_APPROACH, GoalRun._touches_untested, Event.TEST),
     (_APPROACH, GoalRun._touches, Event.TOUCH),
-    (_APPROACH, GoalRun._touches_nothing_to_track, Event.LIFT),
+    (_TEST, GoalRun._fails_test, Event.LIFT),
+    (_TEST, GoalRun._passes_test, Event.TOUCH),
+    (APPROACHING, GoalRun._touches_nothing_to_track, Event.LIFT),
     (_APPROACH, GoalRun._meets_nothing, Event.LIFT),
     (TRACKING, lambda run: run._law_says(State.HOLD), Event.HOLD),
     (TRACKING, GoalRun._law_fails, Event.LIFT),

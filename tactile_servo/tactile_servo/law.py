@@ -95,6 +95,7 @@ class ServoLaw(Protocol):
 
     @property
     def stiffness(self) -> float: ...  # total, of skin, finger and robot [N/m]
+    def depth(self, force: float) -> float: ...  # that a force [N] stands for, from any zero [m]
     @property
     def touch_speed(self) -> float: ...  # at which it presses a pad that feels nothing yet [m/s]
     @property

@@ -4,6 +4,7 @@ import numpy as np
 
 from tactile_servo.config import ServoConfig
 from tactile_servo.control.force_controller import REACTION, unseen_way
+from tactile_servo.control.press_test import PressTest
 from tactile_servo.control.scaling import clipped
 from tactile_servo.inputs import Inputs
 from tactile_servo.law import Goal, ServoLaw
@@ -24,6 +25,7 @@ class NormalWay:
         self._config, self._goal, self._law = config, goal, law
         self._inputs, self._motion = inputs, motion
         self._touched, self._lift = False, config.retreat.distance
+        self._test: PressTest | None = None
         self.begin()
 
     def begin(self) -> None:
@@ -44,7 +46,10 @@ class NormalWay:
     @property
     def advance(self) -> float:
         """How far the commanded sensor stands beyond where its way began [m]."""
-        pose, anchor = self._motion.pose, self._anchor
+        return self._beyond(self._motion.pose)
+
+    def _beyond(self, pose: np.ndarray) -> float:
+        anchor = self._anchor
         return 0.0 if pose is anchor else float((pose[:3, 3] - anchor[:3, 3]) @ anchor[:3, 2])
 
     @property
@@ -59,16 +64,45 @@ class NormalWay:
 
     def approach(self) -> np.ndarray:
         """Twist of the pad (6,) towards what is to be touched [m/s, rad/s]."""
-        force, speed = self._goal.force, 0.0
-        if self._inputs.load < force:
-            speed = min(approach_speed(self._config, force), self._law.touch_speed,
-                        self._sighted_speed())
+        speed = self._careful_speed() if self._inputs.load < self._goal.force else 0.0
         return np.array([0.0, 0.0, speed, 0.0, 0.0, 0.0])
+
+    def begin_test(self) -> None:
+        """What was touched is to be pressed and released, before anything else."""
+        self.touch()
+        self._test = PressTest(self._goal.force, self._inputs.load, self._law.depth)
+
+    def test(self, dt: float) -> np.ndarray:
+        """Twist of the pad (6,) in that test, for a cycle of `dt` [s]."""
+        assert self._test is not None and self._inputs.contact is not None
+        stamp = self._inputs.contact.stamp_ns
+        pose = self._inputs.pose_at(stamp)
+        if pose is not None:
+            self._test.see(stamp, self._inputs.load, self._beyond(pose))
+        speed = min(self._test.speed(self._inputs.load, dt), self._careful_speed())
+        return np.array([0.0, 0.0, speed, 0.0, 0.0, 0.0])
+
+    def test_problem(self) -> str:
+        """Why the sensor has failed the test, '' if it has not."""
+        assert self._test is not None
+        if not self._test.pressed and self.advance > self._test.deepest + self._unseen_way():
+            return f'{1e3 * self.advance:.1f} mm deeper, {self._inputs.load:.1f} N are felt'
+        return self._test.problem() if self._test.over else ''
+
+    @property
+    def tested(self) -> bool:
+        """Whether the test is over."""
+        return self._test is not None and self._test.over
 
     def retreat(self) -> np.ndarray:
         """Twist of the pad (6,) off what it touches [m/s, rad/s]."""
         speed = 0.0 if self.lifted else self._config.approach.speed
         return np.array([0.0, 0.0, -speed, 0.0, 0.0, 0.0])
+
+    def _careful_speed(self) -> float:
+        """Speed at which the pad may press what has been touched, or not yet [m/s]."""
+        return min(approach_speed(self._config, self._goal.force), self._law.touch_speed,
+                   self._sighted_speed())
 
     def _sighted_speed(self) -> float:
         """Speed at which the force cannot grow much on a way that no image has shown [m/s]."""

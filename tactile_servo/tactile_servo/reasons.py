@@ -66,6 +66,7 @@ class ReasonCode(IntEnum):
     SENSOR_SILENT = 314, 'tactels that were alive have fallen silent'
     SENSOR_DRIFTED = 315, 'the sensor reads less than nothing'
     SENSOR_DISAGREES = 316, 'the pad tells another force than the wrist'
+    SELF_TEST = 317, 'pressed and released at first, the pad does not answer as it should'
     BUSY = 400, 'goal rejected: another one is active'
     INVALID_GOAL = 401, 'goal rejected'
     UNSUPPORTED_GOAL = 402, 'goal rejected: not what this servo law can do'

@@ -12,6 +12,7 @@ class Phase(Enum):
 
     IDLE = auto()
     APPROACH = auto()
+    TEST = auto()  # approach: the pad has touched, and is pressed and released once
     TRACK = auto()
     CORNER = auto()
     SEARCH = auto()
@@ -33,7 +34,8 @@ class Event(Enum):
     """What changes the phase of a servo, or the reason of it."""
 
     START = auto()  # a goal is accepted
-    TOUCH = auto()  # the approach has met what is to be tracked
+    TEST = auto()  # the approach has touched, and the sensor is to be tested
+    TOUCH = auto()  # what is to be tracked has been met
     TRACK = auto()  # the law tracks,
     CORNER = auto()  # is at a corner,
     SEARCH = auto()  # or searches
@@ -56,20 +58,22 @@ class Event(Enum):
 HELD = frozenset({Phase.SETTLING, Phase.WAITING, Phase.ASKED, Phase.UNLOADING})
 STANDING = frozenset({Phase.WAITING, Phase.ASKED})
 TRACKING = frozenset({Phase.TRACK, Phase.CORNER, Phase.SEARCH})  # the law moves the sensor
-TOUCHING = TRACKING | {Phase.APPROACH}
+APPROACHING = frozenset({Phase.APPROACH, Phase.TEST})
+TOUCHING = TRACKING | APPROACHING
 MOVING = TOUCHING | {Phase.RETREAT}
 LIFTING = frozenset({Phase.RETREAT, Phase.UNLOADING})  # off what is touched, by the pose alone
-_STATES = {phase: State.HOLD if phase in HELD | {Phase.STOPPING} else State[phase.name]
-           for phase in Phase}
+_STATES = {phase: State.HOLD if phase in HELD | {Phase.STOPPING} else
+           State.APPROACH if phase is Phase.TEST else State[phase.name] for phase in Phase}
 
 _TRACKING = {Event.TRACK: Phase.TRACK, Event.CORNER: Phase.CORNER, Event.SEARCH: Phase.SEARCH,
              Event.HOLD: Phase.SETTLING, Event.LIFT: Phase.RETREAT, Event.STOP: Phase.STOPPING}
+_APPROACHING = {Event.TOUCH: Phase.TRACK, Event.HOLD: Phase.SETTLING, Event.LIFT: Phase.RETREAT,
+                Event.STOP: Phase.STOPPING}
 _STANDING = {Event.APPROACH_AGAIN: Phase.APPROACH, Event.TRACK_AGAIN: Phase.TRACK,
              Event.RETREAT_AGAIN: Phase.RETREAT, Event.STOP: Phase.STOPPING}
 TRANSITIONS: dict[Phase, dict[Event, Phase]] = {
     Phase.IDLE: {Event.START: Phase.APPROACH, Event.REPORT: Phase.IDLE},
-    Phase.APPROACH: {Event.TOUCH: Phase.TRACK, Event.HOLD: Phase.SETTLING,
-                     Event.LIFT: Phase.RETREAT, Event.STOP: Phase.STOPPING},
+    Phase.APPROACH: {Event.TEST: Phase.TEST, **_APPROACHING}, Phase.TEST: _APPROACHING,
     Phase.TRACK: _TRACKING, Phase.CORNER: _TRACKING, Phase.SEARCH: _TRACKING,
     Phase.RETREAT: {Event.HOLD: Phase.SETTLING, Event.STOP: Phase.STOPPING,
                     Event.REST: Phase.DONE},
@@ -84,9 +88,9 @@ TRANSITIONS: dict[Phase, dict[Event, Phase]] = {
     Phase.DONE: {Event.FINISH: Phase.IDLE},
 }
 # What takes up again what a hold interrupted; the law says anew whether it is at a corner.
-RESUMPTION = {Phase.APPROACH: Event.APPROACH_AGAIN, Phase.TRACK: Event.TRACK_AGAIN,
-              Phase.CORNER: Event.TRACK_AGAIN, Phase.SEARCH: Event.TRACK_AGAIN,
-              Phase.RETREAT: Event.RETREAT_AGAIN}
+RESUMPTION = {Phase.APPROACH: Event.APPROACH_AGAIN, Phase.TEST: Event.APPROACH_AGAIN,
+              Phase.TRACK: Event.TRACK_AGAIN, Phase.CORNER: Event.TRACK_AGAIN,
+              Phase.SEARCH: Event.TRACK_AGAIN, Phase.RETREAT: Event.RETREAT_AGAIN}
 
 
 class IllegalTransition(TactileError):

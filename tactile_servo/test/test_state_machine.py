@@ -101,7 +101,8 @@ def test_a_hold_goes_back_to_what_it_interrupted():
     assert set(RESUMPTION) == MOVING
     for (phase, event), standing in product(RESUMPTION.items(), STANDING):
         after = TRANSITIONS[standing][event]
-        assert after is phase or (after is Phase.TRACK and phase in TRACKING)
+        assert after is phase or (after is Phase.TRACK and phase in TRACKING) or (
+            after is Phase.APPROACH and phase is Phase.TEST)
 
 
 def test_a_robot_that_must_be_asked_is_not_moved_by_a_rule_without_it():

@@ -118,7 +118,9 @@ def test_pictures_that_are_too_late_are_refused_where_nobody_allows_them():
 
 
 def test_a_loop_that_swings_ends_in_a_refusal():
-    loop, _ = simulated(latency=0.08, settings=ResolvedRateConfig(limit_share=10.0))
+    # It grows from little: the pad rests as it begins.
+    loop, _ = simulated(latency=0.08, goal=replace(GOAL, length=0.15),
+                        settings=ResolvedRateConfig(limit_share=10.0))
     assert not loop.servo.success
     assert loop.servo.reason.code == ReasonCode.OVERFORCE
     assert 'beyond 1.5 times the 5 N asked for' in loop.servo.reason.text

@@ -87,6 +87,33 @@ def test_a_wrist_notices_a_pad_that_feels_nothing(scene, from_force):
     assert from_force or summary['reason_code'] in ('sensor_disagrees', 'no_edge')
 
 
+def sticking(simulation, from_force):
+    """Have the sensor tell no less than it has once a force [N] was felt, with its noise alive."""
+    picture, deepest = simulation.picture, []
+
+    def see(pose):
+        force = simulation.world.force(pose)
+        if force >= max(from_force, deepest[0][0] if deepest else 0.0):
+            deepest[:] = [(force, pose)]
+        return picture(deepest[0][1] if deepest else pose)
+    simulation.picture = see
+    return simulation
+
+
+@pytest.mark.parametrize('scene, law', [
+    ('straight', 'trace'), ('straight', 'resolved_rate'), ('surfaces/plane', None)])
+@pytest.mark.parametrize('from_force, tested', [(1.0, True), (1.0, False)])
+def test_a_sensor_that_sticks_is_found_before_the_pad_goes_on(scene, law, from_force, tested):
+    goal = LINE if scene.startswith('surfaces') else EdgeGoal(0.03, FORCE)
+    simulation = sticking(Simulation(load_scene(find_scene(scene)), law, config=ServoConfig(
+        self_test=tested)), from_force)
+    simulation.run(goal, 20.0)
+    summary = simulation.summary(goal)
+    assert summary['force_max'] < MOST
+    assert (summary['reason_code'] == 'self_test') == tested
+    assert not tested or (summary['force_end'] == 0.0 and not summary['ok'])
+
+
 @pytest.mark.parametrize('scene, speed', [('course', 0.1), ('surfaces/sphere_126', 0.05)])
 def test_a_wrist_that_carries_a_tool_agrees_with_the_pad(scene, speed):
     goal = (dataclasses.replace(LINE, speed=speed) if scene.startswith('surfaces')
@@ -137,9 +164,10 @@ def test_what_a_wrist_felt_is_in_the_journal():
 
 
 def test_a_sensor_without_noise_is_not_taken_for_dead_but_freezes_visibly():
-    simulation, summary = run('straight', EdgeGoal(0.1, FORCE), noise_std=0.0)
+    # Along a straight edge nothing may change in a world without noise.
+    simulation, summary = run('curve', EdgeGoal(0.1, FORCE), noise_std=0.0)
     assert summary['ok'] and not simulation.servo.inputs.watch.watches
-    _, frozen = run('straight', EdgeGoal(0.1, FORCE), 'frozen@1', noise_std=0.0)
+    _, frozen = run('curve', EdgeGoal(0.1, FORCE), 'frozen@1.5', noise_std=0.0)
     assert frozen['reason_code'] == 'sensor_silent' and frozen['force_max'] < MOST
 
 

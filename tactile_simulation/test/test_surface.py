@@ -308,7 +308,7 @@ def test_a_hard_press_is_relieved():
     # From 15 N, as a hold and what follows it may leave the probe.
     config = ServoConfig(force=ForceBounds(max=16.0, max_load=20.0))
     simulation = Simulation(scene_of(SPHERE), config=config)
-    simulation.run(SurfaceGoal(0.001, 15.0, length=0.2), 1.5)
+    simulation.run(SurfaceGoal(0.001, 15.0, length=0.2), 2.5)
     assert simulation.log[-1].force > 14.0
     simulation.servo.cancel()
     simulation.run(None, 0.5)

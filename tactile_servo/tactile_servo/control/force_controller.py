@@ -6,6 +6,7 @@ import math
 from tactile_servo.control.scaling import clipped
 
 UNSEEN = 0.5  # of the force, by which it may grow on a way that no image has shown
+INTEGRATED = 0.2  # of it, the error up to which the integral counts it: more would overshoot
 REACTION = 0.01  # s until the pad has slowed down
 
 

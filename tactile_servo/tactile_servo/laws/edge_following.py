@@ -22,7 +22,7 @@ from tactile_servo.laws.edge_modes import (
     ReachingDown,
     Searching,
 )
-from tactile_servo.laws.edge_motion import EdgeMotion
+from tactile_servo.laws.edge_motion import EdgeMotion, SHORTEST
 from tactile_servo.laws.edge_sight import EdgeSight
 from tactile_servo.laws.stall import Stall
 from tactile_servo.motion.agility import Agility
@@ -95,6 +95,12 @@ class EdgeFollowing:
         """Of skin, finger and robot along the normal [N/m]."""
         return self.config.force.stiffness
 
+    def depth(self, force: float) -> float:
+        """Depth [m] that a force [N] stands for, on the length that is under the pad."""
+        edge, c = self.sight.edge, self.config.force
+        shortest = SHORTEST * min(edge.scale.half_x, edge.scale.half_y)
+        return force / (c.skin_stiffness * max(self.sight.load.length, shortest))
+
     @property
     def unexplained(self) -> float:
         """How much deeper the pad presses than images explain [m]."""
@@ -124,8 +130,8 @@ class EdgeFollowing:
                 self.sight.refine(observation, observation.contact)
             return
         pose, going = observation.pose(), self._going
-        # Until the pad presses, the path is drawn anew with every image.
-        settled = 0.0 if going.begun else PRESSED * self.goal.force
+        # Until the pad goes along, the path is drawn anew with every image.
+        settled = 0.0 if going.begun else math.inf
         if pose is not None and self.sight.see(observation, pose, going.ahead, settled):
             going.ahead = going.here = self.sight.edge.station
 

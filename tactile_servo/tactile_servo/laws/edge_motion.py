@@ -10,7 +10,12 @@ from tactile_servo.control.attitude_controller import (
     AttitudeGains,
     off_edge,
 )
-from tactile_servo.control.force_controller import ForceController, ForceGains, touch_speed
+from tactile_servo.control.force_controller import (
+    ForceController,
+    ForceGains,
+    INTEGRATED,
+    touch_speed,
+)
 from tactile_servo.control.path_controller import PathController
 from tactile_servo.control.scaling import clipped
 from tactile_servo.control.speed_controller import caution, SpeedController
@@ -35,7 +40,6 @@ ON_PATH, ASTRAY = 0.1, 0.6  # beside it, where the pad goes at full speed, and s
 # Force
 COMING_SHARE = 0.35  # of the length that comes under the pad at once which is given way to before
 GIVE_WAY = 5.0  # times the gain with which the pad gives way to what comes under it
-INTEGRATED = 0.2  # of the force, the error up to which the integral counts it
 SHORTEST = 0.5  # of the pad's half size, the edge that the force is spread over at the least
 INTEGRAL = 60.0  # 1/s^2
 TURN, TURN_RATE = 5.0, 1.5  # gain [1/s] and largest rate [rad/s] of the turn along the edge

@@ -230,6 +230,10 @@ class ResolvedRate:
         """Speed at which the force loop would press a pad that feels nothing yet [m/s]."""
         return self.goal.force / (self.config.force.stiffness * self.shortest)
 
+    def depth(self, force: float) -> float:
+        """Depth [m] that a force [N] stands for."""
+        return force / self.stiffness
+
     @property
     def unexplained(self) -> float:
         """How much deeper the pad presses than images explain [m]."""

@@ -144,6 +144,10 @@ class SurfaceLaw:
             self._record.keep(
                 observation.stamp_ns, felt, float(off @ off), self._surface.normal, whole)
 
+    def depth(self, force: float) -> float:
+        """Depth [m] that a force [N] stands for, from that of the goal."""
+        return self._sense.depth(force)
+
     @property
     def unexplained(self) -> float:
         """How much deeper the probe presses than images explain [m]."""

@@ -6,7 +6,7 @@ import numpy as np
 
 from tactile_sensing.dome.geometry import Dome
 from tactile_servo.control.attitude_controller import AttitudeController, AttitudeGains
-from tactile_servo.control.force_controller import ForceController, ForceGains
+from tactile_servo.control.force_controller import ForceController, ForceGains, INTEGRATED
 from tactile_servo.control.speed_controller import caution, SpeedController
 from tactile_servo.control.surface_filter import SurfaceFilter
 from tactile_servo.control.surface_path import Step
@@ -16,7 +16,6 @@ from tactile_servo.motion.agility import Agility, Pace
 
 # Of the force:
 UNHEARD = 0.2  # by which it may grow on a way that no joint state has shown
-INTEGRATED = 0.3  # the error up to which the integral counts it
 # Of half the pad:
 ASIDE, CENTRED = 0.7, 0.3  # distance of the contact, at which the probe stands and does not slow
 # Force and attitude:

@@ -1,0 +1,62 @@
+"""A press and a release tell whether a sensor answers as its stiffness says."""
+
+import numpy as np
+import pytest
+
+from tactile_servo.control.press_test import LASTING, PressTest
+
+FORCE, STIFFNESS, DT = 5.0, 1e4, 0.0025
+TOUCHED = 0.5  # N
+
+
+def pressed(told, noise=0.0, begin=TOUCHED / STIFFNESS, late=0):
+    """Test of a pad whose images tell a force by its depth [m], `late` by some cycles."""
+    rng = np.random.default_rng(0)
+    test, depths = PressTest(FORCE, TOUCHED, lambda force: force / STIFFNESS), [begin]
+    while not test.over and len(depths) < 4000:
+        seen = depths[max(len(depths) - 1 - late, 0)]
+        load = max(told(seen) + noise * rng.normal(), 0.0)
+        test.see(len(depths), load, seen - begin)
+        most = min(0.01, 0.4 * FORCE / STIFFNESS / (late * DT + 0.01))
+        depths.append(depths[-1] + DT * min(test.speed(load, DT), most))
+    return test, np.array(depths) - begin
+
+
+@pytest.mark.parametrize('factor', [0.4, 1.0, 2.5])
+@pytest.mark.parametrize('noise', [0.0, 0.1])
+def test_a_sensor_that_answers_is_believed(factor, noise):
+    test, _ = pressed(lambda depth: factor * STIFFNESS * depth, noise)
+    assert test.over and test.problem() == ''
+
+
+@pytest.mark.parametrize('told', [
+    lambda depth: 0.2 * STIFFNESS * depth, lambda depth: 5.0 * STIFFNESS * depth,
+    lambda depth: 3.5, lambda depth: max(7.0 - STIFFNESS * depth, 0.0)])
+def test_a_sensor_that_does_not_is_named(told):
+    test, _ = pressed(told, 0.02)
+    assert 'of the force that its stiffness says' in test.problem()
+
+
+def test_noise_that_hides_the_answer_proves_nothing():
+    test, _ = pressed(lambda depth: 3.5, 2.0)
+    assert test.problem() == ''
+
+
+def test_a_pad_that_was_not_moved_is_named():
+    test = PressTest(FORCE, TOUCHED, lambda force: force / STIFFNESS)
+    for k in range(400):
+        test.see(k, 4.0, 0.0)
+        test.speed(4.0, DT)
+    assert test.over and 'not seen to be released' in test.problem()
+
+
+@pytest.mark.parametrize('late', [0, 16, 32])
+def test_the_release_is_short_smooth_and_leads_back(late):
+    _, depths = pressed(lambda depth: STIFFNESS * depth, late=late)
+    turn = depths.argmax()
+    assert STIFFNESS * depths[turn] < 1.1 * FORCE
+    way = depths[-round(LASTING / DT):]
+    assert way[-1] == pytest.approx(way[0], abs=2e-6)
+    assert np.ptp(way) < 0.3 * FORCE / STIFFNESS
+    acceleration = np.diff(way, 2) / DT**2
+    assert np.abs(acceleration).max() < 0.05
