@@ -6,11 +6,17 @@ import numpy as np
 SLOPE_ERROR = 0.002
 # A sensor that does not tell so much of the force, a share of it and beyond [N], is not believed.
 UNTOLD_SHARE, UNTOLD = 0.3, 1.5
+DOUBTED = 0.5  # of that, from which no goal is met
 
 
-def most_unexplained(force: float, stiffness: float) -> float:
-    """Depth [m] beyond which a pad of a stiffness [N/m] presses too hard, for a force [N]."""
-    return (UNTOLD_SHARE * force + UNTOLD) / stiffness
+def most_untold(force: float) -> float:
+    """Force [N] beyond what images tell, from which a pad presses too hard for a force [N]."""
+    return UNTOLD_SHARE * force + UNTOLD
+
+
+def doubted(untold: float, force: float) -> bool:
+    """Whether so much `untold` force [N] makes a run with a force [N] no success."""
+    return untold > DOUBTED * most_untold(force)
 
 
 class PressCheck:

@@ -102,9 +102,9 @@ class EdgeFollowing:
         return force / (c.skin_stiffness * max(self.sight.load.length, shortest))
 
     @property
-    def unexplained(self) -> float:
-        """How much deeper the pad presses than images explain [m]."""
-        return self.sight.press.unexplained
+    def untold(self) -> float:
+        """How much harder the pad presses, by its depth, than images tell [N]."""
+        return self.stiffness * self.sight.press.unexplained
 
     def validate(self, goal: EdgeGoal) -> Refusal | None:
         """Why a goal is beyond this law, or None."""

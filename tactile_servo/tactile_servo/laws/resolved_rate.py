@@ -235,9 +235,9 @@ class ResolvedRate:
         return force / self.stiffness
 
     @property
-    def unexplained(self) -> float:
-        """How much deeper the pad presses than images explain [m]."""
-        return self._press.unexplained
+    def untold(self) -> float:
+        """How much harder the pad presses, by its depth, than images tell [N]."""
+        return self.stiffness * self._press.unexplained
 
     def lacks(self, now: float) -> Reason | None:
         """What keeps the law from tracking, or None."""

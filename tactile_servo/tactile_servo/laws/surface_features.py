@@ -85,6 +85,10 @@ class ContactSense:
         share = math.sqrt(force / self.force) - 1.0
         return 2.0 * self.force / self.stiffness * share
 
+    def pressed(self, depth: float) -> float:
+        """Force at such a depth [N], of a probe that touches."""
+        return self.force * max(1.0 + 0.5 * self.stiffness * depth / self.force, 0.0)**2
+
 
 def kind_of(config: SurfaceConfig, table: JacobianTable | None) -> FeatureKind:
     """Which features stand for an image: those of the table, if there is one."""

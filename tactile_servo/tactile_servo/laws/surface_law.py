@@ -149,9 +149,9 @@ class SurfaceLaw:
         return self._sense.depth(force)
 
     @property
-    def unexplained(self) -> float:
-        """How much deeper the probe presses than images explain [m]."""
-        return self._press.unexplained
+    def untold(self) -> float:
+        """How much harder the probe presses, by its depth, than images tell [N]."""
+        return self._sense.pressed(self._press.unexplained) - self.goal.force
 
     def lacks(self, now: float) -> Reason | None:
         """What keeps the law from tracking, or None."""
