@@ -131,8 +131,7 @@ class EdgeFollowing:
             return
         pose, going = observation.pose(), self._going
         # Until the pad goes along, the path is drawn anew with every image.
-        settled = 0.0 if going.begun else math.inf
-        if pose is not None and self.sight.see(observation, pose, going.ahead, settled):
+        if pose is not None and self.sight.see(observation, pose, going.ahead, not going.begun):
             going.ahead = going.here = self.sight.edge.station
 
     def lacks(self, now: float) -> Reason | None:

@@ -64,12 +64,12 @@ class EdgeSight:
             self.load = load._replace(force=contact.normal_force)
 
     def see(self, observation: Observation, pose: np.ndarray, ahead: float,
-            anew_below: float) -> bool:
+            anew: bool) -> bool:
         """
         Take an image at a pose (4, 4); whether a path begins with it.
 
-        `ahead` is the station of the commanded pad [m]. The path is drawn anew while the force is
-        below `anew_below` [N].
+        `ahead` is the station of the commanded pad [m]. The path is drawn `anew` while the pad
+        does not go along it.
         """
         edge, direction = self.edge, self._goal.direction
         assert observation.image is not None
@@ -80,7 +80,7 @@ class EdgeSight:
         picture = edge.picture
         self.looked, self.height = observation.arrival, picture.height
         self.age += AGE_SHARE * (observation.age - self.age)
-        sight, length = edge.follow(direction, anew=picture.force < anew_below), self.load.length
+        sight, length = edge.follow(direction, anew=anew), self.load.length
         if edge.followed:
             lateral, angle, length, slope = edge.at_picture(
                 direction, edge.station if sight.begun else ahead)
@@ -90,7 +90,7 @@ class EdgeSight:
             self.slope = self.slope if sight.begun or math.isnan(slope) else slope
             self.error = TaskError(lateral, angle=angle, force=picture.force)
             found, depth, way = indentation_of(picture.points, picture.pose, picture.scale.half)
-            if found:
+            if found and not anew:
                 self.press.see(picture.pose[:3, 3], way, depth)
         else:
             self.problem = Reason(UNFIT[sight.problem], sight.problem.value)
