@@ -2,7 +2,8 @@
 Fields of configuration dataclasses with their description, unit and bounds, and their check.
 
 A field's default stands in the dataclass, its bounds in the field's metadata: `doc`, `unit`,
-`range` (smallest and largest value, both allowed), `choices` and `live`. `check_fields`, called
+`range` (smallest and largest value, both allowed), `choices`, `live` and, of a tuple,
+`one_for_all`: one value may stand for the list. `check_fields`, called
 in `__post_init__`, and the declaration of ROS parameters read both from there.
 """
 from collections.abc import Callable, Iterable, Mapping
@@ -103,6 +104,8 @@ def checked(name: str, value: Any, kind: Any,
         kind = next(item for item in get_args(kind) if item is not type(None))
         return checked(name, value, kind, metadata)
     if kind is tuple or origin is tuple:
+        if metadata.get('one_for_all') and not hasattr(value, '__iter__'):
+            value = (value,)
         if isinstance(value, (str, bytes)) or not hasattr(value, '__iter__'):
             _refuse(name, value, 'a list')
         item_kind = (get_args(kind) or (str,))[0]
@@ -144,7 +147,7 @@ def _bounds(low: float, high: float, unit: str) -> str:
 def _thousandth(value: float, low: float, high: float, unit: str) -> str:
     """Question whether a length or speed was given in millimetres."""
     meant = value / 1000.0
-    asked = unit.startswith('m') and value > high and low <= meant <= high
+    asked = unit.startswith('m') and not low <= value <= high and low <= meant <= high
     return f'; did you mean {meant:g}?' if asked else ''
 
 

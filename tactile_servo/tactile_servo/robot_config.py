@@ -1,5 +1,6 @@
 """The robot that a servo moves, and the limits that it keeps, as parameters say them."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -17,7 +18,9 @@ class JointsConfig:
 
     velocity_scale: float = bounded(
         1.0, "fraction of the URDF's joint velocities that may be used", '', 0.01, 1.0)
-    acceleration: float = bounded(10.0, 'largest acceleration of every joint', 'rad/s^2', 0.1, 1e3)
+    acceleration: tuple[float, ...] = field(default=(10.0,), metadata={
+        'doc': "largest acceleration: one for all joints, or one each in the URDF's order",
+        'unit': 'rad/s^2', 'range': (0.1, 1e3), 'one_for_all': True})
     position_margin: float = bounded(
         0.05, "distance kept from the URDF's joint limits", 'rad', 0.0, 1.0)
 
@@ -63,8 +66,17 @@ def robot_of(config: NodeConfig) -> tuple[RobotModel, JointLimits, WorkspaceBox]
     limits = JointLimits(
         tuple(model.joint_names), model.lower + joints.position_margin,
         model.upper - joints.position_margin, model.velocity_limit * joints.velocity_scale,
-        np.full(len(model.joint_names), joints.acceleration))
+        _each(joints.acceleration, model.joint_names))
     return model, limits, box_of(config)
+
+
+def _each(values: tuple[float, ...], names: Sequence[str]) -> np.ndarray:
+    """Values (n,) of the joints, from one for all of them or one each."""
+    if len(values) not in (1, len(names)):
+        raise ConfigurationError(
+            f'joints.acceleration has {len(values)} values for {len(names)} joints; give one for '
+            f'all, or one each of {", ".join(names)}')
+    return np.full(len(names), values)
 
 
 def box_of(config: NodeConfig) -> WorkspaceBox:
