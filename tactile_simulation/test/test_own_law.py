@@ -1,0 +1,44 @@
+"""A law that this package does not know needs its own file and a row of the registry."""
+
+from circling import Circling, CirclingConfig
+import numpy as np
+import pytest
+
+from tactile_servo.laws.registry import LAWS, Row
+from tactile_servo.laws.surface_goal import SurfaceGoal
+from tactile_simulation.closed_loop import Simulation
+from tactile_simulation.scene import find_scene, load_scene
+
+RADIUS, FORCE = 0.015, 4.0
+
+
+@pytest.fixture
+def registered(monkeypatch):
+    monkeypatch.setitem(LAWS, 'circling', Row(Circling, 'track_surface'))
+
+
+def test_a_law_of_ones_own_circles_a_point(registered):
+    simulation = Simulation(load_scene(find_scene('surfaces/plane')), 'circling',
+                            settings=CirclingConfig(radius=RADIUS))
+    goal = SurfaceGoal(0.02, FORCE, duration=20.0)
+    simulation.run(goal, 20.0)
+    summary = simulation.summary(goal)
+    assert summary['ok'] and summary['reason_code'] == 'path_completed'
+    places = np.array([cycle.pose[:3, 3] for cycle in simulation.log
+                       if cycle.status.state.name == 'TRACK'])
+    centre = 0.5 * (places.max(axis=0) + places.min(axis=0))[:2]
+    away = np.linalg.norm(places[:, :2] - centre, axis=1)
+    np.testing.assert_allclose(away, RADIUS, atol=2e-4)
+    assert summary['force_mean'] == pytest.approx(FORCE, rel=0.02)
+    assert summary['force_max'] < 1.1 * FORCE and summary['force_end'] == 0.0
+
+
+def test_it_is_held_and_lifted_off_as_any_other(registered):
+    simulation = Simulation(load_scene(find_scene('surfaces/plane')), 'circling')
+    goal = SurfaceGoal(0.02, FORCE, duration=20.0)
+    simulation.run(goal, 20.0, until=lambda status: status.progress > 0.01)
+    simulation.sensor_alive = False
+    simulation.run(None, 2.0)
+    assert simulation.servo.state.name == 'HOLD'
+    assert simulation.log[-1].force == 0.0
+    assert max(cycle.force for cycle in simulation.log) < 1.1 * FORCE
