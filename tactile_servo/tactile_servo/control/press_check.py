@@ -1,5 +1,7 @@
 """Whether what images tell of the force agrees with how deep the pad has been pressed."""
 
+from collections import deque
+
 import numpy as np
 
 # Of the way along what is tracked, by which the depth may seem to grow: error of its slope.
@@ -25,7 +27,8 @@ class PressCheck:
 
     What is touched is rigid, so the indentation changes as the pad moves along the normal. If
     images tell less, their sensor has lost gain, or what is touched gives way. A sum of the
-    differences (CUSUM), in any one frame.
+    differences (CUSUM), in any one frame, of the median of three images: one that is wrong counts
+    nothing.
 
     Attributes
     ----------
@@ -41,6 +44,7 @@ class PressCheck:
         self.unexplained, self._seen = 0.0, False
         self._place = self._normal = np.zeros(3)
         self._indentation = 0.0
+        self._last: deque[tuple[np.ndarray, np.ndarray, float]] = deque(maxlen=3)
 
     def see(self, place: np.ndarray, normal: np.ndarray, indentation: float,
             met: bool = True) -> None:
@@ -50,6 +54,11 @@ class PressCheck:
         In direction of the unit normal (3,) it grows; square to that the pad is moved along what
         it touches. The sum begins once the force was `met`: a lightly pressed skin is softer.
         """
+        self._last.append((place, normal, indentation))
+        if len(self._last) < 3:
+            return
+        place, normal, _ = self._last[1]
+        indentation = sorted(depth for _, _, depth in self._last)[1]
         if self._seen:
             way = place - self._place
             deeper = 0.5 * float((normal + self._normal) @ way) - (indentation - self._indentation)
