@@ -84,7 +84,7 @@ def plain(sensor: Sensor) -> tuple:
 
 
 @njit(error_model='numpy')
-def _look(frame, sensor, saturated):
+def _look(frame: np.ndarray, sensor: Sensor, saturated: int) -> tuple[Look, float]:
     """See `look`."""
     main, full, noise = sensor.main, sensor.full.copy(), sensor.noise.copy()
     seen = survey(frame, main, full, sensor.pad)
@@ -106,7 +106,7 @@ def _look(frame, sensor, saturated):
 
 
 @njit(cache=True, error_model='numpy')
-def look(frame, sensor, saturated):
+def look(frame: np.ndarray, sensor: tuple, saturated: int) -> Look:
     """
     See what is in an image before anything is fitted.
 
@@ -127,14 +127,14 @@ def look(frame, sensor, saturated):
 
 
 @njit(error_model='numpy')
-def _nothing(seen, kind, reasons):
+def _nothing(seen: Look, kind: int, reasons: int) -> Answer:
     """Answer for an image to which nothing is fitted."""
     return Answer(seen.moments, kind, False, False, reasons, POINT, False, False, False, 0, np.nan,
                   np.nan, np.full(7, np.nan), np.full((7, 7), np.nan), np.nan, np.nan, np.nan)
 
 
 @njit(cache=True, error_model='numpy')
-def answer(frame, sensor, saturated, kinds):
+def answer(frame: np.ndarray, sensor: tuple, saturated: int, kinds: np.ndarray) -> Answer:
     """
     Fit a load to an image, and say what it is or why it is none.
 

@@ -12,6 +12,7 @@ from tactile_sensing.skin.bumps import (
     END,
     EXPONENT,
     FORCE,
+    Pad,
     POINT,
     Q0,
     Q1,
@@ -29,7 +30,7 @@ UNSEEN = 0.0, 0.01  # d that a fit has absorbed: of a sharp load on a known skin
 
 
 @njit(error_model='numpy')
-def widest(pad):
+def widest(pad: Pad) -> float:
     """Largest half width of a bump that shows to be one [m]."""
     side = min(pad.half_x, pad.half_y)
     if side <= pad.pitch:
@@ -38,7 +39,8 @@ def widest(pad):
 
 
 @njit(error_model='numpy')
-def beliefs_of(pad, scatter, kind, power, ends, robust, patch, base):
+def beliefs_of(pad: Pad, scatter: float, kind: int, power: bool, ends: bool, robust: bool,
+               patch: bool, base: bool) -> Beliefs:
     """Priors and bounds of a load; `base`: whether there may be a baseline. See Beliefs."""
     count = BASE + pad.depths.size
     mean, information, step = np.zeros(count), np.zeros(count), np.ones(count)

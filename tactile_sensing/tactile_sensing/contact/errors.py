@@ -5,12 +5,15 @@ See `fit`, whose Fit and Beliefs these take.
 """
 
 import math
-from typing import Any
+from typing import Any, TYPE_CHECKING
 
 import numpy as np
 
 from tactile_common.kernels import FAST, njit
 from tactile_sensing.contact.normal_equations import add_normal, factor_of
+
+if TYPE_CHECKING:
+    from tactile_sensing.contact.fit import Beliefs, Fit
 
 NU = 4.0  # degrees of freedom of the errors
 # Covariance of a fit under Gaussian errors, over the inverse of J'WJ at this NU.
@@ -23,7 +26,7 @@ LIT = 0.02  # of the noise's variance: pressure whose scatter may show
 
 
 @njit(error_model='numpy', fastmath=FAST)
-def spread_of(model, rows, columns, square):
+def spread_of(model: np.ndarray, rows: int, columns: int, square: np.ndarray) -> None:
     """Squared pressure whose share scatters at every tactel: its own and its neighbours'."""
     for i in range(model.size):
         square[i] = model[i] * model[i]
@@ -41,7 +44,8 @@ def spread_of(model, rows, columns, square):
 
 
 @njit(error_model='numpy', fastmath=FAST)
-def weigh(error, variance, kept, robust, weight):
+def weigh(error: np.ndarray, variance: np.ndarray, kept: np.ndarray, robust: bool,
+          weight: np.ndarray) -> None:
     """Weights of the errors; 0 of tactels that are not kept."""
     for t in range(error.size):
         if not kept[t]:
@@ -53,7 +57,7 @@ def weigh(error, variance, kept, robust, weight):
 
 
 @njit(error_model='numpy')
-def censored(error, deviation, above):
+def censored(error: float, deviation: float, above: bool) -> tuple[float, float]:
     """
     Error and weight of a reading that is only known to be beyond a bound, by Newton's method.
 
@@ -69,7 +73,8 @@ def censored(error, deviation, above):
 
 
 @njit(error_model='numpy')
-def log_likelihood(error, variance, kept, robust):
+def log_likelihood(error: np.ndarray, variance: np.ndarray, kept: np.ndarray,
+                   robust: bool) -> float:
     """Sum of the logarithms of the errors' densities, without constants."""
     total, product = 0.0, 1.0
     for t in range(error.size):
@@ -89,7 +94,8 @@ def log_likelihood(error, variance, kept, robust):
 
 
 @njit(error_model='numpy')
-def marginal_scatter(fit, noise2, prior, beliefs, whole):
+def marginal_scatter(fit: 'Fit', noise2: np.ndarray, prior: np.ndarray, beliefs: 'Beliefs',
+                     whole: bool) -> tuple[float, float]:
     """
     Scatter g, root mean square over its posterior, and log of the integral over it.
 
@@ -130,7 +136,7 @@ def marginal_scatter(fit, noise2, prior, beliefs, whole):
 
 
 @njit(error_model='numpy')
-def _parabola(logs):
+def _parabola(logs: np.ndarray) -> tuple[float, float]:
     """Scatter and log of the integral of a posterior, given at the GRID as logarithms."""
     near: Any = min(max(logs.argmax(), 1), GRID.size - 2)
     slope = 0.5 * (logs[near + 1] - logs[near - 1])

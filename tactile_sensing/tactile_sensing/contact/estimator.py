@@ -54,7 +54,7 @@ class EstimatorConfig:
     min_snr: float = bounded(
         16.0, 'weaker contacts are reported but not valid', 'dB', 0.0, 100.0)
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         check_fields(self)
 
 

@@ -26,6 +26,7 @@ from tactile_sensing.skin.bumps import (
     add_rows,
     BASE,
     FORCE,
+    Pad,
     SHEAR_U,
     SHEAR_V,
     WIDTH,
@@ -97,7 +98,8 @@ class _Scale(NamedTuple):
 
 
 @njit(error_model='numpy')
-def _model(fit, pad, beliefs, theta, coarse, every):
+def _model(fit: Fit, pad: Pad, beliefs: Beliefs, theta: np.ndarray, coarse: bool,
+           every: bool) -> None:
     """Write model and derivatives of a load; also by what is not fitted, if every one is asked."""
     wide = every or beliefs.power or beliefs.patch
     add_rows(beliefs.kind, beliefs.power, beliefs.ends, wide, coarse, pad, theta, fit.by,
@@ -107,7 +109,7 @@ def _model(fit, pad, beliefs, theta, coarse, every):
 
 
 @njit(error_model='numpy')
-def _prior(beliefs, force, drift, prior):
+def _prior(beliefs: Beliefs, force: float, drift: float, prior: np.ndarray) -> None:
     """Information of the active parameters' priors, the shear's in shares of the force."""
     for i in range(beliefs.active.size):
         p = beliefs.active[i]
@@ -119,7 +121,7 @@ def _prior(beliefs, force, drift, prior):
 
 
 @njit(error_model='numpy')
-def _begin(fit, pad, readings, beliefs):
+def _begin(fit: Fit, pad: Pad, readings: Readings, beliefs: Beliefs) -> _Scale:
     """Forces and baselines of least squares at the first place; a _Scale of peak 0 without any."""
     theta, n, tactels = fit.theta, beliefs.active.size, readings.value.size
     peak, noise = 1e-300, 0.0
@@ -151,7 +153,7 @@ def _begin(fit, pad, readings, beliefs):
 
 
 @njit(error_model='numpy')
-def _compare(fit, size, readings):
+def _compare(fit: Fit, size: int, readings: Readings) -> None:
     """Errors of the readings; one beyond a bound that the model agrees with is not kept."""
     reading, _, full, floor = readings
     for t in range(reading.size):
@@ -165,7 +167,7 @@ def _compare(fit, size, readings):
 
 
 @njit(error_model='numpy')
-def _weigh_all(fit, readings, heat, g, robust):
+def _weigh_all(fit: Fit, readings: Readings, heat: float, g: float, robust: bool) -> None:
     """Variances and weights of the errors at a scatter g, and what a bounded reading tells."""
     for t in range(fit.error.size):
         fit.variance[t] = readings.noise2[t] + heat + g * g * fit.square[t]
@@ -177,7 +179,7 @@ def _weigh_all(fit, readings, heat, g, robust):
 
 
 @njit(error_model='numpy')
-def _step(theta, step, inverse, beliefs):
+def _step(theta: np.ndarray, step: np.ndarray, inverse: np.ndarray, beliefs: Beliefs) -> float:
     """Go a step, within bounds; the largest change of a shape [standard deviations]."""
     largest = moved = 0.0
     for i in range(step.size):
@@ -194,7 +196,7 @@ def _step(theta, step, inverse, beliefs):
 
 
 @njit(error_model='numpy')
-def unfitted(start, noise2, n):
+def unfitted(start: np.ndarray, noise2: np.ndarray, n: int) -> Fit:
     """Fit of n parameters that has not been made, to be written to."""
     tactels = noise2.size
     flat = np.zeros((5, tactels))
@@ -205,7 +207,7 @@ def unfitted(start, noise2, n):
 
 
 @njit(error_model='numpy')
-def fit_load(pad, readings, beliefs, start, warm):
+def fit_load(pad: Pad, readings: Readings, beliefs: Beliefs, start: np.ndarray, warm: bool) -> Fit:
     """
     Fit one load by Gauss-Newton.
 

@@ -17,10 +17,10 @@ import numpy as np
 
 from tactile_common.kernels import FAST, njit
 from tactile_sensing.contact.beliefs import beliefs_of, HALF_SPACE
-from tactile_sensing.contact.fit import Beliefs, Fit, fit_load, unfitted
+from tactile_sensing.contact.fit import Beliefs, Fit, fit_load, Readings, unfitted
 from tactile_sensing.contact.misfit import judge, LOUD, Misfit, Residual, residual_of
 from tactile_sensing.contact.refusal import BAD_FIT, DOUBT, EXTRA, is_nothing, refusal
-from tactile_sensing.skin.bumps import BASE, BEGIN, END, EXPONENT, LINE, POINT, Q0, Q1, WIDTH
+from tactile_sensing.skin.bumps import BASE, BEGIN, END, EXPONENT, LINE, Pad, POINT, Q0, Q1, WIDTH
 from tactile_sensing.skin.kernel import MAX_VARIANCE
 from tactile_sensing.types.contact import Reason
 
@@ -58,7 +58,7 @@ class Hypothesis(NamedTuple):
 
 
 @njit(error_model='numpy', fastmath=FAST)
-def _smoothed(pad, reading):
+def _smoothed(pad: Pad, reading: np.ndarray) -> tuple[np.ndarray, float]:
     """Readings (rows, columns) that a neighbour confirms: no tactel alone is a peak; the peak."""
     rows, columns = pad.y.size, pad.x.size
     smooth, peak = np.zeros((rows, columns)), 0.0
@@ -76,7 +76,7 @@ def _smoothed(pad, reading):
 
 
 @njit(error_model='numpy', fastmath=FAST)
-def first_guess(pad, reading):
+def first_guess(pad: Pad, reading: np.ndarray) -> Guess:
     """Guess from the second moments of the tactels above .3 of the peak."""
     smooth, peak = _smoothed(pad, reading)
     total = mx = my = mxx = myy = mxy = 0.0
@@ -102,7 +102,7 @@ def first_guess(pad, reading):
 
 
 @njit(error_model='numpy')
-def _cold_start(kind, power, guess, count):
+def _cold_start(kind: int, power: bool, guess: Guess, count: int) -> np.ndarray:
     """Parameters (count,) of a first guess; its forces are not read."""
     theta = np.zeros(count)
     if kind == POINT:
@@ -117,7 +117,8 @@ def _cold_start(kind, power, guess, count):
 
 # Functions that fit are inlined: numba optimises a fit anew at each level of calls above it.
 @njit(error_model='numpy', inline='always')
-def _fitted(pad, readings, beliefs, theta, warm):
+def _fitted(pad: Pad, readings: Readings, beliefs: Beliefs, theta: np.ndarray,
+            warm: bool) -> Hypothesis:
     """Fit one hypothesis; its misfit and covariance are left open, see `_judged`."""
     fit = fit_load(pad, readings, beliefs, theta, warm)
     return Hypothesis(beliefs, fit, fit.evidence - EXTRA * (beliefs.ends + beliefs.patch),
@@ -126,14 +127,14 @@ def _fitted(pad, readings, beliefs, theta, warm):
 
 
 @njit(error_model='numpy', inline='always')
-def _judged(pad, readings, one):
+def _judged(pad: Pad, readings: Readings, one: Hypothesis) -> Hypothesis:
     """Hypothesis with its misfit and covariance."""
     misfit, covariance = judge(pad, one.fit, readings, one.beliefs)
     return Hypothesis(one.beliefs, one.fit, one.evidence, one.residual, misfit, covariance)
 
 
 @njit(error_model='numpy')
-def _is_noise(one):
+def _is_noise(one: Hypothesis) -> bool:
     """Whether the errors that a load leaves are no larger than noise."""
     left = one.residual
     return (one.evidence > -np.inf and left.loudest < LOUD and left.excess < EXCESS
@@ -141,7 +142,7 @@ def _is_noise(one):
 
 
 @njit(error_model='numpy')
-def _nothing(pad, readings, scatter):
+def _nothing(pad: Pad, readings: Readings, scatter: float) -> Hypothesis:
     """Hypothesis that has not been fitted."""
     beliefs = beliefs_of(pad, scatter, POINT, False, False, False, False, False)
     fit = unfitted(np.zeros(beliefs.mean.size), readings.noise2, beliefs.active.size)
@@ -150,7 +151,7 @@ def _nothing(pad, readings, scatter):
 
 
 @njit(error_model='numpy')
-def _other_skin(one):
+def _other_skin(one: Hypothesis) -> bool:
     """Whether what a load on the known skin leaves calls for another skin."""
     left = one.residual
     return (one.misfit.significance > DOUBT and left.left > WRONG_SKIN
@@ -159,7 +160,8 @@ def _other_skin(one):
 
 
 @njit(error_model='numpy', inline='always')
-def _search_sharp(pad, readings, scatter, guess, kinds):
+def _search_sharp(pad: Pad, readings: Readings, scatter: float, guess: Guess,
+                  kinds: np.ndarray) -> tuple[Hypothesis, bool]:
     """Find a sharp load that explains an image of a known skin to within noise; if it does."""
     sharp = _cold_start(kinds[0], False, guess, BASE + pad.depths.size)
     for kind in kinds:
@@ -182,20 +184,21 @@ def _search_sharp(pad, readings, scatter, guess, kinds):
 
 
 @njit(error_model='numpy')
-def _unexplained(one):
+def _unexplained(one: Hypothesis) -> bool:
     """Whether a load leaves more than noise and the usual scatter."""
     return (one.misfit.significance > 2.0 or one.misfit.second > 5.0
             or one.fit.scatter > 2.0 * one.beliefs.gain or one.misfit.hidden > SHOWN)
 
 
 @njit(error_model='numpy', inline='always')
-def _better(pad, readings, one, other):
+def _better(pad: Pad, readings: Readings, one: Hypothesis, other: Hypothesis) -> Hypothesis:
     """Of a judged hypothesis and another the one of the greater evidence, judged."""
     return _judged(pad, readings, other) if other.evidence > one.evidence else one
 
 
 @njit(error_model='numpy', inline='always')
-def _search_robust(pad, readings, scatter, guess, kinds, power):
+def _search_robust(pad: Pad, readings: Readings, scatter: float, guess: Guess, kinds: np.ndarray,
+                   power: bool) -> Hypothesis:
     """Find the load of the greatest evidence, which is -infinite if no fit works."""
     best = line = _nothing(pad, readings, scatter)
     for kind in kinds:
@@ -222,7 +225,7 @@ def _search_robust(pad, readings, scatter, guess, kinds, power):
 
 
 @njit(error_model='numpy', inline='always')
-def _with_patch(pad, readings, scatter, one):
+def _with_patch(pad: Pad, readings: Readings, scatter: float, one: Hypothesis) -> Hypothesis:
     """Make a load blunt, if the evidence is for that."""
     beliefs = beliefs_of(
         pad, scatter, one.beliefs.kind, False, one.beliefs.ends, True, True, True)
@@ -232,7 +235,7 @@ def _with_patch(pad, readings, scatter, one):
 
 
 @njit(error_model='numpy')
-def _order(pad, guess, kinds):
+def _order(pad: Pad, guess: Guess, kinds: np.ndarray) -> np.ndarray:
     """Kinds to be tried: those that the outline of the load leaves open, the likelier first."""
     if min(pad.x.size, pad.y.size) < STRIPS:  # no direction is seen
         return np.array([POINT])
@@ -246,7 +249,8 @@ def _order(pad, guess, kinds):
 
 
 @njit(error_model='numpy', inline='always')
-def search(pad, readings, scatter, kinds):
+def search(pad: Pad, readings: Readings, scatter: float,
+           kinds: np.ndarray) -> tuple[Hypothesis, int]:
     """
     Find the least load that explains an image.
 

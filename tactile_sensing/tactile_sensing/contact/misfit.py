@@ -7,7 +7,8 @@ import numpy as np
 
 from tactile_common.kernels import FAST, njit
 from tactile_sensing.contact.errors import SANDWICH
-from tactile_sensing.skin.bumps import LINE, Q1, WIDTH
+from tactile_sensing.contact.fit import Beliefs, Fit, Readings
+from tactile_sensing.skin.bumps import LINE, Pad, Q1, WIDTH
 from tactile_sensing.skin.kernel import MAX_VARIANCE
 
 LOADED = 0.02  # of the peak: tactels in which a wrong model may show
@@ -45,7 +46,7 @@ class Misfit(NamedTuple):
 
 
 @njit(error_model='numpy')
-def residual_of(fit, readings):
+def residual_of(fit: Fit, readings: Readings) -> Residual:
     """See Residual."""
     noise2, silent, loudest, loud = readings.noise2, 0, 0.0, 0.0
     squared = kept = lit = beyond = power = by_noise = total = above = 0.0
@@ -73,7 +74,7 @@ def residual_of(fit, readings):
 
 
 @njit(error_model='numpy', fastmath=FAST)
-def _smooth_line(place, low, width, values):
+def _smooth_line(place: np.ndarray, low: float, width: float, values: np.ndarray) -> None:
     """Gaussian smoothing of values (n, count) at places along one axis, by bins; in place."""
     step = width / BINS
     count = int((place.max() - low) / step) + 2
@@ -99,7 +100,7 @@ def _smooth_line(place, low, width, values):
 
 
 @njit(error_model='numpy', fastmath=FAST)
-def _smooth_plane(x, y, width, values):
+def _smooth_plane(x: np.ndarray, y: np.ndarray, width: float, values: np.ndarray) -> None:
     """Likewise of values (n, rows * columns) on a grid."""
     rows, columns = y.size, x.size
     over_x = np.exp(-0.5 * ((x.reshape(-1, 1) - x) / width) ** 2)
@@ -109,7 +110,8 @@ def _smooth_plane(x, y, width, values):
 
 
 @njit(error_model='numpy', fastmath=FAST)
-def _passed_on(kind, pad, fit, answer, correlation, loaded):
+def _passed_on(kind: int, pad: Pad, fit: Fit, answer: np.ndarray, correlation: float,
+               loaded: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """
     How what a wrong model misses moves the parameters, and what the fit leaves of it.
 
@@ -151,7 +153,9 @@ def _passed_on(kind, pad, fit, answer, correlation, loaded):
 
 
 @njit(error_model='numpy', fastmath=FAST)
-def _agreement(kind, pad, fit, rows, answer, correlation, loaded, moved, both):
+def _agreement(kind: int, pad: Pad, fit: Fit, rows: np.ndarray, answer: np.ndarray,
+               correlation: float, loaded: np.ndarray, moved: np.ndarray,
+               both: np.ndarray) -> tuple[float, float, float]:
     """
     Whether neighbours agree about what is left.
 
@@ -193,7 +197,7 @@ def _agreement(kind, pad, fit, rows, answer, correlation, loaded, moved, both):
 
 
 @njit(error_model='numpy')
-def _by_gains(fit, beliefs):
+def _by_gains(fit: Fit, beliefs: Beliefs) -> np.ndarray:
     """Covariance by gains that scatter more than was weighed."""
     n = fit.rows.shape[0]
     total, more = np.zeros((n, n)), max(fit.scatter ** 2 - beliefs.known ** 2, 0.0)
@@ -208,7 +212,7 @@ def _by_gains(fit, beliefs):
 
 
 @njit(error_model='numpy')
-def _hidden_patch(fit, covariance):
+def _hidden_patch(fit: Fit, covariance: np.ndarray) -> float:
     """
     Probability of a patch beside a sharp load; what it would do goes into the covariance.
 
@@ -243,7 +247,8 @@ def _hidden_patch(fit, covariance):
 
 
 @njit(error_model='numpy')
-def _second_load(pad, fit, noise2, peak):
+def _second_load(pad: Pad, fit: Fit, noise2: np.ndarray,
+                 peak: float) -> tuple[float, float, float]:
     """See `Misfit.second`, `apart` and `extra`: a load that the fit took for outliers."""
     rows, columns = pad.y.size, pad.x.size
     left, over = np.zeros((rows, columns)), np.zeros((rows, columns))
@@ -275,7 +280,7 @@ def _second_load(pad, fit, noise2, peak):
 
 
 @njit(error_model='numpy')
-def judge(pad, fit, readings, beliefs):
+def judge(pad: Pad, fit: Fit, readings: Readings, beliefs: Beliefs) -> tuple[Misfit, np.ndarray]:
     """
     What a load leaves that its neighbours share, and what that makes of its covariance.
 

@@ -16,7 +16,7 @@ LOADED, FINEST = 0.1, 1e-6  # of the peak: tactels that are looked at; resolutio
 
 
 @njit(error_model='numpy')
-def noise_of_image(image, smooth):
+def noise_of_image(image: np.ndarray, smooth: bool) -> float:
     """
     Noise of one tactel, from second differences between tactels in line.
 
@@ -50,7 +50,7 @@ def noise_of_image(image, smooth):
 
 
 @njit(error_model='numpy')
-def hidden_scale(image, noise):
+def hidden_scale(image: np.ndarray, noise: float) -> float:
     """Full scale of an image (rows, columns), if its readings are cut off there; else infinite."""
     top = np.nanmax(image)
     unit = FINEST * top

@@ -8,7 +8,7 @@ from tactile_common.kernels import FAST, njit
 
 
 @njit(error_model='numpy')
-def factor_of(matrix, factor):
+def factor_of(matrix: np.ndarray, factor: np.ndarray) -> float:
     """Cholesky factor of a positive definite matrix, scaled; log of its determinant, or NaN."""
     total = 0.0
     for i in range(matrix.shape[0]):  # of a unit diagonal: m, rad and N differ by orders
@@ -29,7 +29,8 @@ def factor_of(matrix, factor):
 
 
 @njit(error_model='numpy')
-def solve(matrix, right, inverse, solution):
+def solve(matrix: np.ndarray, right: np.ndarray, inverse: np.ndarray,
+          solution: np.ndarray) -> float:
     """Inverse and solution of a positive definite system; log of its determinant, or NaN."""
     n = right.size
     factor = np.zeros((n, n))
@@ -58,7 +59,7 @@ def solve(matrix, right, inverse, solution):
 
 
 @njit(error_model='numpy', fastmath=FAST)
-def _dot(one, other):
+def _dot(one: np.ndarray, other: np.ndarray) -> float:
     total = 0.0
     for t in range(one.size):
         total += one[t] * other[t]
@@ -66,7 +67,8 @@ def _dot(one, other):
 
 
 @njit(error_model='numpy')
-def add_normal(rows, weight, error, matrix, right):
+def add_normal(rows: np.ndarray, weight: np.ndarray, error: np.ndarray, matrix: np.ndarray,
+               right: np.ndarray) -> None:
     """Add J'WJ (lower triangle) and J'We of rows (n, tactels)."""
     weighted = np.empty(weight.size)
     for i in range(rows.shape[0]):

@@ -1,14 +1,19 @@
 """Why the load that explains an image best is no answer; compiled."""
 
 import math
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from tactile_common.kernels import njit
 from tactile_sensing.contact.beliefs import widest
 from tactile_sensing.contact.errors import NU
-from tactile_sensing.skin.bumps import chord, EXPONENT, loaded_chord, POINT, Q0, Q1, WIDTH
+from tactile_sensing.contact.fit import Readings
+from tactile_sensing.skin.bumps import chord, EXPONENT, loaded_chord, Pad, POINT, Q0, Q1, WIDTH
 from tactile_sensing.types.contact import Reason
+
+if TYPE_CHECKING:
+    from tactile_sensing.contact.hypotheses import Hypothesis
 
 BAD_FIT, NO_CONTACT, OFF_PAD = int(Reason.BAD_FIT), int(Reason.NO_CONTACT), int(Reason.OFF_PAD)
 DOUBT = 3.0  # standard deviations of what a sharp load leaves that call for more
@@ -26,7 +31,7 @@ SHORTEST = 3.0  # pitches of a line on the pad
 
 
 @njit(error_model='numpy')
-def has_second_hill(image, noise):
+def has_second_hill(image: np.ndarray, noise: float) -> bool:
     """
     Whether the readings (rows, columns) have a second hill, with a saddle before the first.
 
@@ -60,7 +65,7 @@ def has_second_hill(image, noise):
 
 
 @njit(error_model='numpy')
-def is_nothing(readings, evidence):
+def is_nothing(readings: Readings, evidence: float) -> bool:
     """Whether a baseline alone explains an image as well as a load of some evidence."""
     middle, tails, logs, information = np.nanmedian(readings.value), 0.0, 0.0, 0.0
     for t in range(readings.value.size):
@@ -73,7 +78,7 @@ def is_nothing(readings, evidence):
 
 
 @njit(error_model='numpy')
-def _presses(pad, readings):
+def _presses(pad: Pad, readings: Readings) -> bool:
     """Whether something plainly presses: a plate, or what no load explains on two neighbours."""
     rows, columns = pad.y.size, pad.x.size
     reading = readings.value[:rows * columns] / math.sqrt(readings.noise2[0])
@@ -84,7 +89,7 @@ def _presses(pad, readings):
 
 
 @njit(error_model='numpy')
-def _left_alone(pad, one):
+def _left_alone(pad: Pad, one: 'Hypothesis') -> bool:
     """Whether a load leaves no more than it may."""
     left, misfit, theta = one.residual, one.misfit, one.fit.theta
     if (one.fit.weight > 0.0).sum() <= one.beliefs.active.size:  # it fits anything
@@ -103,7 +108,7 @@ def _left_alone(pad, one):
 
 
 @njit(error_model='numpy')
-def refusal(pad, readings, one):
+def refusal(pad: Pad, readings: Readings, one: 'Hypothesis') -> int:
     """Reason why a hypothesis is no answer; 0 if it is one."""
     theta = one.fit.theta
     if one.beliefs.robust and is_nothing(readings, one.evidence):

@@ -11,6 +11,7 @@ from tactile_sensing.skin.bumps import (
     END,
     FORCE,
     loaded_chord,
+    Pad,
     POINT,
     Q0,
     Q1,
@@ -23,14 +24,15 @@ X, Y, YAW, NORMAL, SHEAR_X, SHEAR_Y, PER_LENGTH = ROW
 
 
 @njit(error_model='numpy')
-def _write_point(theta, values, change):
+def _write_point(theta: np.ndarray, values: np.ndarray, change: np.ndarray) -> None:
     for row, parameter in ((X, Q0), (Y, Q1), (NORMAL, FORCE), (SHEAR_X, SHEAR_U),
                            (SHEAR_Y, SHEAR_V)):
         values[row], change[row, parameter] = theta[parameter], 1.0
 
 
 @njit(error_model='numpy')
-def _write_line(pad, theta, ends, values, change):
+def _write_line(pad: Pad, theta: np.ndarray, ends: bool, values: np.ndarray,
+                change: np.ndarray) -> tuple[float, float]:
     """Line at the middle of what is loaded on the pad, with its forces there; start and end."""
     rho, yaw, force, shear = theta[Q0], theta[Q1], theta[FORCE], theta[SHEAR_U]
     first, last, by_length = loaded_chord(pad, theta, ends)
@@ -66,7 +68,8 @@ def _write_line(pad, theta, ends, values, change):
 
 
 @njit(error_model='numpy')
-def reported(pad, kind, theta, ends, covariance):
+def reported(pad: Pad, kind: int, theta: np.ndarray, ends: bool,
+             covariance: np.ndarray) -> tuple[np.ndarray, np.ndarray, float, float]:
     """
     Parameters of a contact.
 
@@ -101,7 +104,7 @@ def reported(pad, kind, theta, ends, covariance):
 
 
 @njit(cache=True, error_model='numpy')
-def grade_forces(values, covariance, valid, std):
+def grade_forces(values: np.ndarray, covariance: np.ndarray, valid: bool, std: float) -> None:
     """
     Make forces NaN that are not valid; widen the covariance of those that are.
 

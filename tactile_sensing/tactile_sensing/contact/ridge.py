@@ -48,7 +48,8 @@ def ridge_points(pressure: np.ndarray, array: TactelArray, noise: float,
 
 
 @njit(cache=True)
-def ridge_of(mended, x, y, noise, depth):
+def ridge_of(mended: np.ndarray, x: np.ndarray, y: np.ndarray, noise: float,
+             depth: float) -> np.ndarray:
     """Ridge of a mended picture, tactels at x, y [m]: kernel of `ridge_points`."""
     peak = mended.max()
     if not peak > DETECTION * noise or min(mended.shape) < 3:
@@ -60,7 +61,7 @@ def ridge_of(mended, x, y, noise, depth):
 
 
 @njit(cache=True)
-def mend(pressure, noise):
+def mend(pressure: np.ndarray, noise: float) -> np.ndarray:
     """
     Fill invalid tactels, and those that report too little between loaded ones.
 
@@ -96,7 +97,8 @@ def mend(pressure, noise):
 
 
 @njit(cache=True)
-def centre_of_load(pressure, x, y, share):
+def centre_of_load(pressure: np.ndarray, x: np.ndarray, y: np.ndarray,
+                   share: float) -> tuple[float, float]:
     """Centre of pressure (x, y) of tactels above a share of the peak [m]; (0, 0) for no load."""
     floor = share * pressure.max()
     total = mx = my = 0.0
@@ -109,7 +111,7 @@ def centre_of_load(pressure, x, y, share):
 
 
 @njit(cache=True)
-def _smoothed(p):
+def _smoothed(p: np.ndarray) -> np.ndarray:
     """Binomial mean over 3 x 3 tactels, mirrored at the border."""
     rows, columns = p.shape
     out = np.zeros_like(p)
@@ -125,7 +127,8 @@ def _smoothed(p):
 
 
 @njit(cache=True)
-def _ridge(p, x, y, floor, noise, widest):
+def _ridge(p: np.ndarray, x: np.ndarray, y: np.ndarray, floor: float, noise: float,
+           widest: float) -> np.ndarray:
     rows, columns = p.shape
     found = np.empty(rows * columns, RIDGE_POINT)
     count = 0
@@ -159,7 +162,7 @@ def _ridge(p, x, y, floor, noise, widest):
 
 
 @njit(cache=True)
-def _high(p, r, c):
+def _high(p: np.ndarray, r: int, c: int) -> bool:
     """Whether a tactel is higher than both neighbours in some direction."""
     here = p[r, c]
     return ((here >= p[r, c - 1] and here >= p[r, c + 1])
@@ -169,7 +172,8 @@ def _high(p, r, c):
 
 
 @njit(cache=True)
-def _quadratic(p, r, c, pitch_x, pitch_y, noise):
+def _quadratic(p: np.ndarray, r: int, c: int, pitch_x: float, pitch_y: float,
+               noise: float) -> tuple[float, float, float, float, float, float]:
     """Value, gradient (2) and Hessian (3) of the quadratic surface through p^(-1/2)."""
     normal = np.zeros((6, 7))
     row = np.empty(7)

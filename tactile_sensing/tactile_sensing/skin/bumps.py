@@ -42,7 +42,7 @@ class Pad(NamedTuple):
 
 
 @njit(cache=True, error_model='numpy')
-def loaded_chord(pad, theta, ends):
+def loaded_chord(pad: Pad, theta: np.ndarray, ends: bool) -> tuple[float, float, np.ndarray]:
     """
     Part of a line that is on the pad, along it from the foot of the origin.
 
@@ -73,7 +73,7 @@ FIRST, LAST, AT_FIRST, AT_LAST, POWER, SCRATCH = 17, 18, 19, 20, 21, 22
 
 
 @njit(error_model='numpy', fastmath=FAST)
-def _power_bumps(part, w, n):
+def _power_bumps(part: np.ndarray, w: float, n: float) -> None:
     """Fill F to GN of a bump (1 + s / w^2)^-n."""
     inverse = 1.0 / (w * w)
     for i in range(part.shape[1]):
@@ -88,7 +88,8 @@ def _power_bumps(part, w, n):
 
 
 @njit(error_model='numpy', fastmath=FAST)
-def _skin_bumps(part, shape, slope, centre, wide):
+def _skin_bumps(part: np.ndarray, shape: np.ndarray, slope: np.ndarray, centre: float,
+                wide: bool) -> None:
     """Fill F to GW of a bump on a skin; by the variance of the patch only if wide."""
     size = part.shape[1]
     part[F:FN] = 0.0
@@ -114,7 +115,7 @@ def _skin_bumps(part, shape, slope, centre, wide):
 
 
 @njit(error_model='numpy', fastmath=FAST)
-def _value(shape, centre, s):
+def _value(shape: np.ndarray, centre: float, s: float) -> tuple[float, float]:
     """Values f and g alone."""
     t = centre / (s + centre)
     f = g = 0.0
@@ -125,7 +126,7 @@ def _value(shape, centre, s):
 
 
 @njit(error_model='numpy', fastmath=FAST)
-def _power_part(q, u):
+def _power_part(q: float, u: float) -> tuple[float, float, float]:
     """Share of a line of n = 5/2 up to u, derivatives by q = 1 + v^2 and by u; all over w."""
     r = q + u * u
     root = math.sqrt(r)
@@ -135,7 +136,8 @@ def _power_part(q, u):
 
 
 @njit(cache=True, error_model='numpy')
-def shape_of(polynomials, depth, row, yaw, relative, shape, slope):
+def shape_of(polynomials: np.ndarray, depth: float, row: int, yaw: float, relative: float,
+             shape: np.ndarray, slope: np.ndarray) -> None:
     """Polynomials of f and g, highest power first, and by the patch's variance [depths^2]."""
     turned = math.cos(4.0 * yaw) if row == 1 else 0.0
     scale = 1.0 / depth if row == 1 else 1.0 / (depth * depth)
@@ -155,7 +157,7 @@ def shape_of(polynomials, depth, row, yaw, relative, shape, slope):
 
 
 @njit(cache=True, error_model='numpy')
-def chord(pad, rho, yaw):
+def chord(pad: Pad, rho: float, yaw: float) -> tuple[float, float]:
     """Where a line enters and leaves the pad, along it from the foot of the origin [m]."""
     cos, sin = math.cos(yaw), math.sin(yaw)
     first, last = -np.inf, np.inf
@@ -169,7 +171,7 @@ def chord(pad, rho, yaw):
 
 
 @njit(error_model='numpy', fastmath=FAST)
-def _end_power(part, w, begin, end):
+def _end_power(part: np.ndarray, w: float, begin: float, end: float) -> None:
     """Give power bumps of a line a begin and an end."""
     for i in range(part.shape[1]):
         q = 1.0 + part[S, i] / (w * w)
@@ -191,7 +193,8 @@ def _end_power(part, w, begin, end):
 
 
 @njit(error_model='numpy', fastmath=FAST)
-def _end_skin(part, tip, tip_slope, centre, begin, end):
+def _end_skin(part: np.ndarray, tip: np.ndarray, tip_slope: np.ndarray, centre: float,
+              begin: float, end: float) -> None:
     """
     Fill F to GW, and F0 to G1, of a line on a skin from begin to end.
 
@@ -235,7 +238,9 @@ def _end_skin(part, tip, tip_slope, centre, begin, end):
 
 
 @njit(error_model='numpy', fastmath=FAST)
-def _accumulate(part, line, ends, lever, turned, node, theta, turn, n, by, model):
+def _accumulate(part: np.ndarray, line: bool, ends: bool, lever: np.ndarray, turned: float,
+                node: float, theta: np.ndarray, turn: float, n: float, by: np.ndarray,
+                model: np.ndarray) -> None:
     """Add a node's share to the picture and its derivatives."""
     force, shear_u, shear_v = theta[FORCE], theta[SHEAR_U], theta[SHEAR_V]
     rho, gz, gx, gy = theta[Q0], lever[0], lever[1], lever[2]
@@ -275,7 +280,8 @@ def _accumulate(part, line, ends, lever, turned, node, theta, turn, n, by, model
 
 
 @njit(cache=True, error_model='numpy')
-def add_rows(kind, power, ends, wide, coarse, pad, theta, by, model):
+def add_rows(kind: int, power: bool, ends: bool, wide: bool, coarse: bool, pad: Pad,
+             theta: np.ndarray, by: np.ndarray, model: np.ndarray) -> None:
     """
     Picture of a load and its derivatives.
 

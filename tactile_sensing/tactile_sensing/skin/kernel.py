@@ -31,7 +31,7 @@ _NODES = 160
 
 
 @lru_cache(maxsize=1)
-def _quadrature():
+def _quadrature() -> tuple[np.ndarray, np.ndarray]:
     """Wave numbers and weights of the inverse transforms [1/depth]."""
     nodes, weights = np.polynomial.legendre.leggauss(20)
     k = (np.arange(45)[:, None] + 0.5 + 0.5 * nodes) / 1.5  # to 30: e^-30 is nothing
@@ -39,7 +39,7 @@ def _quadrature():
 
 
 @lru_cache(maxsize=1)
-def _transforms():
+def _transforms() -> np.ndarray:
     """
     From transforms at the wave numbers to coefficients.
 
@@ -96,7 +96,7 @@ def patch_transforms(k: np.ndarray, variance: float) -> tuple[np.ndarray, np.nda
 
 
 @lru_cache(maxsize=64)
-def _polynomials(depth_over_thickness, poisson, side):
+def _polynomials(depth_over_thickness: float, poisson: float, side: float) -> np.ndarray:
     k, _ = _quadrature()
     skin = Skin(1.0, np.inf if depth_over_thickness == 0.0 else 1.0 / depth_over_thickness,
                 poisson)

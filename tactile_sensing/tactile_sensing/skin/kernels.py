@@ -17,19 +17,19 @@ def sharp_point(polynomials: np.ndarray, depth: float) -> np.ndarray:
 
 
 @njit(error_model='numpy')
-def centre_of(depth):
+def centre_of(depth: float) -> float:
     """c^2 of the polynomials' t = c^2 / (s + c^2) [m^2]."""
     return (CENTRE * depth) ** 2
 
 
 @njit(error_model='numpy')
-def coefficients_of(shape):
+def coefficients_of(shape: np.ndarray) -> tuple[float, ...]:
     """Coefficients as a tuple: loops over it unroll, so that those over tactels are vectorised."""
     return to_fixed_tuple(shape, TERMS)
 
 
 @njit(error_model='numpy', fastmath=FAST)
-def value_of(coefficients, t):
+def value_of(coefficients: tuple[float, ...], t: float) -> float:
     """Value of a polynomial."""
     value = 0.0
     for coefficient in coefficients:

@@ -19,7 +19,7 @@ _NODES = {1: ((0.0,), (1.0,)),
           3: ((-math.sqrt(0.15), 0.0, math.sqrt(0.15)), (5 / 18, 8 / 18, 5 / 18))}
 
 
-def _gauss(points, array):
+def _gauss(points: int, array: TactelArray) -> np.ndarray:
     """Nodes of the mean over a tactel (points^2, 3): offset [m], weight."""
     nodes = list(zip(*_NODES[points], strict=True))
     return np.array([(p * array.pitch_x, q * array.pitch_y, u * w)

@@ -62,7 +62,7 @@ class SkinPressure:
     _nodes: np.ndarray = field(init=False, repr=False, compare=False)
     _coefficients: np.ndarray = field(init=False, repr=False, compare=False)
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         side, nodes = 0.0, np.zeros((1, 2))
         if self.size_x > 0.0 and self.size_y > 0.0:
             side, nodes = split_tactel(self.size_x, self.size_y, self.skin.depth)
@@ -100,7 +100,8 @@ class SkinPressure:
             total = total + line_force * f + line_shear * v * g
         return np.asarray(total) / len(self._nodes)
 
-    def _kernel(self, coefficients, order, squared, variance):
+    def _kernel(self, coefficients: np.ndarray, order: int, squared: np.ndarray,
+                variance: float | np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         depth = self.skin.depth
         t = CENTRE**2 / (squared / depth**2 + CENTRE**2)
         relative = np.minimum(variance / depth**2, MAX_VARIANCE)

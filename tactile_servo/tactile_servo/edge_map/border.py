@@ -3,6 +3,7 @@
 import numpy as np
 
 from tactile_common.kernels import njit
+from tactile_servo.edge_map.records import Records
 
 FEWEST = 4  # tactels in a row along the border
 FAINT, PLAIN = 0.02, 0.06  # of the ridge's pressure: a leg 2 and 1.25 depths away
@@ -11,7 +12,8 @@ SIGNIFICANT = 2.0  # standard deviations of the noise
 
 
 @njit(cache=True)
-def coming_length(pressure, x, y, points, noise, depth):
+def coming_length(pressure: np.ndarray, x: np.ndarray, y: np.ndarray, points: np.ndarray,
+                  noise: float, depth: float) -> float:
     """
     Length of a leg of the edge that is about to come under the pad [m].
 
@@ -34,7 +36,8 @@ def coming_length(pressure, x, y, points, noise, depth):
 
 
 @njit(cache=True)
-def _longest_run(pressure, x, y, points, clear, noise):
+def _longest_run(pressure: np.ndarray, x: np.ndarray, y: np.ndarray, points: Records, clear: float,
+                 noise: float) -> tuple[int, float]:
     """Tactels of the longest loaded run of the border off the ridge; their share of its load."""
     rows, columns = pressure.shape
     ridge = np.median(points.pressure)

@@ -45,7 +45,7 @@ class Corner:
         self._reference = np.array(shape)
         self._count = 1.0
 
-    def merge(self, shape: CornerShape, information: np.ndarray):
+    def merge(self, shape: CornerShape, information: np.ndarray) -> None:
         """Take the fit of another picture: the mean weighted by information."""
         self._moment += information @ corner_fit.difference(np.array(shape), self._reference)
         self._information += information

@@ -99,12 +99,12 @@ def vertex_spread(information: np.ndarray) -> float:
 
 
 @njit(cache=True)
-def _shape(p):
+def _shape(p: np.ndarray) -> CornerShape:
     return CornerShape(p[0], p[1], p[2], p[3], p[4], p[5], p[6])
 
 
 @njit(cache=True)
-def corner_points(corner, depth):
+def corner_points(corner: CornerShape, depth: float) -> np.ndarray:
     """Polyline (2 CHORDS + ARC_CHORDS + 1, 2) of a corner under a skin of some depth [m]."""
     turn = wrap_angle(corner.second - corner.first)
     radius = max(corner.radius, 0.0)
@@ -133,7 +133,8 @@ def corner_points(corner, depth):
 
 
 @njit(cache=True)
-def corner_pressure(corner, x, y, skin):
+def corner_pressure(corner: CornerShape, x: np.ndarray, y: np.ndarray,
+                    skin: np.ndarray) -> np.ndarray:
     """
     Pressure of a corner of unit load per length at tactels x, y [m] (rows, columns).
 
@@ -157,7 +158,8 @@ def corner_pressure(corner, x, y, skin):
 
 
 @njit(cache=True)
-def fit_corner(pressure, x, y, skin, noise, model_error, start):
+def fit_corner(pressure: np.ndarray, x: np.ndarray, y: np.ndarray, skin: np.ndarray, noise: float,
+               model_error: float, start: CornerShape) -> CornerFit:
     """
     Fit a corner to a picture by Gauss-Newton, the load eliminated in closed form.
 

@@ -65,7 +65,7 @@ class EdgeMap:
         self._counts: list[int] = []  # so many points of each
         self._followed = False
         self._off_path = 0
-        self._near = None  # nodes around the pad, an open end led on
+        self._near: np.ndarray | None = None  # nodes around the pad, an open end led on
 
     def see(self, image: TactileImage, pose: np.ndarray) -> Problem | None:
         """Take an image and the pose (4, 4) of the sensor in the base frame at its stamp."""
@@ -111,7 +111,7 @@ class EdgeMap:
         chord = CHORD * self.scale.grain
         return self._begin(np.array(self.way(self.station - chord, self.station + chord)), False)
 
-    def _begin(self, heading, may_close):
+    def _begin(self, heading: np.ndarray, may_close: bool) -> Sight:
         """Begin a path at the point of the ridge that is nearest to the pad's centre."""
         picture, cloud = self.picture, self._cloud
         may_close = may_close and (self.path is None or self.path.may_close)
@@ -131,13 +131,13 @@ class EdgeMap:
         self._take_near()
         return Sight(None, True)
 
-    def _remember(self, seen):
+    def _remember(self, seen: np.ndarray) -> None:
         """Put the points of a picture to those of the last ones."""
         kept = self._counts[1 - PICTURES:]
         self._cloud = joined([self._cloud[len(self._cloud) - sum(kept):], seen], CLOUD_POINT)
         self._counts = [*kept, len(seen)]
 
-    def _take_near(self):
+    def _take_near(self) -> None:
         path, behind = self.path, BEHIND * self.scale.half
         self._near = retyped(nodes_from(path.nodes, self.station - behind, behind,
                                         path.open_start, path.end is PathEnd.VIEW))

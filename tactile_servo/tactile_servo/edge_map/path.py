@@ -1,11 +1,12 @@
 """Form of a path: its legs and headings, its sharpest turn, where it closes, what is near."""
 
 import math
+from typing import Any
 
 import numpy as np
 
 from tactile_common.kernels import njit
-from tactile_servo.edge_map.records import NODE
+from tactile_servo.edge_map.records import NODE, Record, Records
 from tactile_servo.edge_map.tracing import STEP, trace
 
 NEAR_TURN, FAR_TURN = 4, 9  # nodes either side over which a turn is measured
@@ -19,7 +20,7 @@ ZONE = np.dtype([(name, np.float64) for name in ('x', 'y', 'reach', 'way')])
 
 
 @njit(cache=True)
-def headings(nodes):
+def headings(nodes: np.ndarray) -> np.ndarray:
     """Angles (N,) of the directions of nodes, without jumps of a turn [rad]."""
     angles = np.empty(len(nodes))
     for k in range(len(nodes)):
@@ -30,7 +31,7 @@ def headings(nodes):
 
 
 @njit(cache=True)
-def unblurred(leg, blur, step, depth):
+def unblurred(leg: np.ndarray, blur: float, step: float, depth: float) -> np.ndarray:
     """
     Move the nodes of a curve out to where the edge must lie: the skin blurs it in.
 
@@ -53,7 +54,7 @@ def unblurred(leg, blur, step, depth):
 
 
 @njit(cache=True)
-def sharpest_turn(leg, least):
+def sharpest_turn(leg: np.ndarray, least: float) -> tuple[int, int]:
     """
     Indices of the nodes before and after the sharpest turn of a leg (N,), or -1, -1.
 
@@ -75,7 +76,7 @@ def sharpest_turn(leg, least):
 
 
 @njit(cache=True)
-def measure(nodes, begin):
+def measure(nodes: np.ndarray, begin: int) -> None:
     """Set the stations of nodes (N,) from one on, which is not the first."""
     for k in range(begin, len(nodes)):
         x, y = nodes[k].x - nodes[k - 1].x, nodes[k].y - nodes[k - 1].y
@@ -83,7 +84,8 @@ def measure(nodes, begin):
 
 
 @njit(cache=True)
-def with_leg(nodes, cloud, zones, length, grain, depth):
+def with_leg(nodes: np.ndarray, cloud: np.ndarray, zones: np.ndarray, length: float, grain: float,
+             depth: float) -> tuple[np.ndarray, int]:
     """
     Go on from the last of nodes (N,) along the ridge, up to the first corner's zone.
 
@@ -111,7 +113,7 @@ def with_leg(nodes, cloud, zones, length, grain, depth):
 
 
 @njit(cache=True)
-def entry_node(leg, zone, grain):
+def entry_node(leg: np.ndarray, zone: Record, grain: float) -> int:
     """Index of the first node of a leg in the zone of a corner, or -1."""
     cos, sin = math.cos(zone.way), math.sin(zone.way)
     for k in range(len(leg)):
@@ -124,7 +126,7 @@ def entry_node(leg, zone, grain):
 
 
 @njit(cache=True)
-def closing_node(nodes, station, begin, reach):
+def closing_node(nodes: Records, station: float, begin: float, reach: float) -> int:
     """
     Index of the node beyond a station at which the path meets its start, or -1.
 
@@ -145,13 +147,14 @@ def closing_node(nodes, station, begin, reach):
 
 
 @njit(cache=True)
-def nodes_from(nodes, station, reach, open_start, open_end):
+def nodes_from(nodes: Records, station: float, reach: float, open_start: bool,
+               open_end: bool) -> np.ndarray:
     """
     Nodes (M,) from a station on, an open start and end led straight on by `reach` [m].
 
     A start that lies before the station is not led on; the last node is always among them.
     """
-    first = min(np.searchsorted(nodes.station, station, side='right'), len(nodes) - 1)
+    first: Any = min(np.searchsorted(nodes.station, station, side='right'), len(nodes) - 1)
     before = 1 if open_start and first == 0 else 0
     count = len(nodes) - first
     near = np.empty(before + count + (1 if open_end else 0), NODE)
@@ -164,7 +167,7 @@ def nodes_from(nodes, station, reach, open_start, open_end):
 
 
 @njit(cache=True)
-def _lead_on(nodes, k, last, distance):
+def _lead_on(nodes: np.ndarray, k: int, last: int, distance: float) -> None:
     nodes[k] = nodes[last]
     nodes[k].x += distance * nodes[last].tx
     nodes[k].y += distance * nodes[last].ty

@@ -1,13 +1,17 @@
 """What a path is asked for at a station: place, rise, length on a pad, speed."""
 
 import math
+from typing import Any
 
 import numpy as np
 
 from tactile_common.geometry import wrap_angle
 from tactile_common.kernels import njit
 from tactile_common.polyline import nearest_on_polyline
+from tactile_servo.edge_map.records import Records
 from tactile_servo.edge_map.tracing import STEP
+
+Way = tuple[float, float]  # x, y
 
 CLEAR = 7  # nodes either side of a turn whose pressure does not tell their height
 UNBENT = math.cos(0.15)  # cosine of the angle over four nodes that makes such a turn
@@ -24,7 +28,9 @@ SHORTEST_CHORD = 0.05  # that tells a direction
 
 
 @njit(cache=True)
-def stand(nodes, near, plane, pose, commanded, half_x, half_y, grain, here, ahead, move, there):
+def stand(nodes: Records, near: np.ndarray, plane: np.ndarray, pose: np.ndarray,
+          commanded: np.ndarray, half_x: float, half_y: float, grain: float, here: float,
+          ahead: float, move: Way, there: np.ndarray) -> tuple[float, Way, Way, float, Way, float]:
     """
     Values of a `Stand`: where a pad stands on a path, measured and commanded.
 
@@ -66,7 +72,9 @@ def stand(nodes, near, plane, pose, commanded, half_x, half_y, grain, here, ahea
 
 
 @njit(cache=True)
-def at_picture(nodes, near, pose, half_x, half_y, grain, sense, station, ahead, ends):
+def at_picture(nodes: Records, near: np.ndarray, pose: np.ndarray, half_x: float, half_y: float,
+               grain: float, sense: int, station: float, ahead: float,
+               ends: bool) -> tuple[float, float, float, float]:
     """
     Lateral [m] and angular error of a pad at a pose in the plane, length under it, rise ahead.
 
@@ -84,7 +92,7 @@ def at_picture(nodes, near, pose, half_x, half_y, grain, sense, station, ahead, 
 
 
 @njit(cache=True)
-def to_sensor(turned, pose, *twist):
+def to_sensor(turned: np.ndarray, pose: np.ndarray, *twist: float) -> None:
     """Write a twist (6,) in the frame of a pose, from its components in the frame around it."""
     for k in range(3):
         turned[k] = pose[0, k] * twist[0] + pose[1, k] * twist[1] + pose[2, k] * twist[2]
@@ -92,9 +100,9 @@ def to_sensor(turned, pose, *twist):
 
 
 @njit(cache=True)
-def place_at(nodes, station):
+def place_at(nodes: Records, station: float) -> tuple[float, float, float]:
     """Place (x, y, z) of a path at a station [m], its ends beyond them."""
-    last = min(max(np.searchsorted(nodes.station, station), 1), len(nodes) - 1)
+    last: Any = min(max(np.searchsorted(nodes.station, station), 1), len(nodes) - 1)
     a, b = nodes[max(last - 1, 0)], nodes[last]
     length = b.station - a.station
     share = min(max((station - a.station) / length, 0.0), 1.0) if length > 0.0 else 0.0
@@ -102,7 +110,7 @@ def place_at(nodes, station):
 
 
 @njit(cache=True)
-def direction(nodes, first, last, grain):
+def direction(nodes: np.ndarray, first: float, last: float, grain: float) -> Way:
     """Direction (x, y) between two stations of a path [m], beyond its end straight on."""
     x0, y0, _ = place_at(nodes, first)
     x1, y1, _ = place_at(nodes, last)
@@ -113,7 +121,7 @@ def direction(nodes, first, last, grain):
 
 
 @njit(cache=True)
-def rise(nodes, station, reach, step, ends):
+def rise(nodes: Records, station: float, reach: float, step: float, ends: bool) -> float:
     """
     Rise of an edge along itself around a station, from the heights of its nodes.
 
@@ -123,8 +131,8 @@ def rise(nodes, station, reach, step, ends):
     """
     count = len(nodes)
     first = np.searchsorted(nodes.station, station - reach)
-    last = min(np.searchsorted(nodes.station, station + reach, side='right'),
-               count - 2 * CLEAR if ends else count)
+    last: Any = min(np.searchsorted(nodes.station, station + reach, side='right'),
+                    count - 2 * CLEAR if ends else count)
     begin = max(first - CLEAR, 0)
     bent = np.empty(max(min(last + CLEAR, count) - begin, 0), np.bool_)
     for m in range(begin, begin + len(bent)):
@@ -148,7 +156,8 @@ def rise(nodes, station, reach, step, ends):
 
 
 @njit(cache=True)
-def speed_profile(nodes, here, top, acceleration, end_speed, cut, settle):
+def speed_profile(nodes: Records, here: float, top: float, acceleration: float, end_speed: float,
+                  cut: float, settle: float) -> float:
     """
     Largest speed at a station from which every turn ahead can be taken.
 
@@ -166,7 +175,8 @@ def speed_profile(nodes, here, top, acceleration, end_speed, cut, settle):
     """
     left = max(nodes[len(nodes) - 1].station - here, 0.0)
     squared = end_speed * end_speed + 2.0 * acceleration * left
-    for k in range(max(np.searchsorted(nodes.station, here - settle), 1), len(nodes) - 1):
+    first: Any = max(np.searchsorted(nodes.station, here - settle), 1)
+    for k in range(first, len(nodes) - 1):
         before, at, after = nodes[k - 1], nodes[k], nodes[k + 1]
         ahead = at.station - here
         ax, ay = at.x - before.x, at.y - before.y
@@ -185,7 +195,8 @@ def speed_profile(nodes, here, top, acceleration, end_speed, cut, settle):
 
 
 @njit(cache=True)
-def length_on_pad(nodes, pose, dx, dy, half_x, half_y):
+def length_on_pad(nodes: np.ndarray, pose: np.ndarray, dx: float, dy: float, half_x: float,
+                  half_y: float) -> float:
     """
     Length of a path, nodes (M,), on the pad [m], chords without material left out.
 

@@ -79,7 +79,7 @@ class Picture:
     thickness: float = math.inf  # of the skin on a rigid backing [m]
     poisson: float = 0.5
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         array = self.array
         self.scale = PadScale.of(array, self.depth)
         # (3.1) at its peak, 2 q / (pi d), gives the load, and that the indentation.
@@ -137,7 +137,8 @@ def read_picture(image: TactileImage, pose: np.ndarray,
 
 
 @njit(cache=True)
-def indentation_of(points, pose, half):
+def indentation_of(points: np.ndarray, pose: np.ndarray,
+                   half: float) -> tuple[bool, float, np.ndarray]:
     """
     Indentation at the pad's centre [m], and the way (3,) along which it grows, by a picture.
 
@@ -175,7 +176,9 @@ def indentation_of(points, pose, half):
 
 
 @njit(cache=True)
-def _look(pressure, noise, x, y, depth, pose, indentation):
+def _look(pressure: np.ndarray, noise: float, x: np.ndarray, y: np.ndarray, depth: float,
+          pose: np.ndarray,
+          indentation: float) -> tuple[np.ndarray, float, int, float, np.ndarray, float]:
     """
     Look at a picture (rows, columns), whose impossible values are made NaN.
 
@@ -191,7 +194,7 @@ def _look(pressure, noise, x, y, depth, pose, indentation):
 
 
 @njit(cache=True)
-def _drop_impossible(pressure):
+def _drop_impossible(pressure: np.ndarray) -> tuple[int, float]:
     """Make impossible values NaN; how many there were, and the highest of the others."""
     invalid, peak = 0, 0.0
     for r in range(pressure.shape[0]):

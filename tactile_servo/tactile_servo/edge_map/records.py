@@ -1,16 +1,17 @@
 """Records of the edge map: a point of the cloud, a node of the path, and arrays of them."""
 
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 # Both kinds of record begin with a place in the plane, its height along the normal [m] and a
 # unit direction.
 _COMMON = ('x', 'y', 'z', 'tx', 'ty')
 
 
-def _record(*names):
+def _record(*names: str) -> np.dtype:
     """Type of numbers with names; place, point, way and row are several of them at once."""
     names = (*_COMMON, *names)
     at = {name: 8 * k for k, name in enumerate(names)}
@@ -26,6 +27,10 @@ CLOUD_POINT = _record('weight')
 # Node of a path, its direction that of travel; station: way along the path [m]; material: 1 if
 # there is any between the node and the one before, else 0.
 NODE = _record('station', 'material')
+# Arrays (np.ndarray) and elements (np.void) of them for kernels that read a field by its name:
+# numba knows it, numpy's types do not.
+Records = Any
+Record = Any
 
 
 class LocalLine(NamedTuple):
@@ -52,7 +57,7 @@ def retyped(records: np.ndarray, kind: np.dtype = NODE) -> np.ndarray:
     return np.ndarray(len(records), kind, records)
 
 
-def nodes_of(place, z, way, material=1.0) -> np.ndarray:
+def nodes_of(place: ArrayLike, z: ArrayLike, way: ArrayLike, material: float = 1.0) -> np.ndarray:
     """Nodes at places (N, 2) with directions (N, 2); stations are still to be measured."""
     place = np.atleast_2d(place)
     nodes = np.zeros(len(place), NODE)

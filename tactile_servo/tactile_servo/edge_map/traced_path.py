@@ -9,6 +9,7 @@ import numpy as np
 
 from tactile_servo.edge_map import ends
 from tactile_servo.edge_map.corner import Corner, fit, shown
+from tactile_servo.edge_map.corner_fit import CornerShape
 from tactile_servo.edge_map.ends import TIP
 from tactile_servo.edge_map.path import closing_node, FAR_TURN, measure, with_leg, ZONE
 from tactile_servo.edge_map.picture import Picture
@@ -81,14 +82,14 @@ class TracedPath:
         self.extend(cloud, picture, self.began)
 
     @property
-    def _step(self):
+    def _step(self) -> float:
         return STEP * self.scale.grain
 
     @property
-    def _ahead(self):
+    def _ahead(self) -> float:
         return max(AHEAD * self.scale.half, PAST_CORNER * self.scale.depth)
 
-    def extend(self, cloud: np.ndarray, picture: Picture, station: float):
+    def extend(self, cloud: np.ndarray, picture: Picture, station: float) -> None:
         """Trace anew what lies ahead of a station [m]."""
         if self.end is PathEnd.CLOSED:
             return
@@ -118,7 +119,8 @@ class TracedPath:
             self.nodes = ends.led_on(self.nodes, BEHIND * self.scale.half)
             measure(self.nodes, len(self.nodes) - 1)
 
-    def _trace_on(self, cloud, picture, head, station):
+    def _trace_on(self, cloud: np.ndarray, picture: Picture, head: np.ndarray,
+                  station: float) -> tuple[np.ndarray, list[Piece]]:
         """Add the legs, corners and ways over gaps that follow: nodes and their pieces."""
         nodes, pieces, left, corners = head, [], self._ahead, self._to_come(station)
         self.end = PathEnd.VIEW
@@ -154,12 +156,12 @@ class TracedPath:
             nodes = self._trimmed(nodes, pieces, picture.height)
         return nodes, pieces
 
-    def _to_come(self, station):
+    def _to_come(self, station: float) -> list[Corner]:
         """Corners but those just passed; one passed long ago may come again, round a contour."""
         passed, again = -KEEP_BEHIND * self.scale.grain, -SHORTEST_CONTOUR * self.scale.half
         return [corner for corner in self.corners if not again < corner.leave - station < passed]
 
-    def _jump(self, cloud, picture, last):
+    def _jump(self, cloud: np.ndarray, picture: Picture, last: np.ndarray) -> np.ndarray | None:
         """Nodes over a gap, or None: the path ends with the view or with the ridge."""
         x, y, _, tx, ty, *_ = last['row'][0].tolist()
         ahead = (x - picture.x) * tx + (y - picture.y) * ty > 0.0  # of the pad
@@ -170,7 +172,7 @@ class TracedPath:
         return jump
 
     @staticmethod
-    def _trimmed(nodes, pieces, height):
+    def _trimmed(nodes: np.ndarray, pieces: list[Piece], height: float) -> np.ndarray:
         """Take off the tip of a ridge that ends."""
         kept = pieces[0].first
         count = ends.faded(nodes[max(kept - 3 * TIP, 0):], height)
@@ -179,7 +181,8 @@ class TracedPath:
             pieces.pop()
         return nodes
 
-    def _find_corner(self, cloud, picture, nodes, pieces):
+    def _find_corner(self, cloud: np.ndarray, picture: Picture, nodes: np.ndarray,
+                     pieces: list[Piece]) -> bool:
         """Look for a corner in the last leg, or beyond its end; whether one was added."""
         if not pieces:
             return False
@@ -204,10 +207,10 @@ class TracedPath:
         return False
 
     @staticmethod
-    def _apart(shape, corner):
+    def _apart(shape: CornerShape, corner: Corner) -> float:
         return np.hypot(*(shape.vertex - corner.shape.vertex))
 
-    def refine(self, picture: Picture, station: float):
+    def refine(self, picture: Picture, station: float) -> None:
         """Fit the corners in view to the newest picture; drop those ahead that it denies."""
         for corner in list(self.corners):
             if (corner.leave < station - PASSED * self.scale.grain
@@ -222,7 +225,7 @@ class TracedPath:
                 if corner.denied >= DENIALS:
                     self.corners.remove(corner)
 
-    def _close(self, station):
+    def _close(self, station: float) -> None:
         """Close the contour where the path meets its start."""
         shortest = SHORTEST_CONTOUR * self.scale.half
         if not self.may_close or station - self.began < shortest:

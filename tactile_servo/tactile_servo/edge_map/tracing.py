@@ -6,7 +6,7 @@ import numpy as np
 
 from tactile_common.kernels import njit
 from tactile_common.polyline import nearest_on_polyline
-from tactile_servo.edge_map.records import CLOUD_POINT, LocalLine, NODE
+from tactile_servo.edge_map.records import CLOUD_POINT, LocalLine, NODE, Records
 
 # In grains, see `PadScale`: what one picture cannot tell apart is one line.
 STEP = 0.25  # between the nodes of a trace
@@ -19,7 +19,7 @@ NOWHERE = LocalLine(False, 0.0, 0.0, 0.0, 0.0, 0.0)
 
 
 @njit(cache=True)
-def into_plane(ridge, pose, indentation):
+def into_plane(ridge: np.ndarray, pose: np.ndarray, indentation: float) -> np.ndarray:
     """
     Put the ridge points of a picture, RIDGE_POINT (N,), into the plane: CLOUD_POINT (N,).
 
@@ -40,7 +40,7 @@ def into_plane(ridge, pose, indentation):
 
 
 @njit(cache=True)
-def trace(cloud, start, length, grain):
+def trace(cloud: np.ndarray, start: np.ndarray, length: float, grain: float) -> np.ndarray:
     """
     Follow the ridge from a node in its direction.
 
@@ -85,7 +85,7 @@ def trace(cloud, start, length, grain):
 
 
 @njit(cache=True)
-def _within(cloud, x, y, distance):
+def _within(cloud: np.ndarray, x: float, y: float, distance: float) -> np.ndarray:
     """Points of a cloud within a distance of a place."""
     found, count = np.empty(len(cloud), CLOUD_POINT), 0
     for n in range(len(cloud)):
@@ -97,7 +97,8 @@ def _within(cloud, x, y, distance):
 
 
 @njit(cache=True)
-def local_line(cloud, x, y, tx, ty, grain):
+def local_line(cloud: np.ndarray, x: float, y: float, tx: float, ty: float,
+               grain: float) -> LocalLine:
     """
     Mean line of the ridge near a place: LocalLine.
 
@@ -128,14 +129,15 @@ def local_line(cloud, x, y, tx, ty, grain):
 
 
 @njit(cache=True)
-def on_path(seen, near, distance, nodes, x, y, first, last):
+def on_path(seen: np.ndarray, near: np.ndarray, distance: float, nodes: Records, x: float,
+            y: float, first: float, last: float) -> tuple[float, float]:
     """Share of seen points near nodes, and station of a place between two on a path [m]."""
     at = nearest_on_polyline(nodes.x, nodes.y, nodes.station, x, y, first, last)
     return share_near(seen, near, distance), at.station
 
 
 @njit(cache=True)
-def share_near(cloud, nodes, distance):
+def share_near(cloud: np.ndarray, nodes: np.ndarray, distance: float) -> float:
     """Share of the points of a cloud that are nearer than a distance [m] to some node."""
     near = 0
     for n in range(len(cloud)):
