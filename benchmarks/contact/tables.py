@@ -11,7 +11,8 @@ FAMILIES = {
     'pads': 'finite elements, 4×4 to 32×32 tactels',
     'faults': 'finite elements, faults of the sensor', 'flat': 'flat punches and strips',
     'short': 'edges that end on the pad', 'reject': 'neither a point nor a line',
-    'real-remodel': 'real presses, 5×5', 'real-foil': 'real foil strips',
+    'real-loaded': 'real presses on a pad of 5×5', 'real-faint': 'the same, as they begin and end',
+    'real-weights': 'weights that lie on that pad', 'real-foil': 'real foil strips',
     'real-tekscan': 'a real finger', 'real-emed': 'a real foot'}
 
 
