@@ -8,7 +8,7 @@ import numpy as np
 from tactile_common.kernels import FAST, njit
 from tactile_sensing.contact.errors import SANDWICH
 from tactile_sensing.contact.fit import Beliefs, Fit, Readings
-from tactile_sensing.skin.bumps import LINE, Pad, Q1, WIDTH
+from tactile_sensing.skin.bumps import FORCE, LINE, Pad, Q0, Q1, WIDTH
 from tactile_sensing.skin.kernel import MAX_VARIANCE
 
 LOADED = 0.02  # of the peak: tactels in which a wrong model may show
@@ -278,6 +278,41 @@ def _second_load(pad: Pad, fit: Fit, noise2: np.ndarray,
 
 
 
+@njit(error_model='numpy')
+def _unseen_middle(pad: Pad, fit: Fit, readings: Readings, beliefs: Beliefs,
+                   covariance: np.ndarray) -> None:
+    """
+    Add to a covariance (n, n) what tactels at full scale leave open of a load's place and force.
+
+    Two flanks have the middle between them. Where one alone tells the place, as beside the rim of
+    the pad, the middle may be anywhere on the tactels at full scale, and the load as much wider:
+    with the half width as an unknown beside a place that is told by S = I_1 + I_2, of each flank,
+    and r = (I_1 - I_2) / S, the place's variance is larger by r^2 / (S (1 - r^2) + 12 / width^2).
+    """
+    columns, size = pad.x.size, pad.x.size * pad.y.size
+    for i in range(beliefs.active.size):
+        parameter = beliefs.active[i]
+        if parameter != Q0 and (parameter != Q1 or beliefs.kind == LINE):
+            continue
+        angle = fit.theta[Q1] if beliefs.kind == LINE else 0.5 * math.pi * (parameter == Q1)
+        low, high, total, side = math.inf, -math.inf, 1e-300, 0.0
+        for t in range(fit.model.size):
+            if readings.value[t] >= readings.full[t]:
+                across = pad.x[t % columns] * math.cos(angle) + (
+                    pad.y[t % size // columns] * math.sin(angle))
+                low, high = min(low, across), max(high, across)
+            else:
+                by = fit.weight[t] * fit.rows[i, t] * abs(fit.rows[i, t])
+                side, total = side + by, total + abs(by)
+        if high >= low:
+            moves, width = np.zeros(beliefs.active.size), high - low + pad.pitch
+            share = side / total
+            # Away from the flank that is seen.
+            moves[i] = -share / math.sqrt(
+                (1.0 - share ** 2) / covariance[i, i] + 12.0 / width ** 2)
+            moves[beliefs.active == FORCE] = 2.0 * abs(moves[i]) / width * fit.theta[FORCE]
+            covariance += moves.reshape(-1, 1) * moves
+
 
 @njit(error_model='numpy')
 def judge(pad: Pad, fit: Fit, readings: Readings, beliefs: Beliefs) -> tuple[Misfit, np.ndarray]:
@@ -309,6 +344,7 @@ def judge(pad: Pad, fit: Fit, readings: Readings, beliefs: Beliefs) -> tuple[Mis
     hidden = 0.0
     if not beliefs.power and not beliefs.patch:
         hidden = _hidden_patch(fit, small)
+    _unseen_middle(pad, fit, readings, beliefs, small)
     covariance = np.zeros((fit.theta.size, fit.theta.size))
     for i in range(n):
         for j in range(n):
