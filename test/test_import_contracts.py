@@ -57,9 +57,14 @@ def write(root, files):
     return read_tree(root)
 
 
+@pytest.fixture(scope='module')
+def our_tree():
+    return read_tree(ROOT)
+
+
 @pytest.mark.parametrize('rule', RULES)
-def test_our_packages(rule):
-    tree = read_tree(ROOT)
+def test_our_packages(rule, our_tree):
+    tree = our_tree
     assert len(tree.modules) > 100 and set(tree.declared) >= set(import_rules.CORE)
     found = getattr(import_rules, rule)(tree)
     assert not found, '\n'.join(found)
