@@ -176,7 +176,8 @@ class EdgeFollowing:
     def _stalled(self, now: float, progress: float) -> bool:
         if not isinstance(self._mode, Following):  # the other modes end by themselves
             self._going.stall = Stall()
-        return self._going.stall.see(now, progress, ADVANCE * self.sight.edge.scale.grain)
+        return self._going.stall.see(
+            now, progress, ADVANCE * self.sight.edge.scale.grain, self.goal.speed)
 
     def _at_end(self, progress: float, touching: bool) -> Assessment:
         """Decide where the ridge ends: coast over a gap, go down a step, or end."""

@@ -4,6 +4,7 @@ from dataclasses import dataclass
 import math
 
 STALL_TIME = 5.0  # s without progress
+SLOW = 0.5  # of the speed that is asked for, which is progress whatever the way
 
 
 @dataclass
@@ -14,8 +15,13 @@ class Stall:
     lasting: float = 0.0  # time since then, without holds [s]
     seen: float | None = None  # steady time of the last cycle [s], None after a hold
 
-    def see(self, now: float, progress: float, advance: float) -> bool:
-        """Take the progress [m]; True if it has not grown by `advance` [m] for `STALL_TIME`."""
+    def see(self, now: float, progress: float, advance: float, speed: float) -> bool:
+        """
+        Take the progress [m]; True if it has not grown by `advance` [m] for `STALL_TIME`.
+
+        Nor by what half of the `speed` [m/s] that is asked for would have made.
+        """
+        advance = min(advance, SLOW * speed * STALL_TIME)
         if progress > self.reached + advance:
             self.reached, self.lasting = progress, 0.0
         elif self.seen is not None:

@@ -185,7 +185,7 @@ class SurfaceLaw:
             return Assessment(State.DONE, Reason(
                 ReasonCode.OVERFORCE, f'{load:.1f} N, beyond {OVERFORCE:g} times the '
                 f'{goal.force:g} N asked for'), lift=True)
-        if going.stall.see(now, progress, ADVANCE):
+        if going.stall.see(now, progress, ADVANCE, goal.speed):
             return Assessment(State.DONE, Reason(
                 ReasonCode.NO_PROGRESS, self._motion.bound), lift=True)
         return ON_SURFACE
