@@ -3,8 +3,8 @@ Fields of configuration dataclasses with their description, unit and bounds, and
 
 A field's default stands in the dataclass, its bounds in the field's metadata: `doc`, `unit`,
 `range` (smallest and largest value, both allowed), `choices`, `live` and, of a tuple,
-`one_for_all`: one value may stand for the list. `check_fields`, called
-in `__post_init__`, and the declaration of ROS parameters read both from there.
+`one_for_all`: one value may stand for the list. `check_fields`, called in `__post_init__`, and
+the declaration of ROS parameters read both from there.
 """
 from collections.abc import Callable, Iterable, Mapping
 import dataclasses

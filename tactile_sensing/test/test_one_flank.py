@@ -42,7 +42,7 @@ def found(offset, along_x, depth):
 @pytest.mark.parametrize('offset', [-11.6e-3, -10.9e-3, 10.9e-3, 11.6e-3])
 def test_a_load_beside_the_rim_is_told_as_badly_as_it_is_seen(offset, along_x, depth):
     error, claimed = found(offset, along_x, depth)
-    assert np.abs(error / claimed).max(initial=0.0) < 3.0
+    assert len(error) >= 5 and np.abs(error / claimed).max() < 3.0
 
 
 @pytest.mark.parametrize('depth', [0.0, DEPTH])

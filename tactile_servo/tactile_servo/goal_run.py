@@ -5,7 +5,7 @@ from collections.abc import Callable
 import numpy as np
 
 from tactile_servo.config import ServoConfig
-from tactile_servo.control.press_check import doubted, most_untold
+from tactile_servo.control.press_check import doubted, most_unfelt
 from tactile_servo.cycle_clock import CycleClock
 from tactile_servo.following import apart, Following
 from tactile_servo.hold import BINDING, Hold
@@ -268,9 +268,9 @@ class GoalRun:
         return Reason(ReasonCode.NO_CONTACT, f'within {farthest:.2g} m') if far else None
 
     def _too_deep(self) -> Reason | None:
-        untold = self._law.untold
-        return Reason(ReasonCode.TOO_DEEP, f'by {untold:.1f} N; it gives way, or the sensor tells '
-                      'too little') if untold > most_untold(self.goal.force) else None
+        unfelt = self._law.unfelt
+        return Reason(ReasonCode.TOO_DEEP, f'by {unfelt:.1f} N; it gives way, or the sensor tells '
+                      'too little') if unfelt > most_unfelt(self.goal.force) else None
 
     def _presses_too_deep(self) -> Reason | None:
         deepest = self._config.force.press_depth
@@ -296,21 +296,21 @@ class GoalRun:
                 self.statistics.see(seen, inputs.pose, contact.stamp_ns)
                 if seen.force >= SOUND_FORCE * self.goal.force:
                     self._way.begin()
-            if self._found.success and (but := self._but()):
-                self._found = Assessment(State.DONE, Reason(self._found.reason.code, but))
+            if self._found.success and (objection := self._objection()):
+                self._found = Assessment(State.DONE, Reason(self._found.reason.code, objection))
             elif self._found.state is State.DONE and not self._found.success:
                 code, detail = self._found.reason
                 self._found = self._found._replace(reason=Reason(
                     code, '; '.join(filter(None, (detail, self._motion.at_limit)))))
         return self._found
 
-    def _but(self) -> str:
+    def _objection(self) -> str:
         """Why the end of a goal is no success, '' if it is one."""
-        beside, untold = self.statistics.beside, self._law.untold
+        beside, unfelt = self.statistics.beside, self._law.unfelt
         if beside > BESIDE:
             return f"but {100.0 * beside:.0f} % of the images saw it beside the pad's centre"
-        return f'but by its depth the pad presses {untold:.1f} N harder than images tell' if (
-            doubted(untold, self.goal.force)) else ''
+        return f'but by its depth the pad presses {unfelt:.1f} N harder than images tell' if (
+            doubted(unfelt, self.goal.force)) else ''
 
     def _lifted(self) -> Reason | None:
         return self._machine.reason if self._way.lifted and self._motion.standing else None

@@ -99,7 +99,7 @@ class ServoLaw(Protocol):
     @property
     def touch_speed(self) -> float: ...  # at which it presses a pad that feels nothing yet [m/s]
     @property
-    def untold(self) -> float: ...  # by the pad's depth, force beyond what images tell [N]
+    def unfelt(self) -> float: ...  # by the pad's depth, force beyond what images tell [N]
     @property
     def touch(self) -> Touch | None: ...  # of a law that maps a surface; else None
     @property

@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 
-from tactile_servo.control.press_check import most_untold
+from tactile_servo.control.press_check import most_unfelt
 from tactile_servo.reasons import Reason, ReasonCode
 
 LEARNT = 0.02  # share of a sample in the running mean
@@ -35,7 +35,7 @@ class Wrist:
 
     def judge(self, load: float, now: float) -> None:
         """Compare with the load that the pad tells [N], at a steady time [s]."""
-        most = most_untold(max(self.force, load))
+        most = most_unfelt(max(self.force, load))
         if not self.heard or abs(self.force - load) <= most:
             self._agreed = now
 

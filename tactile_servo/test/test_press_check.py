@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from tactile_servo.control.press_check import doubted, most_untold, PressCheck
+from tactile_servo.control.press_check import doubted, most_unfelt, PressCheck
 
 DOWN = np.array([0.0, 0.0, 1.0])
 
@@ -32,4 +32,4 @@ def test_one_image_that_is_wrong_counts_nothing(wrong):
 
 
 def test_half_of_what_ends_a_goal_is_doubted():
-    assert not doubted(0.4 * most_untold(5.0), 5.0) and doubted(0.6 * most_untold(5.0), 5.0)
+    assert not doubted(0.4 * most_unfelt(5.0), 5.0) and doubted(0.6 * most_unfelt(5.0), 5.0)

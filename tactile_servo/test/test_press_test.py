@@ -34,7 +34,7 @@ def test_a_sensor_that_answers_is_believed(factor, noise):
     lambda depth: 3.5, lambda depth: max(7.0 - STIFFNESS * depth, 0.0)])
 def test_a_sensor_that_does_not_is_named(told):
     test, _ = pressed(told, 0.02)
-    assert 'of the force that its stiffness says' in test.problem()
+    assert 'of what the stiffness says' in test.problem()
 
 
 def test_noise_that_hides_the_answer_proves_nothing():

@@ -10,10 +10,10 @@ from typing import NamedTuple
 import numpy as np
 
 from tactile_common.kernels import njit
-from tactile_sensing.contact.fit import Readings
 from tactile_sensing.contact.hypotheses import search
 from tactile_sensing.contact.misfit import LOUD
 from tactile_sensing.contact.noise import hidden_scale, noise_of_image
+from tactile_sensing.contact.records import Readings
 from tactile_sensing.contact.refusal import BAD_FIT, has_second_hill, NO_CONTACT
 from tactile_sensing.contact.reported import grade_forces, reported
 from tactile_sensing.image import survey

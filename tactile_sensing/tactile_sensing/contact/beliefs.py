@@ -5,7 +5,7 @@ import math
 import numpy as np
 
 from tactile_common.kernels import njit
-from tactile_sensing.contact.fit import Beliefs
+from tactile_sensing.contact.records import Beliefs
 from tactile_sensing.skin.bumps import (
     BASE,
     BEGIN,

@@ -1,19 +1,17 @@
 """
 How far readings are off: Student-t errors, scatter of the gains, bounds of a reading; compiled.
 
-See `fit`, whose Fit and Beliefs these take.
+See `fit`, which these serve.
 """
 
 import math
-from typing import Any, TYPE_CHECKING
+from typing import Any
 
 import numpy as np
 
 from tactile_common.kernels import FAST, njit
 from tactile_sensing.contact.normal_equations import add_normal, factor_of
-
-if TYPE_CHECKING:
-    from tactile_sensing.contact.fit import Beliefs, Fit
+from tactile_sensing.contact.records import Beliefs, Fit
 
 NU = 4.0  # degrees of freedom of the errors
 # Covariance of a fit under Gaussian errors, over the inverse of J'WJ at this NU.
@@ -94,7 +92,7 @@ def log_likelihood(error: np.ndarray, variance: np.ndarray, kept: np.ndarray,
 
 
 @njit(error_model='numpy')
-def marginal_scatter(fit: 'Fit', noise2: np.ndarray, prior: np.ndarray, beliefs: 'Beliefs',
+def marginal_scatter(fit: Fit, noise2: np.ndarray, prior: np.ndarray, beliefs: Beliefs,
                      whole: bool) -> tuple[float, float]:
     """
     Scatter g, root mean square over its posterior, and log of the integral over it.

@@ -22,6 +22,7 @@ from tactile_sensing.contact.errors import (
     weigh,
 )
 from tactile_sensing.contact.normal_equations import add_normal, solve
+from tactile_sensing.contact.records import Beliefs, Fit, Readings
 from tactile_sensing.skin.bumps import (
     add_rows,
     BASE,
@@ -38,55 +39,6 @@ SETTLED = 0.1  # standard deviations that the last step moved a parameter
 DRIFT = 0.05, 20.0  # standard deviation of the baseline: share of the peak, and of the noise
 CONTRADICTED = 3.0  # standard deviations beyond a bound at which a reading is an ordinary error
 BROAD = 1.2  # pitches of half width from which tactels may be taken as points
-
-
-class Readings(NamedTuple):
-    """Readings of one image, flat over layers, rows and columns."""
-
-    value: np.ndarray  # NaN where there is none
-    noise2: np.ndarray  # variance of the noise, positive
-    full: np.ndarray  # full scale, infinite if there is none
-    floor: np.ndarray  # at or below it a reading is only known to be below it; or -infinite
-
-
-class Beliefs(NamedTuple):
-    """What is fitted, and what is believed of it before the image is seen."""
-
-    kind: int  # POINT or LINE
-    power: bool  # whether the skin is not known
-    ends: bool  # whether a line begins and ends
-    patch: bool  # whether the load on a known skin is blunt
-    robust: bool  # whether errors are Student-t and annealed, with a baseline; else Gaussian
-    mean: np.ndarray  # (parameters,)
-    information: np.ndarray  # (parameters,): 1 / variance; 0: flat
-    low: np.ndarray  # (parameters,): bounds
-    high: np.ndarray
-    largest_step: np.ndarray  # (parameters,)
-    active: np.ndarray  # (n,): parameters that are fitted; the others stay as they start
-    volume: float  # log of what the flat priors extend over
-    shear: float  # standard deviation of a component of shear / normal force
-    known: float  # scatter g that is known, 0 if none is: what a Gaussian fit weighs
-    gain: float  # scatter g, and standard deviation of its logarithm
-    gain_spread: float
-    unseen: float  # d of `misfit` that a fit may absorb
-
-
-class Fit(NamedTuple):
-    """A load, and what is known of it; arrays over tactels are of the last step."""
-
-    theta: np.ndarray  # (parameters,)
-    inverse: np.ndarray  # (n, n): of the information
-    by: np.ndarray  # (parameters, tactels)
-    rows: np.ndarray  # (n, tactels): of the active parameters
-    model: np.ndarray  # (tactels,), without baselines
-    square: np.ndarray  # (tactels,): squared pressure whose share scatters
-    error: np.ndarray  # (tactels,): 0 where nothing is read
-    weight: np.ndarray  # (tactels,): likewise
-    variance: np.ndarray  # (tactels,): noise and scatter
-    kept: np.ndarray  # (tactels,): whether the reading is an ordinary one
-    evidence: float  # minus infinity: the fit did not work
-    scatter: float
-    iterations: int
 
 
 class _Scale(NamedTuple):

@@ -17,8 +17,9 @@ import numpy as np
 
 from tactile_common.kernels import FAST, njit
 from tactile_sensing.contact.beliefs import beliefs_of, HALF_SPACE
-from tactile_sensing.contact.fit import Beliefs, Fit, fit_load, Readings, unfitted
-from tactile_sensing.contact.misfit import judge, LOUD, Misfit, Residual, residual_of
+from tactile_sensing.contact.fit import fit_load, unfitted
+from tactile_sensing.contact.misfit import judge, LOUD, residual_of
+from tactile_sensing.contact.records import Beliefs, Hypothesis, Misfit, Readings, Residual
 from tactile_sensing.contact.refusal import BAD_FIT, DOUBT, EXTRA, is_nothing, refusal
 from tactile_sensing.skin.bumps import BASE, BEGIN, END, EXPONENT, LINE, Pad, POINT, Q0, Q1, WIDTH
 from tactile_sensing.skin.kernel import MAX_VARIANCE
@@ -44,17 +45,6 @@ class Guess(NamedTuple):
     across: float  # direction across [rad]
     width: float  # half width [m]
     length: float  # half length [m]
-
-
-class Hypothesis(NamedTuple):
-    """One kind of load, fitted, and what it leaves."""
-
-    beliefs: Beliefs
-    fit: Fit
-    evidence: float  # that of the fit, less what each extra must bring
-    residual: Residual
-    misfit: Misfit
-    covariance: np.ndarray  # (parameters, parameters)
 
 
 @njit(error_model='numpy', fastmath=FAST)

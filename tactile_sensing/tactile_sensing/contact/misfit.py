@@ -1,13 +1,12 @@
 """What a load leaves: what a wrong model misses, and whether there is a second load; compiled."""
 
 import math
-from typing import NamedTuple
 
 import numpy as np
 
 from tactile_common.kernels import FAST, njit
 from tactile_sensing.contact.errors import SANDWICH
-from tactile_sensing.contact.fit import Beliefs, Fit, Readings
+from tactile_sensing.contact.records import Beliefs, Fit, Misfit, Readings, Residual
 from tactile_sensing.skin.bumps import FORCE, LINE, Pad, Q0, Q1, WIDTH
 from tactile_sensing.skin.kernel import MAX_VARIANCE
 
@@ -21,28 +20,6 @@ FAINT = 0.03  # of the peak; what is less is no second load
 HALF_WIDTH = 0.64  # depths: of a line on a half-space, at half its height
 PATCHES = 90  # steps over the variance of a patch
 BINS = 4  # across a line, in the length over which a wrong model is wrong alike
-
-
-class Residual(NamedTuple):
-    """Sizes of the errors that a load leaves."""
-
-    loudest: float  # largest error of a tactel [standard deviations]
-    loud: float  # share of the tactels that are off by more than noise ever is
-    excess: float  # of chi-square of the loaded tactels over what noise leaves, likewise
-    rms: float  # [standard deviations of the noise]
-    left: float  # RMS of what is left beyond noise, relative to that of the pressure
-    extrapolated: float  # share of the pressure that is above full scale
-    silent: int  # tactels that plainly should read something, and hardly do
-
-
-class Misfit(NamedTuple):
-    """What the errors of neighbouring tactels have in common."""
-
-    significance: float  # of d, the share of the pressure that neighbours miss [std. deviations]
-    hidden: float  # probability of a patch that is not fitted
-    second: float  # largest sum over 3 x 3 tactels of what is left [standard deviations]
-    apart: float  # highest pressure away from the load that it lacks, relative to its peak
-    extra: float  # pressure that a single load lacks, relative to that of the load
 
 
 @njit(error_model='numpy')

@@ -1,19 +1,15 @@
 """Why the load that explains an image best is no answer; compiled."""
 
 import math
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from tactile_common.kernels import njit
 from tactile_sensing.contact.beliefs import widest
 from tactile_sensing.contact.errors import NU
-from tactile_sensing.contact.fit import Readings
+from tactile_sensing.contact.records import Hypothesis, Readings
 from tactile_sensing.skin.bumps import chord, EXPONENT, loaded_chord, Pad, POINT, Q0, Q1, WIDTH
 from tactile_sensing.types.contact import Reason
-
-if TYPE_CHECKING:
-    from tactile_sensing.contact.hypotheses import Hypothesis
 
 BAD_FIT, NO_CONTACT, OFF_PAD = int(Reason.BAD_FIT), int(Reason.NO_CONTACT), int(Reason.OFF_PAD)
 DOUBT = 3.0  # standard deviations of what a sharp load leaves that call for more
@@ -89,7 +85,7 @@ def _presses(pad: Pad, readings: Readings) -> bool:
 
 
 @njit(error_model='numpy')
-def _left_alone(pad: Pad, one: 'Hypothesis') -> bool:
+def _left_alone(pad: Pad, one: Hypothesis) -> bool:
     """Whether a load leaves no more than it may."""
     left, misfit, theta = one.residual, one.misfit, one.fit.theta
     if (one.fit.weight > 0.0).sum() <= one.beliefs.active.size:  # it fits anything
@@ -108,7 +104,7 @@ def _left_alone(pad: Pad, one: 'Hypothesis') -> bool:
 
 
 @njit(error_model='numpy')
-def refusal(pad: Pad, readings: Readings, one: 'Hypothesis') -> int:
+def refusal(pad: Pad, readings: Readings, one: Hypothesis) -> int:
     """Reason why a hypothesis is no answer; 0 if it is one."""
     theta = one.fit.theta
     if one.beliefs.robust and is_nothing(readings, one.evidence):

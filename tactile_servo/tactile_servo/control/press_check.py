@@ -7,18 +7,18 @@ import numpy as np
 # Of the way along what is tracked, by which the depth may seem to grow: error of its slope.
 SLOPE_ERROR = 0.002
 # A sensor that does not tell so much of the force, a share of it and beyond [N], is not believed.
-UNTOLD_SHARE, UNTOLD = 0.3, 1.5
+UNFELT_SHARE, UNFELT = 0.3, 1.5
 DOUBTED = 0.5  # of that, from which no goal is met
 
 
-def most_untold(force: float) -> float:
+def most_unfelt(force: float) -> float:
     """Force [N] beyond what images tell, from which a pad presses too hard for a force [N]."""
-    return UNTOLD_SHARE * force + UNTOLD
+    return UNFELT_SHARE * force + UNFELT
 
 
-def doubted(untold: float, force: float) -> bool:
-    """Whether so much `untold` force [N] makes a run with a force [N] no success."""
-    return untold > DOUBTED * most_untold(force)
+def doubted(unfelt: float, force: float) -> bool:
+    """Whether so much `unfelt` force [N] makes a run with a force [N] no success."""
+    return unfelt > DOUBTED * most_unfelt(force)
 
 
 class PressCheck:

@@ -63,7 +63,7 @@ class PressTest:
         return -0.5 * self._release * turn * math.sin(turn * self._lasted)
 
     def problem(self) -> str:
-        """What does not fit the stiffness, '' if nothing does not."""
+        """What contradicts the stiffness, '' if nothing does."""
         # Depths as of now: more of an edge may have come under the pad as it was pressed.
         way = np.array([(advance, self._depth(load)) for advance, load in self._way.values()
                         if load > OFF * self._least])
@@ -77,5 +77,5 @@ class PressTest:
         left = told - slope * actual
         doubt = SURE * math.sqrt(float(left @ left) / (len(way) - 2) / square)
         if slope + doubt < 1.0 / UNLIKE or slope - doubt > UNLIKE:
-            return f'{slope:.2g} of the force that its stiffness says'
+            return f'the force changes by {slope:.2g} of what the stiffness says'
         return ''

@@ -22,7 +22,7 @@ from tactile_servo.laws.edge_modes import (
     ReachingDown,
     Searching,
 )
-from tactile_servo.laws.edge_motion import EdgeMotion, SHORTEST
+from tactile_servo.laws.edge_motion import EdgeMotion
 from tactile_servo.laws.edge_sight import EdgeSight
 from tactile_servo.laws.stall import Stall
 from tactile_servo.motion.agility import Agility
@@ -97,12 +97,10 @@ class EdgeFollowing:
 
     def depth(self, force: float) -> float:
         """Depth [m] that a force [N] stands for, on the length that is under the pad."""
-        edge, c = self.sight.edge, self.config.force
-        shortest = SHORTEST * min(edge.scale.half_x, edge.scale.half_y)
-        return force / (c.skin_stiffness * max(self.sight.load.length, shortest))
+        return self._motion.depth(force)
 
     @property
-    def untold(self) -> float:
+    def unfelt(self) -> float:
         """How much harder the pad presses, by its depth, than images tell [N]."""
         return self.stiffness * self.sight.press.unexplained
 

@@ -132,6 +132,12 @@ class EdgeMotion:
         self._speed.speed = math.hypot(x, y)
         return self._path.change(x, y, self.config.speed.acceleration * dt)
 
+    def depth(self, force: float) -> float:
+        """Indentation [m] that a force [N] stands for, on the length that is under the pad."""
+        scale = self.sight.edge.scale
+        length = max(self.sight.load.length, SHORTEST * min(scale.half_x, scale.half_y))
+        return force / (self.config.force.skin_stiffness * length)
+
     def press(self, stand: Stand, dt: float, *, may_press: bool = True) -> float:
         """Velocity along the normal that keeps the force [m/s]."""
         sight, goal, c = self.sight, self.goal, self.config.force

@@ -235,7 +235,7 @@ class ResolvedRate:
         return force / self.stiffness
 
     @property
-    def untold(self) -> float:
+    def unfelt(self) -> float:
         """How much harder the pad presses, by its depth, than images tell [N]."""
         return self.stiffness * self._press.unexplained
 

@@ -17,9 +17,9 @@ class Stall:
 
     def see(self, now: float, progress: float, advance: float, speed: float) -> bool:
         """
-        Take the progress [m]; True if it has not grown by `advance` [m] for `STALL_TIME`.
+        Take the progress [m]; True if for `STALL_TIME` it has not grown by `advance` [m].
 
-        Nor by what half of the `speed` [m/s] that is asked for would have made.
+        At a slow `speed` [m/s] half of the way that was asked for is enough.
         """
         advance = min(advance, SLOW * speed * STALL_TIME)
         if progress > self.reached + advance:

@@ -149,7 +149,7 @@ class SurfaceLaw:
         return self._sense.depth(force)
 
     @property
-    def untold(self) -> float:
+    def unfelt(self) -> float:
         """How much harder the probe presses, by its depth, than images tell [N]."""
         return self._sense.pressed(self._press.unexplained) - self.goal.force
 
