@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from edge_tracking.graph import Graph, linger, private_port
-from edge_tracking.process_group import record
+from edge_tracking.process_group import PATIENCE, record
 from tactile_common.progress import live_progress
 from tactile_common.ros.runner import stop_on_signals
 from tactile_sensing.devices.calibration import Calibration
@@ -98,6 +98,12 @@ def live_window(text: str, shape: tuple[int, int]) -> tuple[int, ...]:
                  if r not in rows or c not in columns)
 
 
+def _listeners(driver: DriverNode) -> int:
+    """How many the driver's images reach."""
+    return sum(publisher.get_subscription_count() for publisher in driver.publishers
+               if publisher.topic_name.endswith('/image'))
+
+
 def play(path: str | Path, recording: Recording, calibration: Calibration, folder: Path,
          **common) -> tuple[bool, str]:
     """
@@ -113,8 +119,12 @@ def play(path: str | Path, recording: Recording, calibration: Calibration, folde
         sensor = graph.add(
             MockSensorNode, own={'recording': recording, 'calibration': calibration},
             port=str(port), recording=str(path))
-        graph.add(DriverNode, own={'calibration': calibration}, port=str(port),
-                  tare_at_start=False)
+        driver = graph.add(DriverNode, own={'calibration': calibration}, port=str(port),
+                           tare_at_start=False, autostart=False)
+        # The sensor plays once the port is opened: not before recorder and estimator are heard.
+        linger(graph, lambda: stop.is_set() or _listeners(driver) >= 2, PATIENCE)
+        driver.trigger_configure()
+        driver.trigger_activate()
         started = time.monotonic()
 
         def until():
