@@ -64,12 +64,13 @@ class SurfaceMotion:
         for controller in (self._speed, self._force, self._attitude):
             controller.reset()
         self.bound = ''  # limit of the joints that slows it down, if one does
+        self._shrunk = 1.0  # way of the contact for each of the centre
         self._velocity = np.zeros(3)  # of the centre [m/s]
 
     @property
     def speed(self) -> float:
-        """Along the path [m/s]."""
-        return self._speed.speed
+        """Of the contact along the path [m/s]."""
+        return self._speed.speed * self._shrunk
 
     def centre_of(self, pose: np.ndarray) -> np.ndarray:
         """Centre (3,) of the probe at a pose (4, 4)."""
@@ -88,44 +89,52 @@ class SurfaceMotion:
 
     def pace(self, way: np.ndarray, normal: np.ndarray, commanded: np.ndarray,
              agility: Agility) -> Pace:
-        """Pace that the joints allow along a way (3,) at a normal (3,)."""
-        velocity = way / self._shrink(way)
-        course = self._twist(velocity, np.cross(normal, self._surface.bend @ velocity),
-                             commanded[:3, :3])
-        return agility.along(course, self.speed, BENDING)
+        """Pace that the joints allow the centre along a way (3,) at a normal (3,)."""
+        course = self._twist(way, np.cross(normal, self._surface.bend @ way), commanded[:3, :3])
+        return agility.along(course, self._speed.speed, BENDING)
 
     def advance(self, step: Step, felt: Felt, aim: Told, wanted: float, pace: Pace,
                 dt: float) -> float:
-        """Speed along a path [m/s], slowed down where need be from the one that is wanted."""
+        """
+        Speed of the contact along a path [m/s], slowed down where need be from the wanted one.
+
+        What changes within bounds is the speed of the centre: over a bend that comes unexpectedly
+        the contact is slower, not the centre faster.
+        """
         c, roll = self.config.course, self.config.roll
         off = math.hypot(*(felt.place - aim.place)) / self._half
-        top = min(wanted, step.top, self._known(step.way)) * caution(
+        bent = self._bent(step.way)
+        self._shrunk = shrink = max(bent, TURNED)
+        top = min(wanted, step.top) / shrink
+        top = min(top, self._known(step.way)) * caution(
             felt.force / aim.force, (off - CENTRED) / (ASIDE - CENTRED))
         # The probe must turn as it goes; one that is late with that goes no faster.
-        shrink = self._shrink(step.way)
-        turn = max(float(np.linalg.norm(self._surface.bend @ step.way)) / shrink, 1e-9)
+        turn = max(float(np.linalg.norm(self._surface.bend @ step.way)), 1e-9)
         self.bound = pace.bound if pace.speed < top else ''
         top = min(top, pace.speed, roll.max_rate * WITHIN / turn)
-        if self._bent(step.way) < EDGE:
-            top = min(top, EDGE_SPEED * shrink)
+        if self._on_edge():
+            top = min(top, EDGE_SPEED / (self._dome.skin_radius * turn))
+        along = c.acceleration / shrink
         faster = 0.0 if self._attitude.late else min(
-            c.acceleration, SPARED * pace.acceleration, AT_ONCE * roll.acceleration / turn)
-        slower = min(BRAKE * c.acceleration, max(BRAKED * pace.acceleration, SLOWED))
+            along, SPARED * pace.acceleration, AT_ONCE * roll.acceleration / turn)
+        slower = min(BRAKE * along, max(BRAKED * pace.acceleration, SLOWED))
         self._speed.change(top, faster * dt, slower * dt)
-        self._speed.speed = min(self.speed, step.top)
+        self._speed.speed = min(self._speed.speed, step.top / shrink)
         return self.speed
 
     def _bent(self, way: np.ndarray) -> float:
         """Way of the contact over the surface for each way of the probe's centre."""
         return 1.0 + self._dome.skin_radius * float(way @ self._surface.bend @ way)
 
-    def _shrink(self, way: np.ndarray) -> float:
-        return max(self._bent(way), TURNED)
+    def _on_edge(self) -> bool:
+        """Whether the contact hardly moves over the object, however the centre goes."""
+        sharpest = -float(np.linalg.eigvalsh(self._surface.bend)[0])
+        return 1.0 - self._dome.skin_radius * sharpest < EDGE
 
     def _known(self, way: np.ndarray) -> float:
-        """Speed at which the curvature ahead is known well enough [m/s]."""
+        """Speed of the centre at which the curvature ahead is known well enough [m/s]."""
         reach = math.sqrt(2.0 * self.config.course.blind / max(self._surface.bend_std(way), 1e-9))
-        return self._shrink(way) * reach / (self.age + ANSWER)
+        return reach / (self.age + ANSWER)
 
     def press(self, pose: np.ndarray, commanded: np.ndarray, felt: Felt, aim: Told,
               wanted: float, depth: float | None, dt: float) -> float:
@@ -153,7 +162,7 @@ class SurfaceMotion:
         The probe turns with the normal, and brings to it the axis from its centre to where the
         contact is wanted; it presses with a velocity [m/s].
         """
-        rotation, velocity = commanded[:3, :3], self.speed / self._shrink(way) * way
+        rotation, velocity = commanded[:3, :3], self._speed.speed * way
         axis = rotation @ self._dome.direction(aim.place)
         error, ahead = np.cross(axis, normal), np.cross(normal, self._surface.bend @ velocity)
         about = self._twist(np.zeros(3), self._attitude.way(error, ahead), rotation)
