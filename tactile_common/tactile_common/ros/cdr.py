@@ -47,9 +47,9 @@ def deserialised(types: Typestore, name: str, data: Any) -> Any:
     encoding, little_endian = bytes(data[:2])
     if encoding or little_endian > 1:
         raise SerdeError(f'its first bytes are {bytes(data[:4]).hex()}, not those of CDR')
-    known = types.get_msgdef(name)
-    read = known.deserialize_cdr_le if little_endian else known.deserialize_cdr_be
-    return read(data[4:], 0, known.cls, types)[0]
+    kind = types.get_msgdef(name)
+    read = kind.deserialize_cdr_le if little_endian else kind.deserialize_cdr_be
+    return read(data[4:], 0, kind.cls, types)[0]
 
 
 def stamp_of(data: Any) -> int:
@@ -66,7 +66,7 @@ def unpacked(raw: bytes, kind: type) -> Any:
     middleware would pass over.
     """
     try:
-        return deserialised(_installed, _known(kind), bytearray(raw))
+        return deserialised(_installed, known(kind), bytearray(raw))
     except DAMAGE as error:
         raise TactileError(f'{len(raw)} bytes that are no {kind.__name__}') from error
 
@@ -75,17 +75,18 @@ def packed(message: Any) -> bytes:
     """Return the bytes of a message of rclpy's: always the same, which leaves chance in gaps."""
     kind: Any = type(message)
     try:
-        return bytes(_installed.serialize_cdr(message, _known(kind)))
+        return bytes(_installed.serialize_cdr(message, known(kind)))
     except AttributeError:  # a sequence of numbers, which rosbags awaits as an ndarray
         return bytes(_installed.serialize_cdr(
-            unpacked(serialize_message(message), kind), _known(kind)))
+            unpacked(serialize_message(message), kind), known(kind)))
 
 
 @cache
-def _known(kind: type) -> str:
-    """Name of an installed type, which is registered from here on."""
+def known(kind: type) -> str:
+    """Name of an installed type, which is registered and has its readers from here on."""
     name, text, _ = definition_of(kind)
     register(_installed, get_types_from_msg(text, name))
+    _installed.get_msgdef(name)
     return name
 
 

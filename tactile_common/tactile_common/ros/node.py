@@ -1,5 +1,6 @@
 """Node that survives what its middleware refuses to send, and says so in its diagnostics."""
 from contextlib import suppress
+from functools import cache
 from importlib.metadata import PackageNotFoundError, version
 import platform
 import shlex
@@ -14,13 +15,16 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.publisher import Publisher
 from rclpy.qos import DurabilityPolicy, QoSProfile
-from rclpy.subscription import RCLError
+from rclpy.subscription import RCLError, Subscription
+
+from tactile_common.ros.cdr import known
 
 DIAGNOSTICS_PERIOD = 1.0  # s
 PARTS = ('tactile_common', 'numpy', 'scipy', 'numba')  # whose versions are told
 START = 20.0  # s; the nodes of a launch start side by side, some have kernels to load
 
 
+@cache
 def _versions() -> str:
     told = [f'Python {platform.python_version()}']
     for name in PARTS:
@@ -109,6 +113,13 @@ class TactileNode(Node):
         if isinstance(publisher, _SurvivingPublisher):
             publisher.on_error = self.count_error
         return publisher
+
+    def create_subscription(self, msg_type: type, *arguments: Any, raw: bool = False,
+                            **kwargs: Any) -> Subscription:
+        """As of every node; the readers of raw messages are made now, not at the first one."""
+        if raw:
+            known(msg_type)
+        return super().create_subscription(msg_type, *arguments, raw=raw, **kwargs)
 
     def count_error(self, error: Exception, what: str = '') -> None:
         """Count and tell an error of rcl; raise it again where the context is shut down."""

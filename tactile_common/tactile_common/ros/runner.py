@@ -89,7 +89,9 @@ def freeze_heap() -> None:
     Leave what is in memory now out of all garbage collections to come, once a process is set up.
 
     A collection of all of it would silence a servo for 0.1 s: `benchmarks/latency/shortcuts.py`.
+    So would the first line of a log, for which `inspect` lists all modules: it does so here.
     """
+    inspect.getmodule(inspect.currentframe())
     gc.collect()
     gc.freeze()
 
