@@ -113,6 +113,7 @@ class EdgeMotion:
         top = goal.speed - max(goal.speed - ENTRY, 0.0) * share
         off = (math.hypot(*stand.aside) / scale.grain - ON_PATH) / (ASTRAY - ON_PATH)
         top *= caution(max(pressed, 1.0) if may_lift else pressed, off)
+        top = min(top, AGILE * NORMAL / max(abs(self.sight.slope), 1e-9))  # up or down
         most = min(self.config.speed.acceleration, agility.across())
         top = edge.speed_limit(stand.ahead, top, AGILE * most,
                                BLIND if edge.path.end is PathEnd.VIEW else top,
