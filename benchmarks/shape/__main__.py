@@ -9,7 +9,8 @@ import numpy as np
 
 from benchmarks.harness import run
 from benchmarks.shape import cases, methods, thesis
-from tactile_shape.thesis.matrix_estimator import MatrixEstimator, MatrixEstimatorConfig
+from tactile_shape.local_surface.local_quadric import LocalQuadricConfig
+from tactile_shape.thesis.matrix_estimator import MatrixEstimator
 from tactile_shape.thesis.matrix_fit import fit_matrix
 from tactile_shape.types.patch import Kind
 
@@ -69,7 +70,7 @@ def bars(trials, rng, progress):
 def without_noise(progress):
     """Least, median and largest error over headings, where only the models differ."""
     rows = []
-    exact = MatrixEstimator(MatrixEstimatorConfig(position_noise=0.0, normal_noise=0.0))
+    exact = MatrixEstimator(LocalQuadricConfig(position_noise=1e-9, normal_noise=1e-7))
     for method in (methods.local_quadric(), methods.Stream('surface_matrix, N = 6', exact)):
         progress.step(f'without noise, {method.name}')
         for case in cases.CASES:

@@ -6,7 +6,7 @@ import numpy as np
 
 from tactile_shape.local_surface.local_quadric import LocalQuadric, LocalQuadricConfig
 from tactile_shape.shape_estimator import SurfaceEstimator
-from tactile_shape.thesis.matrix_estimator import MatrixEstimator, MatrixEstimatorConfig
+from tactile_shape.thesis.matrix_estimator import MatrixEstimator
 from tactile_shape.types.patch import Kind, Patch, refusal
 from tactile_shape.types.tangent import principal_axes, tangent_frame
 
@@ -91,7 +91,7 @@ def local_quadric(name='local_quadric', **config):
 def surface_matrix(contacts=6, window=WINDOW, name=None):
     """The thesis' estimator on contacts spread over a window."""
     return Stream(name or f'surface_matrix, N = {contacts}', MatrixEstimator(
-        MatrixEstimatorConfig(contacts=contacts, window=window)))
+        LocalQuadricConfig(window=window), contacts))
 
 
 def compared():

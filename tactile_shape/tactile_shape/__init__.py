@@ -30,7 +30,7 @@ __all__, __getattr__, __dir__ = exported(__name__, {
     'contour.outline': 'find_outline Outline Side',
     'local_surface.local_quadric': 'LocalQuadric LocalQuadricConfig',
     'shape_estimator': 'ShapeEstimator',
-    'thesis.matrix_estimator': 'MatrixEstimator MatrixEstimatorConfig',
+    'thesis.matrix_estimator': 'MatrixEstimator',
     'types.patch': 'Kind Patch',
     'types.surface_matrix': 'SurfaceMatrix',
 })

@@ -9,14 +9,13 @@ import numpy as np
 
 from tactile_common.command_line import reading_bags
 from tactile_common.errors import ConfigurationError
-from tactile_common.npz_stream import ArrayReader, clear_errors, read_arrays, scalar
-from tactile_shape.contour.contact_path import ContactPath, needs_picture
+from tactile_common.npz_stream import clear_errors, read_arrays, scalar
+from tactile_shape.contour.contact_path import ContactPath, needs_picture, WAITING
 
 if TYPE_CHECKING:
     from tactile_sensing.observations import Observation
 
 NEEDED = ('contact', 'sensor_pose')  # topics; 'image', for bends and ends of edges, may be missing
-WAITING = 200  # pictures that are kept for their contacts: a second of them
 ROW = np.dtype([('t', float), ('position', float, 3), ('normal', float, 3), ('edge', bool)])
 OPTIONAL = ('finger_radius', 'position_noise', 'normal_noise', 'location_noise')
 
@@ -72,9 +71,7 @@ class ContactRecording:
 def load_contacts(path: str | PathLike, namespace: str | None = None,
                   finger_radius: float | None = None) -> ContactRecording:
     """
-    Read an `.npz` or `.npy` file, or a rosbag2 recording of `contact`, `sensor_pose`, `image`.
-
-    The last may be missing in the recording. Rows of the `.npy` are t, position and normal.
+    Read an `.npz` file, or a rosbag2 recording of `contact`, `sensor_pose` and maybe `image`.
 
     Parameters
     ----------
@@ -91,11 +88,6 @@ def load_contacts(path: str | PathLike, namespace: str | None = None,
     path = Path(path)
     if not path.exists():
         raise ConfigurationError(f'{path}: there is no such file')
-    if path.suffix == '.npy':
-        rows = read_rows(path, 7)
-        with clear_errors(path):
-            return ContactRecording(
-                rows[:, 0], rows[:, 1:4], rows[:, 4:], finger_radius=finger_radius)
     if path.suffix != '.npz':
         return _from_bag(path, namespace, finger_radius or 0.0)
     arrays = read_arrays(path, ('t', 'position', 'normal'), OPTIONAL)
@@ -104,15 +96,6 @@ def load_contacts(path: str | PathLike, namespace: str | None = None,
                                  for name in OPTIONAL if name in arrays}
         recording = ContactRecording(**known | arrays)
     return recording if finger_radius is None else replace(recording, finger_radius=finger_radius)
-
-
-def read_rows(path: Path, columns: int) -> np.ndarray:
-    """Numbers (N, columns) of an `.npy` file; ConfigurationError if there are others."""
-    reader = ArrayReader(path, 'rows')
-    if reader.shape[1:] != (columns,) or reader.dtype.kind not in 'uif':
-        raise ConfigurationError(f'{path}: is an array {reader.shape} of {reader.dtype}, must be '
-                                 f'(N, {columns}) of real numbers')
-    return reader.read()
 
 
 def _from_bag(path: Path, namespace: str | None, finger_radius: float) -> ContactRecording:

@@ -18,7 +18,6 @@ MAX_PATCHES, MAX_SEGMENTS = 100, 1000
 _RED, _GREEN = (0.85, 0.15, 0.15), (0.15, 0.6, 0.15)
 Shade = tuple[float, float, float]  # red, green, blue
 _LINE_WIDTH = 5e-4  # m
-_ALPHA = 0.6
 
 
 def patch_to_msg(patch: Patch, header: Header, sensor: str = '') -> SurfacePatch:
@@ -101,7 +100,7 @@ def _marker(header: Header, namespace: str, kind: int, scale: float) -> Marker:
     return marker
 
 
-def _colour(shade: Shade, alpha: float = _ALPHA) -> ColorRGBA:
+def _colour(shade: Shade, alpha: float = 0.6) -> ColorRGBA:
     red, green, blue = shade
     return ColorRGBA(r=red, g=green, b=blue, a=alpha)
 

@@ -9,12 +9,8 @@ import numpy as np
 from tactile_shape.contact_recording import ContactRecording
 from tactile_shape.shape_estimator import ShapeEstimator
 from tactile_shape.types.patch import Kind, Patch
-from tactile_shape.types.surface_matrix import SurfaceMatrix
 
-SHEET = (0.02, 0.004)  # m, over which an error is taken
 MANY = 0.5  # of the contacts with a surface, that must be refused for a hint
-UNIT = 1e-2  # that the length of a normal may be off
-SHORT = 4e-3  # m of path, below which most patches are refused
 # What of a reason differs from contact to contact.
 _NUMBERS = re.compile(
     '^the path of [^ ]+ mm is |^[0-9]+ contacts see |, not all of .*|: they scatter by .*')
@@ -61,15 +57,12 @@ KINDS = {
 
 
 class PatchTable:
-    """The surface at every contact of a recording, with its error if the truth is known."""
+    """The surface at every contact of a recording."""
 
-    def __init__(self, recording: ContactRecording, estimator: ShapeEstimator,
-                 truth: SurfaceMatrix | None = None):
-        self._recording, self._estimator, self._truth = recording, estimator, truth
+    def __init__(self, recording: ContactRecording, estimator: ShapeEstimator):
+        self._recording, self._estimator = recording, estimator
         self.records = np.zeros(len(recording), RECORD)
         self.records['t'] = recording.t
-        # Largest distance of each SHEET from the true surface [m]; NaN where there is none.
-        self.errors = np.full(len(recording), np.nan)
         self._reasons: Counter[str] = Counter()  # how often a patch was not valid
 
     def fill(self) -> Iterator[int]:
@@ -86,8 +79,6 @@ class PatchTable:
                     self.records[name][k] = column.value(patch)
             if not patch.valid:
                 self._reasons[_NUMBERS.sub('', patch.reason)] += 1
-            elif self._truth is not None:
-                self.errors[k] = np.nanmax(np.abs(self._truth.distance(patch.sheet(*SHEET))))
             yield k + 1
 
     def __str__(self) -> str:
@@ -126,15 +117,15 @@ class PatchTable:
 def _doubt(position: np.ndarray, normal: np.ndarray, window: float) -> str:
     """What is odd about a path of which no surface could be told."""
     length = np.median(np.linalg.norm(normal, axis=1))
-    if not abs(length - 1.0) < UNIT:
-        exchanged = np.allclose(np.linalg.norm(position, axis=1), 1.0, atol=UNIT)
+    if not abs(length - 1.0) < 0.01:
+        exchanged = np.allclose(np.linalg.norm(position, axis=1), 1.0, atol=0.01)
         return (f'normals have a length of {length:.3g}, must have 1'
                 + ('; are position and normal exchanged?' if exchanged else ''))
     steps = np.linalg.norm(np.diff(position, axis=0), axis=1)
     if len(steps) and (step := np.median(steps)) > window:
         return (f'contacts are {step:.3g} m apart, more than the window of {window:g} m; are '
                 'positions in metres?')
-    if (way := steps.sum()) < SHORT:
+    if (way := steps.sum()) < 4e-3:
         return f'the whole path is {1e3 * way:.2g} mm long: below 4 mm hardly anything is seen'
     return ('if the path is straight, swing it by 1 mm or more; if it is not of one surface, take '
             'a shorter --window; if positions are noisier than --position-noise, tell it')

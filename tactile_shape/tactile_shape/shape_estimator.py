@@ -1,22 +1,13 @@
 """From contacts in space to patches and a model of the object, with either surface estimator."""
-from importlib import import_module
-
 import numpy as np
 
 from tactile_shape.contour.contact_path import Placed
 from tactile_shape.contour.object_model import ObjectModel
 from tactile_shape.local_surface.local_quadric import LocalQuadric, LocalQuadricConfig
+from tactile_shape.thesis.matrix_estimator import MatrixEstimator
 from tactile_shape.types.patch import Patch, refusal, SurfaceEstimator
 
-
-def _of_thesis(config: LocalQuadricConfig) -> SurfaceEstimator:
-    thesis = import_module('tactile_shape.thesis.matrix_estimator')
-    return thesis.MatrixEstimator(thesis.MatrixEstimatorConfig(
-        window=config.window, position_noise=config.position_noise,
-        normal_noise=config.normal_noise, max_curvature_std=config.max_curvature_std))
-
-
-_ESTIMATORS = {LocalQuadric.method: LocalQuadric, 'surface_matrix': _of_thesis}
+_ESTIMATORS = {kind.method: kind for kind in (LocalQuadric, MatrixEstimator)}
 METHODS = tuple(_ESTIMATORS)
 
 

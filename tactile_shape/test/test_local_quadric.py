@@ -116,7 +116,7 @@ def test_the_frame_does_not_matter():
 def test_the_surface_matrix_is_that_of_the_object():
     points, normals = Weave(speed=0.3).trace(sphere(0.05), 0.03)
     matrix = SurfaceMatrix(last(ESTIMATOR, points, normals).surface_matrix)
-    np.testing.assert_allclose(matrix.distance(points), 0.0, atol=1e-9)
+    np.testing.assert_allclose(matrix.value(points), 0.0, atol=1e-9)
     np.testing.assert_allclose(matrix.normal(points), normals, atol=1e-7)
 
 

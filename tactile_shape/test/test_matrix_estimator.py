@@ -6,16 +6,16 @@ import numpy as np
 import pytest
 
 from benchmarks.shape.surfaces import add_noise, cylinder, PLANE, sphere, Weave
-from tactile_common.errors import ConfigurationError
-from tactile_shape.thesis.matrix_estimator import MatrixEstimator, MatrixEstimatorConfig
+from tactile_shape.local_surface.local_quadric import LocalQuadricConfig
+from tactile_shape.thesis.matrix_estimator import MatrixEstimator
 from tactile_shape.types.patch import Kind
 from tactile_shape.types.surface_matrix import SurfaceMatrix
 
-EXACT = MatrixEstimatorConfig(position_noise=0.0, normal_noise=0.0)
+EXACT = LocalQuadricConfig(position_noise=1e-9, normal_noise=1e-7)
 
 
-def last(config, points, normals):
-    estimator = MatrixEstimator(config)
+def last(config, points, normals, **options):
+    estimator = MatrixEstimator(config, **options)
     for point, normal in zip(points, normals, strict=True):
         assert estimator.add(point, normal)
     return estimator.estimate()
@@ -26,8 +26,7 @@ def test_exact_without_noise(surface):
     points, normals = Weave(heading=0.4).trace(surface, 0.04)
     patch = last(EXACT, points, normals)
     assert patch.valid and patch.kind == Kind.GENERAL and patch.seen.all()
-    np.testing.assert_allclose(
-        SurfaceMatrix(patch.surface_matrix).distance(points), 0.0, atol=1e-9)
+    np.testing.assert_allclose(SurfaceMatrix(patch.surface_matrix).value(points), 0.0, atol=1e-9)
     expected = np.sort(np.diag(surface.curvature))[::-1]
     np.testing.assert_allclose(patch.curvature, expected, atol=1e-6)
     np.testing.assert_allclose(
@@ -50,9 +49,10 @@ def test_unseen_curvature_has_the_prior():
 def test_contacts_close_together_are_refused():
     """Five contacts a quarter of a millimetre apart, as (4.37) would take them: no curvature."""
     rng = np.random.default_rng(1)
-    config = MatrixEstimatorConfig(contacts=5, window=1e-3)
+    config = LocalQuadricConfig(window=1e-3)
     for _ in range(50):
-        patch = last(config, *add_noise(*Weave(heading=0.4).trace(sphere(0.035), 0.03), rng))
+        patch = last(config, *add_noise(*Weave(heading=0.4).trace(sphere(0.035), 0.03), rng),
+                     contacts=5)
         assert not patch.valid and 'of 9 parameters' in patch.reason
 
 
@@ -74,8 +74,3 @@ def test_garbage_is_refused(points, normals):
         patch = estimator.update(point, normal)
         assert patch.valid == (not patch.reason)
         assert not patch.valid or np.isfinite(patch.surface_matrix).all()
-
-
-def test_refused_configuration():
-    with pytest.raises(ConfigurationError, match='contacts'):
-        MatrixEstimatorConfig(contacts=2)

@@ -46,39 +46,6 @@ def test_thesis_matrices_are_multiples():
     np.testing.assert_allclose(CYLINDER.matrix * -2.0 * R, printed, atol=1e-15)
 
 
-def test_closed_forms_of_distance():
-    points = some_points(count=500)
-    x, y, z = points.T
-    for surface, expected in (
-            (PLANE, -z), (SPHERE, np.sqrt(x**2 + y**2 + (z - R)**2) - R),
-            (CYLINDER, np.hypot(x, z - R) - R),
-            (cylinder(R, np.pi / 2), np.hypot(y, z - R) - R),
-            (sphere(-R), R - np.sqrt(x**2 + y**2 + (z + R)**2)),
-            (plane([0.0, 3.0, 4.0], 0.01), 0.01 - 0.6 * y - 0.8 * z)):
-        np.testing.assert_allclose(surface.distance(points), expected, atol=1e-11)
-
-
-def test_distance_from_the_centre_and_on_the_surface():
-    centre = np.array([[0.0, 0.0, R], [0.0, 0.01, R], [1e-12, 0.0, R]])
-    np.testing.assert_allclose(CYLINDER.distance(centre), -R, rtol=1e-6)
-    assert SPHERE.distance(centre[0]) == pytest.approx(-R, rel=1e-6)
-    assert abs(SPHERE.distance(np.array([R, 0.0, R]))) < 1e-12
-
-
-def test_distance_is_the_least_over_the_surface():
-    grid = np.stack(np.meshgrid(*2 * [np.linspace(-0.03, 0.03, 301)]), axis=-1).reshape(-1, 2)
-    # The saddle solved for z at each grid point; only the root near the tangent plane.
-    c, half = SADDLE.matrix[2, 2], 0.5
-    flat = np.einsum('ni,ij,nj->n', grid, SADDLE.matrix[:2, :2], grid)
-    root = half**2 - c * flat
-    z = np.where(root > 0.0, (-half + np.sqrt(np.maximum(root, 0.0))) / c, np.nan)
-    sheet = np.column_stack([grid, z])[root > 0.0]
-    for point in some_points(count=20, size=0.004):
-        least = np.sqrt(((sheet - point)**2).sum(axis=1).min())
-        found = abs(SADDLE.distance(point))
-        assert least - 2e-4 < found < least + 1e-9
-
-
 @pytest.mark.parametrize('name', ALL)
 def test_operations_do_not_depend_on_the_frame(name):
     surface, pose, points = ALL[name], some_pose(3), some_points()
@@ -87,7 +54,6 @@ def test_operations_do_not_depend_on_the_frame(name):
     np.testing.assert_allclose(other.value(there), surface.value(points), atol=1e-12)
     np.testing.assert_allclose(other.normal(there), surface.normal(points) @ pose[:3, :3].T,
                                atol=1e-10)
-    np.testing.assert_allclose(other.distance(there), surface.distance(points), atol=1e-9)
     here = other.curvatures(pose[:3, 3])
     np.testing.assert_allclose(here[0], surface.curvatures()[0], atol=1e-9)
     back = other.in_frame(pose)
@@ -142,6 +108,18 @@ def test_sum_of_two_cylinders_is_curved_like_a_sphere():
     crossed = SurfaceMatrix(cylinder(R / 2).matrix + cylinder(R / 2, np.pi / 2).matrix)
     np.testing.assert_allclose(crossed.normalised().curvatures()[0], [1 / R, 1 / R])
     assert crossed.normalised().matrix[2, 3] == 0.5
+
+
+def test_value_is_that_of_the_closed_forms():
+    """X' S X over -2 / r, with the distance from centre or axis; of a plane, the depth below."""
+    points = some_points(count=500)
+    x, y, z = points.T
+    for surface, expected in (
+            (SPHERE, R**2 - x**2 - y**2 - (z - R)**2), (CYLINDER, R**2 - x**2 - (z - R)**2),
+            (cylinder(R, np.pi / 2), R**2 - y**2 - (z - R)**2),
+            (sphere(-R), x**2 + y**2 + (z + R)**2 - R**2),
+            (plane([0.0, 3.0, 4.0], 0.01), 2.0 * R * (0.6 * y + 0.8 * z - 0.01))):
+        np.testing.assert_allclose(2.0 * R * surface.value(points), expected, atol=1e-15)
 
 
 def test_height_is_exact_for_plane_sphere_and_cylinder():

@@ -7,8 +7,6 @@ from textwrap import indent
 import time
 from typing import Any
 
-import numpy as np
-
 from tactile_common.command_line import Parser, picture_file, run_command
 from tactile_common.errors import ConfigurationError
 from tactile_common.npz_stream import RecordWriter
@@ -16,11 +14,8 @@ from tactile_common.progress import Progress
 from tactile_shape.contact_recording import ContactRecording, load_contacts, OPTIONAL
 from tactile_shape.contour.outline import find_outline
 from tactile_shape.local_surface.local_quadric import LocalQuadricConfig
-from tactile_shape.patch_table import COLUMNS, KINDS, PatchTable, RECORD, SHEET
+from tactile_shape.patch_table import COLUMNS, KINDS, PatchTable, RECORD
 from tactile_shape.shape_estimator import make_surface_estimator, METHODS, ShapeEstimator
-from tactile_shape.types.surface_matrix import PARAMETERS, SurfaceMatrix
-
-QUIET = 1.0  # s without a progress bar
 
 EXAMPLE = """\
   python3 -c "
@@ -48,7 +43,7 @@ def parser() -> argparse.ArgumentParser:
     kinds = _table(((int(kind), text) for kind, text in KINDS.items()), 3)
     arguments = Parser(
         prog='fit', formatter_class=argparse.RawDescriptionHelpFormatter,
-        usage='fit TRACE.npz|TRACE.npy|BAG -o PATCHES.npz [options]', description="""\
+        usage='fit TRACE.npz|BAG -o PATCHES.npz [options]', description="""\
 Fit a surface at every contact of a recorded path: plane, cylinder, sphere or general, the least
 that explains the contacts. The summary goes to standard error.
 
@@ -64,8 +59,6 @@ and optionally, single numbers
                    standard deviations per axis: of the robot's position [m], of the normal [rad]
                    and of the contact on the pad [m]
 
-Rows of TRACE.npy, (N, 7), are t, position and normal.
-
 A BAG is a rosbag2 recording (folder, .mcap or .db3) of the topics contact, sensor_pose and, for
 bends and ends of edges, image.""",
         epilog=f"""\
@@ -78,7 +71,7 @@ Kinds
 Example
 {EXAMPLE}
 Exit status: 0, or 2 after one line that says what is wrong; then nothing is written.""")
-    arguments.add_argument('recording', metavar='TRACE.npz|TRACE.npy|BAG', help='input')
+    arguments.add_argument('recording', metavar='TRACE.npz|BAG', help='input')
     arguments.add_argument('-o', '--out', required=True, metavar='PATCHES.npz',
                            help='file to write; replaced if it exists')
     arguments.add_argument('--method', choices=METHODS, default=METHODS[0],
@@ -91,9 +84,6 @@ Exit status: 0, or 2 after one line that says what is wrong; then nothing is wri
             f'--{name.replace("_", "-")}', type=float, metavar='X',
             help=f'in place of the array (default of both: {getattr(default, name):g})')
     arguments.add_argument('--namespace', help='of the sensor in a bag that has several')
-    arguments.add_argument('--quadric', metavar=','.join(PARAMETERS),
-                           help='true surface: ten parameters of S, in the frame of the '
-                           'positions; the error of each patch against it is told and drawn')
     arguments.add_argument('--outline', action='store_true',
                            help='print corners and sides of the contour')
     arguments.add_argument('--contour', metavar='FILE.csv', help='write the contour: stroke, '
@@ -103,19 +93,6 @@ Exit status: 0, or 2 after one line that says what is wrong; then nothing is wri
     arguments.add_argument('--ply', metavar='FILE.ply', help='write the patches as a mesh; of '
                            'edges alone, the contour')
     return arguments
-
-
-def parse_quadric(text: str | None) -> SurfaceMatrix | None:
-    """Return the surface of ten numbers."""
-    if text is None:
-        return None
-    try:
-        values = [float(value) for value in text.split(',')]
-    except ValueError:
-        values = []
-    if len(values) != len(PARAMETERS):
-        raise ConfigurationError(f'--quadric: {text!r:.60} is not {len(PARAMETERS)} numbers')
-    return SurfaceMatrix.from_parameters(values)
 
 
 def make_config(options: argparse.Namespace, recording: ContactRecording) -> LocalQuadricConfig:
@@ -134,28 +111,22 @@ def run(options: argparse.Namespace) -> str:
     for path, ending in ((options.out, '.npz'), (options.contour, '.csv')):
         if path and Path(path).suffix != ending:
             raise ConfigurationError(f'{path}: must end in {ending}')
-    truth = parse_quadric(options.quadric)
     recording = load_contacts(options.recording, options.namespace, options.finger_radius)
     if Path(options.out).exists() and os.path.samefile(options.recording, options.out):
         raise ConfigurationError(f'{options.out}: is the input as well')
     estimator = ShapeEstimator(
         make_surface_estimator(options.method, make_config(options, recording)))
     model, count = estimator.model, len(recording)
-    table = PatchTable(recording, estimator, truth)
+    table = PatchTable(recording, estimator)
     begin = time.perf_counter()
     with RecordWriter(options.out, RECORD, count) as writer:
-        with Progress(count, QUIET) as progress:
+        with Progress(count, delay=1.0) as progress:
             for done in table.fill():
                 progress.show(done, 'fit', f'{done} of {count} contacts')
         writer.append(table.records)
     rate = count / max(time.perf_counter() - begin, 1e-9)
     text = [f'{options.out}: {count} contacts, {rate:.0f} contacts/s; {table}']
     text += [f'hint: {text}' for text in table.hints(options.window)]
-    if np.isfinite(table.errors).any():
-        median, most = 1e3 * np.nanpercentile(table.errors, [50, 95])
-        length, width = 1e3 * np.array(SHEET)
-        text.append(f'error over {length:g} x {width:g} mm: median {median:.4f}, 95 % '
-                    f'{most:.4f} mm')
     if options.outline:
         text.append(str(find_outline(model.contour)))
     if options.contour:

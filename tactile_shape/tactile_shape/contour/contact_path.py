@@ -11,12 +11,8 @@ from tactile_sensing.types.contact import Contact, ContactType, Reason
 from tactile_sensing.types.image import TactileImage
 from tactile_shape.contour.edge_point import edge_point
 
-ELONGATED = 4.0  # ratio of second moments; a straight edge has 10 and more, a round contact 1
-MIDDLE = 2e-3  # m from its nearest point that the pressure of a whole line may be centred
 STRAIGHT = 1.2  # residual up to which a line is; a bend makes it more, and shifts the line
-BEYOND = 1e-3  # m between a fitted line and its ridge from which the ridge is believed
-FARTHEST = 1.0  # m from the middle of a pad
-LEAVING = 0.5  # of the largest load of a path; a lighter contact is of a pad that lifts off
+WAITING = 200  # contacts, or images, that wait for what belongs to them: a second of them
 Place = tuple[float, float]  # x, y on the array [m]
 
 
@@ -44,7 +40,8 @@ def needs_picture(contact: Contact) -> bool:
     if contact.type == ContactType.LINE and np.isfinite(contact.yaw):
         x, y = contact.moments.centre_of_pressure
         middle = abs(y * np.cos(contact.yaw) - x * np.sin(contact.yaw))
-        return not middle < MIDDLE or contact.residual > STRAIGHT
+        # The pressure of a whole line is centred within 2 mm of its nearest point.
+        return not middle < 2e-3 or contact.residual > STRAIGHT
     return contact.type == ContactType.OTHER
 
 
@@ -68,19 +65,17 @@ def locate(contact: Contact, picture: TactileImage | None = None) -> tuple[Place
             return place, True
         if seen is None:
             return None, False
-        # The line goes on where the edge has ended, and cuts a bend.
-        near = not contact.residual > STRAIGHT and math.dist(seen, place) < BEYOND
+        # The line goes on where the edge has ended, and cuts a bend: more than 1 mm off the ridge.
+        near = not contact.residual > STRAIGHT and math.dist(seen, place) < 1e-3
         return (place if near else seen), True
     if contact.type == ContactType.OTHER:
         if seen is not None:
             return seen, True
-        # No model explains it, but force and moments hold. Of a bent edge they tell a place
-        # that is millimetres off it.
-        place, long = contact.moments.centre_of_pressure, contact.moments.elongation()
+        # No model explains it, but force and moments hold. Of a bent edge, whose second moments
+        # differ tenfold and more, they tell a place that is millimetres off it.
+        place, long = contact.moments.centre_of_pressure, contact.moments.elongation() > 4.0
         two = contact.reasons & Reason.TWO_CONTACTS
-        if two or long > ELONGATED or not np.isfinite(place).all():
-            return None, False
-        return place, False
+        return (None if two or long or not np.isfinite(place).all() else place), False
     if contact.type == ContactType.POINT and contact.valid:
         return (contact.x, contact.y), False
     return None, False
@@ -94,7 +89,7 @@ def on_pad(place: Place, finger_radius: float = 0.0) -> tuple:
     finger is a sphere that touches the plane z = 0, a radius of 0 [m] means a flat pad.
     """
     x, y = place
-    if not abs(x) + abs(y) < FARTHEST:  # NaN neither
+    if not abs(x) + abs(y) < 1.0:  # NaN neither
         return None, None
     if not finger_radius:
         return np.array([x, y, 0.0]), np.array([0.0, 0.0, 1.0])
@@ -129,7 +124,7 @@ class ContactPath:
     def __init__(self, finger_radius: float = 0.0, max_gap: float = 0.1):
         self._finger_radius, self._max_gap = finger_radius, round(max_gap * NS)
         self._poses = PoseBuffer(max_gap)
-        self._waiting: deque[_Waiting] = deque(maxlen=200)
+        self._waiting: deque[_Waiting] = deque(maxlen=WAITING)
         self.lost = 0  # contacts that no pose came for
         self._last: int | None = None  # stamp of the last contact [ns]
         self._touched = -self._max_gap - 1  # stamp of the last load [ns], and the largest one
@@ -192,8 +187,8 @@ class ContactPath:
                               pose[:3, :3] @ normal, edge), anew, ''
 
     def _leaves(self, stamp: int, load: float) -> bool:
-        """Whether the pad lifts off: what little it still touches lies anywhere on it."""
+        """Whether the pad lifts off, with half of its load: its contacts lie anywhere on it."""
         if not 0 <= stamp - self._touched <= self._max_gap:
             self._heaviest = 0.0
         self._touched, self._heaviest = stamp, max(self._heaviest, load)
-        return load < LEAVING * self._heaviest
+        return load < 0.5 * self._heaviest

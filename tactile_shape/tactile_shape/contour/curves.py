@@ -5,7 +5,6 @@ import numpy as np
 
 STEPS = 10  # of Gauss-Newton, at most
 RUN = 4  # neighbouring points, whose mean distance tells a form that is wrong there from noise
-CHORD = 1e-3  # m, of an arc as a polyline
 
 
 def _distances(off: np.ndarray) -> tuple[float, float]:
@@ -38,12 +37,8 @@ class Line:
         return cls(middle, direction, *_distances(off))
 
     def tangent(self, point: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Point (2,) and direction (2,) of the tangent nearest to a point."""
+        """Point (2,) and direction (2,), that of the points, of the tangent nearest to a point."""
         return self.middle, self.direction
-
-    def heading(self, point: np.ndarray, onward: np.ndarray) -> np.ndarray:
-        """Direction (2,) at a point of a path that goes onward (2,) there."""
-        return self.direction
 
     def length(self, path: np.ndarray) -> float:
         """Length from the first to the last point of a path (N, 2) along it [m]."""
@@ -60,6 +55,7 @@ class Arc:
 
     centre: np.ndarray  # (2,) [m]
     radius: float  # [m]
+    turn: float  # 1: the points go round to the left, -1: to the right
     residual: float  # RMS distance of the points [m]
     departure: float  # largest mean distance of neighbouring points, `RUN` of them [m]
 
@@ -86,18 +82,14 @@ class Arc:
             if np.abs(step).max() < 1e-12 * radius:
                 break
         centre, radius = middle + scale * centre, float(scale * radius)
-        off = np.linalg.norm(points - centre, axis=1) - radius
-        return cls(centre, radius, *_distances(off))
+        away = points - centre
+        turn = 1.0 if angle_between(away[:-1], away[1:]).sum() >= 0.0 else -1.0
+        return cls(centre, radius, turn, *_distances(np.linalg.norm(away, axis=1) - radius))
 
     def tangent(self, point: np.ndarray) -> tuple[np.ndarray, np.ndarray]:  # noqa: D102
         out = point - self.centre
         out = out / np.linalg.norm(out)
-        return self.centre + self.radius * out, np.array([-out[1], out[0]])
-
-    def heading(self, point: np.ndarray, onward: np.ndarray) -> np.ndarray:  # noqa: D102
-        away = point - self.centre
-        across = np.array([-away[1], away[0]])
-        return across if across @ onward >= 0.0 else -across
+        return self.centre + self.radius * out, self.turn * np.array([-out[1], out[0]])
 
     def _sweep(self, path: np.ndarray) -> float:
         """Angle along a path, by steps so that more than half a circle counts [rad]."""
@@ -110,7 +102,7 @@ class Arc:
     def polyline(self, path: np.ndarray) -> np.ndarray:  # noqa: D102
         sweep = self._sweep(path)
         first, last = path[0] - self.centre, path[-1] - self.centre
-        share = np.linspace(0.0, 1.0, int(abs(sweep) * self.radius / CHORD) + 2)
+        share = np.linspace(0.0, 1.0, int(abs(sweep) * self.radius / 1e-3) + 2)  # chords of 1 mm
         angle = np.arctan2(first[1], first[0]) + share * sweep
         # The ends need not lie on the circle: they are where this side meets its neighbours.
         radius = (1.0 - share) * np.linalg.norm(first) + share * np.linalg.norm(last)

@@ -6,8 +6,6 @@ import numpy as np
 from tactile_sensing.contact.ridge import ridge_points
 from tactile_sensing.types.image import TactileImage
 
-STRAIGHT = 0.5  # quality from which a ridge point is of a line, not of a round spot
-FEWEST = 3  # of them that make an edge
 END = 0.5  # of the pressure along an edge is left where it ends
 
 
@@ -22,8 +20,9 @@ def edge_point(image: TactileImage) -> tuple[float, float] | None:
         return None
     points = ridge_points(layer.stress, image.array, float(layer.noise_std), layer.depth)
     peak = points['pressure'].max(initial=0)
-    strong = points[(points['quality'] > STRAIGHT) & (points['pressure'] > END * peak)]
-    if len(strong) < FEWEST:
+    # A quality above 1/2 is of a line, not of a round spot.
+    strong = points[(points['quality'] > 0.5) & (points['pressure'] > END * peak)]
+    if len(strong) < 3:
         return None
     # One point of a ridge is good for a hundredth of a millimetre at 40 dB: it needs no mean,
     # which would take in the turn of a corner nearby.

@@ -16,12 +16,8 @@ from tactile_shape.types.patch import Kind, Patch
 COLOURS = {Kind.NONE: (0.6, 0.6, 0.6), Kind.PLANE: (0.30, 0.55, 0.80),
            Kind.CYLINDER: (0.25, 0.65, 0.40), Kind.SPHERE: (0.90, 0.60, 0.15),
            Kind.GENERAL: (0.75, 0.30, 0.35)}
-PATCH_SPACING = 4e-3  # m between the patches that are kept
-PATCH_SIZE = 6e-3  # m, side of a patch that is drawn
+PATCH_SIZE = 6e-3  # m, side of a patch that is drawn; those that are kept are 4 mm apart
 STEPS = (5, 5)  # points along the sides of a patch
-TAIL = 100  # contacts about the first and the last point of a contour that tell its ends,
-BEHIND = 0.4  # of the spacing: how far behind the last one; farther, the pad is on its way
-RECENT = 20  # contour points that a new one is compared with
 
 
 @dataclass(frozen=True)
@@ -54,8 +50,8 @@ class ObjectModel:
         self.strokes: list[list[np.ndarray]] = []
         self.total = 0
         self.patches: list[Patch] = []
-        self._recent: deque[np.ndarray] = deque(maxlen=RECENT)
-        self._tail: deque[np.ndarray] = deque(maxlen=TAIL)  # newest contacts of the stroke
+        self._recent: deque[np.ndarray] = deque(maxlen=20)  # newest contour points
+        self._tail: deque[np.ndarray] = deque(maxlen=100)  # newest contacts of the stroke
         self._anew = True
 
     def begin_stroke(self) -> None:
@@ -99,7 +95,8 @@ class ObjectModel:
         before, last = self.strokes[-1][-2:]
         onward = (last - before) / np.linalg.norm(last - before)
         beyond = [(float((position - last) @ onward), position) for position in self._tail]
-        about = [item for item in beyond if item[0] > -BEHIND * self.config.spacing]
+        # Farther behind than that, the pad was still on its way.
+        about = [item for item in beyond if item[0] > -0.4 * self.config.spacing]
         if len(about) < 3:
             return
         newest = sorted(about[len(about) // 2:], key=itemgetter(0))
@@ -122,8 +119,7 @@ class ObjectModel:
         """Add a valid patch; returns whether it was far enough from the last to be kept."""
         if not patch.valid:
             return False
-        if self.patches and np.linalg.norm(
-                patch.origin - self.patches[-1].origin) < PATCH_SPACING:
+        if self.patches and np.linalg.norm(patch.origin - self.patches[-1].origin) < 4e-3:
             return False
         self.patches.append(patch)
         if len(self.patches) > self.config.max_points:

@@ -11,15 +11,12 @@ from tactile_shape.contour.curves import angle_between, Line, meeting, on_curve
 from tactile_shape.contour.pieces import divide, Ends, fit_piece, Piece, ROUNDING
 
 STRAIGHT = 0.1  # width per length of a contour that has no plane of its own
-ROUNDED = 0.15  # of the rounding: how far from its sides the skin puts contacts at a corner
-LEAST_TURN = 0.05  # rad between two lines that is a corner
+ROUNDED = 0.15 * ROUNDING  # m from its sides, within which the skin puts contacts at a corner
 LEG = 6e-3  # m before and after a point over which the direction is taken
-CORNER_ANGLE = 0.5  # rad; a turn by more than this between the two legs is a corner
 # RMS distance of its points that a line or an arc may have beyond their noise [m]; else it is
 # divided.
 TOLERANCE = 1e-4
 SPACING = 1e-3  # m; contour points nearer to each other are averaged
-CLOSING = 2e-3  # m, largest gap between the ends of a closed contour
 
 
 @dataclass(frozen=True, eq=False)
@@ -134,7 +131,7 @@ def _without_roundings(pieces: list[Piece]) -> list[Piece]:
             away = np.linalg.norm(middle.points - corner, axis=1)
             off = [min(np.linalg.norm(point - on_curve(side.curve, point))
                        for side in (one, other)) for point in middle.points]
-            if away.max() < 3.0 * ROUNDING and max(off) < ROUNDED * ROUNDING:
+            if away.max() < 3.0 * ROUNDING and max(off) < ROUNDED:
                 nearest = away.argmin()
                 pieces[k - 1:k + 2] = [
                     fit_piece(np.concatenate([one.points, middle.points[1:nearest + 1]]),
@@ -151,10 +148,10 @@ def _are_lines(one: Piece, other: Piece) -> bool:
 
 
 def _straight_on(one: Piece, other: Piece) -> bool:
-    """Whether one line goes on in the direction of another."""
-    lines = one.curve, other.curve
-    return isinstance(lines[0], Line) and isinstance(lines[1], Line) and bool(
-        abs(angle_between(lines[0].direction, lines[1].direction)) < LEAST_TURN)
+    """Whether one line goes on in the direction of another, within 0.05 rad."""
+    first, second = one.curve, other.curve
+    return isinstance(first, Line) and isinstance(second, Line) and bool(
+        abs(angle_between(first.direction, second.direction)) < 0.05)
 
 
 def _plane(points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -197,10 +194,10 @@ def _cut_overlap(flat: np.ndarray) -> tuple[np.ndarray, bool]:
     """Contour without what was traced twice, and whether it is closed."""
     travel = arc_length(flat)
     away = np.linalg.norm(flat - flat[0], axis=1)
-    # The first return to the start, after having been a good way off it.
+    # The first return to within 2 mm of the start, after having been a good way off it.
     far = np.flatnonzero(away > max(2.0 * LEG, 0.1 * away.max()))
     if len(far):
-        back = np.flatnonzero((away < CLOSING) & (travel > travel[far[0]]))
+        back = np.flatnonzero((away < 2e-3) & (travel > travel[far[0]]))
         if len(back):
             last = back[0]
             while last + 1 < len(flat) and away[last + 1] < away[last]:
@@ -210,7 +207,7 @@ def _cut_overlap(flat: np.ndarray) -> tuple[np.ndarray, bool]:
 
 
 def _corners(flat: np.ndarray, closed: bool) -> list[int]:
-    """Indices of points at which the contour turns sharply."""
+    """Indices of points at which the contour turns by more than 0.5 rad from leg to leg."""
     count = len(flat)
     around = np.concatenate([flat, flat, flat]) if closed else flat
     offset = count if closed else 0
@@ -225,7 +222,7 @@ def _corners(flat: np.ndarray, closed: bool) -> list[int]:
     for k in range(offset, offset + count):
         near = (travel > travel[k] - LEG) & (travel < travel[k] + LEG)
         # A rounded corner has a flat top: its middle.
-        if turn[k] > CORNER_ANGLE and turn[k] >= turn[near].max() and not (
+        if turn[k] > 0.5 and turn[k] >= turn[near].max() and not (
                 found and travel[k] - travel[found[-1]] < LEG):
             found.append(k)
     found = [k - offset for k in found]
@@ -257,14 +254,12 @@ def _assemble(pieces: list[Piece], closed: bool,
         joints[0] if closed else on_curve(pieces[-1].curve, pieces[-1].points[-1])]
     sides, corners, turns = [], [], []
     for k, (piece, start, end) in enumerate(zip(pieces, joints, ends, strict=True)):
-        path, curve = piece.between(start, end), piece.curve
+        path, curve = np.array([start, *piece.points[1:-1], end]), piece.curve
         sides.append(Side(
             curve.kind, lift(start), lift(end), curve.length(path), curve.radius,
             curve.residual, lift(curve.polyline(path))))
         if piece.ends.start:
-            before = pieces[k - 1]
             corners.append(start)
             turns.append(angle_between(
-                before.curve.heading(start, before.points[-1] - before.points[-2]),
-                curve.heading(start, piece.points[1] - piece.points[0])))
+                pieces[k - 1].curve.tangent(start)[1], curve.tangent(start)[1]))
     return Outline(lift(np.reshape(corners, (-1, 2))), np.array(turns), tuple(sides), closed)

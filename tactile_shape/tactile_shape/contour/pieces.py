@@ -8,9 +8,7 @@ from tactile_common.polyline import arc_length
 from tactile_shape.contour.curves import Arc, Line, STEPS
 
 ROUNDING = 3e-3  # m of contour next to a corner that is not used: the skin rounds it
-_JOINTS = 30  # places at which a division is tried
 _FEW = 6  # points that a line or an arc needs at least
-_F_LEVEL = 12.0  # how much better than chance an arc, or two pieces, must explain a side
 
 
 class Ends(NamedTuple):
@@ -27,10 +25,6 @@ class Piece:
     points: np.ndarray
     ends: Ends
     curve: Line | Arc
-
-    def between(self, start: np.ndarray, end: np.ndarray) -> np.ndarray:
-        """Points of the piece with other ends (2,), ndarray (N, 2)."""
-        return np.array([start, *self.points[1:-1], end])
 
 
 def divide(points: np.ndarray, ends: Ends, tolerance: float) -> list[Piece]:
@@ -68,8 +62,8 @@ def divide(points: np.ndarray, ends: Ends, tolerance: float) -> list[Piece]:
 
 
 def _best_joint(points: np.ndarray, ends: Ends, first: int, last: int) -> int:
-    """Index from first to last at which two pieces leave the least squares."""
-    candidates = range(first, max(last, first + 1), max(1, (last - first) // _JOINTS))
+    """Index from first to last, of some thirty, at which two pieces leave the least squares."""
+    candidates = range(first, max(last, first + 1), max(1, (last - first) // 30))
     return min(candidates, key=lambda joint: _square(_two(points, ends, joint, steps=1)))
 
 
@@ -93,9 +87,9 @@ def fit_piece(points: np.ndarray, ends: Ends, steps: int = STEPS) -> Piece:
 
 def _is_better(count: int, square: float, than: float) -> bool:
     """Whether a sum of squares of points is less than another by more than chance."""
-    # Neighbours share their noise: of three points, one counts.
+    # Neighbours share their noise: of three points, one counts. By chance F is seldom above 12.
     freedom = max(1.0, count / 3.0 - 3.0)
-    return than - square > _F_LEVEL * max(square, 1e-24) / freedom
+    return than - square > 12.0 * max(square, 1e-24) / freedom
 
 
 def _fit_curve(points: np.ndarray, steps: int) -> Line | Arc:

@@ -2,13 +2,12 @@
 import numpy as np
 
 CELLS = 24  # that a window is usually divided into
-MAX_TURN = 0.7  # rad of the normal, where a stretch ends
 MAX_CELLS = 3 * CELLS  # noise makes cells shorter than they should be
 
 
 class ContactWindow:
     """
-    The contacts of the last stretch of a path.
+    The contacts of the last stretch of a path, in which the normal has turned by 0.7 rad at most.
 
     Contacts within one cell, usually a 24th of the window, are averaged: this keeps time and
     memory bounded however slowly the finger moves, and keeps noise from lengthening the path.
@@ -50,7 +49,7 @@ class ContactWindow:
         # From the newest cell backwards.
         travel = np.cumsum(_steps(self._cells)[::-1])
         lengths = np.sqrt((normals * normals).sum(axis=1))
-        turned = normals @ normals[-1] < np.cos(MAX_TURN) * lengths * lengths[-1]
+        turned = normals @ normals[-1] < np.cos(0.7) * lengths * lengths[-1]
         beyond = (travel > self._length) | turned[-2::-1]
         steps = int(beyond.argmax()) if beyond.any() else len(beyond)
         return self._cells[len(self._cells) - 1 - steps:]

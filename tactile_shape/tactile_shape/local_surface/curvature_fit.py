@@ -21,13 +21,7 @@ from tactile_shape.local_surface.least_model import (
 from tactile_shape.types.patch import Kind, PRIOR_CURVATURE
 
 PASSES = 3  # weights depend on K: by the third pass they no longer change
-# A path's breadth counts where its variance is that many times the variance of noise.
-CLEAR = 9.0
-# Share of its third order that a general surface may depart from a second-order one; makes far
-# contacts count less.
-MODEL_ERROR = 0.1
 ENOUGH = 10  # cells whose residuals tell their noise
-_HEIGHTS_SPENT = 2.0  # of the six parameters, what the heights alone have paid for, about
 
 
 class Noise(NamedTuple):
@@ -159,9 +153,14 @@ class _Fitter:
         return self._lift[:, 3] - self._lift[:, :3] @ curvature
 
     def general(self) -> np.ndarray:
-        """Curvature (3,) of a general surface, of which far contacts count less."""
+        """
+        Curvature (3,) of a general surface.
+
+        It may depart from a second-order one by a tenth of its third order, so that far contacts
+        count less.
+        """
         for _ in range(2):
-            self._solve(np.linalg.solve(self.information, self.right), self._doubt, MODEL_ERROR)
+            self._solve(np.linalg.solve(self.information, self.right), self._doubt, 0.1)
         return np.linalg.solve(self.information, self.right)
 
     def excess(self) -> tuple[float, float]:
@@ -189,7 +188,8 @@ class _Fitter:
             return told
         heights = self._contacts.rows[0]
         residual = heights[:, 6] - heights[:, :6] @ [*self.flat(curvature), *curvature]
-        return max(told, math.sqrt(weights @ residual**2 / (len(weights) - _HEIGHTS_SPENT)))
+        # Of the six parameters, the heights alone have paid for two, about.
+        return max(told, math.sqrt(weights @ residual**2 / (len(weights) - 2)))
 
 
 def _path_frame(u: np.ndarray, weights: np.ndarray, std: float) -> tuple[np.ndarray, int]:
@@ -198,7 +198,8 @@ def _path_frame(u: np.ndarray, weights: np.ndarray, std: float) -> tuple[np.ndar
     spread = (weights[:, None] * off).T @ off / weights.sum()
     large, small, heading = principal(spread[0, 0], spread[0, 1], spread[1, 1])
     c, s = math.cos(heading), math.sin(heading)
-    fuzz = CLEAR * std**2 * len(weights) / weights.sum() + 1e-24
+    # Its breadth counts from three standard deviations of the noise on.
+    fuzz = 9.0 * std**2 * len(weights) / weights.sum() + 1e-24
     count = 0 if large < fuzz else 2 if small < fuzz else 3
     return np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]]), count
 

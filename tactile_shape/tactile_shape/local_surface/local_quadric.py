@@ -18,13 +18,7 @@ from tactile_shape.local_surface.curvature_fit import ENOUGH, Fit, fit_curvature
 from tactile_shape.types.patch import certain_enough, Patch, SurfaceEstimator, usable_normal
 from tactile_shape.types.tangent import tangent_frame
 
-QUIET = 5.0  # times the noise of location that a cell of the window is long, at least
-MISFIT = 2.0  # times the noise of position: then the newer half of the window is tried
 MAX_WEIGHT = 16.0  # contacts of one cell that count as independent; a finger at rest adds no more
-BETTER = 0.6  # of the scatter that it must leave, to be taken
-MAX_RESIDUAL = 4.0  # standard deviations, RMS
-SCATTERED = 0.3  # of a cell's length; beyond, cells are not what averages them
-_SHARP = 0.98  # of 1 / finger radius; a surface of the centre that curves more is an edge
 
 
 @dataclass(frozen=True)
@@ -60,7 +54,8 @@ class LocalQuadric(SurfaceEstimator):
         self._noise = Noise(
             c.position_noise, c.location_noise, math.hypot(c.normal_noise, on_finger),
             c.finger_radius * c.normal_noise)
-        self._cell = max(c.window / CELLS, QUIET * math.hypot(c.position_noise, c.location_noise))
+        # Well above the noise of location, which would lengthen the path.
+        self._cell = max(c.window / CELLS, 5.0 * math.hypot(c.position_noise, c.location_noise))
         self._window = ContactWindow(c.window, self._cell)
         self.reset()
 
@@ -85,7 +80,7 @@ class LocalQuadric(SurfaceEstimator):
         known: dict[str, Any] = {
             'extent': extent, 'samples': int(cells[:, 6].sum()), 'residual': fit.residual,
             'frame': _frame(self._centre, fit, self.config.finger_radius)}
-        if fit.scatter > SCATTERED * self._cell or fit.residual > MAX_RESIDUAL:
+        if fit.scatter > 0.3 * self._cell or fit.residual > 4.0:
             return self.refused(
                 'the contacts lie on no surface of second order, or have far more noise than '
                 f'told: they scatter by {1e3 * fit.scatter:.2g} mm, residuals are '
@@ -93,9 +88,10 @@ class LocalQuadric(SurfaceEstimator):
         curvature, covariance, variance = np.array(fit.principal[:2]), fit.covariance, fit.seen
         radius, enough = self.config.finger_radius, self.config.max_curvature_std
         if radius:
-            # The centre moves on a surface whose radii are larger by the finger's.
+            # The centre moves on a surface whose radii are larger by the finger's: over an edge,
+            # on one of the finger's own radius.
             shrink = 1.0 - radius * curvature
-            if shrink.min() < 1.0 - _SHARP:
+            if shrink.min() < 0.02:
                 return self.refused('an edge or a point: its curvature is above what a finger of '
                                     'this radius can tell', **known)
             curvature = curvature / shrink
@@ -111,12 +107,16 @@ class LocalQuadric(SurfaceEstimator):
         return self.refused(f'the path of {1e3 * extent:.2g} mm is {why}', **known)
 
     def _best_fit(self) -> tuple[np.ndarray, Fit]:
-        """Fit to all cells, or to the newer half where they reach back over another surface."""
+        """
+        Fit to all cells, or to the newer half where they reach back over another surface.
+
+        That is tried where they scatter twice as much as told, and must leave far less of it.
+        """
         cells, newer = self._cells, self._cells[(len(self._cells) + 1) // 2:]
         fit = self._fit(cells)
-        if fit.scatter > MISFIT * self._noise.position and len(cells) >= 2 * ENOUGH:
+        if fit.scatter > 2.0 * self._noise.position and len(cells) >= 2 * ENOUGH:
             fit_of_newer = self._fit(newer)
-            if fit_of_newer.scatter < BETTER * fit.scatter:
+            if fit_of_newer.scatter < 0.6 * fit.scatter:
                 return newer, fit_of_newer
         return cells, fit
 

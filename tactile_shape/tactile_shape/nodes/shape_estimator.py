@@ -28,6 +28,7 @@ from tactile_shape.contour.contact_path import (
     needs_picture,
     Placed,
     SpatialContact,
+    WAITING,
 )
 from tactile_shape.contour.object_model import ModelConfig, ObjectModel
 from tactile_shape.conversions import contour_point_to_msg, model_to_markers, patch_to_msg
@@ -35,12 +36,11 @@ from tactile_shape.local_surface.local_quadric import LocalQuadricConfig
 from tactile_shape.shape_estimator import make_surface_estimator, METHODS, ShapeEstimator
 from tactile_shape.types.patch import Patch, refusal
 
-PICTURES = 200  # that wait for their contact: a second of them
 _STAMP = Struct('<iI')  # of a message, after its first four bytes
 SOURCES = ('sensor', 'servo')
 # Nobody waits for a patch: on a busy machine late is better than lost. Of poses there are more.
 _LATE, _POSES = (QoSProfile(depth=depth, reliability=ReliabilityPolicy.BEST_EFFORT)
-                 for depth in (PICTURES, 3 * PICTURES))
+                 for depth in (WAITING, 3 * WAITING))
 _LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 
 
@@ -156,7 +156,7 @@ class ShapeTopics:
             return
         # Few are needed, and to unpack all would cost the most.
         self._pictures[_STAMP.unpack_from(raw, 4)] = raw
-        if len(self._pictures) > PICTURES:
+        if len(self._pictures) > WAITING:
             del self._pictures[next(iter(self._pictures))]
 
     def take_contact(self, msg: ContactMsg) -> None:

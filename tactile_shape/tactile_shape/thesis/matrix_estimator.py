@@ -1,12 +1,11 @@
 """The thesis' estimator on a stream of contacts: ten parameters from the last few of them."""
 from collections import deque
-from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from tactile_common.config import bounded, check_fields
 from tactile_common.errors import SurfaceError
+from tactile_shape.local_surface.local_quadric import LocalQuadricConfig
 from tactile_shape.thesis.matrix_fit import fit_matrix, MatrixFit
 from tactile_shape.types.patch import (
     certain_enough,
@@ -22,36 +21,24 @@ from tactile_shape.types.tangent import tangent_frame
 _CURVATURE = [PARAMETERS.index(name) for name in ('c11', 'c12', 'c22')]
 
 
-@dataclass(frozen=True)
-class MatrixEstimatorConfig:
-    """How a surface matrix is estimated; the rest is as in `LocalQuadricConfig`."""
-
-    contacts: int = bounded(
-        6, 'contacts that a surface matrix is fitted to; the thesis takes 5', '', 4, 100)
-    window: float = bounded(
-        0.024, 'length of the path that they are spread over', 'm', 1e-6, 1.0)
-    position_noise: float = bounded(2e-5, '', 'm', 0.0, 0.1)
-    normal_noise: float = bounded(5e-4, '', 'rad', 0.0, 1.0)
-    max_curvature_std: float = bounded(2.5, '', '1/m', 1e-6, 1e6)
-
-    def __post_init__(self) -> None:
-        check_fields(self)
-
-
 class _Contact(NamedTuple):
     position: np.ndarray
     normal: np.ndarray
 
 
 class MatrixEstimator(SurfaceEstimator):
-    """Estimate the surface matrix at each new contact of a path."""
+    """
+    Estimate the surface matrix at each new contact of a path.
+
+    It is fitted to some contacts, at least 4, spread over a window; the thesis takes 5.
+    """
 
     method = 'surface_matrix'
 
-    def __init__(self, config: MatrixEstimatorConfig | None = None):
-        self.config = config or MatrixEstimatorConfig()
-        self._spacing = self.config.window / (self.config.contacts - 1)
-        self._kept: deque[_Contact] = deque(maxlen=self.config.contacts)
+    def __init__(self, config: LocalQuadricConfig | None = None, contacts: int = 6):
+        self.config = config or LocalQuadricConfig()
+        self._spacing = self.config.window / (contacts - 1)
+        self._kept: deque[_Contact] = deque(maxlen=contacts)
         self.reset()
 
     def reset(self) -> None:  # noqa: D102
@@ -74,14 +61,14 @@ class MatrixEstimator(SurfaceEstimator):
             return self.refused('no contact yet')
         contacts = list(self._kept)
         if contacts[-1] is not self._newest:
-            contacts = [*contacts[-self.config.contacts + 1:], self._newest]
+            contacts = [*contacts[1 - (self._kept.maxlen or 0):], self._newest]
         positions, normals = (np.array(values) for values in zip(*contacts, strict=True))
         points, normals, frame = contacts_in_frame(positions, normals)
         fit = fit_matrix(points, normals, position_noise=self.config.position_noise,
                          normal_noise=self.config.normal_noise)
         steps = np.linalg.norm(np.diff(positions, axis=0), axis=1)
         known: dict[str, Any] = {'extent': float(steps.sum()), 'samples': len(contacts),
-                                 'residual': fit.residual / max(self.config.normal_noise, 1e-12)}
+                                 'residual': fit.residual / self.config.normal_noise}
         try:
             if fit.surface is None:
                 raise SurfaceError('no normal was seen')

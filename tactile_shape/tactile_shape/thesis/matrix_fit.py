@@ -7,8 +7,6 @@ from numpy.typing import ArrayLike
 from tactile_common.errors import ConfigurationError, SurfaceError
 from tactile_shape.types.surface_matrix import PARAMETERS, SurfaceMatrix
 
-ROUNDING = 1e-12  # least singular value, of the largest, that is more than rounding
-SAME_POINT = 1e-12  # m; contacts nearer to each other than that are one
 _NO_UNIT = [PARAMETERS.index(name) for name in ('c14', 'c24', 'c34')]
 _KNOWN = PARAMETERS.index('c44')  # 0: the contact lies at the origin
 
@@ -59,10 +57,11 @@ def fit_matrix(points: ArrayLike, normals: ArrayLike, *, position_noise: float =
     if not (0.0 <= position_noise < np.inf and 0.0 <= normal_noise < np.inf):
         raise ConfigurationError('noise: must be finite and not negative')
     # Lengths in units of the spread: else curvatures and normals are not to be compared.
-    unit = max(np.abs(points).max(), SAME_POINT)
+    unit = max(np.abs(points).max(), 1e-12)
     matrix = design_matrix(points / unit)
     left, values, right = np.linalg.svd(matrix, full_matrices=True)
-    floor = max(ROUNDING * values[0], 2.0 * np.sqrt(len(points)) * position_noise / unit)
+    # What rounding, or noise, leaves of a singular value.
+    floor = max(1e-12 * values[0], 2.0 * np.sqrt(len(points)) * position_noise / unit)
     rank = int(np.count_nonzero(values > floor))
     scale = np.full(10, 1.0 / unit)
     scale[_NO_UNIT] = 1.0

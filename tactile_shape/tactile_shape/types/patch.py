@@ -22,23 +22,20 @@ class Kind(IntEnum):
 
 
 PRIOR_CURVATURE = 100.0  # 1/m, standard deviation before anything is touched
-RELATIVE = 0.1  # uncertainty with which a curvature still counts as seen
-_FAR = 1e6  # m; no contact is there
-_LENGTH = 1e-3  # largest difference of a normal's length from 1
 
 
 def usable_normal(position: np.ndarray, normal: np.ndarray) -> np.ndarray | None:
     """Normal scaled to length 1; None if a contact is not finite or the length far from it."""
     # NaN fails these comparisons as well.
-    if not (np.abs(position).max() < _FAR and np.abs(normal).max() < 2.0):
+    if not (np.abs(position).max() < 1e6 and np.abs(normal).max() < 2.0):
         return None
     length = np.sqrt(normal @ normal)
-    return normal / length if abs(length - 1.0) < _LENGTH else None
+    return normal / length if abs(length - 1.0) < 1e-3 else None
 
 
 def certain_enough(variance: np.ndarray, curvature: np.ndarray, std: float) -> np.ndarray:
     """Whether variances are below those of a standard deviation, or of a tenth of the value."""
-    return variance < np.maximum(std, RELATIVE * np.abs(curvature))**2
+    return variance < np.maximum(std, 0.1 * np.abs(curvature))**2
 
 
 def _nan(*shape: int) -> Any:

@@ -19,9 +19,6 @@ from tactile_shape.types.tangent import principal_axes, tangent_frame
 ROWS, COLUMNS = np.triu_indices(4)
 PARAMETERS = tuple(
     f'c{row + 1}{column + 1}' for row, column in zip(ROWS, COLUMNS, strict=True))
-_SYMMETRY = 1e-9  # largest relative difference of two halves that rounding explains
-_BISECTIONS = 110  # until the interval of a multiplier is as narrow as its numbers allow
-_NEARLY = 1.0 - 1e-10  # how near to the end of that interval
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,7 +41,7 @@ class SurfaceMatrix:
         if not np.isfinite(matrix).all():
             raise SurfaceError('surface matrix: a number is not finite')
         off = np.abs(matrix - matrix.T).max()
-        if off > _SYMMETRY * np.abs(matrix).max():
+        if off > 1e-9 * np.abs(matrix).max():  # more than rounding
             raise SurfaceError(
                 f'surface matrix is not symmetric: entries differ by {off:.3g}; use half of '
                 'each coefficient on both sides of the diagonal')
@@ -129,42 +126,6 @@ class SurfaceMatrix:
         local = -2.0 / steepness * along.T @ self.matrix[:3, :3] @ along
         curvature, turn = principal_axes(local)
         return curvature, tangent @ turn
-
-    def distance(self, points: ArrayLike) -> np.ndarray:
-        """
-        Signed Euclidean distance of points (..., 3) from the surface [m], positive outside.
-
-        The nearest point x solves (I + m A) x = p - m b for A = S[:3, :3], b = S[:3, 3] with the
-        one multiplier m that keeps I + m A positive definite and X' S X = 0; there X' S X falls
-        as m grows, so that bisection finds it.
-        """
-        points = np.asarray(points, dtype=float)
-        bends, axes = np.linalg.eigh(self.matrix[:3, :3])
-        offset = self.matrix[:3, 3] @ axes
-        flat = points.reshape(-1, 3) @ axes
-        # A surface that is flat one way has no end there: far beyond any foot instead.
-        far = 1e6 * (1.0 + np.abs(flat).max(initial=0.0)) / np.abs(self.matrix[:3]).max()
-        ends = [-_NEARLY / bends[2] if bends[2] * far > 1.0 else -far,
-                -_NEARLY / bends[0] if -bends[0] * far > 1.0 else far]
-        low, high = np.full(len(flat), ends[0]), np.full(len(flat), ends[1])
-
-        def foot_of(multiplier: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-            foot = (flat - multiplier[:, None] * offset) / (1.0 + multiplier[:, None] * bends)
-            return foot, foot**2 @ bends + 2.0 * foot @ offset + self.matrix[3, 3]
-
-        for _ in range(_BISECTIONS):
-            middle = 0.5 * (low + high)
-            _, rest = foot_of(middle)
-            inside = rest > 0.0
-            low, high = np.where(inside, middle, low), np.where(inside, high, middle)
-        foot, rest = foot_of(0.5 * (low + high))
-        square = ((foot - flat)**2).sum(axis=-1)
-        # At a centre of symmetry the multiplier runs into an end: all of a circle is as near.
-        for stuck, bend in ((low == ends[0], bends[2]), (high == ends[1], bends[0])):
-            if bend != 0.0:
-                square += np.where(stuck, np.maximum(0.0, -rest / bend), 0.0)
-        outside = self.value(points).reshape(-1) < 0.0
-        return (np.where(outside, 1.0, -1.0) * np.sqrt(square)).reshape(points.shape[:-1])
 
 
 def _homogeneous(points: ArrayLike) -> np.ndarray:
