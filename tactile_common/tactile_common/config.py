@@ -13,7 +13,7 @@ from functools import lru_cache
 import math
 from numbers import Integral, Real
 import types
-from typing import Any, get_args, get_origin, get_type_hints, Literal, NoReturn, Union
+from typing import Any, get_args, get_origin, get_type_hints, NoReturn, Union
 
 import numpy as np
 
@@ -111,8 +111,6 @@ def checked(name: str, value: Any, kind: Any,
         item_kind = (get_args(kind) or (str,))[0]
         return tuple(checked(f'{name}[{k}]', item, item_kind, metadata)
                      for k, item in enumerate(value))
-    if origin is Literal:
-        kind, metadata = type(get_args(kind)[0]), {**metadata, 'choices': get_args(kind)}
     if kind in _KINDS:
         accepted, expected = _KINDS[kind]
         if not isinstance(value, accepted) or (isinstance(value, bool) and kind is not bool):

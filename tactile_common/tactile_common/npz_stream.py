@@ -1,5 +1,5 @@
 """Arrays in `.npz` and `.npy` files, a few rows at a time, bounded before expansion."""
-from collections.abc import Collection, Iterator
+from collections.abc import Collection, Iterable, Iterator
 from contextlib import contextmanager
 from io import BytesIO
 import math
@@ -18,9 +18,7 @@ from tactile_common.errors import ConfigurationError
 
 MAX_WHOLE = 64 << 20  # bytes of arrays that are read at once, see `read_arrays`
 MAX_ROW = 4 << 20  # bytes of one row, which is the least that is read
-MAX_COPY = 1 << 30  # bytes of a column-major array, which is copied to a file first
 MAX_MEMBERS = 1000  # of an archive
-MAX_HEADER = 10_000  # bytes of an array's header
 _HEADERS = {(1, 0): npy.read_array_header_1_0, (2, 0): npy.read_array_header_2_0}
 _DAMAGED = (ValueError, EOFError, RuntimeError, MemoryError, zipfile.BadZipFile, zlib.error)
 # What NumPy writes; others may ask for gigabytes before they give a byte.
@@ -101,7 +99,7 @@ def _refuse_above(most: int, size: int, what: str) -> None:
 
 def _header(stream: IO[bytes]) -> tuple[tuple[int, ...], bool, np.dtype, int]:
     """Shape, order, type and length of the header of a `.npy` stream."""
-    head = BytesIO(stream.read(MAX_HEADER))  # whatever length it claims to have
+    head = BytesIO(stream.read(10_000))  # whatever length it claims to have
     version = npy.read_magic(head)
     if version not in _HEADERS:
         raise ConfigurationError(f'.npy format {version} is not of plain numbers')
@@ -151,45 +149,36 @@ class ArrayReader:
                     f'{self.shape} {self.dtype}')
             row = math.prod(self.shape[1:]) * self.dtype.itemsize
             _refuse_above(MAX_ROW, row, f'a row of {name}, {self.shape[1:]} {self.dtype},')
-            if self._column_major:
-                _refuse_above(MAX_COPY, self.size, f'{name}, column-major,')
+            if self._column_major:  # its rows lie apart
+                _refuse_above(MAX_WHOLE, self.size, f'{name}, which is column-major,')
 
     def read(self) -> np.ndarray:
         """Return the whole array, of at most `MAX_WHOLE` bytes; errors as above."""
         if self.dtype.hasobject:
             raise ConfigurationError(f'{self._path}: is not an {_kind(self._path)} of numbers')
-        with clear_errors(self._path), self._values() as stream:
+        with clear_errors(self._path):
             _refuse_above(MAX_WHOLE, self.size, f'{self._name} {self.shape}')
-            values = np.frombuffer(stream.read(self.size), self.dtype)
+            (values,) = self._read((math.prod(self.shape),))
             return values.reshape(self.shape, order='F' if self._column_major else 'C')
-
-    @contextmanager
-    def _values(self) -> Iterator[IO[bytes]]:
-        """Open the array behind its header."""
-        with _opened(self._path, self._name) as (stream, _):
-            stream.seek(self._begin)
-            yield stream
 
     def chunks(self, rows: int) -> Iterator[np.ndarray]:
         """Yield the array in order, `rows` at a time, the last ones fewer; errors as above."""
-        with clear_errors(self._path), self._values() as stream:
-            yield from (self._mapped if self._column_major else self._streamed)(stream, rows)
+        count = self.shape[0]
+        if self._column_major:
+            whole = self.read()
+            yield from (whole[first:first + rows] for first in range(0, count, rows))
+            return
+        row = math.prod(self.shape[1:])
+        with clear_errors(self._path):
+            for values in self._read(row * min(rows, count - k) for k in range(0, count, rows)):
+                yield values.reshape(-1, *self.shape[1:])
 
-    def _streamed(self, stream: IO[bytes], rows: int) -> Iterator[np.ndarray]:
-        row_size = math.prod(self.shape[1:]) * self.dtype.itemsize
-        for first in range(0, self.shape[0], rows):
-            count = min(rows, self.shape[0] - first)
-            values = np.frombuffer(stream.read(count * row_size), self.dtype)
-            yield values.reshape(count, *self.shape[1:])
-
-    def _mapped(self, stream: IO[bytes], rows: int) -> Iterator[np.ndarray]:
-        """Rows of a column-major array lie apart: copy it to a file that allows jumps."""
-        with tempfile.TemporaryFile() as copy:
-            shutil.copyfileobj(stream, copy)
-            copy.flush()
-            values = np.memmap(copy, self.dtype, 'r', shape=self.shape, order='F')
-            for first in range(0, self.shape[0], rows):
-                yield np.array(values[first:first + rows], order='C')
+    def _read(self, counts: Iterable[int]) -> Iterator[np.ndarray]:
+        """So many values, one count after the other."""
+        with _opened(self._path, self._name) as (stream, _):
+            stream.seek(self._begin)
+            for count in counts:
+                yield np.frombuffer(stream.read(count * self.dtype.itemsize), self.dtype)
 
 
 class RecordWriter:

@@ -9,8 +9,6 @@ from typing import TextIO
 
 from tqdm import tqdm
 
-_PERIOD = 0.1  # s between redrawings on a terminal
-_LAST_LINES = 1.0  # s, for a process that is still there at the end
 _QUIET_PERIOD = 2.0  # s between lines where the output is no terminal
 
 
@@ -28,7 +26,7 @@ class Progress(tqdm):
         self._terminal, self._drawn = stream.isatty(), False
         super().__init__(
             total=total, file=stream, delay=delay, miniters=0, leave=self._terminal,
-            mininterval=_PERIOD if self._terminal else _QUIET_PERIOD, dynamic_ncols=True,
+            mininterval=0.1 if self._terminal else _QUIET_PERIOD, dynamic_ncols=True,
             bar_format='{desc:9} |{bar:30}| {percentage:3.0f} % {elapsed}<{remaining}{postfix}')
 
     def show(self, done: float, state: str, text: str = '') -> None:
@@ -84,4 +82,4 @@ def live_progress(total: float) -> Iterator[Progress]:
         finally:
             sys.stderr.flush()
             os.dup2(terminal.fileno(), 2)
-            relaying.join(_LAST_LINES)
+            relaying.join(1.0)  # of a process that is still there no more is waited for

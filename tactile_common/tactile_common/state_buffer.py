@@ -8,7 +8,6 @@ import numpy as np
 
 State = TypeVar('State')
 NS = 1_000_000_000
-RESTART = 10  # gaps that a recording which begins anew is behind its end
 ONWARD = 10  # spans of the last two states that their motion is believed to go on for
 
 
@@ -89,11 +88,15 @@ class StateBuffer(Generic[State]):
 
 
 class PoseBuffer(StateBuffer[np.ndarray]):
-    """The last poses (4, 4), as many as `size`; none between those `max_gap` apart [s]."""
+    """
+    The last poses (4, 4), as many as `size`; none between those `max_gap` apart [s].
+
+    One that is ten gaps older than the newest is of a recording that begins anew.
+    """
 
     def __init__(self, max_gap: float = 0.1, size: int = 500):
         gap = round(max_gap * NS)
-        super().__init__(pose_between, size=size, max_gap_ns=gap, restart_ns=RESTART * gap)
+        super().__init__(pose_between, size=size, max_gap_ns=gap, restart_ns=10 * gap)
 
 
 def pose_between(one: np.ndarray, other: np.ndarray, share: float) -> np.ndarray:

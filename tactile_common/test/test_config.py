@@ -1,7 +1,6 @@
 """Bounds of configuration fields: what is refused, with which words."""
 from dataclasses import dataclass, field, replace
 import math
-from typing import Literal
 
 import numpy as np
 import pytest
@@ -26,7 +25,6 @@ class Config:
     warmest: float = bounded(20.0, unit='K', high=300.0)
     shift: float = bounded(0.0, unit='m')
     method: str = one_of('fit', 'how', ['fit', 'moments'])
-    side: Literal['left', 'right'] = 'left'
     loop: bool = False
     port: str = ''
     dead: tuple[int, ...] = ()
@@ -41,7 +39,7 @@ class Config:
 
 @pytest.mark.parametrize('change', [
     {}, {'rate': 1}, {'rate': 10000.0}, {'rate': np.float32(5.0)}, {'count': np.int64(1)},
-    {'method': 'moments'}, {'side': 'right'}, {'dead': (1, 2)}, {'dead': [1, 2]}, {'seed': 4},
+    {'method': 'moments'}, {'dead': (1, 2)}, {'dead': [1, 2]}, {'seed': 4},
     {'warmest': -1e9}, {'anything': 3}, {'loop': np.bool_(True)}])
 def test_accepted(change):
     replace(Config(), **change)
@@ -60,7 +58,6 @@ def test_accepted(change):
     ({'warmest': 301.0}, 'warmest is 301.0, must be at most 300 K'),
     ({'shift': -math.inf}, 'shift is -inf, must be finite'),
     ({'method': 'guess'}, "method is 'guess', must be one of fit, moments"),
-    ({'side': 'top'}, "side is 'top', must be one of left, right"),
     ({'loop': 1}, 'loop is 1, must be a boolean'),
     ({'port': 7}, 'port is 7, must be a text'),
     ({'dead': 3}, 'dead is 3, must be a list'),

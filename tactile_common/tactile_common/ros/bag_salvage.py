@@ -8,7 +8,7 @@ from rosbags.rosbag2.reader import DirectoryReader
 from rosbags.rosbag2.storage_mcap import McapReader
 from rosbags.rosbag2.storage_sqlite3 import Sqlite3Reader
 
-_DATA_END, _HEADER = 0x0F, 9  # opcode of the end of the data; bytes of an opcode and a length
+_HEADER = 9  # bytes of an opcode and a length
 
 
 class _WholePart(McapReader):
@@ -53,7 +53,8 @@ class _WholePart(McapReader):
             self.bio.seek(self.data_end)
             head = self.bio.read(_HEADER)
             end = self.data_end + _HEADER + int.from_bytes(head[1:], 'little')
-            if len(head) < _HEADER or head[0] in (0, _DATA_END) or end > size:
+            # 15 is the opcode of the end of the data.
+            if len(head) < _HEADER or head[0] in (0, 15) or end > size:
                 return
             self.data_end = end
 

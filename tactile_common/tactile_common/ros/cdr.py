@@ -16,8 +16,8 @@ from rosbags.typesys import get_types_from_msg, get_typestore, Stores
 from rosbags.typesys.store import Typestore
 
 from tactile_common.errors import TactileError
-from tactile_common.ros.conversions import NS
 from tactile_common.ros.message_definitions import definition_of
+from tactile_common.state_buffer import NS
 
 HEAD = b'\0\1\0\0'  # of plain CDR, little endian; offsets count from behind it
 # What a damaged message raises, or one that lacks a field.

@@ -7,8 +7,7 @@ from geometry_msgs.msg import Pose
 import numpy as np
 
 from tactile_common.errors import TactileError
-
-NS = 1_000_000_000  # in a second
+from tactile_common.state_buffer import NS
 
 
 def set_stamp(stamp: Any, nanoseconds: int) -> None:

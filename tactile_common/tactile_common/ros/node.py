@@ -21,7 +21,6 @@ from tactile_common.ros.cdr import known
 
 DIAGNOSTICS_PERIOD = 1.0  # s
 PARTS = ('tactile_common', 'numpy', 'scipy', 'numba')  # whose versions are told
-START = 20.0  # s; the nodes of a launch start side by side, some have kernels to load
 
 
 @cache
@@ -102,8 +101,12 @@ class TactileNode(Node):
 
     @property
     def starting(self) -> bool:
-        """Whether it is so early that an input that is not there yet is nothing to warn of."""
-        return time.monotonic() - self._begun < START
+        """
+        Whether it is so early that an input that is not there yet is nothing to warn of.
+
+        The nodes of a launch start side by side, and some have kernels to load.
+        """
+        return time.monotonic() - self._begun < 20.0
 
     def create_publisher(self, *arguments: Any, publisher_class: type = _SurvivingPublisher,
                          **kwargs: Any) -> Publisher:

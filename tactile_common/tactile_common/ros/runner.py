@@ -34,12 +34,7 @@ except ImportError:
 
 # Longest wait for work before `until` and the signals are looked at again [s].
 _TICK = 0.05
-# Errors of rcl one after the other, with nothing done between, that are no matter of one message.
-_BROKEN = 100
 _LAST_WORDS = 2.0  # s
-_ENDING = 3.5  # s, for a node to be destroyed; launch sends SIGTERM after 5, kills after 10
-_UNHEARD = 1.0  # s longer, where a call of the middleware lets no other thread run
-_DELIVERY = 0.2  # s, in which the last word leaves: what a writer that is gone wrote is lost
 
 
 def split_ros_args(args: list[str]) -> tuple[list[str], list[str]]:
@@ -78,7 +73,8 @@ def spin(executor: Executor, context: rclpy.Context | None = None,
         except RCLError as error:
             failed += 1
             nodes = [node for node in executor.get_nodes() if isinstance(node, TactileNode)]
-            if failed > _BROKEN or not nodes or not context.ok():
+            # A hundred in a row, with nothing done between, are no matter of one message.
+            if failed > 100 or not nodes or not context.ok():
                 raise
             for node in nodes:
                 node.count_error(error)
@@ -177,11 +173,13 @@ def run(node_class: Any, args: list[str] | None = None,
                 end = time.monotonic() + _LAST_WORDS
                 spin(executor, context, lambda: until(node) or stop.is_set()
                      or time.monotonic() > end)
-                end = time.monotonic() + _DELIVERY
+                # Until the last word has left: what a writer that is gone wrote is lost.
+                end = time.monotonic() + 0.2
                 spin(executor, context, lambda: stop.is_set() or time.monotonic() > end)
         finally:
+            # launch sends SIGTERM after 5 s, kills after 10.
             with _on_one_core(), _in_time(
-                    lambda: stopped, _ENDING, f'{node.get_name()} does not end; it waits'):
+                    lambda: stopped, 3.5, f'{node.get_name()} does not end; it waits'):
                 executor.shutdown()  # first: nothing may be delivered to a node that is gone
                 node.destroy_node()
                 context.try_shutdown()
@@ -228,7 +226,7 @@ def _in_time(stopped: Callable[[], bool], seconds: float, text: str = '') -> Ite
     """
     done = threading.Event()
     if stopped():
-        faulthandler.dump_traceback_later(seconds + _UNHEARD, exit=True)
+        faulthandler.dump_traceback_later(seconds + 1.0, exit=True)
 
     def watch() -> None:
         while not done.wait(_TICK):
