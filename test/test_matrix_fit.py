@@ -175,17 +175,6 @@ def test_contacts_in_frame():
     np.testing.assert_allclose(points @ frame[:3, :3].T + frame[:3, 3], positions)
 
 
-@pytest.mark.parametrize('points, normals, options, message', [
-    (np.zeros((0, 3)), np.zeros((0, 3)), {}, 'points has shape'),
-    (np.zeros((2, 2)), np.zeros((2, 2)), {}, 'points has shape'),
-    (np.zeros((2, 3)), np.zeros((3, 3)), {}, 'normals has shape'),
-    (np.full((2, 3), np.nan), np.zeros((2, 3)), {}, 'not finite'),
-    (np.zeros((2, 3)), np.zeros((2, 3)), {'normal_noise': -1.0}, 'noise')])
-def test_refused_contacts(points, normals, options, message):
-    with pytest.raises(ConfigurationError, match=message):
-        fit_matrix(points, normals, **options)
-
-
 @pytest.mark.parametrize('change, message', [
     ({'to_current': np.eye(4)}, 'to_current has shape'), ({'velocity': np.zeros((1, 3))}, 'vel'),
     ({'period': 0.0}, 'period'), ({'sliding': np.full((2, 3), np.inf)}, 'not finite')])

@@ -8,7 +8,7 @@ from tactile_shape.local_surface.local_quadric import LocalQuadric, LocalQuadric
 from tactile_shape.shape_estimator import SurfaceEstimator
 from tactile_shape.thesis.matrix_estimator import MatrixEstimator
 from tactile_shape.types.patch import Kind, Patch, refusal
-from tactile_shape.types.tangent import principal_axes, tangent_frame
+from tactile_shape.types.tangent import principal_curvatures, tangent_frame, turn_about_z
 
 WINDOW = 0.024  # m
 
@@ -74,13 +74,13 @@ class Paraboloid:
         normal = axes @ (np.array([-b, -c, 1.0]) / long)
         tilt = tangent_frame(normal)
         # Slopes are small: the curvature is taken as that in the tilted frame.
-        curvature, turn = principal_axes(
-            (tilt[:, :2].T @ axes[:, :2]) @ np.array([[k11, k12], [k12, k22]])
-            @ (axes[:, :2].T @ tilt[:, :2]) / long**3)
-        frame[:3, :3] = tilt @ turn
+        bend = ((tilt[:, :2].T @ axes[:, :2]) @ np.array([[k11, k12], [k12, k22]])
+                @ (axes[:, :2].T @ tilt[:, :2]) / long**3)
+        first, second, heading = principal_curvatures(bend[0, 0], bend[0, 1], bend[1, 1])
+        frame[:3, :3] = tilt @ turn_about_z(heading)
         frame[:3, 3] = points[-1] + a * axes[:, 2]
-        return Patch(Kind.GENERAL, True, '', 'paraboloid', frame=frame, curvature=curvature,
-                     seen=np.ones(2, bool))
+        return Patch(Kind.GENERAL, True, '', 'paraboloid', frame=frame,
+                     curvature=np.array([first, second]), seen=np.ones(2, bool))
 
 
 def local_quadric(name='local_quadric', **config):

@@ -79,7 +79,7 @@ def test_averaging_in_cells_shifts_by_the_sagitta_of_a_cell_at_most():
 def test_bars_with_realistic_noise(surface, kind, median, most, right):
     rng = np.random.default_rng(7)
     errors, kinds = [], []
-    for _ in range(200):
+    for _ in range(100):
         path = Weave(heading=rng.uniform(0.0, np.pi))
         patch = last(ESTIMATOR, *add_noise(*path.trace(surface, 0.028), rng))
         errors.append(error(patch, surface, path))
@@ -93,7 +93,7 @@ def test_bars_with_realistic_noise(surface, kind, median, most, right):
 def test_covariance_is_that_of_the_curvature(surface):
     rng = np.random.default_rng(8)
     scores = []
-    for _ in range(300):
+    for _ in range(150):
         path = Weave(heading=rng.uniform(0.0, np.pi))
         patch = last(ESTIMATOR, *add_noise(*path.trace(surface, 0.028), rng))
         off = patch.curvature[0] - true_curvature(surface)[0]

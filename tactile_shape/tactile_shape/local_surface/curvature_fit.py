@@ -12,13 +12,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from tactile_shape.local_surface.least_model import (
-    curvature_covariance,
-    least_model,
-    Principal,
-    principal,
-)
+from tactile_shape.local_surface.least_model import curvature_covariance, least_model
 from tactile_shape.types.patch import Kind, PRIOR_CURVATURE
+from tactile_shape.types.tangent import Principal, principal, principal_curvatures, turn_about_z
 
 PASSES = 3  # weights depend on K: by the third pass they no longer change
 ENOUGH = 10  # cells whose residuals tell their noise
@@ -197,11 +193,10 @@ def _path_frame(u: np.ndarray, weights: np.ndarray, std: float) -> tuple[np.ndar
     off = u - weights @ u / weights.sum()
     spread = (weights[:, None] * off).T @ off / weights.sum()
     large, small, heading = principal(spread[0, 0], spread[0, 1], spread[1, 1])
-    c, s = math.cos(heading), math.sin(heading)
     # Its breadth counts from three standard deviations of the noise on.
     fuzz = 9.0 * std**2 * len(weights) / weights.sum() + 1e-24
     count = 0 if large < fuzz else 2 if small < fuzz else 3
-    return np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]]), count
+    return turn_about_z(heading), count
 
 
 def fit_curvature(points: np.ndarray, normals: np.ndarray, weights: np.ndarray,
@@ -242,9 +237,7 @@ def fit_curvature(points: np.ndarray, normals: np.ndarray, weights: np.ndarray,
 
 def _principal(kind: Kind, curvature: np.ndarray) -> Principal:
     """Principal curvatures of a model, the larger in magnitude first."""
-    one, other, heading = principal(*curvature.tolist())
-    if abs(other) > abs(one):
-        one, other, heading = other, one, heading + 0.5 * math.pi
+    one, other, heading = principal_curvatures(*curvature.tolist())
     if kind == Kind.CYLINDER:
         return Principal(one, 0.0, heading)
     return Principal(one, other, heading if kind == Kind.GENERAL else 0.0)

@@ -1,29 +1,14 @@
 """Choice of the least surface: plane, sphere, cylinder or general, by chi-square."""
 import math
-from typing import NamedTuple
 
 import numpy as np
 
 from tactile_shape.types.patch import Kind
+from tactile_shape.types.tangent import Principal
 
 # Chi-square exceeded by 1 % of samples with 1, 2 and 3 degrees of freedom.
 LEVELS = (0.0, 6.635, 9.210, 11.345)
 _ALIKE = np.array([1.0, 0.0, 1.0])  # of (K11, K12, K22): a sphere's
-
-
-class Principal(NamedTuple):
-    """Principal curvatures [1/m], or eigenvalues, and the angle of the first's direction [rad]."""
-
-    first: float
-    second: float
-    heading: float
-
-
-def principal(k11: float, k12: float, k22: float) -> Principal:
-    """Eigenvalues of a symmetric 2 x 2, the larger first, and the first direction's angle."""
-    mean, half = 0.5 * (k11 + k22), 0.5 * (k11 - k22)
-    radius = math.hypot(half, k12)
-    return Principal(mean + radius, mean - radius, 0.5 * math.atan2(k12, half))
 
 
 def along(heading: float) -> np.ndarray:

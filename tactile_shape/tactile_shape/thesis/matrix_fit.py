@@ -2,9 +2,8 @@
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike
 
-from tactile_common.errors import ConfigurationError, SurfaceError
+from tactile_common.errors import SurfaceError
 from tactile_shape.types.surface_matrix import PARAMETERS, SurfaceMatrix
 
 _NO_UNIT = [PARAMETERS.index(name) for name in ('c14', 'c24', 'c34')]
@@ -24,7 +23,7 @@ class MatrixFit:
     residual: float  # RMS of the normals' residuals [rad]
 
 
-def fit_matrix(points: ArrayLike, normals: ArrayLike, *, position_noise: float = 0.0,
+def fit_matrix(points: np.ndarray, normals: np.ndarray, *, position_noise: float = 0.0,
                normal_noise: float = 0.0) -> MatrixFit:
     """
     Fit a surface matrix to points and normals by 2 L S X = n.
@@ -34,28 +33,14 @@ def fit_matrix(points: ArrayLike, normals: ArrayLike, *, position_noise: float =
 
     Parameters
     ----------
-    points, normals : array_like, shape (N, 3)
+    points, normals : ndarray, shape (N, 3)
         In the contact frame of which the surface is wanted: z inward, the origin a contact.
     position_noise : float, optional
         Standard deviation of a coordinate [m]: directions that the points' spread shows no
         clearer than that are not seen.
     normal_noise : float, optional
         Standard deviation of a normal's component [rad].
-
-    Raises
-    ------
-    ConfigurationError
-        A shape is wrong, a number is not finite or a noise is negative.
     """
-    points, normals = (np.asarray(values, dtype=float) for values in (points, normals))
-    if points.ndim != 2 or points.shape[1] != 3 or not len(points):
-        raise ConfigurationError(f'points has shape {points.shape}, must be (N, 3), N above 0')
-    if normals.shape != points.shape:
-        raise ConfigurationError(f'normals has shape {normals.shape}, must be {points.shape}')
-    if not (np.isfinite(points).all() and np.isfinite(normals).all()):
-        raise ConfigurationError('points or normals: a number is not finite')
-    if not (0.0 <= position_noise < np.inf and 0.0 <= normal_noise < np.inf):
-        raise ConfigurationError('noise: must be finite and not negative')
     # Lengths in units of the spread: else curvatures and normals are not to be compared.
     unit = max(np.abs(points).max(), 1e-12)
     matrix = design_matrix(points / unit)

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from tactile_common.errors import SurfaceError
-from tactile_shape.types.tangent import principal_axes, tangent_frame
+from tactile_shape.types.tangent import principal_curvatures, tangent_frame, turn_about_z
 
 # Order of the ten parameters (4.33): row and column of each in the matrix.
 ROWS, COLUMNS = np.triu_indices(4)
@@ -58,16 +58,11 @@ class SurfaceMatrix:
         cylinder, and keeps the quadric near the reduced form of `height` otherwise.
         """
         curvature = np.array(curvature, dtype=float)
-        if curvature.shape != (2, 2):
-            raise SurfaceError(f'curvature has shape {curvature.shape}, must be (2, 2)')
         matrix = np.zeros((4, 4))
         matrix[:2, :2] = -0.5 * curvature
         matrix[2, 3] = matrix[3, 2] = 0.5
-        if np.isfinite(curvature).all():
-            principal = np.linalg.eigvalsh(0.5 * (curvature + curvature.T))
-            matrix[2, 2] = -0.5 * principal[np.argmax(np.abs(principal))]
-        else:
-            matrix[0, 0] = np.nan  # refused with the others by the constructor
+        matrix[2, 2] = -0.5 * principal_curvatures(
+            curvature[0, 0], curvature[0, 1], curvature[1, 1]).first
         return cls(matrix)
 
     @classmethod
@@ -80,8 +75,6 @@ class SurfaceMatrix:
     def in_frame(self, transform: ArrayLike) -> 'SurfaceMatrix':
         """Return the surface in another frame, by the transform (4, 4) from that to this (4.8)."""
         transform = np.asarray(transform, dtype=float)
-        if transform.shape != (4, 4) or not np.isfinite(transform).all():
-            raise SurfaceError('transform: must be 4 x 4 and finite')
         return SurfaceMatrix(transform.T @ self.matrix @ transform)
 
     def normalised(self, point: ArrayLike = (0.0, 0.0, 0.0)) -> 'SurfaceMatrix':
@@ -124,8 +117,8 @@ class SurfaceMatrix:
         along = tangent[:, :2]
         steepness = np.linalg.norm(self.gradient(point))
         local = -2.0 / steepness * along.T @ self.matrix[:3, :3] @ along
-        curvature, turn = principal_axes(local)
-        return curvature, tangent @ turn
+        first, second, heading = principal_curvatures(local[0, 0], local[0, 1], local[1, 1])
+        return np.array([first, second]), tangent @ turn_about_z(heading)
 
 
 def _homogeneous(points: ArrayLike) -> np.ndarray:

@@ -1,4 +1,7 @@
 """Tangent frames, principal axes and the reduced form of a surface over its tangent plane."""
+import math
+from typing import NamedTuple
+
 import numpy as np
 from numpy.typing import ArrayLike
 
@@ -15,17 +18,33 @@ def tangent_frame(normal: np.ndarray) -> np.ndarray:
                      [-sign * x, -y, z]])
 
 
-def principal_axes(curvature: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """
-    Principal curvatures of K (2, 2), the larger in magnitude first.
+class Principal(NamedTuple):
+    """Principal curvatures [1/m], or eigenvalues, and the angle of the first's direction [rad]."""
 
-    Also returns the rotation (3, 3) about z that brings x and y to the principal directions.
-    """
-    values, vectors = np.linalg.eigh(0.5 * (curvature + np.transpose(curvature)))
-    if abs(values[1]) >= abs(values[0]):
-        values, vectors = values[::-1], vectors[:, ::-1]
-    x, y = vectors[:, 0] if vectors[0, 0] >= 0.0 else -vectors[:, 0]
-    return values, np.array([[x, -y, 0.0], [y, x, 0.0], [0.0, 0.0, 1.0]])
+    first: float
+    second: float
+    heading: float
+
+
+def principal(k11: float, k12: float, k22: float) -> Principal:
+    """Eigenvalues of a symmetric 2 x 2, the larger first, and the first direction's angle."""
+    mean, half = 0.5 * (k11 + k22), 0.5 * (k11 - k22)
+    radius = math.hypot(half, k12)
+    return Principal(mean + radius, mean - radius, 0.5 * math.atan2(k12, half))
+
+
+def principal_curvatures(k11: float, k12: float, k22: float) -> Principal:
+    """As `principal`, the larger in magnitude first."""
+    found = principal(k11, k12, k22)
+    if abs(found.second) > abs(found.first):
+        return Principal(found.second, found.first, found.heading + 0.5 * math.pi)
+    return found
+
+
+def turn_about_z(heading: float) -> np.ndarray:
+    """Rotation (3, 3) about z that brings x to a heading [rad]."""
+    c, s = math.cos(heading), math.sin(heading)
+    return np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
 
 
 def height(curvature: ArrayLike, points: ArrayLike) -> np.ndarray:
