@@ -10,7 +10,7 @@ import numpy as np
 from tactile_common.command_line import reading_bags
 from tactile_common.errors import ConfigurationError
 from tactile_common.npz_stream import clear_errors, read_arrays, scalar
-from tactile_shape.contour.contact_path import ContactPath, needs_picture, WAITING
+from tactile_shape.contour.contact_path import ContactPath
 
 if TYPE_CHECKING:
     from tactile_sensing.observations import Observation
@@ -122,20 +122,14 @@ def place_contacts(observations: Iterable['Observation'],
     """
     path, lost = ContactPath(finger_radius), True
     rows: list[tuple] = []
-    pictures: dict[int, Observation] = {}
     for seen in observations:
         placed = []
         if seen.kind == 'image':
-            pictures[seen.stamp_ns] = seen
-            if len(pictures) > WAITING:
-                del pictures[next(iter(pictures))]
+            path.add_picture(seen.stamp_ns, seen.value)
         elif seen.kind == 'sensor_pose':
             placed = path.add_pose(seen.stamp_ns, seen.value())
         else:
-            contact, picture = seen.value(), pictures.get(seen.stamp_ns)
-            placed = path.add_contact(
-                seen.stamp_ns, contact, seen.stamp_ns,
-                picture.value() if picture is not None and needs_picture(contact) else None)
+            placed = path.add_contact(seen.stamp_ns, seen.value(), seen.stamp_ns)
         for stamp_ns, contact, anew, _ in placed:
             if anew and not lost:
                 rows.append((1e-9 * stamp_ns, np.nan, np.nan, False))

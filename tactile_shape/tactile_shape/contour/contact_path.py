@@ -1,5 +1,6 @@
 """Where in space a contact on the pad is: on the pad's surface, at the contact's stamp."""
 from collections import deque
+from collections.abc import Callable
 from dataclasses import dataclass
 import math
 from typing import Any, NamedTuple
@@ -125,6 +126,7 @@ class ContactPath:
         self._finger_radius, self._max_gap = finger_radius, round(max_gap * NS)
         self._poses = PoseBuffer(max_gap)
         self._waiting: deque[_Waiting] = deque(maxlen=WAITING)
+        self._pictures: dict[int, Callable[[], TactileImage | None]] = {}  # by their stamps [ns]
         self.lost = 0  # contacts that no pose came for
         self._last: int | None = None  # stamp of the last contact [ns]
         self._touched = -self._max_gap - 1  # stamp of the last load [ns], and the largest one
@@ -147,9 +149,16 @@ class ContactPath:
         self._poses.add(stamp_ns, pose)
         return self.settle()
 
-    def add_contact(self, stamp_ns: int, contact: Contact, extra: Any = None,
-                    picture: TactileImage | None = None) -> list[Placed]:
+    def add_picture(self, stamp_ns: int, unpack: Callable[[], TactileImage | None]) -> None:
+        """Add a picture, before its contact. Few are needed, and to unpack all cost the most."""
+        self._pictures[stamp_ns] = unpack
+        if len(self._pictures) > WAITING:
+            del self._pictures[next(iter(self._pictures))]
+
+    def add_contact(self, stamp_ns: int, contact: Contact, extra: Any = None) -> list[Placed]:
         """Add a contact, see `locate`; returns the contacts that can be placed, as `settle`."""
+        unpack = self._pictures.get(stamp_ns) if needs_picture(contact) else None
+        picture = unpack() if unpack else None
         if len(self._waiting) == self._waiting.maxlen:
             self.lost += 1
         self._waiting.append(_Waiting(stamp_ns, contact, extra, picture))

@@ -1,7 +1,7 @@
 """Shape estimator node: contacts and the sensor's pose in, surface patches and contour out."""
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass
-from struct import Struct
 from typing import Any
 
 from geometry_msgs.msg import PoseStamped
@@ -12,7 +12,7 @@ from visualization_msgs.msg import MarkerArray
 
 from tactile_common.config import bounded, one_of
 from tactile_common.errors import TactileError
-from tactile_common.ros.cdr import unpacked
+from tactile_common.ros.cdr import DAMAGE, stamp_of, unpacked
 from tactile_common.ros.conversions import pose_from_msg, set_stamp, stamp_to_ns
 from tactile_common.ros.node import TactileNode
 from tactile_common.ros.parameters import declare_from
@@ -23,20 +23,13 @@ from tactile_sensing.conversions import contact_from_msg, image_from_msg
 from tactile_sensing.types.contact import ContactType
 from tactile_sensing.types.image import TactileImage as Image
 from tactile_shape.compile_kernels import compile_kernels
-from tactile_shape.contour.contact_path import (
-    ContactPath,
-    needs_picture,
-    Placed,
-    SpatialContact,
-    WAITING,
-)
+from tactile_shape.contour.contact_path import ContactPath, Placed, SpatialContact, WAITING
 from tactile_shape.contour.object_model import ModelConfig, ObjectModel
 from tactile_shape.conversions import contour_point_to_msg, model_to_markers, patch_to_msg
 from tactile_shape.local_surface.local_quadric import LocalQuadricConfig
 from tactile_shape.shape_estimator import make_surface_estimator, METHODS, ShapeEstimator
 from tactile_shape.types.patch import Patch, refusal
 
-_STAMP = Struct('<iI')  # of a message, after its first four bytes
 SOURCES = ('sensor', 'servo')
 # Nobody waits for a patch: on a busy machine late is better than lost. Of poses there are more.
 _LATE, _POSES = (QoSProfile(depth=depth, reliability=ReliabilityPolicy.BEST_EFFORT)
@@ -113,7 +106,6 @@ class ShapeTopics:
         self._path = ContactPath(surface.finger_radius, own.max_gap)
         self._max_gap_ns, self._touched_ns = round(1e9 * own.max_gap), 0
         self.by_servo = own.source == 'servo'
-        self._pictures: dict[tuple[int, int], bytes] = {}  # by their stamps
         self._none = patch_to_msg(refusal(''), Header())
         self._surface = make_surface_estimator(own.method, surface)
         self._frame: str | None = None
@@ -152,24 +144,18 @@ class ShapeTopics:
 
     def take_image(self, raw: bytes) -> None:
         """Take the bytes of an image."""
-        if len(raw) < 4 + _STAMP.size:
-            return
-        # Few are needed, and to unpack all would cost the most.
-        self._pictures[_STAMP.unpack_from(raw, 4)] = raw
-        if len(self._pictures) > WAITING:
-            del self._pictures[next(iter(self._pictures))]
+        with suppress(*DAMAGE):
+            self._path.add_picture(stamp_of(raw), lambda: _image(raw))
 
     def take_contact(self, msg: ContactMsg) -> None:
         """Take a contact of the sensor."""
         try:
             contact = contact_from_msg(msg)
-            if self.by_servo and contact.type != ContactType.NONE:
-                return
-            picture = self._picture_at(msg.header.stamp) if needs_picture(contact) else None
         except TactileError as error:
             self._warn(f'contact passed over: {error}')
             return
-        self._take(self._path.add_contact(stamp_to_ns(msg.header.stamp), contact, msg, picture))
+        if not self.by_servo or contact.type == ContactType.NONE:
+            self._take(self._path.add_contact(stamp_to_ns(msg.header.stamp), contact, msg))
 
     def take_touch(self, msg: PoseStamped) -> None:
         """Take a contact that a servo tells."""
@@ -188,13 +174,6 @@ class ShapeTopics:
         set_stamp(told.header.stamp, stamp_ns)
         self._take([Placed(told, contact, anew, '')])
 
-    def _picture_at(self, stamp: Any) -> Image | None:
-        raw = self._pictures.get((stamp.sec, stamp.nanosec))
-        try:
-            return None if raw is None else image_from_msg(unpacked(raw, TactileImage))
-        except TactileError:
-            return None
-
     def _take(self, all_placed: list[Placed]) -> None:
         for placed in all_placed:
             patch = self._shape.take(placed)
@@ -210,6 +189,12 @@ class ShapeTopics:
         message = self._none  # of an edge every contact has none
         message.header, message.sensor, message.reason = header, sensor, patch.reason
         return message
+
+
+def _image(raw: bytes) -> Image | None:
+    with suppress(TactileError):
+        return image_from_msg(unpacked(raw, TactileImage))
+    return None
 
 
 class ShapeEstimatorNode(TactileNode):
