@@ -87,7 +87,7 @@ EDGES = {
              + ']', 'edge.path is longer than 20 m'),
     'straights': ('start: [0, 0, 0], heading: 0, path: [' + '{straight: 10}, ' * 9000 + ']',
                   'edge.path is longer than 20 m'),
-    'spline': ('z: 0, spline: {points: [' + '[0, 0], [10, 0], ' * 2000 + ']}',
+    'polygon': ('z: 0, polygon: {points: [' + '[0, 0], [10, 0], ' * 2000 + ']}',
                'longer than 20 m'),
     'fillets': ('z: 0, polygon: {radius: 10, points: [' + ''.join(
         f'[{0.001 * k}, {0.001 * (k % 2)}], ' for k in range(4000)) + ']}', 'too short'),

@@ -61,7 +61,7 @@ class Interrupted:
     def check(self):
         """Compare the joints' speed and the force since the goal was tracked with their bounds."""
         robot = RobotModel.from_urdf(str(ROBOT), 'tactile_pad')
-        renderer = EdgeWorld(self.bench.scene, self.bench.scene.sensor.array)
+        renderer = EdgeWorld(self.bench.scene)
         states = self.listener.joints[self._begin:]
         speeds = np.array([state.velocity for state in states])
         assert (np.abs(speeds) <= robot.velocity_limit).all()

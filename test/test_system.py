@@ -68,7 +68,7 @@ def test_pad_stays_over_the_true_edge(tracked):
 
 
 def test_true_force_is_the_wanted_one(tracked):
-    renderer = EdgeWorld(tracked.scene, tracked.scene.sensor.array)
+    renderer = EdgeWorld(tracked.scene)
     force = np.array([renderer.force(pose) for pose in settled(tracked)[::5]])
     assert force.mean() == pytest.approx(FORCE, rel=0.05)
     assert np.sqrt(np.mean((force - FORCE)**2)) < 0.1 * FORCE

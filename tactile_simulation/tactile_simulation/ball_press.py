@@ -8,10 +8,8 @@ from tactile_simulation.sensor import TactelResponse
 from tactile_simulation.world import Scene
 
 PERIOD = 0.005  # s between frames
-HELD, BETWEEN = 0.5, 2.0  # s that a press is held, and that nothing touches before it
 KEPT = 10  # frames of each press
 MODULUS = 4e5  # Pa, Young's, of a soft skin
-CLEAR = 1.6  # pitches from the border of the pad to a press
 
 
 class BallPress:
@@ -38,15 +36,19 @@ class BallPress:
         self._now = 0.0
 
     def frames(self, presses: int) -> np.ndarray:
-        """Return the last KEPT frames of each press, (presses * KEPT, rows, columns)."""
+        """
+        Return the last KEPT frames of each press, (presses * KEPT, rows, columns).
+
+        Nothing touches for 2 s, then the ball for 0.5 s, 1.6 pitches from the border or farther.
+        """
         array = self._array
         reach = (np.array([array.size_x, array.size_y]) / 2.0
-                 - CLEAR * np.array([array.pitch_x, array.pitch_y]))
+                 - 1.6 * np.array([array.pitch_x, array.pitch_y]))
         pictures: list[np.ndarray] = []
         for a, b in self._rng.uniform(-reach, reach, (presses, 2)):
-            self._lasting(np.zeros(array.shape), BETWEEN)
+            self._lasting(np.zeros(array.shape), 2.0)
             pictures += self._lasting(self._pressure.point(
-                array.x, array.y[:, None], a, b, self._force, radius=self._patch), HELD)[-KEPT:]
+                array.x, array.y[:, None], a, b, self._force, radius=self._patch), 0.5)[-KEPT:]
         return np.array(pictures)
 
     def unloaded(self, count: int) -> np.ndarray:

@@ -1,15 +1,14 @@
-"""Shapes of edges: walks of straights, corners and arcs, polygons with fillets, splines."""
+"""Shapes of edges: walks of straights, corners and arcs, polygons with fillets."""
 import math
 
 import numpy as np
-from scipy.interpolate import CubicSpline
 
 from tactile_common.errors import ConfigurationError
 from tactile_common.geometry import wrap_angle
 from tactile_common.polyline import arc_length, resample
 from tactile_simulation.edge_path import CLOSED_WITHIN, EdgePath
 
-# Longest chord of an arc or spline [m]; at a radius of 60 mm it leaves the circle by 0.13 um.
+# Longest chord of an arc [m]; at a radius of 60 mm it leaves the circle by 0.13 um.
 ARC_STEP = 0.25e-3
 STEP = 1e-8  # m of the plan over which a step rises
 
@@ -86,23 +85,6 @@ def polygon(points, radius: float, closed: bool) -> np.ndarray:
         turtle.straight(length)
         turtle.arc(radius, turn)
     return np.array(turtle.points)
-
-
-def spline(points, closed: bool) -> np.ndarray:
-    """Smooth curve through points, cubic in the length of their polygon; else as `polygon`."""
-    knots = np.asarray(points, dtype=float)
-    if closed:
-        knots = np.vstack([knots, knots[:1]])
-    parameter = arc_length(knots)
-    if not np.diff(parameter).min() > 0.0:
-        raise ConfigurationError('two successive points are at one place')
-    curve = CubicSpline(parameter, knots, bc_type='periodic' if closed else 'not-a-knot')
-    # Between knots the curve is longer than the polygon, but never by half in a usable scene.
-    count = math.ceil(1.5 * parameter[-1] / ARC_STEP)
-    vertices = curve(np.linspace(0.0, parameter[-1], count + 1))
-    if closed:
-        vertices[-1] = vertices[0]
-    return vertices
 
 
 def lifted(plan: np.ndarray, base_z: float, *, height=None,

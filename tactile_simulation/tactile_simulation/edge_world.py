@@ -10,15 +10,11 @@ from tactile_common.config import bounded, check_fields
 from tactile_common.errors import ConfigurationError
 from tactile_servo.track_statistics import SETTLING_LENGTH
 from tactile_simulation.edge_path import EdgePath
+from tactile_simulation.edge_shapes import ARC_STEP
 from tactile_simulation.metrics import largest, NAN, rms
 from tactile_simulation.render import force_on, render
 from tactile_simulation.sensor import Skin
 from tactile_simulation.world import Course, Scene, Truth, World
-
-# RMS of the pad's centre, once settled, up to which the edge counts as tracked: the object may
-# slip farther at once [m].
-LATERAL_BOUND = 3e-3
-SPACING = 0.25e-3  # m between the places at which outlines are compared
 
 
 @dataclass(frozen=True)
@@ -92,9 +88,9 @@ class EdgeScene(Scene):
                                     place - self.start.height * down])
         return pose
 
-    def world(self, array=None) -> 'EdgeWorld':
+    def world(self) -> 'EdgeWorld':
         """Return the edge under the pad."""
-        return EdgeWorld(self, array)
+        return EdgeWorld(self)
 
 
 @dataclass(frozen=True, eq=False)
@@ -112,8 +108,8 @@ class EdgeWorld(World):
     The object slips, and `shift` changes, when any method sees the pad where the scene says so.
     """
 
-    def __init__(self, scene: EdgeScene, array=None):
-        super().__init__(scene, array)
+    def __init__(self, scene: EdgeScene):
+        super().__init__(scene)
         self.edge, self._skin, self._slips = scene.edge, scene.skin, scene.slip
         self._area = scene.sensor.area
 
@@ -169,8 +165,12 @@ class EdgeWorld(World):
             'contour_max_error': error, 'contour_area_error': area}
 
     def objection(self, numbers: Mapping[str, Any]) -> str:
-        """The pad's centre must have been led along the edge, as far as the servo says."""
-        led = (numbers['lateral_rms'] < LATERAL_BOUND  # NaN, never settled, fails as well
+        """
+        The pad's centre must have been led along the edge, as far as the servo says.
+
+        Its RMS, once settled, may be 3 mm: the object may slip farther at once.
+        """
+        led = (numbers['lateral_rms'] < 3e-3  # NaN, never settled, fails as well
                and numbers['edge_length'] > max(SETTLING_LENGTH,
                                                 0.9 * numbers['tracked_length']))
         return '' if led else 'the pad was not led along the edge'
@@ -208,5 +208,5 @@ def area_of(points: np.ndarray) -> float:
 
 def _resampled(points):
     path = EdgePath(points)
-    s = np.linspace(0.0, path.length, math.ceil(path.length / SPACING) + 1)
+    s = np.linspace(0.0, path.length, math.ceil(path.length / ARC_STEP) + 1)
     return path.point_at(np.union1d(s, path.arclength))

@@ -4,12 +4,7 @@ import numpy as np
 from tactile_servo.motion.limits import JointLimits
 from tactile_servo.motion.robot import RobotModel
 
-TRAVEL = 1.0  # m
-TURN = 20.0  # rad
-SPEED = 0.5  # m/s
 TURN_RATE = 4.0  # rad/s
-TURN_ACCELERATION = 20.0  # rad/s^2
-MARGIN = 0.01  # kept from the ends of the travel
 
 _JOINT = """
   <joint name="{name}" type="{type}">
@@ -19,7 +14,7 @@ _JOINT = """
   </joint>
   <link name="{name}_link"/>"""
 _AXES = {'x': '1 0 0', 'y': '0 1 0', 'z': '0 0 1'}
-_SLIDE = {'type': 'prismatic', 'reach': TRAVEL, 'speed': SPEED}
+_SLIDE = {'type': 'prismatic', 'reach': 1.0, 'speed': 0.5}  # m, m/s
 
 
 def gantry_urdf(turn_rate=TURN_RATE):
@@ -31,7 +26,7 @@ def gantry_urdf(turn_rate=TURN_RATE):
             name=name, parent=parent, axis=_AXES[name[-1]],
             rpy=f'{np.pi} 0 0' if name == 'turn_z' else '0 0 0',
             **(_SLIDE if name.startswith('slide') else
-               {'type': 'revolute', 'reach': TURN, 'speed': turn_rate}))
+               {'type': 'revolute', 'reach': 20.0, 'speed': turn_rate}))
         parent = f'{name}_link'
     return f"""<robot name="gantry"><link name="base"/>{joints}
   <joint name="pad" type="fixed"><parent link="{parent}"/><child link="tactile_pad"/></joint>
@@ -42,10 +37,11 @@ def gantry(acceleration, turn_rate=TURN_RATE):
     """
     RobotModel and JointLimits of the gantry.
 
-    `acceleration` of its slides [m/s^2], `turn_rate` of its wrist [rad/s].
+    `acceleration` of its slides [m/s^2], `turn_rate` of its wrist [rad/s], which accelerates with
+    20 rad/s^2. From the ends of the travel 10 mm, or 0.01 rad, are kept.
     """
     model = RobotModel.from_urdf(gantry_urdf(turn_rate), 'tactile_pad')
     limits = JointLimits(
-        model.joint_names, model.lower + MARGIN, model.upper - MARGIN, model.velocity_limit,
-        np.array([acceleration] * 3 + [TURN_ACCELERATION] * 3))
+        model.joint_names, model.lower + 0.01, model.upper - 0.01, model.velocity_limit,
+        np.array([acceleration] * 3 + [20.0] * 3))
     return model, limits

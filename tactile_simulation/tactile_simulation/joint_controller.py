@@ -20,9 +20,7 @@ from tactile_common.errors import ConfigurationError, Rejected
 from tactile_servo.motion.trajectory import Trajectory
 from tactile_simulation.plant import DelayedLag
 
-LONGEST_STALL = 0.5  # s that are caught up with; a clock that leaps farther was set anew
 _VELOCITY_AT_END = float(np.finfo(np.float32).eps)  # rad/s; what the controller takes for zero
-_TOLERANCE = 1e-6  # relative; a limit is violated beyond rounding only
 
 
 @dataclass(frozen=True)
@@ -175,9 +173,6 @@ class MockController:
             if not low <= q <= high:
                 raise ConfigurationError(
                     f'initial_positions: {name} = {q:.6g}, must be within {low:.6g}..{high:.6g}')
-        for name, value in (('dead_time', dead_time), ('lag', lag)):
-            if not 0.0 <= value < np.inf:
-                raise ConfigurationError(f'{name}: {value} s, must be at least 0')
         self.interpolate_from_desired_state = interpolate_from_desired_state
         self._period, self._joints = 1.0 / rate, DelayedLag(start, dead_time, lag)
         self.limit_violations, self.active = 0, True
@@ -286,9 +281,10 @@ class MockController:
         """
         Step at the controller's rate up to a time [s], however late that is; returns as `step`.
 
-        A robot's controller has a thread that keeps its time, whatever else the machine does.
+        A robot's controller has a thread that keeps its time, whatever else the machine does; a
+        clock that leaps by more than 0.5 s was set anew.
         """
-        if self._time is not None and now - self._time < LONGEST_STALL:
+        if self._time is not None and now - self._time < 0.5:
             while now - self._time > 1.5 * self._period:
                 self.step(self._time + self._period)
         return self.step(now)
@@ -311,6 +307,7 @@ class MockController:
         reach, before = self._velocity_limit * elapsed, self._command
         command = np.clip(wanted, self._lower, self._upper)
         command = np.clip(command, before - reach, before + reach)
-        self.limit_violations += bool((abs(command - wanted) > _TOLERANCE * reach + 1e-9).any())
+        # By more than rounding.
+        self.limit_violations += bool((abs(command - wanted) > 1e-6 * reach + 1e-9).any())
         self._command = command
         return command

@@ -10,7 +10,6 @@ from tactile_simulation.smoothness import scatter
 from tactile_simulation.world import Truth, World
 
 NAN = float('nan')
-BUSY = 0.05  # of the planned control cycles; a machine that misses more has too little time
 
 
 # Of samples; NaN where there are too few.
@@ -126,10 +125,10 @@ def shown(summary: Mapping[str, Any], metrics=METRICS) -> Iterator[tuple[str, st
 
 
 def busy(summary: Mapping[str, Any]) -> str:
-    """Sentence about a machine that had too little time for a run; empty if it had enough."""
+    """Sentence about a machine that missed more than 5 % of the control cycles, else empty."""
     missed = summary.get('missed_cycles') or 0
     planned = missed + (summary.get('cycles') or 0)
-    if missed <= BUSY * planned:
+    if missed <= 0.05 * planned:
         return ''
     return (f'This machine was too busy: {missed} of {planned} control cycles were missed and '
             f'{summary.get("sensor_rate", NAN):.0f} images per second arrived; '

@@ -6,9 +6,10 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 import numpy as np
 
+from tactile_simulation.metrics import largest
+
 BLUE, ORANGE, GREY, INK = '#1f5fa8', '#d4691e', '#7a808a', '#22262b'
 EDGE_COLOUR = '#c9cdd4'
-FLATTEST = 0.3  # shorter side of a plan of equal axes, of the longer one
 SIDES = np.array([-1.0, 1.0])
 
 
@@ -45,27 +46,12 @@ def note(axes, x, y, text, colour=INK, **options):
         'facecolor': 'white', 'edgecolor': 'none', 'pad': 1.0, 'alpha': 0.8}, **options)
 
 
-def colour_bar(figure, shown, axes, text, **options):
-    """Add the bar of the colours of what is shown."""
-    bar = figure.colorbar(shown, ax=axes, pad=0.02, **options)
-    bar.set_label(text, fontsize=10)
-    bar.ax.tick_params(labelsize=9)
-    bar.outline.set_visible(False)
-
-
 def equal_axes(axes):
     """Give a plan equal axes, and some width and height where an edge is straight."""
     limits = np.array([axes.get_xlim(), axes.get_ylim()])
     middle = limits.mean(axis=1)
-    half = np.maximum(0.5 * np.ptp(limits, axis=1), 0.5 * FLATTEST * np.ptp(limits, axis=1).max())
+    half = np.maximum(0.5 * np.ptp(limits, axis=1), 0.15 * np.ptp(limits, axis=1).max())
     axes.set(xlim=middle[0] + half[0] * SIDES, ylim=middle[1] + half[1] * SIDES, aspect='equal')
-
-
-def show_settled(axes, values, least):
-    """Limit an axis to what errors are once they have settled, and to no less than a bound."""
-    seen = np.abs(values[np.isfinite(values)])
-    if seen.size:
-        axes.set_ylim(1.3 * max(seen.max(), least) * SIDES)
 
 
 def show_contacts(figure, above, side, points, scene):
@@ -80,7 +66,10 @@ def show_contacts(figure, above, side, points, scene):
                             vmin=-most, vmax=most)
         label(axes, f'{"xyz"[first]} [mm]', f'{"xyz"[second]} [mm]', title)
         axes.set_aspect('equal', adjustable='datalim')
-    colour_bar(figure, dots, [above, side], 'off the true surface [\u00b5m]')
+    bar = figure.colorbar(dots, ax=[above, side], pad=0.02)
+    bar.set_label('off the true surface [\u00b5m]', fontsize=10)
+    bar.ax.tick_params(labelsize=9)
+    bar.outline.set_visible(False)
 
 
 def draw(simulation, path) -> None:
@@ -110,7 +99,9 @@ def _edge(figure, simulation):
     figure.legend(loc='outside lower center', ncols=3, fontsize=9.5, frameon=False)
     lateral = 1e3 * truth.lateral
     errors.plot(1e3 * truth.progress[truth.tracking], lateral[truth.tracking], color=BLUE)
-    show_settled(errors, lateral[truth.settled], 5e-3)
+    settled = largest(lateral[truth.settled])
+    if np.isfinite(settled):
+        errors.set_ylim(1.3 * max(settled, 5e-3) * SIDES)
     first = lateral[truth.tracking][:1]
     label(errors, 'tracked length [mm]', 'lateral error [mm]',
           f'Begins at {first[0]:+.2f} mm' if first.size else 'The edge was never touched')

@@ -8,7 +8,7 @@ import numpy as np
 
 from tactile_common.errors import ConfigurationError
 from tactile_common.polyline import arc_length
-from tactile_simulation.edge_shapes import lifted, polygon, spline, Turtle
+from tactile_simulation.edge_shapes import lifted, polygon, Turtle
 from tactile_simulation.edge_world import EdgeScene, Slip, Start
 from tactile_simulation.scene_file import (
     common,
@@ -24,9 +24,7 @@ from tactile_simulation.sensor import Sensor, Skin
 
 # So that neither a slip of units nor a file of a stranger fills the memory:
 MAX_WAY = 20.0  # of all elements of a path, or round all points [m]
-MAX_PAIRS = 5000  # points of a polygon, a spline or a height
-MAX_GAPS = 200
-MAX_WAVES = 1000
+MAX_PAIRS = 5000  # points of a polygon or a height
 
 
 def edge_scene(tree: Any, path: Path) -> EdgeScene:
@@ -61,7 +59,7 @@ def _sensor(tree, skin):
 
 
 def _edge(tree):
-    shape, rest = one_of(tree, 'edge', ('path', 'polygon', 'spline'))
+    shape, rest = one_of(tree, 'edge', ('path', 'polygon'))
     walk = ('start', 'heading') if shape == 'path' else ('z',)
     values = section(rest, 'edge', walk, ('closed', 'height', 'wave', 'gaps'))
     closed = values.get('closed', False)
@@ -73,12 +71,7 @@ def _edge(tree):
         plan = _walked(Turtle((x, y), math.radians(heading)), tree['path'], closed)
     else:
         z = within('edge.z', values['z'], -MAX_LENGTH, MAX_LENGTH)
-        try:
-            plan = (_polygon if shape == 'polygon' else _spline)(tree[shape], closed)
-        except ConfigurationError as error:
-            text = str(error)
-            raise ConfigurationError(
-                text if text.startswith('edge.') else f'edge.{shape}: {text}') from error
+        plan = _polygon(tree['polygon'], closed)
     way = arc_length(plan)[-1]
     return lifted(plan, z, height=_height(values.get('height')),
                   wave=_wave(values.get('wave'), way), gaps=_gaps(values.get('gaps', []), way))
@@ -91,26 +84,23 @@ def _walked(turtle, path, closed):
     way = 0.0
     for number, element in enumerate(path):
         name = f'edge.path[{number}]'
-        if not isinstance(element, dict) or len(element) != 1:
-            raise ConfigurationError(f'{name} is {element!r}, must be one of straight, turn, arc')
-        (kind, value), = element.items()
+        kind, rest = one_of(element, name, ('straight', 'turn', 'arc'))
+        section(rest, name, ())
         if kind == 'straight':
-            length = within(f'{name}.straight', value, 1e-4, MAX_LENGTH)
+            length = within(f'{name}.straight', element[kind], 1e-4, MAX_LENGTH)
             way = _longer('edge.path', way, length)
             turtle.straight(length)
         elif kind == 'turn':
-            turtle.turn(math.radians(within(f'{name}.turn', value, -179.0, 179.0, 'degrees')))
-        elif kind == 'arc':
-            arc = section(value, f'{name}.arc', ('radius', 'angle'))
+            turtle.turn(math.radians(
+                within(f'{name}.turn', element[kind], -179.0, 179.0, 'degrees')))
+        else:
+            arc = section(element[kind], f'{name}.arc', ('radius', 'angle'))
             radius = within(f'{name}.arc.radius', arc['radius'], 1e-4, MAX_LENGTH)
             angle = within(f'{name}.arc.angle', arc['angle'], -360.0, 360.0, 'degrees')
             if angle == 0:
                 raise ConfigurationError(f'{name}.arc.angle is 0, must turn')
             way = _longer('edge.path', way, radius * math.radians(abs(angle)))
             turtle.arc(radius, math.radians(angle))
-        else:
-            raise ConfigurationError(
-                f'{name}: unknown key {kind!r}, must be one of straight, turn, arc')
     if len(turtle.points) < 2:
         raise ConfigurationError('edge.path has no length, must have a straight or an arc')
     plan = np.array(turtle.points)
@@ -133,13 +123,12 @@ def _longer(name, way, length):
 def _polygon(tree, closed):
     values = section(tree, 'edge.polygon', ('points',), ('radius',))
     radius = within('edge.polygon.radius', values.get('radius', 0.0), 0.0, MAX_LENGTH)
-    return polygon(
-        _places('edge.polygon.points', values['points'], 3 if closed else 2), radius, closed)
-
-
-def _spline(tree, closed):
-    values = section(tree, 'edge.spline', ('points',))
-    return spline(_places('edge.spline.points', values['points'], 4), closed)
+    points = _pairs('edge.polygon.points', values['points'], 3 if closed else 2)
+    _longer('edge.polygon', 0.0, arc_length(np.vstack([points, points[:1]]))[-1])
+    try:
+        return polygon(points, radius, closed)
+    except ConfigurationError as error:
+        raise ConfigurationError(f'edge.polygon: {error}') from error
 
 
 def _height(tree):
@@ -154,25 +143,18 @@ def _wave(tree, way):
         return None
     values = section(tree, 'edge.wave', ('height', 'length'))
     return (within('edge.wave.height', values['height'], 0.0, 0.1),
-            within('edge.wave.length', values['length'], max(1e-3, way / MAX_WAVES), MAX_LENGTH))
+            within('edge.wave.length', values['length'], max(1e-3, way / 1000.0), MAX_LENGTH))
 
 
 def _gaps(tree, length):
     if tree == []:
         return []
-    gaps = _pairs('edge.gaps', tree, 1, MAX_GAPS)
+    gaps = _pairs('edge.gaps', tree, 1, 200)
     for first, last in gaps:
         if not 0.0 <= first < last <= length:
             raise ConfigurationError(
                 f'edge.gaps: {first:g} to {last:g} m is no part of 0 to {length:.6g} m')
     return gaps
-
-
-def _places(name, tree, least):
-    """As `_pairs`, of points whose polygon is no longer than `MAX_WAY`."""
-    points = _pairs(name, tree, least)
-    _longer(name, 0.0, np.linalg.norm(np.diff(points, axis=0, append=points[:1]), axis=1).sum())
-    return points
 
 
 def _pairs(name, tree, least, most=MAX_PAIRS):

@@ -25,7 +25,7 @@ class Skin:
     def __post_init__(self):
         check_fields(self, 'skin.')
         try:
-            LayerSkin(self.depth, self.thickness or math.inf, self.poisson)
+            _ = self.layer
         except ConfigurationError as error:
             raise ConfigurationError(f'skin.{error}') from error
 

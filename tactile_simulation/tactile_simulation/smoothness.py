@@ -1,8 +1,6 @@
 """How smoothly a robot moved: accelerations of its joints, scatter of the pad's speed."""
 import numpy as np
 
-TREND = 0.1  # s over which a speed is averaged; what it departs from that is scatter
-
 
 def speeds(time: np.ndarray, positions: np.ndarray) -> np.ndarray:
     """Speed [m/s] since the sample before, of N times [s] and positions (N, 3); NaN if unknown."""
@@ -23,11 +21,11 @@ def accelerations(time: np.ndarray, positions: np.ndarray) -> np.ndarray:
 
 
 def scatter(time: np.ndarray, speed: np.ndarray, chosen: np.ndarray) -> float:
-    """Standard deviation [m/s] of a speed (N,) about its running mean, where all is chosen."""
+    """Standard deviation [m/s] of a speed (N,) about its mean over 0.1 s, where all is chosen."""
     known = chosen & np.isfinite(speed)
     if np.count_nonzero(known) < 3:
         return float('nan')
-    half = max(1, round(0.5 * TREND / float(np.median(np.diff(time[known])))))
+    half = max(1, round(0.05 / float(np.median(np.diff(time[known])))))
     window = np.ones(2 * half + 1)
     whole = np.convolve(known, window, 'same') > 2 * half + 0.5
     trend = np.convolve(np.where(known, speed, 0.0), window, 'same') / len(window)

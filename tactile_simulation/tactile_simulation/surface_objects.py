@@ -1,5 +1,5 @@
 """Objects that a round probe touches: signed distances, positive outside, in the base frame."""
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
@@ -7,7 +7,6 @@ from scipy.ndimage import map_coordinates
 
 from tactile_common.errors import ConfigurationError
 
-STEP = 1e-5  # m, of the differences that give a normal
 CELLS = 96  # along the longest side of a mesh's box
 MARGIN = 0.04  # m around it: the centre of a probe must still see which way the mesh is
 
@@ -21,8 +20,8 @@ class SolidObject(Protocol):
 
 
 def normal_at(solid: SolidObject, point: np.ndarray) -> np.ndarray:
-    """Outward unit normal (3,) of the level through a point (3,)."""
-    steps = STEP * np.vstack([np.eye(3), -np.eye(3)])
+    """Outward unit normal (3,) of the level through a point (3,), by differences over 0.01 mm."""
+    steps = 1e-5 * np.vstack([np.eye(3), -np.eye(3)])
     distances = solid.distance(point + steps)
     slope = distances[:3] - distances[3:]
     return slope / np.linalg.norm(slope)
@@ -101,44 +100,35 @@ def _quarter(x, y):
     return outside + np.minimum(np.maximum(x, y), 0.0)
 
 
-@dataclass(frozen=True, eq=False)
 class Mesh:
     """
     A closed triangle mesh (STL, PLY or what else trimesh reads), its highest point at the origin.
 
     Distances are interpolated in a grid of distances to the triangles: off by an eighth of a
-    cell's square over the radius where the mesh curves, by a part of a cell at its edges.
+    cell's square over the radius where the mesh curves, by a part of a cell at its edges. The
+    scale is from the unit of the file to m.
     """
 
-    path: str
-    scale: float = 1.0  # from the unit of the file to m
-    _origin: np.ndarray = field(init=False, repr=False)
-    _spacing: float = field(init=False, repr=False)
-    _grid: np.ndarray = field(init=False, repr=False)
-
-    def __post_init__(self):
+    def __init__(self, path: str, scale: float = 1.0):
         import trimesh  # off-line only
 
         try:
-            mesh = trimesh.load_mesh(self.path)
+            mesh = trimesh.load_mesh(path)
         except Exception as error:  # whatever a reader of files raises
-            raise ConfigurationError(f'mesh {self.path}: cannot be read: {error}') from error
+            raise ConfigurationError(f'mesh {path}: cannot be read: {error}') from error
         if not isinstance(mesh, trimesh.Trimesh) or not len(mesh.faces):
-            raise ConfigurationError(f'mesh {self.path}: has no triangles')
+            raise ConfigurationError(f'mesh {path}: has no triangles')
         if not mesh.is_watertight:
-            raise ConfigurationError(f'mesh {self.path}: is not closed')
-        vertices = self.scale * np.asarray(mesh.vertices) * [1.0, -1.0, -1.0]  # z inward
+            raise ConfigurationError(f'mesh {path}: is not closed')
+        vertices = scale * np.asarray(mesh.vertices) * [1.0, -1.0, -1.0]  # z inward
         vertices -= vertices[vertices[:, 2].argmin()]
         low, high = vertices.min(axis=0), vertices.max(axis=0)
-        spacing = float((high - low + 2.0 * MARGIN).max() / CELLS)
-        counts = np.ceil((high - low + 2.0 * MARGIN) / spacing).astype(int) + 1
+        self._spacing = float((high - low + 2.0 * MARGIN).max() / CELLS)
+        counts = np.ceil((high - low + 2.0 * MARGIN) / self._spacing).astype(int) + 1
         nodes = np.stack(np.meshgrid(*(np.arange(n) for n in counts), indexing='ij'), axis=-1)
-        origin = low - MARGIN
-        points = origin + spacing * nodes.reshape(-1, 3)
-        grid = _distances(points, vertices[np.asarray(mesh.faces)])
-        object.__setattr__(self, '_origin', origin)
-        object.__setattr__(self, '_spacing', spacing)
-        object.__setattr__(self, '_grid', grid.reshape(counts))
+        self._origin = low - MARGIN
+        self._grid = _distances(self._origin + self._spacing * nodes.reshape(-1, 3),
+                                vertices[np.asarray(mesh.faces)]).reshape(counts)
 
     def distance(self, points: np.ndarray) -> np.ndarray:
         """Signed distances (N,) [m]; outside of the grid those of its border."""

@@ -17,9 +17,6 @@ from tactile_simulation.surface_objects import nearest_point, normal_at, SolidOb
 from tactile_simulation.world import Course, NodeParameters, Scene, Truth, World
 
 PA_PER_COUNT = 1000.0  # of a probe: 15 N on a sphere of its own size do not saturate it
-CALIBRATED = 5.0  # N at the pad's centre, with which the sensor's gain was found
-SLIDES = 1e-7  # m between two poses, below which nothing slides
-TOUCHING = 0.05  # of the force, from which there is contact
 
 
 @dataclass(frozen=True)
@@ -92,9 +89,9 @@ class SurfaceScene(Scene):
         pose[:3, 3] = centre - rotation @ self.dome.centre
         return pose
 
-    def world(self, array=None) -> 'SurfaceWorld':
+    def world(self) -> 'SurfaceWorld':
         """Return the object under the probe."""
-        return SurfaceWorld(self, array)
+        return SurfaceWorld(self)
 
 
 def _turned_to(direction):
@@ -121,15 +118,16 @@ class SurfaceWorld(World):
     been calibrated by the force on it: M0 is that force at the pad's centre.
     """
 
-    def __init__(self, scene: SurfaceScene, array=None):
-        super().__init__(scene, array)
+    def __init__(self, scene: SurfaceScene):
+        super().__init__(scene)
         array = self.array
         self.surface, self.dome, self._touch = scene.surface, scene.dome, scene.touch
         self._operator = operator_for(scene.dome, scene.rubber, array)
         self._outward = (self._operator.points - scene.dome.centre) / scene.dome.skin_radius
         model = FiniteElementDome(scene.dome, array, self._operator)
-        image = model.image(np.array([0.0, 0.0, CALIBRATED, 0.0, 0.0]))
-        self._sensitivity = image.sum() * array.pitch_x * array.pitch_y / CALIBRATED
+        force = 5.0  # N
+        image = model.image(np.array([0.0, 0.0, force, 0.0, 0.0]))
+        self._sensitivity = image.sum() * array.pitch_x * array.pitch_y / force
         self._pose = np.full((4, 4), np.nan)
         self._loads, self._pressing = np.zeros_like(self._outward), 0.0
 
@@ -174,7 +172,8 @@ class SurfaceWorld(World):
         outward = self._outward[touched]
         along = moved - (moved * outward).sum(axis=1, keepdims=True) * outward
         size = np.linalg.norm(along, axis=1, keepdims=True)
-        return np.where(size > SLIDES, along / np.maximum(size, SLIDES), 0.0)
+        least = 1e-7  # m; below, nothing slides
+        return np.where(size > least, along / np.maximum(size, least), 0.0)
 
     def place_on_pad(self, pose: np.ndarray) -> np.ndarray:
         """Place (2,) on the pad that is nearest to the object, at a pose (4, 4) [m]."""
@@ -197,7 +196,7 @@ class SurfaceWorld(World):
         return {
             'surface_rms': rms(errors), 'surface_max': largest(errors),
             'centre_rms': rms(aside), 'centre_max': largest(aside),
-            'contact_kept': float(np.mean(tracked > TOUCHING * force)) if len(tracked) else 0.0,
+            'contact_kept': float(np.mean(tracked > 0.05 * force)) if len(tracked) else 0.0,
             'broken': bool(fragile and largest(truth.force) > fragile)}
 
     def objection(self, numbers: Mapping[str, Any]) -> str:

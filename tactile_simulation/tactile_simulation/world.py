@@ -9,7 +9,6 @@ from typing import Any, ClassVar, TYPE_CHECKING
 import numpy as np
 
 from tactile_common.config import bounded, check_fields
-from tactile_sensing.types.array import TactelArray
 from tactile_simulation.sensor import Sensor, Skin, TactelResponse
 from tactile_simulation.smoothness import speeds
 
@@ -74,8 +73,8 @@ class World(ABC):
         How far the object has slipped [m].
     """
 
-    def __init__(self, scene: 'Scene', array: TactelArray | None = None):
-        self.array = array or scene.sensor.array
+    def __init__(self, scene: 'Scene'):
+        self.array = scene.sensor.array
         self.shift = np.zeros(3)
         self._response = TactelResponse(scene.sensor)
 
@@ -137,8 +136,8 @@ class Scene(ABC):
         """First pose (4, 4) of the sensor in the base."""
 
     @abstractmethod
-    def world(self, array: TactelArray | None = None) -> World:
-        """What the sensor touches, with another array if one is given."""
+    def world(self) -> World:
+        """What the sensor touches."""
 
     @property
     def way(self) -> float:

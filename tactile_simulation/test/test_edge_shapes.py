@@ -1,4 +1,4 @@
-"""Shapes of edges: polygons with fillets, splines, heights, gaps and steps."""
+"""Shapes of edges: polygons with fillets, heights, gaps and steps."""
 import math
 
 import numpy as np
@@ -7,7 +7,7 @@ import yaml
 
 from tactile_common.errors import ConfigurationError
 from tactile_sensing.types.array import TactelArray
-from tactile_simulation.edge_shapes import polygon, spline
+from tactile_simulation.edge_shapes import polygon
 from tactile_simulation.edge_world import EdgeWorld
 from tactile_simulation.render import render
 from tactile_simulation.scene import load_scene
@@ -36,14 +36,6 @@ def test_closed_polygon_has_its_length(tmp_path, radius):
         'points': SQUARE, 'radius': radius}}).edge
     assert edge.closed
     assert edge.length == pytest.approx(0.4 - (8 - 2 * math.pi) * radius, rel=1e-5)
-
-
-def test_closed_spline_is_smooth_at_its_seam():
-    angles = np.linspace(0, 2 * math.pi, 13)[:-1]
-    points = spline(0.04 * np.column_stack([np.cos(angles), np.sin(angles)]), True)
-    np.testing.assert_allclose(np.linalg.norm(points, axis=1), 0.04, rtol=2e-3)
-    first, last = points[1] - points[0], points[-1] - points[-2]
-    assert first @ last / np.linalg.norm(first) / np.linalg.norm(last) > 0.9999
 
 
 @pytest.mark.parametrize('points, radius, words', [
@@ -75,13 +67,13 @@ def test_a_gap_presses_nothing(tmp_path):
     scene = scene_of(tmp_path, {**PATH, 'gaps': [[0.09, 0.102]]})
     pose = scene.start_pose()
     pose[:3, 3] = [0.396, 0.0, 0.099]
-    assert EdgeWorld(scene, PAD).force(pose) == pytest.approx(2e5 * 1e-3 * (0.0254 - 0.012))
+    assert EdgeWorld(scene).force(pose) == pytest.approx(2e5 * 1e-3 * (0.0254 - 0.012))
     assert scene.edge.nearest([[0.396, 0.001, 0.1]])[0][0] == pytest.approx(0.001)
 
 
 def test_the_object_slips_once_the_pad_has_come_so_far(tmp_path):
     scene = scene_of(tmp_path, PATH, slip={'s': 0.1, 'offset': 0.005})
-    renderer = EdgeWorld(scene, PAD)
+    renderer = EdgeWorld(scene)
     pose = scene.start_pose()
     for x, expected in ((0.39, 0.0), (0.41, 0.005), (0.39, 0.005)):
         pose[:3, 3] = [x, 0.0, 0.099]
@@ -95,14 +87,14 @@ def test_flaws_of_a_sensor_are_its_own(tmp_path):
     pose = scene.start_pose()
     pose[:3, 3] = [0.35, 0.0, 0.0992]
     rng = np.random.default_rng(0)
-    counts, again = (EdgeWorld(scene, PAD).counts(pose, rng).astype(float) - 10 for _ in '12')
+    counts, again = (EdgeWorld(scene).counts(pose, rng).astype(float) - 10 for _ in '12')
     np.testing.assert_array_equal(counts, again)
-    true = EdgeWorld(flawless, PAD).counts(pose, rng).astype(float) - 10
+    true = EdgeWorld(flawless).counts(pose, rng).astype(float) - 10
     loaded = true > 30
     gains = counts[loaded] / true[loaded]
     assert (gains == 0.0).sum() <= 3
     assert np.std(gains[gains > 0.0]) == pytest.approx(0.1, rel=0.4)
-    dead = EdgeWorld(scene, PAD).counts(pose, rng)[true > 10] == 10
+    dead = EdgeWorld(scene).counts(pose, rng)[true > 10] == 10
     assert dead.sum() <= 3
 
 

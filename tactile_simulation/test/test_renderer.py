@@ -146,13 +146,13 @@ def test_only_the_relative_pose_matters():
     transform = np.eye(4)
     transform[:3, :3] += math.sin(0.7) * skew + (1 - math.cos(0.7)) * skew @ skew
     transform[:3, 3] = [0.1, -0.2, 0.3]
-    here, there = EdgeWorld(scene, PAD), EdgeWorld(moved(scene, transform), PAD)
+    here, there = EdgeWorld(scene), EdgeWorld(moved(scene, transform))
     np.testing.assert_allclose(there.render(transform @ pose), here.render(pose), rtol=1e-9)
     assert there.force(transform @ pose) == pytest.approx(here.force(pose))
 
 
 def test_half_a_turn_of_the_pad_turns_the_picture():
-    renderer = EdgeWorld(a_scene(), PAD)
+    renderer = EdgeWorld(a_scene())
     pose = a_scene().start_pose()
     turned = pose @ np.diag([-1.0, -1.0, 1.0, 1.0])
     np.testing.assert_allclose(renderer.render(turned), renderer.render(pose)[::-1, ::-1])
@@ -164,21 +164,21 @@ def test_a_step_of_one_pitch_moves_the_picture_by_one_column():
     pose[:3, :3] = np.diag([-1.0, 1.0, -1.0])
     shifted = pose.copy()
     shifted[:3, 3] += PITCH * pose[:3, 0]
-    renderer = EdgeWorld(straight, PAD)
+    renderer = EdgeWorld(straight)
     np.testing.assert_allclose(
         renderer.render(shifted)[:, :-1], renderer.render(pose)[:, 1:], rtol=1e-6, atol=1e-3)
 
 
 def test_sensor_x_points_left_of_the_edge():
     scene = a_scene()
-    pressure = EdgeWorld(scene, PAD).render(scene.start_pose())
+    pressure = EdgeWorld(scene).render(scene.start_pose())
     centroid = (pressure.sum(axis=0) * PAD.x).sum() / pressure.sum()
     assert centroid < -0.0015  # the pad stands 3 mm to the left, so the edge lies at -x
 
 
 def test_counts_are_quantised_pressure_plus_baseline():
     scene = a_scene()
-    renderer, pose = EdgeWorld(scene, PAD), scene.start_pose()
+    renderer, pose = EdgeWorld(scene), scene.start_pose()
     counts = renderer.counts(pose, np.random.default_rng(0))
     assert counts.dtype == np.uint8
     back = (counts.astype(float) - 10.0) * scene.sensor.pa_per_count
@@ -187,15 +187,15 @@ def test_counts_are_quantised_pressure_plus_baseline():
 
 def test_counts_saturate_at_both_ends():
     pose = a_scene().start_pose()
-    strong = EdgeWorld(a_scene(pa_per_count=100.0), PAD).counts(pose, np.random.default_rng(0))
+    strong = EdgeWorld(a_scene(pa_per_count=100.0)).counts(pose, np.random.default_rng(0))
     assert strong.max() == 255
-    noisy = EdgeWorld(a_scene(noise_std=20e3), PAD).counts(None, np.random.default_rng(0))
+    noisy = EdgeWorld(a_scene(noise_std=20e3)).counts(None, np.random.default_rng(0))
     assert noisy.min() == 0
 
 
 def test_noise_has_its_size_and_repeats_with_the_seed():
     scene = a_scene(noise_std=6300.0, baseline=100.0)
-    renderer = EdgeWorld(scene, PAD)
+    renderer = EdgeWorld(scene)
     first, again, other = (
         np.stack([renderer.counts(None, rng) for _ in range(40)])
         for rng in map(np.random.default_rng, (5, 5, 6)))

@@ -24,7 +24,7 @@ def test_counts_become_the_pressure_that_was_rendered(tmp_path, sensor):
     calibration = load_calibration(write_calibration(it, tmp_path / 'pad.yaml'))
     assert calibration.array == it.sensor.array
     assert (calibration.depth, calibration.skin_stiffness) == (0.003, 1e5)
-    renderer, pose = EdgeWorld(it, it.sensor.array), it.start_pose()
+    renderer, pose = EdgeWorld(it), it.start_pose()
     layer, saturated = calibration.converter()(
         renderer.counts(pose, np.random.default_rng(0)))
     assert saturated == 0

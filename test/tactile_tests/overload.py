@@ -80,7 +80,7 @@ def run_goals(options: argparse.Namespace, bag: Path) -> list[tuple[float, float
 def true_course(bag: Path, scene) -> tuple[np.ndarray, np.ndarray, PoseBuffer]:
     """Stamps (N,) [ns] of the joint states, the force (N,) [N] and the poses at them."""
     robot = RobotModel.from_urdf(share('urdf', 'puma260.urdf'), 'tactile_pad')
-    renderer, poses = EdgeWorld(scene, scene.sensor.array), PoseBuffer(max_gap=1.0, size=10**7)
+    renderer, poses = EdgeWorld(scene), PoseBuffer(max_gap=1.0, size=10**7)
     stamps, forces = [], []
     with Bag(bag) as recording:
         for row in recording.messages(['/joint_states']):
@@ -94,7 +94,7 @@ def true_course(bag: Path, scene) -> tuple[np.ndarray, np.ndarray, PoseBuffer]:
 
 def picture_errors(images, scene, stamps, poses) -> np.ndarray:
     """Force of each picture less that of the pad's pose at its stamp (N,) [N]; NaN: no pose."""
-    renderer, array = EdgeWorld(scene, scene.sensor.array), scene.sensor.array
+    renderer, array = EdgeWorld(scene), scene.sensor.array
     area = array.pitch_x * array.pitch_y
     near = [poses._states[k][1] for k in
             np.clip(np.searchsorted(stamps, images.stamp_ns), 0, len(stamps) - 1)]

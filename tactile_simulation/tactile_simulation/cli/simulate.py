@@ -32,7 +32,6 @@ LAW_HELP = f'servo law; default: {law_for("track_edge")} for an edge, ' \
     f'{law_for("track_surface")} for a surface'
 PATTERNS = (Pattern.LINE, Pattern.RASTER, Pattern.SPIRAL)
 SEED = between(0, 2**32 - 1, kind=int)
-CLIENT_TIMEOUT = 1.0  # s, as `track` asks for
 NODE = '/tactile/edge_servo'  # whose parameters of a file count
 
 
@@ -119,7 +118,8 @@ def goal_of(options: argparse.Namespace, scene: Scene) -> EdgeGoal | SurfaceGoal
                     f'is asked for {scene.action}')
     goal = mine.goal(options, scene, **{name: given[name] for name in mine.options
                                         if name in given})
-    return replace(goal, client_timeout=CLIENT_TIMEOUT if options.fault else 0.0)
+    # With faults as `track` asks for it: 1 s.
+    return replace(goal, client_timeout=1.0 if options.fault else 0.0)
 
 
 def simulation_of(options: argparse.Namespace, scene: Scene) -> Simulation:

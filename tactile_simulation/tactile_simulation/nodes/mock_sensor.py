@@ -25,11 +25,6 @@ from tactile_simulation.line_faults import LineFaults
 from tactile_simulation.pseudo_terminal import PseudoTerminal
 from tactile_simulation.scene import load_scene
 
-_LISTENER_CHECK = 0.002  # s between looks for the first listener; nothing is sent before
-_LATE = 2  # periods; a frame of a scene that is later is not sent: its stamp would be too young
-_STALLED, _UNPLUGGED = 0.05, 0.3  # s
-_POSES = 2000  # kept for the latency: a second at any rate that a robot has
-
 
 @dataclass(frozen=True)
 class MockSensorConfig:
@@ -70,10 +65,9 @@ class MockSensorNode(TactileNode):
 
     A frame is sent as a device sends it behind the one before, with whatever announces the next;
     commands are answered, and faults of the line happen on request. The first frame waits for the
-    first listener; before the first `sensor_pose` the sensor touches nothing. A `recording` and
-    `calibration` that are given take the place of the files. A frame shows the pose at its own
-    instant, or it is not sent: an old pose in a frame that looks new makes a servo press on. Most
-    of its attributes are ROS entities.
+    first listener; before the first `sensor_pose` the sensor touches nothing. A frame shows the
+    pose at its own instant, or it is not sent: an old pose in a frame that looks new makes a servo
+    press on. Most of its attributes are ROS entities.
 
     Attributes
     ----------
@@ -85,7 +79,7 @@ class MockSensorNode(TactileNode):
         listener none of them is counted.
     """
 
-    def __init__(self, recording=None, calibration=None, **kwargs):
+    def __init__(self, **kwargs):
         super().__init__('mock_sensor', **kwargs)
         self.finished = threading.Event()
         self.sent = self.dropped = self.late = self.blind = 0
@@ -101,7 +95,7 @@ class MockSensorNode(TactileNode):
             follow_changes(self, MockSensorConfig, self._set_faults)
             self._fault_rng = np.random.default_rng(self._config.seed)
             self._lock = threading.Lock()  # of the poses: a callback writes, the thread reads
-            self._open_source(recording, calibration)
+            self._open_source()
             self._port = PseudoTerminal(self._config.port)
         except BaseException:
             self.destroy_node()
@@ -118,7 +112,7 @@ class MockSensorNode(TactileNode):
             self._port.close()
         super().destroy_node()
 
-    def _open_source(self, recording, calibration):
+    def _open_source(self):
         config = self._config
         if bool(config.scene) == bool(config.recording):
             raise ConfigurationError(
@@ -133,14 +127,14 @@ class MockSensorNode(TactileNode):
             self._recorded = None
             self._period = 1.0 / config.rate
             age = round(config.max_pose_age * NS)
-            self._poses = StateBuffer(pose_between, size=_POSES, max_gap_ns=2 * age,
+            # As many as a robot has in a second, at any rate.
+            self._poses = StateBuffer(pose_between, size=2000, max_gap_ns=2 * age,
                                       max_ahead_ns=age, restart_ns=NS)
             self.create_subscription(
                 PoseStamped, 'sensor_pose', self._on_pose, qos_profile_sensor_data)
         else:
-            recording = recording or load_recording(config.recording)
-            if config.calibration:
-                calibration = calibration or load_calibration(config.calibration)
+            recording = load_recording(config.recording)
+            calibration = load_calibration(config.calibration) if config.calibration else None
             limits = calibration.counts if calibration else BYTES
             self._recorded, clipped = recording.counts(
                 limits, calibration.resolution if calibration else 1.0)
@@ -174,14 +168,15 @@ class MockSensorNode(TactileNode):
             self.blind += 1
             return None
         counts = self._world.counts(pose, self._rng, instant)
-        if time.monotonic() - instant - self._config.latency > _LATE * self._period:
+        # Two periods late its stamp would be too young.
+        if time.monotonic() - instant - self._config.latency > 2.0 * self._period:
             self.late += 1
             return None
         return counts
 
     def _run(self):
         while not self._port.listened:
-            if self._stop.wait(_LISTENER_CHECK):
+            if self._stop.wait(0.002):
                 return
         begin = time.monotonic()
         numbers: Iterable[int] = itertools.count()
@@ -214,7 +209,7 @@ class MockSensorNode(TactileNode):
             data = faults.spoil(data, rng)
             if rng.random() < faults.stall:
                 self._port.write(data[:len(data) // 2])
-                self._stop.wait(_STALLED)
+                self._stop.wait(0.05)
                 data = data[len(data) // 2:]
         if self._port.write(data):
             self._in_step = True
@@ -223,7 +218,7 @@ class MockSensorNode(TactileNode):
             self.dropped += 1
         if rng.random() < faults.hang_up:
             self._port.close()
-            self._stop.wait(_UNPLUGGED)
+            self._stop.wait(0.3)
             self._port, self._in_step = PseudoTerminal(self._config.port), False
 
     def _on_diagnose(self):
