@@ -313,8 +313,8 @@ def test_equations_are_those_of_their_rows(model_error):
         matrix += rows.T @ inverse @ rows
         right += rows.T @ inverse @ target
         square += target @ inverse @ target
-    contacts = curvature_fit.Contacts(np.column_stack([u, z]), n, weights)
-    found = contacts.sums(noise, curvature, doubt, model_error)
+    fitter = curvature_fit.Fitter(np.column_stack([u, z]), n, weights, noise, 0)
+    found = fitter.sums(curvature, doubt, model_error)
     np.testing.assert_allclose(found[:6, :6], matrix, rtol=1e-9, atol=1e-6)
     np.testing.assert_allclose(found[:6, 6], right, rtol=1e-9)
     assert found[6, 6] == pytest.approx(square)

@@ -29,27 +29,46 @@ class Noise(NamedTuple):
     height: float  # beyond that of position
 
 
-class Contacts:
+class Fit(NamedTuple):
+    """Least model of contacts; height and slope in the frame `axes`."""
+
+    kind: Kind  # NONE where the path is too short to see any curvature
+    axes: np.ndarray  # (3, 3), tangent frame turned so that x is the path's direction
+    height: float  # a [m]
+    slope: np.ndarray  # b, (2,)
+    principal: Principal
+    covariance: np.ndarray  # (2, 2), of the principal curvatures
+    seen: np.ndarray  # (2,), variance of each as the data alone tell it
+    along: float  # variance of the curvature along the path
+    residual: float  # RMS in standard deviations
+    scatter: float  # standard deviation of positions about the surface, at least that told [m]
+
+
+class Fitter:
     """
-    Contacts in a tangent frame, and their equations.
+    Least squares of a stretch of contacts; the first `count` of K are seen, else the prior's.
 
     Parameters
     ----------
     points, normals : ndarray, shape (m, 3)
-        [m]
+        In a tangent frame [m].
     weights : ndarray, shape (m,)
         Independent samples in each contact.
+    noise : Noise
+        Of one sample; that of position grows to what the heights scatter by.
 
-    Attributes
-    ----------
-    rows : ndarray, shape (3, m, 7)
-        Coefficients of a, b1, b2, K11, K12, K22 and right side. The first equation of a contact is
-        that of its height, two are those of its normal.
+    With height and slope eliminated, `left` (4, 4) holds information and right side of K, and the
+    chi-square of K = 0; height and slope are the last column of `lift` (3, 4) less the others
+    times K.
     """
 
-    def __init__(self, points: np.ndarray, normals: np.ndarray, weights: np.ndarray):
-        self.points, self.normals, self.weights = points, normals, weights
-        self.rows = rows = np.zeros((3, len(points), 7))
+    def __init__(self, points: np.ndarray, normals: np.ndarray, weights: np.ndarray, noise: Noise,
+                 count: int):
+        self._points, self._normals, self._weights = points, normals, weights
+        self.noise, self._count = noise, count
+        # Coefficients of a, b1, b2, K11, K12, K22 and right side: of the equation of each
+        # contact's height, and of the two of its normal.
+        self._rows = rows = np.zeros((3, len(points), 7))
         x, y, z = points.T
         rows[0, :, 0] = rows[1, :, 1] = rows[2, :, 2] = 1.0
         rows[0, :, 1] = rows[1, :, 3] = rows[2, :, 4] = x
@@ -57,8 +76,14 @@ class Contacts:
         rows[0, :, 3], rows[0, :, 4], rows[0, :, 5] = 0.5 * x * x, x * y, 0.5 * y * y
         rows[0, :, 6] = 0.5 * z * (1.0 + normals[:, 2])
         rows[1:, :, 6] = -normals[:, :2].T
+        self._solve(np.zeros(3), np.zeros(3))
+        for _ in range(PASSES - 1 if count else 0):
+            covariance = np.linalg.inv(self.information)
+            curvature = covariance @ self.right
+            self.noise = noise._replace(position=self._scatter(curvature, noise.position))
+            self._solve(curvature, np.diag(covariance))
 
-    def sums(self, noise: Noise, curvature: np.ndarray, doubt: np.ndarray,
+    def sums(self, curvature: np.ndarray, doubt: np.ndarray,
              model_error: float = 0.0) -> np.ndarray:
         """
         Sums of the products of the rows, weighted by the inverse of their covariance.
@@ -79,10 +104,10 @@ class Contacts:
             and its weighted square.
         """
         k11, k12, k22 = curvature.tolist()
-        (x, y, z), n = self.points.T, self.normals
+        noise, (x, y, z), n = self.noise, self._points.T, self._normals
         lean, up = (n[:, :2]**2).sum(axis=1), np.maximum(n[:, 2], 0.1)
         turn = (k11 * x + k12 * y)**2 + (k12 * x + k22 * y)**2
-        unlike = self.weights * model_error**2 * turn
+        unlike = self._weights * model_error**2 * turn
         # Along the surface, height and slope move together and cancel up to the second order.
         left_over = 0.5 * (1.0 - up) / up
         height = (noise.position**2 * (lean + 0.25 * (1.0 + up)**2) + noise.height**2
@@ -92,47 +117,13 @@ class Contacts:
         s11 = normal + slide * (k11 * k11 + k12 * k12 + doubt[0] + doubt[1])
         s22 = normal + slide * (k12 * k12 + k22 * k22 + doubt[1] + doubt[2])
         s12 = slide * k12 * (k11 + k22)
-        weights = self.weights / (s11 * s22 - s12 * s12)
-        of_height, first, second = self.rows
+        weights = self._weights / (s11 * s22 - s12 * s12)
+        of_height, first, second = self._rows
         weighted = np.stack([
-            (self.weights / height)[:, None] * of_height,
+            (self._weights / height)[:, None] * of_height,
             (weights * s22)[:, None] * first - (weights * s12)[:, None] * second,
             (weights * s11)[:, None] * second - (weights * s12)[:, None] * first])
-        return self.rows.reshape(-1, 7).T @ weighted.reshape(-1, 7)
-
-
-class Fit(NamedTuple):
-    """Least model of contacts; height and slope in the frame `axes`."""
-
-    kind: Kind  # NONE where the path is too short to see any curvature
-    axes: np.ndarray  # (3, 3), tangent frame turned so that x is the path's direction
-    height: float  # a [m]
-    slope: np.ndarray  # b, (2,)
-    principal: Principal
-    covariance: np.ndarray  # (2, 2), of the principal curvatures
-    seen: np.ndarray  # (2,), variance of each as the data alone tell it
-    along: float  # variance of the curvature along the path
-    residual: float  # RMS in standard deviations
-    scatter: float  # standard deviation of positions about the surface, at least that told [m]
-
-
-class _Fitter:
-    """
-    Least squares of a stretch of contacts; the first `count` of K are seen, else the prior's.
-
-    With height and slope eliminated, `left` (4, 4) holds information and right side of K, and the
-    chi-square of K = 0; height and slope are the last column of `lift` (3, 4) less the others
-    times K.
-    """
-
-    def __init__(self, contacts: Contacts, noise: Noise, count: int):
-        self._contacts, self._count, self.noise = contacts, count, noise
-        self._solve(np.zeros(3), np.zeros(3))
-        for _ in range(PASSES - 1 if count else 0):
-            covariance = np.linalg.inv(self.information)
-            curvature = covariance @ self.right
-            self.noise = noise._replace(position=self._scatter(curvature, noise.position))
-            self._solve(curvature, np.diag(covariance))
+        return self._rows.reshape(-1, 7).T @ weighted.reshape(-1, 7)
 
     @property
     def information(self) -> np.ndarray:
@@ -161,7 +152,7 @@ class _Fitter:
 
     def excess(self) -> tuple[float, float]:
         """Chi-square per degree of freedom, at least 1: what is unexplained is noise. Its RMS."""
-        freedom = 3 * len(self._contacts.points) - 3 - self._count
+        freedom = 3 * len(self._points) - 3 - self._count
         if freedom < 1:
             return 1.0, math.nan
         explained = float(self.right @ np.linalg.solve(self.information, self.right))
@@ -170,7 +161,7 @@ class _Fitter:
 
     def _solve(self, curvature: np.ndarray, doubt: np.ndarray, model_error: float = 0.0) -> None:
         self._doubt = doubt
-        sums = self._contacts.sums(self.noise, curvature, doubt, model_error)
+        sums = self.sums(curvature, doubt, model_error)
         self._lift = np.linalg.solve(sums[:3, :3], sums[:3, 3:])
         self._left = sums[3:, 3:] - sums[3:, :3] @ self._lift
         for unseen in range(self._count, 3):
@@ -179,10 +170,9 @@ class _Fitter:
 
     def _scatter(self, curvature: np.ndarray, told: float) -> float:
         """Standard deviation of positions [m], from residuals of heights if that is the larger."""
-        weights = self._contacts.weights
+        weights, heights = self._weights, self._rows[0]
         if len(weights) < ENOUGH:
             return told
-        heights = self._contacts.rows[0]
         residual = heights[:, 6] - heights[:, :6] @ [*self.flat(curvature), *curvature]
         # Of the six parameters, the heights alone have paid for two, about.
         return max(told, math.sqrt(weights @ residual**2 / (len(weights) - 2)))
@@ -218,7 +208,7 @@ def fit_curvature(points: np.ndarray, normals: np.ndarray, weights: np.ndarray,
     turn, count = _path_frame(
         points @ axes[:, :2], weights, math.hypot(noise.position, noise.location))
     axes = axes @ turn
-    fitter = _Fitter(Contacts(points @ axes, normals @ axes, weights), noise, count)
+    fitter = Fitter(points @ axes, normals @ axes, weights, noise, count)
     kind, curvature, residual, excess = Kind.NONE, np.zeros(3), math.nan, 1.0
     if count:
         excess, residual = fitter.excess()
