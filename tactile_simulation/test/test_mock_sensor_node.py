@@ -20,8 +20,7 @@ from tactile_sensing.devices.calibration import Calibration
 from tactile_sensing.devices.calibration_file import save_calibration
 from tactile_sensing.devices.flexitac import FlexiTacDecoder, MARKER
 from tactile_sensing.devices.registry import options_of, PROTOCOLS
-from tactile_sensing.types.array import TactelArray
-from tactile_simulation.nodes.mock_sensor import MockSensorConfig, MockSensorNode
+from tactile_simulation.nodes.mock_sensor import MockSensorNode
 from tactile_simulation.pseudo_terminal import PseudoTerminal
 from tactile_simulation.scene import load_scene
 
@@ -120,27 +119,28 @@ def decoded(data, shape, kind=np.uint8):
 
 
 def world_of(scene):
-    return load_scene(scene).world(TactelArray(16, 16, 0.0254 / 16, 0.0254 / 16))
+    return load_scene(scene).world()
+
+
+def looking_down():
+    """Pose of a pad with x = base -x, half a turn about base y, pressed on the edge."""
+    message = PoseStamped()
+    message.pose.position.x, message.pose.position.z = 0.297, 0.119
+    message.pose.orientation.y, message.pose.orientation.w = 1.0, 0.0
+    return message
 
 
 def test_unloaded_frames_before_the_first_pose(mock, scene, tmp_path):
     mock(scene=scene, seed=7)
     with Listener(tmp_path / 'sensor') as listener:
-        frames = decoded(listener.read_bytes(2 + 20 * 258), (16, 16))[:20]
+        data = listener.read_bytes(2 + 20 * 258)
+    assert data.startswith(MARKER) and data.endswith(MARKER) and (len(data) - 2) % 258 == 0
+    frames = decoded(data, (16, 16))[:20]
     rng = np.random.default_rng(7)
     renderer = world_of(scene)
     # In this order; a machine that is too slow for one leaves it out.
     drawn = (renderer.counts(None, rng) for _ in range(1000))
     assert all(any(np.array_equal(frame, one) for one in drawn) for frame in frames)
-
-
-def test_bytes_begin_and_end_with_a_marker(mock, scene, tmp_path):
-    mock(scene=scene)
-    with Listener(tmp_path / 'sensor') as listener:
-        data = listener.read_bytes(2 + 5 * 258)
-    assert data.startswith(MARKER)
-    assert data.endswith(MARKER)
-    assert (len(data) - 2) % 258 == 0
 
 
 def test_picture_follows_the_pose(mock, scene, context, tmp_path):
@@ -149,10 +149,7 @@ def test_picture_follows_the_pose(mock, scene, context, tmp_path):
     publisher = robot.create_publisher(PoseStamped, 'sensor_pose', qos_profile_sensor_data)
     executor = make_executor(context)
     executor.add_node(node)
-    message = PoseStamped()
-    message.pose.position.x, message.pose.position.z = 0.297, 0.119
-    message.pose.orientation.y = 1.0  # half a turn about base y: looks down, pad x = base -x
-    message.pose.orientation.w = 0.0
+    message = looking_down()
     picture = world_of(scene).render(pose_from_msg(message.pose))
     try:
         end = time.monotonic() + DEADLINE
@@ -178,9 +175,7 @@ def test_picture_follows_the_pose(mock, scene, context, tmp_path):
 
 def test_a_frame_without_a_pose_of_its_instant_is_not_sent(mock, scene, context, tmp_path):
     node = mock(scene=scene, max_pose_age=0.05)
-    message = PoseStamped()
-    message.pose.position.x, message.pose.position.z = 0.297, 0.119
-    message.pose.orientation.y, message.pose.orientation.w = 1.0, 0.0
+    message = looking_down()
 
     def place(age):
         message.header.stamp = stamp_from_ns(node.get_clock().now().nanoseconds - age)
@@ -208,9 +203,7 @@ def test_a_frame_shows_the_pose_at_its_own_instant(mock, scene, tmp_path):
     render = node._world.counts
     node._world.counts = lambda pose, rng, now: asked.append(
         (time.time(), pose)) or render(pose, rng)
-    message = PoseStamped()
-    message.pose.position.x, message.pose.orientation.y = 0.297, 1.0
-    message.pose.orientation.w = 0.0
+    message = looking_down()
     begin = time.time()
     with Listener(tmp_path / 'sensor') as listener:
         end = time.monotonic() + DEADLINE
@@ -233,9 +226,7 @@ def test_a_frame_that_is_newer_than_every_pose_shows_the_motion_go_on(mock, scen
     node = mock(scene=scene, latency=0.001, max_pose_age=0.05)
     ahead = []
     render = node._world.counts
-    message = PoseStamped()
-    message.pose.position.x, message.pose.orientation.y = 0.297, 1.0
-    message.pose.orientation.w = 0.0
+    message = looking_down()
     begin, begin_steady = time.time(), time.monotonic()
 
     def counts(pose, rng, instant):
@@ -316,7 +307,9 @@ def test_recording_waits_for_its_listener_and_loops(mock, recording, tmp_path):
     assert not node.finished.is_set()
 
 
-def test_shutdown_hangs_up_and_removes_the_link(mock, scene, tmp_path):
+def test_a_link_left_behind_is_replaced_and_shutdown_hangs_up_and_removes_it(
+        mock, scene, tmp_path):
+    (tmp_path / 'sensor').symlink_to('/dev/pts/999999')
     node = mock(scene=scene)
     with Listener(tmp_path / 'sensor') as listener:
         listener.read_bytes(600)
@@ -362,13 +355,6 @@ def test_frames_are_dropped_whole_when_nobody_reads(mock, scene, tmp_path):
     assert len(decoded(data, (16, 16))) >= 200
 
 
-def test_link_left_behind_is_replaced(mock, scene, tmp_path):
-    (tmp_path / 'sensor').symlink_to('/dev/pts/999999')
-    mock(scene=scene)
-    with Listener(tmp_path / 'sensor') as listener:
-        listener.read_bytes(300)
-
-
 def test_later_link_is_left_alone(tmp_path):
     first = PseudoTerminal(tmp_path / 'sensor')
     second = PseudoTerminal(tmp_path / 'sensor')
@@ -408,8 +394,3 @@ def test_port_must_be_given_and_possible(mock, scene, tmp_path):
         mock(scene=scene, port='')
     with pytest.raises(ConfigurationError, match='cannot be made: No such file'):
         mock(scene=scene, port=str(tmp_path / 'none' / 'sensor'))
-
-
-def test_defaults_are_within_their_ranges():
-    config = MockSensorConfig()
-    assert (config.rate, config.latency) == (200.0, 0.0025)

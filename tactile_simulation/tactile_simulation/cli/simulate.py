@@ -9,7 +9,7 @@ from collections.abc import Callable
 from dataclasses import replace
 import sys
 import time
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -96,28 +96,23 @@ def surface_goal(options: argparse.Namespace, scene: Any, pattern: str = 'line',
                        size=tuple(size), step_over=step_over)
 
 
-class Kind(NamedTuple):
-    """What a scene's action is asked for: the options for it alone, and the goal they make."""
-
-    options: tuple[str, ...]
-    goal: Callable[..., Any]
-
-
-KINDS = {'track_edge': Kind(('direction',), edge_goal),
-         'track_surface': Kind(('pattern', 'heading', 'size', 'step_over'), surface_goal)}
+# Of each action of a scene, what makes its goal, and the options that are for it alone.
+GOALS: dict[str, tuple[Callable[..., Any], tuple[str, ...]]] = {
+    'track_edge': (edge_goal, ('direction',)),
+    'track_surface': (surface_goal, ('pattern', 'heading', 'size', 'step_over'))}
 
 
 def goal_of(options: argparse.Namespace, scene: Scene) -> EdgeGoal | SurfaceGoal:
     """Goal that options ask for; ConfigurationError if one of them is not for this scene."""
-    mine, given = KINDS[scene.action], vars(options)
-    for kind in KINDS.values():
-        for name in kind.options:
-            if name in given and name not in mine.options:
-                raise ConfigurationError(
-                    f'--{name.replace("_", "-")} does not apply to {scene.name}: there a servo '
-                    f'is asked for {scene.action}')
-    goal = mine.goal(options, scene, **{name: given[name] for name in mine.options
-                                        if name in given})
+    make, mine = GOALS[scene.action]
+    given = {name: vars(options)[name] for _, names in GOALS.values() for name in names
+             if name in options}
+    for name in given:
+        if name not in mine:
+            raise ConfigurationError(
+                f'--{name.replace("_", "-")} does not apply to {scene.name}: there a servo '
+                f'is asked for {scene.action}')
+    goal = make(options, scene, **given)
     # With faults as `track` asks for it: 1 s.
     return replace(goal, client_timeout=1.0 if options.fault else 0.0)
 
