@@ -134,14 +134,6 @@ def test_interpolation_is_that_of_scipy():
     assert buffer.at(101 * MS) is None and buffer.at(-1) is None
 
 
-def test_nothing_is_interpolated_across_a_gap():
-    buffer = PoseBuffer(max_gap=0.05)
-    buffer.add(0, pose(1))
-    buffer.add(60 * MS, pose(2))
-    assert buffer.at(30 * MS) is None
-    np.testing.assert_array_equal(buffer.at(60 * MS), pose(2))
-
-
 def test_contacts_wait_for_their_pose_and_keep_their_order():
     path = ContactPath()
     path.add_pose(0, pose(1))

@@ -164,7 +164,12 @@ class Simulation:
             image = self.picture(pose)
             self._on_the_way.append((self.now + self.latency, image, self.estimate(image)))
         while self._on_the_way and self._on_the_way[0][0] <= self.now + 1e-9:
-            self._see(*self._on_the_way.popleft()[1:])
+            _, image, contact = self._on_the_way.popleft()
+            before = self._clock()
+            self.servo.see_image(image, self.now)
+            self.servo.see_contact(contact, image.stamp_ns, self.now)
+            self.picture_costs.append(self._clock() - before)
+            self._feel(self._path.add_contact(image.stamp_ns, contact, picture=image))
         if self._faults and client_lives(self._faults, self.now - self._began):
             self.servo.hear_client()
         if self.wrist:
@@ -178,14 +183,6 @@ class Simulation:
         self.log.append(Cycle(self.now, status, pose, self.world.force(pose),
                               self.world.shift))
         return status
-
-    def _see(self, image, contact):
-        before = self._clock()
-        self.servo.see_image(image, self.now)
-        self.servo.see_contact(contact, image.stamp_ns, self.now)
-        self.picture_costs.append(self._clock() - before)
-        self._path.add_picture(image.stamp_ns, lambda: image)
-        self._feel(self._path.add_contact(image.stamp_ns, contact))
 
     def _feel(self, placed):
         for contact in placed:

@@ -155,10 +155,16 @@ class ContactPath:
         if len(self._pictures) > WAITING:
             del self._pictures[next(iter(self._pictures))]
 
-    def add_contact(self, stamp_ns: int, contact: Contact, extra: Any = None) -> list[Placed]:
-        """Add a contact, see `locate`; returns the contacts that can be placed, as `settle`."""
-        unpack = self._pictures.get(stamp_ns) if needs_picture(contact) else None
-        picture = unpack() if unpack else None
+    def add_contact(self, stamp_ns: int, contact: Contact, extra: Any = None,
+                    picture: TactileImage | None = None) -> list[Placed]:
+        """
+        Add a contact, see `locate`; returns the contacts that can be placed, as `settle`.
+
+        Its picture may have been added before, or is given here.
+        """
+        unpack = self._pictures.get(stamp_ns)
+        if unpack and needs_picture(contact):
+            picture = unpack()
         if len(self._waiting) == self._waiting.maxlen:
             self.lost += 1
         self._waiting.append(_Waiting(stamp_ns, contact, extra, picture))
