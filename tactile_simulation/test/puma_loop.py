@@ -1,11 +1,16 @@
 """The closed loop of the tests: a PUMA 260 on one of the shipped scenes."""
 
+from copy import deepcopy
+from dataclasses import replace
+from functools import cache
 from pathlib import Path
 
 import numpy as np
 
+from tactile_sensing.dome.skin import SkinConfig
 from tactile_servo.motion.limits import JointLimits
 from tactile_servo.motion.robot import RobotModel
+from tactile_servo.types import EdgeGoal, State
 from tactile_simulation.closed_loop import Simulation
 from tactile_simulation.scene import load_scene
 
@@ -14,6 +19,15 @@ PUMA = RobotModel.from_urdf(ROOT / 'launch/urdf/puma260.urdf', 'tactile_pad')
 LIMITS = JointLimits(PUMA.joint_names, PUMA.lower + 0.05, PUMA.upper - 0.05,
                      PUMA.velocity_limit, np.full(6, 10.0))
 ELBOW = np.radians([-22, 35, -172, 0, -48, -22])
+GOAL = EdgeGoal(speed=0.03, force=5.0, length=0.05)
+
+
+COARSE = SkinConfig(across=15, layers=4)  # solved in some seconds, once; then from the cache
+
+
+def coarse_scene(name):
+    """Shipped scene of a surface, whose probe has a coarse skin."""
+    return replace(load_scene(ROOT / f'launch/scenes/surfaces/{name}.yaml'), rubber=COARSE)
 
 
 def puma_loop(scene='straight', tracker='resolved_rate', *, latency=0.0025,
@@ -21,6 +35,19 @@ def puma_loop(scene='straight', tracker='resolved_rate', *, latency=0.0025,
     """Simulation of a PUMA 260 on a shipped scene."""
     return Simulation(load_scene(ROOT / f'launch/scenes/{scene}.yaml'), tracker,
                       robot=robot, seed_positions=ELBOW, latency=latency, **options)
+
+
+@cache
+def _steady(goal, tracker, options):
+    loop = puma_loop(tracker=tracker, **dict(options))
+    loop.run(goal, 20.0, lambda status: status.progress > 0.02)
+    assert loop.servo.state == State.TRACK
+    return loop
+
+
+def steady(goal=GOAL, tracker='resolved_rate', **options):
+    """Loop that has followed the straight edge over 20 mm: a copy of the first such."""
+    return deepcopy(_steady(goal, tracker, tuple(options.items())))
 
 
 def tracked(loop):

@@ -4,7 +4,7 @@ from dataclasses import replace
 import re
 
 import numpy as np
-from puma_loop import LIMITS, PUMA, puma_loop, tracked
+from puma_loop import GOAL, LIMITS, PUMA, puma_loop, steady, tracked
 import pytest
 
 from tactile_common.errors import ConfigurationError
@@ -15,15 +15,6 @@ from tactile_servo.motion.limits import WorkspaceBox
 from tactile_servo.reasons import GoalRefused, ReasonCode
 from tactile_servo.state_machine import Phase
 from tactile_servo.types import EdgeGoal, State
-
-GOAL = EdgeGoal(speed=0.03, force=5.0, length=0.05)
-
-
-def tracking(loop, progress=0.02, goal=GOAL):
-    """Run until the edge is tracked steadily."""
-    status = loop.run(goal, 20.0, lambda s: s.state == State.TRACK and s.progress > progress)
-    assert status.state == State.TRACK
-    return status
 
 
 def along(loop):
@@ -75,29 +66,22 @@ def test_states_run_in_order_and_the_contour_lies_on_the_edge():
     contour = np.array([pose[:3, 3] for _, pose in loop.servo.statistics.contour])
     lateral, _ = loop.scene.edge.nearest(contour)
     assert np.abs(lateral[10:]).max() < 0.1e-3 and len(contour) > 45
-
-
-def test_pad_is_lifted_off_at_the_end():
-    loop = puma_loop()
-    loop.run(GOAL, 20.0)
     loop.run(None, 0.2)
-    assert loop.log[-1].force == 0.0
-    assert not loop.servo.active
+    assert loop.log[-1].force == 0.0 and not loop.servo.active  # lifted off
 
 
 def test_direction_can_be_reversed():
     loop = puma_loop()
-    loop.run(EdgeGoal(0.03, 5.0, length=0.1), 20.0)
+    loop.run(GOAL, 20.0)
     loop.servo.finish()
     start = along(loop)
-    loop.run(EdgeGoal(0.03, 5.0, direction=-1, length=0.05), 20.0)
+    loop.run(EdgeGoal(0.03, 5.0, direction=-1, length=0.03), 20.0)
     assert loop.servo.success
-    assert along(loop) == pytest.approx(start - 0.05, abs=0.01)
+    assert along(loop) == pytest.approx(start - 0.03, abs=0.01)
 
 
 def test_dead_sensor_holds_within_150_ms_and_resumes_on_command():
-    loop = puma_loop()
-    tracking(loop)
+    loop = steady()
     loop.sensor_alive = False
     died = loop.now
     loop.run(None, 0.15)
@@ -115,8 +99,7 @@ def test_dead_sensor_holds_within_150_ms_and_resumes_on_command():
 
 
 def test_too_much_load_in_a_hold_lifts_off_once_it_is_known():
-    loop = puma_loop()
-    tracking(loop)
+    loop = steady()
     loop.sensor_alive = False
     loop.run(None, 0.2)
     assert loop.servo.state == State.HOLD
@@ -169,8 +152,7 @@ def test_a_pad_that_presses_already_goes_on_from_there():
 
 @pytest.mark.parametrize('offset_ns', [-200_000_000, 200_000_000])
 def test_stamps_off_by_more_than_their_bound_hold(offset_ns):
-    loop = puma_loop()
-    tracking(loop)
+    loop = steady()
     see = loop.servo.see_contact
     loop.servo.see_contact = lambda contact, stamp, now: see(contact, stamp + offset_ns, now)
     loop.run(None, 0.1)
@@ -178,8 +160,7 @@ def test_stamps_off_by_more_than_their_bound_hold(offset_ns):
 
 
 def test_pause_and_resume():
-    loop = puma_loop()
-    tracking(loop)
+    loop = steady()
     assert loop.servo.pause(True, loop.now)
     loop.run(None, 0.2)
     assert held(loop, ReasonCode.PAUSED) and moved(loop, 0.5) < 1e-4
@@ -189,8 +170,7 @@ def test_pause_and_resume():
 
 
 def test_a_pause_during_a_search_ends_with_a_reason():
-    loop = puma_loop(tracker='trace')
-    tracking(loop)
+    loop = steady(tracker='trace')
     loop.servo._machine.phase = Phase.SEARCH  # what a late picture makes of it
     loop.servo.pause(True, loop.now)
     loop.run(None, 0.3)
@@ -225,8 +205,7 @@ def test_a_flat_under_the_pad_is_not_pressed_on():
 
 
 def test_lost_edge_with_contact_held_never_presses():
-    loop = puma_loop()
-    tracking(loop)
+    loop = steady()
     depth = loop.pose[2, 3]
     loop.estimate = lambda _: press(1.0, elongated=False)  # light, and no edge
     loop.run(None, 0.5)
@@ -236,8 +215,7 @@ def test_lost_edge_with_contact_held_never_presses():
 
 
 def test_force_that_does_not_rise_is_not_chased_beyond_the_press_depth():
-    loop = puma_loop()
-    tracking(loop)
+    loop = steady()
     depth = loop.pose[2, 3]
     loop.estimate = lambda _: press(1.0)  # an edge, whose force stays low
     loop.servo.see_image = lambda *_: None
@@ -247,8 +225,7 @@ def test_force_that_does_not_rise_is_not_chased_beyond_the_press_depth():
 
 
 def test_untared_sensor_holds():
-    loop = puma_loop()
-    tracking(loop)
+    loop = steady()
     real = loop.estimate
     loop.estimate = lambda image: replace(real(image), reasons=Reason.NOT_TARED)
     loop.run(None, 0.2)
@@ -257,8 +234,7 @@ def test_untared_sensor_holds():
 
 
 def test_overload_lifts_off():
-    loop = puma_loop()
-    tracking(loop)
+    loop = steady()
     loop.estimate = lambda _: press(20.0)
     status = loop.run(None, 3.0)
     assert status.state == State.DONE and status.reason.code == ReasonCode.OVERLOAD
@@ -277,17 +253,13 @@ def test_workspace_box_is_not_left():
     assert wall - 0.005 < reach <= wall + 1e-5
 
 
-def test_joint_state_far_beyond_the_limits_is_refused():
+def test_joint_states_far_beyond_the_limits_or_no_numbers_are_refused():
     loop = puma_loop()
     positions = loop.limits.upper.copy()
     loop.servo.see_joints(positions + 0.1, 0, 0.0)
     positions[2] = 1e300
     with pytest.raises(ValueError, match='joint_3 at 1e.300.*beyond its limits'):
         loop.servo.see_joints(positions, 0, 0.0)
-
-
-def test_joint_states_that_are_no_numbers_are_refused():
-    loop = puma_loop()
     for wrong in (np.full(6, np.nan), np.zeros(5)):
         with pytest.raises(ValueError, match='joint state'):
             loop.servo.see_joints(wrong, 0, 0.0)
@@ -310,9 +282,7 @@ def test_bad_goals_are_refused_by_name_and_bound(goal, text):
 
 
 def test_second_goal_is_refused_while_one_is_active():
-    loop = puma_loop()
-    tracking(loop)
-    assert loop.servo.check(GOAL).code == ReasonCode.BUSY
+    assert steady().servo.check(GOAL).code == ReasonCode.BUSY
 
 
 def test_configuration_is_checked():

@@ -37,6 +37,14 @@ def ramp(speed=0.5, duration=1.0, **more):
     return trajectory([duration], goal, np.zeros((1, 2)), **more)
 
 
+def playing(trajectory, **changes):
+    """Controller that has begun to play a trajectory."""
+    robot = controller(**changes)
+    robot.step(START)
+    robot.accept(trajectory, START)
+    return robot
+
+
 def play(robot, duration, since=START):
     """
     Times, measured and commanded positions at the controller's rate.
@@ -115,9 +123,7 @@ def test_holds_until_told_otherwise():
 
 
 def test_positions_alone_are_joined_by_straight_lines():
-    robot = controller()
-    robot.step(START)
-    robot.accept(trajectory([0.1, 0.3], [[0.2, 0.1], [0.4, -0.1]]), START)
+    robot = playing(trajectory([0.1, 0.3], [[0.2, 0.1], [0.4, -0.1]]))
     t, _, desired = play(robot, 0.4)
     t += PERIOD
     # The clock of a stamp 0 starts at the step that finds it; its line starts a step before.
@@ -137,10 +143,8 @@ def test_polynomials_are_reproduced_and_the_end_is_held(degree):
     u = t_points / span
     rows = [rest(u), rest.deriv()(u) / span, rest.deriv(2)(u) / span**2]
     rows = [np.column_stack([row, -2 * row]) for row in rows]
-    robot = controller()
-    robot.step(START)
-    robot.accept(trajectory(
-        t_points, *rows[:2 if degree == 3 else 3], stamp_ns=NOW_NS), START)
+    robot = playing(trajectory(
+        t_points, *rows[:2 if degree == 3 else 3], stamp_ns=NOW_NS))
     t, _, desired = play(robot, 0.3)
     expected = rest(np.minimum((t + PERIOD) / span, 1.0))
     np.testing.assert_allclose(desired, np.column_stack([expected, -2 * expected]), atol=1e-9)
@@ -178,36 +182,28 @@ def test_joints_may_stand_in_any_order():
 
 
 def test_first_point_at_once_jumps():
-    robot = controller(velocity_limit=[1.0, 1.0])
-    robot.step(START)
-    robot.accept(trajectory([0.0, 1.0], [[0.5, 0], [0.5, 0]]), START)
+    robot = playing(trajectory([0.0, 1.0], [[0.5, 0], [0.5, 0]]), velocity_limit=[1.0, 1.0])
     robot.step(START + PERIOD)
     assert robot.commanded[0, 0] == 0.5
     assert robot.limit_violations == 1  # the joints do not jump
 
 
 def test_points_of_the_past_are_left_out():
-    robot = controller()
-    robot.step(START)
-    robot.accept(trajectory([0.1, 0.3], [[0.5, 0], [0.7, 0]],
-                            stamp_ns=NOW_NS - 196_000_000), START)
+    robot = playing(trajectory(
+        [0.1, 0.3], [[0.5, 0], [0.7, 0]], stamp_ns=NOW_NS - 196_000_000))
     robot.step(START + PERIOD)
     np.testing.assert_allclose(robot.commanded[0, 0], 0.6, atol=1e-9)
 
 
 def test_start_in_the_future_is_approached_from_now():
-    robot = controller()
-    robot.step(START)
-    robot.accept(trajectory([0.1], [[0.2, 0.0]], stamp_ns=NOW_NS + 100_000_000), START)
+    robot = playing(trajectory([0.1], [[0.2, 0.0]], stamp_ns=NOW_NS + 100_000_000))
     t, _, desired = play(robot, 0.2)
     np.testing.assert_allclose(desired[:-1, 0], t[:-1] + PERIOD, atol=1e-9)
 
 
 @pytest.mark.parametrize('from_desired', [True, False])
 def test_new_trajectory_starts_from_desired_or_measured_state(from_desired):
-    robot = controller(lag=0.05, interpolate_from_desired_state=from_desired)
-    robot.step(START)
-    robot.accept(ramp(1.0), START)
+    robot = playing(ramp(1.0), lag=0.05, interpolate_from_desired_state=from_desired)
     _, measured, desired = play(robot, 0.5)
     assert desired[-1, 0] - measured[-1, 0] > 0.01
     robot.accept(ramp(1.0, stamp_ns=NOW_NS), START + 0.5)
@@ -260,9 +256,7 @@ def test_a_window_of_the_past_is_played_as_it_is(from_desired):
 
 def test_a_window_that_begins_later_gains_a_period_at_its_seam():
     """What is commanded for t + period counts as that of t: the seam that stamps avoid."""
-    robot = controller()
-    robot.step(START)
-    robot.accept(ramp(1.0, 2.0), START)
+    robot = playing(ramp(1.0, 2.0))
     play(robot, 0.5)
     before = robot.commanded[0, 0]
     robot.accept(trajectory([10.0], [[before + 10.0, 0.0]]), START + 0.5)
@@ -272,9 +266,7 @@ def test_a_window_that_begins_later_gains_a_period_at_its_seam():
 
 
 def test_deactivated_it_holds_and_does_not_listen():
-    robot = controller(lag=0.01)
-    robot.step(START)
-    robot.accept(ramp(), START)
+    robot = playing(ramp(), lag=0.01)
     _, _, commanded = play(robot, 0.3)
     robot.activate(False)
     robot.accept(ramp(), START + 0.3)
@@ -292,9 +284,7 @@ def test_deactivated_it_holds_and_does_not_listen():
 # --- limits -------------------------------------------------------------------------------------
 
 def test_position_limit_is_kept_and_counted():
-    robot = controller(upper=[0.25, 3.0])
-    robot.step(START)
-    robot.accept(ramp(0.5), START)
+    robot = playing(ramp(0.5), upper=[0.25, 3.0])
     _, measured, desired = play(robot, 1.2)
     assert measured[:, 0].max() == 0.25 and desired[:, 0].max() > 0.49
     np.testing.assert_allclose(measured[-1, 1], -0.5)
@@ -302,9 +292,7 @@ def test_position_limit_is_kept_and_counted():
 
 
 def test_velocity_limit_is_kept_and_counted():
-    robot = controller(velocity_limit=[0.4, 10.0])
-    robot.step(START)
-    robot.accept(trajectory([1.0], [[0.8, 0.8]]), START)
+    robot = playing(trajectory([1.0], [[0.8, 0.8]]), velocity_limit=[0.4, 10.0])
     _, measured, desired = play(robot, 2.2)
     assert np.diff(measured[:, 0]).max() <= 0.4 * PERIOD * (1 + 1e-9)
     np.testing.assert_allclose(measured[-1], 0.8)  # late, but there
@@ -313,9 +301,7 @@ def test_velocity_limit_is_kept_and_counted():
 
 
 def test_speed_at_the_limit_is_no_violation():
-    robot = controller(velocity_limit=[0.8, 0.8])
-    robot.step(START)
-    robot.accept(trajectory([0.0, 1.0], [[0.0, 0.0], [0.8, -0.8]]), START)
+    robot = playing(trajectory([0.0, 1.0], [[0.0, 0.0], [0.8, -0.8]]), velocity_limit=[0.8, 0.8])
     play(robot, 1.2)
     assert robot.limit_violations == 0
 
@@ -353,9 +339,7 @@ def test_joints_hold_the_last_command_and_go_on_from_there():
 
 
 def test_clock_that_jumps_back_holds_and_starts_over():
-    robot = controller(lag=0.01, dead_time=0.0025)
-    robot.step(START)
-    robot.accept(ramp(), START)
+    robot = playing(ramp(), lag=0.01, dead_time=0.0025)
     _, measured, _ = play(robot, 0.5)
     _, after, _ = play(robot, 0.2, since=0.0)
     np.testing.assert_allclose(after, np.tile(measured[-1], (100, 1)), atol=1e-12)
@@ -365,9 +349,7 @@ def test_clock_that_jumps_back_holds_and_starts_over():
 
 
 def test_same_time_twice_changes_nothing():
-    robot = controller(lag=0.01)
-    robot.step(START)
-    robot.accept(ramp(), START)
+    robot = playing(ramp(), lag=0.01)
     play(robot, 0.1)
     first = robot.step(START + 0.1)
     np.testing.assert_array_equal(robot.step(START + 0.1), first)

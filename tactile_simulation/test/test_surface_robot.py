@@ -1,19 +1,19 @@
 """A round probe on a PUMA 260: what its joints can, and what comes late as it touches."""
 from collections import deque
 from contextlib import suppress
+from copy import deepcopy
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
-from puma_loop import LIMITS, PUMA, puma_loop, ROOT
+from puma_loop import coarse_scene, LIMITS, PUMA, puma_loop
 import pytest
 
-from tactile_sensing.dome.skin import SkinConfig
 from tactile_servo.laws.surface_goal import SurfaceGoal
 from tactile_servo.reasons import ReasonCode
 from tactile_servo.types import EdgeGoal, State
 from tactile_simulation.closed_loop import Simulation
 from tactile_simulation.joint_controller import MockController
-from tactile_simulation.scene import load_scene
 from tactile_simulation.surface_world import SurfaceStart
 
 FORCE = 5.0  # N
@@ -22,23 +22,29 @@ TOUCH = {'surface': 1.11, 'edge': 0.53}  # s, the approach
 
 def loop_of(name, **parts):
     """Closed loop of a PUMA 260 on a shipped scene, with a coarse skin that is soon solved."""
-    scene = load_scene(ROOT / f'launch/scenes/surfaces/{name}.yaml')
-    return Simulation(replace(scene, rubber=SkinConfig(across=15, layers=4), **parts),
-                             robot=(PUMA, LIMITS))
+    return Simulation(replace(coarse_scene(name), **parts), robot=(PUMA, LIMITS))
 
 
-def follow(simulation, length=0.06):
-    """Follow a line along base y at 50 mm/s: summary."""
-    goal = SurfaceGoal(0.05, FORCE, direction=(0.0, 1.0, 0.0), length=length)
-    simulation.run(goal, 20.0)
-    return simulation.summary(goal)
+GOAL = SurfaceGoal(0.05, FORCE, direction=(0.0, 1.0, 0.0), length=0.06)  # along base y
+
+
+def follow(simulation):
+    """Follow a line at 50 mm/s: summary."""
+    simulation.run(GOAL, 20.0)
+    return simulation.summary(GOAL)
+
+
+@cache
+def followed(name):
+    """Loop that has followed a line, and its summary; not to be changed."""
+    simulation = loop_of(name)
+    return simulation, follow(simulation)
 
 
 @pytest.mark.parametrize('name', ['cylinder_65', 'sphere_70'])
 def test_small_objects_are_followed_as_fast_as_the_joints_can(name):
     # Their turn asks for up to 60 rad/m of the wrist, whose rates change with the way as well.
-    simulation = loop_of(name)
-    summary = follow(simulation)
+    simulation, summary = followed(name)
     assert summary['reason_code'] == 'length_reached' and summary['contact_kept'] == 1.0
     # As with the gantry in test_surface.py: the coarse skin feels the print a tenth wider.
     assert summary['force_rms_error'] < 0.1 and summary['force_max'] < 6.0
@@ -76,36 +82,36 @@ def miss_cycles(simulation, cycles, every, seed=0):
     return missed
 
 
-@pytest.mark.parametrize('name', ['cylinder_65', 'sphere_126'])
-def test_a_servo_that_misses_cycles_leads_the_probe_no_worse(name):
+def test_a_servo_that_misses_cycles_leads_the_probe_no_worse():
     # 15 ms in which the last window coasts: straight on in joint space that was three times the
     # error of the force, for the wrist turns by 60 rad/m.
-    forces = []
-    for cycles in (0, 6):
-        simulation = loop_of(name)
-        missed = miss_cycles(simulation, cycles, every=60)
-        summary = follow(simulation)
-        assert summary['reason_code'] == 'length_reached'
-        assert (missed[0] > 50) == (cycles > 0)
-        forces.append(summary['force_rms_error'])
-    assert forces[1] < 1.2 * forces[0]
+    simulation = loop_of('cylinder_65')
+    missed = miss_cycles(simulation, 6, every=60)
+    summary = follow(simulation)
+    assert summary['reason_code'] == 'length_reached' and missed[0] > 50
+    assert summary['force_rms_error'] < 1.2 * followed('cylinder_65')[1]['force_rms_error']
 
 
-def paused_at(simulation, progress):
-    """Pause a goal that has come so far [m], until the probe rests; cycles until then."""
-    goal = SurfaceGoal(0.05, FORCE, direction=(0.0, 1.0, 0.0), length=0.06)
-    simulation.run(goal, 20.0, until=lambda status: status.state == State.TRACK
+@cache
+def _paused(name, progress):
+    simulation = loop_of(name)
+    simulation.run(GOAL, 20.0, until=lambda status: status.state == State.TRACK
                    and status.progress > progress)
     simulation.servo.pause(True, simulation.now)
     for _ in range(200):
         simulation.step()
-    return len(simulation.log)
+    return simulation
+
+
+def paused_at(progress, name='sphere_126'):
+    """Loop, a copy of the first such, whose goal was paused so far on [m], until it rests."""
+    return deepcopy(_paused(name, progress))
 
 
 @pytest.mark.parametrize('name, progress', [('cylinder_65', 0.01), ('sphere_70', 0.03)])
 def test_a_stop_that_leads_off_a_small_object_is_made_good(name, progress):
-    simulation = loop_of(name)
-    paused = paused_at(simulation, progress)
+    simulation = paused_at(progress, name)
+    paused = len(simulation.log)
     assert simulation.log[-1].force < 0.1  # it brakes straight on, the object bends away
     simulation.servo.pause(False, simulation.now)
     assert simulation.run(None, 20.0).reason.code == ReasonCode.LENGTH_REACHED
@@ -113,15 +119,13 @@ def test_a_stop_that_leads_off_a_small_object_is_made_good(name, progress):
 
 
 def test_a_stop_from_a_speed_is_where_the_robot_was_sent():
-    simulation = loop_of('sphere_126')
-    paused_at(simulation, 0.03)  # it brakes over 3 mm
+    simulation = paused_at(0.03)  # it brakes over 3 mm
     assert simulation.servo.run.hold.cause.code == ReasonCode.PAUSED
 
 
 def test_a_short_silence_of_the_images_ends_by_itself():
     simulation = loop_of('sphere_126')
-    goal = SurfaceGoal(0.05, FORCE, direction=(0.0, 1.0, 0.0), length=0.06)
-    simulation.run(goal, 20.0, until=lambda status: status.progress > 0.03)
+    simulation.run(GOAL, 20.0, until=lambda status: status.progress > 0.03)
     simulation.sensor_alive = False
     assert simulation.run(None, 0.15).state == State.HOLD
     simulation.sensor_alive = True
@@ -130,8 +134,7 @@ def test_a_short_silence_of_the_images_ends_by_itself():
 
 
 def test_a_robot_that_comes_back_elsewhere_touches_nothing_there():
-    simulation = loop_of('sphere_126')
-    paused_at(simulation, 0.03)
+    simulation = paused_at(0.03)
     begin = simulation.commands[0][1]
     simulation.robot = MockController(
         PUMA.joint_names, PUMA.lower, PUMA.upper, PUMA.velocity_limit, initial_positions=begin)
@@ -144,8 +147,8 @@ def test_a_robot_that_comes_back_elsewhere_touches_nothing_there():
 
 
 def test_a_sensor_that_goes_blind_in_a_pause_does_not_press():
-    simulation = loop_of('sphere_126')
-    paused = paused_at(simulation, 0.03)
+    simulation = paused_at(0.03)
+    paused = len(simulation.log)
     assert simulation.log[-1].force > 0.5 * FORCE
     picture, away = simulation.picture, np.eye(4)
     away[2, 3] = -0.02  # m, of the probe
@@ -157,11 +160,19 @@ def test_a_sensor_that_goes_blind_in_a_pause_does_not_press():
     assert max(cycle.force for cycle in simulation.log[paused:]) < 1.5 * FORCE
 
 
+@cache
+def _stretched():
+    simulation = loop_of('cylinder_65', start=SurfaceStart())
+    simulation.run(GOAL, 20.0, until=lambda status: status.progress > 0.035)
+    return simulation
+
+
 def test_what_the_arm_cannot_reach_ends_the_goal_in_contact_and_says_which_joint():
     # From the top of the can the arm is stretched out after some 45 mm, the probe turned by 80
     # degrees: before that singularity the joints' rates grow without bound.
-    simulation = loop_of('cylinder_65', start=SurfaceStart())
-    summary = follow(simulation)
+    simulation = deepcopy(_stretched())
+    simulation.run(None, 20.0)
+    summary = simulation.summary(GOAL)
     assert summary['reason_code'] == 'no_progress' and 'of joint_' in summary['reason']
     assert 0.035 < summary['tracked_length'] < 0.05
     assert summary['contact_kept'] == 1.0 and summary['force_max'] < 6.0
@@ -169,9 +180,7 @@ def test_what_the_arm_cannot_reach_ends_the_goal_in_contact_and_says_which_joint
 
 
 def test_holds_do_not_hide_that_the_arm_cannot_go_on():
-    simulation, goal = loop_of('cylinder_65', start=SurfaceStart()), SurfaceGoal(
-        0.05, FORCE, direction=(0.0, 1.0, 0.0), length=0.06)
-    status = simulation.run(goal, 20.0, until=lambda status: status.progress > 0.035)
+    simulation = deepcopy(_stretched())
     for _ in range(80):
         simulation.sensor_alive = False
         simulation.run(None, 0.08)
