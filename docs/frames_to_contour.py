@@ -2,14 +2,14 @@
 # %% [markdown]
 # # Notebook: from frames to a contour
 #
-# Frames → contacts with their covariance → a contour with corners and sides. Each block runs as
-# it stands, in the order of the page, from the root of the repository (`. .ws/setup.sh`); the
+# From frames to contacts with covariance, and from these to a contour with corners and sides. Run
+# the blocks in the order of the page, from the root of the repository (`. .ws/setup.sh`). The
 # script is `docs/frames_to_contour.py`, in the percent format that Spyder, VS Code and Jupytext
-# open as a notebook. The tests run it and compare what it prints.
+# open as a notebook. The tests run it and compare its output.
 #
-# The frames are simulated, by the same half-space that the estimator fits. So this shows how the
-# parts fit together and how noise goes through them, not how well a real skin is described: for
-# that see [contacts](contact.md).
+# The frames are simulated with the same half-space that the estimator fits. So this page shows
+# how the parts work together and how noise propagates, but not the accuracy on a real skin; for
+# that see the [results](results_contact.md).
 #
 # ## A frame and its contact
 #
@@ -48,9 +48,9 @@ print(contact.type.name, f'at ({1e3 * contact.x:.1f}, {1e3 * contact.y:.1f}) mm,
 # %% [markdown]
 # ## What the covariance says
 #
-# The same press fifty times, at four places, with less and less force. An ellipse of 95 % should
-# hold 95 % of the estimates, or more: it allows for shear that may be there and was not seen, and
-# here there is none. Scatter and ellipses are drawn ten times as large as the pad's scale.
+# The same press, fifty times at each of four places, with decreasing force. A 95 % ellipse should
+# contain 95 % of the estimates or more: it includes possible unseen shear, and here there is
+# none. Scatter and ellipses are drawn ten times as large as the scale of the pad.
 
 
 # %%
@@ -79,11 +79,11 @@ axis.set(xlabel='x [mm]', ylabel='y [mm]', aspect='equal', xlim=(-12.7, 12.7), y
 print(f'{100 * inside / total:.0f} % of {total} estimates lie in their ellipse')
 
 # %% [markdown]
-# ## A pad on its way along an edge
+# ## A pad that follows an edge
 #
-# The servo follows two sides that meet, in simulation; each image is kept, with the pose at
-# which it was taken and its contact. The line is the fitted edge, its band two standard
-# deviations, ten times as wide to be seen.
+# In simulation the servo follows two sides that meet. Each image is stored with its pose and its
+# contact. The line is the fitted edge; its band is two standard deviations, drawn ten times as
+# wide.
 
 # %%
 from tactile_servo import EdgeGoal
@@ -126,8 +126,8 @@ for axis, (image, _, contact) in zip(
 # %% [markdown]
 # ## The contour
 #
-# Contacts and poses give points in space; where the edge bends under the pad the image tells
-# where its ridge is nearest to the pad's centre. Corners and sides are found in these points.
+# Contacts and poses give points in space. Where the edge bends under the pad, the point is that of
+# the image's ridge nearest to the pad's centre. Corners and sides are found in these points.
 
 # %%
 from tactile_shape import ContactPath, find_outline

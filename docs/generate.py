@@ -20,7 +20,7 @@ FOLDER = Path(__file__).parent
 REMEDIES = yaml.safe_load((FOLDER / 'remedies.yaml').read_text('utf-8'))
 NOTEBOOK = FOLDER / 'frames_to_contour.py'
 MADE = '<!-- Made by docs/generate.py: `./ws docs`. -->\n'
-GROUPS = {0: 'What led here', 100: 'Ends of a goal that was met', 200: 'Holds',
+GROUPS = {0: 'Normal states', 100: 'Ends of a goal that was met', 200: 'Holds',
           300: 'Ends of a goal that was not met', 400: 'Refusals'}
 
 
@@ -35,10 +35,11 @@ def parameters_page() -> str:
     text = [MADE, """\
 # Parameters
 
-`ros2 run edge_tracking parameters > mine.yaml` prints a parameter file with all of these at their
-defaults, `--check mine.yaml` checks one, `params_file:=mine.yaml` gives it to the launch
-([launching](launch.md)). Those marked *live* can be set while the node runs; limits never can.
-The launch's own values, those of the PUMA 260, stand in `launch/config/edge_tracking.yaml`.
+`ros2 run edge_tracking parameters > mine.yaml` writes a file with all parameters at their
+defaults. Check it with `--check mine.yaml`, and give it to the launch with
+`params_file:=mine.yaml` ([launching](launch.md)). Parameters marked *live* can be set while the
+node runs; limits cannot. The values of the launch, for the PUMA 260, are in
+`launch/config/edge_tracking.yaml`.
 """]
     for node in NODES:
         text += [f'## {node}\n', _parameters(parameters_of(node))]
@@ -47,8 +48,8 @@ The launch's own values, those of the PUMA 260, stand in `launch/config/edge_tra
             own = [parameter for parameter in parameters_of(node, law)
                    if parameter.name not in shared]
             if law != DEFAULT and own:
-                text += [f'### {node} with law {law}\n', f'Beside those above that are not of the '
-                         f'law `{DEFAULT}` alone:\n', _parameters(own)]
+                text += [f'### {node} with law {law}\n', 'In addition to those above, except '
+                         f'those only for the law `{DEFAULT}`:\n', _parameters(own)]
     return '\n'.join(text)
 
 
@@ -61,7 +62,7 @@ def _parameters(parameters) -> str:
             '' if low is None else f'{low:g} … {high:g}',
             ' '.join(data.get('doc', '').split()).replace('|', '\\|')
             + (' *(live)*' if data.get('live') else '')])
-    return table(['name', 'default', 'unit', 'bounds', 'what'], rows)
+    return table(['name', 'default', 'unit', 'bounds', 'meaning'], rows)
 
 
 def _plain(value) -> str:
@@ -73,9 +74,9 @@ def troubleshooting_page() -> str:
     text = [MADE, """\
 # Troubleshooting
 
-Every state of the servo, every end and every refusal has a code and a text: `reason_code` and
-`reason` in `servo_status`, in feedback and in the result. The text begins as in the second column
-and then says the particulars.
+Every state, end and refusal of the servo has a code and a text: `reason_code` and `reason` in
+`servo_status`, in the feedback and in the result. The text begins as in the second column; details
+follow.
 
 ```sh
 ros2 topic echo /tactile/servo_status --field reason
