@@ -121,8 +121,8 @@ class GoalRun:
         if phase in HELD:
             self._unseen = self._lacking()
             self.hold.see(self._why is None and self._unseen is None, now)
-        for phases, guard, event in RULES:
-            if phase in phases and (reason := guard(self)) is not None:
+        for guard, event in _RULES_OF[phase]:
+            if (reason := guard(self)) is not None:
                 self._fire(event, reason, clock.gap)
                 return
 
@@ -461,3 +461,5 @@ RULES: tuple[Rule, ...] = (
     (TRACKING, lambda run: run._law_says(State.CORNER), Event.CORNER),
     (TRACKING, lambda run: run._law_says(State.SEARCH), Event.SEARCH),
 )
+_RULES_OF = {phase: [(guard, event) for phases, guard, event in RULES if phase in phases]
+             for phase in Phase}

@@ -7,14 +7,17 @@ import math
 from types import SimpleNamespace
 from typing import Any
 
-from geometry_msgs.msg import PoseStamped
+from geometry_msgs.msg import PoseStamped, WrenchStamped
 
 from edge_tracking.parameters import SERVO
 from edge_tracking.recording.settings import Settings
+from edge_tracking.recording.topics import KINDS
 from tactile_common.errors import TactileError
 from tactile_common.ros.bag_reader import Bag, DAMAGE, Recorded
 from tactile_common.ros.cdr import packed
 from tactile_common.ros.conversions import NS, pose_to_msg, set_stamp, stamp_to_ns
+from tactile_msgs.msg import Contact as ContactMsg
+from tactile_msgs.msg import ServoStatus
 from tactile_sensing.contact.estimator import ContactEstimator, EstimatorConfig
 from tactile_sensing.conversions import (
     contact_from_msg,
@@ -43,8 +46,9 @@ BEHIND = NS  # in which all that a servo has used has reached a recorder as well
 WAITING = 4000  # inputs of a kind that wait for being used
 UNKNOWN = Timing(math.nan, math.nan, math.nan, 0, 0)
 Emit = Callable[[str, int, bytes], None]  # takes the name of a topic, a time [ns] and a message
-_KINDS = {Call.SENSOR: 'sensor_info', Call.JOINTS: 'joint_states', Call.IMAGE: 'image',
-          Call.CONTACT: 'contact'}
+# By the numbers of the calls, which a message has: an IntEnum is slow to look up.
+_KINDS = {int(Call.SENSOR): 'sensor_info', int(Call.JOINTS): 'joint_states',
+          int(Call.IMAGE): 'image', int(Call.CONTACT): 'contact'}
 
 
 class Inputs:
@@ -99,7 +103,10 @@ class ServoCore:
         self._on_pose, self._on_touch, self._on_cycle = on_pose, on_touch, on_cycle
         self.servo = Supervisor(self._model, limits, law.law(
             config, settings.config(SERVO, law.law.config_type)), config, box)
-        self.tip_frame, self.joint_names = c.tip_frame, self._model.joint_names
+        self.joint_names = self._model.joint_names
+        self._pose, self._status = PoseStamped(), ServoStatus()
+        self._pose.header.frame_id = self._model.root_frame
+        self._status.header.frame_id = c.tip_frame
         self._maps = law.maps_surface
         self._cycle: Cycle | None = None
         self._news: Any = None  # the last state and reason
@@ -141,7 +148,7 @@ class ServoCore:
             pass  # it was refused then as well, or with other settings is
 
     def _see(self, call: int, time: float, stamp_ns: int, at: int) -> None:
-        seen = self._inputs.find(_KINDS[Call(call)], stamp_ns)
+        seen = self._inputs.find(_KINDS[call], stamp_ns)
         if seen is None:
             return
         servo = self.servo
@@ -156,11 +163,10 @@ class ServoCore:
                 servo.see_joints(seen, stamp_ns, time)
             except ValueError:  # not believed, then as now
                 return
-            message = PoseStamped(pose=pose_to_msg(servo.inputs.pose))
-            set_stamp(message.header.stamp, stamp_ns)
-            message.header.frame_id = self._model.root_frame
-            self._emit('sensor_pose', at, packed(message))
-            self._on_pose(message)
+            pose_to_msg(servo.inputs.pose, self._pose.pose)
+            set_stamp(self._pose.header.stamp, stamp_ns)
+            self._emit('sensor_pose', at, packed(self._pose))
+            self._on_pose(self._pose)
 
     def _see_image(self, image: Any, time: float, at: int) -> None:
         try:
@@ -182,10 +188,9 @@ class ServoCore:
             self._emit('joint_trajectory', at, trajectory_to_bytes(cycle.window))
         news = cycle.status.state, cycle.status.reason
         if cycle.told or news != (self._news or news):
-            message = status_to_msg(cycle.status, self.servo.law.name, UNKNOWN)
-            set_stamp(message.header.stamp, cycle.now_ns)
-            message.header.frame_id = self.tip_frame
-            self._emit('servo_status', at, packed(message))
+            status_to_msg(cycle.status, self.servo.law.name, UNKNOWN, self._status)
+            set_stamp(self._status.header.stamp, cycle.now_ns)
+            self._emit('servo_status', at, packed(self._status))
         self._news = news
         self._on_cycle(cycle)
 
@@ -218,7 +223,10 @@ class Cores:
         self.servo = ServoCore(
             settings, self.inputs, self.emit, self._shape.take_pose,
             self._take_touch, self.cycle_row) if self.with_servo else None
+        self._contact, self._wrench = ContactMsg(), WrenchStamped()
         self._later: deque[tuple[Recorded, Callable[..., None], tuple]] = deque()
+        self._takers = {name: taker for name in KINDS
+                        if (taker := getattr(self, f'_on_{name}', None))}
 
     def _publisher(self, _: Any, name: str, __: Any) -> Any:
         """Return what a node would publish with."""
@@ -229,8 +237,8 @@ class Cores:
         """Take a raw message of a topic, in the order of their reception."""
         while self._later and self._later[0][0].received_ns < row.received_ns - BEHIND:
             self._do_next()
-        if take := getattr(self, f'_on_{name}', None):
-            self._do(row, lambda: take(row, self.bag.unpacked(row)))
+        if name in self._takers:
+            self._do(row, self._read, self._takers[name], row)
 
     def finish(self) -> None:
         """Do what still waits."""
@@ -251,6 +259,9 @@ class Cores:
         except (TactileError, *DAMAGE) as error:
             self.faults.append(str(self.bag.damaged(row.topic, row.received_ns, error)))
 
+    def _read(self, take: Callable[[Recorded, Any], None], row: Recorded) -> None:
+        take(row, self.bag.unpacked(row))
+
     def _on_image(self, row: Recorded, message: Any) -> None:
         raw, stamp_ns = bytes(row.message), stamp_to_ns(message.header.stamp)
         if not self._shape.by_servo:
@@ -265,21 +276,22 @@ class Cores:
             return
         contact = (self._estimator.refuse_malformed() if image is None
                    else self._estimator.estimate(image))
-        told = contact_to_msg(contact, message, row.received_ns)
-        self.emit('contact', row.received_ns, packed(told))
+        self.emit('contact', row.received_ns, packed(contact_to_msg(
+            contact, message, row.received_ns, self._contact)))
         if contact.force_valid:
             self.emit('wrench', row.received_ns, packed(
-                contact_to_wrench(contact, message)))
-        self._use(row, stamp_ns, contact, told)
+                contact_to_wrench(contact, message, self._wrench)))
+        self._use(row, stamp_ns, contact, message.sensor)
 
     def _on_contact(self, row: Recorded, message: Any) -> None:
         if not self.from_images:
-            self._use(row, stamp_to_ns(message.header.stamp), contact_from_msg(message), message)
+            self._use(row, stamp_to_ns(message.header.stamp), contact_from_msg(message),
+                      message.sensor)
 
-    def _use(self, row: Recorded, stamp_ns: int, contact: Any, message: Any) -> None:
+    def _use(self, row: Recorded, stamp_ns: int, contact: Any, sensor: str) -> None:
         self.inputs.keep('contact', stamp_ns, contact)
         self.contact_row(stamp_ns, contact)
-        self._do_later(row, self._shape.take_contact, message)
+        self._do_later(row, self._shape.take_contact, stamp_ns, contact, sensor)
 
     def _on_sensor_info(self, row: Recorded, message: Any) -> None:
         self.inputs.keep('sensor_info', stamp_to_ns(message.header.stamp),

@@ -5,6 +5,7 @@ import csv
 from dataclasses import asdict, dataclass, field
 from heapq import merge
 import json
+from operator import attrgetter
 from pathlib import Path
 import sys
 import time
@@ -32,6 +33,7 @@ RESULT = 'result.json'  # in the folder that is written, once it is done
 _ERRORS = ('lateral_error', 'longitudinal_error', 'angle_error', 'normal_force', 'force_target',
            'speed', 'progress', 'limit_scale', 'manipulability')
 CYCLES = ('stamp_ns', 'steady', 'state', 'reason_code', *_ERRORS, 'window')
+_errors_of, _reals_of = attrgetter(*_ERRORS), attrgetter(*REALS)
 CONTACTS = ('stamp_ns', 'type', 'valid', 'force_valid', 'reasons', *REALS)
 # Topics that are made anew, by what makes them.
 OF_IMAGES = ('contact', 'wrench')
@@ -132,14 +134,14 @@ class Replay:
         if self._tables:
             self._tables['contacts'].writerow((
                 stamp_ns, int(contact.type), int(contact.valid), int(contact.force_valid),
-                int(contact.reasons), *(getattr(contact, name) for name in REALS)))
+                int(contact.reasons), *_reals_of(contact)))
 
     def _cycle_row(self, cycle: Cycle) -> None:
         if self._tables:
             status = cycle.status
             self._tables['cycles'].writerow((
                 cycle.now_ns, cycle.now, status.state.name.lower(), int(status.reason.code),
-                *(getattr(status, it) for it in _ERRORS), int(cycle.window is not None)))
+                *_errors_of(status), int(cycle.window is not None)))
 
     def _write(self, name: str, time_ns: int, data: bytes) -> None:
         if self._writer:

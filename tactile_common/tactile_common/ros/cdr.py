@@ -10,8 +10,10 @@ from struct import calcsize, Struct, unpack_from
 from struct import error as StructError
 from typing import Any
 
-from rclpy.serialization import serialize_message
+import numpy as np
+from rosbags.interfaces import Nodetype
 from rosbags.serde import SerdeError
+from rosbags.serde.utils import ndtype
 from rosbags.typesys import get_types_from_msg, get_typestore, Stores
 from rosbags.typesys.store import Typestore
 
@@ -74,11 +76,29 @@ def unpacked(raw: bytes, kind: type) -> Any:
 def packed(message: Any) -> bytes:
     """Return the bytes of a message of rclpy's: always the same, which leaves chance in gaps."""
     kind: Any = type(message)
+    name = known(kind)
     try:
-        return bytes(_installed.serialize_cdr(message, known(kind)))
+        return bytes(_installed.serialize_cdr(message, name))
     except AttributeError:  # a sequence of numbers, which rosbags awaits as an ndarray
-        return bytes(_installed.serialize_cdr(
-            unpacked(serialize_message(message), kind), known(kind)))
+        return bytes(_installed.serialize_cdr(_with_arrays(message, name), name))
+
+
+def _with_arrays(message: Any, name: str) -> Any:
+    """Message of rosbags' class of a type with the values of one, sequences of numbers arrays."""
+    fields: Any = _installed.fielddefs[name][1]
+    values = []
+    for field, (node, detail) in fields:
+        value = getattr(message, field)
+        if node == Nodetype.NAME:
+            value = _with_arrays(value, detail)
+        elif node != Nodetype.BASE:
+            (inner, kind), _ = detail
+            if inner == Nodetype.NAME:
+                value = [_with_arrays(it, kind) for it in value]
+            elif kind[0] != 'string':
+                value = np.asarray(value, ndtype(kind[0]))
+        values.append(value)
+    return _installed.types[name](*values)
 
 
 @cache

@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass
 from functools import cached_property
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -90,14 +91,11 @@ class JointLimits:
 
     def reach(self, joints: Joints, dt: float, coast: float = 0.0) -> Reach:
         """Velocities that joints may have in `dt`, and for `coast` before they brake [s]."""
-        horizon = dt + coast + self.stopping_time
-        periods = (np.abs(joints.velocities) / (dt * self.acceleration)).max()  # of braking
-        least, most = _reach(self._bounds, *joints, dt, horizon)
-        return Reach(least, most, joints.velocities * (1.0 - 1.0 / max(periods, 1.0)))
+        return Reach(*_reach(self._bounds, *joints, dt, dt + coast + self.stopping_time))
 
     def keeps(self, velocities: np.ndarray, least: np.ndarray, most: np.ndarray) -> bool:
         """Whether joint velocities (n,) pass no bound (n,) by more than rounding does."""
-        return bool((np.maximum(least - velocities, velocities - most) <= self.slack).all())
+        return _keeps(velocities, least, most, self.slack)
 
     def guard(self, wanted: np.ndarray, reach: Reach) -> tuple[np.ndarray, str]:
         """
@@ -106,12 +104,11 @@ class JointLimits:
         Wanted ones that are not finite are a stop. Nothing is named for what is within rounding.
         """
         kept = np.minimum(np.maximum(wanted, reach.least[-1]), reach.most[-1])
-        held = np.abs(kept - wanted)
-        if (held <= self.slack).all():
+        if self.keeps(wanted, reach.least[-1], reach.most[-1]):
             return kept, ''
         if not np.isfinite(wanted).all():
             return self.guard(reach.stop, reach)[0], NOT_FINITE
-        joint = (held - self.slack).argmax()
+        joint = (np.abs(kept - wanted) - self.slack).argmax()
         outside = (wanted < reach.least - self.slack) | (wanted > reach.most + self.slack)
         return kept, self.name_of(outside[:, joint].argmax(), joint)
 
@@ -129,9 +126,10 @@ class JointLimits:
 
 @njit(cache=True)
 def _reach(bounds: np.ndarray, positions: np.ndarray, previous: np.ndarray, dt: float,
-           horizon: float) -> tuple[np.ndarray, np.ndarray]:
-    """Least and most of a Reach."""
+           horizon: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Fields of a Reach."""
     lower, upper, fastest, acceleration = bounds
+    periods = (np.abs(previous) / (dt * acceleration)).max()  # of braking
     least, most = np.empty((3, len(lower))), np.empty((3, len(lower)))
     for k in range(len(lower)):
         least[0, k] = min((lower[k] - positions[k]) / horizon, 0.0)
@@ -140,7 +138,17 @@ def _reach(bounds: np.ndarray, positions: np.ndarray, previous: np.ndarray, dt: 
         low, high = (previous[k] - acceleration[k] * dt, previous[k] + acceleration[k] * dt)
         least[2, k] = min(max(least[1, k], low), high)
         most[2, k] = min(max(most[1, k], low), high)
-    return least, most
+    return least, most, previous * (1.0 - 1.0 / max(periods, 1.0))
+
+
+@njit(cache=True)
+def _keeps(velocities: np.ndarray, least: np.ndarray, most: np.ndarray,
+           slack: np.ndarray) -> bool:
+    """Whether velocities (n,) pass no bound (n,) by more than the slack (n,)."""
+    for k in range(len(velocities)):
+        if not max(least[k] - velocities[k], velocities[k] - most[k]) <= slack[k]:
+            return False
+    return True
 
 
 @dataclass(frozen=True)
@@ -172,10 +180,25 @@ class WorkspaceBox:
         Returns it and whether it was clipped [m, m/s and rad/s, s]. One that is not finite stays
         so: the joints' limits make a stop of it.
         """
-        rotation, place = pose[:3, :3], pose[:3, 3]
-        velocity = rotation @ twist[:3]
-        kept = np.maximum(np.minimum(velocity, np.maximum((self.upper - place) / horizon, 0.0)),
-                          np.minimum((self.lower - place) / horizon, 0.0))
-        if (kept == velocity).all() or np.isnan(velocity).any():
+        return _limit(self.lower, self.upper, pose, twist, horizon)
+
+
+@njit(cache=True)
+def _limit(lower: np.ndarray, upper: np.ndarray, pose: np.ndarray, twist: np.ndarray,
+           horizon: float) -> tuple[np.ndarray, bool]:
+    """See `WorkspaceBox.limit`."""
+    kept, limited, clipped = np.zeros(3), twist, False
+    for i in range(3):
+        velocity = 0.0
+        for j in range(3):
+            velocity += pose[i, j] * twist[j]
+        if math.isnan(velocity):
             return twist, False
-        return np.concatenate([rotation.T @ kept, twist[3:]]), True
+        kept[i] = max(min(velocity, max((upper[i] - pose[i, 3]) / horizon, 0.0)),
+                      min((lower[i] - pose[i, 3]) / horizon, 0.0))
+        clipped |= kept[i] != velocity
+    if clipped:
+        limited = twist.copy()
+        for j in range(3):
+            limited[j] = pose[0, j] * kept[0] + pose[1, j] * kept[1] + pose[2, j] * kept[2]
+    return limited, clipped

@@ -20,7 +20,14 @@ from tactile_servo.motion.limits import (
 )
 from tactile_servo.motion.robot import RobotModel
 from tactile_servo.motion.trajectory import Trajectory
-from tactile_servo.motion.window import APART, at_rest, committed, extended, Window
+from tactile_servo.motion.window import (
+    APART,
+    at_rest,
+    coasting,
+    committed,
+    extended,
+    Window,
+)
 
 UNDAMPED = 1e-6  # damping that does nothing [m/rad]
 STILL = 1e-12  # joint rates per unit of a way, below which a joint does not move on it
@@ -285,14 +292,9 @@ class Motion:
         """
         coast, previous = COAST * self._period, kept.velocities[-1]
         left = velocities @ previous / max(previous @ previous, 1e-12)
-        most = coast * self._limits.acceleration
-        change = coast * min(max(left, 0.0), 1.0)**2 * bend
-        if not np.isfinite(change).all():
-            change = np.zeros_like(bend)
-        coasted = velocities + np.minimum(np.maximum(change, -most), most)
-        # What is beyond its room already, because it brakes no harder, goes no further out.
-        coasted = np.minimum(np.maximum(coasted, np.minimum(reach.least[1], velocities)),
-                             np.maximum(reach.most[1], velocities))
+        coasted = coasting(
+            velocities, coast * min(max(left, 0.0), 1.0)**2 * bend,
+            coast * self._limits.acceleration, reach.least[1], reach.most[1])
         return extended(kept, velocities, coasted, self._period, coast,
                         self._limits.acceleration)
 

@@ -76,7 +76,8 @@ class RobotModel:
 
     def pose(self, q: np.ndarray) -> np.ndarray:
         """Transform (4, 4) [m] from the tip to the root frame at positions (n,) [rad or m]."""
-        return self.place(q)[0]
+        pinocchio.forwardKinematics(self._model, self._data, self._checked(q))
+        return self._placement()
 
     def jacobian(self, q: np.ndarray) -> np.ndarray:
         """
@@ -88,16 +89,24 @@ class RobotModel:
 
     def place(self, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Pose and Jacobian, see there, at joint positions (n,) [rad or m]."""
-        q, joints = np.asarray(q, dtype=float), len(self.joint_names)
-        if q.shape != (joints,):
-            raise ValueError(f'positions of shape {q.shape}, must be of {joints} joints')
-        pinocchio.computeJointJacobians(self._model, self._data, q[self._order])
-        placement = pinocchio.updateFramePlacement(self._model, self._data, self._frame)
+        pinocchio.computeJointJacobians(self._model, self._data, self._checked(q))
+        pose = self._placement()
         jacobian = pinocchio.getFrameJacobian(
             self._model, self._data, self._frame, pinocchio.LOCAL,
         ).reshape(6, -1)  # of one joint it is no matrix
-        return (np.ascontiguousarray(placement.homogeneous),
-                jacobian.take(self._columns, axis=1))
+        return pose, jacobian.take(self._columns, axis=1)
+
+    def _checked(self, q: np.ndarray) -> np.ndarray:
+        """Positions (n,) in the model's order; ValueError of another number of them."""
+        q, joints = np.asarray(q, dtype=float), len(self.joint_names)
+        if q.shape != (joints,):
+            raise ValueError(f'positions of shape {q.shape}, must be of {joints} joints')
+        return q[self._order]
+
+    def _placement(self) -> np.ndarray:
+        """Pose (4, 4) of the tip where the joints were put last."""
+        placement = pinocchio.updateFramePlacement(self._model, self._data, self._frame)
+        return np.ascontiguousarray(placement.homogeneous)
 
     def bias(self, q: np.ndarray, velocities: np.ndarray) -> np.ndarray:
         """

@@ -50,9 +50,24 @@ def extended(window: Window, target: np.ndarray, coasted: np.ndarray, period: fl
     joints brake evenly over the time that the slowest of them needs for it within its
     acceleration (n,).
     """
-    stop = max(MIN_STOP, float((np.abs(coasted) / acceleration).max()))
-    return Window(*_extended(*window, np.array([target, coasted, 0.0 * target]),
-                             (period, coast, stop)))
+    return Window(*_extended(*window, target, coasted, acceleration, period, coast))
+
+
+@njit(cache=True)
+def coasting(velocities: np.ndarray, change: np.ndarray, most: np.ndarray, least_room: np.ndarray,
+             most_room: np.ndarray) -> np.ndarray:
+    """
+    Velocities (n,) that some come to by a change (n,), of no more than `most` (n,) [rad/s].
+
+    What is beyond its room (n,) already, because it brakes no harder, goes no further out.
+    """
+    coasted = velocities.copy()
+    if np.isfinite(change).all():
+        for k in range(len(coasted)):
+            now = velocities[k]
+            then = now + min(max(change[k], -most[k]), most[k])
+            coasted[k] = min(max(then, min(least_room[k], now)), max(most_room[k], now))
+    return coasted
 
 
 @njit(cache=True)
@@ -93,12 +108,14 @@ def _committed(times: np.ndarray, positions: np.ndarray, velocities: np.ndarray,
 
 @njit(cache=True)
 def _extended(times: np.ndarray, positions: np.ndarray, velocities: np.ndarray,
-              targets: np.ndarray, spans: tuple[float, float, float]
-              ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Points of a window, and those that lead evenly to velocities (3, n), each in its span."""
-    count = len(times)
-    points = (np.append(times, np.zeros(3)), np.concatenate((positions, targets)),
-              np.concatenate((velocities, targets)))
+              target: np.ndarray, coasted: np.ndarray, acceleration: np.ndarray, period: float,
+              coast: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Points of `extended`: of a window, and three that lead evenly to velocities (n,)."""
+    count, ways = len(times), np.zeros((3, len(target)))
+    ways[0], ways[1] = target, coasted
+    spans = (period, coast, max(MIN_STOP, (np.abs(coasted) / acceleration).max()))
+    points = (np.append(times, np.zeros(3)), np.concatenate((positions, ways)),
+              np.concatenate((velocities, ways)))
     for k in range(3):
         at = count + k
         points[0][at] = points[0][at - 1] + spans[k]

@@ -20,7 +20,7 @@ from tactile_common.ros.runner import run
 from tactile_msgs.msg import Contact as ContactMsg
 from tactile_msgs.msg import SurfacePatch, TactileImage
 from tactile_sensing.conversions import contact_from_msg, image_from_msg
-from tactile_sensing.types.contact import ContactType
+from tactile_sensing.types.contact import Contact, ContactType
 from tactile_sensing.types.image import TactileImage as Image
 from tactile_shape.compile_kernels import compile_kernels
 from tactile_shape.contour.contact_path import ContactPath, Placed, SpatialContact, WAITING
@@ -147,15 +147,10 @@ class ShapeTopics:
         with suppress(*DAMAGE):
             self._path.add_picture(stamp_of(raw), lambda: _image(raw))
 
-    def take_contact(self, msg: ContactMsg) -> None:
-        """Take a contact of the sensor."""
-        try:
-            contact = contact_from_msg(msg)
-        except TactileError as error:
-            self._warn(f'contact passed over: {error}')
-            return
+    def take_contact(self, stamp_ns: int, contact: Contact, sensor: str) -> None:
+        """Take a contact of a sensor of that name, and the stamp of its image [ns]."""
         if not self.by_servo or contact.type == ContactType.NONE:
-            self._take(self._path.add_contact(stamp_to_ns(msg.header.stamp), contact, msg))
+            self._take(self._path.add_contact(stamp_ns, contact, (stamp_ns, sensor)))
 
     def take_touch(self, msg: PoseStamped) -> None:
         """Take a contact that a servo tells."""
@@ -170,17 +165,15 @@ class ShapeTopics:
         anew = not 0 <= stamp_ns - self._touched_ns <= self._max_gap_ns
         self._touched_ns = stamp_ns
         contact = SpatialContact(stamp_ns, pose[:3, 3], -pose[:3, 2], edge=False)
-        told = ContactMsg()
-        set_stamp(told.header.stamp, stamp_ns)
-        self._take([Placed(told, contact, anew, '')])
+        self._take([Placed((stamp_ns, ''), contact, anew, '')])
 
     def _take(self, all_placed: list[Placed]) -> None:
         for placed in all_placed:
             patch = self._shape.take(placed)
-            msg = placed.extra
+            stamp_ns, sensor = placed.extra
             header = Header(frame_id=self._frame)
-            set_stamp(header.stamp, stamp_to_ns(msg.header.stamp))
-            self._patches.publish(self._message_of(patch, header, msg.sensor))
+            set_stamp(header.stamp, stamp_ns)
+            self._patches.publish(self._message_of(patch, header, sensor))
             self._model.take(self._shape.model, patch, placed, header)
 
     def _message_of(self, patch: Patch, header: Header, sensor: str) -> SurfacePatch:
@@ -228,7 +221,12 @@ class ShapeEstimatorNode(TactileNode):
 
     def _on_contact(self, msg: ContactMsg) -> None:
         lost = self._shape.lost
-        self._shape.take_contact(msg)
+        try:
+            contact = contact_from_msg(msg)
+        except TactileError as error:
+            self._warn(f'contact passed over: {error}')
+            return
+        self._shape.take_contact(stamp_to_ns(msg.header.stamp), contact, msg.sensor)
         if self._shape.lost > lost and not self.starting:
             self._warn(f'{self._shape.lost} contacts had no sensor_pose within max_gap of their '
                        'stamp')
