@@ -13,9 +13,9 @@ def scene():
 
 
 @pytest.fixture(scope='session')
-def bag(tmp_path_factory, scene):
+def bag(tmp_path_factory):
     """Bag of the run."""
-    return write_bag(tmp_path_factory.mktemp('bags') / 'run', scene).path
+    return write_bag(tmp_path_factory.mktemp('bags') / 'run')
 
 
 @pytest.fixture(scope='session')
@@ -25,7 +25,7 @@ def run(bag):
 
 
 @pytest.fixture(scope='session')
-def empty(tmp_path_factory, scene):
+def empty(tmp_path_factory):
     """Run of which only the diagnostics were recorded."""
     return read_run(write_bag(
-        tmp_path_factory.mktemp('bags') / 'empty', scene, topics=TOPICS[6:7]).path)
+        tmp_path_factory.mktemp('bags') / 'empty', topics=TOPICS[6:7]))

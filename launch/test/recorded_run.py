@@ -1,6 +1,6 @@
 """A run made up for the tests, written as messages or put together as arrays."""
 
-from types import SimpleNamespace
+from functools import cache
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from geometry_msgs.msg import PoseStamped, WrenchStamped
@@ -8,7 +8,6 @@ from nav_msgs.msg import Path
 import numpy as np
 from rclpy.qos import DurabilityPolicy, qos_profile_sensor_data, QoSProfile
 from rclpy.serialization import serialize_message
-from rosbags.interfaces import MessageDefinitionFormat
 from rosbags.rosbag2 import StoragePlugin, Writer
 from sensor_msgs.msg import JointState
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
@@ -187,16 +186,22 @@ def _cycle(scene, time):
     yield '/joint_trajectory_controller/joint_trajectory', stamp + 55_000, command
 
 
-def write_bag(path, scene, *, topics=TOPICS, storage=StoragePlugin.MCAP, rename=str):
-    """Write the run as a bag, with the definitions that the recorder would write."""
-    known = {name: message_class for name, message_class, _ in topics}
+@cache
+def recorded():
+    """Topic, time of reception [ns] and bytes of every message of the run, in order."""
+    rows = sorted(messages(straight_scene()), key=lambda row: row[1])
+    return [(topic, received, serialize_message(message)) for topic, received, message in rows]
+
+
+def write_bag(path, *, topics=TOPICS, storage=StoragePlugin.MCAP, rename=str):
+    """Write the run as a bag, with the definitions that the recorder would write; its path."""
     with Writer(path, version=9, storage_plugin=storage) as writer:
         connections = {}
-        for name, message_class in known.items():
+        for name, message_class, _ in topics:
             kind, definition, digest = definition_of(message_class)
             connections[name] = writer.add_connection(
                 rename(name), kind, msgdef=definition, rihs01=digest)
-        rows = [row for row in messages(scene) if row[0] in known]
-        for name, received, message in sorted(rows, key=lambda row: row[1]):
-            writer.write(connections[name], received, serialize_message(message))
-    return SimpleNamespace(path=path, rows=rows, format=MessageDefinitionFormat.MSG)
+        for name, received, data in recorded():
+            if name in connections:
+                writer.write(connections[name], received, data)
+    return path

@@ -181,9 +181,9 @@ def test_a_long_run_is_thinned_and_says_so(run, scene, tmp_path):
     assert path.stat().st_size < 5e6
 
 
-def test_two_recordings_stand_side_by_side(run, bag, scene, tmp_path):
+def test_two_recordings_stand_side_by_side(bag, tmp_path):
     path = tmp_path / 'report.html'
-    write_bag(tmp_path / 'touch', scene, topics=TOPICS[:3])
+    write_bag(tmp_path / 'touch', topics=TOPICS[:3])
     assert main([str(bag), str(tmp_path / 'touch'), '-o', str(path)]) == 0
     page = read_page(path)
     assert len(page.data['players']) == 2 and page.text.count('Recording \u201c') == 4
@@ -203,14 +203,14 @@ def test_command_says_what_a_bag_holds(bag, tmp_path, capsys):
 
 
 @pytest.mark.parametrize('spoil, text', [
-    (lambda path, scene: path / 'none', 'there is no such bag'),
-    (lambda path, scene: write_bag(path, scene, topics=TOPICS[8:9]).path, 'holds neither images'),
-    (lambda path, scene: cut(write_bag(path, scene, topics=TOPICS[:2]).path), 'ends at byte'),
-    (lambda path, scene: foreign(path), 'is not a rosbag2 recording')])
-def test_what_cannot_be_read_overwrites_nothing(spoil, text, scene, tmp_path, capsys):
+    (lambda path: path / 'none', 'there is no such bag'),
+    (lambda path: write_bag(path, topics=TOPICS[8:9]), 'holds neither images'),
+    (lambda path: cut(write_bag(path, topics=TOPICS[:2])), 'ends at byte'),
+    (lambda path: foreign(path), 'is not a rosbag2 recording')])
+def test_what_cannot_be_read_overwrites_nothing(spoil, text, tmp_path, capsys):
     page = tmp_path / 'report.html'
     page.write_text('mine')
-    assert main([str(spoil(tmp_path / 'run', scene)), '-o', str(page)]) == 2
+    assert main([str(spoil(tmp_path / 'run')), '-o', str(page)]) == 2
     error = capsys.readouterr().err
     assert text in error and error.count('\n') == 1 and page.read_text() == 'mine'
 
@@ -279,8 +279,13 @@ def test_report_of_a_run_in_one_state(run, scene, tmp_path, state):
 
 
 @pytest.mark.parametrize('kept', range(len(TOPICS)))
-def test_reports_of_bags_with_one_topic(scene, tmp_path, kept):
-    bare = read_run(write_bag(tmp_path / 'run', scene, topics=TOPICS[kept:kept + 1]).path)
+def test_bags_with_one_topic_give_empty_arrays_and_reports(scene, tmp_path, kept):
+    bare = read_run(write_bag(tmp_path / 'run', topics=TOPICS[kept:kept + 1]))
+    assert (bare.info is None) == (kept != 1)
+    assert len(bare.images.stamp_ns) == len(bare.images.frames) == (
+        len(bare.images.sequence) if kept == 0 else 0)
+    assert bare.poses.matrix.shape[1:] == (4, 4)
+    assert bare.poses.position.shape[1:] == (3,)
     summary = summarise(bare, scene, success=False, reason='interrupted')
     read_page(report(tmp_path / 'report.html', bare, summary, scene, truth(bare, scene)))
     read_page(report(tmp_path / 'recording.html', bare, summary_of(bare, None, None)))

@@ -1,21 +1,20 @@
 """A run read from its recording: messages to arrays."""
 from array import array
-from collections import defaultdict
-from dataclasses import fields
+from collections import Counter, defaultdict
+from typing import Any
 
 import numpy as np
 
 from edge_tracking.recording import run
 from edge_tracking.recording.settings import Settings
 from edge_tracking.recording.topics import RecordedTopics
-from tactile_common.ros.bag_reader import Bag, Recorded
+from tactile_common.ros.bag_reader import Bag
 from tactile_common.ros.conversions import stamp_to_ns
 from tactile_sensing.types.array import TactelArray
 from tactile_servo.journal import Call, WITH_TEXT
 from tactile_shape.conversions import patch_from_msg
 from tactile_simulation.smoothness import accelerations
 
-HELD = 1000  # messages of a topic, until they become columns
 MOST = 60_000  # messages of a topic that are read, evenly; of the others the stamps alone
 _COMPONENT_ZZ = 0
 
@@ -33,8 +32,8 @@ def read_run(path, namespace=None, *, joints=True) -> run.RunData:
                   if name in _KEPT and (joints or name != 'joint_states')}
         every = {name: -(-bag.count(topic) // MOST) or 1 for topic, name in wanted.items()
                  if name in _THINNED}
-        rows, parts, seen = defaultdict(list), defaultdict(list), defaultdict(int)
-        stamps = {name: array('q') for name in _TABLES}
+        rows, seen = defaultdict(list), Counter()
+        stamps = {name: array('q') for name in _STAMPED}
         start = None
         with bag.clear_errors():
             for row in bag.messages(wanted, raw=True):
@@ -44,29 +43,23 @@ def read_run(path, namespace=None, *, joints=True) -> run.RunData:
                 seen[name] += 1
                 if (seen[name] - 1) % every.get(name, 1):
                     continue
-                message = bag.unpacked(row)
-                if name in _READ:
-                    rows[name] += _READ[name](message)
-                    continue
                 if name in _NEWEST:
                     rows[name].clear()
-                rows[name].append(Recorded(row.topic, row.received_ns, message))
-                if len(rows[name]) == HELD and name in _TABLES:
-                    parts[name].append(_table(bag, name, rows.pop(name)))
-            tables = {name: _joined([*parts[name], _table(bag, name, rows[name])])
-                      for name in _TABLES}
+                rows[name] += _kept(bag, row, name)
+            contacts, statuses, poses, touches = (
+                table.of(rows[name]) for name, table in _TABLES.items())
             return run.RunData(
                 namespace=topics.prefix,
                 start_ns=start or 0,
-                images=tables['image'],
-                contacts=tables['contact'],
-                statuses=tables['servo_status'],
-                poses=tables['sensor_pose'],
+                images=_images(rows['image']),
+                contacts=contacts,
+                statuses=statuses,
+                poses=poses,
                 contour=_contour(rows['contour']),
                 patches=rows['surface_patch'],
                 info=_info(rows['sensor_info']),
                 nodes=frozenset(rows['diagnostics']),
-                touches=tables['surface_contact'],
+                touches=touches,
                 joint_acceleration=_joint_acceleration(rows['joint_states']),
                 stamps={name: np.asarray(known) for name, known in stamps.items()},
                 every=every,
@@ -75,26 +68,15 @@ def read_run(path, namespace=None, *, joints=True) -> run.RunData:
             )
 
 
-def _table(bag, name, rows):
+def _kept(bag, row, name):
+    """What is kept of a message; ConfigurationError where it lacks that."""
+    message = bag.unpacked(row)
     try:
-        return _TABLES[name](rows)
+        if name in _TABLES:
+            return [_TABLES[name].row(message)]
+        return _READ[name](message) if name in _READ else [message]
     except AttributeError as error:
-        raise bag.damaged(rows[0].topic, rows[0].received_ns, error) from error
-
-
-def _joined(parts):
-    """One table of several; of images, of those with the geometry of the first."""
-    parts = [part for part in parts if len(part.stamp_ns)] or parts[:1]
-    first = parts[0]
-    if isinstance(first, run.Images):
-        parts = [part for part in parts if part.frames.shape[1:] == first.frames.shape[1:]]
-    return type(first)(**{item.name: np.concatenate([getattr(part, item.name) for part in parts])
-                          if isinstance(getattr(first, item.name), np.ndarray)
-                          else getattr(first, item.name) for item in fields(first)})
-
-
-def _geometry(message):
-    return TactelArray(message.rows, message.columns, message.pitch_x, message.pitch_y)
+        raise bag.damaged(row.topic, row.received_ns, error) from error
 
 
 def _pressure(message):
@@ -104,27 +86,28 @@ def _pressure(message):
     return min(layers, key=lambda layer: layer.depth, default=None)
 
 
+def _image(message):
+    """Pressure, unit and pitches, and columns, of an image that has a pressure."""
+    layer = _pressure(message)
+    return [] if layer is None else [(
+        layer.stress.reshape(message.rows, message.columns),
+        (layer.unit, message.pitch_x, message.pitch_y), run.Images.row(message))]
+
+
 def _images(rows):
-    kept, layers, array = [], [], None
-    for row in rows:
-        layer = _pressure(row.message)
-        if layer is None:
-            continue
-        if array is None:
-            array = _geometry(row.message)
-        if (row.message.rows, row.message.columns) == array.shape:
-            kept.append(row)
-            layers.append(layer)
-    shape = array.shape if array else (0, 0)
-    frames = np.empty((len(kept), *shape), dtype=np.float32)
-    for index, layer in enumerate(layers):
-        frames[index] = layer.stress.reshape(shape)
-    return run.Images.of(kept, frames=frames, array=array, unit=layers[0].unit if layers else '')
+    """Images with the geometry of the first."""
+    if not rows:
+        return run.Images.of([], frames=np.empty((0, 0, 0), np.float32), array=None, unit='')
+    first, (unit, *pitches), _ = rows[0]
+    frames, _, kept = zip(*(row for row in rows if row[0].shape == first.shape), strict=True)
+    return run.Images.of(kept, frames=np.array(frames, np.float32), unit=unit,
+                         array=TactelArray(*first.shape, *pitches))
 
 
-_TABLES = {'image': _images, 'contact': run.Contacts.of, 'servo_status': run.Statuses.of,
-           'sensor_pose': run.Poses.of, 'surface_contact': run.Poses.of}
-_THINNED = {*_TABLES, 'surface_patch'} - {'servo_status'}  # a state may be short
+_TABLES: dict[str, Any] = {'contact': run.Contacts, 'servo_status': run.Statuses,
+                           'sensor_pose': run.Poses, 'surface_contact': run.Poses}
+_STAMPED = ('image', *_TABLES)
+_THINNED = {*_STAMPED, 'surface_patch'} - {'servo_status'}  # a state may be short
 _NEWEST = ('contour', 'sensor_info')  # of which no other is needed
 
 
@@ -134,17 +117,18 @@ def _goals(calls):
     return [text for call, text in zip(named, calls.texts, strict=False) if call == Call.START]
 
 
-# What is kept of a message, of those that are not kept as they are.
+# What is kept of a message, of those that are not kept as they are, and of no table.
 _READ = {
+    'image': _image,
     'diagnostics': lambda message: [
         status.name.partition(':')[0].rpartition('/')[2] for status in message.status],
     'servo_calls': _goals,
     'surface_patch': lambda message: [patch_from_msg(message)] if message.valid else []}
-_KEPT = {*_TABLES, *_NEWEST, *_READ, 'joint_states'}
+_KEPT = {*_STAMPED, *_NEWEST, *_READ, 'joint_states'}
 
 
 def _contour(rows):
-    poses = rows[-1].message.poses if rows else []
+    poses = rows[-1].poses if rows else []
     return np.array([run.xyz(pose.pose.position) for pose in poses]).reshape(-1, 3)
 
 
@@ -152,8 +136,8 @@ def _joint_acceleration(rows):
     """Of the velocities that joint states tell, else of their positions."""
     if not rows:
         return np.empty((0, 0))
-    names = rows[0].message.name
-    states = [row.message for row in rows if row.message.name == names]
+    names = rows[0].name
+    states = [state for state in rows if state.name == names]
     stamps = np.array([stamp_to_ns(state.header.stamp) for state in states])
     times, new = np.unique(stamps, return_index=True)
     seconds = 1e-9 * (times - times[0])
@@ -166,6 +150,7 @@ def _joint_acceleration(rows):
 def _info(rows):
     if not rows:
         return None
-    message = rows[-1].message
-    return run.Info(sensor=message.sensor, array=_geometry(message),
+    message = rows[-1]
+    array = TactelArray(message.rows, message.columns, message.pitch_x, message.pitch_y)
+    return run.Info(sensor=message.sensor, array=array,
                     acquisition_delay=float(message.acquisition_delay))

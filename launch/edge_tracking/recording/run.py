@@ -2,21 +2,20 @@
 from collections import defaultdict
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, fields
-from functools import partial
-from operator import attrgetter
+from functools import cache, partial
+from itertools import repeat
 from typing import Any
 
 import numpy as np
 
 from tactile_common.errors import TactileError
-from tactile_common.ros.bag_reader import Recorded
 from tactile_common.ros.conversions import pose_from_msg, stamp_to_ns, stamp_to_seconds
 from tactile_sensing.types.array import TactelArray
 
 
 def _column(dtype: Any = float, shape: tuple[int, ...] = (),
-            read: str | Callable[[Any], Any] = '') -> Any:
-    """Column of a table: type and shape of a value, and where in a message it is."""
+            read: Callable[[Any], Any] | None = None) -> Any:
+    """Column of a table: type and shape of a value, and how it is read, if not by its name."""
     return field(metadata={'dtype': dtype, 'shape': shape, 'read': read})
 
 
@@ -46,17 +45,24 @@ class Table:
     """Columns of N rows, one for each message."""
 
     @classmethod
-    def of(cls, rows: Sequence[Recorded], **known):
-        """Table of recorded messages; what is known otherwise is not read from them."""
-        for item in fields(cls):
-            if item.name in known:
-                continue
-            dtype, shape, read = (item.metadata[key] for key in ('dtype', 'shape', 'read'))
-            read = read if callable(read) else attrgetter(read or item.name)
-            known[item.name] = values = np.empty((len(rows), *shape), dtype=dtype)
-            for index, row in enumerate(rows):
-                values[index] = read(row.message)
+    def row(cls: Any, message) -> tuple:
+        """Values of a message, in the order of the columns."""
+        return tuple([getattr(message, name) if read is None else read(message)
+                      for name, _, _, read in _columns(cls)])
+
+    @classmethod
+    def of(cls: Any, rows: Sequence[tuple], **known) -> Any:
+        """Table of such rows; `known` is what is no column."""
+        values = zip(*rows, strict=True) if rows else repeat(())
+        for (name, dtype, shape, _), column in zip(_columns(cls), values, strict=False):
+            known[name] = np.array(column, dtype=dtype).reshape(len(rows), *shape)
         return cls(**known)
+
+
+@cache
+def _columns(table: Any) -> list[tuple[str, Any, tuple[int, ...], Any]]:
+    """Name, type, shape and reader of each column."""
+    return [(item.name, *item.metadata.values()) for item in fields(table) if item.metadata]
 
 
 @dataclass(frozen=True, eq=False)

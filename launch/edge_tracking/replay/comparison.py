@@ -1,8 +1,7 @@
 """What was recorded beside what was replayed: which fields differ, by how much, and since when."""
 from collections.abc import Iterator
-from dataclasses import dataclass, field, fields, is_dataclass
+from dataclasses import dataclass, field, is_dataclass
 import math
-from operator import attrgetter
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -131,66 +130,34 @@ class Comparison:
         return '\n'.join(lines)
 
 
-_leaves: dict[tuple[type, tuple[str, ...]], tuple[list[str], list[str]]] = {}
-
-
 def unequal(one: Any, other: Any, without: tuple[str, ...] = ()) -> Iterator[tuple[str, Any, Any]]:
     """
     Yield names and values of the fields in which two messages of one type are not the same.
 
-    Those `without` are left out. The numbers are compared at once, as arrays: that is what most
-    messages consist of, and most are the same.
+    Those `without` are left out; of a version that lacks one its value is None.
     """
-    key = type(one), without
-    if key not in _leaves:
-        _leaves[key] = _leaves_of(one, without)
-    numbers, others = _leaves[key]
-    a, b = (np.array([_value(message, numbers)], float).ravel() for message in (one, other))
-    for index in np.flatnonzero((a != b) & ~(np.isnan(a) & np.isnan(b))).tolist():
-        yield numbers[index], a[index].item(), b[index].item()
-    for name in others:
-        x, y = _value(one, [name]), _value(other, [name])
-        if isinstance(x, list) and isinstance(y, list) and len(x) == len(y) and x and (
+    for name in one.__dataclass_fields__:
+        if name in without or name.startswith('__'):
+            continue
+        x, y = getattr(one, name), getattr(other, name, None)
+        if is_dataclass(x):
+            parts: list[tuple[Any, ...]] = [('', x, y)]
+        elif isinstance(x, list) and isinstance(y, list) and len(x) == len(y) and x and (
                 is_dataclass(x[0])):
-            for index, pair in enumerate(zip(x, y, strict=True)):
-                for below, *values in unequal(*pair):
-                    yield f'{name}[{index}].{below}', *values
-        elif not _same(x, y):
-            yield name, x, y
+            parts = [(f'[{index}]', *pair) for index, pair in enumerate(zip(x, y, strict=True))]
+        else:
+            if not _same(x, y):
+                yield name, x, y
+            continue
+        for place, *pair in parts:
+            for below, *values in unequal(pair[0], pair[1]):
+                yield f'{name}{place}.{below}', *values
 
 
 def _same(one: Any, other: Any) -> bool:
-    if isinstance(one, np.ndarray) and isinstance(other, np.ndarray):
-        return one.dtype == other.dtype and one.tobytes() == other.tobytes()
-    return bool(one == other) if isinstance(one, (str, list)) else False
-
-
-def _leaves_of(message: Any, without: tuple[str, ...]) -> tuple[list[str], list[str]]:
-    """Names of the fields of a message that are numbers, and of the others."""
-    numbers, others = [], []
-    for item in fields(message):
-        if item.name.startswith('__') or item.name in without:
-            continue
-        value = getattr(message, item.name)
-        if is_dataclass(value):
-            below = _leaves_of(value, ())
-            for names, found in zip((numbers, others), below, strict=True):
-                names += [f'{item.name}.{name}' for name in found]
-        else:
-            (numbers if isinstance(value, (int, float)) else others).append(item.name)
-    return numbers, others
-
-
-def _value(message: Any, names: list[str]) -> Any:
-    """Values of fields of a message, of one name its own; None of a version that lacks one."""
-    if not names:
-        return ()
-    try:
-        return attrgetter(*names)(message)
-    except AttributeError:
-        if len(names) == 1:
-            return None
-        return tuple(_value(message, [name]) for name in names)
+    if isinstance(one, np.ndarray) or type(one) is not type(other):
+        return np.array_equal(one, other)
+    return bool(one == other or (one != one and other != other))  # NaN
 
 
 def _distance(one: Any, other: Any) -> float:
