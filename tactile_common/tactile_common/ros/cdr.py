@@ -13,7 +13,6 @@ from typing import Any
 import numpy as np
 from rosbags.interfaces import Nodetype
 from rosbags.serde import SerdeError
-from rosbags.serde.utils import ndtype
 from rosbags.typesys import get_types_from_msg, get_typestore, Stores
 from rosbags.typesys.store import Typestore
 
@@ -25,6 +24,7 @@ HEAD = b'\0\1\0\0'  # of plain CDR, little endian; offsets count from behind it
 # What a damaged message raises, or one that lacks a field.
 DAMAGE = (SerdeError, StructError, LookupError, AttributeError, TypeError, ValueError,
           OverflowError, MemoryError, RecursionError)
+_DTYPES = {'char': 'uint8'}  # others are named alike
 _installed = get_typestore(Stores.EMPTY)
 
 
@@ -96,7 +96,7 @@ def _with_arrays(message: Any, name: str) -> Any:
             if inner == Nodetype.NAME:
                 value = [_with_arrays(it, kind) for it in value]
             elif kind[0] != 'string':
-                value = np.asarray(value, ndtype(kind[0]))
+                value = np.asarray(value, _DTYPES.get(kind[0], kind[0]))
         values.append(value)
     return _installed.types[name](*values)
 
