@@ -9,8 +9,9 @@ from benchmarks.contact.fe_frames import DEPTH
 from benchmarks.contact.golden_sets import PADS
 from tactile_sensing.thesis import point
 from tactile_sensing.thesis.line_moments import line_from_moments
-from tactile_sensing.thesis.point_moments import MomentFlag, one_layer
+from tactile_sensing.thesis.point_moments import closed_form, MomentFlag
 from tactile_sensing.types.array import TactelArray
+from tactile_sensing.types.image import Layer
 from tactile_sensing.types.moments import Moments
 
 LINE_LEVEL = 0.5  # fraction of the peak above which other libraries see the line
@@ -55,8 +56,7 @@ def numpy_gauss_newton(frames, *, steps=3):
     for step in range(steps + 1):
         parameters = [value[:, None] for value in theta.T]
         corners = [(x + dx, y + dy) for dx in NODES for dy in NODES]
-        jacobian = np.mean([point.stress_jacobian('zz', *at, *parameters, DEPTH)
-                            for at in corners], axis=0)
+        jacobian = np.mean([_slopes(*at, *parameters) for at in corners], axis=0)
         model = np.mean([point.stress('zz', *at, *parameters, DEPTH) for at in corners], axis=0)
         used = jacobian[..., 2:] if step == 0 else jacobian  # forces first: linear
         scale = np.sqrt((used**2).sum(axis=1))
@@ -67,12 +67,24 @@ def numpy_gauss_newton(frames, *, steps=3):
     return theta
 
 
+def _slopes(x, y, a, b, normal, shear_x, shear_y):
+    """Derivatives of (2.2) by the place and the forces, (..., 5)."""
+    u, v = x - a, y - b
+    square = u**2 + v**2 + DEPTH**2
+    kernel = 1.5 / np.pi * DEPTH**2 * square**-2.5
+    force = normal * DEPTH + shear_x * u + shear_y * v
+    return np.stack([
+        kernel * (5.0 * force * u / square - shear_x),
+        kernel * (5.0 * force * v / square - shear_y), kernel * DEPTH, kernel * u, kernel * v], -1)
+
+
 def opencv_point(cv2, frame):
     """OpenCV's moments of a frame through (2.3)."""
     [image] = frame
     pitch, column, row = POINT_ARRAY.pitch_x, *cv2.minMaxLoc(image)[3]
-    found = one_layer(_sensor_moments(cv2.moments(image), POINT_ARRAY), DEPTH,
-                      ((column - 12.5) * pitch, (row - 12.5) * pitch))
+    found = closed_form(
+        [_sensor_moments(cv2.moments(image), POINT_ARRAY)], [Layer('zz', DEPTH, image)],
+        ((column - 12.5) * pitch, (row - 12.5) * pitch))
     if found.flags & REFUSED:
         return [np.nan] * 5
     return [found.a, found.b, found.normal_force, found.shear_force_x, found.shear_force_y]

@@ -60,7 +60,7 @@ def test_the_offset_of_a_line_is_the_same_wherever_its_point_is():
 
 @pytest.mark.parametrize('name', [name for name in RECORD.names if name not in ('type', 'valid')])
 def test_a_record_and_a_contact_say_the_same(name):
-    picture = line.stress_with_shear(ARRAY.x, ARRAY.y[:, None], 1e-3, 0.2, 200.0, 60.0, 2e-3)
+    picture = line.pressure(ARRAY.x, ARRAY.y[:, None], 1e-3, 0.2, 200.0, 2e-3, 60.0)
     layer = Layer('zz', 2e-3, picture, 0.0, 500.0)
     contact = ContactEstimator().estimate(TactileImage(0, 0, (layer,), ARRAY, tared=True))
     [record] = ContactEstimator().estimate_batch(picture[None], ARRAY, [layer])

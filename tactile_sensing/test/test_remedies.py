@@ -1,5 +1,6 @@
 """Faults of a sensor: what is lost to each, and that the rest is still told honestly."""
 
+from averages_over_tactels import point_average
 import numpy as np
 import pytest
 
@@ -210,8 +211,8 @@ def test_shear_across_a_line():
     array = TactelArray(16, 16, 0.0254 / 16, 0.0254 / 16)
     rng = np.random.default_rng(16)
     place = rng.uniform((-8e-3, -0.7), (8e-3, 0.7), (300, 2))
-    clean = np.array([line.stress_with_shear(
-        array.x, array.y[:, None], *load, 200.0, 60.0, DEPTH) for load in place])
+    clean = np.array([line.pressure(
+        array.x, array.y[:, None], *load, 200.0, DEPTH, 60.0) for load in place])
     noise = 0.01 * line.peak_pressure(200.0, DEPTH)
     frames = clean + rng.normal(0.0, noise, clean.shape)
     layer = Layer('zz', DEPTH, None, 0.0, noise)
@@ -232,7 +233,7 @@ def test_tactels_that_average_over_their_area():
     x, y = array.x, array.y[:, None]
     loads = np.column_stack([rng.uniform(-6e-3, 6e-3, (200, 2)), np.ones(200),
                              rng.uniform(-0.3, 0.3, (200, 2))])
-    frames = np.array([point.average('zz', x, y, *load, DEPTH, 0.0016, 0.0016) for load in loads])
+    frames = np.array([point_average('zz', x, y, *load, DEPTH, 0.0016, 0.0016) for load in loads])
     layer = Layer('zz', DEPTH, None, 0.0, 1e-4 * frames.max())
     area, centre = (ContactEstimator(EstimatorConfig(tactel=tactel)).estimate_batch(
         frames, array, [layer]) for tactel in ('area', 'point'))

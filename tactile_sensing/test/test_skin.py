@@ -1,6 +1,6 @@
 """Pressure in a layer of skin on a rigid backing: limits, equilibrium, averages over tactels."""
 
-from averages_over_tactels import line_average
+from averages_over_tactels import line_average, point_average
 import numpy as np
 import pytest
 from scipy.special import j0, j1
@@ -28,7 +28,7 @@ def off(found, expected):
 def test_thick_skin_is_a_half_space(thickness):
     skin = SkinPressure(Skin(DEPTH, thickness, 0.4))
     assert off(skin.point(X, Y, *POINT), point.stress('zz', X, Y, *POINT, DEPTH)) < 1e-4
-    assert off(skin.line(X, Y, *LINE), line.stress_with_shear(X, Y, *LINE, DEPTH)) < 1e-4
+    assert off(skin.line(X, Y, *LINE), line.pressure(X, Y, *LINE[:3], DEPTH, LINE[3])) < 1e-4
 
 
 @pytest.mark.parametrize('thickness, bound', [
@@ -77,7 +77,7 @@ def test_polynomials_are_the_transforms(thickness, poisson):
 def test_tactels_average_over_their_area(pitch_x, pitch_y, most):
     skin = SkinPressure(Skin(DEPTH), pitch_x, pitch_y)
     assert off(skin.point(X, Y, *POINT),
-               point.average('zz', X, Y, *POINT, DEPTH, pitch_x, pitch_y)) < most
+               point_average('zz', X, Y, *POINT, DEPTH, pitch_x, pitch_y)) < most
     for yaw in (0.0, 0.4, np.pi / 4):
         load = (1e-3, yaw, 200.0, 60.0)
         assert off(skin.line(X, Y, *load),

@@ -16,10 +16,12 @@ class MomentLine:
     line_force: float  # [N/m]
 
 
-def line_from_moments(
-        moments: Moments, half_length: float, *, printed: bool = False) -> MomentLine:
+def line_from_moments(moments: Moments, half_length: float) -> MomentLine:
     """
     Line contact from the moments of a strip-cut window, (3.8) to (3.10).
+
+    Equation (3.9) is corrected: tan(2 alpha) = -2 Mxy / (Mxx - Myy - b^2 M0), in print without
+    the factor 2 and with 3 b^2 M0. It is still biased by about 3 d^2 / L^2.
 
     Parameters
     ----------
@@ -27,23 +29,9 @@ def line_from_moments(
         With m0 > 0.
     half_length : float
         Half the size of the array along y, the thesis' L [m].
-    printed : bool
-        Equation (3.9) as printed, without the factor 2 and with 3 b^2 M0 in place of
-        b^2 M0. By default the corrected form,
-        tan(2 alpha) = -2 Mxy / (Mxx - Myy - b^2 M0), which is still biased by about
-        3 d^2 / L^2.
-
-    Returns
-    -------
-    MomentLine
     """
     b = moments.mx / moments.m0
-    if printed:
-        denominator = moments.mxx - moments.myy - 3.0 * b**2 * moments.m0
-        alpha = 0.5 * np.arctan(-moments.mxy / denominator) if denominator else 0.0
-    else:
-        alpha = 0.5 * np.arctan2(
-            2.0 * moments.mxy, moments.myy - moments.mxx + b**2 * moments.m0)
+    alpha = 0.5 * np.arctan2(2.0 * moments.mxy, moments.myy - moments.mxx + b**2 * moments.m0)
     line_force = moments.m0 * np.cos(alpha) / (2.0 * half_length)
     # The thesis turns +y towards +x, a left-handed rotation about +z; yaw is right-handed.
     return MomentLine(a=b, yaw=-alpha, line_force=line_force)
