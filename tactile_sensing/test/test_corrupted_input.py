@@ -117,8 +117,8 @@ def test_a_corrupted_contact_is_close_or_refused(method):
     valid = found['valid']
     assert valid.mean() > 0.2
     off = np.abs(found['x'] - truth[:, 0])[valid]
-    claimed = np.sqrt(found['covariance'][valid, 0, 0])
-    surprising = (off > 0.5e-3) & (off > 5.0 * claimed)
+    claimed = np.sqrt(found['covariance'][valid, 0, 0])  # the thesis' have a bias, and no claim
+    surprising = off > (np.maximum(5.0 * claimed, 0.5e-3) if method == 'fit' else 2e-3)
     assert surprising.mean() <= 0.007, np.flatnonzero(valid)[surprising]
 
 
