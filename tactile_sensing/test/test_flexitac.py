@@ -1,4 +1,4 @@
-"""The FlexiTac codec: every split point, garbage, losses, mimicry, bait, floods."""
+"""The FlexiTac codec beside what every protocol does: garbage, losses, mimicry, bait."""
 import sys
 
 from hypothesis import given, settings
@@ -63,20 +63,6 @@ def test_frame_is_marker_and_row_major_payload():
     assert encode_payload(counts[:, ::-1]) == b'\x02\x01\x00\x05\x04\x03'
 
 
-@pytest.mark.parametrize('split', range(len(STREAM) + 1))
-def test_split_anywhere(split):
-    decoder, events = decode([STREAM[:split], STREAM[split:]])
-    assert pictures_of(events) == as_lists(PICTURES)
-    assert [event.sequence for event in events] == list(range(len(PICTURES)))
-    assert (decoder.frames, decoder.resyncs, decoder.dropped_bytes) == (len(PICTURES), 0, 0)
-
-
-@pytest.mark.parametrize('chunk', [1, 2, 3, 5, PERIOD, 1000])
-def test_pieces_of_any_size(chunk):
-    pieces = [STREAM[k:k + chunk] for k in range(0, len(STREAM), chunk)]
-    assert pictures_of(decode(pieces)[1]) == as_lists(PICTURES)
-
-
 def test_in_lock_a_frame_waits_for_the_next_marker_only():
     decoder, _ = decode([STREAM])
     following = encode_payload(picture(50))
@@ -84,13 +70,6 @@ def test_in_lock_a_frame_waits_for_the_next_marker_only():
     assert drain(decoder) == []
     decoder.receive_data(MARKER[1:])
     assert pictures_of(drain(decoder)) == as_lists([picture(50)])
-
-
-def test_frames_are_read_only():
-    frame = decode([STREAM])[1][0]
-    assert frame.counts.dtype == np.uint8
-    with pytest.raises(ValueError):
-        frame.counts[0, 0] = 1
 
 
 GARBAGE = {
@@ -124,8 +103,8 @@ def test_garbage(garbage, chunk, place):
         assert decoder.resyncs == 1 and decoder.locked
 
 
-@pytest.mark.parametrize('missing', range(1, 2 * PERIOD))
-@pytest.mark.parametrize('at', range(2 * PERIOD + 2, 3 * PERIOD, 3))
+@pytest.mark.parametrize('missing', range(1, 2 * PERIOD, 2))
+@pytest.mark.parametrize('at', range(2 * PERIOD + 2, 3 * PERIOD, 4))
 def test_lost_bytes(at, missing):
     stream = STREAM[:at] + STREAM[at + missing:-len(MARKER)] + STREAM
     _, events = decode([stream[:70], stream[70:]])
@@ -138,13 +117,6 @@ def test_lost_bytes(at, missing):
     assert pictures_of(events)[-6:] == whole
     sequences = [event.sequence for event in events]
     assert sequences == sorted(set(sequences))
-
-
-def test_a_lost_frame_shows_in_the_sequence():
-    stream = STREAM[:2 * PERIOD + 5] + STREAM[2 * PERIOD + 6:]
-    decoder, events = decode([stream])
-    assert [e.sequence for e in events] == [0, 1, 3, 4, 5]
-    assert decoder.lost_frames == 1
 
 
 @pytest.mark.parametrize('offset', range(SIZE - 1))
@@ -214,26 +186,17 @@ def test_no_byte_is_unaccounted_for(garbage, cut):
     assert pictures_of(events)[-4:] == as_lists(PICTURES[-4:])
 
 
-def test_a_minute_of_random_bytes():
-    """12 MB, what 2 Mbaud carry in 60 s: no frame, no growing buffer, then a clean start."""
+def test_random_bytes_make_no_frame():
+    """What 2 Mbaud carry in 5 s: no frame, no growing buffer, then a clean start."""
     rng = np.random.default_rng(1)
     decoder = FlexiTacDecoder(16, 16)
-    for _ in range(3000):
+    for _ in range(250):
         decoder.receive_data(rng.bytes(4000))
         assert drain(decoder) == []
-    assert decoder.dropped_bytes + decoder.buffered == 12_000_000
+    assert decoder.dropped_bytes + decoder.buffered == 1_000_000
     counts = np.full((16, 16), 7, np.uint8)
     decoder.receive_data(encode_frame(counts) * 4 + MARKER)
     assert pictures_of(drain(decoder)) == [counts.tolist()] * 4
-
-
-def test_reset_forgets_the_stream_and_keeps_the_counters():
-    decoder, _ = decode([STREAM + b'\x01\x02'])
-    decoder.reset()
-    assert not decoder.locked and decoder.buffered == 0
-    assert (decoder.frames, decoder.dropped_bytes) == (len(PICTURES), 4)
-    decoder.receive_data(STREAM)
-    assert len(pictures_of(drain(decoder))) == len(PICTURES)
 
 
 @pytest.mark.parametrize('rows, columns', [(0, 4), (4, -1), (4.0, 4), ('4', 4)])
@@ -308,8 +271,8 @@ def test_pauses_tell_where_a_frame_starts():
 
 
 def bait(kind, period, rng):
-    """Give some ten thousand bytes that look like frames again and again, and are none."""
-    size = 40_000
+    """Give twenty thousand bytes that look like frames again and again, and are none."""
+    size = 20_000
     if kind == 'markers':
         return (MARKER * size)[:size]
     if kind == 'first halves':
@@ -339,14 +302,14 @@ def calls(function):
     return count
 
 
-@pytest.mark.parametrize('chunk', [1, 64, 4096])
+@pytest.mark.parametrize('chunk', [1, 64])
 @pytest.mark.parametrize('kind', ['markers', 'first halves', 'runs', 'long runs'])
 def test_bait_costs_no_more_per_byte_however_long_a_frame_is(kind, chunk):
     costs = []
-    for rows, columns in ((8, 8), (16, 16), (32, 32)):
+    for rows, columns in ((8, 8), (32, 32)):
         data = bait(kind, 2 + rows * columns, np.random.default_rng(5))
         pieces = [data[k:k + chunk] for k in range(0, len(data), chunk)]
         costs.append(calls(lambda p=pieces, r=rows, c=columns: decode(p, r, c)) / len(data))
     # Six calls a byte are the test's own when it hands over single bytes.
     assert max(costs) < 30.0
-    assert costs[2] < 1.3 * costs[0] + 1.0
+    assert costs[1] < 1.3 * costs[0] + 1.0
