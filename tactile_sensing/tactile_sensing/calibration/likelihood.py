@@ -343,6 +343,7 @@ class Likelihood:
 
     def hold(self, *numbers: int) -> None:
         """Fix numbers of the kind at what is usual."""
+        self.known = self.known.copy()
         self.known[list(numbers)] = FIXED
 
     def settle(self, unknowns: Unknowns) -> Unknowns:
