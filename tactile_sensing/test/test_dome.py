@@ -137,4 +137,6 @@ def test_what_cannot_be(model):
         FiniteElementDome(DOME, ARRAY, model.operator, curvature=-50.0)
     with pytest.raises(ConfigurationError, match='256 tactels'):
         FiniteElementDome(DOME, TactelArray(8, 8, PITCH, PITCH), model.operator)
+    with pytest.raises(ConfigurationError, match='rad from the apex, beyond the rim'):
+        solve(DOME, SkinConfig(half_angle=0.4, across=3, layers=1, points=1), ARRAY)
     assert not model.image(np.zeros(5)).any()
