@@ -323,9 +323,6 @@ def test_commands_are_answered_and_refusals_explained():
     assert device.running
     device.answer(decoder.stop())
     assert not device.running
-    device.encode(np.eye(2, dtype=np.uint16))
-    frame, = frames_of(weiss.WeissDecoder(2, 2), device.answer(weiss.packet(weiss.SINGLE)))
-    assert frame.counts.tolist() == [[1, 0], [0, 1]]
 
 
 def test_a_tag_of_a_finger_and_its_temperature():

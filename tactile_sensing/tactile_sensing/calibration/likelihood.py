@@ -22,17 +22,12 @@ from tactile_sensing.skin.pressure import SkinPressure
 from tactile_sensing.types.skin import Skin
 
 ASSUMED_POISSON, POISSON_STD = 0.45, 0.1  # of a soft skin, before the presses tell it
-PATCH, PATCH_STD = 0.5, 0.15  # likewise radius of a patch over that of the ball
 SHEAR = 0.1  # of the force: standard deviation while the ball is pressed straight
-SPREAD, LEAST_SPREAD = 0.1, 0.003  # of gains: usual before the fit, least that is looked for
-SCATTER, LEAST_SCATTER = 0.05, 1e-3  # of the pressure: likewise what the model misses
+LEAST_SPREAD = 0.003  # of gains and forces that is looked for
 TAILS = 6.0  # degrees of freedom
-LONGEST, UPHILL = 0.2, 1.0  # step of the numbers of the skin; chi-square that one may add
+LONGEST = 0.2  # step of the numbers of the skin
 SETTLED = 2e-3  # relative, and in pitches: a shorter step is the last
-STEPS, FEW, ROUNDS = 25, 8, 3  # of the fit; of those before the last; of the spreads by it
-SAME_PLACE = 0.3  # pitches between frames in turn of one press
 UNLIKE = 3.0  # standard deviations at which a press is of another weight, times the usual misfit
-DEAD = 0.3  # of the expected reading, less than which a tactel does not follow the load
 SEEN = 10.0  # standard deviations of load that show it
 KIND = 4  # numbers of skin and patch: log depth, depth over thickness, Poisson's ratio, patch
 LEAST, MOST = (-np.inf, 0.0, 0.0, 0.05), (np.inf, 1.0, 0.5, 0.95)  # of these
@@ -128,9 +123,11 @@ class Likelihood:
         self.noise: np.ndarray = presses.noise.reshape(flat)
         self.floor = presses.floor.ravel()
         self.below = self.values <= self.floor
-        self.usual = np.array([0.0, 0.0, ASSUMED_POISSON, PATCH])
-        self.known = np.array([0.0, 1.0, POISSON_STD**-2, PATCH_STD**-2])
-        self.spread, self.scatter, self.shared = SPREAD, SCATTER, np.ones((len(presses), 1))
+        # A patch has half the radius of the ball, +- .15, before the presses tell it.
+        self.usual = np.array([0.0, 0.0, ASSUMED_POISSON, 0.5])
+        self.known = np.array([0.0, 1.0, POISSON_STD**-2, 0.15**-2])
+        # Of gains, and of the pressure what the model misses: as is usual, until a fit says it.
+        self.spread, self.scatter, self.shared = 0.1, 0.05, np.ones((len(presses), 1))
         self.force_std = np.full(len(presses), np.inf)
         self.offset_std = offset_std
         self.gone: np.ndarray = np.zeros(array.rows * array.columns, bool)
@@ -290,13 +287,13 @@ class Likelihood:
             unknowns.places + places * self.pitch, system.unknowns.forces,
             unknowns.level * np.exp(move[KIND:common])), np.append(wanted, places.ravel())
 
-    def iterate(self, unknowns: Unknowns, steps: int = STEPS) -> Unknowns:
+    def iterate(self, unknowns: Unknowns, steps: int = 25) -> Unknowns:
         """Step downhill until nothing moves."""
         longest, chi = LONGEST, self.chi(unknowns)
         for _ in range(steps):
             moved, move = self.step(unknowns, longest)
             below = self.chi(moved)
-            if below > chi + UPHILL:
+            if below > chi + 1.0:
                 longest = 0.3 * min(longest, np.abs(move[:KIND]).max())
                 if longest < SETTLED:
                     break
@@ -320,8 +317,9 @@ class Likelihood:
         free = max(1.0 - (told + OWN * len(model)) / strong.sum(), 0.2)
         excess = np.mean(tails * rest[:, :tactels][strong]**2 / free
                          - self.noise[strong]**2) / np.mean(model[strong]**2)
-        self.scatter = math.sqrt(max(excess, LEAST_SCATTER**2))
-        moved = np.hypot(*np.diff(unknowns.places, axis=0).T) > SAME_PLACE * self.pitch
+        self.scatter = max(excess, 1e-6)**0.5
+        # Frames in turn at one place are of one press.
+        moved = np.hypot(*np.diff(unknowns.places, axis=0).T) > 0.3 * self.pitch
         self.groups = np.concatenate([[0], np.cumsum(moved)])
         self.shared = np.bincount(self.groups)[self.groups][:, None].astype(float)
         common = KIND + len(unknowns.level)
@@ -339,7 +337,7 @@ class Likelihood:
         load = np.where(np.isfinite(self.values), model, 0.0) / self.noise
         power = (load**2).sum(axis=0)
         follows = (load * np.nan_to_num(self.values) / self.noise).sum(axis=0)
-        return (power > SEEN**2) & (follows < DEAD * power)
+        return (power > SEEN**2) & (follows < 0.3 * power)
 
     def hold(self, *numbers: int) -> None:
         """Fix numbers of the kind at what is usual."""
@@ -348,8 +346,8 @@ class Likelihood:
 
     def settle(self, unknowns: Unknowns) -> Unknowns:
         """Fit, with the spreads that follow from it and without the tactels that are dead."""
-        for _ in range(ROUNDS):
-            unknowns = self.iterate(unknowns, FEW)
+        for _ in range(3):
+            unknowns = self.iterate(unknowns, 8)
             self.gone |= self.dead(unknowns)
             self.values = np.where(self.gone, np.nan, self.values)
             unknowns = self.learn(unknowns)

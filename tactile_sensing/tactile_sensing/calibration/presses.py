@@ -8,10 +8,6 @@ from tactile_sensing.devices.unloaded import QUANTISATION
 from tactile_sensing.types.array import TactelArray
 
 LEAST_PEAK = 10.0  # standard deviations that the peak of a usable press must reach
-BORDER = 1.5  # pitches that its peak must be away from the border
-SECOND = 0.3  # of the peak; as high elsewhere means that something else presses as well
-HELD = 1.5  # chi-square per tactel below which two frames are of one press that is held
-MOST = 120  # presses that are used; more of them cost time and tell little
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,7 +52,7 @@ class Presses:
 
     def _is_like(self, i: int, group: list[int]) -> bool:
         off = (self.values[i] - self.values[group].mean(axis=0)) / self.noise[i]
-        return np.nanmean(off**2) < HELD * (1.0 + 1.0 / len(group))
+        return np.nanmean(off**2) < 1.5 * (1.0 + 1.0 / len(group))
 
     def _mean(self, group: list[int]) -> tuple[np.ndarray, np.ndarray]:
         """Mean of some frames and its noise; what hides in some of them alone tells nothing."""
@@ -71,7 +67,7 @@ def sort_presses(presses: Presses, saturated: np.ndarray) -> tuple[Presses, dict
     Return the presses that tell something of the skin, and why not the others, by their numbers.
 
     Of every frame is told how many tactels are at full scale, (N,). The good ones are at most
-    MOST, spread over the pad; those that were held are averaged.
+    120, spread over the pad, as more cost time and tell little; those that were held are averaged.
     """
     bad, good = {}, []
     for i, values in enumerate(presses.values):
@@ -89,7 +85,7 @@ def sort_presses(presses: Presses, saturated: np.ndarray) -> tuple[Presses, dict
     turn = np.zeros(len(peaks), int)
     for k in range(len(count)):
         turn[place.ravel() == k] = np.arange(count[k])
-    order = np.argsort(turn, kind='stable')[:MOST]
+    order = np.argsort(turn, kind='stable')[:120]
     return presses.only(np.sort(order)), bad
 
 
@@ -111,12 +107,11 @@ def why_not(values: np.ndarray, noise: np.ndarray, array: TactelArray, saturated
         return 'nothing presses, or too lightly'
     if saturated:
         return f'{saturated} tactels are at full scale: press more lightly'
-    if (min(row, array.rows - 1 - row) < BORDER - 0.5
-            or min(column, array.columns - 1 - column) < BORDER - 0.5):
+    if row in (0, array.rows - 1) or column in (0, array.columns - 1):
         return 'too close to the border'
     around = np.hypot((array.x - array.x[column])[None], (array.y - array.y[row])[:, None])
     far = around > 5.0 * max(array.pitch_x, array.pitch_y)
     elsewhere = np.where(far, np.nan_to_num(values, nan=0.0), 0.0)
-    if elsewhere.max() > max(SECOND * peak, LEAST_PEAK * noise.max()):
+    if elsewhere.max() > max(0.3 * peak, LEAST_PEAK * noise.max()):
         return 'something presses elsewhere as well'
     return ''

@@ -15,14 +15,12 @@ from tactile_sensing.calibration.skin_fit import edge_force_std, Fit, fit_presse
 from tactile_sensing.calibration.unloaded import range_of, survey, Tactels
 from tactile_sensing.calibration.verdict import doubts
 from tactile_sensing.devices.calibration import Calibration
+from tactile_sensing.devices.tare import MIN_TARE_FRAMES
 from tactile_sensing.devices.unloaded import QUANTISATION
 from tactile_sensing.types.array import TactelArray
 from tactile_sensing.types.skin import Skin
 
-FEWEST_UNLOADED = 20  # frames
 FEWEST_PRESSES = 5  # of a ball, that tell a skin; some twenty are better
-LINE = 0.25  # of a row or column: dead ones that make all that was not loaded dead
-UNLOADED = 0.03  # of the peak, less than which tactels far from a press read
 
 
 @dataclass
@@ -170,9 +168,9 @@ class _Procedure:
 
     def survey_unloaded(self, unloaded: np.ndarray) -> None:
         """Baseline, noise and dead tactels."""
-        if len(unloaded) < FEWEST_UNLOADED:
+        if len(unloaded) < MIN_TARE_FRAMES:
             raise ConfigurationError(f'unloaded: {len(unloaded)} frames, at least '
-                                     f'{FEWEST_UNLOADED} are needed')
+                                     f'{MIN_TARE_FRAMES} are needed')
         recordings, draft = self.recordings, Calibration(**self.values)
         # Fingers in the corners may slip beside the tactels.
         self.tactels = tactels = survey(draft.arrange(unloaded), draft.counts, [
@@ -301,7 +299,7 @@ class _Procedure:
 def _check_unloaded(presses: Presses) -> None:
     each = presses.values.reshape(len(presses), -1)
     low = float(np.median(np.nanquantile(each, 0.05, axis=1)))
-    if low > UNLOADED * np.median(np.nanmax(each, axis=1)):
+    if low > 0.03 * np.median(np.nanmax(each, axis=1)):
         raise ConfigurationError(f'tactels that nothing presses read {low:.0f} counts: --unloaded '
                                  'is missing, frames of the unloaded pad')
 
@@ -310,7 +308,7 @@ def _with_lines(dead: np.ndarray, tactels: Tactels | None) -> np.ndarray:
     """Dead tactels, and those of a row or column that is dead as far as it was loaded."""
     if tactels is not None:
         for some, idle in ((dead, tactels.unloaded), (dead.T, tactels.unloaded.T)):
-            some[(some.mean(axis=1) >= LINE) & (some | idle).all(axis=1)] = True
+            some[(some.mean(axis=1) >= 0.25) & (some | idle).all(axis=1)] = True
     return dead
 
 

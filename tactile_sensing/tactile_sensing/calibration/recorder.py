@@ -14,8 +14,6 @@ from tactile_sensing.types.array import TactelArray
 
 HELD = 20  # frames that a press must rest to be taken
 KEPT = 10  # of these
-STEADY = 0.05  # of its peak, by which a press that rests may change
-RELEASED = 0.5  # of the peak at which a press begins, below which it has ended
 
 
 @dataclass(frozen=True)
@@ -65,7 +63,7 @@ class PressCatcher:
         values = frame - self._offset
         peak = highest(values)
         strength = values[peak] / (LEAST_PEAK * self._noise[peak])
-        if strength < (RELEASED if self._taken else 1.0):
+        if strength < (0.5 if self._taken else 1.0):
             self._recent.clear()
             self._taken = False
             return None
@@ -80,7 +78,7 @@ class PressCatcher:
         frames = np.array(self._recent)
         change = np.abs(frames[half:].mean(axis=0) - frames[:half].mean(axis=0))
         by_chance = 5.0 * self._noise * np.sqrt(2.0 / half)
-        return bool((change < STEADY * peak + by_chance).all())
+        return bool((change < 0.05 * peak + by_chance).all())
 
 
 @dataclass

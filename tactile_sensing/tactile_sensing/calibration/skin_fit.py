@@ -19,9 +19,6 @@ from tactile_sensing.calibration.presses import Presses
 from tactile_sensing.skin.pressure import SkinPressure
 from tactile_sensing.types.skin import Skin
 
-SLANT = 0.3  # rad: yaw of an edge through the middle of the pad
-EXACT = 1e-6  # counts: standard deviation of an offset that is known
-
 
 @dataclass(frozen=True, eq=False)
 class Fit:
@@ -55,7 +52,7 @@ class Fit:
 def fit_presses(presses: Presses, ball_radius: float, *, area: bool = True,
                 known: Skin | None = None, poisson: float | None = None,
                 told: np.ndarray | None = None, source: np.ndarray | None = None,
-                offset_std: np.ndarray | float = EXACT) -> Fit:
+                offset_std: np.ndarray | float = 1e-6) -> Fit:
     """
     Find skin and gains that explain presses of a ball.
 
@@ -164,7 +161,7 @@ def edge_force_std(presses: Presses, fit: Fit, source: int, area: bool) -> float
 
     def line(kind: np.ndarray) -> np.ndarray:
         return SkinPressure(skin_of(kind), *size).line(
-            array.x[None, :], array.y[:, None], 0.0, SLANT, 1.0)
+            array.x[None, :], array.y[:, None], 0.0, 0.3, 1.0)  # at a slant
     edge, by = line(kind), np.zeros(len(fit.covariance))
     for k in range(3):
         step = step_of(kind, k)

@@ -8,14 +8,6 @@ from tactile_common.errors import ConfigurationError
 from tactile_sensing.devices.counts import Counts, MAX_BITS
 from tactile_sensing.devices.unloaded import unloaded_statistics
 
-NOISY = 5.0  # times the usual noise at which a tactel is not used
-GAP = 5.0  # usual readings that a gap in the counts lacks where it shows a threshold
-STUCK = 0.1  # share of what those on either side show that a tactel must show under load
-SHOWN = 10.0  # standard deviations that these must show in a frame
-ENOUGH = 20.0  # and in all frames, root of the sum of squares
-LOADED = 5.0  # standard deviations that a tactel shows where it was loaded
-MOST = 2000  # frames that are looked at
-
 
 @dataclass(frozen=True, eq=False)
 class Tactels:
@@ -65,7 +57,7 @@ def _threshold(counts: np.ndarray, lowest: int) -> int | None:
     least = int(above[0])
     # As many below as there are in as wide a range above, unless something leaves them out.
     expected = np.count_nonzero(above < 2 * least - lowest)
-    return least if least > lowest + 1 and expected > GAP else None
+    return least if least > lowest + 1 and expected > 5 else None
 
 
 def survey(frames: np.ndarray, counts: Counts, loaded: list[np.ndarray]) -> Tactels:
@@ -79,7 +71,7 @@ def survey(frames: np.ndarray, counts: Counts, loaded: list[np.ndarray]) -> Tact
     first = unloaded_statistics(frames, counts.threshold, counts.lowest, live)
     usual = float(np.median(first.noise))
     dead = {}
-    for place in np.argwhere(first.noise > NOISY * usual):
+    for place in np.argwhere(first.noise > 5.0 * usual):
         dead[tuple(place.tolist())] = f'noise {first.noise[tuple(place)]:.1f} counts'
     for place in np.argwhere(first.offset >= counts.saturation - 1):
         dead[tuple(place.tolist())] = 'at full scale without load'
@@ -103,7 +95,7 @@ def survey(frames: np.ndarray, counts: Counts, loaded: list[np.ndarray]) -> Tact
 def _silent(loaded: np.ndarray, offset: np.ndarray,
             noise: float) -> tuple[np.ndarray, np.ndarray]:
     """Tactels that do not follow those on either side of them; others that were never loaded."""
-    values = np.nan_to_num(loaded[::-(-len(loaded) // MOST)] - offset)
+    values = np.nan_to_num(loaded[::-(-len(loaded) // 2000)] - offset)
     padded = np.pad(values, ((0, 0), (1, 1), (1, 1)))
     rows, columns = offset.shape
 
@@ -112,7 +104,7 @@ def _silent(loaded: np.ndarray, offset: np.ndarray,
     # Under an elastic skin a tactel between two loaded ones is loaded, one beside them need not.
     between = np.max([np.minimum(beside(i, j), beside(-i, -j))
                       for i, j in ((0, 1), (1, 0), (1, 1), (1, -1))], axis=0)
-    between = np.where(between > SHOWN * noise, between, 0.0)
+    between = np.where(between > 10.0 * noise, between, 0.0)
     power = (between**2).sum(axis=0)
-    silent = (power > (ENOUGH * noise)**2) & ((between * values).sum(axis=0) < STUCK * power)
-    return silent, ~silent & (values.max(axis=0) < LOADED * noise)
+    silent = (power > (20.0 * noise)**2) & ((between * values).sum(axis=0) < 0.1 * power)
+    return silent, ~silent & (values.max(axis=0) < 5.0 * noise)

@@ -8,9 +8,6 @@ from tactile_sensing.devices.calibration import Calibration
 MOST_LEFT_OUT = 0.04  # share of the pressure that a skin and a ball may leave unexplained
 USUAL_PATCH = 0.25, 0.75  # radius of a patch over that of the ball
 FEW_PRESSES = 8  # fewer do not show how wrong they are
-MOST_DEAD = 0.1  # share of the tactels
-MOST_UNCERTAIN = 0.1  # share of the depth, and of forces
-MOST_SPREAD = 0.3  # of the gains
 
 
 def doubts(fit: Fit | None, ball_radius: float, dead: float) -> list[str]:
@@ -20,7 +17,7 @@ def doubts(fit: Fit | None, ball_radius: float, dead: float) -> list[str]:
     The fit is of presses of a ball of a radius [m]; of all tactels the share that is dead.
     """
     found, check = [], 'check --ball-radius and --pitch'
-    if dead > MOST_DEAD:
+    if dead > 0.1:
         found.append(f'{100.0 * dead:.0f} % of the tactels are dead: check the wiring')
     if fit is None:
         return found
@@ -34,9 +31,9 @@ def doubts(fit: Fit | None, ball_radius: float, dead: float) -> list[str]:
     if fit.groups[-1] + 1 < FEW_PRESSES:
         found.append(f'only {fit.groups[-1] + 1} presses at different places, '
                      f'{FEW_PRESSES} and more are needed')
-    if fit.depth_std > MOST_UNCERTAIN * fit.skin.depth:
+    if fit.depth_std > 0.1 * fit.skin.depth:
         found.append(f'the depth is only known within {1e3 * fit.depth_std:.2f} mm')
-    if fit.spread > MOST_SPREAD:
+    if fit.spread > 0.3:
         found.append(f'the gains of the tactels differ by {100.0 * fit.spread:.0f} %')
     return found
 

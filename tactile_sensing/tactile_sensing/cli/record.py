@@ -15,9 +15,6 @@ from tactile_sensing.cli.options import add_pitch, add_sensor, add_shape, opened
 from tactile_sensing.devices.frame_clock import SensorImage
 
 SHADES = ' .:-=+*#%@'
-LEAST_RANGE = 10.0  # counts that are drawn black: noise stays white
-DRAWN = 0.2  # s from one drawing to the next
-HOME = '\x1b[H\x1b[J'  # of a terminal
 
 
 def parser() -> argparse.ArgumentParser:
@@ -40,7 +37,8 @@ def parser() -> argparse.ArgumentParser:
 
 def drawing(change: np.ndarray) -> str:
     """Return counts (rows, columns) as lines of shades."""
-    level = np.clip(change / max(change.max(), LEAST_RANGE), 0.0, 1.0) * (len(SHADES) - 1)
+    # Ten counts at least are drawn black: noise stays white.
+    level = np.clip(change / max(change.max(), 10.0), 0.0, 1.0) * (len(SHADES) - 1)
     return '\n'.join(''.join(2 * SHADES[int(value)] for value in row) for row in np.rint(level))
 
 
@@ -51,9 +49,9 @@ def look(images: Iterable[SensorImage],
     for count, image in enumerate(images):
         first = image.counts.astype(float) if first is None else first
         now = time.monotonic()
-        if now - at >= DRAWN:
+        if now - at >= 0.2:
             rate, at, drawn = (count - drawn) / (now - at), now, count
-            show(f'{HOME}{drawing(image.counts - first)}\n{rate:.0f} Hz, counts '
+            show(f'\x1b[H\x1b[J{drawing(image.counts - first)}\n{rate:.0f} Hz, counts '
                  f'{image.counts.min()} to {image.counts.max()}; Ctrl-C ends\n')
 
 

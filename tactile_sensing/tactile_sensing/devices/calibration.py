@@ -16,9 +16,7 @@ from tactile_sensing.types.array import PITCH, TactelArray
 from tactile_sensing.types.image import COMPONENTS, Layer, SensorInfo
 from tactile_sensing.types.skin import Skin
 
-UNITS = ('Pa', 'counts')
 RESOLUTION = (1e-12, 1e12)
-TOLERANCE = 5 / 255  # of the range, where no tolerance of a tare is given
 Convert = Callable[[np.ndarray], tuple[Layer, int]]
 
 
@@ -39,7 +37,7 @@ class Calibration:
 
     array: TactelArray
     gain: np.ndarray = 1.0  # type: ignore[assignment]  # becomes an array
-    unit: str = one_of('Pa', "or 'counts' if nothing is known", UNITS)
+    unit: str = one_of('Pa', "or 'counts' if nothing is known", ('Pa', 'counts'))
     baseline: np.ndarray = 0.0  # type: ignore[assignment]
     noise: np.ndarray = 0.0  # type: ignore[assignment]  # standard deviation [counts]; 0 = unknown
     gain_spread: float = _at_least_0()  # standard deviation of the true gains about these
@@ -52,7 +50,7 @@ class Calibration:
     # Of a count, in the unit of frames in files (V, say), where that is another than counts.
     resolution: float = bounded(1.0, '', '', *RESOLUTION)
     dead_tactels: tuple[int, ...] = ()  # row-major indices of tactels that are never used
-    # From `baseline` of an unloaded tactel [counts]; more is a load. 0: TOLERANCE.
+    # From `baseline` of an unloaded tactel [counts]; more is a load. 0: 5 / 255 of the range.
     tare_tolerance: float = _at_least_0()
     # Row of the raw frames that is each row of the image, likewise columns; empty: as they come.
     row_order: tuple[int, ...] = ()
@@ -167,7 +165,7 @@ class Calibration:
             raise TareRefusedError(
                 f'frames have shape {frames.shape}, must be (n, {self.raw_shape[0]}, '
                 f'{self.raw_shape[1]})')
-        about, tolerance = self.baseline, self.tare_tolerance or TOLERANCE * (
+        about, tolerance = self.baseline, self.tare_tolerance or 5 / 255 * (
             self.counts.highest - self.counts.lowest)
         if before is not None:
             about, tolerance = before.offset, before.noise_std

@@ -13,7 +13,6 @@ from tactile_sensing.types.array import TactelArray
 
 _FIELDS = [item for item in fields(Calibration) if item.name not in ('array', 'source')]
 _FILE_KEYS = {'rows', 'columns', 'pitch', *(item.name for item in _FIELDS)}
-_LISTS = ('row_order', 'column_order')
 
 
 def load_calibration(path: str | PathLike) -> Calibration:
@@ -43,7 +42,7 @@ def save_calibration(calibration: Calibration, path: str | PathLike) -> None:
             value = _tidy(value)
         elif item.name == 'dead_tactels':
             value = [list(divmod(index, array.columns)) for index in value]
-        values[item.name] = list(value) if item.name in _LISTS else value
+        values[item.name] = list(value) if isinstance(value, tuple) else value
     try:
         with open(path, 'w', encoding='utf-8') as stream:
             stream.write('# Calibration of one array; `found` says how, how well, and what was '

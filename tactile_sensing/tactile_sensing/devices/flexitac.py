@@ -28,13 +28,7 @@ from numpy.typing import DTypeLike
 from tactile_sensing.devices.protocol import Decoder, Device, Piece
 
 MARKER = b'\xaa\x55'
-BAUD_RATE = 2_000_000
-FIXED_FRAMES = 8  # in which a mimic has stood at one place, so that it counts as fixed
-LOCK_PERIODS = 2  # periods that must be confirmed by a marker behind them
 AMBIGUOUS_PERIODS = 8  # periods to wait for while several places are confirmed
-MAX_RIVALS = 8  # places that are compared, those nearest to where a frame was expected
-OFTEN = AMBIGUOUS_PERIODS // 2  # so often must reads end at one place to tell a pause
-DISTANCES = 64  # between markers, that tell how long other frames are
 
 
 def encode_payload(counts: np.ndarray) -> bytes:
@@ -66,7 +60,7 @@ class FlexiTacDecoder(Decoder):
     Turn received bytes into frames, see `protocol.Decoder`.
 
     Counts are of the type that is given, an integer of one byte or two. Without lock each byte is
-    searched once, and once a period at most `MAX_RIVALS` places are compared.
+    searched once, and once a period at most eight places are compared.
     """
 
     announced = len(MARKER)
@@ -84,7 +78,7 @@ class FlexiTacDecoder(Decoder):
         self.buffer_bound = (AMBIGUOUS_PERIODS + 2) * self._period + len(MARKER)
         self._held = 0  # confirmed frames at the head of the buffer
         self._breaks: deque[int] = deque(maxlen=4 * AMBIGUOUS_PERIODS)  # places where reads end
-        self._distances: deque[int] = deque(maxlen=DISTANCES)
+        self._distances: deque[int] = deque(maxlen=64)  # between markers: how long frames are
         self._search_from(self._origin)
 
     def _search_from(self, position: int) -> None:
@@ -136,7 +130,7 @@ class FlexiTacDecoder(Decoder):
 
     def _slipped(self) -> bool:
         """Whether a marker stands where the true one is if a fixed mimic has taken its place."""
-        fixed = [place for place, count in self._mimics.items() if count >= FIXED_FRAMES]
+        fixed = [place for place, count in self._mimics.items() if count >= 8]  # frames in turn
         return any(self._buffer.startswith(MARKER, self._period - place) for place in fixed
                    if self._period - place not in self._mimics)
 
@@ -144,7 +138,7 @@ class FlexiTacDecoder(Decoder):
         """Return the run that frames start with; None: more bytes are needed."""
         while (at := self._buffer.find(MARKER, max(self._next - self._origin, 0))) >= 0:
             run = self._extend(self._origin + at)
-            if run.periods < LOCK_PERIODS:
+            if run.periods < 2:  # that a marker behind them confirms
                 continue
             if len(self._runs) == 1:
                 return run
@@ -176,15 +170,16 @@ class FlexiTacDecoder(Decoder):
         if start is None:
             if not settled:
                 return None
-            # A device pauses before or behind its marker, not within an image.
+            # A device pauses before or behind its marker, not within an image: reads end there
+            # in half of the periods and more.
             ends = np.bincount(self._breaks, minlength=self._period)
             return max(runs, key=lambda run: (
                 (ends[run.last % self._period]
-                 + ends[(run.last + len(MARKER)) % self._period]) // OFTEN,
+                 + ends[(run.last + len(MARKER)) % self._period]) // (AMBIGUOUS_PERIODS // 2),
                 run.periods * self._period - run.last))
         # Bytes get lost rather than added: the place lies at or before the expected one.
         runs.sort(key=lambda run: (start - run.last) % self._period)
-        strange = [self._strangers(run) for run in runs[:MAX_RIVALS]]
+        strange = [self._strangers(run) for run in runs[:8]]
         if not settled and (min(strange) or strange.count(0) > 1):
             return None
         return runs[strange.index(min(strange))]

@@ -14,13 +14,7 @@ STALL_PERIODS, STALL_NS = 3, 10_000_000
 RATE_MARGIN = 6.0  # times the nominal rate: a sensor may be set faster, but not by more
 MAX_RATE = 10e3  # Hz, where no rate is known
 BURST = 0.1  # s of frames that may come at once, after a pause
-JUMP_NS = NS  # a time so far before the last one means that the clock was set back
 BLOCK_NS = NS // 2  # of each the frame that came with the least delay is looked at
-LEAST_BLOCKS, BLOCKS = 4, 20  # for a line
-STEADY_NS = 1e6  # by which the blocks may differ from a line, else a clock or a count has jumped
-EARLY = 0.25  # periods that a frame may come before its time; later ones are others
-SURE = 0.6  # periods of jitter up to which a late frame shows that one was left out
-MOST_JITTER = 3.0  # times the usual one, which is taken out
 
 
 class SensorImage(NamedTuple):
@@ -50,7 +44,7 @@ class SendTime:
     def restart(self) -> None:
         """Begin anew; until there is a line, a frame was sent as it arrived."""
         self._block: list[tuple[int, int]] = []  # times of device and arrival
-        self._blocks: deque[np.ndarray] = deque(maxlen=BLOCKS)
+        self._blocks: deque[np.ndarray] = deque(maxlen=20)
         # Slope and offset from the origin; slope 0: there is no line.
         self._line = 0.0, 0.0
         self._origin = (0, 0)
@@ -58,10 +52,12 @@ class SendTime:
     def of(self, device_ns: int, arrival_ns: int, period_ns: float = 0.0) -> int:
         """Return when a frame of a time of the device, or of a count of periods, was sent [ns]."""
         device_ns += self._left_out_ns
-        if self._jitter_ns < SURE * self._line[0] * period_ns:
+        # With jitter well below a period a late frame shows that others were left out; it may
+        # come a quarter of a period before its time.
+        if self._jitter_ns < 0.6 * self._line[0] * period_ns:
             late_ns = arrival_ns - self._sent(device_ns)
             left_out_ns = round(period_ns * math.floor(
-                late_ns / (self._line[0] * period_ns) + EARLY))
+                late_ns / (self._line[0] * period_ns) + 0.25))
             self._left_out_ns += left_out_ns
             device_ns += left_out_ns
         self._block.append((device_ns, arrival_ns))
@@ -72,7 +68,7 @@ class SendTime:
             self._fit()
         if not self._line[0]:
             return arrival_ns
-        most_ns = round(MOST_JITTER * self._jitter_ns)
+        most_ns = round(3.0 * self._jitter_ns)
         return min(max(self._sent(device_ns), arrival_ns - most_ns), arrival_ns)
 
     def _sent(self, device_ns: int) -> int:
@@ -80,7 +76,7 @@ class SendTime:
         return self._origin[1] + round(slope * (device_ns - self._origin[0]) + offset)
 
     def _fit(self) -> None:
-        if len(self._blocks) < LEAST_BLOCKS:
+        if len(self._blocks) < 4:
             return
         origin = self._blocks[0][0]
         blocks = [(block - origin).astype(float) for block in self._blocks]
@@ -91,7 +87,8 @@ class SendTime:
             lowest = np.array([block[(block[:, 1] - slope * block[:, 0]).argmin()]
                                for block in blocks])
         offset = mean[1] - slope * mean[0]
-        if np.abs(lowest[:, 1] - slope * lowest[:, 0] - offset).max() > STEADY_NS:
+        if np.abs(lowest[:, 1] - slope * lowest[:, 0] - offset).max() > 1e6:
+            # A clock or a count has jumped.
             last = self._blocks[-1]
             self.restart()
             self._blocks.append(last)
@@ -210,7 +207,7 @@ class FrameClock:
         elif self._nominal_ns:
             stamp_ns = self._send_time.of(
                 round(frame.sequence * self._nominal_ns), stamp_ns, self._nominal_ns)
-        if 0 <= self._given_ns - stamp_ns < JUMP_NS:
+        if 0 <= self._given_ns - stamp_ns < NS:  # more: the clock was set back
             stamp_ns = self._given_ns + 1  # a period was overestimated
         elapsed = 1e-9 * max(stamp_ns - self._given_ns, 0)
         credit = min(self._credit + elapsed * self._limit, BURST * self._limit)

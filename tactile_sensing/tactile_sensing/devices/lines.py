@@ -14,7 +14,6 @@ from numpy.typing import DTypeLike
 from tactile_common.errors import ConfigurationError
 from tactile_sensing.devices.protocol import Decoder, Device, Piece
 
-DIGITS = 12  # bytes a number, with what is around it
 MODULUS = 1 << 16  # of the checksum
 TICKS = {'ms': 1_000_000, 'us': 1000}  # ns
 # Letters stay, so that text is no number; `_` would be skipped within one.
@@ -38,7 +37,8 @@ class LineDecoder(Decoder):
 
     def __init__(self, rows: int, columns: int, kind: DTypeLike = np.uint8):
         super().__init__(rows, columns, kind)
-        self.buffer_bound = DIGITS * (rows * columns + 2) + 2 * rows + 64
+        # A number takes at most 12 bytes, with what is around it.
+        self.buffer_bound = 12 * (rows * columns + 2) + 2 * rows + 64
 
     def _begin(self) -> None:
         super()._begin()

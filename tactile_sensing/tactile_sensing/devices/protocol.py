@@ -8,9 +8,6 @@ from numpy.typing import DTypeLike
 
 from tactile_common.errors import ConfigurationError
 
-LEAST_STEP = 4  # ticks from frame to frame that show whether one is missing
-LONGEST_STEP_NS = 10_000_000_000  # beyond which the device's clock has begun anew
-
 
 @dataclass(frozen=True, eq=False)
 class Frame:
@@ -144,10 +141,11 @@ class Decoder:
         """Follow the device's clock; returns how many frames it skipped, None: not known."""
         step = 0 if self._ticks is None else (ticks - self._ticks) % self.wrap
         self._ticks = ticks
-        if not 0 < step * self.tick_ns <= LONGEST_STEP_NS:
+        if not 0 < step * self.tick_ns <= 10_000_000_000:  # else its clock has begun anew
             return None
         self._device_ns += step * self.tick_ns
-        missed = round(step / self._step) - 1 if self._step >= LEAST_STEP else 0
+        # Fewer than four ticks a frame do not show whether one is missing.
+        missed = round(step / self._step) - 1 if self._step >= 4 else 0
         if missed <= 0:
             self._step += (step - self._step) * (0.1 if self._step else 1.0)
         return max(missed, 0)

@@ -8,9 +8,9 @@ import numpy as np
 from tactile_common.errors import ConfigurationError
 from tactile_common.npz_stream import read_arrays, scalar
 from tactile_sensing.devices.counts import Counts
+from tactile_sensing.devices.frame_clock import MAX_RATE
 from tactile_sensing.devices.frame_file import frame_reader, read_whole, Shape
 
-MAX_RATE = 10e3
 BYTES = Counts(8)
 
 

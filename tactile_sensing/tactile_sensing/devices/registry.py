@@ -12,7 +12,7 @@ from tactile_sensing.devices.protocol import SensorProtocol
 GROUP = 'tactile_sensing.protocols'  # of entry points: a name, and the SensorProtocol of it
 OWN = {
     'flexitac': SensorProtocol(
-        flexitac.FlexiTacDecoder, flexitac.FlexiTacDevice, flexitac.BAUD_RATE,
+        flexitac.FlexiTacDecoder, flexitac.FlexiTacDevice, 2_000_000,
         calibration='flexitac_16x16.yaml'),
     'csv_lines': SensorProtocol(
         lines.CsvDecoder, lines.CsvDevice, 115200, np.int32,

@@ -8,9 +8,6 @@ import time
 import serial
 from serial.tools import list_ports
 
-# Longest wait for a byte; bounds how long a reader takes to notice that it should stop [s].
-READ_TIMEOUT = 0.02
-MOST = 1 << 16  # bytes of a read
 REFUSALS = {
     errno.EACCES: 'may not be opened: join its group (often dialout), then log in anew',
     errno.EAGAIN: 'is in use by another program', errno.EBUSY: 'is in use by another program'}
@@ -59,7 +56,7 @@ class SensorPort:
         self._device = os.path.realpath(self._path)
         try:
             self._serial = serial.Serial(
-                self._path, baud, timeout=READ_TIMEOUT, write_timeout=1.0, exclusive=True)
+                self._path, baud, timeout=0.02, write_timeout=1.0, exclusive=True)
         except (OSError, termios.error, ValueError) as error:  # the last one: impossible baud
             raise OSError(f'{self._path} {_refusal(error, self._path)}') from error
         try:
@@ -69,11 +66,11 @@ class SensorPort:
             pass
 
     def read(self) -> bytes:
-        """Return what has arrived, waiting up to `READ_TIMEOUT` for a first byte."""
+        """Return what has arrived, 64 kB at most, waiting up to 20 ms for a first byte."""
         waiting = self._serial.in_waiting
         if waiting < self._frame_size:
             self.caught_up_at = time.monotonic()
-        data = self._serial.read(min(waiting, MOST) or 1)
+        data = self._serial.read(min(waiting, 1 << 16) or 1)
         if not data and os.path.realpath(self._path) != self._device:
             raise OSError(f'{self._path} is another device now')
         return data

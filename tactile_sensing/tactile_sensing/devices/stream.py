@@ -13,8 +13,6 @@ from tactile_sensing.devices.serial_port import SensorPort
 
 BACK_OFF = 0.02, 0.5  # s from one attempt to open the port to the next: at first, at most
 ASK_AGAIN = 2.0  # s without a frame after which a device is asked to send again: it has restarted
-LAG_NS = 100_000_000  # frames that are so much older than the newest of a read are passed over
-USUAL_RATE = 100.0  # Hz that a device is asked for where none is known
 SILENCE = 1.0  # s without a byte or a frame that is reported
 
 
@@ -35,7 +33,7 @@ class SensorStream:
         row = protocol_named(protocol)
         kind = np.dtype(row.kind if kind is None else kind)
         self.decoder = row.decoder(*shape, kind, **options or {})
-        self._start = self.decoder.start(rate or USUAL_RATE)
+        self._start = self.decoder.start(rate or 100.0)
         self.frames = FrameClock(self.decoder, rate)
         self.port, self._frame_size = port, shape[0] * shape[1] * kind.itemsize
         self._baud, self._now_ns, self._tell = baud or row.baud_rate, now_ns, tell
@@ -84,7 +82,8 @@ class SensorStream:
         if not frames:
             return []
         self.last_frame_at = now
-        recent = [item for item in frames if frames[-1].stamp_ns - item.stamp_ns < LAG_NS]
+        # Only the last .1 s of a read: a reader that is too slow gets the latest.
+        recent = [item for item in frames if frames[-1].stamp_ns - item.stamp_ns < 100_000_000]
         self.skipped += len(frames) - len(recent)
         return recent
 

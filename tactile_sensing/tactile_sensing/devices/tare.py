@@ -11,7 +11,6 @@ from tactile_sensing.devices.unloaded import unloaded_statistics
 
 # Fewer frames tell neither the noise nor whether the image is steady.
 MIN_TARE_FRAMES = 20
-CHANCE = 5.0  # standard deviations that a mean may be off by chance
 
 
 class TareRefusedError(TactileError):
@@ -71,7 +70,8 @@ def tare_of(frames: np.ndarray, counts: Counts, baseline: np.ndarray, live: np.n
     offset, noise = unloaded_statistics(frames, counts.threshold, counts.lowest, live)
     # From frame to frame, and by the median, so that a load that comes is no noise.
     steps = np.abs(np.diff(frames[:, live].astype(np.float64), axis=0))
-    chance = CHANCE * 1.05 * float(np.median(steps)) / np.sqrt(len(frames))  # of a mean
+    # A mean may be off by five standard deviations by chance.
+    chance = 5.0 * 1.05 * float(np.median(steps)) / np.sqrt(len(frames))
     deviation, allowed = np.where(live, offset - baseline, 0.0), tolerance + chance
     worst = np.unravel_index(np.abs(deviation).argmax(), deviation.shape)
     if abs(deviation[worst]) > allowed:

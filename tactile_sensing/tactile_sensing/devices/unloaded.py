@@ -8,11 +8,6 @@ from scipy.special import log_ndtr, logsumexp, ndtr
 QUANTISATION = 1.0 / 12.0  # variance of rounding to whole counts [counts^2]
 QUIET = 1.0  # counts of noise below which rounding hides a part of it
 LEVELS = np.arange(-4, 5)  # about its usual one, that a quiet tactel shows [counts]
-STEPS = 100  # of expectation and maximisation; they gain a digit in about ten
-SILENT = 0.99  # share of readings under a threshold beyond which it hides the noise
-THRESHOLD_STD = 4.0  # standard deviations of noise at which thresholds are set (3.5)
-LOUD = 9.0  # times the usual variance that a quiet sensor's tactel has by no chance
-LEAST_SEEN = 2  # readings of a tactel that tell where its mean lies below the threshold
 
 
 class Unloaded(NamedTuple):
@@ -49,8 +44,8 @@ def unloaded_statistics(frames: np.ndarray, threshold: float, lowest: float,
     if not seen.all():
         offset, variance = _censored(frames, seen, threshold - 0.5, offset, variance)
     # Where next to nothing is seen, a tactel that is seen now and then was touched.
-    silent = np.mean(~seen[:, live]) > SILENT
-    often = count > (0.5 * len(frames) if silent else LEAST_SEEN)
+    silent = np.mean(~seen[:, live]) > 0.99
+    often = count > (0.5 * len(frames) if silent else 2)
     told, offset = live & often, np.where(often, offset, lowest)
     mean = max(variance[told].mean(), QUANTISATION) if told.any() else QUANTISATION
     by_chance = 2.0 / (len(frames) - 1)  # variance of a sample variance, relative
@@ -61,10 +56,12 @@ def unloaded_statistics(frames: np.ndarray, threshold: float, lowest: float,
     if whole and not silent and told.any() and mean < QUIET**2 + QUANTISATION:
         centre, variance = _rounded(frames, threshold, told)
         offset = np.where(told, centre, offset)
-        shrunk = np.where(told & (shrunk > LOUD * variance), shrunk, variance)
+        # A variance nine times the usual one is no chance.
+        shrunk = np.where(told & (shrunk > 9.0 * variance), shrunk, variance)
     noise = np.sqrt(np.maximum(shrunk, QUANTISATION))
     if silent:
-        noise = np.maximum(noise, (threshold - 0.5 - lowest) / THRESHOLD_STD)
+        # Thresholds are set at four standard deviations of the noise (3.5).
+        noise = np.maximum(noise, (threshold - 0.5 - lowest) / 4.0)
     return Unloaded(offset, noise)
 
 
@@ -97,7 +94,7 @@ def _censored(frames: np.ndarray, seen: np.ndarray, level: float, mean: np.ndarr
     count, share = seen.sum(axis=0), 1.0 - seen.mean(axis=0)
     total = np.where(seen, frames, 0.0).sum(axis=0)
     square = np.where(seen, frames**2, 0.0).sum(axis=0)
-    for _ in range(STEPS):
+    for _ in range(100):  # ten gain about a digit
         std = np.sqrt(np.maximum(variance, QUANTISATION))
         z = (level - mean) / std
         lack = missing_mean(z)

@@ -18,9 +18,8 @@ from tactile_sensing.devices.protocol import Device, PacketDecoder, Piece, Reply
 
 PREAMBLE = b'\xaa\xaa\xaa'
 FRAME, DSA_CONFIGURE = 0x00, 0x03
-SINGLE, START, STOP, TARE, MATRIX, THRESHOLD = 0x20, 0x21, 0x22, 0x23, 0x30, 0x34
+START, STOP, TARE, THRESHOLD = 0x21, 0x22, 0x23, 0x34
 HEAD = len(PREAMBLE) + 3
-LARGEST_REPLY = 256  # bytes of payload
 RUN_LENGTH, ACQUIRE = 0x01, 0x80  # flags
 LONGEST_RUN, HIGHEST = 15, 4095
 NO_COMMAND = 4  # status of a command that is not known; 0 is success
@@ -73,7 +72,7 @@ class WeissDecoder(PacketDecoder):
         if not 0 <= first <= self._cells - size:
             raise ConfigurationError(
                 f'first is {first}, must be from 0 to {self._cells - size} of {self._cells} cells')
-        self._most = max(5 + 2 * self._cells, LARGEST_REPLY)
+        self._most = max(5 + 2 * self._cells, 256)  # bytes of payload, of a frame or a reply
         self.buffer_bound = HEAD + self._most + 2
 
     def start(self, rate: float) -> bytes:
@@ -133,7 +132,7 @@ class WeissDevice(Device):
     def __init__(self, dsa: bool = False, first: int = 0, cells: int = 0,
                  **_: Any):
         self.running, self._dsa, self._first, self._cells = False, dsa, first, cells
-        self._flags, self._frame = 0, b''
+        self._flags = 0
         self._commands = WeissDecoder(1, 1, dsa=dsa)
 
     def encode(self, counts: np.ndarray, time_ns: int = 0) -> bytes:
@@ -143,8 +142,7 @@ class WeissDevice(Device):
         if self._flags & RUN_LENGTH:
             cells = run_lengths(cells)
         head = struct.pack('<IB', time_ns // 1_000_000 % WeissDecoder.wrap, self._flags)
-        self._frame = packet(FRAME, head + cells.astype('<u2').tobytes(), self._dsa)
-        return self._frame
+        return packet(FRAME, head + cells.astype('<u2').tobytes(), self._dsa)
 
     def answer(self, commands: bytes) -> bytes:
         """Return the status of every command that has come."""
@@ -157,10 +155,9 @@ class WeissDevice(Device):
                 self.running = not self._dsa or bool(event.payload[0] & ACQUIRE)
             elif event.command == STOP:
                 self.running = False
-            elif event.command not in (SINGLE, TARE, MATRIX, THRESHOLD):
+            elif event.command not in (TARE, THRESHOLD):
                 status = NO_COMMAND
             answer += packet(event.command, struct.pack('<H', status), self._dsa)
-            answer += self._frame * (event.command == SINGLE)
         return answer
 
 

@@ -35,11 +35,6 @@ from tactile_sensing.devices.tare import (
 )
 from tactile_sensing.nodes.image_topic import ImageTopic
 
-# Longest wait for the reader at the end [s]; it looks up after each read of some 20 ms.
-_LAST_READ = 2.0
-TARE_KEPT = 600.0  # s; an unloaded pad drifts
-MIN_BAUD = 1200
-_LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 SUCCESS, FAILURE = TransitionCallbackReturn.SUCCESS, TransitionCallbackReturn.FAILURE
 
 
@@ -73,9 +68,9 @@ class DriverConfig:
     def __post_init__(self) -> None:
         if not self.port and not self.topic:
             raise ConfigurationError("parameter 'port' is empty, must name a serial port")
-        if 0 < self.baud < MIN_BAUD:
+        if 0 < self.baud < 1200:
             raise ConfigurationError(
-                f"parameter 'baud' is {self.baud}, must be 0 or at least {MIN_BAUD} bit/s")
+                f"parameter 'baud' is {self.baud}, must be 0 or at least 1200 bit/s")
 
 
 class DriverNode(LifecycleNodeMixin, TactileNode):
@@ -99,7 +94,8 @@ class DriverNode(LifecycleNodeMixin, TactileNode):
         self._reported: tuple[float, dict] = (time.monotonic(), {})
         self._shown: tuple[bytes, str] | None = None
         self._images = self.create_publisher(TactileImageMsg, 'image', qos_profile_sensor_data)
-        self._infos = self.create_publisher(SensorInfoMsg, 'sensor_info', _LATCHED)
+        self._infos = self.create_publisher(SensorInfoMsg, 'sensor_info', QoSProfile(
+            depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL))
         self.create_service(Trigger, '~/tare', self._on_tare)
         self._configure()
         if self._config.autostart:
@@ -155,7 +151,7 @@ class DriverNode(LifecycleNodeMixin, TactileNode):
                 self.source.close()
         else:
             self.source.closed.set()
-            self._thread.join(_LAST_READ)
+            self._thread.join(2.0)  # it looks up after each read of some 20 ms
             if self._thread.is_alive():
                 self.get_logger().warning(
                     f'{self._config.port} does not answer: its reader is left behind')
@@ -211,7 +207,7 @@ class DriverNode(LifecycleNodeMixin, TactileNode):
         except ConfigurationError:  # it has never been tared
             return
         age = 1e-9 * (self.get_clock().now().nanoseconds - at_ns)
-        if 0.0 <= age <= TARE_KEPT:
+        if 0.0 <= age <= 600.0:  # an unloaded pad drifts
             self._pad.resume(tare)
             self._publish_info(at_ns)
             self.get_logger().warning(

@@ -18,7 +18,6 @@ from tactile_sensing.conversions import image_from_msg
 from tactile_sensing.types.image import TactileImage
 
 SILENCE = 5.0  # s without an image
-STALE = 0.1  # s, in which images that have waited meanwhile come
 
 
 class PressRecorderNode(TactileNode):
@@ -46,7 +45,7 @@ class PressRecorderNode(TactileNode):
     def ask(self, text: str) -> str:
         """Ask the user; what came before the answer is forgotten."""
         answer = input(text)
-        self._hear(STALE, until_image=False)
+        self._hear(0.1, until_image=False)
         self._images.clear()
         return answer
 
