@@ -1,32 +1,23 @@
 """The driver node on a pseudo-terminal, in a private context per test."""
-from contextlib import contextmanager
+from contextlib import contextmanager, ExitStack
 import dataclasses
-import os
 from pathlib import Path
 import signal
 import subprocess
 import sys
-import threading
 import time
-import tty
 
-from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+from diagnostic_msgs.msg import DiagnosticStatus
+from driver_bench import Bench
 import numpy as np
 import pytest
 import rclpy
-from rclpy.node import Node
 from rclpy.parameter import Parameter
-from rclpy.qos import (
-    DurabilityPolicy,
-    qos_profile_sensor_data,
-    QoSProfile,
-)
 from std_srvs.srv import Trigger
+from terminal import Terminal
 
 from tactile_common.errors import ConfigurationError
-from tactile_common.ros import runner
 from tactile_common.ros.conversions import stamp_to_ns
-from tactile_msgs.msg import SensorInfo, TactileImage
 from tactile_sensing.conversions import image_from_msg
 from tactile_sensing.devices.calibration import Calibration
 from tactile_sensing.devices.flexitac import encode_payload, MARKER
@@ -35,84 +26,33 @@ from tactile_sensing.nodes.driver import DriverNode
 
 SHAPE = (4, 5)
 BASELINE = 10
-DEADLINE = 10.0
 CALIBRATION = Calibration.uncalibrated(*SHAPE, 0.001, baseline=BASELINE, acquisition_delay=0.0025)
-
-
-class Device:
-    """A sensor on a pseudo-terminal behind a link, as its driver sees it."""
-
-    def __init__(self, link):
-        self.link = link
-        self.master = None
-        self.plug_in()
-
-    def plug_in(self):
-        self.master, slave = os.openpty()
-        tty.setraw(slave)
-        self.link.unlink(missing_ok=True)
-        self.link.symlink_to(os.ttyname(slave))
-        # The slave stays open on this side until the driver has it, else the master reads EIO.
-        self._slave = slave
-        self.write(MARKER)
-
-    def unplug(self):
-        if self.master is not None:
-            os.close(self._slave)
-            os.close(self.master)
-            self.master = None
-            self.link.unlink()
-
-    def write(self, data):
-        while data:
-            data = data[os.write(self.master, data):]
-
-    def send(self, counts):
-        """Send one picture, and as a free-running device does, the next marker at once."""
-        self.write(encode_payload(counts) + MARKER)
-
-
-def encode_frame(counts):
-    return MARKER + encode_payload(counts)
+ERROR, WARN, OK = DiagnosticStatus.ERROR, DiagnosticStatus.WARN, DiagnosticStatus.OK
 
 
 def unloaded(value=BASELINE):
     return np.full(SHAPE, value, np.uint8)
 
 
-class Graph:
-    """A driver, a listener and the executor that both run in."""
+class Device(Terminal):
+    """A sensor that runs free."""
 
-    def __init__(self, context, device, calibration=CALIBRATION, **parameters):
-        parameters = {'port': str(device.link), 'tare_at_start': False, 'tare_frames': 20,
-                      **parameters}
-        self.context = context
+    def plug_in(self):
+        super().plug_in()
+        self.write(MARKER)
+
+    def send(self, counts):
+        """Send one picture and, as a free-running device does, the next marker at once."""
+        self.write(encode_payload(counts) + MARKER)
+
+
+class Graph(Bench):
+    """A driver of a device."""
+
+    def __init__(self, device, calibration=CALIBRATION, **parameters):
         self.device = device
-        self.driver = DriverNode(
-            calibration=calibration, context=context, namespace='/tactile',
-            parameter_overrides=[Parameter(k, value=v) for k, v in parameters.items()])
-        self.node = Node('listener', context=context, namespace='/tactile')
-        self.images, self.infos, self.reports = [], [], []
-        self.node.create_subscription(
-            TactileImage, 'image', self.images.append, qos_profile_sensor_data)
-        self.node.create_subscription(
-            SensorInfo, 'sensor_info', self.infos.append,
-            QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL))
-        self.node.create_subscription(DiagnosticArray, '/diagnostics', self._on_report, 10)
+        super().__init__(calibration, '/tactile', port=str(device.link), **parameters)
         self.tare_client = self.node.create_client(Trigger, 'driver/tare')
-        self.executor = runner.make_executor(context)
-        for node in (self.driver, self.node):
-            self.executor.add_node(node)
-
-    def _on_report(self, message):
-        status = message.status[0]
-        self.reports.append((status.level, status.message,
-                             {pair.key: pair.value for pair in status.values}))
-
-    def until(self, condition, what):
-        end = time.monotonic() + DEADLINE
-        runner.spin(self.executor, self.context, lambda: condition() or time.monotonic() > end)
-        assert condition(), f'{what} did not come; last reports {self.reports[-2:]}'
 
     def connect(self):
         self.until(lambda: self.node.count_publishers('image') == 1
@@ -126,29 +66,12 @@ class Graph:
 
     def stream(self, counts, condition):
         """Send one picture again and again until a condition holds."""
-        end = time.monotonic() + DEADLINE
-        while not condition() and time.monotonic() < end:
-            self.device.send(counts)
-            self.executor.spin_once(timeout_sec=0.002)
-        assert condition(), f'nothing came; last reports {self.reports[-2:]}'
+        self.until(condition, 'what is awaited', lambda: self.device.send(counts))
 
     def tare(self):
         answer = self.tare_client.call_async(Trigger.Request())
         self.until(answer.done, 'an answer')
         return answer.result()
-
-
-@pytest.fixture(autouse=True)
-def reports_come_soon(monkeypatch):
-    monkeypatch.setattr('tactile_common.ros.node.DIAGNOSTICS_PERIOD', 0.2)
-
-
-@pytest.fixture
-def context():
-    context = rclpy.Context()
-    rclpy.init(context=context)
-    yield context
-    context.try_shutdown()
 
 
 @pytest.fixture
@@ -159,19 +82,9 @@ def device(tmp_path):
 
 
 @pytest.fixture
-def make_graph(context, device):
-    graphs = []
-
-    def make(**parameters):
-        graphs.append(Graph(context, device, **parameters))
-        return graphs[-1]
-
-    yield make
-    for graph in graphs:
-        graph.node.destroy_node()
-        graph.driver.destroy_node()
-        graph.executor.shutdown()
-    assert not [t for t in threading.enumerate() if t.name == 'tactile driver']
+def make_graph(device):
+    with ExitStack() as graphs:
+        yield lambda **values: graphs.enter_context(Graph(device, **values))
 
 
 def test_pictures_are_published_as_sent(make_graph):
@@ -193,15 +106,6 @@ def test_pictures_are_published_as_sent(make_graph):
         assert (image.frame_id, image.sensor, image.tared) == ('tactile_pad', 'flexitac', False)
     sequences = [message.sequence for message in graph.images]
     assert sequences == list(range(sequences[0], sequences[0] + len(sent)))
-
-
-def test_pictures_that_arrive_together_get_different_stamps(make_graph):
-    graph = make_graph()
-    graph.connect()
-    graph.device.write(b''.join(encode_payload(unloaded(k)) + MARKER for k in range(5)))
-    graph.until(lambda: len(graph.images) >= 5, 'five pictures')
-    stamps = [stamp_to_ns(message.header.stamp) for message in graph.images]
-    assert stamps == sorted(set(stamps))
 
 
 def test_tare_on_request(make_graph):
@@ -228,7 +132,7 @@ def test_tare_is_refused_under_load_and_without_frames(make_graph):
     assert 'under load: 1 tactels' in answer.message and 'row 1 column 2' in answer.message
     assert not graph.images[-1].tared
     graph.device.unplug()
-    graph.until(lambda: graph.reports and graph.reports[-1][0] == DiagnosticStatus.ERROR, 'a loss')
+    graph.until(lambda: graph.told('', ERROR), 'a loss')
     answer = graph.tare()
     assert not answer.success and 'no frames' in answer.message
 
@@ -237,57 +141,42 @@ def test_tare_at_start_waits_for_the_load_to_go(make_graph):
     graph = make_graph(tare_at_start=True)
     graph.stream(unloaded(200), lambda: len(graph.images) >= 50)
     assert not any(message.tared for message in graph.images)
-    graph.until(lambda: graph.reports and 'under load' in graph.reports[-1][1], 'a warning')
+    graph.until(lambda: graph.told('under load'), 'a warning')
     graph.stream(unloaded(), lambda: graph.images[-1].tared)
     np.testing.assert_array_equal(graph.images[-1].layers[0].stress, 0.0)
 
 
-def test_port_lost_and_back(make_graph):
+def test_port_absent_at_the_start_lost_and_back(make_graph, device):
+    device.unplug()
     graph = make_graph()
+    graph.until(lambda: graph.told('is not there', ERROR), 'a report')
+    device.plug_in()
     graph.connect()
     graph.stream(unloaded(), lambda: len(graph.images) >= 30)
     assert graph.tare().success
     graph.device.unplug()
-    graph.until(lambda: graph.reports and graph.reports[-1][0] == DiagnosticStatus.ERROR
-                and 'is not there' in graph.reports[-1][1], 'a report of the loss')
+    graph.until(lambda: graph.told('is not there', ERROR), 'a report of the loss')
     graph.images.clear()
     graph.device.plug_in()
     graph.stream(unloaded(20), lambda: len(graph.images) >= 5)
     assert graph.images[-1].tared
     np.testing.assert_array_equal(graph.images[-1].layers[0].stress, 10.0)
-    graph.stream(unloaded(), lambda: graph.reports[-1][0] == DiagnosticStatus.OK)
-
-
-def test_port_may_be_absent_at_the_start(make_graph, device):
-    device.unplug()
-    graph = make_graph()
-    graph.until(lambda: graph.reports, 'a report')
-    assert graph.reports[-1][0] == DiagnosticStatus.ERROR
-    device.plug_in()
-    graph.connect()
+    graph.stream(unloaded(), lambda: graph.told('', OK))
 
 
 def test_random_bytes_give_no_picture_and_do_not_pile_up(make_graph):
     graph = make_graph()
     graph.connect()
-    rng = np.random.default_rng(4)
-    decoder = graph.driver.source.decoder
-    end = time.monotonic() + DEADLINE
-    sent = 0
-    while not any('no frame of 4x5' in report[1] for report in graph.reports):
-        assert time.monotonic() < end, graph.reports
+    rng, decoder = np.random.default_rng(4), graph.driver.source.decoder
+
+    def send():
         graph.device.write(rng.bytes(2000))
-        sent += 2000
-        graph.executor.spin_once(timeout_sec=0.005)
         assert decoder.buffered <= decoder.buffer_bound + 65536  # one read more than the codec's
-    assert graph.reports[-1][0] == DiagnosticStatus.ERROR
+    graph.until(lambda: graph.told('no frame of 4x5', ERROR), 'a report', send)
     assert graph.images == []
-    resyncs = decoder.resyncs
-    graph.device.write(b'\x00' + encode_frame(unloaded()) * 4 + MARKER)
+    graph.device.write(b'\x00' + (MARKER + encode_payload(unloaded())) * 4 + MARKER)
     graph.until(lambda: len(graph.images) == 4, 'pictures after the garbage')
-    assert decoder.resyncs == resyncs + 1
-    assert sent <= decoder.dropped_bytes <= sent + 100
-    graph.until(lambda: graph.reports[-1][2]['dropped_bytes'] == str(decoder.dropped_bytes),
+    graph.until(lambda: graph.value('dropped_bytes') == str(decoder.dropped_bytes),
                 'the dropped bytes in a report')
 
 
@@ -299,52 +188,34 @@ def test_lost_bytes_cost_one_picture_and_show(make_graph):
         graph.device.send(unloaded(value))
     graph.until(lambda: len(graph.images) == 3, 'the pictures behind the loss')
     assert [message.layers[0].stress[0] for message in graph.images] == [-9.0, -8.0, -7.0]
-    graph.until(lambda: graph.reports and graph.reports[-1][2]['lost_frames'] == '1', 'a report')
+    graph.until(lambda: graph.value('lost_frames') == '1', 'a report')
 
 
-def test_wrong_array_size_is_named(make_graph):
-    graph = make_graph()
-    wrong = encode_frame(np.full((16, 16), BASELINE, np.uint8))
-    end = time.monotonic() + DEADLINE
-    while not any('256 bytes a frame, 20 are expected' in report[1] for report in graph.reports):
-        assert time.monotonic() < end, graph.reports
-        graph.device.write(wrong)
-        graph.executor.spin_once(timeout_sec=0.005)
-    level, text, _ = graph.reports[-1]
-    assert level == DiagnosticStatus.ERROR
-    assert 'no frame of 4x5: the' in text
-    assert graph.images == []
-
-
-@pytest.mark.parametrize('bits, kind, sent, words', [
-    (8, np.uint16, 'sends 40 bytes a frame, 20 are', 'sends two a tactel, `bits` of the '
-     'calibration must be above 8'),
-    (10, np.uint8, 'sends 20 bytes a frame, 40 are', 'sends one a tactel, `bits` of the '
-     'calibration must be at most 8')])
-def test_words_in_place_of_bytes_are_named(make_graph, bits, kind, sent, words):
+@pytest.mark.parametrize('bits, counts, words', [
+    (8, np.zeros((16, 16), np.uint8), 'no frame of 4x5: the sensor sends 256 bytes a frame, 20 '
+     'are expected'),
+    (8, np.zeros(SHAPE, np.uint16), 'sends 40 bytes a frame, 20 are expected: it sends two a '
+     'tactel, `bits` of the calibration must be above 8'),
+    (10, np.zeros(SHAPE, np.uint8), 'sends 20 bytes a frame, 40 are expected: it sends one a '
+     'tactel, `bits` of the calibration must be at most 8')])
+def test_frames_of_another_size_are_named(make_graph, bits, counts, words):
     graph = make_graph(calibration=dataclasses.replace(CALIBRATION, bits=bits, saturation=None))
-    frame = encode_frame(np.full(SHAPE, BASELINE, kind))
-    end = time.monotonic() + DEADLINE
-    while not any(sent in report[1] and words in report[1] for report in graph.reports):
-        assert time.monotonic() < end, graph.reports
-        graph.device.write(frame)
-        graph.executor.spin_once(timeout_sec=0.005)
+    graph.stream(counts + BASELINE, lambda: graph.told(words, ERROR))
     assert graph.images == []
 
 
 def test_counts_that_the_bits_exclude_are_named(make_graph):
     graph = make_graph(calibration=dataclasses.replace(CALIBRATION, bits=10, saturation=None))
     words = 'counts outside 0 to 1023 arrive, which `bits: 10` of the calibration excludes'
-    graph.stream(np.full(SHAPE, 3000, np.uint16),
-                 lambda: any(words in report[1] for report in graph.reports))
+    graph.stream(np.full(SHAPE, 3000, np.uint16), lambda: graph.told(words))
 
 
 def test_rate_is_reported(make_graph):
     graph = make_graph()
     graph.connect()
     graph.stream(unloaded(), lambda: len(graph.reports) >= 3)
-    assert float(graph.reports[-1][2]['rate']) > 20.0
-    assert graph.reports[-1][0] == DiagnosticStatus.WARN and 'not tared' in graph.reports[-1][1]
+    assert float(graph.value('rate')) > 20.0
+    assert graph.told('not tared', WARN)
 
 
 @pytest.mark.parametrize('parameters, reason', [
@@ -353,11 +224,17 @@ def test_rate_is_reported(make_graph):
     ({'port': 'x', 'tare_frames': 3}, "parameter 'tare_frames'.*20"),
     ({'port': 'x', 'sensor': 4}, "parameter 'sensor' is 4, must be a text"),
     ({'port': 'x', 'calibration': '/none.yaml'}, 'calibration /none.yaml: cannot be read: No'),
+    ({'port': 'x', 'protocol': 'csv_lines'}, "'calibration' is empty: csv_lines needs"),
 ])
-def test_wrong_parameters(context, parameters, reason):
+def test_wrong_parameters(parameters, reason):
+    context = rclpy.Context()
+    context.init()
     overrides = [Parameter(name, value=value) for name, value in parameters.items()]
-    with pytest.raises(ConfigurationError, match=reason):
-        DriverNode(context=context, parameter_overrides=overrides)
+    try:
+        with pytest.raises(ConfigurationError, match=reason):
+            DriverNode(context=context, parameter_overrides=overrides)
+    finally:
+        context.try_shutdown()
 
 
 PROGRAM = 'import sys; from tactile_sensing.nodes.driver import main; sys.exit(main())'
@@ -412,19 +289,17 @@ def test_process_ends_though_a_read_of_its_port_does_not(device):
     assert not [line for line in lines if 'Traceback' in line]
 
 
-def test_a_driver_that_comes_back_under_load_goes_on_with_its_tare(make_graph, tmp_path):
+def test_a_driver_that_comes_back_under_load_goes_on_with_its_tare(device, tmp_path):
     kept = str(tmp_path / 'tare.npz')
-    first = make_graph(tare_at_start=True, last_tare=kept)
-    first.stream(unloaded(), lambda: first.images and first.images[-1].tared)
-    first.until(lambda: first.infos and first.infos[-1].tared_at.sec, 'the tare')
-    tared_at = stamp_to_ns(first.infos[-1].tared_at)
-    first.driver.destroy_node()
-    first.executor.remove_node(first.driver)
-    again = make_graph(tare_at_start=True, last_tare=kept)
-    again.stream(unloaded(200), lambda: again.images and again.images[-1].tared)
-    np.testing.assert_array_equal(again.images[-1].layers[0].stress, 200.0 - BASELINE)
-    again.until(lambda: again.infos and stamp_to_ns(again.infos[-1].tared_at) == tared_at,
-                'when that was')
+    with Graph(device, tare_at_start=True, last_tare=kept) as first:
+        first.stream(unloaded(), lambda: first.images and first.images[-1].tared)
+        first.until(lambda: first.infos and first.infos[-1].tared_at.sec, 'the tare')
+        tared_at = stamp_to_ns(first.infos[-1].tared_at)
+    with Graph(device, tare_at_start=True, last_tare=kept) as again:
+        again.stream(unloaded(200), lambda: again.images and again.images[-1].tared)
+        np.testing.assert_array_equal(again.images[-1].layers[0].stress, 200.0 - BASELINE)
+        again.until(lambda: again.infos and stamp_to_ns(again.infos[-1].tared_at) == tared_at,
+                    'when that was')
 
 
 @pytest.mark.parametrize('damage', ['other array', 'old', 'none'])

@@ -4,22 +4,20 @@ import re
 import signal
 import subprocess
 import sys
-import threading
 import time
 
-from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+from diagnostic_msgs.msg import DiagnosticStatus
+from driver_bench import Bench, DEADLINE
 from lifecycle_msgs.msg import Transition
 from lifecycle_msgs.srv import ChangeState
 import numpy as np
 import pytest
 import rclpy
 from rclpy.node import Node
-from rclpy.parameter import Parameter
 from rclpy.qos import qos_profile_sensor_data
 from sensor_msgs.msg import Image
 from std_msgs.msg import Float32MultiArray, UInt16MultiArray
 
-from tactile_common.errors import ConfigurationError
 from tactile_common.ros import runner
 from tactile_common.ros.conversions import stamp_from_ns, stamp_to_ns
 from tactile_msgs.msg import TactileImage
@@ -27,57 +25,14 @@ from tactile_sensing.contact.estimator import ContactEstimator, EstimatorConfig
 from tactile_sensing.conversions import image_from_msg
 from tactile_sensing.devices.calibration import Calibration
 from tactile_sensing.devices.calibration_file import load_calibration
-from tactile_sensing.nodes.driver import DriverNode
 
-DEADLINE = 20.0  # s
 SHAPE = (3, 4)
 CALIBRATION = Calibration.uncalibrated(*SHAPE, 0.002, bits=10, resolution=0.5)
 
 
-class Bench:
-    """A driver and who listens to it."""
-
-    def __init__(self, **parameters):
-        self.context = rclpy.Context()
-        rclpy.init(context=self.context)
-        self.node = Node('bench', context=self.context)
-        self.images, self.reports = [], []
-        self.node.create_subscription(
-            TactileImage, 'image', self.images.append, qos_profile_sensor_data)
-        self.node.create_subscription(
-            DiagnosticArray, '/diagnostics', lambda it: self.reports.append(it.status[0]), 10)
-        self.driver = DriverNode(
-            calibration=CALIBRATION, context=self.context, parameter_overrides=[
-                Parameter(name, value=value) for name, value in {
-                    'tare_at_start': False, 'tare_frames': 20, **parameters}.items()])
-        self.executor = runner.make_executor(self.context)
-        for node in (self.driver, self.node):
-            self.executor.add_node(node)
-
-    def until(self, condition, what, act=lambda: None):
-        end = time.monotonic() + DEADLINE
-        while not condition():
-            assert time.monotonic() < end, f'{what} did not come; {self.reports[-1:]}'
-            act()
-            self.executor.spin_once(timeout_sec=0.01)
-
-    def state(self, words):
-        return any(words in report.message for report in self.reports)
-
-    def __enter__(self):
-        return self
-
-    def __exit__(self, *_):
-        self.node.destroy_node()
-        self.driver.destroy_node()
-        self.executor.shutdown()
-        self.context.try_shutdown()
-        assert not [it for it in threading.enumerate() if it.name == 'tactile driver']
-
-
-@pytest.fixture(autouse=True)
-def reports_come_soon(monkeypatch):
-    monkeypatch.setattr('tactile_common.ros.node.DIAGNOSTICS_PERIOD', 0.2)
+def hearing(**parameters):
+    """Bench of a driver that hears a topic."""
+    return Bench(CALIBRATION, topic='raw', **parameters)
 
 
 VALUES = np.arange(12).reshape(SHAPE) * 10
@@ -95,8 +50,8 @@ VALUES = np.arange(12).reshape(SHAPE) * 10
     (Float32MultiArray(data=VALUES.ravel().astype(float).tolist()), 2.0)],
     ids=lambda it: getattr(it, 'encoding', type(it).__name__))
 def test_images_of_a_topic(message, gain):
-    with Bench(topic='raw') as bench:
-        bench.until(lambda: bench.state('nobody publishes /raw'), 'a report')
+    with hearing() as bench:
+        bench.until(lambda: bench.told('nobody publishes /raw'), 'a report')
         assert bench.reports[-1].level == DiagnosticStatus.ERROR
         publisher = bench.node.create_publisher(type(message), 'raw', 5)
         stamp = bench.node.get_clock().now().nanoseconds - 50_000_000
@@ -112,12 +67,12 @@ def test_images_of_a_topic(message, gain):
 
 
 def test_topics_that_are_no_images_of_the_array_are_explained():
-    with Bench(topic='raw') as bench:
+    with hearing() as bench:
         bench.node.create_publisher(TactileImage, 'raw', 5)
-        bench.until(lambda: bench.state('is of tactile_msgs/msg/TactileImage, must be'), 'a type')
-    with Bench(topic='raw') as bench:
+        bench.until(lambda: bench.told('is of tactile_msgs/msg/TactileImage, must be'), 'a type')
+    with hearing() as bench:
         publisher = bench.node.create_publisher(UInt16MultiArray, 'raw', 5)
-        bench.until(lambda: bench.state('data holds 3 values, 12 are needed'), 'a size',
+        bench.until(lambda: bench.told('data holds 3 values, 12 are needed'), 'a size',
                     lambda: publisher.publish(UInt16MultiArray(data=[1, 2, 3])))
         assert bench.images == []
 
@@ -131,13 +86,13 @@ def change(bench, transition):
 
 
 def test_a_manager_starts_and_stops_it():
-    with Bench(topic='raw', autostart=False) as bench:
+    with hearing(autostart=False) as bench:
         publisher = bench.node.create_publisher(UInt16MultiArray, 'raw', 5)
         message = UInt16MultiArray(data=VALUES.ravel().tolist())
 
         def send():
             publisher.publish(message)
-        bench.until(lambda: bench.state('not active'), 'a report', send)
+        bench.until(lambda: bench.told('not active'), 'a report', send)
         assert bench.images == [] and bench.driver.source is None
         assert change(bench, Transition.TRANSITION_CONFIGURE)
         assert change(bench, Transition.TRANSITION_ACTIVATE)
@@ -152,7 +107,7 @@ def test_a_manager_starts_and_stops_it():
 
 def test_drift_is_followed_while_nothing_touches():
     rng = np.random.default_rng(8)
-    with Bench(topic='raw', tare_at_start=True, track_drift=True) as bench:
+    with hearing(tare_at_start=True, track_drift=True) as bench:
         publisher = bench.node.create_publisher(UInt16MultiArray, 'raw', 5)
         level, touch = 0.0, 0
 
@@ -171,17 +126,6 @@ def test_drift_is_followed_while_nothing_touches():
         bench.until(lambda: len(bench.images) > before + 60, 'images', send)
         stress = np.mean([image_from_msg(it).layers[0].stress for it in bench.images[-10:]], 0)
         assert stress[0, 0] > 35.0
-
-
-def test_a_protocol_without_a_calibration_says_what_it_needs():
-    context = rclpy.Context()
-    rclpy.init(context=context)
-    try:
-        with pytest.raises(ConfigurationError, match="'calibration' is empty: csv_lines needs"):
-            DriverNode(context=context, parameter_overrides=[
-                Parameter('port', value='x'), Parameter('protocol', value='csv_lines')])
-    finally:
-        context.try_shutdown()
 
 
 PAGE = (Path(__file__).parents[2] / 'docs/array.md').read_text('utf-8')

@@ -4,10 +4,10 @@ import logging
 import os
 import threading
 import time
-import tty
 
 import numpy as np
 import pytest
+from terminal import Terminal
 
 from tactile_common.errors import ConfigurationError
 from tactile_sensing import open_sensor
@@ -20,32 +20,26 @@ RATE = 100.0
 DEADLINE = 20.0  # s
 
 
-class Array:
+class Array(Terminal):
     """A device that sends frames, numbered in their first tactel, and hears commands."""
 
     def __init__(self, link, protocol='csv_lines', rate=RATE):
-        self.link, row = link, protocol_named(protocol)
+        row = protocol_named(protocol)
         self.shape, self._period = row.shape or (4, 6), 1.0 / rate
         self.device = row.device(**options_of(protocol, ''))
         self.sent = 0
-        self.plug_in()
+        super().__init__(link)
 
     def plug_in(self):
-        self.master, slave = os.openpty()
-        tty.setraw(slave)
-        os.set_blocking(self.master, False)
-        self.link.unlink(missing_ok=True)
-        self.link.symlink_to(os.ttyname(slave))
-        self._end, self._slave = threading.Event(), slave
+        super().plug_in()
+        self._end = threading.Event()
         self._thread = threading.Thread(target=self._run, args=(self.master, self._end))
         self._thread.start()
 
     def unplug(self):
         self._end.set()
         self._thread.join()
-        os.close(self._slave)
-        os.close(self.master)
-        self.link.unlink()
+        super().unplug()
 
     def _run(self, master, end):
         begun = False
@@ -61,12 +55,6 @@ class Array:
                     counts, round(1e9 * self._period * self.sent)))
                 begun, self.sent = True, self.sent + 1
 
-    def write(self, data):
-        try:
-            os.write(self.master, data)
-        except BlockingIOError:  # nobody reads
-            pass
-
 
 @pytest.fixture
 def plug(tmp_path):
@@ -77,8 +65,7 @@ def plug(tmp_path):
         return arrays[-1]
     yield make
     for array in arrays:
-        if not array._end.is_set():
-            array.unplug()
+        array.unplug()
 
 
 @pytest.mark.parametrize('protocol', PROTOCOLS)

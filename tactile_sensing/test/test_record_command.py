@@ -1,11 +1,10 @@
 """Recording and calibrating from a port, without a graph."""
-import os
 import threading
 import time
-import tty
 
 import numpy as np
 import pytest
+from terminal import Terminal
 
 from tactile_sensing.calibration import recorder
 from tactile_sensing.cli import calibrate, record
@@ -30,10 +29,7 @@ def ball(a, b):
 @pytest.fixture
 def port(tmp_path):
     """An array that prints; the lines of a list are what it sees, then nothing more."""
-    master, slave = os.openpty()
-    tty.setraw(slave)
-    os.set_blocking(master, False)
-    end, script = threading.Event(), []
+    terminal, end, script = Terminal(tmp_path / 'port'), threading.Event(), []
 
     def run():
         device, rng, at = CsvDevice(), np.random.default_rng(1), time.monotonic()
@@ -42,17 +38,13 @@ def port(tmp_path):
             clean = script.pop(0) if script else np.zeros(ARRAY.shape)
             counts = np.clip(np.rint(20.0 + clean + 2.0 * rng.standard_normal(ARRAY.shape)), 0,
                              1023)
-            try:
-                os.write(master, device.encode(counts.astype(int)))
-            except BlockingIOError:
-                pass
+            terminal.write(device.encode(counts.astype(int)))
     thread = threading.Thread(target=run)
     thread.start()
-    yield os.ttyname(slave), script
+    yield str(terminal.link), script
     end.set()
     thread.join()
-    os.close(slave)
-    os.close(master)
+    terminal.unplug()
 
 
 def test_a_recording_is_what_the_other_commands_read(port, tmp_path, capsys):

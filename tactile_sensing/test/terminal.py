@@ -1,0 +1,34 @@
+"""A pseudo-terminal that a sensor writes to."""
+import os
+import tty
+
+
+class Terminal:
+    """The sensor's end of a pseudo-terminal behind a link, as its driver sees it."""
+
+    def __init__(self, link):
+        self.link = link
+        self.plug_in()
+
+    def plug_in(self):
+        self.master, slave = os.openpty()
+        tty.setraw(slave)
+        os.set_blocking(self.master, False)
+        self.link.unlink(missing_ok=True)
+        self.link.symlink_to(os.ttyname(slave))
+        # The slave stays open on this side until the driver has it, else the master reads EIO.
+        self._slave = slave
+
+    def unplug(self):
+        if self.master is not None:
+            os.close(self._slave)
+            os.close(self.master)
+            self.master = None
+            self.link.unlink()
+
+    def write(self, data):
+        """Send bytes, as far as somebody reads them."""
+        try:
+            os.write(self.master, data)
+        except BlockingIOError:
+            pass
