@@ -68,6 +68,17 @@ def read_arrays(path: str | os.PathLike, names: Collection[str],
     return {name: reader.read() for name, reader in readers.items()}
 
 
+def write_arrays(path: str | os.PathLike, **arrays: Any) -> None:
+    """Write an `.npz` archive, whole or not at all: who dies meanwhile leaves the one before."""
+    part = Path(f'{path}.{os.getpid()}.part')
+    try:
+        with open(part, 'wb') as file:
+            np.savez(file, **arrays)
+        os.replace(part, path)
+    finally:
+        part.unlink(missing_ok=True)
+
+
 def scalar(name: str, value: np.ndarray) -> float:
     """Return the number in an array of one; ConfigurationError where it holds none."""
     if value.size != 1 or value.dtype.kind not in 'uif' or not math.isfinite(value.item()):

@@ -27,7 +27,7 @@ __all__, __getattr__, __dir__ = exported(__name__, {
     'devices.calibration': 'Calibration',
     'devices.calibration_file': 'load_calibration',
     'devices.recording': 'Recording load_recording',
-    'devices.sensor': 'open_sensor',
+    'devices.stream': 'open_sensor',
     'image': 'image_moments',
     'skin.pressure': 'SkinPressure',
     'types.array': 'TactelArray',

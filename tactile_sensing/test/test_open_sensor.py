@@ -13,7 +13,6 @@ from tactile_common.errors import ConfigurationError
 from tactile_sensing import open_sensor
 from tactile_sensing.devices import serial_port, stream
 from tactile_sensing.devices.registry import options_of, protocol_named, PROTOCOLS
-from tactile_sensing.devices.sensor import SensorSilentError
 
 pytestmark = pytest.mark.graph  # in real time: no other test beside it
 RATE = 100.0
@@ -116,8 +115,8 @@ def test_fifty_unplugs(plug, caplog):
         threads, files = threading.active_count(), len(os.listdir('/proc/self/fd'))
         for _ in range(50):
             array.unplug()
-            while not sensor.stream.fault:
-                sensor.stream.read()
+            while not sensor.fault:
+                sensor.read()
             array.plug_in()
             begin = time.monotonic()
             sensor.forget()
@@ -125,7 +124,7 @@ def test_fifty_unplugs(plug, caplog):
             waits.append(time.monotonic() - begin)
         assert (threading.active_count(), len(os.listdir('/proc/self/fd'))) == (threads, files)
     assert max(waits) < 2.0
-    assert sensor.stream.connections == 51
+    assert sensor.connections == 51
     lines = [record.getMessage() for record in caplog.records]
     assert len([line for line in lines if line.startswith('reading')]) == 51
     lost = [line for line in lines if 'is lost' in line]
@@ -143,14 +142,14 @@ def test_attempts_are_spaced_out_to_a_bound(tmp_path, monkeypatch):
 
 
 def test_what_does_not_come_is_explained(plug, monkeypatch):
-    monkeypatch.setattr('tactile_sensing.devices.sensor.PATIENCE', 1.5)
+    monkeypatch.setattr('tactile_sensing.devices.stream.PATIENCE', 1.5)
     array = plug('csv_lines')
     with open_sensor(str(array.link), rows=5, columns=6, rate=RATE) as sensor, pytest.raises(
-            SensorSilentError, match='a line holds 24 numbers, must hold 5x6 = 30: see'):
+            stream.SensorSilentError, match='a line holds 24 numbers, must hold 5x6 = 30: see'):
         next(sensor)
     array.device.running = False
     with open_sensor(str(array.link), rows=4, columns=6, rate=RATE) as sensor, pytest.raises(
-            SensorSilentError, match='is silent'):
+            stream.SensorSilentError, match='is silent'):
         time.sleep(0.1)
         sensor.forget()
         next(sensor)
@@ -161,14 +160,14 @@ def test_a_reader_that_comes_late_gets_the_latest_images(plug):
     with open_sensor(str(array.link), rows=4, columns=6, rate=RATE) as sensor:
         for _ in range(30):
             next(sensor)
-        before = sensor.stream.skipped
+        before = sensor.skipped
         sent = array.sent
         while array.sent < sent + 40:
             time.sleep(0.01)
         first = next(sensor)
         last = [next(sensor) for _ in range(len(sensor._images))][-1]
         assert last.stamp_ns - first.stamp_ns < 100_000_000 and last.sequence >= sent + 35
-        assert sensor.stream.skipped >= before + 25
+        assert sensor.skipped >= before + 25
 
 
 def test_ports_that_are_not_there_or_taken(plug, tmp_path):

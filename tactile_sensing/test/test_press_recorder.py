@@ -2,6 +2,7 @@
 import numpy as np
 import pytest
 
+from tactile_common.npz_stream import read_arrays, write_arrays
 from tactile_sensing.calibration.presses import Presses
 from tactile_sensing.calibration.recorder import HELD, PressCatcher, Recorder, Step
 from tactile_sensing.skin.pressure import SkinPressure
@@ -81,6 +82,20 @@ def test_an_interrupted_session_goes_on(tmp_path):
                     'ball: 2 of 3', 'ball: 3 of 3']
     assert sorted(path.name for path in tmp_path.iterdir()) == [
         'ball.npz', 'corners.npz', 'unloaded.npz']
+
+
+def test_a_file_is_whole_or_as_it_was(tmp_path, monkeypatch):
+    path = tmp_path / 'ball.npz'
+    write_arrays(path, frames=np.arange(3))
+
+    def interrupted(file, **_):
+        file.write(b'half')
+        raise KeyboardInterrupt
+    monkeypatch.setattr(np, 'savez', interrupted)
+    with pytest.raises(KeyboardInterrupt):
+        write_arrays(path, frames=np.arange(4))
+    assert list(tmp_path.iterdir()) == [path]
+    np.testing.assert_array_equal(read_arrays(path, ('frames',))['frames'], np.arange(3))
 
 
 def test_a_press_that_is_held_keeps_some_frames_which_are_one_press(tmp_path):

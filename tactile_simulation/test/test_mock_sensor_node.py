@@ -286,11 +286,11 @@ def test_every_protocol_is_spoken_and_its_commands_are_heard(mock, tmp_path, pro
         answer = node.set_parameters([Parameter('faults', value='hang_up=1.0')])
         assert answer[0].successful
         end = time.monotonic() + DEADLINE
-        while not sensor.stream.fault:
+        while not sensor.fault:
             assert time.monotonic() < end
-            sensor.stream.read()
+            sensor.read()
         node.set_parameters([Parameter('faults', value='')])
-        while not sensor.stream.read() or sensor.stream.connections < 2:
+        while not sensor.read() or sensor.connections < 2:
             assert time.monotonic() < end
     assert not node.set_parameters([Parameter('faults', value='flip=7')])[0].successful
 

@@ -2,12 +2,11 @@
 from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass
-import os
 from pathlib import Path
 
 import numpy as np
 
-from tactile_common.npz_stream import read_arrays
+from tactile_common.npz_stream import read_arrays, write_arrays
 from tactile_sensing.calibration.presses import highest, LEAST_PEAK, why_not
 from tactile_sensing.devices.unloaded import unloaded_statistics
 from tactile_sensing.types.array import TactelArray
@@ -112,7 +111,7 @@ class Recorder:
     def _stream(self, step: Step, frames: list[np.ndarray]) -> None:
         while len(frames) < step.count:
             frames.append(self.look()[0])
-        self._save(step, frames)
+        write_arrays(self._file(step.name), frames=np.array(frames))
         self.tell(f'{step.name}: {len(frames)} frames')
 
     def _presses(self, step: Step, frames: list[np.ndarray]) -> None:
@@ -129,15 +128,8 @@ class Recorder:
                 self.tell(f'{step.name}: not taken: {wrong}; press again')
                 continue
             frames.extend(last)
-            self._save(step, frames)
+            write_arrays(self._file(step.name), frames=np.array(frames))
             self.tell(f'{step.name}: {len(frames) // step.frames} of {step.count}')
 
     def _file(self, name: str) -> Path:
         return self.folder / f'{name}.npz'
-
-    def _save(self, step: Step, frames: list[np.ndarray]) -> None:
-        """Whole, or as it was: an interruption may come at any time."""
-        path = self._file(step.name)
-        with open(path.with_suffix('.part'), 'wb') as stream:
-            np.savez_compressed(stream, frames=np.array(frames))
-        os.replace(stream.name, path)

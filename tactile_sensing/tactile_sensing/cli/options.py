@@ -12,7 +12,7 @@ from tactile_common.config import checked
 from tactile_common.errors import ConfigurationError
 from tactile_sensing.devices.frame_file import frame_reader, read_whole, Shape
 from tactile_sensing.devices.registry import options_of, PROTOCOLS
-from tactile_sensing.devices.sensor import open_sensor, Sensor
+from tactile_sensing.devices.stream import open_sensor, SensorStream
 from tactile_sensing.types.array import PITCH
 
 MAX_SIDE = 1024  # rows or columns
@@ -65,7 +65,7 @@ def add_sensor(arguments: argparse.ArgumentParser, required: bool = False) -> No
         help="line speed (default: the protocol's)")
 
 
-def opened(options: argparse.Namespace) -> Sensor:
+def opened(options: argparse.Namespace) -> SensorStream:
     """Open the sensor of the options; OSError, ConfigurationError: see `open_sensor`."""
     if not options.shape:
         raise ConfigurationError('--shape R C is missing: rows and columns of the sensor')

@@ -87,7 +87,7 @@ def run(options: argparse.Namespace) -> str:
             look(sensor)
             return ''
         arrays = record(sensor, options.seconds)
-        lost = sensor.stream.decoder.lost_frames + sensor.stream.skipped
+        lost = sensor.decoder.lost_frames + sensor.skipped
     if pitch_x > 0.0 and pitch_x == pitch_y:
         arrays['pitch_m'] = np.array(pitch_x)
     np.savez_compressed(options.file, **arrays)  # type: ignore[arg-type]

@@ -1,5 +1,6 @@
 """A sensor on a serial port that may come and go: frames with their times, without a thread."""
 from collections.abc import Callable, Mapping
+import logging
 import threading
 import time
 from typing import Any
@@ -7,20 +8,27 @@ from typing import Any
 import numpy as np
 from numpy.typing import DTypeLike
 
+from tactile_common.errors import TactileError
 from tactile_sensing.devices.frame_clock import FrameClock, SensorImage
-from tactile_sensing.devices.registry import protocol_named
+from tactile_sensing.devices.registry import options_of, protocol_named
 from tactile_sensing.devices.serial_port import SensorPort
 
 BACK_OFF = 0.02, 0.5  # s from one attempt to open the port to the next: at first, at most
 ASK_AGAIN = 2.0  # s without a frame after which a device is asked to send again: it has restarted
 SILENCE = 1.0  # s without a byte or a frame that is reported
+PATIENCE = 5.0  # s for the first image
+
+
+class SensorSilentError(TactileError):
+    """The port is open and no image comes; the message says what does come."""
 
 
 class SensorStream:
     """
     Open the port of a sensor, start it and read it; open it again whenever it is lost.
 
-    See `sensor.open_sensor`; a rate or baud of 0 and a kind of None are the protocol's. `now_ns`
+    Iterate its images until it is closed, or `read` what has come; it is a context manager as
+    well. See `open_sensor`; a rate or baud of 0 and a kind of None are the protocol's. `now_ns`
     is the clock of the stamps; `tell` takes a line whenever the port has come or gone, and whether
     it has gone.
     """
@@ -44,7 +52,33 @@ class SensorStream:
         self._back_off, self._news = BACK_OFF[0], False
         self._line: SensorPort | None = None
         self._last = b''
+        self._images: list[SensorImage] = []  # that iteration has not given, the oldest one last
         self.closed = threading.Event()
+
+    def __enter__(self) -> 'SensorStream':
+        return self
+
+    def __exit__(self, *_: Any) -> None:
+        self.close()
+
+    def __iter__(self) -> 'SensorStream':
+        return self
+
+    def __next__(self) -> SensorImage:
+        begin = time.monotonic()
+        while not self._images:
+            if self.closed.is_set():
+                raise StopIteration
+            self._images = self.read()[::-1]
+            if not self.decoder.frames and time.monotonic() - begin > PATIENCE:
+                raise SensorSilentError(self.trouble() or 'no image')
+        return self._images.pop()
+
+    def forget(self) -> None:
+        """Drop what waits: the next image is a new one."""
+        self._images = []
+        for _ in range(2):
+            self.read()
 
     def connect(self) -> None:
         """Open the port and start the sensor; raises an OSError where that fails."""
@@ -115,8 +149,9 @@ class SensorStream:
         return found
 
     def close(self) -> None:
-        """Stop the sensor and close the port."""
+        """Stop the sensor and close the port; no image comes any more."""
         self.closed.set()
+        self._images = []
         if self._line is not None:
             try:
                 self._line.write(self.decoder.stop())
@@ -141,3 +176,38 @@ class SensorStream:
             self.connect()
         except OSError as error:
             self.fault = str(error)
+
+
+def open_sensor(port: str, protocol: str = 'csv_lines', rows: int = 16, columns: int = 16,
+                rate: float = 200.0, **options: Any) -> SensorStream:
+    """
+    Open a tactile array: iterate its images; it is a context manager as well.
+
+    A port that is lost is opened again as soon as it is back; a line of the log
+    `tactile_sensing` says so.
+
+    Parameters
+    ----------
+    port : str
+        Path of the serial port, or `usb:VENDOR:PRODUCT[:SERIAL NUMBER]`.
+    protocol : str
+    rows, columns : int
+    rate : float
+        Images a second [Hz], about; no more than six times as many are given.
+    options
+        `baud` [bit/s], `kind`, the type of the counts, and the protocol's own.
+
+    Raises
+    ------
+    OSError
+        The port is not there or in use.
+    ConfigurationError
+        Protocol, size or an option is wrong.
+    """
+    log = logging.getLogger('tactile_sensing')
+    stream = SensorStream(
+        port, protocol, (rows, columns), rate=rate, baud=options.pop('baud', 0),
+        kind=options.pop('kind', None), options=options_of(protocol, options),
+        tell=lambda text, gone: log.log(logging.WARNING if gone else logging.INFO, text))
+    stream.connect()
+    return stream

@@ -5,7 +5,7 @@ import os
 import numpy as np
 
 from tactile_common.errors import ConfigurationError, TactileError
-from tactile_common.npz_stream import read_arrays, scalar
+from tactile_common.npz_stream import read_arrays, scalar, write_arrays
 from tactile_sensing.devices.counts import Counts
 from tactile_sensing.devices.unloaded import unloaded_statistics
 
@@ -33,10 +33,7 @@ class Tare:
 
 def save_tare(tare: Tare, at_ns: int, path: str | os.PathLike) -> None:
     """Write a tare and when it was taken; `load_tare` reads it."""
-    part = f'{path}.part'  # who dies meanwhile leaves the one before
-    with open(part, 'wb') as file:
-        np.savez(file, at_ns=at_ns, offset=tare.offset, noise=tare.noise, live=tare.live)
-    os.replace(part, path)
+    write_arrays(path, at_ns=at_ns, offset=tare.offset, noise=tare.noise, live=tare.live)
 
 
 def load_tare(path: str | os.PathLike, live: np.ndarray) -> tuple[Tare, int]:

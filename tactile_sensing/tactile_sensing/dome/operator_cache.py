@@ -1,21 +1,20 @@
 """The solved skin of a probe, kept on disk."""
+from contextlib import suppress
 from dataclasses import astuple
 import hashlib
 import os
 from pathlib import Path
-import tempfile
 import zipfile
 
 import numpy as np
 
+from tactile_common.npz_stream import write_arrays
 from tactile_common.progress import Progress
 from tactile_sensing.dome import finite_elements
 from tactile_sensing.dome.finite_elements import Operator
 from tactile_sensing.dome.geometry import Dome
 from tactile_sensing.dome.skin import SkinConfig
 from tactile_sensing.types.array import TactelArray
-
-QUIET = 2.0  # s of building, before a bar is shown
 
 
 def operator_for(dome: Dome, skin: SkinConfig, array: TactelArray,
@@ -35,13 +34,12 @@ def operator_for(dome: Dome, skin: SkinConfig, array: TactelArray,
             return Operator(**{name: stored[name] for name in Operator._fields})
     except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile):
         pass
-    with Progress(1.0, delay=QUIET) as bar:
+    with Progress(1.0, delay=2.0) as bar:
         operator = finite_elements.solve(
             dome, skin, array, lambda share, step: bar.show(share, 'skin', step))
-    try:
-        _write(operator, path)
-    except OSError:
-        pass
+    with suppress(OSError):
+        path.parent.mkdir(parents=True, exist_ok=True)
+        write_arrays(path, **operator._asdict())
     return operator
 
 
@@ -49,15 +47,3 @@ def _key(dome: Dome, skin: SkinConfig, array: TactelArray) -> str:
     source = Path(finite_elements.__file__).read_bytes()
     told = repr((astuple(dome), astuple(skin), astuple(array))).encode()
     return hashlib.sha256(source + told).hexdigest()[:20]
-
-
-def _write(operator: Operator, path: Path) -> None:
-    """Write beside and rename, so that nobody reads a half of it."""
-    path.parent.mkdir(parents=True, exist_ok=True)
-    with tempfile.NamedTemporaryFile(dir=path.parent, suffix='.npz', delete=False) as file:
-        try:
-            np.savez(file, **operator._asdict())
-        except BaseException:
-            os.unlink(file.name)
-            raise
-    os.replace(file.name, path)
