@@ -141,9 +141,8 @@ def mutated(rng, data, share):
     return np.repeat(array, times).tobytes()
 
 
-@pytest.mark.parametrize('case', CASES, ids='-'.join)
 def test_mutated_bytes_never_crash_and_the_stream_is_found_again(case):
-    case, rng = Case(*case), np.random.default_rng(4)
+    rng = np.random.default_rng(4)
     counts = case.images(100)
     data, decoder, seen = case.stream(counts), case.decoder(), 0
     while seen < BYTES:
@@ -154,10 +153,10 @@ def test_mutated_bytes_never_crash_and_the_stream_is_found_again(case):
     assert found[-1].counts.tolist() == case.images(30, 9)[-1].tolist()
 
 
-@pytest.mark.parametrize('case', CHECKED, ids='-'.join)
+@pytest.mark.parametrize('case', CHECKED, ids='-'.join, indirect=True)
 def test_no_frame_of_mutated_bytes_that_fails_its_check(case):
     """Every frame is one that was sent: single faults in each frame, of every kind."""
-    case, rng = Case(*case), np.random.default_rng(5)
+    rng = np.random.default_rng(5)
     counts = case.images(200)
     sent = {image.tobytes() for image in counts}
     packets, decoder, got, seen = case.packets(counts), case.decoder(), 0, 0
@@ -182,9 +181,7 @@ def test_no_frame_of_mutated_bytes_that_fails_its_check(case):
     assert got > 0 and decoder.resyncs > 0
 
 
-@pytest.mark.parametrize('case', CASES, ids='-'.join)
 def test_frames_that_are_spoilt_are_counted_as_lost(case):
-    case = Case(*case)
     counts = case.images(60)
     packets = case.packets(counts)
     for k in range(10, 50, 10):  # one byte in the middle of a frame

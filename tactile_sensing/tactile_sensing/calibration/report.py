@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from tactile_sensing.calibration.likelihood import skin_of
+from tactile_sensing.calibration.likelihood import KIND, skin_of, step_of
 from tactile_sensing.calibration.presses import Presses
 from tactile_sensing.calibration.procedure import Outcome
 from tactile_sensing.calibration.skin_fit import Fit, fit_presses
@@ -69,10 +69,9 @@ def _profile(axis: Any, fit: Fit) -> None:
     def pressure(kind: np.ndarray) -> np.ndarray:
         values = SkinPressure(skin_of(kind)).point(x, 0.0 * x, 0.0, 0.0, 1.0)
         return values / values[0]
-    here = pressure(fit.kind)
-    slopes = np.stack([(pressure(fit.kind + step) - here) / 1e-2 for step in
-                       1e-2 * np.array([[1, 0, 0, 0], [0, -1, 0, 0], [0, 0, -1, 0]])], -1)
-    slopes *= [1.0, -1.0, -1.0]
+    here, steps = pressure(fit.kind), [step_of(fit.kind, k) for k in range(3)]
+    slopes = np.stack([(pressure(fit.kind + step * np.eye(KIND)[k]) - here) / step
+                       for k, step in enumerate(steps)], -1)
     std = np.sqrt(np.einsum('xi,ij,xj->x', slopes, fit.covariance[:3, :3], slopes))
     axis.plot(1e3 * x, here)
     axis.fill_between(1e3 * x, here - std, here + std, alpha=0.4)
