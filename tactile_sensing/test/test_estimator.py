@@ -54,7 +54,7 @@ def test_line_is_at_the_cramer_rao_bound(decibels):
                              found['line_force'] - FORCE])
     bound = []
     steps = np.diag([1e-7, 1e-5, 1.0, 1.0])
-    for load in truth:
+    for load in truth[::4]:
         j = np.stack([(sheared(*load, FORCE, 0.0, by) - sheared(*load, FORCE, 0.0, -by)).ravel()
                       / (2.0 * by.sum()) for by in steps], axis=-1)
         prior = np.diag([0.0, 0.0, 0.0, (0.3 * FORCE) ** -2])  # friction
