@@ -11,7 +11,6 @@ from tactile_servo.control.stability import gain_limit
 from tactile_servo.laws.jacobian_rate import JacobianRateConfig, RateConfig
 from tactile_servo.laws.surface_config import (
     CourseConfig,
-    JacobianConfig,
     PressConfig,
     ProbeConfig,
     RollConfig,
@@ -28,8 +27,6 @@ OBJECTS = ('cylinder_65', 'cylinder_120', 'sphere_70', 'sphere_126')
 SPEEDS = (0.01, 0.05, 0.1, 0.15, 0.2)
 LAWS = {'predicted': 'tactile_jacobian', 'thesis': 'jacobian_rate'}  # by their columns
 STEPS = (-0.003, -0.002, -0.001, 0.001, 0.002)  # m
-SOURCES = tuple((features, method) for features in ('centroid', 'moments')
-                for method in ('constant', 'nearest', 'interpolated', 'online'))
 LATENCIES = (0.0, 0.005, 0.01, 0.02, 0.04)  # s
 MOST_GAIN = 200.0  # 1/s, that a configuration may have
 GAINS = (0.25, 0.5, 0.8, 1.0, 1.4, 2.0)  # of the limit in theory
@@ -117,10 +114,6 @@ def cases() -> Iterator[Case]:
         yield Case('starts', {'start': f'at {force:g} N'}, 'sphere_70', line(0.03, force=force))
     yield Case('starts', {'start': 'fragile, 5 of 6 N'}, 'fragile', line(0.05))
     yield Case('starts', {'start': 'friction of 0.3'}, 'rough', line(0.05))
-    for features, method in SOURCES:
-        settings = SurfaceConfig(jacobian=JacobianConfig(features, method))
-        yield Case('sources', {'features': features, 'method': method}, 'sphere_70', line(0.05),
-                   settings)
     for fault, change in FAULTS.items():
         settings = SurfaceConfig(probe=ProbeConfig(**change))
         yield Case('faults', {'fault': fault}, 'cylinder_65', line(0.05), settings)

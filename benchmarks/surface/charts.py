@@ -85,16 +85,11 @@ def _stability(result):
 
 def _models(result):
     figure, (error, solved) = plt.subplots(1, 2, figsize=(9, 3.8), layout='constrained')
-    for features, style in (('centroid', '-'), ('moments', '--')):
-        for method, colour in (('nearest', '#0b6e99'), ('interpolated', '#c05a00')):
-            own = [row for row in result['resolution'] if row['model'] == 'half-space'
-                   and row['features'] == features and row['method'] == method]
-            error.plot([row['across'] for row in own], [100 * row['median'] for row in own],
-                       f'o{style}', color=colour, ms=4, label=f'{features}, {method}')
-        online = next(row for row in result['resolution']
-                      if row['features'] == features and row['method'] == 'online')
-        error.axhline(100 * online['median'], color='grey', linestyle=style,
-                      label=f'{features}, on-line')
+    for features, colour in (('centroid', '#0b6e99'), ('moments', '#c05a00')):
+        own = [row for row in result['resolution'] if row['model'] == 'half-space'
+               and row['features'] == features]
+        error.plot([row['across'] for row in own], [100 * row['median'] for row in own], 'o-',
+                   color=colour, ms=4, label=features)
     error.set(xlabel='contacts along each side of the pad', ylabel='error of a step, median [%]',
               ylim=(0, None), title='Tables of the half-space')
     error.legend(frameon=False, fontsize=8)

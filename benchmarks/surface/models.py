@@ -14,12 +14,7 @@ from tactile_sensing.dome.operator_cache import operator_for
 from tactile_sensing.dome.skin import SkinConfig
 from tactile_sensing.types.array import TactelArray
 from tactile_servo.tactile_jacobian.features import FeatureKind, ModelFeatures
-from tactile_servo.tactile_jacobian.jacobian import (
-    Increments,
-    least_squares,
-    loading_cases,
-    scale_for,
-)
+from tactile_servo.tactile_jacobian.jacobian import Increments, loading_cases
 from tactile_servo.tactile_jacobian.table import build_table, grid, JacobianTable
 from tactile_simulation.sensor import Sensor
 
@@ -65,34 +60,16 @@ def resolution() -> list[dict]:
                                          FORCES), Increments(stiffness=STIFFNESS),
                     tactels.half_width_x)
                 built = time.process_time() - begin
-                for method in ('nearest', 'interpolated'):
-                    rows.append({'features': kind.value, 'model': name, 'across': across,
-                                 'method': method, **_tried(table, method, shown, moves),
-                                 'built': built, 'usable': float(table.usable.mean())})
-        rows.append({'features': kind.value, 'model': 'half-space', 'across': 0,
-                     'method': 'online', **_online(models['half-space'], tactels, kind, states,
-                                                   shown, moves), 'built': 0.0, 'usable': 1.0})
+                rows.append({'features': kind.value, 'model': name, 'across': across,
+                             **_tried(table, shown, moves), 'built': built,
+                             'usable': float(table.usable.mean())})
     return rows
 
 
-def _tried(table: JacobianTable, method, shown, moves):
-    look = getattr(table, method)
+def _tried(table: JacobianTable, shown, moves):
     begin = time.process_time()
-    inverses = [look(before).inverse for before, _ in shown]
-    return _errors(inverses, shown, moves, time.process_time() - begin)
-
-
-def _online(model, tactels, kind, states, shown, moves):
-    """Jacobian of the half-space at the true contact: what on-line search tends to."""
-    features, increments = ModelFeatures(model, tactels, kind), Increments(stiffness=STIFFNESS)
-    scale = scale_for(kind, 5.0, tactels.half_width_x, STIFFNESS)
-    begin = time.process_time()
-    inverses = [least_squares(loading_cases(features, state, increments), scale).inverse
-                for state in states]
-    return _errors(inverses, shown, moves, time.process_time() - begin)
-
-
-def _errors(inverses, shown, moves, seconds):
+    inverses = [table.nearest(before).inverse for before, _ in shown]
+    seconds = time.process_time() - begin
     steps = np.array([inverse @ (after - before)
                       for inverse, (before, after) in zip(inverses, shown, strict=True)])
     off = np.linalg.norm((steps - moves)[:, :2], axis=1) / STEP

@@ -9,8 +9,6 @@ PARTS = (('Speed and accuracy', 'speed_and_accuracy', ('object', 'control', 'spe
          ('Rasters of 60 x 60 mm, rows 6 mm apart, 50 mm/s', 'rasters', ('scene',)),
          ('Steps and an edge to fall off', 'steps', ('step', 'speed')),
          ('Starts, forces, friction (spheres of 70 mm)', 'starts', ('start',)),
-         ('Where the Jacobian comes from (sphere of 70 mm, 50 mm/s)', 'sources',
-          ('features', 'method')),
          ('Errors of calibration (cylinder of 65 mm, 50 mm/s)', 'faults', ('fault',)))
 BAR_SPEEDS = (0.01, 0.05, 0.1)
 
@@ -38,10 +36,8 @@ def everything(result):
           f'{row["thesis"]:g}'] for row in result['stability']]))
     parts.append(_table(
         'Tables of Jacobians: error of the step that a change of 0.5 mm is taken for',
-        ['features', 'model', 'contacts', 'method', 'median', '95 %', 'look-up', 'built in',
-         'usable'],
-        [[row['features'], row['model'],
-          f'{row["across"]} x {row["across"]} x 6' if row['across'] else '-', row['method'],
+        ['features', 'model', 'contacts', 'median', '95 %', 'look-up', 'built in', 'usable'],
+        [[row['features'], row['model'], f'{row["across"]} x {row["across"]} x 6',
           f'{100 * row["median"]:.0f} %', f'{100 * row["p95"]:.0f} %',
           f'{1e6 * row["lookup"]:.0f} us', f'{row["built"]:.2f} s', f'{100 * row["usable"]:.0f} %']
          for row in result['resolution']]))

@@ -5,7 +5,6 @@ from geometry_msgs.msg import Point, Vector3
 import numpy as np
 import pytest
 
-from tactile_common.errors import ConfigurationError
 from tactile_common.ros.conversions import pose_from_msg
 from tactile_msgs.action import TrackSurface
 from tactile_sensing.devices.calibration import Calibration
@@ -32,6 +31,9 @@ ARRAY, DOME = TactelArray(16, 16, PITCH, PITCH), Dome()
 HALF_SPACE = HalfSpaceDome(DOME, ARRAY)
 GOAL = SurfaceGoal(0.05, FORCE, length=0.1)
 DOWN = np.array([0.0, 0.0, -1.0])
+TABLE = build_table(ModelFeatures(HALF_SPACE, ARRAY), FeatureKind.CENTROID, grid(
+    ARRAY.half_width_x, ARRAY.half_width_y, 6, (2.0, 3.5, 5.0, 7.5)),
+    Increments(stiffness=ProbeConfig.stiffness), ARRAY.half_width_x)
 
 
 def image_of(place, force, stress=None):
@@ -42,10 +44,9 @@ def image_of(place, force, stress=None):
     return TactileImage(0, 0, (Layer('zz', DOME.depth, stress, noise_std=1.0),), ARRAY, True)
 
 
-def sense(**jacobian):
+def sense():
     """How the law sees contacts."""
-    return ContactSense(ARRAY, DOME, SurfaceConfig(
-        jacobian=JacobianConfig(**jacobian)), FORCE)
+    return ContactSense(ARRAY, DOME, SurfaceConfig(), FORCE)
 
 
 # The filter --------------------------------------------------------------------------------
@@ -181,13 +182,12 @@ def test_goal_messages():
 # What an image says ------------------------------------------------------------------------
 
 @pytest.mark.parametrize('place', [(0.0, 0.0), (3e-3, -2e-3), (-6e-3, 6e-3)])
-@pytest.mark.parametrize('method', ['constant', 'nearest', 'interpolated', 'online'])
-def test_contacts_are_felt_where_they_are(place, method):
+@pytest.mark.parametrize('table', [None, TABLE])
+def test_contacts_are_felt_where_they_are(place, table):
     pose = np.eye(4)
     pose[:3, 3] = 0.1, 0.2, 0.3
-    looking = sense(method=method)
-    for _ in range(6):  # the one that is found on-line comes nearer with every image
-        felt = looking.look(image_of(place, FORCE), pose)
+    felt = ContactSense(ARRAY, DOME, SurfaceConfig(), FORCE, table).look(
+        image_of(place, FORCE), pose)
     assert isinstance(felt, Felt)
     assert felt.place == pytest.approx(place, abs=0.05 * np.hypot(*place) + 5e-5)
     assert felt.force == pytest.approx(FORCE, rel=0.1)
@@ -221,10 +221,7 @@ def test_a_table_on_disk_is_used_and_a_wrong_one_refused(tmp_path):
     features = ModelFeatures(HALF_SPACE, ARRAY, FeatureKind.MOMENTS)
     build_table(features, FeatureKind.MOMENTS, grid(0.01, 0.01, 5, (4.0, 5.0, 6.0)), Increments(),
                 0.0127).save(path)
-    with pytest.raises(ConfigurationError, match='jacobian.method is .constant., must be nearest'):
-        JacobianConfig(table=str(path))
-    config = SurfaceConfig(jacobian=JacobianConfig(
-        method='interpolated', table=str(path)))
+    config = SurfaceConfig(jacobian=JacobianConfig(str(path)))
     law = SurfaceFollowing(ServoConfig(), config)
     law.begin(GOAL, Calibration(ARRAY).sensor_info('pad', '', 0))
     law.observe(Observation(0, 0.0, 0.0, lambda _: np.eye(4), image_of((2e-3, 1e-3), FORCE)))

@@ -214,20 +214,9 @@ def test_a_wrong_stiffness_is_borne(factor):
     assert summary['ok'] and summary['force_rms_error'] < 0.3
 
 
-# Not the nearest entry for moments, which change with the force: beside the wanted contact it
-# takes a missing force for a place, see docs/surface.md.
-@pytest.mark.parametrize('features, method', [
-    ('centroid', 'constant'), ('centroid', 'nearest'), ('centroid', 'online'),
-    ('moments', 'constant'), ('moments', 'interpolated'), ('moments', 'online')])
-def test_sources_of_the_jacobian(features, method):
-    settings = SurfaceConfig(jacobian=JacobianConfig(features, method))
-    _, summary = follow(scene_of(SPHERE), line(0.03, length=0.015), settings=settings)
-    assert summary['ok'] and summary['centre_max'] < 0.6e-3
-
-
 @pytest.mark.parametrize('dome, hole', [
-    (Dome(), 3), (Dome(skin_radius=0.035, array_radius=0.033, core_radius=0.031), 0)])
-def test_tables_with_holes_or_of_another_probe_are_borne(dome, hole, tmp_path):
+    (Dome(), 0), (Dome(), 3), (Dome(skin_radius=0.035, array_radius=0.033, core_radius=0.031), 0)])
+def test_tables_are_used_and_holes_or_another_probe_borne(dome, hole, tmp_path):
     scene = scene_of(SPHERE)
     features = ModelFeatures(HalfSpaceDome(dome, scene.sensor.array), scene.sensor.array)
     table = build_table(features, features.kind, grid(0.011, 0.011, 6, (3.0, 5.0, 8.0)),
@@ -235,8 +224,7 @@ def test_tables_with_holes_or_of_another_probe_are_borne(dome, hole, tmp_path):
     if hole:
         table.inverse[::hole], table.features[1::7] = np.nan, np.nan
     table.save(tmp_path / 'table.npz')
-    settings = SurfaceConfig(
-        jacobian=JacobianConfig('centroid', 'nearest', str(tmp_path / 'table.npz')))
+    settings = SurfaceConfig(jacobian=JacobianConfig(str(tmp_path / 'table.npz')))
     _, summary = follow(scene, line(0.03, length=0.015), settings=settings)
     assert summary['ok'] and summary['centre_max'] < 1e-3 and summary['force_max'] < 6.5
 

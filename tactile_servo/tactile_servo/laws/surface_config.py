@@ -1,10 +1,8 @@
 """What a user knows of probe, robot and task, for the laws that follow a surface."""
 from dataclasses import dataclass, field
 
-from tactile_common.config import bounded, one_of
+from tactile_common.config import bounded
 from tactile_common.errors import ConfigurationError
-from tactile_servo.tactile_jacobian.features import FeatureKind
-from tactile_servo.tactile_jacobian.source import METHODS, TABLES
 
 
 @dataclass(frozen=True)
@@ -29,22 +27,11 @@ class ProbeConfig:
 
 @dataclass(frozen=True)
 class JacobianConfig:
-    """The features, and where their Jacobian comes from."""
+    """Where the Jacobian comes from."""
 
-    features: str = one_of(
-        'centroid', "'centroid' (M0, Mx / M0, My / M0) or the thesis' 'moments' (M0, Mx, My)",
-        [kind.value for kind in FeatureKind])
-    method: str = one_of(
-        'constant', "'constant', 'nearest' or 'interpolated' in a table, or 'online'", METHODS)
     table: str = field(default='', metadata={
-        'doc': "file made by build_jacobian_table; empty: of a half-space on the probe's tangent "
-               'plane'})
-
-    def __post_init__(self) -> None:
-        if self.table and self.method not in TABLES:
-            raise ConfigurationError(
-                f'jacobian.table: {self.table!r} is given, but jacobian.method is '
-                f'{self.method!r}, must be {" or ".join(TABLES)}')
+        'doc': 'file made by build_jacobian_table, whose nearest entry is taken; empty: the '
+               "Jacobian at the pad's centre, of a half-space on the probe's tangent plane"})
 
 
 @dataclass(frozen=True)

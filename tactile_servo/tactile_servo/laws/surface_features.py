@@ -6,13 +6,25 @@ from typing import NamedTuple
 import numpy as np
 
 from tactile_sensing.dome.geometry import Dome
+from tactile_sensing.dome.half_space import HalfSpaceDome
 from tactile_sensing.image import image_moments
 from tactile_sensing.types.array import TactelArray
 from tactile_sensing.types.image import TactileImage
 from tactile_servo.laws.surface_config import SurfaceConfig
 from tactile_servo.reasons import Reason, ReasonCode
-from tactile_servo.tactile_jacobian.features import FeatureKind, features_of, filled, REFERENCE
-from tactile_servo.tactile_jacobian.source import ModelSource
+from tactile_servo.tactile_jacobian.features import (
+    FeatureKind,
+    features_of,
+    filled,
+    ModelFeatures,
+    REFERENCE,
+)
+from tactile_servo.tactile_jacobian.jacobian import (
+    Increments,
+    least_squares,
+    loading_cases,
+    scale_for,
+)
 from tactile_servo.tactile_jacobian.table import JacobianTable
 
 MOST_MISSING = 0.3  # of the tactels
@@ -53,14 +65,19 @@ class ContactSense:
         c = self.config
         # An elastic foundation: the force grows with the square of the depth.
         self.stiffness = c.probe.stiffness * math.sqrt(self.force / REFERENCE)
-        self._kind = kind_of(c, self.table)
-        self._source = ModelSource(self.dome, self.array, self._kind, c.jacobian.method,
-                                   self.force, self.stiffness, self.table)
-        self.centred = self._source.features(np.array([0.0, 0.0, self.force]))
+        self._kind = kind_of(self.table)
+        model = ModelFeatures(HalfSpaceDome(self.dome, self.array), self.array, self._kind)
+        centre = np.array([0.0, 0.0, self.force])
+        self.centred = model(centre)
+        half = 0.5 * (self.array.half_width_x + self.array.half_width_y)
+        self._inverse = least_squares(
+            loading_cases(model, centre, Increments(stiffness=self.stiffness)),
+            scale_for(self._kind, self.force, half, self.stiffness)).inverse
 
     def tell(self, features: np.ndarray) -> Told:
         """Contact that features (3,) tell of."""
-        error = self._source.inverse(features).inverse @ (self.centred - features)
+        inverse = self.table.nearest(features).inverse if self.table else self._inverse
+        error = inverse @ (self.centred - features)
         return Told(max(self.force - self.stiffness * error[2], 0.0), -error[:2], error)
 
     def look(self, image: TactileImage, pose: np.ndarray) -> Felt | Reason:
@@ -90,9 +107,9 @@ class ContactSense:
         return self.force * max(1.0 + 0.5 * self.stiffness * depth / self.force, 0.0)**2
 
 
-def kind_of(config: SurfaceConfig, table: JacobianTable | None) -> FeatureKind:
+def kind_of(table: JacobianTable | None) -> FeatureKind:
     """Which features stand for an image: those of the table, if there is one."""
-    return table.kind if table else FeatureKind(config.jacobian.features)
+    return table.kind if table else FeatureKind.CENTROID
 
 
 def pressure_of(image: TactileImage, array: TactelArray) -> np.ndarray | Reason:

@@ -63,7 +63,7 @@ class SurfaceLaw:
                           2.0 * probe.array_radius - probe.skin_radius)
         path = self.config.jacobian.table
         self._table = load_table(path) if path else None
-        self._lessons = Lessons(kind_of(self.config, self._table))
+        self._lessons = Lessons(kind_of(self._table))
         self._surface, self._press = SurfaceFilter(), PressCheck()
         self.error: TaskError | None = None
         self._going, self._record = Going(), Record(self.config.probe)

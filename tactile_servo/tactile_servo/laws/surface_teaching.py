@@ -15,7 +15,6 @@ from tactile_servo.tactile_jacobian.features import FeatureKind, features_of
 NAME = re.compile(r'[A-Za-z0-9_-]{1,40}')
 MOST = 100  # that are kept
 APART = 1.5  # factor of the goal's force, within which taught ones must be
-ROUNDS = 6  # until an inverse that is found on-line is that of the contact
 
 
 class Lessons:
@@ -68,8 +67,7 @@ class Lessons:
 
 def wanted_contacts(sense: ContactSense, features: Sequence[np.ndarray]) -> list[Told]:
     """Contacts that features tell of; of none, the one at the pad's centre."""
-    return [[sense.tell(shown) for _ in range(ROUNDS)][-1]
-            for shown in features or [sense.centred]]
+    return [sense.tell(shown) for shown in features or [sense.centred]]
 
 
 def between(wanted: Sequence[Told], share: float) -> Told:

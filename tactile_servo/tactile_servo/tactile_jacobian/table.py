@@ -10,7 +10,6 @@ from tactile_common.errors import ConfigurationError
 from tactile_common.npz_stream import read_arrays
 from tactile_servo.tactile_jacobian.features import FeatureKind
 from tactile_servo.tactile_jacobian.jacobian import (
-    Cases,
     Features,
     Increments,
     least_squares,
@@ -20,8 +19,6 @@ from tactile_servo.tactile_jacobian.jacobian import (
 
 FORMAT = 1
 USABLE = 50.0  # largest condition of a Jacobian that is used
-BLENDED = 4  # neighbours of an interpolation
-NEIGHBOURS = 8  # of a recorded contact, that its Jacobian is fitted to
 _ARRAYS = ('contacts', 'features', 'forward', 'inverse', 'condition', 'scale')
 
 
@@ -84,20 +81,10 @@ class JacobianTable:
 
         Before there was one, it is the nearest all the same.
         """
-        return self._entry(features, 1)
-
-    def interpolated(self, features: np.ndarray) -> Entry:
-        """Mean of the nearest entries, weighted by the inverse of their squared distances."""
-        return self._entry(features, min(BLENDED, len(self._index)))
-
-    def _entry(self, features: np.ndarray, count: int) -> Entry:
         if not np.isfinite(features).all():
             return Entry(self._fallback(self.inverse[self._index[0]]), np.inf, False)
-        distances, places = self._tree.query(features / self.scale, k=count)
-        distances, places = np.atleast_1d(distances), np.atleast_1d(places)
-        square = float(distances[0]**2)
-        weights = 1.0 / np.maximum(distances**2, 1e-12)
-        inverse = np.tensordot(weights / weights.sum(), self.inverse[self._index[places]], 1)
+        distance, place = self._tree.query(features / self.scale)
+        square, inverse = float(distance**2), self.inverse[self._index[place]]
         if square > self.stop:
             return Entry(self._fallback(inverse), square, False)
         self._last = inverse
@@ -158,32 +145,3 @@ def build_table(features: Features, kind: FeatureKind, contacts: np.ndarray,
         kind, contacts, shown, np.array([one.forward for one in found]),
         np.array([one.inverse for one in found]), np.array([one.condition for one in found]),
         scale.features, stop=float(gaps @ gaps))
-
-
-def table_of_recording(contacts: np.ndarray, features: np.ndarray, kind: FeatureKind,
-                       stiffness: float, length: float, force: float = 5.0) -> JacobianTable:
-    """
-    Jacobians of contacts (N, 3) and features (N, 3) that were recorded on a real probe.
-
-    At each contact by least squares over the nearest others, weighted as by `build_table`.
-    """
-    contacts, features = np.asarray(contacts, float), np.asarray(features, float)
-    if contacts.shape != features.shape or contacts.ndim != 2 or contacts.shape[1] != 3:
-        raise ConfigurationError(
-            f'recording: contacts {contacts.shape} and features {features.shape} must be (N, 3)')
-    sound = np.isfinite(contacts).all(axis=1) & np.isfinite(features).all(axis=1)
-    contacts, features = contacts[sound], features[sound]
-    if len(contacts) <= NEIGHBOURS:
-        raise ConfigurationError(
-            f'recording: {len(contacts)} sound contacts, must be more than {NEIGHBOURS}')
-    scale = scale_for(kind, force, length, stiffness)
-    from scipy.spatial import cKDTree
-    motions = contacts / [1.0, 1.0, stiffness]
-    distances, places = cKDTree(motions / scale.motions).query(
-        motions / scale.motions, k=NEIGHBOURS + 1)
-    found = [least_squares(Cases(motions[others] - motions[k], features[others] - features[k]),
-                           scale) for k, others in enumerate(places[:, 1:])]
-    return JacobianTable(
-        kind, contacts, features, np.array([one.forward for one in found]),
-        np.array([one.inverse for one in found]), np.array([one.condition for one in found]),
-        scale.features, stop=float(distances[:, -1].max()**2))
