@@ -5,11 +5,13 @@ import math
 from pathlib import Path
 import tempfile
 import time
+from unittest.mock import patch
 
 import numpy as np
 import yaml
 
 from tactile_servo.control.stability import gain_limit
+from tactile_servo.laws import resolved_rate
 from tactile_servo.laws.edge_config import EdgeFollowingConfig, PathConfig
 from tactile_servo.laws.resolved_rate import PositionConfig, ResolvedRateConfig
 from tactile_servo.motion.motion import MotionConfig
@@ -97,9 +99,10 @@ def is_stable(tracker, gain, latency):
     scene = shipped('straight')
     scene = replace(scene, start=replace(scene.start, offset=OFFSET))
     settings = (EdgeFollowingConfig(path=PathConfig(lateral_gain=gain)) if tracker == 'trace' else
-                ResolvedRateConfig(position=PositionConfig(1.0 / gain), limit_share=10.0))
-    simulation, _ = follow(scene, tracker, 0.03, 0, latency=latency, settings=settings,
-                           seconds=3.5)
+                ResolvedRateConfig(position=PositionConfig(1.0 / gain)))
+    with patch.object(resolved_rate, 'LIMIT_SHARE', 10.0):  # the limit itself is looked for
+        simulation, _ = follow(scene, tracker, 0.03, 0, latency=latency, settings=settings,
+                               seconds=3.5)
     late = [cycle for cycle in simulation.log if cycle.status.state == State.TRACK][-200:]
     if len(late) < 200:
         return False

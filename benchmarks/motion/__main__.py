@@ -19,7 +19,6 @@ from tactile_servo.motion.robot import RobotModel
 
 ROOT = Path(__file__).resolve().parents[2]
 COUNT, WARM, CHECKED = 3000, 100, 500  # programs; left out of the times; compared
-DAMPING, LENGTH, LIGHT = 0.01, 0.04, 0.005
 
 
 def programs(joints, seed=0):
@@ -34,10 +33,10 @@ def programs(joints, seed=0):
             room, held = rng.uniform(0.2, 1.5, (2, joints)), rng.integers(joints)
         positions = np.clip(positions + 0.3 * rates * 0.0025, robot.lower, robot.upper)
         jacobian = np.hstack([robot.jacobian(positions), extra])
-        wanted, _ = damped_least_squares(jacobian, twist, damping=DAMPING, rotation_length=LENGTH)
+        wanted, _ = damped_least_squares(jacobian, twist)
         lower, upper = -room[0] * np.abs(wanted).max(), room[1] * np.abs(wanted).max()
         (upper if wanted[held] > 0.0 else lower)[held] = 0.0
-        matrix = hessian(np.ascontiguousarray(jacobian), DAMPING, LIGHT, LENGTH)
+        matrix = hessian(np.ascontiguousarray(jacobian))
         count += 1
         yield matrix, -matrix @ wanted, lower, upper
 

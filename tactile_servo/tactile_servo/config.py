@@ -63,9 +63,7 @@ class InputConfig:
         's', 0.005, 10.0)
     following_distance: float = bounded(
         0.002, 'hold when the sensor is measured this far from the way that it was sent on '
-        'lately; a rotation counts on motion.rotation_length', 'm', 1e-4, 0.1)
-    following_time: float = bounded(
-        0.05, 'how late the robot may follow', 's', 0.005, 1.0)
+        'lately; a rotation counts on 40 mm', 'm', 1e-4, 0.1)
 
 
 @dataclass(frozen=True)

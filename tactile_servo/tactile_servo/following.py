@@ -9,6 +9,7 @@ from tactile_servo.config import InputConfig
 from tactile_servo.reasons import Reason, ReasonCode
 
 SIZE = 512  # cycles that are kept
+LATE = 0.05  # s that the robot may follow late: dead time and lag of an arm that can be servoed
 STANDS_AFTER = 0.05  # of the distance, a way that was sent and must have shown an effect
 STANDS = 0.2  # of that way, with less of which the robot stands
 
@@ -43,12 +44,12 @@ class Following:
         c = self._config
         away, stands = _judge(
             self._times, self._sent, self._measured, self._count, measured,
-            arrival - c.following_time, STANDS_AFTER * c.following_distance, self._length)
+            arrival - LATE, STANDS_AFTER * c.following_distance, self._length)
         if not away <= c.following_distance:
             return Reason(ReasonCode.NOT_FOLLOWING, f'it is {1e3 * away:.1f} mm from its way')
         if stands:
             return Reason(ReasonCode.NOT_FOLLOWING,
-                          f'it stands, {1e3 * c.following_time:.0f} ms after it was sent on')
+                          f'it stands, {1e3 * LATE:.0f} ms after it was sent on')
         return None
 
 

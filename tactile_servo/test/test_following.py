@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from tactile_servo.config import InputConfig
-from tactile_servo.following import apart, Following
+from tactile_servo.following import apart, Following, LATE
 from tactile_servo.reasons import ReasonCode
 
 PERIOD = 0.0025  # s
@@ -45,7 +45,7 @@ def test_a_robot_that_stops_is_found_out_before_it_is_far_behind(speed):
     stopped = 0.3
     now, _ = problem_of(lambda now: pose(speed * now), lambda now: pose(speed * min(now, stopped)))
     # The time in which it may follow, and a twentieth of 2 mm, by 20 % of which it had moved.
-    assert now - stopped < CONFIG.following_time + 0.13e-3 / speed + 2 * PERIOD
+    assert now - stopped < LATE + 0.13e-3 / speed + 2 * PERIOD
 
 
 def test_a_robot_that_answers_too_late_is_found_out():
@@ -63,7 +63,7 @@ def test_an_offset_may_be_as_large_as_configured(offset, follows):
 
 def test_a_motion_to_and_fro_is_no_standstill():
     """A period of twice the time it may take: what is measured ends where it began."""
-    omega = np.pi / CONFIG.following_time
+    omega = np.pi / LATE
     assert problem_of(lambda now: pose(1e-3 * np.sin(omega * now)),
                       lambda now: pose(0.5e-3 * np.sin(omega * (now - 0.02)))) is None
 

@@ -14,10 +14,12 @@ from tactile_servo.motion.inverse import (
     agility,
     BoundedInverse,
     damped_least_squares,
+    DAMPING,
     EASED,
     hessian,
     PUSH,
     PUSH_SPEED,
+    ROTATION_LENGTH,
     TAKE_OVER,
     YIELDING,
 )
@@ -27,9 +29,9 @@ from tactile_servo.motion.robot import RobotModel
 
 ROOT = Path(__file__).resolve().parents[2]
 PUMA = RobotModel.from_urdf(ROOT / 'launch/urdf/puma260.urdf', 'tactile_pad')
-DT, DAMPING, LENGTH = 0.0025, 0.01, 0.04
+DT = 0.0025
 DT_NS = round(DT * 1e9)
-WEIGHT = np.repeat([1.0, LENGTH], 3)
+WEIGHT = np.repeat([1.0, ROTATION_LENGTH], 3)
 
 
 def limits_of(joints, velocity=2.0, acceleration=10.0):
@@ -46,7 +48,7 @@ def quick(joints):
 def solve(limits, jacobian, twist, positions):
     """Solve from a rest, for joints that only position limits hold back."""
     joints = Joints(positions, np.zeros(len(positions)))
-    velocities, scale, limited_by, smallest = BoundedInverse(limits, DAMPING, LENGTH).solve(
+    velocities, scale, limited_by, smallest = BoundedInverse(limits).solve(
         jacobian, twist, joints, limits.reach(joints, DT))
     assert scale == 1.0 and limited_by[:1] in ('', 'p')
     return velocities, limited_by, smallest
@@ -67,8 +69,7 @@ def test_at_a_limit_the_nearest_velocities_are_found(joints):
     rng, limits, count = np.random.default_rng(3), quick(joints), 0
     for _ in range(50):
         jacobian, twist = rng.normal(size=(6, joints)), rng.normal(size=6)
-        wanted, _ = damped_least_squares(jacobian, twist, damping=DAMPING,
-                                         rotation_length=LENGTH)
+        wanted, _ = damped_least_squares(jacobian, twist)
         positions = np.zeros(joints)
         held = rng.integers(joints)
         positions[held] = 2.0 * np.sign(wanted[held])
@@ -90,7 +91,7 @@ def test_at_a_limit_the_nearest_velocities_are_found(joints):
 
 def _pushed(jacobian, twist, positions, limits):
     """Least squares of the twist with a joint at its limit pushed back in the null space."""
-    wanted, _ = damped_least_squares(jacobian, twist, damping=DAMPING, rotation_length=LENGTH)
+    wanted, _ = damped_least_squares(jacobian, twist)
     if len(positions) <= 6:
         return wanted
     speed = min(PUSH * np.linalg.norm(WEIGHT * twist), PUSH_SPEED * limits.velocity[0])
@@ -101,9 +102,9 @@ def _pushed(jacobian, twist, positions, limits):
 
 def test_a_seventh_joint_takes_over_for_one_at_its_limit():
     rng, limits = np.random.default_rng(4), quick(7)
-    jacobian = rng.normal(size=(6, 7)) / np.array([1, 1, 1, LENGTH, LENGTH, LENGTH])[:, None]
+    jacobian = rng.normal(size=(6, 7)) / WEIGHT[:, None]
     twist = 0.01 * rng.normal(size=6)
-    wanted, _ = damped_least_squares(jacobian, twist, rotation_length=LENGTH)
+    wanted, _ = damped_least_squares(jacobian, twist)
     positions = np.zeros(7)
     positions[2] = 2.0 * np.sign(wanted[2])
     velocities, _, _ = solve(limits, jacobian, twist, positions)
@@ -141,7 +142,7 @@ def test_position_is_kept_where_orientation_gives_way():
         velocities, _, _ = solve(limits, jacobian, twist, positions)
         error = jacobian @ velocities - twist
         kept.append(np.linalg.norm(error[:3]) / max(np.linalg.norm(error[3:]), 1e-12))
-    assert np.median(kept) < LENGTH
+    assert np.median(kept) < ROTATION_LENGTH
 
 
 def random_states(joints, count):
@@ -160,7 +161,7 @@ def random_states(joints, count):
 @pytest.mark.parametrize('joints', [6, 7])
 def test_what_the_program_answers_needs_no_more_limiting(joints):
     limits, named = limits_of(joints), set()
-    inverse = BoundedInverse(limits, DAMPING, LENGTH)
+    inverse = BoundedInverse(limits)
     for jacobian, twist, positions, previous in random_states(joints, 3000):
         joints = Joints(positions, previous)
         answer, _, name, _ = inverse.solve(jacobian, twist, joints, limits.reach(joints, DT))
@@ -175,7 +176,7 @@ def test_what_the_program_answers_needs_no_more_limiting(joints):
 def test_what_is_delayed_keeps_to_its_way_as_scaled_changes_do(joints):
     """To begin, to turn and to brake, as far as only accelerations bind."""
     limits, count = limits_of(joints), 0
-    inverse = BoundedInverse(limits, DAMPING, LENGTH)
+    inverse = BoundedInverse(limits)
     for jacobian, twist, _, previous in random_states(joints, 2000):
         start = Joints(np.zeros(joints), previous)
         wanted, _ = damped_least_squares(jacobian, twist)
@@ -184,7 +185,7 @@ def test_what_is_delayed_keeps_to_its_way_as_scaled_changes_do(joints):
             continue
         count += 1
         assert name.startswith('acceleration')
-        matrix = hessian(jacobian, DAMPING, TAKE_OVER * DAMPING, LENGTH)
+        matrix = hessian(jacobian)
         way, along = wanted - previous, matrix @ (wanted - previous)
         evenly = previous + min(1.0, (limits.acceleration * DT / np.abs(way)).min()) * way
         off = answer - wanted - along @ (answer - wanted) / (along @ way) * way
@@ -198,8 +199,8 @@ def test_what_is_delayed_keeps_to_its_way_as_scaled_changes_do(joints):
 def test_velocity_limit_scales_all_joints_alike():
     limits, wanted = limits_of(6, 2.0, 1e6), np.array([4.0, 0.5, 1.0, 0.0, -2.0, 0.0])
     rest = Joints(np.zeros(6), np.zeros(6))
-    jacobian = np.diag([1.0, 1.0, 1.0, 1.0 / LENGTH, 1.0 / LENGTH, 1.0 / LENGTH])
-    velocities, scale, limited_by, _ = BoundedInverse(limits, DAMPING, LENGTH).solve(
+    jacobian = np.diag(1.0 / WEIGHT)
+    velocities, scale, limited_by, _ = BoundedInverse(limits).solve(
         jacobian, jacobian @ wanted, rest, limits.reach(rest, DT))
     assert limited_by == 'velocity of joint0' and scale == pytest.approx(0.5, rel=1e-3)
     np.testing.assert_allclose(velocities, 0.5 * wanted, atol=1e-3)
@@ -278,12 +279,12 @@ def test_a_jacobian_that_is_no_number_stops():
 def test_agility_is_the_acceleration_across_that_every_joint_bears(joints):
     rng, hard = np.random.default_rng(5), np.linspace(5.0, 15.0, joints)
     for _ in range(20):
-        jacobian = rng.normal(size=(6, joints))
-        most, exact = agility(jacobian, hard, 1e-9, LENGTH), np.inf
+        jacobian = rng.normal(size=(6, joints)) / WEIGHT[:, None]  # away from singularities
+        most, exact = agility(jacobian, hard), np.inf
         for angle in np.linspace(0.0, np.pi, 2001):
             way = np.array([np.cos(angle), np.sin(angle), 0.0, 0.0, 0.0, 0.0])
             # Of all motions with this twist the smallest, rotations weighted or not.
             exact = min(exact, (hard / np.abs(np.linalg.pinv(jacobian) @ way)).min())
         assert most == pytest.approx(exact, rel=1e-5)
-    assert agility(np.full((6, joints), np.nan), hard, DAMPING, LENGTH) == np.inf
-    assert agility(np.zeros((6, joints)), hard, DAMPING, LENGTH) > 1e6  # nothing would move
+    assert agility(np.full((6, joints), np.nan), hard) == np.inf
+    assert agility(np.zeros((6, joints)), hard) > 1e6  # nothing would move

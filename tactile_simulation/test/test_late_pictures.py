@@ -13,6 +13,7 @@ from tactile_sensing.types.moments import Moments
 from tactile_servo.config import HoldConfig, InputConfig, ServoConfig
 from tactile_servo.control.stability import gain_limit
 from tactile_servo.law import Observation
+from tactile_servo.laws import resolved_rate
 from tactile_servo.laws.resolved_rate import ResolvedRate, ResolvedRateConfig
 from tactile_servo.motion.agility import UNBOUNDED
 from tactile_servo.motion.motion import MotionConfig
@@ -117,10 +118,10 @@ def test_pictures_that_are_too_late_are_refused_where_nobody_allows_them():
     assert np.abs(lateral[len(lateral) // 2:]).max() <= 0.2e-3
 
 
-def test_a_loop_that_swings_ends_in_a_refusal():
+def test_a_loop_that_swings_ends_in_a_refusal(monkeypatch):
+    monkeypatch.setattr(resolved_rate, 'LIMIT_SHARE', 10.0)
     # It grows from little: the pad rests as it begins.
-    loop, _ = simulated(latency=0.08, goal=replace(GOAL, length=0.15),
-                        settings=ResolvedRateConfig(limit_share=10.0))
+    loop, _ = simulated(latency=0.08, goal=replace(GOAL, length=0.15))
     assert not loop.servo.success
     assert loop.servo.reason.code == ReasonCode.OVERFORCE
     assert 'beyond 1.5 times the 5 N asked for' in loop.servo.reason.text

@@ -9,6 +9,7 @@ import pytest
 from tactile_sensing.types.array import TactelArray
 from tactile_sensing.types.contact import Contact, ContactType, Reason
 from tactile_sensing.types.moments import Moments
+from tactile_servo.laws import resolved_rate
 from tactile_servo.laws.edge_features import edge_features, edge_tilt, EdgeFeatures
 from tactile_servo.laws.resolved_rate import (
     ACROSS,
@@ -17,7 +18,7 @@ from tactile_servo.laws.resolved_rate import (
     edge_twist,
     PRESS,
     ResolvedRateConfig,
-    TiltConfig,
+    TILT,
     TURN,
 )
 from tactile_servo.types import EdgeGoal
@@ -134,7 +135,7 @@ def test_tilt_is_turned_away_within_its_bound():
     rise_of_pad = -twist[3] * 1e-3  # z points at the object: a fall along +z is a rise
     assert 0.0 < rise_of_pad < 0.01
     wild = edge_twist(EdgeFeatures(0.0, 0.0, 5.0, 0.0, tilt=-9.0), 0.0, 5.0, CONFIG)
-    assert wild[3] == CONFIG.tilt.max_rate
+    assert wild[3] == TILT
 
 
 def test_an_edge_that_ends_is_no_tilt():
@@ -145,9 +146,9 @@ def test_an_edge_that_ends_is_no_tilt():
         assert edge_tilt(broken, HALF, STIFFNESS) == 0.0
 
 
-def tracked_with(scene, length=0.0, **gains):
+def tracked_with(scene, length=0.0):
     """RMS error of the force [N] while tracking at 30 mm/s, and the rise of the pad [rad]."""
-    loop = Simulation(scene, 'resolved_rate', settings=ResolvedRateConfig(**gains))
+    loop = Simulation(scene, 'resolved_rate')
     loop.run(EdgeGoal(0.03, 5.0, length=length), 30.0)
     assert loop.servo.success, loop.servo.reason
     truth = loop.truth()
@@ -155,11 +156,12 @@ def tracked_with(scene, length=0.0, **gains):
     return rms(truth.force[truth.settled] - 5.0), np.array(rise)
 
 
-def test_the_pad_levels_itself_on_an_edge_in_space():
+def test_the_pad_levels_itself_on_an_edge_in_space(monkeypatch):
     scene = load_scene(ROOT / 'launch/scenes/straight_3d.yaml')  # rises by 10 %
     error, rise = tracked_with(scene, 0.12)
     assert rise[-1] == pytest.approx(math.atan(0.1), abs=0.01)
-    without, flat = tracked_with(scene, 0.12, tilt=TiltConfig(max_rate=0.0))
+    monkeypatch.setattr(resolved_rate, 'TILT', 0.0)
+    without, flat = tracked_with(scene, 0.12)
     assert np.abs(flat).max() < 1e-3
     assert error < 0.25 < without  # 5 % of 5 N
 

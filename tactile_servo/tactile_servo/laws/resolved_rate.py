@@ -23,8 +23,12 @@ from tactile_servo.reasons import Reason, ReasonCode
 from tactile_servo.types import EdgeGoal, State, TaskError
 
 DEAD_TIME, LAG = 2.5e-3, 10e-3  # s; of the robot that the gains are bounded for: the mock
-# Largest speeds: across the edge and along the normal [m/s], about the normal [rad/s]
-ACROSS, PRESS, TURN = 0.1, 0.02, 2.0
+# Of the gain at which a loop through images of the measured age would swing: every T_seg is at
+# least so long that its gain is no larger.
+LIMIT_SHARE = 0.4
+# Largest speeds: across the edge and along the normal [m/s], about the normal and about x [rad/s]
+ACROSS, PRESS, TURN, TILT = 0.1, 0.02, 2.0, 0.3
+LEVELLING = 0.2  # s, T_seg of (5.3) for the rotation about x: the moment along the edge is noisy
 OVERFORCE = 1.5  # of the wanted force, beyond which the goal ends
 ASIDE = 0.1  # of half the array; a pad further beside an edge's end may have missed its turn
 ALIGNED = 0.5  # of half the array, from which an edge off the centre slows the pad down
@@ -56,18 +60,6 @@ class ForceConfig:
 
 
 @dataclass(frozen=True)
-class TiltConfig:
-    """Rotation about x, which levels the pad with an edge in space."""
-
-    segment_time: float = bounded(
-        0.2, 'T_seg of (5.3) for the rotation about x, which levels the pad with an edge in '
-        'space', 's', 0.01, 10.0, live=True)
-    max_rate: float = bounded(
-        0.3, 'largest rate of the rotation about x; 0 keeps the pad as level as it began',
-        'rad/s', 0.0, 20.0)
-
-
-@dataclass(frozen=True)
 class AlongConfig:
     """Motion along the edge."""
 
@@ -81,11 +73,6 @@ class ResolvedRateConfig:
     speed: AlongConfig = field(default_factory=AlongConfig)
     position: PositionConfig = field(default_factory=PositionConfig)
     force: ForceConfig = field(default_factory=ForceConfig)
-    tilt: TiltConfig = field(default_factory=TiltConfig)
-    limit_share: float = bounded(
-        0.4, 'share of the gain at which a loop through images of the measured age would '
-        'swing: every T_seg is at least so long that its gain is no larger; a robot with '
-        'more dead time than 2.5 ms or lag than 10 ms needs less', '', 0.01, 10.0)
 
 
 def alignment_scale(features: EdgeFeatures, half_width: float) -> float:
@@ -122,12 +109,12 @@ def edge_twist(features: EdgeFeatures, speed: float, force: float, config: Resol
     def rate(error: float, segment_time: float, most: float) -> float:
         return clipped(error / max(segment_time, shortest), -most, most)
 
-    across, press, tilt = config.position, config.force, config.tilt
+    across, press = config.position, config.force
     return np.array([
         rate(features.lateral, across.segment_time, ACROSS), speed,
         rate((force - features.force) / press.stiffness, press.segment_time, PRESS),
         # More load ahead means that the edge rises: the pad is turned away from it there.
-        rate(-features.tilt, tilt.segment_time, tilt.max_rate), 0.0,
+        rate(-features.tilt, LEVELLING, TILT), 0.0,
         rate(features.yaw, across.segment_time, TURN)])
 
 
@@ -193,7 +180,7 @@ class ResolvedRate:
         self._age += AGE_SHARE * (min(age, limits.max_stamp_age) - self._age)
         # What is committed, and half of the control period in which the velocity changes then.
         delay = self._age + self.servo.motion.committed + 0.5 / self.servo.rate + DEAD_TIME
-        self.shortest = 1.0 / (self.config.limit_share * gain_limit(delay, LAG))
+        self.shortest = 1.0 / (LIMIT_SHARE * gain_limit(delay, LAG))
         self._looked = arrival
         if not self._begun:
             return

@@ -28,6 +28,9 @@ import numpy as np
 from tactile_common.kernels import njit
 from tactile_servo.motion.limits import ACCELERATION, JointLimits, Joints, KINDS, Reach, VELOCITY
 
+# m/rad: of the weighted Jacobian of a PUMA-sized arm; smaller ones are near a singularity
+DAMPING = 0.01
+ROTATION_LENGTH = 0.04  # m/rad, of a pad of some 25 mm and the finger that it is mounted on
 YIELDING = 0.1  # of its weight, a turn about the sensor's normal by six joints, one at its limit
 EASED = 1e-4  # squared errors along a motion that is slowed or delayed, against others
 TAKE_OVER = 0.5  # of the damping; weighs the null space, which is free to stand in for a joint
@@ -36,8 +39,8 @@ PUSH = 4.0  # rad of a joint at its limit per metre of (weighted) way
 PUSH_SPEED = 0.1  # of a joint's velocity limit
 
 
-def damped_least_squares(jacobian: np.ndarray, twist: np.ndarray, *, damping: float = 0.01,
-                         rotation_length: float = 0.04) -> tuple[np.ndarray, float]:
+def damped_least_squares(jacobian: np.ndarray, twist: np.ndarray, *, damping: float = DAMPING,
+                         rotation_length: float = ROTATION_LENGTH) -> tuple[np.ndarray, float]:
     """
     Joint velocities for a twist; exact away from singularities, bounded at them.
 
@@ -83,8 +86,8 @@ class Solution(NamedTuple):
 class BoundedInverse:
     """Joint velocities for a twist within the limits of position, velocity and acceleration."""
 
-    def __init__(self, limits: JointLimits, damping: float, rotation_length: float):
-        self._limits, self._damping, self._length = limits, damping, rotation_length
+    def __init__(self, limits: JointLimits):
+        self._limits = limits
         joints, span = len(limits.names), limits.upper - limits.lower
         # Without a zone where a joint has no range, an infinite room divided by it is no push.
         self._zone = np.where(np.isfinite(span), PUSH_ZONE * span, 1e-300)
@@ -99,10 +102,10 @@ class BoundedInverse:
         """
         limits, scale, limited_by = self._limits, 1.0, ''
         found, smallest = _least_squares(jacobian, twist, self._push(twist, joints.positions),
-                                         self._damping, self._length)
+                                         DAMPING, ROTATION_LENGTH)
         if limits.keeps(found, reach.least[-1], reach.most[-1]) or not np.isfinite(found).all():
             return Solution(found, scale, limited_by, smallest)
-        matrix = hessian(jacobian, self._damping, TAKE_OVER * self._damping, self._length)
+        matrix = hessian(jacobian)
         for row, (kind, least, most) in enumerate(zip(
                 KINDS, reach.least, reach.most, strict=True)):
             if limits.keeps(found, least, most):
@@ -132,15 +135,14 @@ class BoundedInverse:
         limits = self._limits
         if len(positions) <= 6:
             return np.zeros(len(positions))
-        way = math.hypot(np.linalg.norm(twist[:3]), self._length * np.linalg.norm(twist[3:]))
+        way = math.hypot(np.linalg.norm(twist[:3]), ROTATION_LENGTH * np.linalg.norm(twist[3:]))
         low, high = (np.clip(1.0 - room / self._zone, 0.0, 1.0)
                      for room in (positions - limits.lower, limits.upper - positions))
         return np.minimum(PUSH * way, PUSH_SPEED * limits.velocity) * (low - high)
 
 
 @njit(cache=True)
-def agility(jacobian: np.ndarray, acceleration: np.ndarray, damping: float,
-            rotation_length: float) -> float:
+def agility(jacobian: np.ndarray, acceleration: np.ndarray) -> float:
     """
     Largest acceleration of the sensor in every direction across its normal [m/s^2].
 
@@ -148,8 +150,8 @@ def agility(jacobian: np.ndarray, acceleration: np.ndarray, damping: float,
     the sensor or moving it along its normal; inf where a Jacobian (6, n) is not finite.
     """
     none, most, ways = np.zeros(jacobian.shape[1]), np.inf, np.eye(6)
-    x, _ = _least_squares(jacobian, ways[0], none, damping, rotation_length)
-    y, _ = _least_squares(jacobian, ways[1], none, damping, rotation_length)
+    x, _ = _least_squares(jacobian, ways[0], none, DAMPING, ROTATION_LENGTH)
+    y, _ = _least_squares(jacobian, ways[1], none, DAMPING, ROTATION_LENGTH)
     for k in range(len(x)):
         if math.isfinite(x[k]):
             most = min(most, acceleration[k] / max(math.hypot(x[k], y[k]), 1e-12))
@@ -192,14 +194,13 @@ def _eased(matrix: np.ndarray, way: np.ndarray) -> np.ndarray:
     return matrix - (1.0 - EASED) / max(along @ way, 1e-300) * np.outer(along, along)
 
 
-def hessian(jacobian: np.ndarray, damping: float, light: float,
-            rotation_length: float) -> np.ndarray:
-    """Matrix H (n, n), in which the null space weighs `light`^2."""
+def hessian(jacobian: np.ndarray) -> np.ndarray:
+    """Matrix H (n, n)."""
     weighted = jacobian.copy()
-    weighted[3:] *= rotation_length
+    weighted[3:] *= ROTATION_LENGTH
     if weighted.shape[1] <= 6:  # none is to spare for it
         weighted[5] *= YIELDING
     squared, right = np.linalg.eigh(weighted.T @ weighted)
-    weights = np.maximum(squared, damping**2)
-    weights[:max(len(weights) - 6, 0)] = light**2
+    weights = np.maximum(squared, DAMPING**2)
+    weights[:max(len(weights) - 6, 0)] = (TAKE_OVER * DAMPING)**2
     return (right * weights) @ right.T

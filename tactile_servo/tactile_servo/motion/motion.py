@@ -1,15 +1,21 @@
 """From the wanted twist of the sensor to joint commands that keep every limit."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 import math
-from typing import NamedTuple
+from typing import ClassVar, NamedTuple
 
 import numpy as np
 
 from tactile_common.config import bounded
 from tactile_servo.motion.agility import Pace
 from tactile_servo.motion.delay import PROBE, WindowDelay
-from tactile_servo.motion.inverse import agility, BoundedInverse, damped_least_squares
+from tactile_servo.motion.inverse import (
+    agility,
+    BoundedInverse,
+    damped_least_squares,
+    DAMPING,
+    ROTATION_LENGTH,
+)
 from tactile_servo.motion.limits import (
     JointLimits,
     Joints,
@@ -44,17 +50,11 @@ BLOCKED_AFTER = 1.0  # s held back until the motion counts as blocked
 class MotionConfig:
     """How a twist becomes joint velocities."""
 
-    damping: float = bounded(
-        0.01, 'damping of the inverse Jacobian near a singularity', '', 1e-6, 1.0)
-    rotation_length: float = bounded(
-        0.04, 'length that weighs rotation against position', 'm/rad', 1e-3, 1.0)
+    rotation_length: ClassVar[float] = ROTATION_LENGTH
     committed: float = bounded(
         0.004, 'a command no longer changes what the robot does for this long; with a period of '
         'its controller and the way to it within, it does not matter when the controller takes '
         'the next one', 's', 5e-4, 0.1)
-    stamped: bool = field(default=True, metadata={
-        'doc': "commands say when they begin, wherever the robot's clock is found to be this "
-               "one's; false: at once, which is rough"})
 
 
 class MotionStep(NamedTuple):
@@ -98,12 +98,12 @@ class Motion:
         self._robot, self._limits, self._workspace = robot, limits, workspace
         self._config, self._period = config, period
         self._ahead = config.committed  # s, which the newest window leaves to the one before
-        self._inverse = BoundedInverse(limits, config.damping, config.rotation_length)
+        self._inverse = BoundedInverse(limits)
         unknown = np.full(len(limits.names), np.nan)
         self._now = Commanded(at_rest(unknown, 0.0), Joints(unknown, unknown),
                               np.full((4, 4), np.nan), np.full((6, len(unknown)), np.nan), unknown)
         self._before: Commanded | None = None  # a window earlier
-        self._stamped = config.stamped
+        self._stamped = True
         self._held_back, self.blocked, self.delay = 0.0, '', WindowDelay()
         self._limit, self._since_limit = '', math.inf  # of position, met last, and since when [s]
 
@@ -145,8 +145,7 @@ class Motion:
 
     def across(self) -> float:
         """Acceleration of the sensor across its normal that all joints allow [m/s^2]."""
-        return agility(self._now.jacobian, self._limits.acceleration,
-                       self._config.damping, self._config.rotation_length)
+        return agility(self._now.jacobian, self._limits.acceleration)
 
     def along(self, way: np.ndarray, speed: float = 0.0, bending: float = 1.0) -> Pace:
         """
@@ -219,7 +218,7 @@ class Motion:
         """
         first = self._now.stamp_ns is None
         if first:
-            self._stamped = stamped and self._config.stamped
+            self._stamped = stamped
         elapsed = 1e-9 * (now_ns - self._now.stamp_ns) if self._now.stamp_ns is not None else 0.0
         kept = committed(self._now.window, max(elapsed, 0.0), self._ahead)
         # On its way to the first point the controller is left alone: each window is a seam there.
@@ -242,7 +241,7 @@ class Motion:
     def _plan(self, kept: Window, wanted: np.ndarray,
               settling: bool) -> tuple[Window, MotionStep]:
         """Go on from what is committed with a wanted twist; nothing is sent yet."""
-        config, period, limits = self._config, self._period, self._limits
+        period, limits = self._period, self._limits
         joints, twist, at_wall = Joints(kept.positions[-1], kept.velocities[-1]), wanted, ''
         # Velocities are those of the period's end, where the arm stands otherwise: with the
         # Jacobian of its start a probe that rolls at 1.5 rad/s is led 0.7 mm/s off its surface.
@@ -264,9 +263,7 @@ class Motion:
         # Whatever the solver gave: no command passes a limit.
         velocities, guarded = limits.guard(velocities, reach)
         # Joint rates that keep a twist change as the arm bends; they do while the window coasts.
-        bend, _ = damped_least_squares(
-            jacobian, -self._robot.bias(end, joints.velocities), damping=config.damping,
-            rotation_length=config.rotation_length)
+        bend, _ = damped_least_squares(jacobian, -self._robot.bias(end, joints.velocities))
         window = self._window(kept, velocities, bend, reach)
         if self._workspace is not None and at_wall and self._bends_out(window, self._workspace):
             velocities, guarded = limits.guard(reach.stop, reach)
@@ -275,7 +272,7 @@ class Motion:
         self._since_limit += self._period
         if limited_by.startswith(POSITION):
             self._limit, self._since_limit = limited_by, 0.0
-        if limited_by or manipulability < config.damping:
+        if limited_by or manipulability < DAMPING:
             self._watch(wanted, jacobian @ velocities, limited_by)
         else:
             self.reset_blocked()
@@ -319,7 +316,7 @@ class Motion:
 
     def _watch(self, wanted: np.ndarray, brought: np.ndarray, limited_by: str) -> None:
         """Count for how long hardly any of a wanted twist (6,) has been brought."""
-        weighted = wanted * np.repeat([1.0, self._config.rotation_length**2], 3)
+        weighted = wanted * np.repeat([1.0, ROTATION_LENGTH**2], 3)
         square = weighted @ wanted
         if square < 1e-12 or weighted @ brought > HELD_BACK * square:
             self.reset_blocked()

@@ -8,13 +8,12 @@ import numpy as np
 import pinocchio
 
 from tactile_common.errors import ConfigurationError, UnreachableError
-from tactile_servo.motion.inverse import damped_least_squares
+from tactile_servo.motion.inverse import damped_least_squares, ROTATION_LENGTH
 from tactile_servo.motion.urdf import chain_to, limits_of, MOVING, parse, pinocchio_model, text_of
 
 # Of the inverse:
 POSITION_TOLERANCE, ROTATION_TOLERANCE = 1e-8, 1e-7  # m, rad; the residual that is reached
 RESTARTS, ITERATIONS = 40, 100  # random starts, and steps from each start
-ROTATION_LENGTH = 0.04  # m/rad, weighs rotation against position
 
 
 class RobotModel:
@@ -28,7 +27,7 @@ class RobotModel:
     `velocity_limit` [rad/s or m/s] have the order of `joint_names`, as every joint vector.
     """
 
-    def __init__(self, xml: str, tip_frame: str, joint_names: Sequence[str] | None = None):
+    def __init__(self, xml: str, tip_frame: str):
         robot, self.urdf = parse(xml), xml
         joints, self.root_frame = chain_to(robot, tip_frame)
         moving = [joint for joint in joints if joint.get('type') in MOVING]
@@ -37,18 +36,13 @@ class RobotModel:
                 f'tip_frame {tip_frame!r}: no moving joint between it and the root link '
                 f'{self.root_frame!r}')
         self.tip_frame = tip_frame
-        by_name = {joint.get('name', ''): joint for joint in moving}
-        self.joint_names = _ordered_names(list(by_name), joint_names, tip_frame)
-        ordered = [by_name[name] for name in self.joint_names]
+        self.joint_names = tuple(joint.get('name', '') for joint in moving)
         self.lower, self.upper, self.velocity_limit = np.array(
-            [limits_of(joint) for joint in ordered]).T.copy()
-        self._turns = np.array([joint.get('type') != 'prismatic' for joint in ordered])
+            [limits_of(joint) for joint in moving]).T.copy()
+        self._turns = np.array([joint.get('type') != 'prismatic' for joint in moving])
         self._model = pinocchio_model(robot, joints, self.root_frame)
         self._data = self._model.createData()
         self._frame = self._model.getFrameId(tip_frame)
-        names = list(self._model.names[1:])
-        self._order = np.array([self.joint_names.index(name) for name in names])
-        self._columns = np.array([names.index(name) for name in self.joint_names])
 
     @property
     def middle(self) -> np.ndarray:
@@ -59,20 +53,17 @@ class RobotModel:
         return middle
 
     @classmethod
-    def from_urdf(cls, urdf: str | Path, tip_frame: str,
-                  joint_names: Sequence[str] | None = None) -> 'RobotModel':
+    def from_urdf(cls, urdf: str | Path, tip_frame: str) -> 'RobotModel':
         """
-        Read a URDF: path of a file, or the XML itself.
-
-        Joint vectors have the order of `joint_names`, by default from root to tip.
+        Read a URDF: path of a file, or the XML itself. Joint vectors go from root to tip.
 
         Raises
         ------
         ConfigurationError
             Missing file, malformed XML, unknown tip frame, a joint that is not revolute,
-            continuous or prismatic, a mimic joint, missing limits, wrong joint names.
+            continuous or prismatic, a mimic joint, missing limits.
         """
-        return cls(text_of(str(urdf)), tip_frame, joint_names)
+        return cls(text_of(str(urdf)), tip_frame)
 
     def pose(self, q: np.ndarray) -> np.ndarray:
         """Transform (4, 4) [m] from the tip to the root frame at positions (n,) [rad or m]."""
@@ -94,14 +85,14 @@ class RobotModel:
         jacobian = pinocchio.getFrameJacobian(
             self._model, self._data, self._frame, pinocchio.LOCAL,
         ).reshape(6, -1)  # of one joint it is no matrix
-        return pose, jacobian.take(self._columns, axis=1)
+        return pose, np.array(jacobian, order='C')
 
     def _checked(self, q: np.ndarray) -> np.ndarray:
-        """Positions (n,) in the model's order; ValueError of another number of them."""
+        """Positions (n,) as floats; ValueError of another number of them."""
         q, joints = np.asarray(q, dtype=float), len(self.joint_names)
         if q.shape != (joints,):
             raise ValueError(f'positions of shape {q.shape}, must be of {joints} joints')
-        return q[self._order]
+        return q
 
     def _placement(self) -> np.ndarray:
         """Pose (4, 4) of the tip where the joints were put last."""
@@ -114,8 +105,8 @@ class RobotModel:
 
         The change of the Jacobian times the velocities [m/s^2, rad/s^2].
         """
-        pinocchio.forwardKinematics(self._model, self._data, q[self._order],
-                                    velocities[self._order], np.zeros(len(q)))
+        pinocchio.forwardKinematics(
+            self._model, self._data, q, velocities, np.zeros(len(q)))
         return pinocchio.getFrameAcceleration(
             self._model, self._data, self._frame, pinocchio.LOCAL).vector
 
@@ -213,22 +204,6 @@ class RobotModel:
 
 def _reached(residual: tuple[float, float]) -> bool:
     return residual[0] <= POSITION_TOLERANCE and residual[1] <= ROTATION_TOLERANCE
-
-
-def _ordered_names(names: Sequence[str], wanted: Sequence[str] | None,
-                   tip_frame: str) -> tuple[str, ...]:
-    if not wanted:
-        return tuple(names)
-    for name in wanted:
-        if name not in names:
-            raise ConfigurationError(
-                f'joint_names: {name!r} does not move {tip_frame!r}; '
-                f'these do: {", ".join(names)}')
-    if sorted(wanted) != sorted(names):
-        raise ConfigurationError(
-            f'joint_names: every joint that moves {tip_frame!r} is needed once: '
-            f'{", ".join(names)}; got {", ".join(wanted)}')
-    return tuple(wanted)
 
 
 def _checked_pose(pose: np.ndarray) -> pinocchio.SE3:
