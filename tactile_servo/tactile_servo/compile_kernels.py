@@ -14,7 +14,6 @@ from tactile_servo.following import Following
 from tactile_servo.inputs import Inputs
 from tactile_servo.law import Observation
 from tactile_servo.laws.edge_following import EdgeFollowing
-from tactile_servo.motion.agility import UNBOUNDED
 from tactile_servo.motion.limits import JointLimits, WorkspaceBox
 from tactile_servo.motion.motion import Motion, MotionConfig
 from tactile_servo.motion.robot import RobotModel
@@ -45,11 +44,9 @@ def compile_kernels() -> None:
     motion = Motion(model, limits, MotionConfig(), 0.0025, WorkspaceBox(-np.ones(3), np.ones(3)))
     motion.seed(np.zeros(2))
     motion.command(np.full(6, 0.01), 0)
-    motion.across()
     motion.along(np.ones(6))
     inputs = Inputs(model, limits, ServoConfig().input)
     inputs.see_joints(np.zeros(2), 0, 0.0)
-    inputs.astray(motion.positions)
     image = TactileImage(0, 0, (Layer('zz', DEPTH, np.zeros(ARRAY.shape)),), ARRAY, True)
     inputs.see_image(image, 0.0)
     for loaded in (False, True):
@@ -57,12 +54,12 @@ def compile_kernels() -> None:
     following = Following(ServoConfig().input, 0.04)
     following.sent(0.0, motion.pose, inputs.pose)
     following.problem(inputs.pose, 0.0)
-    _follow_an_edge()
+    _follow_an_edge(motion)
     place, ahead = np.zeros(3), np.array([1.0, 0.0, 0.0])
     PlanarPath(place, -UP, ahead, raster(0.02, 0.01, 0.005), 1.0).step(place, -UP, 30.0, 0.05)
 
 
-def _follow_an_edge() -> None:
+def _follow_an_edge(motion: Motion) -> None:
     """Lead a law along an edge with corners, a gap and an end that closes, by images of it."""
     law, goal = EdgeFollowing(ServoConfig()), EdgeGoal(0.1, FORCE, closed=True)
     law.begin(goal, Calibration(ARRAY, depth=DEPTH).sensor_info('pad', '', 0))
@@ -80,7 +77,7 @@ def _follow_an_edge() -> None:
         law.observe(Observation(count, now, 0.0, at.get, image=image))
         if law.lacks(now) is None:
             law.assess(now, station, FORCE)
-            law.reference(pose, pose, UNBOUNDED, 0.0025)
+            law.reference(pose, pose, motion, 0.0025)
     _ = law.sight.edge.picture.pull  # of a search; computed where it is asked for
 
 

@@ -10,8 +10,6 @@ from tactile_servo.reasons import Reason, ReasonCode
 
 SIZE = 512  # cycles that are kept
 LATE = 0.05  # s that the robot may follow late: dead time and lag of an arm that can be servoed
-STANDS_AFTER = 0.05  # of the distance, a way that was sent and must have shown an effect
-STANDS = 0.2  # of that way, with less of which the robot stands
 
 
 class Following:
@@ -44,7 +42,7 @@ class Following:
         c = self._config
         away, stands = _judge(
             self._times, self._sent, self._measured, self._count, measured,
-            arrival - LATE, STANDS_AFTER * c.following_distance, self._length)
+            arrival - LATE, 0.05 * c.following_distance, self._length)
         if not away <= c.following_distance:
             return Reason(ReasonCode.NOT_FOLLOWING, f'it is {1e3 * away:.1f} mm from its way')
         if stands:
@@ -90,13 +88,13 @@ def _away(times: np.ndarray, sent: np.ndarray, count: int, measured: np.ndarray,
 @njit(cache=True)
 def _stands(times: np.ndarray, sent: np.ndarray, measured_then: np.ndarray, count: int,
             measured: np.ndarray, until: float, enough: float, length: float) -> bool:
-    """Whether the robot has not moved though it was sent far enough before a time."""
+    """Whether the robot has not moved by a fifth of what it was sent before a time."""
     size = len(times)
     last, moved = -1, 0.0
     for n in range(count - 1, max(count - size, 0) - 1, -1):
         k = n % size
         moved = max(moved, apart(measured_then[k], measured, length))
-        if moved > STANDS * enough:
+        if moved > 0.2 * enough:
             return False
         if last < 0 and times[k] <= until:
             last = k

@@ -6,7 +6,6 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from tactile_common.errors import TactileError
-from tactile_common.kernels import njit
 from tactile_sensing.types.array import TactelArray
 from tactile_sensing.types.contact import Contact
 from tactile_sensing.types.contact import Reason as ContactReason
@@ -21,9 +20,7 @@ from tactile_servo.sensor_watch import SensorWatch
 from tactile_servo.wrist import Wrist
 
 _SATURATED, _NOT_TARED = int(ContactReason.SATURATED), int(ContactReason.NOT_TARED)
-IMPOSSIBLE = 1e9  # Pa
 SAME_PITCH = 1e-3  # relative
-FOLLOWING_ERROR = 0.15  # rad of a joint: far off, whatever its way does to the sensor
 AGEING = 0.4  # of the time that an input may be silent, after which the pad slows down
 
 
@@ -96,8 +93,8 @@ class Inputs:
         pressure = 0.0
         for layer in image.layers if image.tared else ():
             if layer.component == 'zz' and layer.unit == 'Pa':
-                # A copy, whatever it is: the kernel is compiled for no other kind of array.
-                pressure += _sum(np.array(layer.stress, np.float64, order='C'))
+                stress = np.asarray(layer.stress, np.float64)
+                pressure += float(stress[np.abs(stress) < 1e9].sum())
         self._pictured, self._summed = arrival, pressure * array.pitch_x * array.pitch_y
 
     def refuse(self, reason: Reason) -> None:
@@ -170,8 +167,11 @@ class Inputs:
         """Which joint is not where it was commanded (n,) [rad], or None."""
         if self.joints is None:
             return None
-        joint = _farthest(commanded, self.joints.value, FOLLOWING_ERROR)
-        return None if joint < 0 else Reason(ReasonCode.NOT_FOLLOWING, self._names[joint])
+        off = np.abs(commanded - self.joints.value)
+        if (off <= 0.15).all():  # rad: else it is far, whatever its way does to the sensor
+            return None
+        # The one that is farthest off, or of which nothing is known.
+        return Reason(ReasonCode.NOT_FOLLOWING, self._names[int(np.argmax(off))])
 
 
 def _trust(sample: Sample | None, now: float, limit: float) -> float:
@@ -188,24 +188,3 @@ def _alike(one: TactelArray, other: TactelArray) -> bool:
     return (one.shape == other.shape
             and abs(one.pitch_x - other.pitch_x) <= SAME_PITCH * other.pitch_x
             and abs(one.pitch_y - other.pitch_y) <= SAME_PITCH * other.pitch_y)
-
-
-@njit(cache=True)
-def _sum(stress: np.ndarray) -> float:
-    """Sum of the possible values of a layer (rows, columns)."""
-    total = 0.0
-    for value in stress.flat:
-        if abs(value) < IMPOSSIBLE:
-            total += value
-    return total
-
-
-@njit(cache=True)
-def _farthest(commanded: np.ndarray, measured: np.ndarray, bound: float) -> int:
-    """Index of the joint that is farthest off, or of none known; -1 if all are within bounds."""
-    joint, most = -1, bound
-    for k in range(len(commanded)):
-        behind = abs(commanded[k] - measured[k])
-        if not behind <= most:
-            joint, most = k, behind
-    return joint

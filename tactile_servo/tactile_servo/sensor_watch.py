@@ -9,12 +9,9 @@ from tactile_sensing.types.image import TactileImage
 from tactile_servo.reasons import Reason, ReasonCode
 
 LIVELY = 4.0  # images between two changes of a tactel whose noise tells that it is alive
-ENOUGH = 0.25  # of all tactels must be lively, or the noise tells nothing
-LEARNT = 0.2  # share of an interval in the running mean
 TOGETHER = 0.1  # of the lively tactels, two at least, that do not fall silent by chance
 CHANCE = 1e-9  # that they do
 SAME = 0.01  # m of way, on which even an image without noise changes under load
-BELOW = 0.25  # of the force, that all of the pad may seem to be pulled with
 
 
 class SensorWatch:
@@ -56,11 +53,11 @@ class SensorWatch:
     @property
     def watches(self) -> bool:
         """Whether the noise is enough to tell whether the sensor is alive."""
-        return self._lively > ENOUGH
+        return self._lively > 0.25
 
     def problem(self, force: float) -> Reason | None:
         """Why the sensor is not to be believed while a force [N] is wanted, or None."""
-        if self._below > BELOW * force:
+        if self._below > 0.25 * force:
             return Reason(ReasonCode.SENSOR_DRIFTED, 'the pad seems to be pulled by '
                           f'{self._below:.1f} N; tare it')
         if self._same > SAME:
@@ -98,7 +95,7 @@ def _compare(stress: np.ndarray, before: np.ndarray, quiet: np.ndarray, interval
             changed = True
             if not loaded:
                 mean = interval[n] if interval[n] < np.inf else quiet[n]
-                interval[n] = mean + LEARNT * (quiet[n] - mean)
+                interval[n] = mean + 0.2 * (quiet[n] - mean)
         if not inside or stress[n] != before[n]:
             quiet[n] = 0.0
         if interval[n] < LIVELY:

@@ -4,15 +4,13 @@ from tactile_servo.config import ServoConfig
 from tactile_servo.law import Goal
 from tactile_servo.types import State, TRACKING
 
-SLOWEST = 0.05  # of the speed, for which a way has time
 SLACK = 10.0  # s beside that
 LONGEST_TRACK = 1800.0  # s of a goal without a length
-SOFT_TOUCH = 2.5  # N; what is to be touched with less is approached slower, in proportion
 
 
 def approach_speed(config: ServoConfig, force: float) -> float:
-    """Speed of the approach: what is to be touched lightly is touched slowly [m/s]."""
-    return config.approach.speed * min(force / SOFT_TOUCH, 1.0)
+    """Speed of the approach [m/s]: what is to be touched with less than 2.5 N, slowly."""
+    return config.approach.speed * min(force / 2.5, 1.0)
 
 
 class StateTimes:
@@ -23,7 +21,7 @@ class StateTimes:
         length = getattr(goal, 'length', 0.0)
 
         def way(distance: float, speed: float) -> float:
-            return SLACK + distance / (SLOWEST * speed)
+            return SLACK + distance / (0.05 * speed)
 
         self._longest = {
             State.APPROACH: way(config.approach.distance, approach_speed(config, goal.force)),

@@ -7,7 +7,6 @@ import numpy as np
 from tactile_servo.types import TaskError
 
 SETTLING_LENGTH = 0.01  # m after first contact that the error statistics leave out
-CONTOUR_SPACING = 0.001  # m between poses of the contour
 
 
 class TrackStatistics:
@@ -53,7 +52,7 @@ class TrackStatistics:
             return
         self._last_stamp = stamp_ns
         self.force_max = max(self.force_max, error.force)
-        if self.length >= self._contour_length + CONTOUR_SPACING:
+        if self.length >= self._contour_length + 0.001:
             on_edge = pose.copy()
             on_edge[:3, 3] += pose[:3, 0] * error.lateral
             self.contour.append((stamp_ns, on_edge))

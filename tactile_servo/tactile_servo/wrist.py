@@ -7,9 +7,6 @@ import numpy as np
 from tactile_servo.control.press_check import most_unfelt
 from tactile_servo.reasons import Reason, ReasonCode
 
-LEARNT = 0.02  # share of a sample in the running mean
-APART = 0.1  # s that pad and wrist may differ: they are filtered differently
-
 
 class Wrist:
     """
@@ -30,7 +27,7 @@ class Wrist:
         if not self.heard:
             self._rest = force.copy()
         elif at_rest:
-            self._rest += LEARNT * (force - self._rest)
+            self._rest += 0.02 * (force - self._rest)
         self._arrival, self.force = arrival, float(np.linalg.norm(force - self._rest))
 
     def judge(self, load: float, now: float) -> None:
@@ -50,7 +47,7 @@ class Wrist:
 
     def problem(self, load: float, now: float) -> Reason | None:
         """Why the pad is not to be believed, or None."""
-        if now - self._agreed <= APART:
+        if now - self._agreed <= 0.1:  # they are filtered differently
             return None
         return Reason(ReasonCode.SENSOR_DISAGREES,
                       f'{load:.1f} N on the pad, {self.force:.1f} N at the wrist')

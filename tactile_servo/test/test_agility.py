@@ -3,7 +3,6 @@ import numpy as np
 import pytest
 from test_motion import DT, LIMITS, motion_at
 
-from tactile_servo.motion.agility import UNBOUNDED
 from tactile_servo.motion.motion import COAST
 
 FASTEST, HARDEST = 0.5, 5.0  # of every joint [m/s or rad/s, and per second]
@@ -46,7 +45,3 @@ def test_there_is_no_way_on_at_a_singularity():
     paces = [motion_at([0.0, 0.0, 0.0, 0.0, 0.5 * np.pi - off, 0.0]).along(way).speed
              for off in (0.5, 0.05, 0.005)]
     assert paces[0] > 5.0 * paces[1] > 25.0 * paces[2]
-
-
-def test_of_a_robot_that_is_not_known_nothing_is_bounded():
-    assert UNBOUNDED.across() == UNBOUNDED.along(STRAIGHT).speed == np.inf

@@ -6,7 +6,6 @@ import pytest
 from tactile_common.polyline import arc_length
 from tactile_servo.edge_map.path import (
     closing_node,
-    headings,
     nodes_from,
     sharpest_turn,
     unblurred,
@@ -32,37 +31,20 @@ def measured(nodes, first=0.0):
     return nodes
 
 
-@pytest.mark.parametrize('seed', range(5))
-def test_headings_have_no_jumps(seed):
-    nodes, angles = walk(seed)
-    turned = headings(nodes)
-    np.testing.assert_allclose(turned - turned[0], angles - angles[0], atol=1e-9)
-    assert abs(turned[0]) <= np.pi
-
-
-@pytest.mark.parametrize('count', [5, 6, 11, 12, 60])
-def test_a_curve_is_moved_out_by_its_curvature(count):
-    leg, angles = walk(7, count)
-    moved = unblurred(leg, 2.4e-6, STEP, DEPTH)
-    for name in ('z', 'tx', 'ty', 'station', 'material'):
-        np.testing.assert_array_equal(moved[name], leg[name])
-    if count < 6:
-        np.testing.assert_array_equal(moved['row'], leg['row'])
-        return
-    span = min(5, (count - 1) // 2)
-    curvature = np.empty(count)
-    curvature[span:-span] = (angles[2 * span:] - angles[:-2 * span]) / (2 * span * STEP)
-    curvature[:span], curvature[-span:] = curvature[span], curvature[-span - 1]
-    curvature = np.clip(curvature, -300.0, 300.0)
-    out = np.column_stack([leg['ty'], -leg['tx']])  # right of the way
-    np.testing.assert_allclose(
-        moved['place'], leg['place'] + 2.4e-6 * curvature[:, None] * out, atol=1e-15)
-    # A circle to the left of 10 mm radius grows by blur / radius.
+def test_a_curve_is_moved_out_by_its_curvature():
+    """A circle to the left of 10 mm radius, and any part of it, grows by blur / radius."""
     angles = np.linspace(0.0, 1.5, 31)
     circle = nodes_of(0.01 * np.column_stack([np.sin(angles), 1.0 - np.cos(angles)]), 0.0,
                       np.column_stack([np.cos(angles), np.sin(angles)]))
-    grown = unblurred(circle, 2.4e-6, STEP, DEPTH)
-    np.testing.assert_allclose(np.hypot(grown['x'], grown['y'] - 0.01), 0.01024, atol=1e-9)
+    for count in (6, 11, 31):
+        grown = unblurred(circle[:count], 2.4e-6, STEP, DEPTH)
+        np.testing.assert_allclose(np.hypot(grown['x'], grown['y'] - 0.01), 0.01024, atol=1e-9)
+    np.testing.assert_array_equal(unblurred(circle[:5], 2.4e-6, STEP, DEPTH)['row'],
+                                  circle[:5]['row'])  # too short to tell
+    sharp = circle.copy()
+    sharp['way'] = circle['way'][::-1]  # turns right, and is moved left
+    assert (np.hypot(*(unblurred(sharp, 2.4e-6, STEP, DEPTH)['place'] - sharp['place']).T)
+            < 2.4e-6 * 0.6 / DEPTH + 1e-12).all()
 
 
 @pytest.mark.parametrize('turn, found', [(0.0, False), (0.2, False), (0.8, True), (-2.0, True)])

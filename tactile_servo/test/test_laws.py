@@ -64,12 +64,6 @@ def test_a_law_is_found_for_an_action_and_refused_for_another():
         law_for('track_edge', 'telepathy')
 
 
-def test_an_unknown_law_is_refused_by_name():
-    with pytest.raises(ConfigurationError, match="'telepathy' is not one of trace"):
-        law_named('telepathy')
-    assert DEFAULT in LAWS
-
-
 @pytest.mark.parametrize('name', LAWS)
 def test_no_parameter_has_two_meanings(name):
     declared = [*names(NodeConfig), *names(ServoConfig), *names(LAWS[name].law.config_type)]

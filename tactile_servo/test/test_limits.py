@@ -67,19 +67,6 @@ def test_what_is_held_is_named_and_what_is_not_stays(positions, previous, wanted
         assert abs(wanted[k] - previous[k]) > LIMITS.acceleration[k] * dt
 
 
-def test_free_motion_is_not_touched():
-    wanted = np.array([0.02, -0.01, 0.0])
-    velocities, limited_by = limit_velocities(LIMITS, np.zeros(3), np.zeros(3), wanted, DT)
-    np.testing.assert_array_equal(velocities, wanted)
-    assert limited_by == ''
-
-
-def test_position_limit_is_named():
-    _, limited_by = limit_velocities(
-        LIMITS, np.array([0.99, 0.0, 0.0]), np.zeros(3), np.array([0.5, 0.0, 0.0]), DT)
-    assert limited_by == 'position of one'
-
-
 def test_a_wish_that_is_no_number_is_a_stop():
     velocities, limited_by = limit_velocities(
         LIMITS, np.zeros(3), np.zeros(3), np.array([np.nan, 1.0, 1.0]), DT)

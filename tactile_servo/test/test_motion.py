@@ -1,14 +1,11 @@
 """From a twist to commands: what is held back is noticed and named."""
 
-from limited import limit_velocities
 import numpy as np
 import pytest
 
-from tactile_servo.motion.inverse import BoundedInverse
-from tactile_servo.motion.limits import JointLimits, Joints, WorkspaceBox
-from tactile_servo.motion.motion import BLOCKED_AFTER, COAST, Motion, MotionConfig, SETTLING
+from tactile_servo.motion.limits import JointLimits, WorkspaceBox
+from tactile_servo.motion.motion import BLOCKED_AFTER, Motion, MotionConfig, SETTLING
 from tactile_servo.motion.robot import RobotModel
-from tactile_servo.motion.window import committed, extended
 
 DT = 0.0025
 AXES = {'x': '1 0 0', 'y': '0 1 0', 'z': '0 0 1'}
@@ -168,52 +165,6 @@ def test_a_new_start_forgets_what_was_held_back():
     driven(motion, [0.1, 0.0, 0.0, 0.0, 0.0, 0.0], SECOND)
     motion.seed(motion.positions)
     assert motion.blocked == ''
-
-
-@pytest.mark.parametrize('reach', [0.02, 10.0])  # m; the walls are felt, and are not
-def test_a_command_is_what_its_parts_give(reach):
-    rng, config = np.random.default_rng(3), MotionConfig()
-    place = ROBOT.pose(np.full(6, 0.5))[:3, 3]
-    box = WorkspaceBox(place - reach, place + reach)
-    motion = Motion(ROBOT, LIMITS, config, DT, box)
-    motion.seed(np.full(6, 0.5))
-    window, now, before = motion._now.window, 0, None
-    clipped = bound = 0
-    for cycle in range(600):
-        if cycle % 60 == 0:
-            twist = rng.normal(size=6) * np.repeat([0.05, 0.3], 3)
-        now += round(1e9 * DT * rng.choice([0.9, 1.0, 1.1, 3.0]))
-        kept = committed(window, 0.0 if before is None else 1e-9 * (now - before),
-                         config.committed)
-        joints = Joints(kept.positions[-1], kept.velocities[-1])
-        coast = (COAST + 1.0) * DT
-        end = joints.positions + DT * joints.velocities
-        pose = ROBOT.pose(end)
-        horizon = DT + coast + 2.0 * LIMITS.stopping_time
-        velocity = pose[:3, :3] @ twist[:3]
-        nearest = np.clip(velocity, np.minimum((box.lower - pose[:3, 3]) / horizon, 0.0),
-                          np.maximum((box.upper - pose[:3, 3]) / horizon, 0.0))
-        clipped += not np.array_equal(velocity, nearest)
-        let = np.append(pose[:3, :3].T @ nearest, twist[3:])
-        settling = kept.times[0] > 0.0
-        target, scale, name, _ = BoundedInverse(LIMITS).solve(
-            ROBOT.jacobian(end), let, joints, LIMITS.reach(joints, DT, coast))
-        if settling:
-            target, scale = 0.0 * target, 1.0
-        target, held = limit_velocities(LIMITS, *joints, target, DT, coast)
-        bound += bool(name)
-        step = motion.command(twist, now)
-        assert held == '' and step.scale == pytest.approx(scale, abs=1e-9)
-        np.testing.assert_allclose(step.twist, let, rtol=0, atol=1e-12)
-        if settling and before is not None:
-            assert step.trajectory is None  # the controller plays what it was sent first
-            continue
-        before, window = now, extended(kept, target, motion._now.window.velocities[-2], DT,
-                                       COAST * DT, LIMITS.acceleration)
-        for one, other in zip(motion._now.window, window, strict=True):
-            np.testing.assert_allclose(one, other, rtol=0, atol=1e-11)
-        window = motion._now.window  # what one cycle rounds is not the next one's affair
-    assert bound and (clipped > 0) == (reach < 1.0)
 
 
 def test_a_window_that_is_not_renewed_keeps_the_twist_of_the_sensor():

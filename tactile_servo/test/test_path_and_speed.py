@@ -14,10 +14,10 @@ from tactile_servo.edge_map.picture import PadScale
 from tactile_servo.edge_map.traced_path import PathEnd
 from tactile_servo.laws.edge_config import EdgeFollowingConfig
 from tactile_servo.laws.edge_motion import AGILE, BLIND, EdgeMotion, ENTRY, Load
-from tactile_servo.motion.agility import UNBOUNDED
 from tactile_servo.types import EdgeGoal
 
 DT, ACCELERATION, GAIN, FORCE = 0.0025, 2.0, 30.0, 5.0
+UNBOUNDED = SimpleNamespace(across=lambda: math.inf)  # joints that can do anything
 SCALE = PadScale.of(TactelArray(16, 16, 0.0254 / 16, 0.0254 / 16), 0.002)
 
 

@@ -140,7 +140,6 @@ def test_inverse_without_seed_is_clear_of_singularities_and_limits(puma):
     assert smallest > 0.015
     assert np.minimum(q - puma.lower, puma.upper - q).min() > np.radians(30.0)
     np.testing.assert_allclose(q, WELL, atol=np.radians(0.1))
-    np.testing.assert_array_equal(q, puma.inverse(down_at(0.32, -0.1, 0.15)))
 
 
 def test_unreachable_pose_says_how_far_it_got(puma):
@@ -198,32 +197,7 @@ def test_speeds_are_bounded_at_and_near_every_singularity(puma):
                 assert smallest < 1e-6
 
 
-def test_only_the_singular_direction_gives_way():
-    # A diagonal Jacobian: the fifth direction is short of the damping.
-    jacobian = np.diag([1.0, 0.5, 0.3, 5.0, 0.1, 2.0])
-    dq, smallest = damped_least_squares(jacobian, np.ones(6), damping=0.01, rotation_length=0.04)
-    assert smallest == pytest.approx(0.004)
-    achieved = jacobian @ dq
-    np.testing.assert_allclose(achieved[[0, 1, 2, 3, 5]], 1.0, rtol=1e-12)
-    assert achieved[4] == pytest.approx((0.004 / 0.01)**2)
-
-
-def test_speeds_are_continuous_where_the_damping_sets_in():
-    at = [damped_least_squares(np.diag([1.0, 1, s, 25, 25, 25]), np.ones(6))[0][2]
-          for s in 0.01 * (1.0 + np.array([-1e-7, 0.0, 1e-7]))]
-    np.testing.assert_allclose(at, 100.0, rtol=1e-5)
-
-
-@pytest.mark.parametrize('joints', [1, 3, 5, 7, 9])
-def test_any_number_of_joints(joints):
-    jacobian = np.random.default_rng(7).normal(size=(6, joints))
-    twist = np.ones(6)
-    dq, smallest = damped_least_squares(jacobian, twist, rotation_length=1.0)
-    np.testing.assert_allclose(dq, np.linalg.pinv(jacobian) @ twist, atol=1e-9)
-    assert smallest == pytest.approx(np.linalg.svd(jacobian, compute_uv=False)[-1], rel=1e-6)
-
-
-@pytest.mark.parametrize('joints', [4, 6, 7])
+@pytest.mark.parametrize('joints', [1, 3, 4, 6, 7, 9])
 def test_the_law_is_that_of_its_singular_values(joints):
     rng = np.random.default_rng(8)
     for spread in (0.0, 1.0, 3.0):  # decades over which the columns differ

@@ -3,44 +3,29 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from test_surface_law import ARRAY, GOAL, image_of
 
 from tactile_common.errors import ConfigurationError
 from tactile_sensing.devices.calibration import Calibration
-from tactile_sensing.dome.geometry import Dome
-from tactile_sensing.dome.half_space import HalfSpaceDome
-from tactile_sensing.types.array import TactelArray
-from tactile_sensing.types.image import Layer, TactileImage
+from tactile_sensing.types.image import TactileImage
 from tactile_servo.config import ServoConfig
 from tactile_servo.law import Observation, Teachable
 from tactile_servo.laws.registry import LAWS, make_law
 from tactile_servo.laws.surface_features import Told
 from tactile_servo.laws.surface_following import SurfaceFollowing
-from tactile_servo.laws.surface_goal import Pattern, SurfaceGoal
+from tactile_servo.laws.surface_goal import Pattern
 from tactile_servo.laws.surface_teaching import between, MOST
 from tactile_servo.reasons import ReasonCode
-from tactile_servo.tactile_jacobian.features import ModelFeatures
 
-PITCH = 0.0254 / 16
-ARRAY, DOME = TactelArray(16, 16, PITCH, PITCH), Dome()
-HALF_SPACE = HalfSpaceDome(DOME, ARRAY)
-GOAL = SurfaceGoal(0.05, 5.0, length=0.1)
 SENSOR = Calibration(ARRAY).sensor_info('pad', '', 0)
-
-
-def image_of(x, y, force):
-    """Image of a contact, as a sensor that is calibrated by the force."""
-    stress = HALF_SPACE.image(np.array([x, y, force, 0.0, 0.0]))[0]
-    scale = ModelFeatures(HALF_SPACE, ARRAY).sensitivity
-    layer = Layer('zz', DOME.depth, stress / scale, noise_std=1.0)
-    return TactileImage(0, 0, (layer,), ARRAY, True)
 
 
 @pytest.fixture
 def law():
     """Law that was shown a contact of 4 N beside the centre, and one of 6 N in it."""
     law = SurfaceFollowing(ServoConfig())
-    law.teach('aside', image_of(3e-3, -1e-3, 4.0), ARRAY)
-    law.teach('firm', image_of(0.0, 0.0, 6.0), ARRAY)
+    law.teach('aside', image_of((3e-3, -1e-3), 4.0), ARRAY)
+    law.teach('firm', image_of((0.0, 0.0), 6.0), ARRAY)
     return law
 
 
@@ -52,9 +37,9 @@ def see(law, image):
 
 def test_what_was_taught_is_what_is_wanted(law):
     law.begin(replace(GOAL, features='aside'), SENSOR)
-    error = see(law, image_of(3e-3, -1e-3, 4.0))
+    error = see(law, image_of((3e-3, -1e-3), 4.0))
     assert (error.lateral, error.longitudinal) == pytest.approx((0.0, 0.0), abs=2e-5)
-    moved = see(law, image_of(3.2e-3, -1e-3, 4.0))
+    moved = see(law, image_of((3.2e-3, -1e-3), 4.0))
     assert moved.lateral == pytest.approx(2e-4, rel=0.3)
 
 
@@ -62,7 +47,7 @@ def test_features_are_gone_through_along_the_way(law):
     law.begin(replace(GOAL, features='aside, firm'), SENSOR)
     for progress, share in ((0.0, 0.0), (0.05, 0.5), (0.1, 1.0)):
         law.assess(1.0, progress, 5.0)
-        error = see(law, image_of(0.0, 0.0, 5.0))
+        error = see(law, image_of((0.0, 0.0), 5.0))
         assert error.lateral == pytest.approx(-3e-3 * (1.0 - share), abs=2e-4)
 
 
@@ -95,10 +80,10 @@ def holed(image):
 
 
 @pytest.mark.parametrize('name, image, word', [
-    ('', image_of(0.0, 0.0, 5.0), 'name is'), ('a, b', image_of(0.0, 0.0, 5.0), 'name is'),
-    ('x' * 41, image_of(0.0, 0.0, 5.0), 'name is'),
-    ('faint', image_of(0.0, 0.0, 0.2), 'feels 0.20 N, must be 0.5 N'),
-    ('holed', holed(image_of(0.0, 0.0, 5.0)), 'too many tactels'),
+    ('', image_of((0.0, 0.0), 5.0), 'name is'), ('a, b', image_of((0.0, 0.0), 5.0), 'name is'),
+    ('x' * 41, image_of((0.0, 0.0), 5.0), 'name is'),
+    ('faint', image_of((0.0, 0.0), 0.2), 'feels 0.20 N, must be 0.5 N'),
+    ('holed', holed(image_of((0.0, 0.0), 5.0)), 'too many tactels'),
     ('none', TactileImage(0, 0, (), ARRAY, True), 'no calibrated pressure')])
 def test_what_cannot_be_taught_is_refused(law, name, image, word):
     with pytest.raises(ConfigurationError, match=word):
@@ -106,12 +91,12 @@ def test_what_cannot_be_taught_is_refused(law, name, image, word):
 
 
 def test_there_is_room_for_so_many(law):
-    told = law.teach('aside', image_of(2e-3, 0.0, 5.0), ARRAY)  # again
+    told = law.teach('aside', image_of((2e-3, 0.0), 5.0), ARRAY)  # again
     assert told.startswith('aside: M0 ') and 'centroid at ' in told
     for k in range(MOST - 2):
-        law.teach(f'n{k}', image_of(0.0, 0.0, 5.0), ARRAY)
+        law.teach(f'n{k}', image_of((0.0, 0.0), 5.0), ARRAY)
     with pytest.raises(ConfigurationError, match='no room'):
-        law.teach('one_more', image_of(0.0, 0.0, 5.0), ARRAY)
+        law.teach('one_more', image_of((0.0, 0.0), 5.0), ARRAY)
 
 
 def test_laws_that_can_be_taught():

@@ -15,7 +15,6 @@ from tactile_servo.control.stability import gain_limit
 from tactile_servo.law import Observation
 from tactile_servo.laws import resolved_rate
 from tactile_servo.laws.resolved_rate import ResolvedRate, ResolvedRateConfig
-from tactile_servo.motion.agility import UNBOUNDED
 from tactile_servo.motion.motion import MotionConfig
 from tactile_servo.reasons import ReasonCode
 from tactile_servo.types import EdgeGoal, State
@@ -63,7 +62,7 @@ def seen_late(age, contact=None, pictures=100, goal=GOAL):
 def test_gains_are_the_lesser_of_what_is_asked_for_and_what_the_age_allows(age):
     law, _ = seen_late(age)
     lateral, _, normal, _, _, turn = law.reference(
-        np.eye(4), np.eye(4), UNBOUNDED, 0.0025).twist
+        np.eye(4), np.eye(4), None, 0.0025).twist
     # A picture is used for a period, a command for one at 400 Hz, and reached after two.
     delay = age + 0.5 * PICTURE + 0.5 / 400 + MotionConfig.committed + 0.0025
     allowed = scanned_limit(delay, 0.010) / 2.5

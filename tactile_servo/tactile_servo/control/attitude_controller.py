@@ -5,8 +5,6 @@ import math
 
 import numpy as np
 
-LATE = 0.2  # of the change of the rate that is wanted: less than this at once is late
-
 
 @dataclass(frozen=True)
 class AttitudeGains:
@@ -45,7 +43,7 @@ class AttitudeController:
         """
         step = self._step(error, ahead)
         share = min(self.gains.acceleration, acceleration) * dt / max(_size(step), 1e-12)
-        self.late = share < LATE
+        self.late = share < 0.2  # of the change that is wanted, at once
         self._rate = self._rate + step * min(1.0, share)
         return self._rate
 

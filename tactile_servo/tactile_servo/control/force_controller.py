@@ -5,14 +5,13 @@ import math
 
 from tactile_servo.control.scaling import clipped
 
-UNSEEN = 0.5  # of the force, by which it may grow on a way that no image has shown
 INTEGRATED = 0.2  # of it, the error up to which the integral counts it: more would overshoot
 REACTION = 0.01  # s until the pad has slowed down
 
 
 def unseen_way(force: float, stiffness: float) -> float:
-    """Way [m] on which a force [N] may grow before an image shows it."""
-    return UNSEEN * force / stiffness
+    """Way [m] on which a force [N] may grow by its half before an image shows it."""
+    return 0.5 * force / stiffness
 
 
 def touch_speed(force: float, stiffness: float, age: float) -> float:

@@ -4,9 +4,7 @@ from collections.abc import Sequence
 import math
 
 MISS = 0.005  # m, within which a pad passes the start of its way
-LEFT, BEYOND = 10.0, 3.0  # times that: to leave the start, and to be past it again
 LAPS = 1.5  # by the turns of the way
-SAME_WAY = 0.5  # cosine of the largest angle between the ways at the start and past it
 
 Vector = Sequence[float]
 
@@ -35,13 +33,13 @@ class LapGuard:
         self._heading = heading
         begin, way = self._start
         distance = math.dist(place, begin)
-        self._left = self._left or distance > LEFT * MISS
-        if self._left and distance < MISS and _dot(way, heading) > SAME_WAY:
+        self._left = self._left or distance > 10.0 * MISS
+        if self._left and distance < MISS and _dot(way, heading) > 0.5:
             self._passed = min(self._passed, length)
 
     def problem(self, length: float) -> str:
         """Why the contour will not close, after a length [m]; empty while it may."""
-        if length - self._passed > BEYOND * MISS:
+        if length - self._passed > 3.0 * MISS:
             return 'the pad has passed its start'
         if abs(self.turned) > 2.0 * math.pi * LAPS:
             return f'{LAPS:g} laps'

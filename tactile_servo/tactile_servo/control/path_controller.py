@@ -2,8 +2,6 @@
 
 import math
 
-BACK = 0.1  # m/s; largest speed back to the path
-
 
 class PathController:
     """Velocity in the plane that comes back to a path at a rate `gain` [1/s]."""
@@ -30,8 +28,8 @@ class PathController:
         """
         (ux, uy), (x, y) = along, aside
         distance = math.hypot(x, y)
-        # No faster than the pad can stop at the path.
-        back = min(self.gain * distance, math.sqrt(acceleration * distance), BACK) / max(
+        # No faster than the pad can stop at the path, and than 0.1 m/s.
+        back = min(self.gain * distance, math.sqrt(acceleration * distance), 0.1) / max(
             distance, 1e-9)
         return self.change(ux + back * x, uy + back * y, acceleration * dt)
 

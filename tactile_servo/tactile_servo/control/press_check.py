@@ -4,21 +4,15 @@ from collections import deque
 
 import numpy as np
 
-# Of the way along what is tracked, by which the depth may seem to grow: error of its slope.
-SLOPE_ERROR = 0.002
-# A sensor that does not tell so much of the force, a share of it and beyond [N], is not believed.
-UNFELT_SHARE, UNFELT = 0.3, 1.5
-DOUBTED = 0.5  # of that, from which no goal is met
-
 
 def most_unfelt(force: float) -> float:
     """Force [N] beyond what images tell, from which a pad presses too hard for a force [N]."""
-    return UNFELT_SHARE * force + UNFELT
+    return 0.3 * force + 1.5
 
 
 def doubted(unfelt: float, force: float) -> bool:
     """Whether so much `unfelt` force [N] makes a run with a force [N] no success."""
-    return unfelt > DOUBTED * most_unfelt(force)
+    return unfelt > 0.5 * most_unfelt(force)
 
 
 class PressCheck:
@@ -62,7 +56,8 @@ class PressCheck:
         if self._seen:
             way = place - self._place
             deeper = 0.5 * float((normal + self._normal) @ way) - (indentation - self._indentation)
-            deeper -= SLOPE_ERROR * float(np.linalg.norm(way))
+            # An error of its slope makes the depth seem to grow along what is tracked.
+            deeper -= 0.002 * float(np.linalg.norm(way))
             self.unexplained = max(self.unexplained + deeper, 0.0)
         self._seen = self._seen or met
         self._place, self._normal, self._indentation = place, normal, indentation

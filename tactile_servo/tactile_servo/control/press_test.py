@@ -7,13 +7,9 @@ import numpy as np
 
 from tactile_servo.control.force_controller import ForceGains
 
-# Of the force, to press with: all of an edge is seen then; and of that, to release.
-PRESSED, RELEASED = 0.6, 0.4
-BEYOND = 0.1  # of it, that is aimed at further, to come to PRESSED at all
+PRESSED = 0.6  # of the force, to press with: all of an edge is seen then
 LASTING = 0.4  # s of release and return
-OFF = 0.2  # of what was pressed, below which the pad may have come off
 UNLIKE = 3.0  # times stiffer or softer than told, and the sensor is not believed
-SURE = 3.0  # standard deviations
 
 
 class PressTest:
@@ -32,7 +28,7 @@ class PressTest:
 
     def __init__(self, force: float, load: float, depth: Callable[[float], float]):
         self._depth, self._least = depth, max(PRESSED * force, load)
-        self._aim = self._least + BEYOND * force
+        self._aim = self._least + 0.1 * force  # or it would hardly come to the least
         self.deepest = UNLIKE * (depth(self._least) - depth(load))
         self.pressed, self._release, self._lasted = False, 0.0, 0.0
         self._way: dict[int, tuple[float, float]] = {}  # by the stamp
@@ -46,7 +42,7 @@ class PressTest:
         """Take a load [N], its stamp [ns], and how far the pad had advanced then [m]."""
         if not self.pressed and load >= self._least:
             self.pressed = True
-            self._release = self._depth(self._least) - self._depth((1.0 - RELEASED) * self._least)
+            self._release = self._depth(self._least) - self._depth(0.6 * self._least)
         if self.pressed:
             self._way[stamp_ns] = advance, load
 
@@ -66,7 +62,7 @@ class PressTest:
         """What contradicts the stiffness, '' if nothing does."""
         # Depths as of now: more of an edge may have come under the pad as it was pressed.
         way = np.array([(advance, self._depth(load)) for advance, load in self._way.values()
-                        if load > OFF * self._least])
+                        if load > 0.2 * self._least])  # with less it may have come off
         if len(way) < 4:
             return 'it was not felt long enough'
         actual, told = (way - way.mean(axis=0)).T
@@ -75,7 +71,7 @@ class PressTest:
             return 'the pad was not seen to be released'
         slope = float(actual @ told) / square
         left = told - slope * actual
-        doubt = SURE * math.sqrt(float(left @ left) / (len(way) - 2) / square)
+        doubt = 3.0 * math.sqrt(float(left @ left) / (len(way) - 2) / square)
         if slope + doubt < 1.0 / UNLIKE or slope - doubt > UNLIKE:
             return f'the force changes by {slope:.2g} of what the stiffness says'
         return ''

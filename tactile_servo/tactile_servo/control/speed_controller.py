@@ -2,10 +2,6 @@
 
 from tactile_servo.control.scaling import ramp
 
-# Of the force: where a pad stands, and where nothing slows it down.
-LIFTED, PRESSED = 0.3, 0.7
-CROWDED, BORNE = 1.3, 1.1
-
 
 def caution(pressed: float, astray: float) -> float:
     """
@@ -14,11 +10,12 @@ def caution(pressed: float, astray: float) -> float:
     Parameters
     ----------
     pressed : float
-        Share of the wanted force that it presses with.
+        Share of the wanted force that it presses with: it goes on between 0.7 and 1.1, and stands
+        below 0.3 and above 1.3.
     astray : float
         How far it is from where it should be: 1 and more, and it stands; 0, and it goes on.
     """
-    return (ramp(pressed, LIFTED, PRESSED) * ramp(pressed, CROWDED, BORNE)
+    return (ramp(pressed, 0.3, 0.7) * ramp(pressed, 1.3, 1.1)
             * ramp(astray, 1.0, 0.0))
 
 

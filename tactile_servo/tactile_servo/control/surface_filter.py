@@ -4,13 +4,7 @@ import numpy as np
 _ROWS, _COLUMNS = np.array([0, 1, 2, 0, 0, 1]), np.array([0, 1, 2, 1, 2, 2])  # of six numbers
 DEPTH, NORMAL, BEND = 0, slice(1, 4), slice(4, 10)  # of the state
 IDENTITY = np.eye(10)
-SURPRISE = 40.0  # chi-square of an image's four numbers
-MISTRUST = 0.5  # share of a way along the normal that its effect on the force may be off by
 INEXACT = 0.1  # share of a depth that the force may be off by
-# Standard deviations
-DEPTH_NOISE = 4e-6  # m, of the depth that an image's force tells, the robot's position included
-CURVATURE_CHANGE = 10.0  # 1/m, by which curvature changes over a metre of way
-PRIOR_CURVATURE = 25.0  # 1/m, of the curvature before anything was felt: of balls of 40 mm
 
 
 class SurfaceFilter:
@@ -24,8 +18,9 @@ class SurfaceFilter:
     normal than the place of the contact on the pad does; the latter tells it across the way.
     """
 
-    def __init__(self, depth_noise: float = DEPTH_NOISE):
-        self._depth_noise = depth_noise  # m
+    def __init__(self, depth_noise: float = 4e-6):
+        # m, standard deviation of what an image's force tells, the robot's position included
+        self._depth_noise = depth_noise
         self.begun = False
         self.centre = np.zeros(3)  # where the state holds [m]
         self._state, self._covariance = np.zeros(10), np.zeros((10, 10))
@@ -41,7 +36,7 @@ class SurfaceFilter:
         self.begun, self.centre = True, centre
         self._state = np.concatenate([[depth], normal, np.zeros(6)])
         self._covariance = np.diag([self._depth_noise**2 + (INEXACT * depth)**2] + [noise**2] * 3
-                                   + [PRIOR_CURVATURE**2] * 6)
+                                   + [25.0**2] * 6)  # 1/m, of balls of 40 mm
         self._unpack()
 
     def update(self, depth: float, normal: np.ndarray, centre: np.ndarray, noise: float) -> None:
@@ -54,15 +49,16 @@ class SurfaceFilter:
         transition[DEPTH, BEND] = 0.5 * step @ along
         state = transition @ self._state
         covariance = transition @ self._covariance @ transition.T
-        change = CURVATURE_CHANGE**2 * way
-        spread = np.repeat([(MISTRUST * (self.normal @ step))**2, 0.3 * change * way**2, change],
+        change = 10.0**2 * way  # of the curvature [1/m] in a metre
+        # The force may follow a way along the normal by half of it more or less.
+        spread = np.repeat([(0.5 * (self.normal @ step))**2, 0.3 * change * way**2, change],
                            [1, 3, 6])
         covariance[range(10), range(10)] += spread
         felt = np.concatenate([[depth], normal])
         errors = np.array([self._depth_noise**2 + (INEXACT * depth)**2] + [noise**2] * 3)
         innovation, expected = felt - state[:4], covariance[:4, :4] + np.diag(errors)
         surprise = float(innovation @ np.linalg.solve(expected, innovation))
-        if surprise > SURPRISE:  # an edge, or another surface
+        if surprise > 40.0:  # of four numbers: an edge, or another surface
             self.reset(depth, normal, centre, noise)
             return
         gain = np.linalg.solve(expected, covariance[:4]).T

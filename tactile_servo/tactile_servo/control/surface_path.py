@@ -7,10 +7,7 @@ import numpy as np
 from tactile_common.polyline import arc_length, nearest_on_polyline, resample
 
 SPACING = 2.5e-4  # m between the points of a planned path
-WINDOW = 5e-3  # m ahead, in which the probe is looked for on its path
-NEAR = 5e-4  # m ahead on the path, to which it is led at the least
 STEEP = 0.2  # cosine of the angle to the first normal, beyond which a pattern cannot go
-ARRIVED = 2e-4  # m before its end, where a path is complete
 
 
 class Step(NamedTuple):
@@ -72,18 +69,18 @@ class PlanarPath:
         if facing < STEEP:
             return None
         x, y, _ = self._frame @ (point - self._start)
-        # Never back: outside a corner its two legs are equally near.
+        # Within 5 mm ahead, never back: outside a corner its two legs are equally near.
         at = nearest_on_polyline(self._plan[:, 0], self._plan[:, 1], self._stations, x, y,
-                                 self._station, self._station + WINDOW)
+                                 self._station, self._station + 5e-3)
         self._station = max(at.station, self._station)
-        aim = self._station + NEAR + speed / max(gain, 1e-3)
+        aim = self._station + 5e-4 + speed / max(gain, 1e-3)
         u, v = (float(np.interp(aim, self._stations, axis)) for axis in self._plan.T)
         u, v = u - x, v - y
         flat = u * ahead + v * aside
         way = flat - inward * ((flat @ normal) / facing)  # as seen along the first normal
         left = self._stations[-1] - self._station
         return Step(_unit(way), float(np.interp(self._station, self._stations, self._tops)),
-                    0.0 if left < ARRIVED else left)
+                    0.0 if left < 2e-4 else left)
 
 
 def raster(size_x: float, size_y: float, step_over: float) -> np.ndarray:

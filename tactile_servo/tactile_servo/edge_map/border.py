@@ -5,10 +5,7 @@ import numpy as np
 from tactile_common.kernels import njit
 from tactile_servo.edge_map.records import Records
 
-FEWEST = 4  # tactels in a row along the border
 FAINT, PLAIN = 0.02, 0.06  # of the ridge's pressure: a leg 2 and 1.25 depths away
-CLEAR = 2.5  # depths from the line of a ridge within which the border sees that ridge
-SIGNIFICANT = 2.0  # standard deviations of the noise
 
 
 @njit(cache=True)
@@ -26,9 +23,9 @@ def coming_length(pressure: np.ndarray, x: np.ndarray, y: np.ndarray, points: np
     """
     if not len(points):
         return 0.0
-    clear = CLEAR * depth
+    clear = 2.5 * depth  # from the line of a ridge: within that the border sees it
     count, share = _longest_run(pressure, x, y, points, clear, noise)
-    if count < FEWEST:
+    if count < 4:
         return 0.0
     near = min(max((share - FAINT) / (PLAIN - FAINT), 0.0), 1.0)
     # The tactels beside the ridge do not tell: the leg reaches as far as to it.
@@ -41,7 +38,7 @@ def _longest_run(pressure: np.ndarray, x: np.ndarray, y: np.ndarray, points: Rec
     """Tactels of the longest loaded run of the border off the ridge; their share of its load."""
     rows, columns = pressure.shape
     ridge = np.median(points.pressure)
-    level = max(FAINT * ridge, SIGNIFICANT * noise)
+    level = max(FAINT * ridge, 2.0 * noise)
     around = 2 * (rows + columns) - 4
     best, best_sum, run, total = 0, 0.0, 0, 0.0
     for step in range(2 * around):  # twice around: a run may pass over the beginning

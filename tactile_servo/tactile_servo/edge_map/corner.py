@@ -10,21 +10,7 @@ from tactile_servo.edge_map.corner_fit import CornerShape, SIZE
 from tactile_servo.edge_map.picture import Picture
 from tactile_servo.edge_map.records import nodes_of
 
-# In skin depths:
-SHARP = 0.175  # radius below which a corner is taken for sharp
-LONGEST_SETBACK = 3.1  # from vertex to fillet; what is rounder is followed as a curve
-CLEARANCE = 2.0  # beyond the fillet until the skin no longer blurs the legs
-VIEWED = 1.5  # of each leg beyond the fillet that the pad must cover
-FIRST_RADIUS = 0.5  # from which a fit begins
-STRAIGHTEST = 0.06  # per depth, curvature of a leg from which it is a curve, and no corner's
-WORST_PLACE = 0.2  # standard deviation of the vertex
-FARTHEST = 2.0  # that a fit may move the vertex away from where it is looked for
-# What is known of every corner beforehand, as the inverse of squares of depths, and depths.
-RADIUS_KNOWN, BEND_KNOWN = 0.4, 1e3
-
 LEAST_TURN = math.radians(18.0)
-WORST_FIT = 4.0  # chi-square per tactel
-MODEL_ERROR = 0.02
 MEMORY = 40.0  # pictures
 
 
@@ -68,7 +54,7 @@ class Corner:
     @property
     def reach(self) -> float:
         """How far from its vertex a corner stands for the edge [m]."""
-        return self.shape.setback + CLEARANCE * self.depth
+        return self.shape.setback + 2.0 * self.depth  # from there the skin no longer blurs
 
     @property
     def zone(self) -> tuple[float, float, float, float]:
@@ -78,7 +64,7 @@ class Corner:
     def nodes(self) -> np.ndarray:
         """Path through the corner: NODE (M,), all of one height."""
         points, vertex = corner_fit.corner_points(self.shape, self.depth), self.shape.vertex
-        if self.shape.radius < SHARP * self.depth:  # one vertex instead of the fillet
+        if self.shape.radius < 0.175 * self.depth:  # sharp: one vertex instead of the fillet
             points = np.vstack([points[:corner_fit.CHORDS], vertex, points[-corner_fit.CHORDS:]])
         legs = np.linalg.norm(points - vertex, axis=1)
         points = points[legs < self.reach + 1e-9]
@@ -88,8 +74,8 @@ class Corner:
 
 
 def shown(picture: Picture, shape: CornerShape) -> bool:
-    """Whether a corner and enough of its legs lie on the pad."""
-    reach = shape.setback + VIEWED * picture.depth
+    """Whether a corner and enough of its legs lie on the pad: 1.5 depths beyond the fillet."""
+    reach = shape.setback + 1.5 * picture.depth
     return (picture.covers(shape.x - reach * math.cos(shape.first),
                            shape.y - reach * math.sin(shape.first))
             and picture.covers(shape.x + reach * math.cos(shape.second),
@@ -107,16 +93,16 @@ def fit(picture: Picture, shape: CornerShape) -> tuple[CornerShape, np.ndarray] 
     array, depth, yaw = picture.array, picture.depth, picture.yaw
     start = shape.moved(-picture.place, 0.0).moved(np.zeros(2), -yaw)
     found, information, chi_square, load = corner_fit.fit_corner(
-        picture.pressure, array.x, array.y, half_spaces(picture.skin), picture.noise, MODEL_ERROR,
-        start)
-    if not (np.isfinite(found).all() and load > 0.0 and chi_square < WORST_FIT):
+        picture.pressure, array.x, array.y, half_spaces(picture.skin), picture.noise, 0.02, start)
+    if not (np.isfinite(found).all() and load > 0.0 and chi_square < 4.0):
         return None
-    information += np.diag([0.0, 0.0, 0.0, 0.0, RADIUS_KNOWN / depth**2, BEND_KNOWN * depth**2,
-                            BEND_KNOWN * depth**2])
-    if (corner_fit.vertex_spread(information) > WORST_PLACE * depth or abs(found.turn) < LEAST_TURN
-            or max(abs(found.first_bend), abs(found.second_bend)) > STRAIGHTEST / depth
-            or found.setback > LONGEST_SETBACK * depth
-            or np.hypot(*(found.vertex - start.vertex)) > FARTHEST * depth):
+    # Of every corner something is known beforehand.
+    information += np.diag([0.0, 0.0, 0.0, 0.0, 0.4 / depth**2, 1e3 * depth**2, 1e3 * depth**2])
+    # What is rounder, or has legs that bend more, is followed as a curve.
+    if (corner_fit.vertex_spread(information) > 0.2 * depth or abs(found.turn) < LEAST_TURN
+            or max(abs(found.first_bend), abs(found.second_bend)) > 0.06 / depth
+            or found.setback > 3.1 * depth
+            or np.hypot(*(found.vertex - start.vertex)) > 2.0 * depth):
         return None
     return found.moved(picture.place, yaw), corner_fit.turned(information, yaw)
 
@@ -137,4 +123,4 @@ def guess(first: np.ndarray, first_way: np.ndarray, second: np.ndarray, second_w
     if along < 0.0 or back > 0.0:
         return None
     x, y = first + along * first_way
-    return CornerShape(x, y, math.atan2(ay, ax), math.atan2(by, bx), FIRST_RADIUS * depth)
+    return CornerShape(x, y, math.atan2(ay, ax), math.atan2(by, bx), 0.5 * depth)

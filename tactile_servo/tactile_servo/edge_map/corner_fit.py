@@ -10,18 +10,12 @@ from tactile_common.kernels import njit
 from tactile_sensing.half_space.kernels import add_point, add_segment
 
 # In skin depths, the width to which the skin blurs a line:
-NEAR = 4.0  # from the vertex within which tactels count: beyond, the legs alone tell
-LEG = 7.5  # of each leg that presses on them
-RADIUS_PRIOR = 1.5  # standard deviation of the radius before anything is seen
-CURVATURE_PRIOR = 0.03  # that of the legs' curvature, per depth
-LENGTH_STEP, RADIUS_STEP, CURVATURE_STEP = 0.01, 0.025, 0.001  # of the differences
-FARTHEST, LEAST_RADIUS = 0.75, 0.05  # change of a round; radius that is no vertex for the fit
-WIDEST_TURN, ANGLE_STEP = 0.3, 2e-3  # rad: change of a round, step of the differences
+LEG = 7.5  # of each leg that presses on the tactels near the vertex
+FARTHEST = 0.75  # change of a round
 STRAIGHT = 2.9  # rad, beyond which the legs lie on each other
 CHORDS = 5  # of a leg
 ARC_CHORDS = 6  # of a fillet; even, so that a node is at its middle
 ROUNDS = 4
-FEWEST = 20  # tactels
 
 
 class CornerShape(NamedTuple):
@@ -169,15 +163,16 @@ def fit_corner(pressure: np.ndarray, x: np.ndarray, y: np.ndarray, skin: np.ndar
     """
     p, depth = np.array(start), skin[0].depth
     information, chi_square, load = np.zeros((SIZE, SIZE)), np.inf, 0.0
-    steps = np.array([LENGTH_STEP * depth, LENGTH_STEP * depth, ANGLE_STEP, ANGLE_STEP,
-                      RADIUS_STEP * depth, CURVATURE_STEP / depth, CURVATURE_STEP / depth])
-    prior = np.zeros(SIZE)
-    prior[RADIUS] = (RADIUS_PRIOR * depth)**-2
-    prior[RADIUS + 1:] = (CURVATURE_PRIOR / depth)**-2
-    near = (x - start.x)**2 + (y.reshape(-1, 1) - start.y)**2 < (NEAR * depth)**2
+    steps = np.array([0.01 * depth, 0.01 * depth, 2e-3, 2e-3, 0.025 * depth, 0.001 / depth,
+                      0.001 / depth])
+    prior = np.zeros(SIZE)  # of the radius, and of the curvature of the legs
+    prior[RADIUS] = (1.5 * depth)**-2
+    prior[RADIUS + 1:] = (0.03 / depth)**-2
+    # Beyond that the legs alone tell.
+    near = (x - start.x)**2 + (y.reshape(-1, 1) - start.y)**2 < (4.0 * depth)**2
     weight = np.where(near, 1.0 / (noise**2 + (model_error * pressure)**2), 0.0)
     count = np.count_nonzero(weight)
-    if count < FEWEST:
+    if count < 20:
         return CornerFit(start, information, chi_square, load)
     jacobian = np.empty((SIZE, len(y), len(x)))
     for step in range(ROUNDS + 1):
@@ -207,6 +202,6 @@ def fit_corner(pressure: np.ndarray, x: np.ndarray, y: np.ndarray, skin: np.ndar
         ask = _shape(change)
         p += change / max(math.hypot(ask.x, ask.y) / (FARTHEST * depth),
                           abs(ask.radius) / (FARTHEST * depth),
-                          max(abs(ask.first), abs(ask.second)) / WIDEST_TURN, 1.0)
-        p[RADIUS] = max(p[RADIUS], LEAST_RADIUS * depth)
+                          max(abs(ask.first), abs(ask.second)) / 0.3, 1.0)
+        p[RADIUS] = max(p[RADIUS], 0.05 * depth)  # a vertex has no slope
     return CornerFit(_shape(p), information, chi_square, load)

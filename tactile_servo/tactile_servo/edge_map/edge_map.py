@@ -8,24 +8,22 @@ from tactile_sensing.types.image import TactileImage
 from tactile_servo.edge_map import path_queries
 from tactile_servo.edge_map.corner import Corner
 from tactile_servo.edge_map.path import nodes_from
-from tactile_servo.edge_map.picture import PadScale, Picture, Problem, read_picture
+from tactile_servo.edge_map.picture import PadScale, Picture, read_picture
 from tactile_servo.edge_map.records import CLOUD_POINT, joined, nodes_of, retyped
 from tactile_servo.edge_map.traced_path import BEHIND, PathEnd, TracedPath
 from tactile_servo.edge_map.tracing import local_line, on_path
+from tactile_servo.reasons import Reason, ReasonCode
 
 PICTURES = 10  # whose points make the cloud
-FEWEST_POINTS = 3  # of a ridge
-ROUGHLY_ALONG = 0.5  # cosine of the largest angle between a heading and the edge
-AGREEING = 0.4  # share of a picture's points that are on the path where it shows the path
 SURE_PICTURES = 3  # that show the edge elsewhere before it is believed to have slipped
-OFF_PATH = 1.0  # grains from the path beyond which a point is not of it
-CHORD = 2.0  # grains either way over which the path is pointing where the edge has slipped
+NO_RIDGE = Reason(ReasonCode.EDGE_LOST, 'no ridge in the picture')
+ELSEWHERE = Reason(ReasonCode.EDGE_LOST, 'the picture shows no ridge along the path')
 
 
 class Sight(NamedTuple):
     """What became of a picture: why it does not show the edge; whether a path began with it."""
 
-    problem: Problem | None
+    problem: Reason | None
     begun: bool = False
 
 
@@ -63,15 +61,15 @@ class EdgeMap:
         self._axes: list[list[float]] = []  # of the plane, x and y, in the base frame
         self._cloud = np.empty(0, CLOUD_POINT)  # of the last pictures,
         self._counts: list[int] = []  # so many points of each
-        self._followed = False
+        self.followed = False  # whether the newest path is one that pictures still extend
         self._off_path = 0
         self._near: np.ndarray | None = None  # nodes around the pad, an open end led on
 
-    def see(self, image: TactileImage, pose: np.ndarray) -> Problem | None:
+    def see(self, image: TactileImage, pose: np.ndarray) -> Reason | None:
         """Take an image and the pose (4, 4) of the sensor in the base frame at its stamp."""
         plane = np.linalg.inv(pose) if self.plane is None else self.plane
         picture = read_picture(image, plane @ pose, self.skin_stiffness)
-        if isinstance(picture, Problem):
+        if isinstance(picture, Reason):
             return picture
         if self.plane is None:
             self.plane, self._axes = plane, plane[:2, :3].tolist()
@@ -86,17 +84,17 @@ class EdgeMap:
         whatever is known.
         """
         picture = self.picture
-        if len(picture.points) < FEWEST_POINTS:
-            return Sight(Problem.NO_RIDGE)
+        if len(picture.points) < 3:
+            return Sight(NO_RIDGE)
         self._remember(picture.points)
-        if anew or not self._followed:
+        if anew or not self.followed:
             heading = direction * picture.pose[:2, 1]
             return self._begin(heading / np.linalg.norm(heading), True)
         window = path_queries.WINDOW * self.scale.grain
         share, station = on_path(
-            self._cloud[-len(picture.points):], self._near, OFF_PATH * self.scale.grain,
+            self._cloud[-len(picture.points):], self._near, self.scale.grain,
             self.path.nodes, picture.x, picture.y, self.station - window, self.station + window)
-        if share > AGREEING:
+        if share > 0.4:  # of its points are on the path, or it shows something else
             self._off_path, self.station = 0, station
             self.path.refine(picture, station)
             self.path.extend(self._cloud, picture, self.station)
@@ -104,30 +102,30 @@ class EdgeMap:
             return Sight(None)
         self._off_path += 1
         if self._off_path < SURE_PICTURES:
-            return Sight(Problem.ELSEWHERE)
+            return Sight(ELSEWHERE)
         self._counts = []  # the object has slipped
         self._remember(picture.points)
         self.station = station
-        chord = CHORD * self.scale.grain
+        chord = 2.0 * self.scale.grain
         return self._begin(np.array(self.way(self.station - chord, self.station + chord)), False)
 
     def _begin(self, heading: np.ndarray, may_close: bool) -> Sight:
         """Begin a path at the point of the ridge that is nearest to the pad's centre."""
         picture, cloud = self.picture, self._cloud
         may_close = may_close and (self.path is None or self.path.may_close)
-        self._off_path, self._followed = 0, False
-        along = np.abs(cloud['way'] @ heading) > ROUGHLY_ALONG
+        self._off_path, self.followed = 0, False
+        along = np.abs(cloud['way'] @ heading) > 0.5
         if not along.any():
-            return Sight(Problem.ELSEWHERE)
+            return Sight(ELSEWHERE)
         place = cloud['place'][along]
         nearest = place[np.linalg.norm(place - picture.place, axis=1).argmin()]
         line = local_line(cloud, *nearest, *heading, self.scale.grain)
         if not line.found:
-            return Sight(Problem.ELSEWHERE)
+            return Sight(ELSEWHERE)
         start = nodes_of((line.x, line.y), line.z, (line.tx, line.ty))
         start['station'] = self.station
         self.path = TracedPath(start, cloud, picture, may_close)
-        self._followed = True
+        self.followed = True
         self._take_near()
         return Sight(None, True)
 
@@ -157,11 +155,6 @@ class EdgeMap:
             nodes = path.nodes[path.nodes['station'] <= min(self.station, path.tip)]
         back = np.linalg.inv(self.plane)
         return nodes['point'] @ back[:3, :3].T + back[:3, 3]
-
-    @property
-    def followed(self) -> bool:
-        """Whether the newest path is one that pictures still extend."""
-        return self._followed
 
     @property
     def closed(self) -> bool:

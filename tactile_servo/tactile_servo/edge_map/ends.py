@@ -10,18 +10,8 @@ from tactile_servo.edge_map.records import joined, nodes_of
 from tactile_servo.edge_map.tracing import local_line, STEP
 
 TIP = 8  # nodes at the end of a ridge among which it fades
-HALF = 0.5  # of the pressure along a line load is at its end
-SURE_TURN = 0.8  # of the least turn of a corner, from which one is looked for
 FEWEST = 3  # points of another leg
-BEFORE, CHECKED = 10, 30  # nodes before the end of a leg: its direction; beside none of which
-
-# In grains, see `PadScale`:
-BRANCH_REACH = 3.0  # from the end of a ridge within which another leg is looked for
-BESIDE = 0.65  # from the path beyond which a point belongs to another leg
-GAP_ASIDE, GAP_SPREAD = 0.4, 0.08  # beside the way over a gap, and per length of it
-
 GAP_REACH = 18.0 / 12.7  # of half the pad: a gap that it spans, corner to corner
-STRAIGHT_ON = 0.92  # cosine of the largest angle at which a ridge goes on beyond a gap
 
 
 def left_of(way: np.ndarray) -> np.ndarray:
@@ -53,7 +43,8 @@ def faded(leg: np.ndarray, height: float) -> int:
     if len(leg) < 3 * TIP:
         return 0
     indentation = height - leg['z'][-3 * TIP:]
-    faint = indentation < HALF * np.median(indentation[:2 * TIP])
+    # At the end of a line load the pressure is half of that along it.
+    faint = indentation < 0.5 * np.median(indentation[:2 * TIP])
     return int(faint[::-1].argmin()) if not faint.all() else 0
 
 
@@ -67,8 +58,7 @@ def way_over_gap(cloud: np.ndarray, last: np.ndarray, scale: PadScale) -> np.nda
     relative = cloud['place'] - here
     ahead, aside = relative @ way, np.abs(relative @ left_of(way))
     on = ((ahead > 2.0 * step) & (ahead < GAP_REACH * scale.half)
-          & (aside < GAP_ASIDE * scale.grain + GAP_SPREAD * ahead)
-          & (np.abs(cloud['way'] @ way) > STRAIGHT_ON))
+          & (aside < 0.4 * scale.grain + 0.08 * ahead) & (np.abs(cloud['way'] @ way) > 0.92))
     if on.sum() < FEWEST:
         return None
     nearest = cloud['place'][on][ahead[on].argmin()]
@@ -84,7 +74,7 @@ def way_over_gap(cloud: np.ndarray, last: np.ndarray, scale: PadScale) -> np.nda
 
 def sharp_turn(leg: np.ndarray, depth: float) -> CornerShape | None:
     """Guess a corner where a leg turns most, if it turns as a corner does."""
-    first, last = sharpest_turn(leg, SURE_TURN * LEAST_TURN)
+    first, last = sharpest_turn(leg, 0.8 * LEAST_TURN)
     if first < 0:
         return None
     place, way = leg['place'], leg['way']
@@ -96,10 +86,10 @@ def acute_turn(cloud: np.ndarray, leg: np.ndarray, scale: PadScale) -> CornerSha
     if len(leg) < TIP:
         return None
     last = leg['place'][-1]
-    close = np.linalg.norm(cloud['place'] - last, axis=1) < BRANCH_REACH * scale.grain
+    close = np.linalg.norm(cloud['place'] - last, axis=1) < 3.0 * scale.grain
     cloud = cloud[close]
-    gaps = np.linalg.norm(cloud['place'][:, None] - leg['place'][None, -CHECKED:], axis=2)
-    others = cloud[gaps.min(axis=1) > BESIDE * scale.grain]
+    gaps = np.linalg.norm(cloud['place'][:, None] - leg['place'][None, -30:], axis=2)
+    others = cloud[gaps.min(axis=1) > 0.65 * scale.grain]  # beside the path
     if len(others) < FEWEST:
         return None
     centre, way = others['place'].mean(axis=0), others['way']
@@ -107,5 +97,5 @@ def acute_turn(cloud: np.ndarray, leg: np.ndarray, scale: PadScale) -> CornerSha
     way /= np.linalg.norm(way)
     if way @ (centre - last) < 0.0:
         way = -way
-    before = max(len(leg) - BEFORE, 0)
+    before = max(len(leg) - 10, 0)
     return guess(leg['place'][before], leg['way'][before], centre, way, scale.depth)

@@ -11,10 +11,6 @@ from tactile_servo.edge_map.tracing import STEP, trace
 
 NEAR_TURN, FAR_TURN = 4, 9  # nodes either side over which a turn is measured
 SHARPNESS = 0.58  # share of the turn that the near nodes must see for a corner
-BENT = 0.6  # per skin depth, largest curvature that is believed: the skin blurs a sharper one
-SAME_WAY = 0.8  # cosine of the angle at which a contour may meet its start
-BLUR = 0.6  # of the squared depth over the radius: how far a ridge lies inside of a curve
-ZONE_BEHIND, ZONE_ASIDE = 1.0, 1.25  # grains from a corner, where a leg has entered its zone
 # Vertex of a corner in the plane, reach before it [m], and direction of its first leg [rad].
 ZONE = np.dtype([(name, np.float64) for name in ('x', 'y', 'reach', 'way')])
 
@@ -42,7 +38,7 @@ def unblurred(leg: np.ndarray, blur: float, step: float, depth: float) -> np.nda
     moved = leg.copy()
     if count < 6:
         return moved
-    most = BENT / depth
+    most = 0.6 / depth  # a sharper curve is blurred by the skin
     angles, span = headings(leg), min(5, (count - 1) // 2)
     for k in range(count):
         middle = min(max(k, span), count - 1 - span)
@@ -107,7 +103,8 @@ def with_leg(nodes: np.ndarray, cloud: np.ndarray, zones: np.ndarray, length: fl
             zone, cut = k, max(first - 1, 0)
     grown = np.empty(count + cut, NODE)
     grown[:count] = nodes
-    grown[count:] = unblurred(leg[:cut + 1], BLUR * depth * depth, STEP * grain, depth)[1:]
+    # A ridge lies inside of a curve by 0.6 of the squared depth over the radius.
+    grown[count:] = unblurred(leg[:cut + 1], 0.6 * depth * depth, STEP * grain, depth)[1:]
     measure(grown, count)
     return grown, zone
 
@@ -119,8 +116,7 @@ def entry_node(leg: np.ndarray, zone: Record, grain: float) -> int:
     for k in range(len(leg)):
         dx, dy = leg[k].x - zone.x, leg[k].y - zone.y
         along = cos * dx + sin * dy
-        if (-zone.reach < along < ZONE_BEHIND * grain
-                and abs(cos * dy - sin * dx) < ZONE_ASIDE * grain):
+        if -zone.reach < along < grain and abs(cos * dy - sin * dx) < 1.25 * grain:
             return k
     return -1
 
@@ -143,7 +139,7 @@ def closing_node(nodes: Records, station: float, begin: float, reach: float) -> 
     if nearest > reach or best == len(nodes) - 1:
         return -1
     same_way = nodes[best].tx * start.tx + nodes[best].ty * start.ty
-    return best if same_way >= SAME_WAY else -1
+    return best if same_way >= 0.8 else -1
 
 
 @njit(cache=True)

@@ -14,17 +14,9 @@ from tactile_servo.edge_map.tracing import STEP
 Way = tuple[float, float]  # x, y
 
 CLEAR = 7  # nodes either side of a turn whose pressure does not tell their height
-UNBENT = math.cos(0.15)  # cosine of the angle over four nodes that makes such a turn
 STEEPEST = 0.5  # rise per length that is believed
-FEWEST = 12  # nodes that tell a rise
-SHARP_TURN = 0.25  # rad at one vertex that makes it a corner
 
-# In grains, see `PadScale`:
-WINDOW, COMMANDED_WINDOW = 7.5, 2.5  # either way in which the pad is looked for,
-SHOWN_WINDOW = 5.0  # and in which it is at a picture
-TURN_REACH = 2.0  # either way of the pad's centre over which the pad is turned,
-SLOPE_REACH = 5.0  # and over which the edge's rise is measured
-SHORTEST_CHORD = 0.05  # that tells a direction
+WINDOW = 7.5  # grains either way in which the measured pad is looked for
 
 
 @njit(cache=True)
@@ -62,7 +54,7 @@ def stand(nodes: Records, near: np.ndarray, plane: np.ndarray, pose: np.ndarray,
         y += plane[1, k] * pose[k, 3]
     at = nearest_on_polyline(
         nodes.x, nodes.y, nodes.station, x, y, here - WINDOW * grain, here + WINDOW * grain)
-    window, chord = COMMANDED_WINDOW * grain, TURN_REACH * grain
+    window, chord = 2.5 * grain, 2.0 * grain  # the pad is turned along the latter
     ahead = nearest_on_polyline(
         nodes.x, nodes.y, nodes.station, there[0, 3], there[1, 3], ahead - window,
         ahead + window).station
@@ -81,14 +73,14 @@ def at_picture(nodes: Records, near: np.ndarray, pose: np.ndarray, half_x: float
     `sense` is +1 or -1, of the pad's y along the path; the pad is looked for about a station [m];
     for the rise, see `rise`; else as in `stand`.
     """
-    window = SHOWN_WINDOW * grain
+    window = 5.0 * grain
     at = nearest_on_polyline(nodes.x, nodes.y, nodes.station, pose[0, 3], pose[1, 3],
                              station - window, station + window)
     yaw = math.atan2(pose[0, 1], pose[1, 1])
     along = math.atan2(sense * at.along_x, sense * at.along_y)
     return (sense * at.left, wrap_angle(yaw - along),
             length_on_pad(near, pose, 0.0, 0.0, half_x, half_y),
-            rise(nodes, ahead, SLOPE_REACH * grain, STEP * grain, ends))
+            rise(nodes, ahead, 5.0 * grain, STEP * grain, ends))
 
 
 @njit(cache=True)
@@ -115,7 +107,7 @@ def direction(nodes: np.ndarray, first: float, last: float, grain: float) -> Way
     x0, y0, _ = place_at(nodes, first)
     x1, y1, _ = place_at(nodes, last)
     length = math.hypot(x1 - x0, y1 - y0)
-    if length < SHORTEST_CHORD * grain:
+    if length < 0.05 * grain:
         return nodes[len(nodes) - 1].tx, nodes[len(nodes) - 1].ty
     return (x1 - x0) / length, (y1 - y0) / length
 
@@ -137,7 +129,7 @@ def rise(nodes: Records, station: float, reach: float, step: float, ends: bool) 
     bent = np.empty(max(min(last + CLEAR, count) - begin, 0), np.bool_)
     for m in range(begin, begin + len(bent)):
         a, b = nodes[max(m - 2, 0)], nodes[min(m + 2, count - 1)]
-        bent[m - begin] = a.tx * b.tx + a.ty * b.ty < UNBENT
+        bent[m - begin] = a.tx * b.tx + a.ty * b.ty < math.cos(0.15)
     n = ss = sz = sss = ssz = 0.0
     for k in range(first, last):
         clear = True
@@ -150,7 +142,7 @@ def rise(nodes: Records, station: float, reach: float, step: float, ends: bool) 
             s, z = nodes[k].station - station, nodes[k].z
             n, ss, sz, sss, ssz = n + 1.0, ss + s, sz + z, sss + s * s, ssz + s * z
     spread = n * sss - ss * ss
-    if n < FEWEST or spread <= 0.0:
+    if n < 12 or spread <= 0.0:
         return np.nan
     return min(max((n * ssz - ss * sz) / spread, -STEEPEST), STEEPEST)
 
@@ -185,7 +177,7 @@ def speed_profile(nodes: Records, here: float, top: float, acceleration: float, 
         if turn < 1e-3:
             continue
         radius = 0.5 * (math.hypot(ax, ay) + math.hypot(bx, by)) / turn
-        if turn > SHARP_TURN:
+        if turn > 0.25:  # rad at one vertex: a corner
             radius = min(radius, cut / (1.0 / math.cos(0.5 * min(turn, 2.9)) - 1.0))
             ahead -= settle
         elif ahead < 0.0:

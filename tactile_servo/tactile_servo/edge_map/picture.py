@@ -1,7 +1,6 @@
 """One picture of the edge: checked, mended, placed where it was taken; the lengths of its pad."""
 
 from dataclasses import dataclass
-from enum import Enum
 from functools import cached_property, lru_cache
 import math
 from typing import NamedTuple
@@ -15,15 +14,9 @@ from tactile_sensing.types.image import TactileImage
 from tactile_sensing.types.skin import Skin
 from tactile_servo.edge_map.border import coming_length
 from tactile_servo.edge_map.tracing import into_plane
+from tactile_servo.reasons import Reason, ReasonCode
 
 IMPOSSIBLE = 1e9  # Pa
-MOST_INVALID = 0.5  # share of the tactels
-LOADED = 0.3  # of the highest pressure, from which a tactel tells where the load is
-COARSE = 1.25  # pitches from which the tactels, no longer the skin, limit what is told apart
-# Of half the pad: how far from its centre a ridge is, and how long at the least, which tells how
-# the pad is pressed; misfit of a plane, of the indentation; and a prior that the ridge is level.
-CENTRED, SPREAD, ROUGH, LEVEL = 0.3, 0.4, 0.2, 1e-3
-UNKNOWN_NOISE = 1e-2  # of the highest pressure, where the sensor does not know its noise
 
 
 class PadScale(NamedTuple):
@@ -48,17 +41,7 @@ class PadScale(NamedTuple):
         """Scale of an array whose tactels lie at a depth [m]."""
         half_x, half_y = array.half_width_x, array.half_width_y
         return cls(depth, array.pitch_x, array.pitch_y, half_x, half_y, max(half_x, half_y),
-                   max(depth, COARSE * max(array.pitch_x, array.pitch_y)))
-
-
-class Problem(Enum):
-    """Why a picture does not show the edge."""
-
-    NO_PRESSURE = 'picture without pressure'
-    NOT_TARED = 'picture without tared pressure'
-    INVALID_TACTELS = 'picture with too many invalid tactels'
-    NO_RIDGE = 'no ridge in the picture'
-    ELSEWHERE = 'the picture shows no ridge along the path'
+                   max(depth, 1.25 * max(array.pitch_x, array.pitch_y)))
 
 
 @dataclass(eq=False)  # not frozen: one is made of every image
@@ -106,8 +89,8 @@ class Picture:
     @cached_property
     def pull(self) -> np.ndarray | None:
         """Unit vector in the plane (2,) from the pad's centre to where the pressure is."""
-        way = self.pose[:2, :2] @ centre_of_load(self.pressure, self.array.x, self.array.y,
-                                                 LOADED)
+        # Of what is above 0.3 of the highest pressure.
+        way = self.pose[:2, :2] @ centre_of_load(self.pressure, self.array.x, self.array.y, 0.3)
         size = np.hypot(*way)
         return way / size if size > 0.0 else None
 
@@ -119,20 +102,20 @@ class Picture:
 
 
 def read_picture(image: TactileImage, pose: np.ndarray,
-                 skin_stiffness: float) -> Picture | Problem:
+                 skin_stiffness: float) -> Picture | Reason:
     """Check and mend the pressure of an image taken at a pose (4, 4) in the plane."""
     layer = next((one for one in image.layers if one.component == 'zz'), None)
     if (layer is None or layer.unit != 'Pa' or not layer.depth > 0.0
             or not layer.thickness >= layer.depth or not 0.0 <= layer.poisson <= 0.5
             or layer.stress.shape != image.array.shape):
-        return Problem.NO_PRESSURE
+        return Reason(ReasonCode.BAD_IMAGE, 'picture without pressure')
     if not image.tared:
-        return Problem.NOT_TARED
+        return Reason(ReasonCode.BAD_IMAGE, 'picture without tared pressure')
     picture = Picture(layer.stress, image.array, layer.depth, float(layer.noise_std), pose,
                       image.stamp_ns, skin_stiffness, layer.thickness, layer.poisson)
     # What is mended of more than that would be made up.
-    if picture.invalid > MOST_INVALID * picture.pressure.size:
-        return Problem.INVALID_TACTELS
+    if picture.invalid > 0.5 * picture.pressure.size:
+        return Reason(ReasonCode.BAD_IMAGE, 'picture with too many invalid tactels')
     return picture
 
 
@@ -163,14 +146,14 @@ def indentation_of(points: np.ndarray, pose: np.ndarray,
         rows[n, 1], rows[n, 2], depths[n], weights[n] = own[0], own[1], -own[2], points[n].weight
     total = weights.sum()
     # An edge says nothing of the rise across it, which is none then.
-    normal = (rows.T * weights) @ rows + total * np.diag(
-        np.array([1e-12, LEVEL * half**2, LEVEL * half**2]))
+    level = 1e-3 * half**2
+    normal = (rows.T * weights) @ rows + total * np.diag(np.array([1e-12, level, level]))
     depth, rise_x, rise_y = np.linalg.solve(normal, (rows.T * weights) @ depths)
     misfit = rows @ np.array([depth, rise_x, rise_y]) - depths
     _, x, y = (weights @ rows) / total
     spread = np.sum(weights * ((rows[:, 1] - x)**2 + (rows[:, 2] - y)**2)) / total
-    found = (math.hypot(x, y) < CENTRED * half and math.sqrt(spread) > SPREAD * half
-             and math.sqrt(weights @ misfit**2 / total) < ROUGH * depth)
+    found = (math.hypot(x, y) < 0.3 * half and math.sqrt(spread) > 0.4 * half
+             and math.sqrt(weights @ misfit**2 / total) < 0.2 * depth)
     way = to_own.T @ np.array([rise_x, rise_y, 1.0])
     return found, depth, way / math.sqrt(way @ way)
 
@@ -186,7 +169,7 @@ def _look(pressure: np.ndarray, noise: float, x: np.ndarray, y: np.ndarray, dept
     """
     invalid, peak = _drop_impossible(pressure)
     if not 0.0 < noise < IMPOSSIBLE:
-        noise = UNKNOWN_NOISE * max(peak, 1.0)
+        noise = 1e-2 * max(peak, 1.0)
     mended = mend(pressure, noise)
     ridge = ridge_of(mended, x, y, noise, depth)
     coming = coming_length(mended, x, y, ridge, noise, depth)

@@ -17,25 +17,15 @@ from tactile_servo.edge_map.records import joined, retyped
 from tactile_servo.edge_map.tracing import STEP, trace
 
 DENIALS = 3  # pictures one after the other that show no such corner, until it is dropped
-
 SEEN_BORDER = 1.65  # depths from the pad's border where a ridge looks as it does at its end
 
 # In grains, see `PadScale`: where what is near cannot be told apart.
 KEEP_BEHIND = 1.0  # behind the pad's centre the path is no longer changed
-SAME_CORNER = 1.5  # between vertices of what may be one corner
-PASSED = 2.0  # behind the pad a corner is no longer fitted
 CLOSING = 0.6  # from the start within which a contour closes
-UNSURE_START = 2.0  # of a path at its start that a moving pad has not seen long enough
-
-PAST_CORNER = 11.0  # depths of path traced at the least: through a corner and out of it again
 
 # In half sizes of the pad: what it can see, and what it must have left behind.
-AHEAD = 22.0 / 12.7  # of path traced at the most: to a corner of the pad, and a share more
 BEHIND = 30.0 / 12.7  # around the pad of which the load is reckoned
 SHORTEST_CONTOUR = 50.0 / 12.7  # nearly twice the pad: what is smaller has no edge to follow
-
-
-NO_ZONES = np.empty(0, ZONE)
 
 
 class PathEnd(Enum):
@@ -87,7 +77,8 @@ class TracedPath:
 
     @property
     def _ahead(self) -> float:
-        return max(AHEAD * self.scale.half, PAST_CORNER * self.scale.depth)
+        """Way that is traced [m]: beyond a corner of the pad, or through one of the edge."""
+        return max(22.0 / 12.7 * self.scale.half, 11.0 * self.scale.depth)
 
     def extend(self, cloud: np.ndarray, picture: Picture, station: float) -> None:
         """Trace anew what lies ahead of a station [m]."""
@@ -126,7 +117,7 @@ class TracedPath:
         self.end = PathEnd.VIEW
         while left > 0.0:
             first = len(nodes)
-            zones = np.array([corner.zone for corner in corners], ZONE) if corners else NO_ZONES
+            zones = np.array([corner.zone for corner in corners], ZONE)
             grown, entered = with_leg(nodes, cloud, zones, left, self.scale.grain,
                                       self.scale.depth)
             nodes = retyped(grown)
@@ -192,7 +183,7 @@ class TracedPath:
         if self.end is PathEnd.RIDGE:
             guesses.append(ends.acute_turn(cloud, leg, self.scale))
         for shape in guesses:
-            if shape is None or any(self._apart(shape, other) < SAME_CORNER * self.scale.grain
+            if shape is None or any(self._apart(shape, other) < 1.5 * self.scale.grain
                                     for other in self.corners):
                 continue
             fitted = fit(picture, shape)
@@ -213,7 +204,7 @@ class TracedPath:
     def refine(self, picture: Picture, station: float) -> None:
         """Fit the corners in view to the newest picture; drop those ahead that it denies."""
         for corner in list(self.corners):
-            if (corner.leave < station - PASSED * self.scale.grain
+            if (corner.leave < station - 2.0 * self.scale.grain
                     or not shown(picture, corner.shape)):
                 continue
             fitted = fit(picture, corner.shape)
@@ -230,8 +221,8 @@ class TracedPath:
         shortest = SHORTEST_CONTOUR * self.scale.half
         if not self.may_close or station - self.began < shortest:
             return
-        # Behind where it began the path was seen from one place only.
-        stations, unsure = self.nodes['station'], UNSURE_START * self.scale.grain
+        # Behind where it began the path was seen from one place only, and not long enough.
+        stations, unsure = self.nodes['station'], 2.0 * self.scale.grain
         begin = max(stations.item(0), self.began) + unsure
         k = closing_node(self.nodes, station, begin, CLOSING * self.scale.grain)
         if k < 0:

@@ -10,12 +10,8 @@ from tactile_servo.edge_map.records import CLOUD_POINT, LocalLine, NODE, Records
 
 # In grains, see `PadScale`: what one picture cannot tell apart is one line.
 STEP = 0.25  # between the nodes of a trace
-WIDTH = 0.35  # standard deviation of the window of a step
 REACH = 0.9  # radius of that window
 AROUND = 1.0  # way of a trace, after which the points that it can reach are chosen anew
-SUPPORT = 0.3  # points, weighted, that a node needs
-SIDEWAYS = 0.5  # cosine of the largest angle between a point's ridge and the trace
-NOWHERE = LocalLine(False, 0.0, 0.0, 0.0, 0.0, 0.0)
 
 
 @njit(cache=True)
@@ -104,7 +100,7 @@ def local_line(cloud: np.ndarray, x: float, y: float, tx: float, ty: float,
 
     Only points whose ridge runs roughly along (tx, ty) count, and the direction has that sense.
     """
-    width, reach = WIDTH * grain, REACH * grain
+    width, reach = 0.35 * grain, REACH * grain
     total = mx = my = mz = sx = sy = 0.0
     for n in range(len(cloud)):
         dx, dy = cloud[n].x - x, cloud[n].y - y
@@ -112,7 +108,7 @@ def local_line(cloud: np.ndarray, x: float, y: float, tx: float, ty: float,
         if squared > reach * reach:
             continue
         along = cloud[n].tx * tx + cloud[n].ty * ty
-        if abs(along) < SIDEWAYS:
+        if abs(along) < 0.5:
             continue
         weight = cloud[n].weight * math.exp(-0.5 * squared / (width * width)) * along * along
         sense = weight if along > 0.0 else -weight
@@ -123,8 +119,8 @@ def local_line(cloud: np.ndarray, x: float, y: float, tx: float, ty: float,
         sx += sense * cloud[n].tx
         sy += sense * cloud[n].ty
     norm = math.hypot(sx, sy)
-    if total < SUPPORT or norm == 0.0:
-        return NOWHERE
+    if total < 0.3 or norm == 0.0:
+        return LocalLine(False, 0.0, 0.0, 0.0, 0.0, 0.0)
     return LocalLine(True, x + mx / total, y + my / total, mz / total, sx / norm, sy / norm)
 
 

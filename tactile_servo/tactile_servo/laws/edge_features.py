@@ -13,8 +13,6 @@ from tactile_servo.control.scaling import ramp
 # Second moment along the edge, relative to that of an edge across the whole pad, from which its
 # rise is not known
 UNEVEN = 0.15
-LEAST_ELONGATION = 3.0  # ratio of the principal second moments of what is followed by its moments
-MOST_YAW = 1.0  # rad
 
 
 @dataclass(frozen=True)
@@ -49,7 +47,7 @@ def edge_features(contact: Contact, array: TactelArray,
     elif (contact.type == ContactType.OTHER and moments.m0 > 0.0
           and ContactReason.LOW_SNR not in contact.reasons):
         elongation = moments.elongation()
-        if not elongation >= LEAST_ELONGATION:
+        if not elongation >= 3.0:
             return None, f'contact is no edge, elongation {elongation:.1f}'
         line = line_from_moments(moments, half)
         features = EdgeFeatures(line.a * math.cos(line.yaw), line.yaw, moments.m0, remaining, tilt)
@@ -60,7 +58,7 @@ def edge_features(contact: Contact, array: TactelArray,
     if abs(features.lateral) > array.half_width_x or features.force < 0.0:
         return None, (f'estimate of {1e3 * features.lateral:.3g} mm, '
                       f'{features.force:.3g} N is impossible')
-    if abs(features.yaw) > MOST_YAW:
+    if abs(features.yaw) > 1.0:
         return None, f'it lies {math.degrees(features.yaw):.0f} degrees across the pad'
     return features, ''
 

@@ -29,10 +29,6 @@ from tactile_servo.motion.agility import Agility
 from tactile_servo.reasons import Reason, ReasonCode
 from tactile_servo.types import EdgeGoal, State, TaskError
 
-PRESSED = 0.6  # of the force, from which what is seen of the edge is all of it
-ADVANCE = 0.5  # grains that are progress
-STALE = 1.5  # times the age at which the supervisor holds: for images that stop alone
-
 
 @dataclass
 class Going:
@@ -148,13 +144,14 @@ class EdgeFollowing:
         path, scale = edge.path, edge.scale
         if self._stalled(now, progress):
             return Assessment(State.DONE, Reason(ReasonCode.NO_PROGRESS), lift=True)
-        if now - self.sight.looked > STALE * self.servo.input.stale_image:
+        # Longer than the supervisor waits: of images that stop alone.
+        if now - self.sight.looked > 1.5 * self.servo.input.stale_image:
             return Assessment(State.HOLD, Reason(ReasonCode.STALE_IMAGE))
         if edge.closed and path.closing is not None and going.here >= path.closing:
             return Assessment(State.DONE, Reason(ReasonCode.CONTOUR_CLOSED), True)
         lacking, touching = self.lacks(now), load >= self.servo.approach.contact_force
         # A lightly pressed pad touches a crest only, and an edge seems to end beside it.
-        going.pressed = going.pressed or self.sight.load.force >= PRESSED * self.goal.force
+        going.pressed = going.pressed or self.sight.load.force >= 0.6 * self.goal.force
         if path.end is PathEnd.RIDGE and going.ahead >= path.tip - END_MARGIN * scale.grain and (
                 going.pressed or lacking is not None):
             return self._at_end(progress, touching)
@@ -175,7 +172,7 @@ class EdgeFollowing:
         if not isinstance(self._mode, Following):  # the other modes end by themselves
             self._going.stall = Stall()
         return self._going.stall.see(
-            now, progress, ADVANCE * self.sight.edge.scale.grain, self.goal.speed)
+            now, progress, 0.5 * self.sight.edge.scale.grain, self.goal.speed)
 
     def _at_end(self, progress: float, touching: bool) -> Assessment:
         """Decide where the ridge ends: coast over a gap, go down a step, or end."""

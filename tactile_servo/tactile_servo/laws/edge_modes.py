@@ -10,10 +10,6 @@ from tactile_servo.laws.edge_motion import EdgeMotion, SEARCH
 from tactile_servo.motion.agility import Agility
 from tactile_servo.reasons import Reason, ReasonCode
 
-# Of half the pad's longer side
-COAST = 1.42  # on straight where a ridge ends: the edge has passed from under the pad
-FAR = 1.18  # to where the pressure is
-PROBE = 0.9  # of the depth that is allowed: the rest is for the stop
 END_MARGIN = 1.5  # grains before the end of a ridge from which the pad coasts
 STILL = np.zeros(3)
 
@@ -64,8 +60,9 @@ class Coasting:
 
     def over(self, scale: PadScale, unseen: float) -> bool:
         """Whether images show that the edge has passed; the last way [m] they do not show yet."""
-        # It began that margin before the end, which is known to no less.
-        return self._way - unseen >= COAST * scale.half + 2.0 * END_MARGIN * scale.grain
+        # It began that margin before the end, which is known to no less; 1.42 halves on, the edge
+        # has passed from under the pad, corner to corner.
+        return self._way - unseen >= 1.42 * scale.half + 2.0 * END_MARGIN * scale.grain
 
     def move(self, motion: EdgeMotion, stand: Stand, agility: Agility, dt: float) -> Wanted:
         """Motion of the next cycle."""
@@ -84,7 +81,7 @@ class Searching:
 
     def over(self, scale: PadScale) -> bool:
         """Whether it has gone too far."""
-        return self._way > FAR * scale.half
+        return self._way > 1.18 * scale.half
 
     def move(self, motion: EdgeMotion, stand: Stand, agility: Agility, dt: float) -> Wanted:
         """Motion of the next cycle."""
@@ -106,8 +103,8 @@ class ReachingDown:
 
     @property
     def over(self) -> bool:
-        """Whether the pad is as deep as it may go."""
-        return self._depth > PROBE * self._deepest
+        """Whether the pad is as deep as it may go: a tenth is left for the stop."""
+        return self._depth > 0.9 * self._deepest
 
     def move(self, motion: EdgeMotion, stand: Stand, agility: Agility, dt: float) -> Wanted:
         """Motion of the next cycle."""

@@ -33,16 +33,7 @@ SEARCH = 0.02  # of a search for an edge that is lost
 NORMAL = 0.05  # largest along the normal
 # Of the acceleration in the plane, for which turns are planned: the rest is for corrections
 AGILE = 0.8
-CORNER_SETTLE = 3e-4  # m before and after a sharp corner that are passed at its speed, for the lag
-# Grains, lengths that an image resolves
-LOOK_AHEAD = 0.2  # along the path over which its direction is taken
-ON_PATH, ASTRAY = 0.1, 0.6  # beside it, where the pad goes at full speed, and stands
-# Force
-COMING_SHARE = 0.35  # of the length that comes under the pad at once which is given way to before
-GIVE_WAY = 5.0  # times the gain with which the pad gives way to what comes under it
 SHORTEST = 0.5  # of the pad's half size, the edge that the force is spread over at the least
-INTEGRAL = 60.0  # 1/s^2
-TURN, TURN_RATE = 5.0, 1.5  # gain [1/s] and largest rate [rad/s] of the turn along the edge
 
 
 def missing_depth(force: float, load: Load, *, half: float, length: float, pressed: float,
@@ -68,7 +59,7 @@ def missing_depth(force: float, load: Load, *, half: float, length: float, press
     predicted = load.force / max(load.length, shortest) + skin_stiffness * pressed
     # A share of what is to come is given way to before: as much too little first as it is too
     # much then.
-    wanted = force / (max(length, shortest) + COMING_SHARE * load.coming)
+    wanted = force / (max(length, shortest) + 0.35 * load.coming)
     return (wanted - max(predicted, 0.0)) / skin_stiffness
 
 
@@ -79,9 +70,9 @@ class EdgeMotion:
         self.config, self.goal, self.sight = config, goal, sight
         self._speed, self._path = SpeedController(), PathController(config.path.lateral_gain)
         self._force = ForceController(
-            ForceGains(config.force.gain, INTEGRAL, press=NORMAL, lift=NORMAL))
-        self._attitude = AttitudeController(
-            AttitudeGains(TURN, TURN_RATE, config.attitude.acceleration))
+            ForceGains(config.force.gain, integral=60.0, press=NORMAL, lift=NORMAL))
+        self._attitude = AttitudeController(AttitudeGains(
+            gain=5.0, max_rate=1.5, acceleration=config.attitude.acceleration))
 
     def retune(self, config: EdgeFollowingConfig) -> None:
         """Take other gains from now on."""
@@ -111,15 +102,16 @@ class EdgeMotion:
         # A second leg that comes under the pad adds its load at once: give way first.
         share = min(load.coming / min(scale.half_x, scale.half_y), 1.0)
         top = goal.speed - max(goal.speed - ENTRY, 0.0) * share
-        off = (math.hypot(*stand.aside) / scale.grain - ON_PATH) / (ASTRAY - ON_PATH)
+        # Within a tenth of a grain it is on the path, half a grain further it stands.
+        off = (math.hypot(*stand.aside) / scale.grain - 0.1) / 0.5
         top *= caution(max(pressed, 1.0) if may_lift else pressed, off)
         top = min(top, AGILE * NORMAL / max(abs(self.sight.slope), 1e-9))  # up or down
         most = min(self.config.speed.acceleration, agility.across())
         top = edge.speed_limit(stand.ahead, top, AGILE * most,
                                BLIND if edge.path.end is PathEnd.VIEW else top,
-                               self.config.path.corner_cut, CORNER_SETTLE)
+                               self.config.path.corner_cut, settle=3e-4)  # for the lag
         speed = self._speed.change(top, AGILE * most * dt, math.inf)
-        x, y = edge.way(stand.ahead, stand.ahead + LOOK_AHEAD * scale.grain + speed * dt)
+        x, y = edge.way(stand.ahead, stand.ahead + 0.2 * scale.grain + speed * dt)
         return self._path.follow((speed * x, speed * y), stand.aside, most, dt)
 
     def touch_speed(self, left: float) -> float:
@@ -151,7 +143,7 @@ class EdgeMotion:
         give = self._force.speed(
             missing, off / c.stiffness if abs(off) < INTEGRATED * goal.force else None, dt,
             # There is not much time, and what was moved since the image is known.
-            haste=GIVE_WAY if load.coming > 0.0 and missing < 0.0 else 1.0,
+            haste=5.0 if load.coming > 0.0 and missing < 0.0 else 1.0,
             # What touches, and is no edge, is no reason to press.
             may_press=may_press and sight.problem is None)
         return clipped(give + sight.slope * self.speed, -NORMAL, NORMAL)

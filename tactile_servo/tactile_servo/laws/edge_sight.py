@@ -9,13 +9,10 @@ from tactile_sensing.types.contact import Contact, ContactType
 from tactile_servo.control.press_check import PressCheck
 from tactile_servo.control.stability import AGE_SHARE
 from tactile_servo.edge_map.edge_map import EdgeMap
-from tactile_servo.edge_map.picture import indentation_of, Problem
+from tactile_servo.edge_map.picture import indentation_of
 from tactile_servo.law import Observation
 from tactile_servo.reasons import Reason, ReasonCode
 from tactile_servo.types import EdgeGoal, TaskError
-
-FITTED = 0.1  # of the force, within which that of a fitted line is believed beside the sum
-UNFIT = {Problem.NO_RIDGE: ReasonCode.EDGE_LOST, Problem.ELSEWHERE: ReasonCode.EDGE_LOST}
 
 
 class Load(NamedTuple):
@@ -60,7 +57,7 @@ class EdgeSight:
         picture, load = self.edge.picture, self.load
         if (picture is not None and observation.stamp_ns == picture.stamp_ns
                 and contact.force_valid and contact.type == ContactType.LINE
-                and abs(contact.normal_force - load.force) < FITTED * load.force):
+                and abs(contact.normal_force - load.force) < 0.1 * load.force):
             self.load = load._replace(force=contact.normal_force)
 
     def see(self, observation: Observation, pose: np.ndarray, ahead: float,
@@ -75,7 +72,7 @@ class EdgeSight:
         assert observation.image is not None
         problem = edge.see(observation.image, pose)
         if problem is not None:
-            self.problem = Reason(ReasonCode.BAD_IMAGE, problem.value)
+            self.problem = problem
             return False
         picture = edge.picture
         self.looked, self.height = observation.arrival, picture.height
@@ -93,7 +90,7 @@ class EdgeSight:
             if found and not anew:
                 self.press.see(picture.pose[:3, 3], way, depth)
         else:
-            self.problem = Reason(UNFIT[sight.problem], sight.problem.value)
+            self.problem = sight.problem
             if self.error is not None:
                 self.error = self.error._replace(force=picture.force)
         return sight.begun

@@ -22,20 +22,12 @@ from tactile_servo.motion.agility import Agility
 from tactile_servo.reasons import Reason, ReasonCode
 from tactile_servo.types import EdgeGoal, State, TaskError
 
-DEAD_TIME, LAG = 2.5e-3, 10e-3  # s; of the robot that the gains are bounded for: the mock
 # Of the gain at which a loop through images of the measured age would swing: every T_seg is at
 # least so long that its gain is no larger.
 LIMIT_SHARE = 0.4
 # Largest speeds: across the edge and along the normal [m/s], about the normal and about x [rad/s]
 ACROSS, PRESS, TURN, TILT = 0.1, 0.02, 2.0, 0.3
-LEVELLING = 0.2  # s, T_seg of (5.3) for the rotation about x: the moment along the edge is noisy
 OVERFORCE = 1.5  # of the wanted force, beyond which the goal ends
-ASIDE = 0.1  # of half the array; a pad further beside an edge's end may have missed its turn
-ALIGNED = 0.5  # of half the array, from which an edge off the centre slows the pad down
-MET = 0.9  # of the force, from which the depth is compared with it
-FIRM = 0.5  # of the force, below which the pad is slowed down
-END = 0.35  # of half the array, by which the centre of pressure falls behind where the edge ends
-ON_EDGE = Assessment(State.TRACK, Reason(ReasonCode.TRACKING))
 UNKNOWN = EdgeFeatures(math.nan, math.nan, math.nan, math.nan)
 
 
@@ -77,12 +69,12 @@ class ResolvedRateConfig:
 
 def alignment_scale(features: EdgeFeatures, half_width: float) -> float:
     """Slow down as the edge nears the border of the pad, where it would be lost: 0 to 1."""
-    return ramp(abs(features.lateral) / half_width, 1.0, ALIGNED)
+    return ramp(abs(features.lateral) / half_width, 1.0, 0.5)
 
 
 def contact_scale(features: EdgeFeatures, force: float) -> float:
     """Slow down while the pad presses with too little of the force: 0 to 1."""
-    return ramp(features.force / force, 0.0, FIRM)
+    return ramp(features.force / force, 0.0, 0.5)
 
 
 def edge_twist(features: EdgeFeatures, speed: float, force: float, config: ResolvedRateConfig,
@@ -113,8 +105,9 @@ def edge_twist(features: EdgeFeatures, speed: float, force: float, config: Resol
     return np.array([
         rate(features.lateral, across.segment_time, ACROSS), speed,
         rate((force - features.force) / press.stiffness, press.segment_time, PRESS),
-        # More load ahead means that the edge rises: the pad is turned away from it there.
-        rate(-features.tilt, LEVELLING, TILT), 0.0,
+        # More load ahead means that the edge rises: the pad is turned away from it there, slowly,
+        # for the moment along the edge is noisy.
+        rate(-features.tilt, 0.2, TILT), 0.0,
         rate(features.yaw, across.segment_time, TURN)])
 
 
@@ -178,9 +171,10 @@ class ResolvedRate:
         # On average it is acted upon half of the time later that the next one takes to come.
         age = observation.age + 0.5 * clipped(arrival - self._looked, 0.0, limits.stale_image)
         self._age += AGE_SHARE * (min(age, limits.max_stamp_age) - self._age)
-        # What is committed, and half of the control period in which the velocity changes then.
-        delay = self._age + self.servo.motion.committed + 0.5 / self.servo.rate + DEAD_TIME
-        self.shortest = 1.0 / (LIMIT_SHARE * gain_limit(delay, LAG))
+        # What is committed, half of the control period in which the velocity changes then, and a
+        # robot with 2.5 ms of dead time and 10 ms of lag.
+        delay = self._age + self.servo.motion.committed + 0.5 / self.servo.rate + 2.5e-3
+        self.shortest = 1.0 / (LIMIT_SHARE * gain_limit(delay, 10e-3))
         self._looked = arrival
         if not self._begun:
             return
@@ -205,7 +199,7 @@ class ResolvedRate:
             length = 2.0 * self._array.half_width_y
             self._press.see(
                 pose[:3, 3], pose[:3, :3] @ up, contact.line_force * length / self.stiffness,
-                features.force > MET * self.goal.force)
+                features.force > 0.9 * self.goal.force)
 
     @property
     def stiffness(self) -> float:
@@ -250,13 +244,13 @@ class ResolvedRate:
                 f'{goal.force:g} N asked for'), lift=True)
         ahead = goal.direction * self.features.remaining
         shortest = 2.0 * array.half_width_y
-        if ahead < -END * array.half_width_y and progress > shortest:
+        if ahead < -0.35 * array.half_width_y and progress > shortest:
             aside = abs(self.features.lateral)
-            if aside > ASIDE * array.half_width_x:
+            if aside > 0.1 * array.half_width_x:  # it may have missed a turn of the edge
                 return Assessment(State.DONE, Reason(
                     ReasonCode.ENDED_BESIDE, f'{1e3 * aside:.1f} mm'))
             return ended(goal, progress, shortest)
-        return ON_EDGE
+        return Assessment(State.TRACK, Reason(ReasonCode.TRACKING))
 
     def reference(self, pose: np.ndarray, commanded: np.ndarray, agility: Agility,
                   dt: float) -> Reference:

@@ -4,7 +4,6 @@ from dataclasses import dataclass
 import math
 
 STALL_TIME = 5.0  # s without progress
-SLOW = 0.5  # of the speed that is asked for, which is progress whatever the way
 
 
 @dataclass
@@ -21,7 +20,7 @@ class Stall:
 
         At a slow `speed` [m/s] half of the way that was asked for is enough.
         """
-        advance = min(advance, SLOW * speed * STALL_TIME)
+        advance = min(advance, 0.5 * speed * STALL_TIME)
         if progress > self.reached + advance:
             self.reached, self.lasting = progress, 0.0
         elif self.seen is not None:

@@ -27,8 +27,6 @@ from tactile_servo.tactile_jacobian.jacobian import (
 )
 from tactile_servo.tactile_jacobian.table import JacobianTable
 
-MOST_MISSING = 0.3  # of the tactels
-FAINT = 0.04  # of the force, below which there is no contact
 BEYOND = 1.1  # of half the pad, up to which a contact is believed
 
 
@@ -86,7 +84,7 @@ class ContactSense:
         if isinstance(pressure, Reason):
             return pressure
         shown = features_of(pressure, self.array, self._kind)
-        if not shown[0] > FAINT * self.force:
+        if not shown[0] > 0.04 * self.force:
             return Reason(ReasonCode.CONTACT_LOST)
         told = self.tell(shown)
         if not (np.isfinite(told.error).all()
@@ -117,7 +115,7 @@ def pressure_of(image: TactileImage, array: TactelArray) -> np.ndarray | Reason:
     layer = next((one for one in image.layers if one.component == 'zz'), None)
     if layer is None or layer.unit != 'Pa' or layer.stress.shape != array.shape:
         return Reason(ReasonCode.BAD_IMAGE, 'no calibrated pressure of the known array')
-    pressure = filled(np.asarray(layer.stress, dtype=float), MOST_MISSING)
+    pressure = filled(np.asarray(layer.stress, dtype=float), most=0.3)
     return Reason(ReasonCode.BAD_IMAGE, 'too many tactels are missing') if (
         pressure is None) else pressure
 

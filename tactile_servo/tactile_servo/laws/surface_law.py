@@ -31,12 +31,6 @@ from tactile_servo.types import State, TaskError
 
 MET = 0.05  # of the force, the error from which it counts as met, and the probe goes
 OVERFORCE = 2.5  # times the force asked for, beyond which the goal ends, once it was met
-ADVANCE = 5e-4  # m that are progress
-BACK = 30.0  # 1/s, rate at which the contact's distance from its path is made up
-# Of the contact's place on the pad: standard deviation, friction's part included [m]; and error
-# as a share of its distance from the pad's centre
-LOCATION_NOISE, ECCENTRICITY = 1e-4, 0.03
-ON_SURFACE = Assessment(State.TRACK, Reason(ReasonCode.TRACKING))
 
 
 class SurfaceLaw:
@@ -132,7 +126,9 @@ class SurfaceLaw:
         self.error = TaskError(float(off[0]), float(off[1]), force=felt.force)
         aside = math.hypot(*felt.place)
         share = min(self.goal.force / max(felt.force, 1e-6), 20.0)
-        angle = math.hypot(LOCATION_NOISE * share, ECCENTRICITY * aside) / self._dome.array_radius
+        # Of the contact's place: standard deviation, friction's part included, and a share of its
+        # distance from the pad's centre.
+        angle = math.hypot(1e-4 * share, 0.03 * aside) / self._dome.array_radius
         going.met = going.met or abs(felt.force - going.aim.force) < MET * going.aim.force
         take = self._surface.update if self._surface.begun else self._surface.reset
         take(self._sense.depth(felt.force), felt.normal, felt.centre, angle)
@@ -185,10 +181,10 @@ class SurfaceLaw:
             return Assessment(State.DONE, Reason(
                 ReasonCode.OVERFORCE, f'{load:.1f} N, beyond {OVERFORCE:g} times the '
                 f'{goal.force:g} N asked for'), lift=True)
-        if going.stall.see(now, progress, ADVANCE, goal.speed):
+        if going.stall.see(now, progress, 5e-4, goal.speed):
             return Assessment(State.DONE, Reason(
                 ReasonCode.NO_PROGRESS, self._motion.bound), lift=True)
-        return ON_SURFACE
+        return Assessment(State.TRACK, Reason(ReasonCode.TRACKING))
 
     def reference(self, pose: np.ndarray, commanded: np.ndarray, agility: Agility,
                   dt: float) -> Reference:
@@ -198,7 +194,7 @@ class SurfaceLaw:
         point = motion.centre_of(commanded) + self._dome.skin_radius * normal
         if going.path is None:
             going.path = plan_path(self.goal, point, normal, self.config.course.acceleration)
-        step = going.path.step(point, normal, BACK, motion.speed)
+        step = going.path.step(point, normal, 30.0, motion.speed)
         if step is None:
             going.end = Assessment(State.DONE, Reason(
                 ReasonCode.NO_PROGRESS, 'the surface is too steep for the path'))

@@ -20,14 +20,6 @@ from tactile_servo.laws.surface_features import Felt, Told
 from tactile_servo.laws.surface_goal import Pattern, SurfaceGoal, SurfaceResult
 from tactile_servo.reasons import Reason
 
-SPACING = 2.5e-4  # m between the contacts of a result
-AVERAGED = 20  # images of the print, before it says how deep the skin is pressed
-AREA_SHARE = 0.02  # of an image in the running mean of the print's size
-SMALLEST = 1e-6  # m^2, of that
-# m^2 by which the variance of an image is less than the mean of x^2 of what presses; of the
-# default probe, by finite elements.
-SPREAD = 2.0e-6
-
 
 @dataclass
 class Going:
@@ -76,12 +68,12 @@ class Record:
         if not whole:
             return
         self.pressed += 1
-        self.area += max(AREA_SHARE, 1.0 / self.pressed) * (felt.area - self.area)
-        if self.pressed < AVERAGED:
+        self.area += max(0.02, 1.0 / self.pressed) * (felt.area - self.area)
+        if self.pressed < 20:  # the print does not say yet how deep the skin is pressed
             return
         point = felt.centre + (self.probe.skin_radius - self._deflection(felt.force)) * normal
         self.newest = Touch(stamp_ns, point, normal.copy())
-        if not self.points or np.linalg.norm(point - self.points[-1]) >= SPACING:
+        if not self.points or np.linalg.norm(point - self.points[-1]) >= 2.5e-4:
             self.points.append(point)
             self.normals.append(self.newest.normal)
 
@@ -92,7 +84,9 @@ class Record:
         On an elastic foundation P = pi / 2 k d a b, a and b the half axes of the patch; the
         variance of its pressure is a^2 / 6 and b^2 / 6. It is larger on what curves more.
         """
-        area = max(self.area + SPREAD, SMALLEST)
+        # The variance of an image is less than the mean of x^2 of what presses by 2 mm^2: of the
+        # default probe, by finite elements.
+        area = max(self.area + 2.0e-6, 1e-6)
         return force / (3.0 * math.pi * self.probe.modulus * area)
 
     def result(self) -> SurfaceResult:

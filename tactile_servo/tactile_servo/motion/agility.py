@@ -24,18 +24,3 @@ class Agility(Protocol):
     def along(self, way: np.ndarray, speed: float = 0.0, bending: float = 1.0) -> Pace:
         """Pace on a way, which is a twist (6,) of the sensor per unit, see `Motion.along`."""
         ...
-
-
-class Unbounded:
-    """Agility of a robot of which nothing is known."""
-
-    def across(self) -> float:
-        """Any acceleration."""
-        return math.inf
-
-    def along(self, way: np.ndarray, speed: float = 0.0, bending: float = 1.0) -> Pace:
-        """Any pace."""
-        return Pace()
-
-
-UNBOUNDED = Unbounded()

@@ -2,9 +2,6 @@
 
 import math
 
-AHEAD, BEHIND = 4e-3, 2.5e-3  # s; of the robot's clock, the way of a joint state included
-WATCHED = 0.5  # s; of that time the youngest joint state counts, the others came late
-
 
 class ClockCheck:
     """
@@ -26,7 +23,7 @@ class ClockCheck:
         if stamp_ns == self._newest_ns:
             return
         self._newest_ns = stamp_ns
-        if now - self._since > WATCHED:
+        if now - self._since > 0.5:
             self._youngest, self._running, self._since = self._running, math.inf, now
             self._oldest, self._running_oldest = self._running_oldest, -math.inf
         self._running = min(self._running, age)
@@ -34,9 +31,9 @@ class ClockCheck:
 
     @property
     def agrees(self) -> bool:
-        """Whether both are one clock, as far as is known."""
+        """Whether both are one clock, as far as is known, and but for a joint state's way."""
         youngest = min(self._youngest, self._running)
-        return -AHEAD <= youngest <= BEHIND
+        return -4e-3 <= youngest <= 2.5e-3
 
     @property
     def lateness(self) -> float:

@@ -7,12 +7,9 @@ import numpy as np
 from tactile_servo.motion.trajectory import Trajectory
 from tactile_servo.motion.window import committed, Window
 
-KEPT = 32  # windows
 SAME = 1e-6  # rad; two motions that differ by less are one
-MARGIN = 4e-3  # s beyond the longest delay: a period of the controller and that of its states
 LATEST = 0.03  # s of delay that windows may be committed for
 PROBE = 5e-4  # rad/s: a window with no more is no jolt, however late it comes
-PROBED = 0.1  # s after which a controller that plays something else is not asked any more
 
 
 class WindowDelay:
@@ -42,7 +39,7 @@ class WindowDelay:
 
     def begin(self) -> None:
         """Begin a motion, from rest."""
-        self._sent: deque[Trajectory] = deque(maxlen=KEPT)
+        self._sent: deque[Trajectory] = deque(maxlen=32)
         self._rest: np.ndarray | None = None
         self._moved_ns: int | None = None
         self.overdue, self.probing = 0.0, self._heard and not self._proved
@@ -57,8 +54,8 @@ class WindowDelay:
             self._rest = window.positions[-1]
         elif self._moved_ns is None:
             self._moved_ns = window.stamp_ns
-        elif window.stamp_ns - self._moved_ns > 1e9 * PROBED:
-            self.probing = False
+        elif window.stamp_ns - self._moved_ns > 1e8:
+            self.probing = False  # for .1 s it has played something else
 
     def unsend(self) -> None:
         """Take that the newest window was not sent after all."""
@@ -99,4 +96,5 @@ class WindowDelay:
     @property
     def needed(self) -> float:
         """How long a window must leave to the one before, if windows were late at all [s]."""
-        return min(self.longest + MARGIN, LATEST) if self.longest else 0.0
+        # With a period of the controller and one of its states.
+        return min(self.longest + 4e-3, LATEST) if self.longest else 0.0

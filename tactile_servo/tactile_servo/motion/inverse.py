@@ -34,7 +34,6 @@ ROTATION_LENGTH = 0.04  # m/rad, of a pad of some 25 mm and the finger that it i
 YIELDING = 0.1  # of its weight, a turn about the sensor's normal by six joints, one at its limit
 EASED = 1e-4  # squared errors along a motion that is slowed or delayed, against others
 TAKE_OVER = 0.5  # of the damping; weighs the null space, which is free to stand in for a joint
-PUSH_ZONE = 0.15  # of a joint's range at either end, which a redundant arm is moved out of
 PUSH = 4.0  # rad of a joint at its limit per metre of (weighted) way
 PUSH_SPEED = 0.1  # of a joint's velocity limit
 
@@ -89,8 +88,9 @@ class BoundedInverse:
     def __init__(self, limits: JointLimits):
         self._limits = limits
         joints, span = len(limits.names), limits.upper - limits.lower
-        # Without a zone where a joint has no range, an infinite room divided by it is no push.
-        self._zone = np.where(np.isfinite(span), PUSH_ZONE * span, 1e-300)
+        # At either end of its range, which a redundant arm is moved out of. Without a zone where
+        # a joint has no range, an infinite room divided by it is no push.
+        self._zone = np.where(np.isfinite(span), 0.15 * span, 1e-300)
         self._no_rows, self._sense = np.empty((0, joints)), np.zeros(joints, np.int32)
 
     def solve(self, jacobian: np.ndarray, twist: np.ndarray, joints: Joints,

@@ -7,12 +7,10 @@ from tactile_common.state_buffer import StateBuffer
 from tactile_servo.motion.limits import JointLimits
 
 BEYOND_LIMITS = 0.5  # rad; a joint measured further out is a fault of its sensor or names
-SIZE = 256  # joint states that the one at a picture's stamp is looked up in
 # A leap is a motion between two states by more than this, and than twice what the joint can do;
 # it is believed from the second state on that tells of it, and after a silence.
 LEAP = 0.02  # rad
 SILENCE = 0.5  # s
-MAX_AHEAD_NS = 20_000_000  # a picture may be this much newer than the newest joint state
 
 Stamped = tuple[int, list[float]]  # joint positions and their stamp [ns]
 
@@ -26,8 +24,8 @@ class JointHistory:
             (limits.lower - BEYOND_LIMITS).tolist(), (limits.upper + BEYOND_LIMITS).tolist(),
             strict=True))
         self._states: StateBuffer[np.ndarray] = StateBuffer(
-            lambda one, other, share: one + share * (other - one), size=SIZE,
-            max_ahead_ns=MAX_AHEAD_NS)
+            lambda one, other, share: one + share * (other - one), size=256,
+            max_ahead_ns=20_000_000)  # that a picture may be newer than the newest joint state
         self._fastest = (2.0 * limits.velocity).tolist()
         self._last: Stamped | None = None
         self._doubted: Stamped | None = None

@@ -77,20 +77,14 @@ class JointLimits:
         """Joint velocities (n,) that are rounding [rad/s]."""
         return NEGLIGIBLE * self.velocity
 
-    def room(self, positions: np.ndarray, within: float) -> tuple[np.ndarray, np.ndarray]:
-        """
-        Joint velocities (n,) <= 0 and (n,) >= 0 that position limits leave room for [rad/s].
-
-        They fall with the distance left, a velocity damper (Faverjon and Tournassoud, 1987): at
-        distance / (within + stopping_time) the joints can always stop together in time, if they
-        begin to within that time [s].
-        """
-        horizon = within + self.stopping_time
-        return (np.minimum((self.lower - positions) / horizon, 0.0),
-                np.maximum((self.upper - positions) / horizon, 0.0))
-
     def reach(self, joints: Joints, dt: float, coast: float = 0.0) -> Reach:
-        """Velocities that joints may have in `dt`, and for `coast` before they brake [s]."""
+        """
+        Velocities that joints may have in `dt`, and for `coast` before they brake [s].
+
+        The room of positions falls with the distance left, a velocity damper (Faverjon and
+        Tournassoud, 1987): at distance / (dt + coast + stopping_time) the joints can always stop
+        together in time.
+        """
         return Reach(*_reach(self._bounds, *joints, dt, dt + coast + self.stopping_time))
 
     def keeps(self, velocities: np.ndarray, least: np.ndarray, most: np.ndarray) -> bool:

@@ -37,12 +37,9 @@ from tactile_servo.motion.window import (
 
 UNDAMPED = 1e-6  # damping that does nothing [m/rad]
 STILL = 1e-12  # joint rates per unit of a way, below which a joint does not move on it
-WITHIN = 0.8  # of a joint's velocity, which a way may take: corrections need some too
 COAST = 8.0  # control periods that a window goes on before it brakes
 SETTLING = 0.1  # s at least, in which the robot's controller comes to where a motion is started
-BENT = 5e-4  # m by which braking in a curve may lead out of the box
 LONGEST_COMMITTED = 0.01  # s; a pad that swings in fast is led less well by more
-HELD_BACK = 0.05  # of the wanted motion; with less than this left the robot does not get on
 BLOCKED_AFTER = 1.0  # s held back until the motion counts as blocked
 
 
@@ -160,11 +157,11 @@ class Motion:
         bend, _ = damped_least_squares(
             jacobian, -self._robot.bias(joints, rates), damping=UNDAMPED)
         # At a speed v the joints' velocities are rates v, their accelerations rates dv/dt + bend
-        # v^2.
+        # v^2. Corrections need a fifth of the velocities.
         moving, bent = np.fmax(np.abs(rates), STILL), np.fmax(np.abs(bend), STILL)
-        down, up = limits.room(joints, (COAST + 2.0) * self._period)
-        speeds = np.array([np.where(rates > 0.0, up, -down) / moving,
-                           WITHIN * limits.velocity / moving,
+        room = limits.reach(self._now.joints, self._period, (COAST + 1.0) * self._period)
+        speeds = np.array([np.where(rates > 0.0, room.most[0], -room.least[0]) / moving,
+                           0.8 * limits.velocity / moving,
                            np.sqrt(bending * limits.acceleration / bent)])
         kind, joint = np.unravel_index(speeds.argmin(), speeds.shape)
         most = float(((limits.acceleration - bent * speed**2) / moving).min())
@@ -296,10 +293,10 @@ class Motion:
                         self._limits.acceleration)
 
     def _bends_out(self, window: Window, box: WorkspaceBox) -> bool:
-        """Whether a window that brakes in a curve ends beyond the box."""
+        """Whether a window that brakes in a curve ends half a millimetre beyond the box."""
         here, there = (box.beyond(self._robot.pose(place)[:3, 3])
                        for place in window.positions[[0, -1]])
-        return bool((there > here + BENT).any())
+        return bool((there > here + 5e-4).any())
 
     def in_time(self, command: Trajectory, age: float) -> bool:
         """
@@ -318,7 +315,7 @@ class Motion:
         """Count for how long hardly any of a wanted twist (6,) has been brought."""
         weighted = wanted * np.repeat([1.0, ROTATION_LENGTH**2], 3)
         square = weighted @ wanted
-        if square < 1e-12 or weighted @ brought > HELD_BACK * square:
+        if square < 1e-12 or weighted @ brought > 0.05 * square:
             self.reset_blocked()
             return
         self._held_back += self._period

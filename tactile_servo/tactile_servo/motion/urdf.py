@@ -10,7 +10,6 @@ from tactile_common.errors import ConfigurationError
 MOVING = ('revolute', 'prismatic', 'continuous')
 LIMITS = ('lower', 'upper', 'velocity')
 MAX_BYTES = 16 << 20  # of a URDF
-MOST_TURNS = 16.0 * np.pi  # rad from limit to limit; a joint with more is one in degrees
 _UNBOUNDED = 1e6  # rad; stands for "no limit" where the parser wants a number
 
 
@@ -123,7 +122,7 @@ def limits_of(joint: ElementTree.Element) -> tuple[float, float, float]:
     for key in needed:
         values[key] = _number(joint, limit, key)
     lower, upper, velocity = values['lower'], values['upper'], values['velocity']
-    if joint.get('type') == 'revolute' and upper - lower > MOST_TURNS:
+    if joint.get('type') == 'revolute' and upper - lower > 16.0 * np.pi:
         raise _wrong(joint, f'limits {lower} to {upper} must be in rad')
     soft = joint.find('safety_controller')
     if soft is not None and not np.isinf(lower):

@@ -18,7 +18,6 @@ from tactile_servo.tactile_jacobian.jacobian import (
 )
 
 FORMAT = 1
-USABLE = 50.0  # largest condition of a Jacobian that is used
 _ARRAYS = ('contacts', 'features', 'forward', 'inverse', 'condition', 'scale')
 
 
@@ -67,7 +66,7 @@ class JacobianTable:
             raise ConfigurationError(f'table: scale is {self.scale}, must be above 0')
         self.usable = (np.isfinite(self.features).all(axis=1)
                        & np.isfinite(self.inverse).all(axis=(1, 2))
-                       & (self.condition <= USABLE))
+                       & (self.condition <= 50.0))
         if not self.usable.any():
             raise ConfigurationError(f'table: none of its {count} entries is usable')
         from scipy.spatial import cKDTree  # of 35 MB, which only this needs
