@@ -406,7 +406,7 @@ class GoalRun:
         if phase is Phase.TEST:
             return self._way.test(dt)
         if phase in LIFTING:
-            return self._way.retreat()
+            return self._way.retreat(dt)
         self.reference = self._law.reference(
             self._inputs.pose, self._motion.pose, self._motion, dt)
         twist = self.reference.twist

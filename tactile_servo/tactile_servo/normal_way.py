@@ -94,10 +94,18 @@ class NormalWay:
         """Whether the test is over."""
         return self._test is not None and self._test.over
 
-    def retreat(self) -> np.ndarray:
-        """Twist of the pad (6,) off what it touches [m/s, rad/s]."""
-        speed = 0.0 if self.lifted else self._config.approach.speed
-        return np.array([0.0, 0.0, -speed, 0.0, 0.0, 0.0])
+    def retreat(self, dt: float) -> np.ndarray:
+        """
+        Twist of the pad (6,) off what it touches, for a cycle of `dt` [s] [m/s, rad/s].
+
+        What it still does otherwise slows down: joints that are to stop all motion at once bring
+        the normal to rest no sooner than the rest.
+        """
+        twist = self._motion.twist
+        beside = np.hypot(twist[0], twist[1])
+        twist *= max(1.0 - self._motion.across() * dt / max(beside, 1e-9), 0.0)
+        twist[2] = 0.0 if self.lifted else -self._config.approach.speed
+        return twist
 
     def _careful_speed(self) -> float:
         """Speed at which the pad may press what has been touched, or not yet [m/s]."""

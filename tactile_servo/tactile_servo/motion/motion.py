@@ -130,6 +130,11 @@ class Motion:
         return not self._now.window.velocities.any()
 
     @property
+    def twist(self) -> np.ndarray:
+        """Twist (6,) that the sensor is commanded to, in its own frame [m/s, rad/s]."""
+        return self._now.jacobian @ self._now.joints.velocities
+
+    @property
     def lasting(self) -> float:
         """Time from the last cycle that had a window to the rest at the end of it [s]."""
         return float(self._now.window.times[-1])
