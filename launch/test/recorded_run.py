@@ -98,7 +98,7 @@ def state_at(seconds):
 
 def messages(scene):
     """Yield (topic, time of reception [ns], message) of the whole run."""
-    renderer, rng = EdgeWorld(scene, ARRAY), np.random.default_rng(1)
+    renderer, rng = EdgeWorld(scene), np.random.default_rng(1)
     layer = Layer('zz', scene.skin.depth, np.empty((0, 0)), 160e3, 630.0, 'Pa')
     yield '/tactile/sensor_info', START, sensor_info_to_msg(SensorInfoData(
         START, 'tactile_pad', 'pad', 'flexitac', '', ARRAY, 200.0, DELAY, 2e5, 12.0, (layer,), (),
