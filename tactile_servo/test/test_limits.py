@@ -25,7 +25,7 @@ def assert_within(positions, velocities, previous):
         positions <= LIMITS.upper + 1e-12).all()
 
 
-@settings(max_examples=300, deadline=None)
+@settings(max_examples=150, deadline=None)
 @given(start=st.tuples(st.floats(-1.0, 1.0), st.floats(-2.0, 0.5), st.floats(-9, 9)),
        wanted=st.lists(st.tuples(speeds, speeds, speeds), min_size=1, max_size=20),
        repeat=st.integers(1, 60))
