@@ -341,7 +341,6 @@ class Likelihood:
 
     def hold(self, *numbers: int) -> None:
         """Fix numbers of the kind at what is usual."""
-        self.known = self.known.copy()
         self.known[list(numbers)] = FIXED
 
     def settle(self, unknowns: Unknowns) -> Unknowns:

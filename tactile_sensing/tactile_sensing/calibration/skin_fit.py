@@ -19,6 +19,9 @@ from tactile_sensing.calibration.presses import Presses
 from tactile_sensing.skin.pressure import SkinPressure
 from tactile_sensing.types.skin import Skin
 
+DEPTHS = (0.35, 0.6, 1.0, 1.5, 2.2, 3.2)  # pitches at which the search for the depth begins
+RATIOS = (0.35, 0.8)  # likewise depth over thickness
+
 
 @dataclass(frozen=True, eq=False)
 class Fit:
@@ -56,7 +59,7 @@ def fit_presses(presses: Presses, ball_radius: float, *, area: bool = True,
     """
     Find skin and gains that explain presses of a ball.
 
-    It has a backing where that explains more than a half-space does.
+    A half-space comes first, then a backing, where it explains more.
 
     Parameters
     ----------
@@ -80,30 +83,38 @@ def fit_presses(presses: Presses, ball_radius: float, *, area: bool = True,
         problem.usual[:3] = math.log(known.depth), known.depth / known.thickness, known.poisson
         problem.hold(0, 1, 2)
         return _result(problem, problem.settle(problem.at_peaks(problem.usual.copy())))
-    layer = problem.settle(problem.at_peaks(_start(problem, (0.35, 0.8))))
-    bare = copy(problem)
-    bare.hold(1)
-    plain = bare.iterate(replace(layer, kind=_start(bare, (0.0,))))
-    evidence = bare.chi(plain) - problem.chi(layer)
-    if evidence > 4.0:  # chi-square that a backing must explain
-        return _result(problem, layer)
-    plain = bare.settle(plain)
-    # A backing that does not show may be there: so likely is what it would change. Before presses
-    # tell, none is four times as likely as one of the depth that fits.
-    likely = 1.0 / (1.0 + 4.0 * math.exp(-0.5 * evidence))
-    return _result(bare, plain, likely**0.5 * np.append(
-        layer.kind - plain.kind, np.log(layer.level / plain.level)))
+    problem.hold(1)
+    start = _start(problem)
+    plain = problem.iterate(problem.at_peaks(start))
+    problem.known[1] = 1.0
+    layers = []
+    for ratio in RATIOS:
+        trial = copy(problem)
+        layer = trial.settle(replace(plain, kind=np.array([start[0], ratio, *trial.usual[2:]])))
+        layers.append((trial.chi(layer), trial, layer))
+    least, problem, layer = min(layers, key=lambda it: it[0])
+    problem.hold(1)
+    plain = problem.iterate(replace(layer, kind=plain.kind))
+    evidence = problem.chi(plain) - least
+    if evidence < 4.0:  # chi-square that a backing must explain
+        plain = problem.settle(plain)
+        # A backing that does not show may be there: so likely is what it would change. Before
+        # presses tell, none is four times as likely as one of the depth that fits.
+        likely = 1.0 / (1.0 + 4.0 * math.exp(-0.5 * evidence))
+        return _result(problem, plain, likely**0.5 * np.append(
+            layer.kind - plain.kind, np.log(layer.level / plain.level)))
+    problem.known[1] = 1.0
+    return _result(problem, layer)
 
 
-def _start(problem: Likelihood, ratios: tuple[float, ...]) -> np.ndarray:
-    """Skin at which the search begins: the best of some depths and ratios, by some presses."""
+def _start(problem: Likelihood) -> np.ndarray:
+    """Half-space at which the search begins: the best of some, by some of the presses."""
     few = np.arange(min(len(problem.told), 8))
     trial = Likelihood(problem.presses.only(few), problem.radius, problem.size[0] > 0.0,
                        problem.told[few], problem.source[few], problem.offset_std)
-    trial.usual, trial.known = problem.usual, problem.known
+    trial.usual, trial.known = problem.usual, problem.known.copy()
     trial.hold(0)
-    kinds = [np.array([math.log(depth * problem.pitch), ratio, *problem.usual[2:]])
-             for depth in (0.35, 0.6, 1.0, 1.5, 2.2, 3.2) for ratio in ratios]
+    kinds = [np.append(math.log(depth * problem.pitch), problem.usual[1:]) for depth in DEPTHS]
     return min(kinds, key=lambda kind: trial.chi(trial.iterate(trial.at_peaks(kind), 3)))
 
 
