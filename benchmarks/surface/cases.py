@@ -157,7 +157,7 @@ def follow(case: Case, seed: int) -> tuple[dict[str, Any], list, list]:
     simulation = Simulation(scene, case.law, seed=seed, settings=case.settings, config=bounds,
                             latency=case.latency, robot=robot)
     if case.offset:
-        simulation.world = Misplaced(scene, simulation.array)
+        simulation.world = Misplaced(scene)
         simulation.world.offset = np.eye(4)
         simulation.world.offset[:3, 3] = case.offset
     if case.before:

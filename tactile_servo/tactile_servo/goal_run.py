@@ -11,6 +11,7 @@ from tactile_servo.following import apart, Following
 from tactile_servo.hold import BINDING, Hold
 from tactile_servo.inputs import Inputs
 from tactile_servo.law import Assessment, Goal, Reference, ServoLaw
+from tactile_servo.motion.inverse import ROTATION_LENGTH
 from tactile_servo.motion.motion import Motion, MotionStep
 from tactile_servo.normal_way import NormalWay
 from tactile_servo.reasons import Reason, ReasonCode
@@ -69,7 +70,7 @@ class GoalRun:
         self._config, self._law, self._inputs = config, law, inputs
         self._motion, self._machine = motion, machine
         self._way = NormalWay(config, goal, law, inputs, motion)
-        self._following = Following(config.input, config.motion.rotation_length)
+        self._following = Following(config.input, ROTATION_LENGTH)
         self._times = StateTimes(config, goal)
         self._paused, self._outcome = False, machine.reason
         self._tested = not config.self_test
@@ -159,7 +160,7 @@ class GoalRun:
     def _off(self) -> float:
         """How far the robot is from where its last window comes to rest, as in `apart` [m]."""
         return apart(self._motion.rest_pose, self._inputs.pose,
-                     self._config.motion.rotation_length)
+                     ROTATION_LENGTH)
 
     # Guards: the reason of an event that is due, or None.
 

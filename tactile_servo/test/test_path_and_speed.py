@@ -13,7 +13,7 @@ from tactile_servo.control.speed_controller import caution, SpeedController
 from tactile_servo.edge_map.picture import PadScale
 from tactile_servo.edge_map.traced_path import PathEnd
 from tactile_servo.laws.edge_config import EdgeFollowingConfig
-from tactile_servo.laws.edge_motion import AGILE, BLIND, EdgeMotion, ENTRY, Load
+from tactile_servo.laws.edge_motion import AGILE, BLIND, EdgeMotion, ENTRY, Load, NORMAL
 from tactile_servo.types import EdgeGoal
 
 DT, ACCELERATION, GAIN, FORCE = 0.0025, 2.0, 30.0, 5.0
@@ -37,8 +37,8 @@ class Edge:
         return 0.0, 1.0
 
 
-def motion_on(edge, load=None, speed=0.2):
-    sight = SimpleNamespace(edge=edge, load=load or Load(FORCE, 0.0254))
+def motion_on(edge, load=None, speed=0.2, slope=0.0):
+    sight = SimpleNamespace(edge=edge, load=load or Load(FORCE, 0.0254), slope=slope)
     return EdgeMotion(EdgeFollowingConfig(), EdgeGoal(speed, FORCE), sight)
 
 
@@ -58,6 +58,13 @@ def test_caution_goes_from_nothing_to_all(share, none, all_):
     assert share(none) == share(none + 0.1 * math.copysign(1.0, none - all_)) == 0.0
     assert share(all_) == 1.0
     assert share(0.5 * (none + all_)) == pytest.approx(0.5)
+
+
+@pytest.mark.parametrize('slope', [-0.5, 0.5])
+def test_a_slope_is_followed_as_fast_as_the_pad_can_rise(slope):
+    edge, stand = Edge(), SimpleNamespace(ahead=0.0, aside=(0.0, 0.0))
+    motion_on(edge, slope=slope).along(stand, UNBOUNDED, DT)
+    assert 0.5 * edge.top <= NORMAL
 
 
 def test_ramp_and_slope():

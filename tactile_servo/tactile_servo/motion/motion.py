@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 import math
-from typing import ClassVar, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -47,7 +47,6 @@ BLOCKED_AFTER = 1.0  # s held back until the motion counts as blocked
 class MotionConfig:
     """How a twist becomes joint velocities."""
 
-    rotation_length: ClassVar[float] = ROTATION_LENGTH
     committed: float = bounded(
         0.004, 'a command no longer changes what the robot does for this long; with a period of '
         'its controller and the way to it within, it does not matter when the controller takes '
