@@ -1,1 +1,1 @@
-"""Contact estimation: the least model that explains a tactile image."""
+"""Contact estimation: find the simplest load that explains a tactile image."""

@@ -1,7 +1,8 @@
 """
-From the readings of one image to what is said of them; compiled.
+Compute the answer for one image from its readings; compiled.
 
-Entry points take a Sensor as plain tuples: numba types a named one anew, in Python, at each call.
+Entry points take a Sensor as plain tuples, because numba determines the type of a named tuple in
+Python at each call.
 """
 
 import math
@@ -21,9 +22,9 @@ from tactile_sensing.skin.bumps import Pad, POINT, WIDTH
 from tactile_sensing.types.contact import ContactType, Reason
 
 FEWEST = 6  # tactels
-CUT_OFF = 4  # equal readings at the top that may be cut off
+CUT_OFF = 4  # this number of equal highest readings may be saturated
 DETECTION = 5.0  # standard deviations
-QUIETER = 0.9  # of the noise that an image seemed to have: worth another fit
+QUIETER = 0.9  # fit again if the residual noise is below this share of the assumed noise
 LOW_SNR, DEAD_TACTELS = int(Reason.LOW_SNR), int(Reason.DEAD_TACTELS)
 FEW_TACTELS, SATURATED = int(Reason.FEW_TACTELS), int(Reason.SATURATED)
 TWO_CONTACTS, SKIN_MISMATCH = int(Reason.TWO_CONTACTS), int(Reason.SKIN_MISMATCH)
@@ -32,32 +33,32 @@ NONE, IS_POINT, IS_LINE, OTHER = (int(kind) for kind in (
 
 
 class Sensor(NamedTuple):
-    """What is known of the readings beforehand, by layers (L,)."""
+    """Known properties of the readings; arrays have one value per layer (L,)."""
 
     pad: Pad
-    main: int  # layer of the pressure
-    noise: np.ndarray  # standard deviation of a tactel; 0: not known
-    full: np.ndarray  # full scale, infinite if there is none
-    floor: np.ndarray  # at or below it a reading is only known to be below it; or -infinite
-    scatter: float  # of the gains; 0: not known
+    main: int  # index of the pressure layer
+    noise: np.ndarray  # standard deviation of a tactel; 0: unknown
+    full: np.ndarray  # full scale; infinite: none
+    floor: np.ndarray  # a reading at or below it is an upper bound only; -infinite: none
+    scatter: float  # relative standard deviation of the gains; 0: unknown
     calibrated: bool  # whether readings are pressures
-    force_std: float  # of all forces in common, relative
-    min_snr: float  # dB; a weaker load is no answer
+    force_std: float  # relative standard deviation that all forces have in common
+    min_snr: float  # a weaker load is not valid [dB]
 
 
 class Look(NamedTuple):
-    """What an image shows before anything is fitted."""
+    """Properties of an image that need no fit."""
 
     moments: tuple  # of the main layer, see `image.moments_of`
     noise: np.ndarray  # (L,)
     full: np.ndarray  # (L,)
-    type: int  # NONE or OTHER, if nothing is to be fitted
-    reasons: int  # SATURATED, DEAD_TACTELS, and why nothing is to be fitted
-    loaded: bool  # whether there is something to be fitted
+    type: int  # NONE or OTHER, if there is no load to fit
+    reasons: int  # SATURATED, DEAD_TACTELS, and why there is no load to fit
+    loaded: bool  # whether there is a load to fit
 
 
 class Answer(NamedTuple):
-    """What a fit says of an image."""
+    """Result of the fit of one image."""
 
     moments: tuple  # of the main layer, see `image.moments_of`
     type: int
@@ -65,27 +66,27 @@ class Answer(NamedTuple):
     force_valid: bool
     reasons: int
     kind: int  # POINT or LINE
-    power: bool  # whether the load was fitted without a skin
-    blunt: bool  # whether it has a patch
-    ends: bool  # whether a line has ends
+    power: bool  # whether a bump of free shape was fitted, without a skin
+    blunt: bool  # whether the load has a patch
+    ends: bool  # whether the line has ends
     iterations: int
     residual: float  # RMS of the errors [standard deviations of the noise]
     snr: float  # dB
-    values: np.ndarray  # (7,), of `types.contact.PARAMETERS`
+    values: np.ndarray  # (7,), in the order of `types.contact.PARAMETERS`
     covariance: np.ndarray  # (7, 7)
     start: float  # of a line [m], as in Contact.msg
     end: float
-    patch: float  # m
+    patch: float  # [m]
 
 
 def plain(sensor: Sensor) -> tuple:
-    """Sensor as the entry points take it."""
+    """Convert a Sensor to the plain tuples that the entry points take."""
     return tuple(sensor.pad), *sensor[1:]
 
 
 @njit(error_model='numpy')
 def _look(frame: np.ndarray, sensor: Sensor, saturated: int) -> tuple[Look, float]:
-    """See `look`."""
+    """Return the result of `look`, and the highest reading of the main layer."""
     main, full, noise = sensor.main, sensor.full.copy(), sensor.noise.copy()
     seen = survey(frame, main, full, sensor.pad)
     for k in range(noise.size):
@@ -108,16 +109,16 @@ def _look(frame: np.ndarray, sensor: Sensor, saturated: int) -> tuple[Look, floa
 @njit(cache=True, error_model='numpy')
 def look(frame: np.ndarray, sensor: tuple, saturated: int) -> Look:
     """
-    See what is in an image before anything is fitted.
+    Examine an image before anything is fitted.
 
     Parameters
     ----------
     frame : ndarray, shape (layers, rows, columns)
-        NaN where there is no reading.
+        Readings; NaN: no reading.
     sensor : tuple
-        See `plain`.
+        Result of `plain`.
     saturated : int
-        Tactels that have no reading since they are at full scale.
+        Number of tactels that are NaN because they are at full scale.
 
     Returns
     -------
@@ -128,7 +129,7 @@ def look(frame: np.ndarray, sensor: tuple, saturated: int) -> Look:
 
 @njit(error_model='numpy')
 def _nothing(seen: Look, kind: int, reasons: int) -> Answer:
-    """Answer for an image to which nothing is fitted."""
+    """Return the answer for an image without a fit."""
     return Answer(seen.moments, kind, False, False, reasons, POINT, False, False, False, 0, np.nan,
                   np.nan, np.full(7, np.nan), np.full((7, 7), np.nan), np.nan, np.nan, np.nan)
 
@@ -136,7 +137,7 @@ def _nothing(seen: Look, kind: int, reasons: int) -> Answer:
 @njit(cache=True, error_model='numpy')
 def answer(frame: np.ndarray, sensor: tuple, saturated: int, kinds: np.ndarray) -> Answer:
     """
-    Fit a load to an image, and say what it is or why it is none.
+    Fit a load to an image; return the load, or the reasons why there is none.
 
     Parameters
     ----------
@@ -155,7 +156,7 @@ def answer(frame: np.ndarray, sensor: tuple, saturated: int, kinds: np.ndarray) 
     noise, reasons = seen.noise[main], seen.reasons
     if not seen.loaded:
         return _nothing(seen, seen.type, reasons)
-    if top < noise * 10.0 ** (known.min_snr / 20.0):  # whatever a fit would say
+    if top < noise * 10.0 ** (known.min_snr / 20.0):  # a fit cannot reach min_snr
         return _nothing(seen, NONE, reasons | LOW_SNR)
     readings = Readings(frame.ravel(), np.repeat(seen.noise ** 2, size),
                         np.repeat(seen.full, size), np.repeat(known.floor, size))

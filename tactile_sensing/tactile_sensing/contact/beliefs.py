@@ -1,4 +1,4 @@
-"""What is believed of a load before its image is seen; compiled."""
+"""Priors and bounds of a load; compiled."""
 
 import math
 
@@ -23,15 +23,15 @@ from tactile_sensing.skin.bumps import (
 from tactile_sensing.skin.kernel import MAX_VARIANCE
 
 HALF_SPACE = 2.5  # exponent of a point's bump on a half-space
-SHEAR = 0.3, 0.15  # standard deviation of a component of Q / P, on a known skin and on any other
-# Scatter of the gains where it is not known: sharp tier, robust tier, free tier.
+SHEAR = 0.3, 0.15  # standard deviation of a component of Q / P: known skin, unknown skin
+# Assumed scatter of unknown gains: sharp tier, robust tier, free tier.
 SCATTER = 0.05, 0.1, 0.05
-UNSEEN = 0.0, 0.01  # d that a fit has absorbed: of a sharp load on a known skin, of any other
+UNSEEN = 0.0, 0.01  # d that a fit may have absorbed: sharp load on a known skin, all others
 
 
 @njit(error_model='numpy')
 def widest(pad: Pad) -> float:
-    """Largest half width of a bump that shows to be one [m]."""
+    """Return the largest half width of a bump that the pad can still recognise [m]."""
     side = min(pad.half_x, pad.half_y)
     if side <= pad.pitch:
         side = max(pad.half_x, pad.half_y)
@@ -41,7 +41,7 @@ def widest(pad: Pad) -> float:
 @njit(error_model='numpy')
 def beliefs_of(pad: Pad, scatter: float, kind: int, power: bool, ends: bool, robust: bool,
                patch: bool, base: bool) -> Beliefs:
-    """Priors and bounds of a load; `base`: whether there may be a baseline. See Beliefs."""
+    """Return the priors and bounds of a load; `base`: whether a baseline is fitted."""
     count = BASE + pad.depths.size
     mean, information, step = np.zeros(count), np.zeros(count), np.ones(count)
     low, high, fitted = np.full(count, -np.inf), np.full(count, np.inf), np.zeros(count, np.bool_)

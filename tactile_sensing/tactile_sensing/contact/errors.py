@@ -1,7 +1,5 @@
 """
-How far readings are off: Student-t errors, scatter of the gains, bounds of a reading; compiled.
-
-See `fit`, which these serve.
+Error model of `fit`: Student-t errors, scatter of the gains, bounded readings; compiled.
 """
 
 import math
@@ -14,18 +12,18 @@ from tactile_sensing.contact.normal_equations import add_normal, factor_of
 from tactile_sensing.contact.records import Beliefs, Fit
 
 NU = 4.0  # degrees of freedom of the errors
-# Covariance of a fit under Gaussian errors, over the inverse of J'WJ at this NU.
+# Covariance of a fit, if the errors are Gaussian, over the inverse of J'WJ at this NU.
 SANDWICH = 1.1378
-GRID = np.geomspace(1e-4, 0.5, 10)  # of the scatter g
+GRID = np.geomspace(1e-4, 0.5, 10)  # values of the scatter g
 GRID_STEP = math.log(GRID[1] / GRID[0])
 GRID.flags.writeable = False
-NEIGHBOURS = 0.1  # share of the scatter that a tactel has from each neighbour's pressure
-LIT = 0.02  # of the noise's variance: pressure whose scatter may show
+NEIGHBOURS = 0.1  # share of a neighbour's squared pressure that scatters at a tactel
+LIT = 0.02  # squared pressure over noise variance, above which the scatter is visible
 
 
 @njit(error_model='numpy', fastmath=FAST)
 def spread_of(model: np.ndarray, rows: int, columns: int, square: np.ndarray) -> None:
-    """Squared pressure whose share scatters at every tactel: its own and its neighbours'."""
+    """Write to `square` the squared pressure that multiplies g^2 in the variance of a tactel."""
     for i in range(model.size):
         square[i] = model[i] * model[i]
     for i in range(model.size):
@@ -44,7 +42,7 @@ def spread_of(model: np.ndarray, rows: int, columns: int, square: np.ndarray) ->
 @njit(error_model='numpy', fastmath=FAST)
 def weigh(error: np.ndarray, variance: np.ndarray, kept: np.ndarray, robust: bool,
           weight: np.ndarray) -> None:
-    """Weights of the errors; 0 of tactels that are not kept."""
+    """Write the weights of the errors; 0 for tactels that are not kept."""
     for t in range(error.size):
         if not kept[t]:
             weight[t] = 0.0
@@ -57,13 +55,13 @@ def weigh(error: np.ndarray, variance: np.ndarray, kept: np.ndarray, robust: boo
 @njit(error_model='numpy')
 def censored(error: float, deviation: float, above: bool) -> tuple[float, float]:
     """
-    Error and weight of a reading that is only known to be beyond a bound, by Newton's method.
+    Return the error and weight of a censored reading for a step of Newton's method.
 
-    Its log likelihood is that of the normal distribution beyond the bound, which lies `error`
-    above what is expected.
+    The reading is only known to be beyond a bound; the bound lies `error` above the expected
+    value. The likelihood is the probability of the normal distribution beyond the bound.
     """
     z = -error / deviation if above else error / deviation
-    if z > 8.0:  # it tells nothing
+    if z > 8.0:  # no information
         return 0.0, 0.0
     hazard = math.exp(-0.5 * z * z) / (1.2533141373155003 * math.erfc(-0.7071067811865476 * z))
     slope = hazard + z
@@ -73,7 +71,7 @@ def censored(error: float, deviation: float, above: bool) -> tuple[float, float]
 @njit(error_model='numpy')
 def log_likelihood(error: np.ndarray, variance: np.ndarray, kept: np.ndarray,
                    robust: bool) -> float:
-    """Sum of the logarithms of the errors' densities, without constants."""
+    """Return the log likelihood of the errors, without constants."""
     total, product = 0.0, 1.0
     for t in range(error.size):
         if not kept[t]:
@@ -85,7 +83,7 @@ def log_likelihood(error: np.ndarray, variance: np.ndarray, kept: np.ndarray,
         else:
             product *= variance[t]
             total += u
-        if not 1e-100 < product < 1e100:  # one logarithm for many tactels
+        if not 1e-100 < product < 1e100:  # saves logarithms: one for many tactels
             total += math.log(product)
             product = 1.0
     return -0.5 * (total + math.log(product))
@@ -95,10 +93,11 @@ def log_likelihood(error: np.ndarray, variance: np.ndarray, kept: np.ndarray,
 def marginal_scatter(fit: Fit, noise2: np.ndarray, prior: np.ndarray, beliefs: Beliefs,
                      whole: bool) -> tuple[float, float]:
     """
-    Scatter g, root mean square over its posterior, and log of the integral over it.
+    Return the scatter g (RMS over its posterior) and the log of the integral over g.
 
-    The posterior of log g is the parabola through the highest point of a grid and its neighbours.
-    Only if whole, the parameters are integrated over at each g; else they are taken as known.
+    The log posterior of log g is approximated by the parabola through the highest point of a grid
+    and its two neighbours. If `whole`, the parameters are integrated out at each g; otherwise
+    they are taken as known.
     """
     n = fit.rows.shape[0]
     lit = fit.square > LIT * noise2
@@ -135,13 +134,13 @@ def marginal_scatter(fit: Fit, noise2: np.ndarray, prior: np.ndarray, beliefs: B
 
 @njit(error_model='numpy')
 def _parabola(logs: np.ndarray) -> tuple[float, float]:
-    """Scatter and log of the integral of a posterior, given at the GRID as logarithms."""
+    """Return the scatter and the log integral of a posterior; `logs`: its logarithm at GRID."""
     near: Any = min(max(logs.argmax(), 1), GRID.size - 2)
     slope = 0.5 * (logs[near + 1] - logs[near - 1])
     bend = logs[near - 1] - 2.0 * logs[near] + logs[near + 1]
-    if not bend < 0.0:  # nothing was found, or at one end
+    if not bend < 0.0:  # no maximum inside the grid
         return GRID[logs.argmax()], logs.max()
     shift = min(max(-slope / bend, -1.5), 1.5)
-    variance = -1.0 / bend  # as a Gaussian of log g, in steps of the grid
+    variance = -1.0 / bend  # of log g, in squared grid steps
     return (GRID[near] * math.exp(GRID_STEP * shift + GRID_STEP**2 * variance),
             logs[near] + (slope + 0.5 * bend * shift) * shift + 0.5 * math.log(variance))

@@ -1,4 +1,4 @@
-"""Contact estimation: the least load that explains a tactile image, or an honest refusal."""
+"""Contact estimation: the simplest load that explains a tactile image, or a refusal."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -28,7 +28,7 @@ from tactile_sensing.types.moments import Moments
 MODELS = {'auto': (POINT, LINE), 'point': (POINT,), 'line': (LINE,)}
 TACTELS = ('point', 'area')
 WRITTEN = tuple(name for name in COLUMNS if name in Answer._fields)
-IMPOSSIBLE = 1e12  # in the unit; a tactel that reports more, or no number, is not read
+IMPOSSIBLE = 1e12  # [unit of the layer]; a larger value counts as no reading
 
 _NOTHING = np.zeros(1, RECORD)
 for _name in (*PARAMETERS, 'patch', 'start', 'end', 'covariance', 'snr', 'residual'):
@@ -37,7 +37,7 @@ for _name in (*PARAMETERS, 'patch', 'start', 'end', 'covariance', 'snr', 'residu
 
 @dataclass(frozen=True)
 class EstimatorConfig:
-    """How contacts are estimated."""
+    """Configuration of a ContactEstimator; raises ConfigurationError for a bad value."""
 
     method: str = one_of(
         'fit', "'fit' (posterior mode, at the noise limit), or the closed forms of the thesis: "
@@ -59,13 +59,13 @@ class EstimatorConfig:
 
 
 class ContactEstimator:
-    """Estimate the contact in one tactile image after the other; holds no state between them."""
+    """Estimate the contact in a tactile image; keeps no state between images."""
 
     def __init__(self, config: EstimatorConfig | None = None):
         self.config = config or EstimatorConfig()
 
     def estimate(self, image: TactileImage) -> Contact:
-        """Estimate the contact of one image; what cannot be is not valid, with its reasons."""
+        """Estimate the contact of one image; a refused image is not valid and has reasons."""
         layers, array = image.layers, image.array
         if not layers or any(layer.stress.shape != array.shape for layer in layers):
             return self.refuse_malformed()
@@ -87,24 +87,24 @@ class ContactEstimator:
 
         Parameters
         ----------
-        frames : ndarray, shape (N, layers, rows, columns) or, of one layer, (N, rows, columns)
-            Stress in the layers' unit; NaN marks invalid tactels.
+        frames : ndarray, shape (N, layers, rows, columns); (N, rows, columns) for one layer
+            Stress in the unit of the layers; NaN: invalid tactel.
         array : TactelArray
         layers : sequence of image.Layer
-            Their stress is not read. A depth of 0: the skin is not known, and there are no forces.
+            Their stress is not used. With a depth of 0 the skin is unknown and no forces result.
         tared : bool
-            Whether the no-load image has been subtracted.
+            Whether the unloaded image has been subtracted.
 
         Returns
         -------
         ndarray of contact.RECORD, shape (N,)
-            Every real number of a frame that is not valid is NaN, and forces and patch of one that
-            is not force_valid.
+            If a frame is not valid, all its real numbers except the moments are NaN. If it is not
+            force_valid, its forces and patch are NaN.
 
         Raises
         ------
         ConfigurationError
-            Frames of another shape, or layers without a 'zz' or with an impossible depth.
+            If the frames have a wrong shape, no layer is 'zz', or a layer has an impossible skin.
         """
         expected = (len(layers), *array.shape)
         stress = np.array(frames, dtype=np.float64)
@@ -120,12 +120,12 @@ class ContactEstimator:
         return records
 
     def refuse_malformed(self) -> Contact:
-        """Return what is said of an image that could not even be read."""
+        """Return the contact for an image with wrong shape or impossible layers."""
         return Contact(ContactType.NONE, False, Reason.BAD_IMAGE, self.config.method)
 
     def _estimate(self, stress: np.ndarray, array: TactelArray, layers: Sequence[Layer],
                   tared: bool, saturated: int) -> tuple[np.ndarray, str]:
-        """Records (N,) of frames, which are changed; model of the last."""
+        """Return the records (N,) of frames and the last model's name; modifies `stress`."""
         for layer in layers:
             check_layer(layer)
         config = self.config
@@ -158,7 +158,7 @@ class ContactEstimator:
 
     def _by_thesis(self, frame: np.ndarray, array: TactelArray, layers: Sequence[Layer],
                    seen: Look, record: np.void) -> str:
-        """Write the record of one frame by a method of the thesis; returns the model's name."""
+        """Write the record of one frame by a method of the thesis; return the model's name."""
         record['moments'], record['type'] = seen.moments, seen.type
         record['reasons'] = seen.reasons
         if not seen.loaded:
@@ -187,7 +187,7 @@ class ContactEstimator:
 
 
 def check_layer(layer: Layer) -> None:
-    """Raise a ConfigurationError where there is no skin with the numbers that come with it."""
+    """Raise a ConfigurationError if no skin can have the values of a layer."""
     if not ((layer.depth == 0.0 or 1e-6 <= layer.depth <= 1.0) and layer.thickness >= layer.depth
             and 0.0 <= layer.poisson <= 0.5 and 0.0 <= layer.gain_spread < 1.0
             and 0.0 <= layer.force_std < 1.0
@@ -198,7 +198,7 @@ def check_layer(layer: Layer) -> None:
 
 
 def write(found: Answer, record: np.void) -> None:
-    """Write what a fit says into a record."""
+    """Copy an answer into a record."""
     for name in WRITTEN:
         record[name] = getattr(found, name)
     for name, value in zip(PARAMETERS, found.values.tolist(), strict=True):
@@ -206,7 +206,7 @@ def write(found: Answer, record: np.void) -> None:
 
 
 def name_of(found: Answer, layers: Sequence[Layer]) -> str:
-    """Name of the model that was fitted."""
+    """Return the name of the fitted model, e.g. 'line+width/zz'."""
     point = found.kind == POINT
     components = '+'.join(it.component for it in layers if point or it.component == 'zz')
     return ('point' if point else 'line') + '+width' * found.power + (

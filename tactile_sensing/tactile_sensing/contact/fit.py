@@ -1,11 +1,11 @@
 """
-One robust fit of one load to one image: posterior mode, covariance and evidence; compiled.
+Robust fit of one load to one image: posterior mode, covariance and evidence; compiled.
 
-Reading i = baseline + m_i (1 + gain_i) + noise_i, m the load's model. Errors are Student-t with
-variance noise^2 + (g m_i)^2; the scatter g is marginalised on a grid. A saturated tactel
-says that there is at least as much, one below a floor that there is no more (Tobin). Every
-parameter may have a Gaussian prior; the shear always has one, in shares of the normal force.
-The evidence is Laplace's.
+The model is: reading i = baseline + m_i (1 + gain_i) + noise_i, where m is the pressure of the
+load. Errors follow a Student t distribution with variance noise^2 + (g m_i)^2; the scatter g is
+marginalised on a grid. A saturated reading is a lower bound, a reading at its floor an upper
+bound (Tobin). Every parameter may have a Gaussian prior. The shear always has one, as a share of
+the normal force. The evidence is Laplace's approximation.
 """
 
 import math
@@ -33,26 +33,26 @@ from tactile_sensing.skin.bumps import (
     WIDTH,
 )
 
-STEPS = 8, 12  # at most: Gaussian, robust
-ANNEALED, COOLING = 5, 0.3  # steps in which what is off by much is not yet an outlier
-SETTLED = 0.1  # standard deviations that the last step moved a parameter
-DRIFT = 0.05, 20.0  # standard deviation of the baseline: share of the peak, and of the noise
-CONTRADICTED = 3.0  # standard deviations beyond a bound at which a reading is an ordinary error
-BROAD = 1.2  # pitches of half width from which tactels may be taken as points
+STEPS = 8, 12  # largest number of steps: Gaussian, robust
+ANNEALED, COOLING = 5, 0.3  # steps with inflated variance; factor of its root at each step
+SETTLED = 0.1  # converged if the last step moved no parameter by more [standard deviations]
+DRIFT = 0.05, 20.0  # prior of the baseline: share of the peak, multiple of the noise
+CONTRADICTED = 3.0  # a bounded reading that is off by more is an ordinary error [std. deviations]
+BROAD = 1.2  # from this half width on tactels are sampled at their centre [pitches]
 
 
 class _Scale(NamedTuple):
-    """Sizes that an image sets."""
+    """Scales of an image."""
 
     peak: float  # highest reading
-    force: float  # force of a load that reaches it
+    force: float  # force of a load with this peak
     drift: float  # standard deviation of a baseline
 
 
 @njit(error_model='numpy')
 def _model(fit: Fit, pad: Pad, beliefs: Beliefs, theta: np.ndarray, coarse: bool,
            every: bool) -> None:
-    """Write model and derivatives of a load; also by what is not fitted, if every one is asked."""
+    """Write model and derivatives of a load; `every`: by parameters that are not fitted too."""
     wide = every or beliefs.power or beliefs.patch
     add_rows(beliefs.kind, beliefs.power, beliefs.ends, wide, coarse, pad, theta, fit.by,
              fit.model)
@@ -62,7 +62,7 @@ def _model(fit: Fit, pad: Pad, beliefs: Beliefs, theta: np.ndarray, coarse: bool
 
 @njit(error_model='numpy')
 def _prior(beliefs: Beliefs, force: float, drift: float, prior: np.ndarray) -> None:
-    """Information of the active parameters' priors, the shear's in shares of the force."""
+    """Write the prior information of the active parameters; the shear's scales with `force`."""
     for i in range(beliefs.active.size):
         p = beliefs.active[i]
         prior[i] = beliefs.information[p]
@@ -74,7 +74,7 @@ def _prior(beliefs: Beliefs, force: float, drift: float, prior: np.ndarray) -> N
 
 @njit(error_model='numpy')
 def _begin(fit: Fit, pad: Pad, readings: Readings, beliefs: Beliefs) -> _Scale:
-    """Forces and baselines of least squares at the first place; a _Scale of peak 0 without any."""
+    """Set forces and baselines at the start by least squares; peak 0 if that fails."""
     theta, n, tactels = fit.theta, beliefs.active.size, readings.value.size
     peak, noise = 1e-300, 0.0
     for t in range(tactels):
@@ -106,7 +106,7 @@ def _begin(fit: Fit, pad: Pad, readings: Readings, beliefs: Beliefs) -> _Scale:
 
 @njit(error_model='numpy')
 def _compare(fit: Fit, size: int, readings: Readings) -> None:
-    """Errors of the readings; one beyond a bound that the model agrees with is not kept."""
+    """Write the errors; a bounded reading that agrees with the model is not `kept`."""
     reading, _, full, floor = readings
     for t in range(reading.size):
         if np.isfinite(reading[t]):
@@ -120,7 +120,7 @@ def _compare(fit: Fit, size: int, readings: Readings) -> None:
 
 @njit(error_model='numpy')
 def _weigh_all(fit: Fit, readings: Readings, heat: float, g: float, robust: bool) -> None:
-    """Variances and weights of the errors at a scatter g, and what a bounded reading tells."""
+    """Write variances and weights at a scatter g, and the errors of bounded readings."""
     for t in range(fit.error.size):
         fit.variance[t] = readings.noise2[t] + heat + g * g * fit.square[t]
     weigh(fit.error, fit.variance, fit.kept, robust, fit.weight)
@@ -132,7 +132,7 @@ def _weigh_all(fit: Fit, readings: Readings, heat: float, g: float, robust: bool
 
 @njit(error_model='numpy')
 def _step(theta: np.ndarray, step: np.ndarray, inverse: np.ndarray, beliefs: Beliefs) -> float:
-    """Go a step, within bounds; the largest change of a shape [standard deviations]."""
+    """Take a step within bounds; return the largest change of place or shape [std. deviations]."""
     largest = moved = 0.0
     for i in range(step.size):
         if beliefs.active[i] < FORCE:
@@ -149,7 +149,7 @@ def _step(theta: np.ndarray, step: np.ndarray, inverse: np.ndarray, beliefs: Bel
 
 @njit(error_model='numpy')
 def unfitted(start: np.ndarray, noise2: np.ndarray, n: int) -> Fit:
-    """Fit of n parameters that has not been made, to be written to."""
+    """Return an empty Fit of n parameters, to be filled."""
     tactels = noise2.size
     flat = np.zeros((5, tactels))
     flat[4] = noise2
@@ -169,9 +169,9 @@ def fit_load(pad: Pad, readings: Readings, beliefs: Beliefs, start: np.ndarray, 
     readings : Readings
     beliefs : Beliefs
     start : ndarray, shape (parameters,)
-        Its forces are not read.
+        Its forces are not used.
     warm : bool
-        Whether the start is near, so that outliers are seen from the first step.
+        Whether the start is near the solution, so that no annealing is needed.
 
     Returns
     -------

@@ -1,13 +1,15 @@
 """
-Which load explains an image: the least first, and more only where that leaves something; compiled.
+Search for the simplest load that explains an image; compiled.
+
+The next tier runs only if the one before leaves a residual:
 
 1. *Sharp*: a point or a line on the known skin, Gaussian noise. Most images of a calibrated skin
    end here.
-2. *Robust*: the same with outliers, scatter and baseline, and with a patch or ends where the
-   evidence is for them.
-3. *Free*: width and exponent of the bump are fitted too: place and direction on any skin.
+2. *Robust*: the same with outliers, scatter and baseline; with a patch or ends if the evidence
+   supports them.
+3. *Free*: width and exponent of the bump are fitted too. Place and direction need no skin.
 
-An image that the best of these does not explain is refused.
+If the best of them does not explain the image, the image is refused.
 """
 
 import math
@@ -25,31 +27,31 @@ from tactile_sensing.skin.bumps import BASE, BEGIN, END, EXPONENT, LINE, Pad, PO
 from tactile_sensing.skin.kernel import MAX_VARIANCE
 from tactile_sensing.types.contact import Reason
 
-EXCESS = 3.0  # standard deviations of chi-square that a sharp load may leave
-SHOWN = 0.9  # probability of a patch that is then fitted
-MUCH = 15.0  # standard deviations of one tactel that neither a patch nor drift explains
-WRONG_SKIN = 0.05  # share of the pressure that is left beyond noise: more is a wrong skin
-EXTRAPOLATED = 0.25  # share of the pressure above full scale: its shape is not seen
-DISTINCT, ROUND = 4.0, 1.2  # half length over half width of what is no point, and no line
-STRIPS = 3  # rows or columns: fewer see a point at most
-FIRST_PATCH = 0.1  # variance from which that of a patch is fitted [depths^2]
-LONG = 2.0  # half length over half width of what is tried as a line first
+EXCESS = 3.0  # largest excess of chi-square for a sharp load [standard deviations]
+SHOWN = 0.9  # a patch of higher probability is fitted
+MUCH = 15.0  # a larger error of a tactel is neither a patch nor drift [standard deviations]
+WRONG_SKIN = 0.05  # a larger residual beyond noise, as share of the pressure: wrong skin
+EXTRAPOLATED = 0.25  # with a larger share of the pressure above full scale the shape is unknown
+DISTINCT, ROUND = 4.0, 1.2  # half length over half width: above, no point; below, no line
+STRIPS = 3  # rows or columns; fewer show no direction
+FIRST_PATCH = 0.1  # start value of the variance of a patch [depths^2]
+LONG = 2.0  # half length over half width, above which a line is tried first
 SKIN_MISMATCH = int(Reason.SKIN_MISMATCH)
 
 
 class Guess(NamedTuple):
-    """Where to start."""
+    """Start values of a fit."""
 
     x: float  # centre [m]
     y: float
-    across: float  # direction across [rad]
+    across: float  # direction across the load [rad]
     width: float  # half width [m]
     length: float  # half length [m]
 
 
 @njit(error_model='numpy', fastmath=FAST)
 def _smoothed(pad: Pad, reading: np.ndarray) -> tuple[np.ndarray, float]:
-    """Readings (rows, columns) that a neighbour confirms: no tactel alone is a peak; the peak."""
+    """Limit readings (rows, columns) to their highest neighbour; return them and their peak."""
     rows, columns = pad.y.size, pad.x.size
     smooth, peak = np.zeros((rows, columns)), 0.0
     for r in range(rows):
@@ -67,7 +69,7 @@ def _smoothed(pad: Pad, reading: np.ndarray) -> tuple[np.ndarray, float]:
 
 @njit(error_model='numpy', fastmath=FAST)
 def first_guess(pad: Pad, reading: np.ndarray) -> Guess:
-    """Guess from the second moments of the tactels above .3 of the peak."""
+    """Guess the load from the second moments of the tactels above 0.3 of the peak."""
     smooth, peak = _smoothed(pad, reading)
     total = mx = my = mxx = myy = mxy = 0.0
     for r in range(pad.y.size):
@@ -93,7 +95,7 @@ def first_guess(pad: Pad, reading: np.ndarray) -> Guess:
 
 @njit(error_model='numpy')
 def _cold_start(kind: int, power: bool, guess: Guess, count: int) -> np.ndarray:
-    """Parameters (count,) of a first guess; its forces are not read."""
+    """Return the parameters (count,) of a first guess; forces are 0."""
     theta = np.zeros(count)
     if kind == POINT:
         theta[Q0], theta[Q1] = guess.x, guess.y
@@ -105,11 +107,11 @@ def _cold_start(kind: int, power: bool, guess: Guess, count: int) -> np.ndarray:
     return theta
 
 
-# Functions that fit are inlined: numba optimises a fit anew at each level of calls above it.
+# Functions that call a fit are inlined: otherwise numba optimises the fit again for each caller.
 @njit(error_model='numpy', inline='always')
 def _fitted(pad: Pad, readings: Readings, beliefs: Beliefs, theta: np.ndarray,
             warm: bool) -> Hypothesis:
-    """Fit one hypothesis; its misfit and covariance are left open, see `_judged`."""
+    """Fit one hypothesis; `_judged` adds its misfit and covariance."""
     fit = fit_load(pad, readings, beliefs, theta, warm)
     return Hypothesis(beliefs, fit, fit.evidence - EXTRA * (beliefs.ends + beliefs.patch),
                       residual_of(fit, readings), Misfit(0.0, 0.0, 0.0, 0.0, 0.0),
@@ -118,14 +120,14 @@ def _fitted(pad: Pad, readings: Readings, beliefs: Beliefs, theta: np.ndarray,
 
 @njit(error_model='numpy', inline='always')
 def _judged(pad: Pad, readings: Readings, one: Hypothesis) -> Hypothesis:
-    """Hypothesis with its misfit and covariance."""
+    """Return the hypothesis with its misfit and covariance."""
     misfit, covariance = judge(pad, one.fit, readings, one.beliefs)
     return Hypothesis(one.beliefs, one.fit, one.evidence, one.residual, misfit, covariance)
 
 
 @njit(error_model='numpy')
 def _is_noise(one: Hypothesis) -> bool:
-    """Whether the errors that a load leaves are no larger than noise."""
+    """Return whether the residual of a load is no larger than noise."""
     left = one.residual
     return (one.evidence > -np.inf and left.loudest < LOUD and left.excess < EXCESS
             and left.extrapolated < EXTRAPOLATED)
@@ -133,7 +135,7 @@ def _is_noise(one: Hypothesis) -> bool:
 
 @njit(error_model='numpy')
 def _nothing(pad: Pad, readings: Readings, scatter: float) -> Hypothesis:
-    """Hypothesis that has not been fitted."""
+    """Return a hypothesis without a fit."""
     beliefs = beliefs_of(pad, scatter, POINT, False, False, False, False, False)
     fit = unfitted(np.zeros(beliefs.mean.size), readings.noise2, beliefs.active.size)
     return Hypothesis(beliefs, fit, -np.inf, Residual(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0),
@@ -142,7 +144,7 @@ def _nothing(pad: Pad, readings: Readings, scatter: float) -> Hypothesis:
 
 @njit(error_model='numpy')
 def _other_skin(one: Hypothesis) -> bool:
-    """Whether what a load on the known skin leaves calls for another skin."""
+    """Return whether the residual of a load on the known skin indicates another skin."""
     left = one.residual
     return (one.misfit.significance > DOUBT and left.left > WRONG_SKIN
             or left.extrapolated > EXTRAPOLATED
@@ -152,11 +154,11 @@ def _other_skin(one: Hypothesis) -> bool:
 @njit(error_model='numpy', inline='always')
 def _search_sharp(pad: Pad, readings: Readings, scatter: float, guess: Guess,
                   kinds: np.ndarray) -> tuple[Hypothesis, bool]:
-    """Find a sharp load that explains an image of a known skin to within noise; if it does."""
+    """Fit sharp loads on the known skin; return the last, and whether it explains the image."""
     sharp = _cold_start(kinds[0], False, guess, BASE + pad.depths.size)
     for kind in kinds:
         sharp = _cold_start(kind, False, guess, sharp.size)
-        for extra in range(3):  # none, a patch, a baseline
+        for extra in range(3):  # nothing, a patch, a baseline
             beliefs = beliefs_of(
                 pad, scatter, kind, False, False, False, extra == 1, extra == 2)
             theta = sharp.copy()
@@ -175,21 +177,21 @@ def _search_sharp(pad: Pad, readings: Readings, scatter: float, guess: Guess,
 
 @njit(error_model='numpy')
 def _unexplained(one: Hypothesis) -> bool:
-    """Whether a load leaves more than noise and the usual scatter."""
+    """Return whether a load leaves more than noise and the usual scatter of the gains."""
     return (one.misfit.significance > 2.0 or one.misfit.second > 5.0
             or one.fit.scatter > 2.0 * one.beliefs.gain or one.misfit.hidden > SHOWN)
 
 
 @njit(error_model='numpy', inline='always')
 def _better(pad: Pad, readings: Readings, one: Hypothesis, other: Hypothesis) -> Hypothesis:
-    """Of a judged hypothesis and another the one of the greater evidence, judged."""
+    """Return the hypothesis with the greater evidence, judged; `one` is judged already."""
     return _judged(pad, readings, other) if other.evidence > one.evidence else one
 
 
 @njit(error_model='numpy', inline='always')
 def _search_robust(pad: Pad, readings: Readings, scatter: float, guess: Guess, kinds: np.ndarray,
                    power: bool) -> Hypothesis:
-    """Find the load of the greatest evidence, which is -infinite if no fit works."""
+    """Find the load with the greatest evidence; it is -infinite if no fit works."""
     best = line = _nothing(pad, readings, scatter)
     for kind in kinds:
         beliefs = beliefs_of(pad, scatter, kind, power, False, True, False, True)
@@ -216,7 +218,7 @@ def _search_robust(pad: Pad, readings: Readings, scatter: float, guess: Guess, k
 
 @njit(error_model='numpy', inline='always')
 def _with_patch(pad: Pad, readings: Readings, scatter: float, one: Hypothesis) -> Hypothesis:
-    """Make a load blunt, if the evidence is for that."""
+    """Add a patch to a load if the evidence supports it."""
     beliefs = beliefs_of(
         pad, scatter, one.beliefs.kind, False, one.beliefs.ends, True, True, True)
     theta = one.fit.theta.copy()
@@ -226,8 +228,8 @@ def _with_patch(pad: Pad, readings: Readings, scatter: float, one: Hypothesis) -
 
 @njit(error_model='numpy')
 def _order(pad: Pad, guess: Guess, kinds: np.ndarray) -> np.ndarray:
-    """Kinds to be tried: those that the outline of the load leaves open, the likelier first."""
-    if min(pad.x.size, pad.y.size) < STRIPS:  # no direction is seen
+    """Return the kinds to try: those that the shape of the load allows, the likelier first."""
+    if min(pad.x.size, pad.y.size) < STRIPS:  # no direction is visible
         return np.array([POINT])
     if kinds.size > 1 and guess.length > DISTINCT * guess.width:
         return np.array([LINE])
@@ -242,24 +244,24 @@ def _order(pad: Pad, guess: Guess, kinds: np.ndarray) -> np.ndarray:
 def search(pad: Pad, readings: Readings, scatter: float,
            kinds: np.ndarray) -> tuple[Hypothesis, int]:
     """
-    Find the least load that explains an image.
+    Find the simplest load that explains an image.
 
     Parameters
     ----------
     pad : Pad
     readings : Readings
     scatter : float
-        Of the gains; 0: not known.
+        Relative standard deviation of the gains; 0: unknown.
     kinds : ndarray of int
         POINT, LINE or both, in this order.
 
     Returns
     -------
     Hypothesis
-        Its evidence is -infinite where no fit works.
+        Its evidence is -infinite if no fit works.
     int
-        Reason why it is no answer, 0 if it is one; with the answer of a free bump on a known skin
-        comes SKIN_MISMATCH.
+        Reasons to refuse it; 0 if there are none. SKIN_MISMATCH is set if only a bump of free
+        shape explains the image although the skin is known.
     """
     guess = first_guess(pad, readings.value)
     kinds, mismatch, known = _order(pad, guess, kinds), 0, pad.depths[0] > 0.0

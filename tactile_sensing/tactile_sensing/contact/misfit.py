@@ -1,4 +1,4 @@
-"""What a load leaves: what a wrong model misses, and whether there is a second load; compiled."""
+"""Residual of a fitted load: error of the model, patch and second load; compiled."""
 
 import math
 
@@ -10,21 +10,21 @@ from tactile_sensing.contact.records import Beliefs, Fit, Misfit, Readings, Resi
 from tactile_sensing.skin.bumps import FORCE, LINE, Pad, Q0, Q1, WIDTH
 from tactile_sensing.skin.kernel import MAX_VARIANCE
 
-LOADED = 0.02  # of the peak: tactels in which a wrong model may show
+LOADED = 0.02  # share of the peak from which a tactel is examined for an error of the model
 ALLOWED, LARGEST = 0.1, 0.5  # prior standard deviation of d; largest d^2
-LOUD = 4.5  # standard deviations of one tactel that no noise reaches
-SILENT = 0.7  # share of its load that a dead tactel lacks
-CLIPPED = 4.0  # standard deviations that one tactel may add to a second load
-AWAY = 0.1  # of the peak: less is away from the load
-FAINT = 0.03  # of the peak; what is less is no second load
-HALF_WIDTH = 0.64  # depths: of a line on a half-space, at half its height
-PATCHES = 90  # steps over the variance of a patch
-BINS = 4  # across a line, in the length over which a wrong model is wrong alike
+LOUD = 4.5  # a larger error of a tactel is not noise [standard deviations]
+SILENT = 0.7  # a dead tactel lacks at least this share of its load
+CLIPPED = 4.0  # largest contribution of a tactel to a second load [standard deviations]
+AWAY = 0.1  # share of the peak below which a tactel is away from the load
+FAINT = 0.03  # a second load must be above this share of the peak
+HALF_WIDTH = 0.64  # half width at half height of a line on a half-space [depths]
+PATCHES = 90  # integration steps over the variance of a patch
+BINS = 4  # per correlation length, across a line
 
 
 @njit(error_model='numpy')
 def residual_of(fit: Fit, readings: Readings) -> Residual:
-    """See Residual."""
+    """Return the sizes of the errors that a fit leaves."""
     noise2, silent, loudest, loud = readings.noise2, 0, 0.0, 0.0
     squared = kept = lit = beyond = power = by_noise = total = above = 0.0
     for t in range(fit.model.size):
@@ -39,7 +39,7 @@ def residual_of(fit: Fit, readings: Readings) -> Residual:
                            and fit.error[t] < -SILENT * fit.model[t])
             by_noise += fit.error[t] ** 2 / noise2[t]
             power += fit.model[t] ** 2
-            if ratio < LOUD ** 2:  # an outlier is a fault
+            if ratio < LOUD ** 2:  # an outlier is a fault, not an error of the model
                 beyond += fit.error[t] ** 2 - noise2[t]
             else:
                 loud += 1.0
@@ -52,7 +52,7 @@ def residual_of(fit: Fit, readings: Readings) -> Residual:
 
 @njit(error_model='numpy', fastmath=FAST)
 def _smooth_line(place: np.ndarray, low: float, width: float, values: np.ndarray) -> None:
-    """Gaussian smoothing of values (n, count) at places along one axis, by bins; in place."""
+    """Smooth values (n, count) along one axis by a Gaussian, with bins; in place."""
     step = width / BINS
     count = int((place.max() - low) / step) + 2
     bins, smooth = np.empty(count), np.empty(count)
@@ -78,7 +78,7 @@ def _smooth_line(place: np.ndarray, low: float, width: float, values: np.ndarray
 
 @njit(error_model='numpy', fastmath=FAST)
 def _smooth_plane(x: np.ndarray, y: np.ndarray, width: float, values: np.ndarray) -> None:
-    """Likewise of values (n, rows * columns) on a grid."""
+    """Smooth values (n, rows * columns) on a grid by a Gaussian; in place."""
     rows, columns = y.size, x.size
     over_x = np.exp(-0.5 * ((x.reshape(-1, 1) - x) / width) ** 2)
     over_y = np.exp(-0.5 * ((y.reshape(-1, 1) - y) / width) ** 2)
@@ -90,20 +90,23 @@ def _smooth_plane(x: np.ndarray, y: np.ndarray, width: float, values: np.ndarray
 def _passed_on(kind: int, pad: Pad, fit: Fit, answer: np.ndarray, correlation: float,
                loaded: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """
-    How what a wrong model misses moves the parameters, and what the fit leaves of it.
+    Propagate the error of the model to the parameters.
+
+    The error of the model has the covariance K_ij = d^2 m_i m_j rho_ij. The parameters change by
+    Q times the errors, where Q is `answer` times the weights.
 
     Parameters
     ----------
     answer : ndarray, shape (n, tactels)
-        What the parameters make of a weighted error.
+        Change of the parameters by a weighted error.
     correlation : float
-        Length over which a wrong model is wrong alike [m].
+        Correlation length of the error of the model [m].
     loaded : ndarray of bool, shape (tactels,)
 
     Returns
     -------
     moved : ndarray, shape (n, tactels)
-        Q K / d^2; K_ij = m_i m_j rho_ij is the covariance of what is missed, Q the answer.
+        Q K / d^2.
     both : ndarray, shape (n, n)
         Q K Q' / d^2.
     """
@@ -134,10 +137,10 @@ def _agreement(kind: int, pad: Pad, fit: Fit, rows: np.ndarray, answer: np.ndarr
                correlation: float, loaded: np.ndarray, moved: np.ndarray,
                both: np.ndarray) -> tuple[float, float, float]:
     """
-    Whether neighbours agree about what is left.
+    Measure how far the errors of neighbouring tactels agree.
 
-    Returns the sum of products of neighbours' errors beyond what the fit itself makes of noise,
-    the standard deviation of that under noise, and what d = 1 would make of it.
+    Returns the weighted sum of products of neighbours' errors, less its expectation under noise
+    after a fit; the standard deviation of this sum under noise; and its expectation for d = 1.
     """
     n, tactels = rows.shape
     columns, size = pad.x.size, pad.x.size * pad.y.size
@@ -175,7 +178,7 @@ def _agreement(kind: int, pad: Pad, fit: Fit, rows: np.ndarray, answer: np.ndarr
 
 @njit(error_model='numpy')
 def _by_gains(fit: Fit, beliefs: Beliefs) -> np.ndarray:
-    """Covariance by gains that scatter more than was weighed."""
+    """Return the additional covariance if the gains scatter more than the fit assumed."""
     n = fit.rows.shape[0]
     total, more = np.zeros((n, n)), max(fit.scatter ** 2 - beliefs.known ** 2, 0.0)
     extra = more * (fit.weight * fit.model) ** 2
@@ -191,9 +194,9 @@ def _by_gains(fit: Fit, beliefs: Beliefs) -> np.ndarray:
 @njit(error_model='numpy')
 def _hidden_patch(fit: Fit, covariance: np.ndarray) -> float:
     """
-    Probability of a patch beside a sharp load; what it would do goes into the covariance.
+    Return the probability that a sharp load has a patch; add its effect to the covariance.
 
-    Its variance is 0 with a prior probability of one half, else anything up to the largest.
+    Prior of the variance of the patch: 0 with probability 1/2, else uniform up to MAX_VARIANCE.
     """
     n, by = fit.rows.shape[0], fit.by[WIDTH]
     weighted = fit.weight * by
@@ -226,7 +229,7 @@ def _hidden_patch(fit: Fit, covariance: np.ndarray) -> float:
 @njit(error_model='numpy')
 def _second_load(pad: Pad, fit: Fit, noise2: np.ndarray,
                  peak: float) -> tuple[float, float, float]:
-    """See `Misfit.second`, `apart` and `extra`: a load that the fit took for outliers."""
+    """Return `Misfit.second`, `apart` and `extra`: a load that the fit treated as outliers."""
     rows, columns = pad.y.size, pad.x.size
     left, over = np.zeros((rows, columns)), np.zeros((rows, columns))
     power = 0.0
@@ -246,7 +249,7 @@ def _second_load(pad: Pad, fit: Fit, noise2: np.ndarray,
                     if i != r or j != c:
                         around = max(around, over[i, j])
             most = max(most, total / 3.0)
-            if over[r, c] > 0.0:  # no tactel alone is a load
+            if over[r, c] > 0.0:  # a single tactel is no load
                 shared = min(over[r, c], around)
                 extra += shared ** 2
                 if fit.model[r * columns + c] < AWAY * peak:
@@ -259,12 +262,13 @@ def _second_load(pad: Pad, fit: Fit, noise2: np.ndarray,
 def _unseen_middle(pad: Pad, fit: Fit, readings: Readings, beliefs: Beliefs,
                    covariance: np.ndarray) -> None:
     """
-    Add to a covariance (n, n) what tactels at full scale leave open of a load's place and force.
+    Add to a covariance (n, n) the uncertainty of place and force due to saturated tactels.
 
-    Two flanks have the middle between them. Where one alone tells the place, as beside the rim of
-    the pad, the middle may be anywhere on the tactels at full scale, and the load as much wider:
-    with the half width as an unknown beside a place that is told by S = I_1 + I_2, of each flank,
-    and r = (I_1 - I_2) / S, the place's variance is larger by r^2 / (S (1 - r^2) + 12 / width^2).
+    Two visible flanks determine the middle of a load. If only one is visible, for instance near
+    the rim of the pad, the middle may be anywhere on the saturated tactels, and the load may be
+    as much wider. Let the flanks give the information S = I_1 + I_2 about the place, and
+    r = (I_1 - I_2) / S. If the half width is unknown too, the variance of the place increases by
+    r^2 / (S (1 - r^2) + 12 / width^2), where `width` is that of the saturated tactels.
     """
     columns, size = pad.x.size, pad.x.size * pad.y.size
     for i in range(beliefs.active.size):
@@ -284,7 +288,7 @@ def _unseen_middle(pad: Pad, fit: Fit, readings: Readings, beliefs: Beliefs,
         if high >= low:
             moves, width = np.zeros(beliefs.active.size), high - low + pad.pitch
             share = side / total
-            # Away from the flank that is seen.
+            # Away from the visible flank.
             moves[i] = -share / math.sqrt(
                 (1.0 - share ** 2) / covariance[i, i] + 12.0 / width ** 2)
             moves[beliefs.active == FORCE] = 2.0 * abs(moves[i]) / width * fit.theta[FORCE]
@@ -294,13 +298,13 @@ def _unseen_middle(pad: Pad, fit: Fit, readings: Readings, beliefs: Beliefs,
 @njit(error_model='numpy')
 def judge(pad: Pad, fit: Fit, readings: Readings, beliefs: Beliefs) -> tuple[Misfit, np.ndarray]:
     """
-    What a load leaves that its neighbours share, and what that makes of its covariance.
+    Examine the residual that neighbouring tactels share; compute the covariance of the load.
 
     Returns
     -------
     Misfit
     ndarray, shape (parameters, parameters)
-        Covariance of theta; 0 where not fitted.
+        Covariance of theta; 0 for parameters that are not fitted.
     """
     index, n = beliefs.active, beliefs.active.size
     half = math.exp(fit.theta[WIDTH]) if beliefs.power else HALF_WIDTH * pad.depths[0]
@@ -313,7 +317,8 @@ def judge(pad: Pad, fit: Fit, readings: Readings, beliefs: Beliefs) -> tuple[Mis
         beliefs.kind, pad, fit, rows, answer, correlation, loaded, moved, both)
     d2 = beliefs.unseen * beliefs.unseen
     if by_model > 0.0:
-        worth = deviation / by_model / (ALLOWED * ALLOWED)  # what d itself is worth
+        # Standard deviation of d^2 under noise, relative to its prior.
+        worth = deviation / by_model / (ALLOWED * ALLOWED)
         d2 += min(max(agreed / by_model, 0.0), LARGEST) / (1.0 + worth * worth)
     small = fit.inverse * (SANDWICH if beliefs.robust else 1.0) + d2 * both
     if not beliefs.robust:

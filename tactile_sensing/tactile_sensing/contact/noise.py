@@ -1,4 +1,4 @@
-"""Noise and full scale of the tactels from a single image, where they are not known; compiled."""
+"""Estimate an unknown noise or full scale of the tactels from a single image; compiled."""
 
 import math
 from typing import Any
@@ -7,26 +7,26 @@ import numpy as np
 
 from tactile_common.kernels import njit
 
-# To a neighbour: rows and columns. Edges of any angle run within some degrees of one of them.
+# Steps to a neighbour: rows, columns. Any edge is parallel to one of them within some degrees.
 DIRECTIONS = (0, 1), (1, 0), (1, 1), (1, -1), (1, 2), (2, 1), (1, -2), (2, -1)
-OF_NOISE = 0.6745 * math.sqrt(6.0)  # median absolute second difference of noise of 1
-LEAST, TINY = 1e-6, 1e-37  # of the peak, and in the unit: noise is never 0
-COARSE = 30  # steps of the converter to the top, at least, where equal readings tell of it
-LOADED, FINEST = 0.1, 1e-6  # of the peak: tactels that are looked at; resolution of readings
+OF_NOISE = 0.6745 * math.sqrt(6.0)  # median absolute second difference of unit noise
+LEAST, TINY = 1e-6, 1e-37  # smallest noise: share of the peak, absolute [unit of the readings]
+COARSE = 30  # with fewer steps of the converter up to the peak, rounding explains equal readings
+LOADED, FINEST = 0.1, 1e-6  # shares of the peak: tactels that count; resolution of readings
 
 
 @njit(error_model='numpy')
 def noise_of_image(image: np.ndarray, smooth: bool) -> float:
     """
-    Noise of one tactel, from second differences between tactels in line.
+    Estimate the noise of one tactel from second differences of three tactels in line.
 
     Parameters
     ----------
     image : ndarray, shape (rows, columns)
-        NaN where nothing is read.
+        NaN: no reading.
     smooth : bool
-        Whether the load is still in the image: then the direction counts in which it is
-        smoothest, as an edge is along itself. Else all directions together.
+        True if the image contains the load: then the direction with the smallest differences is
+        used, for instance along an edge. False for a residual: all directions are used together.
     """
     second, count, peak = np.empty(8 * image.size), 0, 0.0
     best: Any = np.inf
@@ -51,7 +51,7 @@ def noise_of_image(image: np.ndarray, smooth: bool) -> float:
 
 @njit(error_model='numpy')
 def hidden_scale(image: np.ndarray, noise: float) -> float:
-    """Full scale of an image (rows, columns), if its readings are cut off there; else infinite."""
+    """Return the full scale of an image (rows, columns) if it is saturated, else infinity."""
     top = np.nanmax(image)
     unit = FINEST * top
     readings = np.sort(np.rint(image.ravel() / unit))  # NaN at the end
@@ -67,10 +67,10 @@ def hidden_scale(image: np.ndarray, noise: float) -> float:
     resolution, highest = np.inf, values[kinds - 1]
     if kinds > 1:
         resolution = steps.min()
-    if highest < COARSE * resolution:  # rounding alone makes them equal
+    if highest < COARSE * resolution:  # rounding alone makes readings equal
         return np.inf
-    # Below a blunt top that is whole, noise and rounding leave as many as at it. Symmetry makes
-    # others equal as well, where there is no noise.
+    # A blunt peak that is not saturated has as many readings just below the top as at the top, due
+    # to noise and rounding. Without noise, symmetry makes lower readings equal too.
     near, most = 0.0, 0.0
     for k in range(kinds - 1):
         if values[k] >= highest - 2.0 * max(noise / unit, resolution):

@@ -1,4 +1,4 @@
-"""Normal equations of a fit, and their solution by Cholesky; compiled."""
+"""Normal equations of a fit and their solution by Cholesky; compiled."""
 
 import math
 
@@ -9,9 +9,13 @@ from tactile_common.kernels import FAST, njit
 
 @njit(error_model='numpy')
 def factor_of(matrix: np.ndarray, factor: np.ndarray) -> float:
-    """Cholesky factor of a positive definite matrix, scaled; log of its determinant, or NaN."""
+    """
+    Write the Cholesky factor of a positive definite matrix; return its log determinant, or NaN.
+
+    The matrix is first scaled to a unit diagonal, because m, rad and N differ by orders.
+    """
     total = 0.0
-    for i in range(matrix.shape[0]):  # of a unit diagonal: m, rad and N differ by orders
+    for i in range(matrix.shape[0]):
         if not matrix[i, i] > 0.0:
             return np.nan
         for j in range(i + 1):
@@ -31,7 +35,7 @@ def factor_of(matrix: np.ndarray, factor: np.ndarray) -> float:
 @njit(error_model='numpy')
 def solve(matrix: np.ndarray, right: np.ndarray, inverse: np.ndarray,
           solution: np.ndarray) -> float:
-    """Inverse and solution of a positive definite system; log of its determinant, or NaN."""
+    """Write inverse and solution of a positive definite system; return its log determinant."""
     n = right.size
     factor = np.zeros((n, n))
     total = factor_of(matrix, factor)
@@ -69,7 +73,7 @@ def _dot(one: np.ndarray, other: np.ndarray) -> float:
 @njit(error_model='numpy')
 def add_normal(rows: np.ndarray, weight: np.ndarray, error: np.ndarray, matrix: np.ndarray,
                right: np.ndarray) -> None:
-    """Add J'WJ (lower triangle) and J'We of rows (n, tactels)."""
+    """Add J'WJ (lower triangle only) and J'We, where J' is `rows` (n, tactels)."""
     weighted = np.empty(weight.size)
     for i in range(rows.shape[0]):
         for t in range(weight.size):

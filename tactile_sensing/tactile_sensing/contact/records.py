@@ -1,4 +1,4 @@
-"""What passes between the parts of an estimate, each compiled as a plain tuple."""
+"""Records that the parts of the contact estimation exchange; compiled as tuples."""
 
 from typing import NamedTuple
 
@@ -8,80 +8,80 @@ import numpy as np
 class Readings(NamedTuple):
     """Readings of one image, flat over layers, rows and columns."""
 
-    value: np.ndarray  # NaN where there is none
+    value: np.ndarray  # NaN: no reading
     noise2: np.ndarray  # variance of the noise, positive
-    full: np.ndarray  # full scale, infinite if there is none
-    floor: np.ndarray  # at or below it a reading is only known to be below it; or -infinite
+    full: np.ndarray  # full scale; infinite: none
+    floor: np.ndarray  # a reading at or below it is an upper bound only; -infinite: none
 
 
 class Beliefs(NamedTuple):
-    """What is fitted, and what is believed of it before the image is seen."""
+    """Parameters to fit, with their priors and bounds."""
 
     kind: int  # POINT or LINE
-    power: bool  # whether the skin is not known
+    power: bool  # whether a bump of free shape is fitted: the skin is unknown
     ends: bool  # whether a line begins and ends
     patch: bool  # whether the load on a known skin is blunt
-    robust: bool  # whether errors are Student-t and annealed, with a baseline; else Gaussian
+    robust: bool  # errors are Student-t and annealed; else Gaussian
     mean: np.ndarray  # (parameters,)
     information: np.ndarray  # (parameters,): 1 / variance; 0: flat
-    low: np.ndarray  # (parameters,): bounds
-    high: np.ndarray
+    low: np.ndarray  # (parameters,): lower bounds
+    high: np.ndarray  # (parameters,): upper bounds
     largest_step: np.ndarray  # (parameters,)
-    active: np.ndarray  # (n,): parameters that are fitted; the others stay as they start
-    volume: float  # log of what the flat priors extend over
+    active: np.ndarray  # (n,): parameters that are fitted; the others keep their start values
+    volume: float  # log of the volume of the flat priors
     shear: float  # standard deviation of a component of shear / normal force
-    known: float  # scatter g that is known, 0 if none is: what a Gaussian fit weighs
-    gain: float  # scatter g, and standard deviation of its logarithm
-    gain_spread: float
-    unseen: float  # d of `misfit` that a fit may absorb
+    known: float  # known scatter g, used by a Gaussian fit; 0: unknown
+    gain: float  # median of the prior of the scatter g
+    gain_spread: float  # standard deviation of its logarithm
+    unseen: float  # d of `misfit` that a fit may have absorbed
 
 
 class Fit(NamedTuple):
-    """A load, and what is known of it; arrays over tactels are of the last step."""
+    """A fitted load; arrays over tactels are those of the last step."""
 
     theta: np.ndarray  # (parameters,)
-    inverse: np.ndarray  # (n, n): of the information
-    by: np.ndarray  # (parameters, tactels)
-    rows: np.ndarray  # (n, tactels): of the active parameters
-    model: np.ndarray  # (tactels,), without baselines
-    square: np.ndarray  # (tactels,): squared pressure whose share scatters
-    error: np.ndarray  # (tactels,): 0 where nothing is read
-    weight: np.ndarray  # (tactels,): likewise
-    variance: np.ndarray  # (tactels,): noise and scatter
-    kept: np.ndarray  # (tactels,): whether the reading is an ordinary one
-    evidence: float  # minus infinity: the fit did not work
+    inverse: np.ndarray  # (n, n): inverse of the information matrix
+    by: np.ndarray  # (parameters, tactels): derivatives of the model
+    rows: np.ndarray  # (n, tactels): derivatives by the active parameters
+    model: np.ndarray  # (tactels,): pressure of the load, without baselines
+    square: np.ndarray  # (tactels,): multiplies g^2 in the variance
+    error: np.ndarray  # (tactels,): 0: no reading
+    weight: np.ndarray  # (tactels,): 0: no reading
+    variance: np.ndarray  # (tactels,): of noise and scatter
+    kept: np.ndarray  # (tactels,): whether the reading is an ordinary value, not a bound
+    evidence: float  # log evidence; -infinite: the fit failed
     scatter: float
     iterations: int
 
 
 class Residual(NamedTuple):
-    """Sizes of the errors that a load leaves."""
+    """Sizes of the errors that a fitted load leaves."""
 
     loudest: float  # largest error of a tactel [standard deviations]
-    loud: float  # share of the tactels that are off by more than noise ever is
-    excess: float  # of chi-square of the loaded tactels over what noise leaves, likewise
-    rms: float  # [standard deviations of the noise]
-    left: float  # RMS of what is left beyond noise, relative to that of the pressure
+    loud: float  # share of the tactels with an error that is too large for noise
+    excess: float  # chi-square of the loaded tactels less its expectation [standard deviations]
+    rms: float  # RMS error [standard deviations of the noise]
+    left: float  # RMS residual beyond noise, relative to the RMS pressure
     extrapolated: float  # share of the pressure that is above full scale
-    silent: int  # tactels that plainly should read something, and hardly do
+    silent: int  # number of tactels under clear load that read too little
 
 
 class Misfit(NamedTuple):
-    """What the errors of neighbouring tactels have in common."""
+    """Errors that neighbouring tactels share."""
 
-    significance: float  # of d, the share of the pressure that neighbours miss [std. deviations]
+    significance: float  # of d, the shared error as share of the pressure [standard deviations]
     hidden: float  # probability of a patch that is not fitted
-    second: float  # largest sum over 3 x 3 tactels of what is left [standard deviations]
-    apart: float  # highest pressure away from the load that it lacks, relative to its peak
-    extra: float  # pressure that a single load lacks, relative to that of the load
+    second: float  # residual summed over the worst 3 x 3 tactels [standard deviations]
+    apart: float  # highest unexplained pressure away from the load, relative to its peak
+    extra: float  # RMS of the unexplained pressure, relative to that of the load
 
 
 class Hypothesis(NamedTuple):
-    """One kind of load, fitted, and what it leaves."""
+    """One fitted kind of load, with its residual."""
 
     beliefs: Beliefs
     fit: Fit
-    evidence: float  # that of the fit, less what each extra must bring
+    evidence: float  # log evidence of the fit, less the cost of a patch and of ends
     residual: Residual
     misfit: Misfit
     covariance: np.ndarray  # (parameters, parameters)

@@ -1,4 +1,4 @@
-"""Why the load that explains an image best is no answer; compiled."""
+"""Reasons to refuse the load that explains an image best; compiled."""
 
 import math
 
@@ -12,27 +12,29 @@ from tactile_sensing.skin.bumps import chord, EXPONENT, loaded_chord, Pad, POINT
 from tactile_sensing.types.contact import Reason
 
 BAD_FIT, NO_CONTACT, OFF_PAD = int(Reason.BAD_FIT), int(Reason.NO_CONTACT), int(Reason.OFF_PAD)
-DOUBT = 3.0  # standard deviations of what a sharp load leaves that call for more
-EXTRA = 3.0  # log evidence that an extra must bring
-# Significance of d, and the share of the pressure that may then be left, else it is refused.
+DOUBT = 3.0  # a sharp load with a higher significance of d is not sufficient
+EXTRA = 3.0  # log evidence that a patch, ends or a load must gain
+# Refused: significance of d above the first value and residual share above the second.
 WRONG = (6.0, 0.12), (3.0, 0.15), (2.0, 0.2), (-math.inf, 0.5)
-NOISY = 0.1  # share of tactels that are off by more than noise: no few of them are broken
-# Standard deviations of one tactel: of all, more is no drift; of two, more is no noise.
+NOISY = 0.1  # a larger share of tactels beyond noise is not explained by broken tactels
+# Larger readings, in standard deviations of a tactel: of all tactels, no drift; of two, no noise.
 DRIFTED, PLAIN = 20.0, 8.0
-HILL, SADDLE, RISE = 0.2, 0.3, 6.0  # a second hill: of the first; of itself; of the noise
-SECOND = 7.0  # standard deviations of a second load, and
-APART = 0.05  # its pressure away from the first, relative to its peak, and
-EXTRA_LOAD = 0.4  # its pressure, relative to that of the first
-SHORTEST = 3.0  # pitches of a line on the pad
+# Height of a second hill: share of the first. Its rise: share of its height, multiple of noise.
+HILL, SADDLE, RISE = 0.2, 0.3, 6.0
+# Refused as a second load: above any of these values of Misfit.
+SECOND = 7.0  # standard deviations
+APART = 0.05  # relative to the peak of the first
+EXTRA_LOAD = 0.4  # relative to the first
+SHORTEST = 3.0  # shortest line on the pad [pitches]
 
 
 @njit(error_model='numpy')
 def has_second_hill(image: np.ndarray, noise: float) -> bool:
     """
-    Whether the readings (rows, columns) have a second hill, with a saddle before the first.
+    Return whether the readings (rows, columns) have two hills with a saddle between them.
 
-    From the highest tactel down, each joins its higher neighbours; where two hills meet, the
-    lower one counts if it rises far enough from there.
+    Tactels are visited from the highest down; each joins the hill of its higher neighbours. Where
+    two hills meet, the lower one counts if it rises far enough above this saddle.
     """
     rows, columns = image.shape
     flat = np.where(np.isfinite(image.ravel()), image.ravel(), -np.inf)
@@ -62,7 +64,7 @@ def has_second_hill(image: np.ndarray, noise: float) -> bool:
 
 @njit(error_model='numpy')
 def is_nothing(readings: Readings, evidence: float) -> bool:
-    """Whether a baseline alone explains an image as well as a load of some evidence."""
+    """Return whether a baseline alone explains an image as well as a load of this evidence."""
     middle, tails, logs, information = np.nanmedian(readings.value), 0.0, 0.0, 0.0
     for t in range(readings.value.size):
         if np.isfinite(readings.value[t]):
@@ -75,7 +77,7 @@ def is_nothing(readings: Readings, evidence: float) -> bool:
 
 @njit(error_model='numpy')
 def _presses(pad: Pad, readings: Readings) -> bool:
-    """Whether something plainly presses: a plate, or what no load explains on two neighbours."""
+    """Return whether something clearly presses: on all tactels, or on two neighbours."""
     rows, columns = pad.y.size, pad.x.size
     reading = readings.value[:rows * columns] / math.sqrt(readings.noise2[0])
     base = np.nanmedian(reading)
@@ -86,9 +88,9 @@ def _presses(pad: Pad, readings: Readings) -> bool:
 
 @njit(error_model='numpy')
 def _left_alone(pad: Pad, one: Hypothesis) -> bool:
-    """Whether a load leaves no more than it may."""
+    """Return whether the residual of a load is small enough."""
     left, misfit, theta = one.residual, one.misfit, one.fit.theta
-    if (one.fit.weight > 0.0).sum() <= one.beliefs.active.size:  # it fits anything
+    if (one.fit.weight > 0.0).sum() <= one.beliefs.active.size:  # too few readings for a test
         return False
     for significance, share in WRONG:
         if misfit.significance > significance:
@@ -105,7 +107,7 @@ def _left_alone(pad: Pad, one: Hypothesis) -> bool:
 
 @njit(error_model='numpy')
 def refusal(pad: Pad, readings: Readings, one: Hypothesis) -> int:
-    """Reason why a hypothesis is no answer; 0 if it is one."""
+    """Return the reason to refuse a hypothesis; 0 if there is none."""
     theta = one.fit.theta
     if one.beliefs.robust and is_nothing(readings, one.evidence):
         return BAD_FIT if _presses(pad, readings) else NO_CONTACT
@@ -117,4 +119,4 @@ def refusal(pad: Pad, readings: Readings, one: Hypothesis) -> int:
     if high - low < SHORTEST * pad.pitch:
         return OFF_PAD
     first, last, _ = loaded_chord(pad, theta, one.beliefs.ends)
-    return BAD_FIT * (last - first < SHORTEST * pad.pitch)  # rather a blob
+    return BAD_FIT * (last - first < SHORTEST * pad.pitch)  # too short to be a line

@@ -1,4 +1,4 @@
-"""A fitted load as it is reported: the parameters of a contact and their covariance; compiled."""
+"""Convert a fitted load to the parameters of a contact and their covariance; compiled."""
 
 import math
 
@@ -33,7 +33,11 @@ def _write_point(theta: np.ndarray, values: np.ndarray, change: np.ndarray) -> N
 @njit(error_model='numpy')
 def _write_line(pad: Pad, theta: np.ndarray, ends: bool, values: np.ndarray,
                 change: np.ndarray) -> tuple[float, float]:
-    """Line at the middle of what is loaded on the pad, with its forces there; start and end."""
+    """
+    Write the parameters of a line and their derivatives; return its start and end.
+
+    The line's place is the middle of its loaded part on the pad; its forces are those on the pad.
+    """
     rho, yaw, force, shear = theta[Q0], theta[Q1], theta[FORCE], theta[SHEAR_U]
     first, last, by_length = loaded_chord(pad, theta, ends)
     middle, length = 0.5 * (first + last), last - first
@@ -71,7 +75,7 @@ def _write_line(pad: Pad, theta: np.ndarray, ends: bool, values: np.ndarray,
 def reported(pad: Pad, kind: int, theta: np.ndarray, ends: bool,
              covariance: np.ndarray) -> tuple[np.ndarray, np.ndarray, float, float]:
     """
-    Parameters of a contact.
+    Return the parameters of a contact.
 
     Parameters
     ----------
@@ -80,12 +84,12 @@ def reported(pad: Pad, kind: int, theta: np.ndarray, ends: bool,
     ends : bool
         Whether a line begins and ends.
     covariance : ndarray, shape (parameters, parameters)
-        Of theta.
+        Covariance of theta.
 
     Returns
     -------
     values : ndarray, shape (7,)
-        In the order of `types.contact.PARAMETERS`; NaN where the kind has none.
+        In the order of `types.contact.PARAMETERS`; NaN: the kind has no such parameter.
     covariance : ndarray, shape (7, 7)
     start, end : float
         As in Contact.msg.
@@ -106,10 +110,10 @@ def reported(pad: Pad, kind: int, theta: np.ndarray, ends: bool,
 @njit(cache=True, error_model='numpy')
 def grade_forces(values: np.ndarray, covariance: np.ndarray, valid: bool, std: float) -> None:
     """
-    Make forces NaN that are not valid; widen the covariance of those that are.
+    Set invalid forces to NaN; increase the covariance of valid ones by their common error.
 
-    `values` (7,) and `covariance` (7, 7) are changed; `std` is what all forces are off by in
-    common, as a share.
+    `values` (7,) and `covariance` (7, 7) are modified. `std` is the relative standard deviation
+    that all forces have in common.
     """
     for i in range(NORMAL, PER_LENGTH + 1):
         for j in range(7):

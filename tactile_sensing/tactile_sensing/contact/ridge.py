@@ -1,4 +1,4 @@
-"""Ridge of a picture: points of the edge under the pad, from the least of p^(-1/2)."""
+"""Find the ridge of an image, i.e. points of the edge under the pad, by minima of p^(-1/2)."""
 
 import math
 
@@ -7,14 +7,14 @@ import numpy as np
 from tactile_common.kernels import njit
 from tactile_sensing.types.array import TactelArray
 
-DETECTION = 5.0  # standard deviations of one tactel that a ridge must reach
-FAINT = 0.12  # of the highest pressure; less is no ridge beside a stronger one
-OFFSET = 0.6  # pitches from the middle of a tactel within which its ridge point lies
-NOISY = 0.05  # noise, of the peak, from which the picture is smoothed first
-WIDEST = 3.0  # depths that the width d of (3.1) may seem to be, of two legs that merge as well
+DETECTION = 5.0  # lowest pressure of a ridge [standard deviations of one tactel]
+FAINT = 0.12  # lowest pressure of a ridge, as share of the highest pressure
+OFFSET = 0.6  # largest distance of a ridge point from the centre of its tactel [pitches]
+NOISY = 0.05  # the image is smoothed first if the noise is above this share of the peak
+WIDEST = 3.0  # largest apparent width d of (3.1), also where two edges merge [depths]
 _DIRECTIONS = ((0, 1), (1, 0), (1, 1), (1, -1))  # steps to a neighbour: row, column
-# Place [m] and direction (of either sense) in the sensor frame, pressure on the ridge [Pa], and
-# quality: 1 for a straight ridge, 0 for a round spot.
+# Place [m] and direction (its sign is arbitrary) in the sensor frame, pressure on the ridge [Pa],
+# and quality: 1 for a straight ridge, 0 for a round spot.
 RIDGE_POINT = np.dtype([(name, np.float64) for name in (
     'x', 'y', 'tx', 'ty', 'pressure', 'quality')])
 
@@ -22,22 +22,22 @@ RIDGE_POINT = np.dtype([(name, np.float64) for name in (
 def ridge_points(pressure: np.ndarray, array: TactelArray, noise: float,
                  depth: float) -> np.ndarray:
     """
-    Points of the ridge of a pressure picture.
+    Find the ridge points of a pressure image.
 
-    Across a straight line load p^(-1/2) is an exact parabola (3.1), so that its least is
-    found without bias from 3 x 3 tactels, along the line or across the rows alike; around
-    every tactel the quadratic surface that fits it best is weighted by the noise of
-    p^(-1/2), which is as p^(-3). Each point carries the direction of the ridge.
+    Across a straight line load, p^(-1/2) is an exact parabola (3.1). Its minimum is therefore
+    found without bias from 3 x 3 tactels, for any direction of the line. A quadratic surface is
+    fitted around every tactel, with weights for the noise variance of p^(-1/2), which is
+    proportional to p^(-3). Each point has the direction of the ridge.
 
     Parameters
     ----------
     pressure : ndarray, shape (rows, columns)
-        [Pa]; NaN where a tactel is invalid.
+        Pressure [Pa]; NaN: invalid tactel.
     array : TactelArray
     noise : float
         Standard deviation of one tactel [Pa].
     depth : float
-        Of the tactels below the surface [m]; a ridge that is much wider is none of an edge.
+        Depth of the tactels below the surface [m]; a much wider ridge is not that of an edge.
 
     Returns
     -------
@@ -50,7 +50,7 @@ def ridge_points(pressure: np.ndarray, array: TactelArray, noise: float,
 @njit(cache=True)
 def ridge_of(mended: np.ndarray, x: np.ndarray, y: np.ndarray, noise: float,
              depth: float) -> np.ndarray:
-    """Ridge of a mended picture, tactels at x, y [m]: kernel of `ridge_points`."""
+    """Find the ridge points of a mended image, tactels at x, y [m]; kernel of `ridge_points`."""
     peak = mended.max()
     if not peak > DETECTION * noise or min(mended.shape) < 3:
         return np.empty(0, RIDGE_POINT)
@@ -63,10 +63,10 @@ def ridge_of(mended: np.ndarray, x: np.ndarray, y: np.ndarray, noise: float,
 @njit(cache=True)
 def mend(pressure: np.ndarray, noise: float) -> np.ndarray:
     """
-    Fill invalid tactels, and those that report too little between loaded ones.
+    Fill invalid tactels, and tactels that report too little between loaded ones.
 
-    A tactel that lies lower than both neighbours in every direction is broken: no line load
-    makes such a pit. It takes the mean of the opposite neighbours that agree best, which are
+    A tactel that is much lower than both neighbours in every direction is broken, because no line
+    load makes such a pit. It gets the mean of the two opposite neighbours that agree best, i.e.
     those along the ridge.
     """
     mended = pressure.copy()
@@ -87,7 +87,7 @@ def mend(pressure: np.ndarray, noise: float) -> np.ndarray:
                 known += 1
                 if not here < 0.7 * low - 3.0 * noise:
                     pit = False
-                    if valid:  # and so it stays, whatever the other directions say
+                    if valid:  # keep the reading; the other directions do not matter
                         break
                 if high - low < best * max(high, noise):
                     best, value = (high - low) / max(high, noise), 0.5 * (low + high)
@@ -99,7 +99,7 @@ def mend(pressure: np.ndarray, noise: float) -> np.ndarray:
 @njit(cache=True)
 def centre_of_load(pressure: np.ndarray, x: np.ndarray, y: np.ndarray,
                    share: float) -> tuple[float, float]:
-    """Centre of pressure (x, y) of tactels above a share of the peak [m]; (0, 0) for no load."""
+    """Return the centre of pressure (x, y) [m] of tactels above a share of the peak, or (0, 0)."""
     floor = share * pressure.max()
     total = mx = my = 0.0
     for r in range(len(y)):
@@ -112,7 +112,7 @@ def centre_of_load(pressure: np.ndarray, x: np.ndarray, y: np.ndarray,
 
 @njit(cache=True)
 def _smoothed(p: np.ndarray) -> np.ndarray:
-    """Binomial mean over 3 x 3 tactels, mirrored at the border."""
+    """Return the binomial mean over 3 x 3 tactels; the border is repeated."""
     rows, columns = p.shape
     out = np.zeros_like(p)
     for r in range(rows):
@@ -150,7 +150,7 @@ def _ridge(p: np.ndarray, x: np.ndarray, y: np.ndarray, floor: float, noise: flo
             if abs(dx) > OFFSET * pitch_x or abs(dy) > OFFSET * pitch_y:
                 continue
             least = f0 - 0.5 * steep * across * across
-            # Across a line load p^(-1/2) is as v^2 + d^2.
+            # Across a line load, p^(-1/2) is proportional to v^2 + d^2.
             if not (least > 0.0 and 2.0 * least < widest * steep):
                 continue
             point = found[count]
@@ -163,7 +163,7 @@ def _ridge(p: np.ndarray, x: np.ndarray, y: np.ndarray, floor: float, noise: flo
 
 @njit(cache=True)
 def _high(p: np.ndarray, r: int, c: int) -> bool:
-    """Whether a tactel is higher than both neighbours in some direction."""
+    """Return whether a tactel is at least as high as both neighbours in some direction."""
     here = p[r, c]
     return ((here >= p[r, c - 1] and here >= p[r, c + 1])
             or (here >= p[r - 1, c] and here >= p[r + 1, c])
@@ -174,7 +174,7 @@ def _high(p: np.ndarray, r: int, c: int) -> bool:
 @njit(cache=True)
 def _quadratic(p: np.ndarray, r: int, c: int, pitch_x: float, pitch_y: float,
                noise: float) -> tuple[float, float, float, float, float, float]:
-    """Value, gradient (2) and Hessian (3) of the quadratic surface through p^(-1/2)."""
+    """Return value, gradient (2) and Hessian (3) of the quadratic surface fitted to p^(-1/2)."""
     normal = np.zeros((6, 7))
     row = np.empty(7)
     low = max(0.02 * p[r, c], 0.5 * noise)
