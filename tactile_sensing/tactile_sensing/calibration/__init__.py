@@ -1,1 +1,1 @@
-"""Calibrating an array from recordings of raw counts: what `calibrate` does."""
+"""Calibrate an array from recordings of raw counts; used by the command `calibrate`."""

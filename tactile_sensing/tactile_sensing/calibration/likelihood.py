@@ -1,13 +1,13 @@
 """
-One likelihood of all presses of a ball: the skin and the gains of the tactels are the unknowns.
+Joint likelihood of all presses of a ball; skin and gains of the tactels are the unknowns.
 
-A tactel reads (1 + g) m + o and noise, m the pressure of a press under the skin. All presses share
-the skin, the patch of the ball at the usual force, and gain g and offset o of every tactel; each
-has a place, a force, and shear. The steps of Gauss and Newton are of all of them together; gains
-and offsets, which concern one tactel each, are eliminated. What the model misses is proportional
-to the load: the variance of a reading is noise^2 + n (scatter m)^2, so that n frames of one press
-share one error. Tails are those of Student's t. Spread of the gains, scatter and spread of the
-forces follow from the fit.
+A tactel reads (1 + g) m + o plus noise, where m is the pressure of a press under the skin. All
+presses share the skin, the patch of the ball at the usual force, and the gain g and offset o of
+every tactel. Each press has its own place, force and shear. Gauss-Newton steps change all of them
+together; gains and offsets, which affect one tactel each, are eliminated. The error of the model
+is proportional to the load: the variance of a reading is noise^2 + n (scatter m)^2, because n
+frames of one press share one error. Errors have the tails of Student's t distribution. The spread
+of the gains, the scatter and the spread of the forces are estimated from the fit.
 """
 
 from dataclasses import dataclass, replace
@@ -21,82 +21,83 @@ from tactile_sensing.devices.unloaded import missing_mean
 from tactile_sensing.skin.pressure import SkinPressure
 from tactile_sensing.types.skin import Skin
 
-ASSUMED_POISSON, POISSON_STD = 0.45, 0.1  # of a soft skin, before the presses tell it
-SHEAR = 0.1  # of the force: standard deviation while the ball is pressed straight
-LEAST_SPREAD = 0.003  # of gains and forces that is looked for
-TAILS = 6.0  # degrees of freedom
-LONGEST = 0.2  # step of the numbers of the skin
-SETTLED = 2e-3  # relative, and in pitches: a shorter step is the last
-UNLIKE = 3.0  # standard deviations at which a press is of another weight, times the usual misfit
-SEEN = 10.0  # standard deviations of load that show it
+ASSUMED_POISSON, POISSON_STD = 0.45, 0.1  # prior of Poisson's ratio, for a soft skin
+SHEAR = 0.1  # standard deviation of the shear over the force while the ball is pressed straight
+LEAST_SPREAD = 0.003  # smallest spread of gains and forces
+TAILS = 6.0  # degrees of freedom of the errors
+LONGEST = 0.2  # largest step of the numbers of skin and patch
+SETTLED = 2e-3  # converged if a step is smaller [relative; pitches]
+UNLIKE = 3.0  # outlier: force off by more standard deviations, or misfit by this factor
+SEEN = 10.0  # a tactel counts as loaded above this [standard deviations]
 KIND = 4  # numbers of skin and patch: log depth, depth over thickness, Poisson's ratio, patch
-LEAST, MOST = (-np.inf, 0.0, 0.0, 0.05), (np.inf, 1.0, 0.5, 0.95)  # of these
-OWN = 5  # of a press: force and shear over the force, place in pitches
-FIXED = 1e12  # information on a number that is known
-DERIVATIVE = 1e-3, 1e-3, 5e-3, 1e-2, 1e-3  # steps for derivatives: skin, patch, place
+LEAST, MOST = (-np.inf, 0.0, 0.0, 0.05), (np.inf, 1.0, 0.5, 0.95)  # their bounds
+OWN = 5  # numbers of a press: force and two shears, relative to the force; place in pitches
+FIXED = 1e12  # prior information of a known number
+DERIVATIVE = 1e-3, 1e-3, 5e-3, 1e-2, 1e-3  # steps for derivatives: skin (3), patch, place
 
 
 @dataclass(frozen=True, eq=False)
 class Unknowns:
-    """What the likelihood depends on."""
+    """Unknowns of the likelihood."""
 
-    kind: np.ndarray  # (KIND,)
-    tactel: np.ndarray  # (tactels, 2): sensitivity over the usual one, less 1; offset [counts]
+    kind: np.ndarray  # (KIND,): skin and patch
+    tactel: np.ndarray  # (tactels, 2): relative sensitivity - 1; offset [counts]
     places: np.ndarray  # (N, 2) [m]
     forces: np.ndarray  # (N, 3): normal force and shear [counts m^2]
-    level: np.ndarray  # (sources,) of forces over those told [counts m^2 / N]
+    level: np.ndarray  # (sources,): fitted force over known force [counts m^2 / N]
 
     @property
     def gain(self) -> np.ndarray:
-        """Sensitivity over the usual one, less 1."""
+        """Relative sensitivity of the tactels - 1, (tactels,)."""
         return self.tactel[:, 0]
 
 
 class Slopes(NamedTuple):
-    """Models, what they leave, its weight, and its slopes by the unknowns."""
+    """Models, residuals with their weights, and derivatives by the unknowns."""
 
     model: np.ndarray  # (N, tactels)
-    rest: np.ndarray  # (N, tactels + 3): the last say that the ball is pressed straight, as told
-    weight: np.ndarray  # likewise
+    rest: np.ndarray  # (N, tactels + 3): residuals; the last 3: priors of shear (2) and force
+    weight: np.ndarray  # (N, tactels + 3)
     slope: np.ndarray  # (N, tactels + 3, KIND + sources + OWN)
 
 
 class System(NamedTuple):
-    """Normal equations without gains and offsets, and how these follow the others."""
+    """Normal equations after elimination of gains and offsets, and their back-substitution."""
 
-    matrix: np.ndarray  # of the common numbers, KIND and levels, and those of every press
+    matrix: np.ndarray  # of the common numbers (KIND and levels) and those of every press
     right: np.ndarray
-    share: np.ndarray  # (tactels, 2, size): of gain and offset by the others
-    alone: np.ndarray  # (tactels, 2): their step where the others stay
-    inverse: np.ndarray  # (tactels, 2, 2): their covariance where the others stay
-    unknowns: Unknowns  # with the forces that fit
+    share: np.ndarray  # (tactels, 2, size): decrease of gain and offset by the other unknowns
+    alone: np.ndarray  # (tactels, 2): step of gain and offset with the others fixed
+    inverse: np.ndarray  # (tactels, 2, 2): covariance of gain and offset with the others fixed
+    unknowns: Unknowns  # with fitted forces
 
     def gain_variance(self, covariance: np.ndarray) -> np.ndarray:
-        """Variance of every gain (tactels,) by the covariance of the others."""
+        """Return the variance of every gain (tactels,), given the covariance of the others."""
         share = self.share[:, 0]
         return self.inverse[:, 0, 0] + np.einsum('tk,kl,tl->t', share, covariance, share,
                                                  optimize=True)
 
 
 def skin_of(kind: np.ndarray) -> Skin:
-    """Skin of the numbers."""
+    """Return the skin of the numbers (KIND,)."""
     depth, ratio = math.exp(kind[0]), min(max(kind[1], 0.0), 1.0)
     return Skin(depth, depth / ratio if ratio > 1e-3 else math.inf, min(max(kind[2], 0.0), 0.5))
 
 
 def step_of(kind: np.ndarray, k: int) -> float:
-    """Step for the derivative by a number of the kind, away from its bound."""
+    """Return the step for the derivative by number k of the kind, away from its bound."""
     return -DERIVATIVE[k] if kind[k] > MOST[k] - 0.01 else DERIVATIVE[k]
 
 
 def expected_forces(found: np.ndarray, told: np.ndarray, source: np.ndarray,
                     variance: float = 0.0) -> tuple[np.ndarray, np.ndarray]:
     """
-    Return the forces that presses are expected to have (N,), and their standard deviations (N,).
+    Return the expected forces of the presses (N,), and their standard deviations (N,).
 
-    That is what is known of them relative to each other, `told`, at the level of those found of
-    the same source and with the spread of all, beside the relative variance with which they are
-    found; a press that is unlike the others keeps its own.
+    The expected force is the known relative force `told`, times the median ratio of fitted and
+    known forces of the same source. The standard deviation follows from the spread of all presses
+    and the relative `variance` of the fitted forces. A press that deviates too much keeps its
+    fitted force, with infinite standard deviation.
     """
     expected = told.astype(float)
     for name in np.unique(source):
@@ -109,7 +110,7 @@ def expected_forces(found: np.ndarray, told: np.ndarray, source: np.ndarray,
 
 
 class Likelihood:
-    """Presses, what is known beforehand, and what follows from a fit: its spreads."""
+    """Likelihood of presses, with its priors and the spreads that are learnt from a fit."""
 
     def __init__(self, presses: Presses, ball_radius: float, area: bool, told: np.ndarray,
                  source: np.ndarray, offset_std: np.ndarray):
@@ -123,10 +124,10 @@ class Likelihood:
         self.noise: np.ndarray = presses.noise.reshape(flat)
         self.floor = presses.floor.ravel()
         self.below = self.values <= self.floor
-        # A patch has half the radius of the ball, +- .15, before the presses tell it.
+        # Prior: the radius of a patch is 0.5 +- 0.15 of that of the ball.
         self.usual = np.array([0.0, 0.0, ASSUMED_POISSON, 0.5])
         self.known = np.array([0.0, 1.0, POISSON_STD**-2, 0.15**-2])
-        # Of gains, and of the pressure what the model misses: as is usual, until a fit says it.
+        # Usual spread of the gains and scatter of the model, until they are learnt.
         self.spread, self.scatter, self.shared = 0.1, 0.05, np.ones((len(presses), 1))
         self.force_std = np.full(len(presses), np.inf)
         self.offset_std = offset_std
@@ -134,7 +135,7 @@ class Likelihood:
         self.groups = np.arange(len(presses))  # number of the press that each frame is of
 
     def at_peaks(self, kind: np.ndarray) -> Unknowns:
-        """Unknowns with every press at its highest tactel."""
+        """Return start values, with every press at its highest tactel."""
         array, count = self.presses.array, len(self.presses)
         row, column = np.unravel_index(
             np.nan_to_num(self.values, nan=-np.inf).argmax(axis=1), array.shape)
@@ -143,7 +144,7 @@ class Likelihood:
                         np.ones(self.source.max() + 1))
 
     def basis(self, kind: np.ndarray, places: np.ndarray, level: np.ndarray) -> np.ndarray:
-        """Pressure by normal force and shear, (N, tactels, 3)."""
+        """Return the pressure per unit of normal force and shear, (N, tactels, 3)."""
         skin = skin_of(kind)
         radius = np.minimum(kind[3] * self.radius * level**(1 / 3),  # Hertz' law
                             min(0.95 * self.radius, 1.4 * skin.depth))
@@ -153,12 +154,12 @@ class Likelihood:
 
     def left(self, unknowns: Unknowns,
              models: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """What models leave of the values, its variance, and the weight of its tails."""
+        """Return the residuals (N, tactels) of models, their variances, and robust weights."""
         expected = (1.0 + unknowns.gain) * models
         variance = self.noise**2 + self.shared * (self.scatter * expected)**2
         expected = expected + unknowns.tactel[:, 1]
         rest = np.nan_to_num(self.values) - expected
-        if self.below.any():  # as the model expects it there
+        if self.below.any():  # expected residual of a value below the floor
             z = (self.floor - expected) / self.noise
             rest = np.where(
                 self.below, -self.noise * missing_mean(np.minimum(z, 30.0)), rest)
@@ -166,7 +167,7 @@ class Likelihood:
         return rest, variance, np.isfinite(self.values) / tails
 
     def solve_forces(self, unknowns: Unknowns, basis: np.ndarray) -> Unknowns:
-        """Likeliest forces of given places."""
+        """Return the unknowns with the likeliest forces at their places."""
         forces = unknowns.forces
         for _ in range(2):
             rest, variance, weight = self.left(unknowns, np.einsum('ntk,nk->nt', basis, forces))
@@ -186,7 +187,7 @@ class Likelihood:
         return replace(unknowns, forces=forces)
 
     def slopes(self, unknowns: Unknowns, *, wanted: bool = True) -> tuple[Slopes, Unknowns]:
-        """What the likeliest forces leave and, where wanted, its slopes; with these forces."""
+        """Return residuals and, if wanted, derivatives at the likeliest forces; the unknowns."""
         force = unknowns.forces[:, 0]
         level = np.clip(force / np.median(force), 0.05, 20.0) if force.any() else 1.0 + force
         basis = self.basis(unknowns.kind, unknowns.places, level)
@@ -219,7 +220,7 @@ class Likelihood:
         return Slopes(model, rest, weight, slope), unknowns
 
     def system(self, unknowns: Unknowns) -> System:
-        """Normal equations about the unknowns."""
+        """Return the normal equations at the unknowns."""
         (model, rest, weight, slope), unknowns = self.slopes(unknowns)
         (count, tactels), common = model.shape, KIND + len(unknowns.level)
         shared, each = slope[..., :common], slope[..., common:]
@@ -239,7 +240,7 @@ class Likelihood:
         matrix[range(common), range(common)] += known
         right[:KIND] -= np.where(
             self.known < FIXED, self.known * (unknowns.kind - self.usual), 0.0)
-        # Gain and offset of every tactel: by these the readings have the slopes model and 1.
+        # Gain and offset of every tactel; the readings have the derivatives model and 1 by them.
         lever = np.stack([model, np.ones_like(model)], axis=1) * weight[:, None, :tactels]
         cross = np.concatenate([
             np.einsum('nat,ntk->tak', lever, shared[:, :tactels]),
@@ -258,7 +259,7 @@ class Likelihood:
                       share, alone, inverse, unknowns)
 
     def chi(self, unknowns: Unknowns) -> float:
-        """Return twice the negative logarithm of the posterior, but for a constant."""
+        """Return -2 times the log posterior, up to a constant."""
         (model, rest, weight, _), unknowns = self.slopes(unknowns, wanted=False)
         tactels = model.shape[1]
         _, variance, _ = self.left(unknowns, model)
@@ -273,7 +274,7 @@ class Likelihood:
                 + (self.known[self.known < FIXED] * off**2).sum())
 
     def step(self, unknowns: Unknowns, longest: float) -> tuple[Unknowns, np.ndarray]:
-        """Return the unknowns after a step of Gauss and Newton, and what it wanted of the kind."""
+        """Return the unknowns after a Gauss-Newton step; the unlimited step of kind and places."""
         system = self.system(unknowns)
         move = np.linalg.solve(system.matrix, system.right)
         wanted, common = move[:KIND].copy(), KIND + len(unknowns.level)
@@ -288,7 +289,7 @@ class Likelihood:
             unknowns.level * np.exp(move[KIND:common])), np.append(wanted, places.ravel())
 
     def iterate(self, unknowns: Unknowns, steps: int = 25) -> Unknowns:
-        """Step downhill until nothing moves."""
+        """Take Gauss-Newton steps that decrease `chi`, until they converge."""
         longest, chi = LONGEST, self.chi(unknowns)
         for _ in range(steps):
             moved, move = self.step(unknowns, longest)
@@ -304,7 +305,7 @@ class Likelihood:
         return unknowns
 
     def learn(self, unknowns: Unknowns) -> Unknowns:
-        """Set spread of gains, scatter, and what is expected of forces by what a fit leaves."""
+        """Estimate spread of gains, scatter and expected forces from a fit; return new levels."""
         (model, rest, weight, _), unknowns = self.slopes(unknowns, wanted=False)
         system = self.system(unknowns)
         covariance, tactels = np.linalg.inv(system.matrix), model.shape[1]
@@ -313,12 +314,12 @@ class Likelihood:
         self.spread = min(max(math.sqrt((unknowns.gain**2).sum() / told), LEAST_SPREAD), 0.5)
         strong = (model > 0.03 * model.max(axis=1, keepdims=True)) & np.isfinite(self.values)
         tails = (weight[:, :tactels] * self.left(unknowns, model)[1])[strong]
-        # Of the readings, gains and presses take up as many as they are.
+        # Degrees of freedom: gains and presses each use up one reading per number.
         free = max(1.0 - (told + OWN * len(model)) / strong.sum(), 0.2)
         excess = np.mean(tails * rest[:, :tactels][strong]**2 / free
                          - self.noise[strong]**2) / np.mean(model[strong]**2)
         self.scatter = max(excess, 1e-6)**0.5
-        # Frames in turn at one place are of one press.
+        # Consecutive frames at one place belong to one press.
         moved = np.hypot(*np.diff(unknowns.places, axis=0).T) > 0.3 * self.pitch
         self.groups = np.concatenate([[0], np.cumsum(moved)])
         self.shared = np.bincount(self.groups)[self.groups][:, None].astype(float)
@@ -332,7 +333,7 @@ class Likelihood:
         return replace(unknowns, level=np.array(level))
 
     def dead(self, unknowns: Unknowns) -> np.ndarray:
-        """Which tactels do not follow the load that presses around them make, bool."""
+        """Return which tactels (bool) do not follow the modelled load."""
         model = self.slopes(unknowns, wanted=False)[0].model
         load = np.where(np.isfinite(self.values), model, 0.0) / self.noise
         power = (load**2).sum(axis=0)
@@ -340,11 +341,11 @@ class Likelihood:
         return (power > SEEN**2) & (follows < 0.3 * power)
 
     def hold(self, *numbers: int) -> None:
-        """Fix numbers of the kind at what is usual."""
+        """Fix numbers of the kind at their usual values."""
         self.known[list(numbers)] = FIXED
 
     def settle(self, unknowns: Unknowns) -> Unknowns:
-        """Fit, with the spreads that follow from it and without the tactels that are dead."""
+        """Fit the unknowns; learn the spreads and exclude dead tactels meanwhile."""
         for _ in range(3):
             unknowns = self.iterate(unknowns, 8)
             self.gone |= self.dead(unknowns)

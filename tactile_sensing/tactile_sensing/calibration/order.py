@@ -1,19 +1,19 @@
-"""Order and axes of rows and columns, from presses in the corners and from a rolling press."""
+"""Find the order of rows and columns from presses in the corners and a rolling press."""
 
 import numpy as np
 
 from tactile_common.errors import ConfigurationError
 
-#: Where the corners are pressed in turn: at the image's (row, column), 0 the first, 1 the last.
+#: Corners in the order of pressing: (row, column) of the image; 0: first, 1: last.
 CORNERS = ((0, 0), (0, 1), (1, 1), (1, 0))
 
 
 def seriate(activity: np.ndarray) -> np.ndarray:
     """
-    Order of lines that a rolling press loads one after the other, up to its direction.
+    Return the spatial order of lines from a rolling press; its direction is arbitrary.
 
     `activity` is the load on every line, (frames, lines). Lines that are loaded at the same time
-    are neighbours: the order is that of the second eigenvector of the Laplacian of their
+    are neighbours: their order is given by the second eigenvector of the Laplacian of their
     correlations (Fiedler).
     """
     similarity = np.nan_to_num(np.corrcoef(np.sqrt(np.maximum(activity, 0.0)).T))
@@ -28,15 +28,16 @@ def seriate(activity: np.ndarray) -> np.ndarray:
 def solve_order(corners: np.ndarray, rolling: np.ndarray | None,
                 shape: tuple[int, int]) -> tuple[tuple, tuple, bool]:
     """
-    Find `row_order`, `column_order` and `transposed` of `Calibration`: how raw lines lie.
+    Find `row_order`, `column_order` and `transposed` of `Calibration`.
 
-    Frames (N, raw rows, raw columns) show presses in the corners of the image, whose shape is
-    (rows, columns), in the order of CORNERS, and where raw lines are scrambled, a ball rolled all
-    over the pad. ConfigurationError where the presses contradict every order.
+    `corners` (4, raw rows, raw columns) are frames of presses in the corners of the image, in the
+    order of CORNERS. `rolling` (N, raw rows, raw columns), needed if the raw lines are scrambled,
+    shows a ball that is rolled all over the pad. `shape` is (rows, columns) of the image. Raises a
+    ConfigurationError if the presses contradict every order.
     """
     transposed = corners.shape[1:] != tuple(shape)
     peaks = [np.unravel_index(image.argmax(), image.shape) for image in corners]
-    # Along a row of the image, from the first to the second corner, the row stays the same.
+    # The first and second corner are in the same row of the image.
     same_row = abs(peaks[0][0] - peaks[1][0]) + abs(peaks[2][0] - peaks[3][0])
     same_column = abs(peaks[0][1] - peaks[1][1]) + abs(peaks[2][1] - peaks[3][1])
     if shape[0] == shape[1]:

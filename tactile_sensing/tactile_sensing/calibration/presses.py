@@ -1,4 +1,4 @@
-"""Presses of a small ball: counts above those of the unloaded pad, good ones and bad."""
+"""Presses of a small ball: their images, and the selection of usable ones."""
 
 from dataclasses import dataclass, replace
 
@@ -7,39 +7,40 @@ import numpy as np
 from tactile_sensing.devices.unloaded import QUANTISATION
 from tactile_sensing.types.array import TactelArray
 
-LEAST_PEAK = 10.0  # standard deviations that the peak of a usable press must reach
+LEAST_PEAK = 10.0  # smallest peak of a usable press [standard deviations]
 
 
 @dataclass(frozen=True, eq=False)
 class Presses:
     """
-    Images that each show one press: a frame, or the mean of those while it was held.
+    Images that each show one press: one frame, or the mean of frames while it was held.
 
-    What a tactel reports at or below the floor is only known to be below it. NaN is no value.
+    Values are counts above those of the unloaded pad. A value at or below the floor is only an
+    upper bound; NaN means no value.
     """
 
     array: TactelArray
     values: np.ndarray  # (N, rows, columns) [counts]
     noise: np.ndarray  # (N, rows, columns) [counts]
     floor: np.ndarray  # (rows, columns) [counts]
-    number: np.ndarray  # (N,) of its first frame in its file
+    number: np.ndarray  # (N,): index of its first frame in the file
 
     def __len__(self) -> int:
         return len(self.values)
 
     def joined(self, other: 'Presses') -> 'Presses':
-        """Return these and other presses of the same array."""
+        """Return these presses followed by other presses of the same array."""
         return replace(self, **{
             name: np.concatenate([getattr(self, name), getattr(other, name)])
             for name in ('values', 'noise', 'number')})
 
     def only(self, chosen: np.ndarray) -> 'Presses':
-        """Return the presses that are chosen."""
+        """Return the chosen presses; `chosen` is an index array or mask."""
         return replace(self, **{
             name: getattr(self, name)[chosen] for name in ('values', 'noise', 'number')})
 
     def averaged(self) -> 'Presses':
-        """Return the presses with frames in turn that differ by noise alone as one."""
+        """Return presses in which consecutive frames that differ only by noise are averaged."""
         groups: list[list[int]] = []
         for i in range(len(self)):
             if groups and self._is_like(i, groups[-1]):
@@ -55,7 +56,7 @@ class Presses:
         return np.nanmean(off**2) < 1.5 * (1.0 + 1.0 / len(group))
 
     def _mean(self, group: list[int]) -> tuple[np.ndarray, np.ndarray]:
-        """Mean of some frames and its noise; what hides in some of them alone tells nothing."""
+        """Return the mean of some frames and its noise; NaN where only some are at the floor."""
         values = self.values[group]
         hidden = values <= self.floor
         mean = np.where(hidden.any(axis=0) & ~hidden.all(axis=0), np.nan, values.mean(axis=0))
@@ -64,10 +65,11 @@ class Presses:
 
 def sort_presses(presses: Presses, saturated: np.ndarray) -> tuple[Presses, dict[int, str]]:
     """
-    Return the presses that tell something of the skin, and why not the others, by their numbers.
+    Select usable presses; return them and the reasons for the others, by frame number.
 
-    Of every frame is told how many tactels are at full scale, (N,). The good ones are at most
-    120, spread over the pad, as more cost time and tell little; those that were held are averaged.
+    `saturated` (N,) is the number of tactels at full scale in every frame. Frames of a held press
+    are averaged. At most 120 presses, spread over the pad, are kept: more cost time and add
+    little information.
     """
     bad, good = {}, []
     for i, values in enumerate(presses.values):
@@ -80,7 +82,7 @@ def sort_presses(presses: Presses, saturated: np.ndarray) -> tuple[Presses, dict
         return presses.only(np.zeros(0, int)), bad
     presses = presses.only(np.array(good)).averaged()
     peaks = [highest(values) for values in presses.values]
-    # In turns over the tactels that were pressed, so that none of them crowds out the others.
+    # Take the pressed tactels in turn, so that all of them are represented.
     _, place, count = np.unique(peaks, axis=0, return_inverse=True, return_counts=True)
     turn = np.zeros(len(peaks), int)
     for k in range(len(count)):
@@ -90,16 +92,16 @@ def sort_presses(presses: Presses, saturated: np.ndarray) -> tuple[Presses, dict
 
 
 def highest(values: np.ndarray) -> tuple:
-    """Row and column of the highest tactel."""
+    """Return row and column of the highest tactel."""
     return np.unravel_index(np.nan_to_num(values, nan=-np.inf).argmax(), values.shape)
 
 
 def why_not(values: np.ndarray, noise: np.ndarray, array: TactelArray, saturated: int) -> str:
     """
-    Return what is wrong with a press of a ball; an empty text where nothing is.
+    Return what is wrong with a press of a ball; an empty text if nothing is.
 
-    Counts above those of the unloaded pad and their noise have the shape (rows, columns); so many
-    tactels are at full scale.
+    `values` are counts above those of the unloaded pad, `noise` their standard deviation, both of
+    shape (rows, columns). `saturated` is the number of tactels at full scale.
     """
     row, column = highest(values)
     peak = values[row, column]

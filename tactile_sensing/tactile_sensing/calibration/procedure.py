@@ -1,4 +1,4 @@
-"""From recordings of raw counts to a calibration: every step that its recordings allow."""
+"""Make a calibration from recordings of raw counts, with every step that they allow."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
@@ -20,15 +20,15 @@ from tactile_sensing.devices.unloaded import QUANTISATION
 from tactile_sensing.types.array import TactelArray
 from tactile_sensing.types.skin import Skin
 
-FEWEST_PRESSES = 5  # of a ball, that tell a skin; some twenty are better
+FEWEST_PRESSES = 5  # of a ball, to fit a skin; twenty are better
 
 
 @dataclass
 class Recordings:
     """
-    What was recorded, frames of shape (N, raw rows, raw columns) in counts; None: not recorded.
+    Recorded frames, shape (N, raw rows, raw columns), in counts; None: not recorded.
 
-    Lengths in m, forces in N.
+    Lengths are in m, forces in N.
     """
 
     unloaded: np.ndarray | None = None
@@ -36,7 +36,7 @@ class Recordings:
     rolling: np.ndarray | None = None
     ball: np.ndarray | None = None
     ball_radius: float = 0.0
-    force: np.ndarray | None = None  # (N,) of the ball's frames, or one for all
+    force: np.ndarray | None = None  # (N,): of the frames of `ball`; or one for all
     flat: np.ndarray | None = None
 
     @property
@@ -47,7 +47,7 @@ class Recordings:
 
 @dataclass
 class Known:
-    """What the maker publishes, or the user has measured; None and 0: to be found or assumed."""
+    """Known values from data sheet or measurement; None or 0: to be found or assumed."""
 
     pitch: tuple[float, float]  # along x and y [m]
     bits: int | None = None
@@ -59,30 +59,30 @@ class Known:
     poisson: float | None = None
     gain: float = 0.0  # [Pa/count]
     tactel: str = 'area'
-    resolution: float = 1.0  # of a count, in the unit of the recordings
+    resolution: float = 1.0  # size of one count in the unit of the recordings
 
 
 @dataclass
 class Outcome:
-    """A calibration, and what a report draws."""
+    """A calibration, and the data for its report."""
 
     calibration: Calibration
-    left_out: dict[str, dict[int, str]]
+    left_out: dict[str, dict[int, str]]  # recording -> frame -> reason
     tactels: Tactels | None
     presses: Presses | None
     skin: Fit | None
-    doubts: list[str]  # why not to trust it
+    doubts: list[str]  # reasons not to trust it
 
 
 def calibrate(recordings: Recordings, known: Known,
               tell: Callable[[str], None] = lambda text: None) -> Outcome:
     """
-    Make a calibration.
+    Make a calibration from recordings and known values; `tell` is called with each step's name.
 
     Raises
     ------
     ConfigurationError
-        Recordings contradict each other, or tell too little.
+        If recordings contradict each other or are not sufficient.
     """
     loaded, unloaded = recordings.loaded, recordings.unloaded
     given = loaded if unloaded is None else [unloaded, *loaded]
@@ -115,7 +115,7 @@ def calibrate(recordings: Recordings, known: Known,
 
 @dataclass
 class _Procedure:
-    """Fields of the calibration, as far as they are known."""
+    """State of a calibration: the fields that are known so far."""
 
     recordings: Recordings
     known: Known
@@ -129,7 +129,7 @@ class _Procedure:
     skin: Fit | None = None
 
     def find_range(self, given: list[np.ndarray]) -> None:
-        """Counts and, as far as they are told, skin and gain."""
+        """Set the range of the counts, and skin and gain if they are known."""
         known = self.known
         counts, self.assumed = range_of(given, known.bits, known.signed, known.threshold)
         self.values = {
@@ -141,7 +141,7 @@ class _Procedure:
         self.values |= {'gain': known.gain} if known.gain else {'unit': 'counts'}
 
     def find_order(self, raw_shape: tuple[int, int]) -> None:
-        """Order and size of the image."""
+        """Set order and size of the image."""
         corners, rolling = self.recordings.corners, self.recordings.rolling
         transposed = False
         if corners is None:
@@ -167,12 +167,12 @@ class _Procedure:
                         'transposed': transposed}
 
     def survey_unloaded(self, unloaded: np.ndarray) -> None:
-        """Baseline, noise and dead tactels."""
+        """Set baseline, noise and dead tactels."""
         if len(unloaded) < MIN_TARE_FRAMES:
             raise ConfigurationError(f'unloaded: {len(unloaded)} frames, at least '
                                      f'{MIN_TARE_FRAMES} are needed')
         recordings, draft = self.recordings, Calibration(**self.values)
-        # Fingers in the corners may slip beside the tactels.
+        # Without the corners: a finger there may miss the tactels.
         self.tactels = tactels = survey(draft.arrange(unloaded), draft.counts, [
             draft.arrange(it) for it in (recordings.ball, recordings.flat, recordings.rolling)
             if it is not None])
@@ -181,14 +181,14 @@ class _Procedure:
             'step': tactels.step, 'drift': _short(tactels.drift),
             'dead': {f'{row},{column}': why for (row, column), why in tactels.dead.items()},
             'not_loaded': int(tactels.unloaded.sum())}
-        # One frame of an unloaded pad may be that far off by chance.
+        # Keep the offset within the allowed range of a baseline.
         self.values |= {
             'baseline': np.clip(tactels.offset, draft.counts.lowest, draft.counts.saturation - 1),
             'noise': tactels.noise, 'dead_tactels': tuple(sorted(
                 row * draft.array.columns + column for row, column in tactels.dead))}
 
     def find_skin(self) -> None:
-        """Skin, gain and flat field from presses of the ball."""
+        """Set skin, gain and flat field from presses of the ball."""
         recordings, known = self.recordings, self.known
         if not recordings.ball_radius > 0.0:
             raise ConfigurationError('--ball-radius is missing')
@@ -233,7 +233,7 @@ class _Procedure:
         self.presses, self.skin = presses.only(chosen), skin
         self._use(skin, given, ~draft.live)
         if forced and not known.gain:
-            # Counts are those of the ball's level, which is the first source.
+            # The known forces are those of the ball, which is the first source.
             std = edge_force_std(self.presses, skin, 0, known.tactel == 'area')
             self.values |= {'gain': skin.gain / skin.level[0], 'unit': 'Pa', 'force_std': std}
             self.found['force'] = {
@@ -241,7 +241,7 @@ class _Procedure:
                 'gain': _short(1.0 / skin.level[0]), 'gain_std': _short(skin.level_std)}
 
     def _sorted(self, name: str, frames: np.ndarray, draft: Calibration) -> Presses:
-        """Frames that each show a press."""
+        """Return the frames that show a usable press."""
         arranged = draft.arrange(np.asarray(frames, dtype=np.float64))
         full = draft.full(arranged)
         noise = np.broadcast_to(np.maximum(draft.noise, QUANTISATION**0.5), arranged.shape)
@@ -258,13 +258,13 @@ class _Procedure:
         return good
 
     def _use(self, fit: Fit, given: Skin | None, dead: np.ndarray) -> None:
-        """What the fit says of the calibration."""
+        """Set the fields of the calibration that follow from the fit."""
         count, known, found = int(fit.groups[-1]) + 1, self.known, self.found
         self.values |= {'gain_spread': float(fit.left), 'gain': (known.gain or 1.0) * fit.gain}
         found['gains'] = {
             'presses': count, 'spread': _short(fit.spread), 'left': _short(fit.left)}
         if not given:
-            self.assumed.pop()  # that of the depth
+            self.assumed.pop()  # the assumption about the depth
             thickness = 0.0 if fit.skin.is_half_space else float(fit.skin.thickness)
             self.values |= {'depth': float(fit.skin.depth), 'poisson': float(fit.skin.poisson),
                             'thickness': thickness}
@@ -283,7 +283,7 @@ class _Procedure:
         self.values['dead_tactels'] = tuple(np.flatnonzero(dead).tolist())
 
     def outcome(self) -> Outcome:
-        """The calibration, and whether to trust it."""
+        """Return the calibration with reasons to doubt it."""
         if not self.known.gain and self.recordings.force is None:
             self.assumed.append('no force is known: places, yaw and type can be told, forces '
                                 'cannot')
@@ -305,7 +305,7 @@ def _check_unloaded(presses: Presses) -> None:
 
 
 def _with_lines(dead: np.ndarray, tactels: Tactels | None) -> np.ndarray:
-    """Dead tactels, and those of a row or column that is dead as far as it was loaded."""
+    """Return the dead tactels; mark rows and columns of which all loaded tactels are dead."""
     if tactels is not None:
         for some, idle in ((dead, tactels.unloaded), (dead.T, tactels.unloaded.T)):
             some[(some.mean(axis=1) >= 0.25) & (some | idle).all(axis=1)] = True
@@ -313,6 +313,6 @@ def _with_lines(dead: np.ndarray, tactels: Tactels | None) -> np.ndarray:
 
 
 def _short(value: float) -> float | str:
-    """Number of four digits, as a file shows it."""
+    """Return a number rounded to four digits for a file, or 'unknown'."""
     value = float(value)
     return float(f'{value:.4g}') if math.isfinite(value) else 'unknown'

@@ -1,4 +1,4 @@
-"""Recording press by press what `calibrate` takes, of a sensor that runs: the wizard's core."""
+"""Core of `calibrate --live`: record the presses of a running sensor one by one."""
 from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -11,20 +11,20 @@ from tactile_sensing.calibration.presses import highest, LEAST_PEAK, why_not
 from tactile_sensing.devices.unloaded import unloaded_statistics
 from tactile_sensing.types.array import TactelArray
 
-HELD = 20  # frames that a press must rest to be taken
-KEPT = 10  # of these
+HELD = 20  # a press must be steady for this number of frames
+KEPT = 10  # frames of it that are kept
 
 
 @dataclass(frozen=True)
 class Step:
-    """One recording, a file of its name."""
+    """One recording and its file name."""
 
     name: str
-    count: int  # frames, or presses
-    ask: str
-    presses: bool = True  # else the frames come one after the other
-    anywhere: bool = False  # presses are not judged: a finger, at the border
-    frames: int = 1  # of each press: their mean tells more
+    count: int  # number of frames or presses
+    ask: str  # instruction for the user
+    presses: bool = True  # False: consecutive frames without presses
+    anywhere: bool = False  # accept any press: a finger at the border
+    frames: int = 1  # frames of each press, for averaging
 
 
 STEPS = (
@@ -41,8 +41,8 @@ class PressCatcher:
     """
     Find presses in a stream of frames.
 
-    A press is taken once, when it has rested for HELD frames; the next one begins when nothing
-    presses any more.
+    A press is taken once, when it has been steady for HELD frames. The next press can begin after
+    the pad was released.
     """
 
     def __init__(self, array: TactelArray, unloaded: np.ndarray):
@@ -50,14 +50,14 @@ class PressCatcher:
         self._array = array
         self._offset, self._noise = unloaded_statistics(unloaded, -np.inf, 0.0, everywhere)
         self._recent: deque[np.ndarray] = deque(maxlen=HELD)
-        self._taken = True  # whatever presses at the beginning is none
+        self._taken = True  # ignore a press at the start
 
     def see(self, frame: np.ndarray, full: int) -> str | None:
         """
-        Look at the next frame [counts], (rows, columns), of which so many are at full scale.
+        Examine the next frame [counts], (rows, columns), with `full` tactels at full scale.
 
-        Returns None while there is no new press that rests, '' for a press of a ball that tells
-        something, else what is wrong with it.
+        Returns None if there is no new steady press, '' for a usable press of a ball, else what
+        is wrong with it.
         """
         values = frame - self._offset
         peak = highest(values)
@@ -83,20 +83,20 @@ class PressCatcher:
 @dataclass
 class Recorder:
     """
-    Ask for every recording in turn, and keep it in a folder, press by press.
+    Ask for every recording in turn, and save it in a folder after each press.
 
-    What is there already stays: an interrupted session goes on where it was.
+    Existing recordings are kept, so that an interrupted session can be continued.
     """
 
     folder: Path
     array: TactelArray
-    # The next frame [counts], (rows, columns), and how many of it are at full scale.
+    # Returns the next frame [counts], (rows, columns), and its number of tactels at full scale.
     look: Callable[[], tuple[np.ndarray, int]]
     ask: Callable[[str], str]  # shows a text and returns the answer; 's' skips a recording
     tell: Callable[[str], None]  # shows a line
 
     def run(self, steps: tuple[Step, ...] = STEPS) -> None:
-        """Record what is missing."""
+        """Record the steps that are missing in the folder."""
         self.folder.mkdir(parents=True, exist_ok=True)
         for step in steps:
             path = self._file(step.name)

@@ -1,4 +1,4 @@
-"""Picture of a calibration: noise, gains, and what presses leave before and after."""
+"""Draw the report of a calibration: noise, gains, and residuals before and after."""
 
 from pathlib import Path
 from typing import Any
@@ -15,7 +15,7 @@ from tactile_sensing.types.skin import Skin
 
 
 def draw_report(outcome: Outcome, ball_radius: float, path: str | Path) -> None:
-    """Draw what was found, with matplotlib, into a picture file."""
+    """Draw the report of a calibration with matplotlib into a picture file."""
     import matplotlib
     matplotlib.use('Agg')
     from matplotlib import pyplot
@@ -63,7 +63,7 @@ def _presses(figure: Any, axes: np.ndarray, outcome: Outcome, presses: Presses, 
 
 
 def _profile(axis: Any, fit: Fit) -> None:
-    """What a point load makes in the skin, with the standard deviation of it."""
+    """Draw the pressure of a point load in the skin, with its standard deviation."""
     x = np.linspace(0.0, 4.0 * fit.skin.depth, 60)
 
     def pressure(kind: np.ndarray) -> np.ndarray:

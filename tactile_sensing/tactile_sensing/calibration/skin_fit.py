@@ -1,4 +1,4 @@
-"""Skin and gains that explain presses of a ball, and how well they are known."""
+"""Fit skin and gains to presses of a ball, with their standard deviations."""
 
 from copy import copy
 from dataclasses import dataclass, replace
@@ -25,26 +25,26 @@ RATIOS = (0.35, 0.8)  # likewise depth over thickness
 
 @dataclass(frozen=True, eq=False)
 class Fit:
-    """What presses tell of skin and gains, and how well."""
+    """Skin and gains that were fitted to presses, with their standard deviations."""
 
     skin: Skin
     depth_std: float  # [m]
-    thickness_std: float  # [m]; infinite where no backing shows
-    poisson_std: float  # infinite where it was not fitted
+    thickness_std: float  # [m]; infinite: no backing found
+    poisson_std: float  # infinite: not fitted
     patch: float  # radius of a patch over that of the ball, at the usual force
-    gain: np.ndarray  # (rows, columns): pressure of a count over the usual one
-    gain_std: np.ndarray  # (rows, columns), relative
+    gain: np.ndarray  # (rows, columns): pressure per count, relative to the usual one
+    gain_std: np.ndarray  # (rows, columns), relative standard deviation of the estimate
     spread: float  # standard deviation of the gains
-    left: float  # of what is unknown of them, RMS of those that were pressed
-    scatter: float  # what the model misses, as a share of the pressure
+    left: float  # RMS of `gain_std` of the pressed tactels
+    scatter: float  # error of the model, as share of the pressure
     models: np.ndarray  # (N, rows, columns) [counts]
-    misfit: np.ndarray  # (N,): RMS of what is left over what is expected
-    groups: np.ndarray  # (N,): number of the press that each frame is of
+    misfit: np.ndarray  # (N,): RMS residual over its expected value
+    groups: np.ndarray  # (N,): number of the press of each frame
     dead: np.ndarray  # (rows, columns), bool: does not follow the load
-    level: np.ndarray  # (sources,) [counts m^2 / N]
-    force_left: float  # what gains and model let the force of a press be off by, relative
+    level: np.ndarray  # (sources,) counts per pressure [counts m^2 / N]
+    force_left: float  # relative error of the force of a press, due to gains and model
     kind: np.ndarray  # log depth [m], depth over thickness, Poisson's ratio, patch
-    covariance: np.ndarray  # of the KIND numbers, and the logarithms of the levels
+    covariance: np.ndarray  # of the numbers of `kind` and the logarithms of the levels
 
     @property
     def level_std(self) -> float:
@@ -57,20 +57,24 @@ def fit_presses(presses: Presses, ball_radius: float, *, area: bool = True,
                 told: np.ndarray | None = None, source: np.ndarray | None = None,
                 offset_std: np.ndarray | float = 1e-6) -> Fit:
     """
-    Find skin and gains that explain presses of a ball.
+    Fit skin and gains to presses of a ball.
 
-    A half-space comes first, then a backing, where it explains more.
+    The search begins with a half-space. The skin gets a backing if that explains the presses
+    significantly better.
 
     Parameters
     ----------
+    presses : Presses
+    ball_radius : float
+        [m]
     area : bool
-        Whether tactels average over their area, or sample their centres.
+        True: tactels average over their area. False: they sample their centres.
     known, poisson : Skin, float, optional
-        What is not fitted then; else Poisson's ratio is found about what is usual.
+        Known skin or Poisson's ratio, not fitted. Otherwise Poisson's ratio has a usual prior.
     told, source : ndarray, shape (N,), optional
-        What is known of the forces relative to those of the same source, 0, 1 ...
+        Known forces, relative to the other forces of the same source; number of the source.
     offset_std : ndarray, shape (rows, columns), optional
-        How well it is known what the unloaded pad reads [counts].
+        Standard deviation of the offsets of the unloaded tactels [counts].
     """
     count = len(presses)
     offset_std = np.broadcast_to(offset_std, presses.array.shape).ravel()
@@ -96,10 +100,10 @@ def fit_presses(presses: Presses, ball_radius: float, *, area: bool = True,
     problem.hold(1)
     plain = problem.iterate(replace(layer, kind=plain.kind))
     evidence = problem.chi(plain) - least
-    if evidence < 4.0:  # chi-square that a backing must explain
+    if evidence < 4.0:  # chi-square that a backing must gain
         plain = problem.settle(plain)
-        # A backing that does not show may be there: so likely is what it would change. Before
-        # presses tell, none is four times as likely as one of the depth that fits.
+        # A backing may exist although it does not show. Its probability, with prior odds of 1:4,
+        # gives the variance that its effect adds.
         likely = 1.0 / (1.0 + 4.0 * math.exp(-0.5 * evidence))
         return _result(problem, plain, likely**0.5 * np.append(
             layer.kind - plain.kind, np.log(layer.level / plain.level)))
@@ -108,7 +112,7 @@ def fit_presses(presses: Presses, ball_radius: float, *, area: bool = True,
 
 
 def _start(problem: Likelihood) -> np.ndarray:
-    """Half-space at which the search begins: the best of some, by some of the presses."""
+    """Return the half-space at which the search begins: the best of some for few presses."""
     few = np.arange(min(len(problem.told), 8))
     trial = Likelihood(problem.presses.only(few), problem.radius, problem.size[0] > 0.0,
                        problem.told[few], problem.source[few], problem.offset_std)
@@ -125,7 +129,7 @@ def _result(problem: Likelihood, unknowns: Unknowns,
     (model, rest, weight, slope), unknowns = problem.slopes(system.unknowns)
     tactels, common, skin = model.shape[1], KIND + len(unknowns.level), skin_of(unknowns.kind)
     live, rest = np.isfinite(problem.values), rest[:, :tactels]
-    # A common factor of all gains is one of the levels: their mean, as forces weigh it, is none.
+    # A common factor of all gains belongs to the levels: move the weighted mean gain there.
     usual = np.where(live, model**2, 0.0).sum(axis=0)
     usual /= usual.sum()
     mean, follows = usual @ unknowns.gain, np.eye(common, len(inverse))
@@ -141,7 +145,7 @@ def _result(problem: Likelihood, unknowns: Unknowns,
     variance = system.gain_variance(inverse)
     seen = (np.where(live, model / problem.noise, 0.0)**2).sum(axis=0) > SEEN**2
     left = math.sqrt(variance[seen].mean())
-    # What a press of unknown place makes of its force, as gains and model are off.
+    # Error of the force of a press of unknown place, due to errors of gains and model.
     root = np.sqrt(weight[..., None])
     by_reading = np.linalg.pinv(slope[..., common:] * root)[:, 0, :tactels] * root[:, :tactels, 0]
     by_press = np.sqrt((by_reading**2 * (left**2 + problem.scatter**2) * model**2).sum(axis=1))
@@ -162,17 +166,17 @@ def _result(problem: Likelihood, unknowns: Unknowns,
 
 def edge_force_std(presses: Presses, fit: Fit, source: int, area: bool) -> float:
     """
-    Relative standard deviation that the forces of all edges have by gain and skin.
+    Return the common relative standard deviation of the forces of edges, due to gain and skin.
 
-    What is wrong with the skin, and with the patch beside it, moves the gain as it moves the force
-    of the presses that tell it. Points follow these, but edges do not.
+    An error of the skin or the patch changes the gain that follows from the presses. For points
+    both errors compensate, because they are like the presses; for edges they do not.
     """
     array, kind = presses.array, fit.kind
     size = (array.pitch_x, array.pitch_y) if area else (0.0, 0.0)
 
     def line(kind: np.ndarray) -> np.ndarray:
         return SkinPressure(skin_of(kind), *size).line(
-            array.x[None, :], array.y[:, None], 0.0, 0.3, 1.0)  # at a slant
+            array.x[None, :], array.y[:, None], 0.0, 0.3, 1.0)  # oblique
     edge, by = line(kind), np.zeros(len(fit.covariance))
     for k in range(3):
         step = step_of(kind, k)

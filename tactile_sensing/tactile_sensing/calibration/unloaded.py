@@ -1,4 +1,4 @@
-"""What recordings of raw counts say of the tactels: range, noise, dead, stuck, drift."""
+"""Properties of the tactels from recordings of raw counts: range, noise, drift, dead tactels."""
 
 from dataclasses import dataclass
 
@@ -11,24 +11,24 @@ from tactile_sensing.devices.unloaded import unloaded_statistics
 
 @dataclass(frozen=True, eq=False)
 class Tactels:
-    """Tactels without load and what is wrong with them; arrays of shape (rows, columns)."""
+    """Statistics and faults of the unloaded tactels; arrays have the shape (rows, columns)."""
 
     offset: np.ndarray  # [counts]
     noise: np.ndarray  # [counts]
-    dead: dict  # from (row, column) to what is wrong
-    step: int  # between neighbouring counts that occur: the effective least significant bit
-    drift: float  # median change from the first half of the frames to the second [counts]
-    unloaded: np.ndarray  # bool: not dead, but no frame shows that it was loaded
+    dead: dict  # (row, column) -> fault
+    step: int  # smallest step of the counts: the effective least significant bit
+    drift: float  # median change from the first to the second half of the frames [counts]
+    unloaded: np.ndarray  # bool: not dead, but not loaded in any frame
 
 
 def range_of(recordings: list[np.ndarray], bits: int | None, signed: bool | None,
              threshold: int | None) -> tuple[Counts, list[str]]:
     """
-    Range of the counts, and what of it was assumed.
+    Determine the range of the counts; return it and the assumptions.
 
-    What is not given follows from the counts: the fewest bits that hold them; a threshold where
-    small counts are never reported though larger ones are. ConfigurationError where the bits that
-    are given do not hold the counts.
+    Values that are not given follow from the counts: the smallest usual number of bits for them,
+    and a threshold if small counts never occur although larger ones do. Raises a
+    ConfigurationError if the given bits are too few for the counts.
     """
     assumed = []
     counts = np.concatenate([np.rint(frames[np.isfinite(frames)]) for frames in recordings])
@@ -50,22 +50,22 @@ def range_of(recordings: list[np.ndarray], bits: int | None, signed: bool | None
 
 
 def _threshold(counts: np.ndarray, lowest: int) -> int | None:
-    """Least count above the lowest, where those below it are missing; None: no threshold."""
+    """Return the smallest count above the lowest if counts between are missing, else None."""
     above = np.sort(counts[counts > lowest])
     if above.size < 50 or not np.any(counts == lowest):
         return None
     least = int(above[0])
-    # As many below as there are in as wide a range above, unless something leaves them out.
+    # Without a threshold, about as many counts are expected below as in an equal range above.
     expected = np.count_nonzero(above < 2 * least - lowest)
     return least if least > lowest + 1 and expected > 5 else None
 
 
 def survey(frames: np.ndarray, counts: Counts, loaded: list[np.ndarray]) -> Tactels:
     """
-    Survey frames (N, rows, columns) of the unloaded pad.
+    Examine frames (N, rows, columns) of the unloaded pad.
 
-    Frames of the loaded pad, if there are any, tell what does not show without load: tactels that
-    are always the same though their neighbours change.
+    Frames of the loaded pad, if given, show faults that are invisible without load: tactels that
+    do not change although their neighbours do.
     """
     live = np.ones(frames.shape[1:], bool)
     first = unloaded_statistics(frames, counts.threshold, counts.lowest, live)
@@ -94,14 +94,14 @@ def survey(frames: np.ndarray, counts: Counts, loaded: list[np.ndarray]) -> Tact
 
 def _silent(loaded: np.ndarray, offset: np.ndarray,
             noise: float) -> tuple[np.ndarray, np.ndarray]:
-    """Tactels that do not follow those on either side of them; others that were never loaded."""
+    """Return which tactels do not follow their neighbours, and which were never loaded."""
     values = np.nan_to_num(loaded[::-(-len(loaded) // 2000)] - offset)
     padded = np.pad(values, ((0, 0), (1, 1), (1, 1)))
     rows, columns = offset.shape
 
     def beside(i: int, j: int) -> np.ndarray:
         return padded[:, 1 + i:1 + i + rows, 1 + j:1 + j + columns]
-    # Under an elastic skin a tactel between two loaded ones is loaded, one beside them need not.
+    # Under an elastic skin, a tactel between two loaded ones is loaded too.
     between = np.max([np.minimum(beside(i, j), beside(-i, -j))
                       for i, j in ((0, 1), (1, 0), (1, 1), (1, -1))], axis=0)
     between = np.where(between > 10.0 * noise, between, 0.0)

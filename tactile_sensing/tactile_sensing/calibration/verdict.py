@@ -1,20 +1,21 @@
-"""What a calibration is worth, in words and units, and whether to trust it."""
+"""Describe the accuracy of a calibration in words, and reasons to doubt it."""
 
 import numpy as np
 
 from tactile_sensing.calibration.skin_fit import Fit
 from tactile_sensing.devices.calibration import Calibration
 
-MOST_LEFT_OUT = 0.04  # share of the pressure that a skin and a ball may leave unexplained
+MOST_LEFT_OUT = 0.04  # largest usual share of the pressure that the model does not explain
 USUAL_PATCH = 0.25, 0.75  # radius of a patch over that of the ball
-FEW_PRESSES = 8  # fewer do not show how wrong they are
+FEW_PRESSES = 8  # with fewer presses, their consistency cannot be judged
 
 
 def doubts(fit: Fit | None, ball_radius: float, dead: float) -> list[str]:
     """
-    Return why not to trust a calibration, as a wrong ball, a wrong pitch or a broken pad makes it.
+    Return reasons not to trust a calibration: a wrong ball or pitch, a broken pad, few presses.
 
-    The fit is of presses of a ball of a radius [m]; of all tactels the share that is dead.
+    `fit` is the fit of the presses (None: no presses), `ball_radius` is in m, and `dead` is the
+    share of dead tactels.
     """
     found, check = [], 'check --ball-radius and --pitch'
     if dead > 0.1:
@@ -39,7 +40,7 @@ def doubts(fit: Fit | None, ball_radius: float, dead: float) -> list[str]:
 
 
 def verdict(calibration: Calibration, fit: Fit | None) -> str:
-    """Return what forces, depth, thickness and tactels are good for, in one line."""
+    """Return the accuracy of force, depth and thickness, and the dead tactels, in one line."""
     parts = []
     if calibration.unit == 'Pa' and fit is not None:
         force = np.hypot(calibration.force_std, fit.force_left)
@@ -62,7 +63,7 @@ def _mm(value: float, std: float) -> str:
 
 
 def named(some: np.ndarray) -> str:
-    """Return the names of some tactels, (rows, columns) bool: whole rows and columns first."""
+    """Return the names of marked tactels (rows, columns); whole rows and columns as such."""
     rows, columns = np.asarray(some.all(axis=1)), np.asarray(some.all(axis=0))
     rest = some & ~rows[:, None] & ~columns
     alone = ', '.join(f'({row}, {column})' for row, column in np.argwhere(rest))
