@@ -1,4 +1,4 @@
-"""Command: from recordings of raw counts to a calibration file."""
+"""Command `calibrate`: make a calibration file from recordings of raw counts."""
 
 import argparse
 from pathlib import Path
@@ -37,9 +37,9 @@ RECORDED = {
     'range, threshold and silent tactels alone',
     'ball': 'of presses of a small ball; an array `force` (N,) [N] in it is that of each',
     'flat': 'of presses of the ball all over the pad'}
-STEPS = 4  # that the progress bar counts, at most
-DOUBTFUL = FAILED  # exit status
-MOST_NAMED = 8  # frames that are named as left out
+STEPS = 4  # largest number of steps of the progress bar
+DOUBTFUL = FAILED  # exit status of a calibration that cannot be trusted
+MOST_NAMED = 8  # largest number of excluded frames to list
 
 EPILOG = """\
 Record, each into a file of its own (numpy.savez(FILE, frames=frames) or numpy.save, frames of raw
@@ -71,7 +71,7 @@ why; 2 after one line that says what is wrong, then nothing is written."""
 
 
 def parser() -> argparse.ArgumentParser:
-    """Command line."""
+    """Return the parser of the command line."""
     arguments = Parser(
         prog='calibrate', formatter_class=argparse.RawDescriptionHelpFormatter, epilog=EPILOG,
         description='Calibrate a tactile array: from '
@@ -118,7 +118,7 @@ def parser() -> argparse.ArgumentParser:
 
 
 def record(options: argparse.Namespace) -> None:
-    """Have the recordings of the options made; a program of its own knows ROS."""
+    """Make the recordings of the options; a separate program does it if ROS is needed."""
     if options.port:
         record_port(options)
     elif subprocess.run([sys.executable, '-m', 'tactile_sensing.nodes.press_recorder',
@@ -131,7 +131,7 @@ def record(options: argparse.Namespace) -> None:
 
 
 def record_port(options: argparse.Namespace) -> None:
-    """Have them made of the sensor on a port, without a graph."""
+    """Make the recordings from the sensor on a port, without a ROS graph."""
     full = 2 ** options.bits - 1 if options.bits else np.inf
     with opened(options) as sensor:
         def look() -> tuple[np.ndarray, int]:
@@ -152,7 +152,7 @@ def record_port(options: argparse.Namespace) -> None:
 
 
 def read_recordings(options: argparse.Namespace) -> Recordings:
-    """Read the files of the options; sets what a bag tells of its counts and nobody else does."""
+    """Read the files of the options; set missing options for the counts from a bag."""
     recordings = Recordings(ball_radius=options.ball_radius or 0.0)
     for name in RECORDED:
         if path := getattr(options, name):
@@ -185,7 +185,7 @@ def _read(path: str, options: argparse.Namespace) -> np.ndarray:
 
 
 def read_known(options: argparse.Namespace) -> Known:
-    """What the options say of the sensor."""
+    """Return the known values of the sensor from the options."""
     if options.thickness and not options.depth:
         raise ConfigurationError('--thickness needs --depth')
     same = ('bits', 'threshold', 'saturation', 'depth', 'thickness', 'poisson', 'gain', 'tactel',
@@ -195,7 +195,7 @@ def read_known(options: argparse.Namespace) -> Known:
 
 
 def describe(outcome: Outcome) -> list[str]:
-    """Return what was found, left out and assumed, as lines."""
+    """Return lines that list what was found, excluded and assumed."""
     calibration = outcome.calibration
     found = calibration.found
     lines = [f'{name}: {_plain(found[name])}'
@@ -220,8 +220,8 @@ def _plain(value: Any) -> str:
 
 
 def run(options: argparse.Namespace) -> bool:
-    """Calibrate and say what was found; returns whether it can be trusted."""
-    read_known(options)  # refuses what contradicts, before anything is recorded
+    """Calibrate and print the result; return whether it can be trusted."""
+    read_known(options)  # raises for contradictory options before anything is recorded
     if options.live:
         record(options)
     recordings = read_recordings(options)

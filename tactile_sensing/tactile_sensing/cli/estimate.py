@@ -1,4 +1,4 @@
-"""Offline command: the contact in every frame of a file or bag."""
+"""Command `estimate`: estimate the contact in every frame of a file or bag."""
 
 import argparse
 from collections.abc import Sequence
@@ -18,7 +18,7 @@ from tactile_sensing.cli.estimate_sources import source_of
 from tactile_sensing.contact.estimator import ContactEstimator
 from tactile_sensing.types.contact import ContactType, INFORMATION, Reason
 
-QUIET = 1.0  # s without a progress bar
+QUIET = 1.0  # time before the progress bar appears [s]
 REFUSALS = [reason for reason in Reason if not reason & INFORMATION]
 
 
@@ -28,7 +28,7 @@ def _counted(names: Sequence[IntEnum | IntFlag], counts: np.ndarray) -> str:
 
 
 def run(options: argparse.Namespace) -> str:
-    """Estimate every frame of the input; returns the summary."""
+    """Estimate every frame of the input; return the summary."""
     source = source_of(options)
     estimator = ContactEstimator(make_config(options, source.tactel))
     if Path(options.out).exists() and os.path.samefile(options.frames, options.out):

@@ -1,4 +1,4 @@
-"""Command line of `estimate`: its help, and what its options mean."""
+"""Command line of `estimate`: its help and its options."""
 
 import argparse
 from collections.abc import Iterable
@@ -15,7 +15,7 @@ from tactile_sensing.types.array import TactelArray
 from tactile_sensing.types.contact import COLUMNS, ContactType, Reason, RECORD
 from tactile_sensing.types.image import COMPONENTS
 
-# Parameters of the estimator that are plain numbers, each an option.
+# Numeric parameters of the estimator; each is an option.
 RULES = tuple(item for item in fields(EstimatorConfig)
               if 'range' in item.metadata and item.name != 'noise_std')
 TYPES = {
@@ -117,7 +117,7 @@ def _epilog() -> str:
 
 
 def parser() -> argparse.ArgumentParser:
-    """Command line."""
+    """Return the parser of the command line."""
     arguments = Parser(
         formatter_class=argparse.RawDescriptionHelpFormatter, prog='estimate',
         usage='estimate FRAMES|BAG --calibration CAL.yaml [options] -o OUT\n       estimate '
@@ -165,7 +165,7 @@ def parser() -> argparse.ArgumentParser:
 
 
 def parse(args: list[str] | None = None) -> argparse.Namespace:
-    """Parse the command line; the input may also stand behind `--pitch`."""
+    """Parse the command line; the input may also follow the values of `--pitch`."""
     options = parser().parse_args(args)
     if options.frames is None and options.pitch and len(options.pitch) > 1:
         options.frames = options.pitch.pop()
@@ -199,7 +199,7 @@ def parse_layers(text: str) -> tuple[tuple[str, float], ...]:
 
 
 def parse_dead(text: str, array: TactelArray) -> np.ndarray:
-    """Return where the tactels of `R,C;R,C` are, shape `(rows, columns)`, bool."""
+    """Return a mask `(rows, columns)` of the tactels of `R,C;R,C`."""
     dead = np.zeros(array.shape, bool)
     for pair in filter(None, text.split(';')):
         try:
@@ -215,7 +215,7 @@ def parse_dead(text: str, array: TactelArray) -> np.ndarray:
 
 
 def make_config(options: argparse.Namespace, tactel: str | None = None) -> EstimatorConfig:
-    """Return the estimator's configuration with the options that were given."""
+    """Return the estimator's configuration from the options and a default for `tactel`."""
     given = {name: getattr(options, name)
              for name in ('method', 'model', *(item.name for item in RULES))}
     given['tactel'] = options.tactel or tactel
@@ -223,6 +223,6 @@ def make_config(options: argparse.Namespace, tactel: str | None = None) -> Estim
 
 
 def layer_values(options: argparse.Namespace) -> dict[str, Any]:
-    """Return what the options say of noise and range, by the names of `Layer`."""
+    """Return the fields of `Layer` for noise and range that the options give."""
     values = {'noise_std': options.noise, 'full_scale': options.full_scale, 'floor': options.floor}
     return {name: value for name, value in values.items() if value is not None}

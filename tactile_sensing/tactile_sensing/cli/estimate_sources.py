@@ -1,4 +1,4 @@
-"""Where the frames of `estimate` come from, and what is known of their sensor."""
+"""Sources of the frames of `estimate`, with the properties of their sensor."""
 
 import argparse
 from collections.abc import Callable, Iterator
@@ -27,23 +27,23 @@ CHUNK_BYTES = 1 << 20
 
 @dataclass
 class Frames:
-    """Frames of an array, and how they become stress."""
+    """Frames of a file, and their conversion to stress."""
 
     reader: Any
     array: TactelArray
     layers: list[Layer]  # without their stress
-    to_stress: Callable[..., np.ndarray]  # of frames and the number of the first
-    dead: np.ndarray  # (rows, columns)
-    tactel: str | None = None  # what a tactel measures, if it is known
+    to_stress: Callable[..., np.ndarray]  # takes frames and the number of the first
+    dead: np.ndarray  # (rows, columns), bool
+    tactel: str | None = None  # 'area' or 'point', if known
     dtype: np.dtype = RECORD
 
     @property
     def total(self) -> int:
-        """Return the number of frames."""
+        """Number of frames."""
         return self.reader.shape[0]
 
     def records(self, estimator: ContactEstimator) -> Iterator[np.ndarray]:
-        """Yield what is estimated of all frames in turn, some at a time."""
+        """Yield the estimates of all frames in order, as chunks of records."""
         frame_size, done = math.prod(self.reader.shape[1:]) * self.reader.dtype.itemsize, 0
         for frames in self.reader.chunks(min(max(CHUNK_BYTES // frame_size, 1), CHUNK)):
             stress = self.to_stress(frames, done)
@@ -53,7 +53,7 @@ class Frames:
 
 
 class Images:
-    """Images of a bag, which say themselves what their sensor is."""
+    """Images of a bag; they contain the properties of their sensor."""
 
     tactel, dtype = None, STAMPED
 
@@ -66,21 +66,21 @@ class Images:
         self._dead = parse_dead(options.dead, self._images.array)
 
     def records(self, estimator: ContactEstimator) -> Iterator[np.ndarray]:
-        """Likewise."""
+        """Yield the estimates of all images in order, as chunks of records."""
         told = (_record(image.stamp_ns, estimator.estimate(self._completed(image)))
                 for image in self._images)
         while some := list(islice(told, CHUNK)):
             yield np.array(some, STAMPED)
 
     def _completed(self, image: TactileImage) -> TactileImage:
-        """Image with what the options say."""
+        """Return the image with the values of the options."""
         return replace(image, layers=tuple(replace(
             layer, stress=np.where(self._dead, np.nan, layer.stress), **self._known)
             for layer in image.layers))
 
 
 def _record(stamp_ns: int, contact: Contact) -> tuple:
-    """Values of one row of STAMPED."""
+    """Return the values of one row of STAMPED."""
     values = {name: getattr(contact, name) for name in COLUMNS}
     values['moments'] = astuple(contact.moments)
     if not contact.valid:
@@ -89,16 +89,16 @@ def _record(stamp_ns: int, contact: Contact) -> tuple:
 
 
 def source_of(options: argparse.Namespace) -> Frames | Images:
-    """Return the frames that the options name."""
+    """Return the source of the frames for the options."""
     if options.calibration:
         return _calibrated(options)
     return Images(options) if is_bag(options.frames) else _plain(options)
 
 
 def _plain(options: argparse.Namespace) -> Frames:
-    """Frames of stress, of the sensor that the options describe."""
+    """Return frames of stress from a sensor that the options describe."""
     reader = frame_reader(options.frames, options.shape and tuple(options.shape))
-    # A depth of 0: the skin is not known. Then no force can be told either.
+    # A depth of 0 means an unknown skin; then there are no forces.
     unit = 'Pa' if options.layers is not None else 'counts'
     layers = (('zz', 0.0),) if options.layers is None else parse_layers(options.layers)
     pitch_x, pitch_y = pitch_of(options.pitch)
@@ -117,7 +117,7 @@ def _plain(options: argparse.Namespace) -> Frames:
 
 
 def _check_frames(options: argparse.Namespace, reader: Any) -> None:
-    """Refuse an array that holds no frames, or frames of which nobody says what they mean."""
+    """Refuse an array without frames, or frames of unknown shape or unit."""
     path, shape, dtype = options.frames, reader.shape, reader.dtype
     if len(shape) == 2 and 0 not in shape:
         raise ConfigurationError(
@@ -137,7 +137,7 @@ def _check_frames(options: argparse.Namespace, reader: Any) -> None:
 
 
 def _calibrated(options: argparse.Namespace) -> Frames:
-    """Frames of counts, of the sensor that a calibration describes."""
+    """Return frames of counts from a sensor that a calibration describes."""
     calibration = load_calibration(options.calibration)
     reader = counts_reader(options.frames, calibration.raw_shape, options.namespace)
     tare = _tare(options, calibration) if options.tare else None
@@ -147,7 +147,7 @@ def _calibrated(options: argparse.Namespace) -> Frames:
         counts = in_counts(options.frames, frames.astype(np.float64), calibration.resolution)
         _check_counts(options, calibration, counts, first)
         stress = calibration.stress(counts, tare)
-        if layer.full_scale > 0.0:  # a reading, not a hole: else it would count as dead
+        if layer.full_scale > 0.0:  # saturated, not dead (NaN)
             stress[calibration.full(calibration.arrange(counts))] = layer.full_scale
         return stress
     return Frames(reader, calibration.array, [layer], to_stress,

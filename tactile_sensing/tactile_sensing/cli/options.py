@@ -1,4 +1,4 @@
-"""What commands share: lengths, frames of counts from files and bags, the sensor on a port."""
+"""Options that commands share: lengths, frames of counts, the sensor on a port."""
 
 import argparse
 from collections.abc import Sequence
@@ -16,11 +16,11 @@ from tactile_sensing.devices.stream import open_sensor, SensorStream
 from tactile_sensing.types.array import PITCH
 
 MAX_SIDE = 1024  # rows or columns
-BAGS = ('.mcap', '.db3')  # endings of files that are bags, which may be folders as well
+BAGS = ('.mcap', '.db3')  # endings of bag files; a bag may also be a folder
 
 
 def length(name: str, text: str) -> float:
-    """Return the length in a text [m]; ConfigurationError by its name if there is none."""
+    """Parse a length [m]; raise a ConfigurationError with its name if it is wrong."""
     try:
         value = float(text)
     except ValueError:
@@ -29,7 +29,7 @@ def length(name: str, text: str) -> float:
 
 
 def pitch_of(texts: Sequence[str]) -> tuple[float, float]:
-    """Return the pitch along x and along y [m] of one text or two."""
+    """Return the pitch along x and along y [m], given one or two texts."""
     if len(texts) > 2:
         raise ConfigurationError(f'--pitch takes one length or two, not {len(texts)}')
     pitch = [length('--pitch', text) for text in texts]
@@ -43,7 +43,7 @@ def add_pitch(arguments: argparse.ArgumentParser, required: bool = False) -> Non
 
 
 def add_shape(arguments: argparse.ArgumentParser, required: bool = False) -> None:
-    """Add the option that says how many tactels there are, which flat frames do not."""
+    """Add the option for rows and columns, which flat frames need."""
     arguments.add_argument(
         '--shape', nargs=2, metavar=('R', 'C'), required=required,
         type=between(1, MAX_SIDE, kind=int),
@@ -51,7 +51,7 @@ def add_shape(arguments: argparse.ArgumentParser, required: bool = False) -> Non
 
 
 def add_sensor(arguments: argparse.ArgumentParser, required: bool = False) -> None:
-    """Add the options that `opened` reads, but `--shape`."""
+    """Add the options that `opened` reads, except `--shape`."""
     add = arguments.add_argument
     add('--port', required=required, metavar='PORT', help='serial port of the sensor, for '
         'instance /dev/ttyUSB0 or usb:VENDOR:PRODUCT[:SERIAL NUMBER]')
@@ -66,7 +66,7 @@ def add_sensor(arguments: argparse.ArgumentParser, required: bool = False) -> No
 
 
 def opened(options: argparse.Namespace) -> SensorStream:
-    """Open the sensor of the options; OSError, ConfigurationError: see `open_sensor`."""
+    """Open the sensor of the options; raise the errors of `open_sensor`."""
     if not options.shape:
         raise ConfigurationError('--shape R C is missing: rows and columns of the sensor')
     rows, columns = options.shape
@@ -75,16 +75,18 @@ def opened(options: argparse.Namespace) -> SensorStream:
 
 
 def is_bag(path: str) -> bool:
-    """Whether a path is that of a bag, and not of an archive of arrays."""
+    """Return whether a path is that of a bag, not of a file of arrays."""
     return Path(path).suffix in BAGS or Path(path).is_dir()
 
 
 def counts_reader(path: str, shape: Shape | None = None, namespace: str | None = None,
                   source: str = 'the calibration') -> Any:
     """
-    Return the reader of frames in counts, (N, rows, columns), of a shape if a source gives one.
+    Return a reader of frames in counts, (N, rows, columns).
 
-    It is a `frame_reader`, or a RecordedCounts of a bag, which has the same `shape` and `chunks`.
+    It is a `frame_reader`, or RecordedCounts for a bag, which has the same `shape` and `chunks`.
+    Raises a ConfigurationError if the frames do not have the given shape; `source` names its
+    origin.
     """
     if is_bag(path):
         with reading_bags():
@@ -103,10 +105,10 @@ def counts_reader(path: str, shape: Shape | None = None, namespace: str | None =
 
 
 def in_counts(path: str, frames: np.ndarray, resolution: float) -> np.ndarray:
-    """Return frames of a file in counts of a resolution; those of a bag are counts already."""
+    """Divide frames of a file by the resolution; frames of a bag are counts already."""
     return frames if resolution == 1.0 or is_bag(path) else frames / resolution
 
 
 def read_counts(path: str, reader: Any, resolution: float) -> np.ndarray:
-    """Return all frames of a `counts_reader`; ConfigurationError if they are too many."""
+    """Return all frames of a `counts_reader`; raise a ConfigurationError if too large."""
     return in_counts(path, read_whole(path, reader), resolution)

@@ -1,4 +1,4 @@
-"""Command: look at a sensor on a serial port, and record its raw counts."""
+"""Command `record`: show or record the raw counts of a sensor on a serial port."""
 import argparse
 from collections.abc import Callable, Iterable
 from pathlib import Path
@@ -18,7 +18,7 @@ SHADES = ' .:-=+*#%@'
 
 
 def parser() -> argparse.ArgumentParser:
-    """Command line."""
+    """Return the parser of the command line."""
     arguments = Parser(
         prog='record', formatter_class=argparse.RawDescriptionHelpFormatter,
         description='Record raw counts of a sensor on a serial port, without a graph: an .npz '
@@ -36,15 +36,15 @@ def parser() -> argparse.ArgumentParser:
 
 
 def drawing(change: np.ndarray) -> str:
-    """Return counts (rows, columns) as lines of shades."""
-    # Ten counts at least are drawn black: noise stays white.
+    """Return changes of counts (rows, columns) as lines of shades."""
+    # The darkest shade stands for at least ten counts, so that noise stays white.
     level = np.clip(change / max(change.max(), 10.0), 0.0, 1.0) * (len(SHADES) - 1)
     return '\n'.join(''.join(2 * SHADES[int(value)] for value in row) for row in np.rint(level))
 
 
 def look(images: Iterable[SensorImage],
          show: Callable[[str], Any] = sys.stdout.write) -> None:
-    """Draw images until they end."""
+    """Draw the change since the first image, until the images end."""
     first, at, drawn = None, 0.0, 0
     for count, image in enumerate(images):
         first = image.counts.astype(float) if first is None else first
@@ -56,7 +56,7 @@ def look(images: Iterable[SensorImage],
 
 
 def record(images: Iterable[SensorImage], seconds: float) -> dict[str, np.ndarray]:
-    """Return images of some time as arrays: `frames`, `stamps_ns` and the `rate_hz` they have."""
+    """Record images for some seconds; return the arrays `frames`, `stamps_ns` and `rate_hz`."""
     kept: list[SensorImage] = []
     try:
         for image in images:
@@ -64,7 +64,7 @@ def record(images: Iterable[SensorImage], seconds: float) -> dict[str, np.ndarra
             if image.stamp_ns - kept[0].stamp_ns >= 1e9 * seconds or (
                     len(kept) * image.counts.nbytes > MAX_WHOLE // 2):
                 break
-    except KeyboardInterrupt:  # what has come is kept
+    except KeyboardInterrupt:  # keep the images so far
         pass
     if len(kept) < 2:
         raise ConfigurationError('no image came')
@@ -76,7 +76,7 @@ def record(images: Iterable[SensorImage], seconds: float) -> dict[str, np.ndarra
 
 
 def run(options: argparse.Namespace) -> str:
-    """Look or record; returns what was done."""
+    """Show or record; return the summary."""
     if options.file and not options.file.endswith('.npz'):
         raise ConfigurationError(f'{options.file}: must end in .npz')
     if options.file and not (folder := Path(options.file).resolve().parent).is_dir():
@@ -96,5 +96,5 @@ def run(options: argparse.Namespace) -> str:
 
 
 def main(args: list[str] | None = None) -> int:
-    """Run the command."""
+    """Run the command; return the exit status."""
     return run_command('record', lambda: run(parser().parse_args(args)))

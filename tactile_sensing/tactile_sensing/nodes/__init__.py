@@ -1,1 +1,1 @@
-"""ROS nodes of the tactile sensor: thin shells around the core modules."""
+"""ROS nodes of the tactile sensor; the algorithms are in the core modules."""

@@ -1,4 +1,4 @@
-"""Contact estimator node: tactile image in, contact and wrench out."""
+"""Contact estimator node: subscribes to tactile images, publishes contacts and wrenches."""
 
 from typing import Any
 
@@ -21,8 +21,8 @@ class ContactEstimatorNode(TactileNode):
     """
     Estimate the contact of every tactile image.
 
-    Subscribes to `image`; publishes `contact` and, where its force is valid, `wrench`: the force
-    of the object on the sensor. Parameters: `EstimatorConfig`.
+    Subscribes to `image`. Publishes `contact` and, if its force is valid, `wrench`: the force of
+    the object on the sensor. Parameters: `EstimatorConfig`.
     """
 
     def __init__(self, **kwargs: Any):

@@ -1,4 +1,4 @@
-"""Driver of a tactile array on a serial port or a topic: raw counts in, tactile images out."""
+"""Driver of a tactile array: reads raw counts from a port or topic, publishes tactile images."""
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 import os
@@ -75,12 +75,12 @@ class DriverConfig:
 
 class DriverNode(LifecycleNodeMixin, TactileNode):
     """
-    Publish the images of a tactile array; a managed node that starts by itself.
+    Publish the images of a tactile array; a lifecycle node that activates itself by default.
 
-    While it is active a thread reads the port, decodes, converts and publishes, so that an image
-    waits for nothing in the executor; or it hears a topic. The port may come and go; the tare is
-    kept. A `calibration` that is given takes the place of the file; raises a ConfigurationError
-    where it or a parameter is wrong. Many of its attributes are ROS entities.
+    While the node is active, a thread reads the port, decodes, converts and publishes, so that an
+    image does not wait for the executor. Alternatively it subscribes to a topic. If the port is
+    lost, it is reopened when it returns; the tare is kept. A given `calibration` replaces the
+    file. Raises a ConfigurationError if the calibration or a parameter is wrong.
     """
 
     def __init__(self, calibration: Calibration | None = None, **kwargs: Any):
@@ -126,7 +126,7 @@ class DriverNode(LifecycleNodeMixin, TactileNode):
         return SUCCESS
 
     def on_activate(self, state: Any) -> TransitionCallbackReturn:
-        """Begin to read the sensor, and to publish."""
+        """Start to read the sensor and to publish."""
         calibration = self._pad.calibration
         self._publish_info()
         if self._config.topic:
@@ -138,20 +138,20 @@ class DriverNode(LifecycleNodeMixin, TactileNode):
             kind=calibration.counts.dtype, rate=calibration.nominal_rate,
             baud=self._config.baud, options=self._options,
             now_ns=lambda: self.get_clock().now().nanoseconds, tell=self._on_port)
-        # Daemonic: a port that does not return from a call keeps its reader, not the process.
+        # A daemon thread: if a call of the port hangs, the process can still exit.
         self._thread = threading.Thread(
             target=self._read_forever, args=(self.source,), name='tactile driver', daemon=True)
         self._thread.start()
         return SUCCESS
 
     def on_deactivate(self, state: Any) -> TransitionCallbackReturn:
-        """Close the port; a reader whose port hangs is left behind."""
+        """Close the port; abandon the reader thread if its port hangs."""
         if self._thread is None:
             if self.source is not None:
                 self.source.close()
         else:
             self.source.closed.set()
-            self._thread.join(2.0)  # it looks up after each read of some 20 ms
+            self._thread.join(2.0)  # it checks `closed` after each read of about 20 ms
             if self._thread.is_alive():
                 self.get_logger().warning(
                     f'{self._config.port} does not answer: its reader is left behind')
@@ -166,17 +166,17 @@ class DriverNode(LifecycleNodeMixin, TactileNode):
         super().destroy_node()
 
     def _read_forever(self, stream: SensorStream) -> None:
-        """Run the reader thread, as all that it calls."""
+        """Read and publish until the stream is closed; runs in the reader thread."""
         try:
             while not stream.closed.is_set() and self.context.ok():
                 for stamp_ns, sequence, counts in stream.read():
                     if stream.closed.is_set():
                         return
                     self._on_counts(counts, stamp_ns, sequence)
-        except RuntimeError:  # of rcl
+        except RuntimeError:  # from rcl
             if self.context.ok() and not stream.closed.is_set():
                 raise
-            # It ended between two images: nobody is left to publish to.
+            # The context was shut down while publishing: end quietly.
         finally:
             stream.close()
 
@@ -204,7 +204,7 @@ class DriverNode(LifecycleNodeMixin, TactileNode):
     def _go_on_with_last_tare(self) -> None:
         try:
             tare, at_ns = load_tare(self._config.last_tare, self._pad.calibration.live)
-        except ConfigurationError:  # it has never been tared
+        except ConfigurationError:  # no usable tare was saved
             return
         age = 1e-9 * (self.get_clock().now().nanoseconds - at_ns)
         if 0.0 <= age <= 600.0:  # an unloaded pad drifts
@@ -230,8 +230,8 @@ class DriverNode(LifecycleNodeMixin, TactileNode):
             (tared_at_ns or now_ns) if tare else 0)))
 
     def _on_tare(self, _: Any, response: Any) -> Any:
-        # Images that are already there answer at once: neither blocking nor awaiting new ones
-        # in a callback lets a single-threaded executor serve the rest of the graph meanwhile.
+        # The recent images are used: waiting for new ones in a callback would block a
+        # single-threaded executor.
         try:
             tare = self._pad.take_tare()
         except TareRefusedError as error:
@@ -251,7 +251,7 @@ class DriverNode(LifecycleNodeMixin, TactileNode):
         shown = level, text
         if self.starting and pad.tare is None:
             shown = DiagnosticStatus.OK, f'starting: {text}'
-        # That the port is lost was said when it was.
+        # The loss of the port is not logged again.
         if shown != self._shown and not (counters.get('connections') and source.fault == text):
             self._log(*shown)
         self._shown = shown
@@ -263,10 +263,10 @@ class DriverNode(LifecycleNodeMixin, TactileNode):
 
     def _states(self, new: dict[str, int]) -> Iterator[tuple[bytes, str]]:
         """
-        Yield levels and texts, the gravest first; one holds if its text is not empty.
+        Yield levels and texts by priority; a state holds if its text is not empty.
 
-        ERROR: no image comes. WARN: images come, but not all or not what they seem to be: the
-        servo goes on, its operator should look. OK: neither.
+        ERROR: no images arrive. WARN: the driver is not active, or images are missing or wrong;
+        the servo continues, but the operator should check. OK: otherwise.
         """
         error, warn = DiagnosticStatus.ERROR, DiagnosticStatus.WARN
         pad, source = self._pad, self.source
@@ -292,7 +292,7 @@ class DriverNode(LifecycleNodeMixin, TactileNode):
         yield DiagnosticStatus.OK, 'frames arrive'
 
     def _log(self, level: bytes, text: str) -> None:
-        # The logger refuses a second severity from the same line.
+        # One call per severity: the logger allows only one severity per source line.
         if level == DiagnosticStatus.ERROR:
             self.get_logger().error(text)
         elif level == DiagnosticStatus.WARN:

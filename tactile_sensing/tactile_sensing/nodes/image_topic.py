@@ -1,4 +1,4 @@
-"""A sensor whose driver publishes images or arrays already."""
+"""Read a sensor whose own driver publishes images or arrays."""
 from collections.abc import Callable
 import time
 from typing import Any
@@ -20,10 +20,10 @@ TYPES = {'sensor_msgs/msg/Image': Image, 'std_msgs/msg/Float32MultiArray': Float
 
 class ImageTopic:
     """
-    Hear a topic as soon as somebody publishes it, whichever of `TYPES` it has.
+    Subscribe to a topic as soon as it is published with one of `TYPES`.
 
-    `on_counts` takes raw counts (rows, columns) of the shape, stamp [ns] and sequence; without a
-    stamp in the message it is that of its arrival.
+    `on_counts` is called with raw counts (rows, columns), stamp [ns] and sequence number. If the
+    message has no stamp, the time of its arrival is used.
     """
 
     def __init__(self, node: Node, topic: str, shape: tuple[int, int],
@@ -62,16 +62,16 @@ class ImageTopic:
         self.frames += 1
 
     def trouble(self) -> str:
-        """Return why no images come; empty where they do."""
+        """Return why no images arrive; empty if they do."""
         silent = time.monotonic() - self._last_at > SILENCE
         return self._trouble or f'{self.port} is silent' * silent
 
     def counters(self) -> dict[str, Any]:
-        """Return what is reported."""
+        """Return the counters for diagnostics."""
         return {'frames': self.frames}
 
     def close(self) -> None:
-        """Hear no more."""
+        """Unsubscribe."""
         self._node.destroy_timer(self._timer)
         if self._subscription is not None:
             self._node.destroy_subscription(self._subscription)

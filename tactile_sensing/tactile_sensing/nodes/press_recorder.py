@@ -1,4 +1,4 @@
-"""Program of `calibrate --live`: records presses of the sensor whose images are published."""
+"""Program of `calibrate --live`: record presses of a sensor whose images are published."""
 from collections import deque
 from pathlib import Path
 import sys
@@ -17,11 +17,11 @@ from tactile_sensing.calibration.recorder import Recorder
 from tactile_sensing.conversions import image_from_msg
 from tactile_sensing.types.image import TactileImage
 
-SILENCE = 5.0  # s without an image
+SILENCE = 5.0  # longest wait for an image [s]
 
 
 class PressRecorderNode(TactileNode):
-    """Hears the images of a topic while it is asked for one."""
+    """Receive the images of a topic, only while `ask` or `next` runs."""
 
     def __init__(self, topic: str, **kwargs: Any):
         super().__init__('press_recorder', **kwargs)
@@ -43,14 +43,14 @@ class PressRecorderNode(TactileNode):
              lambda: time.monotonic() > end or bool(until_image and self._images))
 
     def ask(self, text: str) -> str:
-        """Ask the user; what came before the answer is forgotten."""
+        """Ask the user and return the answer; discard images that arrived before it."""
         answer = input(text)
         self._hear(0.1, until_image=False)
         self._images.clear()
         return answer
 
     def next(self) -> TactileImage:
-        """Wait for an image; a TactileError if none comes."""
+        """Wait for the next image; raise a TactileError if none arrives."""
         self._hear(SILENCE, until_image=True)
         if not self._images:
             raise TactileError(
@@ -59,7 +59,7 @@ class PressRecorderNode(TactileNode):
 
 
 def main(args: list[str] | None = None) -> int:
-    """Record into the folder that is given, from the topic behind it."""
+    """Record into a folder from a topic, the two arguments; return the exit status."""
     folder, topic = sys.argv[1:3] if args is None else args
     context = rclpy.Context()
     rclpy.init(args=[], context=context, signal_handler_options=SignalHandlerOptions.NO)
