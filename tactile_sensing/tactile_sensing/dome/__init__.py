@@ -1,1 +1,1 @@
-"""Forward models of a round probe: a skin on a rigid sphere, an array of tactels within it."""
+"""Forward models of a round probe: an array of tactels in a skin on a rigid sphere."""

@@ -1,4 +1,4 @@
-"""A loaded patch on a round probe whose skin has been solved by finite elements."""
+"""Image of a loaded patch on a round probe, from a finite element solution of its skin."""
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,25 +10,27 @@ from tactile_sensing.types.array import TactelArray
 
 
 def superpose(green: np.ndarray, loads: np.ndarray) -> np.ndarray:
-    """Pressure (T,) [Pa] of loads (N, 3) [N], by unit loads' (N, 3, T) [Pa/N]."""
-    loaded = np.flatnonzero(loads.any(axis=1))  # few of them are
+    """Return the pressure (T,) [Pa] of loads (N, 3) [N]; green: of unit loads (N, 3, T) [Pa/N]."""
+    loaded = np.flatnonzero(loads.any(axis=1))  # most loads are 0
     return np.tensordot(loads[loaded], green[loaded], 2)
 
 
 @dataclass(frozen=True, eq=False)
 class FiniteElementDome:
     """
-    The patch of a plane, or of a sphere, pressed against the dome.
+    Image of a plane or a sphere that is pressed against the dome.
 
-    A state is as in `HalfSpaceDome`. On an elastic foundation of the skin's `modulus` k the
-    pressure of the patch is a paraboloid of radius (4 P R / (pi k))^(1/4), R the radius of the
-    relative curvature; shear is distributed as the pressure is.
+    The state is that of `HalfSpaceDome`. The skin is treated as an elastic foundation with
+    `modulus` k. The pressure of the patch is then a paraboloid of radius (4 P R / (pi k))^(1/4),
+    where R is the radius of the relative curvature. Shear has the same distribution. Raises a
+    ConfigurationError if the operator has another array, or the probe does not fit into the
+    object.
     """
 
     dome: Dome
     array: TactelArray
     operator: Operator
-    curvature: float = 0.0  # of the object, positive where it is convex [1/m]
+    curvature: float = 0.0  # of the object, positive: convex [1/m]
 
     def __post_init__(self) -> None:
         if self.operator.green.shape[2] != self.array.rows * self.array.columns:
@@ -41,17 +43,17 @@ class FiniteElementDome:
                 '1/m: the probe does not fit')
 
     def image(self, state: np.ndarray) -> np.ndarray:
-        """Pressure on the tactels [Pa], shape (1, rows, columns); 0 without normal force."""
+        """Return the pressure on the tactels [Pa], (1, rows, columns); 0 without normal force."""
         if not state[2] > 0.0:
             return np.zeros((1, *self.array.shape))
         return superpose(self.operator.green, self._loads(state)).reshape(1, *self.array.shape)
 
     def _loads(self, state: np.ndarray) -> np.ndarray:
-        """Forces (N, 3) on the points of the surface [N]."""
+        """Return the forces (N, 3) on the points of the surface [N]."""
         op, radius = self.operator, self.dome.skin_radius
         axes = contact_frame(self.dome, state[0], state[1])
         relative = radius / (1.0 + self.curvature * radius)
-        patch = 4.0 * state[2] * relative / (np.pi * op.modulus)  # its radius^4
+        patch = 4.0 * state[2] * relative / (np.pi * op.modulus)  # radius of the patch^4
         outward = (op.points - self.dome.centre) / radius
         square = 2.0 * radius**2 * (1.0 - outward @ axes[2])
         pressed = np.maximum(1.0 - square / np.sqrt(patch), 0.0) * op.areas

@@ -1,9 +1,9 @@
 """
-Finite elements of a round skin glued to its core, solved once for every tactel.
+Finite element solution of a round skin that is bonded to its core, once for every tactel.
 
-A tactel reads a linear functional of the displacements, b' u with K u = f: with g = K^-1 b, one
-factorisation and one back-substitution for each tactel, the reading of any load f is g' f. That
-is the displacement which the tactel's own functional would make, read where the load presses.
+A tactel reads a linear functional b' u of the displacements u, where K u = f. With g = K^-1 b,
+the reading for any load f is g' f. This needs one factorisation, and one back-substitution per
+tactel. g is the displacement due to b as a load; it is evaluated where f presses (reciprocity).
 """
 from collections.abc import Callable, Iterator
 from typing import Any, NamedTuple
@@ -17,33 +17,35 @@ from tactile_sensing.dome.geometry import Dome
 from tactile_sensing.dome.skin import SkinConfig
 from tactile_sensing.types.array import TactelArray
 
-GAUSS = 0.5 / np.sqrt(3.0)  # of a tactel's side, from its centre to where it is sampled
-BESIDE = 1e-9  # of a radius, by which a place is on one side of the border of two layers
+GAUSS = 0.5 / np.sqrt(3.0)  # distance of sample points from a tactel's centre [tactel sides]
+BESIDE = 1e-9  # relative change of a radius to get to one side of the border of two layers
 
 
 class Operator(NamedTuple):
-    """Readings of the tactels by unit forces on points of the skin's surface."""
+    """Readings of the tactels for unit forces on points of the skin's surface."""
 
-    points: np.ndarray  # (N, 3), in the sensor frame [m]
-    areas: np.ndarray  # (N,), of the surface that each stands for [m^2]
-    green: np.ndarray  # (N, 3, rows * columns), pressure per force [Pa/N]
-    modulus: np.ndarray  # (), pressure per indentation of the skin's surface [Pa/m]
+    points: np.ndarray  # (N, 3): in the sensor frame [m]
+    areas: np.ndarray  # (N,): surface area of each point [m^2]
+    green: np.ndarray  # (N, 3, rows * columns): pressure per force [Pa/N]
+    modulus: np.ndarray  # (): pressure per indentation of the skin's surface [Pa/m]
 
 
 def solve(dome: Dome, skin: SkinConfig, array: TactelArray,
           progress: Callable[[float, str], None] = lambda share, step: None) -> Operator:
     """
-    Solve the skin for every tactel of an array; `progress` is told the share that is done.
+    Solve the skin for every tactel of an array.
 
-    Serendipity elements of 20 nodes: those of 8 lock near incompressibility. The skin is free at
-    its rim; a ConfigurationError where tactels lie beyond it. Needs scikit-fem.
+    `progress` is called with the share that is done and the name of the step. The elements are
+    serendipity elements with 20 nodes, because elements with 8 nodes lock near incompressibility.
+    The skin is free at its rim. Raises a ConfigurationError if a tactel lies beyond the rim. Needs
+    scikit-fem.
     """
     import skfem
     from skfem.helpers import ddot, sym_grad, trace
     from skfem.models.elasticity import lame_parameters
 
     progress(0.0, 'mesh')
-    # Hexahedra between core and surface: a face of a cube, in equal angles, blown up.
+    # Hexahedra between core and surface: a cube's face, in equal angles, projected to spheres.
     across = np.linspace(-skin.half_angle, skin.half_angle, skin.across + 1)
     flat = skfem.MeshHex.init_tensor(
         across, across, np.linspace(dome.core_radius, dome.skin_radius, skin.layers + 1))
@@ -84,14 +86,14 @@ def _cube_direction(alpha: np.ndarray, beta: np.ndarray) -> np.ndarray:
 
 
 class _Places:
-    """Shape functions at places of the mesh, which are looked for before it is blown up."""
+    """Shape functions at places of the mesh; cells are found in the flat mesh."""
 
     def __init__(self, flat: Any, basis: Any):
         self.basis, self._mapping, self._finder = basis, flat.mapping(), flat.element_finder()
 
     def shapes(self, angles: np.ndarray, radius: float
                ) -> Iterator[tuple[np.ndarray, np.ndarray, np.ndarray]]:
-        """Degrees of freedom, values and gradients at angles (2, N) of the cube's face."""
+        """Yield degrees of freedom, values and gradients at angles (2, N) of the cube's face."""
         place = np.vstack([angles, np.full(angles.shape[1], radius)])
         cells = self._finder(*place)
         local = self._mapping.invF(place[:, :, None], tind=cells)
@@ -103,7 +105,11 @@ class _Places:
 
 def _readings(place: _Places, dome: Dome, skin: SkinConfig, array: TactelArray,
               lame: tuple[float, float]) -> csr_matrix:
-    """Rows of what each tactel reads: the mean radial stress over it, of both layers' sides."""
+    """
+    Return the functional of each tactel, one per row.
+
+    It is minus the mean radial stress over the tactel, averaged over both sides of its sphere.
+    """
     x, y = np.meshgrid(array.x, array.y)
     rows, columns, numbers = [], [], []
     for dx, dy in ((sx * GAUSS, sy * GAUSS) for sx in (-1, 1) for sy in (-1, 1)):
@@ -116,7 +122,7 @@ def _readings(place: _Places, dome: Dome, skin: SkinConfig, array: TactelArray,
                 f'rim of the skin at {skin.half_angle:g} rad')
         for side in (1.0 - BESIDE, 1.0 + BESIDE):
             for dofs, _, gradient in place.shapes(angles, side * dome.array_radius):
-                # gradient (i, j, N): of component i along j
+                # gradient (i, j, N): derivative of component i along j
                 pull = np.einsum('in,ijn,jn->n', outward, gradient, outward)
                 stress = lame[0] * np.einsum('iin->n', gradient) + 2.0 * lame[1] * pull
                 rows.append(np.arange(x.size))
@@ -128,7 +134,7 @@ def _readings(place: _Places, dome: Dome, skin: SkinConfig, array: TactelArray,
 
 def _surface(place: _Places, dome: Dome,
              skin: SkinConfig) -> tuple[np.ndarray, np.ndarray, csr_matrix]:
-    """Points of the surface (N, 3), their areas, and the displacement there (3 N, dofs)."""
+    """Return surface points (N, 3), their areas (N,), and their displacements (3 N, dofs)."""
     fine = skin.across * skin.points
     angle = (np.arange(fine) + 0.5) / fine * 2.0 * skin.half_angle - skin.half_angle
     angles = np.stack([grid.ravel() for grid in np.meshgrid(angle, angle, indexing='ij')])
@@ -151,7 +157,7 @@ def _surface(place: _Places, dome: Dome,
 
 def _modulus(values: csr_matrix, factor: SuperLU, points: np.ndarray, areas: np.ndarray,
              dome: Dome) -> np.ndarray:
-    """Pressure over indentation in the middle of a patch as wide as the skin is thick."""
+    """Return pressure over indentation for a patch with the skin's thickness as radius [Pa/m]."""
     radius = dome.skin_radius - dome.core_radius
     outward = points / dome.skin_radius
     distance = np.linalg.norm(points - [0.0, 0.0, dome.skin_radius], axis=1)
@@ -160,5 +166,5 @@ def _modulus(values: csr_matrix, factor: SuperLU, points: np.ndarray, areas: np.
     moved = values @ factor.solve(values.T @ load.ravel())
     sunk = -(moved.reshape(-1, 3) * outward).sum(axis=1)
     weight = pressure * areas
-    # of one whose pressure is proportional to the indentation, as far as a parabola can be
+    # Best proportionality between a parabolic pressure and its indentation.
     return np.array((weight @ pressure) / (weight @ sunk))

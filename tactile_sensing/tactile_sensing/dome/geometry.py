@@ -1,10 +1,10 @@
 """
 Geometry of a round probe.
 
-The sensor frame touches the apex of the skin: z points out of it, the probe's centre lies at
-(0, 0, -skin_radius). A place (x, y) on the pad is a length along the great circle from the apex
-on the sphere of the tactels, in the direction (x, y): an array that was wrapped around the probe
-keeps its pitches along x and y through the apex.
+The origin of the sensor frame is the apex of the skin; z points outward, and the probe's centre
+is at (0, 0, -skin_radius). A place (x, y) on the pad is the end of an arc from the apex on the
+sphere of the tactels: its length is |(x, y)| and its direction at the apex is (x, y). An array
+that is wrapped around the probe therefore keeps its pitches along x and y through the apex.
 """
 from dataclasses import dataclass
 
@@ -17,7 +17,7 @@ from tactile_sensing.types.array import TactelArray
 
 @dataclass(frozen=True)
 class Dome:
-    """A spherical skin glued to a rigid core, its tactels on a sphere within."""
+    """A spherical skin bonded to a rigid core, with tactels on a sphere in the skin."""
 
     skin_radius: float = bounded(0.027, 'of the surface of the skin', 'm', 1e-4, 1.0)
     array_radius: float = bounded(0.025, 'of the sphere of the tactels', 'm', 1e-4, 1.0)
@@ -32,23 +32,23 @@ class Dome:
 
     @property
     def depth(self) -> float:
-        """Of the tactels below the surface [m]."""
+        """Depth of the tactels below the surface [m]."""
         return self.skin_radius - self.array_radius
 
     @property
     def centre(self) -> np.ndarray:
-        """Of the probe, in the sensor frame (3,) [m]."""
+        """Centre of the probe in the sensor frame (3,) [m]."""
         return np.array([0.0, 0.0, -self.skin_radius])
 
     def direction(self, place: np.ndarray) -> np.ndarray:
-        """Outward unit vectors (..., 3) from the centre to places (..., 2) [m] on the pad."""
+        """Return outward unit vectors (..., 3) at places (..., 2) [m] on the pad."""
         place = np.asarray(place, dtype=float) / self.array_radius
         angle = np.hypot(place[..., 0], place[..., 1])
         return np.concatenate([
             np.sinc(angle / np.pi)[..., None] * place, np.cos(angle)[..., None]], axis=-1)
 
     def place(self, direction: np.ndarray) -> np.ndarray:
-        """Places (..., 2) on the pad [m] of vectors (..., 3) from the centre, of any length."""
+        """Return places (..., 2) [m] on the pad, given vectors (..., 3) from the centre."""
         direction = np.asarray(direction, dtype=float)
         across = np.hypot(direction[..., 0], direction[..., 1])
         angle = np.arctan2(across, direction[..., 2])
@@ -56,16 +56,16 @@ class Dome:
         return self.array_radius * share[..., None] * direction[..., :2]
 
     def tactels(self, array: TactelArray) -> np.ndarray:
-        """Outward unit vectors (rows, columns, 3) from the centre to the tactels."""
+        """Return outward unit vectors (rows, columns, 3) at the tactels."""
         x, y = np.meshgrid(array.x, array.y)
         return self.direction(np.stack([x, y], axis=-1))
 
 
 def contact_frame(dome: Dome, x: float, y: float) -> np.ndarray:
     """
-    Axes (3, 3) at a place [m], rows x, y along the skin, z outward.
+    Return the axes (3, 3) at a place [m], as rows: x and y along the skin, z outward.
 
-    Those of the sensor turned the shortest way to the local normal.
+    They are the sensor's axes after the smallest rotation that turns z to the local normal.
     """
     nx, ny, nz = dome.direction(np.array([x, y]))
     fold = 1.0 / (1.0 + nz)

@@ -1,4 +1,4 @@
-"""A point load on a round probe, as if the skin were a half-space below its tangent plane."""
+"""Image of a point load on a round probe, with the skin as a half-space below a tangent plane."""
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,21 +10,21 @@ from tactile_sensing.types.array import TactelArray
 @dataclass(frozen=True)
 class HalfSpaceDome:
     """
-    Point load on the tangent plane of the dome: (2.2) in the place of every tactel.
+    Image of a point load on the tangent plane of the dome: (2.2) at every tactel.
 
-    Below a point force F on the surface of an incompressible half-space the stress at r is
-    -3 / (2 pi) (F . r) r r' / |r|^5 (Boussinesq, Cerruti), of which a tactel feels the component
-    along its own normal. On a flat pad this is (2.2).
+    Under a point force F on the surface of an incompressible half-space, the stress at r is
+    -3 / (2 pi) (F . r) r r' / |r|^5 (Boussinesq, Cerruti). A tactel measures its component along
+    its own normal. On a flat pad this is (2.2).
 
-    A state is the place a, b on the pad [m], the normal force into the skin and the shear of the
-    object on the skin along the axes of `contact_frame` [N].
+    A state (5,) is the place a, b on the pad [m], the normal force into the skin, and the shear x
+    and y of the object on the skin along the axes of `contact_frame` [N].
     """
 
     dome: Dome
     array: TactelArray
 
     def image(self, state: np.ndarray) -> np.ndarray:
-        """Pressure on the tactels [Pa], shape (1, rows, columns)."""
+        """Return the pressure on the tactels [Pa], shape (1, rows, columns)."""
         axes, outward = contact_frame(self.dome, state[0], state[1]), self.dome.tactels(self.array)
         force = state[3] * axes[0] + state[4] * axes[1] - state[2] * axes[2]
         way = self.dome.array_radius * outward - self.dome.skin_radius * axes[2]

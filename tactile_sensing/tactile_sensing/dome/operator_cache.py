@@ -1,4 +1,4 @@
-"""The solved skin of a probe, kept on disk."""
+"""Cache on disk for the finite element solution of a probe's skin."""
 from contextlib import suppress
 from dataclasses import astuple
 import hashlib
@@ -20,11 +20,11 @@ from tactile_sensing.types.array import TactelArray
 def operator_for(dome: Dome, skin: SkinConfig, array: TactelArray,
                  folder: Path | None = None) -> Operator:
     """
-    Solved skin, from the cache if it is there; else it is built, with a bar, and kept.
+    Return the solution for a skin from the cache; if it is missing, solve and save it.
 
-    A file is named after all that it depends on, the sources of the elements included. By
-    default it lies in the user's cache, below XDG_CACHE_HOME. One that cannot be read is built
-    anew; where nothing can be written, nothing is kept.
+    The file name is a hash of everything that the solution depends on, including the source code
+    of the finite elements. The default folder is in the user's cache, in XDG_CACHE_HOME. If a file
+    cannot be read, the skin is solved again. If the folder is not writable, nothing is saved.
     """
     folder = folder or Path(os.environ.get('XDG_CACHE_HOME') or '~/.cache').expanduser() / (
         'tactile_domes')

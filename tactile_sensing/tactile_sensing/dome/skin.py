@@ -1,4 +1,4 @@
-"""The rubber of a round probe, and the mesh that stands for it."""
+"""Material and mesh of the rubber of a round probe."""
 from dataclasses import dataclass
 
 from tactile_common.config import bounded, check_fields
@@ -6,7 +6,7 @@ from tactile_common.config import bounded, check_fields
 
 @dataclass(frozen=True)
 class SkinConfig:
-    """Material of the skin, and its finite elements."""
+    """Material of the skin, and the sizes of its finite element mesh."""
 
     young: float = bounded(0.3e6, "Young's modulus of the rubber", 'Pa', 1e3, 1e9)
     poisson: float = bounded(0.45, "Poisson's ratio of the rubber", '', 0.0, 0.499)

@@ -1,1 +1,1 @@
-"""Kernels of loads on an elastic half-space, and a skin as a sum of half-spaces."""
+"""Compiled loads on an elastic half-space, and approximation of a skin by half-spaces."""

@@ -1,4 +1,4 @@
-"""A skin as a sum of half-spaces, whose pressure under a segment of a line has a closed form."""
+"""Approximate a skin by half-spaces, which have a closed form for segments of a line load."""
 
 from functools import lru_cache
 
@@ -7,19 +7,20 @@ import numpy as np
 from tactile_sensing.skin.pressure import SkinPressure
 from tactile_sensing.types.skin import Skin
 
-DEPTHS = 1.0, 1.5, 3.0  # of the tactels in each half-space [depths]
-REACH = 6.0  # from a line within which its pressure is met [depths]
-# Depth of the tactels in a half-space [m], and its weight.
+DEPTHS = 1.0, 1.5, 3.0  # depths of the tactels in the half-spaces [depths in the skin]
+REACH = 6.0  # the pressure is fitted up to this distance from a line [depths]
+# Depth of the tactels in a half-space [m], and weight of the half-space.
 HALF_SPACE = np.dtype([('depth', 'f8'), ('weight', 'f8')])
 
 
 @lru_cache(maxsize=16)
 def half_spaces(skin: Skin) -> np.ndarray:
     """
-    Half-spaces whose weighted pressures are that of a skin under normal loads.
+    Return half-spaces whose weighted sum approximates the pressure of a skin under normal loads.
 
-    Under a line they are within 1 % of the peak from a thickness of two depths on, within 2.5 %
-    for less; the first is at the depth of the tactels. HALF_SPACE records (3,), read-only.
+    Under a line, the error is within 1 % of the peak if the thickness is at least two depths, and
+    within 2.5 % otherwise. The result is HALF_SPACE records (3,), read-only; the first has the
+    depth of the tactels.
     """
     found = np.zeros(len(DEPTHS), HALF_SPACE)
     found['depth'] = np.multiply(DEPTHS, skin.depth)

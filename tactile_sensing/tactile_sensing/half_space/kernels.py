@@ -1,4 +1,4 @@
-"""Pressure below point and line loads on a half-space, added up over an array; compiled."""
+"""Add the pressure of point and line loads on a half-space to an image; compiled."""
 
 import math
 from typing import Any
@@ -9,7 +9,7 @@ from tactile_common.kernels import njit
 @njit(cache=True, nogil=True, error_model='numpy')
 def add_point(pressure: Any, x: Any, y: Any, depth: float, px: float, py: float,
               load: float) -> None:
-    """Add the pressure of a point load [N] at (px, py): (2.2) without shear."""
+    """Add the pressure of a point load [N] at (px, py) [m]: (2.2) without shear."""
     factor = 1.5 / math.pi * depth**3 * load
     for r in range(len(y)):
         from_row = (y[r] - py)**2 + depth * depth
@@ -22,10 +22,10 @@ def add_point(pressure: Any, x: Any, y: Any, depth: float, px: float, py: float,
 def add_segment(pressure: Any, x: Any, y: Any, depth: float, x0: float, y0: float, x1: float,
                 y1: float, load0: float, load1: float) -> None:
     """
-    Add the pressure of a line load that runs from load0 to load1 [N/m] along a segment.
+    Add the pressure of a segment whose line load changes linearly from load0 to load1 [N/m].
 
-    The integral of 3 / (2 pi) d^3 q(u) / (u^2 + c^2)^(5/2), u along the segment from the foot
-    of the tactel, c^2 the square of its distance from the line plus that of the depth.
+    It is the integral of 3 / (2 pi) d^3 q(u) / (u^2 + c^2)^(5/2). Here u is the position along the
+    segment from the foot of the tactel, and c^2 is its squared distance from the line plus d^2.
     """
     length = math.hypot(x1 - x0, y1 - y0)
     tx, ty = (x1 - x0) / length, (y1 - y0) / length

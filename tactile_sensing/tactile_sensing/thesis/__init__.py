@@ -1,1 +1,1 @@
-"""Methods of the thesis as printed, and corrected: chosen by name, imported by no product code."""
+"""Methods of the thesis, with corrections; chosen by name, not imported by product code."""

@@ -1,4 +1,4 @@
-"""Contact by the closed forms of the thesis: what the fit is compared with (2.3, 2.4, 3.3)."""
+"""Estimate a contact by the closed forms of the thesis, for comparison (2.3, 2.4, 3.3)."""
 
 from collections.abc import Sequence
 import math
@@ -17,25 +17,25 @@ from tactile_sensing.types.contact import Contact, ContactType, Reason
 from tactile_sensing.types.moments import Moments
 from tactile_sensing.types.skin import Skin
 
-MIN_ELONGATION = 3.0  # of second moments; less is no edge, whatever the closed form says
+MIN_ELONGATION = 3.0  # smallest ratio of the second moments of an edge
 
 
 def estimate_by_moments(frame: np.ndarray, array: TactelArray, layers: Sequence[Any], *,
                         method: str, model: str, averaging: bool, min_snr: float) -> Contact:
     """
-    Contact of a frame by the closed forms, without a covariance: they are biased by more.
+    Estimate the contact of a frame by closed forms, without covariance: bias is most of the error.
 
     Parameters
     ----------
     frame : ndarray, shape (layers, rows, columns)
-        Stress [Pa]; NaN marks tactels that are not used.
+        Stress [Pa]; NaN: tactel is not used.
     array : TactelArray
     layers : sequence
-        Objects with component, depth [m] and noise_std, that of the frame [Pa].
+        Objects with component, depth [m] and noise_std, the noise of the frame [Pa].
     method : str
-        'moments', or 'compensated', with the iteration of section 2.4.
+        'moments', or 'compensated' with the iteration of section 2.4.
     model : str
-        'point', 'line', or 'auto' for the one that the elongation says.
+        'point', 'line', or 'auto' to decide by the elongation.
     averaging : bool
         Whether a tactel measures the mean over its area.
     min_snr : float
@@ -48,7 +48,7 @@ def estimate_by_moments(frame: np.ndarray, array: TactelArray, layers: Sequence[
     """
     main = [layer.component for layer in layers].index('zz')
     noise, image = layers[main].noise_std, frame[main]
-    # A line's tactels below 4 standard deviations count as zero (3.5).
+    # For a line, tactels below 4 standard deviations count as zero (3.5).
     cleaned = image_moments(image, array, threshold=4.0 * noise)
     contact = Contact(ContactType.OTHER, False, Reason(0), method)
     if model == 'line' or (model == 'auto' and cleaned.elongation() >= MIN_ELONGATION):
@@ -63,7 +63,7 @@ def estimate_by_moments(frame: np.ndarray, array: TactelArray, layers: Sequence[
 
 def _judge(contact: Contact, image: np.ndarray, expected: np.ndarray, noise: float,
            array: TactelArray, min_snr: float) -> None:
-    """Refuse what is too weak, off the pad or unlike its model."""
+    """Refuse a contact that is too weak, off the pad or does not explain the image."""
     squared = np.nansum((image - expected)**2)
     top = expected.max()
     if not (top > 0.0 and np.isfinite(contact.normal_force)):
@@ -74,7 +74,7 @@ def _judge(contact: Contact, image: np.ndarray, expected: np.ndarray, noise: flo
     contact.residual = math.sqrt(squared / max(used - 5, 1)) / noise
     if contact.snr < min_snr:
         contact.type, contact.reasons = ContactType.NONE, Reason.LOW_SNR
-    elif not squared <= 0.5 * np.nansum(image**2):  # biased forms leave that much unexplained
+    elif not squared <= 0.5 * np.nansum(image**2):  # large, because the forms are biased
         contact.type, contact.reasons = ContactType.OTHER, Reason.BAD_FIT
     elif not contact.reasons and (
             abs(contact.x) > array.half_width_x or abs(contact.y) > array.half_width_y):
@@ -83,7 +83,7 @@ def _judge(contact: Contact, image: np.ndarray, expected: np.ndarray, noise: flo
 
 def _line(contact: Contact, cleaned: Moments, array: TactelArray,
           depth: float) -> np.ndarray | None:
-    """(3.8) to (3.10), corrected, from the tactels above the threshold; see `_point`."""
+    """Write (3.8) to (3.10), corrected, into a contact; return its image or None (refused)."""
     if not cleaned.m0 > 0.0:
         contact.type, contact.reasons = ContactType.NONE, Reason.LOW_SNR
         return None
@@ -108,7 +108,7 @@ def _line(contact: Contact, cleaned: Moments, array: TactelArray,
 
 def _point(contact: Contact, frame: np.ndarray, layers: Sequence[Any], array: TactelArray,
            averaging: bool) -> np.ndarray | None:
-    """Write (2.3), (2.4) or (2.6) into a contact; returns its picture, None if there is none."""
+    """Write (2.3), (2.4) or (2.6) into a contact; return its image or None (refused)."""
     main = [layer.component for layer in layers].index('zz')
     depth, images = layers[main].depth, np.nan_to_num(frame)
     if form_of(layers) is None:

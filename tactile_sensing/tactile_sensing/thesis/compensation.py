@@ -17,17 +17,18 @@ from tactile_sensing.thesis.point_moments import (
 from tactile_sensing.types.array import TactelArray
 from tactile_sensing.types.moments import Moments
 
-MAX_STEPS = 30  # the thesis needs fewer than 10; more only helps the slow approach at a border
-SETTLED = 1e-6  # m: the largest last movement along either axis
+MAX_STEPS = 30  # the thesis needs fewer than 10; near a border the convergence is slower
+SETTLED = 1e-6  # converged if the last step is smaller along both axes [m]
 
 
 def compensation_factors(half_side: float, depth: float) -> tuple[float, float]:
     """
-    Compensation factors (2.7) in closed form: (K0, K1).
+    Return the compensation factors (2.7) in closed form, (K0, K1).
 
-    What a square mask of half side n centred on the contact sees of the moments over the
-    plane (the limit in print is n to infinity). With u = n / d and r = sqrt(1 + 2 u^2),
-    K0 = (2 / pi) [atan(u^2 / r) + 2 u^2 / ((1 + u^2) r)] for M0 of the pressure and
+    They are the shares of the moments over the plane that a square mask of half side n, centred
+    on the contact, contains (the limit in print is n to infinity). With u = n / d and
+    r = sqrt(1 + 2 u^2),
+    K0 = (2 / pi) [atan(u^2 / r) + 2 u^2 / ((1 + u^2) r)] for M0 of the pressure, and
     K1 = (2 / pi) [atan(u^2 / r) - u^2 / ((1 + u^2) r)] for Mx, My, Mxx, Myy about the
     centre of the mask, and for SM0 and the first moments of the shear.
     """
@@ -40,15 +41,16 @@ def compensation_factors(half_side: float, depth: float) -> tuple[float, float]:
 def compensated(images: np.ndarray, array: TactelArray, layers: Sequence[Any], *,
                 averaging: bool = False) -> PointMoments:
     """
-    Closed form of the layers given, with the iteration of section 2.4; arguments as of `basic`.
+    Estimate a point by the closed form and the iteration of section 2.4; arguments as for `basic`.
 
-    Moments are taken again in the largest square mask on the pad centred on the last
-    estimate, about its centre, and divided by the `compensation_factors`, until the
-    estimate rests. Tactels on the border of the mask count with the part of their area within.
+    Each step uses the largest square mask on the pad that is centred on the last estimate. The
+    moments in it, about its centre, are divided by the `compensation_factors`. This is repeated
+    until the estimate converges. A tactel on the border of the mask counts with its area inside.
 
-    With a shear layer, d SM0 = Mx - a M0 holds on any window without factors. In print it is
-    divided by them all the same, which overshoots K0 / K1 times: nearer to the border than
-    about 2.3 d that is more than twice, and the iteration leaves the solution again.
+    With a shear layer, d SM0 = Mx - a M0 holds in any window without factors. In print it is
+    divided by them nevertheless, so that a step is too large by K0 / K1. Closer to the border than
+    about 2.3 d this is more than 2, and the iteration diverges. Here such steps are scaled by
+    K1 / K0.
     """
     estimate = basic(images, array, layers, averaging=averaging)
     if estimate.flags & MomentFlag.NO_FORCE:
@@ -80,7 +82,7 @@ def compensated(images: np.ndarray, array: TactelArray, layers: Sequence[Any], *
 
 def window_moments(
         images: np.ndarray, array: TactelArray, x: float, y: float, mask: float) -> list[Moments]:
-    """Moments about (x, y) of the part of each image within |x' - x|, |y' - y| <= mask [m]."""
+    """Return the moments about (x, y) of each image within |x' - x|, |y' - y| <= mask [m]."""
     weight_x, arm_x = _within(array.x - x, array.pitch_x, mask)
     weight_y, arm_y = _within(array.y - y, array.pitch_y, mask)
     return [Moments(*(
@@ -89,7 +91,7 @@ def window_moments(
 
 
 def _within(centres: np.ndarray, pitch: float, mask: float) -> tuple[np.ndarray, np.ndarray]:
-    """Length of every tactel within [-mask, mask] and the centre of that part."""
+    """Return the length of each tactel's part within [-mask, mask], and its centre."""
     first = np.clip(centres - 0.5 * pitch, -mask, mask)
     last = np.clip(centres + 0.5 * pitch, -mask, mask)
     return last - first, 0.5 * (first + last)

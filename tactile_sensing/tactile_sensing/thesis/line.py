@@ -1,9 +1,9 @@
 """
 Line contact on an elastic half-space: pressure and geometry (chapter 3).
 
-A line has rho, its signed distance from the origin along its normal [m], yaw, right-handed about
-+z, 0 along +y [rad], and forces per length [N/m]; depth is that of the tactels [m]. Compression
-is positive, as in the published images, -sigma_zz.
+A line has rho, its signed distance from the origin along its normal [m]; yaw, right-handed about
++z, 0 along +y [rad]; and forces per length [N/m]. Depth is that of the tactels [m]. Compression
+is positive, as in the published images: pressure = -sigma_zz.
 """
 
 import math
@@ -14,27 +14,27 @@ import numpy as np
 def pressure(x: np.ndarray, y: np.ndarray, rho: float, yaw: float, line_force: float,
              depth: float, line_shear: float = 0.0) -> np.ndarray:
     """
-    Pressure below an infinite line load [Pa], at places of any broadcastable shapes [m].
+    Return the pressure under an infinite line load [Pa] at places x, y [m], which broadcast.
 
-    Equation (3.1), with the shear across the line that it leaves out (Flamant):
-    (2 / pi) d^2 (P d + Q v) / (v^2 + d^2)^2, v the distance along the normal (cos yaw, sin yaw),
-    Q that of the object on the skin along it. Shear along the line adds none.
+    Equation (3.1), extended by the shear across the line (Flamant):
+    (2 / pi) d^2 (P d + Q v) / (v^2 + d^2)^2, where v is the distance along the normal
+    (cos yaw, sin yaw) and Q the shear of the object on the skin along this normal. Shear along
+    the line adds no pressure.
     """
     v = x * np.cos(yaw) + y * np.sin(yaw) - rho
     return 2.0 / np.pi * depth**2 * (line_force * depth + line_shear * v) / (v**2 + depth**2)**2
 
 
 def peak_pressure(line_force: float, depth: float) -> float:
-    """Pressure right under a line load [Pa], from equation (3.1) at v = 0."""
+    """Return the pressure directly under a line load [Pa], equation (3.1) at v = 0."""
     return 2.0 * line_force / (np.pi * depth)
 
 
 def chord_length(rho: float, yaw: float, half_width_x: float, half_width_y: float) -> float:
     """
-    Length of a line within a rectangle centred on the origin [m]; 0 if it misses.
+    Return the length of a line within a rectangle centred on the origin [m]; 0 if it misses.
 
-    The strip that (3.2) assumes, 2L / cos(yaw), is the case of a line that leaves
-    through the two sides y = +-L.
+    (3.2) assumes the length 2L / cos(yaw), i.e. a line that crosses the two sides y = +-L.
     """
     cos, sin = math.cos(yaw), math.sin(yaw)
     enter, leave = -math.inf, math.inf

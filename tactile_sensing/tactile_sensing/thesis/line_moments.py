@@ -9,7 +9,7 @@ from tactile_sensing.types.moments import Moments
 
 @dataclass(frozen=True)
 class MomentLine:
-    """Line contact from moments."""
+    """Line contact that was computed from moments."""
 
     a: float  # [m]
     yaw: float  # [rad]
@@ -18,15 +18,16 @@ class MomentLine:
 
 def line_from_moments(moments: Moments, half_length: float) -> MomentLine:
     """
-    Line contact from the moments of a strip-cut window, (3.8) to (3.10).
+    Compute a line contact from the moments of a strip, (3.8) to (3.10).
 
-    Equation (3.9) is corrected: tan(2 alpha) = -2 Mxy / (Mxx - Myy - b^2 M0), in print without
-    the factor 2 and with 3 b^2 M0. It is still biased by about 3 d^2 / L^2.
+    Equation (3.9) is corrected: tan(2 alpha) = -2 Mxy / (Mxx - Myy - b^2 M0). In print, the
+    factor 2 is missing, and the last term is 3 b^2 M0. The result still has a bias of about
+    3 d^2 / L^2.
 
     Parameters
     ----------
     moments : Moments
-        With m0 > 0.
+        m0 must be positive.
     half_length : float
         Half the size of the array along y, the thesis' L [m].
     """

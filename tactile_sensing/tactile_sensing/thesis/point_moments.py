@@ -1,9 +1,9 @@
 """
 Point contact from moments: the closed forms of the thesis (2.3, 2.4, 2.6).
 
-Baselines that every faster or better estimator is compared with. Moments are those of the
-published images, compression positive (M0 = +P); against the thesis every moment changes
-its sign and no result does.
+They are the reference for comparisons with other estimators. Moments are those of the published
+images, compression positive (M0 = +P). All moments have the opposite sign of those in the thesis;
+the results are the same.
 """
 
 from collections.abc import Callable, Sequence
@@ -23,19 +23,19 @@ NAN = float('nan')
 
 
 class MomentFlag(IntFlag):
-    """What a closed form could not do; 0 if everything is as derived."""
+    """Problems of a closed form; 0 if there are none."""
 
     NO_FORCE = 1  # M0 is not positive or something is not finite: all parameters are NaN
     NEGATIVE_DISCRIMINANT_X = 2  # (2.3): shear_force_x is set to 0, a to the centroid
-    NEGATIVE_DISCRIMINANT_Y = 4  # likewise shear_force_y and b
+    NEGATIVE_DISCRIMINANT_Y = 4  # (2.3): shear_force_y is set to 0, b to the centroid
     SINGULAR = 8  # (2.6) with Qx about 0: shear_force_y is set to 0, b to the centroid
-    OFF_PAD = 16  # the iteration's mask left the pad: the last estimate on it stands
-    NOT_CONVERGED = 32  # the iteration moved after the last step, or lost the contact
+    OFF_PAD = 16  # the iteration's mask left the pad: the last estimate is returned
+    NOT_CONVERGED = 32  # the iteration did not converge, or lost the contact
 
 
 @dataclass(frozen=True)
 class PointMoments:
-    """Point contact from moments."""
+    """Point contact that was computed from moments."""
 
     a: float  # [m]
     b: float
@@ -52,16 +52,18 @@ NOTHING = PointMoments(NAN, NAN, NAN, NAN, NAN, MomentFlag.NO_FORCE)
 def closed_form(moments: Sequence[Moments], layers: Sequence[Any],
                 peak: tuple[float, float]) -> PointMoments:
     """
-    Closed form of the layers given, see `basic`.
+    Compute a point contact by the closed form for the given layers, see `basic`.
 
     Parameters
     ----------
     moments : sequence of Moments
-        One for each layer; of area-averaging tactels after `without_averaging`.
+        One per layer; for area-averaging tactels, after `without_averaging`.
+    layers : sequence
+        As for `basic`.
     peak : (float, float)
-        Position of the largest pressure [m], see `peak_position`. The thesis takes the signs of
-        the shear in (2.3) from the peaks of compression and tension; where tension is not
-        measured, sign(centroid - peak) gives the same.
+        Position of the largest pressure [m], see `peak_position`. The thesis determines the signs
+        of the shear in (2.3) from the peaks of compression and tension. Tension is not measured,
+        but sign(centroid - peak) is the same.
     """
     form = form_of(layers)
     if form is None:
@@ -79,9 +81,9 @@ def closed_form(moments: Sequence[Moments], layers: Sequence[Any],
 
 def form_of(layers: Sequence[Any]) -> Callable | None:
     """
-    Return the closed form of layers; None: there is none.
+    Return the closed form for layers; None if there is none.
 
-    Raises a ConfigurationError where a depth is not a positive length.
+    Raises a ConfigurationError if a depth is not a positive length.
     """
     for layer in layers:
         if not 0.0 < layer.depth < math.inf:
@@ -98,7 +100,7 @@ def form_of(layers: Sequence[Any]) -> Callable | None:
 
 def _one_layer(moments: Sequence[Moments], depths: Sequence[float],
                peak: tuple[float, float]) -> PointMoments:
-    """One layer of pressure, (2.3); noise makes a discriminant negative under little shear."""
+    """Solve one layer of pressure, (2.3); if shear is low, noise can make a root imaginary."""
     m, depth, flags = moments[0], depths[0], MomentFlag(0)
     position, shear = [], []
     for first, second, at, flag in (
@@ -118,7 +120,7 @@ def _one_layer(moments: Sequence[Moments], depths: Sequence[float],
 
 def _two_layers(moments: Sequence[Moments], depths: Sequence[float],
                 peak: tuple[float, float]) -> PointMoments:
-    """Two layers of pressure, (2.4); M0 is the shallower one's, which loses less at the border."""
+    """Solve two layers of pressure, (2.4); M0 of the shallower one loses less at the border."""
     (first, second), span = moments, depths[1] - depths[0]
     return PointMoments(
         a=(first.mx * depths[1] - second.mx * depths[0]) / (first.m0 * span),
@@ -131,11 +133,11 @@ def _two_layers(moments: Sequence[Moments], depths: Sequence[float],
 def _normal_and_shear(moments: Sequence[Moments], depths: Sequence[float],
                       peak: tuple[float, float]) -> PointMoments:
     """
-    Pressure and shear stress in one layer, (2.6) corrected.
+    Solve pressure and shear stress in one layer, (2.6) corrected.
 
-    With Table 2.3, a = (Mx - d SM0) / M0, b = SMy / SM0 and Qy = (My - b M0) / d; print
-    has My in place of Mx in a, SMx / M0 for b and Mx in Qy. With 'yz', b = (My - d SM0) / M0 as
-    for a, and nothing is singular.
+    With Table 2.3, a = (Mx - d SM0) / M0, b = SMy / SM0 and Qy = (My - b M0) / d. In print, a has
+    My instead of Mx, b is SMx / M0, and Qy has Mx. With 'yz', b = (My - d SM0) / M0 as for a, and
+    the equations are never singular.
     """
     (normal, shear_x, *shear_y), depth, flags = moments, depths[0], MomentFlag(0)
     a = (normal.mx - depth * shear_x.m0) / normal.m0
@@ -153,10 +155,10 @@ def _normal_and_shear(moments: Sequence[Moments], depths: Sequence[float],
 
 def without_averaging(moments: Moments, size_x: float, size_y: float) -> Moments:
     """
-    Moments with side^2 / 12 M0 taken off the second ones (Sheppard's correction).
+    Subtract side^2 / 12 M0 from the second moments (Sheppard's correction).
 
-    Area-averaging tactels of these sides [m] add it, which makes the discriminants of (2.3)
-    negative whenever |Q| < P side / (sqrt(12) d). To be applied before any compensation.
+    Area-averaging tactels with these sides [m] add this term; the discriminants of (2.3) are then
+    negative if |Q| < P side / (sqrt(12) d). Apply it before any compensation.
     """
     return replace(
         moments, mxx=moments.mxx - size_x**2 / 12.0 * moments.m0,
@@ -165,9 +167,9 @@ def without_averaging(moments: Moments, size_x: float, size_y: float) -> Moments
 
 def peak_position(pressure: np.ndarray, array: TactelArray) -> tuple[float, float]:
     """
-    Position (x, y) of the largest pressure of finite ones [m].
+    Return the position (x, y) of the largest pressure [m]; all pressures must be finite.
 
-    The vertex of the parabola through the tactel and its neighbours along each axis.
+    It is the vertex of the parabola through the tactel and its neighbours along each axis.
     """
     row, column = np.unravel_index(np.argmax(pressure), pressure.shape)
     return (array.x[column] + array.pitch_x * _vertex(pressure[row, :], column),
@@ -175,7 +177,7 @@ def peak_position(pressure: np.ndarray, array: TactelArray) -> tuple[float, floa
 
 
 def _vertex(line: np.ndarray, peak: Any) -> float:
-    """How far the vertex is off the peak [tactels], at most half; 0 where unknown."""
+    """Return the offset of the vertex from the peak [tactels], at most half; 0: unknown."""
     if not 0 < peak < line.size - 1:
         return 0.0
     left, middle, right = line[peak - 1:peak + 2]
@@ -186,7 +188,7 @@ def _vertex(line: np.ndarray, peak: Any) -> float:
 def basic(images: np.ndarray, array: TactelArray, layers: Sequence[Any], *,
           averaging: bool = False) -> PointMoments:
     """
-    Closed form of the layers given, from the moments of the whole images.
+    Compute a point contact by the closed form for the layers, from moments of the whole images.
 
     Parameters
     ----------
@@ -194,11 +196,15 @@ def basic(images: np.ndarray, array: TactelArray, layers: Sequence[Any], *,
         One image per layer [Pa], finite.
     array : TactelArray
     layers : sequence
-        Objects with `component` and `depth` [m]: one 'zz' (2.3), two 'zz' of increasing
-        depth (2.4), or 'zz', 'xz' and, where measured, 'yz' of one depth (2.6).
-        ConfigurationError for others.
+        Objects with `component` and `depth` [m]: one 'zz' (2.3); two 'zz' with increasing depth
+        (2.4); or 'zz', 'xz' and optionally 'yz' with the same depth (2.6).
     averaging : bool
-        The tactels average over their area instead of sampling at their centre.
+        True: tactels average over their area. False: they sample their centre.
+
+    Raises
+    ------
+    ConfigurationError
+        If the layers are others.
     """
     moments = [image_moments(image, array) for image in images]
     if averaging:
